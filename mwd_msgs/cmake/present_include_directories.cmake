@@ -1,0 +1,17 @@
+# ROS packages that were built elsewhere and installed as wheels export include directories of their build host, which
+# CMake refuses. Keep those that exist; a native installation is left as it is.
+function(keep_present_include_directories)
+  get_directory_property(imported IMPORTED_TARGETS)
+  foreach(target IN LISTS imported)
+    if(target MATCHES "__rosidl_generator_py$")
+      get_target_property(directories ${target} INTERFACE_INCLUDE_DIRECTORIES)
+      set(present)
+      foreach(directory IN LISTS directories)
+        if(EXISTS "${directory}")
+          list(APPEND present "${directory}")
+        endif()
+      endforeach()
+      set_target_properties(${target} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${present}")
+    endif()
+  endforeach()
+endfunction()

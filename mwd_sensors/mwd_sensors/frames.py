@@ -1,0 +1,177 @@
+"""
+Frames, angles and rotations: the one place where signs flip.
+
+Frames and their letters (a vector wears its frame, a matrix its two):
+
+- ``t`` tool: x down-hole along the axis, z along the scribe line (bend), y completes the right hand.
+- ``n`` local level: north, east, down.
+- ``e`` local level for ROS (REP-103): east, north, up.
+
+``mat_nt @ v_t`` is in ``n``. Quaternions are Hamilton, scalar last (x, y, z, w), and rotate tool to level.
+Inclination is from the vertical, azimuth clockwise from north, toolface clockwise looking down-hole from the
+high side to the scribe line (gravity) or from north to it (magnetic). All angles are in rad.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+TAU = 2.0 * np.pi
+# Rows: east, north, up of a vector given as north, east, down; its own inverse.
+MAT_EN: Array = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+
+
+def wrap_pi(angle: ArrayLike) -> Array:
+    """Angle(s), rad, brought to [-pi, pi)."""
+    return np.asarray((np.asarray(angle, dtype=float) + np.pi) % TAU - np.pi)
+
+
+def wrap_tau(angle: ArrayLike) -> Array:
+    """Angle(s), rad, brought to [0, 2 pi)."""
+    turned = np.asarray(np.asarray(angle, dtype=float) % TAU)
+    # A tiny negative angle rounds up to the modulus itself.
+    return np.where(turned >= TAU, 0.0, turned)
+
+
+def inclination(f_t: ArrayLike) -> Array:
+    """
+    Angle of the hole axis from the vertical, from gravity alone.
+
+    f_t, shape (..., 3): specific force in tool axes, m/s^2 (up at rest). Returns shape (...), rad in [0, pi].
+    """
+    f_t = np.asarray(f_t, dtype=float)
+    # arctan2, not arccos: arccos loses half the digits near vertical.
+    return np.asarray(np.arctan2(np.hypot(f_t[..., 1], f_t[..., 2]), -f_t[..., 0]))
+
+
+def gravity_toolface(f_t: ArrayLike) -> Array:
+    """
+    Angle from the high side to the scribe line, clockwise looking down-hole.
+
+    f_t, shape (..., 3): specific force in tool axes, m/s^2 (up at rest). Returns shape (...), rad in [0, 2 pi).
+    Undefined in a vertical hole, where the cross-axis force is noise: use `magnetic_toolface` there.
+    """
+    f_t = np.asarray(f_t, dtype=float)
+    return wrap_tau(np.arctan2(f_t[..., 1], f_t[..., 2]))
+
+
+def mat_nt(inclination: ArrayLike, azimuth: ArrayLike, toolface: ArrayLike) -> Array:
+    """
+    Rotation from tool to north-east-down axes.
+
+    Parameters
+    ----------
+    inclination, azimuth, toolface : array_like, broadcast to shape (...)
+        From the vertical, from north, of the scribe line from the high side; rad.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        The transpose of S0 eq (2) with theta = inclination - 90 deg and phi = toolface - 180 deg.
+    """
+    inc, azi, tf = np.broadcast_arrays(
+        np.asarray(inclination, dtype=float), np.asarray(azimuth, dtype=float), np.asarray(toolface, dtype=float)
+    )
+    s_i, c_i, s_a, c_a, s_t, c_t = np.sin(inc), np.cos(inc), np.sin(azi), np.cos(azi), np.sin(tf), np.cos(tf)
+    # The cross axes are the high side and the right side (axis x high side), turned together by the toolface.
+    axis = np.stack([s_i * c_a, s_i * s_a, c_i], axis=-1)
+    high = np.stack([c_i * c_a, c_i * s_a, -s_i], axis=-1)
+    right = np.stack([-s_a, c_a, np.zeros_like(inc)], axis=-1)
+    c_t, s_t = c_t[..., None], s_t[..., None]
+    return np.stack([axis, s_t * high - c_t * right, c_t * high + s_t * right], axis=-1)
+
+
+def hole_angles(mat_nt: ArrayLike) -> tuple[Array, Array, Array]:
+    """
+    Inclination, azimuth and gravity toolface of a tool-to-NED rotation; the inverse of `mat_nt`.
+
+    mat_nt, shape (..., 3, 3). Returns three arrays of shape (...), rad in [0, pi], [0, 2 pi), [0, 2 pi). In an exactly
+    vertical hole azimuth is 0 and toolface is the angle from north, so that the rotation is still reproduced.
+    """
+    mat = np.asarray(mat_nt, dtype=float)
+    across = np.hypot(mat[..., 0, 0], mat[..., 1, 0])
+    inc = np.arctan2(across, mat[..., 2, 0])
+    vertical = across < 1e-15
+    azi = np.where(vertical, 0.0, np.arctan2(mat[..., 1, 0], mat[..., 0, 0]))
+    # At azimuth 0 the right side is east; the high side is north looking down, south looking up.
+    tf_vertical = np.arctan2(mat[..., 1, 2], np.copysign(1.0, mat[..., 2, 0]) * mat[..., 0, 2])
+    tf = np.where(vertical, tf_vertical, np.arctan2(-mat[..., 2, 1], -mat[..., 2, 2]))
+    return np.asarray(inc), wrap_tau(azi), wrap_tau(tf)
+
+
+def magnetic_toolface(mat_nt: ArrayLike) -> Array:
+    """
+    Angle from north to the scribe line, both seen in the horizontal plane, clockwise from above.
+
+    mat_nt, shape (..., 3, 3). Returns shape (...), rad in [0, 2 pi). Meant for near-vertical holes.
+    """
+    mat = np.asarray(mat_nt, dtype=float)
+    return wrap_tau(np.arctan2(mat[..., 1, 2], mat[..., 0, 2]))
+
+
+def skew(v: ArrayLike) -> Array:
+    """Cross-product matrix: ``skew(a) @ b == cross(a, b)``. v, shape (..., 3); returns shape (..., 3, 3)."""
+    v = np.asarray(v, dtype=float)
+    mat = np.zeros((*v.shape, 3))
+    mat[..., 0, 1], mat[..., 0, 2] = -v[..., 2], v[..., 1]
+    mat[..., 1, 0], mat[..., 1, 2] = v[..., 2], -v[..., 0]
+    mat[..., 2, 0], mat[..., 2, 1] = -v[..., 1], v[..., 0]
+    return mat
+
+
+def quat_from_rotvec(rotvec: ArrayLike) -> Array:
+    """Quaternion (x, y, z, w), shape (..., 4), of a rotation vector, shape (..., 3), rad; exact at zero."""
+    rotvec = np.asarray(rotvec, dtype=float)
+    half = 0.5 * np.linalg.norm(rotvec, axis=-1, keepdims=True)
+    return np.concatenate([0.5 * np.sinc(half / np.pi) * rotvec, np.cos(half)], axis=-1)
+
+
+def quat_multiply(p: ArrayLike, q: ArrayLike) -> Array:
+    """Hamilton product of quaternions (x, y, z, w), shape (..., 4): first q, then p."""
+    p, q = np.asarray(p, dtype=float), np.asarray(q, dtype=float)
+    pv, pw, qv, qw = p[..., :3], p[..., 3:], q[..., :3], q[..., 3:]
+    vector = pw * qv + qw * pv + np.cross(pv, qv)
+    return np.concatenate([vector, pw * qw - np.sum(pv * qv, axis=-1, keepdims=True)], axis=-1)
+
+
+def mat_from_quat(q: ArrayLike) -> Array:
+    """Rotation matrix, shape (..., 3, 3), of a unit quaternion (x, y, z, w), shape (..., 4)."""
+    q = np.asarray(q, dtype=float)
+    x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def quat_from_mat(mat: ArrayLike) -> Array:
+    """
+    Unit quaternion (x, y, z, w), shape (..., 4), w >= 0, of a rotation matrix, shape (..., 3, 3).
+
+    The largest of the four components is taken from the trace first (Shepperd), so that no angle loses digits.
+    """
+    mat = np.asarray(mat, dtype=float)
+    d = np.stack([mat[..., 0, 0], mat[..., 1, 1], mat[..., 2, 2]], axis=-1)
+    trace = d.sum(axis=-1)
+    # Four times the products of the components: row k is q_k * q.
+    products = np.empty((*trace.shape, 4, 4))
+    for k in range(3):
+        products[..., k, k] = 1.0 + 2.0 * d[..., k] - trace
+    products[..., 3, 3] = 1.0 + trace
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        products[..., i, j] = products[..., j, i] = mat[..., i, j] + mat[..., j, i]
+        products[..., k, 3] = products[..., 3, k] = mat[..., j, i] - mat[..., i, j]
+    best = np.argmax(np.diagonal(products, axis1=-2, axis2=-1), axis=-1)
+    row = np.take_along_axis(products, best[..., None, None], axis=-2)[..., 0, :]
+    q = row / np.linalg.norm(row, axis=-1, keepdims=True)
+    return np.where(q[..., 3:] < 0.0, -q, q)
+
+
+def orientation_et(mat_nt: ArrayLike) -> Array:
+    """Quaternion (x, y, z, w) that rotates tool to east-north-up (REP-103), from the tool-to-NED matrix, (..., 3, 3)."""
+    return quat_from_mat(MAT_EN @ np.asarray(mat_nt, dtype=float))

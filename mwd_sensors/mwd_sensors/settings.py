@@ -1,0 +1,249 @@
+"""
+Settings: frozen dataclasses whose fields carry default, unit, bounds and meaning.
+
+One table serves node parameters, configuration files and scenarios: the same check, the same words. A wrong key is
+an error that names the nearest right one; a wrong value is an error that names value, unit and bound.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import types
+import typing
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+_SCALARS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
+
+
+class SettingsError(ValueError):
+    """A setting that does not exist or whose value is not allowed; the message says which, why, and what is."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Rule:
+    """What one field allows: unit in words, inclusive bounds, choices, and whether it may change while running."""
+
+    doc: str
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+    fixed: bool = False
+
+    def text(self) -> str:
+        """One line for people: meaning, unit and bounds."""
+        parts = [self.doc]
+        if self.unit:
+            parts.append(f"[{self.unit}]")
+        if self.low is not None or self.high is not None:
+            parts.append(f"({_bound(self.low)} to {_bound(self.high)})")
+        if self.choices:
+            parts.append("one of " + ", ".join(self.choices))
+        return " ".join(parts)
+
+
+def setting(
+    default: Any = dataclasses.MISSING,
+    doc: str = "",
+    *,
+    unit: str = "",
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] = (),
+    fixed: bool = False,
+) -> Any:
+    """
+    Declare a field of a settings dataclass.
+
+    Parameters
+    ----------
+    default : any, optional
+        Value when nothing is said; left out, the field must be given. A list, dict or set is copied for each instance.
+    doc, unit : str
+        Meaning in one sentence; unit as people write it ("m/s^2", "deg").
+    low, high : float, optional
+        Inclusive bounds, also of every element of a list.
+    choices : tuple of str
+        The only words allowed.
+    fixed : bool
+        True where a running node cannot take the change (read-only parameter).
+    """
+    metadata = {"rule": Rule(doc, unit, low, high, choices, fixed)}
+    if isinstance(default, (list, dict, set)):
+        return dataclasses.field(default_factory=lambda: type(default)(default), metadata=metadata)
+    if isinstance(default, type) and dataclasses.is_dataclass(default):
+        return dataclasses.field(default_factory=default, metadata=metadata)
+    if default is dataclasses.MISSING:
+        return dataclasses.field(metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def rule_of(field: dataclasses.Field[Any]) -> Rule:
+    """Rule of a dataclass field; fields declared without `setting` allow any value of their type."""
+    rule = field.metadata.get("rule")
+    return rule if isinstance(rule, Rule) else Rule("")
+
+
+def from_mapping(cls: type[T], given: Mapping[str, Any], path: str = "") -> T:
+    """
+    Build a settings object from a nested mapping (YAML, JSON, parameters).
+
+    Raises
+    ------
+    SettingsError
+        An unknown key (with its near misses), a missing one, a wrong type, a value out of bounds or not finite.
+    """
+    if not isinstance(given, Mapping):
+        raise SettingsError(f"{path or cls.__name__}: expected a table of settings, got {given!r}")
+    hints = typing.get_type_hints(cls)
+    fields = {f.name: f for f in dataclasses.fields(cls) if f.init}  # type: ignore[arg-type]
+    for key in given:
+        if key not in fields:
+            raise SettingsError(unknown_key(str(key), fields, path))
+    values = {}
+    for name, field in fields.items():
+        where = f"{path}.{name}" if path else name
+        if name in given:
+            values[name] = checked(given[name], hints[name], rule_of(field), where)
+        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            raise SettingsError(f"{where}: must be given: {rule_of(field).text()}")
+    try:
+        return cls(**values)
+    except SettingsError:
+        raise
+    except ValueError as error:
+        raise SettingsError(f"{path}: {error}" if path else str(error)) from error
+
+
+def to_mapping(settings: Any) -> dict[str, Any]:
+    """Plain nested dict of a settings object, ready for YAML."""
+    return {f.name: _plain(getattr(settings, f.name)) for f in dataclasses.fields(settings) if f.init}
+
+
+def flat(settings: Any, prefix: str = "") -> dict[str, tuple[Any, Rule]]:
+    """Dotted name -> (value, rule) of every leaf, in order of declaration: the parameters of a node."""
+    leaves: dict[str, tuple[Any, Rule]] = {}
+    for field in dataclasses.fields(settings):
+        name, value = prefix + field.name, getattr(settings, field.name)
+        if dataclasses.is_dataclass(value) and not isinstance(value, type):
+            leaves.update(flat(value, name + "."))
+        else:
+            leaves[name] = (value, rule_of(field))
+    return leaves
+
+
+def changed(settings: T, changes: Mapping[str, Any]) -> T:
+    """
+    A copy with the given dotted names changed, all or nothing.
+
+    Raises
+    ------
+    SettingsError
+        As `from_mapping`; the original is untouched.
+    """
+    nested = to_mapping(settings)
+    known = flat(settings)
+    for name, value in changes.items():
+        if name not in known:
+            raise SettingsError(unknown_key(name, known, ""))
+        *parents, leaf = name.split(".")
+        table = nested
+        for parent in parents:
+            table = table[parent]
+        table[leaf] = value
+    return from_mapping(type(settings), nested)
+
+
+def unknown_key(key: str, known: Mapping[str, Any] | typing.Iterable[str], path: str) -> str:
+    """Sentence for a key that does not exist, with its near misses or, failing those, all that do."""
+    near = difflib.get_close_matches(key, list(known), n=3, cutoff=0.5)
+    where = f"{path}.{key}" if path else key
+    hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(known)}"
+    return f"{where}: no such setting; {hint}"
+
+
+def checked(value: Any, kind: Any, rule: Rule, where: str) -> Any:
+    """Value brought to its declared type, or a SettingsError that says what is wrong with it."""
+    origin = typing.get_origin(kind)
+    if origin in (typing.Union, types.UnionType):
+        return _checked_union(value, kind, rule, where)
+    if origin in (list, tuple):
+        return _checked_sequence(value, kind, rule, where)
+    if origin is dict:
+        if not isinstance(value, Mapping):
+            raise SettingsError(f"{where}: expected a table, got {value!r}")
+        item = typing.get_args(kind)[1]
+        return {str(k): checked(v, item, rule, f"{where}.{k}") for k, v in value.items()}
+    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+        return value if isinstance(value, kind) else from_mapping(kind, value, where)
+    return _checked_scalar(value, kind, rule, where)
+
+
+def _checked_union(value: Any, kind: Any, rule: Rule, where: str) -> Any:
+    options = typing.get_args(kind)
+    if value is None and type(None) in options:
+        return None
+    errors = []
+    for option in options:
+        if option is type(None):
+            continue
+        try:
+            return checked(value, option, rule, where)
+        except SettingsError as error:
+            errors.append(str(error))
+    raise SettingsError("; or ".join(errors))
+
+
+def _checked_sequence(value: Any, kind: Any, rule: Rule, where: str) -> Any:
+    if isinstance(value, (str, bytes)) or not hasattr(value, "__iter__"):
+        raise SettingsError(f"{where}: expected a list, got {value!r}")
+    items, args = list(value), typing.get_args(kind)
+    if typing.get_origin(kind) is list:
+        return [checked(v, args[0], rule, f"{where}[{k}]") for k, v in enumerate(items)]
+    if len(args) == 2 and args[1] is Ellipsis:
+        return tuple(checked(v, args[0], rule, f"{where}[{k}]") for k, v in enumerate(items))
+    if len(items) != len(args):
+        raise SettingsError(f"{where}: expected {len(args)} values, got {len(items)}: {value!r}")
+    return tuple(checked(v, a, rule, f"{where}[{k}]") for k, (v, a) in enumerate(zip(items, args, strict=True)))
+
+
+def _checked_scalar(value: Any, kind: Any, rule: Rule, where: str) -> Any:
+    if kind is Any:
+        return value
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if type(value) is not kind:
+        hint = " (write it with a decimal point)" if kind is float and isinstance(value, str) else ""
+        raise SettingsError(f"{where}: expected {_SCALARS.get(kind, kind)}{hint}, got {value!r}; {rule.text()}")
+    if isinstance(value, float) and not math.isfinite(value):
+        raise SettingsError(f"{where}: must be finite, got {value!r}; {rule.text()}")
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        unit = f" {rule.unit}" if rule.unit else ""
+        if rule.low is not None and value < rule.low:
+            raise SettingsError(f"{where}: {value:g}{unit} is below the lowest allowed, {rule.low:g}{unit}; {rule.doc}")
+        if rule.high is not None and value > rule.high:
+            raise SettingsError(f"{where}: {value:g}{unit} is above the highest allowed, {rule.high:g}{unit}; {rule.doc}")
+    if rule.choices and isinstance(value, str) and value not in rule.choices:
+        near = difflib.get_close_matches(value, rule.choices, n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise SettingsError(f"{where}: {value!r} is not allowed; {hint}one of {', '.join(rule.choices)}")
+    return value
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return to_mapping(value)
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    return value
+
+
+def _bound(value: float | None) -> str:
+    return "any" if value is None else f"{value:g}"

@@ -1,0 +1,25 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = "mwd_sensors"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    package_data={NAME: ["grades/*.yaml"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/launch", glob("launch/*.launch.py")),
+        (f"share/{NAME}/config", glob("config/*.yaml")),
+    ],
+    install_requires=["numpy", "PyYAML"],
+    zip_safe=False,
+    maintainer="MWD telemetry maintainers",
+    maintainer_email="maintainers@mwd-telemetry.example",
+    description="What the tool feels: frames, earth, instruments, drilling dynamics, scenarios, the simulated sonde.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": ["sonde = mwd_sensors.nodes.sonde:main"]},
+)

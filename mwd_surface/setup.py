@@ -1,0 +1,25 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = "mwd_surface"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    package_data={NAME: ["page/*", "page/vendor/*"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/launch", glob("launch/*.launch.py")),
+        (f"share/{NAME}/config", glob("config/*.yaml")),
+    ],
+    install_requires=["numpy", "PyYAML"],
+    zip_safe=False,
+    maintainer="MWD telemetry maintainers",
+    maintainer_email="maintainers@mwd-telemetry.example",
+    description="What the rig hears: recording, surveys, well path, live page, rig protocols, reports, the mwd command.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": ["surface = mwd_surface.nodes.surface:main", "mwd = mwd_surface.cli:main"]},
+)
