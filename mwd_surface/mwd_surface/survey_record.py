@@ -1,0 +1,189 @@
+"""
+One survey and the line it becomes in the survey list; field for field the messages of the same names.
+
+Numbers are SI and rad; "unknown" is what the message says (mostly -1), never NaN. `settings.to_mapping` and
+`settings.from_mapping` turn both into plain tables and back.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import math
+
+from mwd_sensors import settings
+
+Three = tuple[float, float, float]
+Nine = tuple[float, float, float, float, float, float, float, float, float]
+ZERO_3: Three = (0.0, 0.0, 0.0)
+ZERO_9: Nine = (0.0,) * 9
+
+
+class North(enum.IntEnum):
+    """Which north an azimuth is from; the numbers of the Attitude message."""
+
+    UNKNOWN = 0
+    MAGNETIC = 1
+    TRUE = 2
+    GRID = 3
+
+
+class Verdict(enum.IntEnum):
+    """What quality control said by itself; the numbers of the Survey message."""
+
+    ACCEPT = 0
+    DOUBTFUL = 1
+    REJECT = 2
+
+
+class Judgement(enum.IntEnum):
+    """What a person said; the numbers of the SurveyRecord message."""
+
+    NOT_JUDGED = 0
+    ACCEPTED = 1
+    REJECTED = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class AzimuthEstimate:
+    """Azimuth of a survey by one method: rad from `north`, 1 sigma in rad (-1 not available), share in the fusion."""
+
+    method: str
+    north: int = int(North.UNKNOWN)
+    azimuth: float = 0.0
+    sigma: float = -1.0
+    weight: float = 0.0
+    reason: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Survey:
+    """A station as the estimator measured and judged it; units and unknowns as in Survey.msg, stamp in ns."""
+
+    stamp_ns: int
+    uuid: str
+    sequence: int
+    inclination: float
+    azimuth: float
+    north: int
+    frame_id: str = "sonde_link"
+    kind: int = 0
+    requested: bool = False
+    duration: float = 0.0
+    samples: int = 0
+    specific_force: Three = ZERO_3
+    specific_force_covariance: Nine = ZERO_9
+    magnetic_field: Three = ZERO_3
+    magnetic_field_covariance: Nine = (-1.0, *ZERO_9[1:])
+    angular_rate: Three = ZERO_3
+    temperature: float = -300.0
+    gravity_toolface: float = 0.0
+    magnetic_toolface: float = 0.0
+    covariance: Nine = ZERO_9
+    azimuth_method: str = ""
+    azimuths: tuple[AzimuthEstimate, ...] = ()
+    g_total: float = 0.0
+    b_total: float = -1.0
+    dip: float = 0.0
+    g_reference: float = -1.0
+    b_reference: float = -1.0
+    dip_reference: float = 0.0
+    declination: float = 0.0
+    convergence: float = 0.0
+    axial_interference: float = 0.0
+    sigma_axial_interference: float = -1.0
+    verdict: int = int(Verdict.ACCEPT)
+    reasons: tuple[str, ...] = ()
+    status: int = 0
+
+    @property
+    def has_azimuth(self) -> bool:
+        """False where the estimator withheld the azimuth."""
+        return self.covariance[4] >= 0.0 and self.north != North.UNKNOWN
+
+    @property
+    def has_reference(self) -> bool:
+        """True where a reference field, and with it declination and convergence, was configured."""
+        return self.b_reference > 0.0
+
+    @property
+    def sigma_inclination(self) -> float:
+        """1 sigma, rad; -1 not available."""
+        return math.sqrt(self.covariance[0]) if self.covariance[0] >= 0.0 else -1.0
+
+    @property
+    def sigma_azimuth(self) -> float:
+        """1 sigma, rad; -1 not available."""
+        return math.sqrt(self.covariance[4]) if self.covariance[4] >= 0.0 else -1.0
+
+    def azimuth_from(self, north: North) -> float | None:
+        """
+        Azimuth from the asked north, rad in [0, 2 pi), or None where what is known does not give it.
+
+        True = magnetic + declination, grid = true - convergence (S0's note in the seeds). Declination needs a
+        reference field; convergence alone may come without one.
+        """
+        if not self.has_azimuth or north == North.UNKNOWN:
+            return None
+        if self.north == north:
+            return self.azimuth % math.tau
+        if North.MAGNETIC in (self.north, north) and not self.has_reference:
+            return None
+        if not self.has_reference and self.convergence == 0.0:
+            return None
+        to_true = {North.MAGNETIC: self.declination, North.TRUE: 0.0, North.GRID: self.convergence}
+        return (self.azimuth + to_true[North(self.north)] - to_true[north]) % math.tau
+
+
+@dataclasses.dataclass(frozen=True)
+class SurveyRecord:
+    """
+    One line of the survey list: survey, depth, what people decided, place on the path; as in SurveyRecord.msg.
+
+    From `north` on the numbers follow from the list and are recomputed with it (m, rad/m; 0 unless `in_use`).
+    """
+
+    survey: Survey
+    measured_depth: float = -1.0
+    depth_age: float = -1.0
+    judgement: int = int(Judgement.NOT_JUDGED)
+    operator_name: str = ""
+    reason: str = ""
+    judged_ns: int = 0
+    in_use: bool = False
+    leg: str = ""
+    tool: str = ""
+    comment: str = ""
+    north: float = 0.0
+    east: float = 0.0
+    vertical_depth: float = 0.0
+    vertical_section: float = 0.0
+    dogleg_severity: float = 0.0
+    build_rate: float = 0.0
+    turn_rate: float = 0.0
+    flags: tuple[str, ...] = ()
+
+
+def checked_survey(survey: Survey) -> Survey:
+    """
+    The survey itself, every value of its declared type and finite, its angles in range.
+
+    Raises
+    ------
+    ValueError
+        Names the field, its value and the rule.
+    """
+    whole = settings.from_mapping(Survey, settings.to_mapping(survey), "survey")
+    if not whole.uuid:
+        raise ValueError("survey.uuid: must not be empty")
+    if whole.sequence < 1:
+        raise ValueError(f"survey.sequence: must be 1 or more, got {whole.sequence}")
+    if not 0.0 <= whole.inclination <= math.pi:
+        raise ValueError(f"survey.inclination: must be within 0 and pi rad, got {whole.inclination}")
+    if not 0.0 <= whole.azimuth <= math.tau:
+        raise ValueError(f"survey.azimuth: must be within 0 and 2 pi rad, got {whole.azimuth}")
+    for name, kind in (("north", North), ("verdict", Verdict)):
+        value = getattr(whole, name)
+        if value not in list(kind):
+            raise ValueError(f"survey.{name}: expected {', '.join(str(int(v)) for v in kind)}, got {value}")
+    return whole

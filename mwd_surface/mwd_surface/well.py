@@ -1,0 +1,37 @@
+"""The well a survey list belongs to: names, place and datums, as they stand at the head of every report."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from mwd_sensors.settings import setting
+
+NORTHS = ("magnetic", "true", "grid")
+
+
+@dataclasses.dataclass(frozen=True)
+class Well:
+    """What every list, export and report says about the well; settings of people, so angles are in degrees."""
+
+    name: str = setting("well", "name of the well")
+    wellbore: str = setting("", "name of the wellbore; empty: the name of the well")
+    company: str = setting("", "operating company")
+    field: str = setting("", "oil or gas field, or site")
+    rig: str = setting("", "drilling rig")
+    service_company: str = setting("", "company that surveys")
+    latitude_deg: float = setting(0.0, "WGS84 latitude of the wellhead", unit="deg", low=-90.0, high=90.0)
+    longitude_deg: float = setting(0.0, "WGS84 longitude of the wellhead", unit="deg", low=-180.0, high=180.0)
+    depth_datum: str = setting("RKB", "what measured and vertical depth count from")
+    datum_elevation: float = setting(0.0, "height of the depth datum above mean sea level", unit="m")
+    north_reference: str = setting("true", "north that azimuth and the map axes refer to", choices=NORTHS)
+    section_azimuth_deg: float = setting(
+        0.0, "azimuth of the vertical section, from the same north", unit="deg", low=0.0, high=360.0
+    )
+    sensor_to_bit: float = setting(0.0, "distance from the directional sensor to the bit", unit="m", low=0.0)
+    geomagnetic_model: str = setting("", "source of the reference field, as printed")
+    error_model: str = setting("MWD+SRGM", "ISCWSA tool code of the position covariance; empty: none is computed")
+
+    @property
+    def wellbore_name(self) -> str:
+        """Name of the wellbore, or of the well where the wellbore has none."""
+        return self.wellbore or self.name
