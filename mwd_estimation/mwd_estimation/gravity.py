@@ -1,0 +1,66 @@
+"""
+Gravity methods by name: each source's system is a row that can be chosen, and all give the same `Track`.
+
+A method is four things with the same meaning everywhere: `Params` (frozen settings), `initial(params)` (the state
+before the first sample), `run(params, state, stamp_ns, gyro_t, accel_t)` (a block of any length, state changed in
+place) and a sentence that says what it is.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+from mwd_estimation import gravity_raw, gravity_s3
+from mwd_estimation.track import Track
+
+__all__ = ["DEFAULT", "METHODS", "Method", "Track", "method"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Method:
+    """One way to follow gravity; see the module's own description for what the four members mean."""
+
+    name: str
+    doc: str
+    Params: type[Any]
+    initial: Callable[[Any], Any]
+    run: Callable[..., Track]
+
+
+METHODS: dict[str, Method] = {
+    entry.name: entry
+    for entry in (
+        Method(
+            "s3",
+            "rotation-vector recursion, PI correction, fuzzy gain (S3)",
+            gravity_s3.Params,
+            gravity_s3.initial,
+            gravity_s3.run,
+        ),
+        Method(
+            "mahony",
+            "rotation-vector recursion and PI correction with fixed gains",
+            gravity_s3.MahonyParams,
+            gravity_s3.initial,
+            gravity_s3.run,
+        ),
+        Method("raw", "direction of the accelerometer alone", gravity_raw.Params, gravity_raw.initial, gravity_raw.run),
+    )
+}
+DEFAULT = "s3"
+
+
+def method(name: str) -> Method:
+    """
+    Method of that name.
+
+    Raises
+    ------
+    ValueError
+        No such method; the message lists those there are.
+    """
+    if name not in METHODS:
+        raise ValueError(f"method: no gravity method {name!r}; known: {', '.join(METHODS)}")
+    return METHODS[name]
