@@ -1,0 +1,245 @@
+"""What every node of the graph does the same way: lifecycle with autostart, parameters, diagnostics, a clean end."""
+
+from __future__ import annotations
+
+import dataclasses
+import signal
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Any, Generic, TypeVar
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import ExternalShutdownException
+from rclpy.experimental import EventsExecutor
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+from mwd_sensors.nodes.parameters import SettingsParameters
+from mwd_sensors.settings import SettingsError
+
+T = TypeVar("T")
+
+OK, WARN, ERROR, STALE = (bytes([level]) for level in range(4))
+_LONGEST_SPIN = 1e6  # s; the events executor treats "no limit" as "already over"
+_SIGNAL_PERIOD = 0.2  # s; how long an idle node may take to see a signal
+
+
+@dataclasses.dataclass(frozen=True)
+class Finding:
+    """One line of diagnostics: what was looked at, how it is, what to do, and figures."""
+
+    name: str
+    level: bytes
+    message: str
+    remedy: str = ""
+    values: tuple[tuple[str, str], ...] = ()
+
+
+class GraphNode(LifecycleNode, Generic[T]):
+    """
+    Base of the graph's nodes.
+
+    A subclass opens its topics in `open` (on configure), closes nothing itself (all it made through the methods here is
+    destroyed on cleanup), may act in `start` and `halt` (activate, deactivate), and says how it is in `findings`.
+    """
+
+    def __init__(self, name: str, default: T, **node_options: Any) -> None:
+        super().__init__(name, **node_options)
+        self.declare_parameter("autostart", True)
+        self._parameters = SettingsParameters(self, default, self.settings_changed)
+        self._made: list[Callable[[], Any]] = []
+        self.active = False
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._report_timer = self.create_timer(1.0, self._report, clock=steady)
+        # An idle executor waits in native code; Python sees a signal only when some callback runs.
+        self._signal_timer = self.create_timer(_SIGNAL_PERIOD, lambda: None, clock=steady)
+
+    @property
+    def settings(self) -> T:
+        """Settings in force."""
+        return self._parameters.value
+
+    # For subclasses.
+
+    def open(self) -> None:
+        """Open topics, services and files. An error here leaves the node unconfigured, with its reason logged."""
+
+    def start(self) -> None:
+        """Begin to work."""
+
+    def halt(self) -> None:
+        """Stop working; nothing is lost, `start` can follow."""
+
+    def close(self) -> None:
+        """Let go of what `open` took that is not a topic, service or timer."""
+
+    def settings_changed(self, settings: T) -> None:
+        """A checked change of parameters is in force."""
+
+    def findings(self) -> Sequence[Finding]:
+        """How the node is, once a second."""
+        return ()
+
+    def publish_on(self, kind: Any, topic: str, qos: QoSProfile) -> Any:
+        """A publisher that is silent while the node is inactive."""
+        publisher = self.create_lifecycle_publisher(kind, topic, qos)
+        self._made.append(lambda: self.destroy_lifecycle_publisher(publisher))
+        return publisher
+
+    def listen(self, kind: Any, topic: str, act: Callable[[Any], None], qos: QoSProfile, *, raw: bool = False) -> None:
+        """Subscribe; what arrives while the node is inactive is dropped."""
+        subscription = self.create_subscription(
+            kind, topic, lambda message: act(message) if self.active else None, qos, raw=raw
+        )
+        self._made.append(lambda: self.destroy_subscription(subscription))
+
+    def serve(self, kind: Any, name: str, act: Callable[[Any, Any], Any]) -> None:
+        """Offer a service with `success` and `message`; an inactive node answers with the reason."""
+
+        def answer(request: Any, response: Any) -> Any:
+            if not self.active:
+                response.success, response.message = False, f"{self.get_name()} is not active; activate it first"
+                return response
+            return act(request, response)
+
+        service = self.create_service(kind, name, answer)
+        self._made.append(lambda: self.destroy_service(service))
+
+    def every(self, period: float, act: Callable[[], None]) -> None:
+        """Call while active, once per period, s, of a clock nobody sets."""
+        timer = self.create_timer(
+            period, lambda: act() if self.active else None, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+        self._made.append(lambda: self.destroy_timer(timer))
+
+    # Lifecycle.
+
+    def autostart(self) -> None:
+        """Configure and activate, unless the parameter `autostart` says no."""
+        if self.get_parameter("autostart").value and self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+            self.trigger_activate()
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Open everything, or nothing."""
+        try:
+            self.open()
+        except (OSError, ValueError, RuntimeError) as error:
+            self.get_logger().error(f"cannot configure: {error}")
+            self._destroy_made()
+            return TransitionCallbackReturn.FAILURE
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Publishers first, work second."""
+        result = super().on_activate(state)
+        self.active = True
+        self.start()
+        return result
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Work first, publishers second."""
+        self.halt()
+        self.active = False
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close what `open` opened."""
+        self.close()
+        self._destroy_made()
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End from whatever state the node is in."""
+        if self.active:
+            self.halt()
+            self.active = False
+        self.close()
+        self._destroy_made()
+        return super().on_shutdown(state)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Say what went wrong and go back to unconfigured, so that it can be tried again."""
+        self.get_logger().error(f"error in {state.label}:\n{traceback.format_exc()}")
+        self.active = False
+        self.close()
+        self._destroy_made()
+        return TransitionCallbackReturn.SUCCESS
+
+    def _destroy_made(self) -> None:
+        for destroy in reversed(self._made):
+            destroy()
+        self._made.clear()
+
+    def _report(self) -> None:
+        name = self.get_fully_qualified_name()
+        state = self._state_machine.current_state[1]
+        found = [Finding("lifecycle", OK if self.active else WARN, state, "" if self.active else "activate the node")]
+        if self.active:
+            found += self.findings()
+        message = DiagnosticArray()
+        message.header.stamp = self.get_clock().now().to_msg()
+        for finding in found:
+            values = [KeyValue(key=key, value=value) for key, value in finding.values]
+            if finding.remedy:
+                values.append(KeyValue(key="remedy", value=finding.remedy))
+            message.status.append(
+                DiagnosticStatus(
+                    level=finding.level,
+                    name=f"{name}: {finding.name}",
+                    message=finding.message,
+                    hardware_id=self.get_namespace(),
+                    values=values,
+                )
+            )
+        self._diagnostics.publish(message)
+
+
+def run_node(make: Callable[[], GraphNode[Any]], args: Sequence[str] | None = None) -> int:
+    """
+    Run one node until it is told to stop.
+
+    SIGINT and SIGTERM end it in order (deactivate, clean up) with status 0; settings that are not allowed end it with
+    status 2 and one sentence.
+    """
+    rclpy.init(args=list(args) if args is not None else None, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        return _spin(make)
+    finally:
+        rclpy.try_shutdown()
+
+
+def _spin(make: Callable[[], GraphNode[Any]]) -> int:
+    stopped: Future = Future()
+
+    def stop(_number: int, _frame: Any) -> None:
+        if not stopped.done():
+            stopped.set_result(None)
+
+    try:
+        node = make()
+    except SettingsError as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, stop)
+    executor = EventsExecutor()
+    executor.add_node(node)
+    try:
+        node.autostart()
+        while not stopped.done():
+            executor.spin_until_future_complete(stopped, _LONGEST_SPIN)
+    except ExternalShutdownException:
+        node.get_logger().info("the middleware was shut down from outside")
+    finally:
+        node.trigger_shutdown()
+        executor.remove_node(node)
+        node.destroy_node()
+    return 0
+
+
