@@ -1,0 +1,201 @@
+"""The survey list on disk survives kills, half writes and edits, and says what happened."""
+
+import dataclasses
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from mwd_surface.survey_list import ListRules, SurveyList, TieOn
+from mwd_surface.survey_record import North, Survey
+from mwd_surface.survey_store import StoreError, SurveyStore
+from mwd_surface.well import Well
+
+from mwd_surface import survey_store
+
+WELL, RULES = Well(name="Åsgard Ω-1"), ListRules()
+COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 1e-4, 0.0, 0.0, 0.0, 1e-6)
+
+
+def grown(whole, count=1):
+    for _ in range(count):
+        k = whole.next_sequence
+        survey = Survey(
+            k * 10**9, f"u{k}", k, math.radians(0.1 * (k % 300)), 1.0, int(North.TRUE), covariance=COVARIANCE
+        )
+        whole = whole.add(survey, 30.0 * k, 0.1)
+    return whole
+
+
+def saved_twice(folder):
+    """Folder with three surveys in the current file and two in the one before."""
+    two = grown(SurveyList(well=WELL), 2)
+    three = grown(two)
+    with SurveyStore(folder) as store:
+        store.save(two)
+        store.save(three)
+    return two, three
+
+
+def loaded(folder, well=WELL):
+    with SurveyStore(folder) as store:
+        return store.load(well, RULES)
+
+
+def test_a_new_folder_holds_an_empty_list(tmp_path):
+    got = loaded(tmp_path / "deep" / "well")
+    assert got.surveys.records == ()
+    assert (got.messages, got.fell_back) == ((), False)
+
+
+def test_what_was_saved_comes_back_to_the_last_bit_and_the_one_before_is_kept(tmp_path):
+    two, three = saved_twice(tmp_path)
+    assert loaded(tmp_path).surveys == three
+    assert survey_store.decoded((tmp_path / "surveys.previous.json").read_bytes()) == two
+
+
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        (lambda data: data[: len(data) // 2], "half written"),
+        (lambda _data: b"", "half written"),
+        (lambda data: data.replace(b'"azimuth":1.0', b'"azimuth":1.5', 1), "edited or corrupted"),
+        (lambda data: bytes([data[100] ^ 1]).join([data[:100], data[101:]]), ""),
+        (lambda data: b"\xff\xfe" + data, "half written or no JSON"),
+        (lambda _data: b"[1, 2]", "no survey list"),
+        (lambda data: data.replace(b'"version": 1', b'"version": 9', 1), "version 9, this program reads 1"),
+    ],
+)
+def test_a_damaged_file_gives_way_to_the_one_before_and_both_are_kept(tmp_path, damage, says):
+    two, _ = saved_twice(tmp_path)
+    current = tmp_path / "surveys.json"
+    broken = damage(current.read_bytes())
+    current.write_bytes(broken)
+    got = loaded(tmp_path)
+    assert got.surveys == two
+    assert got.fell_back
+    assert says in got.messages[0]
+    assert "kept as surveys.damaged-1.json" in got.messages[0]
+    assert "taken from surveys.previous.json" in got.messages[1]
+    assert (tmp_path / "surveys.damaged-1.json").read_bytes() == broken
+    assert (tmp_path / "surveys.previous.json").exists()
+
+
+def test_two_damaged_files_are_both_kept_and_an_empty_list_says_so(tmp_path):
+    saved_twice(tmp_path)
+    for name in ("surveys.json", "surveys.previous.json"):
+        (tmp_path / name).write_text("{")
+    got = loaded(tmp_path)
+    assert got.surveys.records == ()
+    assert got.fell_back
+    assert "no whole survey list is left" in got.messages[-1]
+    assert {p.name for p in tmp_path.glob("*damaged*")} == {"surveys.damaged-1.json", "surveys.damaged-2.json"}
+
+
+def test_a_missing_current_file_is_said(tmp_path):
+    two, _ = saved_twice(tmp_path)
+    (tmp_path / "surveys.json").unlink()
+    got = loaded(tmp_path)
+    assert got.surveys == two
+    assert "surveys.json was missing" in got.messages[0]
+
+
+def test_saving_goes_on_after_a_fall_back(tmp_path):
+    saved_twice(tmp_path)
+    (tmp_path / "surveys.json").write_text("{")
+    with SurveyStore(tmp_path) as store:
+        again = grown(store.load(WELL, RULES).surveys)
+        store.save(again)
+    assert loaded(tmp_path).surveys == again
+
+
+def test_every_single_truncation_is_noticed(tmp_path):
+    saved_twice(tmp_path)
+    data = (tmp_path / "surveys.json").read_bytes()
+    # The last byte is the line's end, without which the content is still whole.
+    for cut in range(0, len(data) - 1, 37):
+        with pytest.raises(ValueError, match="half written"):
+            survey_store.decoded(data[:cut])
+
+
+def test_two_processes_cannot_keep_lists_in_one_folder(tmp_path):
+    with SurveyStore(tmp_path), pytest.raises(StoreError, match="another process keeps its survey list"):
+        SurveyStore(tmp_path)
+    SurveyStore(tmp_path).close()
+
+
+def test_a_place_that_is_no_folder_is_refused_in_words(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StoreError, match="cannot keep the survey list"):
+        SurveyStore(tmp_path / "file" / "below")
+
+
+def test_a_disk_that_refuses_leaves_the_files_as_they_were(tmp_path, monkeypatch):
+    _, three = saved_twice(tmp_path)
+    before = {p.name: p.read_bytes() for p in tmp_path.glob("surveys*.json")}
+
+    def full(_handle):
+        raise OSError(28, "No space left on device")
+
+    with SurveyStore(tmp_path) as store:
+        monkeypatch.setattr(os, "fsync", full)
+        with pytest.raises(StoreError, match=r"not saved .* No space left on device"):
+            store.save(grown(three))
+    assert {n: (tmp_path / n).read_bytes() for n in before} == before
+
+
+def test_another_well_or_an_impossible_north_is_told(tmp_path):
+    tied = grown(SurveyList(well=WELL)).tied_on(TieOn(10.0, 0.01, 0.2, 1.0, 1.0, 10.0))
+    with SurveyStore(tmp_path) as store:
+        store.save(tied)
+    got = loaded(tmp_path, dataclasses.replace(WELL, name="other", north_reference="grid"))
+    assert "is of well 'Åsgard Ω-1', the configuration says 'other'" in got.messages[0]
+    assert "true north stays in force" in got.messages[1]
+    assert got.surveys.well == dataclasses.replace(WELL, name="other")
+
+
+WRITER = """
+import sys
+sys.path[:0] = {path!r}
+from mwd_surface.survey_store import SurveyStore
+from mwd_surface.survey_list import ListRules
+from mwd_surface.well import Well
+sys.path.insert(0, {here!r})
+from test_survey_store import RULES, WELL, grown
+with SurveyStore({folder!r}) as store:
+    whole = store.load(WELL, RULES).surveys
+    while True:
+        whole = grown(whole)
+        store.save(whole)
+        print(len(whole.records), flush=True)
+"""
+
+
+def test_kill_9_in_the_middle_of_writing_loses_no_reported_survey(tmp_path):
+    """Each round ends a writer without warning at another moment; what it had reported saved must be there."""
+    here = os.path.dirname(__file__)  # noqa: PTH120
+    code = WRITER.format(path=[p for p in sys.path if p], here=here, folder=str(tmp_path))
+    for k in range(4):
+        with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as writer:
+            reported = int(writer.stdout.readline())
+            deadline = time.monotonic() + 0.003 * (k + 1)
+            while time.monotonic() < deadline:
+                reported = int(writer.stdout.readline())
+            writer.send_signal(signal.SIGKILL)
+            rest = writer.stdout.read().split()
+            reported = int(rest[-1]) if rest else reported
+        got = loaded(tmp_path)
+        assert got.messages == ()
+        assert len(got.surveys.records) in (reported, reported + 1)
+
+
+def test_the_file_is_text_that_people_can_read(tmp_path):
+    saved_twice(tmp_path)
+    text = (tmp_path / "surveys.json").read_text(encoding="utf-8")
+    assert "Åsgard Ω-1" in text
+    assert len(text.splitlines()) == 5
+    assert json.loads(text)["list"]["records"][0]["survey"]["uuid"] == "u1"
