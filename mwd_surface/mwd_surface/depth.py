@@ -1,0 +1,170 @@
+"""
+Measured depth of a survey: the bit depth of the rig, paired by time, less the distance from sensor to bit.
+
+Rig data carries placeholders, spikes and silences. A reading that is no depth is counted and left out; a jump faster
+than a string can move is believed only when the following readings confirm it; a survey is paired only with what
+lies around its own time, and always with the age of the reading used. Stamps are ns, depths m.
+"""
+
+from __future__ import annotations
+
+import bisect
+import dataclasses
+import math
+
+from mwd_sensors.settings import setting
+
+NS = 1e-9
+
+
+@dataclasses.dataclass(frozen=True)
+class DepthRules:
+    """What counts as a depth and what as a jump."""
+
+    fastest: float = setting(5.0, "speed that a string cannot exceed", unit="m/s", low=0.1)
+    slack: float = setting(2.0, "step that is no jump, however short the time", unit="m", low=0.0)
+    confirm: int = setting(3, "readings in a row that make a jump the truth", low=1)
+    bridge: float = setting(60.0, "longest silence bridged by a straight line", unit="s", low=0.1)
+    deepest: float = setting(15000.0, "depth beyond which a reading is nonsense", unit="m", low=1.0)
+    history: int = setting(36000, "readings kept", low=10)
+
+
+@dataclasses.dataclass(frozen=True)
+class DepthReading:
+    """
+    Depth of the sensor at a survey.
+
+    measured_depth: m; -1 unknown. depth_age: s from the reading used to the survey; -1 unknown. bit_depth: m; -1
+    unknown. reason: why it is unknown, in words; empty otherwise. by_hand: the last reading used was a person's.
+    """
+
+    measured_depth: float = -1.0
+    depth_age: float = -1.0
+    bit_depth: float = -1.0
+    reason: str = ""
+    by_hand: bool = False
+
+
+class DepthTrack:
+    """
+    Bit depth over time as the rig reported it.
+
+    Attributes
+    ----------
+    refused_null, refused_jump, refused_order : int
+        Readings left out: no depth at all, faster than a string moves, or older than one already taken.
+    """
+
+    def __init__(self, rules: DepthRules | None = None) -> None:
+        self.rules = rules or DepthRules()
+        self.refused_null = 0
+        self.refused_jump = 0
+        self.refused_order = 0
+        self._stamps: list[int] = []
+        self._depths: list[float] = []
+        self._by_hand: list[bool] = []
+        # Readings of a jump that waits for confirmation.
+        self._waiting: list[tuple[int, float]] = []
+
+    @property
+    def latest(self) -> tuple[int, float] | None:
+        """Stamp and bit depth of the last reading believed, ns and m."""
+        return (self._stamps[-1], self._depths[-1]) if self._stamps else None
+
+    def update(self, stamp_ns: int, bit_depth: float, valid: bool = True) -> bool:
+        """
+        Take one reading of the rig; True where it is believed now.
+
+        A placeholder (not marked valid, not finite, negative as -999.25 is, or too deep) is counted, not used. A jump
+        waits until `rules.confirm` readings in a row agree with each other; then all of them count.
+        """
+        if not valid or not math.isfinite(bit_depth) or not 0.0 <= bit_depth <= self.rules.deepest:
+            self.refused_null += 1
+            return False
+        if self._stamps and stamp_ns <= self._stamps[-1]:
+            self.refused_order += 1
+            return False
+        if not self._stamps or self._reachable(self._stamps[-1], self._depths[-1], stamp_ns, bit_depth):
+            self.refused_jump += len(self._waiting)
+            self._waiting = []
+            self._append(stamp_ns, bit_depth, False)
+            return True
+        if self._waiting and (
+            stamp_ns <= self._waiting[-1][0] or not self._reachable(*self._waiting[-1], stamp_ns, bit_depth)
+        ):
+            self.refused_jump += len(self._waiting)
+            self._waiting = []
+        self._waiting.append((stamp_ns, bit_depth))
+        if len(self._waiting) < self.rules.confirm:
+            return False
+        for stamp, depth in self._waiting:
+            self._append(stamp, depth, False)
+        self._waiting = []
+        return True
+
+    def set_by_hand(self, stamp_ns: int, bit_depth: float) -> None:
+        """
+        Take a person's word for the bit depth; no jump test. Readings after it must fit to it.
+
+        Raises
+        ------
+        ValueError
+            The depth is not finite, negative or beyond `rules.deepest`.
+        """
+        if not math.isfinite(bit_depth) or not 0.0 <= bit_depth <= self.rules.deepest:
+            raise ValueError(f"bit_depth: must be within 0 and {self.rules.deepest:g} m, got {bit_depth}")
+        at = bisect.bisect_left(self._stamps, stamp_ns)
+        # What was believed after that time was believed wrongly.
+        del self._stamps[at:], self._depths[at:], self._by_hand[at:]
+        self._waiting = []
+        self._append(stamp_ns, bit_depth, True)
+
+    def sensor_depth(self, stamp_ns: int, sensor_to_bit: float) -> DepthReading:
+        """
+        Depth of the sensor at a time.
+
+        Between two readings not further apart than `rules.bridge` the depth is on the straight line between them and
+        its age is that of the nearer one; otherwise it is that of the last reading before, with its age. A time before
+        every reading takes the first one if it is within the bridge.
+
+        Raises
+        ------
+        ValueError
+            sensor_to_bit is negative or not finite.
+        """
+        if not (math.isfinite(sensor_to_bit) and sensor_to_bit >= 0.0):
+            raise ValueError(f"sensor_to_bit: must be 0 m or more, got {sensor_to_bit}")
+        if not self._stamps:
+            return DepthReading(reason="no depth from the rig yet: set it by hand or connect the rig data")
+        after = bisect.bisect_left(self._stamps, stamp_ns)
+        if after == 0:
+            ahead = (self._stamps[0] - stamp_ns) * NS
+            if ahead > self.rules.bridge:
+                return DepthReading(reason=f"the first depth reading came {ahead:.0f} s after the survey")
+            bit, age, hand = self._depths[0], ahead, self._by_hand[0]
+        else:
+            before = after - 1
+            bit, age = self._depths[before], (stamp_ns - self._stamps[before]) * NS
+            hand = self._by_hand[before]
+            if after < len(self._stamps):
+                span = (self._stamps[after] - self._stamps[before]) * NS
+                # A line from a reading to a person's correction would be a depth that nobody ever gave.
+                if span <= self.rules.bridge and not self._by_hand[after]:
+                    bit += (self._depths[after] - bit) * (age / span)
+                    age = min(age, span - age)
+        depth = bit - sensor_to_bit
+        if depth < 0.0:
+            return DepthReading(-1.0, age, bit, f"bit at {bit:.2f} m: the sensor is still above the datum", hand)
+        return DepthReading(depth, age, bit, "", hand)
+
+    def _reachable(self, stamp_1: int, depth_1: float, stamp_2: int, depth_2: float) -> bool:
+        return abs(depth_2 - depth_1) <= self.rules.slack + self.rules.fastest * (stamp_2 - stamp_1) * NS
+
+    def _append(self, stamp_ns: int, depth: float, by_hand: bool) -> None:
+        self._stamps.append(stamp_ns)
+        self._depths.append(depth)
+        self._by_hand.append(by_hand)
+        # In blocks, so that forgetting costs nothing per reading.
+        if len(self._stamps) > self.rules.history + self.rules.history // 4 + 1:
+            old = len(self._stamps) - self.rules.history
+            del self._stamps[:old], self._depths[:old], self._by_hand[:old]
