@@ -1,0 +1,553 @@
+"""
+One survey station: six averaged axes to angles, totals, azimuth by each method with its sigma, and a verdict with
+reasons.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from mwd_sensors.frames import (
+    Array,
+    gravity_toolface,
+    inclination,
+    magnetic_toolface,
+    mat_from_quat,
+    mat_nt,
+    quat_from_rotvec,
+    wrap_pi,
+    wrap_tau,
+)
+from mwd_sensors.settings import setting
+from numpy.typing import ArrayLike
+
+from mwd_estimation import magnetics, quality
+from mwd_estimation.quality import ACCEPT, DOUBTFUL, REJECT, Deviations, QualitySettings
+from mwd_estimation.reference import STANDARD_GRAVITY, Reference, best_north, north_correction, to_north
+from mwd_estimation.sensor_errors import SensorErrors
+
+RAW, CORRECTED = "raw", "corrected"
+# An axial field this many times its own sigma is no accident.
+_SIGNIFICANT = 3.0
+# What an unknown angle of the azimuth's kind is said to be known to.
+_UNKNOWN_SIGMA = math.pi
+# Gravity at sea level lies within this of standard gravity everywhere, m/s^2.
+_GRAVITY_RANGE = 0.04
+
+
+@dataclass(frozen=True)
+class StationSettings:
+    """How a station is worked out."""
+
+    azimuth_method: str = setting(
+        "auto",
+        "Which magnetic azimuth is taken: auto corrects for axial interference where there is some and it can be done",
+        choices=("auto", RAW, CORRECTED),
+    )
+    north: str = setting(
+        "best",
+        "North the azimuth refers to; best is grid, else true, else magnetic",
+        choices=("best", "grid", "true", "magnetic"),
+    )
+    plausible_interference_nt: float = setting(
+        3000.0,
+        "Axial interference imaginable at all, 1 sigma: only decides between mirror solutions",
+        unit="nT",
+        low=1.0,
+    )
+    sag_correction_deg: float = setting(
+        0.0,
+        "Added to the inclination, times its sine: sag of the assembly in a horizontal hole",
+        unit="deg",
+        low=-5.0,
+        high=5.0,
+    )
+    misalignment_y_deg: float = setting(
+        0.0, "Hole axis against tool axis, turned about y (towards -z)", unit="deg", low=-10.0, high=10.0
+    )
+    misalignment_z_deg: float = setting(
+        0.0, "Hole axis against tool axis, turned about z (towards +y)", unit="deg", low=-10.0, high=10.0
+    )
+    toolface_offset_deg: float = setting(
+        0.0, "Added to both toolfaces: sensor housing against scribe line", unit="deg", low=-360.0, high=360.0
+    )
+    errors: SensorErrors = setting(SensorErrors, "What calibration leaves in the sensors")  # noqa: RUF009
+    quality: QualitySettings = setting(QualitySettings, "Limits of the verdict")  # noqa: RUF009
+
+
+@dataclass(frozen=True)
+class MethodAzimuth:
+    """
+    Azimuth of one method, rad from the station's north, 1 sigma, and the reason it was refused (empty where it was
+    not).
+
+    Sigma is that of the tool's axis: how the tool lies in the hole errs alike for every method and is the station's
+    `alignment`. A refused azimuth is still given with its sigma: it is to be looked at, not to be used.
+    """
+
+    method: str
+    azimuth: float
+    sigma: float
+    refused: str = ""
+
+
+@dataclass(frozen=True)
+class Station:
+    """
+    A survey station; angles in rad, totals in SI, nan where a reading or the reference is missing.
+
+    Attributes
+    ----------
+    inclination, sigma_inclination : float
+        From the vertical.
+    gravity_toolface, magnetic_toolface, sigma_toolface : float
+        From high side, from the named north, and 1 sigma of the first.
+    g_total, b_total, dip : float
+        As measured: m/s^2, T, rad. No correction is in them.
+    azimuth, sigma_azimuth : float
+        The one chosen, from the named north; sigma is pi where nothing is known.
+    north : str
+        magnetic, true or grid.
+    method : str
+        raw or corrected: which azimuth was chosen.
+    corrected : bool
+        Whether the chosen azimuth is freed of axial interference.
+    azimuths : tuple of MethodAzimuth
+        Every method tried.
+    interference, sigma_interference : float
+        Axial field not of the Earth, T.
+    interference_chi_square : float
+        Misfit of the across-axis field, one degree of freedom.
+    covariance : ndarray, shape (3, 3)
+        Of (inclination, chosen azimuth, gravity toolface), rad^2, all errors included.
+    alignment : ndarray, shape (3, 3)
+        The part of it that is common to all methods: tool against hole.
+    deviations : Deviations
+        Totals against the reference; for a corrected azimuth with the interference taken off.
+    verdict : str
+        accept, doubtful or reject.
+    reasons : tuple of str
+        In words for a driller; an accepted station says what it was measured against.
+    reference : Reference or None
+        What it was judged and corrected by.
+    north_correction : float
+        Added to the magnetic azimuth, rad.
+    f_t, b_t : ndarray, shape (3,)
+        The readings.
+    """
+
+    inclination: float
+    sigma_inclination: float
+    gravity_toolface: float
+    magnetic_toolface: float
+    sigma_toolface: float
+    g_total: float
+    b_total: float
+    dip: float
+    azimuth: float
+    sigma_azimuth: float
+    north: str
+    method: str
+    corrected: bool
+    azimuths: tuple[MethodAzimuth, ...]
+    interference: float
+    sigma_interference: float
+    interference_chi_square: float
+    covariance: Array = field(repr=False)
+    alignment: Array = field(repr=False)
+    deviations: Deviations = field(repr=False)
+    verdict: str
+    reasons: tuple[str, ...]
+    reference: Reference | None
+    north_correction: float
+    f_t: Array = field(repr=False)
+    b_t: Array = field(repr=False)
+
+    def by_method(self, method: str) -> MethodAzimuth | None:
+        """The azimuth of one method, None where it was not tried."""
+        return next((azimuth for azimuth in self.azimuths if azimuth.method == method), None)
+
+
+def station(
+    f_t: ArrayLike,
+    b_t: ArrayLike,
+    reference: Reference | None = None,
+    settings: StationSettings | None = None,
+    *,
+    covariance_f: ArrayLike | None = None,
+    covariance_b: ArrayLike | None = None,
+    doubts: tuple[str, ...] = (),
+    faults: tuple[str, ...] = (),
+) -> Station:
+    """
+    Work out one station from its six averaged axes.
+
+    Parameters
+    ----------
+    f_t, b_t : array_like, shape (3,)
+        Mean specific force, m/s^2 (up at rest), and mean field, T, in tool axes. A nan marks a missing sensor.
+    reference : Reference, optional
+        Without one the azimuth is magnetic and uncorrected, and the station says so.
+    settings : StationSettings, optional
+    covariance_f, covariance_b : array_like, shape (3, 3), optional
+        Noise of the two means, (m/s^2)^2 and T^2; what the sensors get wrong alike comes from the settings.
+    doubts, faults : tuple of str
+        What others saw while the station was taken: each makes it doubtful, respectively rejected.
+
+    Returns
+    -------
+    Station
+
+    Raises
+    ------
+    ValueError
+        Shapes other than (3,) and (3, 3).
+    """
+    settings = StationSettings() if settings is None else settings
+    f_raw, b_raw = _vector("f_t", f_t), _vector("b_t", b_t)
+    noise = np.zeros((6, 6))
+    noise[:3, :3], noise[3:, 3:] = _matrix("covariance_f", covariance_f), _matrix("covariance_b", covariance_b)
+    turn = _to_hole(settings)
+    f_h, b_h = turn @ f_raw, turn @ b_raw
+    g_total, b_total = float(np.linalg.norm(f_raw)), float(np.linalg.norm(b_raw))
+    verdict = ACCEPT
+    reasons: list[str] = []
+    remarks: list[str] = []
+
+    if not (np.isfinite(f_raw).all() and g_total > 0.0):
+        return _blind(
+            f_raw, b_raw, reference, ("no accelerometer reading: nothing can be worked out", *faults, *doubts)
+        )
+    has_field = bool(np.isfinite(b_raw).all()) and b_total > 0.0
+    covariance_s = noise + settings.errors.covariance(f_raw, np.where(np.isfinite(b_raw), b_raw, 0.0))
+
+    inc = float(inclination(f_h))
+    toolface = float(gravity_toolface(f_h))
+    offset = math.radians(settings.toolface_offset_deg)
+    jacobian = magnetics.angle_jacobian(f_h, b_h if has_field else np.array([1e-5, 2e-5, 3e-5]))
+    jacobian = np.nan_to_num(jacobian, nan=0.0, posinf=1e6, neginf=-1e6)
+    alignment = settings.errors.alignment(inc)
+    sag = math.radians(settings.sag_correction_deg) * math.sin(inc)
+
+    north = settings.north if settings.north != "best" else best_north(reference)
+    turn_north = north_correction(reference, north)
+    if turn_north is None:
+        verdict = quality.worse(verdict, DOUBTFUL)
+        missing = "declination and convergence" if north == "grid" else "declination"
+        reasons.append(f"{north} azimuth needs the {missing}: azimuth is magnetic")
+        north, turn_north = "magnetic", 0.0
+
+    known_field = reference if reference is not None and reference.has_field else None
+    azimuths: list[MethodAzimuth] = []
+    covariance = np.full((3, 3), 0.0)
+    correction: magnetics.AxialCorrection | None = None
+    chosen, corrected, refused = "none", False, ""
+    azimuth, toolface_north = math.nan, math.nan
+    interference = sigma_interference = chi_square = math.nan
+    if has_field:
+        axial = np.zeros((6, 6))
+        axial[3, 3] = (settings.errors.axial_interference_nt * 1e-9) ** 2
+        horizontal = known_field.horizontal if known_field else b_total * math.cos(float(magnetics.dip(f_h, b_h)))
+        north_variance = _north_variance(reference, north, horizontal)
+        rows = {RAW: jacobian}
+        covariances = {RAW: jacobian @ (covariance_s + axial) @ jacobian.T}
+        values = {RAW: float(magnetics.raw_azimuth(f_h, b_h))}
+        magnetic_sigma = {RAW: math.sqrt(covariances[RAW][1, 1])}
+        if known_field:
+            correction = magnetics.axial_correction(
+                f_h,
+                b_h,
+                known_field.horizontal,
+                known_field.vertical,
+                covariance_s,
+                known_field.covariance,
+                plausible=settings.plausible_interference_nt * 1e-9,
+            )
+            refused = quality.correction_refusal(correction, inc, settings.quality)
+            interference, sigma_interference = float(correction.interference), float(correction.sigma_interference)
+            chi_square = float(correction.chi_square)
+        if correction is not None and math.isfinite(float(correction.azimuth)):
+            rows[CORRECTED] = jacobian.copy()
+            rows[CORRECTED][1] = correction.sensitivity
+            covariances[CORRECTED] = rows[CORRECTED] @ covariance_s @ rows[CORRECTED].T
+            covariances[CORRECTED][1, 1] = float(correction.sigma_azimuth) ** 2
+            values[CORRECTED] = float(correction.azimuth)
+            magnetic_sigma[CORRECTED] = float(correction.sigma_azimuth)
+        for method, value in values.items():
+            sigma = math.sqrt(magnetic_sigma[method] ** 2 + north_variance)
+            azimuths.append(
+                MethodAzimuth(
+                    method,
+                    to_north(value, turn_north),
+                    min(sigma, _UNKNOWN_SIGMA),
+                    refused if method == CORRECTED else "",
+                )
+            )
+        chosen = _choose(settings.azimuth_method, values, magnetic_sigma, interference, sigma_interference, refused)
+        corrected = chosen == CORRECTED
+        azimuth = to_north(values[chosen], turn_north)
+        covariance = covariances[chosen] + alignment
+        covariance[1, 1] += north_variance
+        toolface_north = float(magnetic_toolface(mat_nt(inc, azimuth, toolface)))
+        if settings.azimuth_method == CORRECTED and not corrected:
+            verdict = quality.worse(verdict, DOUBTFUL)
+            reasons.append("azimuth not corrected for axial interference: " + (refused or "no reference field"))
+    else:
+        covariance = jacobian @ covariance_s @ jacobian.T + alignment
+        covariance[1, :], covariance[:, 1] = 0.0, 0.0
+        covariance[1, 1] = _UNKNOWN_SIGMA**2
+        verdict = REJECT
+        reasons.append("no magnetometer reading: inclination and toolface only")
+        b_total = math.nan
+    covariance = _capped(covariance)
+
+    deviations = _deviations(
+        f_h, b_h, reference, covariance_s, settings.errors, interference if corrected else 0.0, has_field
+    )
+    judgement = quality.judge(deviations, settings.quality.limits)
+    verdict = quality.worse(verdict, judgement.verdict)
+    reasons += judgement.reasons
+    gross = _gross_faults(g_total, b_total, float(magnetics.dip(f_h, b_h)) if has_field else math.nan, reference)
+    if gross:
+        verdict = REJECT
+        reasons += gross
+    if known_field is None and has_field:
+        verdict = quality.worse(verdict, DOUBTFUL)
+        reasons.append(f"no reference field: {north} azimuth, uncorrected, total field and dip not judged")
+    if has_field:
+        level = known_field.horizontal if known_field else b_total * math.cos(float(magnetics.dip(f_h, b_h)))
+        if level < settings.quality.min_horizontal_field_nt * 1e-9:
+            verdict = quality.worse(verdict, DOUBTFUL)
+            reasons.append(
+                f"horizontal field only {level * 1e9:.0f} nT, "
+                f"limit {settings.quality.min_horizontal_field_nt:.0f} nT: a compass is weak here, take a gyro"
+            )
+    if corrected:
+        remarks.append(f"axial interference {interference * 1e9:+.0f} +- {sigma_interference * 1e9:.0f} nT corrected")
+    elif has_field and known_field and abs(interference) > _SIGNIFICANT * sigma_interference:
+        text = f"axial interference {interference * 1e9:+.0f} +- {sigma_interference * 1e9:.0f} nT"
+        if refused:
+            remarks.append(f"{text} not corrected: {refused}")
+        elif settings.azimuth_method == RAW:
+            verdict = quality.worse(verdict, DOUBTFUL)
+            reasons.append(f"{text} seen, azimuth uncorrected as asked")
+    if has_field and math.sin(inc) < math.sin(math.radians(settings.quality.min_azimuth_inclination_deg)):
+        remarks.append("near vertical: azimuth and high side are loose, use magnetic toolface")
+    for texts, grade in ((doubts, DOUBTFUL), (faults, REJECT)):
+        if texts:
+            verdict = quality.worse(verdict, grade)
+            reasons += texts
+    if verdict == ACCEPT:
+        remarks.insert(0, quality.within(deviations, settings.quality.limits))
+    return Station(
+        inclination=min(max(inc + sag, 0.0), math.pi),
+        sigma_inclination=math.sqrt(covariance[0, 0]),
+        gravity_toolface=float(wrap_tau(toolface + offset)),
+        magnetic_toolface=float(wrap_tau(toolface_north + offset)),
+        sigma_toolface=math.sqrt(covariance[2, 2]),
+        g_total=g_total,
+        b_total=b_total,
+        dip=float(magnetics.dip(f_h, b_h)) if has_field else math.nan,
+        azimuth=azimuth,
+        sigma_azimuth=math.sqrt(covariance[1, 1]),
+        north=north,
+        method=chosen,
+        corrected=corrected,
+        azimuths=tuple(azimuths),
+        interference=interference,
+        sigma_interference=sigma_interference,
+        interference_chi_square=chi_square,
+        covariance=covariance,
+        alignment=alignment,
+        deviations=deviations,
+        verdict=verdict,
+        reasons=tuple(text for text in (*reasons, *remarks) if text),
+        reference=reference,
+        north_correction=turn_north,
+        f_t=f_raw,
+        b_t=b_raw,
+    )
+
+
+def deviation_covariance(
+    f_t: ArrayLike, b_t: ArrayLike, reference: Reference | None, covariance_s: ArrayLike, axial_sigma: float
+) -> Array:
+    """
+    Covariance of the totals against the reference, shape (3, 3): of (total gravity, total field, dip).
+
+    Parameters
+    ----------
+    f_t, b_t : array_like, shape (3,)
+        m/s^2 and T.
+    reference : Reference or None
+        Adds its own sigmas.
+    covariance_s : array_like, shape (6, 6)
+        Of (f_t, b_t).
+    axial_sigma : float
+        Axial interference expected, T.
+    """
+    f_t, b_t = np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float)
+    cov = np.array(covariance_s, dtype=float)
+    cov[3, 3] += axial_sigma**2
+    jacobian = totals_jacobian(f_t, b_t)
+    total = jacobian @ cov @ jacobian.T
+    if reference is not None:
+        total += np.diag([reference.sigma_gravity**2, reference.sigma_total**2, reference.sigma_dip**2])
+    return np.asarray(total)
+
+
+def totals_jacobian(f_t: ArrayLike, b_t: ArrayLike) -> Array:
+    """
+    Derivatives of (total gravity, total field, dip) by (f_t, b_t).
+
+    f_t, b_t, shape (3,), m/s^2 and T, not parallel. Returns shape (3, 6).
+    """
+    f_t, b_t = np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float)
+    g, b = np.linalg.norm(f_t), np.linalg.norm(b_t)
+    up, along = f_t / g, b_t / b
+    sine = -float(up @ along)
+    cosine = math.sqrt(max(1.0 - sine * sine, 1e-12))
+    jacobian = np.zeros((3, 6))
+    jacobian[0, :3], jacobian[1, 3:] = up, along
+    jacobian[2, :3] = -(along + sine * up) / (g * cosine)
+    jacobian[2, 3:] = -(up + sine * along) / (b * cosine)
+    return jacobian
+
+
+def _choose(
+    wanted: str,
+    values: dict[str, float],
+    sigma: dict[str, float],
+    interference: float,
+    sigma_interference: float,
+    refused: str,
+) -> str:
+    if CORRECTED not in values or refused or wanted == RAW:
+        return RAW
+    if wanted == CORRECTED:
+        return CORRECTED
+    shift = abs(float(wrap_pi(values[CORRECTED] - values[RAW])))
+    if abs(interference) > _SIGNIFICANT * sigma_interference and sigma[CORRECTED] < max(sigma[RAW], shift):
+        return CORRECTED
+    return RAW
+
+
+def _deviations(
+    f_h: Array,
+    b_h: Array,
+    reference: Reference | None,
+    covariance_s: Array,
+    errors: SensorErrors,
+    interference: float,
+    has_field: bool,
+) -> Deviations:
+    g_total = float(np.linalg.norm(f_h))
+    delta_g = math.nan
+    if reference is not None and reference.gravity is not None:
+        delta_g = g_total - reference.gravity
+    elif abs(g_total - STANDARD_GRAVITY) > _GRAVITY_RANGE:
+        # Gravity is not known here, but nowhere on Earth is it that.
+        delta_g = g_total - STANDARD_GRAVITY
+    b_earth = b_h - np.array([interference, 0.0, 0.0])
+    covariance = deviation_covariance(
+        f_h,
+        b_earth if has_field else np.array([1e-5, 2e-5, 3e-5]),
+        reference,
+        covariance_s,
+        errors.axial_interference_nt * 1e-9,
+    )
+    if reference is None or reference.total is None or reference.dip is None or not has_field:
+        return Deviations(delta_g, math.nan, math.nan, covariance)
+    delta_b = float(np.linalg.norm(b_earth)) - reference.total
+    return Deviations(delta_g, delta_b, float(magnetics.dip(f_h, b_earth)) - reference.dip, covariance)
+
+
+def _gross_faults(g_total: float, b_total: float, dip: float, reference: Reference | None) -> list[str]:
+    """What a wrong unit, a dead sensor or a flipped sign looks like, in words."""
+    texts = []
+    if not 9.0 < g_total < 10.6:
+        hint = ": a reading in g?" if 0.9 < g_total < 1.1 else ""
+        texts.append(f"total gravity {g_total:.4g} m/s^2 is not the Earth's{hint}")
+    if math.isfinite(b_total) and not 1.5e-5 < b_total < 1e-4:
+        units = ((1e-9, "nT"), (1e-6, "uT"), (1e-4, "G"))
+        hint = next((f": a reading in {unit}?" for factor, unit in units if 2e-5 < b_total * factor < 7e-5), "")
+        texts.append(f"total field {b_total:.4g} T is not the Earth's{hint}")
+    if (
+        reference is not None
+        and reference.dip is not None
+        and abs(reference.dip) > 0.2
+        and abs(dip + reference.dip) < 0.1
+    ):
+        texts.append(
+            f"dip {math.degrees(dip):.1f} deg has the opposite sign of the reference: accelerometers or magnetometers "
+            "are connected with a flipped sign"
+        )
+    return texts
+
+
+def _north_variance(reference: Reference | None, north: str, horizontal: float) -> float:
+    if north == "magnetic" or reference is None:
+        return 0.0
+    return reference.declination_variance(horizontal)
+
+
+def _to_hole(settings: StationSettings) -> Array:
+    """Rotation (3, 3) from tool axes to hole axes by the known misalignment."""
+    angles = np.array([0.0, math.radians(settings.misalignment_y_deg), math.radians(settings.misalignment_z_deg)])
+    return np.asarray(mat_from_quat(quat_from_rotvec(-angles)))
+
+
+def _capped(covariance: Array) -> Array:
+    """Covariance with no angle less certain than the full circle; correlations kept."""
+    sigma = np.sqrt(np.diagonal(covariance))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.where(sigma > _UNKNOWN_SIGMA, _UNKNOWN_SIGMA / sigma, 1.0)
+    return np.asarray(covariance * scale[:, None] * scale[None, :])
+
+
+def _blind(f_t: Array, b_t: Array, reference: Reference | None, reasons: tuple[str, ...]) -> Station:
+    nan = math.nan
+    return Station(
+        inclination=nan,
+        sigma_inclination=nan,
+        gravity_toolface=nan,
+        magnetic_toolface=nan,
+        sigma_toolface=nan,
+        g_total=nan,
+        b_total=float(np.linalg.norm(b_t)),
+        dip=nan,
+        azimuth=nan,
+        sigma_azimuth=nan,
+        north="magnetic",
+        method="none",
+        corrected=False,
+        azimuths=(),
+        interference=nan,
+        sigma_interference=nan,
+        interference_chi_square=nan,
+        covariance=np.full((3, 3), nan),
+        alignment=np.full((3, 3), nan),
+        deviations=Deviations(nan, nan, nan, np.full((3, 3), nan)),
+        verdict=REJECT,
+        reasons=reasons,
+        reference=reference,
+        north_correction=0.0,
+        f_t=f_t,
+        b_t=b_t,
+    )
+
+
+def _vector(name: str, value: ArrayLike) -> Array:
+    vector = np.array(value, dtype=float)
+    if vector.shape != (3,):
+        raise ValueError(f"{name}: expected three axes, shape (3,), got {vector.shape}")
+    return vector
+
+
+def _matrix(name: str, value: ArrayLike | None) -> Array:
+    matrix = np.zeros((3, 3)) if value is None else np.array(value, dtype=float)
+    if matrix.shape != (3, 3):
+        raise ValueError(f"{name}: expected shape (3, 3), got {matrix.shape}")
+    return matrix
