@@ -2,7 +2,8 @@
 One MCAP file as it grows: chunks of messages with CRC and index, attachments, and a summary at its end.
 
 A chunk is the unit that survives a crash: everything before the last complete chunk can be read without the summary.
-Schemas and channels are therefore written in the clear, ahead of the chunk that uses them first.
+Schemas and channels are therefore written twice: in the clear, where a reader finds them without decompressing, and in
+the next chunk, where its CRC guards them.
 """
 
 from __future__ import annotations
@@ -59,6 +60,7 @@ class McapWriter:
         self._crc = 0
         self._parts: list[bytes] = []
         self._pending = 0
+        self._declarations = b""
         self._index: dict[int, list[NDArray[np.void] | tuple[int, int]]] = {}
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         try:
@@ -79,17 +81,22 @@ class McapWriter:
 
     def add_schema(self, schema: Schema) -> None:
         """Write a definition; the id must be new and not 0."""
-        self._append(mcap_format.schema_record(schema))
+        record = mcap_format.schema_record(schema)
+        self._append(record)
+        self._declarations += record
         self._schemas[schema.id] = schema
 
     def add_channel(self, channel: Channel) -> None:
         """Write a topic's declaration; the id must be new, its schema written before (or 0: none)."""
-        self._append(mcap_format.channel_record(channel))
+        record = mcap_format.channel_record(channel)
+        self._append(record)
+        self._declarations += record
         self.channels[channel.id] = channel
         self.counts[channel.id] = 0
 
     def write(self, channel: int, data: bytes, log_ns: int, publish_ns: int) -> None:
         """Put one message into the chunk at hand, closing it when it is full."""
+        self._declare()
         sequence = self.counts[channel] + 1
         head = mcap_format.message_prefix(channel, sequence & _U32, log_ns, publish_ns, len(data))
         self._index.setdefault(channel, []).append((log_ns, self._pending))
@@ -107,6 +114,7 @@ class McapWriter:
         dtype = np.dtype([*mcap_format.MESSAGE_FIELDS, ("data", "u1", (size,))])
         done = 0
         while done < len(rows):
+            self._declare()
             count = max(1, -(-(self.chunk_bytes - self._pending) // dtype.itemsize))
             part = slice(done, min(done + count, len(rows)))
             records = np.empty(part.stop - part.start, dtype=dtype)
@@ -228,6 +236,12 @@ class McapWriter:
             (mcap_format.ATTACHMENT_INDEX, b"".join(self._attachment_index)),
             (mcap_format.METADATA_INDEX, b"".join(self._metadata_index)),
         ]
+
+    def _declare(self) -> None:
+        if self._declarations:
+            self._parts.append(self._declarations)
+            self._pending += len(self._declarations)
+            self._declarations = b""
 
     def _count(self, channel: int, count: int, first_ns: int, last_ns: int) -> None:
         self.counts[channel] += count
