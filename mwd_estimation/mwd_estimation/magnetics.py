@@ -229,12 +229,12 @@ def axial_correction(
     f = np.where(vertical_hole[:, None], np.array([-1.0, 0.0, 1.0]), f)
     station = _Stations(f, b, h, v, cov_s, cov_r, interference_sigma, plausible)
 
-    angles: Array = np.arange(_GRID) * (2.0 * np.pi / _GRID)
+    angles = np.linspace(0.0, 2.0 * np.pi, _GRID, endpoint=False)
     cost = station.cost(np.broadcast_to(angles, (n, _GRID)))
     basin = (cost <= np.roll(cost, 1, axis=1)) & (cost < np.roll(cost, -1, axis=1))
     ranked = np.argsort(np.where(basin, cost, np.inf), axis=1)[:, :2]
     two = np.take_along_axis(basin, ranked, axis=1)[:, 1]
-    candidates = station.polish(np.asarray(angles[ranked], dtype=float))
+    candidates = station.polish(angles[ranked])
     first, second = candidates[:, 0], candidates[:, 1]
     costs = station.cost(candidates)
     cost_1, cost_2 = costs[:, 0], np.where(two, costs[:, 1], np.inf)
