@@ -173,5 +173,5 @@ def quat_from_mat(mat: ArrayLike) -> Array:
 
 
 def orientation_et(mat_nt: ArrayLike) -> Array:
-    """Quaternion (x, y, z, w) that rotates tool to east-north-up (REP-103), from the tool-to-NED matrix, (..., 3, 3)."""
+    """Quaternion (x, y, z, w) from tool to east-north-up (REP-103), of a tool-to-NED matrix, shape (..., 3, 3)."""
     return quat_from_mat(MAT_EN @ np.asarray(mat_nt, dtype=float))

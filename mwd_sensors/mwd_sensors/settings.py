@@ -227,7 +227,9 @@ def _checked_scalar(value: Any, kind: Any, rule: Rule, where: str) -> Any:
         if rule.low is not None and value < rule.low:
             raise SettingsError(f"{where}: {value:g}{unit} is below the lowest allowed, {rule.low:g}{unit}; {rule.doc}")
         if rule.high is not None and value > rule.high:
-            raise SettingsError(f"{where}: {value:g}{unit} is above the highest allowed, {rule.high:g}{unit}; {rule.doc}")
+            raise SettingsError(
+                f"{where}: {value:g}{unit} is above the highest allowed, {rule.high:g}{unit}; {rule.doc}"
+            )
     if rule.choices and isinstance(value, str) and value not in rule.choices:
         near = difflib.get_close_matches(value, rule.choices, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]}? " if near else ""

@@ -55,7 +55,11 @@ class Layout:
 
     def row_dtype(self, frame_bytes: int) -> np.dtype[np.void]:
         """One message on the wire, for a frame name of that many bytes (without its closing NUL)."""
-        names, formats, offsets = ["head", "sec", "nanosec", "length", "frame"], ["V4", "<i4", "<u4", "<u4"], [0, 4, 8, 12]
+        names, formats, offsets = (
+            ["head", "sec", "nanosec", "length", "frame"],
+            ["V4", "<i4", "<u4", "<u4"],
+            [0, 4, 8, 12],
+        )
         formats.append(f"V{frame_bytes + 1}")
         offsets.append(_FRAME_AT)
         end = _FRAME_AT + frame_bytes + 1
@@ -142,9 +146,7 @@ class Layout:
 def _row_dtype(
     names: tuple[str, ...], formats: tuple[str, ...], offsets: tuple[int, ...], itemsize: int
 ) -> np.dtype[np.void]:
-    return np.dtype(
-        {"names": list(names), "formats": list(formats), "offsets": list(offsets), "itemsize": itemsize}
-    )
+    return np.dtype({"names": list(names), "formats": list(formats), "offsets": list(offsets), "itemsize": itemsize})
 
 
 def frame_id(message: bytes) -> str:
@@ -258,8 +260,7 @@ TRUTH = Layout(
 )
 
 LAYOUTS = {
-    layout.type_name: layout
-    for layout in (IMU, MAG, TEMPERATURE, GRAVITY, ATTITUDE, INTERFERENCE, RIG_STATE, TRUTH)
+    layout.type_name: layout for layout in (IMU, MAG, TEMPERATURE, GRAVITY, ATTITUDE, INTERFERENCE, RIG_STATE, TRUTH)
 }
 # Topics of the sonde and the rig, relative to the well's namespace, and the frames they are stamped with.
 SONDE_TOPICS = {

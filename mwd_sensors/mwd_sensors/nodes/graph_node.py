@@ -241,5 +241,3 @@ def _spin(make: Callable[[], GraphNode[Any]]) -> int:
         executor.remove_node(node)
         node.destroy_node()
     return 0
-
-

@@ -21,8 +21,8 @@ class SettingsParameters(Generic[T]):
     """
     The settings of a node, kept equal to its ROS parameters.
 
-    Every leaf of the dataclass is declared under its dotted name with description, unit, range and read-only flag. A
-    change is checked as a whole by the same rules as a configuration file; a refused change leaves everything as it was.
+    Every leaf of the dataclass is declared under its dotted name with meaning, unit, range and read-only flag. A
+    change is checked as a whole by the rules of a configuration file; a refused one leaves everything as it was.
 
     Raises
     ------

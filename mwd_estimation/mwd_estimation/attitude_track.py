@@ -1,0 +1,345 @@
+"""
+Continuous attitude: gravity at every sample, the magnetic azimuth carried between magnetic samples.
+
+A magnetic sample is paired with the gravity of its own time, not of its arrival: it is taken into account a fixed
+`mag_lag` after its stamp, with gravity interpolated at that stamp. So the result does not depend on the order in which
+two topics happen to be delivered, live and replayed results are the same bits, and a turning tool loses no accuracy.
+The azimuth of the hole axis hardly moves in that time; the magnetic toolface does, and is carried on by the x gyro.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from mwd_sensors.compiled import compiled
+from mwd_sensors.settings import setting
+from numpy.typing import NDArray
+
+from mwd_estimation.magnetics import raw_azimuth_sample
+from mwd_estimation.status import Status
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+_RING = 1024  # samples of gravity kept for pairing: 0.2 s at 5 kHz
+_NO_MAG, _NEAR_VERTICAL, _DISTURBED = int(Status.NO_MAG), int(Status.NEAR_VERTICAL), int(Status.MAG_DISTURBED)
+# Integer state: ring head, ring length, last magnetic stamp, its presence.
+_HEAD, _LENGTH, _MAG_NS, _HAVE_MAG, _LAST_NS = 0, 1, 2, 3, 4
+# Real state: turn about x, smoothed azimuth vector, toolface from north less the turn, last total and dip, its size.
+_TURN, _COS, _SIN, _MTF_COS, _MTF_SIN, _TOTAL, _DIP, _REAL = 0, 1, 2, 3, 4, 5, 6, 7
+
+
+@dataclasses.dataclass(frozen=True)
+class Params:
+    """How magnetic samples become a continuous azimuth."""
+
+    mag_lag_s: float = setting(
+        0.02, "Delay after which a magnetic sample is paired with gravity", unit="s", low=0.0, high=0.2
+    )
+    mag_timeout_s: float = setting(
+        2.0, "Age of the magnetic field beyond which there is no azimuth", unit="s", low=0.1, high=60.0
+    )
+    smoothing_s: float = setting(1.0, "Time constant of the continuous azimuth", unit="s", low=0.0, high=60.0)
+    disturbed_field_nt: float = setting(
+        900.0,
+        "Deviation of the total field from the reference that counts as disturbed",
+        unit="nT",
+        low=10.0,
+        high=50000.0,
+    )
+    disturbed_dip_deg: float = setting(
+        1.5, "Deviation of the dip from the reference that counts as disturbed", unit="deg", low=0.05, high=90.0
+    )
+    vertical_enter_deg: float = setting(
+        3.0, "Inclination below which azimuth and high side are undefined", unit="deg", low=0.1, high=20.0
+    )
+    vertical_leave_deg: float = setting(
+        4.0, "Inclination above which they are defined again", unit="deg", low=0.1, high=20.0
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class FieldModel:
+    """
+    What the magnetic samples are to be read with; it changes at surveys, not at samples.
+
+    Attributes
+    ----------
+    interference : ndarray, shape (3,)
+        Field in tool axes that is not the Earth's, T, taken off before use.
+    sigma_axial, sigma_cross : float
+        1 sigma of what is left of it along and across the axis, T.
+    north_correction : float
+        Added to the magnetic azimuth to give the named north, rad.
+    sigma_north : float
+        Its 1 sigma, rad.
+    total, dip : float
+        Reference, T and rad; nan where unknown.
+    total_limit, dip_limit : float
+        Deviation beyond which a sample counts as disturbed, T and rad.
+    """
+
+    interference: Array
+    sigma_axial: float
+    sigma_cross: float
+    north_correction: float = 0.0
+    sigma_north: float = 0.0
+    total: float = math.nan
+    dip: float = math.nan
+    total_limit: float = math.inf
+    dip_limit: float = math.inf
+
+    def packed(self) -> Array:
+        """All figures in the order the kernel reads them."""
+        return np.array(
+            [
+                *self.interference,
+                self.sigma_axial,
+                self.sigma_cross,
+                self.north_correction,
+                self.sigma_north,
+                self.total,
+                self.dip,
+                self.total_limit,
+                self.dip_limit,
+            ]
+        )
+
+
+@dataclasses.dataclass
+class State:
+    """Everything that changes; a copy resumes."""
+
+    stamps: Stamps
+    ring: Array
+    counters: Stamps
+    values: Array
+    vertical: NDArray[np.uint8]
+
+    def copy(self) -> State:
+        """Independent copy."""
+        return State(*(getattr(self, f.name).copy() for f in dataclasses.fields(self)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Rows:
+    """
+    Attitude of n samples, all of shape (n,).
+
+    Angles in rad, nan where not available (`azimuth`, `magnetic_toolface`) and then with a sigma of pi; `total` T and
+    `dip` rad of the last magnetic sample used; `status` the bits this module adds.
+    """
+
+    inclination: Array
+    azimuth: Array
+    gravity_toolface: Array
+    magnetic_toolface: Array
+    sigma_azimuth: Array
+    total: Array
+    dip: Array
+    status: NDArray[np.uint32]
+
+
+def last_totals(state: State) -> tuple[float, float] | None:
+    """Total field, T, and dip, rad, of the last magnetic sample used; None before the first."""
+    if state.counters[_HAVE_MAG] == 0:
+        return None
+    return float(state.values[_TOTAL]), float(state.values[_DIP])
+
+
+def initial() -> State:
+    """State before the first sample."""
+    return State(
+        np.zeros(_RING, dtype=np.int64),
+        np.zeros((_RING, 4)),
+        np.zeros(5, dtype=np.int64),
+        np.zeros(_REAL),
+        np.zeros(1, dtype=np.uint8),
+    )
+
+
+def run(
+    params: Params,
+    state: State,
+    model: FieldModel,
+    stamp_ns: Stamps,
+    g_t: Array,
+    rate_x: Array,
+    sigma_tilt: Array,
+    mag_ns: Stamps,
+    b_t: Array,
+) -> tuple[Rows, int]:
+    """
+    Attitude of a block of samples.
+
+    Parameters
+    ----------
+    params, state, model :
+        State is changed in place.
+    stamp_ns, g_t, rate_x, sigma_tilt : ndarray, shapes (n,), (n, 3), (n,), (n,)
+        Stamps, unit vector down (nan while unknown), rate about the axis, rad/s, and 1 sigma of the tilt, rad.
+    mag_ns, b_t : ndarray, shapes (m,) and (m, 3)
+        Magnetic samples that wait, in order of their stamps, T.
+
+    Returns
+    -------
+    rows : Rows
+    used : int
+        How many of the waiting magnetic samples were taken; the rest waits for the next block.
+    """
+    n = len(stamp_ns)
+    out = np.empty((n, 7))
+    status = np.zeros(n, dtype=np.uint32)
+    limits = np.array(
+        [params.smoothing_s, math.radians(params.vertical_enter_deg), math.radians(params.vertical_leave_deg)]
+    )
+    used = _run(
+        state.stamps, state.ring, state.counters, state.values, state.vertical, limits, round(params.mag_lag_s * 1e9),
+        round(params.mag_timeout_s * 1e9), model.packed(), stamp_ns, g_t, rate_x, sigma_tilt, mag_ns, b_t, out, status,
+    )  # fmt: skip
+    return Rows(*(np.ascontiguousarray(out[:, k]) for k in range(7)), status), used
+
+
+@compiled
+def _wrap(angle: float) -> float:
+    angle = angle % (2.0 * math.pi)
+    return 0.0 if angle >= 2.0 * math.pi else angle
+
+
+@compiled
+def _find(stamps: Stamps, counters: Stamps, at: int) -> tuple[int, int, float]:
+    """Ring places of the samples before and after a time, and the share of the later one; the ends hold."""
+    head, length = counters[_HEAD], counters[_LENGTH]
+    later = (head - 1) % _RING
+    if at >= stamps[later]:
+        return later, later, 0.0
+    for k in range(2, length + 1):
+        earlier = (head - k) % _RING
+        if stamps[earlier] <= at:
+            span = stamps[later] - stamps[earlier]
+            return earlier, later, (at - stamps[earlier]) / span if span > 0 else 0.0
+        later = earlier
+    return later, later, 0.0
+
+
+@compiled
+def _take_mag(
+    stamps: Stamps, ring: Array, counters: Stamps, values: Array, smoothing: float, model: Array, at: int,
+    b_x: float, b_y: float, b_z: float,
+) -> None:  # fmt: skip
+    """Pair one magnetic sample with gravity at its stamp and move azimuth and magnetic toolface towards it."""
+    earlier, later, share = _find(stamps, counters, at)
+    turn = (1.0 - share) * ring[earlier, 3] + share * ring[later, 3]
+    # Both neighbours are turned to the time of the sample before they are mixed: the string may turn fast.
+    c_0, s_0 = math.cos(turn - ring[earlier, 3]), math.sin(turn - ring[earlier, 3])
+    c_1, s_1 = math.cos(turn - ring[later, 3]), math.sin(turn - ring[later, 3])
+    d_x = (1.0 - share) * ring[earlier, 0] + share * ring[later, 0]
+    d_y = (1.0 - share) * (c_0 * ring[earlier, 1] + s_0 * ring[earlier, 2])
+    d_y += share * (c_1 * ring[later, 1] + s_1 * ring[later, 2])
+    d_z = (1.0 - share) * (c_0 * ring[earlier, 2] - s_0 * ring[earlier, 1])
+    d_z += share * (c_1 * ring[later, 2] - s_1 * ring[later, 1])
+    size = math.sqrt(d_x * d_x + d_y * d_y + d_z * d_z)
+    b_x, b_y, b_z = b_x - model[0], b_y - model[1], b_z - model[2]
+    total = math.sqrt(b_x * b_x + b_y * b_y + b_z * b_z)
+    if not (math.isfinite(total) and total > 0.0 and size > 0.0):
+        return
+    d_x, d_y, d_z = d_x / size, d_y / size, d_z / size
+    azimuth = raw_azimuth_sample(-d_x, -d_y, -d_z, b_x, b_y, b_z) + model[5]
+    # The scribe line's own direction in the horizontal plane: against north and east = down x north.
+    along = b_x * d_x + b_y * d_y + b_z * d_z
+    north_x, north_y, north_z = b_x - along * d_x, b_y - along * d_y, b_z - along * d_z
+    mtf = math.atan2(d_x * north_y - d_y * north_x, north_z) + model[5]
+    spin = 1.0 if d_x > 0.0 else -1.0
+    gap = (at - counters[_MAG_NS]) * 1e-9
+    fresh = counters[_HAVE_MAG] == 0
+    keep = 0.0 if fresh or smoothing <= 0.0 or gap <= 0.0 or gap > 10.0 * smoothing else math.exp(-gap / smoothing)
+    values[_COS] = keep * values[_COS] + (1.0 - keep) * math.cos(azimuth)
+    values[_SIN] = keep * values[_SIN] + (1.0 - keep) * math.sin(azimuth)
+    values[_MTF_COS] = keep * values[_MTF_COS] + (1.0 - keep) * math.cos(mtf - spin * turn)
+    values[_MTF_SIN] = keep * values[_MTF_SIN] + (1.0 - keep) * math.sin(mtf - spin * turn)
+    values[_TOTAL] = total
+    values[_DIP] = math.atan2(along, math.sqrt(max(total * total - along * along, 0.0)))
+    counters[_MAG_NS] = at
+    counters[_HAVE_MAG] = 1
+
+
+@compiled
+def _sigma_azimuth(model: Array, azimuth: float, inclination: float, total: float, dip: float, tilt: float) -> float:
+    """1 sigma of a magnetic azimuth: interference along and across, tilt through the downward field, the north."""
+    horizontal = total * abs(math.cos(dip))
+    sine, cosine = math.sin(inclination), math.cos(inclination)
+    if horizontal <= 0.0 or sine <= 0.0:
+        return math.pi
+    axial = model[3] * sine * math.sin(azimuth - model[5])
+    field = (axial * axial + model[4] * model[4] + (total * math.sin(dip) * tilt) ** 2) / (horizontal * horizontal)
+    return min(math.sqrt(field + (tilt * cosine / sine) ** 2 + model[6] * model[6]), math.pi)
+
+
+@compiled
+def _run(
+    stamps: Stamps, ring: Array, counters: Stamps, values: Array, vertical: NDArray[np.uint8], limits: Array, lag: int,
+    timeout: int, model: Array, stamp_ns: Stamps, g_t: Array, rate_x: Array, sigma_tilt: Array, mag_ns: Stamps,
+    b_t: Array, out: Array, status: NDArray[np.uint32],
+) -> int:  # fmt: skip
+    used = 0
+    for i in range(len(stamp_ns)):
+        stamp = stamp_ns[i]
+        d_x, d_y, d_z = g_t[i, 0], g_t[i, 1], g_t[i, 2]
+        known = math.isfinite(d_x + d_y + d_z)
+        step = (stamp - counters[_LAST_NS]) * 1e-9
+        if known and (counters[_LENGTH] == 0 or step > 0.0):
+            if counters[_LENGTH] > 0 and step < 0.5 and math.isfinite(rate_x[i]):
+                values[_TURN] += rate_x[i] * step
+            head = counters[_HEAD]
+            stamps[head] = stamp
+            ring[head, 0], ring[head, 1], ring[head, 2], ring[head, 3] = d_x, d_y, d_z, values[_TURN]
+            counters[_HEAD] = (head + 1) % _RING
+            counters[_LENGTH] = min(counters[_LENGTH] + 1, _RING)
+            counters[_LAST_NS] = stamp
+        elif known and step < -1.0:
+            # The clock was set back: start anew from here.
+            counters[_LENGTH] = 0
+            counters[_HAVE_MAG] = 0
+        while used < len(mag_ns) and mag_ns[used] <= stamp - lag:
+            if counters[_LENGTH] > 0 and (counters[_HAVE_MAG] == 0 or mag_ns[used] > counters[_MAG_NS]):
+                _take_mag(stamps, ring, counters, values, limits[0], model, mag_ns[used], b_t[used, 0], b_t[used, 1],
+                          b_t[used, 2])  # fmt: skip
+            used += 1
+        bits = 0
+        if not known:
+            for k in range(7):
+                out[i, k] = math.nan
+            out[i, 4] = math.pi
+            status[i] = _NO_MAG
+            continue
+        across = math.sqrt(d_y * d_y + d_z * d_z)
+        inclination = math.atan2(across, d_x)
+        from_vertical = min(inclination, math.pi - inclination)
+        if vertical[0] == 0 and from_vertical < limits[1]:
+            vertical[0] = 1
+        elif vertical[0] == 1 and from_vertical > limits[2]:
+            vertical[0] = 0
+        if vertical[0] == 1:
+            bits |= _NEAR_VERTICAL
+        out[i, 0] = inclination
+        out[i, 2] = _wrap(math.atan2(-d_y, -d_z))
+        if counters[_HAVE_MAG] == 1 and stamp - counters[_MAG_NS] <= timeout:
+            azimuth = _wrap(math.atan2(values[_SIN], values[_COS]))
+            out[i, 1] = azimuth
+            if vertical[0] == 1:
+                spin = 1.0 if d_x > 0.0 else -1.0
+                out[i, 3] = _wrap(math.atan2(values[_MTF_SIN], values[_MTF_COS]) + spin * values[_TURN])
+            else:
+                out[i, 3] = _wrap(azimuth + math.atan2(-d_y / across, -d_z / across * d_x))
+            out[i, 4] = _sigma_azimuth(model, azimuth, inclination, values[_TOTAL], values[_DIP], sigma_tilt[i])
+            out[i, 5], out[i, 6] = values[_TOTAL], values[_DIP]
+            if abs(values[_TOTAL] - model[7]) > model[9] or abs(values[_DIP] - model[8]) > model[10]:
+                bits |= _DISTURBED
+        else:
+            out[i, 1] = out[i, 3] = out[i, 5] = out[i, 6] = math.nan
+            out[i, 4] = math.pi
+            bits |= _NO_MAG
+        status[i] = bits
+    return used
