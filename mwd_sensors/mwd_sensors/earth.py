@@ -1,0 +1,259 @@
+"""
+The Earth under the rig: reference magnetic field, gravity, rotation and grid convergence.
+
+The field comes from the World Magnetic Model (package pygeomag) or from the IGRF (package ppigrf); the two differ by
+tens of nT, which is the honest size of what a global model does not know about one place.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import functools
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# WGS 84 (NIMA TR8350.2): rotation, rad/s; equatorial radius, m; flattening; GM, m^3/s^2; normal gravity, m/s^2.
+EARTH_RATE = 7.292115e-5
+_RADIUS = 6378137.0
+_FLATTENING = 1.0 / 298.257223563
+_GM = 3.986004418e14
+_GRAVITY_EQUATOR = 9.7803253359
+_GRAVITY_POLE = 9.8321849378
+_ECCENTRICITY_2 = _FLATTENING * (2.0 - _FLATTENING)
+_POLAR_RADIUS = _RADIUS * (1.0 - _FLATTENING)
+_NEWTON = 6.6743e-11
+STANDARD_GRAVITY = 9.80665
+
+MODELS = ("wmm2025", "igrf")
+_YEARS = {"wmm2025": (2025.0, 2030.0), "igrf": (1900.0, 2030.0)}
+
+
+@dataclasses.dataclass(frozen=True)
+class ReferenceField:
+    """
+    What the tool should feel at one place and date.
+
+    Attributes
+    ----------
+    total : float
+        Strength of the magnetic field, T.
+    dip : float
+        Of the field below the horizontal, rad.
+    declination : float
+        Magnetic north from true north, rad, east positive.
+    convergence : float
+        Grid north from true north, rad, east positive: grid azimuth = true azimuth - convergence.
+    gravity : float
+        m/s^2.
+    source : str
+        Model with its year, "measured" or "configured".
+    """
+
+    total: float
+    dip: float
+    declination: float
+    convergence: float
+    gravity: float
+    source: str
+
+    @property
+    def horizontal(self) -> float:
+        """Horizontal strength, T."""
+        return self.total * math.cos(self.dip)
+
+    @property
+    def vertical(self) -> float:
+        """Downward component, T."""
+        return self.total * math.sin(self.dip)
+
+    @property
+    def field_n(self) -> Array:
+        """Field in true north, east, down, T, shape (3,)."""
+        return np.array(
+            [
+                self.horizontal * math.cos(self.declination),
+                self.horizontal * math.sin(self.declination),
+                self.vertical,
+            ]
+        )
+
+
+def field_of(b_n: Array, convergence: float, gravity_mps2: float, source: str) -> ReferenceField:
+    """Reference of a field given in true north, east, down, T, shape (3,); convergence rad, gravity m/s^2."""
+    horizontal = math.hypot(b_n[0], b_n[1])
+    return ReferenceField(
+        total=math.hypot(horizontal, b_n[2]),
+        dip=math.atan2(b_n[2], horizontal),
+        declination=math.atan2(b_n[1], b_n[0]),
+        convergence=convergence,
+        gravity=gravity_mps2,
+        source=source,
+    )
+
+
+def reference_field(
+    lat: float, lon: float, height: float, date: datetime.date, model: str = "wmm2025"
+) -> ReferenceField:
+    """
+    Magnetic field, grid convergence (UTM) and gravity at one place and date.
+
+    Parameters
+    ----------
+    lat, lon : float
+        WGS 84, rad, north and east positive.
+    height : float
+        Above the ellipsoid, m; below ground negative.
+    date : datetime.date
+        Within the years of the model.
+    model : str
+        "wmm2025" (2025.0 to 2030.0) or "igrf" (IGRF-14, 1900 to 2030).
+
+    Raises
+    ------
+    ValueError
+        An unknown model, a place off the Earth, a date outside the model: an expired model is refused, not stretched.
+    """
+    return field_of(magnetic_field(lat, lon, height, date, model), *_local(lat, lon, height), _SOURCES[model])
+
+
+def magnetic_field(lat: float, lon: float, height: float, date: datetime.date, model: str = "wmm2025") -> Array:
+    """
+    Field of a global model in true north, east, down, T, shape (3,). Arguments and errors as `reference_field`.
+
+    Source: WMM2025 technical report (NOAA/NCEI, BGS); IGRF-14 (IAGA).
+    """
+    return field_at_year(lat, lon, height, decimal_year(date), model)
+
+
+def field_at_year(lat: float, lon: float, height: float, year: float, model: str = "wmm2025") -> Array:
+    """As `magnetic_field`, with the date as a decimal year (the form in which the authorities print their tables)."""
+    if model not in MODELS:
+        raise ValueError(f"model {model!r} is not known; one of {', '.join(MODELS)}")
+    if not -math.pi / 2 <= lat <= math.pi / 2:
+        raise ValueError(f"lat {lat:g} rad is off the Earth; latitudes are in rad, -pi/2 to pi/2")
+    if not -math.tau <= lon <= math.tau:
+        raise ValueError(f"lon {lon:g} rad is off the Earth; longitudes are in rad, -2 pi to 2 pi")
+    if not -2.0e4 <= height <= 8.5e5:
+        raise ValueError(f"height {height:g} m is outside the field models, -20000 to 850000 m")
+    first, last = _YEARS[model]
+    if not first <= year <= last:
+        raise ValueError(f"date {year:.2f} is outside {model}, which is valid from {first:.1f} to {last:.1f}")
+    return _wmm(lat, lon, height, year) if model == "wmm2025" else _igrf(lat, lon, height, year)
+
+
+def decimal_year(date: datetime.date) -> float:
+    """Year with its fraction at the start of the day."""
+    start = datetime.date(date.year, 1, 1)
+    days = (datetime.date(date.year + 1, 1, 1) - start).days
+    return date.year + (datetime.date(date.year, date.month, date.day) - start).days / days
+
+
+def gravity(lat: float, height: float, depth: float = 0.0, density: float = 2670.0) -> float:
+    """
+    Magnitude of gravity, m/s^2.
+
+    Parameters
+    ----------
+    lat : float
+        Geodetic latitude, rad.
+    height : float
+        Of the ground (or of the point in free air) above the ellipsoid, m.
+    depth : float
+        Of the point below the ground, m: gravity grows with the free-air gradient less twice the pull of the
+        slab of rock above.
+    density : float
+        Of that rock, kg/m^3.
+
+    Source: Somigliana's formula and free-air series, NIMA TR8350.2, section 4.2; Poincare-Prey reduction for depth.
+    """
+    sin2 = math.sin(lat) ** 2
+    surface = _normal_gravity(sin2)
+    m = EARTH_RATE**2 * _RADIUS**2 * _POLAR_RADIUS / _GM
+    ratio = height / _RADIUS
+    free_air = surface * (1.0 - 2.0 * (1.0 + _FLATTENING + m - 2.0 * _FLATTENING * sin2) * ratio + 3.0 * ratio**2)
+    return free_air + depth * gravity_gradient(lat, density)
+
+
+def gravity_gradient(lat: float, density: float = 2670.0) -> float:
+    """Growth of gravity with depth below ground, 1/s^2; arguments as `gravity`."""
+    return 2.0 * _normal_gravity(math.sin(lat) ** 2) / _RADIUS - 4.0 * math.pi * _NEWTON * density
+
+
+def _normal_gravity(sin2: float) -> float:
+    """Somigliana's gravity on the ellipsoid, m/s^2; sin2: squared sine of the geodetic latitude."""
+    k = _POLAR_RADIUS * _GRAVITY_POLE / (_RADIUS * _GRAVITY_EQUATOR) - 1.0
+    return _GRAVITY_EQUATOR * (1.0 + k * sin2) / math.sqrt(1.0 - _ECCENTRICITY_2 * sin2)
+
+
+def earth_rate_n(lat: float) -> Array:
+    """Rotation of the Earth in north, east, down, rad/s, shape (3,); lat rad."""
+    return np.array([EARTH_RATE * math.cos(lat), 0.0, -EARTH_RATE * math.sin(lat)])
+
+
+def grid_convergence(lat: float, lon: float, crs: str | None = None) -> float:
+    """
+    Angle from true north to grid north, rad, east positive: grid azimuth = true azimuth - convergence.
+
+    Parameters
+    ----------
+    lat, lon : float
+        WGS 84, rad.
+    crs : str, optional
+        Any projected system that pyproj understands ("EPSG:32652"); by default the UTM zone of the place.
+
+    Raises
+    ------
+    ValueError
+        A system that pyproj does not know or that has no convergence there.
+    """
+    return _convergence(lat, lon, crs if crs is not None else utm_zone(lat, lon))
+
+
+def utm_zone(lat: float, lon: float) -> str:
+    """EPSG code of the regular six-degree UTM zone (without the exceptions of Norway and Svalbard); lat, lon rad."""
+    zone = math.floor((math.degrees(lon) + 180.0) / 6.0) % 60 + 1
+    return f"EPSG:{32600 + zone if lat >= 0.0 else 32700 + zone}"
+
+
+_SOURCES = {"wmm2025": "WMM2025 (pygeomag)", "igrf": "IGRF14 (ppigrf)"}
+
+
+def _local(lat: float, lon: float, height: float) -> tuple[float, float]:
+    return grid_convergence(lat, lon), gravity(lat, height)
+
+
+def _wmm(lat: float, lon: float, height: float, year: float) -> Array:
+    # Imported here: a process that brings its own reference field need not load the models.
+    from pygeomag import GeoMag
+
+    # The package takes tables from -1 km up; the field below is the series continued, which it does without asking.
+    result = GeoMag(coefficients_file="wmm/WMM_2025.COF").calculate(
+        math.degrees(lat), math.degrees(lon), height / 1e3, year
+    )
+    return np.array([result.x, result.y, result.z]) * 1e-9
+
+
+def _igrf(lat: float, lon: float, height: float, year: float) -> Array:
+    import ppigrf
+
+    whole = int(year)
+    start, end = datetime.datetime(whole, 1, 1), datetime.datetime(whole + 1, 1, 1)
+    date = start + (year - whole) * (end - start)
+    east, north, up = ppigrf.igrf(math.degrees(lon), math.degrees(lat), height / 1e3, date)
+    return np.array([np.ravel(north)[0], np.ravel(east)[0], -np.ravel(up)[0]]) * 1e-9
+
+
+@functools.lru_cache(maxsize=64)
+def _convergence(lat: float, lon: float, crs: str) -> float:
+    import pyproj
+
+    try:
+        factors = pyproj.Proj(crs).get_factors(math.degrees(lon), math.degrees(lat))
+    except pyproj.exceptions.ProjError as error:
+        raise ValueError(f"crs {crs!r} gives no grid convergence at this place: {error}") from error
+    return math.radians(factors.meridian_convergence)
