@@ -22,7 +22,7 @@ STANDARD_GRAVITY = 9.80665
 NORTHS = ("magnetic", "true", "grid")
 
 # Standard-resolution model, one station, all its parts added in squares: OWSG A001Mc rev 5.1, terms MFI, MDI, DEC, DBH.
-SIGMA_TOTAL = 145e-9
+SIGMA_TOTAL = 143e-9
 SIGMA_DIP = math.radians(0.218)
 SIGMA_DECLINATION = math.radians(0.373)
 # Declination error of a crust or storm field is that field's east part over the horizontal field, rad T.
