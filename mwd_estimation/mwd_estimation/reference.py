@@ -26,7 +26,7 @@ SIGMA_TOTAL = 143e-9
 SIGMA_DIP = math.radians(0.218)
 SIGMA_DECLINATION = math.radians(0.373)
 # Declination error of a crust or storm field is that field's east part over the horizontal field, rad T.
-SIGMA_DECLINATION_FIELD = math.radians(5826e-9)
+SIGMA_DECLINATION_FIELD = math.radians(5831e-9)
 SIGMA_GRAVITY = 3e-4
 
 
