@@ -91,6 +91,7 @@ class BagWriter:
         self._schemas: dict[str, Schema] = {}
         self._open = True
         self._finished_bytes = 0
+        self._next = 0
         self.file = self._new_file()
 
     @property
@@ -222,13 +223,32 @@ class BagWriter:
         return self.file.path
 
     def begin_file(self) -> None:
-        """Open the next file and declare every topic in it."""
-        self.file = self._new_file()
+        """Open the next file and declare every topic in it; a failure leaves no file and may be repeated."""
+        file = self._new_file()
+        try:
+            for schema in self._schemas.values():
+                file.add_schema(schema)
+            for track in self._tracks.values():
+                file.add_channel(track.channel)
+        except OSError:
+            file.close()
+            file.path.unlink()
+            self._next -= 1
+            raise
+        self.file = file
         self._open = True
-        for schema in self._schemas.values():
-            self.file.add_schema(schema)
-        for track in self._tracks.values():
-            self.file.add_channel(track.channel)
+
+    def give_up_file(self) -> int:
+        """
+        Leave the file at hand as it is, without an end, for recovery; the next call must be `begin_file` or `close`.
+
+        Returns the messages that never reached the file.
+        """
+        lost = self.file.discard_pending()
+        self.file.close()
+        self._open = False
+        self._finished_bytes += self.file.size
+        return lost
 
     def close(self, sync: bool = False) -> Path:
         """Finish the bag; returns its folder."""
@@ -275,8 +295,9 @@ class BagWriter:
             raise ValueError(f"log_ns: {log_ns} lies before 1970; stamps are ns since the epoch")
 
     def _new_file(self) -> McapWriter:
-        name = f"{self.path.name}_{len(self.files)}.mcap"
-        return McapWriter(self._folder / name, **self._options)  # type: ignore[arg-type]
+        file = McapWriter(self._folder / f"{self.path.name}_{self._next}.mcap", **self._options)  # type: ignore[arg-type]
+        self._next += 1
+        return file
 
     def _file_entry(self) -> File:
         return File(self.file.path.name, self.file.start_ns, self.file.end_ns, self.file.messages)

@@ -68,6 +68,10 @@ class Contents:
     ----------
     complete : bool
         The file has its footer and a sound summary, or its data section at least ends as it should.
+    scanned : bool
+        Found by reading the file through, not from its summary.
+    checksums : bool
+        Every chunk carries one.
     notes : list of str
         What was found wrong or unusual, one sentence each.
     """
@@ -79,6 +83,7 @@ class Contents:
     attachments: list[tuple[int, int]] = dataclasses.field(default_factory=list)
     metadata: list[tuple[int, int]] = dataclasses.field(default_factory=list)
     complete: bool = True
+    scanned: bool = False
     checksums: bool = True
     notes: list[str] = dataclasses.field(default_factory=list)
 
@@ -210,6 +215,25 @@ class McapFile:
         if found is None:
             return self._scanned("")
         return found
+
+    def sound(self) -> bool:
+        """Whether the file has its end and a summary that agrees with its checksum; chunks are not read."""
+        try:
+            return self._summary() is not None
+        except FormatError:
+            return False
+
+    def data_checksum_matches(self, data_end: int) -> bool:
+        """Whether the DataEnd record at that place agrees with every byte before it; true where it carries no CRC."""
+        try:
+            expected = int.from_bytes(self.body(data_end, mcap_format.DATA_END)[:4], "little")
+            crc, at = 0, 0
+            while expected and at < data_end:
+                data = self.read(at, min(_WINDOW, data_end - at))
+                crc, at = zlib.crc32(data, crc), at + len(data)
+        except FormatError:
+            return False
+        return crc == expected
 
     def scan(self) -> Iterator[Piece]:
         """Every piece of the data section from the beginning of the file, damage included; never raises for damage."""
@@ -355,7 +379,7 @@ class McapFile:
         return found
 
     def _scanned(self, reason: str) -> Contents:
-        found, ended = Contents(), False
+        found, ended = Contents(scanned=True), False
         if reason:
             found.notes.append(f"{self.path.name}: {reason}; read from its beginning instead")
         else:

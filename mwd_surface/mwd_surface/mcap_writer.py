@@ -3,7 +3,8 @@ One MCAP file as it grows: chunks of messages with CRC and index, attachments, a
 
 A chunk is the unit that survives a crash: everything before the last complete chunk can be read without the summary.
 Schemas and channels are therefore written twice: in the clear, where a reader finds them without decompressing, and in
-the next chunk, where its CRC guards them.
+the next chunk, where its CRC guards them; and all of them again in every `REPEAT`-th chunk, so that damage in one place
+cannot take the names of all that follows.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from mwd_surface import __version__, mcap_format
 from mwd_surface.mcap_format import Attachment, Channel, ChunkHead, ChunkIndex, Schema, Statistics
 
 LIBRARY = f"mwd_surface {__version__}"
+REPEAT = 16
 _U32 = 0xFFFFFFFF
 
 
@@ -238,6 +240,9 @@ class McapWriter:
         ]
 
     def _declare(self) -> None:
+        if not self._pending and self._chunks and len(self._chunks) % REPEAT == 0:
+            self._declarations = b"".join(map(mcap_format.schema_record, self._schemas.values()))
+            self._declarations += b"".join(map(mcap_format.channel_record, self.channels.values()))
         if self._declarations:
             self._parts.append(self._declarations)
             self._pending += len(self._declarations)

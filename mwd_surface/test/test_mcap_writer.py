@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mwd_surface.mcap_format import Attachment, Channel, Schema
-from mwd_surface.mcap_index import McapFile
+from mwd_surface.mcap_index import Chunk, McapFile, declarations
 from mwd_surface.mcap_writer import McapWriter
+
+from mwd_surface import mcap_format
 
 START = 1_700_000_000_000_000_000
 
@@ -63,6 +65,41 @@ def test_sequence_numbers_count_the_messages_of_a_channel(tmp_path):
     writer.finish()
     with (tmp_path / "a.mcap").open("rb") as file:
         assert [m.sequence for _, _, m in make_reader(file).iter_messages()] == [1, 2, 3, 4, 5]
+
+
+def test_every_message_index_points_at_its_message(tmp_path):
+    writer = opened(tmp_path / "a.mcap", chunk_bytes=700)
+    for k in range(30):
+        writer.write(1, bytes([k]), START + k, START + k)
+        writer.write_rows(1, np.full((2, 3), k, np.uint8), START + np.array([k, k]), START + np.array([k, k]))
+    writer.finish()
+    data = (tmp_path / "a.mcap").read_bytes()
+    with (tmp_path / "a.mcap").open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    seen = 0
+    for chunk in chunks:
+        body = data[chunk.chunk_start_offset + 9 : chunk.chunk_start_offset + chunk.chunk_length]
+        head = mcap_format.parse_chunk_head(body, len(body))
+        plain = mcap_format.Decompressor()(head, body[head.data_at :])
+        at = chunk.message_index_offsets[1]
+        assert data[at] == mcap_format.MESSAGE_INDEX
+        entries = np.frombuffer(data[at + 15 : at + 9 + int.from_bytes(data[at + 1 : at + 9], "little")], "<u8")
+        for log_ns, offset in entries.reshape(-1, 2).tolist():
+            assert plain[offset] == mcap_format.MESSAGE
+            assert int.from_bytes(plain[offset + 15 : offset + 23], "little") == log_ns
+            seen += 1
+    assert seen == 90
+
+
+def test_declarations_come_again_in_every_sixteenth_chunk(tmp_path):
+    writer = opened(tmp_path / "a.mcap", chunk_bytes=1)
+    for k in range(40):
+        writer.write(1, b"x", START + k, START + k)
+    writer.finish()
+    file = McapFile(tmp_path / "a.mcap")
+    chunks = [piece for piece in file.scan() if isinstance(piece, Chunk)]
+    file.close()
+    assert [k for k, piece in enumerate(chunks) if declarations(piece)[1]] == [0, 16, 32]
 
 
 def test_stamps_of_attachments_and_order_of_time_are_kept(tmp_path):
