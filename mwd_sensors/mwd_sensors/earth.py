@@ -173,21 +173,27 @@ def gravity(lat: float, height: float, depth: float = 0.0, density: float = 2670
     """
     sin2 = math.sin(lat) ** 2
     surface = _normal_gravity(sin2)
-    m = EARTH_RATE**2 * _RADIUS**2 * _POLAR_RADIUS / _GM
     ratio = height / _RADIUS
-    free_air = surface * (1.0 - 2.0 * (1.0 + _FLATTENING + m - 2.0 * _FLATTENING * sin2) * ratio + 3.0 * ratio**2)
+    free_air = surface * (1.0 - 2.0 * _steepness(sin2) * ratio + 3.0 * ratio**2)
     return free_air + depth * gravity_gradient(lat, density)
 
 
 def gravity_gradient(lat: float, density: float = 2670.0) -> float:
     """Growth of gravity with depth below ground, 1/s^2; arguments as `gravity`."""
-    return 2.0 * _normal_gravity(math.sin(lat) ** 2) / _RADIUS - 4.0 * math.pi * _NEWTON * density
+    sin2 = math.sin(lat) ** 2
+    return 2.0 * _normal_gravity(sin2) * _steepness(sin2) / _RADIUS - 4.0 * math.pi * _NEWTON * density
 
 
 def _normal_gravity(sin2: float) -> float:
     """Somigliana's gravity on the ellipsoid, m/s^2; sin2: squared sine of the geodetic latitude."""
     k = _POLAR_RADIUS * _GRAVITY_POLE / (_RADIUS * _GRAVITY_EQUATOR) - 1.0
     return _GRAVITY_EQUATOR * (1.0 + k * sin2) / math.sqrt(1.0 - _ECCENTRICITY_2 * sin2)
+
+
+def _steepness(sin2: float) -> float:
+    """Factor on 2 gravity / radius in the free-air gradient; sin2 as in `_normal_gravity`."""
+    m = EARTH_RATE**2 * _RADIUS**2 * _POLAR_RADIUS / _GM
+    return 1.0 + _FLATTENING + m - 2.0 * _FLATTENING * sin2
 
 
 def earth_rate_n(lat: float) -> Array:

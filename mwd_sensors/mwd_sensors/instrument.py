@@ -23,7 +23,6 @@ from mwd_sensors.settings import SettingsError, from_mapping, setting, to_mappin
 Array = NDArray[np.float64]
 
 STANDARD_GRAVITY = 9.80665
-_SENSED_OVER_S = 1e-9
 
 
 @dataclasses.dataclass(frozen=True)
@@ -165,10 +164,9 @@ class Triad:
     step: float
 
 
-# Peak of the Allan deviation of a first-order Markov process, over its steady sigma; and of flicker noise, over its
-# coefficient B (IEEE Std 952, annex C): the Markov bias stands in for the flicker floor 0.664 B.
-_MARKOV_PEAK = 0.617
-_FLICKER_FLOOR = 0.664
+# Peak of the Allan deviation of a first-order Markov process, at 1.89 correlation times, over its steady sigma (IEEE
+# Std 952, C.1.6): the bias instability that a data sheet reads off the floor of its curve.
+_MARKOV_PEAK = 0.6174
 
 
 def gyro_triad(g: GyroGrade, rng: np.random.Generator) -> Triad:

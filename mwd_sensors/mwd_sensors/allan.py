@@ -1,0 +1,140 @@
+"""
+Allan deviation: what a sensor's noise is made of, from a recording at rest.
+
+Sources: IEEE Std 952-1997, annex C; overlapping estimator of Howe, Allan and Barnes (1981).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+# Flicker floor of the Allan deviation over the bias instability coefficient B, sqrt(2 ln 2 / pi) (IEEE Std 952, C.1.3).
+FLICKER_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
+
+
+@dataclasses.dataclass(frozen=True)
+class AllanCurve:
+    """
+    Allan deviation over averaging time.
+
+    Attributes
+    ----------
+    tau : ndarray, shape (k,)
+        Averaging time, s.
+    deviation : ndarray, shape (k, ...)
+        In the unit of the samples, one column for each axis.
+    sigma : ndarray, shape (k,)
+        Relative 1 sigma of the deviation, from the number of independent averages.
+    """
+
+    tau: Array
+    deviation: Array
+    sigma: Array
+
+
+@dataclasses.dataclass(frozen=True)
+class AllanFigures:
+    """
+    Noise figures of one axis, unit of the samples.
+
+    Attributes
+    ----------
+    white : float
+        Noise density, unit / sqrt(Hz): the deviation at 1 s on the slope of -1/2.
+    floor, floor_tau : float
+        Lowest deviation and its averaging time, s.
+    instability : float
+        Coefficient B, the floor over 0.664.
+    walk : float
+        Random walk of the bias, unit / sqrt(s): the slope of +1/2 at 3 s; 0 where the record is too short to show it.
+    """
+
+    white: float
+    floor: float
+    floor_tau: float
+    instability: float
+    walk: float
+
+
+def allan(samples: ArrayLike, rate: float, points_per_decade: int = 10) -> AllanCurve:
+    """
+    Overlapping Allan deviation.
+
+    Parameters
+    ----------
+    samples : array_like, shape (n,) or (n, axes)
+        Equally spaced, of a sensor at rest.
+    rate : float
+        Hz.
+    points_per_decade : int
+        Averaging times in a decade; the longest is a fifth of the record.
+
+    Raises
+    ------
+    ValueError
+        Fewer than 20 samples, a rate that is not positive, or samples that are not finite.
+    """
+    x = np.asarray(samples, dtype=float)
+    if len(x) < 20:
+        raise ValueError(f"samples: {len(x)} are too few for an Allan deviation; at least 20")
+    if not rate > 0.0:
+        raise ValueError(f"rate must be positive, got {rate!r} Hz")
+    if not np.isfinite(x).all():
+        raise ValueError("samples: not all are finite; cut the gaps out first")
+    columns = x.reshape(len(x), -1)
+    # The mean is taken off first, so that the running sum keeps its digits.
+    total = np.concatenate([np.zeros((1, columns.shape[1])), np.cumsum(columns - columns.mean(axis=0), axis=0)])
+    longest = len(x) // 5
+    count = max(2, math.ceil(math.log10(longest) * points_per_decade) + 1)
+    lengths = np.unique(np.round(np.logspace(0.0, math.log10(longest), count)).astype(int))
+    deviation = np.empty((len(lengths), columns.shape[1]))
+    for k, m in enumerate(lengths):
+        second = (total[2 * m :] - 2.0 * total[m:-m] + total[: -2 * m]) / m
+        deviation[k] = np.sqrt(0.5 * np.mean(second**2, axis=0))
+    # IEEE Std 952, C.1.10: relative error 1 / sqrt(2 (n / m - 1)).
+    sigma = 1.0 / np.sqrt(2.0 * (len(x) / lengths - 1.0))
+    return AllanCurve(lengths / rate, deviation.reshape(len(lengths), *x.shape[1:]), sigma)
+
+
+def figures(curve: AllanCurve, axis: int | None = None) -> AllanFigures:
+    """
+    Read the noise figures off a curve; axis: which column, None for a curve of one axis.
+
+    The white part is fitted where the slope is near -1/2, the walk where it is near +1/2 beyond the floor.
+    """
+    deviation = curve.deviation if axis is None else curve.deviation[:, axis]
+    log_tau, log_dev = np.log(curve.tau), np.log(np.maximum(deviation, 1e-300))
+    slope = np.gradient(log_dev, log_tau)
+    lowest = int(np.argmin(deviation))
+    white_part = (np.abs(slope + 0.5) < 0.1) & (np.arange(len(slope)) <= lowest)
+    white = _fitted(log_tau, log_dev, curve.sigma, white_part, -0.5, 0.0)
+    rising = (np.abs(slope - 0.5) < 0.15) & (np.arange(len(slope)) > lowest)
+    walk = _fitted(log_tau, log_dev, curve.sigma, rising, 0.5, math.log(3.0))
+    floor = float(deviation[lowest])
+    return AllanFigures(white, floor, float(curve.tau[lowest]), floor / FLICKER_FLOOR, walk)
+
+
+def markov_deviation(tau: ArrayLike, sigma: float, correlation: float) -> Array:
+    """
+    Allan deviation of a first-order Markov bias, shape as tau, s.
+
+    sigma: its steady 1 sigma; correlation: its time constant, s. Source: IEEE Std 952, C.1.6.
+    """
+    x = np.asarray(tau, dtype=float) / correlation
+    # The bracket loses its digits to cancellation where x is small: there it is the walk it looks like.
+    bracket = 1.0 - (3.0 - 4.0 * np.exp(-x) + np.exp(-2.0 * x)) / (2.0 * np.maximum(x, 1e-12))
+    return np.asarray(sigma * np.sqrt(np.where(x < 1e-3, 2.0 * x / 3.0, 2.0 * bracket / np.maximum(x, 1e-12))))
+
+
+def _fitted(log_tau: Array, log_dev: Array, sigma: Array, part: NDArray[np.bool_], slope: float, at: float) -> float:
+    if not part.any():
+        return 0.0
+    weight = sigma[part] ** -2
+    level = np.average(log_dev[part] - slope * (log_tau[part] - at), weights=weight)
+    return float(math.exp(level))
