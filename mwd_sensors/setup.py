@@ -14,6 +14,9 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/launch", glob("launch/*.launch.py")),
         (f"share/{NAME}/config", glob("config/*.yaml")),
+        # A link to bags/scenarios, so that an installed graph has them too.
+        (f"share/{NAME}/scenarios", glob("scenarios/*.yaml")),
+        (f"share/{NAME}/scenarios/bench", glob("scenarios/bench/*.yaml")),
     ],
     install_requires=["numpy", "PyYAML"],
     zip_safe=False,

@@ -17,8 +17,10 @@ def _stream(n, seed=0):
 
 
 def _same(a, b):
-    return a.index == b.index and a.count == b.count and all(
-        np.array_equal(getattr(a, k), getattr(b, k)) for k in ("mean", "scatter", "low", "high")
+    return (
+        a.index == b.index
+        and a.count == b.count
+        and all(np.array_equal(getattr(a, k), getattr(b, k)) for k in ("mean", "scatter", "low", "high"))
     )
 
 

@@ -40,6 +40,23 @@ class Finding:
     values: tuple[tuple[str, str], ...] = ()
 
 
+class Later:
+    """A service response that is not known yet; the caller waits, the executor does not."""
+
+    def __init__(self) -> None:
+        self._send: Callable[[Any], None] | None = None
+
+    def bind(self, send: Callable[[Any], None]) -> None:
+        """Whom to answer; called once, when the service callback has returned."""
+        self._send = send
+
+    def answer(self, response: Any) -> None:
+        """Answer, once."""
+        send, self._send = self._send, None
+        if send is not None:
+            send(response)
+
+
 class GraphNode(LifecycleNode, Generic[T]):
     """
     Base of the graph's nodes.
@@ -51,9 +68,10 @@ class GraphNode(LifecycleNode, Generic[T]):
     def __init__(self, name: str, default: T, **node_options: Any) -> None:
         super().__init__(name, **node_options)
         self.declare_parameter("autostart", True)
-        self._parameters = SettingsParameters(self, default, self.settings_changed)
+        self._checked_settings = SettingsParameters(self, default, self.settings_changed)
         self._made: list[Callable[[], Any]] = []
         self.active = False
+        self.stop_requested: Future = Future()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._report_timer = self.create_timer(1.0, self._report, clock=steady)
@@ -63,7 +81,7 @@ class GraphNode(LifecycleNode, Generic[T]):
     @property
     def settings(self) -> T:
         """Settings in force."""
-        return self._parameters.value
+        return self._checked_settings.value
 
     # For subclasses.
 
@@ -100,7 +118,11 @@ class GraphNode(LifecycleNode, Generic[T]):
         self._made.append(lambda: self.destroy_subscription(subscription))
 
     def serve(self, kind: Any, name: str, act: Callable[[Any, Any], Any]) -> None:
-        """Offer a service with `success` and `message`; an inactive node answers with the reason."""
+        """
+        Offer a service with `success` and `message`; an inactive node answers with the reason.
+
+        `act` returns the response, or a `Later` to whom the response is given when it is known.
+        """
 
         def answer(request: Any, response: Any) -> Any:
             if not self.active:
@@ -109,6 +131,16 @@ class GraphNode(LifecycleNode, Generic[T]):
             return act(request, response)
 
         service = self.create_service(kind, name, answer)
+        # The executor hands to `send_response` whatever the callback returned, together with whom to answer.
+        at_once = service.send_response
+
+        def send_response(response: Any, header: Any) -> None:
+            if isinstance(response, Later):
+                response.bind(lambda known: at_once(known, header))
+            else:
+                at_once(response, header)
+
+        service.send_response = send_response
         self._made.append(lambda: self.destroy_service(service))
 
     def every(self, period: float, act: Callable[[], None]) -> None:
@@ -117,6 +149,10 @@ class GraphNode(LifecycleNode, Generic[T]):
             period, lambda: act() if self.active else None, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
         self._made.append(lambda: self.destroy_timer(timer))
+
+    def request_stop(self) -> None:
+        """End the process in order, as a signal would."""
+        self.stop_requested.set_result(None)
 
     # Lifecycle.
 
@@ -215,17 +251,17 @@ def run_node(make: Callable[[], GraphNode[Any]], args: Sequence[str] | None = No
 
 
 def _spin(make: Callable[[], GraphNode[Any]]) -> int:
-    stopped: Future = Future()
-
-    def stop(_number: int, _frame: Any) -> None:
-        if not stopped.done():
-            stopped.set_result(None)
-
     try:
         node = make()
     except SettingsError as error:
         sys.stderr.write(f"{error}\n")
         return 2
+    stopped = node.stop_requested
+
+    def stop(_number: int, _frame: Any) -> None:
+        if not stopped.done():
+            stopped.set_result(None)
+
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, stop)
     executor = EventsExecutor()

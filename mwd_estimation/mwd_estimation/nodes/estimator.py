@@ -1,0 +1,301 @@
+"""The estimator as a node: unpacks messages, calls the pipeline, publishes what it found."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import TransformStamped
+from mwd_msgs.msg import Attitude, Gravity, Interference
+from mwd_msgs.msg import Survey as SurveyMessage
+from mwd_msgs.srv import SetReferenceField, TakeSurvey
+from mwd_sensors import frames, wire
+from mwd_sensors.nodes import profiles
+from mwd_sensors.nodes.graph_node import ERROR, OK, WARN, Finding, GraphNode, Later, run_node
+from sensor_msgs.msg import Imu, MagneticField, Temperature
+from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
+
+from mwd_estimation.nodes.messages import stamp, survey_message
+from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
+from mwd_estimation.reference import Reference
+from mwd_estimation.status import Status, words
+
+_SILENT_AFTER = 2.0  # s without a message before a topic counts as silent
+_TF_PERIOD_NS = 50_000_000
+_WARM_UP = 64  # samples that compile every kernel before the first message
+
+
+class EstimatorNode(GraphNode[EstimatorSettings]):
+    """Listens to the sonde's topics, never to the truth; publishes attitude, gravity, surveys, interference."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("estimator", EstimatorSettings(), **node_options)
+        self._waiting: Later | None = None
+
+    def open(self) -> None:
+        """Compile the kernels and open the topics."""
+        warm_up(self.settings)
+        self._begin()
+        self._attitude = self.publish_on(Attitude, "attitude", profiles.STREAM)
+        self._gravity = self.publish_on(Gravity, "gravity", profiles.STREAM)
+        self._imu = self.publish_on(Imu, "imu/data", profiles.STREAM)
+        self._interference = self.publish_on(Interference, "interference", profiles.STATE)
+        self._survey = self.publish_on(SurveyMessage, "survey", profiles.EVENT)
+        self._tf = self.publish_on(TFMessage, "/tf", profiles.STATE)
+        self.listen(MagneticField, "imu/mag", self._on_mag, profiles.STREAM, raw=True)
+        self.listen(Imu, "gyro/data_raw", self._on_precision, profiles.STREAM, raw=True)
+        self.listen(Temperature, "imu/temperature", self._on_temperature, profiles.STREAM, raw=True)
+        self.listen(Imu, "imu/data_raw", self._on_imu, profiles.STREAM, raw=True)
+        self.serve(TakeSurvey, "take_survey", self._take_survey)
+        self.serve(SetReferenceField, "set_reference_field", self._set_reference_field)
+        self.serve(Trigger, "reset_estimator", self._reset_estimator)
+
+    def _begin(self) -> None:
+        self._pipeline = Pipeline(self.settings)
+        self._heard: dict[str, float] = {}
+        self._frames: dict[str, str] = {}
+        self._unreadable = 0
+        self._last_tf_ns = 0
+        self._last_status = 0
+
+    def settings_changed(self, settings: EstimatorSettings) -> None:
+        """Start the estimate anew with the new settings, survey numbering kept."""
+        sequence = self._pipeline.sequence
+        self._pipeline = Pipeline(settings)
+        self._pipeline.sequence = sequence
+
+    # Messages in.
+
+    def _decode(self, topic: str, layout: wire.Layout, message: bytes) -> wire.Samples | None:
+        self._heard[topic] = time.monotonic()
+        try:
+            samples = layout.decode(message)
+            if topic not in self._frames:
+                self._frames[topic] = wire.frame_id(message)
+        except wire.WireError as error:
+            self._unreadable += 1
+            self.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=10.0)
+            return None
+        return samples
+
+    def _on_mag(self, message: bytes) -> None:
+        samples = self._decode("imu/mag", wire.MAG, message)
+        if samples is not None and not self._frames_differ():
+            self._pipeline.push_mag(samples)
+
+    def _on_precision(self, message: bytes) -> None:
+        samples = self._decode("gyro/data_raw", wire.IMU, message)
+        if samples is not None:
+            self._pipeline.push_precision(samples)
+
+    def _on_temperature(self, message: bytes) -> None:
+        samples = self._decode("imu/temperature", wire.TEMPERATURE, message)
+        if samples is not None:
+            self._pipeline.push_temperature(samples)
+
+    def _on_imu(self, message: bytes) -> None:
+        samples = self._decode("imu/data_raw", wire.IMU, message)
+        if samples is not None:
+            self._publish(samples, self._pipeline.push_imu(samples))
+
+    def _frames_differ(self) -> bool:
+        imu = self._frames.get("imu/data_raw")
+        return imu is not None and imu != self._frames.get("imu/mag", imu)
+
+    # Messages out.
+
+    def _publish(self, samples: wire.Samples, output: Output) -> None:
+        frame = self._frames["imu/data_raw"]
+        for row in wire.GRAVITY.encode(output.gravity, frame):
+            self._gravity.publish(row.tobytes())
+        for row in wire.ATTITUDE.encode(output.attitude, frame):
+            self._attitude.publish(row.tobytes())
+        for row in wire.INTERFERENCE.encode(output.interference, frame):
+            self._interference.publish(row.tobytes())
+        oriented = oriented_imu(samples, output.attitude)
+        for row in wire.IMU.encode(oriented, frame):
+            self._imu.publish(row.tobytes())
+        if len(oriented):
+            self._last_status = int(output.attitude["status"][-1])
+            self._publish_tf(oriented[-1], frame)
+        for survey in output.surveys:
+            self._survey.publish(survey_message(survey, frame, self._last_status))
+            verdict = f"survey {survey.sequence}: {survey.station.verdict}"
+            self.get_logger().info(f"{verdict}; {'; '.join(survey.station.reasons)}")
+            if survey.requested:
+                self._answer(True, verdict, survey.sequence)
+        for refusal in output.refusals:
+            self._answer(False, f"no survey taken: {refusal.reason}", 0)
+
+    def _publish_tf(self, sample: Any, frame: str) -> None:
+        if sample["stamp_ns"] - self._last_tf_ns < _TF_PERIOD_NS and sample["stamp_ns"] >= self._last_tf_ns:
+            return
+        self._last_tf_ns = int(sample["stamp_ns"])
+        prefix = self.get_namespace().strip("/")
+        transform = TransformStamped()
+        transform.header.stamp = stamp(self._last_tf_ns)
+        transform.header.frame_id = f"{prefix}/local_enu" if prefix else "local_enu"
+        transform.child_frame_id = f"{prefix}/{frame}" if prefix else frame
+        x, y, z, w = (float(v) for v in sample["orientation"])
+        rotation = transform.transform.rotation
+        rotation.x, rotation.y, rotation.z, rotation.w = x, y, z, w
+        self._tf.publish(TFMessage(transforms=[transform]))
+
+    # Services.
+
+    def _take_survey(self, request: TakeSurvey.Request, response: TakeSurvey.Response) -> TakeSurvey.Response | Later:
+        if self._waiting is not None:
+            response.success, response.message = False, "a survey is already being taken"
+            return response
+        if not np.isfinite(request.duration) or request.duration < 0.0:
+            response.success, response.message = False, f"duration: must be 0 or more seconds, got {request.duration}"
+            return response
+        if self._silent("imu/data_raw"):
+            response.success, response.message = False, "no survey taken: no samples arrive from the sonde"
+            return response
+        self._waiting = Later()
+        self._pipeline.request_survey(request.duration)
+        return self._waiting
+
+    def _answer(self, success: bool, message: str, sequence: int) -> None:
+        waiting, self._waiting = self._waiting, None
+        if waiting is not None:
+            waiting.answer(TakeSurvey.Response(success=success, message=message, sequence=sequence))
+
+    def _set_reference_field(
+        self, request: SetReferenceField.Request, response: SetReferenceField.Response
+    ) -> SetReferenceField.Response:
+        if not request.source.strip():
+            response.success, response.message = False, "source: say where the field comes from"
+            return response
+        try:
+            reference = Reference(
+                total=request.total,
+                dip=request.dip,
+                declination=request.declination,
+                convergence=request.convergence,
+                gravity=request.gravity if request.gravity > 0.0 else None,
+                source=request.source,
+            )
+        except ValueError as error:
+            response.success, response.message = False, str(error)
+            return response
+        self._pipeline.set_reference(reference)
+        response.success, response.message = True, f"reference field from {request.source}"
+        self.get_logger().info(response.message)
+        return response
+
+    def _reset_estimator(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._pipeline.reset()
+        self._answer(False, "no survey taken: the estimator was reset", 0)
+        response.success, response.message = True, "the estimate starts anew"
+        return response
+
+    # Health.
+
+    def halt(self) -> None:
+        """A survey that somebody waits for will not come."""
+        self._answer(False, "no survey taken: the estimator stops", 0)
+
+    def _silent(self, topic: str) -> bool:
+        return time.monotonic() - self._heard.get(topic, -_SILENT_AFTER) >= _SILENT_AFTER
+
+    def findings(self) -> Sequence[Finding]:
+        """Inputs, frames, rejected samples and the state of the estimate."""
+        if self._waiting is not None and self._silent("imu/data_raw"):
+            self._answer(False, "no survey taken: the samples stopped", 0)
+        counters = self._pipeline.counters
+        found = [self._input("imu/data_raw", counters.imu, ERROR), self._input("imu/mag", counters.mag, WARN)]
+        if "gyro/data_raw" in self._heard:
+            found.append(self._input("gyro/data_raw", counters.precision, WARN))
+        if self._frames_differ():
+            found.append(
+                Finding(
+                    "frames",
+                    ERROR,
+                    f"imu/data_raw is in {self._frames['imu/data_raw']!r}, imu/mag in {self._frames['imu/mag']!r}: "
+                    "the magnetometer is not used",
+                    "publish both in one frame",
+                )
+            )
+        dropped = counters.rejected + counters.late_mag + self._unreadable
+        found.append(
+            Finding(
+                "samples",
+                OK if not dropped else WARN,
+                "all used" if not dropped else f"{dropped} not used",
+                "" if not dropped else "look for gaps, repeated stamps and values that are not finite",
+                (
+                    ("rejected", str(counters.rejected)),
+                    ("late magnetic", str(counters.late_mag)),
+                    ("unreadable", str(self._unreadable)),
+                ),
+            )
+        )
+        reference = self._pipeline.reference
+        known = reference is not None and reference.has_field
+        found.append(
+            Finding(
+                "reference field",
+                OK if known else WARN,
+                reference.source if reference is not None else "none: azimuth is magnetic and uncorrected",
+                "" if known else "set reference.source, or call set_reference_field",
+            )
+        )
+        found.append(Finding("attitude", OK, words(self._last_status & ~int(Status.NO_REFERENCE)) or "moving"))
+        return found
+
+    def _input(self, topic: str, count: int, level: bytes) -> Finding:
+        name = self.resolve_topic_name(topic)
+        values = (("messages", str(count)), ("frame", self._frames.get(topic, "")))
+        if not self._silent(topic):
+            return Finding(topic, OK, "arriving", values=values)
+        if topic in self._heard:
+            age = time.monotonic() - self._heard[topic]
+            return Finding(topic, level, f"silent for {age:.0f} s", "is the sonde alive and connected?", values)
+        publishers = self.get_publishers_info_by_topic(name)
+        if not publishers:
+            return Finding(topic, level, f"nobody publishes {name}", "start the sonde, or remap the topic", values)
+        policy = publishers[0].qos_profile.reliability.name
+        return Finding(topic, level, f"{name} has a publisher ({policy}) but nothing arrives", "check its QoS", values)
+
+
+def oriented_imu(samples: wire.Samples, attitude: wire.Samples) -> wire.Samples:
+    """
+    The IMU samples with their orientation filled in, tool to east-north-up (REP-103, REP-145).
+
+    Without attitude the first covariance element is -1 (not reported); without azimuth the heading is zero with the
+    variance of a full circle.
+    """
+    oriented = samples.copy()
+    known = attitude["sigma_inclination"] >= 0.0
+    azimuth_known = attitude["sigma_azimuth"] >= 0.0
+    mat = frames.mat_nt(attitude["inclination"], attitude["azimuth"], attitude["gravity_toolface"])
+    oriented["orientation"] = np.where(known[:, None], frames.orientation_et(mat), [0.0, 0.0, 0.0, 1.0])
+    tilt = attitude["sigma_inclination"] ** 2
+    heading = np.where(azimuth_known, attitude["sigma_azimuth"], np.pi) ** 2
+    covariance = np.zeros((len(samples), 9))
+    covariance[:, 0] = np.where(known, tilt, -1.0)
+    covariance[:, 4] = np.where(known, tilt, 0.0)
+    covariance[:, 8] = np.where(known, heading, 0.0)
+    oriented["orientation_covariance"] = covariance
+    return oriented
+
+
+def warm_up(settings: EstimatorSettings) -> None:
+    """Compile every kernel on made-up samples, so that the first real one is not late."""
+    imu, mag = wire.IMU.empty(_WARM_UP), wire.MAG.empty(_WARM_UP)
+    imu["stamp_ns"] = mag["stamp_ns"] = 10**18 + np.arange(_WARM_UP) * 10**7
+    imu["linear_acceleration"] = (-7.0, 0.0, 7.0)
+    mag["magnetic_field"] = (2e-5, 1e-5, 4e-5)
+    pipeline = Pipeline(settings, Reference(total=5e-5, dip=1.0, source="warm-up"))
+    pipeline.push_mag(mag)
+    pipeline.push_imu(imu)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the estimator node."""
+    return run_node(EstimatorNode, args)

@@ -1,0 +1,173 @@
+"""The simulated sonde as a node: publishes what a scenario lets the sensors feel, at wall time or faster."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from mwd_msgs.msg import RigState, Truth
+from mwd_msgs.srv import InjectFault
+from sensor_msgs.msg import Imu, MagneticField, Temperature
+
+from mwd_sensors import scenario_files, wire
+from mwd_sensors.faults import Fault
+from mwd_sensors.nodes import profiles
+from mwd_sensors.nodes.graph_node import ERROR, OK, WARN, Finding, GraphNode, run_node
+from mwd_sensors.scenario import read
+from mwd_sensors.settings import from_mapping, setting
+from mwd_sensors.sonde import Sonde
+
+_BLOCK_S = 0.1  # of the run, simulated at a time
+_TICK_S = 0.005
+_TYPES = {
+    "imu/data_raw": Imu,
+    "imu/mag": MagneticField,
+    "gyro/data_raw": Imu,
+    "imu/temperature": Temperature,
+    "truth": Truth,
+    "rig/state": RigState,
+}
+# At equal stamps the AHRS comes last: what the estimator needs beside it is then already on its way.
+_ORDER = ("rig/state", "imu/temperature", "gyro/data_raw", "imu/mag", "truth", "imu/data_raw")
+
+
+@dataclasses.dataclass(frozen=True)
+class SondeSettings:
+    """Parameters of the sonde node."""
+
+    scenario: str = setting("default", "Scenario: a name from bags/scenarios or the path of a YAML file", fixed=True)
+    seed: int = setting(-1, "Of every random number; -1: as the scenario says", low=-1, high=2**31 - 1, fixed=True)
+    rate: float = setting(
+        1.0, "Seconds of the run per second of wall time; 0: as fast as possible", low=0.0, high=1000.0, fixed=True
+    )
+    wait_for_listener_s: float = setting(
+        0.0, "Wait up to so long for somebody to listen before starting", unit="s", low=0.0, high=600.0, fixed=True
+    )
+    exit_at_end: bool = setting(False, "End the process when the scenario is over", fixed=True)
+    fault_injection: bool = setting(False, "Allow the inject_fault service")
+
+
+class SondeNode(GraphNode[SondeSettings]):
+    """Publishes the topics of `wire.SONDE_TOPICS`; stamps start at the wall time of activation."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("sonde", SondeSettings(), **node_options)
+        self._sent = dict.fromkeys(_ORDER, 0)
+        self._sonde: Sonde | None = None
+        self._finished = False
+
+    def open(self) -> None:
+        """Read the scenario and open the topics."""
+        changes = {} if self.settings.seed < 0 else {"seed": self.settings.seed}
+        self._scenario = read(scenario_files.find(self.settings.scenario), changes)
+        self._out = {
+            topic: self.publish_on(
+                _TYPES[topic], topic, profiles.EVENT if topic == "rig/state" else profiles.STREAM
+            )
+            for topic in _ORDER
+        }
+        self.serve(InjectFault, "inject_fault", self._inject_fault)
+        self.every(_TICK_S, self._tick)
+
+    def start(self) -> None:
+        """Begin the scenario at its beginning."""
+        self._sonde = None
+        self._finished = False
+        self._waiting_since = time.monotonic()
+
+    def _begin(self) -> None:
+        self._sonde = Sonde(self._scenario, epoch_ns=self.get_clock().now().nanoseconds)
+        self._blocks: Iterator[dict[str, wire.Samples]] = self._sonde.blocks(_BLOCK_S)
+        self._made_until = 0.0
+        self._pending: list[tuple[float, int, str, bytes]] = []
+        self._started = time.monotonic()
+        self.get_logger().info(
+            f"scenario {self._scenario.name}: {self._sonde.duration:.0f} s, field {self._sonde.reference.source}"
+        )
+
+    def _tick(self) -> None:
+        if self._sonde is None:
+            listened = self._out["imu/data_raw"].get_subscription_count() > 0
+            if not listened and time.monotonic() - self._waiting_since < self.settings.wait_for_listener_s:
+                return
+            self._begin()
+        if self._finished:
+            return
+        rate = self.settings.rate
+        elapsed = time.monotonic() - self._started
+        until = elapsed * rate if rate > 0.0 else self._made_until + _BLOCK_S
+        while not self._finished and self._made_until <= until:
+            self._make_block()
+        count = 0
+        for due, _, topic, message in self._pending:
+            if due > until:
+                break
+            self._out[topic].publish(message)
+            self._sent[topic] += 1
+            count += 1
+        del self._pending[:count]
+        if self._finished and self._pending:
+            self._finished = False
+        elif self._finished:
+            self.get_logger().info("scenario is over")
+            if self.settings.exit_at_end:
+                self.request_stop()
+
+    def _make_block(self) -> None:
+        block = next(self._blocks, None)
+        if block is None or self._sonde is None:
+            self._finished = True
+            return
+        for order, topic in enumerate(_ORDER):
+            samples = block[topic]
+            if not len(samples):
+                continue
+            frame = wire.RIG_FRAME if topic == "rig/state" else wire.SONDE_FRAME
+            rows = wire.SONDE_TOPICS[topic].encode(samples, frame)
+            dues = (samples["stamp_ns"] - self._sonde.epoch_ns) * 1e-9
+            self._pending += [(float(due), order, topic, row.tobytes()) for due, row in zip(dues, rows, strict=True)]
+        self._pending.sort(key=lambda item: item[:2])
+        self._made_until += _BLOCK_S
+
+    def _inject_fault(self, request: InjectFault.Request, response: InjectFault.Response) -> InjectFault.Response:
+        if not self.settings.fault_injection:
+            response.success = False
+            response.message = "fault injection is off; set the parameter fault_injection to true"
+            return response
+        if self._sonde is None:
+            response.success, response.message = False, "the scenario has not started"
+            return response
+        asked = {"component": request.component, "fault": request.fault, "axis": request.axis or "all"}
+        if request.duration > 0.0:
+            asked["seconds"] = request.duration
+        try:
+            self._sonde.inject(from_mapping(Fault, asked))
+        except ValueError as error:
+            response.success, response.message = False, str(error)
+            return response
+        response.success = True
+        response.message = f"{request.component} {request.fault} from now on"
+        self.get_logger().warning(f"fault injected: {response.message}")
+        return response
+
+    def findings(self) -> Sequence[Finding]:
+        """Progress and what was sent."""
+        values = tuple((topic, str(count)) for topic, count in self._sent.items())
+        if self._sonde is None:
+            return (Finding("scenario", WARN, "waiting for a listener", "start the estimator", values),)
+        if self._finished:
+            return (Finding("scenario", OK, "over", values=values),)
+        behind = (time.monotonic() - self._started) * self.settings.rate - self._made_until
+        if self.settings.rate > 0.0 and behind > 1.0:
+            remedy = "lower the rate, or free the machine"
+            return (Finding("scenario", ERROR, f"{behind:.1f} s behind", remedy, values),)
+        message = f"{self._made_until:.0f} of {self._sonde.duration:.0f} s"
+        return (Finding("scenario", OK, message, values=values),)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the sonde node."""
+    return run_node(SondeNode, args)
+
