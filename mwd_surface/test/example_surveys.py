@@ -1,0 +1,92 @@
+"""A well of a dozen surveys with everything an export must print: two judgements, a rejection, corrections, a bit."""
+
+import dataclasses
+import math
+
+from mwd_surface.survey_list import SurveyList
+from mwd_surface.survey_record import AzimuthEstimate, North, Survey, Verdict
+from mwd_surface.survey_table import survey_table
+from mwd_surface.well import Well
+
+S = 10**9
+START = 1_778_767_020 * S + 123_456_789
+WELL = Well(
+    name="Åsgard Ω-1",
+    wellbore="Ω-1 ST0",
+    company="=Société & <Fils>",
+    field="Demo",
+    rig="Rig 7",
+    service_company="Open MWD",
+    latitude_deg=60.5,
+    longitude_deg=2.8,
+    datum_elevation=25.0,
+    north_reference="grid",
+    section_azimuth_deg=75.0,
+    sensor_to_bit=12.5,
+    geomagnetic_model="WMM2025 2026-05-14",
+    error_model="ISCWSA MWD Rev5.11",
+)
+SIGMA_I, SIGMA_A = math.radians(0.05), math.radians(0.4)
+MADE = START + 100_000 * S
+
+
+def survey(k, inc_deg, azi_deg, **changes):
+    magnetic = (azi_deg - 2.0) % 360.0
+    methods = (
+        AzimuthEstimate("raw", 1, math.radians(magnetic + 0.8), math.radians(1.0), 0.0, "axial interference"),
+        AzimuthEstimate("axial", 1, math.radians(magnetic), SIGMA_A, 1.0),
+        AzimuthEstimate("gyro", 1, 0.0, -1.0, 0.0, "rotating"),
+    )
+    values = {
+        "stamp_ns": START + k * 1800 * S,
+        "uuid": f"00000000-0000-4000-8000-{k:012d}",
+        "sequence": k,
+        "duration": 30.0,
+        "samples": 3000,
+        "inclination": math.radians(inc_deg),
+        "azimuth": math.radians(magnetic) % math.tau,
+        "north": int(North.MAGNETIC),
+        "specific_force": (-9.81 * math.cos(math.radians(inc_deg)), 0.25, 9.81 * math.sin(math.radians(inc_deg))),
+        "magnetic_field": (3.1e-5, -1.2e-5, 3.65e-5),
+        "magnetic_field_covariance": (1e-16, 0.0, 0.0, 0.0, 1e-16, 0.0, 0.0, 0.0, 1e-16),
+        "angular_rate": (1e-5, -2e-5, 7e-5),
+        "temperature": 63.5,
+        "gravity_toolface": 1.0,
+        "magnetic_toolface": 2.0,
+        "covariance": (SIGMA_I**2, 0.0, 0.0, 0.0, SIGMA_A**2, 0.0, 0.0, 0.0, 1e-6),
+        "azimuth_method": "axial",
+        "azimuths": methods,
+        "g_total": 9.819 + 0.002 * math.sin(k),
+        "b_total": 5.03e-5 + 9e-8 * math.cos(1.7 * k),
+        "dip": math.radians(72.1 + 0.1 * math.sin(2.3 * k)),
+        "g_reference": 9.819,
+        "b_reference": 5.03e-5,
+        "dip_reference": math.radians(72.1),
+        "declination": math.radians(1.4),
+        "convergence": math.radians(-0.6),
+        "axial_interference": 8.5e-7,
+        "sigma_axial_interference": 6e-8,
+    }
+    return Survey(**{**values, **changes})
+
+
+def surveys(well=WELL):
+    """Surveys every 30 m from 300 m: a build to 40 deg at azimuth 75 to 79 (grid); one bad, one by hand."""
+    whole = SurveyList(well=well, tool="T-0042")
+    for k in range(1, 13):
+        inc, azi = max(0.0, 4.0 * (k - 2)), 75.0 + 0.4 * k
+        changes = {}
+        if k == 6:
+            reasons = ("dip 78.5 deg is 6.4 over 72.1 +- 0.45",)
+            changes = {"verdict": int(Verdict.REJECT), "reasons": reasons, "dip": math.radians(78.5)}
+        if k == 9:
+            changes = {"verdict": int(Verdict.DOUBTFUL), "reasons": ("total field 480 nT off, limit 300",)}
+            changes["b_total"] = 5.078e-5
+        whole = whole.add(survey(k, inc, azi, **changes), 270.0 + 30.0 * k, 0.4)
+    whole = whole.accept(9, "Aslaug", "-casing; gyro agrees", START + 90_000 * S)
+    return whole.remark(3, '@washout, "slow" pumps\nsecond line')
+
+
+def table(**changes):
+    whole = surveys(dataclasses.replace(WELL, **changes.pop("well", {})))
+    return survey_table(whole, MADE, software="mwd 0.1.0", **changes)

@@ -1,0 +1,106 @@
+"""The printed numbers: rounding, unknowns, the head block, and what is left out."""
+
+import dataclasses
+import math
+
+import example_surveys as example
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mwd_surface.plan import plan_of
+from mwd_surface.survey_list import SurveyList
+
+from mwd_surface import survey_table as tables
+
+
+def head(table):
+    return dict(table.header)
+
+
+def test_the_head_block_names_every_reference_and_correction():
+    got = head(example.table())
+    assert got["Azimuth reference"] == "grid north"
+    assert (got["Declination"], got["Grid convergence"], got["Total azimuth correction"]) == (
+        "1.400 deg",
+        "-0.600 deg",
+        "2.000 deg",
+    )
+    assert got["Depth datum"] == "RKB, 25.00 m above mean sea level"
+    assert got["Reference total field"] == "50300 nT"
+    assert got["Surveys"] == "11 in use of 12 taken; 1 judged by a person"
+    assert got["Report made"] == "2026-05-15T17:43:40.123Z"
+    assert "ISCWSA MWD Rev5.11" in got["Position uncertainty"]
+
+
+def test_the_last_row_is_the_bit_as_far_below_as_the_sensor_is_or_where_it_is_said_to_be():
+    table = example.table()
+    assert (table.path.kind[-1], table.column("md_m").cell(len(table.records) - 1)) == ("projected", "642.500")
+    assert example.table(bit_depth=660.0).path.md[-1] == 660.0
+    assert example.table(well={"sensor_to_bit": 0.0}).path.kind[-1] == "survey"
+
+
+def test_the_bit_has_no_covariance_because_it_was_not_measured():
+    table = example.table()
+    assert table.column("sigma_north_m").cell(len(table.records) - 1) == ""
+    assert float(table.column("sigma_north_m").cell(len(table.records) - 2)) > 1.0
+
+
+def test_where_no_covariance_can_be_had_the_reason_is_told():
+    assert example.table(well={"error_model": ""}).covariance_note == "no error model is configured"
+    assert "no tool code 'MWD'" in example.table(well={"error_model": "MWD"}).covariance_note
+    empty = tables.survey_table(SurveyList(), 1)
+    assert empty.covariance_note == "no survey in use has a reference field"
+    assert head(empty)["Declination"] == "not available"
+
+
+def test_a_plan_adds_distance_and_direction():
+    plan = plan_of([0.0, 300.0, 900.0], [0.0, 0.0, 1.0], [0.0, 1.3, 1.3], name="Plan 1")
+    table = example.table(plan=plan)
+    assert float(table.column("to_plan_m").cell(1)) == pytest.approx(0.0, abs=1e-3)
+    assert head(table)["Plan"] == "Plan 1"
+
+
+def test_a_station_that_is_not_finite_is_left_out_with_its_reason():
+    whole = example.surveys()
+    path = whole.definitive()
+    broken = dataclasses.replace(path, inclination=np.where(np.arange(path.md.size) == 3, np.nan, path.inclination))
+    table = tables.table_of(whole, broken, example.MADE)
+    assert len(table.records) == path.md.size - 1
+    assert table.left_out == ("station 3 (survey 3) left out: a number in it is not finite",)
+
+
+@pytest.mark.parametrize(
+    ("value", "decimals", "wrap", "text"),
+    [
+        (-0.0001, 2, 0.0, "0.00"),
+        (359.999, 2, 360.0, "0.00"),
+        (359.99, 2, 360.0, "359.99"),
+        (None, 2, 0.0, ""),
+        (math.nan, 2, 0.0, ""),
+        (math.inf, 2, 0.0, ""),
+        (1234.5678, 3, 0.0, "1234.568"),
+    ],
+)
+def test_numbers_are_printed_without_minus_zero_or_360(value, decimals, wrap, text):
+    assert tables.fixed(value, decimals, wrap) == text
+
+
+@given(st.floats(-1e6, 1e6), st.integers(0, 6))
+def test_a_printed_number_is_within_half_its_last_digit(value, decimals):
+    assert abs(float(tables.fixed(value, decimals)) - value) <= 0.5 * 10.0**-decimals * (1 + 1e-9) + 1e-9
+
+
+def test_time_is_utc_to_the_millisecond_and_empty_when_never(monkeypatch):
+    monkeypatch.setenv("TZ", "America/New_York")
+    assert tables.utc(1_778_767_020_123_456_789) == "2026-05-14T13:57:00.123Z"
+    assert tables.utc(0) == ""
+
+
+def test_text_is_brought_to_one_printable_line():
+    assert tables.plain("a\n\tb\x00c\u2028d  Å") == "a b c d Å"
+
+
+def test_an_unknown_column_is_a_key_error():
+    with pytest.raises(KeyError):
+        example.table().column("nonsense")
