@@ -1,0 +1,50 @@
+"""The LAS file read back by lasio."""
+
+import io
+
+import example_surveys as example
+import lasio
+import numpy as np
+from mwd_surface.export_las import NULL, las
+from mwd_surface.survey_list import SurveyList
+from mwd_surface.survey_table import survey_table
+
+
+def read(table):
+    return lasio.read(io.StringIO(las(table)))
+
+
+def test_every_curve_comes_back_as_printed():
+    table = example.table()
+    file = read(table)
+    assert file.curves.keys()[:4] == ["DEPT", "INC", "AZI", "TVD"]
+    for mnemonic, key in (("DEPT", "md_m"), ("INC", "inclination_deg"), ("EW", "east_m"), ("DLS", "dls_deg_per_30m")):
+        np.testing.assert_array_equal(file[mnemonic], [float(table.column(key).cell(k)) for k in table.rows])
+    assert file["KIND"].tolist() == [0.0] + [1.0] * 11 + [2.0]
+
+
+def test_what_is_not_known_is_null_and_read_as_nan():
+    text = las(example.table())
+    assert f"{NULL}" in text.splitlines()[-1]
+    assert np.isnan(read(example.table())["SIGN"][-1])
+
+
+def test_the_head_survives_accents_colons_and_commas():
+    file = read(example.table(well={"company": "A: B: C, Ltd 12:30"}))
+    assert file.version["VERS"].value == 2.0
+    assert file.well["WELL"].value == "Åsgard Ω-1"
+    assert file.well["COMP"].value == "A, B, C, Ltd 12:30"
+    assert (file.well["STRT"].value, file.well["STOP"].value, file.well["STEP"].value) == (0.0, 642.5, 0.0)
+    params = {p.descr: p.value for p in file.params}
+    assert params["Report made"] == "2026-05-15T17:43:40.123Z"
+    assert params["Azimuth reference"] == "grid north"
+
+
+def test_an_empty_list_is_a_file_of_one_tie_on():
+    file = read(survey_table(SurveyList(), example.MADE))
+    assert file["DEPT"].tolist() == [0.0]
+    assert "SIGN" not in file.curves.keys()  # noqa: SIM118
+
+
+def test_columns_without_a_single_number_are_left_out():
+    assert "TOPLAN" not in las(example.table())
