@@ -1,0 +1,52 @@
+"""The PDF report read back: every printed cell, and its pages counted."""
+
+import io
+
+import example_surveys as example
+import pytest
+from mwd_surface.report_content import content
+from mwd_surface.report_pdf import report_pdf
+
+pypdf = pytest.importorskip("pypdf", reason="pypdf, the reader, is not installed")
+
+
+@pytest.fixture(scope="module")
+def pages():
+    return [page.extract_text() for page in pypdf.PdfReader(io.BytesIO(report_pdf(example.table()))).pages]
+
+
+def test_every_number_of_every_table_is_in_the_pdf(pages):
+    words = " ".join(pages).split()
+    said = content(example.table())
+    for sheet in (said.definitive, said.quality):
+        for row in sheet.rows:
+            for k, cell in enumerate(row):
+                if k not in sheet.words:
+                    assert not cell or cell in words, (sheet.heading, cell)
+
+
+def test_rows_are_printed_whole(pages):
+    text = " ".join(" ".join(pages).split())
+    for row in content(example.table()).definitive.rows:
+        assert " ".join(c for c in row[:-1] if c) in text
+
+
+def test_head_certificate_and_page_numbers_are_printed(pages):
+    text = " ".join(" ".join(pages).split())
+    assert "Åsgard Ω-1" in text
+    assert "=Société & <Fils>" in text
+    assert "Certified that this survey" in text
+    for k in range(1, len(pages) + 1):
+        assert f"page {k} of {len(pages)}" in text
+
+
+def test_a_long_list_flows_over_pages_and_repeats_its_titles():
+    whole = example.surveys()
+    for k in range(13, 90):
+        whole = whole.add(example.survey(k, 40.0, 79.8), 270.0 + 30.0 * k, 0.1)
+    from mwd_surface.survey_table import survey_table
+
+    reader = pypdf.PdfReader(io.BytesIO(report_pdf(survey_table(whole, example.MADE))))
+    texts = [page.extract_text() for page in reader.pages]
+    assert sum("Inc" in t and "TVD" in t for t in texts) >= 3
+    assert reader.metadata.title == "Survey report Åsgard Ω-1, Ω-1 ST0"

@@ -1,0 +1,51 @@
+"""The figures of a report: what is drawn, and the same drawing twice."""
+
+import example_surveys as example
+import numpy as np
+import pytest
+from mwd_surface.plan import plan_of
+from mwd_surface.survey_list import SurveyList
+from mwd_surface.survey_table import survey_table
+
+from mwd_surface import report_plots
+
+PLAN = plan_of([0.0, 300.0, 900.0], [0.0, 0.0, 1.0], [0.0, 1.3, 1.3])
+
+
+def line(ax, label):
+    return next(drawn for drawn in ax.get_lines() if drawn.get_label() == label)
+
+
+def test_plan_view_and_section_show_stations_plan_bit_and_wellhead():
+    table = example.table(plan=PLAN)
+    view, section, _ = report_plots.figures(table).values()
+    ax = view.axes[0]
+    survey = line(ax, "survey")
+    np.testing.assert_allclose(np.column_stack(survey.get_data()), table.path.positions[:-1, [1, 0]])
+    assert line(ax, "bit (projected)").get_xdata()[0] == pytest.approx(table.path.positions[-1, 1])
+    assert line(ax, "plan") is not None
+    down = section.axes[0]
+    np.testing.assert_allclose(line(down, "survey").get_xdata(), table.path.vertical_section[:-1])
+    bottom, top = down.get_ylim()
+    assert bottom > top
+
+
+def test_ellipses_are_drawn_around_their_stations():
+    ax = next(iter(report_plots.figures(example.table()).values())).axes[0]
+    ellipses = [drawn for drawn in ax.get_lines() if drawn.get_color() == "#999999"]
+    assert len(ellipses) == 12
+    places = example.table().path.positions[:-1, [1, 0]]
+    for drawn in ellipses:
+        middle = np.mean(np.column_stack(drawn.get_data())[:-1], axis=0)
+        assert np.min(np.linalg.norm(places - middle, axis=1)) < 1e-6
+
+
+def test_a_list_without_surveys_draws_its_tie_on_alone():
+    assert len(report_plots.figures(survey_table(SurveyList(), 1))) == 2
+
+
+def test_the_same_table_gives_the_same_picture():
+    first, second = (next(iter(report_plots.figures(example.table()).values())) for _ in range(2))
+    assert report_plots.svg(first) == report_plots.svg(second)
+    assert report_plots.svg(first).startswith("<svg")
+    assert report_plots.png(first, 40).startswith(b"\x89PNG")
