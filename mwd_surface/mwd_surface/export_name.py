@@ -1,0 +1,27 @@
+"""A file name that every system takes, made from whatever people call their wells."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+LONGEST = 80
+# Names that Windows keeps for itself, whatever their ending.
+RESERVED = {"con", "prn", "aux", "nul", *(f"com{k}" for k in range(1, 10)), *(f"lpt{k}" for k in range(1, 10))}
+
+
+def safe_name(*parts: str) -> str:
+    """
+    One name without folder or ending.
+
+    Letters lose their marks where they have a plain form (Å -> A); what is left beside letters, digits, dot, minus
+    and underscore becomes an underscore. Never empty, hidden, reserved or longer than 80 characters.
+    """
+    words = []
+    for part in parts:
+        bare = "".join(c for c in unicodedata.normalize("NFKD", part) if not unicodedata.combining(c))
+        words.append(re.sub(r"[^A-Za-z0-9._-]+", "_", bare).strip("._-"))
+    name = "-".join(w for w in words if w)[:LONGEST].strip("._-")
+    if not name:
+        return "unnamed"
+    return f"_{name}" if name.split(".")[0].lower() in RESERVED else name
