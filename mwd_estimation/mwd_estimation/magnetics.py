@@ -111,34 +111,35 @@ def angle_jacobian(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     Derivatives of (inclination, raw magnetic azimuth, gravity toolface) by (f_t, b_t).
 
     f_t, b_t, shape (..., 3). Returns shape (..., 3, 6), rad per m/s^2 and rad per T. Azimuth and toolface rows grow
-    without bound towards the vertical; a hole exactly vertical gives infinities there.
+    as 1 / sin(inclination) towards the vertical. The field must not be vertical.
     """
     f_t, b_t = np.broadcast_arrays(np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float))
     g = np.linalg.norm(f_t, axis=-1)
+    # An exactly vertical hole is taken as tilted by 1e-7 rad, where all slopes are large and finite.
+    upright = np.hypot(f_t[..., 1], f_t[..., 2]) < 1e-7 * g
+    f_t = np.where(upright[..., None], f_t + 1e-7 * g[..., None] * np.array([0.0, 0.0, 1.0]), f_t)
     down = -f_t / g[..., None]
     across = np.hypot(f_t[..., 1], f_t[..., 2])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = np.where(across > 0.0, f_t[..., 1] / across, 0.0)
-        c = np.where(across > 0.0, f_t[..., 2] / across, 1.0)
-        jac = np.zeros((*g.shape, 3, 6))
-        jac[..., 0, 0] = across / g**2
-        jac[..., 0, 1] = -f_t[..., 0] * s / g**2
-        jac[..., 0, 2] = -f_t[..., 0] * c / g**2
-        jac[..., 2, 1] = c / across
-        jac[..., 2, 2] = -s / across
-        along = np.sum(b_t * down, axis=-1)
-        east = down[..., 1] * b_t[..., 2] - down[..., 2] * b_t[..., 1]
-        north = b_t[..., 0] - along * down[..., 0]
-        east_b = np.stack([np.zeros_like(g), -down[..., 2], down[..., 1]], axis=-1)
-        east_d = np.stack([np.zeros_like(g), b_t[..., 2], -b_t[..., 1]], axis=-1)
-        axis = np.array([1.0, 0.0, 0.0])
-        north_b = axis - down[..., :1] * down
-        north_d = -b_t * down[..., :1] - along[..., None] * axis
-        square = (north**2 + east**2)[..., None]
-        azimuth_b = (north[..., None] * east_b - east[..., None] * north_b) / square
-        azimuth_d = (north[..., None] * east_d - east[..., None] * north_d) / square
-        # A change of f along itself does not turn the vertical.
-        azimuth_f = -(azimuth_d - np.sum(azimuth_d * down, axis=-1, keepdims=True) * down) / g[..., None]
+    s, c = f_t[..., 1] / across, f_t[..., 2] / across
+    jac = np.zeros((*g.shape, 3, 6))
+    jac[..., 0, 0] = across / g**2
+    jac[..., 0, 1] = -f_t[..., 0] * s / g**2
+    jac[..., 0, 2] = -f_t[..., 0] * c / g**2
+    jac[..., 2, 1] = c / across
+    jac[..., 2, 2] = -s / across
+    along = np.sum(b_t * down, axis=-1)
+    east = down[..., 1] * b_t[..., 2] - down[..., 2] * b_t[..., 1]
+    north = b_t[..., 0] - along * down[..., 0]
+    east_b = np.stack([np.zeros_like(g), -down[..., 2], down[..., 1]], axis=-1)
+    east_d = np.stack([np.zeros_like(g), b_t[..., 2], -b_t[..., 1]], axis=-1)
+    axis = np.array([1.0, 0.0, 0.0])
+    north_b = axis - down[..., :1] * down
+    north_d = -b_t * down[..., :1] - along[..., None] * axis
+    square = (north**2 + east**2)[..., None]
+    azimuth_b = (north[..., None] * east_b - east[..., None] * north_b) / square
+    azimuth_d = (north[..., None] * east_d - east[..., None] * north_d) / square
+    # A change of f along itself does not turn the vertical.
+    azimuth_f = -(azimuth_d - np.sum(azimuth_d * down, axis=-1, keepdims=True) * down) / g[..., None]
     jac[..., 1, :3], jac[..., 1, 3:] = azimuth_f, azimuth_b
     return jac
 

@@ -73,8 +73,8 @@ class StationSettings:
     toolface_offset_deg: float = setting(
         0.0, "Added to both toolfaces: sensor housing against scribe line", unit="deg", low=-360.0, high=360.0
     )
-    errors: SensorErrors = setting(SensorErrors, "What calibration leaves in the sensors")  # noqa: RUF009
-    quality: QualitySettings = setting(QualitySettings, "Limits of the verdict")  # noqa: RUF009
+    errors: SensorErrors = setting(SensorErrors, "What calibration leaves in the sensors")
+    quality: QualitySettings = setting(QualitySettings, "Limits of the verdict")
 
 
 @dataclass(frozen=True)
@@ -227,7 +227,6 @@ def station(
     toolface = float(gravity_toolface(f_h))
     offset = math.radians(settings.toolface_offset_deg)
     jacobian = magnetics.angle_jacobian(f_h, b_h if has_field else np.array([1e-5, 2e-5, 3e-5]))
-    jacobian = np.nan_to_num(jacobian, nan=0.0, posinf=1e6, neginf=-1e6)
     alignment = settings.errors.alignment(inc)
     sag = math.radians(settings.sag_correction_deg) * math.sin(inc)
 
