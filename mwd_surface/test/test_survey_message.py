@@ -1,0 +1,57 @@
+"""Messages and records hold the same: every field there and back, with the real messages."""
+
+import dataclasses
+
+import example_surveys as example
+import pytest
+from mwd_surface.survey_list import SurveyList
+from mwd_surface.survey_record import AzimuthEstimate, Survey, SurveyRecord
+
+from mwd_surface import survey_message as between
+
+msg = pytest.importorskip("mwd_msgs.msg", reason="mwd_msgs is not built")
+
+
+@pytest.mark.parametrize(
+    ("kind", "message", "own"),
+    [
+        (Survey, msg.Survey, {"stamp_ns", "frame_id"}),
+        (SurveyRecord, msg.SurveyRecord, {"judged_ns"}),
+        (AzimuthEstimate, msg.AzimuthEstimate, set()),
+    ],
+)
+def test_every_field_of_the_message_has_its_name_here(kind, message, own):
+    ours = {f.name for f in dataclasses.fields(kind)} - own
+    theirs = set(message.get_fields_and_field_types()) - {"header", "judged"}
+    assert ours == theirs
+
+
+@pytest.mark.parametrize("record", example.surveys().records, ids=lambda r: f"survey {r.survey.sequence}")
+def test_a_record_goes_there_and_back_unchanged(record):
+    message = msg.SurveyRecord()
+    between.fill_record(message, record, msg.AzimuthEstimate)
+    assert between.record_of(message) == record
+
+
+def test_what_comes_from_a_message_is_accepted_by_the_list():
+    message = msg.Survey()
+    between.fill_survey(message, example.survey(3, 12.0, 80.0), msg.AzimuthEstimate)
+    whole = SurveyList(well=example.WELL).add(between.survey_of(message), 100.0, 0.1)
+    assert whole.find(3).in_use
+
+
+def test_the_list_message_is_stamped_by_its_last_change():
+    whole, message = example.surveys(), msg.SurveyList()
+    between.fill_list(message, whole, msg.SurveyRecord, msg.AzimuthEstimate)
+    assert between.stamp_of(message.header.stamp) == whole.changed_ns
+    assert (message.well, message.header.frame_id, len(message.records)) == ("Åsgard Ω-1", "wellhead", 12)
+    assert [between.record_of(r) for r in message.records] == list(whole.records)
+
+
+def test_the_trajectory_message_carries_the_path_and_its_projection():
+    path, message = example.surveys().definitive(bit_depth=650.0), msg.Trajectory()
+    between.fill_trajectory(message, path, 5)
+    assert message.last_is_projected
+    assert list(message.measured_depth) == path.md.tolist()
+    assert list(message.vertical_depth) == path.positions[:, 2].tolist()
+    assert message.north_reference == 3
