@@ -1,0 +1,198 @@
+"""
+Latched alarms and the log of events: an alarm stays until its cause has gone and a person has seen it.
+
+No clock here: every call takes the time, ns since the epoch, as it goes into messages and logs.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from collections import deque
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+
+class Severity(enum.IntEnum):
+    """The numbers of the Alarm message."""
+
+    INFO = 0
+    WARNING = 1
+    CRITICAL = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class Alarm:
+    """One alarm, field for field the Alarm message, times in ns."""
+
+    id: str
+    severity: int
+    text: str
+    remedy: str
+    raised_ns: int
+    last_ns: int
+    active: bool = True
+    acknowledged: bool = False
+    acknowledged_by: str = ""
+    count: int = 1
+
+
+@dataclasses.dataclass(frozen=True)
+class Event:
+    """One line of the log: when, what kind, which alarm or part, and words."""
+
+    stamp_ns: int
+    kind: str
+    source: str
+    text: str
+    severity: int = int(Severity.INFO)
+
+
+class AlarmBook:
+    """
+    Alarms by id, and events newest first.
+
+    Parameters
+    ----------
+    max_alarms, max_events : int
+        Memory is bounded: beyond it the oldest event goes; of the alarms, the oldest that is no longer active, and
+        failing that the new one is refused with an event.
+    """
+
+    def __init__(self, max_alarms: int = 200, max_events: int = 1000) -> None:
+        self._alarms: dict[str, Alarm] = {}
+        self._events: deque[Event] = deque(maxlen=max_events)
+        self._max_alarms = max_alarms
+        self.version = 0
+
+    def alarms(self) -> tuple[Alarm, ...]:
+        """Those active or not yet acknowledged, newest first."""
+        return tuple(sorted(self._alarms.values(), key=lambda a: (a.raised_ns, a.id), reverse=True))
+
+    def events(self) -> tuple[Event, ...]:
+        """The log, newest first."""
+        return tuple(reversed(self._events))
+
+    def raise_alarm(
+        self, alarm_id: str, severity: Severity | int, text: str, remedy: str, stamp_ns: int
+    ) -> tuple[Alarm, bool]:
+        """
+        Say that a cause is there (again).
+
+        Returns the alarm and whether that is news. One that came back after it had gone counts up and wants to be
+        acknowledged anew; so does one that got more severe.
+
+        Raises
+        ------
+        ValueError
+            The id is empty or the severity unknown.
+        """
+        if not alarm_id:
+            raise ValueError("alarm_id: must not be empty")
+        severity = int(Severity(severity))
+        old = self._alarms.get(alarm_id)
+        if old is None:
+            alarm = Alarm(alarm_id, severity, text, remedy, stamp_ns, stamp_ns)
+            if not self._make_room(alarm):
+                return alarm, False
+            return self._store(alarm, "raised", text, stamp_ns), True
+        if not old.active:
+            again = Alarm(alarm_id, severity, text, remedy, stamp_ns, stamp_ns, count=old.count + 1)
+            return self._store(again, "raised", text, stamp_ns), True
+        worse = severity > old.severity
+        alarm = dataclasses.replace(
+            old,
+            severity=severity,
+            text=text,
+            remedy=remedy,
+            last_ns=stamp_ns,
+            acknowledged=old.acknowledged and not worse,
+            acknowledged_by="" if worse else old.acknowledged_by,
+        )
+        if worse:
+            return self._store(alarm, "worse", text, stamp_ns), True
+        if (alarm.severity, alarm.text, alarm.remedy) != (old.severity, old.text, old.remedy):
+            self.version += 1
+        self._alarms[alarm_id] = alarm
+        return alarm, False
+
+    def clear(self, alarm_id: str, stamp_ns: int) -> bool:
+        """Say that a cause has gone; True if it was there. An acknowledged alarm goes with it, any other stays."""
+        old = self._alarms.get(alarm_id)
+        if old is None or not old.active:
+            return False
+        self._store(dataclasses.replace(old, active=False, last_ns=stamp_ns), "cleared", old.text, stamp_ns)
+        if old.acknowledged:
+            del self._alarms[alarm_id]
+        return True
+
+    def sync(self, prefix: str, causes: Mapping[str, tuple[int, str, str]], stamp_ns: int) -> None:
+        """
+        Raise all causes of one part and clear those it no longer has.
+
+        causes: id, which starts with the prefix, to (severity, text, remedy).
+
+        Raises
+        ------
+        ValueError
+            An id does not start with the prefix.
+        """
+        for alarm_id, (severity, text, remedy) in causes.items():
+            if not alarm_id.startswith(prefix):
+                raise ValueError(f"causes: {alarm_id!r} does not start with {prefix!r}")
+            self.raise_alarm(alarm_id, severity, text, remedy, stamp_ns)
+        for alarm_id in [k for k in self._alarms if k.startswith(prefix) and k not in causes]:
+            self.clear(alarm_id, stamp_ns)
+
+    def acknowledge(self, alarm_id: str, operator_name: str, stamp_ns: int) -> tuple[bool, str]:
+        """
+        A person has seen an alarm; an empty id means all. Returns success and a sentence.
+
+        Without a name, or with an id that is not there, nothing changes.
+        """
+        if not operator_name.strip():
+            return False, "operator_name: must not be empty: the log says who acknowledged"
+        if alarm_id and alarm_id not in self._alarms:
+            return False, f"there is no alarm {alarm_id!r}; there are {', '.join(self._alarms) or 'none'}"
+        wanted = [alarm_id] if alarm_id else [k for k, a in self._alarms.items() if not a.acknowledged]
+        if not wanted:
+            return True, "there is nothing to acknowledge"
+        for key in wanted:
+            seen = dataclasses.replace(self._alarms[key], acknowledged=True, acknowledged_by=operator_name)
+            self._store(seen, "acknowledged", f"{seen.text} (by {operator_name})", stamp_ns)
+            if not seen.active:
+                del self._alarms[key]
+        return True, f"{operator_name} acknowledged {', '.join(wanted)}"
+
+    def note(self, source: str, text: str, stamp_ns: int, severity: Severity | int = Severity.INFO) -> Event:
+        """Write a line in the log that is no alarm: a survey taken, a recording started, who accepted what."""
+        event = Event(stamp_ns, "note", source, text, int(Severity(severity)))
+        self._events.append(event)
+        self.version += 1
+        return event
+
+    def _store(self, alarm: Alarm, kind: str, text: str, stamp_ns: int) -> Alarm:
+        self._alarms[alarm.id] = alarm
+        self._events.append(Event(stamp_ns, kind, alarm.id, text, alarm.severity))
+        self.version += 1
+        return alarm
+
+    def _make_room(self, alarm: Alarm) -> bool:
+        if len(self._alarms) < self._max_alarms:
+            return True
+        gone = min((a for a in self._alarms.values() if not a.active), key=lambda a: a.raised_ns, default=None)
+        if gone is None:
+            self.note(alarm.id, f"not shown, {self._max_alarms} alarms are active: {alarm.text}", alarm.raised_ns)
+            return False
+        del self._alarms[gone.id]
+        return True
+
+
+def plain_alarms(alarms: Iterable[Alarm]) -> list[dict[str, Any]]:
+    """Alarms as plain tables for a message or a page."""
+    return [{**dataclasses.asdict(a), "severity_word": Severity(a.severity).name.lower()} for a in alarms]
+
+
+def plain_events(events: Iterable[Event]) -> list[dict[str, Any]]:
+    """Events as plain tables for a message or a page."""
+    return [{**dataclasses.asdict(e), "severity_word": Severity(e.severity).name.lower()} for e in events]

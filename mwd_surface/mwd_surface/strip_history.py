@@ -1,0 +1,81 @@
+"""The last minutes of a few channels for strip charts: one row per interval, in constant memory."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+
+Row = tuple[float | None, ...]
+
+
+class StripHistory:
+    """
+    Rows of (end of interval, channel, channel, ...); an interval without data has None, never the value before.
+
+    Parameters
+    ----------
+    channels : mapping of str to "mean" or "max"
+        What becomes of several values within one interval.
+    seconds, rate : float
+        How long, s, and rows per second.
+
+    Raises
+    ------
+    ValueError
+        An unknown way to combine, or no room for a row.
+    """
+
+    def __init__(self, channels: Mapping[str, str], seconds: float = 600.0, rate: float = 1.0) -> None:
+        for name, how in channels.items():
+            if how not in ("mean", "max"):
+                raise ValueError(f"channels: {name}: expected mean or max, got {how!r}")
+        if not seconds * rate >= 1.0:
+            raise ValueError(f"seconds, rate: need room for one row, got {seconds} s at {rate} Hz")
+        self.channels = dict(channels)
+        self.interval = 1.0 / rate
+        self._rows: deque[Row] = deque(maxlen=round(seconds * rate))
+        self._bin: int | None = None
+        self._sums: dict[str, tuple[float, int]] = {}
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of a row's members."""
+        return ("at", *self.channels)
+
+    def add(self, channel: str, value: float, now: float) -> None:
+        """Put a value in the interval of `now`, s, steady; what is not finite, or older than that interval, is left."""
+        self.advance(now)
+        if not math.isfinite(value) or self._bin is None or math.floor(now / self.interval) < self._bin:
+            return
+        total, count = self._sums.get(channel, (0.0, 0))
+        if self.channels[channel] == "max":
+            self._sums[channel] = (value if count == 0 else max(total, value), count + 1)
+        else:
+            self._sums[channel] = (total + value, count + 1)
+
+    def advance(self, now: float) -> None:
+        """Close the intervals that ended by `now`; a pause longer than the history leaves one empty row."""
+        current = math.floor(now / self.interval)
+        if self._bin is None:
+            self._bin = current
+        if current <= self._bin:
+            return
+        self._rows.append(self._row(self._bin))
+        self._sums = {}
+        if current > self._bin + 1:
+            # One empty row breaks the line; more would say nothing else.
+            self._rows.append(self._row(self._bin + 1))
+        self._bin = current
+
+    def rows(self) -> tuple[Row, ...]:
+        """All closed intervals, oldest first."""
+        return tuple(self._rows)
+
+    def _row(self, index: int) -> Row:
+        values: list[float | None] = [round((index + 1) * self.interval, 3)]
+        for name, how in self.channels.items():
+            total, count = self._sums.get(name, (0.0, 0))
+            value = None if count == 0 else (total if how == "max" else total / count)
+            values.append(None if value is None else float(f"{value:.5g}"))
+        return tuple(values)
