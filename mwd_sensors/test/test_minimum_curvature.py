@@ -169,3 +169,18 @@ def test_a_depth_outside_the_stations_is_refused():
         mc.interpolate([0.0, 30.0], [0.0, 0.0], [0.0, 0.0], np.zeros((3, 3)), 1.0)
     with pytest.raises(ValueError, match="start: expected three finite numbers"):
         mc.path([0.0], [0.0], [0.0], (0.0, np.inf, 0.0))
+
+
+def test_two_independent_libraries_give_the_same_path_and_doglegs(volve_f4):
+    """wellpathpy (Equinor) and welleng, peers only."""
+    wellpathpy = pytest.importorskip("wellpathpy", reason="wellpathpy, a peer, is not installed")
+    survey = pytest.importorskip("welleng.survey", reason="welleng, a peer, is not installed")
+    md, inc_deg, azi_deg = (volve_f4[key] for key in ("md_m", "inc_deg", "azi_true_deg"))
+    got = mc.path(md, np.radians(inc_deg), np.radians(azi_deg))
+    severity = np.degrees(mc.dogleg_severity(md, np.radians(inc_deg), np.radians(azi_deg)))
+    one = wellpathpy.deviation(md, inc_deg, azi_deg).minimum_curvature(course_length=30)
+    np.testing.assert_allclose(got, np.column_stack([one.northing, one.easting, one.depth]), atol=1e-8)
+    np.testing.assert_allclose(severity, one.dls, atol=1e-6)
+    header = survey.SurveyHeader(azi_reference="grid", b_total=5e4, dip=70.0, declination=0.0, convergence=0.0)
+    other = survey.Survey(md=md, inc=inc_deg, azi=azi_deg, header=header, deg=True)
+    np.testing.assert_allclose(got, np.column_stack([other.n, other.e, other.tvd]), atol=1e-8)
