@@ -92,6 +92,7 @@ class BagWriter:
         self._open = True
         self._finished_bytes = 0
         self._next = 0
+        self._noted = False
         self.file = self._new_file()
 
     @property
@@ -159,6 +160,10 @@ class BagWriter:
         self._by_name[name, type_name] = channel.id
         return channel.id
 
+    def has_definition(self, channel: int) -> bool:
+        """Whether the type of a channel is recorded with its definition."""
+        return bool(self._tracks[channel].schema.data)
+
     def write(self, channel: int, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
         """
         Write one serialised message.
@@ -210,14 +215,17 @@ class BagWriter:
 
     def finish_file(self, sync: bool = False) -> Path:
         """Finish the file at hand; the next call must be `begin_file` or `close`. May be repeated when it fails."""
-        self.file.close_chunk()
-        self._note_metadata()
-        self.file.finish(sync)
-        self._open = False
-        self._finished_bytes += self.file.size
-        self.files.append(self._file_entry())
-        for channel, count in self.file.counts.items():
-            self._tracks[channel].count += count
+        if self._open:
+            self.file.close_chunk()
+            if not self._noted:
+                self._note_metadata()
+                self._noted = True
+            self.file.finish(sync)
+            self._open = False
+            self._finished_bytes += self.file.size
+            self.files.append(self._file_entry())
+            for channel, count in self.file.counts.items():
+                self._tracks[channel].count += count
         if self._in_place:
             bag_metadata.write(self._folder, self.metadata())
         return self.file.path
@@ -236,7 +244,7 @@ class BagWriter:
             self._next -= 1
             raise
         self.file = file
-        self._open = True
+        self._open, self._noted = True, False
 
     def give_up_file(self) -> int:
         """
@@ -244,6 +252,8 @@ class BagWriter:
 
         Returns the messages that never reached the file.
         """
+        if not self._open:
+            return 0
         lost = self.file.discard_pending()
         self.file.close()
         self._open = False
