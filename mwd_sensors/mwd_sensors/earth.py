@@ -248,8 +248,9 @@ def _igrf(lat: float, lon: float, height: float, year: float) -> Array:
     import ppigrf
 
     whole = int(year)
-    start, end = datetime.datetime(whole, 1, 1), datetime.datetime(whole + 1, 1, 1)
-    date = start + (year - whole) * (end - start)
+    days = (datetime.date(whole + 1, 1, 1) - datetime.date(whole, 1, 1)).days
+    # The package compares with dates that know no time zone.
+    date = datetime.datetime(whole, 1, 1) + datetime.timedelta((year - whole) * days)  # noqa: DTZ001
     east, north, up = ppigrf.igrf(math.degrees(lon), math.degrees(lat), height / 1e3, date)
     return np.array([np.ravel(north)[0], np.ravel(east)[0], -np.ravel(up)[0]]) * 1e-9
 

@@ -18,7 +18,7 @@ import yaml
 from numpy.typing import NDArray
 
 from mwd_sensors.compiled import compiled
-from mwd_sensors.settings import SettingsError, from_mapping, setting, to_mapping, unknown_key
+from mwd_sensors.settings import SettingsError, from_mapping, setting, unknown_key
 
 Array = NDArray[np.float64]
 
@@ -243,11 +243,9 @@ def low_pass(bandwidth_hz: float, delay: float, rate: float) -> Array:
     shift = delay * rate
     half = max(math.ceil(4.0 * sigma + abs(shift)), 1 if shift else 0)
     k = np.arange(-half, half + 1)
-    if sigma < 0.2:
-        # Linear interpolation: exact for whole steps.
-        weights = np.maximum(0.0, 1.0 - np.abs(k + shift))
-    else:
-        weights = np.exp(-0.5 * ((k + shift) / sigma) ** 2)
+    # Without a bandwidth: linear interpolation, exact for whole steps.
+    bell = np.exp(-0.5 * ((k + shift) / max(sigma, 0.2)) ** 2)
+    weights = bell if sigma >= 0.2 else np.maximum(0.0, 1.0 - np.abs(k + shift))
     return np.asarray(weights / weights.sum())
 
 
@@ -384,8 +382,3 @@ def strapdown(rate: Array, f: Array, ratio: int, dt: float, rate_out: Array, f_o
         factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
         rate_out[k, 0], rate_out[k, 1], rate_out[k, 2] = factor * x / whole, factor * y / whole, factor * z / whole
         f_out[k, 0], f_out[k, 1], f_out[k, 2] = s0 / ratio, s1 / ratio, s2 / ratio
-
-
-def grade_mapping(g: Grade) -> dict[str, Any]:
-    """A grade as a plain table, for printing."""
-    return to_mapping(g)

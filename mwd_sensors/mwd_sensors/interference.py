@@ -166,7 +166,7 @@ def pole_field(position_n: Array, poles_n: Array, strength: Array) -> Array:
     """
     Field of magnetic poles, T.
 
-    position_n (n, 3) and poles_n (p, 3) in m, strength (p,) in Wb. Returns (n, 3): the sum of strength r / (4 pi |r|^3).
+    position_n (n, 3) and poles_n (p, 3) in m, strength (p,) in Wb. Returns (n, 3): sum of strength r / (4 pi |r|^3).
     """
     field = np.zeros((len(position_n), 3))
     for pole, flux in zip(poles_n, strength, strict=True):
@@ -179,9 +179,8 @@ def pole_field(position_n: Array, poles_n: Array, strength: Array) -> Array:
 def joint_field(joints: ToolJoints, md: Array) -> Array:
     """Axial field of passing tool joints, T, shape (n,): a bell at each multiple of the spacing."""
     offset = (md / joints.spacing_m + 0.5) % 1.0 - 0.5
-    return np.asarray(
-        joints.axial_nt * 1e-9 * np.exp(-math.log(2.0) * (offset * joints.spacing_m / joints.width_m) ** 2)
-    )
+    halves = (offset * joints.spacing_m / joints.width_m) ** 2
+    return np.asarray(joints.axial_nt * 1e-9 * np.exp(-math.log(2.0) * halves))
 
 
 def to_tool(mat_nt: Array, vector_n: Array) -> Array:

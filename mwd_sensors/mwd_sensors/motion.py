@@ -370,7 +370,7 @@ def sensed(
     f_t: Array,
 ) -> None:
     """
-    What ideal sensors at a lever arm feel: fills rate_it (rad/s against inertial space) and f_t (specific force, m/s^2).
+    What ideal sensors at a lever arm feel: fills rate_it (against inertial space, rad/s) and f_t (specific force).
 
     down, shape (n,): depth of the tool below the ground, m; gravity there is ``gravity + gradient * down``.
     lever_t, earth_rate_n, shape (3,): m, rad/s. The other arrays as in `Kinematics`.

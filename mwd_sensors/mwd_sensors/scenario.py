@@ -91,6 +91,7 @@ class Scenario:
     place: Place = setting(Place, "where")
     well: Well = setting(Well, "the hole")
     schedule: tuple[Phase, ...] = setting((Phase(),), "what the rig does")
+    cycles: int = setting(1, "the whole schedule so many times", low=1, high=10000)
     rig: Rig = setting(Rig, "how it does it")
     vibration: Vibrations = setting(Vibrations, "what shakes the sonde")
     ahrs: Unit = setting(Unit, "conventional unit: gyros, accelerometers, magnetometers")
@@ -117,8 +118,8 @@ class Scenario:
                 adc = grade(unit.grade, unit.changes).adc_hz
                 if adc % self.rate_hz or self.kinematics_hz % (2 * adc):
                     raise ValueError(
-                        f"rates must nest: kinematics_hz {self.kinematics_hz} a multiple of twice the converter's {adc}, "
-                        f"that a multiple of rate_hz {self.rate_hz}"
+                        f"rates must nest: kinematics_hz {self.kinematics_hz} a multiple of twice the converter's "
+                        f"{adc}, that a multiple of rate_hz {self.rate_hz}"
                     )
 
 
@@ -132,10 +133,10 @@ def parse_date(text: str) -> datetime.datetime:
         The text is not a date of the form 2026-03-01 or 2026-03-01T06:00:00.
     """
     try:
-        date = datetime.datetime.fromisoformat(text.replace("Z", "+00:00"))
+        date = datetime.datetime.fromisoformat(text)
     except ValueError as error:
         raise ValueError(f"date {text!r} must look like 2026-03-01 or 2026-03-01T06:00:00") from error
-    return date.replace(tzinfo=datetime.timezone.utc) if date.tzinfo is None else date.astimezone(datetime.timezone.utc)
+    return date.replace(tzinfo=datetime.UTC) if date.tzinfo is None else date.astimezone(datetime.UTC)
 
 
 def parse(text: str, changes: Mapping[str, Any] | None = None) -> Scenario:

@@ -110,83 +110,77 @@ class Timeline:
         return merged
 
 
+# Lanes that change their value smoothly; that switch; that follow the bit.
+_SMOOTH = ("weight", "torque", "flow", "hookload", *("e_" + name for name in ENVELOPES))
+_SWITCHED = ("slips", "activity")
+Targets = dict[str, float]
+
+
 class _Lanes:
-    """All profiles under construction, kept at one time."""
+    """
+    All profiles under construction, kept at one time.
+
+    A step brings lanes to the values named in its targets ("bit_rate" and "angle_rate": to rates); the others stay.
+    """
 
     def __init__(self, bit_m: float, rig: Rig, angle: float) -> None:
-        self.rig = rig
-        self.lanes = {name: ProfileBuilder() for name in ("weight", "torque", "flow", "slips", "activity")}
-        self.lanes["bit"] = ProfileBuilder(bit_m)
-        self.lanes["hole"] = ProfileBuilder(bit_m)
-        self.lanes["angle"] = ProfileBuilder(angle)
-        self.lanes["block"] = ProfileBuilder(rig.bottom_block_m + rig.stand_m)
+        self.bit, self.angle = ProfileBuilder(bit_m), ProfileBuilder(angle)
+        self.hole, self.block = ProfileBuilder(bit_m), ProfileBuilder(rig.bottom_block_m + rig.stand_m)
+        self.lanes = {name: ProfileBuilder() for name in (*_SMOOTH, *_SWITCHED)}
         self.lanes["hookload"] = ProfileBuilder(rig.string_kn * 1e3)
-        self.lanes.update({"e_" + name: ProfileBuilder(1.0 if name == "always" else 0.0) for name in ENVELOPES})
+        self.lanes["e_always"] = ProfileBuilder(1.0)
         self.still: list[tuple[float, float]] = []
-        self.levels = dict.fromkeys(ENVELOPES, 0.0) | {"always": 1.0}
 
     @property
     def time(self) -> float:
-        return self.lanes["bit"].time
+        return self.bit.time
 
-    def step(self, seconds: float, *, jump: bool = False, **targets: float) -> None:
-        """Move lanes to new values (bit_rate and angle_rate: to new rates) within a time; the others stay."""
-        if seconds <= 0.0 and not jump:
-            return
-        start = self.time
-        moved = {"bit_rate", "angle_rate"}
-        self._rate("bit", targets.get("bit_rate", self.lanes["bit"].rate), targets.get("bit"), seconds)
-        self._rate("angle", targets.get("angle_rate", self.lanes["angle"].rate), targets.get("angle"), seconds)
-        bit = self.lanes["bit"]
-        for name, lane in self.lanes.items():
-            if name in ("bit", "angle", "hole", "block"):
-                continue
-            if name in ("slips", "activity"):
-                lane.value = targets.get(name, lane.value)
-                lane.rate = 0.0
-                lane.hold(seconds)
-            elif jump:
-                lane.value = targets.get(name, lane.value)
-            else:
-                lane.to_value(targets.get(name, lane.value), seconds)
-        moved |= set(self.lanes)
-        unknown = set(targets) - moved
-        if unknown:
-            raise ValueError(f"no such lane: {', '.join(sorted(unknown))}")
-        if jump:
-            return
-        # The hole deepens with the bit once it is back on bottom; the block follows the string, or runs up for the next stand.
-        hole, block = self.lanes["hole"], self.lanes["block"]
-        _follow(hole, max(hole.value, bit.value), seconds)
-        if "block" in targets:
-            block.to_value(targets["block"], seconds)
-        else:
-            _follow(block, block.value - (bit.value - self._bit_before), seconds)
-        if bit.rate == 0.0 and self._bit_before == bit.value and self.lanes["angle"].rate == 0.0 and not self._turned:
-            if self.still and self.still[-1][1] == start:
-                self.still[-1] = (self.still[-1][0], self.time)
-            else:
-                self.still.append((start, self.time))
+    @property
+    def moving(self) -> bool:
+        return self.bit.rate != 0.0 or self.angle.rate != 0.0
 
-    def _rate(self, name: str, rate: float, value: float | None, seconds: float) -> None:
-        lane = self.lanes[name]
-        before = lane.value
+    def jump(self, targets: Targets) -> None:
+        """Be at the targets at once: a run that starts in the middle of its work."""
+        for name, value in targets.items():
+            if name in ("bit_rate", "angle_rate"):
+                (self.bit if name == "bit_rate" else self.angle).rate = value
+            elif name == "angle":
+                self.angle.value = value
+            else:
+                self.lanes[name].value = value
+
+    def step(self, seconds: float, targets: Targets) -> None:
+        """Go to the targets within a time, s."""
         if seconds <= 0.0:
-            lane.rate = rate
-        elif value is not None:
-            lane.to_value(value, seconds)
+            self.jump(targets)
+            return
+        start, bit, angle = self.time, self.bit.value, self.angle.value
+        for name, lane in (("bit", self.bit), ("angle", self.angle)):
+            if name in targets:
+                lane.to_value(targets[name], seconds)
+            else:
+                lane.to_rate(targets.get(name + "_rate", lane.rate), seconds)
+        for name in _SMOOTH:
+            self.lanes[name].to_value(targets.get(name, self.lanes[name].value), seconds)
+        for name in _SWITCHED:
+            self.lanes[name].value = targets.get(name, self.lanes[name].value)
+            self.lanes[name].hold(seconds)
+        # The hole deepens with the bit once that is back on bottom; the block follows the string, or runs up alone.
+        _follow(self.hole, max(self.hole.value, self.bit.value), seconds)
+        if "block" in targets:
+            self.block.to_value(targets["block"], seconds)
         else:
-            lane.to_rate(rate, seconds)
-        if name == "bit":
-            self._bit_before = before
-        else:
-            self._turned = lane.value != before
+            _follow(self.block, self.block.value - (self.bit.value - bit), seconds)
+        if not self.moving and self.bit.value == bit and self.angle.value == angle:
+            if self.still and self.still[-1][1] == start:
+                start = self.still.pop()[0]
+            self.still.append((start, self.time))
 
 
 def _follow(lane: ProfileBuilder, value: float, seconds: float) -> None:
     lane.rate = (value - lane.value) / seconds
     lane.hold(seconds)
-    lane.value = value
+    lane.value, lane.rate = value, 0.0
 
 
 def timeline(
@@ -217,17 +211,16 @@ def timeline(
     first = True
     for phase in phases:
         for _ in range(phase.repeat):
-            _lay(lanes, phase, rig, jump=first and rig.running_start)
+            _lay(lanes, phase, rig, under_way=first and rig.running_start)
             first = False
     built = {name: lane.build() for name, lane in lanes.lanes.items()}
     envelopes = [built["e_" + name] for name in ENVELOPES]
-    seconds = lanes.time
     line = Timeline(
-        bit=built["bit"],
-        angle=built["angle"],
+        bit=lanes.bit.build(),
+        angle=lanes.angle.build(),
         envelopes=tuple(envelopes),
-        hole=built["hole"],
-        block=built["block"],
+        hole=lanes.hole.build(),
+        block=lanes.block.build(),
         hookload=built["hookload"],
         weight=built["weight"],
         torque=built["torque"],
@@ -235,86 +228,90 @@ def timeline(
         slips=built["slips"],
         activity=built["activity"],
         still=lanes.still,
-        seconds=seconds,
+        seconds=lanes.time,
     )
     if whirl:
         envelopes[ENVELOPES.index("burst")] = _bursts(line.active("rotating"), whirl[0], rng)
     return dataclasses.replace(line, envelopes=tuple(envelopes))
 
 
-def _lay(lanes: _Lanes, phase: Phase, rig: Rig, *, jump: bool) -> None:
-    flow = rig.flow_lpm * 1e-3 / 60.0
-    off_bottom = {"weight": 0.0, "torque": 0.0, "hookload": rig.string_kn * 1e3}
-    quiet = {"e_rotating": 0.0, "e_sliding": 0.0, "e_drilling": 0.0, "e_stick_slip": 0.0}
-    at_rest = {"bit_rate": 0.0, "angle_rate": 0.0, **off_bottom, **quiet}
-    pumps_on, pumps_off = {"flow": flow, "e_pumping": 1.0}, {"flow": 0.0, "e_pumping": 0.0}
-    moving = lanes.lanes["bit"].rate != 0.0 or lanes.lanes["angle"].rate != 0.0
+def _lay(lanes: _Lanes, phase: Phase, rig: Rig, *, under_way: bool) -> None:
     if phase.kind in ("drill", "slide", "circulate"):
-        _work(lanes, phase, rig, pumps_on, jump=jump)
+        _work(lanes, phase, rig, under_way=under_way)
         return
-    if moving:
-        lanes.step(rig.ramp_s, activity=lanes.lanes["activity"].value, **at_rest)
+    if lanes.moving:
+        lanes.step(rig.ramp_s, _at_rest(rig))
     if phase.kind == "connection":
-        bottom = lanes.lanes["bit"].value
-        if rig.pick_up_m:
-            lanes.step(rig.ramp_s, bit=bottom - rig.pick_up_m, activity=TRIPPING)
-        lanes.step(rig.pump_ramp_s, activity=STILL, **pumps_off)
-        hang = min(1.0, 0.1 * phase.seconds)
-        block = lanes.lanes["block"].value
-        lanes.step(hang, slips=1.0, hookload=rig.block_kn * 1e3)
-        lanes.step(phase.seconds - 2.0 * hang, block=block + rig.stand_m)
-        lanes.step(hang, slips=0.0, hookload=rig.string_kn * 1e3)
-        lanes.step(rig.pump_ramp_s, **pumps_on)
-        if rig.pick_up_m:
-            lanes.step(rig.ramp_s, bit=bottom, activity=TRIPPING)
+        _connect(lanes, phase, rig)
     elif phase.kind == "still":
-        if (lanes.lanes["flow"].value > 0.0) != phase.pumps:
-            pumps = pumps_on if phase.pumps else pumps_off
-            lanes.step(0.0 if jump else rig.pump_ramp_s, jump=jump, activity=STILL, **pumps)
-        lanes.step(phase.seconds, activity=STILL)
+        pumps = _pumps(rig, on=phase.pumps) | {"activity": float(STILL)}
+        if under_way:
+            lanes.jump(pumps)
+        elif (lanes.lanes["flow"].value > 0.0) != phase.pumps:
+            lanes.step(rig.pump_ramp_s, pumps)
+        lanes.step(phase.seconds, {"activity": float(STILL)})
     else:
-        speed = phase.rop_m_h / 3600.0
         ramp = min(rig.ramp_s, 0.4 * phase.seconds)
-        pumps = pumps_on if phase.pumps else pumps_off
-        lanes.step(ramp, bit_rate=speed, activity=TRIPPING, **pumps)
-        lanes.step(phase.seconds - 2.0 * ramp)
-        lanes.step(ramp, bit_rate=0.0)
+        speed = {"bit_rate": phase.rop_m_h / 3600.0, "activity": float(TRIPPING)}
+        lanes.step(ramp, speed | _pumps(rig, on=phase.pumps))
+        lanes.step(phase.seconds - 2.0 * ramp, {})
+        lanes.step(ramp, {"bit_rate": 0.0})
 
 
-def _work(lanes: _Lanes, phase: Phase, rig: Rig, pumps_on: dict[str, float], *, jump: bool) -> None:
-    turning = phase.kind != "slide"
-    on_bottom = phase.kind != "circulate"
+def _at_rest(rig: Rig) -> Targets:
+    quiet = dict.fromkeys(("e_rotating", "e_sliding", "e_drilling", "e_stick_slip", "weight", "torque"), 0.0)
+    return quiet | {"bit_rate": 0.0, "angle_rate": 0.0, "hookload": rig.string_kn * 1e3}
+
+
+def _pumps(rig: Rig, *, on: bool) -> Targets:
+    return {"flow": rig.flow_lpm * 1e-3 / 60.0 if on else 0.0, "e_pumping": 1.0 if on else 0.0}
+
+
+def _connect(lanes: _Lanes, phase: Phase, rig: Rig) -> None:
+    bottom = lanes.bit.value
+    if rig.pick_up_m:
+        lanes.step(rig.ramp_s, {"bit": bottom - rig.pick_up_m, "activity": float(TRIPPING)})
+    lanes.step(rig.pump_ramp_s, _pumps(rig, on=False) | {"activity": float(STILL)})
+    hang = min(1.0, 0.1 * phase.seconds)
+    lanes.step(hang, {"slips": 1.0, "hookload": rig.block_kn * 1e3})
+    lanes.step(phase.seconds - 2.0 * hang, {"block": lanes.block.value + rig.stand_m})
+    lanes.step(hang, {"slips": 0.0, "hookload": rig.string_kn * 1e3})
+    lanes.step(rig.pump_ramp_s, _pumps(rig, on=True))
+    if rig.pick_up_m:
+        lanes.step(rig.ramp_s, {"bit": bottom, "activity": float(TRIPPING)})
+
+
+def _work(lanes: _Lanes, phase: Phase, rig: Rig, *, under_way: bool) -> None:
+    if phase.seconds <= rig.ramp_s:
+        raise ValueError(f"schedule: a phase of {phase.seconds:g} s is shorter than the rig's ramp, {rig.ramp_s:g} s")
+    turning, on_bottom = phase.kind != "slide", phase.kind != "circulate"
     spin = phase.rpm * 2.0 * math.pi / 60.0 if turning else 0.0
-    targets = {
+    weight = rig.weight_on_bit_kn * 1e3 if on_bottom else 0.0
+    targets: Targets = {
         "bit_rate": phase.rop_m_h / 3600.0 if on_bottom else 0.0,
         "angle_rate": spin,
-        "weight": rig.weight_on_bit_kn * 1e3 if on_bottom else 0.0,
+        "weight": weight,
         "torque": rig.torque_knm * 1e3 if on_bottom and turning else 0.0,
-        "hookload": (rig.string_kn - (rig.weight_on_bit_kn if on_bottom else 0.0)) * 1e3,
+        "hookload": rig.string_kn * 1e3 - weight,
         "e_rotating": phase.vibration if spin else 0.0,
-        "e_sliding": phase.vibration if phase.kind == "slide" else 0.0,
+        "e_sliding": 0.0 if turning else phase.vibration,
         "e_drilling": phase.vibration if on_bottom else 0.0,
         "e_stick_slip": phase.vibration * spin if on_bottom else 0.0,
-        "activity": ROTATING if spin else SLIDING,
-        **pumps_on,
+        "activity": float(ROTATING if spin else SLIDING),
+        **_pumps(rig, on=True),
     }
-    ramp = rig.ramp_s
-    if jump:
-        lanes.step(0.0, jump=True, **targets)
-        if phase.toolface_deg is not None:
-            lanes.lanes["angle"].value = math.radians(phase.toolface_deg)
-        lanes.step(phase.seconds)
-        return
-    angle = lanes.lanes["angle"]
     if not turning and phase.toolface_deg is not None:
-        if angle.rate:
-            lanes.step(ramp, angle_rate=0.0, activity=ROTATING)
-        turn = (math.radians(phase.toolface_deg) - angle.value + math.pi) % (2.0 * math.pi) - math.pi
-        targets["angle"] = angle.value + turn
-    if phase.seconds <= ramp:
-        raise ValueError(f"phase of {phase.seconds:g} s is shorter than the ramp of the rig, {ramp:g} s")
-    lanes.step(ramp, **targets)
-    lanes.step(phase.seconds - ramp)
+        if lanes.angle.rate and not under_way:
+            lanes.step(rig.ramp_s, {"angle_rate": 0.0})
+        turn = (math.radians(phase.toolface_deg) - lanes.angle.value + math.pi) % (2.0 * math.pi) - math.pi
+        targets["angle"] = lanes.angle.value + turn
+        del targets["angle_rate"]
+    if under_way:
+        lanes.jump(targets)
+        lanes.step(phase.seconds, {})
+    else:
+        lanes.step(rig.ramp_s, targets)
+        lanes.step(phase.seconds - rig.ramp_s, {})
 
 
 def _bursts(

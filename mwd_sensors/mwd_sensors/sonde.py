@@ -317,20 +317,26 @@ class _Felt:
     f_t: list[Array]
 
     def tail(self, count: int) -> _Felt:
-        arrays = (self.mat_nt, self.rate_t, self.rate_it, self.position_n, self.velocity_n, self.md)
-        return _Felt(*(a[-count:] for a in arrays), [f[-count:] for f in self.f_t])
+        """The last samples."""
+        return _Felt(
+            self.mat_nt[-count:],
+            self.rate_t[-count:],
+            self.rate_it[-count:],
+            self.position_n[-count:],
+            self.velocity_n[-count:],
+            self.md[-count:],
+            [f[-count:] for f in self.f_t],
+        )
 
     def joined(self, new: _Felt) -> _Felt:
-        pairs = (
-            (self.mat_nt, new.mat_nt),
-            (self.rate_t, new.rate_t),
-            (self.rate_it, new.rate_it),
-            (self.position_n, new.position_n),
-            (self.velocity_n, new.velocity_n),
-            (self.md, new.md),
-        )
+        """These samples and then the new ones."""
         return _Felt(
-            *(np.concatenate(pair) for pair in pairs),
+            np.concatenate([self.mat_nt, new.mat_nt]),
+            np.concatenate([self.rate_t, new.rate_t]),
+            np.concatenate([self.rate_it, new.rate_it]),
+            np.concatenate([self.position_n, new.position_n]),
+            np.concatenate([self.velocity_n, new.velocity_n]),
+            np.concatenate([self.md, new.md]),
             [np.concatenate(pair) for pair in zip(self.f_t, new.f_t, strict=True)],
         )
 
@@ -435,7 +441,7 @@ def _motion(scenario: Scenario, rng: dict[str, np.random.Generator]) -> motion.M
     well, vibration = scenario.well, scenario.vibration
     table = np.array(well.stations, dtype=float)
     line = timeline(
-        scenario.schedule,
+        scenario.schedule * scenario.cycles,
         scenario.rig,
         well.bit_m,
         tuple((item.burst_s, item.pause_s) for item in vibration.whirl),

@@ -114,7 +114,7 @@ class Sweep:
 
 @dataclasses.dataclass(frozen=True)
 class Shocks:
-    """Hits of the wall: half-sine accelerations, each with its approach and its rebound so that the tool stays in the hole."""
+    """Hits of the wall: half-sine accelerations, each with approach and rebound: the tool stays in place."""
 
     rate_hz: float = setting(2.0, "mean number in a second", unit="Hz", low=0.001, high=50.0)
     peak_g: tuple[float, float] = setting(
@@ -407,8 +407,8 @@ def add_hits(
         if time[k] - 0.2 > end:
             break
         reach = 0.5 * width[k] + lobe[k] + dt
-        from_i = max(0, int(math.floor((time[k] - reach - start) / dt)))
-        to_i = min(n, int(math.ceil((time[k] + reach - start) / dt)) + 1)
+        from_i = max(0, math.floor((time[k] - reach - start) / dt))
+        to_i = min(n, math.ceil((time[k] + reach - start) / dt) + 1)
         for i in range(from_i, to_i):
             u = start + i * dt - time[k]
             displacement, velocity = _hit(u, width[k], peak[k], lobe[k])

@@ -1,4 +1,4 @@
-"""Allan deviation: known processes give their known slopes, and the simulated instruments give their grade's figures."""
+"""Allan deviation: known processes give their known slopes, simulated instruments the figures of their grade."""
 
 from __future__ import annotations
 

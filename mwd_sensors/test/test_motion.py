@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
-
-from mwd_sensors import frames, motion
 from mwd_sensors.frames import skew
 from mwd_sensors.schedule import Phase, Rig, timeline
 from mwd_sensors.vibration import (
@@ -22,6 +19,9 @@ from mwd_sensors.vibration import (
     hits,
     lines,
 )
+from numpy.testing import assert_allclose
+
+from mwd_sensors import frames, motion
 
 EVERYTHING = Vibrations(
     random=(RandomVibration((8.0, 60.0), (5.0, 10.0, 10.0), (20.0, 5.0, 5.0)),),
@@ -42,9 +42,9 @@ SCHEDULE = (
 )
 
 
-def moved(vibrations=EVERYTHING, phases=SCHEDULE, rig=Rig(), stations=((0, 5, 20), (30, 20, 40), (60, 88, 70)), seed=3):
+def moved(vibrations=EVERYTHING, phases=SCHEDULE, rig=None, stations=((0, 5, 20), (30, 20, 40), (60, 88, 70)), seed=3):
     rng = np.random.default_rng(seed)
-    line = timeline(phases, rig, 30.0, tuple((w.burst_s, w.pause_s) for w in vibrations.whirl), rng)
+    line = timeline(phases, rig or Rig(), 30.0, tuple((w.burst_s, w.pause_s) for w in vibrations.whirl), rng)
     active = {item.when: line.active(item.when) for item in vibrations.shocks}
     table = np.array(stations, dtype=float)
     path = motion.well_path(table[:, 0], np.radians(table[:, 1]), np.radians(table[:, 2]))
@@ -77,7 +77,7 @@ def test_a_vertical_start_builds_without_a_jump():
     phases = (Phase("move", 40.0, rop_m_h=3600.0),)
     k = moved(Vibrations(), phases, Rig(pick_up_m=0.0), stations).at(0, 4000, 100.0)
     assert np.abs(k.rate_t).max() < 0.02
-    inclination, azimuth, _ = frames.hole_angles(k.mat_nt)
+    _, azimuth, _ = frames.hole_angles(k.mat_nt)
     assert np.degrees(azimuth[-1]) == pytest.approx(130.0)
     assert np.abs(np.diff(k.mat_nt, axis=0)).max() < 2e-4
 
