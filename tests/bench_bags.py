@@ -1,0 +1,249 @@
+"""
+How fast bags are written, read and recorded here, against `mcap` and `rosbags` in the same run.
+
+    python tests/bench_bags.py [--messages 300000] [--seconds 5] [--json FILE]
+
+Absolute figures belong to the machine; the ratios are what should hold elsewhere.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from mcap.reader import make_reader
+from mcap.writer import Writer as McapLibraryWriter
+from mwd_surface.bag_reader import Bag
+from mwd_surface.bag_writer import BagWriter
+from mwd_surface.recorder import Recorder, RecorderSettings
+from mwd_surface.recovery import check
+from rosbags.rosbag2 import Reader, StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagsWriter
+from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
+from rosbags.typesys import Stores, get_typestore
+
+from mwd_sensors import wire
+
+IMU, MAG = "sensor_msgs/msg/Imu", "sensor_msgs/msg/MagneticField"
+START = 1_700_000_000_000_000_000
+STORE = get_typestore(Stores.ROS2_JAZZY)
+
+
+def samples(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Imu at 1 kHz and field at 100 Hz, with the noise that decides how well they compress."""
+    random = np.random.default_rng(1)
+    imu, mag = wire.IMU.empty(count), wire.MAG.empty(count // 10)
+    imu["stamp_ns"] = START + np.arange(count) * 1_000_000
+    imu["angular_velocity"] = random.normal(size=(count, 3))
+    imu["linear_acceleration"] = random.normal(size=(count, 3))
+    mag["stamp_ns"] = START + np.arange(count // 10) * 10_000_000
+    mag["magnetic_field"] = random.normal(size=(count // 10, 3)) * 5e-5
+    return imu, mag
+
+
+def write_ours(path: Path, imu: np.ndarray, mag: np.ndarray) -> int:
+    """Seconds of rows, as the simulator writes them."""
+    with BagWriter(path) as writer:
+        one, two = writer.topic("/imu/data_raw", IMU), writer.topic("/imu/mag", MAG)
+        for k in range(0, len(imu), 1000):
+            part, field = imu[k : k + 1000], mag[k // 10 : k // 10 + 100]
+            writer.write_rows(one, wire.IMU.encode(part, "sonde_link"), part["stamp_ns"])
+            writer.write_rows(two, wire.MAG.encode(field, "sonde_link"), field["stamp_ns"])
+    return len(imu) + len(mag)
+
+
+def write_ours_singly(path: Path, rows: list[bytes], stamps: list[int]) -> int:
+    """Message by message."""
+    with BagWriter(path) as writer:
+        channel = writer.topic("/imu/data_raw", IMU)
+        for data, stamp in zip(rows, stamps, strict=True):
+            writer.write(channel, data, stamp)
+    return len(rows)
+
+
+def write_mcap(path: Path, rows: list[bytes], stamps: list[int]) -> int:
+    """The mcap library."""
+    with path.open("wb") as file:
+        writer = McapLibraryWriter(file)
+        writer.start("ros2")
+        channel = writer.register_channel("/imu/data_raw", "cdr", writer.register_schema(IMU, "ros2msg", b""))
+        for data, stamp in zip(rows, stamps, strict=True):
+            writer.add_message(channel, stamp, data, stamp)
+        writer.finish()
+    return len(rows)
+
+
+def write_rosbags(path: Path, rows: list[bytes], stamps: list[int]) -> int:
+    """The rosbags library, with zstd as well."""
+    writer = RosbagsWriter(path, version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection("/imu/data_raw", IMU, typestore=STORE)
+        for data, stamp in zip(rows, stamps, strict=True):
+            writer.write(connection, stamp, data)
+    return len(rows)
+
+
+def read_blocks(path: Path, topics: list[str] | None = None) -> int:
+    """Samples as arrays."""
+    with Bag(path) as bag:
+        return sum(len(stamps) for block in bag.blocks(topics) for stamps, _ in block.values())
+
+
+def read_messages(path: Path) -> int:
+    """Raw messages in order."""
+    with Bag(path) as bag:
+        return sum(1 for _ in bag.messages())
+
+
+def read_mcap(path: Path) -> int:
+    """The mcap library, raw."""
+    with next(path.glob("*.mcap")).open("rb") as file:
+        return sum(1 for _ in make_reader(file, validate_crcs=True).iter_messages())
+
+
+def read_rosbags(path: Path) -> int:
+    """The rosbags library, raw."""
+    with Reader(path) as reader:
+        return sum(1 for _ in reader.messages())
+
+
+def read_rosbags_decoded(path: Path, most: int = 50_000) -> int:
+    """The rosbags library, decoded."""
+    count = 0
+    with Reader(path) as reader:
+        for connection, _, data in reader.messages():
+            STORE.deserialize_cdr(data, connection.msgtype)
+            count += 1
+            if count == most:
+                break
+    return count
+
+
+def best(run: Callable[[int], int], turns: int = 3) -> float:
+    """Messages per second of the fastest of a few turns; the first also compiles."""
+    rates = []
+    for turn in range(turns):
+        began = time.perf_counter()
+        count = run(turn)
+        rates.append(count / (time.perf_counter() - began))
+    return max(rates)
+
+
+def record(folder: Path, seconds: float, rate: int = 2000) -> dict[str, float]:
+    """Imu at `rate` and 200 other messages a second in real time: share of a core, and how long a caller is held up."""
+    imu, other, held, taken = bytes(np.random.default_rng(1).bytes(340)), bytes(120), [], 0
+    with Recorder(folder, RecorderSettings(min_free_bytes=0)) as recorder:
+        path = recorder.start("run")
+        began, cpu, put_cpu = time.perf_counter(), time.process_time(), 0.0
+        for k in range(int(seconds * 1000)):
+            while time.perf_counter() < began + k * 1e-3:
+                time.sleep(max(0.0, began + k * 1e-3 - time.perf_counter()))
+            now = time.time_ns()
+            for n in range(rate // 1000 + (k % 5 == 0)):
+                before = time.perf_counter()
+                topic = ("/imu/data_raw", IMU, imu) if n < rate // 1000 else ("/imu/mag", MAG, other)
+                taken += recorder.put(*topic, now + n)
+                held.append(time.perf_counter() - before)
+                put_cpu += held[-1]
+        wall, used = time.perf_counter() - began, time.process_time() - cpu
+        stopping = time.perf_counter()
+        recorder.stop()
+        stopping = time.perf_counter() - stopping
+        dropped = recorder.status().dropped
+    with Bag(path) as bag:
+        found = sum(topic.count for name, topic in bag.topics.items() if name != "/recorder/events")
+    idle = _idle_loop(seconds)
+    return {
+        "messages": taken,
+        "lost": taken - found + dropped,
+        "core_percent": 100 * (used - idle) / wall,
+        "put_us_p50": 1e6 * float(np.percentile(held, 50)),
+        "put_us_p99": 1e6 * float(np.percentile(held, 99)),
+        "put_us_max": 1e6 * max(held),
+        "stop_s": stopping,
+    }
+
+
+def _idle_loop(seconds: float) -> float:
+    # What the pacing loop above costs by itself.
+    began, cpu = time.perf_counter(), time.process_time()
+    for k in range(int(seconds * 1000)):
+        while time.perf_counter() < began + k * 1e-3:
+            time.sleep(max(0.0, began + k * 1e-3 - time.perf_counter()))
+    return time.process_time() - cpu
+
+
+def peak_mb(path: Path) -> float:
+    """Largest resident memory of a process that reads a bag in blocks, MB, above that of its imports."""
+    code = (
+        "import resource, sys; from mwd_surface.bag_reader import Bag\n"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "for block in Bag(sys.argv[1]).blocks(): pass\n"
+        "print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)"
+    )
+    return float(subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, check=True).stdout)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    parser.add_argument("--messages", type=int, default=300_000, help="Imu messages")
+    parser.add_argument("--seconds", type=float, default=5.0, help="length of the recorder's run")
+    parser.add_argument("--json", type=Path, help="write the figures there too")
+    options = parser.parse_args()
+    imu, mag = samples(options.messages)
+    few = imu[: options.messages // 5]
+    rows = [row.tobytes() for row in wire.IMU.encode(few, "sonde_link")]
+    stamps = few["stamp_ns"].tolist()
+    with tempfile.TemporaryDirectory(prefix="bench_bags_") as scratch:
+        folder = Path(scratch)
+        rates = {
+            "write rows": best(lambda turn: write_ours(folder / f"ours{turn}", imu, mag)),
+            "write singly": best(lambda turn: write_ours_singly(folder / f"single{turn}", rows, stamps)),
+            "write mcap": best(lambda turn: write_mcap(folder / f"library{turn}.mcap", rows, stamps), 2),
+            "write rosbags": best(lambda turn: write_rosbags(folder / f"rosbags{turn}", rows, stamps), 2),
+        }
+        bag = folder / "ours0"
+        rates |= {
+            "read blocks": best(lambda _: read_blocks(bag)),
+            "read blocks, one topic": best(lambda _: read_blocks(bag, ["/imu/data_raw"])),
+            "read messages": best(lambda _: read_messages(bag), 2),
+            "read mcap raw": best(lambda _: read_mcap(bag), 1),
+            "read rosbags raw": best(lambda _: read_rosbags(bag), 1),
+            "read rosbags decoded": best(lambda _: read_rosbags_decoded(bag), 1),
+            "check": best(lambda _: check(bag / "ours0_0.mcap").messages, 1),
+        }
+        size = (bag / "ours0_0.mcap").stat().st_size / (len(imu) + len(mag))
+        memory = peak_mb(bag)
+        recorder = record(folder / "recordings", options.seconds)
+    for name, rate in rates.items():
+        print(f"{name:28s} {rate / 1e3:10.0f} k msg/s")
+    ratios = {
+        "write rows / mcap": rates["write rows"] / rates["write mcap"],
+        "write rows / rosbags": rates["write rows"] / rates["write rosbags"],
+        "write singly / mcap": rates["write singly"] / rates["write mcap"],
+        "read blocks / rosbags decoded": rates["read blocks"] / rates["read rosbags decoded"],
+        "read blocks / rosbags raw": rates["read blocks"] / rates["read rosbags raw"],
+        "read blocks / mcap raw": rates["read blocks"] / rates["read mcap raw"],
+        "read messages / rosbags raw": rates["read messages"] / rates["read rosbags raw"],
+    }
+    for name, ratio in ratios.items():
+        print(f"{name:32s} {ratio:6.1f} x")
+    print(f"bytes per message on disk {size:.0f}; reading took {memory:.0f} MB beyond imports")
+    print("recorder at 2 kHz + 200/s: " + ", ".join(f"{name} {value:.3g}" for name, value in recorder.items()))
+    print(f"this process at most {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
+    if options.json:
+        options.json.write_text(json.dumps({"rates": rates, "ratios": ratios, "recorder": recorder}, indent=2))
+
+
+if __name__ == "__main__":
+    main()
