@@ -175,7 +175,12 @@ class GraphNode(LifecycleNode, Generic[T]):
         """Publishers first, work second."""
         result = super().on_activate(state)
         self.active = True
-        self.start()
+        try:
+            self.start()
+        except Exception:  # noqa: BLE001  (the lifecycle would swallow the reason)
+            self.get_logger().error(f"cannot start:\n{traceback.format_exc()}")
+            self.active = False
+            return TransitionCallbackReturn.ERROR
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -201,7 +206,7 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Say what went wrong and go back to unconfigured, so that it can be tried again."""
-        self.get_logger().error(f"error in {state.label}:\n{traceback.format_exc()}")
+        self.get_logger().error(f"a transition from {state.label} failed; the node is unconfigured again")
         self.active = False
         self.close()
         self._destroy_made()

@@ -63,9 +63,7 @@ class SondeNode(GraphNode[SondeSettings]):
         changes = {} if self.settings.seed < 0 else {"seed": self.settings.seed}
         self._scenario = read(scenario_files.find(self.settings.scenario), changes)
         self._out = {
-            topic: self.publish_on(
-                _TYPES[topic], topic, profiles.EVENT if topic == "rig/state" else profiles.STREAM
-            )
+            topic: self.publish_on(_TYPES[topic], topic, profiles.EVENT if topic == "rig/state" else profiles.STREAM)
             for topic in _ORDER
         }
         self.serve(InjectFault, "inject_fault", self._inject_fault)
@@ -170,4 +168,3 @@ class SondeNode(GraphNode[SondeSettings]):
 def main(args: Sequence[str] | None = None) -> int:
     """Run the sonde node."""
     return run_node(SondeNode, args)
-

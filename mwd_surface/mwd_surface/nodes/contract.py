@@ -1,0 +1,57 @@
+"""The topics of one well, with their types and profiles: what the surface node records and listens to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from mwd_msgs import msg
+from nav_msgs.msg import Path
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import Imu, MagneticField, Temperature
+from tf2_msgs.msg import TFMessage
+
+from mwd_sensors.nodes.profiles import EVENT, LATCHED, STATE, STREAM
+
+TOPICS: dict[str, tuple[Any, QoSProfile]] = {
+    "imu/data_raw": (Imu, STREAM),
+    "imu/mag": (MagneticField, STREAM),
+    "gyro/data_raw": (Imu, STREAM),
+    "imu/temperature": (Temperature, STREAM),
+    "truth": (msg.Truth, STREAM),
+    "rig/state": (msg.RigState, EVENT),
+    "gravity": (msg.Gravity, STREAM),
+    "attitude": (msg.Attitude, STREAM),
+    "imu/data": (Imu, STREAM),
+    "interference": (msg.Interference, STATE),
+    "survey": (msg.Survey, EVENT),
+    "toolface": (msg.Toolface, STATE),
+    "survey/accepted": (msg.SurveyRecord, EVENT),
+    "surveys": (msg.SurveyList, LATCHED),
+    "trajectory": (msg.Trajectory, LATCHED),
+    "path": (Path, LATCHED),
+    "alarms": (msg.AlarmList, LATCHED),
+    "recorder": (msg.RecorderStatus, STATE),
+    "/tf": (TFMessage, STATE),
+    "/diagnostics": (DiagnosticArray, STATE),
+}
+
+
+def type_name(kind: Any) -> str:
+    """``package/msg/Name`` of a message class."""
+    package, _, _ = kind.__module__.partition(".")
+    return f"{package}/msg/{kind.__name__}"
+
+
+def profile_yaml(profile: QoSProfile) -> str:
+    """A profile as rosbag2 writes it into ``offered_qos_profiles``: a list of one, in YAML."""
+    endless = "    sec: 9223372036\n    nsec: 854775807\n"
+    return (
+        f"- history: {profile.history.name.lower()}\n"
+        f"  depth: {profile.depth}\n"
+        f"  reliability: {profile.reliability.name.lower()}\n"
+        f"  durability: {profile.durability.name.lower()}\n"
+        f"  deadline:\n{endless}  lifespan:\n{endless}"
+        f"  liveliness: automatic\n  liveliness_lease_duration:\n{endless}"
+        "  avoid_ros_namespace_conventions: false"
+    )
