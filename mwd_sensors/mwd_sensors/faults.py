@@ -169,7 +169,7 @@ def _delay(
     fresh = np.column_stack([t, values])
     past = np.vstack([state.past[key], fresh]) if key in state.past else fresh
     # The value of the newest sample that is old enough; before there is one, the oldest.
-    rows = np.searchsorted(past[:, 0], t - fault.delay_s, side="right") - 1
+    rows = np.searchsorted(past[:, 0], t - fault.delay_s + 1e-9, side="right") - 1
     values[hit] = past[np.maximum(rows, 0)][hit, 1:]
     state.past[key] = past[past[:, 0] > t[-1] - fault.delay_s - 1.0] if len(t) else past
 

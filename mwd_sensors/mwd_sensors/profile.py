@@ -81,6 +81,12 @@ class ProfileBuilder:
         self._add(s, [self.value, 0.0, 0.0, 10.0 * change / s**3, -15.0 * change / s**4, 6.0 * change / s**5, 0.0])
         self.value, self.rate = value, 0.0
 
+    def follow(self, other: ProfileBuilder, factor: float = 1.0) -> None:
+        """Change as the other profile did in its last piece, times a factor, from the present value."""
+        _, *changes = other._terms[-1]
+        self._add(other.time - other._starts[-1], [self.value, *(factor * term for term in changes)])
+        self.rate = factor * other.rate
+
     def build(self) -> Profile:
         """The profile laid so far, continued at its last rate."""
         starts = [*self._starts, self.time]

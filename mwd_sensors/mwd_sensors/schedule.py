@@ -165,22 +165,19 @@ class _Lanes:
         for name in _SWITCHED:
             self.lanes[name].value = targets.get(name, self.lanes[name].value)
             self.lanes[name].hold(seconds)
-        # The hole deepens with the bit once that is back on bottom; the block follows the string, or runs up alone.
-        _follow(self.hole, max(self.hole.value, self.bit.value), seconds)
+        if self.bit.value > self.hole.value and bit > self.hole.value - 1e-6:
+            # On bottom the hole deepens with the bit.
+            self.hole.follow(self.bit)
+        else:
+            self.hole.to_value(max(self.hole.value, self.bit.value), seconds)
         if "block" in targets:
             self.block.to_value(targets["block"], seconds)
         else:
-            _follow(self.block, self.block.value - (self.bit.value - bit), seconds)
+            self.block.follow(self.bit, -1.0)
         if not self.moving and self.bit.value == bit and self.angle.value == angle:
             if self.still and self.still[-1][1] == start:
                 start = self.still.pop()[0]
             self.still.append((start, self.time))
-
-
-def _follow(lane: ProfileBuilder, value: float, seconds: float) -> None:
-    lane.rate = (value - lane.value) / seconds
-    lane.hold(seconds)
-    lane.value, lane.rate = value, 0.0
 
 
 def timeline(

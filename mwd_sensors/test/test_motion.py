@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
+
+from mwd_sensors import frames, motion
 from mwd_sensors.frames import skew
 from mwd_sensors.schedule import Phase, Rig, timeline
 from mwd_sensors.vibration import (
@@ -19,9 +22,6 @@ from mwd_sensors.vibration import (
     hits,
     lines,
 )
-from numpy.testing import assert_allclose
-
-from mwd_sensors import frames, motion
 
 EVERYTHING = Vibrations(
     random=(RandomVibration((8.0, 60.0), (5.0, 10.0, 10.0), (20.0, 5.0, 5.0)),),

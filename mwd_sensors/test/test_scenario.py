@@ -7,10 +7,10 @@ import pathlib
 
 import numpy as np
 import pytest
-from mwd_sensors.settings import SettingsError, changed
-from mwd_sensors.sonde import Sonde
 
 from mwd_sensors import scenario
+from mwd_sensors.settings import SettingsError, changed
+from mwd_sensors.sonde import Sonde
 
 FOLDER = pathlib.Path(__file__).parents[2] / "bags" / "scenarios"
 FILES = sorted(FOLDER.rglob("*.yaml"))
