@@ -1,0 +1,64 @@
+"""Units of sensor readings: the factors to SI, and what readings look like that are not in SI."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+STANDARD_GRAVITY = 9.80665
+
+# Quantity -> unit -> factor to the SI unit, which comes first.
+FACTORS: dict[str, dict[str, float]] = {
+    "acceleration": {"m/s2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY},
+    "rate": {"rad/s": 1.0, "deg/s": math.pi / 180.0},
+    "field": {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
+}
+# Quantity -> (unit, lowest, highest median magnitude that only this unit explains). Vibration can raise the specific
+# force several times above gravity but never halve its median; steel can treble the field.
+_RANGES = {
+    "acceleration": (("g", 0.3, 5.0), ("mg", 400.0, 5e3), ("m/s2", 5.0, 400.0)),
+    "rate": (("deg/s", 60.0, 1e4), ("rad/s", 0.0, 60.0)),
+    "field": (("T", 5e-6, 5e-4), ("G", 0.1, 1.5), ("uT", 10.0, 150.0), ("mG", 150.0, 1500.0), ("nT", 1e4, 5e5)),
+}
+_WORDS = {"acceleration": "specific force", "rate": "angular rate", "field": "magnetic field"}
+
+
+def factor(quantity: str, unit: str) -> float:
+    """
+    What to multiply readings by to get SI.
+
+    Raises
+    ------
+    ValueError
+        No such quantity or unit; the message lists the units there are.
+    """
+    if quantity not in FACTORS:
+        raise ValueError(f"quantity: {quantity!r} is not one of {', '.join(FACTORS)}")
+    if unit not in FACTORS[quantity]:
+        raise ValueError(f"unit of {_WORDS[quantity]}: {unit!r} is not one of {', '.join(FACTORS[quantity])}")
+    return FACTORS[quantity][unit]
+
+
+def doubt(quantity: str, readings: ArrayLike) -> tuple[str, str] | None:
+    """
+    What is odd about readings that should be in SI.
+
+    readings, shape (n, 3): in m/s^2, rad/s or T, as they are said to be; rows that are not finite are left out.
+    Returns None where their median magnitude is plausible or nothing finite is there, else (sentence, unit): the
+    unit that would make it plausible, empty where none would.
+    """
+    values = np.asarray(readings, dtype=float)
+    values = values[np.isfinite(values).all(axis=1)]
+    if not len(values):
+        return None
+    with np.errstate(over="ignore"):
+        median = float(np.median(np.sqrt((values * values).sum(axis=1))))
+    si = next(iter(FACTORS[quantity]))
+    for unit, low, high in _RANGES[quantity]:
+        if low <= median <= high:
+            if unit == si:
+                return None
+            return f"a {_WORDS[quantity]} of {median:.4g} {si} is not plausible: it looks like {unit}", unit
+    return f"a {_WORDS[quantity]} of {median:.4g} {si} is not plausible in any unit", ""

@@ -1,0 +1,73 @@
+"""The door of the `mwd` command: one line per command, and one way to end when something is wrong."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import typer
+
+from mwd_surface.commands.bag import bag, recover
+from mwd_surface.commands.doctor import doctor
+from mwd_surface.commands.node import PASS_ON, node
+from mwd_surface.commands.process import process
+from mwd_surface.commands.scenario import scenario, simulate
+from mwd_surface.commands.survey import survey
+from mwd_surface.commands.version import version
+
+app = typer.Typer(
+    name="mwd",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Measurement while drilling on ROS 2: run, record, replay and reprocess.",
+)
+_LIVE, _RECORDINGS, _MACHINE = "Live", "Recordings", "This machine"
+app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(node)
+app.command(rich_help_panel=_RECORDINGS)(process)
+app.command(rich_help_panel=_RECORDINGS)(survey)
+app.command(rich_help_panel=_RECORDINGS)(simulate)
+app.command(rich_help_panel=_RECORDINGS)(recover)
+app.add_typer(bag, name="bag", rich_help_panel=_RECORDINGS)
+app.add_typer(scenario, name="scenario", rich_help_panel=_RECORDINGS)
+app.command(rich_help_panel=_MACHINE)(doctor)
+app.command(rich_help_panel=_MACHINE)(version)
+
+
+def main() -> None:
+    """
+    Run one command and end the process.
+
+    Status 0 when all is well, 2 with one sentence when the input, the settings or the disk do not allow it.
+    """
+    # What sourcing an environment would set; the packages of this Python are found without.
+    os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
+    try:
+        app(prog_name="mwd")
+    except BrokenPipeError:
+        # Whoever read our output has enough; keep Python from complaining on exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except (ValueError, OSError) as error:
+        _end(error)
+    except Exception as error:
+        from mwd_surface.bag_reader import BagError
+        from mwd_surface.definitions import DefinitionError
+
+        if not isinstance(error, (BagError, DefinitionError)):
+            raise
+        _end(error)
+
+
+def _end(error: BaseException) -> None:
+    sentence = str(error)
+    if isinstance(error, OSError) and error.strerror:
+        sentence = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    sys.stderr.write(f"mwd: {sentence}\n")
+    sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""`mwd bag info` and `mwd recover`: what a recording holds, and saving what is left of a damaged one."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+bag = typer.Typer(no_args_is_help=True, help="Look into recordings and mend them.", rich_markup_mode="rich")
+
+
+@bag.command()
+def info(path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder, .mcap or .db3 file.")]) -> None:
+    """
+    Topics, types, counts and rates of a recording, and what is wrong with it.
+
+    \b
+    Example:
+      mwd bag info bags/run_7
+    """
+    from rich.table import Table
+
+    from mwd_surface.bag_reader import Bag
+    from mwd_surface.commands import terminal
+
+    console = terminal.output()
+    with Bag(path) as opened:
+        start = datetime.datetime.fromtimestamp(opened.start_ns * 1e-9, tz=datetime.UTC)
+        size = sum(file.stat().st_size for file in ([path] if path.is_file() else path.iterdir()) if file.is_file())
+        console.print(f"{path}: {opened.message_count} messages, {size / 1e6:.1f} MB", markup=False)
+        console.print(f"from {start:%Y-%m-%d %H:%M:%S} UTC, {opened.duration_s:.1f} s", markup=False)
+        table = Table()
+        for name, justify in (("topic", "left"), ("type", "left"), ("messages", "right"), ("Hz", "right")):
+            table.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+        for topic in sorted(opened.topics.values(), key=lambda one: one.name):
+            rate = (topic.count - 1) / opened.duration_s if topic.count > 1 and opened.duration_s > 0.0 else 0.0
+            table.add_row(topic.name, topic.type_name, str(topic.count), f"{rate:.1f}" if rate else "-")
+        console.print(table)
+        for attachment in opened.attachments():
+            console.print(f"attached: {attachment.name} ({len(attachment.data)} bytes)", markup=False)
+        for note in opened.notes:
+            terminal.warn(note)
+        if not opened.complete:
+            raise ValueError(f"{path} is cut off or damaged; `mwd recover {path}` makes it whole")
+
+
+def recover(
+    path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a recording, or one .mcap file.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="File to write (not for a folder, which is mended in place).")
+    ] = None,
+) -> None:
+    """
+    Save every sound message of a recording that was cut off or damaged; the original is kept.
+
+    \b
+    Examples:
+      mwd recover bags/run_7
+      mwd recover run_7_0.mcap -o saved.mcap
+    """
+    from mwd_surface import recovery
+    from mwd_surface.commands import terminal
+
+    console = terminal.output()
+    if not path.exists():
+        raise FileNotFoundError(2, "there is no such bag", str(path))
+    reports = recovery.recover(path, output)
+    for report in reports:
+        console.print(report.sentence(), markup=False)
+        for note in report.notes:
+            terminal.warn(note)
+        if report.target is not None:
+            console.print(f"written: {report.target}", markup=False)
+    if not any(report.messages for report in reports):
+        raise ValueError(f"{path}: nothing could be saved")
+
+
+bag.command("recover")(recover)

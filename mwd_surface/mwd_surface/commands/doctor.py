@@ -1,0 +1,44 @@
+"""`mwd doctor`: what is missing on this machine and how to get it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def doctor(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Where recordings would go.")] = Path("runs"),
+) -> None:
+    """
+    Say what is missing on this machine and how to get it.
+
+    Ends with status 1 where something is missing that the graph cannot do without.
+
+    \b
+    Example:
+      mwd doctor
+    """
+    import os
+
+    from rich.table import Table
+
+    from mwd_estimation import gravity
+    from mwd_surface.commands import terminal
+    from mwd_surface.doctor import Level, examine
+
+    marks = {Level.OK: "[green]ok[/]", Level.NOTE: "[yellow]note[/]", Level.MISSING: "[red]missing[/]"}
+    findings = examine(os.environ, output)
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for name in ("", "what", "how it is", "what to do"):
+        table.add_column(name)
+    for finding in findings:
+        table.add_row(marks[finding.level], finding.name, finding.state, finding.remedy)
+    console = terminal.output()
+    console.print(table, soft_wrap=False)
+    methods = "; ".join(f"{method.name} ({method.doc})" for method in gravity.METHODS.values())
+    console.print(f"gravity methods: {methods}", markup=False)
+    missing = sum(finding.level == Level.MISSING for finding in findings)
+    console.print("everything that is needed is here" if not missing else f"{missing} things are missing")
+    raise typer.Exit(1 if missing else 0)

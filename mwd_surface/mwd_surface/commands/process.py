@@ -1,0 +1,156 @@
+"""`mwd process`: a recording to attitude, surveys and the configuration in force."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mwd_surface.commands.reference_options import FIELD_PANEL, Changes, Config, Date, Field, Lat, Lon
+
+if TYPE_CHECKING:
+    from mwd_estimation.pipeline import EstimatorSettings
+    from mwd_surface.bag_reader import Bag
+    from mwd_surface.process import Summary
+
+_INPUT = "Input"
+
+
+def process(
+    bag: Annotated[Path, typer.Argument(help="Folder of a rosbag2 recording, or its .mcap or .db3 file.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; made if need be.")],
+    method: Annotated[
+        str | None, typer.Option("--method", help="Gravity extraction: s3, mahony, raw ... (`mwd doctor` lists them).")
+    ] = None,
+    lat: Lat = None,
+    lon: Lon = None,
+    date: Date = None,
+    field: Field = None,
+    north: Annotated[
+        str | None,
+        typer.Option("--north", help="North of the azimuth: magnetic, true or grid.", rich_help_panel=FIELD_PANEL),
+    ] = None,
+    config: Config = None,
+    changes: Changes = None,
+    imu_topic: Annotated[str | None, typer.Option(help="Topic of the IMU.", rich_help_panel=_INPUT)] = None,
+    mag_topic: Annotated[str | None, typer.Option(help="Topic of the magnetometer.", rich_help_panel=_INPUT)] = None,
+    accel_unit: Annotated[str | None, typer.Option(help="m/s2, g or mg.", rich_help_panel=_INPUT)] = None,
+    gyro_unit: Annotated[str | None, typer.Option(help="rad/s or deg/s.", rich_help_panel=_INPUT)] = None,
+    mag_unit: Annotated[str | None, typer.Option(help="T, mT, uT, nT, G or mG.", rich_help_panel=_INPUT)] = None,
+    start: Annotated[
+        float | None, typer.Option(help="Begin so many seconds after the first message.", rich_help_panel=_INPUT)
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option(help="End so many seconds after the first message.", rich_help_panel=_INPUT)
+    ] = None,
+    sensor_to_bit: Annotated[
+        float | None, typer.Option(help="Sonde behind the bit, m, for depths.", rich_help_panel=_INPUT)
+    ] = None,
+    partial: Annotated[
+        bool, typer.Option("--partial", help="Use what can be read of a damaged bag.", rich_help_panel=_INPUT)
+    ] = False,
+) -> None:
+    """
+    Work out attitude and surveys of a recording.
+
+    Writes DIR/attitude.csv (one line per IMU message), DIR/surveys.csv and DIR/config.yaml (the settings in force).
+    Needs no middleware; the results equal those of the live graph.
+
+    \b
+    Examples:
+      mwd process bags/run_7 -o out
+      mwd process bags/run_7 -o out --lat 58.44 --lon 1.88 --date 2026-03-01
+      mwd process bags/run_7 -o out --field 50360,71.63,-2.2 --method s3
+      mwd process bags/two_wells -o out --imu-topic /well_2/imu/data_raw
+    """
+    from mwd_sensors import settings
+    from mwd_surface import process as batch
+    from mwd_surface.bag_reader import Bag
+    from mwd_surface.commands import terminal
+    from mwd_surface.commands.reference_options import assignments, estimator_settings, place_changes
+
+    named: dict[str, Any] = place_changes(lat, lon, date, field)
+    if named and "station.north" not in assignments(changes) and config is None:
+        # A place or a declination says where true north is, not which grid is meant.
+        named["station.north"] = "true"
+    if method is not None:
+        named["method"] = method
+    if north is not None:
+        named["station.north"] = north
+    estimator = estimator_settings(config, named, changes)
+    asked = {
+        "imu_topic": imu_topic,
+        "mag_topic": mag_topic,
+        "accel_unit": accel_unit,
+        "gyro_unit": gyro_unit,
+        "mag_unit": mag_unit,
+        "start_s": start,
+        "end_s": end,
+        "sensor_to_bit_m": sensor_to_bit,
+        "partial": partial,
+    }
+    given = settings.from_mapping(batch.InputSettings, {k: v for k, v in asked.items() if v is not None})
+    began = time.monotonic()
+    with Bag(bag) as opened, terminal.progress(f"processing {bag.name}") as progress:
+        estimator, remark = _with_a_model(opened, estimator)
+        summary = batch.process(opened, output, estimator, given, progress)
+    if remark:
+        summary.warnings.insert(0, remark)
+    _show(summary, estimator, output, time.monotonic() - began)
+
+
+def _with_a_model(bag: Bag, estimator: EstimatorSettings) -> tuple[EstimatorSettings, str]:
+    """An older recording's field comes from the IGRF where the newer model does not reach back to its day."""
+    from mwd_estimation.pipeline import reference_of
+    from mwd_sensors import settings
+
+    try:
+        reference_of(estimator.reference, bag.start_ns)
+    except ValueError as error:
+        older = settings.changed(estimator, {"reference.model": "igrf"})
+        if older == estimator:
+            raise
+        try:
+            reference_of(older.reference, bag.start_ns)
+        except ValueError:
+            raise error from None
+        return older, f"{error}: the field is taken from the IGRF"
+    return estimator, ""
+
+
+def _show(summary: Summary, estimator: EstimatorSettings, folder: Path, elapsed: float) -> None:
+    import math
+
+    from mwd_surface.commands import terminal
+    from mwd_surface.commands.survey_table import show_surveys
+
+    console = terminal.output()
+    for warning in summary.warnings:
+        terminal.warn(warning)
+    rate = (summary.rows - 1) / summary.seconds if summary.seconds > 0.0 else 0.0
+    lines = [
+        ("IMU", f"{summary.topics.imu}: {summary.rows} samples, {summary.seconds:.1f} s, {rate:.1f} Hz"),
+        ("magnetometer", summary.topics.mag or "none: no azimuth"),
+        ("method", estimator.method),
+        ("reference", summary.reference),
+        ("azimuth", f"from {summary.north} north"),
+        ("inclination", _range(math.degrees(summary.lowest), math.degrees(summary.highest))),
+        ("not used", f"{summary.rejected} samples refused, {summary.gaps} gaps"),
+        ("unknown", f"{summary.without_gravity} rows without gravity, {summary.without_azimuth} without azimuth"),
+        ("speed", f"{summary.rows / max(elapsed, 1e-9):,.0f} samples/s ({elapsed:.1f} s)"),
+    ]
+    for name, value in lines:
+        console.print(f"{name:>13}  {value}", markup=False)
+    if summary.surveys:
+        show_surveys(console, [(survey.station, depth) for survey, depth in summary.surveys])
+    else:
+        console.print(f"{'surveys':>13}  none: the tool never kept still for long enough", markup=False)
+    from mwd_surface.process import FILES
+
+    console.print(f"{'written':>13}  {', '.join(str(folder / name) for name in FILES)}", markup=False)
+
+
+def _range(low: float, high: float) -> str:
+    return f"{low:.2f} to {high:.2f} deg" if low == low else "unknown"

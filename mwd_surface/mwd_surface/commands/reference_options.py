@@ -1,0 +1,139 @@
+"""Options that several commands share: where the reference field comes from, and how the estimator is set."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from mwd_estimation.pipeline import EstimatorSettings
+
+FIELD_PANEL = "Reference field"
+SETTINGS_PANEL = "Settings"
+
+Lat = Annotated[float | None, typer.Option("--lat", help="Latitude, deg, north positive.", rich_help_panel=FIELD_PANEL)]
+Lon = Annotated[float | None, typer.Option("--lon", help="Longitude, deg, east positive.", rich_help_panel=FIELD_PANEL)]
+Date = Annotated[
+    str | None,
+    typer.Option("--date", help="Day of the field, YYYY-MM-DD.", rich_help_panel=FIELD_PANEL, metavar="DAY"),
+]
+Field = Annotated[
+    str | None,
+    typer.Option(
+        "--field",
+        help="A field that is known: nT,dip[,declination] in deg.",
+        rich_help_panel=FIELD_PANEL,
+        metavar="B,D,D",
+    ),
+]
+Config = Annotated[
+    Path | None,
+    typer.Option(
+        "--config",
+        help="YAML of settings: a config.yaml of `mwd process`, or the estimator's ROS parameter file.",
+        rich_help_panel=SETTINGS_PANEL,
+    ),
+]
+Changes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        help="One setting, e.g. survey.duration_s=12. May be repeated.",
+        rich_help_panel=SETTINGS_PANEL,
+        metavar="NAME=VALUE",
+    ),
+]
+
+
+def estimator_settings(
+    config: Path | None, named: Mapping[str, Any], changes: Sequence[str] | None
+) -> EstimatorSettings:
+    """
+    Settings of the estimator: the file's, then those of options of their own, then those of --set.
+
+    Raises
+    ------
+    SettingsError
+        An unknown name (with its near misses) or a value that is not allowed.
+    """
+    from mwd_estimation.pipeline import EstimatorSettings
+    from mwd_sensors import settings
+    from mwd_surface.process import read_config
+
+    start = settings.from_mapping(EstimatorSettings, read_config(config)) if config else EstimatorSettings()
+    return settings.changed(start, {**named, **assignments(changes)})
+
+
+def assignments(changes: Sequence[str] | None) -> dict[str, Any]:
+    """
+    NAME=VALUE texts as a table; values are read as YAML, whole numbers where a fraction is meant are taken.
+
+    Raises
+    ------
+    SettingsError
+        A text without an equals sign or a value that YAML cannot read.
+    """
+    import yaml
+
+    from mwd_sensors.settings import SettingsError
+
+    table = {}
+    for change in changes or []:
+        name, equals, value = change.partition("=")
+        if not equals or not name.strip():
+            raise SettingsError(f"--set {change}: write it as NAME=VALUE, for example --set survey.duration_s=12")
+        try:
+            table[name.strip()] = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            raise SettingsError(f"--set {change}: the value cannot be read: {str(error).splitlines()[0]}") from error
+    return table
+
+
+def field_figures(text: str) -> tuple[float, float, float | None]:
+    """
+    Strength in nT, dip and declination in deg of --field; the declination is None where it is left out.
+
+    Raises
+    ------
+    ValueError
+        Not two or three numbers.
+    """
+    parts = text.split(",")
+    try:
+        figures = [float(part) for part in parts]
+    except ValueError:
+        figures = []
+    if len(figures) not in (2, 3):
+        raise ValueError(f"--field {text}: expected nT,dip,declination, for example --field 50200,71.6,-2.2")
+    return figures[0], figures[1], figures[2] if len(figures) == 3 else None
+
+
+def place_changes(
+    lat: float | None, lon: float | None, date: str | None, field: str | None, declination: float | None = None
+) -> dict[str, Any]:
+    """
+    The settings `reference.*` that the options mean; empty where none was given.
+
+    Raises
+    ------
+    ValueError
+        Half a place, a date without one, or both a place and a field.
+    """
+    if (lat is None) != (lon is None):
+        raise ValueError("--lat and --lon: give both, or neither")
+    if lat is not None and field is not None:
+        raise ValueError("--field and --lat/--lon: give one of them; a field that is known needs no model")
+    if date is not None and lat is None:
+        raise ValueError("--date: means nothing without --lat and --lon")
+    if lat is not None:
+        changes: dict[str, Any] = {"reference.source": "model", "reference.lat_deg": lat, "reference.lon_deg": lon}
+        return changes | ({"reference.date": date} if date is not None else {})
+    if field is not None:
+        total, dip, given = field_figures(field)
+        known = given if given is not None else declination
+        changes = {"reference.source": "fixed", "reference.total_nt": total, "reference.dip_deg": dip}
+        return changes | {"reference.declination_deg": known or 0.0}
+    return {}

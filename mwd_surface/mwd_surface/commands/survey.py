@@ -1,0 +1,120 @@
+"""`mwd survey`: a table of six-axis readings to surveys with verdicts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mwd_surface.commands.reference_options import FIELD_PANEL, Changes, Config, Date, Field, Lat, Lon
+
+if TYPE_CHECKING:
+    from mwd_estimation.reference import Reference
+
+
+def survey(
+    stations: Annotated[Path, typer.Argument(help="CSV with one line per station and named columns.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="CSV to write.")] = None,
+    field: Field = None,
+    declination: Annotated[
+        float | None, typer.Option(help="Magnetic from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
+    ] = None,
+    convergence: Annotated[
+        float | None, typer.Option(help="Grid from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
+    ] = None,
+    gravity: Annotated[float | None, typer.Option(help="Local gravity, m/s^2.", rich_help_panel=FIELD_PANEL)] = None,
+    lat: Lat = None,
+    lon: Lon = None,
+    date: Date = None,
+    axial: Annotated[
+        str | None, typer.Option(help="Letter that runs down-hole, x or z, for columns like gx, gy, gz.")
+    ] = None,
+    config: Config = None,
+    changes: Changes = None,
+) -> None:
+    """
+    Work out surveys from a table of six-axis readings, each with its verdict and the reasons.
+
+    Columns are found by name and unit (grav_axial_mps2, mag_tran1_nT, b_ref_nT, decl_used_deg ...); options replace
+    what the table says. A station without a reference stays magnetic and uncorrected, and says so.
+
+    \b
+    Examples:
+      mwd survey stations.csv -o surveys.csv
+      mwd survey stations.csv -o surveys.csv --field 50360,71.63 --declination -2.2 --convergence -0.95
+      mwd survey stations.csv --lat 58.44 --lon 1.88 --date 2026-03-01 --axial z
+    """
+    from mwd_estimation.station_table import stations as work_out
+    from mwd_surface import bag_metadata, station_csv
+    from mwd_surface.commands import terminal
+    from mwd_surface.commands.reference_options import estimator_settings
+    from mwd_surface.commands.survey_table import show_surveys
+    from mwd_surface.station_file import read_table
+
+    table = read_table(stations)
+    settings = estimator_settings(config, {}, changes).station
+    override = _reference(lat, lon, date, field, declination, convergence, gravity)
+    worked = work_out(table, override, settings, axial=axial)
+    console = terminal.output()
+    show_surveys(console, [(row.station, row.md) for row in worked])
+    if output is not None:
+        columns = (*station_csv.COLUMNS, "time")
+        lines = [{**station_csv.cells(row.station, row.md), "time": row.time} for row in worked]
+        output.parent.mkdir(parents=True, exist_ok=True)
+        bag_metadata.write_atomically(output, station_csv.text(columns, lines).encode())
+        console.print(f"written: {output}", markup=False)
+
+
+def _reference(
+    lat: float | None,
+    lon: float | None,
+    date: str | None,
+    field: str | None,
+    declination: float | None,
+    convergence: float | None,
+    gravity: float | None,
+) -> Reference | None:
+    """What the options know; None where they know nothing."""
+    import dataclasses
+    import datetime
+    import math
+
+    from mwd_estimation.pipeline import EstimatorSettings, reference_of
+    from mwd_estimation.reference import Reference
+    from mwd_sensors import settings
+    from mwd_surface.commands.reference_options import field_figures, place_changes
+
+    known: dict[str, Any] = {}
+    changes = place_changes(lat, lon, date, field)
+    reference = None
+    if lat is not None:
+        if date is None:
+            raise ValueError("--lat and --lon: a table has no clock, give the day of the field with --date")
+        day = datetime.date.fromisoformat(date) if _is_day(date) else None
+        model = "igrf" if day is not None and day < datetime.date(2025, 1, 1) else "wmm2025"
+        told = settings.changed(EstimatorSettings(), {**changes, "reference.model": model})
+        reference = reference_of(told.reference, 0)
+    elif field is not None:
+        total, dip, given = field_figures(field)
+        known = {"total": total * 1e-9, "dip": math.radians(dip)}
+        if given is not None:
+            known["declination"] = math.radians(given)
+    for name, value in (("declination", declination), ("convergence", convergence)):
+        if value is not None:
+            known[name] = math.radians(value)
+    if gravity is not None:
+        known["gravity"] = gravity
+    if reference is not None:
+        return dataclasses.replace(reference, **known)
+    return Reference(**known, source="given") if known else None
+
+
+def _is_day(text: str) -> bool:
+    import datetime
+
+    try:
+        datetime.date.fromisoformat(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,54 @@
+"""Stations on the screen: a table of figures, and below it each verdict with its reasons."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from mwd_estimation.station import Station
+
+COLOURS = {"accept": "green", "doubtful": "yellow", "reject": "red"}
+_MOST = 12
+
+
+def show_surveys(console: Console, stations: Sequence[tuple[Station, float]]) -> None:
+    """Print stations with their measured depths, m (nan where unknown); of a long list the last ones."""
+    first = max(len(stations) - _MOST, 0)
+    title = ("1 survey" if len(stations) == 1 else f"{len(stations)} surveys") + (
+        f", the last {_MOST}" if first else ""
+    )
+    table = Table(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for name in ("no", "depth m", "inclination", "azimuth", "", "toolface", "nT", "dip"):
+        table.add_column(name, justify="left" if not name else "right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    for number, (station, depth) in enumerate(stations[first:], first + 1):
+        known = math.isfinite(station.azimuth)
+        table.add_row(
+            str(number),
+            f"{depth:.1f}" if math.isfinite(depth) else "-",
+            f"{degrees(station.inclination)} ±{degrees(station.sigma_inclination)}",
+            f"{degrees(station.azimuth, 1)} ±{degrees(station.sigma_azimuth, 1)}" if known else "-",
+            station.north if known else "",
+            degrees(station.gravity_toolface, 1),
+            f"{station.b_total * 1e9:.0f}" if math.isfinite(station.b_total) else "-",
+            degrees(station.dip),
+            Text(station.verdict, style=COLOURS[station.verdict]),
+        )
+    console.print(table, soft_wrap=False)
+    for number, (station, _) in enumerate(stations[first:], first + 1):
+        console.print(
+            Text.assemble(
+                f"{number:>4} ", (station.verdict, COLOURS[station.verdict]), f": {'; '.join(station.reasons)}"
+            )
+        )
+
+
+def degrees(angle: float, decimals: int = 2) -> str:
+    """Angle in rad as text in deg; a dash where it is unknown."""
+    return f"{math.degrees(angle):.{decimals}f}" if math.isfinite(angle) else "-"

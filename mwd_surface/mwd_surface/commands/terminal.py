@@ -1,0 +1,40 @@
+"""What every command says, the same way: results on standard output, remarks and progress on standard error."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Callable, Iterator
+
+from rich.console import Console
+
+
+def output() -> Console:
+    """Console of results; lines are never broken, except inside a table."""
+    return Console(soft_wrap=True, highlight=False)
+
+
+def remarks() -> Console:
+    """Console of warnings and errors."""
+    return Console(stderr=True, soft_wrap=True, highlight=False)
+
+
+def warn(sentence: str) -> None:
+    """A warning."""
+    from rich.text import Text
+
+    remarks().print(Text.assemble(("warning: ", "yellow"), sentence))
+
+
+@contextlib.contextmanager
+def progress(words: str) -> Iterator[Callable[[float], None]]:
+    """A bar with the time left on a terminal, nothing elsewhere; the block is handed a function to tell the share."""
+    if not sys.stderr.isatty():
+        yield lambda _share: None
+        return
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=remarks(), transient=True) as bar:
+        task = bar.add_task(words, total=1.0)
+        yield lambda share: bar.update(task, completed=share)

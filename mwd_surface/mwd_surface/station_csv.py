@@ -1,0 +1,108 @@
+"""
+Stations as CSV: angles, totals and verdict of each, with what a person needs to check it by hand.
+
+The same columns come from a table of readings (`mwd survey`) and from a recording (`mwd process`). What is unknown is
+an empty cell; reasons are joined by a semicolon.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from mwd_estimation.reference import Reference
+from mwd_estimation.station import CORRECTED, RAW, Station
+
+COLUMNS = (
+    "md_m",
+    "inclination_deg",
+    "azimuth_deg",
+    "azimuth_reference",
+    "toolface_deg",
+    "g_total_mps2",
+    "b_total_nt",
+    "dip_deg",
+    "verdict",
+    "reasons",
+    "sigma_inclination_deg",
+    "sigma_azimuth_deg",
+    "sigma_toolface_deg",
+    "magnetic_toolface_deg",
+    "azimuth_method",
+    "azimuth_raw_deg",
+    "sigma_azimuth_raw_deg",
+    "azimuth_corrected_deg",
+    "sigma_azimuth_corrected_deg",
+    "axial_interference_nt",
+    "sigma_axial_interference_nt",
+    "g_reference_mps2",
+    "b_reference_nt",
+    "dip_reference_deg",
+    "declination_deg",
+    "convergence_deg",
+)
+
+
+def cells(station: Station, measured_depth: float = math.nan) -> dict[str, str]:
+    """One line: column -> text. measured_depth, m; nan where unknown."""
+    reference = station.reference or Reference()
+    line = {
+        "md_m": number(measured_depth, 3),
+        "inclination_deg": _degrees(station.inclination),
+        "azimuth_deg": _around(station.azimuth),
+        "azimuth_reference": station.north if math.isfinite(station.azimuth) else "",
+        "toolface_deg": _around(station.gravity_toolface),
+        "g_total_mps2": number(station.g_total, 6),
+        "b_total_nt": number(station.b_total * 1e9, 1),
+        "dip_deg": _degrees(station.dip),
+        "verdict": station.verdict,
+        "reasons": "; ".join(station.reasons),
+        "sigma_inclination_deg": _degrees(station.sigma_inclination),
+        "sigma_azimuth_deg": _degrees(station.sigma_azimuth) if math.isfinite(station.azimuth) else "",
+        "sigma_toolface_deg": _degrees(station.sigma_toolface),
+        "magnetic_toolface_deg": _around(station.magnetic_toolface),
+        "azimuth_method": station.method,
+        "axial_interference_nt": number(station.interference * 1e9, 1),
+        "sigma_axial_interference_nt": number(station.sigma_interference * 1e9, 1),
+        "g_reference_mps2": number(reference.gravity, 6),
+        "b_reference_nt": number(None if reference.total is None else reference.total * 1e9, 1),
+        "dip_reference_deg": _degrees(reference.dip),
+        "declination_deg": _degrees(reference.declination),
+        "convergence_deg": _degrees(reference.convergence),
+    }
+    for method in (RAW, CORRECTED):
+        found = station.by_method(method)
+        line[f"azimuth_{method}_deg"] = _around(found.azimuth if found else None)
+        line[f"sigma_azimuth_{method}_deg"] = _degrees(found.sigma if found else None)
+    return line
+
+
+def text(columns: Sequence[str], lines: Iterable[Mapping[str, Any]]) -> str:
+    """The table with its header; a line lacks what it doesn't know."""
+    out = io.StringIO()
+    writer = csv.DictWriter(out, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(lines)
+    return out.getvalue()
+
+
+def number(value: float | None, decimals: int) -> str:
+    """Fixed-point text; empty for what is unknown (None, nan, infinite)."""
+    if value is None or not math.isfinite(value):
+        return ""
+    # Without a minus before zero.
+    return f"{round(value, decimals) + 0.0:.{decimals}f}"
+
+
+def _degrees(value: float | None) -> str:
+    return number(None if value is None else math.degrees(value), 4)
+
+
+def _around(value: float | None) -> str:
+    if value is None or not math.isfinite(value):
+        return ""
+    # 359.99999 must not become 360.0000.
+    return number(round(math.degrees(value) % 360.0, 4) % 360.0, 4)

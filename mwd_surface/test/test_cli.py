@@ -1,0 +1,174 @@
+"""The command as people call it: a process of its own, its status and its words."""
+
+import csv
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+VOLVE = ROOT.parent / "shared" / "data" / "volve" / "volve_F5_raw_sixaxis.csv"
+
+
+def mwd(*words, **environment):
+    return subprocess.run(
+        [sys.executable, "-m", "mwd_surface.cli", *map(str, words)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        env={**os.environ, "NO_COLOR": "1", "TERM": "dumb", **environment},
+    )
+
+
+def refused(done, *parts):
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert all(part in done.stderr for part in parts), done.stderr
+
+
+def test_help_names_every_command_and_is_quick():
+    began = time.monotonic()
+    done = mwd("--help")
+    assert done.returncode == 0
+    for command in (
+        "run",
+        "simulate",
+        "process",
+        "replay",
+        "survey",
+        "node",
+        "bag",
+        "recover",
+        "scenario",
+        "doctor",
+        "version",
+    ):
+        assert f" {command} " in done.stdout
+    # 0.2 s on an idle machine; the bound is for a busy one.
+    assert time.monotonic() - began < 3.0
+
+
+@pytest.mark.parametrize("command", ["simulate", "process", "survey", "node", "recover", "doctor"])
+def test_every_command_has_an_example(command):
+    done = mwd(command, "--help")
+    assert done.returncode == 0
+    assert f"mwd {command}" in done.stdout
+
+
+def test_help_needs_no_heavy_package():
+    code = (
+        "import sys, mwd_surface.cli\n"
+        "print([m for m in ('numpy', 'numba', 'rclpy', 'scipy', 'rosbags', 'aiohttp', 'yaml') if m in sys.modules])"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_the_surveys_of_a_real_well_are_reproduced_and_judged(tmp_path):
+    """Volve 15/9-F-5 (Equinor, open data): published angles and totals; two stations beside casing, one sound."""
+    if not VOLVE.exists():
+        pytest.skip("the shared recordings are not beside the repository")
+    done = mwd("survey", VOLVE, "-o", tmp_path / "out.csv")
+    assert done.returncode == 0, done.stderr
+    with (tmp_path / "out.csv").open() as file:
+        lines = list(csv.DictReader(file))
+    assert [line["verdict"] for line in lines] == ["reject", "reject", "accept"]
+    assert all(line["reasons"] for line in lines)
+    third = lines[2]
+    assert float(third["inclination_deg"]) == pytest.approx(27.26, abs=0.005)
+    assert float(third["azimuth_deg"]) == pytest.approx(116.29, abs=0.005)
+    assert third["azimuth_reference"] == "grid"
+    assert float(third["b_total_nt"]) == pytest.approx(50167.6, abs=0.06)
+    assert float(third["dip_deg"]) == pytest.approx(71.41, abs=0.005)
+
+
+STATION = "md_m,grav_axial_mps2,grav_tran1_mps2,grav_tran2_mps2,mag_axial_nT,mag_tran1_nT,mag_tran2_nT\n"
+STATION += "1386.4,8.7425784,-2.5743408,3.697224,38880,-27840,15168\n"
+
+
+def test_the_options_are_the_reference_where_the_table_has_none(tmp_path):
+    table, out = tmp_path / "table.csv", tmp_path / "out.csv"
+    table.write_text(STATION)
+    for options, north, azimuth in (
+        ((), "magnetic", 117.55),
+        (("--field", "50360.5,71.63,-2.21"), "true", 115.34),
+        (("--field", "50360.5,71.63", "--declination", -2.21, "--convergence", -0.95), "grid", 116.29),
+    ):
+        assert mwd("survey", table, "-o", out, *options).returncode == 0
+        with out.open() as file:
+            (line,) = csv.DictReader(file)
+        assert line["azimuth_reference"] == north
+        assert float(line["azimuth_deg"]) == pytest.approx(azimuth, abs=0.01)
+        assert line["verdict"] == ("doubtful" if north == "magnetic" else "accept")
+
+
+def test_a_table_that_cannot_be_used_is_refused_in_one_sentence(tmp_path):
+    table = tmp_path / "table.csv"
+    refused(mwd("survey", table, "-o", tmp_path / "out.csv"), "table.csv", "No such file")
+    table.write_text("md_m,gx\n1,2\n")
+    refused(mwd("survey", table, "-o", tmp_path / "out.csv"), "gravity: no column")
+    table.write_text(STATION)
+    refused(mwd("survey", table, "--field", "50360"), "--field 50360", "nT,dip,declination")
+    refused(mwd("survey", table, "--lat", "58"), "--lat and --lon")
+    refused(mwd("survey", table, "--set", "station.nort=true"), "did you mean station.north")
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_a_bag_that_cannot_be_used_is_refused_in_one_sentence(tmp_path):
+    refused(mwd("process", tmp_path / "bag", "-o", tmp_path / "out"), "there is nothing at")
+    (tmp_path / "bag").mkdir()
+    refused(mwd("process", tmp_path / "bag", "-o", tmp_path / "out"), "holds no recording")
+    (tmp_path / "bag" / "bag_0.mcap").write_bytes(b"")
+    refused(mwd("process", tmp_path / "bag", "-o", tmp_path / "out"), "is empty")
+    refused(mwd("bag", "info", tmp_path / "bag"), "is empty")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag"]
+
+
+def test_a_simulated_run_is_processed_to_its_surveys(tmp_path):
+    scenario = tmp_path / "still.yaml"
+    scenario.write_text(
+        "name: still\nwell: {stations: [[0.0, 40.0, 70.0]], bit_m: 103.0}\nschedule: [{kind: still, seconds: 14.0}]\n"
+    )
+    assert mwd("simulate", scenario, "-o", tmp_path / "bag", "--namespace", "/well_4").returncode == 0
+    done = mwd("process", tmp_path / "bag", "-o", tmp_path / "out", "--lat", 38, "--lon", 109, "--set", "method=s3")
+    assert done.returncode == 0, done.stderr
+    assert "/well_4/imu/data_raw: 1600 samples" in done.stdout
+    with (tmp_path / "out" / "surveys.csv").open() as file:
+        (line,) = csv.DictReader(file)
+    assert float(line["inclination_deg"]) == pytest.approx(40.0, abs=0.2)
+    assert float(line["azimuth_deg"]) == pytest.approx(70.0, abs=1.5)
+    assert float(line["md_m"]) == pytest.approx(103.0, abs=0.01)
+    done = mwd("bag", "info", tmp_path / "bag")
+    assert done.returncode == 0
+    assert "/well_4/truth" in done.stdout
+
+
+def test_an_older_recording_takes_the_older_field_model(tmp_path):
+    scenario = tmp_path / "old.yaml"
+    scenario.write_text("name: old\ndate: 2012-05-01\nmodel: igrf\nschedule: [{kind: still, seconds: 2.0}]\n")
+    assert mwd("simulate", scenario, "-o", tmp_path / "bag").returncode == 0
+    done = mwd("process", tmp_path / "bag", "-o", tmp_path / "out", "--lat", 38, "--lon", 109)
+    assert done.returncode == 0
+    assert "IGRF" in done.stdout
+    assert "outside wmm2025" in done.stderr
+
+
+def test_a_damaged_recording_is_recovered(tmp_path):
+    scenario = tmp_path / "short.yaml"
+    scenario.write_text("name: short\nschedule: [{kind: still, seconds: 5.0}]\n")
+    assert mwd("simulate", scenario, "-o", tmp_path / "bag").returncode == 0
+    file = next((tmp_path / "bag").glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[:-100])
+    refused(mwd("process", tmp_path / "bag", "-o", tmp_path / "out"), "cut off or damaged", "mwd recover")
+    assert mwd("recover", tmp_path / "bag").returncode == 0
+    assert mwd("process", tmp_path / "bag", "-o", tmp_path / "out").returncode == 0
+
+
+def test_an_unknown_node_is_refused():
+    done = mwd("node", "engine")
+    assert done.returncode == 2
+    assert "sonde" in done.stderr

@@ -1,0 +1,59 @@
+"""What the doctor finds on machines that lack something."""
+
+import socket
+import sys
+from pathlib import Path
+
+from mwd_surface import doctor
+from mwd_surface.doctor import Level
+
+
+def test_a_missing_package_is_named_with_its_purpose_and_remedy():
+    found = doctor.package("no_such_package_at_all", "every computation")
+    assert found.level == Level.MISSING
+    assert "every computation" in found.state
+    assert found.remedy
+    assert doctor.package("numpy", "every computation").level == Level.OK
+
+
+def test_what_can_be_done_without_is_only_noted():
+    assert doctor.package("no_such_package_at_all", "speed; without it everything works").level == Level.NOTE
+
+
+def test_another_ros_is_refused():
+    found = doctor.foreign_ros({"ROS_DISTRO": "humble"})
+    assert found.level == Level.MISSING
+    assert "humble" in found.state
+    assert doctor.foreign_ros({"AMENT_PREFIX_PATH": sys.prefix}).level == Level.OK
+
+
+def test_a_domain_that_is_no_number_is_named():
+    assert doctor.discovery({"ROS_DOMAIN_ID": "seven"}).level == Level.MISSING
+    assert doctor.discovery({"ROS_DOMAIN_ID": "7", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}).level == Level.OK
+    assert doctor.discovery({}).level == Level.NOTE
+
+
+def test_a_folder_that_cannot_be_written_is_missing():
+    assert doctor.disk(Path("/proc/nowhere")).level == Level.MISSING
+
+
+def test_a_folder_need_not_exist_yet(tmp_path):
+    assert doctor.disk(tmp_path / "a" / "b").level in (Level.OK, Level.NOTE)
+    assert not (tmp_path / "a").exists()
+
+
+def test_a_port_in_use_is_noted():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        assert doctor.page_port(taken.getsockname()[1]).level == Level.NOTE
+
+
+def test_a_program_that_is_not_there_is_noted_with_its_package():
+    found = doctor.tool("no-such-program", "building")
+    assert found.level == Level.NOTE
+    assert "apt install no-such-program" in found.remedy
+
+
+def test_every_finding_that_asks_for_something_says_what():
+    assert all(finding.remedy for finding in doctor.examine({}, Path()) if finding.level != Level.OK)
