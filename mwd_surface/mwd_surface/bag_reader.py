@@ -1,7 +1,7 @@
 """
 A bag as arrays: blocks of samples in time order, in constant memory, at the speed of decompression.
 
-Chunks of MCAP files are decompressed ahead in threads and their messages gathered as rows without touching them one by
+Chunks of MCAP files are decompressed ahead in a thread and their messages gathered as rows without touching them one by
 one. What that way cannot read (sqlite3 storage, messages compressed singly, big-endian or odd messages) goes through
 `rosbags` by itself, and `Bag.notes` says so.
 """
@@ -12,7 +12,6 @@ import concurrent.futures
 import dataclasses
 import re
 import tempfile
-import threading
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -117,8 +116,6 @@ class Bag:
     Parameters
     ----------
     path : Path or str
-    threads : int
-        That decompress ahead of the reader.
 
     Attributes
     ----------
@@ -127,6 +124,14 @@ class Bag:
         Log time of the first and of the last message; both 0 when there is none.
     notes : list of str
         What was unusual or damaged, one sentence each; grows while reading.
+    files : list of Path
+        The files read, as they lie on the disk.
+    size_bytes : int
+        Of these files.
+    storage : str
+        ``mcap`` or ``sqlite3``.
+    custom : dict of str
+        ``custom_data`` of metadata.yaml.
     damaged_chunks, damaged_messages : int
         Skipped while reading because a checksum or a layout was wrong.
     complete : bool
@@ -138,7 +143,7 @@ class Bag:
         There is nothing at `path`, it is no bag, or it holds no message.
     """
 
-    def __init__(self, path: Path | str, *, threads: int = 2) -> None:
+    def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
         self.topics: dict[str, TopicInfo] = {}
         self.start_ns = self.end_ns = 0
@@ -146,7 +151,9 @@ class Bag:
         self.damaged_chunks = self.damaged_messages = 0
         self.complete = True
         self.custom: dict[str, str] = {}
-        self._threads = max(1, threads)
+        self.files: list[Path] = []
+        self.size_bytes = 0
+        self.storage = ""
         self._files: list[tuple[McapFile, Contents]] = []
         self._names: list[dict[int, str]] = []
         self._rosbags: RosbagsReader | None = None
@@ -154,7 +161,6 @@ class Bag:
         self._definitions: Definitions | None = None
         self._message_compression = False
         self._told: set[str] = set()
-        self._local = threading.local()
         try:
             self._open()
         except BaseException:
@@ -204,7 +210,7 @@ class Bag:
         topics: Sequence[str] | None = None,
         start_ns: int | None = None,
         end_ns: int | None = None,
-        block_messages: int = 65536,
+        block_messages: int = 16384,
     ) -> Iterator[Block]:
         """
         Samples in log-time order, block by block, in constant memory.
@@ -310,7 +316,9 @@ class Bag:
         files = self._directory() if self.path.is_dir() else [self.path]
         if not files:
             raise BagError(f"{self.path} holds no recording", "a bag has .mcap or .db3 files and a metadata.yaml")
+        self.files, self.size_bytes = files, sum(file.stat().st_size for file in files)
         suffixes = {_suffix(file) for file in files}
+        self.storage = "sqlite3" if suffixes == {".db3"} else "mcap"
         if suffixes == {".mcap"}:
             self._open_mcap(files)
         elif suffixes == {".db3"}:
@@ -485,20 +493,24 @@ class Bag:
                 yield sorted(released, key=lambda one: one.rank)
 
     def _ahead(self, chosen: list[tuple[int, Span]], topics: list[str], start: int, end: int) -> Iterator[_Part | None]:
-        """Parts of the chosen spans, loaded by threads a few spans ahead of their use."""
+        """Parts of the chosen spans, loaded by a thread a few spans ahead of their use."""
         waiting: deque[tuple[concurrent.futures.Future[_Part], int]] = deque()
         wanted = []
         for names in self._names:
             mask = np.zeros(65536, dtype=np.bool_)
             mask[[number for number, name in names.items() if name in topics]] = True
             wanted.append(mask)
-        pool = concurrent.futures.ThreadPoolExecutor(self._threads, thread_name_prefix="bag")
+        # One thread: it keeps ahead of any consumer, and a second one costs more in contended memory than it brings.
+        pool = concurrent.futures.ThreadPoolExecutor(1, thread_name_prefix="bag")
+        decompress = mcap_format.Decompressor()
         try:
             position, held = 0, 0
             while position < len(chosen) or waiting:
                 while position < len(chosen) and len(waiting) < _AHEAD and (not waiting or held < _AHEAD_BYTES):
                     number, span = chosen[position]
-                    waiting.append((pool.submit(self._load, number, span, wanted[number], start, end), span.size))
+                    waiting.append(
+                        (pool.submit(self._load, decompress, number, span, wanted[number], start, end), span.size)
+                    )
                     held += span.size
                     position += 1
                 future, size = waiting.popleft()
@@ -513,10 +525,15 @@ class Bag:
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
-    def _load(self, number: int, span: Span, wanted: NDArray[np.bool_], start: int, end: int) -> _Part:
-        decompress = getattr(self._local, "decompress", None)
-        if decompress is None:
-            decompress = self._local.decompress = mcap_format.Decompressor()
+    def _load(
+        self,
+        decompress: mcap_format.Decompressor,
+        number: int,
+        span: Span,
+        wanted: NDArray[np.bool_],
+        start: int,
+        end: int,
+    ) -> _Part:
         data = np.frombuffer(self._files[number][0].plain(span, decompress), dtype=np.uint8)
         walk = mcap_format.walk(data)
         if walk.end != len(data):

@@ -25,7 +25,6 @@ from pathlib import Path
 from typing import Any
 
 from mwd_sensors.settings import setting
-
 from mwd_surface import bag_metadata, recovery
 from mwd_surface.bag_writer import BagWriter
 from mwd_surface.definitions import Definitions, installed
@@ -193,7 +192,7 @@ class Recorder:
     event_topic : str
         Full name of the topic under which events are recorded, as rcl_interfaces/Log.
     on_event : callable, optional
-        Called with each Event from the writer thread; must return quickly.
+        Called with each Event from the writer thread; must return quickly, and may call nothing here that waits.
     space : callable
         Bytes free for a folder; replaced in tests.
     recover : bool
@@ -241,12 +240,13 @@ class Recorder:
         self._deadline: float | None = None
         self._recovered: list[recovery.Report] = []
         self._lock_file = self._locked()
-        left = self._left_behind() if recover else []
+        # The list is taken before this recorder can begin a bag of its own.
+        earlier = sorted(item for item in self.folder.iterdir() if item.is_dir()) if recover else []
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
         self._recovery: threading.Thread | None = None
-        if left:
-            self._recovery = threading.Thread(target=self._recover, args=(left,), name="recovery", daemon=True)
+        if earlier:
+            self._recovery = threading.Thread(target=self._recover, args=(earlier,), name="recovery", daemon=True)
             self._recovery.start()
 
     # For the caller's thread
@@ -823,16 +823,11 @@ class Recorder:
 
     # For the recovery thread
 
-    def _left_behind(self) -> list[Path]:
-        try:
-            return recovery.unfinished(self.folder)
-        except OSError as error:
-            self._tell_later(Level.WARNING, f"earlier recordings cannot be looked at: {error}")
-            return []
-
     def _recover(self, bags: list[Path]) -> None:
         for bag in bags:
             try:
+                if self._closing or not recovery.is_unfinished(bag):
+                    continue
                 reports = recovery.recover_bag(bag, lambda: not self._closing, thorough=False)
             except InterruptedError:
                 return

@@ -193,19 +193,18 @@ def recover_bag(folder: Path, going_on: Callable[[], bool] = _always, *, thoroug
 
 
 def unfinished(folder: Path) -> list[Path]:
-    """Bags below a folder whose recording was interrupted: a file without its end, or no complete metadata.yaml."""
-    found = []
-    for bag in sorted(item for item in folder.iterdir() if item.is_dir()):
-        files = _files(bag)
-        if not files:
-            continue
-        try:
-            listed = {file.path for file in bag_metadata.read(bag).files}
-        except MetadataError:
-            listed = set()
-        if {file.name for file in files} - listed or not all(_has_end(file) for file in files):
-            found.append(bag)
-    return found
+    """Bags below a folder whose recording was interrupted, see `is_unfinished`."""
+    return [bag for bag in sorted(folder.iterdir()) if bag.is_dir() and is_unfinished(bag)]
+
+
+def is_unfinished(bag: Path) -> bool:
+    """Whether a bag has a file without its end, or one that metadata.yaml does not name."""
+    files = _files(bag)
+    try:
+        listed = {file.path for file in bag_metadata.read(bag).files}
+    except MetadataError:
+        listed = set()
+    return bool({file.name for file in files} - listed) or not all(_has_end(file) for file in files)
 
 
 def check(path: Path) -> Report:

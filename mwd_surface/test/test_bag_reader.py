@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 import zstandard
 from mcap.writer import CompressionType, IndexType, Writer
-from mwd_surface.bag_reader import Bag, BagError
-from mwd_surface.bag_writer import BagWriter
 from rosbags.rosbag2 import Reader as RosbagsReader
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
@@ -21,6 +19,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from mwd_sensors import wire
 from mwd_surface import mcap_format
+from mwd_surface.bag_reader import Bag, BagError
+from mwd_surface.bag_writer import BagWriter
 
 ROOT = Path(__file__).resolve().parents[2]
 BROAD = ROOT.parent / "shared" / "data" / "bags" / "broad_27"
@@ -308,6 +308,9 @@ def test_a_split_bag_is_read_as_one(tmp_path):
                 writer.split()
     with Bag(tmp_path / "bag") as bag:
         assert joined(bag)["/imu/data_raw"].tobytes() == samples.tobytes()
+        assert [file.name for file in bag.files] == ["bag_0.mcap", "bag_1.mcap", "bag_2.mcap"]
+        assert bag.size_bytes == sum(file.stat().st_size for file in (tmp_path / "bag").glob("*.mcap"))
+        assert bag.storage == "mcap"
     (tmp_path / "bag" / "bag_1.mcap").unlink()
     with Bag(tmp_path / "bag") as bag:
         assert len(joined(bag)["/imu/data_raw"]) == 600

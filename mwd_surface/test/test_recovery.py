@@ -10,18 +10,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from mwd_surface.bag_reader import Bag
-from mwd_surface.bag_writer import BagWriter
 from rosbags.rosbag2 import Reader
 
 from mwd_sensors import wire
 from mwd_surface import bag_metadata, mcap_format, recovery
+from mwd_surface.bag_reader import Bag
+from mwd_surface.bag_writer import BagWriter
 
 START = 1_700_000_000_000_000_000
 IMU = "sensor_msgs/msg/Imu"
 
 
-def record(path: Path, count: int = 1500, **options) -> BagWriter:
+def record(path: Path, count: int = 800, **options) -> BagWriter:
     """A recording as the recorder leaves it when it is killed: every chunk on disk, no end."""
     samples = wire.IMU.empty(count)
     samples["stamp_ns"] = START + np.arange(count) * 1_000_000
@@ -106,7 +106,7 @@ def test_bit_flips_and_overwritten_blocks_never_raise_and_never_invent_a_message
             assert len(saved) == report.messages
             assert set(saved) <= everything
             # Each place of damage costs the chunk it is in, and the one it runs into.
-            assert len(saved) > 1500 - 3 * 3 * 60
+            assert len(saved) > 800 - 3 * 3 * 60
             report.target.unlink()
 
 
@@ -145,7 +145,7 @@ def test_only_the_last_file_of_a_split_recording_is_touched_and_none_is_lost(tmp
     assert (two.messages, two.sound) == (1, False)
     assert (tmp_path / "bag" / "bag_0.mcap").read_bytes() == first
     about = bag_metadata.read(tmp_path / "bag")
-    assert [file.count for file in about.files] == [1501, 1]
+    assert [file.count for file in about.files] == [801, 1]
 
 
 def test_recovering_twice_changes_nothing_the_second_time(tmp_path):
@@ -159,7 +159,7 @@ def test_recovering_twice_changes_nothing_the_second_time(tmp_path):
 
 def test_power_lost_between_the_two_names_leaves_a_bag_that_is_recovered_next_time(tmp_path, monkeypatch):
     record(tmp_path / "bag").file.close()
-    written = 1501
+    written = 801
 
     def stop(*_):
         raise KeyboardInterrupt
@@ -255,4 +255,4 @@ def test_hostile_lengths_are_passed_over_in_bounded_memory(whole, tmp_path, size
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 50e6
-    assert report.messages > 1300
+    assert report.messages > 600
