@@ -14,14 +14,14 @@ import dataclasses
 import math
 
 import numpy as np
-from mwd_sensors.compiled import compiled
-from mwd_sensors.frames import hole_angles, wrap_tau
-from mwd_sensors.settings import setting
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation import track
 from mwd_estimation.status import Status
 from mwd_estimation.track import Array, Stamps
+from mwd_sensors.compiled import compiled
+from mwd_sensors.frames import hole_angles, wrap_tau
+from mwd_sensors.settings import setting
 
 EARTH_RATE = 7.292115e-5  # rad/s, WGS 84
 DEG_PER_ROOT_HOUR = math.radians(1.0) / 60.0  # rad/sqrt(s)

@@ -7,9 +7,10 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from mwd_sensors.frames import mat_nt
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+
+from mwd_sensors.frames import mat_nt
 
 Array = NDArray[np.float64]
 EARTH_RATE = 7.292115e-5
