@@ -344,7 +344,8 @@ class McapFile:
         data = self.read(start, end - start)
         if crc and zlib.crc32(foot[:25], zlib.crc32(data)) != crc:
             raise FormatError("the summary's checksum does not match")
-        walk = mcap_format.walk(np.frombuffer(data, dtype=np.uint8))
+        # Few records, often all that is wanted of the file: not worth waking the compiled walk for.
+        walk = mcap_format.walk_plain(np.frombuffer(data, dtype=np.uint8))
         if walk.end != len(data):
             raise FormatError("the summary is not made of records")
         return self._from_summary(data, walk)
