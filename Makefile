@@ -5,7 +5,7 @@ BIN := .venv/bin
 # What another sourced ROS would put in front of ours.
 CLEAN := env -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH -u ROS_DISTRO -u _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: run test setup lint lock bench clean
+.PHONY: run test setup lint config lock bench clean
 
 setup:
 	@$(PYTHON) .ci/setup
@@ -17,9 +17,13 @@ lint: setup
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy mwd_sensors/mwd_sensors mwd_estimation/mwd_estimation mwd_surface/mwd_surface
+	@$(BIN)/python .ci/config --check
 
 test: lint
 	@$(CLEAN) $(BIN)/python -m pytest
+
+config: setup
+	@$(BIN)/python .ci/config
 
 lock: setup
 	@$(BIN)/python .ci/lock

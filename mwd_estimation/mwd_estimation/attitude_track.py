@@ -25,8 +25,8 @@ Stamps = NDArray[np.int64]
 
 _RING = 1024  # samples of gravity kept for pairing: 0.2 s at 5 kHz
 _NO_MAG, _NEAR_VERTICAL, _DISTURBED = int(Status.NO_MAG), int(Status.NEAR_VERTICAL), int(Status.MAG_DISTURBED)
-# Integer state: ring head, ring length, last magnetic stamp, its presence.
-_HEAD, _LENGTH, _MAG_NS, _HAVE_MAG, _LAST_NS = 0, 1, 2, 3, 4
+# Integer state: ring head and length, last magnetic stamp and its presence, last stamp, smoothing begins anew.
+_HEAD, _LENGTH, _MAG_NS, _HAVE_MAG, _LAST_NS, _FRESH = 0, 1, 2, 3, 4, 5
 # Real state: turn about x, smoothed azimuth vector, toolface from north less the turn, last total and dip, its size.
 _TURN, _COS, _SIN, _MTF_COS, _MTF_SIN, _TOTAL, _DIP, _REAL = 0, 1, 2, 3, 4, 5, 6, 7
 
@@ -149,12 +149,17 @@ def last_totals(state: State) -> tuple[float, float] | None:
     return float(state.values[_TOTAL]), float(state.values[_DIP])
 
 
+def begin_smoothing(state: State) -> None:
+    """Forget what was smoothed, because the field model has changed: the next magnetic sample counts whole."""
+    state.counters[_FRESH] = 1
+
+
 def initial() -> State:
     """State before the first sample."""
     return State(
         np.zeros(_RING, dtype=np.int64),
         np.zeros((_RING, 4)),
-        np.zeros(5, dtype=np.int64),
+        np.zeros(6, dtype=np.int64),
         np.zeros(_REAL),
         np.zeros(1, dtype=np.uint8),
     )
@@ -253,7 +258,7 @@ def _take_mag(
     mtf = math.atan2(d_x * north_y - d_y * north_x, north_z) + model[5]
     spin = 1.0 if d_x > 0.0 else -1.0
     gap = (at - counters[_MAG_NS]) * 1e-9
-    fresh = counters[_HAVE_MAG] == 0
+    fresh = counters[_HAVE_MAG] == 0 or counters[_FRESH] == 1
     keep = 0.0 if fresh or smoothing <= 0.0 or gap <= 0.0 or gap > 10.0 * smoothing else math.exp(-gap / smoothing)
     values[_COS] = keep * values[_COS] + (1.0 - keep) * math.cos(azimuth)
     values[_SIN] = keep * values[_SIN] + (1.0 - keep) * math.sin(azimuth)
@@ -263,6 +268,7 @@ def _take_mag(
     values[_DIP] = math.atan2(along, math.sqrt(max(total * total - along * along, 0.0)))
     counters[_MAG_NS] = at
     counters[_HAVE_MAG] = 1
+    counters[_FRESH] = 0
 
 
 @compiled

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 _NONE = np.iinfo(np.int64).min
+_LARGEST = 1e6  # no sensor reads that in its SI unit; squares of it still leave all digits of the others
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,7 +80,7 @@ class Binner:
         """
         Take a block, shapes (n,) and (n, channels); give the bins that it closed.
 
-        Samples that are not finite or older than the open bin are left out. A bin closes with the first sample of a
+        Samples that are not finite, absurdly large or older than the open bin are left out. A bin closes with the first sample of a
         later one.
         """
         closed: list[Bin] = []
@@ -145,7 +146,7 @@ def _fill(counts: Stamps, sums: Array, stamp_ns: Stamps, values: Array, start: i
             return i
         finite = True
         for c in range(channels):
-            finite = finite and np.isfinite(values[i, c])
+            finite = finite and abs(values[i, c]) < _LARGEST
         if not finite or (counts[0] != _NONE and index < counts[0]):
             continue
         if counts[0] == _NONE:

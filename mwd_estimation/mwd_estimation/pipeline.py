@@ -288,6 +288,7 @@ class Pipeline:
             self._set_model()
 
     def _set_model(self) -> None:
+        attitude_track.begin_smoothing(self._attitude_state)
         reference, settings = self.reference, self.settings.station
         self.north = best_north(reference) if settings.north == "best" else settings.north
         correction = north_correction(reference, self.north)

@@ -11,9 +11,6 @@ from geometry_msgs.msg import TransformStamped
 from mwd_msgs.msg import Attitude, Gravity, Interference
 from mwd_msgs.msg import Survey as SurveyMessage
 from mwd_msgs.srv import SetReferenceField, TakeSurvey
-from mwd_sensors import frames, wire
-from mwd_sensors.nodes import profiles
-from mwd_sensors.nodes.graph_node import ERROR, OK, WARN, Finding, GraphNode, Later, run_node
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
@@ -22,6 +19,9 @@ from mwd_estimation.nodes.messages import stamp, survey_message
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
 from mwd_estimation.reference import Reference
 from mwd_estimation.status import Status, words
+from mwd_sensors import frames, wire
+from mwd_sensors.nodes import profiles
+from mwd_sensors.nodes.graph_node import ERROR, OK, WARN, Finding, GraphNode, Later, run_node
 
 _SILENT_AFTER = 2.0  # s without a message before a topic counts as silent
 _TF_PERIOD_NS = 50_000_000

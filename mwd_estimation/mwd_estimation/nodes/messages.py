@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from mwd_msgs.msg import AzimuthEstimate, Survey as SurveyMessage
+from mwd_msgs.msg import AzimuthEstimate
+from mwd_msgs.msg import Survey as SurveyMessage
 
 from mwd_estimation.pipeline import NORTH_CODES
 from mwd_estimation.survey import Survey

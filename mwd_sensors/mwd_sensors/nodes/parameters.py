@@ -55,7 +55,7 @@ class SettingsParameters(Generic[T]):
         try:
             if plain == []:
                 given = self._given.get(name)
-                node.declare_parameter(name, given.value if given else [""], descriptor)
+                node.declare_parameter(name, (given.value if given else None) or [""], descriptor)
                 return [item for item in node.get_parameter(name).value if item != ""]
             return node.declare_parameter(name, plain, descriptor).value
         except (InvalidParameterValueException, InvalidParameterTypeException) as error:

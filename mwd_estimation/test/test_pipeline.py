@@ -1,0 +1,185 @@
+"""The estimator as a whole: same bits for any cut, honest labels, surveys against the simulated truth."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mwd_sensors import wire
+from mwd_sensors.frames import mat_nt, wrap_pi
+
+from mwd_estimation.pipeline import EstimatorSettings, Pipeline, ReferenceSettings, reference_of
+from mwd_estimation.reference import Reference
+from mwd_estimation.status import Status
+from mwd_estimation.still_survey import Params as StillParams
+
+START = 1_700_000_000 * 10**9
+REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, convergence=0.01, gravity=9.81, source="test")
+
+
+def _samples(seconds=16.0, inclination=0.8, azimuth=1.9, axial=2e-6, rate=0.0, seed=1, still_after=0.0):
+    """A tool at one attitude with magnetised string; turns until `still_after`, s."""
+    rng = np.random.default_rng(seed)
+    n = int(seconds * 100)
+    times = np.arange(n) * 0.01
+    turning = np.where(times < still_after, rate, 0.0)
+    mat = mat_nt(inclination, np.full(n, azimuth), np.cumsum(turning) * 0.01)
+    field_n = 5e-5 * np.array([np.cos(1.1) * np.cos(0.05), np.cos(1.1) * np.sin(0.05), np.sin(1.1)])
+    imu, mag = wire.IMU.empty(n), wire.MAG.empty(n)
+    imu["stamp_ns"] = mag["stamp_ns"] = START + np.round(times * 1e9).astype(np.int64)
+    imu["angular_velocity"] = 1e-3 * rng.normal(size=(n, 3))
+    imu["angular_velocity"][:, 0] += turning
+    imu["linear_acceleration"] = np.einsum("kji,j->ki", mat, [0, 0, -9.81]) + 5e-3 * rng.normal(size=(n, 3))
+    mag["magnetic_field"] = np.einsum("kji,j->ki", mat, field_n) + [axial, 0, 0] + 5e-8 * rng.normal(size=(n, 3))
+    return imu, mag
+
+
+def _run(imu, mag, pipeline, cuts=()):
+    outputs = []
+    for block in np.split(np.arange(len(imu)), sorted(cuts)):
+        pipeline.push_mag(mag[block])
+        outputs.append(pipeline.push_imu(imu[block]))
+    return outputs
+
+
+def _joined(outputs, name):
+    return np.concatenate([getattr(output, name) for output in outputs])
+
+
+@settings(max_examples=8)
+@given(cuts=st.lists(st.integers(0, 1600), max_size=8))
+def test_any_cut_into_blocks_gives_the_same_bits(cuts):
+    imu, mag = _samples(rate=10.0, still_after=3.0)
+    whole = _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE))
+    pieces = _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE), cuts)
+    for name in ("attitude", "gravity", "interference"):
+        assert _joined(pieces, name).tobytes() == _joined(whole, name).tobytes()
+    surveys = [survey for output in pieces for survey in output.surveys]
+    assert [s.uuid for s in surveys] == [s.uuid for output in whole for s in output.surveys]
+    assert len(surveys) == 1
+
+
+def test_one_sample_at_a_time_is_the_same_too():
+    imu, mag = _samples(seconds=3.0, rate=5.0, still_after=3.0)
+    whole = _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE))
+    singles = _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE), range(1, 300))
+    assert _joined(singles, "attitude").tobytes() == _joined(whole, "attitude").tobytes()
+
+
+def test_a_still_interval_gives_a_survey_corrected_for_the_string():
+    imu, mag = _samples()
+    outputs = _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE))
+    (survey,) = outputs[0].surveys
+    station = survey.station
+    assert station.verdict == "accept"
+    assert station.north == "grid"
+    assert station.corrected
+    assert station.inclination == pytest.approx(0.8, abs=2e-4)
+    assert wrap_pi(station.azimuth - (1.9 - 0.01)) == pytest.approx(0.0, abs=3e-3)
+    assert station.interference == pytest.approx(2e-6, abs=3 * station.sigma_interference)
+    raw = next(one for one in station.azimuths if one.method == "raw")
+    assert abs(wrap_pi(raw.azimuth - 1.89)) > 0.03
+
+
+def test_what_a_survey_teaches_holds_for_the_continuous_azimuth_from_there_on():
+    imu, mag = _samples()
+    (output,) = _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE))
+    attitude, taken = output.attitude, output.surveys[0].stamp_ns
+    early, late = attitude["stamp_ns"] < taken, attitude["stamp_ns"] > taken + 48e8
+    assert (attitude["status"][early][10:] & Status.UNCORRECTED > 0).all()
+    assert (attitude["status"][late] & Status.CORRECTED > 0).all()
+    assert abs(wrap_pi(attitude["azimuth"][early][200:] - 1.89)).min() > 0.03
+    assert abs(wrap_pi(attitude["azimuth"][late] - 1.89)).max() < 0.01
+    assert (attitude["sigma_azimuth"][late] < attitude["sigma_azimuth"][early][-1]).all()
+
+
+def test_without_a_reference_the_azimuth_says_that_it_is_magnetic_and_uncorrected():
+    imu, mag = _samples()
+    (output,) = _run(imu, mag, Pipeline(EstimatorSettings()))
+    last = output.attitude[-1]
+    assert last["north"] == 1
+    assert last["status"] & Status.NO_REFERENCE
+    assert last["status"] & Status.UNCORRECTED
+    (survey,) = output.surveys
+    assert survey.station.north == "magnetic"
+    assert survey.station.verdict == "doubtful"
+    assert any("no reference field" in reason for reason in survey.station.reasons)
+
+
+def test_without_a_magnetometer_there_is_no_azimuth_but_everything_else():
+    imu, mag = _samples()
+    pipeline = Pipeline(EstimatorSettings(), REFERENCE)
+    output = pipeline.push_imu(imu)
+    assert (output.attitude["sigma_azimuth"] == -1.0).all()
+    assert (output.attitude["azimuth"] == 0.0).all()
+    assert (output.attitude["status"] & Status.NO_MAG > 0).all()
+    assert output.attitude["inclination"][-1] == pytest.approx(0.8, abs=0.01)
+    assert output.surveys[0].station.verdict == "reject"
+
+
+def test_nothing_that_is_not_finite_ever_comes_out():
+    imu, mag = _samples(seconds=6.0)
+    imu["linear_acceleration"][100] = np.nan
+    imu["angular_velocity"][200, 1] = np.inf
+    mag["magnetic_field"][150:160] = np.nan
+    imu["linear_acceleration"][300] = 1e308
+    pipeline = Pipeline(EstimatorSettings(), REFERENCE)
+    outputs = _run(imu, mag, pipeline)
+    for name in ("attitude", "gravity", "interference"):
+        samples = _joined(outputs, name)
+        for field in samples.dtype.names:
+            assert np.isfinite(samples[field]).all(), (name, field)
+    assert pipeline.counters.rejected == 13
+
+
+def test_a_survey_asked_for_is_marked_and_one_while_turning_is_refused():
+    imu, mag = _samples(seconds=20.0, rate=10.0, still_after=8.0)
+    pipeline = Pipeline(EstimatorSettings(survey=StillParams(automatic=False)), REFERENCE)
+    first = _run(imu[:400], mag[:400], pipeline)
+    pipeline.request_survey()
+    second = _run(imu[400:1000], mag[400:1000], pipeline)
+    pipeline.request_survey(4.0)
+    third = _run(imu[1000:], mag[1000:], pipeline)
+    assert not first[0].surveys
+    assert "turns" in second[0].refusals[0].reason
+    (survey,) = third[0].surveys
+    assert survey.requested
+    assert survey.duration == pytest.approx(4.0)
+
+
+def test_a_new_reference_holds_from_there_on():
+    imu, mag = _samples()
+    pipeline = Pipeline(EstimatorSettings())
+    _run(imu[:800], mag[:800], pipeline)
+    pipeline.set_reference(REFERENCE)
+    (later,) = _run(imu[800:], mag[800:], pipeline)
+    assert later.attitude["north"][0] == 3
+    assert later.surveys[0].station.north == "grid"
+
+
+def test_reset_forgets_the_estimate_but_not_the_numbering():
+    imu, mag = _samples()
+    pipeline = Pipeline(EstimatorSettings(), REFERENCE)
+    _run(imu, mag, pipeline)
+    pipeline.reset()
+    assert pipeline.interference is None
+    imu["stamp_ns"] += 100 * 10**9
+    mag["stamp_ns"] += 100 * 10**9
+    (output,) = _run(imu, mag, pipeline)
+    assert output.surveys[0].sequence == 2
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [({"date": "yesterday"}, "YYYY-MM-DD"), ({"date": "1999-01-01"}, "1999|2025")],
+)
+def test_a_reference_outside_its_model_is_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        reference_of(ReferenceSettings(source="model", lat_deg=50.0, **changes), START)
+
+
+def test_the_reference_of_the_model_takes_the_day_of_the_first_sample():
+    at = ReferenceSettings(source="model", lat_deg=38.3, lon_deg=109.6)
+    stamp = 1_772_323_200 * 10**9  # 2026-03-01
+    assert reference_of(at, stamp) == reference_of(dataclasses.replace(at, date="2026-03-01"), 0)
