@@ -1,0 +1,59 @@
+// Single values on the page: number, unit, sigma, age, and a word where the value no longer counts.
+
+import { el, mark, say } from "./dom.js";
+import * as units from "./units.js";
+
+const shown = [];
+
+export function lookup(sections, where) {
+  return where.split(".").reduce((table, key) => (table ? table[key] : undefined), sections);
+}
+
+// The state by the page's own reckoning: between two messages, and after the last one, ages go on.
+export function stateOf(cell, now, silent) {
+  if (!cell || cell.value === null || cell.value === undefined) return "none";
+  if (silent || cell.state !== "live" || now - cell.at > cell.stale_after) return "stale";
+  return "live";
+}
+
+export function valueBox(where, label, kind, options = {}) {
+  const parts = {
+    name: el("span", { class: "name" }, label),
+    number: el("span", { class: "number" }, "no data"),
+    unit: el("span", { class: "unit" }),
+    sigma: el("span", { class: "sigma" }),
+    age: el("span", { class: "age" }),
+  };
+  const box = el(
+    "div",
+    { class: `value ${options.big ? "big" : ""}`, "data-cell": where, "data-state": "none" },
+    parts.name,
+    el("span", { class: "reading" }, parts.number, parts.unit),
+    el("span", { class: "under" }, parts.sigma, parts.age),
+  );
+  shown.push({ where, kind, options, parts, box });
+  return box;
+}
+
+export function refresh(sections, now, silent) {
+  for (const { where, kind, options, parts, box } of shown) {
+    const cell = lookup(sections, where);
+    const state = stateOf(cell, now, silent);
+    mark(box, "data-state", state);
+    if (options.label) say(parts.name, options.label(sections));
+    if (state === "none") {
+      say(parts.number, "no data");
+      say(parts.unit, "");
+      say(parts.sigma, "");
+      say(parts.age, cell?.reason || "");
+      continue;
+    }
+    const text = options.bearing ? units.bearing(cell.value, options.decimals ?? 2) : units.number(kind, cell.value);
+    say(parts.number, text);
+    say(parts.unit, units.unit(kind));
+    const sigma = options.big ? " 1σ" : "";
+    say(parts.sigma, cell.sigma === null ? "" : `± ${units.size(kind, cell.sigma)}${sigma}`);
+    const old = units.age(Math.max(0, now - cell.at));
+    say(parts.age, state === "stale" ? `STALE ${old}${cell.reason ? ` · ${cell.reason}` : ""}` : old);
+  }
+}

@@ -1,0 +1,121 @@
+// The state as the server last told it, and how long ago that was by the server's own clock.
+
+const SILENT_AFTER = 2.5;
+const POLL_EVERY = 1000;
+const DRIFT = 1e-4;
+
+const seconds = () => performance.now() / 1000;
+
+export class Connection {
+  constructor(onNews) {
+    this.sections = {};
+    this.server = {};
+    this.mode = "websocket";
+    this.onNews = onNews;
+    this.heard = null;
+    this.offset = null;
+    this.failures = 0;
+    this.polling = null;
+    this.socket = null;
+    this.open();
+    document.addEventListener("visibilitychange", () => {
+      if (!document.hidden && this.silent()) this.open();
+    });
+  }
+
+  // Seconds on the server's steady clock. The smallest offset is the message that travelled fastest; creeping up
+  // slowly follows two clocks that do not run at quite the same speed. The browser's time of day plays no part.
+  now() {
+    return this.offset === null ? null : seconds() - this.offset;
+  }
+
+  silence() {
+    return this.heard === null ? Infinity : seconds() - this.heard;
+  }
+
+  silent() {
+    return this.silence() > SILENT_AFTER;
+  }
+
+  open() {
+    if (this.socket) {
+      this.socket.onclose = null;
+      this.socket.onmessage = null;
+      this.socket.close();
+    }
+    clearTimeout(this.retry);
+    let fresh = true;
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = new WebSocket(`${scheme}://${location.host}/live`);
+    this.socket = socket;
+    socket.onmessage = (event) => {
+      this.failures = 0;
+      this.stopPolling();
+      this.mode = "websocket";
+      this.take(JSON.parse(event.data), fresh);
+      fresh = false;
+    };
+    socket.onclose = () => {
+      this.socket = null;
+      this.failures += 1;
+      if (this.failures >= 2) this.startPolling();
+      this.retry = setTimeout(() => this.open(), Math.min(4000, 400 * 2 ** Math.min(this.failures, 4)));
+    };
+  }
+
+  // Some proxies let no WebSocket through.
+  startPolling() {
+    if (this.polling) return;
+    this.polling = setInterval(async () => {
+      try {
+        const answer = await fetch("state.json", { cache: "no-store", signal: AbortSignal.timeout(2000) });
+        if (!answer.ok || !this.polling) return;
+        const message = await answer.json();
+        this.mode = "polling";
+        this.take(message, true);
+      } catch {
+        // Silence shows by itself: the banner comes from the age of the last message.
+      }
+    }, POLL_EVERY);
+  }
+
+  stopPolling() {
+    clearInterval(this.polling);
+    this.polling = null;
+  }
+
+  take(message, whole) {
+    const at = seconds();
+    const offset = at - message.now;
+    if (whole || this.offset === null || offset < this.offset) this.offset = offset;
+    else this.offset += Math.min(offset - this.offset, DRIFT * (at - this.heard));
+    this.heard = at;
+    this.server = message.server;
+    if (whole) this.sections = {};
+    const { history, ...others } = message.sections;
+    Object.assign(this.sections, others);
+    if (history) this.join(history);
+    this.onNews(whole ? null : new Set(Object.keys(message.sections)));
+  }
+
+  join(history) {
+    const old = history.whole ? [] : this.sections.history?.rows || [];
+    const rows = old.concat(history.rows);
+    this.sections.history = { columns: history.columns, rows: rows.slice(-7200) };
+  }
+}
+
+export async function command(name, token, given) {
+  try {
+    const answer = await fetch(`command/${name}`, {
+      method: "POST",
+      headers: { "Content-Type": "application/json", Authorization: `Bearer ${token}` },
+      body: JSON.stringify(given),
+      signal: AbortSignal.timeout(20000),
+    });
+    const { ok, message } = await answer.json();
+    return { ok, message };
+  } catch {
+    return { ok: false, message: "no answer from the surface unit" };
+  }
+}

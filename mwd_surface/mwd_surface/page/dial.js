@@ -1,0 +1,173 @@
+// The toolface dial: high side or north up, clockwise looking down-hole.
+
+import { el, mark, say, svg } from "./dom.js";
+import { stateOf } from "./cells.js";
+import * as units from "./units.js";
+
+const CENTRE = 200;
+const RINGS = { newest: 127, oldest: 92 };
+
+const point = (angle, radius) => [
+  CENTRE + radius * Math.sin(angle),
+  CENTRE - radius * Math.cos(angle),
+];
+const at = (angle, radius) => point(angle, radius).map((v) => v.toFixed(1)).join(" ");
+
+function sector(from, to, inner, outer) {
+  const large = to - from > Math.PI ? 1 : 0;
+  return (
+    `M ${at(from, inner)} L ${at(from, outer)} A ${outer} ${outer} 0 ${large} 1 ${at(to, outer)} ` +
+    `L ${at(to, inner)} A ${inner} ${inner} 0 ${large} 0 ${at(from, inner)} Z`
+  );
+}
+
+const LABELS = {
+  gravity: { 0: "HIGH", 90: "90 R", 180: "LOW", 270: "90 L" },
+  magnetic: { 0: "N", 90: "E", 180: "S", 270: "W" },
+};
+
+export class Dial {
+  constructor(place, legend) {
+    this.advisory = svg("path", { class: "advisory", d: "" });
+    this.labels = svg("g", { class: "labels" });
+    this.readings = svg("g", { class: "readings" });
+    this.needle = svg("path", { class: "needle", d: "M 200 13 L 218 55 L 200 46 L 182 55 Z" });
+    this.number = svg("text", { class: "dial-number", x: 200, y: 208 }, "");
+    this.side = svg("text", { class: "dial-side", x: 200, y: 236 }, "");
+    this.mode = svg("text", { class: "dial-mode", x: 200, y: 152 }, "");
+    this.note = svg("text", { class: "dial-note", x: 200, y: 262 }, "");
+    const ticks = svg("g", { class: "ticks", "aria-hidden": "true" });
+    for (let degrees = 0; degrees < 360; degrees += 5) {
+      const angle = (degrees * Math.PI) / 180;
+      const inner = degrees % 30 === 0 ? 172 : degrees % 10 === 0 ? 179 : 183;
+      const [x1, y1] = point(angle, inner);
+      const [x2, y2] = point(angle, 188);
+      ticks.append(svg("line", { x1, y1, x2, y2, class: degrees % 30 === 0 ? "major" : "minor" }));
+    }
+    this.svg = svg(
+      "svg",
+      { viewBox: "0 0 400 400", role: "img", "aria-label": "Toolface: no data", "data-state": "none" },
+      svg("circle", { class: "bezel", cx: 200, cy: 200, r: 190 }),
+      this.advisory,
+      ticks,
+      this.labels,
+      svg("circle", { class: "hub", cx: 200, cy: 200, r: 82 }),
+      this.readings,
+      this.needle,
+      this.mode,
+      this.number,
+      this.side,
+      this.note,
+    );
+    place.append(this.svg);
+    this.legend = legend;
+    this.labelled = "";
+  }
+
+  label(mode) {
+    if (this.labelled === mode) return;
+    this.labelled = mode;
+    this.labels.replaceChildren();
+    for (let degrees = 0; degrees < 360; degrees += 30) {
+      const [x, y] = point((degrees * Math.PI) / 180, 150);
+      const word = LABELS[mode][degrees];
+      this.labels.append(
+        svg("text", { x: x.toFixed(1), y: (y + 6).toFixed(1), class: word ? "cardinal" : "" }, word || String(degrees)),
+      );
+    }
+  }
+
+  show(toolface, now, silent) {
+    if (!toolface) return;
+    const mode = toolface.mode;
+    const gravity = mode === "gravity";
+    const cell = toolface.angle;
+    const state = stateOf(cell, now, silent);
+    this.label(mode);
+    mark(this.svg, "data-state", state);
+    mark(this.svg, "data-rotating", toolface.rotating && state === "live" ? "yes" : "no");
+    this.showAdvisory(toolface, state);
+    this.showReadings(toolface.readings, now);
+    const words = gravity ? "GTF · high side up" : `MTF · ${toolface.north || "unnamed"} north up`;
+    say(this.mode, gravity ? "GTF" : "MTF");
+    if (state === "none") {
+      say(this.number, "no data");
+      say(this.side, "");
+      say(this.note, cell.reason || "");
+      mark(this.needle, "visibility", "hidden");
+      mark(this.svg, "aria-label", `Toolface, ${words}: no data`);
+    } else {
+      const degrees = Number(units.bearing(cell.value, 0));
+      mark(this.needle, "visibility", "visible");
+      mark(this.needle, "transform", `rotate(${((cell.value * 180) / Math.PI).toFixed(1)} 200 200)`);
+      say(this.number, `${degrees}°`);
+      say(this.side, gravity ? sideOf(degrees) : "");
+      const old = units.age(Math.max(0, now - cell.at));
+      const note = state === "stale" ? `STALE ${old}` : toolface.rotating ? "ROTATING" : old;
+      say(this.note, note);
+      mark(this.svg, "aria-label", `Toolface ${degrees} degrees, ${words}, ${note}`);
+    }
+    this.showLegend(toolface, words, cell, state);
+  }
+
+  showAdvisory(toolface, state) {
+    const advisory = toolface.advisory;
+    if (!advisory) {
+      mark(this.advisory, "d", "");
+      mark(this.svg, "data-inside", "none");
+      return;
+    }
+    const limit = Math.min(advisory.limit, Math.PI - 0.01);
+    mark(this.advisory, "d", sector(advisory.toolface - limit, advisory.toolface + limit, 84, 170));
+    mark(this.svg, "data-inside", state !== "live" || advisory.inside === null ? "none" : advisory.inside ? "yes" : "no");
+  }
+
+  // The newest on the outer ring; round for gravity, square for magnetic.
+  showReadings(readings, now) {
+    const key = readings.map((r) => r.at).join();
+    if (key !== this.readingsKey) {
+      this.readingsKey = key;
+      const step = (RINGS.newest - RINGS.oldest) / Math.max(1, readings.length - 1);
+      this.readings.replaceChildren(
+        ...readings.map((reading, k) => {
+          const back = readings.length - 1 - k;
+          const [x, y] = point(reading.angle, RINGS.newest - back * step);
+          const opacity = Math.max(0.25, 1 - back / readings.length).toFixed(2);
+          const size = back === 0 ? 8 : 6;
+          return reading.mode === "gravity"
+            ? svg("circle", { cx: x.toFixed(1), cy: y.toFixed(1), r: size, opacity, class: reading.rotating ? "turning" : "" })
+            : svg("rect", {
+              x: (x - size).toFixed(1), y: (y - size).toFixed(1), width: 2 * size, height: 2 * size, opacity,
+              class: reading.rotating ? "turning" : "",
+            });
+        }),
+      );
+    }
+  }
+
+  showLegend(toolface, words, cell, state) {
+    const parts = [words];
+    if (state !== "none" && cell.sigma !== null) parts.push(`± ${units.size("coarse_angle", cell.sigma)}° 1σ`);
+    const advisory = toolface.advisory;
+    const lines = [parts.join(" · ")];
+    const second = [];
+    if (toolface.stamp_ns) second.push(`read ${units.clock(toolface.stamp_ns)} UTC`);
+    if (advisory) {
+      const wanted = `wanted ${units.bearing(advisory.toolface, 0)}° ± ${units.size("coarse_angle", advisory.limit, -1)}°`;
+      const word = toolface.rotating || state !== "live" || advisory.inside === null ? "" : advisory.inside ? ": INSIDE" : ": OUTSIDE";
+      second.push(wanted + word);
+    }
+    lines.push(second.join(" · "));
+    lines.push(`● GTF ■ MTF ○ rotating · MTF below ${toolface.threshold_deg}° (+${toolface.hysteresis_deg}°)`);
+    const text = lines.join("\n");
+    if (this.legendText === text) return;
+    this.legendText = text;
+    this.legend.replaceChildren(...lines.map((line) => el("span", {}, line)));
+  }
+}
+
+function sideOf(degrees) {
+  if (degrees === 0) return "HIGH SIDE";
+  if (degrees === 180) return "LOW SIDE";
+  return degrees < 180 ? `${degrees} R` : `${360 - degrees} L`;
+}

@@ -1,0 +1,153 @@
+// The survey table, newest on top; a line opens to show why it was judged so, and to be judged by a person.
+
+import { el, pill } from "./dom.js";
+import * as units from "./units.js";
+
+const VERDICTS = { accepted: "good", waiting: "info", doubtful: "doubtful", rejected: "reject" };
+
+const hemisphere = (value, plus, minus) =>
+  value === null ? "–" : `${units.number("length", Math.abs(value))} ${value < 0 ? minus : plus}`;
+const or = (value, show) => (value === null || value === undefined ? "–" : show(value));
+
+// Column: heading, unit kind, text of a row, and from which width on it is shown (0 always, 1 tablet, 2 wide).
+function columns(north) {
+  return [
+    ["MD", "length", (r) => or(r.measured_depth, (v) => units.number("length", v)), 0],
+    ["Inc", "angle", (r) => or(r.inclination, (v) => units.number("angle", v)), 0],
+    [`Azi ${north}`, "angle", (r) => or(r.azimuth, (v) => units.bearing(v, 2)) + (r.azimuth !== null && r.azimuth_north !== north ? ` ${r.azimuth_north}` : ""), 0],
+    ["TVD", "length", (r) => or(r.vertical_depth, (v) => units.number("length", v)), 1],
+    ["N/S", "length", (r) => hemisphere(r.north, "N", "S"), 1],
+    ["E/W", "length", (r) => hemisphere(r.east, "E", "W"), 1],
+    ["VS", "length", (r) => or(r.vertical_section, (v) => units.number("length", v)), 1],
+    ["DLS", "dogleg", (r) => or(r.dogleg_severity, (v) => units.number("dogleg", v)), 1],
+    ["Build", "dogleg", (r) => or(r.build_rate, (v) => units.number("dogleg", v)), 2],
+    ["Turn", "dogleg", (r) => or(r.turn_rate, (v) => units.number("dogleg", v)), 2],
+    ["Gtot", "gravity", (r) => or(r.g_total, (v) => units.number("gravity", v, -1)), 1],
+    ["Btot", "field", (r) => or(r.b_total, (v) => units.number("field", v)), 1],
+    ["Dip", "angle", (r) => or(r.dip, (v) => units.number("angle", v)), 1],
+  ];
+}
+
+export class SurveyTable {
+  constructor(place, judge) {
+    this.place = place;
+    this.judge = judge;
+    this.open = null;
+    this.draft = { reason: "", depth: "" };
+    this.body = el("div", { class: "table-box" });
+    place.append(this.body);
+  }
+
+  show(surveys, path, well, controls) {
+    this.last = [surveys, path, well, controls];
+    const rows = surveys?.rows || [];
+    if (!rows.length) {
+      this.body.replaceChildren(el("p", { class: "empty" }, "No surveys yet."));
+      return;
+    }
+    const wanted = columns(well?.north_reference || "");
+    const head = el("tr", {}, el("th", { scope: "col" }, "No."));
+    for (const [name, kind, , level] of wanted) {
+      head.append(el("th", { scope: "col", class: `at-${level}` }, name, el("small", {}, units.unit(kind))));
+    }
+    head.append(el("th", { scope: "col" }, "Verdict"), el("th", { scope: "col", class: "at-1" }, "Method"), el("th", { scope: "col", class: "at-1" }, "By"));
+    const body = el("tbody", {});
+    const bit = this.projected(path);
+    if (bit) body.append(this.bitRow(bit, wanted));
+    for (const row of [...rows].reverse()) {
+      body.append(this.row(row, wanted));
+      if (row.sequence === this.open) body.append(this.detail(row, wanted.length + 4, controls));
+    }
+    const table = el("table", { class: "surveys" }, el("caption", { class: "quiet" }, "Survey list, deepest first"), el("thead", {}, head), body);
+    // A rebuild while somebody types must not take the keyboard away.
+    const focused = document.activeElement?.getAttribute?.("data-keep");
+    this.body.replaceChildren(table);
+    if (surveys.left_out) this.body.append(el("p", { class: "empty" }, `${surveys.left_out} older lines are in the export.`));
+    if (focused) this.body.querySelector(`[data-keep="${focused}"]`)?.focus();
+  }
+
+  projected(path) {
+    const k = path ? path.kind.indexOf("projected") : -1;
+    if (k < 0) return null;
+    const names = ["measured_depth", "inclination", "azimuth", "vertical_depth", "north", "east", "vertical_section", "dogleg_severity"];
+    return Object.fromEntries(names.map((name) => [name, path[name][k]]));
+  }
+
+  bitRow(bit, wanted) {
+    const line = el("tr", { class: "projected-row" }, el("th", { scope: "row" }, "bit"));
+    for (const [, , text, level] of wanted) line.append(el("td", { class: `at-${level}` }, text({ ...bit, build_rate: null, turn_rate: null, g_total: null, b_total: null, dip: null, azimuth_north: wanted[2][0].slice(4) })));
+    line.append(el("td", {}, pill("idle", "projected")), el("td", { class: "at-1" }, "–"), el("td", { class: "at-1" }, "–"));
+    return line;
+  }
+
+  row(row, wanted) {
+    const open = row.sequence === this.open;
+    const toggle = el("button", {
+      type: "button", class: "row-button", "aria-expanded": String(open), "data-keep": `row-${row.sequence}`,
+      "aria-label": `Survey ${row.sequence}, ${row.verdict}, details`,
+      onclick: () => this.toggle(row.sequence),
+    }, `${open ? "▾" : "▸"} ${row.sequence}`);
+    const line = el("tr", { class: row.in_use ? "used" : "unused", "data-sequence": row.sequence }, el("th", { scope: "row" }, toggle));
+    for (const [, , text, level] of wanted) line.append(el("td", { class: `at-${level}` }, text(row)));
+    line.append(
+      el("td", {}, pill(VERDICTS[row.verdict] || "info", row.verdict)),
+      el("td", { class: "at-1" }, row.method || "–"),
+      el("td", { class: "at-1 by" }, row.accepted_by === "automatic" ? "auto" : row.accepted_by),
+    );
+    return line;
+  }
+
+  toggle(sequence) {
+    this.open = this.open === sequence ? null : sequence;
+    this.draft = { reason: "", depth: "" };
+    this.answer = "";
+    this.show(...this.last);
+  }
+
+  detail(row, span, controls) {
+    const facts = [
+      ["Time", units.clock(row.stamp_ns, true)],
+      ["Kind", row.kind],
+      ["Inclination 1σ", or(row.sigma_inclination, (v) => `${units.size("angle", v)}°`)],
+      ["Azimuth 1σ", or(row.sigma_azimuth, (v) => `${units.size("angle", v)}°`)],
+      ["TVD, VS", `${or(row.vertical_depth, (v) => units.number("length", v))}, ${or(row.vertical_section, (v) => units.number("length", v))} ${units.unit("length")}`],
+      ["DLS / build / turn", `${or(row.dogleg_severity, (v) => units.number("dogleg", v))} / ${or(row.build_rate, (v) => units.number("dogleg", v))} / ${or(row.turn_rate, (v) => units.number("dogleg", v))} ${units.unit("dogleg")}`],
+      ["N/S, E/W", `${hemisphere(row.north, "N", "S")}, ${hemisphere(row.east, "E", "W")}`],
+      ["Gtot / Btot / dip", `${or(row.g_total, (v) => units.number("gravity", v))} ${units.unit("gravity")} / ${or(row.b_total, (v) => units.number("field", v))} nT / ${or(row.dip, (v) => units.number("angle", v))}°`],
+      ["Azimuth by", row.method || "–"],
+      ["Automatic verdict", row.automatic],
+      ["Judged by", row.accepted_by + (row.judged_reason ? `: ${row.judged_reason}` : "")],
+      ["Leg, tool", [row.leg, row.tool].filter(Boolean).join(", ") || "–"],
+      ["Comment", row.comment || "–"],
+    ];
+    const why = [...row.reasons, ...row.flags];
+    const box = el("div", { class: "detail" },
+      el("dl", {}, facts.map(([name, text]) => el("div", {}, el("dt", {}, name), el("dd", {}, text)))),
+      why.length ? el("ul", { class: "reasons" }, why.map((text) => el("li", {}, text))) : el("p", {}, "Nothing to remark."),
+    );
+    if (controls) box.append(this.judging(row));
+    return el("tr", { class: "detail-row" }, el("td", { colspan: span }, box));
+  }
+
+  judging(row) {
+    const reason = el("input", { type: "text", maxlength: 300, "data-keep": "reason", "aria-label": "Reason" });
+    reason.value = this.draft.reason;
+    reason.addEventListener("input", () => { this.draft.reason = reason.value; });
+    const answer = el("output", { class: "answer" }, this.answer || "");
+    const send = async (name) => {
+      answer.textContent = "…";
+      const { message } = await this.judge(name, { sequence: row.sequence, reason: reason.value });
+      this.answer = message;
+      answer.textContent = message;
+      // The table may have been rebuilt by the news of this very judgement.
+      const current = this.body.querySelector("output.answer");
+      if (current) current.textContent = message;
+    };
+    return el("div", { class: "judging" },
+      el("label", {}, "Reason ", reason),
+      el("button", { type: "button", "data-keep": "accept", onclick: () => send("accept_survey") }, "✓ Accept"),
+      el("button", { type: "button", "data-keep": "reject", onclick: () => send("reject_survey") }, "✕ Reject"),
+      answer,
+    );
+  }
+}

@@ -1,0 +1,84 @@
+// SI and radians in, what people read out. One switch changes all of it.
+
+const DEG = 180 / Math.PI;
+const FOOT = 0.3048;
+const G = 9.80665;
+
+// kind: [factor, offset, decimals, unit] for metric and US field units.
+const KINDS = {
+  angle: [[DEG, 0, 2, "°"]],
+  coarse_angle: [[DEG, 0, 1, "°"]],
+  depth: [[1, 0, 1, "m"], [1 / FOOT, 0, 0, "ft"]],
+  length: [[1, 0, 2, "m"], [1 / FOOT, 0, 1, "ft"]],
+  penetration: [[3600, 0, 1, "m/h"], [3600 / FOOT, 0, 0, "ft/h"]],
+  dogleg: [[DEG * 30, 0, 2, "°/30 m"], [DEG * 100 * FOOT, 0, 2, "°/100 ft"]],
+  field: [[1e9, 0, 0, "nT"]],
+  gravity: [[1, 0, 4, "m/s²"], [1000 / G, 0, 2, "mG"]],
+  gravity_deviation: [[1000 / G, 0, 2, "mG"]],
+  vibration: [[1, 0, 1, "m/s²"], [1 / G, 0, 2, "g"]],
+  rotation: [[30 / Math.PI, 0, 0, "r/min"]],
+  temperature: [[1, 0, 1, "°C"], [1.8, 32, 0, "°F"]],
+  force: [[1e-3, 0, 1, "kN"], [1 / 4448.2216, 0, 1, "klbf"]],
+  torque: [[1e-3, 0, 1, "kN·m"], [1 / 1355.818, 0, 2, "kft·lbf"]],
+  flow: [[60000, 0, 0, "L/min"], [15850.323, 0, 0, "gal/min"]],
+  pressure: [[1e-5, 0, 0, "bar"], [1 / 6894.757, 0, 0, "psi"]],
+};
+
+let system = 0;
+
+export const isField = () => system === 1;
+export const setField = (on) => { system = on ? 1 : 0; };
+
+const rule = (kind) => KINDS[kind][Math.min(system, KINDS[kind].length - 1)];
+
+export const unit = (kind) => rule(kind)[3];
+
+// As it is printed behind a number: a degree sign stands close.
+export const after = (kind) => (unit(kind).startsWith("°") && !unit(kind).startsWith("°C") && !unit(kind).startsWith("°F") ? unit(kind) : ` ${unit(kind)}`);
+
+export function number(kind, value, more = 0) {
+  const [factor, offset, decimals] = rule(kind);
+  return (value * factor + offset).toFixed(Math.max(0, decimals + more));
+}
+
+// Of a difference or a sigma: the offset of a temperature does not count.
+export function size(kind, value, more = 0) {
+  const [factor, , decimals] = rule(kind);
+  return (value * factor).toFixed(Math.max(0, decimals + more));
+}
+
+export const plain = (kind, value) => value * rule(kind)[0] + rule(kind)[1];
+
+// 359.97 rounded to one decimal is 0.0, not 360.0.
+export function bearing(value, decimals = 1) {
+  const text = ((((value * DEG) % 360) + 360) % 360).toFixed(decimals);
+  return Number(text) >= 360 ? (0).toFixed(decimals) : text;
+}
+
+export const signed = (kind, value) => (value < 0 ? "−" : "+") + size(kind, Math.abs(value));
+
+export function age(seconds) {
+  if (seconds < 1) return "< 1 s";
+  if (seconds < 100) return `${Math.floor(seconds)} s`;
+  if (seconds < 6000) return `${Math.floor(seconds / 60)} min`;
+  return `${Math.floor(seconds / 3600)} h`;
+}
+
+export function bytes(count) {
+  for (const [step, name] of [[1e12, "TB"], [1e9, "GB"], [1e6, "MB"], [1e3, "kB"]]) {
+    if (count >= step) return `${(count / step).toFixed(1)} ${name}`;
+  }
+  return `${count} B`;
+}
+
+export function clock(stampNs, withDate = false) {
+  if (!stampNs) return "";
+  const text = new Date(stampNs / 1e6).toISOString();
+  return withDate ? `${text.slice(0, 10)} ${text.slice(11, 19)} UTC` : text.slice(11, 19);
+}
+
+export function duration(seconds) {
+  const whole = Math.max(0, Math.floor(seconds));
+  const two = (n) => String(n).padStart(2, "0");
+  return `${Math.floor(whole / 3600)}:${two(Math.floor(whole / 60) % 60)}:${two(whole % 60)}`;
+}
