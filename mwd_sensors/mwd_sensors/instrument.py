@@ -249,6 +249,15 @@ def low_pass(bandwidth_hz: float, delay: float, rate: float) -> Array:
     return np.asarray(weights / weights.sum())
 
 
+def noise_band(bandwidth_hz: float, rate: float) -> float:
+    """
+    Two-sided noise bandwidth, Hz, of `low_pass` at a sampling rate, Hz: density squared times it is the variance.
+
+    For a bell with its -3 dB point at b it is b sqrt(pi / ln 2); never more than the rate.
+    """
+    return min(rate, bandwidth_hz * math.sqrt(math.pi / math.log(2.0))) if bandwidth_hz else rate
+
+
 @compiled
 def filtered(x: Array, weights: Array, first: int, stride: int, out: Array) -> None:
     """

@@ -97,7 +97,11 @@ class ProfileBuilder:
         self._starts.append(self.time)
         self._terms.append(terms)
         self.time += seconds
-        self.value = sum(term * seconds**power for power, term in enumerate(terms))
+        # Not sum(): from Python 3.12 on that compensates, and another last bit here is another run.
+        value = 0.0
+        for term in reversed(terms):
+            value = value * seconds + term
+        self.value = value
 
 
 @compiled

@@ -354,6 +354,10 @@ class _UnitRun:
         self._accel_weights = instrument.low_pass(accelerometer.bandwidth_hz, accelerometer.delay_ms * 1e-3, step)
         self.margin = max(len(self._gyro_weights), len(self._accel_weights)) // 2
         self._integrated = unit.output == "integrated"
+        # A lone sample holds the noise of the sensor's own band; white noise to be integrated fills the converter's.
+        full = float(self.grade.adc_hz)
+        self._gyro_band = full if self._integrated else instrument.noise_band(gyro.bandwidth_hz, full)
+        self._accel_band = full if self._integrated else instrument.noise_band(accelerometer.bandwidth_hz, full)
         self._stride = step // self.grade.adc_hz
         self._ratio = self.grade.adc_hz // rate
         self._rate = rate
@@ -378,24 +382,23 @@ class _UnitRun:
         instrument.advance(self.accelerometer, self._accel_state, seconds, self._run)
         self.gyro_bias = instrument.slow_bias(self.gyro, self._gyro_state, warm)
         self.accel_bias = instrument.slow_bias(self.accelerometer, self._accel_state, warm)
-        density = math.sqrt(self.grade.adc_hz)
-        rate_read = self._convert(self.gyro, rate, force, self.gyro_bias, warm, gravity, density)
-        force_read = self._convert(self.accelerometer, force, force, self.accel_bias, warm, gravity, density)
+        rate_read = self._convert(self.gyro, rate, force, self.gyro_bias, warm, gravity, self._gyro_band)
+        force_read = self._convert(self.accelerometer, force, force, self.accel_bias, warm, gravity, self._accel_band)
         if self._integrated:
             rate_out, force_out = np.empty((outputs, 3)), np.empty((outputs, 3))
             instrument.strapdown(rate_read, force_read, self._ratio, 1.0 / self.grade.adc_hz, rate_out, force_out)
-            bandwidth = float(self._rate)
+            gyro_band = accel_band = float(self._rate)
         else:
+            gyro_band, accel_band = self._gyro_band, self._accel_band
             rate_out, force_out = rate_read[self._ratio - 1 :: self._ratio], force_read[self._ratio - 1 :: self._ratio]
-            bandwidth = float(self.grade.adc_hz)
         samples = wire.IMU.empty(outputs)
         samples["stamp_ns"] = stamps
         # No orientation is measured (REP-145).
         samples["orientation_covariance"][:, 0] = -1.0
         samples["angular_velocity"], samples["linear_acceleration"] = rate_out, force_out
-        samples["angular_velocity_covariance"][:, ::4] = self.gyro.noise**2 * bandwidth + self.gyro.step**2 / 12.0
+        samples["angular_velocity_covariance"][:, ::4] = self.gyro.noise**2 * gyro_band + self.gyro.step**2 / 12.0
         accel = self.accelerometer
-        samples["linear_acceleration_covariance"][:, ::4] = accel.noise**2 * bandwidth + accel.step**2 / 12.0
+        samples["linear_acceleration_covariance"][:, ::4] = accel.noise**2 * accel_band + accel.step**2 / 12.0
         return samples
 
     def _convert(
@@ -406,12 +409,12 @@ class _UnitRun:
         bias: Array,
         warm: float,
         gravity: float,
-        density: float,
+        band: float,
     ) -> Array:
         matrix = triad.matrix.copy()
         for axis in range(3):
             matrix[axis, axis] += triad.scale_per_c[axis] * warm
-        noise = triad.noise * density * self._run.standard_normal(x.shape)
+        noise = triad.noise * math.sqrt(band) * self._run.standard_normal(x.shape)
         out = np.empty_like(x)
         instrument.convert(
             x, force, matrix, bias, triad.g_matrix, triad.g2, gravity, noise, triad.limit, triad.step, out

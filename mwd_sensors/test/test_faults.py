@@ -19,9 +19,9 @@ def stream(layout=wire.IMU):
     samples["stamp_ns"] = np.arange(1, N + 1) * 10_000_000
     draw = np.random.default_rng(1).standard_normal((N, 3))
     if layout is wire.IMU:
-        samples["angular_velocity"], samples["linear_acceleration"] = draw, draw + [0.0, 0.0, 9.8]
+        samples["angular_velocity"], samples["linear_acceleration"] = draw, draw + np.array([0.0, 0.0, 9.8])
     elif layout is wire.MAG:
-        samples["magnetic_field"] = draw * 1e-6 + [2e-5, 0.0, 4e-5]
+        samples["magnetic_field"] = draw * 1e-6 + np.array([2e-5, 0.0, 4e-5])
     else:
         samples["temperature"] = 40.0
     return samples, np.arange(1, N + 1) / 100.0

@@ -144,6 +144,16 @@ def test_the_low_pass_is_3_db_down_at_its_bandwidth_and_has_no_delay(bandwidth):
     assert 20.0 * math.log10(response) == pytest.approx(-3.0, abs=0.15)
 
 
+def test_the_noise_band_is_that_of_the_low_pass():
+    x = np.random.default_rng(1).standard_normal((200_000, 3))
+    weights = instrument.low_pass(60.0, 0.0, 2000.0)
+    out = np.empty((90_000, 3))
+    instrument.filtered(x, weights, 100, 2, out)
+    assert out.var() * 2000.0 == pytest.approx(instrument.noise_band(60.0, 2000.0), rel=0.02)
+    assert instrument.noise_band(900.0, 1000.0) == 1000.0
+    assert instrument.noise_band(0.0, 1000.0) == 1000.0
+
+
 def test_a_delay_is_a_delay_and_no_bandwidth_is_none():
     assert_allclose(instrument.low_pass(0.0, 0.0, 2000.0), [1.0])
     ramp = np.repeat(np.arange(100.0)[:, None], 3, axis=1)

@@ -60,6 +60,22 @@ def test_the_same_seed_is_the_same_run_and_another_is_another():
     assert first["imu/data_raw"].tobytes() != other["imu/data_raw"].tobytes()
 
 
+@pytest.mark.parametrize(
+    ("topic", "field", "expected"),
+    [
+        ("imu/data_raw", "angular_velocity", [12.569747550620397, 0.0036198468590499934, 0.008549127289161573]),
+        ("imu/data_raw", "linear_acceleration", [-9.813208107667432, 0.817136010630007, 3.1559590740751284]),
+        ("gyro/data_raw", "angular_velocity", [5.235987588818406, 0.004327796028850754, 0.0036551336869903727]),
+        ("imu/mag", "magnetic_field", [5.1525000000000006e-05, 2.1150000000000002e-05, -1.3000000000000001e-05]),
+        ("truth", "position", [18.847510643669523, 18.372103030746732, 54.012352725413926]),
+    ],
+)
+def test_an_old_seed_keeps_its_meaning(topic, field, expected):
+    # Recorded once: a change here is a change of every run that people have made, and belongs into the change log.
+    _, out = run(changes=SHORT)
+    assert_allclose(out[topic][field][500], expected, rtol=1e-9)
+
+
 def test_a_noise_free_sonde_at_rest_is_inverted_to_1e_9():
     sonde, out = run(changes={**STILL, **IDEAL, "interference": {}})
     imu, mag, truth = out["imu/data_raw"], out["imu/mag"], out["truth"]
