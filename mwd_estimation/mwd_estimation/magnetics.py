@@ -21,9 +21,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from mwd_sensors.compiled import compiled
 from mwd_sensors.frames import Array, wrap_pi, wrap_tau
-from numpy.typing import ArrayLike
 
 _GRID = 360
 # A grid of one degree describes a posterior wider than this; below, the curvature at the peak does.

@@ -16,11 +16,10 @@ An error the run's attitudes do not show keeps its prior sigma; it is named, and
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from mwd_sensors.frames import Array, gravity_toolface, inclination
-from mwd_sensors.settings import setting
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 from scipy.stats import chi2
@@ -28,7 +27,11 @@ from scipy.stats import chi2
 from mwd_estimation import magnetics
 from mwd_estimation.reference import STANDARD_GRAVITY, Reference
 from mwd_estimation.sensor_errors import SensorErrors
+from mwd_estimation.station import RAW, Station, StationSettings, station
+from mwd_sensors.frames import Array, gravity_toolface, inclination
+from mwd_sensors.settings import setting
 
+MSA = "msa"
 NAMES = (
     "axial interference and bias",
     "cross-axial bias y",
@@ -112,6 +115,8 @@ class Multistation:
         Of the used stations' residuals and the priors together.
     observable : ndarray of bool, shape (15,)
         Whether the run's attitudes show an error.
+    readings_covariance : ndarray, shape (n, 6, 6)
+        Of the corrected (f, b) of each station: noise and what is left of the errors.
     refused : str
         Why the corrected azimuths must not be used; empty where they may.
     remarks : tuple of str
@@ -134,6 +139,7 @@ class Multistation:
     degrees: int
     probability: float
     observable: np.ndarray
+    readings_covariance: Array
     refused: str
     remarks: tuple[str, ...]
 
@@ -232,9 +238,84 @@ def analyse(
         degrees=degrees,
         probability=probability,
         observable=observable,
+        readings_covariance=spread,
         refused=_refusal(settings, used, probability, chi_square, degrees, sigma_azimuth, sigma_raw, misfit),
         remarks=_remarks(used, observable),
     )
+
+
+def corrected_stations(
+    stations: Sequence[Station], analysis: Multistation, settings: StationSettings | None = None
+) -> list[Station]:
+    """
+    The stations again, each from its corrected readings, with the method "msa" added and, unless refused, chosen.
+
+    Parameters
+    ----------
+    stations : sequence of Station
+        Those analysed, in the same order, as `station` made them.
+    analysis : Multistation
+    settings : StationSettings, optional
+        Those the stations were made with; alignment, north and limits are kept, the sensors' errors come from the
+        analysis.
+
+    Returns
+    -------
+    list of Station
+        Where the analysis was refused, or the station left out of it, the station as it was, with "msa" refused.
+
+    Raises
+    ------
+    ValueError
+        Another number of stations than was analysed.
+    """
+    if len(stations) != len(analysis.azimuth):
+        raise ValueError(f"stations: {len(stations)} given, {len(analysis.azimuth)} analysed")
+    settings = StationSettings() if settings is None else settings
+    aligned = replace(
+        settings.errors,
+        accelerometer_bias_mps2=0.0,
+        accelerometer_scale=0.0,
+        magnetometer_bias_nt=0.0,
+        magnetometer_scale=0.0,
+        axial_interference_nt=0.0,
+    )
+    settings = replace(settings, errors=aligned, azimuth_method=RAW)
+    done = []
+    for k, old in enumerate(stations):
+        f_t, b_t = analysis.corrected(old.f_t, old.b_t)
+        covariance = analysis.readings_covariance[k]
+        new = station(
+            f_t, b_t, old.reference, settings, covariance_f=covariance[:3, :3], covariance_b=covariance[3:, 3:]
+        )
+        refused = analysis.refused or ("" if analysis.used[k] else "left out of the analysis as an outlier")
+        method = replace(new.azimuths[0], method=MSA, refused=refused)
+        if refused:
+            done.append(replace(old, azimuths=(*old.azimuths, method)))
+            continue
+        text = (
+            f"corrected by {int(analysis.used.sum())} stations: axial {analysis.estimate[0] * 1e9:+.0f} +- "
+            f"{analysis.sigma[0] * 1e9:.0f} nT"
+        )
+        reasons = (*new.reasons, text)
+        done.append(
+            replace(
+                new,
+                method=MSA,
+                corrected=True,
+                azimuths=(*old.azimuths, method),
+                interference=float(analysis.estimate[0]),
+                sigma_interference=float(analysis.sigma[0]),
+                interference_chi_square=math.nan,
+                g_total=old.g_total,
+                b_total=old.b_total,
+                dip=old.dip,
+                f_t=old.f_t,
+                b_t=old.b_t,
+                reasons=reasons,
+            )
+        )
+    return done
 
 
 class _Problem:

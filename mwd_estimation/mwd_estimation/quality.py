@@ -11,11 +11,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from mwd_sensors.frames import Array
-from mwd_sensors.settings import setting
 
 from mwd_estimation.magnetics import AxialCorrection
 from mwd_estimation.reference import STANDARD_GRAVITY
+from mwd_sensors.frames import Array
+from mwd_sensors.settings import setting
 
 ACCEPT, DOUBTFUL, REJECT = "accept", "doubtful", "reject"
 # Chi-square of three degrees of freedom exceeded by chance once in 100 and once in 1000.

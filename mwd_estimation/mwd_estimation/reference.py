@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from mwd_sensors.frames import Array, wrap_tau
 from numpy.typing import ArrayLike
 
 from mwd_estimation import magnetics
+from mwd_sensors.frames import Array, wrap_tau
 
 STANDARD_GRAVITY = 9.80665
 NORTHS = ("magnetic", "true", "grid")

@@ -14,9 +14,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
+
 from mwd_sensors.frames import Array
 from mwd_sensors.settings import setting
-from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,12 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from mwd_estimation import magnetics, quality
+from mwd_estimation.quality import ACCEPT, DOUBTFUL, REJECT, Deviations, QualitySettings
+from mwd_estimation.reference import STANDARD_GRAVITY, Reference, best_north, north_correction, to_north
+from mwd_estimation.sensor_errors import SensorErrors
 from mwd_sensors.frames import (
     Array,
     gravity_toolface,
@@ -21,12 +27,6 @@ from mwd_sensors.frames import (
     wrap_tau,
 )
 from mwd_sensors.settings import setting
-from numpy.typing import ArrayLike
-
-from mwd_estimation import magnetics, quality
-from mwd_estimation.quality import ACCEPT, DOUBTFUL, REJECT, Deviations, QualitySettings
-from mwd_estimation.reference import STANDARD_GRAVITY, Reference, best_north, north_correction, to_north
-from mwd_estimation.sensor_errors import SensorErrors
 
 RAW, CORRECTED = "raw", "corrected"
 # An axial field this many times its own sigma is no accident.
@@ -207,139 +207,72 @@ def station(
     """
     settings = StationSettings() if settings is None else settings
     f_raw, b_raw = _vector("f_t", f_t), _vector("b_t", b_t)
+    turn = np.zeros((6, 6))
+    turn[:3, :3] = turn[3:, 3:] = _to_hole(settings)
     noise = np.zeros((6, 6))
     noise[:3, :3], noise[3:, 3:] = _matrix("covariance_f", covariance_f), _matrix("covariance_b", covariance_b)
-    turn = _to_hole(settings)
-    f_h, b_h = turn @ f_raw, turn @ b_raw
     g_total, b_total = float(np.linalg.norm(f_raw)), float(np.linalg.norm(b_raw))
-    verdict = ACCEPT
-    reasons: list[str] = []
-    remarks: list[str] = []
-
     if not (np.isfinite(f_raw).all() and g_total > 0.0):
-        return _blind(
-            f_raw, b_raw, reference, ("no accelerometer reading: nothing can be worked out", *faults, *doubts)
-        )
+        reasons = ("no accelerometer reading: nothing can be worked out", *faults, *doubts)
+        return _blind(f_raw, b_raw, reference, reasons)
     has_field = bool(np.isfinite(b_raw).all()) and b_total > 0.0
-    covariance_s = noise + settings.errors.covariance(f_raw, np.where(np.isfinite(b_raw), b_raw, 0.0))
+    # Without a magnetometer any field serves for the slopes of inclination and toolface.
+    f_h, b_h = turn[:3, :3] @ f_raw, turn[:3, :3] @ (b_raw if has_field else np.array([1e-5, 2e-5, 3e-5]))
+    covariance_s = turn @ noise @ turn.T + settings.errors.covariance(f_h, b_h)
+    inc, toolface = float(inclination(f_h)), float(gravity_toolface(f_h))
+    dip = float(magnetics.dip(f_h, b_h)) if has_field else math.nan
+    horizontal = b_total * math.cos(dip)
+    if reference is not None and reference.has_field:
+        horizontal = reference.horizontal
 
-    inc = float(inclination(f_h))
-    toolface = float(gravity_toolface(f_h))
-    offset = math.radians(settings.toolface_offset_deg)
-    jacobian = magnetics.angle_jacobian(f_h, b_h if has_field else np.array([1e-5, 2e-5, 3e-5]))
+    findings = _Findings()
+    north, turn_north = _north(reference, settings.north, findings)
     alignment = settings.errors.alignment(inc)
-    sag = math.radians(settings.sag_correction_deg) * math.sin(inc)
-
-    north = settings.north if settings.north != "best" else best_north(reference)
-    turn_north = north_correction(reference, north)
-    if turn_north is None:
-        verdict = quality.worse(verdict, DOUBTFUL)
-        missing = "declination and convergence" if north == "grid" else "declination"
-        reasons.append(f"{north} azimuth needs the {missing}: azimuth is magnetic")
-        north, turn_north = "magnetic", 0.0
-
-    known_field = reference if reference is not None and reference.has_field else None
-    azimuths: list[MethodAzimuth] = []
-    covariance = np.full((3, 3), 0.0)
-    correction: magnetics.AxialCorrection | None = None
-    chosen, corrected, refused = "none", False, ""
-    azimuth, toolface_north = math.nan, math.nan
-    interference = sigma_interference = chi_square = math.nan
+    jacobian = magnetics.angle_jacobian(f_h, b_h)
+    correction, refused = None, ""
     if has_field:
-        axial = np.zeros((6, 6))
-        axial[3, 3] = (settings.errors.axial_interference_nt * 1e-9) ** 2
-        horizontal = known_field.horizontal if known_field else b_total * math.cos(float(magnetics.dip(f_h, b_h)))
-        north_variance = _north_variance(reference, north, horizontal)
-        rows = {RAW: jacobian}
-        covariances = {RAW: jacobian @ (covariance_s + axial) @ jacobian.T}
-        values = {RAW: float(magnetics.raw_azimuth(f_h, b_h))}
-        magnetic_sigma = {RAW: math.sqrt(covariances[RAW][1, 1])}
-        if known_field:
-            correction = magnetics.axial_correction(
-                f_h,
-                b_h,
-                known_field.horizontal,
-                known_field.vertical,
-                covariance_s,
-                known_field.covariance,
-                plausible=settings.plausible_interference_nt * 1e-9,
-            )
+        methods = [_raw(f_h, b_h, jacobian, covariance_s, settings.errors)]
+        if reference is not None and reference.has_field:
+            correction = _correction(f_h, b_h, reference, covariance_s, settings)
             refused = quality.correction_refusal(correction, inc, settings.quality)
-            interference, sigma_interference = float(correction.interference), float(correction.sigma_interference)
-            chi_square = float(correction.chi_square)
-        if correction is not None and math.isfinite(float(correction.azimuth)):
-            rows[CORRECTED] = jacobian.copy()
-            rows[CORRECTED][1] = correction.sensitivity
-            covariances[CORRECTED] = rows[CORRECTED] @ covariance_s @ rows[CORRECTED].T
-            covariances[CORRECTED][1, 1] = float(correction.sigma_azimuth) ** 2
-            values[CORRECTED] = float(correction.azimuth)
-            magnetic_sigma[CORRECTED] = float(correction.sigma_azimuth)
-        for method, value in values.items():
-            sigma = math.sqrt(magnetic_sigma[method] ** 2 + north_variance)
-            azimuths.append(
-                MethodAzimuth(
-                    method,
-                    to_north(value, turn_north),
-                    min(sigma, _UNKNOWN_SIGMA),
-                    refused if method == CORRECTED else "",
-                )
-            )
-        chosen = _choose(settings.azimuth_method, values, magnetic_sigma, interference, sigma_interference, refused)
-        corrected = chosen == CORRECTED
-        azimuth = to_north(values[chosen], turn_north)
-        covariance = covariances[chosen] + alignment
+            if math.isfinite(float(correction.azimuth)):
+                methods.append(_corrected(correction, jacobian, covariance_s))
+        chosen = _choose(settings.azimuth_method, methods, correction, refused)
+        azimuth = to_north(chosen.azimuth, turn_north)
+        north_variance = _north_variance(reference, north, horizontal)
+        covariance = chosen.covariance + alignment
         covariance[1, 1] += north_variance
         toolface_north = float(magnetic_toolface(mat_nt(inc, azimuth, toolface)))
-        if settings.azimuth_method == CORRECTED and not corrected:
-            verdict = quality.worse(verdict, DOUBTFUL)
-            reasons.append("azimuth not corrected for axial interference: " + (refused or "no reference field"))
     else:
+        methods, chosen, north_variance = [], None, 0.0
         covariance = jacobian @ covariance_s @ jacobian.T + alignment
         covariance[1, :], covariance[:, 1] = 0.0, 0.0
         covariance[1, 1] = _UNKNOWN_SIGMA**2
-        verdict = REJECT
-        reasons.append("no magnetometer reading: inclination and toolface only")
-        b_total = math.nan
+        azimuth = toolface_north = b_total = math.nan
     covariance = _capped(covariance)
 
+    corrected = chosen is not None and chosen.name == CORRECTED
+    interference = float(correction.interference) if correction is not None else math.nan
+    sigma_interference = float(correction.sigma_interference) if correction is not None else math.nan
     deviations = _deviations(
         f_h, b_h, reference, covariance_s, settings.errors, interference if corrected else 0.0, has_field
     )
     judgement = quality.judge(deviations, settings.quality.limits)
-    verdict = quality.worse(verdict, judgement.verdict)
-    reasons += judgement.reasons
-    gross = _gross_faults(g_total, b_total, float(magnetics.dip(f_h, b_h)) if has_field else math.nan, reference)
-    if gross:
-        verdict = REJECT
-        reasons += gross
-    if known_field is None and has_field:
-        verdict = quality.worse(verdict, DOUBTFUL)
-        reasons.append(f"no reference field: {north} azimuth, uncorrected, total field and dip not judged")
+    findings.add(judgement.verdict, *judgement.reasons)
+    findings.add(REJECT, *_gross_faults(g_total, b_total, dip, reference))
     if has_field:
-        level = known_field.horizontal if known_field else b_total * math.cos(float(magnetics.dip(f_h, b_h)))
-        if level < settings.quality.min_horizontal_field_nt * 1e-9:
-            verdict = quality.worse(verdict, DOUBTFUL)
-            reasons.append(
-                f"horizontal field only {level * 1e9:.0f} nT, "
-                f"limit {settings.quality.min_horizontal_field_nt:.0f} nT: a compass is weak here, take a gyro"
-            )
-    if corrected:
-        remarks.append(f"axial interference {interference * 1e9:+.0f} +- {sigma_interference * 1e9:.0f} nT corrected")
-    elif has_field and known_field and abs(interference) > _SIGNIFICANT * sigma_interference:
-        text = f"axial interference {interference * 1e9:+.0f} +- {sigma_interference * 1e9:.0f} nT"
-        if refused:
-            remarks.append(f"{text} not corrected: {refused}")
-        elif settings.azimuth_method == RAW:
-            verdict = quality.worse(verdict, DOUBTFUL)
-            reasons.append(f"{text} seen, azimuth uncorrected as asked")
-    if has_field and math.sin(inc) < math.sin(math.radians(settings.quality.min_azimuth_inclination_deg)):
-        remarks.append("near vertical: azimuth and high side are loose, use magnetic toolface")
-    for texts, grade in ((doubts, DOUBTFUL), (faults, REJECT)):
-        if texts:
-            verdict = quality.worse(verdict, grade)
-            reasons += texts
-    if verdict == ACCEPT:
-        remarks.insert(0, quality.within(deviations, settings.quality.limits))
+        _judge_field(findings, settings, reference, north, horizontal)
+        _judge_interference(findings, settings, correction, corrected, refused)
+        if math.sin(inc) < math.sin(math.radians(settings.quality.min_azimuth_inclination_deg)):
+            findings.remark("near vertical: azimuth and high side are loose, use magnetic toolface")
+    else:
+        findings.add(REJECT, "no magnetometer reading: inclination and toolface only")
+    findings.add(DOUBTFUL, *doubts)
+    findings.add(REJECT, *faults)
+    held_against = quality.within(deviations, settings.quality.limits) if findings.verdict == ACCEPT else ""
+
+    offset = math.radians(settings.toolface_offset_deg)
+    sag = math.radians(settings.sag_correction_deg) * math.sin(inc)
     return Station(
         inclination=min(max(inc + sag, 0.0), math.pi),
         sigma_inclination=math.sqrt(covariance[0, 0]),
@@ -348,26 +281,153 @@ def station(
         sigma_toolface=math.sqrt(covariance[2, 2]),
         g_total=g_total,
         b_total=b_total,
-        dip=float(magnetics.dip(f_h, b_h)) if has_field else math.nan,
+        dip=dip,
         azimuth=azimuth,
         sigma_azimuth=math.sqrt(covariance[1, 1]),
         north=north,
-        method=chosen,
+        method="none" if chosen is None else chosen.name,
         corrected=corrected,
-        azimuths=tuple(azimuths),
+        azimuths=tuple(
+            MethodAzimuth(
+                method.name,
+                to_north(method.azimuth, turn_north),
+                min(math.sqrt(method.covariance[1, 1] + north_variance), _UNKNOWN_SIGMA),
+                refused if method.name == CORRECTED else "",
+            )
+            for method in methods
+        ),
         interference=interference,
         sigma_interference=sigma_interference,
-        interference_chi_square=chi_square,
+        interference_chi_square=float(correction.chi_square) if correction is not None else math.nan,
         covariance=covariance,
         alignment=alignment,
         deviations=deviations,
-        verdict=verdict,
-        reasons=tuple(text for text in (*reasons, *remarks) if text),
+        verdict=findings.verdict,
+        reasons=tuple(text for text in (*findings.reasons, held_against, *findings.remarks) if text),
         reference=reference,
         north_correction=turn_north,
         f_t=f_raw,
         b_t=b_raw,
     )
+
+
+class _Findings:
+    """Verdict so far, the reasons that made it, and remarks that did not."""
+
+    def __init__(self) -> None:
+        self.verdict = ACCEPT
+        self.reasons: list[str] = []
+        self.remarks: list[str] = []
+
+    def add(self, verdict: str, *reasons: str) -> None:
+        """The graver verdict stands, if there is a reason for the new one."""
+        if reasons:
+            self.verdict = quality.worse(self.verdict, verdict)
+            self.reasons += reasons
+
+    def remark(self, text: str) -> None:
+        """Something to know that is no reason."""
+        self.remarks.append(text)
+
+
+@dataclass(frozen=True)
+class _Method:
+    """Magnetic azimuth of one method, rad, and covariance (3, 3) of (inclination, it, toolface) by the sensors."""
+
+    name: str
+    azimuth: float
+    covariance: Array
+
+
+def _raw(f_h: Array, b_h: Array, jacobian: Array, covariance_s: Array, errors: SensorErrors) -> _Method:
+    """The plain azimuth: the axial interference to be expected is one of its errors."""
+    covariance = covariance_s.copy()
+    covariance[3, 3] += (errors.axial_interference_nt * 1e-9) ** 2
+    return _Method(RAW, float(magnetics.raw_azimuth(f_h, b_h)), jacobian @ covariance @ jacobian.T)
+
+
+def _correction(
+    f_h: Array, b_h: Array, reference: Reference, covariance_s: Array, settings: StationSettings
+) -> magnetics.AxialCorrection:
+    return magnetics.axial_correction(
+        f_h,
+        b_h,
+        reference.horizontal,
+        reference.vertical,
+        covariance_s,
+        reference.covariance,
+        plausible=settings.plausible_interference_nt * 1e-9,
+    )
+
+
+def _corrected(correction: magnetics.AxialCorrection, jacobian: Array, covariance_s: Array) -> _Method:
+    """The corrected azimuth: with inclination and toolface it shares the sensors' errors, not the reference's."""
+    slopes = jacobian.copy()
+    slopes[1] = correction.sensitivity
+    covariance = slopes @ covariance_s @ slopes.T
+    covariance[1, 1] = float(correction.sigma_azimuth) ** 2
+    return _Method(CORRECTED, float(correction.azimuth), covariance)
+
+
+def _choose(wanted: str, methods: list[_Method], correction: magnetics.AxialCorrection | None, refused: str) -> _Method:
+    raw, corrected = methods[0], methods[-1]
+    if correction is None or corrected is raw or refused or wanted == RAW:
+        return raw
+    if wanted == CORRECTED:
+        return corrected
+    shift = float(wrap_pi(corrected.azimuth - raw.azimuth)) ** 2
+    better = corrected.covariance[1, 1] < max(raw.covariance[1, 1], shift)
+    return corrected if better and _significant(correction) else raw
+
+
+def _significant(correction: magnetics.AxialCorrection) -> bool:
+    return abs(float(correction.interference)) > _SIGNIFICANT * float(correction.sigma_interference)
+
+
+def _north(reference: Reference | None, wanted: str, findings: _Findings) -> tuple[str, float]:
+    """Name of the north and what to add to a magnetic azimuth, rad; magnetic, with a reason, if unknown."""
+    north = best_north(reference) if wanted == "best" else wanted
+    turn = north_correction(reference, north)
+    if turn is not None:
+        return north, turn
+    missing = "declination and convergence" if north == "grid" else "declination"
+    findings.add(DOUBTFUL, f"{north} azimuth needs the {missing}: azimuth is magnetic")
+    return "magnetic", 0.0
+
+
+def _judge_field(
+    findings: _Findings, settings: StationSettings, reference: Reference | None, north: str, horizontal: float
+) -> None:
+    if reference is None or not reference.has_field:
+        findings.add(DOUBTFUL, f"no reference field: {north} azimuth, uncorrected, total field and dip not judged")
+    limit = settings.quality.min_horizontal_field_nt
+    if horizontal < limit * 1e-9:
+        findings.add(
+            DOUBTFUL,
+            f"horizontal field only {horizontal * 1e9:.0f} nT, limit {limit:.0f} nT: "
+            "a compass is weak here, take a gyro",
+        )
+
+
+def _judge_interference(
+    findings: _Findings,
+    settings: StationSettings,
+    correction: magnetics.AxialCorrection | None,
+    corrected: bool,
+    refused: str,
+) -> None:
+    if settings.azimuth_method == CORRECTED and not corrected:
+        findings.add(DOUBTFUL, "azimuth not corrected for axial interference: " + (refused or "no reference field"))
+    if correction is None or not (corrected or _significant(correction)):
+        return
+    nt, sigma_nt = float(correction.interference) * 1e9, float(correction.sigma_interference) * 1e9
+    text = f"axial interference {nt:+.0f} +- {sigma_nt:.0f} nT"
+    if corrected:
+        findings.remark(f"{text} corrected")
+    elif settings.azimuth_method == RAW:
+        findings.add(DOUBTFUL, f"{text} seen, azimuth uncorrected as asked")
+    elif refused and settings.azimuth_method != CORRECTED:
+        findings.remark(f"{text} not corrected: {refused}")
 
 
 def deviation_covariance(
@@ -413,24 +473,6 @@ def totals_jacobian(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     jacobian[2, :3] = -(along + sine * up) / (g * cosine)
     jacobian[2, 3:] = -(up + sine * along) / (b * cosine)
     return jacobian
-
-
-def _choose(
-    wanted: str,
-    values: dict[str, float],
-    sigma: dict[str, float],
-    interference: float,
-    sigma_interference: float,
-    refused: str,
-) -> str:
-    if CORRECTED not in values or refused or wanted == RAW:
-        return RAW
-    if wanted == CORRECTED:
-        return CORRECTED
-    shift = abs(float(wrap_pi(values[CORRECTED] - values[RAW])))
-    if abs(interference) > _SIGNIFICANT * sigma_interference and sigma[CORRECTED] < max(sigma[RAW], shift):
-        return CORRECTED
-    return RAW
 
 
 def _deviations(

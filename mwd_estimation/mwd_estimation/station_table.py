@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from mwd_sensors.frames import Array
 
 from mwd_estimation.reference import STANDARD_GRAVITY, Reference
 from mwd_estimation.station import Station, StationSettings, station
+from mwd_sensors.frames import Array
 
 _AXES = ("axial", "tran1", "tran2")
 _ACCELERATION = {

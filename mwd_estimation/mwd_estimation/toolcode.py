@@ -17,12 +17,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from mwd_sensors.frames import Array
 from numpy.typing import ArrayLike
 
 from mwd_estimation.reference import STANDARD_GRAVITY, Reference
 from mwd_estimation.sensor_errors import SensorErrors
 from mwd_estimation.station import StationSettings, deviation_covariance
+from mwd_sensors.frames import Array
 
 # Errors of depth and of the hole's course between stations are not the station's.
 _NOT_THE_STATION = ("DRF", "DSF", "DST", "XCL")

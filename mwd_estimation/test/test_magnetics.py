@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis.strategies import floats
-from mwd_sensors.frames import mat_nt, wrap_pi
 
 from mwd_estimation import magnetics
+from mwd_sensors.frames import mat_nt, wrap_pi
 
 DEG = math.pi / 180.0
 TOTAL, DIP = 50e-6, 72.0 * DEG

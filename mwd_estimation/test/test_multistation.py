@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mwd_estimation.multistation import NAMES, MultistationSettings, _Problem, analyse
+
+from mwd_estimation.multistation import NAMES, MultistationSettings, _Problem, analyse, corrected_stations
 from mwd_estimation.reference import Reference
-from mwd_estimation.sensor_errors import SensorErrors
+from mwd_estimation.sensor_errors import BENCH, SensorErrors
+from mwd_estimation.station import StationSettings, station
 from mwd_sensors.frames import mat_nt, wrap_pi
 
 DEG = math.pi / 180.0
@@ -153,6 +155,26 @@ def test_few_stations_still_give_a_sigma_and_no_false_confidence():
     f_t, b_t, reference, _, azi, _, _ = drawn_run("build", 7, n=3)
     done = analyse(f_t, b_t, reference)
     assert (np.abs(wrap_pi(done.azimuth - azi)) < 4 * done.sigma_azimuth).all()
+
+
+def test_stations_made_again_carry_the_azimuth_of_the_run_and_its_sigma():
+    f_t, b_t, reference, _, azi, _, _ = drawn_run("build", 10, **QUIET)
+    settings = StationSettings(errors=replace(BENCH, axial_interference_nt=1000.0), north="magnetic")
+    before = [station(f, b, reference, settings) for f, b in zip(f_t, b_t, strict=True)]
+    analysis = analyse(f_t, b_t, reference)
+    after = corrected_stations(before, analysis, settings)
+    assert {shot.method for shot in after} == {"msa"}
+    assert [shot.azimuth for shot in after] == pytest.approx(list(analysis.azimuth))
+    assert [shot.sigma_azimuth for shot in after[5:]] == pytest.approx(list(analysis.sigma_azimuth[5:]), rel=0.15)
+    assert [a.method for a in after[-1].azimuths] == ["raw", "corrected", "msa"]
+    assert after[-1].b_total == before[-1].b_total
+    assert sum(shot.verdict == "accept" for shot in after) >= 39
+    assert rms_deg(wrap_pi(np.array([shot.azimuth for shot in after]) - azi)) < 0.12
+    refused = corrected_stations(before, replace(analysis, refused="no"), settings)
+    assert [shot.method for shot in refused] == [shot.method for shot in before]
+    assert refused[3].by_method("msa").refused == "no"
+    with pytest.raises(ValueError, match="39 given, 40 analysed"):
+        corrected_stations(before[1:], analysis, settings)
 
 
 def test_a_vertical_station_among_others_gives_finite_sigmas():

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mwd_estimation.magnetics import AxialCorrection
-from mwd_estimation.quality import Deviations, QualitySettings, correction_refusal, judge
 
 from mwd_estimation import quality
+from mwd_estimation.magnetics import AxialCorrection
+from mwd_estimation.quality import Deviations, QualitySettings, correction_refusal, judge
 
 DEG = math.pi / 180.0
 COVARIANCE = np.diag([0.006**2, 200e-9**2, (0.25 * DEG) ** 2])

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
 from mwd_estimation.reference import Reference, best_north, from_field, measured, north_correction, to_north
 from mwd_sensors.frames import mat_nt
 

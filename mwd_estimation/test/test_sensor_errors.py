@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 from mwd_estimation.sensor_errors import BENCH, SensorErrors
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from mwd_estimation.quality import QualitySettings
 from mwd_estimation.reference import Reference
 from mwd_estimation.sensor_errors import BENCH, SensorErrors

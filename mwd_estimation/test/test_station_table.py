@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from mwd_estimation.quality import QualitySettings
 from mwd_estimation.reference import Reference
 from mwd_estimation.station import StationSettings

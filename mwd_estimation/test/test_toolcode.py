@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from mwd_estimation import toolcode
 from mwd_estimation.reference import Reference
 from mwd_estimation.station import StationSettings, station
 from mwd_sensors.frames import mat_nt
-
-from mwd_estimation import toolcode
 
 pytest.importorskip("welleng", reason="tool codes need welleng")
 

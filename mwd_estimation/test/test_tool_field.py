@@ -1,14 +1,14 @@
-"""The recursive interference filter: honest in every attitude, the same by blocks, slopes, disturbance and gyro aid."""
+"""The recursive filter of the tool's own field: honest in every attitude, the same by blocks, slopes, disturbance and gyro aid."""
 
 import math
 
 import numpy as np
 import pytest
 
-from mwd_estimation import interference
-from mwd_estimation.interference import Params, aid_azimuth, initial, run
+from mwd_estimation import tool_field
 from mwd_estimation.reference import Reference
 from mwd_estimation.sensor_errors import SensorErrors
+from mwd_estimation.tool_field import Params, aid_azimuth, initial, run
 from mwd_sensors.frames import mat_nt, wrap_pi
 
 DEG = math.pi / 180.0
@@ -109,12 +109,12 @@ def test_slopes_of_the_innovations_agree_with_finite_differences():
     b = ((field[1] + x[7]) * g + (field[0] + x[6]) * level + x[:3]) / (1 - x[3:6])
 
     def off(x):
-        vertical, horizontal = interference._directions(x, field, g, b, north, east, clean)
+        vertical, horizontal = tool_field._directions(x, field, g, b, north, east, clean)
         return np.array([vertical - field[1] - x[7], horizontal - field[0] - x[6]])
 
     assert off(x) == pytest.approx([0, 0], abs=1e-18)
     row_v, row_h = np.zeros(8), np.zeros(8)
-    interference._slopes(g, north.copy(), clean.copy(), row_v, row_h)
+    tool_field._slopes(g, north.copy(), clean.copy(), row_v, row_h)
     for k, step in enumerate([1e-9] * 3 + [1e-5] * 3 + [1e-9] * 2):
         change = np.zeros(8)
         change[k] = step
