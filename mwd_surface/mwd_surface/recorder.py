@@ -198,6 +198,11 @@ class Recorder:
     recover : bool
         Recover what earlier recordings in the folder left unfinished, in the background.
 
+    Attributes
+    ----------
+    events : deque of Event
+        The last 200, for a late reader; `take_events` is for one that wants each once.
+
     Raises
     ------
     RecorderError
@@ -219,6 +224,7 @@ class Recorder:
         self.folder = Path(folder)
         self.settings = settings or RecorderSettings()
         self.events: deque[Event] = deque(maxlen=200)
+        self._untaken: deque[Event] = deque(maxlen=1000)
         self._definitions = definitions or installed()
         self._tables = tables
         self._event_topic = event_topic
@@ -364,6 +370,14 @@ class Recorder:
             unsaved_s=now - session.unsaved_since if session and session.unsaved_since is not None else 0.0,
             recovered=tuple(self._recovered),
         )
+
+    def take_events(self) -> list[Event]:
+        """Events since the last call, oldest first (of very many, the last 1000); never waits."""
+        taken = []
+        # Another thread appends meanwhile; popping one by one is safe against that.
+        while self._untaken:
+            taken.append(self._untaken.popleft())
+        return taken
 
     def close(self, timeout_s: float = 2.8) -> bool:
         """
@@ -784,7 +798,7 @@ class Recorder:
 
     def _tell(self, level: Level, text: str) -> None:
         event = Event(time.time_ns(), level, text)
-        self.events.append(event)
+        self._note(event)
         session = self._session
         if session is not None and session.writing:
             if session.last_ns:
@@ -797,7 +811,11 @@ class Recorder:
             try:
                 self._on_event(event)
             except Exception as error:  # noqa: BLE001  (a listener's mistake must not end the recording)
-                self.events.append(Event(time.time_ns(), Level.ERROR, f"a listener to events failed: {error!r}"))
+                self._note(Event(time.time_ns(), Level.ERROR, f"a listener to events failed: {error!r}"))
+
+    def _note(self, event: Event) -> None:
+        self.events.append(event)
+        self._untaken.append(event)
 
     def _record_early(self, session: _Session) -> None:
         """Events from before the first message: only now is the recording's own time known."""

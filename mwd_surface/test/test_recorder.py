@@ -14,13 +14,13 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+from rosbags.rosbag2 import Reader
+
 from mwd_sensors.settings import SettingsError, from_mapping
+from mwd_surface import bag_metadata, recovery
 from mwd_surface.bag_reader import Bag
 from mwd_surface.definitions import Definitions
 from mwd_surface.recorder import Level, Recorder, RecorderError, RecorderSettings, State
-from rosbags.rosbag2 import Reader
-
-from mwd_surface import bag_metadata, recovery
 
 ROOT = Path(__file__).resolve().parents[2]
 START = 1_700_000_000_000_000_000
@@ -490,6 +490,18 @@ def test_a_listener_that_fails_does_not_end_the_recording(tmp_path):
         put(recorder, 0, 5)
     assert len(recorded(path)) == 5
     assert any("page gone" in event.text for event in recorder.events)
+
+
+def test_every_event_is_taken_once_even_after_the_shown_ones_have_run_over(tmp_path):
+    with Recorder(tmp_path, QUICK) as recorder:
+        recorder.start("run")
+        assert [event.text for event in recorder.take_events()] == [f"recording to {tmp_path / 'run'}"]
+        assert recorder.take_events() == []
+        for k in range(250):
+            recorder.put(f"/odd{k}", STRING, b"x", -1)
+        until(lambda: recorder.status().dropped == 250)
+        assert sum("before 1970" in event.text for event in recorder.take_events()) == 250
+        assert len(recorder.events) == 200
 
 
 def test_settings_out_of_bounds_are_refused_by_name():
