@@ -12,7 +12,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from mwd_estimation import gravity_raw, gravity_s3
+from mwd_estimation import gravity_bounded, gravity_raw, gravity_s3
 from mwd_estimation.track import Track
 
 __all__ = ["DEFAULT", "METHODS", "Method", "Track", "method"]
@@ -33,6 +33,13 @@ METHODS: dict[str, Method] = {
     entry.name: entry
     for entry in (
         Method(
+            "bounded",
+            "velocity-bounded error-state Kalman filter",
+            gravity_bounded.Params,
+            gravity_bounded.initial,
+            gravity_bounded.run,
+        ),
+        Method(
             "s3",
             "rotation-vector recursion, PI correction, fuzzy gain (S3)",
             gravity_s3.Params,
@@ -49,7 +56,7 @@ METHODS: dict[str, Method] = {
         Method("raw", "direction of the accelerometer alone", gravity_raw.Params, gravity_raw.initial, gravity_raw.run),
     )
 }
-DEFAULT = "s3"
+DEFAULT = "bounded"
 
 
 def method(name: str) -> Method:

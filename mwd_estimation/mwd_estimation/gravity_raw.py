@@ -7,13 +7,13 @@ import dataclasses
 import math
 
 import numpy as np
-from mwd_sensors.compiled import compiled
-from mwd_sensors.settings import setting
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation import track
 from mwd_estimation.status import Status
 from mwd_estimation.track import Array, Stamps, Track
+from mwd_sensors.compiled import compiled
+from mwd_sensors.settings import setting
 
 _REJECTED, _GAP, _CLIPPED = int(Status.REJECTED), int(Status.GAP), int(Status.CLIPPED)
 _NEAR_VERTICAL, _INITIALISING = int(Status.NEAR_VERTICAL), int(Status.INITIALISING)

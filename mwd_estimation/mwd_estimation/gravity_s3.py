@@ -14,13 +14,13 @@ import dataclasses
 import math
 
 import numpy as np
-from mwd_sensors.compiled import compiled
-from mwd_sensors.settings import setting
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation import track
 from mwd_estimation.status import Status
 from mwd_estimation.track import Array, Stamps, Track
+from mwd_sensors.compiled import compiled
+from mwd_sensors.settings import setting
 
 # S3 table 1 and eq (12): rows rotary speed S, M, L; columns non-gravity acceleration S, M, L; steps of the output.
 RULES: Array = np.array([[0.06, 0.03, -0.03], [0.0, 0.0, -0.03], [0.0, -0.03, -0.06]])
