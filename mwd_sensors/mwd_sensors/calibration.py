@@ -9,6 +9,8 @@ field, the dip between them, and the turns between rests are enough, up to one c
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -344,6 +346,60 @@ def calibrate(
         f_t = accelerometer(found.accel, found.celsius)
         magnetometer = fit_magnetometer(found.mag, f_t, field[0], field[1], found.celsius)
     return Calibration(fit_gyro(gyro, found, accelerometer, rate), accelerometer, magnetometer)
+
+
+def as_table(calibration: Calibration) -> dict[str, Any]:
+    """A calibration as plain numbers, for YAML or JSON; `from_table` reads it back exactly."""
+    triads = {field.name: getattr(calibration, field.name) for field in dataclasses.fields(calibration)}
+    return {
+        name: {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in vars(triad).items()}
+        for name, triad in triads.items()
+        if triad is not None
+    }
+
+
+def from_table(table: Mapping[str, Any]) -> Calibration:
+    """
+    Calibration of a table as `as_table` makes it.
+
+    Raises
+    ------
+    ValueError
+        A missing triad or figure, a wrong shape, a number that is not finite, or a matrix far from the identity.
+    """
+    read: dict[str, TriadCalibration] = {}
+    for name, triad in table.items():
+        if name not in _TRIADS:
+            raise ValueError(f"calibration: no triad {name!r}; known: {', '.join(_TRIADS)}")
+        figures = {}
+        for key, shape in _SHAPES.items():
+            try:
+                figures[key] = np.array(triad[key], dtype=float)
+            except (KeyError, TypeError, ValueError) as error:
+                raise ValueError(f"calibration: {name}.{key} is missing or not a number") from error
+            if figures[key].shape != shape or not np.isfinite(figures[key]).all():
+                raise ValueError(f"calibration: {name}.{key} must be finite and of shape {shape}")
+        if np.abs(figures["matrix"] - np.eye(3)).max() > 0.5:
+            raise ValueError(f"calibration: {name}.matrix is far from the identity; is it in other units?")
+        numbers = {key: float(figures[key]) for key in ("reference_c", "before", "after")}
+        vectors = {key: figures[key] for key in ("matrix", "bias", "bias_per_c")}
+        read[name] = TriadCalibration(**vectors, **numbers, poses=int(figures["poses"]))
+    for name in ("gyro", "accelerometer"):
+        if name not in read:
+            raise ValueError(f"calibration: {name} is missing")
+    return Calibration(read["gyro"], read["accelerometer"], read.get("magnetometer"))
+
+
+_TRIADS = ("gyro", "accelerometer", "magnetometer")
+_SHAPES: dict[str, tuple[int, ...]] = {
+    "matrix": (3, 3),
+    "bias": (3,),
+    "bias_per_c": (3,),
+    "reference_c": (),
+    "before": (),
+    "after": (),
+    "poses": (),
+}
 
 
 def _carried(steps: Array, down: Array) -> Array:

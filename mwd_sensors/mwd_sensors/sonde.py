@@ -100,6 +100,8 @@ class Sonde:
         }
         self._felt: _Felt | None = None
         self._step = 0
+        self._given = 0.0
+        self._kept: dict[str, list[tuple[Samples, Array]]] = {topic: [] for topic in wire.SONDE_TOPICS}
 
     @property
     def time(self) -> float:
@@ -125,7 +127,8 @@ class Sonde:
         """
         Samples of every topic, in blocks of that length of the run, to the end of the schedule.
 
-        Each block holds, for each topic of `wire.SONDE_TOPICS`, the samples that arrive in it, perhaps none.
+        Each block holds, for each topic of `wire.SONDE_TOPICS`, the samples that arrive in it, perhaps none. Asked
+        again, the sonde goes on where the last block ended.
 
         Raises
         ------
@@ -134,26 +137,26 @@ class Sonde:
         """
         if not seconds > 0.0:
             raise ValueError(f"seconds must be positive, got {seconds!r}")
-        kept: dict[str, tuple[list[Samples], list[Array]]] = {topic: ([], []) for topic in wire.SONDE_TOPICS}
-        count = 1
         end = math.floor(self.duration * self.scenario.rate_hz + 1e-6) / self.scenario.rate_hz
-        while True:
-            until = min(count * seconds, end) + 1e-9
-            while self.time < until - 2e-9:
-                for topic, (samples, t) in self._advance().items():
-                    kept[topic][0].append(samples)
-                    kept[topic][1].append(t)
-            block = {}
-            for topic, (parts, times) in kept.items():
-                samples, t = np.concatenate(parts), np.concatenate(times)
-                # Arrival times ascend, so that a block is a slice.
-                cut = int(np.searchsorted(t, until))
-                block[topic] = samples[:cut]
-                parts[:], times[:] = [samples[cut:]], [t[cut:]]
-            yield block
-            if count * seconds >= end:
-                return
+        start, count = self._given, 1
+        while self._given < end:
+            self._given = min(start + count * seconds, end)
+            until = self._given + 1e-9
+            while self.time < self._given - 1e-9:
+                for topic, arrived in self._advance().items():
+                    self._kept[topic].append(arrived)
+            yield {topic: self._take(topic, until) for topic in wire.SONDE_TOPICS}
             count += 1
+
+    def _take(self, topic: str, until: float) -> Samples:
+        parts = self._kept[topic]
+        if not parts:
+            return wire.SONDE_TOPICS[topic].empty(0)
+        samples, t = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+        # Arrival times ascend, so that a block is a slice.
+        cut = int(np.searchsorted(t, until))
+        parts[:] = [(samples[cut:], t[cut:])]
+        return np.asarray(samples[:cut])
 
     def _advance(self) -> dict[str, tuple[Samples, Array]]:
         """One step: samples and arrival times of every topic."""

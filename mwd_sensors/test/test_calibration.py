@@ -7,6 +7,7 @@ import pathlib
 
 import numpy as np
 import pytest
+import yaml
 from numpy.testing import assert_allclose
 
 from mwd_sensors import calibration, scenario
@@ -111,3 +112,31 @@ def test_runs_that_cannot_carry_a_calibration_are_refused():
         calibration.fit_stand(one_way, one_way, np.full(20, 25.0))
     with pytest.raises(ValueError, match="turn the probe further"):
         calibration.fit_strength(one_way, 9.8, np.full(20, 25.0))
+
+
+def test_a_calibration_is_written_and_read_back_exactly():
+    _, _, readings, got = tumbled()
+    text = yaml.safe_dump(calibration.as_table(got))
+    back = calibration.from_table(yaml.safe_load(text))
+    for name in ("gyro", "accelerometer", "magnetometer"):
+        first, second = getattr(got, name), getattr(back, name)
+        assert np.array_equal(first(readings[1], readings[3]), second(readings[1], readings[3]))
+        assert (first.after, first.poses) == (second.after, second.poses)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "match"),
+    [
+        (lambda table: table.pop("gyro"), "gyro is missing"),
+        (lambda table: table["gyro"].pop("bias"), r"gyro\.bias is missing"),
+        (lambda table: table["gyro"].update(bias=[0.0, 1.0]), "shape"),
+        (lambda table: table["gyro"].update(bias=[0.0, 1.0, float("nan")]), "finite"),
+        (lambda table: table["accelerometer"].update(matrix=[[9.8, 0, 0], [0, 9.8, 0], [0, 0, 9.8]]), "identity"),
+        (lambda table: table.update(compass={}), "compass"),
+    ],
+)
+def test_a_spoilt_table_is_refused_with_its_reason(spoil, match):
+    table = calibration.as_table(tumbled()[3])
+    spoil(table)
+    with pytest.raises(ValueError, match=match):
+        calibration.from_table(table)

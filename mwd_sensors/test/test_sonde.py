@@ -220,6 +220,14 @@ def test_other_rates_run_and_a_zero_block_is_refused():
         next(sonde.blocks(0.0))
 
 
+def test_asked_again_the_sonde_goes_on_where_it_was():
+    sonde = Sonde(scenario.read(SCENARIOS / "default.yaml", SHORT))
+    stamps = [next(sonde.blocks(seconds))["truth"]["stamp_ns"] for seconds in (0.25, 0.03, 2.0)]
+    stamps.extend(block["truth"]["stamp_ns"] for block in sonde.blocks(1.0))
+    assert np.array_equal(np.diff(np.concatenate(stamps)), np.full(round(sonde.duration * 100) - 1, 10_000_000))
+    assert list(sonde.blocks(1.0)) == []
+
+
 def test_the_stamp_of_time_zero_can_be_set():
     sonde = Sonde(scenario.read(SCENARIOS / "default.yaml"), epoch_ns=5_000_000_000)
     assert next(sonde.blocks(0.1))["truth"]["stamp_ns"][0] == 5_010_000_000
