@@ -381,9 +381,15 @@ def from_table(table: Mapping[str, Any]) -> Calibration:
                 raise ValueError(f"calibration: {name}.{key} must be finite and of shape {shape}")
         if np.abs(figures["matrix"] - np.eye(3)).max() > 0.5:
             raise ValueError(f"calibration: {name}.matrix is far from the identity; is it in other units?")
-        numbers = {key: float(figures[key]) for key in ("reference_c", "before", "after")}
-        vectors = {key: figures[key] for key in ("matrix", "bias", "bias_per_c")}
-        read[name] = TriadCalibration(**vectors, **numbers, poses=int(figures["poses"]))
+        read[name] = TriadCalibration(
+            matrix=figures["matrix"],
+            bias=figures["bias"],
+            bias_per_c=figures["bias_per_c"],
+            reference_c=float(figures["reference_c"]),
+            before=float(figures["before"]),
+            after=float(figures["after"]),
+            poses=int(figures["poses"]),
+        )
     for name in ("gyro", "accelerometer"):
         if name not in read:
             raise ValueError(f"calibration: {name} is missing")
