@@ -21,16 +21,16 @@ from pathlib import Path
 import numpy as np
 from mcap.reader import make_reader
 from mcap.writer import Writer as McapLibraryWriter
-from mwd_surface.bag_reader import Bag
-from mwd_surface.bag_writer import BagWriter
-from mwd_surface.recorder import Recorder, RecorderSettings
-from mwd_surface.recovery import check
 from rosbags.rosbag2 import Reader, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 from rosbags.typesys import Stores, get_typestore
 
 from mwd_sensors import wire
+from mwd_surface.bag_reader import Bag
+from mwd_surface.bag_writer import BagWriter
+from mwd_surface.recorder import Recorder, RecorderSettings
+from mwd_surface.recovery import check
 
 IMU, MAG = "sensor_msgs/msg/Imu", "sensor_msgs/msg/MagneticField"
 START = 1_700_000_000_000_000_000

@@ -16,8 +16,9 @@ from typing import Any
 import lz4.frame
 import numpy as np
 import zstandard
-from mwd_sensors.compiled import HAVE_NUMBA, compiled
 from numpy.typing import NDArray
+
+from mwd_sensors.compiled import HAVE_NUMBA, compiled
 
 Bytes = NDArray[np.uint8]
 

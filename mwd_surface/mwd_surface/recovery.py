@@ -78,7 +78,11 @@ class Report:
         if self.sound:
             return f"{self.source.name} is in order: {self.messages} messages"
         seconds = (self.end_ns - self.start_ns) * 1e-9
-        lost = f"{self.lost_bytes} bytes in {self.damages} places could not be used" if self.damages else "nothing lost"
+        lost = (
+            f"{self.lost_bytes} bytes in {self.damages} places could not be used"
+            if self.damages
+            else "nothing on the disk was damaged"
+        )
         if self.messages == 0:
             return f"{self.source.name}: nothing could be saved; {'; '.join(self.notes[:1]) or lost}"
         where = f" (the original is kept as {self.kept.name})" if self.kept else ""

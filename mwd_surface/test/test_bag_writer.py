@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
-from mwd_surface.bag_writer import BagWriter
-from mwd_surface.definitions import DefinitionError, Definitions
 from rosbags.rosbag2 import Reader
 
 from mwd_sensors import wire
 from mwd_surface import bag_metadata
+from mwd_surface.bag_writer import BagWriter
+from mwd_surface.definitions import DefinitionError, Definitions
 
 START = 1_700_000_000_000_000_000
 STREAM = [bag_metadata.qos_profile("best_effort", depth=5)]

@@ -7,8 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from mwd_surface.definitions import DefinitionError, Definitions, share_folders
 from rosbags.typesys import get_types_from_msg
+
+from mwd_surface.definitions import DefinitionError, Definitions, share_folders
 
 ROOT = Path(__file__).resolve().parents[2]
 MWD_MSGS = sorted((ROOT / "mwd_msgs" / "msg").glob("*.msg"))

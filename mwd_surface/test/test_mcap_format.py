@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap import records
 from mcap.data_stream import ReadDataStream
-from mwd_surface.mcap_format import FormatError
 
 from mwd_surface import mcap_format as fmt
+from mwd_surface.mcap_format import FormatError
 
 words = st.text(max_size=12)
 tables = st.dictionaries(words, words, max_size=4)

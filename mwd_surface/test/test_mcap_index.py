@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+from mwd_surface import mcap_format
 from mwd_surface.mcap_format import Attachment, Channel, FormatError, Schema
 from mwd_surface.mcap_index import Bare, Chunk, Damage, McapFile, Other
 from mwd_surface.mcap_writer import McapWriter
-
-from mwd_surface import mcap_format
 
 START = 1_700_000_000_000_000_000
 

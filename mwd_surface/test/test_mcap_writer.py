@@ -8,11 +8,11 @@ import os
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+
+from mwd_surface import mcap_format
 from mwd_surface.mcap_format import Attachment, Channel, Schema
 from mwd_surface.mcap_index import Chunk, McapFile, declarations
 from mwd_surface.mcap_writer import McapWriter
-
-from mwd_surface import mcap_format
 
 START = 1_700_000_000_000_000_000
 

@@ -7,6 +7,7 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from mwd_surface.pace import Pace
 
 START = 1_700_000_000_000_000_000
