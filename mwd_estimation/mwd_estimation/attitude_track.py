@@ -204,7 +204,12 @@ def run(
         state.stamps, state.ring, state.counters, state.values, state.vertical, limits, round(params.mag_lag_s * 1e9),
         round(params.mag_timeout_s * 1e9), model.packed(), stamp_ns, g_t, rate_x, sigma_tilt, mag_ns, b_t, out, status,
     )  # fmt: skip
-    return Rows(*(np.ascontiguousarray(out[:, k]) for k in range(7)), status), used
+    columns = [np.ascontiguousarray(out[:, k]) for k in range(7)]
+    inclination, azimuth, gravity_toolface, magnetic_toolface, sigma_azimuth, total, dip = columns
+    return (
+        Rows(inclination, azimuth, gravity_toolface, magnetic_toolface, sigma_azimuth, total, dip, status),
+        used,
+    )
 
 
 @compiled

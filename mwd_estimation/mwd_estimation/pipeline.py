@@ -341,7 +341,7 @@ class Pipeline:
         horizontal = np.maximum(rows.total * np.abs(np.cos(rows.dip)), 1e-9)
         tilt = rows.total * np.abs(np.sin(rows.dip)) * track.sigma_inclination
         field = (self._model.sigma_cross**2 + tilt**2) / horizontal**2
-        return np.minimum(np.sqrt(field + self._model.sigma_north**2), math.pi)
+        return np.asarray(np.minimum(np.sqrt(field + self._model.sigma_north**2), math.pi))
 
     def _interference_sample(self, stamp_ns: int) -> Samples:
         sample = wire.INTERFERENCE.empty(1)
@@ -364,7 +364,7 @@ def _bin_ends(stamps: NDArray[np.int64]) -> list[int]:
 
 def _gravity_samples(stamps: NDArray[np.int64], track: gravity.Track, status: NDArray[np.uint32]) -> Samples:
     samples = wire.GRAVITY.empty(len(stamps))
-    known = np.isfinite(track.g_t).all(axis=1)
+    known = np.asarray(np.isfinite(track.g_t).all(axis=1))
     samples["stamp_ns"] = stamps
     samples["gravity"] = np.where(known[:, None], track.g_t, 0.0)
     samples["sigma"] = np.where(known, track.sigma_inclination, -1.0)

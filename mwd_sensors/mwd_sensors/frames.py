@@ -169,7 +169,7 @@ def quat_from_mat(mat: ArrayLike) -> Array:
     best = np.argmax(np.diagonal(products, axis1=-2, axis2=-1), axis=-1)
     row = np.take_along_axis(products, best[..., None, None], axis=-2)[..., 0, :]
     q = row / np.linalg.norm(row, axis=-1, keepdims=True)
-    return np.where(q[..., 3:] < 0.0, -q, q)
+    return np.asarray(np.where(q[..., 3:] < 0.0, -q, q))
 
 
 def orientation_et(mat_nt: ArrayLike) -> Array:
