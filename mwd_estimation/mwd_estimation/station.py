@@ -29,8 +29,8 @@ from mwd_sensors.frames import (
 from mwd_sensors.settings import setting
 
 RAW, CORRECTED = "raw", "corrected"
-# An axial field this many times its own sigma is no accident.
-_SIGNIFICANT = 3.0
+# An axial field this many times what is expected, with its own sigma, is no accident.
+_SIGNIFICANT = 2.0
 # What an unknown angle of the azimuth's kind is said to be known to.
 _UNKNOWN_SIGMA = math.pi
 # Gravity at sea level lies within this of standard gravity everywhere, m/s^2.
@@ -231,13 +231,13 @@ def station(
     jacobian = magnetics.angle_jacobian(f_h, b_h)
     correction, refused = None, ""
     if has_field:
-        methods = [_raw(f_h, b_h, jacobian, covariance_s, settings.errors)]
         if reference is not None and reference.has_field:
             correction = _correction(f_h, b_h, reference, covariance_s, settings)
             refused = quality.correction_refusal(correction, inc, settings.quality)
-            if math.isfinite(float(correction.azimuth)):
-                methods.append(_corrected(correction, jacobian, covariance_s))
-        chosen = _choose(settings.azimuth_method, methods, correction, refused)
+        methods = [_raw(f_h, b_h, jacobian, covariance_s, settings.errors, correction)]
+        if correction is not None and math.isfinite(float(correction.azimuth)):
+            methods.append(_corrected(correction, jacobian, covariance_s))
+        chosen = _choose(settings.azimuth_method, methods, correction, refused, settings.errors)
         azimuth = to_north(chosen.azimuth, turn_north)
         north_variance = _north_variance(reference, north, horizontal)
         covariance = chosen.covariance + alignment
@@ -339,11 +339,29 @@ class _Method:
     covariance: Array
 
 
-def _raw(f_h: Array, b_h: Array, jacobian: Array, covariance_s: Array, errors: SensorErrors) -> _Method:
-    """The plain azimuth: the axial interference to be expected is one of its errors."""
+def _raw(
+    f_h: Array,
+    b_h: Array,
+    jacobian: Array,
+    covariance_s: Array,
+    errors: SensorErrors,
+    correction: magnetics.AxialCorrection | None,
+) -> _Method:
+    """
+    The plain azimuth: axial interference is one of its errors, as expected or, where more shows, as it shows.
+
+    What shows beyond the expected and the estimate's own sigma counts with the angle it turns the azimuth by.
+    """
+    expected = errors.axial_interference_nt * 1e-9
     covariance = covariance_s.copy()
-    covariance[3, 3] += (errors.axial_interference_nt * 1e-9) ** 2
-    return _Method(RAW, float(magnetics.raw_azimuth(f_h, b_h)), jacobian @ covariance @ jacobian.T)
+    covariance[3, 3] += expected**2
+    azimuth = float(magnetics.raw_azimuth(f_h, b_h))
+    covariance = jacobian @ covariance @ jacobian.T
+    if correction is not None and _shows(correction, expected):
+        seen = float(correction.interference) ** 2
+        beyond = 1.0 - (expected**2 + float(correction.sigma_interference) ** 2) / seen
+        covariance[1, 1] += beyond * float(wrap_pi(float(correction.azimuth) - azimuth)) ** 2
+    return _Method(RAW, azimuth, covariance)
 
 
 def _correction(
@@ -369,19 +387,26 @@ def _corrected(correction: magnetics.AxialCorrection, jacobian: Array, covarianc
     return _Method(CORRECTED, float(correction.azimuth), covariance)
 
 
-def _choose(wanted: str, methods: list[_Method], correction: magnetics.AxialCorrection | None, refused: str) -> _Method:
+def _choose(
+    wanted: str,
+    methods: list[_Method],
+    correction: magnetics.AxialCorrection | None,
+    refused: str,
+    errors: SensorErrors,
+) -> _Method:
     raw, corrected = methods[0], methods[-1]
     if correction is None or corrected is raw or refused or wanted == RAW:
         return raw
     if wanted == CORRECTED:
         return corrected
-    shift = float(wrap_pi(corrected.azimuth - raw.azimuth)) ** 2
-    better = corrected.covariance[1, 1] < max(raw.covariance[1, 1], shift)
-    return corrected if better and _significant(correction) else raw
+    better = corrected.covariance[1, 1] < raw.covariance[1, 1]
+    return corrected if better and _shows(correction, errors.axial_interference_nt * 1e-9) else raw
 
 
-def _significant(correction: magnetics.AxialCorrection) -> bool:
-    return abs(float(correction.interference)) > _SIGNIFICANT * float(correction.sigma_interference)
+def _shows(correction: magnetics.AxialCorrection, expected: float) -> bool:
+    """Whether there is more axial interference than expected, T, with the estimate's sigma."""
+    sigma = math.hypot(expected, float(correction.sigma_interference))
+    return abs(float(correction.interference)) > _SIGNIFICANT * sigma
 
 
 def _north(reference: Reference | None, wanted: str, findings: _Findings) -> tuple[str, float]:
@@ -418,7 +443,15 @@ def _judge_interference(
 ) -> None:
     if settings.azimuth_method == CORRECTED and not corrected:
         findings.add(DOUBTFUL, "azimuth not corrected for axial interference: " + (refused or "no reference field"))
-    if correction is None or not (corrected or _significant(correction)):
+    expected_nt = settings.errors.axial_interference_nt
+    if correction is None:
+        return
+    if not (corrected or _shows(correction, expected_nt * 1e-9)):
+        if refused and float(correction.sigma_interference) > 5.0 * expected_nt * 1e-9:
+            findings.remark(
+                "axial interference cannot be seen in this attitude: "
+                f"the azimuth's sigma counts on {expected_nt:.0f} nT"
+            )
         return
     nt, sigma_nt = float(correction.interference) * 1e9, float(correction.sigma_interference) * 1e9
     text = f"axial interference {nt:+.0f} +- {sigma_nt:.0f} nT"

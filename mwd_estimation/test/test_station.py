@@ -107,6 +107,40 @@ def test_covariance_of_the_angles_matches_drawn_errors_for_both_azimuths():
         assert nees == pytest.approx(1.0, abs=0.12), method
 
 
+@pytest.mark.parametrize(
+    ("inc", "azi", "axial_nt"),
+    [(3, 40, 220), (30, 90, 220), (60, 90, 220), (88, 90, 220), (88, 30, 220), (60, 20, 1500), (30, 200, 1500)],
+)
+def test_the_azimuth_chosen_errs_by_its_sigma_with_interference_drawn(inc, azi, axial_nt):
+    settings, rng, score = StationSettings(errors=BENCH), np.random.default_rng(inc + azi), []
+    sigma_declination = math.sqrt(REFERENCE.declination_variance(REFERENCE.horizontal))
+    for _ in range(150):
+        f_t, b_t = readings(inc, azi, rng.uniform(0, 360), rng.normal(0, axial_nt * 1e-9))
+        drawn = replace(
+            REFERENCE,
+            total=50e-6 + rng.normal(0, REFERENCE.sigma_total),
+            dip=72 * DEG + rng.normal(0, REFERENCE.sigma_dip),
+            declination=3 * DEG + rng.normal(0, sigma_declination),
+        )
+        f_t = f_t * (1 + rng.normal(0, 0.0005, 3)) + rng.normal(0, 0.004, 3)
+        b_t = b_t * (1 + rng.normal(0, 0.0016, 3)) + rng.normal(0, 70e-9, 3)
+        shot = station(f_t, b_t, drawn, settings)
+        score.append((wrap_pi(shot.azimuth - (azi + 2) * DEG) / shot.sigma_azimuth) ** 2)
+    # 150 degrees of freedom: 95 % band 1 -+ 0.23, 99.5 % 1 -+ 0.33.
+    assert np.mean(score) == pytest.approx(1.0, abs=0.33)
+
+
+def test_interference_beyond_the_expected_that_shows_widens_the_sigma_of_the_raw_azimuth():
+    raw = [station(*readings(60, 90, 40, e), REFERENCE).by_method("raw").sigma for e in (0.0, 3e-6)]
+    assert raw[1] > 3 * raw[0]
+
+
+def test_an_attitude_that_hides_interference_is_remarked():
+    shot = station(*readings(89, 90, 40), REFERENCE)
+    assert shot.verdict == "accept"
+    assert any("cannot be seen in this attitude" in reason for reason in shot.reasons)
+
+
 def test_noise_of_the_averages_adds_to_the_sigmas():
     f_t, b_t = readings(50, 70, 130)
     noisy = station(f_t, b_t, REFERENCE, covariance_f=np.eye(3) * 0.02**2, covariance_b=np.eye(3) * 300e-9**2)

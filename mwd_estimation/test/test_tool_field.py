@@ -1,4 +1,4 @@
-"""The recursive filter of the tool's own field: honest in every attitude, the same by blocks, slopes, disturbance and gyro aid."""
+"""The recursive filter of the tool's own field: honest sigma, the same by blocks, slopes, disturbance, gyro aid."""
 
 import math
 
