@@ -12,12 +12,15 @@ from __future__ import annotations
 
 import asyncio
 import concurrent.futures
+import contextlib
 import dataclasses
 import errno
 import hmac
 import ipaddress
 import json
+import math
 import mimetypes
+import socket
 import threading
 import time
 from collections.abc import Awaitable, Callable, Mapping
@@ -25,6 +28,7 @@ from pathlib import Path
 from typing import Any
 
 from aiohttp import WSMsgType, web
+
 from mwd_sensors.settings import setting
 
 Command = Callable[[str, dict[str, Any]], tuple[bool, str]]
@@ -235,42 +239,47 @@ class PageServer:
         executor = self._executor = concurrent.futures.ThreadPoolExecutor(1, "page-command")
         host, port = self.settings.host, self.settings.port
         try:
-            listener = await self._loop.create_server(lambda: self._connection(server), host, port, backlog=64)
+            listener = await asyncio.to_thread(_listener, host, port)
         except OSError as error:
             await runner.cleanup()
             executor.shutdown(wait=False)
             raise _port_error(error, host, port) from error
-        bound = listener.sockets[0].getsockname()
+        bound = listener.getsockname()
         self._started.set_result((bound[0], bound[1]))
+        door = asyncio.create_task(self._accept(listener, server))
         await self._stop.wait()
+        door.cancel()
         listener.close()
-        for client in list(self._clients):
-            client.closing = True
-            client.wake.set()
-        await asyncio.sleep(0.05)
+        goodbyes = [client.talk.close(code=1001, message=b"the page ends") for client in self._clients]
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(asyncio.gather(*goodbyes, return_exceptions=True), 0.3)
         await runner.cleanup()
         executor.shutdown(wait=False, cancel_futures=True)
 
-    def _connection(self, server: web.Server) -> Any:
-        """Protocol of a new connection, which must make a whole request in time or go."""
-        protocol = server()
+    async def _accept(self, listener: socket.socket, server: web.Server) -> None:
+        """Let connections in, not too many; each must make a whole request in time or go."""
         loop = asyncio.get_running_loop()
-        self._silent.add(protocol)
-        loop.call_soon(self._admit, protocol, server)
-        loop.call_later(self.settings.request_timeout, self._expire, protocol)
-        return protocol
-
-    def _admit(self, protocol: Any, server: web.Server) -> None:
-        transport = protocol.transport
-        if transport is None:
-            return
-        connections = server.connections
-        peer = _peer(transport)
-        same = sum(1 for other in connections if other.transport is not None and _peer(other.transport) == peer)
-        if len(connections) > self.settings.max_connections or same > self.settings.max_per_peer:
-            self.refused += 1
-            transport.write(_BUSY)
-            transport.close()
+        while True:
+            try:
+                door, peer = await loop.sock_accept(listener)
+            except OSError:
+                # Out of file handles, or the other side has gone already: the next one may do better.
+                await asyncio.sleep(0.05)
+                continue
+            there = [_peer(handler.transport) for handler in server.connections]
+            if len(there) >= self.settings.max_connections or there.count(peer[0]) >= self.settings.max_per_peer:
+                self.refused += 1
+                with contextlib.suppress(OSError):
+                    door.send(_BUSY)
+                door.close()
+                continue
+            try:
+                _, protocol = await loop.connect_accepted_socket(server, door)
+            except OSError:
+                door.close()
+                continue
+            self._silent.add(protocol)
+            loop.call_later(self.settings.request_timeout, self._expire, protocol)
 
     def _expire(self, protocol: Any) -> None:
         if protocol in self._silent and protocol.transport is not None:
@@ -306,7 +315,7 @@ class PageServer:
 
     def _is_ours(self, host: str) -> bool:
         # An address cannot be rebound to another machine, a foreign name can.
-        name = host[1:].partition("]")[0] if host.startswith("[") else host.rpartition(":")[0] or host
+        name = host[1:].rpartition("]")[0] if host.startswith("[") else host.rpartition(":")[0] or host
         if name.lower() in ("localhost", *(h.lower() for h in self.settings.allowed_hosts)):
             return True
         try:
@@ -330,15 +339,15 @@ class PageServer:
         if len(self._clients) >= self.settings.max_clients:
             self.refused += 1
             raise web.HTTPServiceUnavailable(text=f"{self.settings.max_clients} browsers are watching already")
-        socket = web.WebSocketResponse(max_msg_size=1024, heartbeat=20.0, timeout=0.2, compress=False)
-        await socket.prepare(request)
+        talk = web.WebSocketResponse(max_msg_size=1024, heartbeat=20.0, timeout=0.2, compress=False)
+        await talk.prepare(request)
         if request.transport is None:
-            return socket
-        client = _Client(socket, request.transport)
+            return talk
+        client = _Client(talk, request.transport)
         self._clients.add(client)
         sender = asyncio.create_task(self._feed(client))
         try:
-            async for message in socket:
+            async for message in talk:
                 # Nothing is expected from a browser; what is not a control frame ends the talk.
                 if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
                     break
@@ -346,22 +355,19 @@ class PageServer:
             self._clients.discard(client)
             sender.cancel()
             await asyncio.gather(sender, return_exceptions=True)
-        return socket
+        return talk
 
     async def _feed(self, client: _Client) -> None:
         """Send what is new, not more often than allowed, and a beat at least once a second."""
         period = 1.0 / self.settings.max_rate
-        while not client.socket.closed:
-            if client.closing:
-                await client.socket.close(code=1001, message=b"the page ends")
-                return
+        while not client.talk.closed:
             client.wake.clear()
             started = self._clock()
             text, revisions, history, news = self._message(client.revisions, client.history, client.skipped)
             if news or started - client.sent >= _BEAT:
                 before = self._snapshot
                 try:
-                    await asyncio.wait_for(client.socket.send_str(text), self.settings.send_timeout)
+                    await asyncio.wait_for(client.talk.send_str(text), self.settings.send_timeout)
                 except (TimeoutError, ConnectionError):
                     # Nothing taken for too long: the browser comes back by itself when it can.
                     client.transport.abort()
@@ -447,15 +453,14 @@ class PageServer:
 class _Client:
     """One browser and what it has seen."""
 
-    def __init__(self, socket: web.WebSocketResponse, transport: asyncio.Transport) -> None:
-        self.socket = socket
+    def __init__(self, talk: web.WebSocketResponse, transport: asyncio.Transport) -> None:
+        self.talk = talk
         self.transport = transport
         self.sent = -_BEAT
         self.wake = asyncio.Event()
         self.revisions: dict[str, int] = {}
         self.history: float | None = None
         self.skipped = 0
-        self.closing = False
 
 
 def checked_arguments(command: str, body: bytes) -> dict[str, Any]:
@@ -494,6 +499,8 @@ def _argument(name: str, value: Any, kind: type) -> Any:
         value = float(value)
     if type(value) is not kind:
         raise web.HTTPBadRequest(text=f"{name}: expected {kind.__name__}, got {type(value).__name__}")
+    if isinstance(value, float) and not math.isfinite(value):
+        raise web.HTTPBadRequest(text=f"{name}: must be finite")
     if isinstance(value, str) and (len(value) > _MAX_TEXT or any(ord(c) < 32 for c in value)):
         raise web.HTTPBadRequest(text=f"{name}: at most {_MAX_TEXT} characters on one line")
     if type(value) is int and not 0 <= value < 2**32:
@@ -535,9 +542,16 @@ def _sender(body: bytes, kind: str) -> Callable[[web.Request], Awaitable[web.Str
     return send
 
 
-def _peer(transport: asyncio.BaseTransport) -> str:
-    name = transport.get_extra_info("peername")
+def _peer(transport: asyncio.BaseTransport | None) -> str:
+    name = None if transport is None else transport.get_extra_info("peername")
     return str(name[0]) if name else ""
+
+
+def _listener(host: str, port: int) -> socket.socket:
+    family, _, _, _, where = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+    listener = socket.create_server(where[:2], family=family, backlog=64)
+    listener.setblocking(False)
+    return listener
 
 
 def _is_loopback(host: str) -> bool:

@@ -122,10 +122,10 @@ export class SurveyTable {
     ];
     const why = [...row.reasons, ...row.flags];
     const box = el("div", { class: "detail" },
+      controls ? this.judging(row) : null,
       el("dl", {}, facts.map(([name, text]) => el("div", {}, el("dt", {}, name), el("dd", {}, text)))),
       why.length ? el("ul", { class: "reasons" }, why.map((text) => el("li", {}, text))) : el("p", {}, "Nothing to remark."),
     );
-    if (controls) box.append(this.judging(row));
     return el("tr", { class: "detail-row" }, el("td", { colspan: span }, box));
   }
 
