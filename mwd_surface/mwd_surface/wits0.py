@@ -1,0 +1,218 @@
+"""
+WITS level 0 framing: lines of a four-digit code and a value between `&&` and `!!`.
+
+Written strictly, read tolerantly: any line end, blanks, several frames in a read or one frame in many, junk between
+them. Whatever comes, memory is bounded and reading goes on at the next `&&`. Never a NaN, out or in.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Iterable, Sequence
+
+BEGIN, END, EOL = b"&&", b"!!", b"\r\n"
+MAX_FRAME_BYTES = 65536
+NULLS = (-9999.0, -8888.0, -999.25)
+# What a Pason-type recorder wants to hear every half minute, and sends itself: a null vertical depth.
+KEEP_ALIVE = b"&&\r\n0111-9999\r\n!!\r\n"
+_LINE = re.compile(rb"[ \t]*(\d\d)(\d\d)(.*)", re.DOTALL)
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
+_LONGEST_VALUE = 256
+
+
+@dataclasses.dataclass(frozen=True)
+class Item:
+    """One line: code RRII (record and item), the text, its number where it is one, and whether it says "no value"."""
+
+    code: int
+    text: str
+    number: float | None = None
+    null: bool = False
+
+    @property
+    def record(self) -> int:
+        """Record number, 1 to 99."""
+        return self.code // 100
+
+
+@dataclasses.dataclass(frozen=True)
+class Frame:
+    """What stood between `&&` and `!!`, in order."""
+
+    items: tuple[Item, ...]
+
+    def number(self, code: int) -> float | None:
+        """The last number given for a code; None where there is none or it is a null."""
+        for item in reversed(self.items):
+            if item.code == code:
+                return None if item.null else item.number
+        return None
+
+
+@dataclasses.dataclass
+class DecoderCounts:
+    """frames read; junk_bytes between frames; frames cut off or too long; lines that are no item; nulls."""
+
+    frames: int = 0
+    junk_bytes: int = 0
+    broken_frames: int = 0
+    bad_items: int = 0
+    nulls: int = 0
+
+
+def encode(items: Iterable[tuple[int, str]], source: str = "") -> bytes:
+    """
+    One packet.
+
+    items: code RRII and value text. source: name of the sender, written as item 1984 before them; empty: none.
+
+    Raises
+    ------
+    ValueError
+        A code outside 0101 to 9999, or a text that would break the frame.
+    """
+    lines = [BEGIN]
+    for code, value in ([(1984, source)] if source else []) + list(items):
+        if not (1 <= code // 100 <= 99 and 1 <= code % 100 <= 99):
+            raise ValueError(f"code: {code:04d} is no item of a record")
+        lines.append(f"{code:04d}{checked_text(value)}".encode("ascii"))
+    return EOL.join([*lines, END, b""])
+
+
+def checked_text(text: str) -> str:
+    """
+    The text itself.
+
+    Raises
+    ------
+    ValueError
+        It has a character outside printable ASCII, or `&&` or `!!`, which would break a frame.
+    """
+    if not all(" " <= c <= "~" for c in text) or "&&" in text or "!!" in text:
+        raise ValueError(f"text: {text!r} must be printable ASCII without && and !!")
+    return text
+
+
+def plain_text(text: str, longest: int = 16) -> str:
+    """A name as it may stand in a frame: printable ASCII, other characters as `?`, no frame marks, cut to length."""
+    shown = "".join(c if " " <= c <= "~" else "?" for c in text)
+    return shown.replace("&&", "&").replace("!!", "!").replace("&&", "&").replace("!!", "!").strip()[:longest]
+
+
+def number_text(value: float | None, decimals: int) -> str | None:
+    """A number in plain decimals, with a point; None where there is nothing finite to write. Never `-0.00`."""
+    if value is None or not math.isfinite(value):
+        return None
+    text = f"{value:.{decimals}f}"
+    return text[1:] if text.startswith("-") and float(text) == 0.0 else text
+
+
+class Decoder:
+    """
+    Bytes in pieces to frames; all that changes is what waits for its end, at most `max_frame_bytes`.
+
+    nulls: numbers that mean "no value".
+    """
+
+    def __init__(self, max_frame_bytes: int = MAX_FRAME_BYTES, nulls: Sequence[float] = NULLS) -> None:
+        self.counts = DecoderCounts()
+        self._limit = max_frame_bytes
+        self._nulls = frozenset(nulls)
+        self._buffer = bytearray()
+        self._inside = False
+        # Up to here the buffer was searched for the next mark.
+        self._searched = 0
+
+    @property
+    def waiting(self) -> int:
+        """Bytes kept for the frame that has not ended yet."""
+        return len(self._buffer)
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """The frames that are complete with these bytes."""
+        frames: list[Frame] = []
+        # In pieces, so that the buffer stays bounded whatever is fed at once.
+        for at in range(0, len(data), 16384):
+            self._buffer += data[at : at + 16384]
+            self._take(frames)
+        return frames
+
+    def _take(self, frames: list[Frame]) -> None:
+        while True:
+            if not self._inside:
+                start = self._buffer.find(BEGIN)
+                if start < 0:
+                    keep = 1 if self._buffer.endswith(b"&") else 0
+                    self.counts.junk_bytes += _junk(self._buffer[: len(self._buffer) - keep])
+                    del self._buffer[: len(self._buffer) - keep]
+                    return
+                self.counts.junk_bytes += _junk(self._buffer[:start])
+                del self._buffer[: start + 2]
+                self._inside, self._searched = True, 0
+            end = self._buffer.find(END, self._searched)
+            begin = self._buffer.find(BEGIN, self._searched, end if end >= 0 else len(self._buffer))
+            if begin >= 0:
+                # The frame before never ended.
+                self.counts.broken_frames += 1
+                del self._buffer[: begin + 2]
+                self._searched = 0
+                continue
+            if end < 0:
+                if len(self._buffer) <= self._limit:
+                    self._searched = max(0, len(self._buffer) - 1)
+                    return
+                self._give_up()
+                continue
+            if end > self._limit:
+                self._give_up()
+                continue
+            frames.append(self._frame(bytes(self._buffer[:end])))
+            self.counts.frames += 1
+            del self._buffer[: end + 2]
+            self._inside, self._searched = False, 0
+
+    def _give_up(self) -> None:
+        """Too long: forget what came, but for a mark that may begin at its end."""
+        self.counts.broken_frames += 1
+        keep = 1 if self._buffer.endswith(b"&") else 0
+        del self._buffer[: len(self._buffer) - keep]
+        self._inside, self._searched = False, 0
+
+    def _frame(self, body: bytes) -> Frame:
+        items = []
+        for line in re.split(rb"[\r\n]+", body):
+            if not line.strip(b" \t\0"):
+                continue
+            item = self._item(line)
+            if item is None:
+                self.counts.bad_items += 1
+            else:
+                items.append(item)
+        return Frame(tuple(items))
+
+    def _item(self, line: bytes) -> Item | None:
+        match = _LINE.fullmatch(line)
+        if match is None or len(line) > _LONGEST_VALUE or match[1] == b"00" or match[2] == b"00":
+            return None
+        text = match[3].decode("latin-1").strip(" \t")
+        if any(ord(c) < 32 or ord(c) == 127 for c in text):
+            return None
+        code = int(match[1]) * 100 + int(match[2])
+        if not text:
+            self.counts.nulls += 1
+            return Item(code, "", None, null=True)
+        if text.lstrip("+-").lower() in ("nan", "inf", "infinity"):
+            return None
+        number = float(text) if _NUMBER.fullmatch(text) else None
+        if number is not None and not math.isfinite(number):
+            return None
+        null = number in self._nulls
+        self.counts.nulls += null
+        return Item(code, text, number, null)
+
+
+def _junk(between: bytes | bytearray) -> int:
+    """Bytes between frames that are more than line ends and blanks."""
+    return len(between) - sum(between.count(c) for c in (b"\r", b"\n", b" ", b"\t"))

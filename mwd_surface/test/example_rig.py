@@ -1,0 +1,108 @@
+"""What a surface node has at one moment, with every value of it set, for tests of rig interfaces."""
+
+import contextlib
+import math
+import time
+
+from example_surveys import START, S, surveys
+
+from mwd_estimation.status import Status
+from mwd_sensors import wire
+from mwd_surface.live_state import LiveState
+from mwd_surface.rig_survey import accepted_surveys
+from mwd_surface.rig_values import rig_values
+
+NOW = 5000.0
+NOW_NS = START + 95_000 * S
+VALID = 1 | 2 | 4 | 8 | 128 | 256 | 1024
+
+
+def attitude(status=Status.SLIDING | Status.CORRECTED, **changes):
+    sample = wire.ATTITUDE.empty(1)
+    values = {
+        "stamp_ns": NOW_NS - S // 10,
+        "inclination": math.radians(40.12),
+        "azimuth": math.radians(79.5),
+        "gravity_toolface": math.radians(123.456),
+        "magnetic_toolface": math.radians(201.5),
+        "sigma_inclination": 0.001,
+        "sigma_azimuth": 0.01,
+        "sigma_gravity_toolface": 0.01,
+        "sigma_magnetic_toolface": 0.02,
+        "status": int(status),
+        "north": 3,
+    }
+    for name, value in {**values, **changes}.items():
+        sample[name] = value
+    return sample
+
+
+def rig_state(**changes):
+    sample = wire.RIG_STATE.empty(1)
+    values = {
+        "stamp_ns": NOW_NS - S,
+        "bit_depth": 650.25,
+        "hole_depth": 655.5,
+        "block_position": 12.0,
+        "hookload": 8e5,
+        "flow_rate": 0.03,
+        "pressure": 1.5e7,
+        "valid": VALID,
+        "in_slips": False,
+    }
+    for name, value in {**values, **changes}.items():
+        sample[name] = value
+    return sample
+
+
+def live(whole=None, sample=None, rig=None, now=NOW):
+    """A LiveState that everything has just come to."""
+    whole = surveys() if whole is None else whole
+    state = LiveState()
+    state.on_well(whole.well, now)
+    gravity = wire.GRAVITY.empty(1)
+    gravity["sigma"], gravity["non_gravity"], gravity["rotary_speed"] = 0.001, 0.5, 2.0
+    state.on_gravity(gravity, now - 0.1)
+    state.on_attitude(attitude() if sample is None else sample, now - 0.1)
+    warm = wire.TEMPERATURE.empty(1)
+    warm["temperature"] = 71.25
+    state.on_temperature(warm, now - 0.5)
+    interference = wire.INTERFERENCE.empty(1)
+    interference["axial"], interference["sigma_axial"] = 8.1e-7, 5e-8
+    state.on_interference(interference, now - 0.5)
+    state.on_rig_state(rig_state() if rig is None else rig, now - 1.0)
+    state.on_records(whole.records, now)
+    state.on_trajectory(whole.definitive(bit_depth=650.25), now)
+    state.on_recorder({"state": 1}, now)
+    return state
+
+
+def values(whole=None, sample=None, rig=None, later=0.0, **changes):
+    """RigValues of that moment, or some seconds later with nothing new."""
+    whole = surveys() if whole is None else whole
+    sample = attitude() if sample is None else sample
+    snapshot = live(whole, sample, rig).snapshot(NOW + later)
+    now_ns = NOW_NS + round(later * S)
+    return rig_values(snapshot, accepted_surveys(whole), sample, now_ns=now_ns, **changes)
+
+
+def eventually(condition, timeout=10.0):
+    """Wait until something that another thread or process does is true; its value."""
+    end = time.monotonic() + timeout
+    while time.monotonic() < end:
+        result = condition()
+        if result:
+            return result
+        # A yield to the other side, not a time to wait for.
+        time.sleep(0.005)
+    raise AssertionError("it did not happen in time")
+
+
+@contextlib.contextmanager
+def started(interface):
+    """An interface that runs, and is stopped whatever happens."""
+    interface.start()
+    try:
+        yield interface
+    finally:
+        interface.stop()
