@@ -627,7 +627,6 @@ class Recorder:
         session.writing = False
         session.pause_began = time.time_ns()
         session.retry_at = time.monotonic() + self.settings.retry_seconds
-        self._state, self._reason = state, reason
         session.unsaved_since = session.chunk_began = None
         try:
             session.writer.finish_file(sync=True)
@@ -639,6 +638,8 @@ class Recorder:
             except OSError:
                 session.dropped += session.writer.give_up_file()
                 self._tell(Level.ERROR, f"{session.writer.file.path.name} has no end; the next start recovers it")
+        # Only now: whoever sees the pause may rely on the file.
+        self._state, self._reason = state, reason
 
     def _disk_failed(self, session: _Session, error: OSError) -> None:
         full = error.errno in _FULL
