@@ -33,6 +33,11 @@ RAW, CORRECTED = "raw", "corrected"
 _SIGNIFICANT = 2.0
 # What an unknown angle of the azimuth's kind is said to be known to.
 _UNKNOWN_SIGMA = math.pi
+# With a smaller share of the field horizontal there is no azimuth at all.
+_LEVEL = 1e-6
+# Less is no reading, T, m/s^2.
+_NO_FIELD = 1e-12
+_NO_GRAVITY = 1e-3
 # Gravity at sea level lies within this of standard gravity everywhere, m/s^2.
 _GRAVITY_RANGE = 0.04
 
@@ -212,11 +217,12 @@ def station(
     noise = np.zeros((6, 6))
     noise[:3, :3], noise[3:, 3:] = _matrix("covariance_f", covariance_f), _matrix("covariance_b", covariance_b)
     g_total, b_total = float(np.linalg.norm(f_raw)), float(np.linalg.norm(b_raw))
-    if not (np.isfinite(f_raw).all() and g_total > 0.0):
+    if not (np.isfinite(f_raw).all() and g_total > _NO_GRAVITY):
         reasons = ("no accelerometer reading: nothing can be worked out", *faults, *doubts)
         return _blind(f_raw, b_raw, reference, reasons)
-    has_field = bool(np.isfinite(b_raw).all()) and b_total > 0.0
-    # Without a magnetometer any field serves for the slopes of inclination and toolface.
+    has_field = bool(np.isfinite(b_raw).all()) and b_total > _NO_FIELD
+    has_field = has_field and math.cos(float(magnetics.dip(f_raw, b_raw))) > _LEVEL
+    # Without a horizontal field any field serves for the slopes of inclination and toolface.
     f_h, b_h = turn[:3, :3] @ f_raw, turn[:3, :3] @ (b_raw if has_field else np.array([1e-5, 2e-5, 3e-5]))
     covariance_s = turn @ noise @ turn.T + settings.errors.covariance(f_h, b_h)
     inc, toolface = float(inclination(f_h)), float(gravity_toolface(f_h))
@@ -266,7 +272,8 @@ def station(
         if math.sin(inc) < math.sin(math.radians(settings.quality.min_azimuth_inclination_deg)):
             findings.remark("near vertical: azimuth and high side are loose, use magnetic toolface")
     else:
-        findings.add(REJECT, "no magnetometer reading: inclination and toolface only")
+        what = "horizontal field" if np.isfinite(b_raw).all() else "magnetometer reading"
+        findings.add(REJECT, f"no {what}: inclination and toolface only")
     findings.add(DOUBTFUL, *doubts)
     findings.add(REJECT, *faults)
     held_against = quality.within(deviations, settings.quality.limits) if findings.verdict == ACCEPT else ""

@@ -255,12 +255,8 @@ def aid_azimuth(params: Params, state: State, g_t: Array, b_t: Array, azimuth: f
     float
         Chi-square of the innovation, one degree of freedom, over 10.83: above one it disagrees and was refused.
     """
-    north, east, clean, row = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(SIZE)
-    g, b = np.array(g_t, dtype=np.float64), np.array(b_t, dtype=np.float64)
-    _, horizontal = _directions(state.x, state.field, g, b, north, east, clean)
-    # A field taken off towards east turns the north that is seen back west, and the azimuth up.
-    row[:3], row[3:6] = east / horizontal, east * clean / horizontal
-    innovation = math.remainder(azimuth - math.atan2(east[0], north[0]), 2.0 * math.pi)
+    own, horizontal, row = _azimuth(state.x, state.field, np.array(g_t, dtype=float), np.array(b_t, dtype=float))
+    innovation = math.remainder(azimuth - own, 2.0 * math.pi)
     gain = state.covariance @ row
     # Gravity and field of this instant err too: as the filter's own lasting error.
     variance = float(row @ gain) + sigma**2 + (params.varying_nt * 1e-9 / horizontal) ** 2
@@ -269,6 +265,15 @@ def aid_azimuth(params: Params, state: State, g_t: Array, b_t: Array, azimuth: f
         state.x += gain * (innovation / variance)
         state.covariance -= np.outer(gain, gain) / variance
     return float(ratio)
+
+
+def _azimuth(x: Array, field: Array, g: Array, b: Array) -> tuple[float, float, Array]:
+    """Magnetic azimuth of one sample, rad, its horizontal field, T, and the azimuth's slope by the state, (8,)."""
+    north, east, clean, row = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(SIZE)
+    _, horizontal = _directions(x, field, g, b, north, east, clean)
+    # A field taken off towards east turns the north that is seen back west, and the azimuth up.
+    row[:3], row[3:6] = east / horizontal, east * clean / horizontal
+    return math.atan2(east[0], north[0]), horizontal, row
 
 
 @compiled

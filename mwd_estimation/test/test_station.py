@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis.strategies import floats, lists, sampled_from
 
 from mwd_estimation.quality import QualitySettings
 from mwd_estimation.reference import Reference
@@ -241,6 +243,46 @@ def test_an_exactly_vertical_hole_keeps_finite_sigmas():
     assert np.isfinite(shot.covariance).all()
     assert shot.sigma_azimuth == pytest.approx(math.pi)
     assert shot.sigma_inclination > 0.02 * DEG
+
+
+def test_a_field_along_gravity_gives_no_azimuth_and_says_so():
+    shot = station([-9.81 * 0.6, 0.0, 9.81 * 0.8], [30e-6, 0.0, -40e-6], REFERENCE)
+    assert math.isnan(shot.azimuth)
+    assert shot.sigma_azimuth == pytest.approx(math.pi)
+    assert "no horizontal field" in shot.reasons[-1]
+
+
+READING = floats(-1e6, 1e6) | floats(-20.0, 20.0) | floats(-1e-4, 1e-4) | sampled_from([0.0, math.nan, math.inf])
+
+
+@settings(max_examples=200, deadline=None)
+@given(lists(READING, min_size=6, max_size=6), sampled_from([None, REFERENCE]))
+def test_no_reading_however_broken_raises_or_is_accepted_without_cause(axes, reference):
+    shot = station(axes[:3], axes[3:], reference)
+    assert shot.verdict == "reject" or abs(shot.g_total - 9.81) < 1.0
+    assert shot.reasons
+    if math.isfinite(shot.inclination):
+        assert np.isfinite(shot.covariance).all()
+        assert np.linalg.eigvalsh(shot.covariance).min() > -1e-9
+
+
+def test_totals_deviate_by_their_covariance_when_errors_are_drawn():
+    rng, chi = np.random.default_rng(8), []
+    for _ in range(200):
+        f_t, b_t = readings(50, 70, rng.uniform(0, 360), rng.normal(0, 220e-9))
+        drawn = replace(
+            REFERENCE,
+            total=50e-6 + rng.normal(0, REFERENCE.sigma_total),
+            dip=72 * DEG + rng.normal(0, REFERENCE.sigma_dip),
+            gravity=9.81 + rng.normal(0, REFERENCE.sigma_gravity),
+        )
+        f_t = f_t * (1 + rng.normal(0, 0.0005, 3)) + rng.normal(0, 0.004, 3)
+        b_t = b_t * (1 + rng.normal(0, 0.0016, 3)) + rng.normal(0, 70e-9, 3)
+        off = station(f_t, b_t, drawn, StationSettings(azimuth_method="raw")).deviations
+        values = np.array([off.gravity, off.field, off.dip])
+        chi.append(values @ np.linalg.solve(off.covariance, values))
+    # 600 degrees of freedom: 95 % band 3 -+ 0.34.
+    assert np.mean(chi) == pytest.approx(3.0, abs=0.45)
 
 
 def test_wrong_shapes_are_refused():

@@ -175,6 +175,20 @@ def test_a_gyro_azimuth_tells_the_axial_interference_where_the_reference_cannot(
     assert np.array_equal(state.x, kept)
 
 
+def test_slope_of_the_azimuth_agrees_with_finite_differences():
+    field = np.array([16e-6, 47e-6])
+    mat_tn = mat_nt(50 * DEG, 70 * DEG, 2.0).T
+    g, b = mat_tn @ np.array([0, 0, 1.0]), mat_tn @ np.array([field[0], 0, field[1]])
+    azimuth, horizontal, row = tool_field._azimuth(np.zeros(8), field, g, b)
+    assert azimuth == pytest.approx(70 * DEG)
+    assert horizontal == pytest.approx(16e-6)
+    for k, step in enumerate([1e-9] * 3 + [1e-5] * 3 + [1e-9] * 2):
+        change = np.zeros(8)
+        change[k] = step
+        turned = tool_field._azimuth(change, field, g, b)[0] - tool_field._azimuth(-change, field, g, b)[0]
+        assert row[k] * step == pytest.approx(turned / 2, rel=1e-5, abs=1e-12)
+
+
 def test_priors_hold_the_sensors_own_error_and_the_reduction_tells_what_was_seen():
     reference = Reference(50e-6, 72 * DEG)
     state = initial(PARAMS, reference, SensorErrors())
