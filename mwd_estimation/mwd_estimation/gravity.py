@@ -12,7 +12,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from mwd_estimation import gravity_bounded, gravity_raw, gravity_s3
+from mwd_estimation import gravity_bounded, gravity_kalman, gravity_raw, gravity_s3
 from mwd_estimation.track import Track
 
 __all__ = ["DEFAULT", "METHODS", "Method", "Track", "method"]
@@ -52,6 +52,13 @@ METHODS: dict[str, Method] = {
             gravity_s3.MahonyParams,
             gravity_s3.initial,
             gravity_s3.run,
+        ),
+        Method(
+            "kalman",
+            "linear Kalman extraction with a Gauss-Markov acceleration (Ligorio type)",
+            gravity_kalman.Params,
+            gravity_kalman.initial,
+            gravity_kalman.run,
         ),
         Method("raw", "direction of the accelerometer alone", gravity_raw.Params, gravity_raw.initial, gravity_raw.run),
     )

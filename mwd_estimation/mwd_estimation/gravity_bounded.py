@@ -40,9 +40,9 @@ S_TIME, S_BIAS, S_SCALE, S_FORCE, S_TURN, S_JUMP, SUMS = 0, 1, 7, 9, 12, 13, 14
 (
     AGE, STARTED, MEAN, MEAN_POWER, LAST_W, SLOW_A, SWING_V, SWING_P, SWING_X, SWING_C, ROUGH, LAST_A, STRONG, DRIFT,
     INNOVATION, BOOST, CLIPPING, RATE_SLOPE, PERIOD, NON_GRAVITY, ALIAS, DIRECTION, SLOW_ARM, SWING_Z, SETTLED,
-    CLIP_TIME, SQUARE, STATISTICS,
+    CLIP_TIME, SQUARE, EPOCH, STATISTICS,
 ) = (
-    0, 1, 2, 5, 6, 9, 12, 15, 18, 19, 20, 21, 24, 25, 28, 30, 31, 32, 33, 34, 35, 36, 39, 42, 43, 44, 45, 46
+    0, 1, 2, 5, 6, 9, 12, 15, 18, 19, 20, 21, 24, 25, 28, 30, 31, 32, 33, 34, 35, 36, 39, 42, 43, 44, 45, 46, 47
 )  # fmt: skip
 
 (
@@ -52,7 +52,7 @@ S_TIME, S_BIAS, S_SCALE, S_FORCE, S_TURN, S_JUMP, SUMS = 0, 1, 7, 9, 12, 13, 14
     K_CLIP_JERK, K_CLIP_SLOPE, K_BIAS_0, K_SCALE_0, K_LEVER_0, K_DOWN_0, K_FLOOR, K_CONING,
     K_CLIP_TURN, K_LEAN_TIME, K_LEAN_GAIN, K_LEAN_FROM, K_CLIP_BRIDGE, K_CLIP_CURVE, SETTINGS,
 ) = range(35)  # fmt: skip
-_DEG = math.pi / 180.0
+RESERVE, RESERVE_LEAST, RESERVE_MOST = 10.0, 0.1, 4.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,37 +69,37 @@ class Params:
         low=0.0,
         high=1.0,
     )
-    gyro_noise: float = setting(0.0008, "gyro white noise with reserve", unit="rad/s/sqrt(Hz)", low=1e-7, high=0.1)
-    rate_noise: float = setting(0.0025, "noise per rate across the axis (scale, misalignment)", low=0.0, high=0.1)
-    rotary_noise: float = setting(0.00005, "noise per rate about the axis (its scale is a state)", low=0.0, high=0.1)
-    bias_walk: float = setting(1.3e-5, "random walk of the gyro bias", unit="rad/s/sqrt(s)", low=0.0, high=0.01)
+    gyro_noise: float = setting(0.00071, "gyro white noise with reserve", unit="rad/s/sqrt(Hz)", low=1e-7, high=0.1)
+    rate_noise: float = setting(0.0012, "noise per rate across the axis (scale, misalignment)", low=0.0, high=0.1)
+    rotary_noise: float = setting(0.0001, "noise per rate about the axis (its scale is a state)", low=0.0, high=0.1)
+    bias_walk: float = setting(0.00013, "random walk of the gyro bias", unit="rad/s/sqrt(s)", low=0.0, high=0.01)
     bias_fast: float = setting(
-        6e-4,
+        0.00045,
         "largest random walk while the innovations lean one way (warming up)",
         unit="rad/s/sqrt(s)",
         low=0.0,
         high=0.1,
     )
     lean_time: float = setting(
-        10.0, "time over which innovations that lean one way are averaged", unit="s", low=0.5, high=60.0
+        12.0, "time over which innovations that lean one way are averaged", unit="s", low=0.5, high=60.0
     )
     lean_from: float = setting(
-        3.7, "lean, as a multiple of what white innovations leave, that speeds the walk", low=1.0, high=100.0
+        1.5, "lean, as a multiple of what white innovations leave, that speeds the walk", low=1.0, high=100.0
     )
-    lean_gain: float = setting(760.0, "growth of the walk's variance per lean beyond that", low=0.0, high=1e6)
+    lean_gain: float = setting(330.0, "growth of the walk's variance per lean beyond that", low=0.0, high=1e6)
     accel_noise: float = setting(
-        0.01, "accelerometer white noise with reserve", unit="m/s^2/sqrt(Hz)", low=1e-5, high=1.0
+        0.014, "accelerometer white noise with reserve", unit="m/s^2/sqrt(Hz)", low=1e-5, high=1.0
     )
     anchor: float = setting(0.001, "least wander of the point the tool hangs at", unit="m/sqrt(s)", low=1e-5, high=10.0)
-    play: float = setting(0.004, "least play about that point", unit="m", low=1e-5, high=10.0)
+    play: float = setting(0.0038, "least play about that point", unit="m", low=1e-5, high=10.0)
     swing_time: float = setting(
         0.7, "time constant of the high-pass that shows the swing", unit="s", low=0.1, high=20.0
     )
-    swing_memory: float = setting(2.0, "time over which the swing is averaged", unit="s", low=0.1, high=60.0)
-    anchor_swing: float = setting(3.3, "wander per swing", unit="1/sqrt(s)", low=0.0, high=100.0)
-    play_swing: float = setting(0.15, "play per swing", low=0.0, high=100.0)
+    swing_memory: float = setting(2.1, "time over which the swing is averaged", unit="s", low=0.1, high=60.0)
+    anchor_swing: float = setting(2.7, "wander per swing", unit="1/sqrt(s)", low=0.0, high=100.0)
+    play_swing: float = setting(0.1, "play per swing", low=0.0, high=100.0)
     alias_noise: float = setting(
-        0.7, "share of the white force noise that swing and roughness agree on", low=0.0, high=100.0
+        0.4, "share of the white force noise that swing and roughness agree on", low=0.0, high=100.0
     )
     alias_share: float = setting(
         0.13, "swing that white forces of unit density leave", unit="s^1.5", low=0.0, high=10.0
@@ -109,7 +109,7 @@ class Params:
     gyro_range: float = setting(34.9, "rate at which the gyro clips", unit="rad/s", low=0.1, high=200.0)
     accel_range: float = setting(156.9, "force at which the accelerometer clips", unit="m/s^2", low=10.0, high=4000.0)
     clip_jerk: float = setting(
-        60.0, "random walk of the slope of a clipped rate", unit="rad/s^2/sqrt(s)", low=0.0, high=1e4
+        40.0, "random walk of the slope of a clipped rate", unit="rad/s^2/sqrt(s)", low=0.0, high=1e4
     )
     clip_slope: float = setting(15.0, "error of that slope when clipping begins", unit="rad/s^2", low=0.0, high=1e4)
     clip_turn: float = setting(5.0, "rate lost while a cross-axis gyro clips", unit="rad/s", low=0.0, high=100.0)
@@ -120,7 +120,7 @@ class Params:
         low=0.0,
         high=10.0,
     )
-    clip_curve: float = setting(60.0, "usual curvature of a rate that clips", unit="rad/s^3", low=0.0, high=1e4)
+    clip_curve: float = setting(74.0, "usual curvature of a rate that clips", unit="rad/s^3", low=0.0, high=1e4)
     bias_sigma: float = setting(0.005, "gyro bias at switch-on", unit="rad/s", low=1e-6, high=0.2)
     scale_sigma: float = setting(0.005, "scale error of the x gyro at switch-on", low=1e-6, high=0.2)
     lever_sigma: float = setting(0.1, "lever arm of the sensor from the point that stays", unit="m", low=1e-4, high=5.0)
@@ -147,6 +147,47 @@ class State:
     def copy(self) -> State:
         """Independent copy."""
         return copy.deepcopy(self)
+
+
+@dataclasses.dataclass
+class Log:
+    """
+    Trace of a block for the smoother: one entry per update of the covariance, one row per sample.
+
+    Attributes
+    ----------
+    count : ndarray of int64, shape (1,)
+        Entries written.
+    sample, epoch : ndarray, shape (m,)
+        Sample at which the update was made; number of the start it belongs to.
+    sums, correction, before, after : ndarray, shape (m, ...)
+        Sums of the transition, errors put in, covariance before and after the measurement.
+    north_t : ndarray, shape (n, 3)
+        First level axis in tool axes.
+    """
+
+    count: NDArray[np.int64]
+    sample: NDArray[np.int64]
+    epoch: Array
+    sums: Array
+    correction: Array
+    before: Array
+    after: Array
+    north_t: Array
+
+    @classmethod
+    def room(cls, n: int) -> Log:
+        """Room for n samples, each of which may end in an update."""
+        return cls(
+            np.zeros(1, dtype=np.int64),
+            np.zeros(n, dtype=np.int64),
+            np.zeros(n),
+            np.zeros((n, SUMS)),
+            np.zeros((n, STEADY)),
+            np.empty((n, STEADY, STEADY)),
+            np.empty((n, STEADY, STEADY)),
+            np.zeros((n, 3)),
+        )
 
 
 def initial(params: Params) -> State:
@@ -199,10 +240,24 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
         Shapes that do not match.
     """
     stamps, gyro, accel = track.samples(stamp_ns, gyro_t, accel_t)
+    return _follow(params, state, stamps, gyro, accel, Log.room(0))
+
+
+def run_logged(
+    params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike
+) -> tuple[Track, Log]:
+    """As `run`, and all that a smoother needs to go back over the block."""
+    stamps, gyro, accel = track.samples(stamp_ns, gyro_t, accel_t)
+    log = Log.room(len(stamps))
+    return _follow(params, state, stamps, gyro, accel, log), log
+
+
+def _follow(params: Params, state: State, stamps: Stamps, gyro: Array, accel: Array, log: Log) -> Track:
     out = Track.empty(len(stamps))
     _run(
         constants(params), round(params.gap * 1e9), state.clock, state.motion, state.nominal, state.P, state.sums,
-        state.stats, state.kept, stamps, gyro, accel,
+        state.stats, state.kept, log.count, log.sample, log.epoch, log.sums, log.correction, log.before, log.after,
+        log.north_t, stamps, gyro, accel,
         out.g_t, out.sigma_inclination, out.sigma_toolface, out.non_gravity, out.rotary_speed, out.status,
     )  # fmt: skip
     return out
@@ -402,7 +457,7 @@ def _forget(k: Array, x: Array, P: Array, st: Array) -> None:
     P[SCALE, SCALE] = k[K_SCALE_0] ** 2
     P[DOWN, DOWN] = k[K_DOWN_0] ** 2
     for j in range(STATISTICS):
-        if j < DIRECTION or j >= DIRECTION + 3:
+        if (j < DIRECTION or j >= DIRECTION + 3) and j != EPOCH:
             st[j] = 0.0
     st[SWING_X] = 0.01
     st[SWING_C] = 0.01
@@ -434,6 +489,7 @@ def _begin(x: Array, P: Array, s: Array, st: Array) -> None:
     for j in range(DRIFT, RATE_SLOPE + 1):
         st[j] = 0.0
     st[SETTLED] = 0.0
+    st[EPOCH] += 1.0
 
 
 @compiled
@@ -462,7 +518,8 @@ def _start(x: Array, P: Array, st: Array, k: Array, wx: float, g: Array) -> None
 @compiled
 def _run(
     k: Array, gap_ns: int, clock: Stamps, motion: Array, x: Array, P: Array, s: Array, st: Array, kept: Array,
-    stamps: Stamps, gyro: Array, accel: Array,
+    log_count: Stamps, log_sample: Stamps, log_epoch: Array, log_sums: Array, log_correction: Array, log_before: Array,
+    log_after: Array, log_north: Array, stamps: Stamps, gyro: Array, accel: Array,
     g_out: Array, inc_out: Array, tf_out: Array, force_out: Array, rotary_out: Array, status_out: NDArray[np.uint32],
 ) -> None:  # fmt: skip
     C = np.empty((3, 3))
@@ -484,7 +541,10 @@ def _run(
                 _begin(x, P, s, st)
                 if verdict == track.AFTER_GAP:
                     bits |= _GAP
-            bits |= _sample(k, motion, x, P, s, st, kept, C, e, g, dt, wx, wy, wz, fx, fy, fz)
+            bits |= _sample(
+                k, motion, x, P, s, st, kept, C, e, g, dt, wx, wy, wz, fx, fy, fz, i,
+                log_count, log_sample, log_epoch, log_sums, log_correction, log_before, log_after,
+            )  # fmt: skip
             st[LAST_W], st[LAST_W + 1], st[LAST_W + 2] = wx, wy, wz
         inclination_sigma, toolface_sigma = math.pi, math.pi
         if st[STARTED] > 0.0:
@@ -492,7 +552,10 @@ def _run(
             ax, ay = C[0, 0], C[1, 0]
             across2 = ax * ax + ay * ay
             floor = k[K_FLOOR] * k[K_FLOOR]
-            p00, p01, p11 = P[TILT, TILT], P[TILT, TILT + 1], P[TILT + 1, TILT + 1]
+            # The noises have reserve, as the tool's motion is not white; small innovations show how much.
+            # The factor and its limits are empirical (docs): innovations see far more of the play than of the tilt.
+            reserve = min(max(RESERVE * st[SQUARE], RESERVE_LEAST), RESERVE_MOST)
+            p00, p01, p11 = reserve * P[TILT, TILT], reserve * P[TILT, TILT + 1], reserve * P[TILT + 1, TILT + 1]
             if across2 > 1e-6:
                 vi = (p00 * ay * ay - 2.0 * p01 * ax * ay + p11 * ax * ax) / across2
                 vt = (p00 * ax * ax + 2.0 * p01 * ax * ay + p11 * ay * ay) / across2
@@ -517,6 +580,9 @@ def _run(
             st[DIRECTION + j] = g[j]
             g_out[i, j] = g[j]
         inc_out[i] = inclination_sigma
+        if len(log_north) > 0:
+            for j in range(3):
+                log_north[i, j] = C[0, j]
         tf_out[i] = toolface_sigma
         force_out[i] = motion[track.PEAK_FORCE]
         rotary_out[i] = motion[track.ROTARY]
@@ -527,6 +593,8 @@ def _run(
 def _sample(
     k: Array, motion: Array, x: Array, P: Array, s: Array, st: Array, kept: Array, C: Array, e: Array, g: Array,
     dt: float, wx: float, wy: float, wz: float, fx: float, fy: float, fz: float,
+    i: int, log_count: Stamps, log_sample: Stamps, log_epoch: Array, log_sums: Array, log_correction: Array,
+    log_before: Array, log_after: Array,
 ) -> int:  # fmt: skip
     """One admitted sample; returns its status bits. C is left at the attitude of the sample."""
     bits = 0
@@ -622,7 +690,9 @@ def _sample(
         return bits
 
     if s[S_TIME] >= k[K_UPDATE] - 1e-6:
-        _step_covariance(k, x, P, s, st, C, e)
+        _step_covariance(
+            k, x, P, s, st, C, e, i, log_count, log_sample, log_epoch, log_sums, log_correction, log_before, log_after
+        )
         rotation(x, C)
         if not _sound(x, P):
             _forget(k, x, P, st)
@@ -694,7 +764,11 @@ def _follow_clipping(
 
 
 @compiled
-def _step_covariance(k: Array, x: Array, P: Array, s: Array, st: Array, C: Array, e: Array) -> None:
+def _step_covariance(
+    k: Array, x: Array, P: Array, s: Array, st: Array, C: Array, e: Array,
+    i: int, log_count: Stamps, log_sample: Stamps, log_epoch: Array, log_sums: Array, log_correction: Array,
+    log_before: Array, log_after: Array,
+) -> None:  # fmt: skip
     """Carry the covariance over the sums, add noise, measure, and empty the sums."""
     size = ERRORS if st[CLIPPING] != 0.0 else STEADY
     T = s[S_TIME]
@@ -724,9 +798,25 @@ def _step_covariance(k: Array, x: Array, P: Array, s: Array, st: Array, C: Array
     P[DOWN, DOWN] += 1e-8 * T
     if size == ERRORS:
         P[SLOPE, SLOPE] += k[K_CLIP_JERK] ** 2 * T
+    logged = len(log_sample) > 0
+    entry = log_count[0]
+    if logged:
+        log_sample[entry] = i
+        log_epoch[entry] = st[EPOCH] if size == STEADY else -1.0
+        for j in range(SUMS):
+            log_sums[entry, j] = s[j]
+        for j in range(STEADY):
+            for m in range(STEADY):
+                log_before[entry, j, m] = P[j, m]
     i0, i1, square = update(x, P, C, size, play, play, e)
+    if logged:
+        for j in range(STEADY):
+            log_correction[entry, j] = e[j]
+            for m in range(STEADY):
+                log_after[entry, j, m] = P[j, m]
+        log_count[0] += 1
     # Innovations that lean one way for long are a bias on the move; white ones leave this mean at T / time.
-    st[SQUARE] += T / 5.0 * (square - st[SQUARE])
+    st[SQUARE] += T / 10.0 * (square - st[SQUARE])
     share = T / k[K_LEAN_TIME]
     st[INNOVATION] += share * (i0 - st[INNOVATION])
     st[INNOVATION + 1] += share * (i1 - st[INNOVATION + 1])

@@ -11,10 +11,10 @@ import dataclasses
 import math
 
 import numpy as np
-from mwd_sensors.compiled import compiled
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation.status import Status
+from mwd_sensors.compiled import compiled
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

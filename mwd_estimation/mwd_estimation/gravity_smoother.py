@@ -1,0 +1,131 @@
+"""
+Gravity after the fact: Rauch-Tung-Striebel smoothing of the bounded filter, for logs and reports.
+
+The forward pass is `gravity_bounded` itself; the backward pass carries what later measurements said of the errors back
+over each start of the filter. Tilt between updates is interpolated. Never live: every value uses the whole log.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mwd_estimation import gravity_bounded as bounded
+from mwd_estimation import track
+from mwd_estimation.gravity_bounded import BIAS, DOWN, POS, SCALE, STEADY, TILT, VEL, Log, Params
+from mwd_estimation.track import Array, Stamps, Track
+from mwd_sensors.compiled import compiled
+
+BLOCK = 60_000  # samples of one forward and backward pass; later ones are seen that far ahead, and half again
+
+
+def smooth(params: Params, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
+    """
+    Gravity of a whole recording, each sample from all samples before it and a long stretch after it.
+
+    Parameters and errors as `gravity_bounded.run`. Returns a Track; before the filter's first start nothing changes.
+    """
+    stamps, gyro, accel = track.samples(stamp_ns, gyro_t, accel_t)
+    state, first = bounded.initial(params), 0
+    parts: list[tuple[Track, int]] = []
+    # Blocks overlap by half, so that the end of each is smoothed by the next; the state goes on from the block's start.
+    while first < len(stamps) or not parts:
+        last = min(first + BLOCK, len(stamps))
+        keep = last if last == len(stamps) else first + BLOCK // 2
+        resumed = state.copy()
+        part, log = bounded.run_logged(params, resumed, stamps[first:last], gyro[first:last], accel[first:last])
+        _back(part, log, params.calibration_sigma)
+        parts.append((part, keep - first))
+        if keep < len(stamps):
+            bounded.run(params, state, stamps[first:keep], gyro[first:keep], accel[first:keep])
+        first = keep
+        if keep == len(stamps):
+            break
+    return Track(
+        *(
+            np.concatenate([getattr(part, name)[:count] for part, count in parts])
+            for name in ("g_t", "sigma_inclination", "sigma_toolface", "non_gravity", "rotary_speed", "status")
+        )
+    )
+
+
+def transition(sums: Array) -> Array:
+    """Transition of the steady errors over one update, shape (STEADY, STEADY), from its sums (as `propagate`)."""
+    T = sums[bounded.S_TIME]
+    force = 0.5 * sums[bounded.S_FORCE : bounded.S_FORCE + 3]
+    half, tilt = np.eye(STEADY), np.eye(STEADY)
+    speed = np.eye(STEADY)
+    speed[POS : POS + 3, VEL : VEL + 3] = 0.5 * T * np.eye(3)
+    half[VEL, TILT + 1], half[VEL + 1, TILT] = force[2], -force[2]
+    half[VEL + 2, TILT], half[VEL + 2, TILT + 1], half[VEL + 2, DOWN] = force[1], -force[0], 0.5 * T
+    half = half @ speed
+    tilt[TILT : TILT + 2, BIAS : BIAS + 3] = -sums[bounded.S_BIAS : bounded.S_BIAS + 6].reshape(2, 3)
+    tilt[TILT : TILT + 2, SCALE] = -sums[bounded.S_SCALE : bounded.S_SCALE + 2]
+    return np.asarray(half @ tilt @ half)
+
+
+def _back(part: Track, log: Log, floor: float) -> None:
+    """Backward pass over one block; directions and sigmas of `part` are replaced in place."""
+    count = int(log.count[0])
+    if count < 2:
+        return
+    error, P = np.zeros(STEADY), log.after[count - 1].copy()
+    tilts, covariances = np.zeros((count, 2)), np.zeros((count, 2, 2))
+    before = np.zeros((count, 2))
+    covariances[-1] = P[:2, :2]
+    for k in range(count - 2, -1, -1):
+        if log.epoch[k] != log.epoch[k + 1] or log.epoch[k] < 0.0:
+            error, P = np.zeros(STEADY), log.after[k].copy()
+            before[k + 1] = 0.0
+        else:
+            F = transition(log.sums[k + 1])
+            # Scaled to unit variances: errors of 1e-9 and of 1 stand side by side in P.
+            scale = np.sqrt(np.diag(log.before[k + 1]))
+            scaled = log.before[k + 1] / np.outer(scale, scale)
+            gain = np.linalg.solve(scaled, (F @ log.after[k]) / scale[:, None]).T / scale
+            ahead = error + log.correction[k + 1]
+            before[k + 1] = ahead[:2]
+            error = gain @ ahead
+            P = log.after[k] + gain @ (P - log.before[k + 1]) @ gain.T
+            P = 0.5 * (P + P.T)
+        tilts[k], covariances[k] = error[:2], P[:2, :2]
+    _apply(
+        part.g_t, part.sigma_inclination, part.sigma_toolface, log.north_t, log.sample[:count], log.epoch[:count],
+        tilts, before, covariances, floor,
+    )  # fmt: skip
+
+
+@compiled
+def _apply(
+    g: Array, sigma_inclination: Array, sigma_toolface: Array, north: Array, sample: Stamps, epoch: Array,
+    tilts: Array, before: Array, covariances: Array, floor: float,
+) -> None:  # fmt: skip
+    """Turn each sample by the tilt interpolated from the update behind it to just before the update ahead."""
+    for k in range(len(sample) - 1):
+        if epoch[k] != epoch[k + 1] or epoch[k] < 0.0:
+            continue
+        span = sample[k + 1] - sample[k]
+        for i in range(sample[k], sample[k + 1]):
+            share = (i - sample[k]) / span
+            a = tilts[k, 0] + share * (before[k + 1, 0] - tilts[k, 0])
+            b = tilts[k, 1] + share * (before[k + 1, 1] - tilts[k, 1])
+            nx, ny, nz = north[i, 0], north[i, 1], north[i, 2]
+            gx, gy, gz = g[i, 0], g[i, 1], g[i, 2]
+            # East axis: down x north. The level axes turned by (a, b, 0) see down at (-b, a, 1).
+            ex, ey, ez = gy * nz - gz * ny, gz * nx - gx * nz, gx * ny - gy * nx
+            gx, gy, gz = gx - b * nx + a * ex, gy - b * ny + a * ey, gz - b * nz + a * ez
+            norm = math.sqrt(gx * gx + gy * gy + gz * gz)
+            g[i, 0], g[i, 1], g[i, 2] = gx / norm, gy / norm, gz / norm
+            p00 = covariances[k, 0, 0] + share * (covariances[k + 1, 0, 0] - covariances[k, 0, 0])
+            p01 = covariances[k, 0, 1] + share * (covariances[k + 1, 0, 1] - covariances[k, 0, 1])
+            p11 = covariances[k, 1, 1] + share * (covariances[k + 1, 1, 1] - covariances[k, 1, 1])
+            across2 = nx * nx + ex * ex
+            if across2 > 1e-6:
+                vi = (p00 * ex * ex - 2.0 * p01 * nx * ex + p11 * nx * nx) / across2
+                vt = (p00 * nx * nx + 2.0 * p01 * nx * ex + p11 * ex * ex) / across2
+            else:
+                vi = vt = 0.5 * (p00 + p11)
+            sigma_inclination[i] = min(math.pi, math.sqrt(max(vi, 0.0) + floor * floor))
+            sigma_toolface[i] = min(math.pi, math.sqrt((max(vt, 0.0) + floor * floor) / max(across2, 1e-6)))
