@@ -23,7 +23,6 @@ from mwd_sensors.frames import (
     mat_from_quat,
     mat_nt,
     quat_from_rotvec,
-    wrap_pi,
     wrap_tau,
 )
 from mwd_sensors.settings import setting
@@ -356,19 +355,14 @@ def _raw(
 ) -> _Method:
     """
     The plain azimuth: axial interference is one of its errors, as expected or, where more shows, as it shows.
-
-    What shows beyond the expected and the estimate's own sigma counts with the angle it turns the azimuth by.
     """
-    expected = errors.axial_interference_nt * 1e-9
+    variance = (errors.axial_interference_nt * 1e-9) ** 2
+    if correction is not None and _shows(correction, math.sqrt(variance)):
+        shown = float(correction.interference) ** 2 - float(correction.sigma_interference) ** 2
+        variance = max(variance, shown)
     covariance = covariance_s.copy()
-    covariance[3, 3] += expected**2
-    azimuth = float(magnetics.raw_azimuth(f_h, b_h))
-    covariance = jacobian @ covariance @ jacobian.T
-    if correction is not None and _shows(correction, expected):
-        seen = float(correction.interference) ** 2
-        beyond = 1.0 - (expected**2 + float(correction.sigma_interference) ** 2) / seen
-        covariance[1, 1] += beyond * float(wrap_pi(float(correction.azimuth) - azimuth)) ** 2
-    return _Method(RAW, azimuth, covariance)
+    covariance[3, 3] += variance
+    return _Method(RAW, float(magnetics.raw_azimuth(f_h, b_h)), jacobian @ covariance @ jacobian.T)
 
 
 def _correction(

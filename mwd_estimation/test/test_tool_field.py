@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from mwd_estimation import tool_field
 from mwd_estimation.reference import Reference
@@ -27,10 +28,10 @@ def drilled(seed, inc, azi, rpm, seconds):
     bias, scale = rng.normal(0, [900e-9, 150e-9, 150e-9]), rng.normal(0, 0.001, 3)
     b_t = mat_tn @ np.array([50e-6 * math.cos(72 * DEG), 0, 50e-6 * math.sin(72 * DEG)])
     b_t = b_t * (1 + scale) + bias + rng.normal(0, SIGMA_B, (n, 3))
-    keep, tilt, slow = math.exp(-1 / RATE / TAU), np.empty((n, 3)), rng.normal(0, SIGMA_G, 3)
-    for k in range(n):
-        slow = keep * slow + math.sqrt(1 - keep**2) * rng.normal(0, SIGMA_G, 3)
-        tilt[k] = slow
+    keep = math.exp(-1 / RATE / TAU)
+    shocks = rng.normal(0, SIGMA_G, (n, 3)) * math.sqrt(1 - keep**2)
+    shocks[0] /= math.sqrt(1 - keep**2)
+    tilt = lfilter([1.0], [1.0, -keep], shocks, axis=0)
     g_t = mat_tn @ np.array([0, 0, 1.0])
     g_t += np.cross(tilt, g_t)
     g_t /= np.linalg.norm(g_t, axis=1, keepdims=True)
