@@ -30,6 +30,8 @@ from mwd_sensors.settings import setting
 RAW, CORRECTED = "raw", "corrected"
 # An axial field this many times what is expected, with its own sigma, is no accident.
 _SIGNIFICANT = 2.0
+# Variance of the corrected over the raw azimuth from which on the correction needs no sign of interference.
+_CLEARLY_BETTER = 0.5
 # What an unknown angle of the azimuth's kind is said to be known to.
 _UNKNOWN_SIGMA = math.pi
 # With a smaller share of the field horizontal there is no azimuth at all.
@@ -400,8 +402,10 @@ def _choose(
         return raw
     if wanted == CORRECTED:
         return corrected
-    better = corrected.covariance[1, 1] < raw.covariance[1, 1]
-    return corrected if better and _shows(correction, errors.axial_interference_nt * 1e-9) else raw
+    gain = corrected.covariance[1, 1] / raw.covariance[1, 1]
+    # Where both are about as good the raw one is kept: everyone can check it.
+    shows = _shows(correction, errors.axial_interference_nt * 1e-9)
+    return corrected if gain < _CLEARLY_BETTER or (gain < 1.0 and shows) else raw
 
 
 def _shows(correction: magnetics.AxialCorrection, expected: float) -> bool:

@@ -110,11 +110,23 @@ def test_covariance_of_the_angles_matches_drawn_errors_for_both_azimuths():
 
 
 @pytest.mark.parametrize(
-    ("inc", "azi", "axial_nt"),
-    [(3, 40, 220), (30, 90, 220), (60, 90, 220), (88, 90, 220), (88, 30, 220), (60, 20, 1500), (30, 200, 1500)],
+    ("inc", "azi", "axial_nt", "expected_nt"),
+    [
+        (3, 40, 220, 220),
+        (30, 90, 220, 220),
+        (60, 90, 220, 220),
+        (88, 90, 220, 220),
+        (88, 30, 220, 220),
+        (60, 20, 1500, 220),
+        (30, 200, 1500, 220),
+        (30, 90, 1500, 1500),
+        (60, 90, 1500, 1500),
+        (88, 90, 1500, 1500),
+    ],
 )
-def test_the_azimuth_chosen_errs_by_its_sigma_with_interference_drawn(inc, azi, axial_nt):
-    settings, rng, score = StationSettings(errors=BENCH), np.random.default_rng(inc + azi), []
+def test_the_azimuth_chosen_errs_by_its_sigma_with_interference_drawn(inc, azi, axial_nt, expected_nt):
+    settings = StationSettings(errors=replace(BENCH, axial_interference_nt=float(expected_nt)))
+    rng, score = np.random.default_rng(inc + azi), []
     sigma_declination = math.sqrt(REFERENCE.declination_variance(REFERENCE.horizontal))
     for _ in range(150):
         f_t, b_t = readings(inc, azi, rng.uniform(0, 360), rng.normal(0, axial_nt * 1e-9))
@@ -135,6 +147,14 @@ def test_the_azimuth_chosen_errs_by_its_sigma_with_interference_drawn(inc, azi, 
 def test_interference_beyond_the_expected_that_shows_widens_the_sigma_of_the_raw_azimuth():
     raw = [station(*readings(60, 90, 40, e), REFERENCE).by_method("raw").sigma for e in (0.0, 3e-6)]
     assert raw[1] > 3 * raw[0]
+
+
+def test_the_correction_is_taken_unasked_where_a_short_collar_is_expected():
+    short = StationSettings(errors=SensorErrors(axial_interference_nt=1500.0))
+    f_t, b_t = readings(60, 90, 40)
+    assert station(f_t, b_t, REFERENCE, short).method == "corrected"
+    assert station(f_t, b_t, REFERENCE).method == "raw"
+    assert station(*readings(89, 90, 40), REFERENCE, short).method == "raw"
 
 
 def test_an_attitude_that_hides_interference_is_remarked():
