@@ -16,12 +16,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+
 from mwd_estimation.status import Status, words
+from mwd_sensors import settings as settings_tables
 from mwd_sensors.frames import Array
 from mwd_sensors.settings import setting
 from mwd_sensors.wire import Samples
-
-from mwd_sensors import settings as settings_tables
 from mwd_surface.alarms import Alarm, Event, plain_alarms, plain_events
 from mwd_surface.plan import Offset, Plan
 from mwd_surface.position_covariance import ellipse, in_section
@@ -266,6 +266,7 @@ class LiveState:
         """Temperatures of the sonde arrived, `wire.TEMPERATURE`; a variance of 0 means unknown."""
         if len(samples) == 0:
             return
+        self.on_stream("sonde", len(samples), now)
         self.on_stream("temperature", len(samples), now)
         last = samples[-1]
         variance = float(last["variance"])
@@ -275,6 +276,7 @@ class LiveState:
         """Fields arrived, `wire.MAG`: the mean of their totals is shown."""
         if len(samples) == 0:
             return
+        self.on_stream("sonde", len(samples), now)
         self.on_stream("magnetometer", len(samples), now)
         totals = np.linalg.norm(samples["magnetic_field"], axis=1)
         self._put("total_field", float(np.mean(totals)), None, now)

@@ -52,7 +52,7 @@ export function refresh(sections, now, silent) {
     say(parts.number, text);
     say(parts.unit, units.unit(kind));
     const sigma = options.big ? " 1σ" : "";
-    say(parts.sigma, cell.sigma === null ? "" : `± ${units.size(kind, cell.sigma)}${sigma}`);
+    say(parts.sigma, cell.sigma === null ? "" : `± ${units.spread(kind, cell.sigma)}${sigma}`);
     const old = units.age(Math.max(0, now - cell.at));
     say(parts.age, state === "stale" ? `STALE ${old}${cell.reason ? ` · ${cell.reason}` : ""}` : old);
   }

@@ -41,7 +41,7 @@ export class Charts {
           series: [{}, { stroke: colour("--trace"), width: 1.5, points: { show: false }, spanGaps: false }],
           axes: [
             { ...axis, size: 24, values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${t} min`)), splits: () => [-10, -5, 0] },
-            { ...axis, size: 58, space: 28, values: (_, ticks) => ticks.map((t) => String(Number(t.toFixed(3)))) },
+            { ...axis, size: 58, space: 18, values: (_, ticks) => ticks.map((t) => String(Number(t.toFixed(3)))) },
           ],
         },
         [[], []],
@@ -73,7 +73,7 @@ export class Charts {
       say(
         value,
         known.length
-          ? `${units.number(kind, Math.min(...raw))} to ${units.number(kind, Math.max(...raw))} ${units.unit(kind)}`
+          ? `${units.number(kind, Math.min(...raw))} to ${units.number(kind, Math.max(...raw))}${units.after(kind)}`
           : "no data",
       );
     }

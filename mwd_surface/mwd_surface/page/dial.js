@@ -103,7 +103,9 @@ export class Dial {
       say(this.number, `${degrees}°`);
       say(this.side, gravity ? sideOf(degrees) : "");
       const old = units.age(Math.max(0, now - cell.at));
-      const note = state === "stale" ? `STALE ${old}` : toolface.rotating ? "ROTATING" : old;
+      const inside = toolface.advisory?.inside;
+      const word = inside === undefined || inside === null ? "" : inside ? "INSIDE " : "OUTSIDE ";
+      const note = state === "stale" ? `STALE ${old}` : toolface.rotating ? "ROTATING" : word + old;
       say(this.note, note);
       mark(this.svg, "aria-label", `Toolface ${degrees} degrees, ${words}, ${note}`);
     }
@@ -119,7 +121,7 @@ export class Dial {
     }
     const limit = Math.min(advisory.limit, Math.PI - 0.01);
     mark(this.advisory, "d", sector(advisory.toolface - limit, advisory.toolface + limit, 84, 170));
-    mark(this.svg, "data-inside", state !== "live" || advisory.inside === null ? "none" : advisory.inside ? "yes" : "no");
+    mark(this.svg, "data-inside", state !== "live" || toolface.rotating || advisory.inside === null ? "none" : advisory.inside ? "yes" : "no");
   }
 
   // The newest on the outer ring; round for gravity, square for magnetic.
@@ -154,8 +156,7 @@ export class Dial {
     if (toolface.stamp_ns) second.push(`read ${units.clock(toolface.stamp_ns)} UTC`);
     if (advisory) {
       const wanted = `wanted ${units.bearing(advisory.toolface, 0)}° ± ${units.size("coarse_angle", advisory.limit, -1)}°`;
-      const word = toolface.rotating || state !== "live" || advisory.inside === null ? "" : advisory.inside ? ": INSIDE" : ": OUTSIDE";
-      second.push(wanted + word);
+      second.push(wanted);
     }
     lines.push(second.join(" · "));
     lines.push(`● GTF ■ MTF ○ rotating · MTF below ${toolface.threshold_deg}° (+${toolface.hysteresis_deg}°)`);

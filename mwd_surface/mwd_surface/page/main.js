@@ -161,7 +161,7 @@ function showPills(now, silent) {
   const list = [];
   if (links) {
     const down = ["sonde", "estimator", "rig"].filter((name) => stateWord(links[name], now, silent) !== "live");
-    const word = (name) => `${STREAM_NAMES[name].toLowerCase()} ${stateWord(links[name], now, silent) === "none" ? "not heard" : units.age(now - links[name].at)}`;
+    const word = (name) => `${STREAM_NAMES[name].toLowerCase()} ${stateWord(links[name], now, silent) === "none" ? "" : units.age(now - links[name].at)}`.trim();
     list.push(silent ? ["system", "reject", "link lost"] : down.length ? ["system", "doubtful", `no ${down.map(word).join(", no ")}`] : ["system", "good", "link"]);
   }
   if (recorder) {
@@ -321,7 +321,7 @@ function showAlarms() {
   const log = events.rows.slice(0, 100).map((e) => el("tr", {},
     el("td", {}, units.clock(e.stamp_ns)), el("td", {}, e.kind), el("td", {}, e.source), el("td", {}, e.text)));
   byId("tab-alarms").replaceChildren(
-    el("div", { class: "split" },
+    el("div", { class: "split two" },
       el("div", {}, el("h2", {}, "Alarms"), rows.length ? el("ul", { class: "alarms" }, rows) : el("p", { class: "empty" }, "No alarms.")),
       el("div", {}, el("h2", {}, `Events, UTC, ${connection.sections.well?.name || ""}`), log.length
         ? el("table", { class: "log" }, el("thead", {}, el("tr", {}, ["Time", "What", "Source", "Text"].map((t) => el("th", { scope: "col" }, t)))), el("tbody", {}, log))

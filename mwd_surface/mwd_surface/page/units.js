@@ -34,14 +34,21 @@ const rule = (kind) => KINDS[kind][Math.min(system, KINDS[kind].length - 1)];
 export const unit = (kind) => rule(kind)[3];
 
 // As it is printed behind a number: a degree sign stands close.
-export const after = (kind) => (unit(kind).startsWith("°") && !unit(kind).startsWith("°C") && !unit(kind).startsWith("°F") ? unit(kind) : ` ${unit(kind)}`);
+export const after = (kind) => (/^°(?![CF])/.test(unit(kind)) ? unit(kind) : ` ${unit(kind)}`);
 
 export function number(kind, value, more = 0) {
   const [factor, offset, decimals] = rule(kind);
-  return (value * factor + offset).toFixed(Math.max(0, decimals + more));
+  // A small negative number rounds to "-0", which nobody measures.
+  return (value * factor + offset).toFixed(Math.max(0, decimals + more)).replace(/^-(0(\.0*)?)$/, "$1");
 }
 
-// Of a difference or a sigma: the offset of a temperature does not count.
+// A sigma too small for the decimals of its value gets as many as show it.
+export function spread(kind, value) {
+  const text = size(kind, value);
+  return value > 0 && Number(text) === 0 ? (value * rule(kind)[0]).toPrecision(1) : text;
+}
+
+// Of a difference: the offset of a temperature does not count.
 export function size(kind, value, more = 0) {
   const [factor, , decimals] = rule(kind);
   return (value * factor).toFixed(Math.max(0, decimals + more));
