@@ -554,7 +554,8 @@ def _run(
             floor = k[K_FLOOR] * k[K_FLOOR]
             # The noises have reserve, as the tool's motion is not white; small innovations show how much.
             # The factor and its limits are empirical (docs): innovations see far more of the play than of the tilt.
-            reserve = min(max(RESERVE * st[SQUARE], RESERVE_LEAST), RESERVE_MOST)
+            most = RESERVE_MOST if st[ALIAS] > 0.5 else 1.0
+            reserve = min(max(RESERVE * st[SQUARE], RESERVE_LEAST), most)
             p00, p01, p11 = reserve * P[TILT, TILT], reserve * P[TILT, TILT + 1], reserve * P[TILT + 1, TILT + 1]
             if across2 > 1e-6:
                 vi = (p00 * ay * ay - 2.0 * p01 * ax * ay + p11 * ax * ax) / across2

@@ -1,0 +1,292 @@
+"""
+Gravity while drilling: our methods, the papers' and the peers on the same data in one run, as Markdown.
+
+    nice -n 10 python tests/bench_gravity.py [SEEDS]
+
+Accuracy after 10 s on the eleven benchmark scenarios, on four BROAD trials (if the shared recordings lie beside the
+repository), speed per sample as a ratio to VQF's C++ in the same run, and the tables of S3, paper beside ours. Peers:
+vqf, imufusion, ahrs from PyPI; those that are not installed are left out by name.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import sys
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_estimation import gravity, gravity_bounded, gravity_s3, gravity_smoother
+from mwd_sensors import scenario
+from mwd_sensors.sonde import Sonde
+
+Array = NDArray[np.float64]
+Follow = Callable[[NDArray[np.int64], Array, Array], Array]
+Data = tuple[NDArray[np.int64], Array, Array, Array]
+
+ROOT = Path(__file__).resolve().parents[1]
+SCENARIOS = ROOT / "bags" / "scenarios"
+BROAD = ROOT.parent / "shared" / "data" / "broad"
+CASES = (
+    "rot155", "vib50", "drillvib", "stickslip", "whirl", "shocks", "build", "offaxis", "biasdrift", "gyroclip", "surge",
+)  # fmt: skip
+SKIP_NS = 10_000_000_000
+
+
+def drilled(path: Path, changes: dict[str, Any]) -> Data:
+    """Stamps, rates, forces and true down of a scenario."""
+    imu, truth = [], []
+    for block in Sonde(scenario.read(path, changes)).blocks(5.0):
+        imu.append(block["imu/data_raw"])
+        truth.append(block["truth"])
+    felt, known = np.concatenate(imu), np.concatenate(truth)
+    down = known["gravity"][np.searchsorted(known["stamp_ns"], felt["stamp_ns"])]
+    return felt["stamp_ns"], felt["angular_velocity"], felt["linear_acceleration"], down
+
+
+def broad() -> dict[str, tuple[Data, NDArray[np.bool_]]]:
+    """Trials by number: data and which samples are scored."""
+    trials = {}
+    for file in sorted(BROAD.glob("*.npz")):
+        data = np.load(file)
+        w, x, y, z = data["quat"].astype(float).T
+        down = -np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1)
+        stamps = np.round(np.arange(len(down)) * 1e9 / float(data["fs"])).astype(np.int64)
+        scored = data["movement"] & np.isfinite(down[:, 0])
+        trials[file.name[:2]] = ((stamps, data["gyr"].astype(float), data["acc"].astype(float), down), scored)
+    return trials
+
+
+def angle(a: Array, b: Array) -> Array:
+    """Angle between unit vectors, deg."""
+    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
+
+
+def inclination(g: Array) -> Array:
+    """Of unit vectors down, deg."""
+    return np.degrees(np.arctan2(np.hypot(g[:, 1], g[:, 2]), g[:, 0]))
+
+
+def rms(values: Array | Iterable[float]) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(np.asarray(values)))))
+
+
+def ours(name: str, **settings: Any) -> Follow:
+    """A method of ours as a function of stamps, rates and forces."""
+    method = gravity.method(name)
+    params = method.Params(**settings)
+    return lambda t, w, f: method.run(params, method.initial(params), t, w, f).g_t
+
+
+def smoothed(t: NDArray[np.int64], w: Array, f: Array) -> Array:
+    """The smoother."""
+    return gravity_smoother.smooth(gravity_bounded.Params(), t, w, f).g_t
+
+
+def down_of(q_wxyz: Array) -> Array:
+    """Down in the sensor's axes of quaternions sensor to east-north-up or any frame with z up."""
+    w, x, y, z = q_wxyz.T
+    return -np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1)
+
+
+def period(t: NDArray[np.int64]) -> float:
+    """Mean sampling period, s."""
+    return float(t[-1] - t[0]) * 1e-9 / (len(t) - 1)
+
+
+def vqf(**settings: float) -> Follow:
+    """VQF (C++), 6-axis."""
+    from vqf import VQF
+
+    return lambda t, w, f: down_of(
+        VQF(period(t), **settings).updateBatch(np.ascontiguousarray(w), np.ascontiguousarray(f))["quat6D"]
+    )
+
+
+def imufusion(t: NDArray[np.int64], w: Array, f: Array) -> Array:
+    """x-io's Fusion (revised Madgwick), 6-axis, its own defaults."""
+    import imufusion as fusion
+
+    filtered = fusion.Ahrs()
+    filtered.set_sample_period(period(t))
+    out = np.empty((len(t), 4))
+    for k in range(len(t)):
+        filtered.update_no_magnetometer(np.degrees(w[k]), f[k] / 9.80665)
+        out[k] = filtered.get_quaternion()
+    return down_of(out)
+
+
+def madgwick(t: NDArray[np.int64], w: Array, f: Array) -> Array:
+    """Madgwick's filter of the `ahrs` package, 6-axis, its own defaults."""
+    from ahrs.common.orientation import acc2q
+    from ahrs.filters import Madgwick
+
+    filtered = Madgwick(frequency=1.0 / period(t))
+    out = np.empty((len(t), 4))
+    out[0] = acc2q(f[0])
+    for k in range(1, len(t)):
+        out[k] = filtered.updateIMU(out[k - 1], gyr=w[k], acc=f[k])
+    return down_of(out)
+
+
+def methods() -> dict[str, Follow]:
+    """Rows of the accuracy tables, those installed."""
+    rows: dict[str, Follow] = {
+        "raw accelerometer": ours("raw"),
+        "S3 (fuzzy Mahony)": ours("s3"),
+        "Mahony, fixed gains": ours("mahony"),
+        "Kalman (Ligorio type)": ours("kalman"),
+    }
+    if importlib.util.find_spec("ahrs"):
+        rows["Madgwick (ahrs)"] = madgwick
+    if importlib.util.find_spec("imufusion"):
+        rows["imufusion"] = imufusion
+    if importlib.util.find_spec("vqf"):
+        rows["VQF default"] = vqf()
+        rows["VQF tauAcc 2, biasSigmaMotion .02"] = vqf(tauAcc=2.0, biasSigmaMotion=0.02)
+    rows["**bounded (default)**"] = ours("bounded")
+    rows["smoother (offline)"] = smoothed
+    return rows
+
+
+def accuracy(rows: dict[str, Follow], seeds: int) -> list[str]:
+    """Inclination / gravity direction, deg rms after 10 s, eleven cases."""
+    data = {
+        case: [drilled(SCENARIOS / "bench" / f"{case}.yaml", {"seed": seed}) for seed in range(1, seeds + 1)]
+        for case in CASES
+    }
+    out = ["| inclination / direction, deg | " + " | ".join(CASES) + " | mean* |", "|---" * (len(CASES) + 2) + "|"]
+    for name, follow in rows.items():
+        cells, directions = [], []
+        for case in CASES:
+            inc, way = [], []
+            for t, w, f, down in data[case]:
+                got, late = follow(t, w, f), t - t[0] > SKIP_NS
+                inc.append(rms((inclination(got) - inclination(down))[late]))
+                way.append(rms(angle(got, down)[late]))
+            cells.append(f"{rms(inc):.3f}/{rms(way):.3f}")
+            directions.append(rms(way))
+        mean = math.exp(float(np.mean(np.log(directions))))
+        out.append(f"| {name} | " + " | ".join(cells) + f" | {mean:.3f} |")
+    out.append("")
+    out.append(f"{seeds} seeds; * geometric mean of the direction.")
+    return out
+
+
+def honesty(seeds: int) -> list[str]:
+    """Normalised error squared of the default method's inclination, case by case."""
+    follow = gravity.method("bounded")
+    params = follow.Params()
+    out = ["| default method | " + " | ".join(CASES) + " |", "|---" * (len(CASES) + 1) + "|"]
+    nees, sigmas = [], []
+    for case in CASES:
+        squares, sigma = [], []
+        for seed in range(1, seeds + 1):
+            t, w, f, down = drilled(SCENARIOS / "bench" / f"{case}.yaml", {"seed": seed})
+            got, late = follow.run(params, follow.initial(params), t, w, f), t - t[0] > SKIP_NS
+            error = np.radians(np.degrees(got.inclination) - inclination(down))
+            squares.append(float(np.mean((error / got.sigma_inclination)[late] ** 2)))
+            sigma.append(rms(np.degrees(got.sigma_inclination[late])))
+        nees.append(f"{np.mean(squares):.2f}")
+        sigmas.append(f"{rms(sigma):.3f}")
+    out.append("| NEES of inclination | " + " | ".join(nees) + " |")
+    out.append("| sigma, deg | " + " | ".join(sigmas) + " |")
+    return out
+
+
+def real(rows: dict[str, Follow]) -> list[str]:
+    """6-axis inclination error on BROAD, deg rms over the samples in motion."""
+    trials = broad()
+    if not trials:
+        return ["BROAD: the shared recordings are not beside this repository."]
+    out = ["| BROAD, deg | " + " | ".join(trials) + " | mean |", "|---" * (len(trials) + 2) + "|"]
+    for name, follow in rows.items():
+        errors = []
+        for (t, w, f, down), scored in trials.values():
+            errors.append(rms(angle(follow(t, w, f), down)[scored]))
+        out.append(f"| {name} | " + " | ".join(f"{e:.3f}" for e in errors) + f" | {np.mean(errors):.3f} |")
+    return out
+
+
+def speed() -> list[str]:
+    """Batch time per sample, best of five, and its ratio to VQF's C++ in the same run."""
+    t, w, f, _ = drilled(SCENARIOS / "bench" / "rot155.yaml", {})
+    rows = {name: ours(name) for name in ("bounded", "s3", "mahony", "kalman", "raw")}
+    if importlib.util.find_spec("vqf"):
+        rows = {"VQF C++": vqf(), **rows}
+    taken = {}
+    for name, follow in rows.items():
+        follow(t, w, f)
+        best = math.inf
+        for _ in range(5):
+            begin = time.perf_counter()
+            follow(t, w, f)
+            best = min(best, time.perf_counter() - begin)
+        taken[name] = best / len(t) * 1e9
+    unit = taken.get("VQF C++", math.nan)
+    out = ["| batch | ns per sample | ratio to VQF |", "|---|---|---|"]
+    out += [f"| {name} | {ns:.0f} | {ns / unit:.2f} |" for name, ns in taken.items()]
+    return out
+
+
+def paper_tables() -> list[str]:
+    """S3's tables 1 to 3 and its rotation experiment, paper beside ours."""
+    out = ["| S3 table 1, step of k_p at the corners | paper | ours |", "|---|---|---|"]
+    names = {-0.06: "NM", -0.03: "NS", 0.0: "Z", 0.03: "PS", 0.06: "PM"}
+    paper = (("PM", "PS", "NS"), ("Z", "Z", "NS"), ("Z", "NS", "NM"))
+    for i, rpm in enumerate((0.0, 100.0, 200.0)):
+        steps = [gravity_s3.fuzzy_step(a, rpm, gravity_s3.RULES) for a in (0.0, 25.0, 50.0)]
+        got = " ".join(names[round(step, 6) + 0.0] for step in steps)
+        out.append(f"| {rpm:.0f} r/min | {' '.join(paper[i])} | {got} |")
+    t, w, f, down = drilled(SCENARIOS / "s3_rotation.yaml", {})
+    turning = np.abs(w[:, 0]) > 10.0
+    out += ["", "| S3 rotation, inclination error, deg | paper | ours, rms | ours, largest |", "|---|---|---|---|"]
+    for label, name, said in (("raw", "raw", "3.5"), ("S3", "s3", "within 1.0"), ("bounded", "bounded", "")):
+        error = (inclination(ours(name)(t, w, f)) - inclination(down))[turning]
+        out.append(f"| {label} | {said} | {rms(error):.3f} | {np.abs(error).max():.3f} |")
+    t, w, f, down = drilled(SCENARIOS / "s3_vibration.yaml", {})
+    late = t - t[0] > SKIP_NS
+    out += ["", f"| S3 table 2 ({len(t)} samples), mean / std, deg | paper | ours |", "|---|---|---|"]
+    for label, name, said in (
+        ("raw", "raw", "0.8269 / 0.6586"), ("S3", "s3", "0.0068 / 0.0379"), ("Kalman", "kalman", "0.0902 / 0.0485"),
+        ("bounded", "bounded", ""),
+    ):  # fmt: skip
+        error = (inclination(ours(name)(t, w, f)) - inclination(down))[late]
+        out.append(f"| {label} | {said} | {abs(error.mean()):.4f} / {error.std():.4f} |")
+    out += ["", "| S3 table 3, per update called alone, us | paper (MATLAB, PC) | ours |", "|---|---|---|"]
+    for label, name, said in (("S3", "s3", "38.3"), ("Kalman", "kalman", "56.3"), ("bounded", "bounded", "")):
+        out.append(f"| {label} | {said} | {alone(name, t, w, f):.1f} |")
+    return out
+
+
+def alone(name: str, t: NDArray[np.int64], w: Array, f: Array, count: int = 1000) -> float:
+    """Time of one call with one sample, us, mean over `count` calls as S3 did."""
+    method = gravity.method(name)
+    params = method.Params()
+    state = method.initial(params)
+    method.run(params, state, t[:1], w[:1], f[:1])
+    begin = time.perf_counter()
+    for k in range(1, count + 1):
+        method.run(params, state, t[k : k + 1], w[k : k + 1], f[k : k + 1])
+    return (time.perf_counter() - begin) / count * 1e6
+
+
+def main(seeds: int = 3) -> list[str]:
+    """Print all tables; returns their Markdown rows."""
+    rows = methods()
+    out: list[str] = []
+    for table in (lambda: accuracy(rows, seeds), lambda: honesty(seeds), lambda: real(rows), speed, paper_tables):
+        part = table()
+        print("\n".join(part), end="\n\n", flush=True)
+        out += [*part, ""]
+    return out
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 3)
