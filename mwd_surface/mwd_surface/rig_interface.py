@@ -104,7 +104,7 @@ class LoopInterface(RigInterface):
     An interface whose work is one coroutine in a thread of its own.
 
     Subclasses write `serve(ready, stop)`: call `ready(address)` once it runs, return when `stop` is set; `wake` is set
-    whenever there are new values in `values`.
+    whenever there are new values in `values`, and when it is to stop.
     """
 
     start_timeout = 30.0
@@ -126,7 +126,7 @@ class LoopInterface(RigInterface):
 
     @property
     def wake(self) -> asyncio.Event:
-        """Set when values came; the coroutine clears it."""
+        """Set when values came or the end did; the coroutine clears it."""
         if self._wake is None:
             raise RuntimeError(f"{self.name} is not running")
         return self._wake
@@ -172,13 +172,14 @@ class LoopInterface(RigInterface):
 
     def stop(self) -> None:
         """Ask the coroutine to end and wait for the thread."""
-        thread, loop, stop = self._thread, self._loop, self._stop
+        thread, loop, stop, wake = self._thread, self._loop, self._stop, self._wake
         self._thread, self.address = None, ""
         if thread is None:
             return
-        if loop is not None and stop is not None:
+        if loop is not None and stop is not None and wake is not None:
             try:
                 loop.call_soon_threadsafe(stop.set)
+                loop.call_soon_threadsafe(wake.set)
             except RuntimeError:
                 # It ended by itself just now.
                 self._loop = None
