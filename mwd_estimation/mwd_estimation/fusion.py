@@ -267,9 +267,10 @@ def _settle(
     """
     Drop azimuths until the rest agree; returns those kept and by how much sigma must be widened, rad.
 
-    Of the pair farthest apart in sigmas one goes. Both magnetic: the one that removes less interference, with nothing
-    to widen, for interference is what tells them apart. Else the less certain one, and since nothing but its sigma
-    speaks for the other, the difference is added to the sigma that is published.
+    Of the pair farthest apart in sigmas one goes. Magnetic against gyro: the magnetic one, for steel can turn the field
+    and leave its total and dip in order, and nothing turns the rotation of the Earth. Both magnetic: the one that
+    removes less interference. Else the less certain one, and since nothing but its sigma speaks for the other, the
+    difference is added to the sigma that is published.
     """
     use, widening = list(use), 0.0
     while len(use) > 1:
@@ -279,12 +280,15 @@ def _settle(
             break
         a, b = candidates[i], candidates[j]
         ranked = a.family == b.family == MAGNETIC and RANK.get(a.method, -1) != RANK.get(b.method, -1)
-        if ranked:
+        if a.family != b.family:
+            lose, keep = (i, j) if a.family == MAGNETIC else (j, i)
+            why = "because steel can turn the field without changing its total or dip"
+        elif ranked:
             lose, keep = (i, j) if RANK.get(a.method, -1) < RANK.get(b.method, -1) else (j, i)
-            why = "which removes more interference"
+            why = "because it removes more interference"
         else:
             lose, keep = (i, j) if a.sigma > b.sigma else (j, i)
-            why = "the more certain, its sigma widened by the difference because no check says which is wrong"
+            why = "the more certain, its sigma widened by the difference: no check says which is wrong"
             widening = max(widening, abs(apart))
         sign = apart if lose == i else -apart
         text = (

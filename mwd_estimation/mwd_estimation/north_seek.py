@@ -30,9 +30,10 @@ MODES = ("auto", "still", "two_position", "rotating", "continuous")
 
 # Order of the error state (truth minus estimate) and, from VEL on, of the linear part of the nominal state.
 PHI, VEL, EARTH, BIAS, SCALE, LEAK, GSENS, LAG, FORCE = 0, 3, 5, 7, 10, 11, 13, 17, 18
-AXIS, ROLL, WOBBLE, STATES = 21, 23, 24, 32
+AXIS, ROLL, WOBBLE, LEAD, STATES = 21, 23, 24, 32, 33
 # Sums of one block: duration, integral of the tool-to-level matrix (rows), of its columns times what they answer for.
-S_TIME, S_MAT, S_SCALE, S_LEAK, S_GSENS, S_LAG, S_FORCE, S_TURN, SUMS = 0, 1, 10, 13, 19, 31, 34, 37, 38
+S_TIME, S_MAT, S_SCALE, S_LEAK, S_GSENS, S_LAG, S_FORCE, S_TURN, S_LEAD = 0, 1, 10, 13, 19, 31, 34, 37, 38
+S_BIAS, SUMS = 40, 46
 # Memory of the filter between blocks.
 PHASE, LEVEL_TIME, H0, K0, SETTLED = 0, 1, 2, 5, 8
 LAST_AXIS, DIFF2, SCATTER, SEEN, STILL_RUN = 9, 12, 14, 17, 18
@@ -42,9 +43,12 @@ LEVELLING, SETTLING, SEEKING = 0.0, 1.0, 2.0
 # Settings handed to the kernel.
 K_HORIZONTAL, K_VERTICAL, K_GRAVITY, K_LEVEL, K_BLOCK, K_N, K_NX, K_NA = 0, 1, 2, 3, 4, 5, 6, 7
 K_B, K_BX, K_BA, K_WALK, K_SCALE, K_LEAK, K_G, K_LAG0, K_LAG = 8, 9, 10, 11, 12, 13, 14, 15, 16
-K_VEL, K_AXIS_WALK, K_FLOOR, K_RANGE, K_STILL, K_G0, K_EXPECTED, K_LOCKED, SETTINGS = 17, 18, 19, 20, 21, 22, 26, 28, 29
+K_VEL, K_AXIS_WALK, K_FLOOR, K_RANGE, K_STILL, K_G0, K_EXPECTED, K_LOCKED = 17, 18, 19, 20, 21, 22, 26, 28
+K_LEAD0, K_LEAD, SETTINGS = 29, 30, 31
 _SETTLE_BLOCKS = 10.0
 _GATE = 25.0
+# A tenth of a turn ends a block too: mean and two harmonics of the wobble need more than five looks per turn.
+_BLOCK_TURN = 0.64
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,8 +81,10 @@ class Params:
     expected_azimuth_deg: float | None = setting(
         None, "only chooses between azimuths that fit equally", unit="deg", low=-360.0, high=720.0
     )
-    lag_ms: float = setting(0.0, "y and z gyros behind the accelerometer", unit="ms", low=-50.0, high=50.0)
+    lag_ms: float = setting(0.0, "y and z gyros behind the x gyro", unit="ms", low=-50.0, high=50.0)
     lag_sigma_ms: float = setting(0.05, "that lag is known to", unit="ms", low=0.0, high=50.0)
+    lead_ms: float = setting(0.0, "accelerometer ahead of the x gyro", unit="ms", low=-50.0, high=50.0)
+    lead_sigma_ms: float = setting(0.05, "that lead is known to; a spin-up shows it", unit="ms", low=0.0, high=50.0)
     sigma_velocity: float = setting(0.005, "the tool's velocity stays within", unit="m/s", low=1e-6, high=10.0)
     axis_walk_deg_rth: float = setting(
         0.0005, "random turning of the hole axis itself", unit="deg/sqrt(h)", low=0.0, high=1e3
@@ -167,8 +173,8 @@ def dual_unit(
     Rates of the precision unit with the x axis of the conventional unit, which does not clip while the string turns.
 
     stamp_ns, shape (n,) int64, and precision_t, shape (n, 3), rad/s: the unit whose stamps count. ahrs_stamp_ns, shape
-    (m,), and ahrs_t, shape (m, 3). x_range: rate at which the precision x axis clips, rad/s; where a block stays well
-    below it everywhere the precision x axis is kept. Returns shape (n, 3).
+    (m,), and ahrs_t, shape (m, 3). x_range: rate at which the precision x axis clips, rad/s; the precision x rate is
+    kept in every sample well below it. Returns shape (n, 3). In `Params`, x is the unit that gives most of the samples.
 
     Raises
     ------
@@ -182,8 +188,8 @@ def dual_unit(
     # Seconds from a common start keep their digits in a float.
     start = ahrs_stamps[0]
     x = np.interp((stamps - start) * 1e-9, (ahrs_stamps - start) * 1e-9, ahrs[:, 0])
-    if np.max(np.abs(x), initial=0.0) > 0.5 * x_range or np.max(np.abs(rates[:, 0]), initial=0.0) > 0.5 * x_range:
-        rates[:, 0] = x
+    fast = (np.abs(x) > 0.9 * x_range) | (np.abs(rates[:, 0]) > 0.9 * x_range)
+    rates[fast, 0] = x[fast]
     return rates
 
 
@@ -228,6 +234,7 @@ def kernel_settings(params: Params) -> Array:
     locked = params.g_sensitivity_deg_h_g if params.g_locked_deg_h_g is None else params.g_locked_deg_h_g
     k[K_LOCKED] = locked * DEG_PER_HOUR / track.STANDARD_GRAVITY
     k[K_LAG0], k[K_LAG] = params.lag_ms * 1e-3, params.lag_sigma_ms * 1e-3
+    k[K_LEAD0], k[K_LEAD] = params.lead_ms * 1e-3, params.lead_sigma_ms * 1e-3
     k[K_VEL], k[K_AXIS_WALK] = params.sigma_velocity, params.axis_walk_deg_rth * DEG_PER_ROOT_HOUR
     k[K_FLOOR], k[K_RANGE], k[K_STILL] = 1e-6, 0.98 * math.radians(params.gyro_range_dps), 0.05
     k[K_G0 : K_G0 + 4] = np.array(params.g_calibration_deg_h_g) * DEG_PER_HOUR / track.STANDARD_GRAVITY
@@ -243,7 +250,8 @@ def solution(params: Params, state: State) -> Solution:
 
     Refused: no filter yet or too short, above 85 deg latitude, many clipped samples, a tool that turned or moved where
     keeping still was asked for, a hole so near horizontal east-west that turning about its axis shows no north, a gyro
-    bias that nothing in the motion shows, a horizontal Earth rate that is not this latitude's.
+    bias that nothing in the motion shows, a horizontal Earth rate that is not this latitude's, a gyro error far from
+    what the settings state.
     """
     m, x, P = state.memory, state.x, state.P
     if m[PHASE] != SEEKING:
@@ -295,7 +303,7 @@ def solution(params: Params, state: State) -> Solution:
         inclination,
         float(wrap_tau(mean + math.atan2(scribe[1], scribe[0]))),
         elapsed,
-        min(limit, math.pi),
+        min(float(limit), math.pi),
         tuple(float(v) for v in x[GSENS : GSENS + 4] * per_g),
         tuple(float(v) for v in spread[GSENS : GSENS + 4] * per_g),
         tuple(float(v) for v in x[BIAS : BIAS + 3] / DEG_PER_HOUR),
@@ -471,6 +479,9 @@ def _refusal(
             f"{math.degrees(azimuth):.0f} deg): turning the tool about its axis does not show north there; take a "
             "still shot with a known gyro bias"
         )
+    strange = _strange(params, state)
+    if strange:
+        return strange
     if several and sigma > math.radians(params.worst_sigma_deg) / 4.0:
         fits = " and ".join(f"{math.degrees(angle):.1f}" for angle in several)
         return (
@@ -493,6 +504,24 @@ def _refusal(
     return ""
 
 
+def _strange(params: Params, state: State) -> str:
+    """What was found far from where the settings say it lies, in words; empty where all fits."""
+    stated = (
+        ("x gyro bias", BIAS, params.gyro_x_bias_deg_h * DEG_PER_HOUR, DEG_PER_HOUR, "deg/h"),
+        ("y gyro bias", BIAS + 1, params.gyro_bias_deg_h * DEG_PER_HOUR, DEG_PER_HOUR, "deg/h"),
+        ("z gyro bias", BIAS + 2, params.gyro_bias_deg_h * DEG_PER_HOUR, DEG_PER_HOUR, "deg/h"),
+        ("x gyro scale error", SCALE, params.scale_x_ppm * 1e-6, 1e-6, "ppm"),
+        ("x rate in the y gyro", LEAK, params.leak_urad * 1e-6, 1e-6, "urad"),
+        ("x rate in the z gyro", LEAK + 1, params.leak_urad * 1e-6, 1e-6, "urad"),
+    )
+    for name, at, sigma, unit, word in stated:
+        if abs(state.x[at]) > 5.0 * sigma:
+            return (
+                f"{name} comes out at {state.x[at] / unit:.3g} {word}, stated within {sigma / unit:.3g}: check the unit"
+            )
+    return ""
+
+
 @compiled
 def sample(k: Array, mat: Array, half: Array, x: Array, s: Array, dt: float, w: Array, f: Array) -> None:
     """
@@ -506,9 +535,13 @@ def sample(k: Array, mat: Array, half: Array, x: Array, s: Array, dt: float, w: 
     wz = w[2] - x[BIAS + 2] - x[LEAK + 1] * wx - (x[GSENS + 3] - x[GSENS + 1]) * f[1] - (x[GSENS] - x[GSENS + 2]) * f[2]
     # A late gyro saw the level frame from an earlier roll: turn its answer on by what the tool rolled meanwhile.
     late = wx * x[LAG]
-    c, q = math.cos(late), math.sin(late)
-    wy, wz = c * wy + q * wz, c * wz - q * wy
-    fx, fy, fz = f[0] - x[FORCE], f[1] - x[FORCE + 1], f[2] - x[FORCE + 2]
+    c_late, s_late = math.cos(late), math.sin(late)
+    wy, wz = c_late * wy + s_late * wz, c_late * wz - s_late * wy
+    fx, gy, gz = f[0] - x[FORCE], f[1] - x[FORCE + 1], f[2] - x[FORCE + 2]
+    # The force was felt when the tool had rolled on beyond what the x gyro has told yet.
+    ahead = wx * x[LEAD]
+    c, q = math.cos(ahead), math.sin(ahead)
+    fy, fz = c * gy - q * gz, c * gz + q * gy
     en, ee, ed = x[EARTH], x[EARTH + 1], k[K_VERTICAL]
     rotate_by(mat, 0, True, -dt * en, -dt * ee, -dt * ed)
     rotate_by(mat, 0, False, 0.5 * dt * wx, 0.5 * dt * wy, 0.5 * dt * wz)
@@ -525,14 +558,20 @@ def sample(k: Array, mat: Array, half: Array, x: Array, s: Array, dt: float, w: 
         s[S_MAT + 3 * i + 1] += b * dt
         s[S_MAT + 3 * i + 2] += d * dt
         s[S_SCALE + i] += a * wx * dt
+        s[S_LAG + i] += (d * ey - b * ez) * wx * dt
+        s[S_FORCE + i] += (a * fx + b * fy + d * fz) * dt
+        # What the y and z gyros say wrongly is turned on with what they say rightly.
+        b, d = c_late * b - s_late * d, s_late * b + c_late * d
+        s[S_BIAS + 2 * i] += b * dt
+        s[S_BIAS + 2 * i + 1] += d * dt
         s[S_LEAK + 2 * i] += b * wx * dt
         s[S_LEAK + 2 * i + 1] += d * wx * dt
         s[S_GSENS + 4 * i] += (b * f[1] + d * f[2]) * dt
         s[S_GSENS + 4 * i + 1] += (b * f[2] - d * f[1]) * dt
         s[S_GSENS + 4 * i + 2] += (b * f[1] - d * f[2]) * dt
         s[S_GSENS + 4 * i + 3] += (b * f[2] + d * f[1]) * dt
-        s[S_LAG + i] += (d * ey - b * ez) * wx * dt
-        s[S_FORCE + i] += (a * fx + b * fy + d * fz) * dt
+    s[S_LEAD] += (half[2] * fy - half[1] * fz) * wx * dt
+    s[S_LEAD + 1] += (half[5] * fy - half[4] * fz) * wx * dt
     x[VEL] += (half[0] * fx + half[1] * fy + half[2] * fz) * dt
     x[VEL + 1] += (half[3] * fx + half[4] * fy + half[5] * fz) * dt
     s[S_TURN] += wx * dt
@@ -550,8 +589,8 @@ def transition(k: Array, x: Array, s: Array, phi: Array) -> None:
     phi[0, 1], phi[0, 2], phi[1, 0], phi[1, 2], phi[2, 0], phi[2, 1] = ed, -ee, -ed, en, ee, -en
     phi[0, EARTH], phi[1, EARTH + 1] = -t, -t
     for i in range(3):
-        for j in range(3):
-            phi[i, BIAS + j] = -s[S_MAT + 3 * i + j]
+        phi[i, BIAS] = -s[S_MAT + 3 * i]
+        phi[i, BIAS + 1], phi[i, BIAS + 2] = -s[S_BIAS + 2 * i], -s[S_BIAS + 2 * i + 1]
         phi[i, SCALE] = -s[S_SCALE + i]
         phi[i, LEAK] = -s[S_LEAK + 2 * i]
         phi[i, LEAK + 1] = -s[S_LEAK + 2 * i + 1]
@@ -566,6 +605,8 @@ def transition(k: Array, x: Array, s: Array, phi: Array) -> None:
         m2 = 0.5 * (phi[2, j] + (1.0 if j == 2 else 0.0))
         phi[3, j] += m1 * fz - m2 * fy
         phi[4, j] += m2 * fx - m0 * fz
+    phi[3, LEAD] += s[S_LEAD]
+    phi[4, LEAD] += s[S_LEAD + 1]
     for j in range(3):
         phi[3, FORCE + j] -= s[S_MAT + j]
         phi[4, FORCE + j] -= s[S_MAT + 3 + j]
@@ -705,6 +746,8 @@ def _begin(k: Array, mat: Array, x: Array, P: Array, s: Array) -> None:
     P[BIAS, BIAS] = k[K_BX] ** 2
     P[SCALE, SCALE] = k[K_SCALE] ** 2
     P[LAG, LAG] = k[K_LAG] ** 2
+    x[LEAD] = k[K_LEAD0]
+    P[LEAD, LEAD] = k[K_LEAD] ** 2
     for j in range(3):
         P[FORCE + j, FORCE + j] = k[K_BA] ** 2
     P[ROLL, ROLL] = 0.05**2
@@ -859,7 +902,7 @@ def _run(
                 continue
             _begin(k, mat, x, P, s)
             m[PHASE] = SETTLING
-        elif s[S_TIME] >= k[K_BLOCK] - 1e-9:
+        elif s[S_TIME] >= k[K_BLOCK] - 1e-9 or abs(s[S_TURN]) > _BLOCK_TURN:
             transition(k, x, s, phi)
             _predict(k, s, phi, P, rows)
             _measure(k, mat, x, P, s, m, dx, h, gain)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pathlib
 
 import numpy as np
 import pytest
@@ -11,9 +12,11 @@ from hypothesis import strategies as st
 from north_signals import DEG_H, felt, motion, still
 from numpy.testing import assert_allclose
 
-from mwd_estimation import fusion, north_seek
+from mwd_estimation import fusion, magnetics, north_seek
 from mwd_estimation.fusion import GYRO, Candidate
+from mwd_sensors import scenario
 from mwd_sensors.frames import wrap_pi
+from mwd_sensors.sonde import Sonde
 
 DEG = math.radians(1.0)
 # S1 table 2 (field): dip of the gyro column, azimuth of the conventional and of the gyro tool, deg.
@@ -152,12 +155,20 @@ def test_s1_field_case_follows_the_gyro_where_the_magnetic_tool_is_22_degrees_of
     assert "sigma) from gyro and its check failed: total field 3100 nT off" in fused.alarm
 
 
-def test_without_a_failed_check_the_more_certain_wins_and_its_sigma_covers_the_difference() -> None:
+def test_where_no_check_failed_the_gyro_wins_over_steel_and_the_alarm_is_raised() -> None:
     fused = fusion.fuse([candidate("axial", 100.0, 0.5), candidate("gyro", 110.0, 1.0)])
+    assert fused.azimuth / DEG == pytest.approx(110.0)
+    assert fused.sigma / DEG == pytest.approx(1.0)
+    assert "axial azimuth is -10.0 deg (8.9 sigma) from gyro; gyro is used, because steel" in fused.alarm
+    assert fused.reasons[0] == fused.alarm
+
+
+def test_between_equals_the_more_certain_wins_and_its_sigma_covers_the_difference() -> None:
+    pair = [candidate("gyro", 100.0, 0.5), Candidate("gyro still", 110.0 * DEG, 1.0 * DEG, GYRO)]
+    fused = fusion.fuse(pair)
     assert fused.azimuth / DEG == pytest.approx(100.0)
     assert fused.sigma / DEG == pytest.approx(math.hypot(0.5, 10.0))
-    assert "gyro azimuth is +10.0 deg (8.9 sigma) from axial" in fused.alarm
-    assert fused.reasons[1]
+    assert "no check says which is wrong" in fused.alarm
 
 
 def test_raw_gives_way_to_corrected_without_widening() -> None:
@@ -194,3 +205,53 @@ def test_nothing_usable_gives_no_azimuth_and_says_why() -> None:
 def test_shared_terms_larger_than_sigma_are_an_error() -> None:
     with pytest.raises(ValueError, match="more than its sigma"):
         fusion.fuse([candidate("raw", 1.0, 0.1, shared={"declination": 0.2 * DEG})])
+
+
+def test_s1_field_scenario_from_raw_samples_to_the_fused_azimuth() -> None:
+    path = pathlib.Path(__file__).resolve().parents[2] / "bags" / "scenarios" / "s1_field.yaml"
+    sonde = Sonde(scenario.read(path))
+    blocks = []
+    for block in sonde.blocks(8.0):
+        blocks.append(block)
+        if len(blocks) == 16:
+            break
+    ahrs, mag, precision, truth = (
+        np.concatenate([block[topic] for block in blocks])
+        for topic in ("imu/data_raw", "imu/mag", "gyro/data_raw", "truth")
+    )
+    rates = north_seek.dual_unit(
+        precision["stamp_ns"], precision["angular_velocity"], ahrs["stamp_ns"], ahrs["angular_velocity"], 300.0 * DEG
+    )
+    # The figures of the grade tactical_north.
+    params = north_seek.Params(
+        latitude_deg=43.8,
+        gravity=sonde.reference.gravity,
+        gyro_noise_deg_rth=0.05,
+        gyro_x_noise_deg_rth=0.05,
+        gyro_bias_deg_h=5.0,
+        gyro_x_bias_deg_h=5.0,
+        scale_x_ppm=300.0,
+        leak_urad=300.0,
+        lead_sigma_ms=3.0,
+        g_sensitivity_deg_h_g=0.5,
+        accel_bias_ug=300.0,
+        gyro_walk_deg_h_rth=0.1,
+    )
+    state = north_seek.initial()
+    north_seek.run(params, state, precision["stamp_ns"], rates, precision["linear_acceleration"])
+    north = north_seek.solution(params, state)
+    assert north.success, north.reason
+    assert north.method == "two_position"
+    at_rest = slice(500, 5000)
+    read = magnetics.raw_azimuth(
+        ahrs["linear_acceleration"][at_rest].mean(axis=0), mag["magnetic_field"][at_rest].mean(axis=0)
+    )
+    steel = Candidate("raw", float(read) + sonde.reference.declination, 1.0 * DEG)
+    azimuth = float(truth["azimuth"][-1])
+    assert abs(wrap_pi(steel.azimuth - azimuth)) > 20.0 * DEG
+    fused = fusion.fuse([steel, Candidate("gyro", north.azimuth, north.sigma, GYRO)])
+    assert fused.method == "gyro"
+    assert "steel" in fused.alarm
+    error = abs(float(wrap_pi(fused.azimuth - azimuth)))
+    assert error < 2.0 * DEG
+    assert error < 2.5 * fused.sigma

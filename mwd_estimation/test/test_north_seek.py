@@ -134,6 +134,17 @@ def test_a_known_lag_of_one_millisecond_is_undone() -> None:
     assert np.abs(error / sigma).max() < 3.0
 
 
+def test_an_accelerometer_ahead_of_the_gyros_shows_in_the_spin_up() -> None:
+    late = motion(67.5, 34.0 * DEG, 1.0, 0.5, lambda t: spin_up(60.0)(t - 0.002), RATE)
+    now = motion(67.5, 34.0 * DEG, 1.0, 0.5, spin_up(60.0), RATE)
+    clean = dataclasses.replace(late, accel_t=now.accel_t)
+    params = settings("rotating", 0.01, 34.0, lead_sigma_ms=5.0)
+    error, sigma, found = monte_carlo(params, clean, runs=20)
+    assert found.success, found.reason
+    assert np.abs(error / sigma).max() < 3.5
+    assert np.sqrt(np.mean(error**2)) < 1.4 * found.limit
+
+
 def test_g_sensitivity_is_admitted_and_then_calibrated_away() -> None:
     g_matrix = np.array([[3.0, -1.5], [2.5, 4.0]]) * DEG_H / G0
     params = settings("rotating", 0.01, 34.0, g_sensitivity_deg_h_g=3.6)
@@ -247,7 +258,7 @@ def test_transition_is_the_derivative_of_the_integration() -> None:
     x = np.zeros(STATES)
     x[EARTH : north_seek.AXIS] = rng.standard_normal(north_seek.AXIS - EARTH) * 1e-3
     x[EARTH : EARTH + 2] = [0.006, -0.004]
-    x[north_seek.LAG] = 0.0
+    x[north_seek.LAG] = 0.02
     mat = mat_nt(1.1, 0.3, 0.7)
     rates, forces = rng.standard_normal((10, 3)) * 0.3, rng.standard_normal((10, 3)) * 4.0
     rates[:, 0] += 3.0
@@ -264,7 +275,7 @@ def test_transition_is_the_derivative_of_the_integration() -> None:
     phi = np.zeros((5, STATES))
     north_seek.transition(k, x, sums, phi)
     numeric, step = np.zeros((5, STATES)), 1e-5
-    for j in range(north_seek.AXIS):
+    for j in [*range(north_seek.AXIS), north_seek.LEAD]:
         (m1, y1, _), (m0, y0, _) = after(step * np.eye(STATES)[j]), after(-step * np.eye(STATES)[j])
         difference = Rotation.from_matrix(m1 @ base.T).as_rotvec() - Rotation.from_matrix(m0 @ base.T).as_rotvec()
         numeric[:3, j] = difference / (2.0 * step)
@@ -314,3 +325,13 @@ def test_the_conventional_x_gyro_stands_in_for_a_precision_x_gyro_that_clips() -
     assert_array_equal(north_seek.dual_unit(stamps, slow, stamps, 0.0 * ahrs, 7.0), slow)
     with pytest.raises(ValueError, match="no sample"):
         north_seek.dual_unit(stamps, precision, [], np.zeros((0, 3)), 7.0)
+
+
+def test_a_gyro_far_from_its_statement_is_named() -> None:
+    clean = motion(40.0, 34.0 * DEG, 1.0, 1.0, still, RATE)
+    params, state = settings("still", 0.05, 34.0), north_seek.initial()
+    gyro = clean.gyro_t + np.array([30.0, 0.0, 0.0]) * DEG_H
+    north_seek.run(params, state, clean.stamp_ns, gyro, clean.accel_t)
+    found = north_seek.solution(params, state)
+    assert not found.success
+    assert "gyro bias comes out at" in found.reason or "does not fit latitude" in found.reason
