@@ -11,6 +11,8 @@ from mwd_surface.commands.bag import bag, recover
 from mwd_surface.commands.doctor import doctor
 from mwd_surface.commands.node import PASS_ON, node
 from mwd_surface.commands.process import process
+from mwd_surface.commands.replay import replay
+from mwd_surface.commands.run import run
 from mwd_surface.commands.scenario import scenario, simulate
 from mwd_surface.commands.survey import survey
 from mwd_surface.commands.version import version
@@ -25,6 +27,8 @@ app = typer.Typer(
     help="Measurement while drilling on ROS 2: run, record, replay and reprocess.",
 )
 _LIVE, _RECORDINGS, _MACHINE = "Live", "Recordings", "This machine"
+app.command(rich_help_panel=_LIVE)(run)
+app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(replay)
 app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(node)
 app.command(rich_help_panel=_RECORDINGS)(process)
 app.command(rich_help_panel=_RECORDINGS)(survey)

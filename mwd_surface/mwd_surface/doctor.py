@@ -20,7 +20,7 @@ import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-PAGE_PORT = 8760
+PAGE_PORT = 8080
 _PYTHONS = ((3, 11), (3, 12))
 _LEAST_DISK = 2 * 10**9
 _LEAST_SHARED_MEMORY = 64 * 10**6

@@ -50,6 +50,7 @@ class InputSettings:
     mag_unit: str = setting("T", "Unit of the magnetic field", choices=tuple(units.FACTORS["field"]))
     start_s: float = setting(0.0, "Begin so long after the first message", unit="s", low=0.0)
     end_s: float = setting(math.inf, "End so long after the first message", unit="s", low=0.0)
+    same_axes: bool = setting(False, "IMU and magnetometer share axes although their frames have different names")
     partial: bool = setting(False, "Use what can be read of a bag that is cut off or damaged")
     sensor_to_bit_m: float = setting(0.0, "Sonde behind the bit", unit="m", low=0.0, high=100.0)
 
@@ -293,7 +294,7 @@ def _estimate(
     progress: Callable[[float], None],
 ) -> Summary:
     summary = Summary(topics)
-    summary.warnings += _frames(bag, topics)
+    differ = _frames_differ(bag, topics)
     pipeline = Pipeline(estimator)
     depth = DepthTrack()
 
@@ -305,6 +306,9 @@ def _estimate(
     end_ns = bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
     last_ns = min(bag.end_ns, end_ns) if end_ns is not None else bag.end_ns
     use_mag = topics.mag is not None
+    if differ and not given.same_axes:
+        use_mag = False
+        summary.warnings.append(f"{differ}: the magnetometer is not used; if they share axes say --same-axes")
     held: wire.Samples | None = None
     first = True
     for block in bag.blocks(topics.all, start_ns, end_ns):
@@ -397,10 +401,10 @@ def _check_units(block: Block, topics: Topics, given: InputSettings, summary: Su
     return False
 
 
-def _frames(bag: Bag, topics: Topics) -> list[str]:
-    """A warning where IMU and magnetometer name different frames."""
+def _frames_differ(bag: Bag, topics: Topics) -> str:
+    """Which frames IMU and magnetometer name, where they name different ones; else empty."""
     if topics.mag is None:
-        return []
+        return ""
     found: dict[str, str] = {}
     for count, (_, name, _, data) in enumerate(bag.messages([topics.imu, topics.mag])):
         with contextlib.suppress(wire.WireError):
@@ -408,9 +412,8 @@ def _frames(bag: Bag, topics: Topics) -> list[str]:
         if len(found) == 2 or count > _FRAMES_LOOKED_AT:
             break
     if len(set(found.values())) < 2:
-        return []
-    both = " and ".join(f"{name} {frame!r}" for name, frame in found.items())
-    return [f"frame names differ: {both}; taken as the same axes"]
+        return ""
+    return " and ".join(f"{name} is in {frame!r}" for name, frame in found.items())
 
 
 def _refuse_damaged(bag: Bag, given: InputSettings) -> None:

@@ -1,27 +1,31 @@
-"""The command as people call it: a process of its own, its status and its words."""
+"""The command as people call it: its words on the line, its status and what it says."""
 
+import contextlib
 import csv
-import os
+import io
 import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+
+from mwd_surface import cli
 
 ROOT = Path(__file__).resolve().parents[2]
 VOLVE = ROOT.parent / "shared" / "data" / "volve" / "volve_F5_raw_sixaxis.csv"
 
 
-def mwd(*words, **environment):
-    return subprocess.run(
-        [sys.executable, "-m", "mwd_surface.cli", *map(str, words)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-        env={**os.environ, "NO_COLOR": "1", "TERM": "dumb", **environment},
-    )
+def mwd(*words):
+    out, err, before = io.StringIO(), io.StringIO(), sys.argv
+    sys.argv = ["mwd", *map(str, words)]
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as ended:
+            cli.main()
+    finally:
+        sys.argv = before
+    return SimpleNamespace(returncode=ended.value.code or 0, stdout=out.getvalue(), stderr=err.getvalue())
 
 
 def refused(done, *parts):
@@ -33,7 +37,8 @@ def refused(done, *parts):
 
 def test_help_names_every_command_and_is_quick():
     began = time.monotonic()
-    done = mwd("--help")
+    words = [sys.executable, "-m", "mwd_surface.cli", "--help"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0
     for command in (
         "run",
@@ -53,7 +58,7 @@ def test_help_names_every_command_and_is_quick():
     assert time.monotonic() - began < 3.0
 
 
-@pytest.mark.parametrize("command", ["simulate", "process", "survey", "node", "recover", "doctor"])
+@pytest.mark.parametrize("command", ["run", "simulate", "process", "replay", "survey", "node", "recover", "doctor"])
 def test_every_command_has_an_example(command):
     done = mwd(command, "--help")
     assert done.returncode == 0

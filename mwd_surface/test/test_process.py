@@ -261,10 +261,13 @@ def test_a_part_of_the_time_can_be_chosen(tmp_path):
     assert summary.start_ns == START + 2_000_000_000
 
 
-def test_frames_of_different_names_are_pointed_out(tmp_path):
+def test_a_magnetometer_in_another_frame_is_not_used_until_told(tmp_path):
     recording(tmp_path / "bag", seconds=2.0, frames=("imu_link", "mag_link"))
     summary = run(tmp_path / "bag", tmp_path / "out")
     assert any("'imu_link'" in warning and "'mag_link'" in warning for warning in summary.warnings)
+    assert summary.without_azimuth == summary.rows
+    summary = run(tmp_path / "bag", tmp_path / "out", same_axes=True)
+    assert summary.without_azimuth < summary.rows
 
 
 def test_results_replace_older_ones_and_leave_other_files_alone(tmp_path):

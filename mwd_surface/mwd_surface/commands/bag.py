@@ -20,8 +20,6 @@ def info(path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder, .mcap
     Example:
       mwd bag info bags/run_7
     """
-    from rich.table import Table
-
     from mwd_surface.bag_reader import Bag
     from mwd_surface.commands import terminal
 
@@ -31,13 +29,14 @@ def info(path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder, .mcap
         size = sum(file.stat().st_size for file in ([path] if path.is_file() else path.iterdir()) if file.is_file())
         console.print(f"{path}: {opened.message_count} messages, {size / 1e6:.1f} MB", markup=False)
         console.print(f"from {start:%Y-%m-%d %H:%M:%S} UTC, {opened.duration_s:.1f} s", markup=False)
-        table = Table()
-        for name, justify in (("topic", "left"), ("type", "left"), ("messages", "right"), ("Hz", "right")):
-            table.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-        for topic in sorted(opened.topics.values(), key=lambda one: one.name):
+        topics = sorted(opened.topics.values(), key=lambda one: one.name)
+        longest = max(len(topic.name) for topic in topics)
+        kinds = max(len(topic.type_name) for topic in topics)
+        for topic in topics:
             rate = (topic.count - 1) / opened.duration_s if topic.count > 1 and opened.duration_s > 0.0 else 0.0
-            table.add_row(topic.name, topic.type_name, str(topic.count), f"{rate:.1f}" if rate else "-")
-        console.print(table)
+            often = f"{rate:9.1f} Hz" if rate else ""
+            line = f"  {topic.name:<{longest}}  {topic.type_name:<{kinds}}  {topic.count:>9}{often}"
+            console.print(line.rstrip(), markup=False)
         for attachment in opened.attachments():
             console.print(f"attached: {attachment.name} ({len(attachment.data)} bytes)", markup=False)
         for note in opened.notes:

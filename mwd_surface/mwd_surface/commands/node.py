@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import sys
+from collections.abc import Callable, Sequence
 
 import typer
 
@@ -21,6 +22,7 @@ MODULES = {
     Node.ESTIMATOR: "mwd_estimation.nodes.estimator",
     Node.SURFACE: "mwd_surface.nodes.surface",
 }
+_ROS_PACKAGES = ("rclpy", "mwd_msgs", "rcl_interfaces", "sensor_msgs", "rosgraph_msgs", "std_srvs", "tf2_msgs")
 PASS_ON = {"allow_extra_args": True, "ignore_unknown_options": True}
 
 
@@ -34,12 +36,29 @@ def node(context: typer.Context, name: Node) -> None:
       mwd node estimator --ros-args -r __ns:=/well_2 -p method:=s3
       mwd node surface --ros-args --params-file surface.yaml
     """
+    import os
+
+    from mwd_surface.supervise import die_with_supervisor
+
+    die_with_supervisor(os.environ)
+    sys.exit(node_main(MODULES[name])([name.value, *context.args]))
+
+
+def node_main(module: str) -> Callable[[Sequence[str]], int]:
+    """
+    The main function of a node.
+
+    Raises
+    ------
+    OSError
+        ROS is not installed for this Python.
+    """
     import importlib
 
     try:
-        module = importlib.import_module(MODULES[name])
+        main: Callable[[Sequence[str]], int] = importlib.import_module(module).main
     except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] not in ("rclpy", "mwd_msgs", "rcl_interfaces", "sensor_msgs"):
+        if (error.name or "").partition(".")[0] not in _ROS_PACKAGES:
             raise
-        raise OSError(f"{error.name} is not installed here: `mwd doctor` says how to get it") from error
-    sys.exit(module.main([name.value, *context.args]))
+        raise OSError(f"{error.name} is not installed for this Python: `mwd doctor` says how to get it") from error
+    return main

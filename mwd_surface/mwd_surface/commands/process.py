@@ -48,6 +48,10 @@ def process(
     sensor_to_bit: Annotated[
         float | None, typer.Option(help="Sonde behind the bit, m, for depths.", rich_help_panel=_INPUT)
     ] = None,
+    same_axes: Annotated[
+        bool,
+        typer.Option("--same-axes", help="IMU and magnetometer share axes under two names.", rich_help_panel=_INPUT),
+    ] = False,
     partial: Annotated[
         bool, typer.Option("--partial", help="Use what can be read of a damaged bag.", rich_help_panel=_INPUT)
     ] = False,
@@ -89,6 +93,7 @@ def process(
         "start_s": start,
         "end_s": end,
         "sensor_to_bit_m": sensor_to_bit,
+        "same_axes": same_axes,
         "partial": partial,
     }
     given = settings.from_mapping(batch.InputSettings, {k: v for k, v in asked.items() if v is not None})

@@ -38,3 +38,27 @@ def progress(words: str) -> Iterator[Callable[[float], None]]:
     with Progress(*columns, console=remarks(), transient=True) as bar:
         task = bar.add_task(words, total=1.0)
         yield lambda share: bar.update(task, completed=share)
+
+
+@contextlib.contextmanager
+def waiting(words: str) -> Iterator[None]:
+    """A moving sign of life on a terminal, one plain line elsewhere."""
+    if not sys.stderr.isatty():
+        remarks().print(words, markup=False)
+        yield
+        return
+    with remarks().status(words):
+        yield
+
+
+@contextlib.contextmanager
+def live_line() -> Iterator[Callable[[str], None]]:
+    """One line that is replaced by the next on a terminal; nothing elsewhere."""
+    if not sys.stderr.isatty():
+        yield lambda _words: None
+        return
+    from rich.live import Live
+    from rich.text import Text
+
+    with Live(Text(""), console=remarks(), transient=True, auto_refresh=False) as live:
+        yield lambda words: live.update(Text(words, no_wrap=True, overflow="ellipsis"), refresh=True)

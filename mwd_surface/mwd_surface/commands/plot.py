@@ -1,0 +1,58 @@
+"""`mwd plot`: a picture of a recording."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def plot(
+    bag: Annotated[Path, typer.Argument(help="Folder of a rosbag2 recording, or its .mcap or .db3 file.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Picture to write: .png or .svg.")],
+    what: Annotated[
+        str,
+        typer.Option(
+            "--what", help="Any of sensors, rig, truth, attitude, surveys, spectra, allan, with commas; or all."
+        ),
+    ] = "sensors,attitude,surveys",
+    start: Annotated[float, typer.Option(help="Begin so many seconds after the first message.")] = 0.0,
+    end: Annotated[float | None, typer.Option(help="End so many seconds after the first message.")] = None,
+    topic: Annotated[list[str] | None, typer.Option(help="Only this topic; may be repeated.")] = None,
+) -> None:
+    """
+    Draw a recording: sensors, rig, truth, attitude, surveys, spectra, Allan deviation.
+
+    Of a long recording the lowest and highest values are drawn, so that no spike is lost; memory stays constant.
+
+    \b
+    Examples:
+      mwd plot bags/run_7 -o run_7.png
+      mwd plot bags/run_7 -o vibration.svg --what spectra --start 60 --end 120
+      mwd plot bags/run_7 -o all.png --what all
+      mwd plot bags/two_wells -o well_2.png --topic /well_2/imu/data_raw --topic /well_2/imu/mag
+    """
+    from mwd_surface import bag_plots
+    from mwd_surface.bag_reader import Bag
+    from mwd_surface.commands import terminal
+    from mwd_surface.plot_data import gather
+    from mwd_surface.traces import WHAT
+
+    kind = output.suffix.lower().removeprefix(".")
+    if kind not in ("png", "svg"):
+        raise ValueError(f"--output {output}: a picture is written as .png or .svg")
+    words = [word.strip() for word in what.split(",") if word.strip()]
+    words = list(WHAT) if words == ["all"] else words
+    if not words:
+        raise ValueError(f"--what {what!r}: name at least one of {', '.join(WHAT)}")
+    with Bag(bag) as opened, terminal.progress(f"reading {bag.name}") as progress:
+        data = gather(opened, words, start, math.inf if end is None else end, topic or (), progress=progress)
+        notes = list(dict.fromkeys(opened.notes))
+    picture = bag_plots.image(bag_plots.figure(data, words), kind)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    output.write_bytes(picture)
+    for note in [*notes, *data.remarks]:
+        terminal.warn(note)
+    terminal.output().print(f"{output}: {len(data.panels)} panels over {data.seconds:.1f} s", markup=False)

@@ -1,0 +1,63 @@
+"""`mwd replay`: a recording published again, for nodes to work on as if it were live."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+
+def replay(
+    context: typer.Context,
+    bag: Annotated[Path, typer.Argument(help="Folder of a recording, or its .mcap or .db3 file.")],
+    rate: Annotated[float, typer.Option(help="Seconds of the recording in a second; 0: as fast as possible.")] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end, until Ctrl-C.")] = False,
+    start: Annotated[float, typer.Option(help="Begin so many seconds after the first message.")] = 0.0,
+    end: Annotated[float | None, typer.Option(help="End so many seconds after the first message.")] = None,
+    topic: Annotated[list[str] | None, typer.Option(help="Publish only this topic. May be repeated.")] = None,
+    sensors: Annotated[bool, typer.Option("--sensors", help="Publish only what sonde and rig publish.")] = False,
+    no_clock: Annotated[bool, typer.Option("--no-clock", help="Publish no /clock.")] = False,
+    wait: Annotated[float, typer.Option(help="Wait up to so many seconds for a listener.")] = 3.0,
+) -> None:
+    """
+    Publish a recording, with its own stamps, in its own order, and with /clock.
+
+    Remappings and the like can follow after --ros-args.
+
+    \b
+    Examples:
+      mwd replay bags/run_7
+      mwd replay bags/run_7 --sensors --rate 5 --start 60 --end 120
+      mwd replay bags/run_7 --loop --ros-args -r /well_1/imu/mag:=/well_2/imu/mag
+    """
+    import os
+
+    from mwd_surface.bag_reader import Bag
+    from mwd_surface.commands.node import node_main
+    from mwd_surface.launch_plan import parameter_words
+    from mwd_surface.supervise import die_with_supervisor
+
+    die_with_supervisor(os.environ)
+    # Said here, before any middleware starts.
+    Bag(bag).close()
+    if end is not None and end <= start:
+        raise ValueError(f"--end {end:g}: must be after --start {start:g}")
+    given: dict[str, Any] = {
+        "bag": str(bag.resolve()),
+        "rate": rate,
+        "loop": loop,
+        "start_s": start,
+        "end_s": end or 0.0,
+        "sensors_only": sensors,
+        "wait_for_listener_s": wait,
+    }
+    given |= {"topics": topic} if topic else {}
+    given |= {"clock_hz": 0.0} if no_clock else {}
+    words = ["replay", "--ros-args", *parameter_words(given), *_extra(context.args)]
+    sys.exit(node_main("mwd_surface.nodes.replay")(words))
+
+
+def _extra(words: list[str]) -> list[str]:
+    return words[1:] if words[:1] == ["--ros-args"] else words

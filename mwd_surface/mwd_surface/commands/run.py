@@ -1,0 +1,273 @@
+"""`mwd run`: the whole graph of one well, from simulated sonde to live page and recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from mwd_surface.score import Scored
+    from mwd_surface.supervise import Supervisor
+
+_READY_WITHIN = 120.0  # s; the first start on a machine compiles the filters
+_SETTLE = 1.5  # s between the last sample and the end, for what is still on its way
+_POLL = 0.1
+
+
+def run(
+    scenario: Annotated[str, typer.Argument(help="Name (see `mwd scenario list`) or YAML file.")] = "default",
+    well: Annotated[str, typer.Option(help="Name of the well: the namespace of its topics.")] = "well_1",
+    port: Annotated[int | None, typer.Option(help="Port of the live page; by default 8080 or a free one.")] = None,
+    rate: Annotated[float, typer.Option(help="Seconds of the run in a second; 0: as fast as possible.")] = 1.0,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for recording, surveys and logs; else out/TIME_WELL.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Replaces the scenario's seed.")] = None,
+    method: Annotated[str | None, typer.Option(help="Gravity extraction of the estimator.")] = None,
+    no_record: Annotated[
+        bool, typer.Option("--no-record", help="Record nothing; there is no table at the end.")
+    ] = False,
+) -> None:
+    """
+    Play a scenario through the whole graph: sonde, estimator, surface, live page and recording.
+
+    Ends with the scenario or with Ctrl-C, and then compares each survey with the truth. Several runs can go on side by
+    side: each has a middleware domain, a port and a folder of its own.
+
+    \b
+    Examples:
+      mwd run
+      mwd run horizontal_east_west --rate 5
+      mwd run --well pad_7/well_2 --port 8082 -o logs/well_2
+    """
+    import os
+
+    from mwd_sensors import scenario_files
+    from mwd_sensors.scenario import read
+    from mwd_surface import launch_plan
+    from mwd_surface.commands import terminal
+    from mwd_surface.supervise import Order, Supervisor, SupervisorError
+
+    namespace = launch_plan.checked_well(well)
+    path = scenario_files.find(scenario).resolve()
+    story = read(path, {} if seed is None else {"seed": seed})
+    if not 0.0 <= rate <= 1000.0:
+        raise ValueError(f"--rate {rate:g}: must be from 0 to 1000")
+    folder = _new_folder(output, namespace)
+    logs = folder / "logs"
+    logs.mkdir(parents=True, exist_ok=True)
+    console = terminal.output()
+    name = folder.name if output is None else f"{namespace.replace('/', '_')}_{_now_text()}"
+    surface: dict[str, Any] = {
+        "folder": str(folder.resolve()),
+        "record.enabled": not no_record,
+        "record.name": name,
+        "well.name": namespace,
+        "well.sensor_to_bit": story.well.sensor_to_bit_m,
+    }
+    estimator = launch_plan.reference_parameters(story) | ({"method": method} if method else {})
+    sonde: dict[str, Any] = {
+        "scenario": str(path),
+        "rate": rate,
+        "exit_at_end": True,
+        "fault_injection": True,
+        "wait_for_listener_s": 10.0,
+    }
+    sonde |= {"seed": seed} if seed is not None else {}
+    own_domain, page_port = launch_plan.own_domain(os.environ), launch_plan.page_port(port)
+    with own_domain as domain, page_port as page, _Interrupts() as interrupts:
+        parameters = {"surface": surface | {"page.port": page}, "estimator": estimator, "sonde": sonde}
+        orders = {
+            node: Order(node, launch_plan.node_words(node, namespace, given), logs / f"{node}.log")
+            for node, given in parameters.items()
+        }
+        address = f"http://127.0.0.1:{page}/"
+        environment = launch_plan.graph_environment(os.environ, domain, logs)
+        supervisor = Supervisor(environment, terminal.warn)
+        try:
+            for node in ("surface", "estimator"):
+                supervisor.start(orders[node])
+            if _wait_until_ready(supervisor, interrupts, address, logs):
+                console.print(f"{story.name}: page at {address} (well /{namespace}, domain {domain})", markup=False)
+                supervisor.start(orders["sonde"])
+                _play(supervisor, interrupts, address, story.name)
+        except SupervisorError as error:
+            terminal.warn(f"{error}; logs in {logs}")
+            raise typer.Exit(1) from error
+        finally:
+            killed = supervisor.stop((("sonde", "estimator"), ("surface",)))
+    for node in killed:
+        terminal.warn(f"{node} did not end by itself and was killed")
+    _conclude(console, folder / namespace.replace("/", "_") / "bags" / name, no_record)
+    console.print(f"surveys and logs: {folder}", markup=False)
+
+
+class _Interrupts:
+    """Counts SIGINT and SIGTERM while the block runs."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __enter__(self) -> _Interrupts:
+        import signal
+
+        def note(_number: int, _frame: Any) -> None:
+            self.count += 1
+
+        self._before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        import signal
+
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+
+def _now_text() -> str:
+    import datetime
+
+    return f"{datetime.datetime.now(tz=datetime.UTC):%Y%m%d_%H%M%S}"
+
+
+def _new_folder(output: Path | None, namespace: str) -> Path:
+    if output is not None:
+        output.mkdir(parents=True, exist_ok=True)
+        return output
+    base = Path("out") / f"{_now_text()}_{namespace.replace('/', '_')}"
+    folder, k = base, 1
+    while folder.exists():
+        k += 1
+        folder = base.with_name(f"{base.name}_{k}")
+    folder.mkdir(parents=True)
+    return folder
+
+
+def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: str, logs: Path) -> bool:
+    """Until the page answers and says that the estimator is active; False when interrupted."""
+    import time
+
+    from mwd_surface.commands import terminal
+    from mwd_surface.supervise import SupervisorError
+
+    began = time.monotonic()
+    with terminal.waiting("starting the nodes"):
+        while not interrupts.count:
+            supervisor.watch()
+            rows = _state(address).get("findings", {}).get("rows", [])
+            if any(row["name"].endswith("estimator: lifecycle") and row["message"] == "active" for row in rows):
+                return True
+            for log in logs.glob("*.log"):
+                # A node that cannot open its topics, files or port lives on, unconfigured, for somebody to mend it.
+                _, said, reason = log.read_text(errors="replace").partition("cannot configure: ")
+                if said:
+                    raise SupervisorError(f"{log.stem} cannot start: {reason.splitlines()[0]}")
+            if time.monotonic() - began > _READY_WITHIN:
+                raise SupervisorError(f"the nodes are not ready after {_READY_WITHIN:.0f} s")
+            time.sleep(_POLL)
+    return False
+
+
+def _play(supervisor: Supervisor, interrupts: _Interrupts, address: str, name: str) -> None:
+    """Until the scenario is over or somebody interrupts."""
+    import time
+
+    from mwd_surface.commands import terminal
+    from mwd_surface.live_words import live_words
+
+    said = 0.0
+    over: float | None = None
+    with terminal.live_line() as show:
+        while not interrupts.count:
+            supervisor.watch()
+            now = time.monotonic()
+            if over is None and supervisor.finished("sonde"):
+                over = now
+            if over is not None and now - over > _SETTLE:
+                return
+            if now - said > 0.5:
+                said = now
+                show(f"{name}: {live_words(_state(address))}")
+            time.sleep(_POLL)
+
+
+def _state(address: str) -> dict[str, Any]:
+    """What the page shows; empty while it does not answer."""
+    import json
+    import urllib.request
+
+    # Past any proxy: the page is on this machine.
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    try:
+        with opener.open(f"{address}state.json", timeout=1.0) as answer:
+            state = json.load(answer)
+    except (OSError, ValueError):
+        return {}
+    return state.get("sections", {}) if isinstance(state, dict) else {}
+
+
+def _conclude(console: Console, bag: Path, no_record: bool) -> None:
+    from mwd_surface.bag_reader import Bag, BagError
+    from mwd_surface.commands import terminal
+    from mwd_surface.score import score
+
+    if no_record:
+        return
+    try:
+        with Bag(bag) as opened:
+            _show_scores(console, score(opened))
+            for note in opened.notes:
+                terminal.warn(note)
+            console.print(f"recording: {bag} ({opened.message_count} messages)", markup=False)
+    except BagError as error:
+        terminal.warn(str(error))
+
+
+def _show_scores(console: Console, scored: list[Scored]) -> None:
+    import math
+
+    from rich.table import Table
+    from rich.text import Text
+
+    from mwd_surface.commands.survey_table import COLOURS
+
+    if not scored:
+        console.print("no survey was taken", markup=False)
+        return
+    table = Table(
+        title="surveys against the truth (deg, azimuth from true north)",
+        title_justify="left",
+        box=None,
+        padding=(0, 1, 0, 0),
+        header_style="dim",
+    )
+    columns = ("no", "depth m", "incl", "error", "azi", "error", "sigma", "true", "uncorr", "corr")
+    for column in columns:
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+
+    def deg(value: float | None, sign: str = "") -> str:
+        return "-" if value is None else f"{math.degrees(value):{sign}.2f}"
+
+    for row in scored:
+        verdict = row.verdict.name.lower()
+        table.add_row(
+            str(row.sequence),
+            f"{row.measured_depth:.1f}",
+            deg(row.measured_inclination),
+            deg(row.inclination_error, "+"),
+            deg(row.chosen),
+            deg(row.azimuth_error, "+"),
+            deg(row.sigma_azimuth),
+            deg(row.azimuth),
+            deg(row.raw),
+            deg(row.corrected),
+            Text(verdict, style=COLOURS[verdict]),
+        )
+    console.print(table, soft_wrap=False)
+    for row in scored:
+        console.print(f"{row.sequence:>4}: {'; '.join(row.reasons)}", markup=False)

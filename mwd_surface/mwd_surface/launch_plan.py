@@ -1,0 +1,185 @@
+"""
+What `mwd run` starts: the arguments of each node for one well, and what keeps two runs on one machine apart.
+
+A run owns a middleware domain nobody else uses, a page port and a folder.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import math
+import os
+import socket
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TextIO
+
+from mwd_sensors.scenario import Scenario, parse_date
+
+FIRST_PORT = 8080
+_PORTS = 100
+# Domains up to 101 leave their ports below the ephemeral range of Linux.
+_DOMAINS = range(1, 101)
+_BASE_PORT, _PER_DOMAIN = 7400, 250
+
+
+def node_words(name: str, namespace: str, parameters: Mapping[str, Any]) -> list[str]:
+    """Words that run a node of the graph in this Python, with its parameters."""
+    words = [sys.executable, "-P", "-m", "mwd_surface.cli", "node", name, "--ros-args", "-r", f"__ns:=/{namespace}"]
+    return [*words, *parameter_words(parameters)]
+
+
+def parameter_words(parameters: Mapping[str, Any]) -> list[str]:
+    """Parameters as the words that follow --ros-args."""
+    return [word for key, value in parameters.items() for word in ("-p", f"{key}:={_text(value)}")]
+
+
+def reference_parameters(scenario: Scenario) -> dict[str, Any]:
+    """Parameters of the estimator that name the place and day of a scenario, or the field it sets."""
+    place = scenario.place
+    if scenario.field_override is not None:
+        total, dip, declination = scenario.field_override
+        return {
+            "reference.source": "fixed",
+            "reference.total_nt": float(total),
+            "reference.dip_deg": float(dip),
+            "reference.declination_deg": float(declination),
+        }
+    return {
+        "reference.source": "model",
+        "reference.model": scenario.model,
+        "reference.lat_deg": place.latitude_deg,
+        "reference.lon_deg": place.longitude_deg,
+        "reference.height_m": place.height_m,
+        "reference.date": parse_date(scenario.date).date().isoformat(),
+    }
+
+
+def checked_well(name: str) -> str:
+    """
+    Name of a well as a ROS namespace, without slashes at its ends.
+
+    Raises
+    ------
+    ValueError
+        It has characters that ROS names cannot have.
+    """
+    plain = name.strip("/")
+    parts = plain.split("/")
+    if not all(part.isascii() and part.isidentifier() for part in parts):
+        raise ValueError(f"--well {name}: write it with letters, digits and underscores, not beginning with a digit")
+    return plain
+
+
+@contextlib.contextmanager
+def page_port(wanted: int | None) -> Iterator[int]:
+    """
+    The port asked for, else the first free one from `FIRST_PORT` on, held until the block ends.
+
+    Raises
+    ------
+    ValueError
+        The port asked for is taken, or none is free.
+    """
+    for port in range(FIRST_PORT, FIRST_PORT + _PORTS) if wanted is None else (wanted,):
+        lock = _locked(f"port_{port}")
+        if lock is None:
+            continue
+        with lock:
+            if _bindable(port):
+                yield port
+                return
+    if wanted is not None:
+        raise ValueError(f"--port {wanted}: something listens there already; leave it away to take a free one")
+    raise ValueError(f"every port from {FIRST_PORT} to {FIRST_PORT + _PORTS - 1} is taken; name another with --port")
+
+
+@contextlib.contextmanager
+def own_domain(environment: Mapping[str, str]) -> Iterator[int]:
+    """
+    A middleware domain for one run, held until the block ends: the one in ROS_DOMAIN_ID, else one nobody uses.
+
+    Raises
+    ------
+    ValueError
+        ROS_DOMAIN_ID is no domain, or none is free.
+    """
+    given = environment.get("ROS_DOMAIN_ID")
+    if given:
+        if not given.isdigit() or int(given) > 232:
+            raise ValueError(f"ROS_DOMAIN_ID is {given!r}: expected a number from 0 to 101")
+        yield int(given)
+        return
+    first = os.getpid() % len(_DOMAINS)
+    for k in range(len(_DOMAINS)):
+        domain = _DOMAINS[(first + k) % len(_DOMAINS)]
+        lock = _locked(f"domain_{domain}")
+        if lock is None:
+            continue
+        with lock:
+            if _quiet(domain):
+                yield domain
+                return
+    raise ValueError("every middleware domain is in use: stop a run, or set ROS_DOMAIN_ID")
+
+
+def graph_environment(environment: Mapping[str, str], domain: int, log_folder: Path) -> dict[str, str]:
+    """Variables of the nodes: the caller's, heard on this machine only unless the caller said otherwise."""
+    return {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "AMENT_PREFIX_PATH": sys.prefix,
+        "RCUTILS_COLORIZED_OUTPUT": "0",
+        "PYTHONUNBUFFERED": "1",
+        **environment,
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_LOG_DIR": str(log_folder),
+    }
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        # 30 would be a whole number to ROS, and 1e-05 text.
+        return repr(value) if math.isfinite(value) and "e" not in repr(value) else f"{value:.12f}"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return "[" + ", ".join(_text(one) for one in value) + "]"
+    # In quotes, so that a date or a number stays text.
+    return "'" + str(value).replace("'", "''") + "'" if isinstance(value, str) else str(value)
+
+
+def _bindable(port: int) -> bool:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True
+
+
+def _locked(what: str) -> TextIO | None:
+    """A lock that two runs starting at once cannot both have; None where another has it."""
+    try:
+        file = (Path(tempfile.gettempdir()) / f"mwd_{what}.lock").open("a")
+    except OSError:
+        return None
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        file.close()
+        return None
+    return file
+
+
+def _quiet(domain: int) -> bool:
+    """Whether no participant of that domain has its first unicast port."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("", _BASE_PORT + _PER_DOMAIN * domain + 10))
+        except OSError:
+            return False
+    return True

@@ -1,0 +1,240 @@
+"""
+Processes that belong together: started, restarted when they crash, ended in order, none left behind.
+
+Each runs in a process group of its own, so that a Ctrl-C on the terminal reaches only the supervisor and a kill reaches
+all a process started. One that dies although its supervisor lives is started again after a pause that doubles; one that
+ends with status 0 is done. A process asks to die with its supervisor by `die_with_supervisor`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import dataclasses
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+SUPERVISOR_VARIABLE = "MWD_SUPERVISOR"
+REFUSED = 2  # status of a process whose settings are not allowed: starting it again would not help
+
+_FIRST_PAUSE, _LONGEST_PAUSE = 0.5, 10.0
+_SETTLED = 20.0  # s of life after which a crash counts as the first again
+_MOST_CRASHES = 5
+_TERM_PATIENCE = 2.0
+_PR_SET_PDEATHSIG = 1
+
+
+class SupervisorError(RuntimeError):
+    """A process that cannot be kept alive; says which, its status, and the last it said."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Order:
+    """A process to run: its name, its words, and where its output goes."""
+
+    name: str
+    words: Sequence[str]
+    log: Path
+
+
+@dataclasses.dataclass
+class _Child:
+    order: Order
+    process: subprocess.Popen[bytes] | None = None
+    born: float = 0.0
+    crashes: int = 0
+    due: float | None = None
+    status: int | None = None
+
+
+class Supervisor:
+    """
+    Keeps processes alive until told to stop.
+
+    Parameters
+    ----------
+    environment : mapping
+        Of every process.
+    say : callable
+        Told in one sentence about each crash and restart.
+    clock : callable
+        Steady seconds.
+    """
+
+    def __init__(
+        self,
+        environment: Mapping[str, str],
+        say: Callable[[str], None] = lambda _sentence: None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._environment = {**environment, SUPERVISOR_VARIABLE: str(os.getpid())}
+        self._say = say
+        self._clock = clock
+        self._children: dict[str, _Child] = {}
+
+    def start(self, order: Order) -> None:
+        """
+        Start a process; it is kept alive by `watch`.
+
+        Raises
+        ------
+        OSError
+            There is no such program, or its log cannot be written.
+        ValueError
+            One of that name runs already.
+        """
+        if self.runs(order.name):
+            raise ValueError(f"{order.name} runs already")
+        child = self._children[order.name] = _Child(order)
+        self._spawn(child)
+
+    def runs(self, name: str) -> bool:
+        """Whether a process of that name is alive now."""
+        child = self._children.get(name)
+        return child is not None and child.process is not None and child.process.poll() is None
+
+    def finished(self, name: str) -> bool:
+        """Whether it ended by itself, with status 0."""
+        return name in self._children and self._children[name].status == 0
+
+    def watch(self) -> None:
+        """
+        Look after every process; to be called several times a second.
+
+        Raises
+        ------
+        SupervisorError
+            A process refused its settings, or crashed too often in a row.
+        """
+        now = self._clock()
+        for child in self._children.values():
+            if child.process is not None:
+                status = child.process.poll()
+                if status is not None:
+                    self._ended(child, status, now)
+            elif child.due is not None and now >= child.due:
+                child.due = None
+                self._say(f"{child.order.name} is started again")
+                self._spawn(child)
+
+    def stop(self, groups: Sequence[Sequence[str]], patience: float = 5.0) -> list[str]:
+        """
+        End processes group by group: those of one at the same time, each group after the one before.
+
+        Each process gets SIGINT, after `patience` seconds SIGTERM, after two more SIGKILL, and so does all it left
+        behind. Returns the names of those that had to be killed.
+        """
+        for child in self._children.values():
+            child.due = None
+        killed = []
+        for group in groups:
+            alive = [self._children[name] for name in group if self.runs(name)]
+            for number, wait in ((signal.SIGINT, patience), (signal.SIGTERM, _TERM_PATIENCE)):
+                _ask_to_end([child.process for child in alive if child.process is not None], number, wait)
+            for child in alive:
+                if child.process is not None:
+                    if child.process.poll() is None:
+                        killed.append(child.order.name)
+                    # And what it may have started itself.
+                    _signal(child.process, signal.SIGKILL)
+                    child.status, child.process = child.process.wait(), None
+        return killed
+
+    def kill(self) -> None:
+        """End everything at once, without patience."""
+        for child in self._children.values():
+            child.due = None
+            if child.process is not None:
+                _signal(child.process, signal.SIGKILL)
+                child.process.wait()
+                child.process = None
+
+    def _spawn(self, child: _Child) -> None:
+        with child.order.log.open("ab") as log:
+            child.process = subprocess.Popen(
+                list(child.order.words),
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env=self._environment,
+                start_new_session=True,
+            )
+        child.born, child.status = self._clock(), None
+
+    def _ended(self, child: _Child, status: int, now: float) -> None:
+        if child.process is not None:
+            _signal(child.process, signal.SIGKILL)
+        child.process, child.status = None, status
+        name = child.order.name
+        if status == 0:
+            return
+        if status == REFUSED:
+            raise SupervisorError(f"{name} does not start: {last_words(child.order.log)}")
+        child.crashes = 1 if now - child.born > _SETTLED else child.crashes + 1
+        if child.crashes > _MOST_CRASHES:
+            raise SupervisorError(
+                f"{name} crashed {child.crashes} times in a row ({in_words(status)}): {last_words(child.order.log)}"
+            )
+        pause = min(_FIRST_PAUSE * 2.0 ** (child.crashes - 1), _LONGEST_PAUSE)
+        child.due = now + pause
+        self._say(f"{name} ended unexpectedly ({in_words(status)}); it is started again in {pause:g} s")
+
+
+def die_with_supervisor(environment: Mapping[str, str]) -> None:
+    """
+    Called by a supervised process at its start: SIGTERM reaches it when its supervisor dies, however that dies.
+
+    Linux only; elsewhere, or without a supervisor, nothing happens.
+    """
+    supervisor = environment.get(SUPERVISOR_VARIABLE, "")
+    if not supervisor.isdigit():
+        return
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+        if os.getppid() != int(supervisor):
+            # It died before the line above.
+            os.kill(os.getpid(), signal.SIGTERM)
+
+
+def last_words(log: Path, most: int = 400) -> str:
+    """The last line of a log that says something."""
+    try:
+        with log.open("rb") as file:
+            file.seek(0, os.SEEK_END)
+            file.seek(max(file.tell() - 65536, 0))
+            lines = file.read().decode(errors="replace").splitlines()
+    except OSError as error:
+        return f"its log {log} cannot be read ({error.strerror})"
+    said = [line.strip() for line in lines if line.strip()]
+    return said[-1][-most:] if said else f"it said nothing (log {log})"
+
+
+def in_words(status: int) -> str:
+    """Exit status of a process for people."""
+    if status >= 0:
+        return f"status {status}"
+    try:
+        return f"killed by {signal.Signals(-status).name}"
+    except ValueError:
+        return f"killed by signal {-status}"
+
+
+def _ask_to_end(processes: Sequence[subprocess.Popen[bytes]], number: signal.Signals, patience: float) -> None:
+    """Send a signal to those that live and wait until none does, or patience is over."""
+    waiting = [process for process in processes if process.poll() is None]
+    for process in waiting:
+        process.send_signal(number)
+    until = time.monotonic() + patience
+    for process in waiting:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(max(until - time.monotonic(), 0.0))
+
+
+def _signal(process: subprocess.Popen[bytes], number: signal.Signals) -> None:
+    # The group has the number of its leader, whose entry may be gone already.
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, number)

@@ -1,0 +1,124 @@
+"""`mwd run` as people use it: real nodes, a page, a recording, a table, and nothing left behind."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+from mwd_surface.bag_reader import Bag
+
+pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
+pytestmark = pytest.mark.ros
+
+SCENARIO = (
+    "name: brief\nwell: {stations: [[0.0, 40.0, 70.0]], bit_m: 103.0}\nschedule: [{kind: still, seconds: 24.0}]\n"
+    "interference: {axial_nt: 1500.0}\n"
+)
+
+
+@pytest.fixture
+def start(tmp_path):
+    (tmp_path / "brief.yaml").write_text(SCENARIO)
+    started = []
+    environment = {k: v for k, v in os.environ.items() if k != "ROS_DOMAIN_ID"} | {"COLUMNS": "120"}
+
+    def begin(*words):
+        command = [sys.executable, "-m", "mwd_surface.cli", "run", str(tmp_path / "brief.yaml"), *map(str, words)]
+        pipe = subprocess.PIPE
+        process = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, cwd=tmp_path, env=environment)
+        started.append(process)
+        return process
+
+    yield begin
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def nodes_of(process):
+    """Processes that name this one as their supervisor."""
+    found = []
+    for folder in Path("/proc").iterdir():
+        try:
+            if folder.name.isdigit() and f"MWD_SUPERVISOR={process.pid}\0" in (folder / "environ").read_text():
+                found.append(int(folder.name))
+        except OSError:
+            continue
+    return found
+
+
+def line_with(process, words):
+    # Line by line: what is read ahead would be lost to `communicate`.
+    while line := process.stdout.readline():
+        if words in line:
+            return line
+    raise AssertionError(process.stderr.read())
+
+
+def test_two_wells_play_side_by_side_and_end_with_their_tables(start, tmp_path):
+    first = start("--well", "a", "--rate", 2)
+    second = start("--well", "pad/b", "--rate", 2, "-o", tmp_path / "mine")
+    pages = [re.search(r"http://\S+", line_with(process, "http://"))[0] for process in (first, second)]
+    assert pages[0] != pages[1]
+    for page in pages:
+        with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(page, timeout=5.0) as answer:
+            assert b"<html" in answer.read().lower()
+    for process, folder, well in ((first, None, "a"), (second, tmp_path / "mine", "pad/b")):
+        out, err = process.communicate(timeout=90)
+        assert process.returncode == 0, err
+        assert "Traceback" not in out + err
+        assert "surveys against the truth" in out, out + err
+        assert re.search(r"^ 1 +100\.0 .* accept", out, re.MULTILINE), out
+        bag = Path(re.search(r"recording: (\S+)", out)[1])
+        bag = bag if bag.is_absolute() else tmp_path / bag
+        assert folder is None or folder in bag.parents
+        with Bag(bag) as opened:
+            assert opened.complete
+            topics = [name for name in opened.topics if not name.startswith(("/diagnostics", "/tf"))]
+            assert all(name.startswith(f"/{well}/") for name in topics), topics
+        assert nodes_of(process) == []
+
+
+def test_an_interrupt_ends_everything_in_order(start, tmp_path):
+    process = start("--rate", 1)
+    page = re.search(r"http://\S+", line_with(process, "http://"))[0]
+    assert len(nodes_of(process)) >= 2
+    time.sleep(1.0)  # some samples to record
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 0, err
+    assert "Traceback" not in out + err
+    assert nodes_of(process) == []
+    with pytest.raises(OSError):
+        urllib.request.build_opener(urllib.request.ProxyHandler({})).open(page, timeout=2.0)
+    with Bag(next((tmp_path / "out").glob("*/well_1/bags/*well_1"))) as bag:
+        assert bag.complete
+
+
+def test_nothing_is_left_when_the_command_itself_is_killed(start):
+    process = start()
+    line_with(process, "http://")
+    nodes = nodes_of(process)
+    process.kill()
+    process.wait()
+    end = time.monotonic() + 15.0
+    while nodes_of(process) and time.monotonic() < end:
+        time.sleep(0.1)
+    assert nodes
+    assert nodes_of(process) == []
+
+
+def test_a_wrong_word_is_refused_before_anything_starts(start, tmp_path):
+    for words, sentence in ((("--well", "7 b"), "--well"), (("--rate", -1), "--rate"), (("--method", "s4"), "s4")):
+        process = start(*words)
+        _, err = process.communicate(timeout=60)
+        assert process.returncode in (1, 2)
+        assert sentence in err
+        assert "Traceback" not in err
+        assert nodes_of(process) == []

@@ -1,0 +1,195 @@
+"""Processes that are kept alive, ended in order and never left behind; real ones, small."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from mwd_surface import supervise
+from mwd_surface.supervise import Order, Supervisor, SupervisorError
+
+PATIENT = "import signal, sys, time; signal.signal(signal.SIGINT, lambda *_: sys.exit(0)); print('up', flush=True); "
+PATIENT += "[time.sleep(0.05) for _ in range(600)]"
+DEAF = "import signal, time; [signal.signal(s, signal.SIG_IGN) for s in (signal.SIGINT, signal.SIGTERM)]; "
+DEAF += "print('up', flush=True); [time.sleep(0.05) for _ in range(600)]"
+PARENT = "import subprocess, sys, time; p = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)']); "
+PARENT += "print(p.pid, flush=True); time.sleep(60)"
+
+
+class Clock:
+    """Steady seconds that pass when the test says so."""
+
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+@pytest.fixture
+def make(tmp_path):
+    made = []
+
+    def supervisor(**options):
+        made.append(Supervisor(os.environ, **options))
+        return made[-1]
+
+    yield supervisor
+    for one in made:
+        one.kill()
+
+
+def order(folder, name, code):
+    return Order(name, [sys.executable, "-S", "-c", code], folder / f"{name}.log")
+
+
+def until(condition, seconds=10.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.01)
+
+
+def alive(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def said(folder, name, text="up"):
+    return lambda: text in (folder / f"{name}.log").read_text()
+
+
+def test_a_process_that_ends_well_is_done_and_not_started_again(make, tmp_path):
+    supervisor = make()
+    supervisor.start(order(tmp_path, "a", "print('done')"))
+    until(lambda: not supervisor.runs("a"))
+    supervisor.watch()
+    supervisor.watch()
+    assert supervisor.finished("a")
+    assert not supervisor.runs("a")
+    assert (tmp_path / "a.log").read_text() == "done\n"
+
+
+def test_a_crashed_process_is_started_again_after_a_pause_that_doubles(make, tmp_path):
+    clock, sentences = Clock(), []
+    supervisor = make(say=sentences.append, clock=clock)
+    supervisor.start(order(tmp_path, "a", "import os; os.abort()"))
+    for pause in (0.5, 1.0, 2.0):
+        until(lambda: not supervisor.runs("a"))
+        supervisor.watch()
+        assert sentences[-1] == f"a ended unexpectedly (killed by SIGABRT); it is started again in {pause:g} s"
+        clock.now += pause - 0.01
+        supervisor.watch()
+        assert not supervisor.runs("a")
+        clock.now += 0.02
+        supervisor.watch()
+        assert sentences[-1] == "a is started again"
+
+
+def test_a_process_that_crashes_again_and_again_is_given_up_with_its_last_words(make, tmp_path):
+    clock = Clock()
+    supervisor = make(clock=clock)
+    supervisor.start(order(tmp_path, "a", "import sys; print('no such sensor'); sys.exit(7)"))
+
+    for _ in range(5):
+        until(lambda: not supervisor.runs("a"))
+        supervisor.watch()
+        clock.now += 20.0
+        supervisor.watch()
+    until(lambda: not supervisor.runs("a"))
+    with pytest.raises(SupervisorError, match=r"a crashed 6 times in a row \(status 7\): no such sensor"):
+        supervisor.watch()
+
+
+def test_refused_settings_are_not_tried_again(make, tmp_path):
+    supervisor = make()
+    supervisor.start(order(tmp_path, "a", "import sys; print('rate: must be above 0'); sys.exit(2)"))
+    until(lambda: not supervisor.runs("a"))
+    with pytest.raises(SupervisorError, match="a does not start: rate: must be above 0"):
+        supervisor.watch()
+
+
+def test_processes_end_by_request_and_in_order(make, tmp_path):
+    supervisor = make()
+    for name in ("a", "b"):
+        supervisor.start(order(tmp_path, name, PATIENT))
+    until(said(tmp_path, "a"))
+    until(said(tmp_path, "b"))
+    assert supervisor.stop([["b"], ["a"]]) == []
+    assert not supervisor.runs("a")
+    assert not supervisor.runs("b")
+    supervisor.watch()
+    assert not supervisor.runs("a")
+
+
+def test_a_deaf_process_is_killed_and_named(make, tmp_path, monkeypatch):
+    monkeypatch.setattr(supervise, "_TERM_PATIENCE", 0.1)
+    supervisor = make()
+    supervisor.start(order(tmp_path, "a", DEAF))
+    until(said(tmp_path, "a"))
+    assert supervisor.stop([["a"]], patience=0.1) == ["a"]
+    assert not supervisor.runs("a")
+
+
+def test_what_a_process_started_ends_with_it(make, tmp_path):
+    supervisor = make()
+    supervisor.start(order(tmp_path, "a", PARENT))
+    until(said(tmp_path, "a", "\n"))
+    grandchild = int((tmp_path / "a.log").read_text())
+    assert alive(grandchild)
+    supervisor.stop([["a"]])
+    until(lambda: not alive(grandchild))
+
+
+def test_what_a_crashed_process_left_behind_ends_too(make, tmp_path):
+    supervisor = make()
+    supervisor.start(order(tmp_path, "a", PARENT))
+    until(said(tmp_path, "a", "\n"))
+    grandchild = int((tmp_path / "a.log").read_text())
+    os.kill(supervisor._children["a"].process.pid, signal.SIGKILL)
+    until(lambda: not supervisor.runs("a"))
+    supervisor.watch()
+    until(lambda: not alive(grandchild))
+
+
+def test_a_process_does_not_outlive_a_killed_supervisor(tmp_path):
+    child = "import os, time; from mwd_surface.supervise import die_with_supervisor; "
+    child += "die_with_supervisor(os.environ); print('up', flush=True); time.sleep(60)"
+    parent = (
+        "import os, pathlib, sys, time\n"
+        "from mwd_surface.supervise import Order, Supervisor\n"
+        "supervisor = Supervisor(os.environ)\n"
+        f"supervisor.start(Order('a', [sys.executable, '-c', {child!r}], pathlib.Path({str(tmp_path / 'a.log')!r})))\n"
+        "print(supervisor._children['a'].process.pid, flush=True)\n"
+        "time.sleep(60)\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", parent], stdout=subprocess.PIPE, text=True) as process:
+        pid = int(process.stdout.readline())
+        until((tmp_path / "a.log").exists)
+        until(said(tmp_path, "a"))
+        process.kill()
+    until(lambda: not alive(pid))
+
+
+def test_a_name_is_used_once_at_a_time(make, tmp_path):
+    supervisor = make()
+    supervisor.start(order(tmp_path, "a", PATIENT))
+    with pytest.raises(ValueError, match="a runs already"):
+        supervisor.start(order(tmp_path, "a", PATIENT))
+
+
+def test_the_last_words_of_a_log_are_found(tmp_path):
+    log = tmp_path / "a.log"
+    assert "cannot be read" in supervise.last_words(log)
+    log.write_text("\n\n")
+    assert "said nothing" in supervise.last_words(log)
+    log.write_text("first\n  the last one  \n\n")
+    assert supervise.last_words(log) == "the last one"
+    assert supervise.in_words(-9) == "killed by SIGKILL"
+    assert supervise.in_words(-250) == "killed by signal 250"
