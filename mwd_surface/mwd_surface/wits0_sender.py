@@ -1,7 +1,7 @@
 """
 When which WITS packet goes out: surveys once as they are accepted, toolfaces as they come, the rest by period.
 
-Every peer of one interface gets the same bytes; a peer that comes later gets the last accepted survey and the toolface first.
+Every peer of one interface gets the same bytes; one that comes later gets the last accepted survey and toolface first.
 """
 
 from __future__ import annotations

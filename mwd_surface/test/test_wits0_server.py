@@ -73,7 +73,7 @@ def test_a_peer_that_comes_later_gets_the_last_survey_first():
 
 def test_the_address_must_be_loopback_unless_allowed():
     with pytest.raises(InterfaceError, match="allow_network"):
-        server(host="0.0.0.0").start()
+        server(host="192.0.2.1").start()
 
 
 def test_a_taken_port_is_named_with_a_hint():
@@ -194,7 +194,7 @@ def test_a_connection_from_one_address_too_many_is_turned_away_and_its_place_com
 
 
 def test_the_independent_reader_of_witskit_gets_surveys_and_its_handshake_is_no_data():
-    reader = pytest.importorskip("witskit.transport.tcp_reader", reason="witskit is not installed: pip install witskit")
+    reader = pytest.importorskip("witskit.transport.tcp_reader", reason="witskit is not installed")
     decode = pytest.importorskip("witskit.decoder.wits_decoder").decode_frame
     with started(server()) as s:
         s.publish(values())
