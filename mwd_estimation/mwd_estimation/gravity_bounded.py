@@ -40,9 +40,9 @@ S_TIME, S_BIAS, S_SCALE, S_FORCE, S_TURN, S_JUMP, SUMS = 0, 1, 7, 9, 12, 13, 14
 (
     AGE, STARTED, MEAN, MEAN_POWER, LAST_W, SLOW_A, SWING_V, SWING_P, SWING_X, SWING_C, ROUGH, LAST_A, STRONG, DRIFT,
     INNOVATION, BOOST, CLIPPING, RATE_SLOPE, PERIOD, NON_GRAVITY, ALIAS, DIRECTION, SLOW_ARM, SWING_Z, SETTLED,
-    CLIP_TIME, SQUARE, EPOCH, STATISTICS,
+    CLIP_TIME, SQUARE, EPOCH, TURNING, LEAST_SHARE, STATISTICS,
 ) = (
-    0, 1, 2, 5, 6, 9, 12, 15, 18, 19, 20, 21, 24, 25, 28, 30, 31, 32, 33, 34, 35, 36, 39, 42, 43, 44, 45, 46, 47
+    0, 1, 2, 5, 6, 9, 12, 15, 18, 19, 20, 21, 24, 25, 28, 30, 31, 32, 33, 34, 35, 36, 39, 42, 43, 44, 45, 46, 47, 48, 49
 )  # fmt: skip
 
 (
@@ -53,6 +53,7 @@ S_TIME, S_BIAS, S_SCALE, S_FORCE, S_TURN, S_JUMP, SUMS = 0, 1, 7, 9, 12, 13, 14
     K_CLIP_TURN, K_LEAN_TIME, K_LEAN_GAIN, K_LEAN_FROM, K_CLIP_BRIDGE, K_CLIP_CURVE, SETTINGS,
 ) = range(35)  # fmt: skip
 RESERVE, RESERVE_LEAST, RESERVE_MOST = 10.0, 0.1, 4.0
+TURNING_FROM = 3.0  # rad/s, mean rate about the axis from which aliased rates are integrated by the trapezoid
 
 
 @dataclasses.dataclass(frozen=True)
@@ -504,7 +505,9 @@ def _start(x: Array, P: Array, st: Array, k: Array, wx: float, g: Array) -> None
     mx, my, mz = st[MEAN] / age, st[MEAN + 1] / age, st[MEAN + 2] / age
     scatter = max(0.0, st[MEAN_POWER] / age - (mx * mx + my * my + mz * mz)) / (k[K_GRAVITY] * k[K_GRAVITY])
     turned = 0.5 * age * (math.sqrt(P[BIAS, BIAS]) + math.sqrt(P[SCALE, SCALE]) * abs(wx))
-    tilt = scatter * 0.05 / age + 0.03 * 0.03 + turned * turned
+    # A mean that is not one g long holds an acceleration that did not average out, likely across gravity as well.
+    off = math.sqrt(mx * mx + my * my + mz * mz) / k[K_GRAVITY] - 1.0
+    tilt = scatter * 0.05 / age + 0.06 * 0.06 + off * off + turned * turned
     speed = 0.25 + scatter * 0.25
     for j in range(2):
         P[TILT + j, TILT + j] = min(tilt, 1.0)
@@ -556,6 +559,9 @@ def _run(
             # The factor and its limits are empirical (docs): innovations see far more of the play than of the tilt.
             most = RESERVE_MOST if st[ALIAS] > 0.5 else 1.0
             reserve = min(max(RESERVE * st[SQUARE], RESERVE_LEAST), most)
+            if reserve < 1.0:
+                # Only the least noises have reserve; those that follow the swing are as large as it is.
+                reserve = 1.0 - st[LEAST_SHARE] * (1.0 - reserve)
             p00, p01, p11 = reserve * P[TILT, TILT], reserve * P[TILT, TILT + 1], reserve * P[TILT + 1, TILT + 1]
             if across2 > 1e-6:
                 vi = (p00 * ay * ay - 2.0 * p01 * ax * ay + p11 * ax * ax) / across2
@@ -608,10 +614,12 @@ def _sample(
     # Small-angle additions to the rotation vector: coning term, and the trapezoid of point samples.
     c = k[K_CONING] / 12.0 * dt * dt
     nx, ny, nz = c * (lwy * wz - lwz * wy), c * (lwz * wx - lwx * wz), c * (lwx * wy - lwy * wx)
+    st[TURNING] += dt / (10.0 + dt) * (abs(wx) - st[TURNING])
     if st[ALIAS] > 0.5 and dt > 0.0:
-        nx += 0.5 * (lwx - wx) * dt
-        ny += 0.5 * (lwy - wy) * dt
-        nz += 0.5 * (lwz - wz) * dt
+        # Rates may still be means where forces are point samples; only a string that turns for long, whose speed may
+        # swing by tens of rad/s, has more to lose by the rectangle than by half a sample of delay.
+        if st[TURNING] > TURNING_FROM:
+            nx += 0.5 * (lwx - wx) * dt
         bits |= _ALIASED
     # Roughness: spectral density of the forces at the top of the band, were they white.
     da = (fx - st[LAST_A]) ** 2 + (fy - st[LAST_A + 1]) ** 2 + (fz - st[LAST_A + 2]) ** 2
@@ -790,6 +798,7 @@ def _step_covariance(
     force = (k[K_ACCEL_NOISE] ** 2 + k[K_ALIAS_NOISE] ** 2 * white * 16.0 / k[K_SWING_TIME] ** 3) * T + s[S_JUMP] / 3.0
     wander = (k[K_ANCHOR] ** 2 + k[K_ANCHOR_SWING] ** 2 * motion) * T
     play = k[K_PLAY] ** 2 + k[K_PLAY_SWING] ** 2 * motion
+    st[LEAST_SHARE] = k[K_PLAY] ** 2 / play
     walk = min(k[K_BIAS_WALK] ** 2 * (1.0 + st[BOOST]), k[K_BIAS_FAST] ** 2) * T
     for j in range(3):
         P[VEL + j, VEL + j] += force
@@ -823,7 +832,7 @@ def _step_covariance(
     st[INNOVATION + 1] += share * (i1 - st[INNOVATION + 1])
     lean = (st[INNOVATION] ** 2 + st[INNOVATION + 1] ** 2) / share
     st[BOOST] = k[K_LEAN_GAIN] * max(0.0, lean - k[K_LEAN_FROM])
-    aliased = 0.25 * explained < st[SWING_Z] < 4.0 * explained and st[ROUGH] > 0.05
+    aliased = 0.25 * explained < st[SWING_Z] < 4.0 * explained and st[ROUGH] > 0.02
     st[ALIAS] += T / 3.0 * ((1.0 if aliased else 0.0) - st[ALIAS])
     for j in range(SUMS):
         s[j] = 0.0
