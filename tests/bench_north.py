@@ -64,6 +64,7 @@ def seek_params(mode: str, noise: float, lat: float) -> north_seek.Params:
         scale_x_ppm=300.0 if quiet else 5000.0,
         gyro_walk_deg_h_rth=0.0,
         accel_bias_ug=20.0,
+        lead_sigma_ms=0.05,
     )
 
 
@@ -137,7 +138,7 @@ def turning_for_hours(noise: float, lat: float, runs: int, hours: float, seed: i
     """Row of the filter that turns for hours and does not trust the hole axis to keep still."""
     params = north_seek.Params(
         mode="continuous", latitude_deg=lat, gyro_noise_deg_rth=noise, gyro_walk_deg_h_rth=0.0, accel_bias_ug=20.0,
-        axis_walk_deg_rth=0.5, block_seconds=0.4, expected_azimuth_deg=math.degrees(AZIMUTH) + 10.0,
+        axis_walk_deg_rth=0.5, block_seconds=0.4, lead_sigma_ms=0.05, expected_azimuth_deg=math.degrees(AZIMUTH) + 10.0,
     )  # fmt: skip
     clean = motion(hours * 3600.0, math.radians(lat), INCLINATION, AZIMUTH, steady(12.0), 5.0)
     rng = np.random.default_rng(seed)

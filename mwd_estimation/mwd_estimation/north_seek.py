@@ -84,7 +84,7 @@ class Params:
     lag_ms: float = setting(0.0, "y and z gyros behind the x gyro", unit="ms", low=-50.0, high=50.0)
     lag_sigma_ms: float = setting(0.05, "that lag is known to", unit="ms", low=0.0, high=50.0)
     lead_ms: float = setting(0.0, "accelerometer ahead of the x gyro", unit="ms", low=-50.0, high=50.0)
-    lead_sigma_ms: float = setting(0.05, "that lead is known to; a spin-up shows it", unit="ms", low=0.0, high=50.0)
+    lead_sigma_ms: float = setting(3.0, "that lead is known to; a spin-up shows it", unit="ms", low=0.0, high=50.0)
     sigma_velocity: float = setting(0.005, "the tool's velocity stays within", unit="m/s", low=1e-6, high=10.0)
     axis_walk_deg_rth: float = setting(
         0.0005, "random turning of the hole axis itself", unit="deg/sqrt(h)", low=0.0, high=1e3

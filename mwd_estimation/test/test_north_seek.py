@@ -23,6 +23,7 @@ PRECISION_X = {"gyro_x_bias_deg_h": 0.01, "gyro_bias_deg_h": 0.01, "scale_x_ppm"
 
 def settings(mode: str, noise: float, latitude_deg: float, **more: object) -> Params:
     x = {"gyro_x_noise_deg_rth": noise, **PRECISION_X} if mode == "still" else {}
+    more = {"lead_sigma_ms": 0.05, **more}
     return Params(mode=mode, gyro_noise_deg_rth=noise, latitude_deg=latitude_deg, gyro_walk_deg_h_rth=0.0, **x, **more)
 
 
