@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from mwd_estimation import magnetics
 from mwd_estimation.status import Status, words
 from mwd_sensors import settings as settings_tables
 from mwd_sensors.frames import Array
@@ -27,7 +28,7 @@ from mwd_surface.plan import Offset, Plan
 from mwd_surface.position_covariance import ellipse, in_section
 from mwd_surface.strip_history import StripHistory
 from mwd_surface.survey_list import Definitive
-from mwd_surface.survey_record import Judgement, North, SurveyRecord, Verdict
+from mwd_surface.survey_record import Judgement, North, Survey, SurveyRecord, Verdict
 from mwd_surface.toolface import ToolfaceReading, ToolfaceSelector, ToolfaceSettings
 from mwd_surface.well import Well
 
@@ -85,6 +86,8 @@ _HISTORY = {
     "inclination": "mean",
 }
 _STREAMS = ("sonde", "estimator", "magnetometer", "temperature", "interference", "rig", "recorder")
+# Azimuths that are free of the axial interference; quality control then judges the field without it.
+_CORRECTED_METHODS = ("corrected", "axial", "multistation", "fused")
 # What the status says about a value that is withheld.
 _WHY = (
     (Status.SENSOR_FAULT, "a sensor is judged faulty"),
@@ -182,6 +185,8 @@ class LiveState:
         self._links: dict[str, Any] = {}
         self._links_at = -math.inf
         self._well = Well()
+        self._field: Mapping[str, float | str] | None = None
+        self._survey_field: Mapping[str, float | str] = {}
         self._counts: dict[str, int] = {}
         self._signatures: dict[str, Any] = {}
         self._revisions: dict[str, int] = {}
@@ -315,10 +320,11 @@ class LiveState:
         """
         The well, and the reference field in force where there is one.
 
-        field: any of total (T), dip, declination, convergence (rad), gravity (m/s^2) and source (text).
+        field: any of total (T), dip, declination, convergence (rad), gravity (m/s^2) and source (text). Without it the
+        reference of the last survey is shown.
         """
-        self._well = well
-        self._store("well", {**_well(well), **_reference(field or {})}, now)
+        self._well, self._field = well, field
+        self._store("well", {**_well(well), **_reference(field or self._survey_field)}, now)
 
     def on_records(self, records: Iterable[SurveyRecord | Mapping[str, Any]], now: float) -> None:
         """
@@ -338,6 +344,9 @@ class LiveState:
         self._store("surveys", {"rows": [_row(r, north) for r in kept], "left_out": len(whole) - len(kept)}, now)
         last = max(whole, key=lambda r: r.survey.stamp_ns, default=None)
         self._store("quality", _quality(last, self.settings.limits), now)
+        if last is not None and last.survey.has_reference:
+            self._survey_field = _field_of(last.survey)
+            self.on_well(self._well, now, self._field)
 
     def on_trajectory(self, path: Definitive, now: float, covariance: Array | None = None) -> None:
         """The well path changed. covariance, shape (m, 3, 3): of its first m positions, m^2, for the ellipses."""
@@ -712,10 +721,11 @@ def _quality(record: SurveyRecord | None, limits: Limits) -> dict[str, Any]:
         return nothing
     s = record.survey
     has_field = s.b_total >= 0.0 and s.b_reference > 0.0
+    total, dip, corrected = _earth_field(s)
     rows = (
         ("total gravity", "m/s^2", s.g_total, s.g_reference if s.g_reference > 0.0 else None, limits.gravity),
-        ("total field", "T", s.b_total, s.b_reference if has_field else None, limits.field_nt * 1e-9),
-        ("dip", "rad", s.dip, s.dip_reference if has_field else None, math.radians(limits.dip_deg)),
+        ("total field", "T", total, s.b_reference if has_field else None, limits.field_nt * 1e-9),
+        ("dip", "rad", dip, s.dip_reference if has_field else None, math.radians(limits.dip_deg)),
     )
     lights = []
     for name, unit, value, reference, limit in rows:
@@ -729,6 +739,7 @@ def _quality(record: SurveyRecord | None, limits: Limits) -> dict[str, Any]:
                 "deviation": _number(deviation),
                 "limit": _number(limit),
                 "light": _light(deviation, limit, limits.reject_factor),
+                "corrected": corrected and name != "total gravity",
             }
         )
     return {
@@ -738,6 +749,30 @@ def _quality(record: SurveyRecord | None, limits: Limits) -> dict[str, Any]:
         "reasons": [*s.reasons, *record.flags],
         "sequence": s.sequence,
         "stamp_ns": s.stamp_ns,
+    }
+
+
+def _earth_field(survey: Survey) -> tuple[float, float, bool]:
+    """
+    Total, T, and dip, rad, that the verdict is about: without the axial interference where the azimuth was corrected
+    for it, else as measured; and whether it was.
+    """
+    corrected = survey.azimuth_method in _CORRECTED_METHODS and survey.sigma_axial_interference >= 0.0
+    if not corrected or survey.b_total < 0.0 or not any(survey.specific_force):
+        return survey.b_total, survey.dip, False
+    b_t = np.array(survey.magnetic_field) - np.array([survey.axial_interference, 0.0, 0.0])
+    return float(np.linalg.norm(b_t)), float(magnetics.dip(np.array(survey.specific_force), b_t)), True
+
+
+def _field_of(survey: Survey) -> dict[str, float | str]:
+    gravity = {"gravity": survey.g_reference} if survey.g_reference > 0.0 else {}
+    return {
+        "total": survey.b_reference,
+        "dip": survey.dip_reference,
+        "declination": survey.declination,
+        "convergence": survey.convergence,
+        "source": f"as of survey {survey.sequence}",
+        **gravity,
     }
 
 

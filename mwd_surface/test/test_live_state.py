@@ -254,6 +254,41 @@ def test_the_lights_follow_the_limits_of_the_last_survey(off_nt, light):
     assert field["limit"] == pytest.approx(300e-9)
 
 
+def test_the_lights_judge_the_field_without_the_interference_the_azimuth_was_corrected_for():
+    down = np.array([math.cos(0.5), 0.0, -math.sin(0.5)])
+    across = np.array([math.sin(0.5), 0.0, math.cos(0.5)])
+    earth = B * (math.sin(DIP) * down + math.cos(DIP) * across)
+    measured = earth + np.array([2e-6, 0.0, 0.0])
+    shot = survey(
+        1,
+        specific_force=tuple((-G * down).tolist()),
+        magnetic_field=tuple(measured.tolist()),
+        b_total=float(np.linalg.norm(measured)),
+        axial_interference=2e-6,
+        sigma_axial_interference=1e-7,
+        azimuth_method="corrected",
+    )
+    state = LiveState()
+    state.on_records(listed(shot).records, 0.0)
+    _, field, dip = sections(state)["quality"]["lights"]
+    assert (field["light"], field["corrected"], dip["light"]) == ("good", True, "good")
+    assert field["deviation"] == pytest.approx(0.0, abs=1e-12)
+    assert dip["deviation"] == pytest.approx(0.0, abs=1e-9)
+    state.on_records(listed(dataclasses.replace(shot, azimuth_method="raw")).records, 0.0)
+    assert sections(state)["quality"]["lights"][1]["light"] == "reject"
+
+
+def test_without_a_field_from_the_node_the_header_shows_that_of_the_last_survey():
+    state = LiveState()
+    state.on_records(listed(survey(1), survey(2, declination=0.02, convergence=0.01)).records, 0.0)
+    well = sections(state)["well"]
+    assert (well["field_declination"], well["field_convergence"]) == (0.02, 0.01)
+    assert well["field_source"] == "as of survey 2"
+    state.on_well(Well(), 0.0, {"declination": 0.5, "source": "IFR"})
+    state.on_records(listed(survey(1)).records, 0.0)
+    assert sections(state)["well"]["field_source"] == "IFR"
+
+
 def test_the_path_comes_with_its_projection_and_ellipses_of_ten_stations_at_most():
     found = listed(*(survey(k) for k in range(1, 16)))
     path = found.definitive(bit_depth=1520.0)
@@ -333,7 +368,7 @@ def test_revisions_change_exactly_with_what_people_see():
     assert {k for k in first if first[k] != again[k]} == set()
     state.on_records(listed(survey(1)).records, 0.2)
     told = state.snapshot(0.3)["revisions"]
-    assert {k for k in first if again[k] != told[k]} == {"surveys", "quality"}
+    assert {k for k in first if again[k] != told[k]} == {"surveys", "quality", "well"}
     # Growing old without any message is news as well.
     old = state.snapshot(5.0)["revisions"]
     assert {"attitude", "toolface", "links"} <= {k for k in first if told[k] != old[k]}

@@ -212,6 +212,7 @@ function showQuality() {
   const place = byId("lights");
   if (!quality.known) {
     place.replaceChildren(el("p", { class: "empty" }, "No survey yet."));
+    byId("reasons").replaceChildren();
     return;
   }
   const [kind, word] = VERDICTS[quality.verdict];
@@ -226,13 +227,13 @@ function showQuality() {
     fill.left = `${50 + Math.min(0, share) * 50}%`;
     fill.width = `${Math.abs(share) * 50}%`;
     return el("div", { class: "light", "data-light": light.light },
-      pill(LIGHTS[light.light], light.light), el("span", { class: "name" }, light.name), el("span", { class: "deviation" }, text), bar);
+      pill(LIGHTS[light.light], light.light), el("span", { class: "name" }, light.corrected ? `${light.name}, corrected` : light.name), el("span", { class: "deviation" }, text), bar);
   });
   place.replaceChildren(
     el("p", { class: "verdict" }, `No. ${quality.sequence}, ${units.clock(quality.stamp_ns)}`, pill(kind, word)),
     ...rows,
-    quality.reasons.length ? el("ul", { class: "reasons" }, quality.reasons.map((text) => el("li", {}, text))) : "",
   );
+  byId("reasons").replaceChildren(...quality.reasons.map((text) => el("li", {}, text)));
 }
 
 function showOffset() {
@@ -384,7 +385,8 @@ function showStreams(now, silent) {
     const share = telemetry.share === null ? "–" : `${(telemetry.share * 100).toFixed(1)} %`;
     say(telemetryBox, `Telemetry: ${telemetry.received} packets good, ${telemetry.lost} lost, ${share}` +
       (telemetry.confidence === null ? "" : `, confidence ${(telemetry.confidence * 100).toFixed(0)} %`));
-  } else say(telemetryBox, connection.mode === "polling" ? "This page polls: no WebSocket gets through." : "");
+  } else if (connection.mode === "polling") say(telemetryBox, "This page polls: no WebSocket gets through.");
+  else say(telemetryBox, connection.server.skipped ? `Slow link to this browser: ${connection.server.skipped} states skipped.` : "");
 }
 
 function showFindings() {
