@@ -10,6 +10,7 @@ import typer
 from mwd_surface.commands.bag import bag, recover
 from mwd_surface.commands.doctor import doctor
 from mwd_surface.commands.node import PASS_ON, node
+from mwd_surface.commands.plot import plot
 from mwd_surface.commands.process import process
 from mwd_surface.commands.replay import replay
 from mwd_surface.commands.run import run
@@ -33,6 +34,7 @@ app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(node)
 app.command(rich_help_panel=_RECORDINGS)(process)
 app.command(rich_help_panel=_RECORDINGS)(survey)
 app.command(rich_help_panel=_RECORDINGS)(simulate)
+app.command(rich_help_panel=_RECORDINGS)(plot)
 app.command(rich_help_panel=_RECORDINGS)(recover)
 app.add_typer(bag, name="bag", rich_help_panel=_RECORDINGS)
 app.add_typer(scenario, name="scenario", rich_help_panel=_RECORDINGS)

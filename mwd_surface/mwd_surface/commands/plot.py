@@ -55,4 +55,5 @@ def plot(
     output.write_bytes(picture)
     for note in [*notes, *data.remarks]:
         terminal.warn(note)
-    terminal.output().print(f"{output}: {len(data.panels)} panels over {data.seconds:.1f} s", markup=False)
+    drawn = ", ".join(bag_plots.sections(data, words))
+    terminal.output().print(f"{output}: {drawn} of {data.name}, {data.seconds:.1f} s", markup=False)

@@ -1,0 +1,214 @@
+"""What a picture of a bag shows of each kind of message: panels, their series, units and titles, as one table."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors import wire
+from mwd_sensors.wire import Samples
+
+Array = NDArray[np.float64]
+
+WHAT = ("sensors", "rig", "truth", "attitude", "surveys", "spectra", "allan")
+NORTHS = {0: "unnamed", 1: "magnetic", 2: "true", 3: "grid"}
+
+_AXES = ("x (down-hole)", "y", "z (scribe)")
+_DEG = 180.0 / np.pi
+_RPM = 30.0 / np.pi
+
+
+@dataclasses.dataclass(frozen=True)
+class Trace:
+    """
+    One panel over time.
+
+    Attributes
+    ----------
+    what : str
+        The word of `WHAT` it belongs to.
+    title, unit : str
+        "{north}" in a title stands for the name of the north that the samples refer to.
+    labels : tuple of str
+        Of the series.
+    values : callable
+        Samples -> (n, series); nan where a value is not available.
+    circle : float
+        Above zero: angles that come round after so much.
+    down : bool
+        The axis points down, as depth does.
+    log : bool
+        Logarithmic axis.
+    rotary : bool
+        A second axis in r/min beside one in deg/s.
+    key : str
+        Name by which attitude and truth are paired; empty for none.
+    """
+
+    what: str
+    title: str
+    unit: str
+    labels: tuple[str, ...]
+    values: Callable[[Samples], Array]
+    circle: float = 0.0
+    down: bool = False
+    log: bool = False
+    rotary: bool = False
+    key: str = ""
+
+
+def traces_of(type_name: str) -> tuple[Trace, ...]:
+    """The panels of a message type; none for types that are not drawn over time."""
+    return _TABLE.get(type_name, ())
+
+
+def north_of(samples: Samples) -> int:
+    """The north that attitude samples refer to, as `NORTHS` numbers it; 0 where none names one."""
+    named = samples["north"][(samples["sigma_azimuth"] >= 0.0) & (samples["north"] > 0)]
+    return int(named[0]) if len(named) else 0
+
+
+def _vector(field: str, scale: float = 1.0) -> Callable[[Samples], Array]:
+    covariance = field + "_covariance"
+
+    def values(samples: Samples) -> Array:
+        out = samples[field] * scale
+        if covariance in (samples.dtype.names or ()):
+            # REP-145: -1 says that the sensor does not report.
+            out = np.where(samples[covariance][:, :1] == -1.0, np.nan, out)
+        return np.asarray(out)
+
+    return values
+
+
+def _field_and_total(samples: Samples) -> Array:
+    field = samples["magnetic_field"] * 1e6
+    return np.column_stack([field, np.sqrt((field * field).sum(axis=1))])
+
+
+def _columns(*fields: str, scale: float = 1.0) -> Callable[[Samples], Array]:
+    return lambda samples: np.column_stack([samples[field] * scale for field in fields]).astype(float)
+
+
+def _gauge(bits: tuple[int, ...], *fields: str, scale: float = 1.0) -> Callable[[Samples], Array]:
+    def values(samples: Samples) -> Array:
+        known = [(samples["valid"] & bit) > 0 for bit in bits]
+        columns = [np.where(good, samples[field] * scale, np.nan) for good, field in zip(known, fields, strict=True)]
+        return np.column_stack(columns)
+
+    return values
+
+
+def _estimate(angle: str, half_circle: bool = False) -> Callable[[Samples], Array]:
+    """An angle with its sigma on both sides, deg; nan where it is withheld."""
+
+    def values(samples: Samples) -> Array:
+        value, sigma = samples[angle] * _DEG, samples["sigma_" + angle] * _DEG
+        if half_circle:
+            value = (value + 180.0) % 360.0 - 180.0
+        return np.where(sigma >= 0.0, value, np.nan)[:, None]
+
+    return values
+
+
+def _sigmas(samples: Samples) -> Array:
+    fields = ("sigma_inclination", "sigma_azimuth", "sigma_gravity_toolface")
+    sigma = np.column_stack([samples[field] * _DEG for field in fields])
+    return np.where(sigma > 0.0, sigma, np.nan)
+
+
+def _angle(field: str, half_circle: bool = False) -> Callable[[Samples], Array]:
+    def values(samples: Samples) -> Array:
+        value = samples[field] * _DEG
+        return np.asarray(((value + 180.0) % 360.0 - 180.0 if half_circle else value)[:, None])
+
+    return values
+
+
+def _non_gravity(samples: Samples) -> Array:
+    return np.asarray(np.where(samples["non_gravity"] >= 0.0, samples["non_gravity"], np.nan)[:, None])
+
+
+def _interference(samples: Samples) -> Array:
+    axial = np.where(samples["sigma_axial"] >= 0.0, samples["axial"], np.nan)
+    cross = np.where(samples["sigma_cross_axial"] >= 0.0, samples["cross_axial"], np.nan)
+    return np.column_stack([axial, cross]) * 1e9
+
+
+_IMU = (
+    Trace("sensors", "angular rate", "deg/s", _AXES, _vector("angular_velocity", _DEG), rotary=True),
+    Trace("sensors", "specific force", "m/s²", _AXES, _vector("linear_acceleration")),
+)
+_TABLE: dict[str, tuple[Trace, ...]] = {
+    wire.IMU.type_name: _IMU,
+    wire.MAG.type_name: (Trace("sensors", "magnetic field", "µT", (*_AXES, "total"), _field_and_total),),
+    wire.TEMPERATURE.type_name: (Trace("sensors", "temperature", "°C", ("sensor",), _columns("temperature")),),
+    wire.RIG_STATE.type_name: (
+        Trace(
+            "rig",
+            "depth along the hole",
+            "m",
+            ("bit", "hole"),
+            _gauge((1, 2), "bit_depth", "hole_depth"),
+            down=True,
+        ),
+        Trace("rig", "rotary speed", "r/min", ("top drive",), _gauge((64,), "rotary_speed", scale=_RPM)),
+        Trace("rig", "standpipe pressure", "bar", ("pressure",), _gauge((256,), "pressure", scale=1e-5)),
+        Trace(
+            "rig",
+            "hook load and weight on bit",
+            "kN",
+            ("hook load", "weight on bit"),
+            _gauge((8, 16), "hookload", "weight_on_bit", scale=1e-3),
+        ),
+    ),
+    wire.TRUTH.type_name: (
+        Trace("truth", "inclination from vertical", "deg", ("truth",), _angle("inclination"), key="inclination"),
+        Trace("truth", "azimuth from true north", "deg", ("truth",), _angle("azimuth"), circle=360.0, key="azimuth"),
+        Trace(
+            "truth",
+            "gravity toolface (right of high side positive)",
+            "deg",
+            ("truth",),
+            _angle("gravity_toolface", half_circle=True),
+            circle=360.0,
+            key="toolface",
+        ),
+        Trace("truth", "depth of the sonde along the hole", "m", ("truth",), _columns("measured_depth"), down=True),
+        Trace("truth", "angular rate", "deg/s", _AXES, _vector("angular_velocity", _DEG), rotary=True),
+        Trace("truth", "specific force", "m/s²", _AXES, _vector("specific_force")),
+        Trace("truth", "magnetic interference, tool axes", "nT", _AXES, _vector("interference", 1e9)),
+        Trace("truth", "gyro bias", "deg/h", _AXES, _vector("gyro_bias", _DEG * 3600.0)),
+        Trace("truth", "accelerometer bias", "mg", _AXES, _vector("accel_bias", 1e3 / 9.80665)),
+    ),
+    wire.ATTITUDE.type_name: (
+        Trace(
+            "attitude", "inclination from vertical", "deg", ("estimate",), _estimate("inclination"), key="inclination"
+        ),
+        Trace(
+            "attitude", "azimuth from {north} north", "deg", ("estimate",), _estimate("azimuth"), 360.0, key="azimuth"
+        ),
+        Trace(
+            "attitude",
+            "gravity toolface (right of high side positive)",
+            "deg",
+            ("estimate",),
+            _estimate("gravity_toolface", half_circle=True),
+            360.0,
+            key="toolface",
+        ),
+        Trace(
+            "attitude", "1 sigma as stated", "deg", ("inclination", "azimuth", "gravity toolface"), _sigmas, log=True
+        ),
+    ),
+    wire.GRAVITY.type_name: (
+        Trace("attitude", "acceleration that is not gravity", "m/s²", ("level",), _non_gravity),
+        Trace("attitude", "rotary speed of the tool", "r/min", ("tool",), _columns("rotary_speed", scale=_RPM)),
+    ),
+    wire.INTERFERENCE.type_name: (
+        Trace("attitude", "magnetic interference, estimated", "nT", ("axial (x)", "y", "z"), _interference),
+    ),
+}

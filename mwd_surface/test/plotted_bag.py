@@ -1,0 +1,84 @@
+"""A short recording with everything that is drawn: a simulated run, its estimate, interference and a dozen surveys."""
+
+import dataclasses
+
+import example_surveys as example
+import numpy as np
+
+from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_sensors import scenario, settings, wire
+from mwd_sensors.sonde import Sonde
+from mwd_surface import survey_message
+from mwd_surface.bag_writer import BagWriter
+
+RUN = """
+name: plotted
+date: 2026-03-01T06:00:00
+place: {latitude_deg: 38.3, longitude_deg: 109.6, height_m: 1150.0}
+well: {stations: [[0.0, 30.0, 359.0], [100.0, 40.0, 2.0]], bit_m: 50.0}
+schedule:
+  - {kind: still, seconds: 14.0, pumps: false}
+  - {kind: drill, seconds: 12.0, rpm: 90.0, rop_m_h: 360.0}
+  - {kind: still, seconds: 8.0}
+vibration:
+  random: [{band_hz: [8.0, 300.0], acceleration_mps2: [3.0, 6.0, 6.0]}]
+interference: {axial_nt: 800.0}
+"""
+RECORD = "mwd_msgs/msg/SurveyRecord"
+
+
+def blank(store, name):
+    """A message of that type, all fields empty, made without middleware."""
+    values = {}
+    for field, (kind, inner) in store.fielddefs[name][1]:
+        if kind.name == "BASE":
+            values[field] = "" if inner[0] == "string" else 0
+        elif kind.name == "NAME":
+            values[field] = blank(store, inner)
+        elif kind.name == "ARRAY":
+            values[field] = np.zeros(inner[1])
+        else:
+            values[field] = []
+    return store.types[name](**values)
+
+
+def survey_rows(definitions):
+    """Serialised records of the example surveys."""
+    definitions.load(RECORD)
+    store = definitions.typestore
+    for record in example.surveys().records:
+        message = blank(store, RECORD)
+        survey_message.fill_record(message, record, lambda: blank(store, "mwd_msgs/msg/AzimuthEstimate"))
+        for part in (message, message.survey):
+            for field in dataclasses.fields(part):
+                value = getattr(part, field.name)
+                if isinstance(value, list) and value and isinstance(value[0], float):
+                    setattr(part, field.name, np.array(value))
+        yield bytes(store.serialize_cdr(message, RECORD))
+
+
+def record(path, topics=tuple(wire.SONDE_TOPICS), estimate=True, surveys=True, namespace="/w1/", text=RUN):
+    """Write the bag; returns its sonde."""
+    sonde = Sonde(scenario.parse(text))
+    place = {"source": "model", "lat_deg": 38.3, "lon_deg": 109.6, "height_m": 1150.0, "date": "2026-03-01"}
+    changes = {f"reference.{key}": value for key, value in place.items()} | {"station.north": "true"}
+    pipeline = Pipeline(settings.changed(EstimatorSettings(), changes))
+    outputs = {"attitude": wire.ATTITUDE, "gravity": wire.GRAVITY, "interference": wire.INTERFERENCE}
+    with BagWriter(path) as bag:
+        layouts = {name: wire.SONDE_TOPICS[name] for name in topics} | (outputs if estimate else {})
+        channels = {name: bag.topic(namespace + name, layout.type_name) for name, layout in layouts.items()}
+        for block in sonde.blocks(1.0):
+            found = dict(block)
+            if estimate:
+                pipeline.push_mag(block["imu/mag"])
+                out = pipeline.push_imu(block["imu/data_raw"])
+                found |= {"attitude": out.attitude, "gravity": out.gravity, "interference": out.interference}
+            for name, channel in channels.items():
+                if len(found[name]):
+                    rows = layouts[name].encode(found[name], wire.SONDE_FRAME)
+                    bag.write_rows(channel, rows, found[name]["stamp_ns"])
+        if surveys:
+            channel = bag.topic(namespace + "survey/accepted", RECORD)
+            for k, row in enumerate(survey_rows(bag.definitions)):
+                bag.write(channel, row, sonde.epoch_ns + k * wire.NANOSECONDS, sonde.epoch_ns + k * wire.NANOSECONDS)
+    return sonde
