@@ -1,7 +1,7 @@
 """The law of the rooms: kernels know no ROS, dependencies run one way, every kernel has its test."""
 
 import ast
-import xml.etree.ElementTree as ElementTree  # noqa: S405  (our own package.xml files)
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
@@ -13,9 +13,7 @@ ROS = {
     "geometry_msgs", "diagnostic_msgs", "rcl_interfaces", "lifecycle_msgs", "std_srvs", "tf2_msgs", "rosgraph_msgs",
     "mwd_msgs",
 }  # fmt: skip
-MODULES = [
-    path for package in LINE[1:] for path in sorted((ROOT / package / package).rglob("*.py")) if path.is_file()
-]
+MODULES = [path for package in LINE[1:] for path in sorted((ROOT / package / package).rglob("*.py")) if path.is_file()]
 KERNELS = [path for path in MODULES if "nodes" not in path.parts]
 
 

@@ -106,6 +106,11 @@ def position_covariance(
         raise ValueError(f"model: no tool code {model!r}; did you mean {' or '.join(near)}?")
     if depth.size == 1:
         return np.zeros((1, 3, 3))
+    count = depth.size
+    if count == 2:
+        # welleng's singular terms look at a third station; one straight ahead does not change the two above it.
+        depth = np.append(depth, 2.0 * depth[1] - depth[0])
+        inc, azi = np.append(inc, inc[1]), np.append(azi, azi[1])
     turn = to_true[north]
     # In true north and without convergence there is one set of axes; turned to the well's own afterwards.
     header = SurveyHeader(
@@ -130,7 +135,7 @@ def position_covariance(
             error_model=model,
             deg=True,
         )
-    covariance = np.asarray(survey.cov_nev, dtype=float)
+    covariance = np.asarray(survey.cov_nev, dtype=float)[:count]
     c, s = math.cos(turn), math.sin(turn)
     # Rows: the well's north and east in true axes.
     mat = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from mwd_surface.position_covariance import (
     CovarianceUnavailableError,
     ErrorReference,
@@ -112,3 +113,12 @@ def test_without_the_library_the_message_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "welleng.error", None)
     with pytest.raises(CovarianceUnavailableError, match="pip install welleng"):
         position_covariance([0.0, 30.0], [0.0, 0.1], [0.0, 0.0], North.TRUE, MODEL, REFERENCE)
+
+
+@pytest.mark.parametrize("model", ["MWD+SRGM", MODEL])
+def test_two_stations_are_as_uncertain_as_in_a_longer_well(model):
+    md, inc, azi = np.array([0.0, 30.0, 60.0]), np.radians([20.0, 24.0, 24.0]), np.radians([40.0, 44.0, 44.0])
+    three = position_covariance(md, inc, azi, North.GRID, model, REFERENCE)
+    two = position_covariance(md[:2], inc[:2], azi[:2], North.GRID, model, REFERENCE)
+    assert two.shape == (2, 3, 3)
+    np.testing.assert_allclose(two, three[:2], rtol=1e-9)

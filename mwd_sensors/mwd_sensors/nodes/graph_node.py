@@ -68,9 +68,10 @@ class GraphNode(LifecycleNode, Generic[T]):
     def __init__(self, name: str, default: T, **node_options: Any) -> None:
         super().__init__(name, **node_options)
         self.declare_parameter("autostart", True)
-        self._checked_settings = SettingsParameters(self, default, self.settings_changed)
+        self._checked_settings = SettingsParameters(self, default, self.settings_changed, self.takes_live)
         self._made: list[Callable[[], Any]] = []
         self.active = False
+        self._failures: dict[str, int] = {}
         self.stop_requested: Future = Future()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -97,6 +98,10 @@ class GraphNode(LifecycleNode, Generic[T]):
     def close(self) -> None:
         """Let go of what `open` took that is not a topic, service or timer."""
 
+    def takes_live(self, name: str) -> bool:  # noqa: ARG002
+        """Whether a running node can take a change of that parameter; those it cannot take are read-only."""
+        return True
+
     def settings_changed(self, settings: T) -> None:
         """A checked change of parameters is in force."""
 
@@ -112,8 +117,9 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     def listen(self, kind: Any, topic: str, act: Callable[[Any], None], qos: QoSProfile, *, raw: bool = False) -> None:
         """Subscribe; what arrives while the node is inactive is dropped."""
+        guarded = self._guarded(topic, act)
         subscription = self.create_subscription(
-            kind, topic, lambda message: act(message) if self.active else None, qos, raw=raw
+            kind, topic, lambda message: guarded(message) if self.active else None, qos, raw=raw
         )
         self._made.append(lambda: self.destroy_subscription(subscription))
 
@@ -128,7 +134,12 @@ class GraphNode(LifecycleNode, Generic[T]):
             if not self.active:
                 response.success, response.message = False, f"{self.get_name()} is not active; activate it first"
                 return response
-            return act(request, response)
+            try:
+                return act(request, response)
+            except Exception:  # noqa: BLE001  (one bad request must not end the node)
+                self._failed(name)
+                response.success, response.message = False, f"{name} failed inside the node; its log says where"
+                return response
 
         service = self.create_service(kind, name, answer)
         # The executor hands to `send_response` whatever the callback returned, together with whom to answer.
@@ -145,10 +156,26 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     def every(self, period: float, act: Callable[[], None]) -> None:
         """Call while active, once per period, s, of a clock nobody sets."""
+        guarded = self._guarded(act.__name__, act)
         timer = self.create_timer(
-            period, lambda: act() if self.active else None, clock=Clock(clock_type=ClockType.STEADY_TIME)
+            period, lambda: guarded() if self.active else None, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
         self._made.append(lambda: self.destroy_timer(timer))
+
+    def _guarded(self, name: str, act: Callable[..., None]) -> Callable[..., None]:
+        """One bad message must not end the node: what goes wrong is logged, counted and shown in the diagnostics."""
+
+        def guarded(*arguments: Any) -> None:
+            try:
+                act(*arguments)
+            except Exception:  # noqa: BLE001
+                self._failed(name)
+
+        return guarded
+
+    def _failed(self, name: str) -> None:
+        self._failures[name] = self._failures.get(name, 0) + 1
+        self.get_logger().error(f"{name}:\n{traceback.format_exc()}", throttle_duration_sec=5.0)
 
     def request_stop(self) -> None:
         """End the process in order, as a signal would."""
@@ -181,6 +208,7 @@ class GraphNode(LifecycleNode, Generic[T]):
             self.get_logger().error(f"cannot start:\n{traceback.format_exc()}")
             self.active = False
             return TransitionCallbackReturn.ERROR
+        self.get_logger().info("active")
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -223,6 +251,9 @@ class GraphNode(LifecycleNode, Generic[T]):
         found = [Finding("lifecycle", OK if self.active else WARN, state, "" if self.active else "activate the node")]
         if self.active:
             found += self.findings()
+        if self._failures:
+            values = tuple((where, str(count)) for where, count in self._failures.items())
+            found.append(Finding("failures", ERROR, "the node went on after an error", "read its log", values))
         message = DiagnosticArray()
         message.header.stamp = self.get_clock().now().to_msg()
         for finding in found:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any, Generic, TypeVar
@@ -23,6 +24,7 @@ class SettingsParameters(Generic[T]):
 
     Every leaf of the dataclass is declared under its dotted name with meaning, unit, range and read-only flag. A
     change is checked as a whole by the rules of a configuration file; a refused one leaves everything as it was.
+    `live` says which names a running node can take; the others are read-only.
 
     Raises
     ------
@@ -30,7 +32,7 @@ class SettingsParameters(Generic[T]):
         A value given at start is not allowed, or a name given at start does not exist (its near misses are named).
     """
 
-    def __init__(self, node: Node, default: T, changed: Callable[[T], None]) -> None:
+    def __init__(self, node: Node, default: T, changed: Callable[[T], None], live: Callable[[str], bool]) -> None:
         self.value = default
         self._changed = changed
         self._names = settings.flat(default)
@@ -38,7 +40,9 @@ class SettingsParameters(Generic[T]):
         self._refuse_unknown(node)
         start = {}
         for name, (value, rule) in self._names.items():
-            start[name] = self._declare(node, name, value, rule)
+            start[name] = self._declare(
+                node, name, value, rule if live(name) else dataclasses.replace(rule, fixed=True)
+            )
         self.value = settings.changed(default, start)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)

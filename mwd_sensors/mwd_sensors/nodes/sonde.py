@@ -15,6 +15,7 @@ from mwd_sensors import scenario_files, wire
 from mwd_sensors.faults import Fault
 from mwd_sensors.nodes import profiles
 from mwd_sensors.nodes.graph_node import ERROR, OK, WARN, Finding, GraphNode, run_node
+from mwd_sensors.nodes.listeners import Listeners
 from mwd_sensors.scenario import read
 from mwd_sensors.settings import from_mapping, setting
 from mwd_sensors.sonde import Sonde
@@ -73,7 +74,7 @@ class SondeNode(GraphNode[SondeSettings]):
         """Begin the scenario at its beginning."""
         self._sonde = None
         self._finished = False
-        self._waiting_since = time.monotonic()
+        self._listeners = Listeners(time.monotonic(), self.settings.wait_for_listener_s)
 
     def _begin(self) -> None:
         self._sonde = Sonde(self._scenario, epoch_ns=self.get_clock().now().nanoseconds)
@@ -87,8 +88,7 @@ class SondeNode(GraphNode[SondeSettings]):
 
     def _tick(self) -> None:
         if self._sonde is None:
-            listened = self._out["imu/data_raw"].get_subscription_count() > 0
-            if not listened and time.monotonic() - self._waiting_since < self.settings.wait_for_listener_s:
+            if not self._listeners.complete(self._out.values(), time.monotonic()):
                 return
             self._begin()
         if self._finished:

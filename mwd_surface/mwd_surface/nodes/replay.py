@@ -16,6 +16,7 @@ from std_srvs.srv import Trigger
 from mwd_estimation.nodes.messages import stamp
 from mwd_sensors import wire
 from mwd_sensors.nodes.graph_node import OK, WARN, Finding, GraphNode, run_node
+from mwd_sensors.nodes.listeners import Listeners
 from mwd_sensors.nodes.profiles import STATE, STREAM
 from mwd_sensors.settings import setting
 from mwd_surface.bag_metadata import parse_qos
@@ -24,7 +25,6 @@ from mwd_surface.pace import Pace
 
 _TICK_S = 0.002
 _MOST_PER_TICK = 200  # so that signals and services are heard even when everything is late
-_SETTLE_S = 0.3  # after the first listener, for the others
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,9 +100,9 @@ class ReplayNode(GraphNode[ReplaySettings]):
 
     def start(self) -> None:
         """From the beginning, as soon as somebody listens."""
-        self._asked_at = time.monotonic()
-        self._listened_at: float | None = None
+        self._listeners = Listeners(time.monotonic(), self.settings.wait_for_listener_s)
         self._pace: Pace | None = None
+        self._over = False
         self._last_clock = -math.inf
 
     def close(self) -> None:
@@ -126,7 +126,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
         now = time.monotonic()
         pace = self._pace
         if pace is None:
-            if self._heard(now):
+            if not self._over and self._listeners.complete(self._outlets.values(), now):
                 self._begin()
             return
         for _ in range(_MOST_PER_TICK):
@@ -144,16 +144,6 @@ class ReplayNode(GraphNode[ReplaySettings]):
         else:
             self._tell_time(pace.position_ns(now), now)
 
-    def _heard(self, now: float) -> bool:
-        """Whether to begin: somebody listens and the others had time to, or nobody came."""
-        if now - self._asked_at >= self.settings.wait_for_listener_s:
-            return True
-        if self._listened_at is None:
-            if any(outlet.get_subscription_count() for outlet in self._outlets.values()):
-                self._listened_at = now
-            return False
-        return now - self._listened_at >= _SETTLE_S
-
     def _tell_time(self, log_ns: int, now: float) -> None:
         if self._clock_topic is not None and now - self._last_clock >= 1.0 / self.settings.clock_hz:
             self._last_clock = now
@@ -166,7 +156,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
             return
         self.get_logger().info(f"published {self._sent} messages")
         self._pace = None
-        self._asked_at = math.inf
+        self._over = True
         self.request_stop()
 
     def _pause(self, _request: Any, response: Any) -> Any:

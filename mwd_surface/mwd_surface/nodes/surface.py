@@ -21,7 +21,7 @@ from std_srvs.srv import Trigger
 
 from mwd_estimation.nodes.messages import stamp
 from mwd_sensors import wire
-from mwd_sensors.nodes.graph_node import ERROR, OK, WARN, Finding, GraphNode, run_node
+from mwd_sensors.nodes.graph_node import ERROR, OK, WARN, Finding, GraphNode, Later, run_node
 from mwd_sensors.nodes.profiles import EVENT, LATCHED, STATE
 from mwd_sensors.settings import setting
 from mwd_surface import __version__
@@ -32,11 +32,11 @@ from mwd_surface.live_state import LiveSettings, LiveState
 from mwd_surface.nodes import messages
 from mwd_surface.nodes.contract import TOPICS, profile_yaml, type_name
 from mwd_surface.page_server import PageServer, PageSettings
-from mwd_surface.recorder import Recorder, RecorderError, RecorderSettings, State
-from mwd_surface.survey_list import ListRules, SurveyList
+from mwd_surface.recorder import Level, Recorder, RecorderError, RecorderSettings, State
+from mwd_surface.survey_list import Definitive, ListRules, SurveyList
 from mwd_surface.survey_message import survey_of
 from mwd_surface.survey_store import StoreError, SurveyStore
-from mwd_surface.survey_table import survey_table
+from mwd_surface.survey_table import survey_table, table_of
 from mwd_surface.well import Well
 
 _LIVE_PERIOD = 0.05  # s; how often what arrived is brought to the page and the toolface topic
@@ -49,6 +49,10 @@ _LAYOUTS = {
     "imu/mag": wire.MAG,
     "imu/temperature": wire.TEMPERATURE,
 }
+_STOP_WITHIN = 1.3  # s for each step of an end, so that all of it stays below 3 s
+_RETRY = 5.0  # s between tries to begin a recording that could not begin
+_SEVERITIES = {Level.INFO: Severity.INFO, Level.WARNING: Severity.WARNING, Level.ERROR: Severity.CRITICAL}
+_QUEUE = 5000  # messages of one topic that may wait for this node
 _COMMAND_TIMEOUT = 5.0  # s a page waits for the node
 
 
@@ -87,6 +91,22 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._recorder: Recorder | None = None
         self._store: SurveyStore | None = None
         self._page: PageServer | None = None
+        self._worker: concurrent.futures.ThreadPoolExecutor | None = None
+
+    def takes_live(self, name: str) -> bool:
+        """Well and rules of the list can change while running; folders, ports and files cannot."""
+        return name.startswith(("well.", "rules."))
+
+    def settings_changed(self, settings: SurfaceSettings) -> None:
+        """Bring the survey list under the new well and rules."""
+        if self._store is None:
+            return
+        try:
+            self._keep(self._surveys.configured(settings.well, settings.rules))
+        except ValueError as error:
+            self._raise("surveys.settings", Severity.WARNING, f"the survey list keeps its old settings: {error}", "")
+            return
+        self._live.on_well(self._surveys.well, time.monotonic())
 
     # Opening and closing.
 
@@ -107,6 +127,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._alarms_told = -1
         self._unreadable = 0
         self._unsaved = ""
+        self._worker = concurrent.futures.ThreadPoolExecutor(1, "surface-worker")
+        self._jobs: list[tuple[concurrent.futures.Future[Any], Callable[[Any], None]]] = []
         try:
             self._open_folder()
             self._open_page()
@@ -129,7 +151,6 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             tables=lambda: {"mwd": {"version": __version__, "node": self.get_fully_qualified_name()}},
             event_topic=self.resolve_topic_name("recorder/events"),
         )
-        self._event_count = 0
 
     def _open_page(self) -> None:
         if not self.settings.serve_page:
@@ -173,28 +194,42 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
     def start(self) -> None:
         """Begin to record; publish what is known."""
-        if self._recorder is not None and self.settings.record.enabled:
-            try:
-                self._recorder.start(self.settings.record.name)
-            except RecorderError as error:
-                self._raise("recorder.start", Severity.CRITICAL, str(error), "free the disk or choose another folder")
+        self._wanted = self.settings.record.enabled
+        self._tried = -_RETRY
+        self._begin_recording()
         self._live.on_well(self._surveys.well, time.monotonic())
         self._publish_surveys()
 
+    def _begin_recording(self) -> None:
+        """Begin the recording that is wanted; where it cannot begin, say so and try again later."""
+        if self._recorder is None or not self._wanted or time.monotonic() - self._tried < _RETRY:
+            return
+        self._tried = time.monotonic()
+        try:
+            self._recorder.start(self.settings.record.name)
+        except RecorderError as error:
+            self._raise("recording.start", Severity.CRITICAL, str(error), "free the disk; it is tried every 5 s")
+            return
+        self._wanted = False
+        self._alarms.clear("recording.start", self._now_ns())
+
     def halt(self) -> None:
         """Finish the recording."""
+        self._wanted = False
         if self._recorder is not None and self._recorder.status().state != State.STOPPED:
             try:
-                self._recorder.stop()
+                self._recorder.stop(_STOP_WITHIN)
             except RecorderError as error:
                 self.get_logger().error(f"recording not finished: {error}")
 
     def close(self) -> None:
         """Give folder and port free."""
+        if self._worker is not None:
+            self._worker.shutdown(wait=False, cancel_futures=True)
         if self._page is not None:
             self._page.stop()
         if self._recorder is not None:
-            self._recorder.close()
+            self._recorder.close(_STOP_WITHIN)
         if self._store is not None:
             self._store.close()
         self._page = self._recorder = self._store = None
@@ -214,7 +249,9 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             elif handler is not None:
                 handler(data)
 
-        self.listen(kind, name, arrived, profile, raw=True)
+        # What arrives while this node is busy must not push out what waits: the reader's own queue is deep.
+        deep = QoSProfile(depth=_QUEUE, reliability=profile.reliability, durability=profile.durability)
+        self.listen(kind, name, arrived, deep, raw=True)
 
     def _find_missing(self) -> None:
         """Topics told to be recorded that are not of the contract: subscribe when they appear."""
@@ -285,6 +322,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
     def _bring_live(self) -> None:
         self._answer_page()
+        self._finish_jobs()
         now = time.monotonic()
         self._drain_rig()
         gravity = self._take_buffer("gravity")
@@ -308,6 +346,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def _each_second(self) -> None:
         now, now_ns = time.monotonic(), self._now_ns()
         self._find_missing()
+        self._begin_recording()
         if self._recorder is not None:
             status = self._recorder.status()
             message = messages.recorder_message(status, stamp(now_ns))
@@ -357,10 +396,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             causes["recorder.dropped"] = (Severity.WARNING, text, "a faster disk, or fewer topics")
         self._alarms.sync("recorder.", causes, self._now_ns())
         if self._recorder is not None:
-            events = list(self._recorder.events)
-            for event in events[self._event_count :]:
-                self._note("recorder", event.text)
-            self._event_count = len(events)
+            for event in self._recorder.take_events():
+                self._note("recorder", event.text, _SEVERITIES[event.level])
 
     # Lists and topics out.
 
@@ -394,6 +431,14 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._path.publish(messages.path_message(path, surveys.changed_ns, frame))
         self._live.on_records(surveys.records, now)
         self._live.on_trajectory(path, now)
+        now_ns = self._now_ns()
+        self._work(lambda: table_of(surveys, path, now_ns).covariance, lambda job: self._show_ellipses(path, job))
+
+    def _show_ellipses(self, path: Definitive, job: concurrent.futures.Future[Any]) -> None:
+        covariance = job.result()
+        if covariance is not None:
+            measured = np.isfinite(covariance).all(axis=(1, 2))
+            self._live.on_trajectory(path, time.monotonic(), covariance[measured])
 
     def _publish_toolface(self) -> None:
         reading = self._live.toolface_reading
@@ -494,15 +539,35 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         return self._with_recorder(response, lambda recorder: recorder.split(), "finished")
 
     def _export(self, request: Any, response: Any) -> Any:
-        try:
-            table = survey_table(self._surveys, self._now_ns())
-            path = export(table, request.format, self._folder / "exports", request.name)
-        except (ValueError, ExportError) as error:
-            response.success, response.message = False, str(error)
-            return response
-        response.success, response.message, response.path = True, f"written {path}", str(path)
-        self._note("export", response.message)
-        return response
+        surveys, now_ns, folder = self._surveys, self._now_ns(), self._folder / "exports"
+
+        def write() -> Path:
+            return export(survey_table(surveys, now_ns), request.format, folder, request.name)
+
+        def written(job: concurrent.futures.Future[Path]) -> None:
+            try:
+                path = job.result()
+            except (ValueError, ExportError) as error:
+                response.success, response.message = False, str(error)
+            else:
+                response.success, response.message, response.path = True, f"written {path}", str(path)
+                self._note("export", response.message)
+            later.answer(response)
+
+        later = Later()
+        self._work(write, written)
+        return later
+
+    def _work(self, job: Callable[[], Any], done: Callable[[Any], None]) -> None:
+        """Do slow work beside the node; `done` gets its future in the node's thread."""
+        if self._worker is not None:
+            self._jobs.append((self._worker.submit(job), done))
+
+    def _finish_jobs(self) -> None:
+        over = [entry for entry in self._jobs if entry[0].done()]
+        self._jobs = [entry for entry in self._jobs if not entry[0].done()]
+        for job, done in over:
+            done(job)
 
     def _acknowledge_alarm(self, request: Any, response: Any) -> Any:
         response.success, response.message = self._alarms.acknowledge(request.id, request.operator_name, self._now_ns())

@@ -1,0 +1,89 @@
+"""The graph's nodes as processes, for tests: each run on a middleware domain that nobody else uses."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from mwd_surface import launch_plan
+from mwd_surface.bag_reader import Bag
+
+EXECUTABLES = {"sonde": "mwd_sensors", "estimator": "mwd_estimation", "surface": "mwd_surface"}
+PLACE = {"reference.source": "model", "reference.lat_deg": 38.3, "reference.lon_deg": 109.6}
+
+
+class Graph:
+    """Nodes that were started, in order; what they wrote is in `folder`."""
+
+    def __init__(self, folder: Path, environment: dict[str, str]) -> None:
+        self.folder = folder
+        self.environment = environment
+        self.running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self, node: str, namespace: str = "", **parameters: Any) -> str:
+        """Start a node as `ros2 run` would; its name in this graph comes back."""
+        words = [str(Path(sys.prefix) / "lib" / EXECUTABLES[node] / node), "--ros-args"]
+        words += ["-r", f"__ns:=/{namespace}"] if namespace else []
+        for key, value in parameters.items():
+            text = str(value).lower() if isinstance(value, bool) else str(value)
+            words += ["-p", f"{key.replace('__', '.')}:={text}"]
+        name = f"{namespace}/{node}"
+        with (self.folder / f"{name.replace('/', '_')}.log").open("ab") as log:
+            self.running[name] = subprocess.Popen(
+                words, env=self.environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
+            )
+        return name
+
+    def log(self, name: str) -> str:
+        """What a node has printed."""
+        return (self.folder / f"{name.replace('/', '_')}.log").read_text()
+
+    def end(self, name: str, number: signal.Signals = signal.SIGINT, within: float = 20.0) -> tuple[int, float]:
+        """Send a signal; exit status and seconds until the end."""
+        process, began = self.running.pop(name), time.monotonic()
+        process.send_signal(number)
+        return process.wait(within), time.monotonic() - began
+
+    def wait(self, name: str, within: float) -> int:
+        """Exit status of a node that ends by itself."""
+        return self.running.pop(name).wait(within)
+
+
+@contextlib.contextmanager
+def graph(folder: Path) -> Iterator[Graph]:
+    """A domain of its own; whatever still runs at the end is killed."""
+    with launch_plan.own_domain({}) as domain:
+        environment = launch_plan.graph_environment(dict(os.environ), domain, folder)
+        made = Graph(folder, environment)
+        try:
+            yield made
+        finally:
+            for process in made.running.values():
+                process.kill()
+                process.wait()
+
+
+def until(true: Callable[[], Any], within: float, what: str) -> Any:
+    """Wait for something to become true; fail with what it was."""
+    end = time.monotonic() + within
+    while time.monotonic() < end:
+        value = true()
+        if value:
+            return value
+        time.sleep(0.05)
+    raise AssertionError(f"not within {within} s: {what}")
+
+
+def samples_of(path: Path, topic: str) -> Any:
+    """All samples of a fixed-layout topic of a bag, joined."""
+    import numpy as np
+
+    with Bag(path) as bag:
+        return np.concatenate([block[topic][1] for block in bag.blocks([topic]) if topic in block])
