@@ -62,7 +62,10 @@ export function bearing(value, decimals = 1) {
   return Number(text) >= 360 ? (0).toFixed(decimals) : text;
 }
 
-export const signed = (kind, value) => (value < 0 ? "−" : "+") + size(kind, Math.abs(value));
+export function signed(kind, value) {
+  const text = size(kind, Math.abs(value));
+  return Number(text) === 0 ? text : (value < 0 ? "−" : "+") + text;
+}
 
 export function age(seconds) {
   if (seconds < 1) return "< 1 s";
