@@ -310,12 +310,16 @@ def _estimate(
         use_mag = False
         summary.warnings.append(f"{differ}: the magnetometer is not used; if they share axes say --same-axes")
     held: wire.Samples | None = None
-    first = True
+    unchecked = {topics.imu, topics.mag}
     for block in bag.blocks(topics.all, start_ns, end_ns):
-        if first:
-            use_mag = _check_units(block, topics, given, summary) and use_mag
-            first = topics.imu not in block
         samples = _in_si(block, topics, given)
+        if topics.imu in unchecked and topics.imu in samples:
+            summary.warnings += _check_imu(topics.imu, samples[topics.imu])
+        if use_mag and topics.mag in unchecked and topics.mag in samples:
+            doubtful = _check_mag(topics.mag, samples[topics.mag])
+            summary.warnings += doubtful
+            use_mag = not doubtful
+        unchecked -= samples.keys()
         # One block ahead of the IMU, so that where a block ends makes no difference to how a sample is paired.
         if use_mag and topics.mag in samples:
             pipeline.push_mag(samples[topics.mag])
@@ -378,27 +382,28 @@ def _in_si(block: Block, topics: Topics, given: InputSettings) -> dict[str | Non
     return samples
 
 
-def _check_units(block: Block, topics: Topics, given: InputSettings, summary: Summary) -> bool:
-    """Refuse an IMU that is not in SI; False where the magnetometer is not and must be left out."""
-    samples = _in_si({name: (part[0], part[1].copy()) for name, part in block.items()}, topics, given)
-    imu = samples.get(topics.imu)
-    if imu is not None:
-        for field, quantity, option in (
-            ("linear_acceleration", "acceleration", "--accel-unit"),
-            ("angular_velocity", "rate", "--gyro-unit"),
-        ):
-            found = units.doubt(quantity, imu[field])
-            if found and found[1]:
-                raise ValueError(f"{topics.imu}: {found[0]}; say so with {option} {found[1]}")
-            if found:
-                summary.warnings.append(f"{topics.imu}: {found[0]}")
-    mag = samples.get(topics.mag)
-    found = units.doubt("field", mag["magnetic_field"]) if mag is not None else None
+def _check_imu(topic: str, imu: wire.Samples) -> list[str]:
+    """Refuse an IMU that is not in SI; a warning where it is implausible in any unit."""
+    warnings = []
+    for field, quantity, option in (
+        ("linear_acceleration", "acceleration", "--accel-unit"),
+        ("angular_velocity", "rate", "--gyro-unit"),
+    ):
+        found = units.doubt(quantity, imu[field])
+        if found and found[1]:
+            raise ValueError(f"{topic}: {found[0]}; say so with {option} {found[1]}")
+        if found:
+            warnings.append(f"{topic}: {found[0]}")
+    return warnings
+
+
+def _check_mag(topic: str | None, mag: wire.Samples) -> list[str]:
+    """Why a magnetometer cannot be used; empty where it can."""
+    found = units.doubt("field", mag["magnetic_field"])
     if found is None:
-        return True
+        return []
     remedy = f"say so with --mag-unit {found[1]}" if found[1] else "look at the magnetometer or its driver"
-    summary.warnings.append(f"{topics.mag}: {found[0]}; not used, there is no azimuth: {remedy}")
-    return False
+    return [f"{topic}: {found[0]}; not used, there is no azimuth: {remedy}"]
 
 
 def _frames_differ(bag: Bag, topics: Topics) -> str:

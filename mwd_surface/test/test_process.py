@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_sensors import settings, wire
@@ -226,6 +228,31 @@ def test_a_field_in_another_unit_is_not_used_until_its_unit_is_said(tmp_path):
     summary = run(tmp_path / "bag", tmp_path / "out", mag_unit="uT")
     assert not summary.warnings
     assert float(attitude(tmp_path / "out")[-1]["azimuth_deg"]) == pytest.approx(70.0, abs=0.3)
+
+
+def test_a_magnetometer_that_speaks_late_is_checked_too(tmp_path):
+    imu, mag = recording(tmp_path / "whole", seconds=10.0)
+    late = mag[-300:]
+    late["magnetic_field"] *= 1e9
+    with BagWriter(tmp_path / "bag", chunk_bytes=4096) as bag:
+        for name, layout, rows in (("/imu/data_raw", wire.IMU, imu), ("/imu/mag", wire.MAG, late)):
+            bag.write_rows(bag.topic(name, layout.type_name), layout.encode(rows, "x"), rows["stamp_ns"])
+    summary = run(tmp_path / "bag", tmp_path / "out")
+    assert any("looks like nT" in warning for warning in summary.warnings)
+    assert summary.without_azimuth == summary.rows
+
+
+def test_an_older_sqlite3_recording_gives_the_same_lines(tmp_path):
+    recording(tmp_path / "bag", seconds=3.0)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with Bag(tmp_path / "bag") as bag, Writer(tmp_path / "old", version=9, storage_plugin=StoragePlugin.SQLITE3) as old:
+        names = ("/imu/data_raw", "/imu/mag")
+        connections = {n: old.add_connection(n, bag.topics[n].type_name, typestore=store) for n in names}
+        for log_ns, topic, _, data in bag.messages(names):
+            old.write(connections[topic], log_ns, data)
+    run(tmp_path / "bag", tmp_path / "out")
+    run(tmp_path / "old", tmp_path / "out_2")
+    assert (tmp_path / "out" / "attitude.csv").read_bytes() == (tmp_path / "out_2" / "attitude.csv").read_bytes()
 
 
 def test_a_force_in_g_is_refused_until_its_unit_is_said(tmp_path):
