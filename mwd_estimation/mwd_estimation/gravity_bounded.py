@@ -40,9 +40,11 @@ S_TIME, S_BIAS, S_SCALE, S_FORCE, S_TURN, S_JUMP, SUMS = 0, 1, 7, 9, 12, 13, 14
 (
     AGE, STARTED, MEAN, MEAN_POWER, LAST_W, SLOW_A, SWING_V, SWING_P, SWING_X, SWING_C, ROUGH, LAST_A, STRONG, DRIFT,
     INNOVATION, BOOST, CLIPPING, RATE_SLOPE, PERIOD, NON_GRAVITY, ALIAS, DIRECTION, SLOW_ARM, SWING_Z, SETTLED,
-    CLIP_TIME, SQUARE, EPOCH, TURNING, LEAST_SHARE, STATISTICS,
+    CLIP_TIME, SQUARE, EPOCH, TURNING, LEAST_SHARE,
+    RATE_CURVE, STATISTICS,
 ) = (
-    0, 1, 2, 5, 6, 9, 12, 15, 18, 19, 20, 21, 24, 25, 28, 30, 31, 32, 33, 34, 35, 36, 39, 42, 43, 44, 45, 46, 47, 48, 49
+    0, 1, 2, 5, 6, 9, 12, 15, 18, 19, 20, 21, 24, 25, 28, 30, 31, 32, 33, 34, 35, 36, 39, 42, 43, 44, 45, 46,
+    47, 48, 49, 50,
 )  # fmt: skip
 
 (
@@ -50,9 +52,10 @@ S_TIME, S_BIAS, S_SCALE, S_FORCE, S_TURN, S_JUMP, SUMS = 0, 1, 7, 9, 12, 13, 14
     K_ACCEL_NOISE, K_ANCHOR, K_PLAY, K_SWING_TIME, K_SWING_MEMORY, K_ANCHOR_SWING, K_PLAY_SWING,
     K_ALIAS_NOISE, K_SHOCK_AT, K_SHOCK_NOISE, K_GYRO_RANGE, K_ACCEL_RANGE,
     K_CLIP_JERK, K_CLIP_SLOPE, K_BIAS_0, K_SCALE_0, K_LEVER_0, K_DOWN_0, K_FLOOR, K_CONING,
-    K_CLIP_TURN, K_LEAN_TIME, K_LEAN_GAIN, K_LEAN_FROM, K_CLIP_BRIDGE, K_CLIP_CURVE, SETTINGS,
-) = range(35)  # fmt: skip
+    K_CLIP_TURN, K_LEAN_TIME, K_LEAN_GAIN, K_LEAN_FROM, K_CLIP_BRIDGE, K_CLIP_CURVE, K_LOST, SETTINGS,
+) = range(36)  # fmt: skip
 RESERVE, RESERVE_LEAST, RESERVE_MOST = 10.0, 0.1, 4.0
+SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # s, low-passes of the slope of the x rate and of its curvature
 TURNING_FROM = 3.0  # rad/s, mean rate about the axis from which aliased rates are integrated by the trapezoid
 
 
@@ -110,18 +113,23 @@ class Params:
     gyro_range: float = setting(34.9, "rate at which the gyro clips", unit="rad/s", low=0.1, high=200.0)
     accel_range: float = setting(156.9, "force at which the accelerometer clips", unit="m/s^2", low=10.0, high=4000.0)
     clip_jerk: float = setting(
-        40.0, "random walk of the slope of a clipped rate", unit="rad/s^2/sqrt(s)", low=0.0, high=1e4
+        200.0, "random walk of the slope of a clipped rate", unit="rad/s^2/sqrt(s)", low=0.0, high=1e4
     )
     clip_slope: float = setting(15.0, "error of that slope when clipping begins", unit="rad/s^2", low=0.0, high=1e4)
     clip_turn: float = setting(5.0, "rate lost while a cross-axis gyro clips", unit="rad/s", low=0.0, high=100.0)
     clip_bridge: float = setting(
-        0.2,
+        4.0,
         "longest clipping of the x gyro that is bridged; after a longer one roll starts anew",
         unit="s",
         low=0.0,
         high=10.0,
     )
-    clip_curve: float = setting(74.0, "usual curvature of a rate that clips", unit="rad/s^3", low=0.0, high=1e4)
+    clip_curve: float = setting(
+        75.0, "usual curvature of a rate that clips, a fifth of it the least", unit="rad/s^3", low=0.0, high=1e4
+    )
+    lost: float = setting(
+        3.0, "missing rate at the end of clipping that shows roll astray", unit="rad/s", low=0.01, high=100.0
+    )
     bias_sigma: float = setting(0.005, "gyro bias at switch-on", unit="rad/s", low=1e-6, high=0.2)
     scale_sigma: float = setting(0.005, "scale error of the x gyro at switch-on", low=1e-6, high=0.2)
     lever_sigma: float = setting(0.1, "lever arm of the sensor from the point that stays", unit="m", low=1e-4, high=5.0)
@@ -217,7 +225,7 @@ def constants(params: Params) -> Array:
             p.alias_noise, p.shock_at, p.shock_noise, p.gyro_range, p.accel_range,
             p.clip_jerk, p.clip_slope, p.bias_sigma, p.scale_sigma, p.lever_sigma, p.down_sigma,
             p.calibration_sigma, p.coning, p.clip_turn, p.lean_time, p.lean_gain, p.lean_from,
-            p.clip_bridge, p.clip_curve,
+            p.clip_bridge, p.clip_curve, p.lost,
         ]
     )  # fmt: skip
 
@@ -739,19 +747,26 @@ def _follow_clipping(
     if clip_x:
         if st[CLIPPING] == 0.0:
             x[N_MISSING] = 0.0
-            x[N_SLOPE] = st[RATE_SLOPE]
+            # The low-passed slope is late by its time constant.
+            x[N_SLOPE] = st[RATE_SLOPE] + SLOPE_LAG * st[RATE_CURVE]
             P[SLOPE, SLOPE] = k[K_CLIP_SLOPE] ** 2
             for j in range(MISSING - BIAS):
                 kept[MISSING - BIAS, j] = x[N_BIAS + j]
                 for m in range(MISSING - BIAS):
                     kept[j, m] = P[BIAS + j, BIAS + m]
         st[CLIPPING] = 1.0 if wx > 0.0 else -1.0
-        x[N_SLOPE] -= st[CLIPPING] * k[K_CLIP_CURVE] * dt
+        # It bends back as it did before; a rate that was not yet bending must, sooner or later.
+        bend = max(-st[CLIPPING] * st[RATE_CURVE], 0.2 * k[K_CLIP_CURVE])
+        # A string that swings about its mean speed bends in proportion to the distance from it.
+        bend *= 1.0 + abs(x[N_MISSING]) / max(abs(wx) - st[TURNING], 0.1 * abs(wx))
+        x[N_SLOPE] -= st[CLIPPING] * bend * dt
         x[N_MISSING] += x[N_SLOPE] * dt
         st[CLIP_TIME] += dt
         if x[N_MISSING] * wx < 0.0:
             x[N_MISSING] = 0.0
     elif st[CLIPPING] != 0.0:
+        # When the gyro is back nothing is missing: if the state says otherwise it went astray, and roll with it.
+        astray = abs(x[N_MISSING]) > k[K_LOST]
         x[N_MISSING] = 0.0
         x[N_SLOPE] = 0.0
         for j in range(ERRORS):
@@ -764,12 +779,14 @@ def _follow_clipping(
                 P[BIAS + j, BIAS + m] = kept[j, m]
         st[CLIPPING] = 0.0
         st[RATE_SLOPE] = 0.0
-        # A short clip is bridged; after a longer one roll may be anywhere, whatever the covariance thinks of it.
-        if P[TILT, TILT] + P[TILT + 1, TILT + 1] > 0.1 or st[CLIP_TIME] > k[K_CLIP_BRIDGE]:
+        st[RATE_CURVE] = 0.0
+        if astray or st[CLIP_TIME] > k[K_CLIP_BRIDGE] or P[TILT, TILT] + P[TILT + 1, TILT + 1] > 9.0:
             _begin(x, P, s, st)
         st[CLIP_TIME] = 0.0
     elif dt > 0.0:
-        st[RATE_SLOPE] += dt / (0.03 + dt) * ((wx - lwx) / dt - st[RATE_SLOPE])
+        late = st[RATE_SLOPE]
+        st[RATE_SLOPE] += dt / (SLOPE_LAG + dt) * ((wx - lwx) / dt - late)
+        st[RATE_CURVE] += dt / (CURVE_LAG + dt) * ((st[RATE_SLOPE] - late) / dt - st[RATE_CURVE])
 
 
 @compiled
