@@ -47,6 +47,7 @@ class ReferenceSettings:
     lat_deg: float = setting(0.0, "Latitude, WGS 84, north positive", unit="deg", low=-90.0, high=90.0)
     lon_deg: float = setting(0.0, "Longitude, WGS 84, east positive", unit="deg", low=-180.0, high=360.0)
     height_m: float = setting(0.0, "Height above the ellipsoid", unit="m", low=-12000.0, high=9000.0)
+    grid: str = setting("none", "Map grid of the well, for grid north by the model's place", choices=("none", "utm"))
     date: str = setting("", "Day of the model, YYYY-MM-DD; empty: the day of the first sample")
     total_nt: float = setting(50000.0, "Strength of the fixed field", unit="nT", low=15000.0, high=75000.0)
     dip_deg: float = setting(60.0, "Dip of the fixed field, below the horizontal", unit="deg", low=-90.0, high=90.0)
@@ -119,11 +120,13 @@ def reference_of(settings: ReferenceSettings, first_ns: int) -> Reference | None
             raise ValueError(f"reference.date: {settings.date!r} is not a day as YYYY-MM-DD") from error
     else:
         day = datetime.datetime.fromtimestamp(first_ns * 1e-9, tz=datetime.UTC).date()
-    return from_field(
+    reference = from_field(
         earth.reference_field(
             math.radians(settings.lat_deg), math.radians(settings.lon_deg), settings.height_m, day, settings.model
         )
     )
+    # A place says where true north is; which grid the well's maps use, somebody has to say.
+    return reference if settings.grid == "utm" else dataclasses.replace(reference, convergence=None)
 
 
 class Pipeline:
