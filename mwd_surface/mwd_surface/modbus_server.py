@@ -11,7 +11,6 @@ import asyncio
 import contextlib
 import dataclasses
 import math
-import socket
 import struct
 import time
 from collections.abc import Callable
@@ -31,7 +30,7 @@ from mwd_surface.rig_interface import (
     PeerStatus,
     checked_host,
     optional,
-    port_error,
+    probe_port,
 )
 from mwd_surface.rig_values import nothing_yet
 
@@ -125,7 +124,7 @@ class ModbusServer(LoopInterface):
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
         """Listen until `stop`."""
         host, port = checked_host(self.settings.host, self.settings.allow_network), self.settings.port
-        _try_port(host, port)
+        probe_port(host, port)
         server = self._server.ModbusTcpServer(self._devices(), address=(host, port), identity=self._named())
         make = server.callback_new_connection
         server.callback_new_connection = lambda: self._watched(make())
@@ -298,14 +297,3 @@ def _refused_count(data: bytes) -> bytes | None:
     if protocol != 0 or length != 6 or most is None or 1 <= count <= most:
         return None
     return struct.pack(">HHHBBB", transaction, 0, 3, unit, function | 0x80, 3)
-
-
-def _try_port(host: str, port: int) -> None:
-    """Say why a port cannot be had before pymodbus only says that it cannot."""
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    with socket.socket(family, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, port))
-        except OSError as error:
-            raise port_error(error, host, port) from error

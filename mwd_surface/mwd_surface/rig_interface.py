@@ -14,6 +14,7 @@ import dataclasses
 import errno
 import importlib
 import ipaddress
+import socket
 import threading
 from collections.abc import Callable
 from types import ModuleType
@@ -247,6 +248,24 @@ def is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False
+
+
+def probe_port(host: str, port: int) -> None:
+    """
+    Try a port before a library does that would only say that it cannot have it.
+
+    Raises
+    ------
+    InterfaceError
+        It cannot be had; the message says why.
+    """
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address)
+    except OSError as error:
+        raise port_error(error, host, port) from error
 
 
 def port_error(error: OSError, host: str, port: int) -> InterfaceError:
