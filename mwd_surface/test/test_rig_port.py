@@ -1,0 +1,135 @@
+"""One door to all rig interfaces: each fails alone, comes back by itself, and silence is told."""
+
+import contextlib
+import dataclasses
+import socket
+import sys
+
+import pytest
+from example_rig import eventually, values
+
+from mwd_sensors import settings
+from mwd_surface.modbus_map import StatusBit
+from mwd_surface.modbus_server import ModbusSettings
+from mwd_surface.rig_interface import InterfaceError, InterfaceStatus, PeerStatus
+from mwd_surface.rig_port import RigPort, RigSettings, status_lines
+from mwd_surface.wits0 import Decoder
+from mwd_surface.wits0_server import Wits0ServerSettings
+
+pytest.importorskip("pymodbus", reason="pymodbus is not installed: pip install pymodbus")
+
+
+def rig_settings(**changes):
+    base = RigSettings(
+        wits0_server=Wits0ServerSettings(enabled=True, port=0),
+        modbus=ModbusSettings(enabled=True, port=0),
+        retry_period=0.05,
+        silent_after=0.3,
+    )
+    return dataclasses.replace(base, **changes)
+
+
+@contextlib.contextmanager
+def running(config, **arguments):
+    port = RigPort(config, **arguments)
+    port.start()
+    try:
+        yield port
+    finally:
+        port.stop()
+
+
+def state_of(port, name):
+    return next(s for s in port.status() if s.name == name)
+
+
+def test_everything_is_off_until_switched_on():
+    port = RigPort(RigSettings())
+    assert not port.enabled
+    assert port.start() == {}
+    assert port.status() == ()
+    port.publish(values())
+    port.stop()
+    every = {name: value for name, (value, _) in settings.flat(RigSettings()).items() if name.endswith("enabled")}
+    assert len(every) == 6
+    assert not any(every.values())
+
+
+def test_settings_come_from_a_plain_table():
+    config = settings.from_mapping(RigSettings, {"modbus": {"enabled": True, "port": 1502}})
+    assert config.modbus.port == 1502
+    with pytest.raises(settings.SettingsError, match="did you mean modbus"):
+        settings.from_mapping(RigSettings, {"modbuss": {}})
+
+
+def test_values_reach_every_interface():
+    with running(rig_settings()) as port:
+        assert {s.state for s in port.status()} == {"listening"}
+        port.publish(values())
+        where = state_of(port, "wits0_server").address.split(":")
+        with socket.create_connection((where[0], int(where[1])), 5.0) as connection:
+            decoder, frames = Decoder(), []
+            while not frames:
+                frames += decoder.feed(connection.recv(4096))
+            assert frames[0].number(713) == 40.0
+        eventually(lambda: ("survey", "12") in state_of(port, "modbus").last)
+
+
+def test_an_interface_whose_port_is_taken_is_down_while_the_rest_runs_and_comes_up_by_itself():
+    holder = socket.create_server(("127.0.0.1", 0))
+    number = holder.getsockname()[1]
+    config = rig_settings(modbus=ModbusSettings(enabled=True, port=number))
+    with running(config) as port:
+        down = state_of(port, "modbus")
+        assert down.state == "down"
+        assert f"port {number} is taken" in down.reason
+        assert state_of(port, "wits0_server").state == "listening"
+        port.publish(values())
+        holder.close()
+        eventually(lambda: state_of(port, "modbus").state == "listening")
+        eventually(lambda: ("survey", "12") in state_of(port, "modbus").last)
+
+
+def test_strict_means_all_or_nothing():
+    with socket.create_server(("127.0.0.1", 0)) as holder:
+        config = rig_settings(strict=True, modbus=ModbusSettings(enabled=True, port=holder.getsockname()[1]))
+        port = RigPort(config)
+        with pytest.raises(InterfaceError, match=r"modbus: .*is taken"):
+            port.start()
+        assert state_of(port, "wits0_server").state == "stopped"
+
+
+def test_a_missing_package_is_told_with_the_way_to_install_it_and_the_rest_runs(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pymodbus.server", None)
+    with running(rig_settings()) as port:
+        assert "pip install pymodbus" in state_of(port, "modbus").reason
+        assert state_of(port, "wits0_server").state == "listening"
+
+
+def test_when_nobody_publishes_every_interface_tells_it():
+    with running(rig_settings()) as port:
+        port.publish(values())
+
+        def bits():
+            return int(dict(state_of(port, "modbus").last)["status"], 2)
+
+        eventually(lambda: bits() >> StatusBit.SONDE_LINK & 1)
+        eventually(lambda: not bits() >> StatusBit.SONDE_LINK & 1)
+        assert not bits() >> StatusBit.TOOLFACE_FRESH & 1
+        assert not bits() >> StatusBit.ACTIVE & 1
+        port.publish(values())
+        eventually(lambda: bits() >> StatusBit.SONDE_LINK & 1)
+
+
+def test_the_state_reads_as_lines_for_people():
+    peer = PeerStatus("10.0.0.7:4711", since=40.0, sent=25, rate=0.5, received=3, dropped=1, last="0717123.46")
+    table = (
+        InterfaceStatus("wits0_server", "listening", "127.0.0.1:8686", peers=(peer,), sent=25, received=3, dropped=1),
+        InterfaceStatus("modbus", "down", reason="127.0.0.1 port 502 is not allowed to this user"),
+    )
+    assert status_lines(table, 100.0) == [
+        "wits0_server: listening at 127.0.0.1:8686; out 25, in 3, dropped 1, refused 0",
+        "  10.0.0.7:4711: 60 s, out 25 (0.50/s), in 3, dropped 1, last 0717123.46",
+        "modbus: down; out 0, in 0, dropped 0, refused 0; 127.0.0.1 port 502 is not allowed to this user",
+    ]
+    assert status_lines((), 0.0) == ["no rig interface is switched on"]
