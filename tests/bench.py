@@ -30,8 +30,8 @@ def main() -> None:
     head = [
         "# Benchmarks",
         "",
-        "Written by `make bench`: ours, the papers' methods and the peers on the same data in the same run. Quote ratios;",
-        f"absolute times are of one machine ({os.cpu_count()} cores, CPython {platform.python_version()}).",
+        "Written by `make bench`: ours, the papers' methods and the peers on the same data in the same run.",
+        f"Quote ratios; absolute times are of one machine ({os.cpu_count()} cores, CPython {platform.python_version()}).",
         "",
         "## Gravity while drilling",
         "",

@@ -13,12 +13,12 @@ import dataclasses
 import math
 
 import numpy as np
-from mwd_sensors.compiled import compiled
-from mwd_sensors.settings import setting
 from numpy.typing import NDArray
 
 from mwd_estimation.magnetics import raw_azimuth_sample
 from mwd_estimation.status import Status
+from mwd_sensors.compiled import compiled
+from mwd_sensors.settings import setting
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

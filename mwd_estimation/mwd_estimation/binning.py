@@ -11,8 +11,9 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from mwd_sensors.compiled import compiled
 from numpy.typing import NDArray
+
+from mwd_sensors.compiled import compiled
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

@@ -12,8 +12,6 @@ import datetime
 import math
 
 import numpy as np
-from mwd_sensors import earth, wire
-from mwd_sensors.settings import setting
 from numpy.typing import NDArray
 
 from mwd_estimation import attitude_track, gravity, survey
@@ -27,6 +25,8 @@ from mwd_estimation.status import Status
 from mwd_estimation.still_survey import BIN_NS, BinSet, Refusal, StillAverage, StillSurvey
 from mwd_estimation.still_survey import Params as StillParams
 from mwd_estimation.survey import Survey
+from mwd_sensors import earth, wire
+from mwd_sensors.settings import setting
 
 Array = NDArray[np.float64]
 Samples = wire.Samples

@@ -10,10 +10,10 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from mwd_sensors.settings import setting
 from numpy.typing import NDArray
 
 from mwd_estimation.binning import Average, Bin, average
+from mwd_sensors.settings import setting
 
 Array = NDArray[np.float64]
 

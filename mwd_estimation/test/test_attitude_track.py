@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mwd_sensors.frames import TAU, magnetic_toolface, mat_nt, wrap_pi
 
 from mwd_estimation import attitude_track
 from mwd_estimation.attitude_track import FieldModel, Params
 from mwd_estimation.status import Status
+from mwd_sensors.frames import TAU, magnetic_toolface, mat_nt, wrap_pi
 
 START = 10**18
 FIELD_N = np.array([2e-5, 0.0, 4e-5])

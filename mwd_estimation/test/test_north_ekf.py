@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 import pytest
-from mwd_estimation.north_ekf import ATTITUDE, DEG_PER_HOUR, DEG_PER_ROOT_HOUR, MATRIX, N_GYRO_BIAS, Params
-from mwd_estimation.status import Status
-from mwd_sensors.frames import mat_nt, wrap_pi
 from north_signals import EARTH_RATE, G0, felt, motion, still
 from numpy.testing import assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from mwd_estimation import north_ekf
+from mwd_estimation.north_ekf import ATTITUDE, DEG_PER_HOUR, DEG_PER_ROOT_HOUR, MATRIX, N_GYRO_BIAS, Params
+from mwd_estimation.status import Status
+from mwd_sensors.frames import mat_nt, wrap_pi
 
 DEG = math.radians(1.0)
 GOOD = Params(latitude_deg=34.0, gyro_noise_deg_rth=0.05, gyro_bias_deg_h=0.05)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mwd_sensors import wire
-from mwd_sensors.frames import mat_nt, wrap_pi
 
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline, ReferenceSettings, reference_of
 from mwd_estimation.reference import Reference
 from mwd_estimation.status import Status
 from mwd_estimation.still_survey import Params as StillParams
+from mwd_sensors import wire
+from mwd_sensors.frames import mat_nt, wrap_pi
 
 START = 1_700_000_000 * 10**9
 REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, convergence=0.01, gravity=9.81, source="test")

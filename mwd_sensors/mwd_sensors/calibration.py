@@ -1,9 +1,11 @@
 """
 Calibration of a probe from a tumble and temperature run, and its application (S0's temperature compensation).
 
-Model of one triad: reading = inverse(matrix) @ truth + bias + bias_per_c * (temperature - reference temperature).
+Model of one triad, with warm = temperature - reference temperature:
+reading = (1 + scale_per_c * warm) * (inverse(matrix) @ truth) + bias + bias_per_c * warm.
 On a stand of known attitudes the model is linear in its figures. Without a stand, the strength of gravity and of the
-field, the dip between them, and the turns between rests are enough, up to one common rotation of the triads.
+field, the dip between them, and the turns between rests are enough, up to one common rotation of the triads. Every
+figure comes with its 1 sigma, from the scatter of the residuals.
 """
 
 from __future__ import annotations
@@ -31,9 +33,14 @@ class TriadCalibration:
     Attributes
     ----------
     matrix : ndarray, shape (3, 3)
-        Corrected = matrix @ (reading - bias - bias_per_c * (temperature - reference_c)).
+        Corrected = matrix @ ((reading - bias - bias_per_c * warm) / (1 + scale_per_c * warm)), where warm is the
+        temperature above reference_c.
     bias, bias_per_c : ndarray, shape (3,)
         SI and SI/degC.
+    scale_per_c : ndarray, shape (3,)
+        1/degC; like bias_per_c zero where the run was made at one temperature.
+    sigma_matrix, sigma_bias, sigma_bias_per_c, sigma_scale_per_c : ndarray
+        1 sigma of each figure, as the scatter of the residuals says it.
     reference_c : float
         degC.
     before, after : float
@@ -46,6 +53,11 @@ class TriadCalibration:
     matrix: Array
     bias: Array
     bias_per_c: Array
+    scale_per_c: Array
+    sigma_matrix: Array
+    sigma_bias: Array
+    sigma_bias_per_c: Array
+    sigma_scale_per_c: Array
     reference_c: float
     before: float
     after: float
@@ -55,7 +67,7 @@ class TriadCalibration:
         """Corrected vectors, shape (..., 3), of readings (..., 3) at temperatures (...), degC."""
         warm = np.asarray(celsius, dtype=float)[..., None] - self.reference_c
         free = np.asarray(reading, dtype=float) - self.bias - self.bias_per_c * warm
-        return np.asarray(np.einsum("ij,...j->...i", self.matrix, free))
+        return np.asarray(np.einsum("ij,...j->...i", self.matrix, free / (1.0 + self.scale_per_c * warm)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -158,19 +170,37 @@ def fit_stand(reading: ArrayLike, truth: ArrayLike, celsius: ArrayLike) -> Triad
         The attitudes do not determine all nine figures.
     """
     y, x, t = (np.asarray(a, dtype=float) for a in (reading, truth, celsius))
-    reference, scale = float(t.mean()), float(np.sqrt(np.mean(x**2)))
-    columns = [x / scale, np.ones((len(x), 1))]
-    varied = np.ptp(t) > 1.0
-    if varied:
-        columns.append((t - reference)[:, None] / np.ptp(t))
-    design = np.concatenate(columns, axis=1)
-    if np.linalg.cond(design) > 1e4:
-        raise ValueError("truth: these attitudes do not determine scale, misalignment and bias; turn the probe further")
-    solution = np.linalg.lstsq(design, y, rcond=None)[0]
-    matrix = np.linalg.inv(solution[:3].T / scale)
-    per_c = solution[4] / np.ptp(t) if varied else np.zeros(3)
-    fitted = TriadCalibration(matrix, solution[3], per_c, reference, 0.0, 0.0, len(y))
-    return dataclasses.replace(fitted, before=_rms(y - x), after=_rms(fitted(y, t) - x))
+    strength = float(np.sqrt(np.mean(x**2)))
+    heat = _Heat.of(t)
+    solutions, sigmas = [], []
+    for axis in range(3):
+        columns = [x / strength, np.ones((len(x), 1))]
+        if heat.varied:
+            columns += [heat.warm[:, None], (heat.warm * x[:, axis] / strength)[:, None]]
+        design = np.concatenate(columns, axis=1)
+        if np.linalg.cond(design) > 1e4:
+            raise ValueError(f"truth: {_POOR}")
+        solution = np.linalg.lstsq(design, y[:, axis] / strength, rcond=None)[0]
+        solutions.append(solution)
+        sigmas.append(_sigmas(design, design @ solution - y[:, axis] / strength))
+    p, sigma = np.array(solutions), np.array(sigmas)
+    scale, gain = strength / heat.span, 1.0 / heat.span
+    per_c, gain_per_c = (p[:, 4] * scale, p[:, 5] / p[:, :3].diagonal() * gain) if heat.varied else _NOTHING
+    fitted = TriadCalibration(
+        matrix=np.linalg.inv(p[:, :3]),
+        bias=p[:, 3] * strength,
+        bias_per_c=per_c,
+        scale_per_c=gain_per_c,
+        sigma_matrix=sigma[:, :3],
+        sigma_bias=sigma[:, 3] * strength,
+        sigma_bias_per_c=sigma[:, 4] * scale if heat.varied else np.zeros(3),
+        sigma_scale_per_c=sigma[:, 5] * gain if heat.varied else np.zeros(3),
+        reference_c=heat.reference_c,
+        before=_rms(y - x),
+        after=0.0,
+        poses=len(y),
+    )
+    return dataclasses.replace(fitted, after=_rms(fitted(y, t) - x))
 
 
 def fit_strength(reading: ArrayLike, strength: float, celsius: ArrayLike) -> TriadCalibration:
@@ -185,22 +215,19 @@ def fit_strength(reading: ArrayLike, strength: float, celsius: ArrayLike) -> Tri
     ValueError
         The attitudes do not determine the figures.
     """
-    y, t = np.asarray(reading, dtype=float) / strength, np.asarray(celsius, dtype=float)
-    reference, varied = float(t.mean()), bool(np.ptp(t) > 1.0)
-    warm = (t - reference) / (np.ptp(t) if varied else 1.0)
+    y, heat = np.asarray(reading, dtype=float) / strength, _Heat.of(np.asarray(celsius, dtype=float))
 
     def residual(p: Array) -> Array:
-        return np.asarray(np.linalg.norm((y - _biases(p[6:], warm, varied)) @ _symmetric(p[:6]), axis=1) - 1.0)
+        return np.asarray(np.linalg.norm(heat.freed(y, p[6:]) @ _symmetric(p[:6]), axis=1) - 1.0)
 
-    start = np.concatenate([[1.0, 1.0, 1.0], np.zeros(9 if varied else 6)])
+    start = np.concatenate([[1.0, 1.0, 1.0], np.zeros(3 + heat.figures)])
     found = least_squares(residual, start, x_scale="jac", method="lm")
     _determined(found.jac)
-    per_c = found.x[9:12] * strength / np.ptp(t) if varied else np.zeros(3)
+    sigma = _sigmas(found.jac, found.fun)
     return TriadCalibration(
         matrix=_symmetric(found.x[:6]),
-        bias=found.x[6:9] * strength,
-        bias_per_c=per_c,
-        reference_c=reference,
+        sigma_matrix=_symmetric(sigma[:6]),
+        **heat.named(found.x[6:], sigma[6:], strength, _rms(found.fun)),
         before=_rms(np.linalg.norm(y, axis=1) - 1.0) * strength,
         after=_rms(found.fun) * strength,
         poses=len(y),
@@ -226,28 +253,22 @@ def fit_magnetometer(
     ValueError
         The attitudes do not determine the figures.
     """
-    y, t, f = (
-        np.asarray(reading, dtype=float) / strength,
-        np.asarray(celsius, dtype=float),
-        np.asarray(f_t, dtype=float),
-    )
+    y, f = np.asarray(reading, dtype=float) / strength, np.asarray(f_t, dtype=float)
     down = -f / np.linalg.norm(f, axis=1, keepdims=True)
-    reference, varied = float(t.mean()), bool(np.ptp(t) > 1.0)
-    warm = (t - reference) / (np.ptp(t) if varied else 1.0)
+    heat = _Heat.of(np.asarray(celsius, dtype=float))
 
     def residual(p: Array) -> Array:
-        b = (y - _biases(p[9:], warm, varied)) @ p[:9].reshape(3, 3).T
+        b = heat.freed(y, p[9:]) @ p[:9].reshape(3, 3).T
         return np.concatenate([np.linalg.norm(b, axis=1) - 1.0, np.sum(b * down, axis=1) - np.sin(dip)])
 
-    start = np.concatenate([np.eye(3).ravel(), np.zeros(6 if varied else 3)])
+    start = np.concatenate([np.eye(3).ravel(), np.zeros(heat.figures)])
     found = least_squares(residual, start, x_scale="jac", method="lm")
     _determined(found.jac)
-    per_c = found.x[12:15] * strength / np.ptp(t) if varied else np.zeros(3)
+    sigma = _sigmas(found.jac, found.fun, 2)
     return TriadCalibration(
         matrix=found.x[:9].reshape(3, 3),
-        bias=found.x[9:12] * strength,
-        bias_per_c=per_c,
-        reference_c=reference,
+        sigma_matrix=sigma[:9].reshape(3, 3),
+        **heat.named(found.x[9:], sigma[9:], strength, _rms(found.fun)),
         before=_rms(residual(start)) * strength,
         after=_rms(found.fun) * strength,
         poses=len(y),
@@ -275,17 +296,21 @@ def fit_gyro(gyro: ArrayLike, at_rest: Rests, accelerometer: TriadCalibration, r
         The turns do not determine the figures (they must go round all axes).
     """
     w, t = np.asarray(gyro, dtype=float), at_rest.celsius
-    reference, varied = float(t.mean()), bool(np.ptp(t) > 1.0)
-    design = np.column_stack([np.ones(len(t)), t - reference]) if varied else np.ones((len(t), 1))
+    heat = _Heat.of(t)
+    design = np.column_stack([np.ones(len(t)), heat.warm]) if heat.varied else np.ones((len(t), 1))
     solution = np.linalg.lstsq(design, at_rest.gyro, rcond=None)[0]
-    bias, per_c = solution[0], solution[1] if varied else np.zeros(3)
+    left = design @ solution - at_rest.gyro
+    scatter = np.array([_sigmas(design, column) for column in left.T])
+    per_span = scatter[:, 1] / heat.span if heat.varied else np.zeros(3)
+    sigma_bias, sigma_per_c = _with_drift(scatter[:, 0], per_span, np.sqrt(np.mean(left**2, axis=0)), heat.span)
+    bias, per_c = solution[0], solution[1] / heat.span if heat.varied else np.zeros(3)
     f = accelerometer(at_rest.accel, t)
     down = -f / np.linalg.norm(f, axis=1, keepdims=True)
     turns = []
+    between = 0.5 * (t[:-1] + t[1:]) - heat.reference_c
     for k in range(len(t) - 1):
         a, z = int(at_rest.last[k]) - round(0.5 * rate), int(at_rest.first[k + 1]) + round(0.5 * rate)
-        warm = 0.5 * (t[k] + t[k + 1]) - reference
-        turns.append((w[a:z] - bias - per_c * warm) / rate)
+        turns.append((w[a:z] - bias - per_c * between[k]) / rate)
     # Turns of all pairs of rests run side by side; short ones are filled up with zeros, which do not turn.
     longest = max(len(turn) for turn in turns)
     steps = np.zeros((longest, len(turns), 3))
@@ -293,16 +318,23 @@ def fit_gyro(gyro: ArrayLike, at_rest: Rests, accelerometer: TriadCalibration, r
         steps[: len(turn), k] = turn
 
     def residual(p: Array) -> Array:
-        return np.asarray((_carried(steps @ p.reshape(3, 3).T, down[:-1]) - down[1:]).ravel())
+        gain = 1.0 + p[9:] * (between / heat.span)[:, None] if heat.varied else 1.0
+        return np.asarray((_carried(steps / gain @ p[:9].reshape(3, 3).T, down[:-1]) - down[1:]).ravel())
 
-    start = np.eye(3).ravel()
+    start = np.concatenate([np.eye(3).ravel(), np.zeros(3 if heat.varied else 0)])
     found = least_squares(residual, start, x_scale="jac", method="lm")
     _determined(found.jac)
+    sigma = _sigmas(found.jac, found.fun, 3, interleaved=True)
     return TriadCalibration(
-        matrix=found.x.reshape(3, 3),
+        matrix=found.x[:9].reshape(3, 3),
         bias=bias,
         bias_per_c=per_c,
-        reference_c=reference,
+        scale_per_c=found.x[9:] / heat.span if heat.varied else np.zeros(3),
+        sigma_matrix=sigma[:9].reshape(3, 3),
+        sigma_bias=sigma_bias,
+        sigma_bias_per_c=sigma_per_c if heat.varied else np.zeros(3),
+        sigma_scale_per_c=sigma[9:] / heat.span if heat.varied else np.zeros(3),
+        reference_c=heat.reference_c,
         before=float(np.sqrt(np.mean(residual(start) ** 2) * 3.0)),
         after=float(np.sqrt(np.mean(found.fun**2) * 3.0)),
         poses=len(turns),
@@ -385,6 +417,11 @@ def from_table(table: Mapping[str, Any]) -> Calibration:
             matrix=figures["matrix"],
             bias=figures["bias"],
             bias_per_c=figures["bias_per_c"],
+            scale_per_c=figures["scale_per_c"],
+            sigma_matrix=figures["sigma_matrix"],
+            sigma_bias=figures["sigma_bias"],
+            sigma_bias_per_c=figures["sigma_bias_per_c"],
+            sigma_scale_per_c=figures["sigma_scale_per_c"],
             reference_c=float(figures["reference_c"]),
             before=float(figures["before"]),
             after=float(figures["after"]),
@@ -401,6 +438,11 @@ _SHAPES: dict[str, tuple[int, ...]] = {
     "matrix": (3, 3),
     "bias": (3,),
     "bias_per_c": (3,),
+    "scale_per_c": (3,),
+    "sigma_matrix": (3, 3),
+    "sigma_bias": (3,),
+    "sigma_bias_per_c": (3,),
+    "sigma_scale_per_c": (3,),
     "reference_c": (),
     "before": (),
     "after": (),
@@ -423,14 +465,94 @@ def _symmetric(p: Array) -> Array:
     return np.array([[p[0], p[3], p[4]], [p[3], p[1], p[5]], [p[4], p[5], p[2]]])
 
 
-def _biases(p: Array, warm: Array, varied: bool) -> Array:
-    return p[:3] + warm[:, None] * p[3:6] if varied else np.broadcast_to(p[:3], (len(warm), 3))
+@dataclasses.dataclass(frozen=True)
+class _Heat:
+    """Temperature of a run: warm, shape (m,), runs over one unit, so that all figures of a fit are of one size."""
+
+    reference_c: float
+    span: float
+    warm: Array
+    varied: bool
+
+    @classmethod
+    def of(cls, celsius: Array) -> _Heat:
+        reference, varied = float(celsius.mean()), bool(np.ptp(celsius) > 1.0)
+        span = float(np.ptp(celsius)) if varied else 1.0
+        return cls(reference, span, (celsius - reference) / span, varied)
+
+    @property
+    def figures(self) -> int:
+        """Bias, and with it over temperature: bias and scale."""
+        return 9 if self.varied else 3
+
+    def freed(self, y: Array, p: Array) -> Array:
+        """Readings without the errors p: bias, and over the run's span bias and scale."""
+        if not self.varied:
+            return np.asarray(y - p[:3])
+        warm = self.warm[:, None]
+        return np.asarray((y - p[:3] - warm * p[3:6]) / (1.0 + warm * p[6:9]))
+
+    def named(self, p: Array, sigma: Array, strength: float, scatter: float) -> dict[str, Any]:
+        """Figures of p and their sigmas under their names, SI; scatter: rms of the residuals over the strength."""
+        none = np.zeros(3)
+        per_c, gain = strength / self.span, 1.0 / self.span
+        bias, bias_per_c = _with_drift(sigma[:3], sigma[3:6] if self.varied else none, scatter, 1.0)
+        return {
+            "reference_c": self.reference_c,
+            "bias": p[:3] * strength,
+            "sigma_bias": bias * strength,
+            "bias_per_c": p[3:6] * per_c if self.varied else none,
+            "sigma_bias_per_c": bias_per_c * per_c if self.varied else none,
+            "scale_per_c": p[6:9] * gain if self.varied else none,
+            "sigma_scale_per_c": sigma[6:9] * gain if self.varied else none,
+        }
+
+
+_NOTHING = np.zeros(3), np.zeros(3)
+_POOR = "these attitudes do not determine scale, misalignment and bias; turn the probe further"
+
+
+def _sigmas(jacobian: Array, residual: Array, parts: int = 1, interleaved: bool = False) -> Array:
+    """
+    1 sigma of the figures of a least-squares fit, from the scatter of its residuals.
+
+    parts residuals belong to each rest: one after the other (interleaved), or all firsts before all seconds. A slow
+    drift of the sensor leaves residuals that resemble their neighbours, and fewer of them count: the larger of the
+    ordinary sigma and of that by Newey and West (Econometrica 55, 1987) with a fifth of the rests as its reach.
+    """
+    size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+    scaled = jacobian / size
+    inverse = np.linalg.inv(scaled.T @ scaled)
+    rows, figures = scaled.shape
+    spare = max(rows - figures, 1)
+    ordinary = inverse.diagonal() * float(residual @ residual) / spare
+    scores = scaled * residual[:, None]
+    count = rows // parts
+    scores = (
+        scores.reshape(count, parts, -1).sum(axis=1) if interleaved else scores.reshape(parts, count, -1).sum(axis=0)
+    )
+    reach = count // 5
+    spread = scores.T @ scores
+    for lag in range(1, reach + 1):
+        product = scores[lag:].T @ scores[:-lag]
+        spread = spread + (1.0 - lag / (reach + 1.0)) * (product + product.T)
+    robust = (inverse @ spread @ inverse).diagonal() * rows / spare
+    return np.asarray(np.sqrt(np.maximum(ordinary, robust)) / size)
+
+
+def _with_drift(sigma_bias: Array, sigma_bias_per_c: Array, scatter: Array | float, span: float) -> tuple[Array, Array]:
+    """
+    The same sigmas with an allowance for drift: half the scatter of the residuals in the bias, twice it over the span.
+
+    A sensor that drifts while the temperature happens to rise cannot be told from one that feels the temperature.
+    """
+    return np.hypot(sigma_bias, 0.5 * scatter), np.hypot(sigma_bias_per_c, 2.0 * scatter / span)
 
 
 def _determined(jacobian: Array) -> None:
     scaled = jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     if np.linalg.cond(scaled) > 1e5:
-        raise ValueError("these attitudes do not determine scale, misalignment and bias; turn the probe further")
+        raise ValueError(_POOR)
 
 
 def _rms(x: Array) -> float:

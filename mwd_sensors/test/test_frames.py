@@ -66,9 +66,7 @@ def test_an_exactly_vertical_hole_keeps_its_rotation(inc):
 
 def test_hand_worked_attitudes():
     # Horizontal hole to the east, scribe line up: x east, z up, y = z x x = north.
-    np.testing.assert_allclose(
-        mat_nt(np.pi / 2, np.pi / 2, 0.0).T, [[0, 1, 0], [1, 0, 0], [0, 0, -1]], atol=1e-15
-    )
+    np.testing.assert_allclose(mat_nt(np.pi / 2, np.pi / 2, 0.0).T, [[0, 1, 0], [1, 0, 0], [0, 0, -1]], atol=1e-15)
     # Clockwise looking down-hole (east): a quarter turn from up is to the right, that is south.
     np.testing.assert_allclose(mat_nt(np.pi / 2, np.pi / 2, np.pi / 2)[:, 2], [-1, 0, 0], atol=1e-15)
     # Vertical hole, scribe line east: magnetic toolface 90 deg.

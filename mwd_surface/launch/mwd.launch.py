@@ -1,9 +1,10 @@
 """Start sonde, estimator and surface of one well."""
 
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
+
+from launch import LaunchDescription
 
 NODES = {"surface": "mwd_surface", "estimator": "mwd_estimation", "sonde": "mwd_sensors"}
 

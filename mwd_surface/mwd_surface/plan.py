@@ -11,10 +11,10 @@ import dataclasses
 import math
 
 import numpy as np
-from mwd_sensors.frames import Array, mat_nt, wrap_tau
 from numpy.typing import ArrayLike
 
 from mwd_sensors import minimum_curvature as mc
+from mwd_sensors.frames import Array, mat_nt, wrap_tau
 
 
 @dataclasses.dataclass(frozen=True)

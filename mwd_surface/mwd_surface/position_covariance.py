@@ -14,10 +14,10 @@ import math
 import warnings
 
 import numpy as np
-from mwd_sensors.frames import Array, wrap_tau
 from numpy.typing import ArrayLike
 
 from mwd_sensors import minimum_curvature as mc
+from mwd_sensors.frames import Array, wrap_tau
 from mwd_surface.survey_record import North
 
 STANDARD_GRAVITY = 9.80665

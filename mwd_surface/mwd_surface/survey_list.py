@@ -16,11 +16,11 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from mwd_sensors.frames import Array
-from mwd_sensors.settings import setting
 
 from mwd_sensors import minimum_curvature as mc
 from mwd_sensors import settings
+from mwd_sensors.frames import Array
+from mwd_sensors.settings import setting
 from mwd_surface.survey_record import Judgement, North, Survey, SurveyRecord, Verdict, checked_survey
 from mwd_surface.well import Well
 

@@ -13,8 +13,8 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-from mwd_sensors.frames import Array
 
+from mwd_sensors.frames import Array
 from mwd_surface.plan import Plan, offset_from
 from mwd_surface.position_covariance import CovarianceUnavailableError, ErrorReference, position_covariance
 from mwd_surface.survey_list import Definitive, SurveyList

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from mwd_surface.depth import DepthRules, DepthTrack
 
 S = 10**9

@@ -9,6 +9,7 @@ import example_surveys as example
 import lasio
 import pytest
 from lxml import etree
+
 from mwd_surface.export import FORMATS, ExportError, export
 from mwd_surface.plan import plan_of
 from mwd_surface.survey_table import survey_table

@@ -5,6 +5,7 @@ import io
 import example_surveys as example
 import lasio
 import numpy as np
+
 from mwd_surface.export_las import NULL, las
 from mwd_surface.survey_list import SurveyList
 from mwd_surface.survey_table import survey_table

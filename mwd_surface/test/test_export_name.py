@@ -3,6 +3,7 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from mwd_surface.export_name import LONGEST, RESERVED, safe_name
 
 

@@ -10,6 +10,7 @@ import example_surveys as example
 import numpy as np
 import pytest
 from lxml import etree
+
 from mwd_surface.export_witsml import NAMESPACE, witsml
 from mwd_surface.plan_file import plan_from_witsml
 from mwd_surface.survey_list import ListRules, SurveyList, TieOn

@@ -1,6 +1,7 @@
 """What a report says: nothing taken is missing, nothing unusual goes without a word."""
 
 import example_surveys as example
+
 from mwd_surface.report_content import content
 
 

@@ -6,6 +6,7 @@ import re
 import example_surveys as example
 import pytest
 from lxml import etree
+
 from mwd_surface.report_content import content
 from mwd_surface.report_html import report_html
 

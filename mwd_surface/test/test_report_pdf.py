@@ -4,6 +4,7 @@ import io
 
 import example_surveys as example
 import pytest
+
 from mwd_surface.report_content import content
 from mwd_surface.report_pdf import report_pdf
 

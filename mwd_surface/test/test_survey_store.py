@@ -10,12 +10,12 @@ import sys
 import time
 
 import pytest
+
+from mwd_surface import survey_store
 from mwd_surface.survey_list import ListRules, SurveyList, TieOn
 from mwd_surface.survey_record import North, Survey
 from mwd_surface.survey_store import StoreError, SurveyStore
 from mwd_surface.well import Well
-
-from mwd_surface import survey_store
 
 WELL, RULES = Well(name="Åsgard Ω-1"), ListRules()
 COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 1e-4, 0.0, 0.0, 0.0, 1e-6)
