@@ -8,6 +8,7 @@ import sys
 import typer
 
 from mwd_surface.commands.bag import bag, recover
+from mwd_surface.commands.calibrate import calibrate
 from mwd_surface.commands.doctor import doctor
 from mwd_surface.commands.node import PASS_ON, node
 from mwd_surface.commands.plot import plot
@@ -35,6 +36,7 @@ app.command(rich_help_panel=_RECORDINGS)(process)
 app.command(rich_help_panel=_RECORDINGS)(survey)
 app.command(rich_help_panel=_RECORDINGS)(simulate)
 app.command(rich_help_panel=_RECORDINGS)(plot)
+app.command(rich_help_panel=_RECORDINGS)(calibrate)
 app.command(rich_help_panel=_RECORDINGS)(recover)
 app.add_typer(bag, name="bag", rich_help_panel=_RECORDINGS)
 app.add_typer(scenario, name="scenario", rich_help_panel=_RECORDINGS)

@@ -1,0 +1,135 @@
+"""`mwd calibrate`: a tumble and temperature run to the errors of a probe, and the file that takes them out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from mwd_surface.commands.reference_options import FIELD_PANEL, Date, Field, Lat, Lon, field_figures
+
+
+def calibrate(
+    run: Annotated[
+        str, typer.Argument(metavar="BAG|SCENARIO", help="Recording of the run, or a scenario to simulate.")
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Calibration to write, YAML.")],
+    unit: Annotated[str, typer.Option(help="Unit of the sonde: ahrs or precision.")] = "ahrs",
+    grade: Annotated[str | None, typer.Option(help="Grade of the simulated unit instead of the scenario's.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the simulation instead of the scenario's.")] = None,
+    lat: Lat = None,
+    lon: Lon = None,
+    date: Date = None,
+    field: Field = None,
+    gravity: Annotated[
+        float | None, typer.Option(help="Gravity where the run was made, m/s².", rich_help_panel=FIELD_PANEL)
+    ] = None,
+) -> None:
+    """
+    Estimate bias, scale, misalignment and their change with temperature from a tumble run.
+
+    The probe rests in many attitudes and is turned between them while its temperature changes; no stand is needed.
+    Gravity and field come from the scenario, or from --lat and --lon, or from --field and --gravity.
+
+    \b
+    Examples:
+      mwd calibrate tumble -o probe_12.yaml
+      mwd calibrate bags/tumble_12 -o probe_12.yaml --lat 60.4 --lon 5.3
+      mwd calibrate tumble -o precision.yaml --unit precision --grade tactical_north
+    """
+    from rich.table import Table
+
+    from mwd_sensors.settings import SettingsError, unknown_key
+    from mwd_surface import calibration_run
+    from mwd_surface.bag_reader import Bag
+    from mwd_surface.commands import terminal
+
+    if unit not in calibration_run.UNITS:
+        raise SettingsError(unknown_key(unit, calibration_run.UNITS, "--unit"))
+    path = Path(run)
+    found_field: tuple[float, float] | None = None
+    if path.is_dir() or path.suffix in (".mcap", ".db3"):
+        if grade is not None or seed is not None:
+            raise ValueError("--grade, --seed: a recording has its sensors already; they are for scenarios")
+        with Bag(path) as bag, terminal.waiting(f"reading {path.name}"):
+            data = calibration_run.recorded(bag, unit)
+            scenario, day = calibration_run.scenario_of(bag), bag.start_ns
+    else:
+        scenario = _scenario(run, unit, grade, seed)
+        day = 0
+        with terminal.waiting(f"simulating {scenario.name}"):
+            data = calibration_run.simulated(scenario, unit)
+    strength, found_field, source = _place(lat, lon, date, field, day)
+    if strength is None and scenario is not None:
+        strength, known = calibration_run.field_of(scenario)
+        found_field, source = found_field or known, source or "its scenario"
+    strength = gravity if gravity is not None else strength
+    if strength is None:
+        raise ValueError(f"{run}: say where the run was made with --lat and --lon, or --gravity (and --field)")
+    if found_field is None and data.mag is not None and unit == "ahrs":
+        terminal.warn("the field is not known: magnetometers are left as they are (--lat and --lon, or --field)")
+    found = calibration_run.calibrated(data, strength, found_field)
+    about: dict[str, Any] = {"from": data.source, "unit": unit, "gravity_mps2": strength, "place": source or "options"}
+    if found_field is not None:
+        about |= {"field_t": found_field[0], "dip_rad": found_field[1]}
+    calibration_run.write(output, found, about)
+    console = terminal.output()
+    table = Table(title=f"{data.source}, {unit}: residuals, root mean square")
+    for name in ("triad", "rests or turns", "before", "after", "unit"):
+        table.add_column(name, justify="left" if name in ("triad", "unit") else "right")
+    for name, count, before, after, words in calibration_run.residuals(found):
+        table.add_row(name, str(count), f"{before:.4g}", f"{after:.4g}", words)
+    console.print(table, soft_wrap=False)
+    axes = Table(title=f"errors at {found.accelerometer.reference_c:.1f} °C, ± 1 sigma")
+    for name in ("triad", "figure", "x", "y", "z"):
+        axes.add_column(name, justify="left" if name in ("triad", "figure") else "right")
+    for name, words, values in calibration_run.errors(found):
+        axes.add_row(name, words, *values)
+    console.print(axes, soft_wrap=False)
+    console.print(f"written: {output}", markup=False)
+
+
+def _scenario(name: str, unit: str, grade: str | None, seed: int | None) -> Any:
+    import dataclasses
+
+    from mwd_sensors import scenario_files
+    from mwd_sensors.scenario import Unit, read
+
+    scenario = read(scenario_files.find(name), {} if seed is None else {"seed": seed})
+    if grade is None:
+        return scenario
+    known = getattr(scenario, unit) or Unit()
+    # Made anew, so that a grade that does not exist or does not fit is named.
+    changed: dict[str, Any] = {unit: dataclasses.replace(known, grade=grade)}
+    return dataclasses.replace(scenario, **changed)
+
+
+def _place(
+    lat: float | None, lon: float | None, date: str | None, field: str | None, day_ns: int
+) -> tuple[float | None, tuple[float, float] | None, str]:
+    """Gravity, field and their source, as far as the options tell."""
+    import datetime
+    import math
+
+    from mwd_sensors import earth
+
+    if field is not None and lat is None:
+        total, dip, _ = field_figures(field)
+        return None, (total * 1e-9, math.radians(dip)), "--field"
+    if (lat is None) != (lon is None):
+        raise ValueError("--lat and --lon: give both, or neither")
+    if lat is None or lon is None:
+        if date is not None:
+            raise ValueError("--date: means nothing without --lat and --lon")
+        return None, None, ""
+    if field is not None:
+        raise ValueError("--field and --lat/--lon: give one of them; a field that is known needs no model")
+    day = datetime.datetime.fromtimestamp(day_ns * 1e-9, tz=datetime.UTC).date()
+    if date is not None:
+        try:
+            day = datetime.date.fromisoformat(date)
+        except ValueError as error:
+            raise ValueError(f"--date {date}: write it as YYYY-MM-DD") from error
+    reference = earth.reference_field(math.radians(lat), math.radians(lon), 0.0, day)
+    return reference.gravity, (reference.total, reference.dip), reference.source
