@@ -19,7 +19,7 @@ setup(
     zip_safe=False,
     maintainer="MWD telemetry maintainers",
     maintainer_email="maintainers@mwd-telemetry.example",
-    description="What the rig hears: recording, surveys, well path, live page, rig protocols, reports, the mwd command.",
+    description="What the rig hears: recording, surveys, well path, live page, rig protocols, reports, the command.",
     license="Apache-2.0",
     entry_points={"console_scripts": ["surface = mwd_surface.nodes.surface:main", "mwd = mwd_surface.cli:main"]},
 )

@@ -81,8 +81,8 @@ class Binner:
         """
         Take a block, shapes (n,) and (n, channels); give the bins that it closed.
 
-        Samples that are not finite, absurdly large or older than the open bin are left out. A bin closes with the first sample of a
-        later one.
+        Samples that are not finite, absurdly large or older than the open bin are left out. A bin closes with the
+        first sample of a later one.
         """
         closed: list[Bin] = []
         start, n = 0, len(stamp_ns)

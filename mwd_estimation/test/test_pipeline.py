@@ -108,7 +108,7 @@ def test_without_a_reference_the_azimuth_says_that_it_is_magnetic_and_uncorrecte
 
 
 def test_without_a_magnetometer_there_is_no_azimuth_but_everything_else():
-    imu, mag = _samples()
+    imu, _ = _samples()
     pipeline = Pipeline(EstimatorSettings(), REFERENCE)
     output = pipeline.push_imu(imu)
     assert (output.attitude["sigma_azimuth"] == -1.0).all()

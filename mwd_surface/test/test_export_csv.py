@@ -95,6 +95,7 @@ def test_a_hostile_head_block_stays_in_its_lines():
 def test_the_decimal_sign_is_a_point_in_every_locale():
     import locale
 
+    before = locale.setlocale(locale.LC_ALL)
     for name in ("de_DE.UTF-8", "de_DE.utf8", "nb_NO.UTF-8"):
         try:
             locale.setlocale(locale.LC_ALL, name)
@@ -104,7 +105,7 @@ def test_the_decimal_sign_is_a_point_in_every_locale():
     try:
         assert "642.500," in definitive_csv(example.table())
     finally:
-        locale.setlocale(locale.LC_ALL, "C")
+        locale.setlocale(locale.LC_ALL, before)
 
 
 def test_stations_left_out_are_named_in_the_head():
