@@ -112,10 +112,10 @@ class Peer:
         self.sent += 1
         self._times.append(now)
 
-    def status(self) -> PeerStatus:
-        """Counts of now."""
+    def status(self, now: float) -> PeerStatus:
+        """Counts of now; the rate is that of the last packets, and falls while none go out."""
         times = list(self._times)
-        rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 and times[-1] > times[0] else 0.0
+        rate = len(times) / max(now - times[0], 1.0) if times else 0.0
         return PeerStatus(self.address, self.since, self.sent, self.received, self.dropped, rate, self.last)
 
 
@@ -267,7 +267,8 @@ class Wits0Link(LoopInterface):
 
     def status_as(self, state: str, reason: str = "") -> InterfaceStatus:
         """The state of the interface, with everything counted."""
-        peers = tuple(sorted((p.status() for p in tuple(self._peers)), key=lambda p: p.since))
+        now = self.clock()
+        peers = tuple(sorted((p.status(now) for p in tuple(self._peers)), key=lambda p: p.since))
         counted = dict(self._decoded)
         for peer in tuple(self._peers):
             for name in counted:

@@ -2,8 +2,10 @@
 
 import contextlib
 import dataclasses
+import re
 import socket
 import sys
+from pathlib import Path
 
 import pytest
 from example_rig import eventually, values
@@ -119,6 +121,15 @@ def test_when_nobody_publishes_every_interface_tells_it():
         assert not bits() >> StatusBit.ACTIVE & 1
         port.publish(values())
         eventually(lambda: bits() >> StatusBit.SONDE_LINK & 1)
+
+
+def test_every_parameter_that_the_pages_name_exists():
+    known = settings.flat(RigSettings())
+    pages = sorted((Path(__file__).parents[1] / "docs").glob("rig_*.md"))
+    assert len(pages) == 5
+    named = {name for page in pages for name in re.findall(r"\brig\.([a-z0-9_]+(?:\.[a-z0-9_]+)*)", page.read_text())}
+    assert len(named) > 20
+    assert {n for n in named if n not in known and not any(k.startswith(n + ".") for k in known)} == set()
 
 
 def test_the_state_reads_as_lines_for_people():
