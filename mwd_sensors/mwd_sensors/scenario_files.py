@@ -9,21 +9,24 @@ from pathlib import Path
 from mwd_sensors.settings import SettingsError, unknown_key
 
 _SHARE = Path("share", "mwd_sensors", "scenarios")
+# <root>/mwd_sensors/mwd_sensors/scenario_files.py: in a checkout they lie in <root>/bags.
+_SOURCES = Path(__file__).resolve().parents[2] / "bags" / "scenarios"
 
 
 def folder() -> Path:
     """
-    Installed folder of the scenarios.
+    Folder of the scenarios: installed where ROS or this Python would look, else that of the source tree around us.
 
     Raises
     ------
     SettingsError
-        The package is not installed where ROS or this Python would look.
+        There is none.
     """
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
-    for prefix in prefixes:
-        if prefix and (Path(prefix) / _SHARE).is_dir():
-            return Path(prefix) / _SHARE
+    installed = [Path(prefix) / _SHARE for prefix in prefixes if prefix]
+    for place in (*installed, _SOURCES):
+        if place.is_dir():
+            return place
     raise SettingsError("scenario: the scenarios of mwd_sensors are not installed; give the path of a YAML file")
 
 
