@@ -179,7 +179,8 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     def request_stop(self) -> None:
         """End the process in order, as a signal would."""
-        self.stop_requested.set_result(None)
+        if not self.stop_requested.done():
+            self.stop_requested.set_result(None)
 
     # Lifecycle.
 

@@ -22,6 +22,7 @@ from mwd_sensors.sonde import Sonde
 
 _BLOCK_S = 0.1  # of the run, simulated at a time
 _TICK_S = 0.005
+_LAST_WAY_S = 0.5
 _TYPES = {
     "imu/data_raw": Imu,
     "imu/mag": MagneticField,
@@ -74,6 +75,7 @@ class SondeNode(GraphNode[SondeSettings]):
         """Begin the scenario at its beginning."""
         self._sonde = None
         self._finished = False
+        self._over_at = 0.0
         self._listeners = Listeners(time.monotonic(), self.settings.wait_for_listener_s)
 
     def _begin(self) -> None:
@@ -92,6 +94,9 @@ class SondeNode(GraphNode[SondeSettings]):
                 return
             self._begin()
         if self._finished:
+            # What was published last is still on its way.
+            if self.settings.exit_at_end and time.monotonic() - self._over_at > _LAST_WAY_S:
+                self.request_stop()
             return
         rate = self.settings.rate
         elapsed = time.monotonic() - self._started
@@ -109,9 +114,8 @@ class SondeNode(GraphNode[SondeSettings]):
         if self._finished and self._pending:
             self._finished = False
         elif self._finished:
+            self._over_at = time.monotonic()
             self.get_logger().info("scenario is over")
-            if self.settings.exit_at_end:
-                self.request_stop()
 
     def _make_block(self) -> None:
         block = next(self._blocks, None)
