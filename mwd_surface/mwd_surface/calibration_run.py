@@ -148,14 +148,14 @@ def write(path: Path, found: Calibration, about: Mapping[str, Any]) -> None:
     path.write_text(head + yaml.safe_dump(table, sort_keys=False, default_flow_style=None), encoding="utf-8")
 
 
-def read(path: Path) -> Calibration:
+def read(path: Path, unit: str = "ahrs") -> Calibration:
     """
-    Read a calibration that `write` wrote.
+    Read a calibration that `write` wrote, to be used on a unit.
 
     Raises
     ------
     SettingsError
-        It is not YAML or not a calibration; names the file.
+        It is not YAML, not a calibration, or one of another unit; names the file.
     OSError
         It cannot be read.
     """
@@ -165,6 +165,10 @@ def read(path: Path) -> Calibration:
         raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
     if not isinstance(table, dict) or not isinstance(table.get("calibration"), dict):
         raise SettingsError(f"{path} is not a calibration; `mwd calibrate` makes one")
+    about = table.get("about")
+    made_for = about.get("unit", unit) if isinstance(about, dict) else unit
+    if made_for != unit:
+        raise SettingsError(f"{path} is a calibration of the unit {made_for!r}, not of {unit!r}")
     try:
         return calibration.from_table(table["calibration"])
     except ValueError as error:

@@ -41,7 +41,7 @@ def test_a_scenario_gives_tables_and_a_file(tmp_path):
 
 def test_the_precision_unit_of_another_grade_is_calibrated(tmp_path):
     run(TUMBLE, "-o", tmp_path / "cal.yaml", "--unit", "precision", "--grade", "tactical_north")
-    found = calibration_run.read(tmp_path / "cal.yaml")
+    found = calibration_run.read(tmp_path / "cal.yaml", "precision")
     assert found.magnetometer is None
     # 200 ug over tools, 3 ug/degC: nothing of the size of the AHRS's.
     assert abs(found.accelerometer.bias).max() < 1e-2

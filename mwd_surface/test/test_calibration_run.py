@@ -115,6 +115,7 @@ def test_people_see_residuals_and_errors_with_their_units():
     [
         ("a: [", "is not YAML"),
         ("other: 1", "is not a calibration; `mwd calibrate` makes one"),
+        ("{about: {unit: precision}, calibration: {}}", "a calibration of the unit 'precision', not of 'ahrs'"),
         ("calibration: {gyros: {}}", "no triad 'gyros'"),
         ("calibration: {gyro: {matrix: 1}}", "gyro.matrix must be finite and of shape"),
     ],
