@@ -10,6 +10,7 @@ import typer
 from mwd_surface.commands.bag import bag, recover
 from mwd_surface.commands.calibrate import calibrate
 from mwd_surface.commands.doctor import doctor
+from mwd_surface.commands.export import export, report
 from mwd_surface.commands.node import PASS_ON, node
 from mwd_surface.commands.plot import plot
 from mwd_surface.commands.process import process
@@ -34,6 +35,8 @@ app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(replay)
 app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(node)
 app.command(rich_help_panel=_RECORDINGS)(process)
 app.command(rich_help_panel=_RECORDINGS)(survey)
+app.command(rich_help_panel=_RECORDINGS)(export)
+app.command(rich_help_panel=_RECORDINGS)(report)
 app.command(rich_help_panel=_RECORDINGS)(simulate)
 app.command(rich_help_panel=_RECORDINGS)(plot)
 app.command(rich_help_panel=_RECORDINGS)(calibrate)
@@ -63,8 +66,9 @@ def main() -> None:
     except Exception as error:
         from mwd_surface.bag_reader import BagError
         from mwd_surface.definitions import DefinitionError
+        from mwd_surface.export import ExportError
 
-        if not isinstance(error, (BagError, DefinitionError)):
+        if not isinstance(error, (BagError, DefinitionError, ExportError)):
             raise
         _end(error)
 

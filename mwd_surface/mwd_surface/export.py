@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import difflib
 import os
@@ -104,6 +105,7 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
             os.fsync(file.fileno())
         fresh.replace(path)
     except OSError as error:
-        fresh.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            fresh.unlink()
         raise ExportError(f"{path} not written: {error.strerror}") from error
     return path

@@ -1,0 +1,129 @@
+"""`mwd export` and `mwd report`: surveys as files for others, from the list of a run or from a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from mwd_surface.survey_table import SurveyTable
+
+Source = Annotated[
+    Path, typer.Argument(metavar="SURVEYS", help="Folder of a run or well, its surveys.json, or a recording.")
+]
+PlanFile = Annotated[Path | None, typer.Option("--plan", help="Planned path, CSV or WITSML: adds distances to it.")]
+LegName = Annotated[str | None, typer.Option("--leg", help="Leg other than the current one.")]
+Bit = Annotated[float | None, typer.Option("--bit-depth", help="Project the path to this depth, m.")]
+WellChanges = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        help="What the list does not say of the well, e.g. well.rig='Rig 7'. May be repeated.",
+        metavar="NAME=VALUE",
+    ),
+]
+
+
+def export(
+    source: Source,
+    kind: Annotated[
+        str, typer.Option("--format", "-f", help="csv, raw_csv, las, witsml, html or pdf; else by the ending of -o.")
+    ] = "",
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="File, or folder for one named after the well.")
+    ] = Path(),
+    plan: PlanFile = None,
+    leg: LegName = None,
+    bit_depth: Bit = None,
+    changes: WellChanges = None,
+) -> None:
+    """
+    Write the surveys of a run or a recording for others to read.
+
+    csv, las and witsml hold the definitive survey, raw_csv every survey with its six axes. The numbers in all of them
+    are rounded once and agree. A file is whole or not there.
+
+    \b
+    Examples:
+      mwd export out/run_7 -f las -o files
+      mwd export out/run_7 -o survey.csv
+      mwd export bags/run_7 -f witsml -o trajectory.xml --set well.name=Alpha-1 --set well.section_azimuth_deg=75
+    """
+    from mwd_surface.commands import terminal
+    from mwd_surface.export import FORMATS
+    from mwd_surface.export import export as write
+
+    endings = {made.ending: name for name, made in reversed(FORMATS.items())}
+    ending = output.suffix.lower() if not output.is_dir() else ""
+    chosen = kind or endings.get(ending, "csv")
+    folder, name = (output, "")
+    if ending in endings:
+        if chosen in FORMATS and FORMATS[chosen].ending != ending:
+            raise ValueError(f"--output {output}: {chosen} is written as {FORMATS[chosen].ending}")
+        folder, name = output.parent, output.name
+    path = write(_table(source, plan, leg, bit_depth, changes), chosen, folder, name)
+    terminal.output().print(f"written: {path}", markup=False)
+
+
+def report(
+    source: Source,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the two files.")] = Path(),
+    plan: PlanFile = None,
+    leg: LegName = None,
+    bit_depth: Bit = None,
+    changes: WellChanges = None,
+) -> None:
+    """
+    Write the survey report as one HTML file and as PDF: head block, tables, plots, quality page.
+
+    \b
+    Examples:
+      mwd report out/run_7 -o reports
+      mwd report out/run_7 -o reports --plan plan.csv --set well.company="Open Drilling"
+    """
+    from mwd_surface.commands import terminal
+    from mwd_surface.export import export as write
+
+    table = _table(source, plan, leg, bit_depth, changes)
+    for kind in ("html", "pdf"):
+        terminal.output().print(f"written: {write(table, kind, output)}", markup=False)
+
+
+def _table(
+    source: Path, plan: Path | None, leg: str | None, bit_depth: float | None, changes: list[str] | None
+) -> SurveyTable:
+    import time
+
+    from mwd_sensors import settings
+    from mwd_surface import __version__
+    from mwd_surface.commands import terminal
+    from mwd_surface.commands.reference_options import assignments
+    from mwd_surface.plan_file import read_plan
+    from mwd_surface.survey_source import surveys_of
+    from mwd_surface.survey_table import survey_table
+
+    surveys, notes = surveys_of(source)
+    given = assignments(changes)
+    if given:
+        strange = [name for name in given if not name.startswith("well.")]
+        if strange:
+            raise ValueError(f"--set {strange[0]}: only well.* can be set here, for example --set well.rig='Rig 7'")
+        well = settings.changed(surveys.well, {name.removeprefix("well."): v for name, v in given.items()})
+        surveys = surveys.configured(well, surveys.rules)
+    for note in notes:
+        terminal.warn(note)
+    if not surveys.records:
+        raise ValueError(f"{source}: no survey in the list")
+    table = survey_table(
+        surveys,
+        time.time_ns(),
+        leg=leg,
+        bit_depth=bit_depth,
+        plan=read_plan(plan) if plan is not None else None,
+        software=f"mwd {__version__}",
+    )
+    for text in table.left_out:
+        terminal.warn(text)
+    return table

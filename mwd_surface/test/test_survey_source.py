@@ -1,0 +1,119 @@
+"""The same list from its file, the folder of a run and a recording; what cannot be told is refused with a sentence."""
+
+import dataclasses
+
+import example_surveys as example
+import numpy as np
+import plotted_bag
+import pytest
+
+from mwd_surface import survey_message
+from mwd_surface.bag_reader import BagError
+from mwd_surface.bag_writer import BagWriter
+from mwd_surface.survey_list import SurveyList, TieOn
+from mwd_surface.survey_source import LIST_TYPE, PATH_TYPE, surveys_of
+from mwd_surface.survey_store import SurveyStore, encoded
+
+
+def arrays(message):
+    """The typestore takes arrays, a node takes lists."""
+    for field in dataclasses.fields(message):
+        value = getattr(message, field.name)
+        if isinstance(value, list) and value and isinstance(value[0], float):
+            setattr(message, field.name, np.array(value))
+        for part in value if isinstance(value, list) else [value]:
+            if dataclasses.is_dataclass(part):
+                arrays(part)
+    return message
+
+
+def recorded(path, lists, trajectory=True):
+    """A bag of survey lists and their paths, as the surface node publishes them."""
+    with BagWriter(path) as bag:
+        definitions = bag.definitions
+        for kind in (LIST_TYPE, PATH_TYPE):
+            definitions.load(kind)
+        store = definitions.typestore
+        channels = [bag.topic("/w1/surveys", LIST_TYPE), bag.topic("/w1/trajectory", PATH_TYPE)]
+        for k, surveys in enumerate(lists):
+            table = plotted_bag.blank(store, LIST_TYPE)
+            survey_message.fill_list(
+                table,
+                surveys,
+                lambda: plotted_bag.blank(store, "mwd_msgs/msg/SurveyRecord"),
+                lambda: plotted_bag.blank(store, "mwd_msgs/msg/AzimuthEstimate"),
+            )
+            way = plotted_bag.blank(store, PATH_TYPE)
+            survey_message.fill_trajectory(way, surveys.definitive(), surveys.changed_ns)
+            for channel, kind, message in zip(channels, (LIST_TYPE, PATH_TYPE), (table, way), strict=True):
+                if kind == LIST_TYPE or trajectory:
+                    data = bytes(store.serialize_cdr(arrays(message), kind))
+                    bag.write(channel, data, example.START + k, example.START + k)
+    return path
+
+
+def without_well(surveys):
+    """What a recording can give back: all but the description of the well, and the tool for surveys to come."""
+    plain = dataclasses.replace(surveys.well, **{f.name: f.default for f in dataclasses.fields(surveys.well)})
+    well = dataclasses.replace(plain, name=surveys.well.name, north_reference=surveys.well.north_reference)
+    return dataclasses.replace(surveys.configured(well, surveys.rules), tool="")
+
+
+def test_a_file_a_folder_and_the_folder_of_a_run_give_the_same_list(tmp_path):
+    surveys = example.surveys()
+    with SurveyStore(tmp_path / "run" / "w1" / "surveys") as store:
+        store.save(surveys)
+        # Also while the node that keeps the list is running.
+        for path in ("run", "run/w1", "run/w1/surveys", "run/w1/surveys/surveys.json"):
+            assert surveys_of(tmp_path / path) == (surveys, ())
+
+
+def test_a_recording_gives_the_last_list_with_its_tie_on_and_its_north(tmp_path):
+    whole = example.surveys()
+    tied = whole.tied_on(TieOn(100.0, 0.02, 1.0, 1.0, 2.0, 99.0, "the recorded path"))
+    got, notes = surveys_of(recorded(tmp_path / "bag", [whole, tied]))
+    assert got == without_well(tied)
+    assert "description of the well" in notes[0]
+
+
+def test_a_recording_without_a_path_begins_at_the_wellhead(tmp_path):
+    well = dataclasses.replace(example.WELL, north_reference="true")
+    surveys = example.surveys(well)
+    got, _ = surveys_of(recorded(tmp_path / "bag", [surveys], trajectory=False))
+    assert got == without_well(surveys)
+
+
+def test_a_recorded_sidetrack_is_refused_for_its_tie_on_is_not_recorded(tmp_path):
+    surveys = example.surveys().sidetracked("st1", 400.0)
+    surveys = surveys.add(example.survey(20, 15.0, 80.0), 450.0, 0.4)
+    with pytest.raises(BagError, match="legs main, st1, and no recording says where they are tied on"):
+        surveys_of(recorded(tmp_path / "bag", [surveys]))
+
+
+def test_a_damaged_file_gives_way_to_the_one_before_and_says_so(tmp_path):
+    surveys = example.surveys()
+    (tmp_path / "surveys.json").write_bytes(encoded(surveys)[:-40])
+    with pytest.raises(ValueError, match=r"surveys\.json is not whole"):
+        surveys_of(tmp_path)
+    (tmp_path / "surveys.previous.json").write_bytes(encoded(surveys))
+    got, notes = surveys_of(tmp_path)
+    assert got == surveys
+    assert len(notes) == 2
+    assert "the last change may be missing" in notes[1]
+
+
+def test_two_wells_in_one_folder_must_be_named(tmp_path):
+    for well in ("w1", "w2"):
+        (tmp_path / well / "surveys").mkdir(parents=True)
+        (tmp_path / well / "surveys" / "surveys.json").write_bytes(encoded(SurveyList()))
+    with pytest.raises(ValueError, match="several wells"):
+        surveys_of(tmp_path)
+
+
+def test_a_bag_without_surveys_and_an_empty_folder_are_told_apart(tmp_path):
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(BagError, match="holds no recording"):
+        surveys_of(tmp_path / "empty")
+    plotted_bag.record(tmp_path / "bag", topics=("rig/state",), estimate=False, surveys=False)
+    with pytest.raises(BagError, match="SurveyList"):
+        surveys_of(tmp_path / "bag")
