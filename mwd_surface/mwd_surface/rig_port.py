@@ -59,6 +59,12 @@ class RigSettings:
         fixed=True,
     )
 
+    @property
+    def takes_data(self) -> bool:
+        """True where rig data can come in, so that somebody must publish `rig/state`."""
+        talks = self.wits0_server.enabled or self.wits0_client.enabled or self.wits0_serial.enabled
+        return (talks and self.wits0.rig.accept) or (self.modbus.enabled and self.modbus.allow_writes)
+
 
 class RigPort:
     """

@@ -13,9 +13,11 @@ from example_rig import eventually, values
 from mwd_sensors import settings
 from mwd_surface.modbus_map import StatusBit
 from mwd_surface.modbus_server import ModbusSettings
+from mwd_surface.rig_input import RigInputSettings
 from mwd_surface.rig_interface import InterfaceError, InterfaceStatus, PeerStatus
 from mwd_surface.rig_port import RigPort, RigSettings, status_lines
 from mwd_surface.wits0 import Decoder
+from mwd_surface.wits0_link import Wits0Settings
 from mwd_surface.wits0_server import Wits0ServerSettings
 
 pytest.importorskip("pymodbus", reason="pymodbus is not installed: pip install pymodbus")
@@ -62,6 +64,13 @@ def test_settings_come_from_a_plain_table():
     assert config.modbus.port == 1502
     with pytest.raises(settings.SettingsError, match="did you mean modbus"):
         settings.from_mapping(RigSettings, {"modbuss": {}})
+
+
+def test_settings_tell_whether_rig_data_can_come_in():
+    assert not rig_settings().takes_data
+    assert rig_settings(wits0=Wits0Settings(rig=RigInputSettings(accept=True))).takes_data
+    assert rig_settings(modbus=ModbusSettings(enabled=True, allow_writes=True)).takes_data
+    assert not RigSettings(modbus=ModbusSettings(allow_writes=True)).takes_data
 
 
 def test_values_reach_every_interface():
