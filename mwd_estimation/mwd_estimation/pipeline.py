@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation import attitude_track, gravity, survey
+from mwd_estimation import attitude_track, gravity, gravity_bounded, gravity_kalman, gravity_raw, survey
 from mwd_estimation.attitude_track import FieldModel
 from mwd_estimation.binning import Bin, Binner
 from mwd_estimation.gravity_s3 import MahonyParams
@@ -65,8 +65,11 @@ class EstimatorSettings:
     azimuth: attitude_track.Params = setting(attitude_track.Params, "Continuous azimuth")
     survey: StillParams = setting(StillParams, "Surveys in still intervals")
     station: StationSettings = setting(StationSettings, "Working out a station")
+    bounded: gravity_bounded.Params = setting(gravity_bounded.Params, "Method bounded")
     s3: S3Params = setting(S3Params, "Method s3")
     mahony: MahonyParams = setting(MahonyParams, "Method mahony")
+    kalman: gravity_kalman.Params = setting(gravity_kalman.Params, "Method kalman")
+    raw: gravity_raw.Params = setting(gravity_raw.Params, "Method raw")
 
 
 @dataclasses.dataclass
@@ -151,7 +154,7 @@ class Pipeline:
         """Forget everything but settings, counters and the survey numbering."""
         settings = self.settings
         self.method = gravity.method(settings.method)
-        self._gravity_params = getattr(settings, settings.method, None) or self.method.Params()
+        self._gravity_params = getattr(settings, settings.method)
         self._gravity_state = self.method.initial(self._gravity_params)
         self._attitude_state = attitude_track.initial()
         self._binners = {
@@ -238,7 +241,7 @@ class Pipeline:
         return round(self.settings.azimuth.mag_lag_s * 1e9)
 
     def _span(self, stamps: NDArray[np.int64], gyro: Array, accel: Array) -> Output:
-        """Samples of one bin at most: only the first can close the bin before, and what that changes holds from there."""
+        """Samples of one bin at most: only the first can close the bin before, and what that changes holds from it."""
         output = Output(wire.ATTITUDE.empty(0), wire.GRAVITY.empty(0), wire.INTERFERENCE.empty(0))
         for closed in self._binners["imu"].add(stamps, np.hstack([gyro, accel])):
             self._waiting.append(closed)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mwd_estimation import gravity
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline, ReferenceSettings, reference_of
 from mwd_estimation.reference import Reference
 from mwd_estimation.status import Status
@@ -183,3 +184,12 @@ def test_the_reference_of_the_model_takes_the_day_of_the_first_sample():
     at = ReferenceSettings(source="model", lat_deg=38.3, lon_deg=109.6)
     stamp = 1_772_323_200 * 10**9  # 2026-03-01
     assert reference_of(at, stamp) == reference_of(dataclasses.replace(at, date="2026-03-01"), 0)
+
+
+@pytest.mark.parametrize("name", gravity.METHODS)
+def test_every_gravity_method_takes_its_own_settings(name):
+    params = getattr(EstimatorSettings(), name)
+    assert type(params) is gravity.METHODS[name].Params
+    changed = dataclasses.replace(params, gravity=9.7)
+    pipeline = Pipeline(EstimatorSettings(method=name, **{name: changed}))
+    assert pipeline._gravity_params is changed
