@@ -16,6 +16,7 @@ setup(
         (f"share/{NAME}/config", glob("config/*.yaml")),
     ],
     install_requires=["numpy", "PyYAML"],
+    extras_require={"parquet": ["pyarrow"]},
     zip_safe=False,
     maintainer="MWD telemetry maintainers",
     maintainer_email="maintainers@mwd-telemetry.example",

@@ -29,7 +29,10 @@ WellChanges = Annotated[
 def export(
     source: Source,
     kind: Annotated[
-        str, typer.Option("--format", "-f", help="csv, raw_csv, las, witsml, html or pdf; else by the ending of -o.")
+        str,
+        typer.Option(
+            "--format", "-f", help="csv, raw_csv, las, witsml, html, pdf or timeseries; else by the ending of -o."
+        ),
     ] = "",
     output: Annotated[
         Path, typer.Option("--output", "-o", help="File, or folder for one named after the well.")
@@ -38,23 +41,29 @@ def export(
     leg: LegName = None,
     bit_depth: Bit = None,
     changes: WellChanges = None,
+    well: Annotated[str, typer.Option("--well", help="Namespace, of a recording of several (timeseries).")] = "",
 ) -> None:
     """
     Write the surveys of a run or a recording for others to read.
 
     csv, las and witsml hold the definitive survey, raw_csv every survey with its six axes. The numbers in all of them
-    are rounded once and agree. A file is whole or not there.
+    are rounded once and agree. A file is whole or not there. timeseries is one row per second of a recording: depth,
+    rig data, attitude with sigmas; .csv, or .parquet where pyarrow is installed.
 
     \b
     Examples:
       mwd export out/run_7 -f las -o files
       mwd export out/run_7 -o survey.csv
+      mwd export bags/run_7 -f timeseries -o run_7.csv
       mwd export bags/run_7 -f witsml -o trajectory.xml --set well.name=Alpha-1 --set well.section_azimuth_deg=75
     """
     from mwd_surface.commands import terminal
     from mwd_surface.export import FORMATS
     from mwd_surface.export import export as write
 
+    if kind == "timeseries" or (not kind and output.suffix == ".parquet"):
+        _time_series(source, output, well)
+        return
     endings = {made.ending: name for name, made in reversed(FORMATS.items())}
     ending = output.suffix.lower() if not output.is_dir() else ""
     chosen = kind or endings.get(ending, "csv")
@@ -89,6 +98,24 @@ def report(
     table = _table(source, plan, leg, bit_depth, changes)
     for kind in ("html", "pdf"):
         terminal.output().print(f"written: {write(table, kind, output)}", markup=False)
+
+
+def _time_series(source: Path, output: Path, well: str) -> None:
+    from mwd_surface import time_series
+    from mwd_surface.bag_reader import Bag
+    from mwd_surface.commands import terminal
+    from mwd_surface.export_name import safe_name
+
+    path = output if output.suffix and not output.is_dir() else output / f"{safe_name(source.stem, 'timeseries')}.csv"
+    with Bag(source) as opened, terminal.progress(f"reading {source.name}") as progress:
+        told = time_series.write(opened, path, well, progress)
+        notes = list(dict.fromkeys(opened.notes))
+    if told.late:
+        notes.append(f"{told.late} samples came more than half a minute after their time and are left out")
+    for note in notes:
+        terminal.warn(note)
+    console = terminal.output()
+    console.print(f"written: {path} ({told.rows} rows of {', '.join(told.topics)})", markup=False)
 
 
 def _table(
