@@ -31,7 +31,7 @@ def main() -> None:
         "# Benchmarks",
         "",
         "Written by `make bench`: ours, the papers' methods and the peers on the same data in the same run.",
-        f"Quote ratios; absolute times are of one machine ({os.cpu_count()} cores, CPython {platform.python_version()}).",
+        f"Quote ratios; times are of one machine ({os.cpu_count()} cores, CPython {platform.python_version()}).",
         "",
         "## Gravity while drilling",
         "",

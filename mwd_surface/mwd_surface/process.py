@@ -25,6 +25,7 @@ from mwd_estimation.status import Status
 from mwd_estimation.survey import Survey
 from mwd_sensors import settings as settings_of
 from mwd_sensors import wire
+from mwd_sensors.compensation import Compensation
 from mwd_sensors.settings import setting
 from mwd_surface import attitude_csv, station_csv
 from mwd_surface.bag_reader import Bag, BagError, Block
@@ -119,6 +120,7 @@ def process(
     estimator: EstimatorSettings,
     given: InputSettings | None = None,
     progress: Callable[[float], None] = lambda _share: None,
+    compensation: Compensation | None = None,
 ) -> Summary:
     """
     Write attitude.csv, surveys.csv and config.yaml of a bag.
@@ -132,6 +134,8 @@ def process(
         Of the estimator and of the input.
     progress : callable
         Told the share that is done, 0 to 1, now and then.
+    compensation : Compensation, optional
+        Calibration of the AHRS, taken off its samples first.
 
     Raises
     ------
@@ -148,7 +152,7 @@ def process(
     with drafts(folder) as draft:
         with (draft / "attitude.csv").open("wb") as file:
             file.write(attitude_csv.HEADER.encode() + b"\n")
-            summary = _estimate(bag, topics, estimator, given, file.write, progress)
+            summary = _estimate(bag, topics, estimator, given, compensation, file.write, progress)
         _refuse_damaged(bag, given)
         if summary.rows == 0:
             raise BagError(f"{bag.path} has no IMU sample in {topics.imu}", "look at it with `mwd bag info`")
@@ -290,6 +294,7 @@ def _estimate(
     topics: Topics,
     estimator: EstimatorSettings,
     given: InputSettings,
+    compensation: Compensation | None,
     write: Callable[[bytes], Any],
     progress: Callable[[float], None],
 ) -> Summary:
@@ -320,6 +325,8 @@ def _estimate(
             summary.warnings += doubtful
             use_mag = not doubtful
         unchecked -= samples.keys()
+        if compensation is not None:
+            _compensate(compensation, samples, topics)
         # One block ahead of the IMU, so that where a block ends makes no difference to how a sample is paired.
         if use_mag and topics.mag in samples:
             pipeline.push_mag(samples[topics.mag])
@@ -339,11 +346,25 @@ def _estimate(
     progress(1.0)
     summary.north = pipeline.north
     summary.reference = pipeline.reference.source if pipeline.reference is not None else "none"
+    if compensation is not None and compensation.without_temperature:
+        summary.warnings.append(
+            f"{compensation.without_temperature} samples were calibrated before any temperature was known"
+        )
     if pipeline.counters.late_mag:
         summary.warnings.append(
             f"{pipeline.counters.late_mag} magnetic samples came later than azimuth.mag_lag_s allows: raise it"
         )
     return summary
+
+
+def _compensate(compensation: Compensation, samples: dict[str | None, wire.Samples], topics: Topics) -> None:
+    """Take the calibration off the AHRS samples of a block, in place."""
+    if topics.temperature in samples:
+        compensation.push_temperature(samples[topics.temperature])
+    if topics.imu in samples:
+        samples[topics.imu] = compensation.imu(samples[topics.imu])
+    if topics.mag in samples:
+        samples[topics.mag] = compensation.mag(samples[topics.mag])
 
 
 def _take(

@@ -50,6 +50,8 @@ def test_help_names_every_command_and_is_quick():
         "bag",
         "recover",
         "scenario",
+        "plot",
+        "calibrate",
         "doctor",
         "version",
     ):

@@ -12,6 +12,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_sensors import settings, wire
+from mwd_sensors.calibration import Calibration, TriadCalibration
+from mwd_sensors.compensation import Compensation
 from mwd_sensors.frames import mat_nt
 from mwd_sensors.settings import SettingsError
 from mwd_surface import attitude_csv, process
@@ -336,3 +338,25 @@ def test_the_inclination_of_a_shaken_phone_agrees_with_optical_truth(tmp_path):
             down = np.array(estimated[stamp])
             errors.append(math.atan2(np.linalg.norm(np.cross(up, down)), -float(up @ down)))
     assert math.degrees(math.sqrt(np.mean(np.square(errors)))) < 1.2
+
+
+def test_a_calibration_is_taken_off_before_anything_is_estimated(tmp_path):
+    bag = tmp_path / "bag"
+    recording(bag)
+    tilted = np.eye(3)
+    tilted[2, 0] = 0.01
+    none, zeros = np.zeros((3, 3)), np.zeros(3)
+
+    def triad(matrix):
+        return TriadCalibration(matrix, zeros, zeros, zeros, none, zeros, zeros, zeros, 20.0, 0.0, 0.0, 1)
+
+    calibration = Calibration(triad(np.eye(3)), triad(tilted), triad(np.eye(3)))
+    plain = run(bag, tmp_path / "plain")
+    with Bag(bag) as opened:
+        done = process.process(opened, tmp_path / "calibrated", S3, compensation=Compensation(calibration))
+    assert done.rows == plain.rows
+    forces = np.array([[float(row[f"gravity_{axis}"]) for axis in "xyz"] for row in attitude(tmp_path / "plain")])
+    turned = np.array([[float(row[f"gravity_{axis}"]) for axis in "xyz"] for row in attitude(tmp_path / "calibrated")])
+    expected = forces[-1] @ tilted.T
+    np.testing.assert_allclose(turned[-1], expected / np.linalg.norm(expected), atol=2e-4)
+    assert np.abs(turned[-1] - forces[-1]).max() > 1e-3

@@ -48,6 +48,10 @@ def process(
     sensor_to_bit: Annotated[
         float | None, typer.Option(help="Sonde behind the bit, m, for depths.", rich_help_panel=_INPUT)
     ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(help="Calibration of the IMU and magnetometer, from `mwd calibrate`.", rich_help_panel=_INPUT),
+    ] = None,
     same_axes: Annotated[
         bool,
         typer.Option("--same-axes", help="IMU and magnetometer share axes under two names.", rich_help_panel=_INPUT),
@@ -70,6 +74,8 @@ def process(
       mwd process bags/two_wells -o out --imu-topic /well_2/imu/data_raw
     """
     from mwd_sensors import settings
+    from mwd_sensors.compensation import Compensation
+    from mwd_surface import calibration_run
     from mwd_surface import process as batch
     from mwd_surface.bag_reader import Bag
     from mwd_surface.commands import terminal
@@ -97,10 +103,11 @@ def process(
         "partial": partial,
     }
     given = settings.from_mapping(batch.InputSettings, {k: v for k, v in asked.items() if v is not None})
+    compensation = Compensation(calibration_run.read(calibration)) if calibration is not None else None
     began = time.monotonic()
     with Bag(bag) as opened, terminal.progress(f"processing {bag.name}") as progress:
         estimator, remark = _with_a_model(opened, estimator)
-        summary = batch.process(opened, output, estimator, given, progress)
+        summary = batch.process(opened, output, estimator, given, progress, compensation)
     if remark:
         summary.warnings.insert(0, remark)
     _show(summary, estimator, output, time.monotonic() - began)
