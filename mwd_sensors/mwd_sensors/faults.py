@@ -23,10 +23,10 @@ WORDS = ("ok", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermitt
 # Component -> (topic, field).
 COMPONENTS = {
     "gyro": ("imu/data_raw", "angular_velocity"),
-    "accelerometer": ("imu/data_raw", "linear_acceleration"),
-    "magnetometer": ("imu/mag", "magnetic_field"),
+    "accel": ("imu/data_raw", "linear_acceleration"),
+    "mag": ("imu/mag", "magnetic_field"),
     "precision_gyro": ("gyro/data_raw", "angular_velocity"),
-    "precision_accelerometer": ("gyro/data_raw", "linear_acceleration"),
+    "precision_accel": ("gyro/data_raw", "linear_acceleration"),
     "temperature": ("imu/temperature", "temperature"),
 }
 AXES = ("all", "x", "y", "z")

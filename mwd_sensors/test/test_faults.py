@@ -43,9 +43,9 @@ def test_the_words_are_those_of_px4():
 
 
 @pytest.mark.parametrize("word", [w for w in faults.WORDS if w != "ok"])
-@pytest.mark.parametrize("component", ["gyro", "magnetometer"])
+@pytest.mark.parametrize("component", ["gyro", "mag"])
 def test_a_fault_begins_ends_and_does_not_care_about_blocks(word, component):
-    layout = wire.MAG if component == "magnetometer" else wire.IMU
+    layout = wire.MAG if component == "mag" else wire.IMU
     fault = Fault(component, word, **WINDOW)
     clean, whole, t = spoilt(fault, layout)
     _, cut, _ = spoilt(fault, layout, cuts=(1, 7, 150, 203, 204, 480, 777))
@@ -65,10 +65,10 @@ def test_ok_is_ok_and_other_fields_are_left_alone():
 
 
 def test_off_stops_a_message_or_says_not_reported():
-    clean, whole, t = spoilt(Fault("magnetometer", "off", **WINDOW), wire.MAG)
+    clean, whole, t = spoilt(Fault("mag", "off", **WINDOW), wire.MAG)
     assert len(whole) == len(clean) - 300
     assert not np.any((t >= 2.0) & (t < 5.0))
-    _, whole, t = spoilt(Fault("accelerometer", "off", **WINDOW))
+    _, whole, t = spoilt(Fault("accel", "off", **WINDOW))
     hit = (t >= 2.0) & (t < 5.0)
     assert len(whole) == N
     assert np.all(whole["linear_acceleration"][hit] == 0.0)
@@ -78,7 +78,7 @@ def test_off_stops_a_message_or_says_not_reported():
 
 
 def test_stuck_keeps_the_last_good_value_of_its_axis():
-    clean, whole, t = spoilt(Fault("accelerometer", "stuck", "y", **WINDOW))
+    clean, whole, t = spoilt(Fault("accel", "stuck", "y", **WINDOW))
     hit = (t >= 2.0) & (t < 5.0)
     last = clean["linear_acceleration"][np.flatnonzero(hit)[0] - 1, 1]
     assert np.all(whole["linear_acceleration"][hit, 1] == last)
@@ -86,10 +86,10 @@ def test_stuck_keeps_the_last_good_value_of_its_axis():
 
 
 def test_garbage_fills_the_range_and_wrong_looks_reasonable():
-    _, whole, t = spoilt(Fault("accelerometer", "garbage", **WINDOW))
+    _, whole, t = spoilt(Fault("accel", "garbage", **WINDOW))
     hit = (t >= 2.0) & (t < 5.0)
     assert np.abs(whole["linear_acceleration"][hit]).max() > 100.0
-    clean, whole, _ = spoilt(Fault("accelerometer", "wrong", **WINDOW))
+    clean, whole, _ = spoilt(Fault("accel", "wrong", **WINDOW))
     off = (whole["linear_acceleration"] - clean["linear_acceleration"])[hit]
     assert 0.05 < np.abs(off).mean() < 1.0
 

@@ -204,9 +204,9 @@ def test_a_fault_injected_while_running_starts_now_and_ok_ends_it():
     sonde = Sonde(scenario.read(SCENARIOS / "default.yaml"))
     blocks = sonde.blocks(0.5)
     next(blocks)
-    sonde.inject(Fault("magnetometer", "off"))
+    sonde.inject(Fault("mag", "off"))
     assert len(next(blocks)["imu/mag"]) == 0
-    sonde.inject(Fault("magnetometer", "ok"))
+    sonde.inject(Fault("mag", "ok"))
     assert len(next(blocks)["imu/mag"]) == 50
     with pytest.raises(ValueError, match="no axes"):
         sonde.inject(Fault("temperature", "stuck", "x"))
