@@ -13,7 +13,8 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/launch", glob("launch/*.launch.py")),
-        (f"share/{NAME}/config", glob("config/*.yaml")),
+        (f"share/{NAME}/config", glob("config/*")),
+        (f"share/{NAME}/docs", glob("docs/*")),
     ],
     install_requires=["numpy", "PyYAML"],
     extras_require={"parquet": ["pyarrow"]},
@@ -22,5 +23,11 @@ setup(
     maintainer_email="maintainers@mwd-telemetry.example",
     description="What the rig hears: recording, surveys, well path, live page, rig protocols, reports, the command.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["surface = mwd_surface.nodes.surface:main", "mwd = mwd_surface.cli:main"]},
+    entry_points={
+        "console_scripts": [
+            "surface = mwd_surface.nodes.surface:main",
+            "replay = mwd_surface.nodes.replay:main",
+            "mwd = mwd_surface.cli:main",
+        ]
+    },
 )

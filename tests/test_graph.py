@@ -4,6 +4,7 @@ import csv
 import json
 import math
 import signal
+import socket
 import subprocess
 import sys
 import urllib.request
@@ -62,22 +63,35 @@ def played(tmp_path_factory):
     """A whole run of the short scenario with everything asked of it on the way."""
     folder = tmp_path_factory.mktemp("graph")
     with running_graph.graph(folder) as graph:
+        plan = folder / "plan.csv"
+        plan.write_text("md_m,inc_deg,azi_true_deg\n0,30,40\n60,36,47\n300,60,50\n")
         settings = {"folder": folder / "data", "page__port": 0, "well__sensor_to_bit": 3.0, "record__name": "run"}
+        settings |= {"plan__file": plan, "advisory__toolface_deg": 30.0}
         surface = graph.start("surface", "w1", **settings)
         estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
         for name in (surface, estimator):
             until(lambda name=name: ": active" in graph.log(name), 90, f"{name} is active")
         sonde = graph.start("sonde", "w1", scenario=SCENARIO, wait_for_listener_s=60.0, fault_injection=False)
-        until(lambda: "survey 1 in use" in graph.log(surface), 90, "first survey")
         facts = {}
         address = graph.log(surface).split("page: ")[1].split()[0]
 
-        def page():
+        def state():
             with urllib.request.urlopen(address + "state.json", timeout=5) as answer:  # noqa: S310  (loopback)
-                state = json.loads(answer.read())
-            return state if state["sections"]["surveys"]["rows"] else None
+                return json.loads(answer.read())
 
+        def taking():
+            table = state().get("sections", {}).get("survey_progress", {})
+            return table if table.get("active") else None
+
+        def page():
+            now = state()
+            return now if now["sections"]["surveys"]["rows"] else None
+
+        facts["taking"] = until(taking, 60, "a survey under way")
+        until(lambda: "survey 1 in use" in graph.log(surface), 90, "first survey")
         facts["page"] = until(page, 10, "the survey is on the page")
+        progress = until(lambda: page()["sections"]["survey_progress"]["result"], 10, "what came of the survey")
+        facts["progress"] = progress
         facts["said"] = Talk(
             graph,
             TALK
@@ -92,6 +106,7 @@ def set_all(target, **values):
     result = call(SetParametersAtomically, f"/w1/{target}/set_parameters_atomically", parameters=parameters).result
     return result.successful, result.reason
 said["good set"] = set_all("surface", rules__gap_limit=80.0, well__rig="Rig 7")
+said["bad plan"] = set_all("surface", plan__file="no/such.csv", advisory__toolface_deg=-1.0)
 said["bad set"] = set_all("estimator", survey__settle_s=1.0, survey__duration_s=1000.0)
 said["fixed set"] = set_all("sonde", rate=5.0)
 found = call(DescribeParameters, "/w1/estimator/describe_parameters", names=["survey.duration_s"]).descriptors[0]
@@ -108,6 +123,7 @@ said["export"] = call(Export, "/w1/export", format="csv").path
 print(json.dumps(said))
 """,
         ).said
+        facts["page without plan"] = page()
         until(lambda: "scenario is over" in graph.log(sonde), 90, "the scenario is over")
         until(lambda: "survey: survey 2" in graph.log(surface), 30, "second survey")
         facts["ends"] = {"sonde": graph.end(sonde), "estimator": graph.end(estimator, signal.SIGTERM)}
@@ -128,6 +144,50 @@ def test_a_late_joiner_sees_the_survey_table_and_the_page_shows_it(played):
     assert played["said"]["late joiner sees"] == 1
     assert len(played["page"]["sections"]["surveys"]["rows"]) == 1
     assert played["page"]["sections"]["attitude"]["inclination"]["state"] == "live"
+
+
+def test_the_page_shows_plan_offset_advice_reference_field_and_progress(played):
+    sections = played["page"]["sections"]
+    assert sections["plan"]["name"] == "plan.csv"
+    assert len(sections["plan"]["north"]) > 20
+    assert sections["offset"]["known"]
+    # The simulated hole starts at the wellhead of the plan; the list ties on at the vertical there.
+    assert sections["offset"]["distance"] < 20.0
+    assert sections["offset"]["dogleg_to_target"] > 0.0
+    assert math.degrees(sections["toolface"]["advisory"]["toolface"]) == pytest.approx(30.0)
+    assert math.degrees(sections["well"]["section_azimuth"]) == pytest.approx(49.0, abs=2.0)
+    assert 5.2e-5 < sections["well"]["field_total"] < 5.7e-5
+    assert "WMM" in sections["well"]["field_source"]
+    assert played["progress"] == "survey 1: accept"
+    assert played["taking"]["remaining"] > 0.0
+    assert played["taking"]["state"] in ("letting the string settle", "averaging")
+
+
+def test_a_plan_that_cannot_be_read_is_an_alarm_and_the_page_goes_on_without(played):
+    assert played["said"]["bad plan"][0]
+    sections = played["page without plan"]["sections"]
+    assert sections["plan"]["name"] == ""
+    assert not sections["offset"]["known"]
+    assert sections["toolface"]["advisory"] is None
+    assert any(a["id"] == "plan.file" and "no/such.csv" in a["text"] for a in sections["alarms"]["rows"])
+
+
+def test_a_taken_port_is_an_alarm_and_the_page_comes_once_it_is_free(tmp_path):
+    with running_graph.graph(tmp_path) as graph, socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        common = {"page__port": port, "record__enabled": False}
+        strict = graph.start("surface", "strict", folder=tmp_path / "strict", strict=True, **common)
+        until(lambda: "cannot configure" in graph.log(strict), 60, "a strict node refuses")
+        assert str(port) in graph.log(strict)
+        surface = graph.start("surface", "w1", folder=tmp_path / "data", **common)
+        until(lambda: ": active" in graph.log(surface), 60, "the node is active without its page")
+        assert "no live page" in graph.log(surface)
+        other.close()
+        until(lambda: f"page: http://127.0.0.1:{port}/" in graph.log(surface), 15, "the page")
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/state.json", timeout=5) as answer:
+            alarms = json.loads(answer.read())["sections"]["alarms"]["rows"]
+        assert [a["active"] for a in alarms if a["id"] == "page.port"] in ([], [False])
+        assert graph.end(surface)[0] == 0
 
 
 def test_parameters_are_described_and_changed_all_or_nothing(played):

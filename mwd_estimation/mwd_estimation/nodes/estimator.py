@@ -34,6 +34,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     def __init__(self, **node_options: Any) -> None:
         super().__init__("estimator", EstimatorSettings(), **node_options)
         self._waiting: Later | None = None
+        self._asked_s = 0.0
 
     def open(self) -> None:
         """Compile the kernels and open the topics."""
@@ -157,6 +158,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             response.success, response.message = False, "no survey taken: no samples arrive from the sonde"
             return response
         self._waiting = Later()
+        self._asked_s = request.duration or self.settings.survey.duration_s
         self._pipeline.request_survey(request.duration)
         return self._waiting
 
@@ -243,10 +245,23 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
                 OK if known else WARN,
                 reference.source if reference is not None else "none: azimuth is magnetic and uncorrected",
                 "" if known else "set reference.source, or call set_reference_field",
+                _figures(reference) if reference is not None and known else (),
             )
         )
+        found.append(self._survey_finding())
         found.append(Finding("attitude", OK, words(self._last_status & ~int(Status.NO_REFERENCE)) or "moving"))
         return found
+
+    def _survey_finding(self) -> Finding:
+        survey, share = self.settings.survey, self._pipeline.survey_progress
+        seconds = self._asked_s if self._waiting is not None else survey.settle_s + survey.duration_s
+        if not (survey.automatic or self._waiting is not None) or share == 0.0:
+            return Finding("survey", OK, "none under way")
+        if share >= 1.0:
+            return Finding("survey", OK, "taken; the next one comes after the tool has moved")
+        values = (("elapsed_s", f"{share * seconds:.1f}"), ("remaining_s", f"{(1.0 - share) * seconds:.1f}"))
+        settling = self._waiting is None and share * seconds < survey.settle_s
+        return Finding("survey", OK, "letting the string settle" if settling else "averaging", values=values)
 
     def _input(self, topic: str, count: int, level: bytes) -> Finding:
         name = self.resolve_topic_name(topic)
@@ -261,6 +276,13 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             return Finding(topic, level, f"nobody publishes {name}", "start the sonde, or remap the topic", values)
         policy = publishers[0].qos_profile.reliability.name
         return Finding(topic, level, f"{name} has a publisher ({policy}) but nothing arrives", "check its QoS", values)
+
+
+def _figures(reference: Reference) -> tuple[tuple[str, str], ...]:
+    """The field in force: T, rad and m/s^2, as many digits as it has."""
+    names = ("total", "dip", "declination", "convergence", "gravity")
+    known = [(name, getattr(reference, name)) for name in names]
+    return tuple((name, repr(float(value))) for name, value in known if value is not None)
 
 
 def oriented_imu(samples: wire.Samples, attitude: wire.Samples) -> wire.Samples:

@@ -64,6 +64,7 @@ def run(
     name = folder.name if output is None else f"{namespace.replace('/', '_')}_{_now_text()}"
     surface: dict[str, Any] = {
         "folder": str(folder.resolve()),
+        "strict": True,
         "record.enabled": not no_record,
         "record.name": name,
         "well.name": namespace,

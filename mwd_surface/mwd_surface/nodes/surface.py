@@ -5,6 +5,7 @@ from __future__ import annotations
 import concurrent.futures
 import dataclasses
 import importlib
+import math
 import queue
 import time
 from collections.abc import Callable, Sequence
@@ -32,9 +33,12 @@ from mwd_surface.live_state import LiveSettings, LiveState
 from mwd_surface.nodes import messages
 from mwd_surface.nodes.contract import TOPICS, profile_yaml, type_name
 from mwd_surface.page_server import PageServer, PageSettings
+from mwd_surface.plan import Plan, interpolated, offset_from, steering_to
+from mwd_surface.plan_file import PlanError, read_plan
 from mwd_surface.recorder import Level, Recorder, RecorderError, RecorderSettings, State
 from mwd_surface.survey_list import Definitive, ListRules, SurveyList
 from mwd_surface.survey_message import survey_of
+from mwd_surface.survey_record import Verdict
 from mwd_surface.survey_store import StoreError, SurveyStore
 from mwd_surface.survey_table import survey_table, table_of
 from mwd_surface.well import Well
@@ -50,7 +54,9 @@ _LAYOUTS = {
     "imu/temperature": wire.TEMPERATURE,
 }
 _STOP_WITHIN = 1.3  # s for each step of an end, so that all of it stays below 3 s
-_RETRY = 5.0  # s between tries to begin a recording that could not begin
+_RETRY = 5.0  # s between tries to begin a recording or to serve a page that could not begin
+_PLAN_STEP = 10.0  # m between points of the plan as drawn
+_FIELD = ("total", "dip", "declination", "convergence", "gravity")
 _SEVERITIES = {Level.INFO: Severity.INFO, Level.WARNING: Severity.WARNING, Level.ERROR: Severity.CRITICAL}
 _QUEUE = 5000  # messages of one topic that may wait for this node
 _COMMAND_TIMEOUT = 5.0  # s a page waits for the node
@@ -69,12 +75,33 @@ class RecordSettings:
 
 
 @dataclasses.dataclass(frozen=True)
+class PlanSettings:
+    """The planned well path."""
+
+    file: str = setting("", "Planned path, CSV or WITSML 1.4.1.1; read again at any change of parameters; empty: none")
+    sets_section: bool = setting(True, "Where well.section_azimuth_deg is 0, the plan gives the vertical section")
+
+
+@dataclasses.dataclass(frozen=True)
+class AdvisorySettings:
+    """What the driller is asked to steer at."""
+
+    toolface_deg: float = setting(-1.0, "Toolface wanted; below 0: no advice", unit="deg", low=-1.0, high=360.0)
+    limit_deg: float = setting(15.0, "What it may be off", unit="deg", low=1.0, high=180.0)
+
+
+@dataclasses.dataclass(frozen=True)
 class SurfaceSettings:
     """Parameters of the surface node."""
 
     folder: str = setting("~/mwd_data", "Where recordings, the survey list and exports are kept", fixed=True)
     serve_page: bool = setting(True, "Serve the live page", fixed=True)
+    strict: bool = setting(
+        False, "Refuse to start without the page; false: raise an alarm and try its port every 5 s", fixed=True
+    )
     well: Well = setting(Well, "The well")
+    plan: PlanSettings = setting(PlanSettings, "The planned well path")
+    advisory: AdvisorySettings = setting(AdvisorySettings, "Toolface to steer at")
     rules: ListRules = setting(ListRules, "Rules of the survey list")
     depth: DepthRules = setting(DepthRules, "Pairing surveys with depth")
     record: RecordSettings = setting(RecordSettings, "What is recorded")
@@ -94,19 +121,72 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._worker: concurrent.futures.ThreadPoolExecutor | None = None
 
     def takes_live(self, name: str) -> bool:
-        """Well and rules of the list can change while running; folders, ports and files cannot."""
-        return name.startswith(("well.", "rules."))
+        """Well, plan, advice and rules of the list can change while running; folders and ports cannot."""
+        return name.startswith(("well.", "rules.", "plan.", "advisory."))
 
     def settings_changed(self, settings: SurfaceSettings) -> None:
-        """Bring the survey list under the new well and rules."""
+        """Bring the survey list under the new well and rules, the page under the new plan and advice."""
         if self._store is None:
             return
+        self._read_plan()
+        self._show_advisory()
         try:
-            self._keep(self._surveys.configured(settings.well, settings.rules))
+            surveys = self._surveys.configured(self._well(), settings.rules)
         except ValueError as error:
             self._raise("surveys.settings", Severity.WARNING, f"the survey list keeps its old settings: {error}", "")
+        else:
+            self._alarms.clear("surveys.settings", self._now_ns())
+            self._keep(surveys)
+        self._show_well()
+
+    def _well(self) -> Well:
+        """The well as configured, with the vertical section along the plan where nothing else is said."""
+        well, asked = self.settings.well, self.settings.plan
+        if self._plan is None or not asked.sets_section or well.section_azimuth_deg != 0.0:
+            return well
+        return dataclasses.replace(well, section_azimuth_deg=math.degrees(self._plan.section_azimuth))
+
+    def _read_plan(self) -> None:
+        """Take the plan of the file; one that cannot be used is told, and the page does without."""
+        self._plan: Plan | None = None
+        file, north = self.settings.plan.file, self.settings.well.north_reference
+        if file:
+            try:
+                plan = _plan_from(Path(file).expanduser(), north)
+            except PlanError as error:
+                text = f"the plan is not used: {error}"
+                self._raise("plan.file", Severity.WARNING, text, "mend the file, then set plan.file again")
+                return
+            self._plan = plan
+            self._note("plan", f"{plan.name}: {len(plan.md)} stations to {plan.md[-1]:.0f} m")
+        self._alarms.clear("plan.file", self._now_ns())
+
+    def _show_advisory(self) -> None:
+        asked = self.settings.advisory
+        wanted = math.radians(asked.toolface_deg) if asked.toolface_deg >= 0.0 else None
+        self._live.on_advisory(wanted, math.radians(asked.limit_deg), time.monotonic())
+
+    def _show_well(self) -> None:
+        now = time.monotonic()
+        self._live.on_well(self._surveys.well, now, self._field)
+        self._live.on_plan(interpolated(self._plan, _PLAN_STEP) if self._plan is not None else None, now)
+        self._show_offset(self._surveys.definitive(bit_depth=self._bit_depth()))
+
+    def _show_offset(self, path: Definitive) -> None:
+        now, plan = time.monotonic(), self._plan
+        if plan is None or len(path.md) < 2:
+            self._live.on_offset(None, now)
             return
-        self._live.on_well(self._surveys.well, time.monotonic())
+        end = path.positions[-1], float(path.inclination[-1]), float(path.azimuth[-1])
+        try:
+            dogleg: float | None = steering_to(*end, plan.target).dogleg_severity
+        except ValueError:
+            # The target is reached or behind the bit: no arc leads there.
+            dogleg = None
+        self._live.on_offset(offset_from(plan, *end), now, dogleg)
+
+    def _bit_depth(self) -> float | None:
+        return self._depth.latest[1] if self._depth.latest else None
 
     # Opening and closing.
 
@@ -125,11 +205,17 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._heard: dict[str, float] = {}
         self._findings_of: dict[str, tuple[float, list[Any]]] = {}
         self._alarms_told = -1
+        self._field: dict[str, float | str] | None = None
+        self._progress: tuple[bool, str] = (False, "")
+        self._progress_at = 0.0
+        self._result = ""
+        self._page_tried = -_RETRY
         self._unreadable = 0
         self._unsaved = ""
         self._worker = concurrent.futures.ThreadPoolExecutor(1, "surface-worker")
         self._jobs: list[tuple[concurrent.futures.Future[Any], Callable[[Any], None]]] = []
         try:
+            self._read_plan()
             self._open_folder()
             self._open_page()
         except (RecorderError, StoreError, OSError, ValueError) as error:
@@ -141,7 +227,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def _open_folder(self) -> None:
         settings = self.settings
         self._store = SurveyStore(self._folder / "surveys")
-        loaded = self._store.load(settings.well, settings.rules)
+        loaded = self._store.load(self._well(), settings.rules)
         self._surveys = loaded.surveys
         for text in loaded.messages:
             self._note("survey list", text, Severity.WARNING)
@@ -153,11 +239,21 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         )
 
     def _open_page(self) -> None:
-        if not self.settings.serve_page:
+        """Serve the page; where its port is taken, say so and try again later."""
+        if not self.settings.serve_page or self._page is not None or time.monotonic() - self._page_tried < _RETRY:
             return
-        self._page = PageServer(self.settings.page, self._ask_node)
-        self._page.start()
-        self.get_logger().info(f"page: {self._page.address}")
+        self._page_tried = time.monotonic()
+        page = PageServer(self.settings.page, self._ask_node)
+        try:
+            page.start()
+        except OSError as error:
+            if self.settings.strict:
+                raise
+            self._raise("page.port", Severity.WARNING, f"no live page: {error}", "it is tried every 5 s")
+            return
+        self._page = page
+        self._alarms.clear("page.port", self._now_ns())
+        self.get_logger().info(f"page: {page.address}")
 
     def _open_topics(self) -> None:
         self._toolface = self.publish_on(msg.Toolface, "toolface", STATE)
@@ -197,7 +293,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._wanted = self.settings.record.enabled
         self._tried = -_RETRY
         self._begin_recording()
-        self._live.on_well(self._surveys.well, time.monotonic())
+        self._show_advisory()
+        self._show_well()
         self._publish_surveys()
 
     def _begin_recording(self) -> None:
@@ -277,6 +374,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         survey = survey_of(deserialize_message(data, msg.Survey))
         self._drain_rig()
         reading = self._depth.sensor_depth(survey.stamp_ns, self._surveys.well.sensor_to_bit)
+        self._result = f"survey {survey.sequence}: {Verdict(survey.verdict).name.lower()}"
+        self._show_progress(False)
         known = {r.survey.uuid for r in self._surveys.records}
         try:
             self._keep(self._surveys.add(survey, reading.measured_depth, reading.depth_age, comment=reading.reason))
@@ -296,6 +395,33 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         if ours:
             node = ours[0].name.partition(":")[0]
             self._findings_of[node] = (time.monotonic(), ours)
+        for status in ours:
+            if status.name.endswith("estimator: survey"):
+                self._on_survey_progress(status)
+            elif status.name.endswith("estimator: reference field"):
+                self._on_reference(status)
+
+    def _on_survey_progress(self, status: Any) -> None:
+        values = {pair.key: pair.value for pair in status.values}
+        active = "remaining_s" in values
+        figures = (float(values.get("elapsed_s", 0.0)), float(values.get("remaining_s", 0.0)))
+        self._show_progress(active, *figures, status.message)
+
+    def _show_progress(self, active: bool, elapsed: float = 0.0, remaining: float = 0.0, state: str = "") -> None:
+        if active or self._progress != (active, self._result):
+            self._progress_at = time.monotonic()
+            self._progress = (active, self._result)
+            self._live.on_survey_progress(active, time.monotonic(), elapsed, remaining, state, self._result)
+
+    def _on_reference(self, status: Any) -> None:
+        values = {pair.key: pair.value for pair in status.values}
+        known = "total" in values
+        field: dict[str, float | str] | None = None
+        if known:
+            field = {name: float(values[name]) for name in _FIELD if name in values} | {"source": status.message}
+        if field != self._field:
+            self._field = field
+            self._live.on_well(self._surveys.well, time.monotonic(), field)
 
     def _take_buffer(self, topic: str) -> wire.Samples | None:
         waiting = self._buffers[topic]
@@ -346,6 +472,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def _each_second(self) -> None:
         now, now_ns = time.monotonic(), self._now_ns()
         self._find_missing()
+        self._open_page()
         self._begin_recording()
         if self._recorder is not None:
             status = self._recorder.status()
@@ -354,6 +481,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             self._live.on_recorder(message, now)
             self._watch_recorder(status)
         self._watch_inputs(now)
+        if self._progress[0] and now - self._progress_at > _SILENT_AFTER + 1.0:
+            self._show_progress(False)
         findings = [
             {"name": s.name, "level": s.level, "message": s.message, "remedy": _remedy(s)}
             for heard, found in self._findings_of.values()
@@ -422,8 +551,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def _publish_surveys(self) -> None:
         now = time.monotonic()
         surveys = self._surveys
-        bit = self._depth.latest
-        path = surveys.definitive(bit_depth=bit[1] if bit else None)
+        path = surveys.definitive(bit_depth=self._bit_depth())
         self._list.publish(messages.list_message(surveys))
         self._trajectory.publish(messages.trajectory_message(path, surveys.changed_ns))
         prefix = self.get_namespace().strip("/")
@@ -431,6 +559,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._path.publish(messages.path_message(path, surveys.changed_ns, frame))
         self._live.on_records(surveys.records, now)
         self._live.on_trajectory(path, now)
+        self._show_offset(path)
         now_ns = self._now_ns()
         self._work(lambda: table_of(surveys, path, now_ns).covariance, lambda job: self._show_ellipses(path, job))
 
@@ -539,10 +668,10 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         return self._with_recorder(response, lambda recorder: recorder.split(), "finished")
 
     def _export(self, request: Any, response: Any) -> Any:
-        surveys, now_ns, folder = self._surveys, self._now_ns(), self._folder / "exports"
+        surveys, now_ns, folder, plan = self._surveys, self._now_ns(), self._folder / "exports", self._plan
 
         def write() -> Path:
-            return export(survey_table(surveys, now_ns), request.format, folder, request.name)
+            return export(survey_table(surveys, now_ns, plan=plan), request.format, folder, request.name)
 
         def written(job: concurrent.futures.Future[Path]) -> None:
             try:
@@ -631,6 +760,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             )
         if self._page is not None:
             found.append(Finding("page", OK, f"{self._page.address}, {self._page.clients} watching"))
+        elif self.settings.serve_page:
+            found.append(Finding("page", ERROR, "not served", f"is port {self.settings.page.port} free?"))
         level = ERROR if self._unsaved else OK
         found.append(Finding("survey list", level, self._unsaved or f"{len(self._surveys.records)} surveys"))
         if self._not_found:
@@ -641,6 +772,13 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
                 Finding("messages", WARN, f"{self._unreadable} could not be read", "are all nodes of one version?")
             )
         return found
+
+
+def _plan_from(path: Path, north: str) -> Plan:
+    plan = read_plan(path)
+    if plan.north and plan.north != north:
+        raise PlanError(f"{path}: azimuths from {plan.north} north, those of the well from {north} north")
+    return plan
 
 
 def _remedy(status: Any) -> str:
