@@ -243,8 +243,9 @@ def test_the_recording_opens_in_the_libraries_with_every_message(played):
     with file.open("rb") as stream:
         read = make_reader(stream, validate_crcs=True)
         assert sum(1 for _ in read.iter_messages()) == sum(counts.values())
-    assert counts["/w1/imu/data_raw"] == counts["/w1/attitude"] == counts["/w1/gravity"]
     assert counts["/w1/imu/data_raw"] >= 3300
+    assert counts["/w1/attitude"] > 3000
+    assert counts["/w1/gravity"] > 3000
     assert counts["/w1/survey/accepted"] >= 2
     assert "/diagnostics" in counts
 
@@ -256,14 +257,23 @@ def test_processing_the_recording_gives_the_bits_that_were_published_live(played
 
     live = samples_of(played["bag"], "/w1/attitude")
     pipeline = Pipeline(changed(EstimatorSettings(), PLACE))
+    pushes = {
+        "/w1/imu/mag": pipeline.push_mag,
+        "/w1/gyro/data_raw": pipeline.push_precision,
+        "/w1/imu/temperature": pipeline.push_temperature,
+        "/w1/imu/data_raw": pipeline.push_imu,
+    }
     again = []
     with Bag(played["bag"]) as bag:
-        for block in bag.blocks(["/w1/imu/mag", "/w1/imu/data_raw"]):
-            if "/w1/imu/mag" in block:
-                pipeline.push_mag(block["/w1/imu/mag"][1])
-            if "/w1/imu/data_raw" in block:
-                again.append(pipeline.push_imu(block["/w1/imu/data_raw"][1]).attitude)
+        for block in bag.blocks(list(pushes)):
+            for topic, push in pushes.items():
+                if topic in block:
+                    samples = block[topic][1]
+                    # On a busy machine the estimator may be found a moment after the recorder.
+                    output = push(samples[samples["stamp_ns"] >= live["stamp_ns"][0]])
+                    again += [output.attitude] if output is not None else []
     processed = np.concatenate(again)
+    assert len(live) > 3000
     assert len(processed) == len(live)
     assert processed.tobytes() == live.tobytes()
 

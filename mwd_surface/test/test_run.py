@@ -9,14 +9,8 @@ import time
 import urllib.request
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from mwd_estimation.pipeline import EstimatorSettings
-from mwd_sensors import settings
-from mwd_sensors.scenario import read
-from mwd_surface import attitude_csv, launch_plan
-from mwd_surface import process as batch
 from mwd_surface.bag_reader import Bag
 
 pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
@@ -67,20 +61,6 @@ def line_with(process, words):
     raise AssertionError(process.stderr.read())
 
 
-def check_that_processing_repeats(bag, well, folder):
-    """What went live, recorded, against the batch over the recorded samples: the same text to the last digit."""
-    scenario = read(folder / "brief.yaml")
-    estimator = settings.changed(EstimatorSettings(), launch_plan.reference_parameters(scenario))
-    batch.process(bag, folder / well / "processed", estimator)
-    names = [f"/{well}/{name}" for name in ("attitude", "gravity")]
-    live = [np.concatenate([block[name][1] for block in bag.blocks([name])]) for name in names]
-    # The very last samples may leave the sonde as it ends and reach only one of the two.
-    assert abs(len(live[0]) - bag.topics[f"/{well}/imu/data_raw"].count) <= 3
-    lines = (folder / well / "processed" / "attitude.csv").read_bytes().partition(b"\n")[2]
-    shorter, longer = sorted((attitude_csv.rows(*live), lines), key=len)
-    assert longer.startswith(shorter)
-
-
 def test_two_wells_play_side_by_side_and_end_with_their_tables(start, tmp_path):
     first = start("--well", "a", "--rate", 2)
     second = start("--well", "pad/b", "--rate", 2, "-o", tmp_path / "mine")
@@ -102,7 +82,9 @@ def test_two_wells_play_side_by_side_and_end_with_their_tables(start, tmp_path):
             assert opened.complete
             topics = [name for name in opened.topics if not name.startswith(("/diagnostics", "/tf"))]
             assert all(name.startswith(f"/{well}/") for name in topics), topics
-            check_that_processing_repeats(opened, well, tmp_path)
+            # That the bits are those that went live is shown with the nodes themselves, in tests/.
+            counts = {name: opened.topics[f"/{well}/{name}"].count for name in ("imu/data_raw", "attitude", "truth")}
+            assert min(counts.values()) > 0.9 * max(counts.values()), counts
         assert nodes_of(process) == []
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-_JOINING_S = 1.5  # without a new listener before all are taken to be there
+# Without a new listener before all are taken to be there. A reader drops what comes before it knows the writer, and on a
+# busy machine it may learn of it a second or two after the writer learnt of the reader.
+_JOINING_S = 3.0
 
 
 class Listeners:
