@@ -14,11 +14,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation import attitude_track, gravity, gravity_bounded, gravity_kalman, gravity_raw, survey
+from mwd_estimation import attitude_track, fusion, gravity, gravity_bounded, gravity_kalman, gravity_raw, survey
 from mwd_estimation.attitude_track import FieldModel
 from mwd_estimation.binning import Bin, Binner
 from mwd_estimation.gravity_s3 import MahonyParams
 from mwd_estimation.gravity_s3 import Params as S3Params
+from mwd_estimation.gyro_station import GyroSettings, GyroStation
 from mwd_estimation.reference import Reference, best_north, from_field, north_correction
 from mwd_estimation.station import Station, StationSettings
 from mwd_estimation.status import Status
@@ -65,6 +66,8 @@ class EstimatorSettings:
     azimuth: attitude_track.Params = setting(attitude_track.Params, "Continuous azimuth")
     survey: StillParams = setting(StillParams, "Surveys in still intervals")
     station: StationSettings = setting(StationSettings, "Working out a station")
+    gyro: GyroSettings = setting(GyroSettings, "Gyro azimuth of a station")
+    fusion: fusion.Settings = setting(fusion.Settings, "Weighing the azimuths of a station")
     bounded: gravity_bounded.Params = setting(gravity_bounded.Params, "Method bounded")
     s3: S3Params = setting(S3Params, "Method s3")
     mahony: MahonyParams = setting(MahonyParams, "Method mahony")
@@ -132,6 +135,14 @@ def reference_of(settings: ReferenceSettings, first_ns: int) -> Reference | None
     return reference if settings.grid == "utm" else dataclasses.replace(reference, convergence=None)
 
 
+def latitude_of(settings: EstimatorSettings) -> float | None:
+    """Latitude for the gyros, deg north; None where nobody has said."""
+    if settings.gyro.latitude_source == "fixed":
+        return settings.gyro.latitude_deg
+    by_place = settings.gyro.latitude_source == "reference" and settings.reference.source == "model"
+    return settings.reference.lat_deg if by_place else None
+
+
 class Pipeline:
     """
     The estimator of one well.
@@ -166,6 +177,9 @@ class Pipeline:
         self._closed: dict[str, dict[int, Bin]] = {"mag": {}, "precision": {}, "temperature": {}}
         self._waiting: list[Bin] = []
         self._still = StillSurvey(settings.survey)
+        self._gyro = GyroStation(settings.gyro, None, None)
+        self._precision_ns = np.zeros(0, dtype=np.int64)
+        self._precision_t = np.zeros((0, 6))
         self._mag_ns = np.zeros(0, dtype=np.int64)
         self._mag_t = np.zeros((0, 3))
         self._last_imu_ns = np.iinfo(np.int64).min
@@ -207,7 +221,10 @@ class Pipeline:
         """Take samples of the high-precision unit, dtype of `wire.IMU`."""
         self.counters.precision += len(samples)
         values = np.hstack([samples["angular_velocity"], samples["linear_acceleration"]])
-        self._keep("precision", self._binners["precision"].add(np.ascontiguousarray(samples["stamp_ns"]), values))
+        stamps = np.ascontiguousarray(samples["stamp_ns"])
+        self._keep("precision", self._binners["precision"].add(stamps, values))
+        self._precision_ns = np.concatenate([self._precision_ns, stamps])
+        self._precision_t = np.concatenate([self._precision_t, values])
 
     def push_temperature(self, samples: Samples) -> None:
         """Take temperatures, dtype of `wire.TEMPERATURE`."""
@@ -225,6 +242,8 @@ class Pipeline:
                 self.reference = reference_of(self.settings.reference, int(stamps[0]))
             self._ready = True
             self._set_model()
+            known = self.reference.gravity if self.reference is not None else None
+            self._gyro = GyroStation(self.settings.gyro, latitude_of(self.settings), known)
         pieces: list[Output] = []
         start = 0
         # The block is cut where a bin ends, because a survey changes the field model from there on.
@@ -275,11 +294,24 @@ class Pipeline:
             for index in [k for k in bins if k < imu.index]:
                 del bins[index]
         result = self._still.add(BinSet(imu, found["mag"], found["precision"], found["temperature"]))
+        still = self._still.still_bins
+        # By bins, not by blocks: the same samples go into the seek however the stream is cut.
+        before = int(np.count_nonzero(np.logical_and.accumulate(self._precision_ns < end_ns)))
+        samples = self._precision_ns[:before], self._precision_t[:before]
+        self._precision_ns, self._precision_t = self._precision_ns[before:], self._precision_t[before:]
+        self._gyro.add(imu, BIN_NS * 1e-9, still * BIN_NS > self.settings.survey.settle_s * 1e9, still > 0, samples)
         if isinstance(result, Refusal):
             output.refusals.append(result)
         elif isinstance(result, StillAverage):
             self.sequence += 1
-            taken = survey.from_average(result, self.sequence, self.reference, self.settings.station)
+            taken = survey.from_average(
+                result,
+                self.sequence,
+                self.reference,
+                self.settings.station,
+                self._gyro.solution(),
+                self.settings.fusion,
+            )
             output.surveys.append(taken)
             self._learn(taken.station)
         output.interference = np.concatenate([output.interference, self._interference_sample(end_ns)])

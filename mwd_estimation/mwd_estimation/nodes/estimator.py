@@ -15,6 +15,7 @@ from sensor_msgs.msg import Imu, MagneticField, Temperature
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
+from mwd_estimation import north_seek
 from mwd_estimation.nodes.messages import stamp, survey_message
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
 from mwd_estimation.reference import Reference
@@ -316,6 +317,8 @@ def warm_up(settings: EstimatorSettings) -> None:
     pipeline = Pipeline(settings, Reference(total=5e-5, dip=1.0, source="warm-up"))
     pipeline.push_mag(mag)
     pipeline.push_imu(imu)
+    forces, rates = imu["linear_acceleration"], imu["angular_velocity"]
+    north_seek.run(north_seek.Params(), north_seek.initial(), imu["stamp_ns"], rates, forces)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -61,8 +61,8 @@ def survey_message(survey: Survey, frame_id: str, status: int) -> SurveyMessage:
             north=NORTH_CODES[station.north],
             azimuth=known(one.azimuth, 0.0),
             sigma=known(one.sigma, -1.0),
-            weight=1.0 if one.method == station.method else 0.0,
-            reason=one.refused,
+            weight=survey.weights.get(one.method, 0.0),
+            reason=survey.azimuth_reasons.get(one.method, one.refused),
         )
         for one in station.azimuths
     ]

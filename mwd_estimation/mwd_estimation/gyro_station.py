@@ -1,0 +1,144 @@
+"""
+Gyro azimuth of a station: north sought while the tool keeps still, and while it is turned to a second position there.
+
+The seek runs on the precision unit's own samples, bin by bin, from the moment the string has settled. A quiet turn
+about the axis goes into it, because the second position is what shows the gyro's bias; shaking, a turn that takes too
+long or an axis that lies elsewhere end it. Whether what it found may be used, `north_seek.solution` says.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_estimation import north_seek
+from mwd_estimation.binning import Bin
+from mwd_estimation.north_seek import Solution
+from mwd_sensors.settings import setting
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+_ACCEL_X = 3
+
+
+@dataclasses.dataclass(frozen=True)
+class GyroSettings:
+    """The precision unit, one sigma each, and when north is sought with it; the figures are a tactical MEMS unit's."""
+
+    latitude_source: str = setting(
+        "reference",
+        "Latitude: of the reference's place where it is a model's; as set below; or unknown, and no gyro azimuth",
+        choices=("reference", "fixed", "unknown"),
+    )
+    latitude_deg: float = setting(0.0, "Latitude where fixed, north positive", unit="deg", low=-90.0, high=90.0)
+    noise_deg_rth: float = setting(0.05, "White noise", unit="deg/sqrt(h)", low=1e-5, high=10.0)
+    bias_deg_h: float = setting(5.0, "Bias not known to better than", unit="deg/h", low=0.0, high=1e5)
+    walk_deg_h_rth: float = setting(0.5, "Random walk of the bias, warming up too", unit="deg/h", low=0.0, high=1e4)
+    scale_x_ppm: float = setting(500.0, "Scale of the x gyro not known to better than", unit="ppm", low=0.0, high=1e5)
+    leak_urad: float = setting(300.0, "x rate that y and z feel", unit="urad", low=0.0, high=1e5)
+    g_sensitivity_deg_h_g: float = setting(0.5, "g-sensitivity of y and z", unit="deg/h/g", low=0.0, high=1e3)
+    range_dps: float = setting(100.0, "y and z clip at", unit="deg/s", low=1.0, high=5000.0)
+    accel_noise_ug_rthz: float = setting(30.0, "Accelerometer white noise", unit="ug/sqrt(Hz)", low=0.01, high=1e4)
+    accel_bias_ug: float = setting(200.0, "Accelerometer bias", unit="ug", low=0.0, high=1e5)
+    shortest_s: float = setting(30.0, "No azimuth before", unit="s", low=1.0, high=3600.0)
+    worst_sigma_deg: float = setting(20.0, "An azimuth less certain is refused", unit="deg", low=0.1, high=90.0)
+    longest_turn_s: float = setting(30.0, "A longer turn ends the seek", unit="s", low=0.0, high=600.0)
+    max_shake: float = setting(
+        0.25, "Standard deviation of the axial force above which a turn is no quiet one", unit="m/s^2", low=1e-3
+    )
+    max_axis_step: float = setting(
+        0.03, "Change of the axial force above which the axis lies elsewhere", unit="m/s^2", low=1e-4, high=10.0
+    )
+
+
+def params_of(settings: GyroSettings, latitude_deg: float, gravity: float | None) -> north_seek.Params:
+    """Settings of the seek; all three gyros are the precision unit's."""
+    params = north_seek.Params(
+        latitude_deg=latitude_deg,
+        shortest=settings.shortest_s,
+        worst_sigma_deg=settings.worst_sigma_deg,
+        gyro_noise_deg_rth=settings.noise_deg_rth,
+        gyro_x_noise_deg_rth=settings.noise_deg_rth,
+        accel_noise_ug_rthz=settings.accel_noise_ug_rthz,
+        gyro_bias_deg_h=settings.bias_deg_h,
+        gyro_x_bias_deg_h=settings.bias_deg_h,
+        accel_bias_ug=settings.accel_bias_ug,
+        gyro_walk_deg_h_rth=settings.walk_deg_h_rth,
+        scale_x_ppm=settings.scale_x_ppm,
+        leak_urad=settings.leak_urad,
+        g_sensitivity_deg_h_g=settings.g_sensitivity_deg_h_g,
+        gyro_range_dps=settings.range_dps,
+    )
+    return params if gravity is None else dataclasses.replace(params, gravity=gravity)
+
+
+class GyroStation:
+    """
+    The seek of one tool, in order of its bins.
+
+    Parameters
+    ----------
+    settings : GyroSettings
+    latitude_deg : float or None
+        None: unknown, and nothing is sought.
+    gravity : float or None
+        Local, m/s^2.
+    """
+
+    def __init__(self, settings: GyroSettings, latitude_deg: float | None, gravity: float | None) -> None:
+        self.settings = settings
+        self.params = None if latitude_deg is None else params_of(settings, latitude_deg, gravity)
+        self.heard = False
+        self._state: north_seek.State | None = None
+        self._axis = math.nan
+        self._turned_s = 0.0
+
+    def add(self, imu: Bin, bin_s: float, settled: bool, still: bool, samples: tuple[Stamps, Array]) -> None:
+        """
+        Take one bin.
+
+        Parameters
+        ----------
+        imu : Bin
+            Rates and forces of the conventional unit.
+        bin_s : float
+            Its length, s.
+        settled, still : bool
+            Whether the string has settled, and whether the tool keeps still in this bin.
+        samples : tuple of ndarray, shapes (n,) and (n, 6)
+            Stamps, ns, and rates, rad/s, and forces, m/s^2, of the precision unit in this bin.
+        """
+        self.heard = self.heard or len(samples[0]) > 0
+        if self.params is None:
+            return
+        if self._state is not None and not self._goes_on(imu, bin_s, still):
+            self._state = None
+        if self._state is None and still and settled:
+            self._state, self._axis, self._turned_s = north_seek.initial(), float(imu.mean[_ACCEL_X]), 0.0
+        if self._state is not None and len(samples[0]):
+            north_seek.run(self.params, self._state, samples[0], samples[1][:, :3], samples[1][:, 3:])
+
+    def _goes_on(self, imu: Bin, bin_s: float, still: bool) -> bool:
+        if still:
+            state = self._state
+            elsewhere = state is not None and state.memory[north_seek.MOVED] > 0.0
+            return not elsewhere and abs(imu.mean[_ACCEL_X] - self._axis) <= self.settings.max_axis_step
+        self._turned_s += bin_s
+        shake = math.sqrt(imu.scatter[_ACCEL_X, _ACCEL_X] / max(imu.count - 1, 1))
+        away = abs(imu.mean[_ACCEL_X] - self._axis)
+        quiet = shake <= self.settings.max_shake and away <= self.settings.max_shake
+        return quiet and self._turned_s <= self.settings.longest_turn_s
+
+    def solution(self) -> Solution | str | None:
+        """What was found so far, or in words why nothing is sought; None where there is no precision unit."""
+        if not self.heard:
+            return None
+        if self.params is None:
+            return "the latitude is not known: set gyro.latitude_source, or a reference by place"
+        if self._state is None:
+            return "the tool has not kept still"
+        return north_seek.solution(self.params, self._state)

@@ -1,0 +1,140 @@
+"""A gyro azimuth of a station: two positions show the bias, what cannot be said is refused, cuts change nothing."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mwd_estimation.gyro_station import GyroSettings
+from mwd_estimation.pipeline import EstimatorSettings, Pipeline, ReferenceSettings, latitude_of
+from mwd_estimation.reference import Reference
+from mwd_sensors import wire
+from mwd_sensors.frames import mat_nt, wrap_pi
+
+START = 1_700_000_000 * 10**9
+RATE = 100
+DEG_H = math.radians(1.0) / 3600.0
+REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, gravity=9.81, source="test")
+TURN = math.radians(18.0)  # rad/s
+
+
+def _samples(azimuth=2.2, inclination=1.0, rest=60.0, turn_rate=TURN, bias=4.0, steel=0.0, seed=1, latitude=44.0):
+    """Rest, half a turn about the axis, rest again, with a biased gyro; `steel` turns the horizontal field, rad."""
+    rng = np.random.default_rng(seed)
+    turning = round(math.pi / turn_rate * RATE)
+    rates = np.concatenate([np.zeros(round(rest * RATE)), np.full(turning, math.pi / turning * RATE)])
+    rates = np.concatenate([rates, np.zeros(round(rest * RATE))])
+    n = len(rates)
+    mat = mat_nt(inclination, np.full(n, azimuth), np.cumsum(rates) / RATE)
+    phi = math.radians(latitude)
+    earth_n = 7.292115e-5 * np.array([math.cos(phi), 0.0, -math.sin(phi)])
+    direction = 0.05 + steel
+    field_n = 5e-5 * np.array([np.cos(1.1) * np.cos(direction), np.cos(1.1) * np.sin(direction), np.sin(1.1)])
+    force = np.einsum("kji,j->ki", mat, [0, 0, -9.81])
+    imu, precision, mag = wire.IMU.empty(n), wire.IMU.empty(n), wire.MAG.empty(n)
+    for samples in (imu, precision, mag):
+        samples["stamp_ns"] = START + np.arange(n) * (10**9 // RATE)
+    white = math.radians(0.02) / 60.0 * math.sqrt(RATE)
+    precision["angular_velocity"] = np.einsum("kji,j->ki", mat, earth_n) + np.array([0.0, bias, -bias]) * DEG_H
+    precision["angular_velocity"] += white * rng.normal(size=(n, 3))
+    precision["angular_velocity"][:, 0] += rates
+    precision["linear_acceleration"] = force + 3e-3 * rng.normal(size=(n, 3))
+    imu["angular_velocity"] = 1e-3 * rng.normal(size=(n, 3))
+    imu["angular_velocity"][:, 0] += rates
+    imu["linear_acceleration"] = force + 5e-3 * rng.normal(size=(n, 3))
+    mag["magnetic_field"] = np.einsum("kji,j->ki", mat, field_n) + 5e-8 * rng.normal(size=(n, 3))
+    return imu, precision, mag
+
+
+def _settings(**changes):
+    gyro = {"latitude_source": "fixed", "latitude_deg": 44.0, "noise_deg_rth": 0.02, "g_sensitivity_deg_h_g": 0.1}
+    return EstimatorSettings(gyro=GyroSettings(**{**gyro, **changes}))
+
+
+def _surveys(streams, settings, cuts=(), duration=50.0):
+    """Surveys that were asked for as the tool came to rest in its second position."""
+    imu, precision, mag = streams
+    pipeline, surveys = Pipeline(settings, REFERENCE), []
+    ask = len(imu) - 54 * RATE
+    for block in np.split(np.arange(len(imu)), sorted({*cuts, ask})):
+        if len(block) and block[0] == ask:
+            pipeline.request_survey(duration)
+        pipeline.push_mag(mag[block])
+        pipeline.push_precision(precision[block])
+        surveys += pipeline.push_imu(imu[block]).surveys
+    return surveys
+
+
+def _gyro(survey):
+    return survey.station.by_method("gyro")
+
+
+def test_two_positions_find_north_that_one_refuses():
+    first, second = _surveys(_samples(), _settings())
+    assert "too short" in first.azimuth_reasons["gyro"]
+    assert first.weights["gyro"] == 0.0
+    found = _gyro(second)
+    assert second.azimuth_reasons["gyro"] == ""
+    assert found.sigma < math.radians(2.0)
+    assert abs(wrap_pi(found.azimuth - 2.2)) < 3.0 * found.sigma
+    assert 0.0 < second.weights["gyro"] < 1.0
+    assert sum(second.weights.values()) == pytest.approx(1.0)
+    assert second.station.method == "fused"
+    assert abs(wrap_pi(second.station.azimuth - 2.2)) < 3.0 * second.station.sigma_azimuth
+
+
+def test_steel_that_turns_the_field_is_an_alarm_and_the_gyro_is_used():
+    survey = _surveys(_samples(steel=math.radians(22.0)), _settings())[-1]
+    assert survey.station.method == "gyro"
+    assert survey.station.verdict == "doubtful"
+    assert "steel can turn the field" in survey.station.reasons[0]
+    assert abs(wrap_pi(survey.station.azimuth - 2.2)) < math.radians(3.0)
+
+
+def test_any_cut_into_blocks_gives_the_same_gyro_azimuth():
+    streams = _samples()
+    whole = _surveys(streams, _settings())
+    pieces = _surveys(streams, _settings(), cuts=range(37, len(streams[0]), 251))
+    for one, other in zip(whole, pieces, strict=True):
+        assert one.station.azimuth == other.station.azimuth
+        assert one.weights == other.weights
+        assert one.azimuth_reasons == other.azimuth_reasons
+    assert _gyro(whole[-1]) == _gyro(pieces[-1])
+
+
+def test_an_unknown_latitude_is_said_and_costs_nothing_else():
+    survey = _surveys(_samples(), _settings(latitude_source="unknown"))[-1]
+    assert "latitude is not known" in survey.azimuth_reasons["gyro"]
+    assert survey.station.method in ("raw", "corrected")
+    assert survey.station.verdict == "accept"
+
+
+def test_without_a_precision_unit_there_is_no_gyro_azimuth_and_no_word_of_it():
+    imu, _, mag = _samples()
+    pipeline = Pipeline(_settings(), REFERENCE)
+    pipeline.push_mag(mag)
+    (survey, *_) = pipeline.push_imu(imu).surveys
+    assert _gyro(survey) is None
+    assert "gyro" not in survey.weights
+
+
+def test_a_turn_that_takes_too_long_begins_the_seek_anew():
+    survey = _surveys(_samples(turn_rate=TURN), _settings(longest_turn_s=2.0))[-1]
+    assert survey.weights["gyro"] == 0.0 or _gyro(survey).sigma > math.radians(5.0)
+
+
+def test_near_the_pole_the_gyro_is_refused_with_the_reason():
+    survey = _surveys(_samples(latitude=88.0), _settings(latitude_deg=88.0))[-1]
+    assert "pole" in survey.azimuth_reasons["gyro"]
+
+
+@pytest.mark.parametrize(
+    ("source", "reference", "latitude"),
+    [("reference", "model", 50.0), ("reference", "none", None), ("fixed", "none", 30.0), ("unknown", "model", None)],
+)
+def test_the_latitude_is_the_places_the_settings_or_unknown(source, reference, latitude):
+    settings = EstimatorSettings(
+        reference=ReferenceSettings(source=reference, lat_deg=50.0),
+        gyro=GyroSettings(latitude_source=source, latitude_deg=30.0),
+    )
+    assert latitude_of(settings) == latitude
