@@ -14,7 +14,7 @@ from mwd_surface.survey_list import SurveyList
 from mwd_surface.survey_record import Judgement, North, SurveyRecord, Verdict
 from mwd_surface.survey_table import SurveyTable, fixed, plain, utc
 
-METHODS = ("raw", "axial", "multistation", "gyro", "fused")
+METHODS = ("raw", "corrected", "msa", "gyro", "fused")
 _DEG = 180.0 / math.pi
 _AXES = ("x", "y", "z")
 

@@ -146,8 +146,8 @@ def _type(table: SurveyTable, record: SurveyRecord | None, kind: str) -> str:
 
 def _measured(s: Survey, model: str) -> list[str]:
     parts = [
-        _text("axialMagInterferenceCorUsed", "true" if s.azimuth_method == "axial" else "false"),
-        _text("MSACorUsed", "true" if s.azimuth_method == "multistation" else "false"),
+        _text("axialMagInterferenceCorUsed", "true" if s.azimuth_method == "corrected" else "false"),
+        _text("MSACorUsed", "true" if s.azimuth_method == "msa" else "false"),
     ]
     if s.g_reference > 0.0:
         parts.append(_measure("gravTotalFieldReference", fixed(s.g_reference, 6), "m/s2"))

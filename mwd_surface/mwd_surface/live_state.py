@@ -87,7 +87,7 @@ _HISTORY = {
 }
 _STREAMS = ("sonde", "estimator", "magnetometer", "temperature", "interference", "rig", "recorder")
 # Azimuths that are free of the axial interference; quality control then judges the field without it.
-_CORRECTED_METHODS = ("corrected", "axial", "multistation", "fused")
+_CORRECTED_METHODS = ("corrected", "msa", "fused")
 # What the status says about a value that is withheld.
 _WHY = (
     (Status.SENSOR_FAULT, "a sensor is judged faulty"),

@@ -14,7 +14,7 @@ from mwd_surface.survey_list import Definitive, SurveyList
 from mwd_surface.survey_record import Judgement, North, Survey, SurveyRecord, Three, Verdict
 
 LAST = 32
-_CORRECTING = ("axial", "multistation", "gyro")
+_CORRECTING = ("corrected", "msa", "gyro")
 _UNCORRECTED = Status.UNCORRECTED | Status.CORRECTION_REFUSED | Status.MAG_DISTURBED
 
 

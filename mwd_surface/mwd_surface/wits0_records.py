@@ -52,7 +52,7 @@ SENT: dict[int, tuple[str, int | None]] = {
     718: ("SNS", 2), 719: ("SEW", 2), 720: ("SDLS", 2), 721: ("SWLK", 2), 808: ("DMEA", 2), 810: ("DBTM", 2),
     919: ("MMRP", 0),
 }  # fmt: skip
-_TYPES = {"axial": "MAG-AX", "multistation": "MAG-MS", "gyro": "GYRO", "fused": "MAG+GYRO"}
+_TYPES = {"corrected": "MAG-AX", "msa": "MAG-MS", "gyro": "GYRO", "fused": "MAG+GYRO"}
 _SAME_TIME_NS = 600 * NANOSECONDS
 _DRILLING, _CONNECTION, _CIRCULATING = 2, 3, 7
 # Sequence numbers count from the seconds since then, so that they grow over a restart without a file.

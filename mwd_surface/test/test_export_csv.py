@@ -56,7 +56,7 @@ def test_the_raw_log_has_every_survey_with_six_axes_and_both_judgements():
     assert row["reasons"] == "dip 78.5 deg is 6.4 over 72.1 +- 0.45"
     assert row["time_utc"] == "2026-05-14T16:57:00.123Z"
     assert (row["magnetic_field_x_nt"], row["specific_force_y_mps2"]) == ("31000.0", "0.250000")
-    assert (row["azimuth_gyro_deg"], row["azimuth_axial_deg"]) == ("", "75.4000")
+    assert (row["azimuth_gyro_deg"], row["azimuth_corrected_deg"]) == ("", "75.4000")
     assert row["azimuth_reference"] == "magnetic"
 
 

@@ -49,7 +49,7 @@ def test_the_uncorrected_azimuth_is_the_magnetic_one_of_the_raw_method():
     [
         ("raw", Status.UNCORRECTED, "not corrected"),
         ("raw", Status.CORRECTION_REFUSED, "not corrected"),
-        ("axial", Status.CORRECTED, ""),
+        ("corrected", Status.CORRECTED, ""),
         ("gyro", Status.MAG_DISTURBED, ""),
     ],
 )

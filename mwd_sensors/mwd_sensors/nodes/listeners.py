@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-# Without a new listener before all are taken to be there. A reader drops what comes before it knows the writer, and on a
+# Without a new listener before all are taken to be there. A reader drops what comes before it knows the writer; on a
 # busy machine it may learn of it a second or two after the writer learnt of the reader.
 _JOINING_S = 3.0
 

@@ -29,6 +29,7 @@ from mwd_surface import __version__
 from mwd_surface.alarms import AlarmBook, Severity
 from mwd_surface.depth import DepthRules, DepthTrack
 from mwd_surface.export import ExportError, export
+from mwd_surface.export_witsml import witsml
 from mwd_surface.live_state import LiveSettings, LiveState
 from mwd_surface.nodes import messages
 from mwd_surface.nodes.contract import TOPICS, profile_yaml, type_name
@@ -36,6 +37,10 @@ from mwd_surface.page_server import PageServer, PageSettings
 from mwd_surface.plan import Plan, interpolated, offset_from, steering_to
 from mwd_surface.plan_file import PlanError, read_plan
 from mwd_surface.recorder import Level, Recorder, RecorderError, RecorderSettings, State
+from mwd_surface.rig_interface import InterfaceError
+from mwd_surface.rig_port import RigPort, RigSettings
+from mwd_surface.rig_survey import AcceptedSurvey, accepted_surveys
+from mwd_surface.rig_values import RigValues, rig_values
 from mwd_surface.survey_list import Definitive, ListRules, SurveyList
 from mwd_surface.survey_message import survey_of
 from mwd_surface.survey_record import Verdict
@@ -44,6 +49,7 @@ from mwd_surface.survey_table import survey_table, table_of
 from mwd_surface.well import Well
 
 _LIVE_PERIOD = 0.05  # s; how often what arrived is brought to the page and the toolface topic
+_RIG_PERIOD = 0.2  # s; how often the rig interfaces are told
 _SILENT_AFTER = 2.0  # s
 _LAYOUTS = {
     "attitude": wire.ATTITUDE,
@@ -108,6 +114,7 @@ class SurfaceSettings:
     recorder: RecorderSettings = setting(RecorderSettings, "How it is recorded")
     page: PageSettings = setting(PageSettings, "The live page")
     live: LiveSettings = setting(LiveSettings, "What the page shows")
+    rig: RigSettings = setting(RigSettings, "Rig interfaces")
 
 
 class SurfaceNode(GraphNode[SurfaceSettings]):
@@ -118,6 +125,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._recorder: Recorder | None = None
         self._store: SurveyStore | None = None
         self._page: PageServer | None = None
+        self._rig: RigPort | None = None
         self._worker: concurrent.futures.ThreadPoolExecutor | None = None
 
     def takes_live(self, name: str) -> bool:
@@ -201,6 +209,11 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._commands: queue.SimpleQueue[tuple[str, dict[str, Any], concurrent.futures.Future[tuple[bool, str]]]] = (
             queue.SimpleQueue()
         )
+        self._rig_in: queue.SimpleQueue[wire.Samples] = queue.SimpleQueue()
+        self._rig_surveys: tuple[AcceptedSurvey, ...] = ()
+        self._rig_values: RigValues | None = None
+        self._rig_told = 0.0
+        self._last_attitude: wire.Samples | None = None
         self._buffers: dict[str, list[bytes]] = {topic: [] for topic in _LAYOUTS}
         self._heard: dict[str, float] = {}
         self._findings_of: dict[str, tuple[float, list[Any]]] = {}
@@ -218,7 +231,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             self._read_plan()
             self._open_folder()
             self._open_page()
-        except (RecorderError, StoreError, OSError, ValueError) as error:
+            self._open_rig()
+        except (RecorderError, StoreError, InterfaceError, OSError, ValueError) as error:
             self.close()
             raise RuntimeError(str(error)) from error
         self._open_topics()
@@ -255,6 +269,17 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._alarms.clear("page.port", self._now_ns())
         self.get_logger().info(f"page: {page.address}")
 
+    def _open_rig(self) -> None:
+        self._rig = RigPort(
+            self.settings.rig,
+            self._surveys.well.name,
+            on_rig_state=self._rig_in.put,
+            on_command=self._ask_node,
+            folder=self._folder / "opcua",
+        )
+        for name, why in self._rig.start().items():
+            self._note(f"rig {name}", why, Severity.WARNING)
+
     def _open_topics(self) -> None:
         self._toolface = self.publish_on(msg.Toolface, "toolface", STATE)
         self._accepted = self.publish_on(msg.SurveyRecord, "survey/accepted", EVENT)
@@ -262,6 +287,9 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._trajectory = self.publish_on(msg.Trajectory, "trajectory", LATCHED)
         self._path = self.publish_on(PathMessage, "path", LATCHED)
         self._alarm_list = self.publish_on(msg.AlarmList, "alarms", LATCHED)
+        self._rig_state = (
+            self.publish_on(msg.RigState, "rig/state", TOPICS["rig/state"][1]) if self.settings.rig.takes_data else None
+        )
         self._recorder_status = self.publish_on(msg.RecorderStatus, "recorder", STATE)
         self._handlers: dict[str, Callable[[bytes], None]] = {
             "survey": self._on_survey,
@@ -311,7 +339,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._alarms.clear("recording.start", self._now_ns())
 
     def halt(self) -> None:
-        """Finish the recording."""
+        """Finish the recording; tell the rig that nothing here may be acted upon."""
+        self._tell_rig(time.monotonic(), active=False)
         self._wanted = False
         if self._recorder is not None and self._recorder.status().state != State.STOPPED:
             try:
@@ -323,13 +352,15 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         """Give folder and port free."""
         if self._worker is not None:
             self._worker.shutdown(wait=False, cancel_futures=True)
+        if self._rig is not None:
+            self._rig.stop()
         if self._page is not None:
             self._page.stop()
         if self._recorder is not None:
             self._recorder.close(_STOP_WITHIN)
         if self._store is not None:
             self._store.close()
-        self._page = self._recorder = self._store = None
+        self._page = self._recorder = self._store = self._rig = None
 
     # Messages in.
 
@@ -450,6 +481,11 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._answer_page()
         self._finish_jobs()
         now = time.monotonic()
+        while self._rig_state is not None and not self._rig_in.empty():
+            samples = self._rig_in.get()
+            # The interface stamps by the wall; the graph by the node's clock.
+            samples["stamp_ns"] = self._now_ns()
+            self._rig_state.publish(wire.RIG_STATE.encode(samples, wire.RIG_FRAME)[0].tobytes())
         self._drain_rig()
         gravity = self._take_buffer("gravity")
         if gravity is not None:
@@ -457,6 +493,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         attitude = self._take_buffer("attitude")
         if attitude is not None:
             self._live.on_attitude(attitude, now)
+            self._last_attitude = attitude[-1:]
             self._publish_toolface()
         for topic, act in (
             ("interference", self._live.on_interference),
@@ -468,6 +505,23 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
                 act(samples, now)
         if self._page is not None and self._page.clients:
             self._page.push(self._live.snapshot(now))
+        if now - self._rig_told >= _RIG_PERIOD:
+            self._tell_rig(now)
+
+    def _tell_rig(self, now: float, *, active: bool = True) -> None:
+        if self._rig is None or not self._rig.enabled:
+            return
+        self._rig_told = now
+        self._rig_values = rig_values(
+            self._live.snapshot(now),
+            self._rig_surveys,
+            self._last_attitude,
+            now_ns=self._now_ns(),
+            active=active,
+            simulated=self.settings.rig.simulated,
+            previous=self._rig_values,
+        )
+        self._rig.publish(self._rig_values)
 
     def _each_second(self) -> None:
         now, now_ns = time.monotonic(), self._now_ns()
@@ -557,6 +611,9 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         prefix = self.get_namespace().strip("/")
         frame = f"{prefix}/local_enu" if prefix else "local_enu"
         self._path.publish(messages.path_message(path, surveys.changed_ns, frame))
+        self._rig_surveys = accepted_surveys(surveys)
+        if self._rig is not None and self._rig.wants_trajectory:
+            self._rig.publish_trajectory(witsml(survey_table(surveys, surveys.changed_ns)))
         self._live.on_records(surveys.records, now)
         self._live.on_trajectory(path, now)
         self._show_offset(path)
@@ -762,6 +819,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             found.append(Finding("page", OK, f"{self._page.address}, {self._page.clients} watching"))
         elif self.settings.serve_page:
             found.append(Finding("page", ERROR, "not served", f"is port {self.settings.page.port} free?"))
+        found += self._rig_findings()
         level = ERROR if self._unsaved else OK
         found.append(Finding("survey list", level, self._unsaved or f"{len(self._surveys.records)} surveys"))
         if self._not_found:
@@ -771,6 +829,28 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             found.append(
                 Finding("messages", WARN, f"{self._unreadable} could not be read", "are all nodes of one version?")
             )
+        return found
+
+    def _rig_findings(self) -> list[Finding]:
+        found = []
+        for one in self._rig.status() if self._rig is not None else ():
+            values = [
+                (
+                    f"peer {peer.address}",
+                    f"out {peer.sent}, {peer.rate:.2f}/s, in {peer.received}, lost {peer.dropped}",
+                )
+                for peer in one.peers
+            ]
+            counts = (
+                ("sent", one.sent),
+                ("received", one.received),
+                ("dropped", one.dropped),
+                ("refused", one.refused),
+            )
+            values += [(name, str(count)) for name, count in (*counts, *one.counts)]
+            level = WARN if one.state in ("down", "stopped") else OK
+            message = f"{one.state} {one.address}".strip()
+            found.append(Finding(f"rig {one.name}", level, message, one.reason, (*values, *one.last)))
         return found
 
 
