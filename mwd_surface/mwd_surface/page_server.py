@@ -353,6 +353,9 @@ class PageServer:
                     break
         finally:
             self._clients.discard(client)
+            # Closed first: in Python 3.11 a wait that ends as it is cancelled swallows the cancellation, and the sender
+            # would go on; a closed talk ends it all the same.
+            await talk.close()
             sender.cancel()
             await asyncio.gather(sender, return_exceptions=True)
         return talk
