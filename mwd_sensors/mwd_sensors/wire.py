@@ -218,6 +218,26 @@ INTERFERENCE = Layout(
         ("status", "uint32", 1),
     ),
 )
+DYNAMICS = Layout(
+    "mwd_msgs/msg/Dynamics",
+    (
+        ("duration", "float64", 1),
+        ("samples", "uint32", 1),
+        ("rotary_speed", "float64", 1),
+        ("rotary_speed_least", "float64", 1),
+        ("rotary_speed_most", "float64", 1),
+        ("stick_slip_index", "float64", 1),
+        ("stick_share", "float64", 1),
+        ("axial_rms", "float64", 1),
+        ("lateral_rms", "float64", 1),
+        ("axial_peak", "float64", 1),
+        ("lateral_peak", "float64", 1),
+        ("shocks", "uint32", 1),
+        ("shock_peak", "float64", 1),
+        ("shocks_total", "uint32", 1),
+        ("status", "uint32", 1),
+    ),
+)
 RIG_STATE = Layout(
     "mwd_msgs/msg/RigState",
     (
@@ -260,7 +280,8 @@ TRUTH = Layout(
 )
 
 LAYOUTS = {
-    layout.type_name: layout for layout in (IMU, MAG, TEMPERATURE, GRAVITY, ATTITUDE, INTERFERENCE, RIG_STATE, TRUTH)
+    layout.type_name: layout
+    for layout in (IMU, MAG, TEMPERATURE, GRAVITY, ATTITUDE, INTERFERENCE, DYNAMICS, RIG_STATE, TRUTH)
 }
 # Topics of the sonde and the rig, relative to the well's namespace, and the frames they are stamped with.
 SONDE_TOPICS = {
