@@ -27,8 +27,9 @@ _RING = 1024  # samples of gravity kept for pairing: 0.2 s at 5 kHz
 _NO_MAG, _NEAR_VERTICAL, _DISTURBED = int(Status.NO_MAG), int(Status.NEAR_VERTICAL), int(Status.MAG_DISTURBED)
 # Integer state: ring head and length, last magnetic stamp and its presence, last stamp, smoothing begins anew.
 _HEAD, _LENGTH, _MAG_NS, _HAVE_MAG, _LAST_NS, _FRESH = 0, 1, 2, 3, 4, 5
-# Real state: turn about x, smoothed azimuth vector, toolface from north less the turn, last total and dip, its size.
-_TURN, _COS, _SIN, _MTF_COS, _MTF_SIN, _TOTAL, _DIP, _REAL = 0, 1, 2, 3, 4, 5, 6, 7
+# Real state: turn about x, smoothed azimuth vector, toolface from north less the turn, last total and dip; and what
+# follows from these and is asked for at every sample: azimuth, toolface less turn, the field's level and downward part.
+_TURN, _COS, _SIN, _MTF_COS, _MTF_SIN, _TOTAL, _DIP, _AZIMUTH, _MTF, _LEVEL, _DOWN, _REAL = range(12)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,7 +130,7 @@ class Rows:
     Attitude of n samples, all of shape (n,).
 
     Angles in rad, nan where not available (`azimuth`, `magnetic_toolface`) and then with a sigma of pi; `total` T and
-    `dip` rad of the last magnetic sample used; `status` the bits this module adds.
+    `dip` rad of the last magnetic sample used, however old, nan before the first; `status` the bits this module adds.
     """
 
     inclination: Array
@@ -137,6 +138,7 @@ class Rows:
     gravity_toolface: Array
     magnetic_toolface: Array
     sigma_azimuth: Array
+    sigma_magnetic_toolface: Array
     total: Array
     dip: Array
     status: NDArray[np.uint32]
@@ -195,8 +197,8 @@ def run(
         How many of the waiting magnetic samples were taken; the rest waits for the next block.
     """
     n = len(stamp_ns)
-    out = np.empty((n, 7))
-    status = np.zeros(n, dtype=np.uint32)
+    out = np.empty((8, n))
+    status = np.empty(n, dtype=np.uint32)
     limits = np.array(
         [params.smoothing_s, math.radians(params.vertical_enter_deg), math.radians(params.vertical_leave_deg)]
     )
@@ -204,17 +206,19 @@ def run(
         state.stamps, state.ring, state.counters, state.values, state.vertical, limits, round(params.mag_lag_s * 1e9),
         round(params.mag_timeout_s * 1e9), model.packed(), stamp_ns, g_t, rate_x, sigma_tilt, mag_ns, b_t, out, status,
     )  # fmt: skip
-    columns = [np.ascontiguousarray(out[:, k]) for k in range(7)]
-    inclination, azimuth, gravity_toolface, magnetic_toolface, sigma_azimuth, total, dip = columns
+    inclination, azimuth, gravity_toolface, magnetic_toolface, sigma_azimuth, sigma_mtf, total, dip = out
     return (
-        Rows(inclination, azimuth, gravity_toolface, magnetic_toolface, sigma_azimuth, total, dip, status),
+        Rows(inclination, azimuth, gravity_toolface, magnetic_toolface, sigma_azimuth, sigma_mtf, total, dip, status),
         used,
     )
 
 
 @compiled
 def _wrap(angle: float) -> float:
-    angle = angle % (2.0 * math.pi)
+    if 0.0 <= angle < 2.0 * math.pi:
+        return angle
+    # One turn off is the rule, and added exactly; the remainder costs more.
+    angle = angle + 2.0 * math.pi if -2.0 * math.pi < angle < 0.0 else angle % (2.0 * math.pi)
     return 0.0 if angle >= 2.0 * math.pi else angle
 
 
@@ -270,22 +274,33 @@ def _take_mag(
     values[_MTF_COS] = keep * values[_MTF_COS] + (1.0 - keep) * math.cos(mtf - spin * turn)
     values[_MTF_SIN] = keep * values[_MTF_SIN] + (1.0 - keep) * math.sin(mtf - spin * turn)
     values[_TOTAL] = total
-    values[_DIP] = math.atan2(along, math.sqrt(max(total * total - along * along, 0.0)))
+    values[_LEVEL] = math.sqrt(max(total * total - along * along, 0.0))
+    values[_DOWN] = along
+    values[_DIP] = math.atan2(along, values[_LEVEL])
+    values[_AZIMUTH] = _wrap(math.atan2(values[_SIN], values[_COS]))
+    values[_MTF] = math.atan2(values[_MTF_SIN], values[_MTF_COS])
     counters[_MAG_NS] = at
     counters[_HAVE_MAG] = 1
     counters[_FRESH] = 0
 
 
 @compiled
-def _sigma_azimuth(model: Array, azimuth: float, inclination: float, total: float, dip: float, tilt: float) -> float:
+def _sigma_azimuth(
+    model: Array, axial: float, level: float, down: float, sine: float, cosine: float, tilt: float
+) -> float:
     """1 sigma of a magnetic azimuth: interference along and across, tilt through the downward field, the north."""
-    horizontal = total * abs(math.cos(dip))
-    sine, cosine = math.sin(inclination), math.cos(inclination)
-    if horizontal <= 0.0 or sine <= 0.0:
+    if level <= 0.0 or sine <= 0.0:
         return math.pi
-    axial = model[3] * sine * math.sin(azimuth - model[5])
-    field = (axial * axial + model[4] * model[4] + (total * math.sin(dip) * tilt) ** 2) / (horizontal * horizontal)
+    field = (axial * axial + model[4] * model[4] + (down * tilt) ** 2) / (level * level)
     return min(math.sqrt(field + (tilt * cosine / sine) ** 2 + model[6] * model[6]), math.pi)
+
+
+@compiled
+def _sigma_magnetic_toolface(model: Array, level: float, down: float, tilt: float) -> float:
+    """1 sigma of the scribe line against north: as the azimuth, without what the axis itself loses near vertical."""
+    level = max(level, 1e-9)
+    field = (model[4] * model[4] + (down * tilt) ** 2) / (level * level)
+    return min(math.sqrt(field + model[6] * model[6]), math.pi)
 
 
 @compiled
@@ -295,6 +310,8 @@ def _run(
     b_t: Array, out: Array, status: NDArray[np.uint32],
 ) -> int:  # fmt: skip
     used = 0
+    # Interference along the axis, as it lies across the azimuth of now.
+    across_axis = model[3] * math.sin(values[_AZIMUTH] - model[5])
     for i in range(len(stamp_ns)):
         stamp = stamp_ns[i]
         d_x, d_y, d_z = g_t[i, 0], g_t[i, 1], g_t[i, 2]
@@ -317,14 +334,17 @@ def _run(
             if counters[_LENGTH] > 0 and (counters[_HAVE_MAG] == 0 or mag_ns[used] > counters[_MAG_NS]):
                 _take_mag(stamps, ring, counters, values, limits[0], model, mag_ns[used], b_t[used, 0], b_t[used, 1],
                           b_t[used, 2])  # fmt: skip
+                across_axis = model[3] * math.sin(values[_AZIMUTH] - model[5])
             used += 1
-        bits = 0
+        have_mag = counters[_HAVE_MAG] == 1
+        out[6, i], out[7, i] = (values[_TOTAL], values[_DIP]) if have_mag else (math.nan, math.nan)
+        out[1, i] = out[3, i] = math.nan
+        out[4, i] = out[5, i] = math.pi
         if not known:
-            for k in range(7):
-                out[i, k] = math.nan
-            out[i, 4] = math.pi
+            out[0, i] = out[2, i] = math.nan
             status[i] = _NO_MAG
             continue
+        bits = 0
         across = math.sqrt(d_y * d_y + d_z * d_z)
         inclination = math.atan2(across, d_x)
         from_vertical = min(inclination, math.pi - inclination)
@@ -334,23 +354,23 @@ def _run(
             vertical[0] = 0
         if vertical[0] == 1:
             bits |= _NEAR_VERTICAL
-        out[i, 0] = inclination
-        out[i, 2] = _wrap(math.atan2(-d_y, -d_z))
-        if counters[_HAVE_MAG] == 1 and stamp - counters[_MAG_NS] <= timeout:
-            azimuth = _wrap(math.atan2(values[_SIN], values[_COS]))
-            out[i, 1] = azimuth
+        out[0, i] = inclination
+        out[2, i] = _wrap(math.atan2(-d_y, -d_z))
+        if have_mag and stamp - counters[_MAG_NS] <= timeout:
+            out[1, i] = values[_AZIMUTH]
             if vertical[0] == 1:
                 spin = 1.0 if d_x > 0.0 else -1.0
-                out[i, 3] = _wrap(math.atan2(values[_MTF_SIN], values[_MTF_COS]) + spin * values[_TURN])
+                out[3, i] = _wrap(values[_MTF] + spin * values[_TURN])
             else:
-                out[i, 3] = _wrap(azimuth + math.atan2(-d_y / across, -d_z / across * d_x))
-            out[i, 4] = _sigma_azimuth(model, azimuth, inclination, values[_TOTAL], values[_DIP], sigma_tilt[i])
-            out[i, 5], out[i, 6] = values[_TOTAL], values[_DIP]
+                out[3, i] = _wrap(values[_AZIMUTH] + math.atan2(-d_y / across, -d_z / across * d_x))
+            level, down, tilt = values[_LEVEL], values[_DOWN], sigma_tilt[i]
+            size = math.sqrt(across * across + d_x * d_x)
+            sine, cosine = across / size, d_x / size
+            out[4, i] = _sigma_azimuth(model, across_axis * sine, level, down, sine, cosine, tilt)
+            out[5, i] = _sigma_magnetic_toolface(model, level, down, tilt)
             if abs(values[_TOTAL] - model[7]) > model[9] or abs(values[_DIP] - model[8]) > model[10]:
                 bits |= _DISTURBED
         else:
-            out[i, 1] = out[i, 3] = out[i, 5] = out[i, 6] = math.nan
-            out[i, 4] = math.pi
             bits |= _NO_MAG
         status[i] = bits
     return used

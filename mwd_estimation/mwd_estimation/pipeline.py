@@ -3,6 +3,11 @@ The estimator: samples in, attitude and surveys out; one object for the live nod
 
 Blocks may have any length; the output is the same bits however the streams are cut, and whatever the order in which
 topics arrive, as long as a magnetic sample is there `mag_lag` after its stamp.
+
+A block goes through in three steps, each compiled over all its samples: gravity, which asks nothing of the field; the
+half-second bins, closed and judged in order, which may take a survey and so change how the field is read; attitude, in
+one stretch per reading of the field. So work that changes the reading belongs into `_judge`, and sees the gravity of
+the whole block there; work that needs attitude belongs behind `_follow`.
 """
 
 from __future__ import annotations
@@ -26,13 +31,18 @@ from mwd_estimation.status import Status
 from mwd_estimation.still_survey import BIN_NS, BinSet, Refusal, StillAverage, StillSurvey
 from mwd_estimation.still_survey import Params as StillParams
 from mwd_estimation.survey import Survey
+from mwd_estimation.track import Track
+from mwd_estimation.track import samples as arrays_of
 from mwd_sensors import earth, wire
+from mwd_sensors.compiled import compiled
 from mwd_sensors.settings import setting
 
 Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
 Samples = wire.Samples
 
 NORTH_CODES = {"unknown": 0, "magnetic": 1, "true": 2, "grid": 3}
+_REJECTED, _NEAR_VERTICAL = int(Status.REJECTED), int(Status.NEAR_VERTICAL)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,6 +105,35 @@ class Counters:
     precision: int = 0
     rejected: int = 0
     late_mag: int = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class _Block:
+    """Samples of the AHRS, laid out for the kernels, and the gravity followed through them."""
+
+    stamps: Stamps
+    gyro: Array
+    accel: Array
+    track: Track
+
+
+@dataclasses.dataclass(frozen=True)
+class _Reading:
+    """How the magnetic field is read, and what rows with (`azimuth_bits`) and without an azimuth say of that."""
+
+    model: FieldModel
+    north: int
+    azimuth_bits: int
+    bits: int
+
+
+@dataclasses.dataclass(frozen=True)
+class _Mark:
+    """A bin judged before the sample at `place`: its end, and the axial interference and its sigma known from there."""
+
+    place: int
+    end_ns: int
+    interference: tuple[float, float] | None
 
 
 def reference_of(settings: ReferenceSettings, first_ns: int) -> Reference | None:
@@ -180,21 +219,23 @@ class Pipeline:
         self._gyro = GyroStation(settings.gyro, None, None)
         self._precision_ns = np.zeros(0, dtype=np.int64)
         self._precision_t = np.zeros((0, 6))
+        self._precision_at = 0
         self._mag_ns = np.zeros(0, dtype=np.int64)
         self._mag_t = np.zeros((0, 3))
         self._last_imu_ns = np.iinfo(np.int64).min
         self._ready = False
         self.reference: Reference | None = self._given
         self.interference: tuple[float, float] | None = None
-        self._model = FieldModel(np.zeros(3), 0.0, 0.0)
         self.north = "magnetic"
+        self._reading = self._read_field()
 
     def set_reference(self, reference: Reference) -> None:
         """Judge and correct by this field from now on; the interference is estimated anew."""
         self._given = self.reference = reference
         self.interference = None
         if self._ready:
-            self._set_model()
+            self._reading = self._read_field()
+            attitude_track.begin_smoothing(self._attitude_state)
 
     def request_survey(self, duration_s: float = 0.0) -> None:
         """Take a survey from the next half second on; `duration_s` 0 means as configured."""
@@ -223,8 +264,9 @@ class Pipeline:
         values = np.hstack([samples["angular_velocity"], samples["linear_acceleration"]])
         stamps = np.ascontiguousarray(samples["stamp_ns"])
         self._keep("precision", self._binners["precision"].add(stamps, values))
-        self._precision_ns = np.concatenate([self._precision_ns, stamps])
-        self._precision_t = np.concatenate([self._precision_t, values])
+        self._precision_ns = np.concatenate([self._precision_ns[self._precision_at :], stamps])
+        self._precision_t = np.concatenate([self._precision_t[self._precision_at :], values])
+        self._precision_at = 0
 
     def push_temperature(self, samples: Samples) -> None:
         """Take temperatures, dtype of `wire.TEMPERATURE`."""
@@ -234,58 +276,44 @@ class Pipeline:
     def push_imu(self, samples: Samples) -> Output:
         """Take samples of the AHRS, dtype of `wire.IMU`; everything else of their time must be pushed before them."""
         self.counters.imu += len(samples)
-        stamps = np.ascontiguousarray(samples["stamp_ns"])
-        gyro = np.ascontiguousarray(samples["angular_velocity"])
-        accel = np.ascontiguousarray(samples["linear_acceleration"])
-        if len(stamps) and not self._ready:
-            if self._given is None:
-                self.reference = reference_of(self.settings.reference, int(stamps[0]))
-            self._ready = True
-            self._set_model()
-            known = self.reference.gravity if self.reference is not None else None
-            self._gyro = GyroStation(self.settings.gyro, latitude_of(self.settings), known)
-        pieces: list[Output] = []
-        start = 0
-        # The block is cut where a bin ends, because a survey changes the field model from there on.
-        for stop in _bin_ends(stamps):
-            pieces.append(self._span(stamps[start:stop], gyro[start:stop], accel[start:stop]))
-            start = stop
-        pieces.append(self._span(stamps[start:], gyro[start:], accel[start:]))
-        if len(stamps):
-            self._last_imu_ns = int(stamps[-1])
-        return _joined(pieces)
+        output = Output(wire.ATTITUDE.empty(len(samples)), wire.GRAVITY.empty(len(samples)), wire.INTERFERENCE.empty(0))
+        if not len(samples):
+            return output
+        if not self._ready:
+            self._begin(int(samples["stamp_ns"][0]))
+        stamps, gyro, accel = arrays_of(
+            samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"]
+        )
+        track = self.method.run(self._gravity_params, self._gravity_state, stamps, gyro, accel)
+        block = _Block(stamps, gyro, accel, track)
+        readings, marks = [(0, self._reading)], []
+        for closed, place in self._binners["imu"].add_placed(stamps, np.hstack([gyro, accel])):
+            self._waiting.append(closed)
+            # One bin late, so that the other streams of its time are there.
+            if len(self._waiting) > 1:
+                end_ns = self._judge(self._waiting.pop(0), output)
+                marks.append(_Mark(place, end_ns, self.interference))
+                if self._reading is not readings[-1][1]:
+                    readings.append((place, self._reading))
+        self._follow(block, readings, marks, output)
+        self._last_imu_ns = int(stamps[-1])
+        return output
 
     @property
     def _lag_ns(self) -> int:
         return round(self.settings.azimuth.mag_lag_s * 1e9)
 
-    def _span(self, stamps: NDArray[np.int64], gyro: Array, accel: Array) -> Output:
-        """Samples of one bin at most: only the first can close the bin before, and what that changes holds from it."""
-        output = Output(wire.ATTITUDE.empty(0), wire.GRAVITY.empty(0), wire.INTERFERENCE.empty(0))
-        for closed in self._binners["imu"].add(stamps, np.hstack([gyro, accel])):
-            self._waiting.append(closed)
-            # One bin late, so that the other streams of its time are there.
-            if len(self._waiting) > 1:
-                self._judge(self._waiting.pop(0), output)
-        track = self.method.run(self._gravity_params, self._gravity_state, stamps, gyro, accel)
-        rows, used = attitude_track.run(
-            self.settings.azimuth,
-            self._attitude_state,
-            self._model,
-            stamps,
-            track.g_t,
-            np.ascontiguousarray(gyro[:, 0]),
-            track.sigma_inclination,
-            self._mag_ns,
-            self._mag_t,
-        )
-        self._mag_ns, self._mag_t = self._mag_ns[used:], self._mag_t[used:]
-        output.attitude = self._attitude_samples(stamps, track, rows)
-        output.gravity = _gravity_samples(stamps, track, output.attitude["status"])
-        self.counters.rejected += int((output.attitude["status"] & int(Status.REJECTED) > 0).sum())
-        return output
+    def _begin(self, first_ns: int) -> None:
+        """What hangs on the day and place of the first sample."""
+        if self._given is None:
+            self.reference = reference_of(self.settings.reference, first_ns)
+        self._ready = True
+        self._reading = self._read_field()
+        known = self.reference.gravity if self.reference is not None else None
+        self._gyro = GyroStation(self.settings.gyro, latitude_of(self.settings), known)
 
-    def _judge(self, imu: Bin, output: Output) -> None:
+    def _judge(self, imu: Bin, output: Output) -> int:
+        """Everything that is done once for a bin, in the order of bins; returns its end, ns."""
         end_ns = (imu.index + 1) * BIN_NS
         for name in self._closed:
             self._keep(name, self._binners[name].flush(end_ns))
@@ -296,9 +324,8 @@ class Pipeline:
         result = self._still.add(BinSet(imu, found["mag"], found["precision"], found["temperature"]))
         still = self._still.still_bins
         # By bins, not by blocks: the same samples go into the seek however the stream is cut.
-        before = int(np.count_nonzero(np.logical_and.accumulate(self._precision_ns < end_ns)))
-        samples = self._precision_ns[:before], self._precision_t[:before]
-        self._precision_ns, self._precision_t = self._precision_ns[before:], self._precision_t[before:]
+        first, self._precision_at = self._precision_at, _reached(self._precision_ns, self._precision_at, end_ns)
+        samples = self._precision_ns[first : self._precision_at], self._precision_t[first : self._precision_at]
         self._gyro.add(imu, BIN_NS * 1e-9, still * BIN_NS > self.settings.survey.settle_s * 1e9, still > 0, samples)
         if isinstance(result, Refusal):
             output.refusals.append(result)
@@ -314,7 +341,46 @@ class Pipeline:
             )
             output.surveys.append(taken)
             self._learn(taken.station)
-        output.interference = np.concatenate([output.interference, self._interference_sample(end_ns)])
+        return end_ns
+
+    def _follow(self, block: _Block, readings: list[tuple[int, _Reading]], marks: list[_Mark], output: Output) -> None:
+        """Attitude of the block, each stretch by the reading that holds from its place on."""
+        totals, dips = [], []
+        if marks:
+            before = attitude_track.last_totals(self._attitude_state) or (math.nan, math.nan)
+            totals, dips = [np.array(before[:1])], [np.array(before[1:])]
+        stops = [place for place, _ in readings[1:]] + [len(block.stamps)]
+        for (start, reading), stop in zip(readings, stops, strict=True):
+            if start > 0:
+                attitude_track.begin_smoothing(self._attitude_state)
+            part, track = slice(start, stop), block.track
+            rows, used = attitude_track.run(
+                self.settings.azimuth,
+                self._attitude_state,
+                reading.model,
+                block.stamps[part],
+                track.g_t[part],
+                np.ascontiguousarray(block.gyro[part, 0]),
+                track.sigma_inclination[part],
+                self._mag_ns,
+                self._mag_t,
+            )
+            self._mag_ns, self._mag_t = self._mag_ns[used:], self._mag_t[used:]
+            self.counters.rejected += _write(
+                output.attitude[part], output.gravity[part], block.stamps[part], track.g_t[part],
+                track.sigma_inclination[part], track.sigma_toolface[part], track.non_gravity[part],
+                track.rotary_speed[part], track.status[part], rows.inclination, rows.azimuth, rows.gravity_toolface,
+                rows.magnetic_toolface, rows.sigma_azimuth, rows.sigma_magnetic_toolface, rows.status, reading.north,
+                reading.azimuth_bits, reading.bits,
+            )  # fmt: skip
+            if marks:
+                totals.append(rows.total)
+                dips.append(rows.dip)
+        if marks:
+            at = [mark.place for mark in marks]
+            output.interference = self._interference_samples(
+                marks, np.concatenate(totals)[at], np.concatenate(dips)[at]
+            )
 
     def _keep(self, name: str, closed: list[Bin]) -> None:
         for one in closed:
@@ -323,10 +389,9 @@ class Pipeline:
     def _learn(self, station: Station) -> None:
         if station.corrected:
             self.interference = (station.interference, station.sigma_interference)
-            self._set_model()
+            self._reading = self._read_field()
 
-    def _set_model(self) -> None:
-        attitude_track.begin_smoothing(self._attitude_state)
+    def _read_field(self) -> _Reading:
         reference, settings = self.reference, self.settings.station
         self.north = best_north(reference) if settings.north == "best" else settings.north
         correction = north_correction(reference, self.north)
@@ -337,7 +402,7 @@ class Pipeline:
         variance = 0.0
         if reference is not None and known and self.north != "magnetic":
             variance = reference.declination_variance(reference.horizontal)
-        self._model = FieldModel(
+        model = FieldModel(
             interference=np.array([axial, 0.0, 0.0]),
             sigma_axial=sigma_axial,
             sigma_cross=settings.errors.magnetometer_bias_nt * 1e-9,
@@ -349,74 +414,66 @@ class Pipeline:
             dip_limit=math.radians(self.settings.azimuth.disturbed_dip_deg),
         )
 
-    def _attitude_samples(self, stamps: NDArray[np.int64], track: gravity.Track, rows: attitude_track.Rows) -> Samples:
-        samples = wire.ATTITUDE.empty(len(stamps))
-        status = track.status | rows.status
-        has_azimuth = np.isfinite(rows.azimuth)
-        has_gravity = np.isfinite(rows.inclination)
-        near_vertical = status & int(Status.NEAR_VERTICAL) > 0
-        correction = Status.CORRECTED if self.interference else Status.UNCORRECTED
-        status = np.where(has_azimuth, status | int(correction), status)
-        if self.reference is None or not self.reference.has_field:
-            status |= int(Status.NO_REFERENCE)
-        samples["stamp_ns"] = stamps
-        samples["status"] = status
-        samples["north"] = NORTH_CODES[self.north]
-        samples["inclination"] = np.where(has_gravity, rows.inclination, 0.0)
-        samples["azimuth"] = np.where(has_azimuth, rows.azimuth, 0.0)
-        samples["gravity_toolface"] = np.where(has_gravity, rows.gravity_toolface, 0.0)
-        samples["magnetic_toolface"] = np.where(has_azimuth, rows.magnetic_toolface, 0.0)
-        samples["sigma_inclination"] = np.where(has_gravity, track.sigma_inclination, -1.0)
-        sigma_azimuth = np.where(near_vertical, math.pi, rows.sigma_azimuth)
-        samples["sigma_azimuth"] = np.where(has_azimuth, sigma_azimuth, -1.0)
-        sigma_toolface = np.where(near_vertical, math.pi, track.sigma_toolface)
-        samples["sigma_gravity_toolface"] = np.where(has_gravity, sigma_toolface, -1.0)
-        samples["sigma_magnetic_toolface"] = np.where(has_azimuth, self._sigma_magnetic_toolface(rows, track), -1.0)
+        corrected = Status.CORRECTED if self.interference else Status.UNCORRECTED
+        return _Reading(model, NORTH_CODES[self.north], int(corrected), 0 if known else int(Status.NO_REFERENCE))
+
+    def _interference_samples(self, marks: list[_Mark], total: Array, dip: Array) -> Samples:
+        """Samples of bins; total, T, and dip, rad, of the last magnetic sample before each, nan where there is none."""
+        samples = wire.INTERFERENCE.empty(len(marks))
+        samples["stamp_ns"] = [mark.end_ns for mark in marks]
+        unknown = (0.0, -1.0)
+        samples["axial"], samples["sigma_axial"] = np.array([mark.interference or unknown for mark in marks]).T
+        samples["sigma_cross_axial"] = -1.0
+        if self.reference is not None and self.reference.total is not None:
+            seen = np.isfinite(total)
+            samples["total_residual"] = np.where(seen, total - self.reference.total, 0.0)
+            samples["dip_residual"] = np.where(seen, dip - (self.reference.dip or 0.0), 0.0)
         return samples
 
-    def _sigma_magnetic_toolface(self, rows: attitude_track.Rows, track: gravity.Track) -> Array:
-        # The scribe line against north: as the azimuth, without what the axis itself loses near vertical.
-        horizontal = np.maximum(rows.total * np.abs(np.cos(rows.dip)), 1e-9)
-        tilt = rows.total * np.abs(np.sin(rows.dip)) * track.sigma_inclination
-        field = (self._model.sigma_cross**2 + tilt**2) / horizontal**2
-        return np.asarray(np.minimum(np.sqrt(field + self._model.sigma_north**2), math.pi))
 
-    def _interference_sample(self, stamp_ns: int) -> Samples:
-        sample = wire.INTERFERENCE.empty(1)
-        sample["stamp_ns"] = stamp_ns
-        sample["sigma_axial"] = -1.0
-        sample["sigma_cross_axial"] = -1.0
-        if self.interference:
-            sample["axial"], sample["sigma_axial"] = self.interference
-        totals = attitude_track.last_totals(self._attitude_state)
-        if self.reference is not None and self.reference.total is not None and totals is not None:
-            sample["total_residual"] = totals[0] - self.reference.total
-            sample["dip_residual"] = totals[1] - (self.reference.dip or 0.0)
-        return sample
+@compiled
+def _reached(stamps: Stamps, start: int, end_ns: int) -> int:
+    """First place from `start` on whose stamp is not before `end_ns`."""
+    while start < len(stamps) and stamps[start] < end_ns:
+        start += 1
+    return start
 
 
-def _bin_ends(stamps: NDArray[np.int64]) -> list[int]:
-    """Places in a block where a later bin begins."""
-    return [int(k) + 1 for k in np.flatnonzero(np.diff(stamps // BIN_NS) != 0)]
-
-
-def _gravity_samples(stamps: NDArray[np.int64], track: gravity.Track, status: NDArray[np.uint32]) -> Samples:
-    samples = wire.GRAVITY.empty(len(stamps))
-    known = np.asarray(np.isfinite(track.g_t).all(axis=1))
-    samples["stamp_ns"] = stamps
-    samples["gravity"] = np.where(known[:, None], track.g_t, 0.0)
-    samples["sigma"] = np.where(known, track.sigma_inclination, -1.0)
-    samples["non_gravity"] = np.where(np.isfinite(track.non_gravity), track.non_gravity, 0.0)
-    samples["rotary_speed"] = np.where(np.isfinite(track.rotary_speed), track.rotary_speed, 0.0)
-    samples["status"] = status
-    return samples
-
-
-def _joined(pieces: list[Output]) -> Output:
-    return Output(
-        np.concatenate([piece.attitude for piece in pieces]),
-        np.concatenate([piece.gravity for piece in pieces]),
-        np.concatenate([piece.interference for piece in pieces]),
-        [one for piece in pieces for one in piece.surveys],
-        [one for piece in pieces for one in piece.refusals],
-    )
+@compiled
+def _write(
+    attitude: Samples, gravity: Samples, stamps: Stamps, g_t: Array, sigma_inclination: Array, sigma_toolface: Array,
+    non_gravity: Array, rotary_speed: Array, track_status: NDArray[np.uint32], inclination: Array, azimuth: Array,
+    gravity_toolface: Array, magnetic_toolface: Array, sigma_azimuth: Array, sigma_magnetic_toolface: Array,
+    row_status: NDArray[np.uint32], north: int, azimuth_bits: int, bits: int,
+) -> int:  # fmt: skip
+    """Fill the samples of a stretch, unknown values 0 with a sigma of -1; returns how many were rejected."""
+    rejected = 0
+    for i in range(len(stamps)):
+        row, down = attitude[i], gravity[i]
+        has_gravity, has_azimuth = math.isfinite(inclination[i]), math.isfinite(azimuth[i])
+        status = np.int64(track_status[i]) | np.int64(row_status[i]) | bits
+        near_vertical = status & _NEAR_VERTICAL != 0
+        if has_azimuth:
+            status |= azimuth_bits
+        rejected += status & _REJECTED != 0
+        row["stamp_ns"] = stamps[i]
+        row["inclination"] = inclination[i] if has_gravity else 0.0
+        row["azimuth"] = azimuth[i] if has_azimuth else 0.0
+        row["gravity_toolface"] = gravity_toolface[i] if has_gravity else 0.0
+        row["magnetic_toolface"] = magnetic_toolface[i] if has_azimuth else 0.0
+        row["sigma_inclination"] = sigma_inclination[i] if has_gravity else -1.0
+        row["sigma_azimuth"] = (math.pi if near_vertical else sigma_azimuth[i]) if has_azimuth else -1.0
+        row["sigma_gravity_toolface"] = (math.pi if near_vertical else sigma_toolface[i]) if has_gravity else -1.0
+        row["sigma_magnetic_toolface"] = sigma_magnetic_toolface[i] if has_azimuth else -1.0
+        row["status"] = status
+        row["north"] = north
+        known = math.isfinite(g_t[i, 0] + g_t[i, 1] + g_t[i, 2])
+        vector = down["gravity"]
+        for c in range(3):
+            vector[c] = g_t[i, c] if known else 0.0
+        down["stamp_ns"] = stamps[i]
+        down["sigma"] = sigma_inclination[i] if known else -1.0
+        down["non_gravity"] = non_gravity[i] if math.isfinite(non_gravity[i]) else 0.0
+        down["rotary_speed"] = rotary_speed[i] if math.isfinite(rotary_speed[i]) else 0.0
+        down["status"] = status
+    return rejected

@@ -91,6 +91,16 @@ def test_the_sigma_of_the_azimuth_covers_interference_by_geometry():
     assert east.sigma_azimuth[-1] == pytest.approx(1e-6 * np.sin(0.9) / 2e-5, rel=1e-3)
 
 
+def test_the_sigma_of_the_magnetic_toolface_is_that_of_the_level_field_whatever_the_azimuth():
+    model = dataclasses.replace(CLEAN, sigma_cross=1e-7, sigma_axial=1e-6, sigma_north=2e-3)
+    for azimuth in (0.0, np.pi / 2):
+        rows, _ = _run(0.9, azimuth, model=model, rate=0.0)
+        assert rows.sigma_magnetic_toolface[-1] == pytest.approx(np.hypot(1e-7 / 2e-5, 2e-3), rel=1e-6)
+        np.testing.assert_allclose(rows.total[5:], np.linalg.norm(FIELD_N), rtol=1e-12)
+    assert np.isnan(rows.total[0])
+    assert rows.sigma_magnetic_toolface[0] == np.pi
+
+
 def test_a_field_off_the_reference_is_flagged():
     good = dataclasses.replace(
         CLEAN, total=float(np.linalg.norm(FIELD_N)), dip=np.arctan2(4, 2), total_limit=1e-6, dip_limit=0.02

@@ -35,6 +35,18 @@ def test_any_cut_into_blocks_gives_the_same_bins(cuts):
     assert all(_same(a, b) for a, b in zip(pieces, whole, strict=True))
 
 
+def test_a_bin_is_closed_by_the_first_sample_of_a_later_one_however_many_there_are():
+    stamps, values = _stream(20000, 1)
+    placed = Binner(3, SECOND // 2).add_placed(stamps, values)
+    assert len(placed) > 500
+    begins = np.flatnonzero(np.diff(stamps // (SECOND // 2))) + 1
+    np.testing.assert_array_equal([place for _, place in placed], begins)
+    for closed, inside in zip((one for one, _ in placed), np.split(values, begins), strict=False):
+        assert closed.count == len(inside)
+        np.testing.assert_allclose(closed.mean, inside.mean(axis=0), rtol=1e-14)
+        np.testing.assert_allclose(closed.scatter, (closed.count - 1) * np.cov(inside.T), rtol=1e-9, atol=1e-15)
+
+
 def test_average_of_bins_is_the_average_of_their_samples():
     stamps, values = _stream(1000, 3)
     bins = Binner(3, SECOND).add(stamps, values)

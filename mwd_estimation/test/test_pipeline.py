@@ -149,6 +149,18 @@ def test_a_survey_asked_for_is_marked_and_one_while_turning_is_refused():
     assert survey.duration == pytest.approx(4.0)
 
 
+def test_the_residual_of_a_bin_is_that_of_the_last_magnetic_sample_before_its_judgement():
+    imu, mag = _samples(seconds=10.0)
+    mag["magnetic_field"] *= np.linspace(1.0, 1.02, len(mag))[:, None]
+    (output,) = _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE))
+    said = output.interference
+    assert len(said) == 18
+    # Judged one bin late, with the sample of 20 ms before.
+    at = np.searchsorted(mag["stamp_ns"], said["stamp_ns"] + 500_000_000 - 30_000_000)
+    total = np.linalg.norm(mag["magnetic_field"], axis=1)[at]
+    np.testing.assert_allclose(said["total_residual"], total - REFERENCE.total, atol=1e-12)
+
+
 def test_a_new_reference_holds_from_there_on():
     imu, mag = _samples()
     pipeline = Pipeline(EstimatorSettings())

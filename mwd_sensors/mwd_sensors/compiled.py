@@ -21,8 +21,9 @@ def compiled(function: F) -> F:
 
     The function must use scalars, numpy arrays and loops only (no Python objects, no ``@``: matrix products of
     small arrays are slower than loops there). The machine code is cached beside the module. Floating point stays
-    strict (no fast-math), so that a block of samples gives the same bits as the samples one by one.
+    strict (no fast-math), so that a block of samples gives the same bits as the samples one by one. Other threads run
+    meanwhile, so the arrays of one call belong to it until it returns.
     """
     if not HAVE_NUMBA:
         return function
-    return _njit(cache=True, fastmath=False)(function)  # type: ignore[no-any-return]
+    return _njit(cache=True, fastmath=False, nogil=True)(function)  # type: ignore[no-any-return]
