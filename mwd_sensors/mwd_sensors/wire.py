@@ -21,6 +21,7 @@ Rows = NDArray[np.uint8]
 
 NANOSECONDS = 1_000_000_000
 LITTLE_ENDIAN_CDR = b"\x00\x01\x00\x00"
+_HEAD = int.from_bytes(LITTLE_ENDIAN_CDR, "little")
 _FRAME_AT = 16  # encapsulation 4, stamp 8, length of the frame name 4
 _KINDS = {"float64": "<f8", "uint32": "<u4", "uint8": "u1", "bool": "?"}
 
@@ -48,16 +49,35 @@ class Layout:
     @functools.cached_property
     def dtype(self) -> np.dtype[np.void]:
         """Samples: ``stamp_ns`` (int64, ns since the epoch) and the message's own fields."""
-        parts = [("stamp_ns", "<i8", ())] + [
-            (name, _KINDS[kind], (count,) if count > 1 else ()) for name, kind, count in self.fields
-        ]
-        return np.dtype(parts)
+        return self.dtype_of(None)
+
+    def dtype_of(self, fields: tuple[str, ...] | None) -> np.dtype[np.void]:
+        """
+        Samples of ``stamp_ns`` and of some of the fields only, in wire order; None: all.
+
+        Raises
+        ------
+        ValueError
+            A field the message does not have.
+        """
+        known = [name for name, _, _ in self.fields]
+        for name in fields or ():
+            if name not in known:
+                raise ValueError(f"fields: {self.type_name} has no {name!r}; it has {', '.join(known)}")
+        return np.dtype(
+            [("stamp_ns", "<i8", ())]
+            + [
+                (name, _KINDS[kind], (count,) if count > 1 else ())
+                for name, kind, count in self.fields
+                if fields is None or name in fields
+            ]
+        )
 
     def row_dtype(self, frame_bytes: int) -> np.dtype[np.void]:
         """One message on the wire, for a frame name of that many bytes (without its closing NUL)."""
         names, formats, offsets = (
             ["head", "sec", "nanosec", "length", "frame"],
-            ["V4", "<i4", "<u4", "<u4"],
+            ["<u4", "<i4", "<u4", "<u4"],
             [0, 4, 8, 12],
         )
         formats.append(f"V{frame_bytes + 1}")
@@ -98,7 +118,7 @@ class Layout:
         name = frame_id.encode()
         dtype = self.row_dtype(len(name))
         rows = np.zeros(len(samples), dtype=dtype)
-        rows["head"] = np.void(LITTLE_ENDIAN_CDR)
+        rows["head"] = _HEAD
         rows["sec"], rows["nanosec"] = np.divmod(samples["stamp_ns"], NANOSECONDS)
         rows["length"] = len(name) + 1
         rows["frame"] = np.void(name + b"\0")
@@ -106,11 +126,16 @@ class Layout:
             rows[field] = samples[field]
         return rows.view(np.uint8).reshape(len(samples), dtype.itemsize)
 
-    def decode(self, rows: Rows | bytes) -> Samples:
+    def decode(self, rows: Rows | bytes, fields: tuple[str, ...] | None = None) -> Samples:
         """
         Samples of messages that share one frame name.
 
-        rows, shape (n, size), uint8, or the bytes of a single message.
+        Parameters
+        ----------
+        rows : ndarray of uint8, shape (n, size), or bytes
+            Messages, or the bytes of a single one.
+        fields : tuple of str, optional
+            What to take besides the stamp, as in `dtype_of`; a message's covariances are most of its bytes.
 
         Raises
         ------
@@ -121,12 +146,15 @@ class Layout:
             rows = np.frombuffer(rows, dtype=np.uint8)[None, :]
         if rows.ndim != 2 or rows.shape[1] < _FRAME_AT + 1:
             raise WireError(f"{self.type_name}: {rows.shape[-1]} bytes are too few for a message")
+        samples = np.empty(len(rows), dtype=self.dtype if fields is None else self.dtype_of(fields))
         if len(rows) == 0:
-            return self.empty(0)
-        rows = np.ascontiguousarray(rows)
-        if not (rows[:, :4] == np.frombuffer(LITTLE_ENDIAN_CDR, dtype=np.uint8)).all():
+            return samples
+        if rows.strides[1] != 1:
+            rows = np.ascontiguousarray(rows)
+        head = rows[:, :_FRAME_AT].view(_HEADER)[:, 0]
+        if (head["head"] != _HEAD).any():
             raise WireError(f"{self.type_name}: not little-endian CDR")
-        lengths = rows[:, 12:_FRAME_AT].copy().view("<u4")[:, 0]
+        lengths = head["length"]
         frame_bytes = int(lengths[0]) - 1
         if (lengths != lengths[0]).any() or not 0 <= frame_bytes <= rows.shape[1] - _FRAME_AT - 1:
             raise WireError(f"{self.type_name}: the frame names do not fit one layout")
@@ -134,12 +162,19 @@ class Layout:
         # Some writers pad a message to a multiple of four; nothing else may follow.
         if not 0 <= rows.shape[1] - dtype.itemsize < 4:
             raise WireError(f"{self.type_name}: expected {dtype.itemsize} bytes, got {rows.shape[1]}")
-        records = np.ascontiguousarray(rows[:, : dtype.itemsize]).view(dtype)[:, 0]
-        samples = self.empty(len(records))
-        samples["stamp_ns"] = records["sec"].astype(np.int64) * NANOSECONDS + records["nanosec"]
-        for field, _, _ in self.fields:
+        samples["stamp_ns"] = head["sec"].astype(np.int64) * NANOSECONDS + head["nanosec"]
+        first = dtype.fields[self.fields[0][0]][1]  # type: ignore[index]
+        if fields is None and dtype.itemsize - first == samples.dtype.itemsize - 8:
+            # No gaps on the wire: all fields of a message are one run of bytes.
+            samples.view(np.uint8).reshape(len(samples), -1)[:, 8:] = rows[:, first : dtype.itemsize]
+            return samples
+        records = rows[:, : dtype.itemsize].view(dtype)[:, 0]
+        for field in samples.dtype.names[1:]:  # type: ignore[index]
             samples[field] = records[field]
         return samples
+
+
+_HEADER = np.dtype([("head", "<u4"), ("sec", "<i4"), ("nanosec", "<u4"), ("length", "<u4")])
 
 
 @functools.lru_cache(maxsize=256)

@@ -88,3 +88,23 @@ def test_damaged_bytes_are_refused_with_a_reason():
         wire.frame_id(bytes(raw[:14]))
     with pytest.raises(ValueError, match="expected the dtype"):
         wire.IMU.encode(wire.MAG.empty(1), "x")
+
+
+@pytest.mark.parametrize("layout", wire.LAYOUTS.values(), ids=lambda x: x.type_name)
+def test_some_fields_of_messages_that_lie_apart_are_those_of_the_whole(layout):
+    samples = _random_samples(layout, 9, 4)
+    apart = np.zeros((9, layout.size("sonde_link") + 31), dtype=np.uint8)
+    rows = apart[:, 31:]
+    rows[...] = layout.encode(samples, "sonde_link")
+    np.testing.assert_array_equal(layout.decode(rows), samples)
+    chosen = tuple(name for name, _, _ in layout.fields)[1:3]
+    some = layout.decode(rows, chosen)
+    assert some.dtype.names == ("stamp_ns", *chosen)
+    for name in some.dtype.names:
+        np.testing.assert_array_equal(some[name], samples[name])
+    assert layout.decode(rows[:0], chosen).dtype == some.dtype
+
+
+def test_a_field_that_no_message_has_is_named_with_those_it_has():
+    with pytest.raises(ValueError, match=r"no 'angle'; it has magnetic_field"):
+        wire.MAG.dtype_of(("angle",))
