@@ -27,10 +27,10 @@ from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 from rosbags.typesys import Stores, get_typestore
 
 from mwd_sensors import wire
-from mwd_surface.bag_reader import Bag
-from mwd_surface.bag_writer import BagWriter
-from mwd_surface.recorder import Recorder, RecorderSettings
-from mwd_surface.recovery import check
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.bags.recorder import Recorder, RecorderSettings
+from mwd_surface.bags.recovery import check
 
 IMU, MAG = "sensor_msgs/msg/Imu", "sensor_msgs/msg/MagneticField"
 START = 1_700_000_000_000_000_000
@@ -185,7 +185,7 @@ def _idle_loop(seconds: float) -> float:
 def peak_mb(path: Path) -> float:
     """Largest resident memory of a process that reads a bag in blocks, MB, above that of its imports."""
     code = (
-        "import resource, sys; from mwd_surface.bag_reader import Bag\n"
+        "import resource, sys; from mwd_surface.bags.bag_reader import Bag\n"
         "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
         "for block in Bag(sys.argv[1]).blocks(): pass\n"
         "print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)"

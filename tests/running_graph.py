@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from mwd_surface import launch_plan
-from mwd_surface.bag_reader import Bag
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.runs import launch_plan
 
 EXECUTABLES = {"sonde": "mwd_sensors", "estimator": "mwd_estimation", "surface": "mwd_surface"}
 PLACE = {"reference.source": "model", "reference.lat_deg": 38.3, "reference.lon_deg": 109.6}

@@ -227,7 +227,7 @@ def test_surveys_agree_with_the_simulated_truth(played):
 
 
 def _messages(bag, topic):
-    from mwd_surface.bag_reader import Bag
+    from mwd_surface.bags.bag_reader import Bag
 
     with Bag(bag) as opened:
         return [opened.decode(topic, data) for _, name, _, data in opened.messages([topic]) if name == topic]
@@ -253,7 +253,7 @@ def test_the_recording_opens_in_the_libraries_with_every_message(played):
 def test_processing_the_recording_gives_the_bits_that_were_published_live(played, tmp_path):
     from mwd_estimation.pipeline import EstimatorSettings, Pipeline
     from mwd_sensors.settings import changed
-    from mwd_surface.bag_reader import Bag
+    from mwd_surface.bags.bag_reader import Bag
 
     live = samples_of(played["bag"], "/w1/attitude")
     pipeline = Pipeline(changed(EstimatorSettings(), PLACE))

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from mwd_sensors import wire
-from mwd_surface.alarms import AlarmBook, Severity
-from mwd_surface.live_state import LiveState
-from mwd_surface.page_server import PageServer, PageSettings
-from mwd_surface.plan import plan_of
-from mwd_surface.survey_list import SurveyList
-from mwd_surface.survey_record import North, Survey, Verdict
-from mwd_surface.well import Well
+from mwd_surface.page.alarms import AlarmBook, Severity
+from mwd_surface.page.live_state import LiveState
+from mwd_surface.page.page_server import PageServer, PageSettings
+from mwd_surface.surveys.plan import plan_of
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import North, Survey, Verdict
+from mwd_surface.surveys.well import Well
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed (pip install selenium)")
 from selenium.webdriver.chrome.options import Options  # noqa: E402

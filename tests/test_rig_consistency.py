@@ -18,27 +18,27 @@ import pytest
 
 from mwd_estimation.status import Status
 from mwd_sensors import wire
-from mwd_surface.export_csv import definitive_csv, raw_csv
-from mwd_surface.export_las import las
-from mwd_surface.export_witsml import NAMESPACE, witsml
-from mwd_surface.live_state import LiveState
-from mwd_surface.modbus_map import COUNT, ModbusForm, float_of
-from mwd_surface.modbus_server import ModbusSettings
-from mwd_surface.opcua_nodes import NAMESPACE as OPCUA_NAMESPACE
-from mwd_surface.opcua_server import OpcuaSettings
-from mwd_surface.report_content import content
-from mwd_surface.report_html import report_html
-from mwd_surface.rig_port import RigPort, RigSettings
-from mwd_surface.rig_survey import accepted_surveys
-from mwd_surface.rig_values import rig_values
-from mwd_surface.survey_list import SurveyList
-from mwd_surface.survey_record import AzimuthEstimate, North, Survey
-from mwd_surface.survey_table import survey_table
-from mwd_surface.well import Well
-from mwd_surface.wits0 import Decoder
-from mwd_surface.wits0_link import Wits0Settings
-from mwd_surface.wits0_records import RecordWriter, Wits0Format
-from mwd_surface.wits0_server import Wits0ServerSettings
+from mwd_surface.exports.export_csv import definitive_csv, raw_csv
+from mwd_surface.exports.export_las import las
+from mwd_surface.exports.export_witsml import NAMESPACE, witsml
+from mwd_surface.exports.report_content import content
+from mwd_surface.exports.report_html import report_html
+from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.page.live_state import LiveState
+from mwd_surface.rig.modbus_map import COUNT, ModbusForm, float_of
+from mwd_surface.rig.modbus_server import ModbusSettings
+from mwd_surface.rig.opcua_nodes import NAMESPACE as OPCUA_NAMESPACE
+from mwd_surface.rig.opcua_server import OpcuaSettings
+from mwd_surface.rig.rig_port import RigPort, RigSettings
+from mwd_surface.rig.rig_survey import accepted_surveys
+from mwd_surface.rig.rig_values import rig_values
+from mwd_surface.rig.wits0 import Decoder
+from mwd_surface.rig.wits0_link import Wits0Settings
+from mwd_surface.rig.wits0_records import RecordWriter, Wits0Format
+from mwd_surface.rig.wits0_server import Wits0ServerSettings
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey
+from mwd_surface.surveys.well import Well
 
 S = 10**9
 START = 1_778_767_020 * S
@@ -316,7 +316,7 @@ def test_the_html_of_the_report_prints_the_texts_of_its_content(told):
 
 
 def test_the_ros_message_carries_the_numbers_of_the_list(told):
-    between = pytest.importorskip("mwd_surface.survey_message")
+    between = pytest.importorskip("mwd_surface.surveys.survey_message")
     msg = pytest.importorskip("mwd_msgs.msg", reason="mwd_msgs is not built")
     if not hasattr(msg, "SurveyRecord"):
         pytest.skip("mwd_msgs is not built")

@@ -64,9 +64,9 @@ def main() -> None:
     except (ValueError, OSError) as error:
         _end(error)
     except Exception as error:
-        from mwd_surface.bag_reader import BagError
-        from mwd_surface.definitions import DefinitionError
-        from mwd_surface.export import ExportError
+        from mwd_surface.bags.bag_reader import BagError
+        from mwd_surface.bags.definitions import DefinitionError
+        from mwd_surface.exports.export import ExportError
 
         if not isinstance(error, (BagError, DefinitionError, ExportError)):
             raise

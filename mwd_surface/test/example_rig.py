@@ -8,9 +8,9 @@ from example_surveys import START, S, surveys
 
 from mwd_estimation.status import Status
 from mwd_sensors import wire
-from mwd_surface.live_state import LiveState
-from mwd_surface.rig_survey import accepted_surveys
-from mwd_surface.rig_values import rig_values
+from mwd_surface.page.live_state import LiveState
+from mwd_surface.rig.rig_survey import accepted_surveys
+from mwd_surface.rig.rig_values import rig_values
 
 NOW = 5000.0
 NOW_NS = START + 95_000 * S

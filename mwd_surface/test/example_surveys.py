@@ -3,10 +3,10 @@
 import dataclasses
 import math
 
-from mwd_surface.survey_list import SurveyList
-from mwd_surface.survey_record import AzimuthEstimate, North, Survey, Verdict
-from mwd_surface.survey_table import survey_table
-from mwd_surface.well import Well
+from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, Verdict
+from mwd_surface.surveys.well import Well
 
 S = 10**9
 START = 1_778_767_020 * S + 123_456_789

@@ -8,8 +8,8 @@ import numpy as np
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_sensors import scenario, settings, wire
 from mwd_sensors.sonde import Sonde
-from mwd_surface import survey_message
-from mwd_surface.bag_writer import BagWriter
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.surveys import survey_message
 
 RUN = """
 name: plotted

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.alarms import AlarmBook, Severity, plain_alarms, plain_events
+from mwd_surface.page.alarms import AlarmBook, Severity, plain_alarms, plain_events
 
 
 def raised(book, alarm_id="link.stale", severity=Severity.WARNING, stamp=10, text="no sonde"):

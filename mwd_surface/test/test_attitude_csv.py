@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mwd_estimation.status import Status
 from mwd_sensors import wire
-from mwd_surface import attitude_csv
+from mwd_surface.exports import attitude_csv
 
 
 def samples(n, seed=1):

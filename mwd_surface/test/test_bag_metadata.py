@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import yaml
 
-from mwd_surface import bag_metadata
-from mwd_surface.bag_metadata import BagMetadata, File, MetadataError, Topic
+from mwd_surface.bags import bag_metadata
+from mwd_surface.bags.bag_metadata import BagMetadata, File, MetadataError, Topic
 
 BAG = BagMetadata(
     files=[File("w_0.mcap", 100, 300, 2), File("w_1.mcap", 350, 1000, 3), File("w_2.mcap", None, 0, 0)],

@@ -10,10 +10,10 @@ import numpy as np
 import plotted_bag
 import pytest
 
-from mwd_surface import bag_plots
-from mwd_surface.bag_reader import Bag
-from mwd_surface.plot_data import gather
-from mwd_surface.traces import WHAT
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.plots import bag_plots
+from mwd_surface.plots.plot_data import gather
+from mwd_surface.plots.traces import WHAT
 
 
 @functools.cache

@@ -18,9 +18,9 @@ from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 from rosbags.typesys import Stores, get_typestore
 
 from mwd_sensors import wire
-from mwd_surface import mcap_format
-from mwd_surface.bag_reader import Bag, BagError
-from mwd_surface.bag_writer import BagWriter
+from mwd_surface.bags import mcap_format
+from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.bags.bag_writer import BagWriter
 
 ROOT = Path(__file__).resolve().parents[2]
 BROAD = ROOT.parent / "shared" / "data" / "bags" / "broad_27"

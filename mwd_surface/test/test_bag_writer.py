@@ -9,9 +9,9 @@ from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import Reader
 
 from mwd_sensors import wire
-from mwd_surface import bag_metadata
-from mwd_surface.bag_writer import BagWriter
-from mwd_surface.definitions import DefinitionError, Definitions
+from mwd_surface.bags import bag_metadata
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.bags.definitions import DefinitionError, Definitions
 
 START = 1_700_000_000_000_000_000
 STREAM = [bag_metadata.qos_profile("best_effort", depth=5)]

@@ -7,8 +7,8 @@ import typer
 from typer.testing import CliRunner
 
 from mwd_sensors import scenario
-from mwd_surface import calibration_run, simulate
 from mwd_surface.commands.calibrate import calibrate
+from mwd_surface.runs import calibration_run, simulate
 
 TUMBLE = Path(__file__).resolve().parents[2] / "bags" / "scenarios" / "tumble.yaml"
 APP = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

@@ -13,9 +13,9 @@ from mwd_sensors.calibration import as_table, rests
 from mwd_sensors.compensation import Compensation
 from mwd_sensors.settings import SettingsError
 from mwd_sensors.sonde import Sonde
-from mwd_surface import calibration_run, simulate
-from mwd_surface.bag_reader import Bag, BagError
-from mwd_surface.bag_writer import BagWriter
+from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.runs import calibration_run, simulate
 
 TUMBLE = Path(__file__).resolve().parents[2] / "bags" / "scenarios" / "tumble.yaml"
 

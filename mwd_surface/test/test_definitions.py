@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from rosbags.typesys import get_types_from_msg
 
-from mwd_surface.definitions import DefinitionError, Definitions, share_folders
+from mwd_surface.bags.definitions import DefinitionError, Definitions, share_folders
 
 ROOT = Path(__file__).resolve().parents[2]
 MWD_MSGS = sorted((ROOT / "mwd_msgs" / "msg").glob("*.msg"))

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.depth import DepthRules, DepthTrack
+from mwd_surface.surveys.depth import DepthRules, DepthTrack
 
 S = 10**9
 F7 = Path(__file__).parents[2].parent / "shared" / "data" / "volve" / "F-7_rig_surface_15s.csv.gz"

@@ -4,8 +4,8 @@ import socket
 import sys
 from pathlib import Path
 
-from mwd_surface import doctor
-from mwd_surface.doctor import Level
+from mwd_surface.runs import doctor
+from mwd_surface.runs.doctor import Level
 
 
 def test_a_missing_package_is_named_with_its_purpose_and_remedy():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from mwd_surface.envelope import Envelope
+from mwd_surface.plots.envelope import Envelope
 
 S = 1_000_000_000
 

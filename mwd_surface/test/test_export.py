@@ -10,9 +10,9 @@ import lasio
 import pytest
 from lxml import etree
 
-from mwd_surface.export import FORMATS, ExportError, export
-from mwd_surface.plan import plan_of
-from mwd_surface.survey_table import survey_table
+from mwd_surface.exports.export import FORMATS, ExportError, export
+from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.surveys.plan import plan_of
 
 W = "{http://www.witsml.org/schemas/1series}"
 PLAN = plan_of([0.0, 300.0, 900.0], [0.0, 0.0, 1.0], [0.0, 1.3, 1.3])

@@ -8,11 +8,11 @@ import pytest
 from test_cli import mwd, refused
 from test_survey_source import recorded
 
-from mwd_surface.export import FORMATS
-from mwd_surface.export_csv import definitive_csv
-from mwd_surface.plan import plan_of
-from mwd_surface.survey_store import SurveyStore
-from mwd_surface.survey_table import survey_table
+from mwd_surface.exports.export import FORMATS
+from mwd_surface.exports.export_csv import definitive_csv
+from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.surveys.plan import plan_of
+from mwd_surface.surveys.survey_store import SurveyStore
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors import minimum_curvature as mc
-from mwd_surface.export_csv import definitive_csv, quoted, raw_csv
-from mwd_surface.survey_list import SurveyList
-from mwd_surface.survey_record import Survey
+from mwd_surface.exports.export_csv import definitive_csv, quoted, raw_csv
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import Survey
 
 
 def parsed(text):

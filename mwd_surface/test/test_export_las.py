@@ -6,9 +6,9 @@ import example_surveys as example
 import lasio
 import numpy as np
 
-from mwd_surface.export_las import NULL, las
-from mwd_surface.survey_list import SurveyList
-from mwd_surface.survey_table import survey_table
+from mwd_surface.exports.export_las import NULL, las
+from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.surveys.survey_list import SurveyList
 
 
 def read(table):

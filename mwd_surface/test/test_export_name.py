@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.export_name import LONGEST, RESERVED, safe_name
+from mwd_surface.exports.export_name import LONGEST, RESERVED, safe_name
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from mwd_surface.export_witsml import NAMESPACE, witsml
-from mwd_surface.plan_file import plan_from_witsml
-from mwd_surface.survey_list import ListRules, SurveyList, TieOn
-from mwd_surface.survey_table import survey_table, table_of
+from mwd_surface.exports.export_witsml import NAMESPACE, witsml
+from mwd_surface.exports.survey_table import survey_table, table_of
+from mwd_surface.surveys.plan_file import plan_from_witsml
+from mwd_surface.surveys.survey_list import ListRules, SurveyList, TieOn
 
 XSD = Path(__file__).parents[2].parent / "shared" / "data" / "witsml" / "xsd" / "obj_trajectory.xsd"
 NS = {"w": NAMESPACE}

@@ -9,7 +9,7 @@ from mwd_estimation.pipeline import EstimatorSettings, reference_of
 from mwd_sensors import settings
 from mwd_sensors.scenario import parse
 from mwd_sensors.sonde import Sonde
-from mwd_surface import launch_plan
+from mwd_surface.runs import launch_plan
 
 
 def test_parameters_keep_their_type_through_the_yaml_of_ros():

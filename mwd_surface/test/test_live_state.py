@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from mwd_estimation.status import Status
 from mwd_sensors import settings, wire
-from mwd_surface.alarms import AlarmBook, Severity
-from mwd_surface.live_state import LiveSettings, LiveState
-from mwd_surface.plan import Offset, plan_of
-from mwd_surface.survey_list import SurveyList
-from mwd_surface.survey_record import North, Survey, Verdict
-from mwd_surface.toolface import MAGNETIC, ToolfaceReading
-from mwd_surface.well import Well
+from mwd_surface.page.alarms import AlarmBook, Severity
+from mwd_surface.page.live_state import LiveSettings, LiveState
+from mwd_surface.page.toolface import MAGNETIC, ToolfaceReading
+from mwd_surface.surveys.plan import Offset, plan_of
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import North, Survey, Verdict
+from mwd_surface.surveys.well import Well
 
 G, B, DIP = 9.82, 50e-6, 1.2
 

@@ -2,7 +2,7 @@
 
 import math
 
-from mwd_surface.live_words import live_words
+from mwd_surface.page.live_words import live_words
 
 
 def value(number, state="live", age=0.0):

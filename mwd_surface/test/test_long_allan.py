@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from mwd_sensors.allan import allan
-from mwd_surface.long_allan import LongAllan
+from mwd_surface.plots.long_allan import LongAllan
 
 
 def noise(count, seed=1):

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from mcap import records
 from mcap.data_stream import ReadDataStream
 
-from mwd_surface import mcap_format as fmt
-from mwd_surface.mcap_format import FormatError
+from mwd_surface.bags import mcap_format as fmt
+from mwd_surface.bags.mcap_format import FormatError
 
 words = st.text(max_size=12)
 tables = st.dictionaries(words, words, max_size=4)

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mwd_surface import mcap_format
-from mwd_surface.mcap_format import Attachment, Channel, FormatError, Schema
-from mwd_surface.mcap_index import Bare, Chunk, Damage, McapFile, Other
-from mwd_surface.mcap_writer import McapWriter
+from mwd_surface.bags import mcap_format
+from mwd_surface.bags.mcap_format import Attachment, Channel, FormatError, Schema
+from mwd_surface.bags.mcap_index import Bare, Chunk, Damage, McapFile, Other
+from mwd_surface.bags.mcap_writer import McapWriter
 
 START = 1_700_000_000_000_000_000
 

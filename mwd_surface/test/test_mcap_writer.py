@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from mwd_surface import mcap_format
-from mwd_surface.mcap_format import Attachment, Channel, Schema
-from mwd_surface.mcap_index import Chunk, McapFile, declarations
-from mwd_surface.mcap_writer import McapWriter
+from mwd_surface.bags import mcap_format
+from mwd_surface.bags.mcap_format import Attachment, Channel, Schema
+from mwd_surface.bags.mcap_index import Chunk, McapFile, declarations
+from mwd_surface.bags.mcap_writer import McapWriter
 
 START = 1_700_000_000_000_000_000
 

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_estimation.status import Status
-from mwd_surface.modbus_map import COUNT, FLOATS, NEVER, ModbusForm, StatusBit, float_of, registers, status_bits
-from mwd_surface.rig_values import Condition, RigValue, nothing_yet
-from mwd_surface.survey_list import SurveyList
+from mwd_surface.rig.modbus_map import COUNT, FLOATS, NEVER, ModbusForm, StatusBit, float_of, registers, status_bits
+from mwd_surface.rig.rig_values import Condition, RigValue, nothing_yet
+from mwd_surface.surveys.survey_list import SurveyList
 
 ABCD, CDAB = ModbusForm(), ModbusForm(word_order="CDAB")
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 from example_rig import eventually, started, values
 
-from mwd_surface.modbus_map import COUNT, ModbusForm, float_of
-from mwd_surface.modbus_server import ModbusServer, ModbusSettings
-from mwd_surface.rig_interface import InterfaceError, MissingPackageError
+from mwd_surface.rig.modbus_map import COUNT, ModbusForm, float_of
+from mwd_surface.rig.modbus_server import ModbusServer, ModbusSettings
+from mwd_surface.rig.rig_interface import InterfaceError, MissingPackageError
 
 PEERS = Path(__file__).parent / "peers"
 pytest.importorskip("pymodbus", reason="pymodbus is not installed: pip install pymodbus")

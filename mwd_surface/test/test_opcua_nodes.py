@@ -7,8 +7,8 @@ from example_rig import NOW_NS, attitude, values
 from example_surveys import S
 
 from mwd_estimation.status import Status
-from mwd_surface.opcua_nodes import NUMBERS, STATUS_CODES, UNITS, VARIABLES, readings, unit_id
-from mwd_surface.rig_values import QUANTITIES, Condition, nothing_yet
+from mwd_surface.rig.opcua_nodes import NUMBERS, STATUS_CODES, UNITS, VARIABLES, readings, unit_id
+from mwd_surface.rig.rig_values import QUANTITIES, Condition, nothing_yet
 
 ASKED = (
     "Inclination", "Azimuth", "GravityToolface", "MagneticToolface", "ToolfaceMode", "TotalGravity",

@@ -15,9 +15,9 @@ import pytest
 from example_rig import attitude, eventually, started, values
 
 from mwd_estimation.status import Status
-from mwd_surface.opcua_nodes import NAMESPACE
-from mwd_surface.opcua_server import OpcuaServer, OpcuaSettings
-from mwd_surface.rig_interface import InterfaceError, MissingPackageError
+from mwd_surface.rig.opcua_nodes import NAMESPACE
+from mwd_surface.rig.opcua_server import OpcuaServer, OpcuaSettings
+from mwd_surface.rig.rig_interface import InterfaceError, MissingPackageError
 
 PEERS = Path(__file__).parent / "peers"
 asyncua = pytest.importorskip("asyncua", reason="asyncua is not installed: pip install asyncua")

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.pace import Pace
+from mwd_surface.bags.pace import Pace
 
 START = 1_700_000_000_000_000_000
 HOUR = 3600 * 10**9

@@ -17,8 +17,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors import wire
-from mwd_surface.live_state import LiveState
-from mwd_surface.page_server import COMMANDS, PageServer, PageSettings, checked_arguments
+from mwd_surface.page.live_state import LiveState
+from mwd_surface.page.page_server import COMMANDS, PageServer, PageSettings, checked_arguments
 
 TOKEN = "drill-baby-drill"  # noqa: S105
 JSON = {"Content-Type": "application/json"}

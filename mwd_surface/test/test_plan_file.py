@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface import plan_file
-from mwd_surface.plan_file import PlanError, plan_from_table, plan_from_witsml, read_plan
+from mwd_surface.surveys import plan_file
+from mwd_surface.surveys.plan_file import PlanError, plan_from_table, plan_from_witsml, read_plan
 
 SHARED = Path(__file__).parents[2].parent / "shared" / "data"
 GOOD = "md_m,inclination_deg,azimuth_deg\n0,0,0\n500,0,45\n1000,30,45\n"

@@ -5,7 +5,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from mwd_surface.bag_reader import BagError
+from mwd_surface.bags.bag_reader import BagError
 from mwd_surface.commands.plot import plot
 
 APP = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

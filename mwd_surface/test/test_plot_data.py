@@ -9,10 +9,10 @@ import plotted_bag
 import pytest
 
 from mwd_sensors import wire
-from mwd_surface.bag_reader import Bag, BagError
-from mwd_surface.bag_writer import BagWriter
-from mwd_surface.plot_data import gather
-from mwd_surface.traces import WHAT
+from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.plots.plot_data import gather
+from mwd_surface.plots.traces import WHAT
 
 
 @functools.cache

@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.position_covariance import (
+from mwd_surface.surveys.position_covariance import (
     CovarianceUnavailableError,
     ErrorReference,
     ellipse,
     in_section,
     position_covariance,
 )
-from mwd_surface.survey_record import North
+from mwd_surface.surveys.survey_record import North
 
 AUTHORITIES = Path(__file__).parents[2].parent / "shared" / "data" / "authorities"
 REFERENCE = ErrorReference(math.radians(60), 50e-6, math.radians(72), math.radians(-4), math.radians(1.5), 9.80665)

@@ -16,10 +16,11 @@ from mwd_sensors.calibration import Calibration, TriadCalibration
 from mwd_sensors.compensation import Compensation
 from mwd_sensors.frames import mat_nt
 from mwd_sensors.settings import SettingsError
-from mwd_surface import attitude_csv, process
-from mwd_surface.bag_reader import Bag, BagError
-from mwd_surface.bag_writer import BagWriter
-from mwd_surface.process import InputSettings
+from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.exports import attitude_csv
+from mwd_surface.runs import process
+from mwd_surface.runs.process import InputSettings
 
 ROOT = Path(__file__).resolve().parents[2]
 BROAD = ROOT.parent / "shared" / "data" / "bags" / "broad_27"

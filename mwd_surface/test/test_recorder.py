@@ -17,10 +17,10 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
 from mwd_sensors.settings import SettingsError, from_mapping
-from mwd_surface import bag_metadata, recovery
-from mwd_surface.bag_reader import Bag
-from mwd_surface.definitions import Definitions
-from mwd_surface.recorder import Level, Recorder, RecorderError, RecorderSettings, State
+from mwd_surface.bags import bag_metadata, recovery
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.bags.definitions import Definitions
+from mwd_surface.bags.recorder import Level, Recorder, RecorderError, RecorderSettings, State
 
 ROOT = Path(__file__).resolve().parents[2]
 START = 1_700_000_000_000_000_000
@@ -162,7 +162,7 @@ def test_closing_does_not_wait_for_a_disk_that_stays_silent(tmp_path, monkeypatc
 
 KILLED = """
 import sys, time
-from mwd_surface.recorder import Recorder, RecorderSettings
+from mwd_surface.bags.recorder import Recorder, RecorderSettings
 recorder = Recorder(sys.argv[1], RecorderSettings(min_free_bytes=0))
 recorder.start("run")
 k = 0

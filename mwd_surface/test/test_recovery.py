@@ -13,9 +13,9 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
 from mwd_sensors import wire
-from mwd_surface import bag_metadata, mcap_format, recovery
-from mwd_surface.bag_reader import Bag
-from mwd_surface.bag_writer import BagWriter
+from mwd_surface.bags import bag_metadata, mcap_format, recovery
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.bags.bag_writer import BagWriter
 
 START = 1_700_000_000_000_000_000
 IMU = "sensor_msgs/msg/Imu"

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from mwd_sensors import wire
-from mwd_surface import launch_plan
-from mwd_surface.bag_metadata import qos_profile, qos_text
-from mwd_surface.bag_writer import BagWriter
+from mwd_surface.bags.bag_metadata import qos_profile, qos_text
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.runs import launch_plan
 
 rclpy = pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 

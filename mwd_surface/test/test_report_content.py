@@ -2,7 +2,7 @@
 
 import example_surveys as example
 
-from mwd_surface.report_content import content
+from mwd_surface.exports.report_content import content
 
 
 def test_the_definitive_table_ends_at_the_bit_and_says_so():

@@ -7,8 +7,8 @@ import example_surveys as example
 import pytest
 from lxml import etree
 
-from mwd_surface.report_content import content
-from mwd_surface.report_html import report_html
+from mwd_surface.exports.report_content import content
+from mwd_surface.exports.report_html import report_html
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ import io
 import example_surveys as example
 import pytest
 
-from mwd_surface.report_content import content
-from mwd_surface.report_pdf import report_pdf
+from mwd_surface.exports.report_content import content
+from mwd_surface.exports.report_pdf import report_pdf
 
 pypdf = pytest.importorskip("pypdf", reason="pypdf, the reader, is not installed")
 
@@ -45,7 +45,7 @@ def test_a_long_list_flows_over_pages_and_repeats_its_titles():
     whole = example.surveys()
     for k in range(13, 90):
         whole = whole.add(example.survey(k, 40.0, 79.8), 270.0 + 30.0 * k, 0.1)
-    from mwd_surface.survey_table import survey_table
+    from mwd_surface.exports.survey_table import survey_table
 
     reader = pypdf.PdfReader(io.BytesIO(report_pdf(survey_table(whole, example.MADE))))
     texts = [page.extract_text() for page in reader.pages]

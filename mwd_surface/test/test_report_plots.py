@@ -4,10 +4,10 @@ import example_surveys as example
 import numpy as np
 import pytest
 
-from mwd_surface import report_plots
-from mwd_surface.plan import plan_of
-from mwd_surface.survey_list import SurveyList
-from mwd_surface.survey_table import survey_table
+from mwd_surface.exports import report_plots
+from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.surveys.plan import plan_of
+from mwd_surface.surveys.survey_list import SurveyList
 
 PLAN = plan_of([0.0, 300.0, 900.0], [0.0, 0.0, 1.0], [0.0, 1.3, 1.3])
 

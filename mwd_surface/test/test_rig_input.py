@@ -5,7 +5,7 @@ import math
 import pytest
 from example_surveys import S
 
-from mwd_surface.rig_input import FIELDS, PLAUSIBLE, SLIPS_BIT, RigInput, RigInputSettings
+from mwd_surface.rig.rig_input import FIELDS, PLAUSIBLE, SLIPS_BIT, RigInput, RigInputSettings
 
 
 def feed(rig, readings, name="bit_depth"):

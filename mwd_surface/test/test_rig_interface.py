@@ -8,7 +8,7 @@ import threading
 import pytest
 from example_rig import eventually, started, values
 
-from mwd_surface.rig_interface import (
+from mwd_surface.rig.rig_interface import (
     InterfaceError,
     InterfaceStatus,
     LoopInterface,

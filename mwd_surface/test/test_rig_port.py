@@ -11,14 +11,14 @@ import pytest
 from example_rig import eventually, values
 
 from mwd_sensors import settings
-from mwd_surface.modbus_map import StatusBit
-from mwd_surface.modbus_server import ModbusSettings
-from mwd_surface.rig_input import RigInputSettings
-from mwd_surface.rig_interface import InterfaceError, InterfaceStatus, PeerStatus
-from mwd_surface.rig_port import RigPort, RigSettings, status_lines
-from mwd_surface.wits0 import Decoder
-from mwd_surface.wits0_link import Wits0Settings
-from mwd_surface.wits0_server import Wits0ServerSettings
+from mwd_surface.rig.modbus_map import StatusBit
+from mwd_surface.rig.modbus_server import ModbusSettings
+from mwd_surface.rig.rig_input import RigInputSettings
+from mwd_surface.rig.rig_interface import InterfaceError, InterfaceStatus, PeerStatus
+from mwd_surface.rig.rig_port import RigPort, RigSettings, status_lines
+from mwd_surface.rig.wits0 import Decoder
+from mwd_surface.rig.wits0_link import Wits0Settings
+from mwd_surface.rig.wits0_server import Wits0ServerSettings
 
 pytest.importorskip("pymodbus", reason="pymodbus is not installed: pip install pymodbus")
 

@@ -7,9 +7,9 @@ import pytest
 from example_surveys import START, WELL, S, survey, surveys
 
 from mwd_estimation.status import Status
-from mwd_surface.rig_survey import accepted_surveys
-from mwd_surface.survey_list import SurveyList
-from mwd_surface.survey_record import Verdict
+from mwd_surface.rig.rig_survey import accepted_surveys
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import Verdict
 
 
 def test_the_accepted_are_those_in_use_oldest_first_with_the_numbers_of_the_path():

@@ -8,9 +8,10 @@ from example_rig import NOW, NOW_NS, VALID, attitude, live, rig_state, values
 from example_surveys import START, S, survey, surveys
 
 from mwd_estimation.status import Status
-from mwd_surface.live_state import LiveState
-from mwd_surface.rig_survey import accepted_surveys
-from mwd_surface.rig_values import (
+from mwd_surface.page.live_state import LiveState
+from mwd_surface.page.toolface import GRAVITY, MAGNETIC
+from mwd_surface.rig.rig_survey import accepted_surveys
+from mwd_surface.rig.rig_values import (
     LIVE_QUANTITIES,
     QUANTITIES,
     SURVEY_QUANTITIES,
@@ -19,8 +20,7 @@ from mwd_surface.rig_values import (
     rig_values,
     silenced,
 )
-from mwd_surface.survey_list import SurveyList
-from mwd_surface.toolface import GRAVITY, MAGNETIC
+from mwd_surface.surveys.survey_list import SurveyList
 
 TOOL = ("inclination", "azimuth", "gravity_toolface", "magnetic_toolface", "rotary_speed", "temperature")
 

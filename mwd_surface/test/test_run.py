@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from mwd_surface.bag_reader import Bag
+from mwd_surface.bags.bag_reader import Bag
 
 pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 pytestmark = pytest.mark.ros

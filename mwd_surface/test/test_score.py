@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from mwd_sensors import wire
-from mwd_surface import score as module
-from mwd_surface.bag_reader import Bag, BagError
-from mwd_surface.bag_writer import BagWriter
-from mwd_surface.definitions import installed
-from mwd_surface.score import score
-from mwd_surface.survey_message import fill_survey
-from mwd_surface.survey_record import AzimuthEstimate, North, Survey, Verdict
+from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.bags.definitions import installed
+from mwd_surface.surveys import score as module
+from mwd_surface.surveys.score import score
+from mwd_surface.surveys.survey_message import fill_survey
+from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, Verdict
 
 START = 1_772_344_800_000_000_000
 DECLINATION, CONVERGENCE = math.radians(5.0), math.radians(-1.0)

@@ -6,8 +6,8 @@ import pytest
 from mwd_sensors import wire
 from mwd_sensors.scenario import parse
 from mwd_sensors.sonde import Sonde
-from mwd_surface.bag_reader import Bag
-from mwd_surface.simulate import record
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.runs.simulate import record
 
 SCENARIO = parse("{name: short, schedule: [{kind: still, seconds: 2.0}]}")
 

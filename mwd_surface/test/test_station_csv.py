@@ -9,7 +9,7 @@ import pytest
 
 from mwd_estimation.reference import Reference
 from mwd_estimation.station import station
-from mwd_surface import station_csv
+from mwd_surface.surveys import station_csv
 
 F_T, B_T = np.array([-8.0, 1.0, 5.5]), np.array([3.0e-5, 1.0e-5, -3.5e-5])
 REFERENCE = Reference(total=4.72e-5, dip=1.2, declination=0.03, convergence=0.01, gravity=9.8)

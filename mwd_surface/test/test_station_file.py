@@ -2,7 +2,7 @@
 
 import pytest
 
-from mwd_surface.station_file import read_table
+from mwd_surface.surveys.station_file import read_table
 
 
 def written(folder, text):

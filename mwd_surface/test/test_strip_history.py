@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from mwd_surface.strip_history import StripHistory
+from mwd_surface.page.strip_history import StripHistory
 
 
 def test_a_row_holds_the_mean_or_the_largest_of_its_interval():

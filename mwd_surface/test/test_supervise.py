@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from mwd_surface import supervise
-from mwd_surface.supervise import Order, Supervisor, SupervisorError
+from mwd_surface.runs import supervise
+from mwd_surface.runs.supervise import Order, Supervisor, SupervisorError
 
 PATIENT = "import signal, sys, time; signal.signal(signal.SIGINT, lambda *_: sys.exit(0)); print('up', flush=True); "
 PATIENT += "[time.sleep(0.05) for _ in range(600)]"
@@ -159,11 +159,11 @@ def test_what_a_crashed_process_left_behind_ends_too(make, tmp_path):
 
 
 def test_a_process_does_not_outlive_a_killed_supervisor(tmp_path):
-    child = "import os, time; from mwd_surface.supervise import die_with_supervisor; "
+    child = "import os, time; from mwd_surface.runs.supervise import die_with_supervisor; "
     child += "die_with_supervisor(os.environ); print('up', flush=True); time.sleep(60)"
     parent = (
         "import os, pathlib, sys, time\n"
-        "from mwd_surface.supervise import Order, Supervisor\n"
+        "from mwd_surface.runs.supervise import Order, Supervisor\n"
         "supervisor = Supervisor(os.environ)\n"
         f"supervisor.start(Order('a', [sys.executable, '-c', {child!r}], pathlib.Path({str(tmp_path / 'a.log')!r})))\n"
         "print(supervisor._children['a'].process.pid, flush=True)\n"

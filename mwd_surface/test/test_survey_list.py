@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors import minimum_curvature as mc
-from mwd_surface.survey_list import ListRules, SurveyList, TieOn
-from mwd_surface.survey_record import Judgement, North, Survey, Verdict
-from mwd_surface.well import Well
+from mwd_surface.surveys.survey_list import ListRules, SurveyList, TieOn
+from mwd_surface.surveys.survey_record import Judgement, North, Survey, Verdict
+from mwd_surface.surveys.well import Well
 
 COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 1e-4, 0.0, 0.0, 0.0, 1e-6)
 NO_AZIMUTH = (1e-6, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1e-6)

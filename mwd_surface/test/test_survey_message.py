@@ -5,9 +5,9 @@ import dataclasses
 import example_surveys as example
 import pytest
 
-from mwd_surface import survey_message as between
-from mwd_surface.survey_list import SurveyList
-from mwd_surface.survey_record import AzimuthEstimate, Survey, SurveyRecord
+from mwd_surface.surveys import survey_message as between
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, SurveyRecord
 
 msg = pytest.importorskip("mwd_msgs.msg", reason="mwd_msgs is not built")
 if not hasattr(msg, "Survey"):

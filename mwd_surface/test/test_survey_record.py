@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors import settings
-from mwd_surface.survey_record import AzimuthEstimate, North, Survey, SurveyRecord, checked_survey
+from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, SurveyRecord, checked_survey
 
 COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 4e-4, 0.0, 0.0, 0.0, 1e-6)
 

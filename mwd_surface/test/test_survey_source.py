@@ -7,12 +7,12 @@ import numpy as np
 import plotted_bag
 import pytest
 
-from mwd_surface import survey_message
-from mwd_surface.bag_reader import BagError
-from mwd_surface.bag_writer import BagWriter
-from mwd_surface.survey_list import SurveyList, TieOn
-from mwd_surface.survey_source import LIST_TYPE, PATH_TYPE, surveys_of
-from mwd_surface.survey_store import SurveyStore, encoded
+from mwd_surface.bags.bag_reader import BagError
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.surveys import survey_message
+from mwd_surface.surveys.survey_list import SurveyList, TieOn
+from mwd_surface.surveys.survey_source import LIST_TYPE, PATH_TYPE, surveys_of
+from mwd_surface.surveys.survey_store import SurveyStore, encoded
 
 
 def arrays(message):

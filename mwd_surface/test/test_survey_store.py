@@ -11,11 +11,11 @@ import time
 
 import pytest
 
-from mwd_surface import survey_store
-from mwd_surface.survey_list import ListRules, SurveyList, TieOn
-from mwd_surface.survey_record import North, Survey
-from mwd_surface.survey_store import StoreError, SurveyStore
-from mwd_surface.well import Well
+from mwd_surface.surveys import survey_store
+from mwd_surface.surveys.survey_list import ListRules, SurveyList, TieOn
+from mwd_surface.surveys.survey_record import North, Survey
+from mwd_surface.surveys.survey_store import StoreError, SurveyStore
+from mwd_surface.surveys.well import Well
 
 WELL, RULES = Well(name="Åsgard Ω-1"), ListRules()
 COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 1e-4, 0.0, 0.0, 0.0, 1e-6)
@@ -161,9 +161,9 @@ def test_another_well_or_an_impossible_north_is_told(tmp_path):
 WRITER = """
 import sys
 sys.path[:0] = {path!r}
-from mwd_surface.survey_store import SurveyStore
-from mwd_surface.survey_list import ListRules
-from mwd_surface.well import Well
+from mwd_surface.surveys.survey_store import SurveyStore
+from mwd_surface.surveys.survey_list import ListRules
+from mwd_surface.surveys.well import Well
 sys.path.insert(0, {here!r})
 from test_survey_store import RULES, WELL, grown
 with SurveyStore({folder!r}) as store:

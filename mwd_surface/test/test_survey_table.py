@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface import survey_table as tables
-from mwd_surface.plan import plan_of
-from mwd_surface.survey_list import SurveyList
+from mwd_surface.exports import survey_table as tables
+from mwd_surface.surveys.plan import plan_of
+from mwd_surface.surveys.survey_list import SurveyList
 
 
 def head(table):

@@ -11,9 +11,9 @@ import pytest
 from test_cli import mwd, refused
 
 from mwd_sensors import wire
-from mwd_surface import time_series
-from mwd_surface.bag_reader import Bag, BagError
-from mwd_surface.bag_writer import BagWriter
+from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.exports import time_series
 
 S = 10**9
 START = 1_772_000_000

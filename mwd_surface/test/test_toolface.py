@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mwd_estimation.status import Status
 from mwd_sensors import wire
-from mwd_surface.toolface import GRAVITY, MAGNETIC, ToolfaceSelector, ToolfaceSettings
+from mwd_surface.page.toolface import GRAVITY, MAGNETIC, ToolfaceSelector, ToolfaceSettings
 
 
 def attitude(inclination_deg, gravity=1.0, magnetic=2.0, sigma=0.01, status=0):

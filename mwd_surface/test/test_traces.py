@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from mwd_sensors import wire
-from mwd_surface import traces
-from mwd_surface.traces import north_of, traces_of
+from mwd_surface.plots import traces
+from mwd_surface.plots.traces import north_of, traces_of
 
 LAYOUTS = sorted(wire.LAYOUTS)
 

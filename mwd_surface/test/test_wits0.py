@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.wits0 import KEEP_ALIVE, Decoder, checked_text, encode, number_text, plain_text
+from mwd_surface.rig.wits0 import KEEP_ALIVE, Decoder, checked_text, encode, number_text, plain_text
 
 
 def numbers(frame):

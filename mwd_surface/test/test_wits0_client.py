@@ -12,11 +12,11 @@ from example_rig import eventually, started, values
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.rig_input import RigInputSettings
-from mwd_surface.rig_interface import MissingPackageError
-from mwd_surface.wits0 import Decoder
-from mwd_surface.wits0_client import Backoff, Wits0Client, Wits0ClientSettings, Wits0Serial, Wits0SerialSettings
-from mwd_surface.wits0_link import Wits0Settings
+from mwd_surface.rig.rig_input import RigInputSettings
+from mwd_surface.rig.rig_interface import MissingPackageError
+from mwd_surface.rig.wits0 import Decoder
+from mwd_surface.rig.wits0_client import Backoff, Wits0Client, Wits0ClientSettings, Wits0Serial, Wits0SerialSettings
+from mwd_surface.rig.wits0_link import Wits0Settings
 
 FAST = Backoff(first=0.01, longest=0.05)
 

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.wits0_link import Peer
+from mwd_surface.rig.wits0_link import Peer
 
 
 @given(sizes=st.lists(st.integers(1, 400), max_size=60), limit=st.integers(1, 1000))

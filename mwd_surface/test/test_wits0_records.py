@@ -10,9 +10,9 @@ from example_rig import NOW_NS, attitude, rig_state, values
 from example_surveys import S, survey, surveys
 
 from mwd_estimation.status import Status
-from mwd_surface.survey_list import SurveyList
-from mwd_surface.wits0 import Decoder, encode
-from mwd_surface.wits0_records import RECORD_1, SENT, RecordWriter, Wits0Format, activity_code, rig_readings
+from mwd_surface.rig.wits0 import Decoder, encode
+from mwd_surface.rig.wits0_records import RECORD_1, SENT, RecordWriter, Wits0Format, activity_code, rig_readings
+from mwd_surface.surveys.survey_list import SurveyList
 
 GOLDEN = Path(__file__).parent / "golden"
 SYMBOLS = Path(__file__).parents[3] / "shared/data/authorities/wits0_records_1_2_7_8_symbols.csv"

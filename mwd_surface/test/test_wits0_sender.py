@@ -6,11 +6,11 @@ import pytest
 from example_rig import attitude, values
 from example_surveys import START, S, survey, surveys
 
-from mwd_surface.rig_values import nothing_yet
-from mwd_surface.survey_list import SurveyList
-from mwd_surface.wits0 import KEEP_ALIVE, Decoder
-from mwd_surface.wits0_records import Wits0Format
-from mwd_surface.wits0_sender import Wits0Schedule, Wits0Sender
+from mwd_surface.rig.rig_values import nothing_yet
+from mwd_surface.rig.wits0 import KEEP_ALIVE, Decoder
+from mwd_surface.rig.wits0_records import Wits0Format
+from mwd_surface.rig.wits0_sender import Wits0Schedule, Wits0Sender
+from mwd_surface.surveys.survey_list import SurveyList
 
 
 def sender(schedule=None, **form):

@@ -9,11 +9,11 @@ import pytest
 from example_rig import eventually, rig_state, started, values
 from example_surveys import survey, surveys
 
-from mwd_surface.rig_input import RigInputSettings
-from mwd_surface.rig_interface import InterfaceError
-from mwd_surface.wits0 import Decoder
-from mwd_surface.wits0_link import Wits0Settings
-from mwd_surface.wits0_server import Wits0Server, Wits0ServerSettings
+from mwd_surface.rig.rig_input import RigInputSettings
+from mwd_surface.rig.rig_interface import InterfaceError
+from mwd_surface.rig.wits0 import Decoder
+from mwd_surface.rig.wits0_link import Wits0Settings
+from mwd_surface.rig.wits0_server import Wits0Server, Wits0ServerSettings
 
 
 def server(talk=None, on_rig_state=None, **changes):

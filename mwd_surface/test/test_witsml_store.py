@@ -11,10 +11,10 @@ import pytest
 from example_rig import eventually, started
 from example_surveys import MADE, surveys, table
 
-from mwd_surface.export_witsml import witsml
-from mwd_surface.rig_interface import InterfaceError
-from mwd_surface.survey_table import survey_table
-from mwd_surface.witsml_store import WitsmlStore, WitsmlStoreSettings, answer_texts
+from mwd_surface.exports.export_witsml import witsml
+from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.rig.rig_interface import InterfaceError
+from mwd_surface.rig.witsml_store import WitsmlStore, WitsmlStoreSettings, answer_texts
 
 ENVELOPE = '<s:Envelope xmlns:s="http://schemas.xmlsoap.org/soap/envelope/"><s:Body>{}</s:Body></s:Envelope>'
 DOCUMENT = witsml(table())

@@ -20,7 +20,7 @@ def info(path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder, .mcap
     Example:
       mwd bag info bags/run_7
     """
-    from mwd_surface.bag_reader import Bag
+    from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
 
     console = terminal.output()
@@ -59,7 +59,7 @@ def recover(
       mwd recover bags/run_7
       mwd recover run_7_0.mcap -o saved.mcap
     """
-    from mwd_surface import recovery
+    from mwd_surface.bags import recovery
     from mwd_surface.commands import terminal
 
     console = terminal.output()

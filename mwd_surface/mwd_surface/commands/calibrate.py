@@ -41,9 +41,9 @@ def calibrate(
     from rich.table import Table
 
     from mwd_sensors.settings import SettingsError, unknown_key
-    from mwd_surface import calibration_run
-    from mwd_surface.bag_reader import Bag
+    from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
+    from mwd_surface.runs import calibration_run
 
     if unit not in calibration_run.UNITS:
         raise SettingsError(unknown_key(unit, calibration_run.UNITS, "--unit"))

@@ -26,7 +26,7 @@ def doctor(
 
     from mwd_estimation import gravity
     from mwd_surface.commands import terminal
-    from mwd_surface.doctor import Level, examine
+    from mwd_surface.runs.doctor import Level, examine
 
     marks = {Level.OK: "[green]ok[/]", Level.NOTE: "[yellow]note[/]", Level.MISSING: "[red]missing[/]"}
     findings = examine(os.environ, output)

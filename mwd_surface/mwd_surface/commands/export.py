@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from mwd_surface.survey_table import SurveyTable
+    from mwd_surface.exports.survey_table import SurveyTable
 
 Source = Annotated[
     Path, typer.Argument(metavar="SURVEYS", help="Folder of a run or well, its surveys.json, or a recording.")
@@ -58,8 +58,8 @@ def export(
       mwd export bags/run_7 -f witsml -o trajectory.xml --set well.name=Alpha-1 --set well.section_azimuth_deg=75
     """
     from mwd_surface.commands import terminal
-    from mwd_surface.export import FORMATS
-    from mwd_surface.export import export as write
+    from mwd_surface.exports.export import FORMATS
+    from mwd_surface.exports.export import export as write
 
     if kind == "timeseries" or (not kind and output.suffix == ".parquet"):
         _time_series(source, output, well)
@@ -93,7 +93,7 @@ def report(
       mwd report out/run_7 -o reports --plan plan.csv --set well.company="Open Drilling"
     """
     from mwd_surface.commands import terminal
-    from mwd_surface.export import export as write
+    from mwd_surface.exports.export import export as write
 
     table = _table(source, plan, leg, bit_depth, changes)
     for kind in ("html", "pdf"):
@@ -101,10 +101,10 @@ def report(
 
 
 def _time_series(source: Path, output: Path, well: str) -> None:
-    from mwd_surface import time_series
-    from mwd_surface.bag_reader import Bag
+    from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
-    from mwd_surface.export_name import safe_name
+    from mwd_surface.exports import time_series
+    from mwd_surface.exports.export_name import safe_name
 
     path = output if output.suffix and not output.is_dir() else output / f"{safe_name(source.stem, 'timeseries')}.csv"
     with Bag(source) as opened, terminal.progress(f"reading {source.name}") as progress:
@@ -127,9 +127,9 @@ def _table(
     from mwd_surface import __version__
     from mwd_surface.commands import terminal
     from mwd_surface.commands.reference_options import assignments
-    from mwd_surface.plan_file import read_plan
-    from mwd_surface.survey_source import surveys_of
-    from mwd_surface.survey_table import survey_table
+    from mwd_surface.exports.survey_table import survey_table
+    from mwd_surface.surveys.plan_file import read_plan
+    from mwd_surface.surveys.survey_source import surveys_of
 
     surveys, notes = surveys_of(source)
     given = assignments(changes)

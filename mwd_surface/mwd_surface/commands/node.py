@@ -38,7 +38,7 @@ def node(context: typer.Context, name: Node) -> None:
     """
     import os
 
-    from mwd_surface.supervise import die_with_supervisor
+    from mwd_surface.runs.supervise import die_with_supervisor
 
     die_with_supervisor(os.environ)
     sys.exit(node_main(MODULES[name])([name.value, *context.args]))

@@ -34,11 +34,11 @@ def plot(
       mwd plot bags/run_7 -o all.png --what all
       mwd plot bags/two_wells -o well_2.png --topic /well_2/imu/data_raw --topic /well_2/imu/mag
     """
-    from mwd_surface import bag_plots
-    from mwd_surface.bag_reader import Bag
+    from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
-    from mwd_surface.plot_data import gather
-    from mwd_surface.traces import WHAT
+    from mwd_surface.plots import bag_plots
+    from mwd_surface.plots.plot_data import gather
+    from mwd_surface.plots.traces import WHAT
 
     kind = output.suffix.lower().removeprefix(".")
     if kind not in ("png", "svg"):

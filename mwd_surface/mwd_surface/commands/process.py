@@ -12,8 +12,8 @@ from mwd_surface.commands.reference_options import FIELD_PANEL, Changes, Config,
 
 if TYPE_CHECKING:
     from mwd_estimation.pipeline import EstimatorSettings
-    from mwd_surface.bag_reader import Bag
-    from mwd_surface.process import Summary
+    from mwd_surface.bags.bag_reader import Bag
+    from mwd_surface.runs.process import Summary
 
 _INPUT = "Input"
 
@@ -75,11 +75,11 @@ def process(
     """
     from mwd_sensors import settings
     from mwd_sensors.compensation import Compensation
-    from mwd_surface import calibration_run
-    from mwd_surface import process as batch
-    from mwd_surface.bag_reader import Bag
+    from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
     from mwd_surface.commands.reference_options import assignments, estimator_settings, place_changes
+    from mwd_surface.runs import calibration_run
+    from mwd_surface.runs import process as batch
 
     named: dict[str, Any] = place_changes(lat, lon, date, field)
     if named and "station.north" not in assignments(changes) and config is None:
@@ -159,7 +159,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, folder: Path, elapsed:
         show_surveys(console, [(survey.station, depth) for survey, depth in summary.surveys])
     else:
         console.print(f"{'surveys':>13}  none: the tool never kept still for long enough", markup=False)
-    from mwd_surface.process import FILES
+    from mwd_surface.runs.process import FILES
 
     console.print(f"{'written':>13}  {', '.join(str(folder / name) for name in FILES)}", markup=False)
 

@@ -34,10 +34,10 @@ def replay(
     """
     import os
 
-    from mwd_surface.bag_reader import Bag
+    from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands.node import node_main
-    from mwd_surface.launch_plan import parameter_words
-    from mwd_surface.supervise import die_with_supervisor
+    from mwd_surface.runs.launch_plan import parameter_words
+    from mwd_surface.runs.supervise import die_with_supervisor
 
     die_with_supervisor(os.environ)
     # Said here, before any middleware starts.

@@ -10,8 +10,8 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from mwd_surface.score import Scored
-    from mwd_surface.supervise import Supervisor
+    from mwd_surface.runs.supervise import Supervisor
+    from mwd_surface.surveys.score import Scored
 
 _READY_WITHIN = 120.0  # s; the first start on a machine compiles the filters
 _SETTLE = 1.5  # s between the last sample and the end, for what is still on its way
@@ -48,9 +48,9 @@ def run(
 
     from mwd_sensors import scenario_files
     from mwd_sensors.scenario import read
-    from mwd_surface import launch_plan
     from mwd_surface.commands import terminal
-    from mwd_surface.supervise import Order, Supervisor, SupervisorError
+    from mwd_surface.runs import launch_plan
+    from mwd_surface.runs.supervise import Order, Supervisor, SupervisorError
 
     namespace = launch_plan.checked_well(well)
     path = scenario_files.find(scenario).resolve()
@@ -153,7 +153,7 @@ def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: 
     import time
 
     from mwd_surface.commands import terminal
-    from mwd_surface.supervise import SupervisorError
+    from mwd_surface.runs.supervise import SupervisorError
 
     began = time.monotonic()
     with terminal.waiting("starting the nodes"):
@@ -178,7 +178,7 @@ def _play(supervisor: Supervisor, interrupts: _Interrupts, address: str, name: s
     import time
 
     from mwd_surface.commands import terminal
-    from mwd_surface.live_words import live_words
+    from mwd_surface.page.live_words import live_words
 
     said = 0.0
     over: float | None = None
@@ -212,9 +212,9 @@ def _state(address: str) -> dict[str, Any]:
 
 
 def _conclude(console: Console, bag: Path, no_record: bool) -> None:
-    from mwd_surface.bag_reader import Bag, BagError
+    from mwd_surface.bags.bag_reader import Bag, BagError
     from mwd_surface.commands import terminal
-    from mwd_surface.score import score
+    from mwd_surface.surveys.score import score
 
     if no_record:
         return

@@ -52,7 +52,7 @@ def simulate(
     from mwd_sensors import scenario_files
     from mwd_sensors.scenario import read
     from mwd_surface.commands import terminal
-    from mwd_surface.simulate import record
+    from mwd_surface.runs.simulate import record
 
     changes: dict[str, Any] = {} if seed is None else {"seed": seed}
     path = scenario_files.find(scenario)

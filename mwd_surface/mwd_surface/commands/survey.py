@@ -46,11 +46,12 @@ def survey(
       mwd survey stations.csv --lat 58.44 --lon 1.88 --date 2026-03-01 --axial z
     """
     from mwd_estimation.station_table import stations as work_out
-    from mwd_surface import bag_metadata, station_csv
+    from mwd_surface.bags import bag_metadata
     from mwd_surface.commands import terminal
     from mwd_surface.commands.reference_options import estimator_settings
     from mwd_surface.commands.survey_table import show_surveys
-    from mwd_surface.station_file import read_table
+    from mwd_surface.surveys import station_csv
+    from mwd_surface.surveys.station_file import read_table
 
     table = read_table(stations)
     settings = estimator_settings(config, {}, changes).station

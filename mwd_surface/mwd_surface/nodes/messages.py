@@ -10,11 +10,11 @@ from nav_msgs.msg import Path
 
 from mwd_estimation.nodes.messages import stamp
 from mwd_sensors import frames
-from mwd_surface.alarms import Alarm
-from mwd_surface.recorder import RecorderStatus
-from mwd_surface.survey_list import Definitive, SurveyList
-from mwd_surface.survey_message import fill_list, fill_record, fill_trajectory
-from mwd_surface.survey_record import SurveyRecord
+from mwd_surface.bags.recorder import RecorderStatus
+from mwd_surface.page.alarms import Alarm
+from mwd_surface.surveys.survey_list import Definitive, SurveyList
+from mwd_surface.surveys.survey_message import fill_list, fill_record, fill_trajectory
+from mwd_surface.surveys.survey_record import SurveyRecord
 
 
 def record_message(record: SurveyRecord) -> msg.SurveyRecord:

@@ -19,9 +19,9 @@ from mwd_sensors.nodes.graph_node import OK, WARN, Finding, GraphNode, run_node
 from mwd_sensors.nodes.listeners import Listeners
 from mwd_sensors.nodes.profiles import STATE, STREAM
 from mwd_sensors.settings import setting
-from mwd_surface.bag_metadata import parse_qos
-from mwd_surface.bag_reader import Bag, BagError, Message
-from mwd_surface.pace import Pace
+from mwd_surface.bags.bag_metadata import parse_qos
+from mwd_surface.bags.bag_reader import Bag, BagError, Message
+from mwd_surface.bags.pace import Pace
 
 _TICK_S = 0.002
 _MOST_PER_TICK = 200  # so that signals and services are heard even when everything is late

@@ -26,27 +26,27 @@ from mwd_sensors.nodes.graph_node import ERROR, OK, WARN, Finding, GraphNode, La
 from mwd_sensors.nodes.profiles import EVENT, LATCHED, STATE
 from mwd_sensors.settings import setting
 from mwd_surface import __version__
-from mwd_surface.alarms import AlarmBook, Severity
-from mwd_surface.depth import DepthRules, DepthTrack
-from mwd_surface.export import ExportError, export
-from mwd_surface.export_witsml import witsml
-from mwd_surface.live_state import LiveSettings, LiveState
+from mwd_surface.bags.recorder import Level, Recorder, RecorderError, RecorderSettings, State
+from mwd_surface.exports.export import ExportError, export
+from mwd_surface.exports.export_witsml import witsml
+from mwd_surface.exports.survey_table import survey_table, table_of
 from mwd_surface.nodes import messages
 from mwd_surface.nodes.contract import TOPICS, profile_yaml, type_name
-from mwd_surface.page_server import PageServer, PageSettings
-from mwd_surface.plan import Plan, interpolated, offset_from, steering_to
-from mwd_surface.plan_file import PlanError, read_plan
-from mwd_surface.recorder import Level, Recorder, RecorderError, RecorderSettings, State
-from mwd_surface.rig_interface import InterfaceError
-from mwd_surface.rig_port import RigPort, RigSettings
-from mwd_surface.rig_survey import AcceptedSurvey, accepted_surveys
-from mwd_surface.rig_values import RigValues, rig_values
-from mwd_surface.survey_list import Definitive, ListRules, SurveyList
-from mwd_surface.survey_message import survey_of
-from mwd_surface.survey_record import Verdict
-from mwd_surface.survey_store import StoreError, SurveyStore
-from mwd_surface.survey_table import survey_table, table_of
-from mwd_surface.well import Well
+from mwd_surface.page.alarms import AlarmBook, Severity
+from mwd_surface.page.live_state import LiveSettings, LiveState
+from mwd_surface.page.page_server import PageServer, PageSettings
+from mwd_surface.rig.rig_interface import InterfaceError
+from mwd_surface.rig.rig_port import RigPort, RigSettings
+from mwd_surface.rig.rig_survey import AcceptedSurvey, accepted_surveys
+from mwd_surface.rig.rig_values import RigValues, rig_values
+from mwd_surface.surveys.depth import DepthRules, DepthTrack
+from mwd_surface.surveys.plan import Plan, interpolated, offset_from, steering_to
+from mwd_surface.surveys.plan_file import PlanError, read_plan
+from mwd_surface.surveys.survey_list import Definitive, ListRules, SurveyList
+from mwd_surface.surveys.survey_message import survey_of
+from mwd_surface.surveys.survey_record import Verdict
+from mwd_surface.surveys.survey_store import StoreError, SurveyStore
+from mwd_surface.surveys.well import Well
 
 _LIVE_PERIOD = 0.05  # s; how often what arrived is brought to the page and the toolface topic
 _RIG_PERIOD = 0.2  # s; how often the rig interfaces are told

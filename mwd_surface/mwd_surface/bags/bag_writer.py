@@ -1,0 +1,322 @@
+"""
+A rosbag2 directory of MCAP files, written message by message or a million rows at a time.
+
+The recorder, the simulator and the offline estimator all write through here, so that every bag of this project opens
+in `ros2 bag`, `rosbags`, `mcap` and Foxglove alike.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mwd_surface.bags import bag_metadata
+from mwd_surface.bags.bag_metadata import BagMetadata, File, Topic
+from mwd_surface.bags.definitions import DefinitionError, Definitions, installed
+from mwd_surface.bags.mcap_format import Attachment, Channel, Schema
+from mwd_surface.bags.mcap_writer import McapWriter
+
+ROSBAG2_RECORD = "rosbag2"
+
+
+@dataclasses.dataclass
+class _Track:
+    """One topic of one type, with its counts over all files of the bag."""
+
+    channel: Channel
+    schema: Schema
+    type_hash: str
+    qos: list[dict[str, Any]]
+    count: int = 0
+
+
+class BagWriter:
+    """
+    Writes a bag: ``<path>/<name>_0.mcap``, ``_1.mcap``... and ``metadata.yaml``.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of the bag; must not exist.
+    definitions : Definitions, optional
+        Where schema texts come from; by default this installation's.
+    in_place : bool
+        False: all is written beside `path` and appears under it, complete, on `close`; a failure leaves nothing.
+        True: the folder is `path` from the beginning, and metadata.yaml follows each file's end (a recorder's way).
+    compression, level, chunk_bytes
+        As `McapWriter`.
+    custom : mapping of str, optional
+        ``custom_data`` of metadata.yaml: whatever a person may want to know of the bag.
+
+    Raises
+    ------
+    FileExistsError
+        `path` exists already.
+    OSError
+        From every method that writes.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        definitions: Definitions | None = None,
+        *,
+        in_place: bool = False,
+        compression: str = "zstd",
+        level: int = 1,
+        chunk_bytes: int = 1024 * 1024,
+        custom: Mapping[str, str] | None = None,
+    ) -> None:
+        self.path = Path(path)
+        if self.path.exists():
+            raise FileExistsError(f"{self.path} exists already; choose another name or remove it first")
+        self.definitions = definitions or installed()
+        self.custom = dict(custom or {})
+        self.files: list[File] = []
+        self._options = {"compression": compression, "level": level, "chunk_bytes": chunk_bytes}
+        self._folder = self.path if in_place else self.path.with_name(f".{self.path.name}.unfinished")
+        if not in_place and self._folder.exists():
+            shutil.rmtree(self._folder)
+        self._in_place = in_place
+        self._folder.mkdir(parents=True)
+        self._tracks: dict[int, _Track] = {}
+        self._by_name: dict[tuple[str, str], int] = {}
+        self._schemas: dict[str, Schema] = {}
+        self._open = True
+        self._finished_bytes = 0
+        self._next = 0
+        self._noted = False
+        self.file = self._new_file()
+
+    @property
+    def messages(self) -> int:
+        """Messages taken so far."""
+        return sum(file.count for file in self.files) + (self.file.messages if self._open else 0)
+
+    @property
+    def bytes_written(self) -> int:
+        """Bytes in all files so far."""
+        return self._finished_bytes + (self.file.size if self._open else 0)
+
+    def topic(
+        self,
+        name: str,
+        type_name: str,
+        qos: str | Sequence[Mapping[str, Any]] = (),
+        type_hash: str = "",
+        *,
+        need_definition: bool = True,
+    ) -> int:
+        """
+        Channel number of a topic, declared on first use.
+
+        Parameters
+        ----------
+        name : str
+            Full name, for example ``/well_7/imu/data_raw``.
+        type_name : str
+            ``package/msg/Name``.
+        qos : YAML text or list of tables
+            Offered profiles, as `bag_metadata.parse_qos` takes them.
+        type_hash : str
+            RIHS01 hash as the middleware reports it; by default computed.
+        need_definition : bool
+            False records a type whose definition is unknown here without one, as rosbag2 does.
+
+        Raises
+        ------
+        DefinitionError
+            The type is unknown and `need_definition` is true.
+        ValueError
+            `qos` cannot be parsed.
+        """
+        known = self._by_name.get((name, type_name))
+        if known is not None:
+            return known
+        profiles = bag_metadata.parse_qos(qos)
+        text = ""
+        try:
+            definition = self.definitions.definition(type_name)
+            text, type_hash = definition.text, type_hash or definition.type_hash
+        except DefinitionError:
+            if need_definition:
+                raise
+        schema = self._schemas.get(type_name)
+        if schema is None:
+            schema = Schema(len(self._schemas) + 1, type_name, "ros2msg" if text else "", text.encode())
+            self.file.add_schema(schema)
+            self._schemas[type_name] = schema
+        metadata = {"offered_qos_profiles": bag_metadata.qos_text(profiles), "topic_type_hash": type_hash}
+        channel = Channel(len(self._tracks) + 1, schema.id, name, "cdr", metadata)
+        self.file.add_channel(channel)
+        self._tracks[channel.id] = _Track(channel, schema, type_hash, profiles)
+        self._by_name[name, type_name] = channel.id
+        return channel.id
+
+    def has_definition(self, channel: int) -> bool:
+        """Whether the type of a channel is recorded with its definition."""
+        return bool(self._tracks[channel].schema.data)
+
+    def write(self, channel: int, data: bytes, log_ns: int, publish_ns: int | None = None) -> None:
+        """
+        Write one serialised message.
+
+        Raises
+        ------
+        ValueError
+            A stamp before 1970 or an unknown channel.
+        """
+        self._check(channel, log_ns)
+        self.file.write(channel, data, log_ns, log_ns if publish_ns is None else max(publish_ns, 0))
+
+    def write_rows(
+        self, channel: int, rows: NDArray[np.uint8], log_ns: ArrayLike, publish_ns: ArrayLike | None = None
+    ) -> None:
+        """
+        Write many serialised messages of one size.
+
+        rows, shape (n, size), uint8: one message each. log_ns, publish_ns, shape (n,), int64: ns since the epoch.
+
+        Raises
+        ------
+        ValueError
+            Shapes that do not match, a stamp before 1970 or an unknown channel.
+        """
+        rows = np.asarray(rows, dtype=np.uint8)
+        log = np.asarray(log_ns, dtype=np.int64)
+        publish = log if publish_ns is None else np.asarray(publish_ns, dtype=np.int64)
+        if rows.ndim != 2 or log.shape != (len(rows),) or publish.shape != log.shape:
+            raise ValueError(f"rows: expected (n, size) with n stamps, got {rows.shape} and {log.shape}")
+        if len(rows) == 0:
+            return
+        self._check(channel, int(log.min()))
+        self.file.write_rows(channel, rows, log, publish)
+
+    def attach(self, name: str, media_type: str, data: bytes, log_ns: int) -> None:
+        """Keep a file (a report, a scenario, a calibration) inside the bag."""
+        self.file.attach(Attachment(log_ns, log_ns, name, media_type, data))
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Keep a named table of strings (versions, parameters) inside the bag."""
+        self.file.add_metadata(name, values)
+
+    def split(self, sync: bool = False) -> Path:
+        """Finish the file at hand and go on in a new one with the same topics; returns the finished file."""
+        done = self.finish_file(sync)
+        self.begin_file()
+        return done
+
+    def finish_file(self, sync: bool = False) -> Path:
+        """Finish the file at hand; the next call must be `begin_file` or `close`. May be repeated when it fails."""
+        if self._open:
+            self.file.close_chunk()
+            if not self._noted:
+                self._note_metadata()
+                self._noted = True
+            self.file.finish(sync)
+            self._open = False
+            self._finished_bytes += self.file.size
+            self.files.append(self._file_entry())
+            for channel, count in self.file.counts.items():
+                self._tracks[channel].count += count
+        if self._in_place:
+            bag_metadata.write(self._folder, self.metadata())
+        return self.file.path
+
+    def begin_file(self) -> None:
+        """Open the next file and declare every topic in it; a failure leaves no file and may be repeated."""
+        file = self._new_file()
+        try:
+            for schema in self._schemas.values():
+                file.add_schema(schema)
+            for track in self._tracks.values():
+                file.add_channel(track.channel)
+        except OSError:
+            file.close()
+            file.path.unlink()
+            self._next -= 1
+            raise
+        self.file = file
+        self._open, self._noted = True, False
+
+    def give_up_file(self) -> int:
+        """
+        Leave the file at hand as it is, without an end, for recovery; the next call must be `begin_file` or `close`.
+
+        Returns the messages that never reached the file.
+        """
+        if not self._open:
+            return 0
+        lost = self.file.discard_pending()
+        self.file.close()
+        self._open = False
+        self._finished_bytes += self.file.size
+        return lost
+
+    def close(self, sync: bool = False) -> Path:
+        """Finish the bag; returns its folder."""
+        if self._open:
+            self.finish_file(sync)
+        if not self._in_place:
+            bag_metadata.write(self._folder, self.metadata())
+            self._folder.rename(self.path)
+        return self.path
+
+    def abandon(self) -> None:
+        """Give up: nothing is left of a bag written aside; one written in place stays for recovery."""
+        self.file.close()
+        self._open = False
+        if not self._in_place:
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+    def metadata(self) -> BagMetadata:
+        """What metadata.yaml says of the files finished so far."""
+        return BagMetadata(
+            files=list(self.files),
+            topics=[
+                Topic(track.channel.topic, track.schema.name, track.count, track.type_hash, track.qos)
+                for track in self._tracks.values()
+            ],
+            custom=self.custom,
+        )
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is None:
+            self.close()
+        else:
+            self.abandon()
+
+    def _check(self, channel: int, log_ns: int) -> None:
+        if channel not in self._tracks:
+            raise ValueError(f"channel: {channel} was not declared; `topic` returns the number to use")
+        if log_ns < 0:
+            raise ValueError(f"log_ns: {log_ns} lies before 1970; stamps are ns since the epoch")
+
+    def _new_file(self) -> McapWriter:
+        file = McapWriter(self._folder / f"{self.path.name}_{self._next}.mcap", **self._options)  # type: ignore[arg-type]
+        self._next += 1
+        return file
+
+    def _file_entry(self) -> File:
+        return File(self.file.path.name, self.file.start_ns, self.file.end_ns, self.file.messages)
+
+    def _note_metadata(self) -> None:
+        # As rosbag2 does: each file alone can restore the table of the bag that it belongs to.
+        topics = [
+            Topic(track.channel.topic, track.schema.name, self.file.counts[number], track.type_hash, track.qos)
+            for number, track in self._tracks.items()
+        ]
+        alone = BagMetadata(files=[self._file_entry()], topics=topics, custom=self.custom)
+        self.file.add_metadata(ROSBAG2_RECORD, {"serialized_metadata": bag_metadata.serialized(alone)})

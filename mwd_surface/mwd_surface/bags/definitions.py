@@ -1,0 +1,200 @@
+"""
+Message definitions without middleware: schema text and type hash of every type this graph or a user's bag carries.
+
+The common ROS 2 types come from the table of Jazzy inside `rosbags`; all others, `mwd_msgs` among them, from the
+``.msg`` files of installed packages (``<prefix>/share/<package>/msg``) or of the source tree.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.base import TypesysError
+from rosbags.typesys.store import Typestore
+
+_RULE = "=" * 80
+
+
+class DefinitionError(LookupError):
+    """A message type without a definition on this machine; says where it was looked for and what to install."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Definition:
+    """
+    One message type as a recording carries it.
+
+    Attributes
+    ----------
+    type_name : str
+        ``package/msg/Name``.
+    text : str
+        The ``ros2msg`` schema: the type's own definition, then those of every type it uses.
+    type_hash : str
+        RIHS01 hash (REP-2016).
+    """
+
+    type_name: str
+    text: str
+    type_hash: str
+
+
+def share_folders() -> list[Path]:
+    """Folders that hold packages: every ``share`` of AMENT_PREFIX_PATH, this Python's, and a source tree around us."""
+    prefixes = [Path(part) for part in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if part]
+    folders = [prefix / "share" for prefix in (*prefixes, Path(sys.prefix))]
+    # <root>/mwd_surface/mwd_surface/bags/definitions.py: beside it lies <root>/mwd_msgs/msg in a checkout.
+    folders.append(Path(__file__).resolve().parents[3])
+    return list(dict.fromkeys(folder for folder in folders if folder.is_dir()))
+
+
+class Definitions:
+    """
+    Definitions by type name.
+
+    Parameters
+    ----------
+    folders : sequence of path, optional
+        Folders of packages, searched for ``<package>/msg/<Name>.msg``; by default `share_folders`.
+    """
+
+    def __init__(self, folders: Sequence[Path] | None = None) -> None:
+        self.folders = list(share_folders() if folders is None else folders)
+        self.typestore: Typestore = get_typestore(Stores.ROS2_JAZZY)
+        self._known: dict[str, Definition] = {}
+
+    def definition(self, type_name: str) -> Definition:
+        """
+        Schema text and hash of a type.
+
+        Raises
+        ------
+        DefinitionError
+            Neither the type nor the package it belongs to is known here, or its file cannot be parsed.
+        """
+        if type_name not in self._known:
+            self.load(type_name)
+            parts = {name: self._own_text(name) for name in self._closure(type_name)}
+            text = parts.pop(type_name) + "".join(
+                f"{_RULE}\nMSG: {_short(name)}\n{body}" for name, body in parts.items()
+            )
+            self._known[type_name] = Definition(type_name, text, self.typestore.hash_rihs01(type_name))
+        return self._known[type_name]
+
+    def load(self, type_name: str) -> None:
+        """
+        Make a type and all it uses known to `typestore`.
+
+        Raises
+        ------
+        DefinitionError
+            As `definition`.
+        """
+        wanted, types = [type_name], {}
+        while wanted:
+            name = wanted.pop()
+            if name in self.typestore.fielddefs or name in types:
+                continue
+            path = self._file(name)
+            try:
+                found = get_types_from_msg(path.read_text(encoding="utf-8"), name)
+            except (TypesysError, OSError, UnicodeDecodeError) as error:
+                raise DefinitionError(f"{path} is not a message definition: {error}") from error
+            types.update(found)
+            wanted += [used for _, fields in found.values() for _, field in fields for used in _names(field)]
+        if types:
+            try:
+                self.typestore.register(types)
+            except TypesysError as error:
+                raise DefinitionError(f"{type_name}: {error}") from error
+
+    def learn(self, type_name: str, text: str) -> None:
+        """
+        Take a type from the schema text of a recording, unless it is known already.
+
+        Raises
+        ------
+        DefinitionError
+            The text cannot be parsed, or contradicts a type already known.
+        """
+        if type_name in self.typestore.fielddefs:
+            return
+        try:
+            found = get_types_from_msg(text, type_name)
+            known = found.keys() | self.typestore.fielddefs.keys()
+            used = {name for _, fields in found.values() for _, field in fields for name in _names(field)}
+            if used - known:
+                raise DefinitionError(f"{type_name}: the recording does not define {', '.join(sorted(used - known))}")
+            self.typestore.register({name: found[name] for name in found.keys() - self.typestore.fielddefs.keys()})
+        except TypesysError as error:
+            raise DefinitionError(f"{type_name}: the definition in the recording cannot be used: {error}") from error
+
+    def _closure(self, type_name: str) -> list[str]:
+        order, wanted = [type_name], [type_name]
+        while wanted:
+            for _, field in self.typestore.fielddefs[wanted.pop(0)][1]:
+                for used in _names(field):
+                    if used not in order:
+                        order.append(used)
+                        wanted.append(used)
+        return order
+
+    def _own_text(self, type_name: str) -> str:
+        # The file keeps units and comments, which a bag opened in ten years needs; the table has only the fields.
+        path = self._find(type_name) if type_name.startswith("mwd_") else None
+        if path is not None:
+            body = path.read_text(encoding="utf-8")
+            return body if body.endswith("\n") else body + "\n"
+        return self.typestore.gendefhash(type_name, {}, ros_version=2)[0]
+
+    def _file(self, type_name: str) -> Path:
+        path = self._find(type_name)
+        if path is not None:
+            return path
+        package = type_name.split("/")[0]
+        places = ", ".join(str(folder) for folder in self.folders) or "nowhere: no folder is installed"
+        if any((folder / package / "msg").is_dir() for folder in self.folders):
+            hint = f"the installed {package} has no such message; is its version too old?"
+        elif package == "mwd_msgs":
+            hint = "mwd_msgs is not installed: build it (`make run` or `colcon build`) or source its install/setup.bash"
+        else:
+            hint = f"install the ROS package {package}"
+        raise DefinitionError(f"no definition of {type_name}; {hint} (looked in {places})")
+
+    def _find(self, type_name: str) -> Path | None:
+        parts = type_name.split("/")
+        if len(parts) != 3 or parts[1] != "msg" or not all(part.isidentifier() for part in parts):
+            raise DefinitionError(f"{type_name!r} is not a message type; write it as package/msg/Name")
+        for folder in self.folders:
+            path = folder / parts[0] / "msg" / f"{parts[2]}.msg"
+            if path.is_file():
+                return path
+        return None
+
+
+@functools.lru_cache(maxsize=1)
+def installed() -> Definitions:
+    """The definitions of this installation, read once."""
+    return Definitions()
+
+
+def _names(field: tuple[int, object]) -> Iterable[str]:
+    kind, inner = field
+    if kind == Nodetype.NAME:
+        return [str(inner)]
+    if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        element = inner[0]  # type: ignore[index]
+        return _names(element)
+    return []
+
+
+def _short(type_name: str) -> str:
+    package, _, name = type_name.split("/")
+    return f"{package}/{name}"

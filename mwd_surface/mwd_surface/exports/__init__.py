@@ -1,0 +1,1 @@
+"""Surveys and recordings as files for others: tables, LAS, WITSML, reports."""

@@ -1,0 +1,93 @@
+"""
+The definitive survey as a LAS 2.0 file: measured depth as index, null -999.25.
+
+The file holds the same printed numbers as every other export; columns that are not known anywhere are left out.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import io
+import re
+
+import numpy as np
+
+from mwd_surface.exports.survey_table import SurveyTable
+
+NULL = -999.25
+# Mnemonic and unit of each column; LAS has no other place for the rest of a name.
+_CURVES = {
+    "md_m": ("DEPT", "M"),
+    "inclination_deg": ("INC", "DEG"),
+    "azimuth_deg": ("AZI", "DEG"),
+    "tvd_m": ("TVD", "M"),
+    "north_m": ("NS", "M"),
+    "east_m": ("EW", "M"),
+    "vertical_section_m": ("VS", "M"),
+    "dls_deg_per_30m": ("DLS", "DEG/30M"),
+    "build_deg_per_30m": ("BUILD", "DEG/30M"),
+    "turn_deg_per_30m": ("TURN", "DEG/30M"),
+    "sigma_north_m": ("SIGN", "M"),
+    "sigma_east_m": ("SIGE", "M"),
+    "sigma_vertical_m": ("SIGV", "M"),
+    "to_plan_m": ("TOPLAN", "M"),
+    "above_plan_m": ("ABOVE", "M"),
+    "right_of_plan_m": ("RIGHT", "M"),
+}
+
+
+def las(table: SurveyTable) -> str:
+    """
+    The file as text (UTF-8 when encoded).
+
+    The last curve, KIND, says what a station is: 0 tie-on, 1 survey, 2 projected to the bit.
+    """
+    import lasio
+
+    well = table.surveys.well
+    file = lasio.LASFile()
+    item = lasio.HeaderItem
+    moment = dt.datetime.fromtimestamp(table.made_ns // 10**9, tz=dt.UTC)
+    for mnemonic, value, descr in (
+        ("WELL", well.name, "WELL"),
+        ("COMP", well.company, "COMPANY"),
+        ("FLD", well.field, "FIELD"),
+        ("SRVC", well.service_company, "SERVICE COMPANY"),
+        ("DATE", f"{moment:%Y-%m-%d}", "DATE OF THE FILE, UTC"),
+    ):
+        file.well[mnemonic] = item(mnemonic, value=_value(value), descr=descr)
+    file.well["NULL"].value = NULL
+    for k, (label, value) in enumerate(table.header, start=1):
+        file.params.append(item(f"H{k:02d}", value=_value(value), descr=_value(label)))
+    for k, why in enumerate(table.left_out, start=1):
+        file.params.append(item(f"X{k:02d}", value=_value(why), descr="LEFT OUT"))
+    formats: dict[int, str] = {}
+    for column in table.columns:
+        if all(v is None for v in column.values):
+            continue
+        mnemonic, unit = _CURVES[column.key]
+        printed = [column.cell(k) for k in table.rows]
+        formats[len(formats)] = f"%.{column.decimals}f"
+        data = np.array([float(p) if p else np.nan for p in printed])
+        file.append_curve(mnemonic, data, unit=unit, descr=column.title.replace("σ", "sigma"))
+    kinds = {"tie-on": 0.0, "survey": 1.0, "projected": 2.0}
+    formats[len(formats)] = "%.0f"
+    file.append_curve("KIND", np.array([kinds[k] for k in table.path.kind]), descr="0 tie-on, 1 survey, 2 projected")
+    text = io.StringIO()
+    depth = table.column("md_m")
+    # Stations stand where they were taken: a step of 0 says so.
+    file.write(
+        text,
+        version=2.0,
+        column_fmt=formats,
+        STRT=float(depth.cell(0)),
+        STOP=float(depth.cell(len(table.records) - 1)),
+        STEP=0.0,
+        header_width=40,
+    )
+    return text.getvalue()
+
+
+def _value(text: str) -> str:
+    # A colon before a space parts value and description; inside a time it does no harm.
+    return re.sub(r"\s*:\s+", ", ", text)

@@ -1,0 +1,220 @@
+"""
+The definitive survey as a WITSML 1.4.1.1 trajectory.
+
+Valid against the schema, and beyond it: every number finite, every station's uid its own, measured depth increasing.
+Raw data follows WITSML: gravity as it points (down), not specific force; axial down-hole, transverse 1 and 2 are the
+tool's y and z. The projection to the bit is a station of type "hold to MD" (or "DLS and toolface to MD") and says so.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+
+from mwd_surface.exports.survey_table import SurveyTable, fixed, plain, utc
+from mwd_surface.surveys.survey_record import Survey, SurveyRecord, Verdict
+
+NAMESPACE = "http://www.witsml.org/schemas/1series"
+_DEG = 180.0 / math.pi
+_NAME, _COMMENT, _UID = 64, 4000, 64
+_STATION = {
+    "tvd_m": ("tvd", "m"),
+    "inclination_deg": ("incl", "dega"),
+    "azimuth_deg": ("azi", "dega"),
+}
+_PLACE = {
+    "north_m": ("dispNs", "m"),
+    "east_m": ("dispEw", "m"),
+    "vertical_section_m": ("vertSect", "m"),
+    "dls_deg_per_30m": ("dls", "dega/30m"),
+    "turn_deg_per_30m": ("rateTurn", "dega/30m"),
+    "build_deg_per_30m": ("rateBuild", "dega/30m"),
+}
+
+
+def witsml(table: SurveyTable, uid: str = "") -> str:
+    """
+    The document as text (UTF-8 when encoded).
+
+    table : SurveyTable
+        Stations of it that are not above the next one in depth are left out, with the reason in the comments.
+    uid : str
+        Of the trajectory; made from the names where empty.
+    """
+    well = table.surveys.well
+    rows, left_out = _increasing(table)
+    md = table.column("md_m")
+    used = [table.records[k] for k in rows]
+    stamps = [r.survey.stamp_ns for r in used if r is not None]
+    reference = next((r.survey for r in reversed(used) if r is not None and r.survey.has_reference), None)
+    ids = (_uid(well.name), _uid(well.wellbore_name), _uid(uid or f"{well.wellbore_name}-{table.path.leg}"))
+    head = [
+        _text("nameWell", well.name, _NAME),
+        _text("nameWellbore", well.wellbore_name, _NAME),
+        _text("name", f"definitive survey, leg {table.path.leg}", _NAME),
+    ]
+    if stamps:
+        head += [_text("dTimTrajStart", utc(min(stamps))), _text("dTimTrajEnd", utc(max(stamps)))]
+    if rows:
+        head += [_measure("mdMn", md.cell(rows[0]), "m"), _measure("mdMx", md.cell(rows[-1]), "m")]
+    if well.service_company:
+        head.append(_text("serviceCompany", well.service_company, _NAME))
+    if reference is not None:
+        head.append(_measure("magDeclUsed", fixed(reference.declination * _DEG, 4), "dega"))
+        head.append(_measure("gridConUsed", fixed(reference.convergence * _DEG, 4), "dega"))
+    head.append(_measure("aziVertSect", fixed(well.section_azimuth_deg, 4), "dega"))
+    head += [_text("definitive", "true"), _text("memory", "false"), _text("finalTraj", "false")]
+    head.append(_text("aziRef", f"{well.north_reference} north"))
+    seen: set[str] = set()
+    stations = [_station(table, k, seen) for k in rows]
+    notes = [*table.left_out, *left_out, f"position uncertainty: {table.covariance_note}"]
+    common = _text("dTimCreation", utc(table.made_ns)) + _text("comments", "; ".join(notes), _COMMENT)
+    return "\n".join(
+        [
+            '<?xml version="1.0" encoding="UTF-8"?>',
+            f'<trajectorys xmlns="{NAMESPACE}" version="1.4.1.1">',
+            f"<trajectory uidWell={quoteattr(ids[0])} uidWellbore={quoteattr(ids[1])} uid={quoteattr(ids[2])}>",
+            *head,
+            *stations,
+            f"<commonData>{common}</commonData>",
+            "</trajectory>",
+            "</trajectorys>",
+            "",
+        ]
+    )
+
+
+def _increasing(table: SurveyTable) -> tuple[list[int], list[str]]:
+    """Stations whose printed depth lies below the one before, and what to say about the others."""
+    md = table.column("md_m")
+    rows: list[int] = []
+    why = []
+    for k in table.rows:
+        if rows and float(md.cell(k)) <= float(md.cell(rows[-1])):
+            why.append(f"station at {md.cell(k)} m left out: not below the one before")
+        else:
+            rows.append(k)
+    return rows, why
+
+
+def _station(table: SurveyTable, k: int, seen: set[str]) -> str:
+    record, kind = table.records[k], table.path.kind[k]
+    parts = []
+    if record is not None:
+        parts.append(_text("dTimStn", utc(record.survey.stamp_ns)))
+    parts.append(_text("typeTrajStation", _type(table, record, kind)))
+    parts.append(_text("calcAlgorithm", "minimum curvature"))
+    parts.append(_measure("md", table.column("md_m").cell(k), "m"))
+    parts += [_measure(tag, table.column(key).cell(k), uom) for key, (tag, uom) in _STATION.items()]
+    if record is not None:
+        if record.survey.has_azimuth:
+            parts.append(_measure("mtf", fixed(record.survey.magnetic_toolface * _DEG, 4, 360.0), "dega"))
+        parts.append(_measure("gtf", fixed(record.survey.gravity_toolface * _DEG, 4, 360.0), "dega"))
+    parts += [_measure(tag, table.column(key).cell(k), uom) for key, (tag, uom) in _PLACE.items()]
+    if table.surveys.well.error_model and record is not None:
+        parts.append(_text("modelToolError", table.surveys.well.error_model, _COMMENT))
+    if record is not None:
+        parts += _measured(record.survey, table.surveys.well.geomagnetic_model)
+    parts.append(_text("statusTrajStation", "position"))
+    if record is not None:
+        parts += _groups(record, table.surveys.well.sensor_to_bit)
+    if table.covariance is not None and np.all(np.isfinite(table.covariance[k])):
+        parts.append(_covariance(table.covariance[k]))
+    note = _note(record, kind)
+    if note:
+        parts.append(f"<commonData>{_text('comments', note, _COMMENT)}</commonData>")
+    wanted = _uid(record.survey.uuid if record is not None else f"{kind}-{table.path.leg}")
+    uid, n = wanted, 1
+    while uid in seen:
+        n += 1
+        uid = f"{wanted[: _UID - 8]}-{n}"
+    seen.add(uid)
+    return f"<trajectoryStation uid={quoteattr(uid)}>{''.join(parts)}</trajectoryStation>"
+
+
+def _type(table: SurveyTable, record: SurveyRecord | None, kind: str) -> str:
+    if kind == "projected":
+        return "hold to MD" if table.surveys.rules.projection == "straight" else "DLS and toolface to MD"
+    if record is None:
+        return "tie in point"
+    return "gyro MWD" if record.survey.azimuth_method == "gyro" else "magnetic MWD"
+
+
+def _measured(s: Survey, model: str) -> list[str]:
+    parts = [
+        _text("axialMagInterferenceCorUsed", "true" if s.azimuth_method == "corrected" else "false"),
+        _text("MSACorUsed", "true" if s.azimuth_method == "msa" else "false"),
+    ]
+    if s.g_reference > 0.0:
+        parts.append(_measure("gravTotalFieldReference", fixed(s.g_reference, 6), "m/s2"))
+    if s.has_reference:
+        parts.append(_measure("magTotalFieldReference", fixed(s.b_reference * 1e9, 1), "nT"))
+        parts.append(_measure("magDipAngleReference", fixed(s.dip_reference * _DEG, 4), "dega"))
+    if plain(model):
+        parts.append(_text("magModelUsed", model, _NAME))
+    return parts
+
+
+def _groups(record: SurveyRecord, sensor_to_bit: float) -> list[str]:
+    s = record.survey
+    magnetic = s.magnetic_field_covariance[0] >= 0.0
+    axes = ("Axial", "Tran1", "Tran2")
+    # Gravity points the other way than the specific force that holds the tool up.
+    raw = [_measure(f"grav{a}Raw", fixed(-v, 6), "m/s2") for a, v in zip(axes, s.specific_force, strict=True)]
+    if magnetic:
+        raw += [_measure(f"mag{a}Raw", fixed(v * 1e9, 1), "nT") for a, v in zip(axes, s.magnetic_field, strict=True)]
+    used = []
+    if s.sigma_axial_interference >= 0.0:
+        used.append(_measure("magAxialDrlstrCor", fixed(-s.axial_interference * 1e9, 1), "nT"))
+    if s.has_reference:
+        used.append(_measure("stnMagDeclUsed", fixed(s.declination * _DEG, 4), "dega"))
+        used.append(_measure("stnGridConUsed", fixed(s.convergence * _DEG, 4), "dega"))
+    used.append(_measure("dirSensorOffset", fixed(sensor_to_bit, 3), "m"))
+    valid = []
+    if s.b_total >= 0.0:
+        valid.append(_measure("magTotalFieldCalc", fixed(s.b_total * 1e9, 1), "nT"))
+        valid.append(_measure("magDipAngleCalc", fixed(s.dip * _DEG, 4), "dega"))
+    valid.append(_measure("gravTotalFieldCalc", fixed(s.g_total, 6), "m/s2"))
+    groups = (("rawData", raw), ("corUsed", used), ("valid", valid))
+    return [f"<{tag}>{''.join(parts)}</{tag}>" for tag, parts in groups]
+
+
+def _covariance(cov: Any) -> str:
+    pairs = (
+        ("varianceNN", 0, 0),
+        ("varianceNE", 0, 1),
+        ("varianceNVert", 0, 2),
+        ("varianceEE", 1, 1),
+        ("varianceEVert", 1, 2),
+        ("varianceVertVert", 2, 2),
+    )
+    return f"<matrixCov>{''.join(_measure(tag, fixed(float(cov[i, j]), 6), 'm2') for tag, i, j in pairs)}</matrixCov>"
+
+
+def _note(record: SurveyRecord | None, kind: str) -> str:
+    if kind == "projected":
+        return "projected to the bit, not surveyed"
+    if record is None:
+        return ""
+    notes = [f"automatic verdict {Verdict(record.survey.verdict).name.lower()}", *record.flags]
+    if record.operator_name:
+        notes.append(f"judged by {record.operator_name}: {record.reason or 'no reason given'}")
+    if record.comment:
+        notes.append(record.comment)
+    return "; ".join(notes)
+
+
+def _text(tag: str, text: str, longest: int = 256) -> str:
+    return f"<{tag}>{escape(plain(text)[:longest].strip() or 'unknown')}</{tag}>"
+
+
+def _measure(tag: str, number: str, uom: str) -> str:
+    return f'<{tag} uom="{uom}">{number}</{tag}>'
+
+
+def _uid(text: str) -> str:
+    return re.sub(r"\s+", "_", plain(text))[:_UID] or "unnamed"

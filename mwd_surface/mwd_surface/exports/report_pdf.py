@@ -1,0 +1,142 @@
+"""The survey report as PDF: A4 landscape, page x of y, head block, tables, figures, quality page, certificate."""
+
+from __future__ import annotations
+
+import datetime as dt
+import io
+from pathlib import Path
+from typing import Any
+
+from mwd_surface.exports.report_content import Content, Sheet, content
+from mwd_surface.exports.report_plots import figures, png
+from mwd_surface.exports.survey_table import SurveyTable
+
+_FONT = "DejaVu"
+_MARK = (255, 243, 224)
+
+
+def report_pdf(table: SurveyTable) -> bytes:
+    """The report of a table as the bytes of a PDF file; the same table gives the same text."""
+    import matplotlib as mpl
+    from fpdf import FPDF
+
+    said = content(table)
+    title = said.title
+
+    class Page(FPDF):  # type: ignore[misc]
+        """Pages that carry the title and their number."""
+
+        def header(self) -> None:
+            if self.page_no() > 1:
+                self.set_font(_FONT, "", 8)
+                self.cell(0, 5, title, new_x="LMARGIN", new_y="NEXT")
+
+        def footer(self) -> None:
+            self.set_y(-10)
+            self.set_font(_FONT, "", 8)
+            self.cell(0, 5, f"page {self.page_no()} of {{nb}}", align="R")
+
+    pdf = Page(orientation="landscape", format="A4")
+    # Matplotlib brings a font with Greek and accented letters, under a free licence.
+    fonts = Path(mpl.get_data_path()) / "fonts" / "ttf"
+    pdf.add_font(_FONT, "", fonts / "DejaVuSans.ttf")
+    pdf.add_font(_FONT, "B", fonts / "DejaVuSans-Bold.ttf")
+    pdf.set_creation_date(dt.datetime.fromtimestamp(table.made_ns // 10**9, tz=dt.UTC))
+    pdf.set_title(title)
+    pdf.set_lang("en")
+    pdf.set_margins(10, 10)
+    pdf.set_auto_page_break(True, margin=12)
+    pdf.set_draw_color(170)
+    pdf.set_line_width(0.15)
+    pdf.add_page()
+    pdf.set_font(_FONT, "B", 15)
+    pdf.multi_cell(0, 8, title, new_x="LMARGIN", new_y="NEXT")
+    _head(pdf, said)
+    _sheet(pdf, said.definitive)
+    pdf.add_page()
+    width = 130.0
+    pictures = list(figures(table).items())
+    top = pdf.get_y()
+    for k, (caption, figure) in enumerate(pictures):
+        if k == 2:
+            pdf.add_page()
+            top = pdf.get_y()
+            width = 200.0
+        pdf.set_xy(10 + (k % 2) * 138, top)
+        pdf.set_font(_FONT, "", 8)
+        pdf.cell(width, 5, caption, new_x="LEFT", new_y="NEXT")
+        pdf.image(io.BytesIO(png(figure)), w=width)
+    pdf.set_x(10)
+    _sheet(pdf, said.quality)
+    if said.decisions.rows:
+        _sheet(pdf, said.decisions)
+    _certificate(pdf, said)
+    return bytes(pdf.output())
+
+
+def _head(pdf: Any, said: Content) -> None:
+    pdf.set_font(_FONT, "", 8)
+    half = (len(said.header) + 1) // 2
+    with pdf.table(
+        col_widths=(38, 100, 38, 100),
+        borders_layout="NONE",
+        line_height=4.6,
+        first_row_as_headings=False,
+        text_align="LEFT",
+    ) as grid:
+        for k in range(half):
+            row = grid.row()
+            for j in (k, k + half):
+                label, value = said.header[j] if j < len(said.header) else ("", "")
+                row.cell(label)
+                row.cell(value)
+    for note in said.notes:
+        pdf.multi_cell(0, 4.6, f"• {note}", new_x="LMARGIN", new_y="NEXT")
+    pdf.ln(2)
+
+
+def _sheet(pdf: Any, sheet: Sheet) -> None:
+    from fpdf.fonts import FontFace
+
+    pdf.set_font(_FONT, "B", 11)
+    if pdf.will_page_break(24):
+        pdf.add_page()
+    pdf.cell(0, 8, sheet.heading, new_x="LMARGIN", new_y="NEXT")
+    pdf.set_font(_FONT, "", 7)
+    # Columns as wide as their longest text, within reason, shared out over the page.
+    lengths = [
+        min(40, max(len(t), len(u), *(len(r[k]) for r in sheet.rows), 3))
+        for k, (t, u) in enumerate(zip(sheet.titles, sheet.units, strict=True))
+    ] if sheet.rows else [max(3, len(t)) for t in sheet.titles]  # fmt: skip
+    align = tuple("LEFT" if k in sheet.words else "RIGHT" for k in range(len(sheet.titles)))
+    with pdf.table(
+        col_widths=tuple(n + 3 for n in lengths),
+        text_align=align,
+        line_height=4.2,
+        borders_layout="HORIZONTAL_LINES",
+        headings_style=FontFace(emphasis="BOLD", fill_color=(238, 242, 245)),
+    ) as grid:
+        grid.row([f"{t}\n{u}" if u else t for t, u in zip(sheet.titles, sheet.units, strict=True)])
+        for cells, mark in zip(sheet.rows, sheet.marks, strict=True):
+            style = FontFace(fill_color=_MARK) if mark else None
+            row = grid.row(style=style)
+            for cell in cells:
+                row.cell(cell)
+    pdf.ln(3)
+
+
+def _certificate(pdf: Any, said: Content) -> None:
+    if pdf.will_page_break(40):
+        pdf.add_page()
+    pdf.set_font(_FONT, "B", 11)
+    pdf.cell(0, 8, "Certificate", new_x="LMARGIN", new_y="NEXT")
+    pdf.set_font(_FONT, "", 8)
+    pdf.multi_cell(0, 5, said.certificate, new_x="LMARGIN", new_y="NEXT")
+    pdf.ln(14)
+    for who in said.signatures:
+        x, y = pdf.get_x(), pdf.get_y()
+        pdf.set_draw_color(0)
+        pdf.line(x, y, x + 70, y)
+        pdf.set_xy(x, y + 1)
+        pdf.cell(70, 5, f"{who}, date")
+        pdf.set_xy(x + 88, y)

@@ -1,0 +1,316 @@
+"""
+The definitive survey as it is printed: one set of numbers, rounded once, for every export and report.
+
+Units of people: m, deg, deg/30 m, nT. A value that is not known is an empty cell, never a stand-in. A station with a
+number that is not finite is left out, and the table says so.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime as dt
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from mwd_sensors.frames import Array
+from mwd_surface.surveys.plan import Plan, offset_from
+from mwd_surface.surveys.position_covariance import CovarianceUnavailableError, ErrorReference, position_covariance
+from mwd_surface.surveys.survey_list import Definitive, SurveyList
+from mwd_surface.surveys.survey_record import Survey, SurveyRecord
+
+_DEG = 180.0 / math.pi
+_DEG_30 = 30.0 * _DEG
+
+
+@dataclasses.dataclass(frozen=True)
+class Column:
+    """
+    One column of numbers: name in files, title and unit for people, decimals in files and on paper.
+
+    values: one per station, None where not known. wrap: numbers that turn over at this one (360 for azimuths).
+    """
+
+    key: str
+    title: str
+    unit: str
+    decimals: int
+    shown: int
+    values: tuple[float | None, ...]
+    wrap: float = 0.0
+
+    def cell(self, k: int, paper: bool = False) -> str:
+        """The number of a station as printed in files or on paper; empty where not known."""
+        return fixed(self.values[k], self.shown if paper else self.decimals, self.wrap)
+
+
+@dataclasses.dataclass(frozen=True)
+class SurveyTable:
+    """
+    Everything an export prints.
+
+    surveys, path: where it comes from. records: of each station, None for tie-ons and the projection. header: label
+    and value of the head block. covariance: shape (n, 3, 3), m^2, or None; why not is in covariance_note. left_out:
+    stations that could not be printed, and why. made_ns: when the table was asked for.
+    """
+
+    surveys: SurveyList
+    path: Definitive
+    records: tuple[SurveyRecord | None, ...]
+    columns: tuple[Column, ...]
+    header: tuple[tuple[str, str], ...]
+    covariance: Array | None
+    covariance_note: str
+    plan: Plan | None
+    left_out: tuple[str, ...]
+    made_ns: int
+
+    @property
+    def rows(self) -> range:
+        """Numbers of the stations."""
+        return range(len(self.records))
+
+    def column(self, key: str) -> Column:
+        """The column of that name; KeyError where there is none."""
+        for column in self.columns:
+            if column.key == key:
+                return column
+        raise KeyError(key)
+
+
+def survey_table(
+    surveys: SurveyList,
+    made_ns: int,
+    *,
+    leg: str | None = None,
+    bit_depth: float | None = None,
+    plan: Plan | None = None,
+    software: str = "",
+) -> SurveyTable:
+    """
+    The printed table of one leg.
+
+    Parameters
+    ----------
+    surveys : SurveyList
+    made_ns : int
+        Time of the report, ns since the epoch.
+    leg : str, optional
+        Other than the current one.
+    bit_depth : float, optional
+        m; the last row is then projected to it. Left out, to `sensor_to_bit` below the last survey.
+    plan : Plan, optional
+        Adds distance and direction to it.
+    software : str
+        Name and version for the head block.
+
+    Raises
+    ------
+    ValueError
+        No such leg, or a bit depth that is not finite.
+    """
+    path = surveys.definitive(leg)
+    if bit_depth is None and path.kind[-1] == "survey" and surveys.well.sensor_to_bit > 0.0:
+        bit_depth = float(path.md[-1]) + surveys.well.sensor_to_bit
+    if bit_depth is not None:
+        path = surveys.definitive(leg, bit_depth)
+    return table_of(surveys, path, made_ns, plan, software)
+
+
+def table_of(
+    surveys: SurveyList, path: Definitive, made_ns: int, plan: Plan | None = None, software: str = ""
+) -> SurveyTable:
+    """The printed table of a path of the list; see `survey_table`."""
+    path, left_out = _finite(path)
+    by_number = {r.survey.sequence: r for r in surveys.records}
+    records = tuple(by_number.get(s) if s else None for s in path.sequence)
+    used = [r.survey for r in records if r is not None]
+    reference = next((s for s in reversed(used) if s.has_reference), None)
+    covariance, note = _covariance(surveys, path, reference)
+    columns = [
+        Column("md_m", "MD", "m", 3, 2, _numbers(path.md)),
+        Column("inclination_deg", "Inc", "deg", 4, 2, _numbers(path.inclination * _DEG)),
+        Column("azimuth_deg", "Azi", "deg", 4, 2, _numbers(path.azimuth * _DEG), wrap=360.0),
+        Column("tvd_m", "TVD", "m", 3, 2, _numbers(path.positions[:, 2])),
+        Column("north_m", "N/S", "m", 3, 2, _numbers(path.positions[:, 0])),
+        Column("east_m", "E/W", "m", 3, 2, _numbers(path.positions[:, 1])),
+        Column("vertical_section_m", "VS", "m", 3, 2, _numbers(path.vertical_section)),
+        Column("dls_deg_per_30m", "DLS", "deg/30 m", 4, 2, _numbers(path.dogleg_severity * _DEG_30)),
+        Column("build_deg_per_30m", "Build", "deg/30 m", 4, 2, _numbers(path.build_rate * _DEG_30)),
+        Column("turn_deg_per_30m", "Turn", "deg/30 m", 4, 2, _numbers(path.turn_rate * _DEG_30)),
+    ]
+    sigmas = [(None, None, None)] * len(records) if covariance is None else [_sigmas(c) for c in covariance]
+    for k, (key, title) in enumerate(
+        (("sigma_north_m", "1σ N"), ("sigma_east_m", "1σ E"), ("sigma_vertical_m", "1σ V"))
+    ):
+        columns.append(Column(key, title, "m", 3, 2, tuple(s[k] for s in sigmas)))
+    if plan is not None:
+        offsets = [
+            offset_from(plan, p, float(i), float(a))
+            for p, i, a in zip(path.positions, path.inclination, path.azimuth, strict=True)
+        ]
+        columns += [
+            Column("to_plan_m", "To plan", "m", 3, 2, tuple(o.distance for o in offsets)),
+            Column("above_plan_m", "Above", "m", 3, 2, tuple(o.up for o in offsets)),
+            Column("right_of_plan_m", "Right", "m", 3, 2, tuple(o.right for o in offsets)),
+        ]
+    header = _header(surveys, path, reference, made_ns, note, plan, software)
+    return SurveyTable(surveys, path, records, tuple(columns), header, covariance, note, plan, left_out, made_ns)
+
+
+def fixed(value: float | None, decimals: int, wrap: float = 0.0) -> str:
+    """
+    A number with so many decimals; empty for None or what is not finite.
+
+    Never "-0.00", and a number that rounds to `wrap` (360.00 for an azimuth) is zero again.
+    """
+    if value is None or not math.isfinite(value):
+        return ""
+    text = f"{value:.{decimals}f}"
+    if wrap and float(text) >= wrap:
+        text = f"{0.0:.{decimals}f}"
+    return text[1:] if text.startswith("-") and float(text) == 0.0 else text
+
+
+def utc(stamp_ns: int) -> str:
+    """A stamp as UTC text to the millisecond, "2026-05-14T13:57:00.123Z"; empty for 0."""
+    if stamp_ns <= 0:
+        return ""
+    seconds, rest = divmod(stamp_ns, 10**9)
+    moment = dt.datetime.fromtimestamp(seconds, tz=dt.UTC)
+    return f"{moment:%Y-%m-%dT%H:%M:%S}.{rest // 10**6:03d}Z"
+
+
+def plain(text: str) -> str:
+    """Text on one line without control characters: what may stand in a cell, a header or an attribute."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+
+
+def _numbers(values: Iterable[float]) -> tuple[float | None, ...]:
+    return tuple(float(v) for v in values)
+
+
+def _finite(path: Definitive) -> tuple[Definitive, tuple[str, ...]]:
+    numbers = np.column_stack(
+        [
+            path.md,
+            path.inclination,
+            path.azimuth,
+            path.positions,
+            path.vertical_section,
+            path.dogleg_severity,
+            path.build_rate,
+            path.turn_rate,
+        ]
+    )
+    good = np.all(np.isfinite(numbers), axis=1)
+    if np.all(good):
+        return path, ()
+    why = tuple(
+        f"station {k} ({path.kind[k]}"
+        + (f" {path.sequence[k]}" if path.sequence[k] else "")
+        + ") left out: a number in it is not finite"
+        for k in np.flatnonzero(~good)
+    )
+    arrays = {
+        f.name: getattr(path, f.name)[good]
+        for f in dataclasses.fields(path)
+        if isinstance(getattr(path, f.name), np.ndarray)
+    }
+    kept = [k for k in range(good.size) if good[k]]
+    kind, sequence = tuple(path.kind[k] for k in kept), tuple(path.sequence[k] for k in kept)
+    return dataclasses.replace(path, **arrays, kind=kind, sequence=sequence), why
+
+
+def _sigmas(covariance: Array) -> tuple[float | None, float | None, float | None]:
+    if not np.all(np.isfinite(covariance)):
+        return None, None, None
+    n, e, v = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
+    return float(n), float(e), float(v)
+
+
+def _covariance(surveys: SurveyList, path: Definitive, reference: Survey | None) -> tuple[Array | None, str]:
+    model = surveys.well.error_model
+    if not model:
+        return None, "no error model is configured"
+    if reference is None:
+        return None, "no survey in use has a reference field"
+    field = ErrorReference(
+        latitude=math.radians(surveys.well.latitude_deg),
+        b_total=reference.b_reference,
+        dip=reference.dip_reference,
+        declination=reference.declination,
+        convergence=reference.convergence,
+        g_total=reference.g_reference if reference.g_reference > 0.0 else reference.g_total,
+    )
+    # The projection is no measurement: the model has nothing to say about it.
+    measured = len(path.kind) - (path.kind[-1] == "projected")
+    try:
+        got = position_covariance(
+            path.md[:measured], path.inclination[:measured], path.azimuth[:measured], path.north, model, field
+        )
+    except (CovarianceUnavailableError, ValueError) as error:
+        return None, str(error)
+    covariance = np.full((len(path.kind), 3, 3), np.nan)
+    covariance[:measured] = got
+    return covariance, f"error model {model} (ISCWSA), 1 sigma, relative to the first station"
+
+
+def _header(
+    surveys: SurveyList,
+    path: Definitive,
+    reference: Survey | None,
+    made_ns: int,
+    covariance_note: str,
+    plan: Plan | None,
+    software: str,
+) -> tuple[tuple[str, str], ...]:
+    well = surveys.well
+    north = well.north_reference
+    unknown = "not available"
+    known_correction = reference is not None or north == "magnetic"
+    g_reference = reference.g_reference if reference is not None else -1.0
+    correction = {
+        "magnetic": 0.0,
+        "true": reference.declination if reference else 0.0,
+        "grid": reference.declination - reference.convergence if reference else 0.0,
+    }[north]
+    leg = next(g for g in surveys.legs if g.name == path.leg)
+    t = leg.tie_on
+    tied = (
+        f"{t.source}, {fixed(t.measured_depth, 2)} m MD, {fixed(t.inclination * _DEG, 2)} deg,"
+        f" {fixed(t.azimuth * _DEG, 2, 360.0)} deg"
+    )
+    own = [r for r in surveys.records if r.leg == path.leg]
+    by_hand = sum(1 for r in own if r.judgement)
+    lines = [
+        ("Well", well.name),
+        ("Wellbore", well.wellbore_name),
+        ("Company", well.company),
+        ("Field", well.field),
+        ("Rig", well.rig),
+        ("Survey company", well.service_company),
+        ("Latitude, longitude (WGS84)", f"{fixed(well.latitude_deg, 6)} deg, {fixed(well.longitude_deg, 6)} deg"),
+        ("Depth datum", f"{well.depth_datum}, {fixed(well.datum_elevation, 2)} m above mean sea level"),
+        ("Azimuth reference", f"{north} north"),
+        ("Declination", f"{fixed(reference.declination * _DEG, 3)} deg" if reference else unknown),
+        ("Grid convergence", f"{fixed(reference.convergence * _DEG, 3)} deg" if reference else unknown),
+        ("Total azimuth correction", f"{fixed(correction * _DEG, 3)} deg" if known_correction else unknown),
+        ("Geomagnetic model", well.geomagnetic_model or unknown),
+        ("Reference total field", f"{fixed(reference.b_reference * 1e9, 0)} nT" if reference else unknown),
+        ("Reference dip", f"{fixed(reference.dip_reference * _DEG, 3)} deg" if reference else unknown),
+        ("Reference gravity", f"{fixed(g_reference, 5)} m/s2" if g_reference > 0.0 else unknown),
+        ("Position uncertainty", covariance_note),
+        ("Vertical section azimuth", f"{fixed(well.section_azimuth_deg, 2)} deg"),
+        ("Sensor to bit", f"{fixed(well.sensor_to_bit, 2)} m"),
+        ("Leg", path.leg),
+        ("Tie-on", tied),
+        ("Tools", ", ".join(sorted({r.tool for r in own if r.tool})) or unknown),
+        ("Method", "minimum curvature"),
+        ("Plan", plan.name if plan is not None else "none"),
+        ("Surveys", f"{sum(1 for r in own if r.in_use)} in use of {len(own)} taken; {by_hand} judged by a person"),
+        ("Report made", utc(made_ns)),
+        ("Software", software),
+    ]  # fmt: skip
+    return tuple((label, plain(value)) for label, value in lines if value)

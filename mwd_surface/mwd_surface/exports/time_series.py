@@ -1,0 +1,258 @@
+"""
+A recording as one row per second: depth, rig data and attitude with sigmas, in the units of people.
+
+The row of a whole second holds the last known value of each quantity stamped in the second that ends there. What is
+not known is empty; a second without any value has no row. Memory is constant whatever the length of the recording.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import importlib
+import math
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors import wire
+from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.exports.survey_table import fixed, utc
+
+ATTITUDE, RIG = "attitude", "rig/state"
+NORTHS = ("", "magnetic", "true", "grid")
+PARQUET_HINT = "Parquet needs the package pyarrow: pip install pyarrow; or write .csv"
+
+_DEG, _RPM = 180.0 / math.pi, 30.0 / math.pi
+# Samples of two topics, or of one that reports late, meet in the same row if they are read within so many seconds.
+_OPEN_S = 30
+_BATCH = 3600
+_S = 10**9
+
+
+@dataclasses.dataclass(frozen=True)
+class Quantity:
+    """One column: its name, the field it comes from, a factor, decimals, and what turns over (360 for azimuths)."""
+
+    key: str
+    field: str
+    factor: float
+    decimals: int
+    wrap: float = 0.0
+
+
+# Bits of RigState.valid stand before what they vouch for; for the attitude the sigma does that.
+_RIG_QUANTITIES = (
+    (1, Quantity("bit_depth_m", "bit_depth", 1.0, 3)),
+    (2, Quantity("hole_depth_m", "hole_depth", 1.0, 3)),
+    (64, Quantity("rpm", "rotary_speed", _RPM, 2)),
+    (128, Quantity("flow_l_per_min", "flow_rate", 60_000.0, 1)),
+    (256, Quantity("pressure_kpa", "pressure", 1e-3, 1)),
+    (8, Quantity("hookload_kn", "hookload", 1e-3, 2)),
+)
+_ANGLES = (
+    ("sigma_inclination", Quantity("inc_deg", "inclination", _DEG, 4)),
+    ("sigma_azimuth", Quantity("azi_deg", "azimuth", _DEG, 4, 360.0)),
+    ("sigma_gravity_toolface", Quantity("toolface_deg", "gravity_toolface", _DEG, 3, 360.0)),
+)
+_SIGMAS = tuple(
+    (sigma, Quantity(f"sigma_{q.key}", sigma, _DEG, q.decimals)) for sigma, q in _ANGLES
+)  # fmt: skip
+QUANTITIES = tuple(q for _, q in (*_RIG_QUANTITIES, *_ANGLES, *_SIGMAS))
+COLUMNS = ("timestamp_utc_iso", *(q.key for q in QUANTITIES), "azimuth_north")
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """A whole second, s since the epoch, what is known of it by column, and which north the azimuth is from."""
+
+    second: int
+    values: dict[str, float]
+    north: str
+
+    @property
+    def time(self) -> str:
+        """UTC text."""
+        return utc(self.second * _S)
+
+
+@dataclasses.dataclass
+class Told:
+    """What came of a recording: rows written, samples that came too late for theirs, and the topics."""
+
+    rows: int = 0
+    late: int = 0
+    topics: tuple[str, ...] = ()
+
+
+def rows(
+    bag: Bag, told: Told, well: str = "", progress: Callable[[float], None] = lambda _share: None
+) -> Iterator[Row]:
+    """
+    The rows of a recording, in time.
+
+    Parameters
+    ----------
+    bag : Bag
+    told : Told
+        Filled on the way.
+    well : str
+        Namespace, where the recording has several wells.
+    progress : callable
+        Told the share that is done, 0 to 1.
+
+    Raises
+    ------
+    BagError
+        There is neither attitude nor rig data, or those of several wells and none is named.
+    """
+    names = {relative: _topic(bag, layout, relative, well)
+             for relative, layout in ((ATTITUDE, wire.ATTITUDE), (RIG, wire.RIG_STATE))}  # fmt: skip
+    told.topics = tuple(name for name in names.values() if name)
+    if not told.topics:
+        raise BagError(
+            f"{bag.path} has neither attitude nor rig data" + (f" of {well}" if well else ""),
+            "`mwd process` works out the attitude of a recording",
+        )
+    waiting: dict[int, Row] = {}
+    done = -(2**62)
+    for block in bag.blocks(list(told.topics)):
+        for relative, take in ((ATTITUDE, _attitude), (RIG, _rig)):
+            part = block.get(names[relative] or "")
+            if part is not None:
+                samples = part[1]
+                seconds = -(-samples["stamp_ns"] // _S)
+                late = seconds <= done
+                told.late += int(np.count_nonzero(late))
+                take(samples[~late], seconds[~late], waiting)
+        # The middle of the slowest topic: one stamp that lies decides nothing.
+        middle = min(int(np.median(part[1]["stamp_ns"])) // _S for part in block.values())
+        ready = sorted(second for second in waiting if second < middle - _OPEN_S)
+        for second in ready:
+            yield waiting.pop(second)
+        done = max(done, middle - _OPEN_S - 1)
+        logged = max(int(part[0][-1]) for part in block.values())
+        progress((logged - bag.start_ns) / max(bag.end_ns - bag.start_ns, 1))
+    for second in sorted(waiting):
+        yield waiting[second]
+
+
+def write(bag: Bag, path: Path, well: str = "", progress: Callable[[float], None] = lambda _share: None) -> Told:
+    """
+    Write the rows of a recording as .csv or .parquet, whole or not at all.
+
+    Raises
+    ------
+    ValueError
+        The ending is another.
+    BagError
+        As `rows`, or Parquet is asked for and cannot be written here.
+    OSError
+        The disk refuses.
+    """
+    writers = {".csv": _write_csv, ".parquet": _write_parquet}
+    if path.suffix not in writers:
+        raise ValueError(f"{path}: a time series is written as {' or '.join(writers)}")
+    told = Told()
+
+    def counted() -> Iterator[Row]:
+        for row in rows(bag, told, well, progress):
+            told.rows += 1
+            yield row
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_name(path.name + ".writing")
+    try:
+        writers[path.suffix](fresh, counted())
+        fresh.replace(path)
+    finally:
+        with contextlib.suppress(FileNotFoundError):
+            fresh.unlink()
+    return told
+
+
+def _write_csv(path: Path, lines: Iterator[Row]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.write(",".join(COLUMNS) + "\n")
+        for row in lines:
+            cells = (fixed(row.values.get(q.key), q.decimals, q.wrap) for q in QUANTITIES)
+            file.write(",".join((row.time, *cells, row.north)) + "\n")
+
+
+def _write_parquet(path: Path, lines: Iterator[Row]) -> None:
+    try:
+        arrow = importlib.import_module("pyarrow")
+        parquet = importlib.import_module("pyarrow.parquet")
+    except ModuleNotFoundError as error:
+        raise BagError("no Parquet here", PARQUET_HINT) from error
+    fields = [
+        (COLUMNS[0], arrow.string()),
+        *((q.key, arrow.float64()) for q in QUANTITIES),
+        (COLUMNS[-1], arrow.string()),
+    ]
+    schema = arrow.schema(fields)
+    with parquet.ParquetWriter(path, schema) as writer:
+        batch: list[dict[str, Any]] = []
+
+        def flush() -> None:
+            writer.write_table(arrow.Table.from_pylist(batch, schema=schema))
+            batch.clear()
+
+        for row in lines:
+            # The numbers of the CSV, so that both files agree.
+            cells = {q.key: fixed(row.values.get(q.key), q.decimals, q.wrap) for q in QUANTITIES}
+            numbers = {key: float(text) if text else None for key, text in cells.items()}
+            batch.append({COLUMNS[0]: row.time, **numbers, COLUMNS[-1]: row.north or None})
+            if len(batch) == _BATCH:
+                flush()
+        flush()
+
+
+def _rig(samples: wire.Samples, seconds: NDArray[np.int64], waiting: dict[int, Row]) -> None:
+    for bit, quantity in _RIG_QUANTITIES:
+        _take(samples, seconds, (samples["valid"] & bit) != 0, (quantity,), waiting)
+
+
+def _attitude(samples: wire.Samples, seconds: NDArray[np.int64], waiting: dict[int, Row]) -> None:
+    for (sigma, angle), (_, doubt) in zip(_ANGLES, _SIGMAS, strict=True):
+        known = samples[sigma] >= 0.0
+        which = _take(samples, seconds, known, (angle, doubt), waiting)
+        if angle.field == "azimuth":
+            for k in which:
+                second, north = int(seconds[k]), int(samples["north"][k])
+                name = NORTHS[north] if north < len(NORTHS) else ""
+                waiting[second] = dataclasses.replace(waiting[second], north=name)
+
+
+def _take(
+    samples: wire.Samples,
+    seconds: NDArray[np.int64],
+    known: NDArray[np.bool_],
+    quantities: Sequence[Quantity],
+    waiting: dict[int, Row],
+) -> list[int]:
+    """Put the last known sample of each second into its row; their places come back."""
+    for quantity in quantities:
+        known = known & np.isfinite(samples[quantity.field])
+    where = np.flatnonzero(known)
+    # The first from the end is the last one.
+    _, first = np.unique(seconds[where][::-1], return_index=True)
+    places = [int(k) for k in where[::-1][first]]
+    for k in places:
+        row = waiting.setdefault(int(seconds[k]), Row(int(seconds[k]), {}, ""))
+        for quantity in quantities:
+            row.values[quantity.key] = float(samples[quantity.field][k]) * quantity.factor
+    return places
+
+
+def _topic(bag: Bag, layout: wire.Layout, relative: str, well: str) -> str | None:
+    if not any(t.type_name == layout.type_name and t.count for t in bag.topics.values()):
+        return None
+    wanted = f"{well.strip('/')}/{relative}" if well else relative
+    ending = f"/{wanted}"
+    if not any(("/" + t.name.strip("/")).endswith(ending) for t in bag.topics.values()):
+        return None
+    return bag.find_topic(layout.type_name, wanted)

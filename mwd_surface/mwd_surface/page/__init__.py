@@ -1,0 +1,1 @@
+"""What the driller sees: the live state, its alarms, and the page that shows them."""

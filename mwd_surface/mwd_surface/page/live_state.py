@@ -1,0 +1,823 @@
+"""
+What the driller's page shows: the last good value of everything, with sigma, unit, age and whether it still counts.
+
+Messages go in as they come, `snapshot` gives plain tables ready for JSON: finite numbers, text, lists, None. None is
+"no data"; zero is only ever a measured zero. Numbers are SI and rad; the page converts them.
+
+No clock here: every call takes `now`, s, of one steady clock.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from mwd_estimation import magnetics
+from mwd_estimation.status import Status, words
+from mwd_sensors import settings as settings_tables
+from mwd_sensors.frames import Array
+from mwd_sensors.settings import setting
+from mwd_sensors.wire import Samples
+from mwd_surface.page.alarms import Alarm, Event, plain_alarms, plain_events
+from mwd_surface.page.strip_history import StripHistory
+from mwd_surface.page.toolface import ToolfaceReading, ToolfaceSelector, ToolfaceSettings
+from mwd_surface.surveys.plan import Offset, Plan
+from mwd_surface.surveys.position_covariance import ellipse, in_section
+from mwd_surface.surveys.survey_list import Definitive
+from mwd_surface.surveys.survey_record import Judgement, North, Survey, SurveyRecord, Verdict
+from mwd_surface.surveys.well import Well
+
+LIVE, STALE, NO_DATA = "live", "stale", "no data"
+RECORDER_WORDS = ("stopped", "recording", "paused: disk full", "failed")
+NORTH_WORDS = ("", "magnetic", "true", "grid")
+TOOLFACE_WORDS = ("gravity", "magnetic")
+LEVEL_WORDS = ("ok", "warning", "error", "stale")
+
+# Every single value: its unit and the stream it comes with.
+_VALUES = {
+    "inclination": ("rad", "estimator"),
+    "azimuth": ("rad", "estimator"),
+    "toolface": ("rad", "estimator"),
+    "vibration": ("m/s^2", "estimator"),
+    "rotary_speed": ("rad/s", "estimator"),
+    "gravity_sigma": ("rad", "estimator"),
+    "temperature": ("degC", "temperature"),
+    "total_field": ("T", "magnetometer"),
+    "axial_interference": ("T", "interference"),
+    "cross_axial_interference": ("T", "interference"),
+    "field_deviation": ("T", "interference"),
+    "dip_deviation": ("rad", "interference"),
+    "bit_depth": ("m", "rig"),
+    "hole_depth": ("m", "rig"),
+    "block_position": ("m", "rig"),
+    "hookload": ("N", "rig"),
+    "weight_on_bit": ("N", "rig"),
+    "torque": ("N m", "rig"),
+    "rig_rotary_speed": ("rad/s", "rig"),
+    "flow_rate": ("m^3/s", "rig"),
+    "pressure": ("Pa", "rig"),
+    "rate_of_penetration": ("m/s", "rig"),
+}
+# Bits of RigState.valid and the fields they vouch for, in order from 1.
+_RIG_FIELDS = (
+    "bit_depth", "hole_depth", "block_position", "hookload", "weight_on_bit", "torque", "rotary_speed", "flow_rate",
+    "pressure", "rate_of_penetration",
+)  # fmt: skip
+_RIG_SLIPS = 1024
+_DRILLING = (
+    "vibration", "rotary_speed", "temperature", "total_field", "axial_interference", "cross_axial_interference",
+    "field_deviation", "dip_deviation",
+)  # fmt: skip
+_PLACED = (
+    "north", "east", "vertical_depth", "vertical_section", "dogleg_severity", "build_rate", "turn_rate",
+)  # fmt: skip
+_RIG = tuple(name for name, (_, stream) in _VALUES.items() if stream == "rig")
+_HISTORY = {
+    "vibration": "max",
+    "rotary_speed": "mean",
+    "temperature": "mean",
+    "total_field": "mean",
+    "axial_interference": "mean",
+    "inclination": "mean",
+}
+_STREAMS = ("sonde", "estimator", "magnetometer", "temperature", "interference", "rig", "recorder")
+# Azimuths that are free of the axial interference; quality control then judges the field without it.
+_CORRECTED_METHODS = ("corrected", "msa", "fused")
+# What the status says about a value that is withheld.
+_WHY = (
+    (Status.SENSOR_FAULT, "a sensor is judged faulty"),
+    (Status.INITIALISING, "the estimator is still settling"),
+    (Status.NEAR_VERTICAL, "not defined this near to vertical"),
+    (Status.NO_MAG, "no usable magnetometer"),
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Limits:
+    """What totals may deviate from the reference, as the quality lights show it."""
+
+    gravity: float = setting(0.0245, "total gravity", unit="m/s^2", low=0.0)
+    field_nt: float = setting(300.0, "total field", unit="nT", low=0.0)
+    dip_deg: float = setting(0.45, "dip", unit="deg", low=0.0)
+    reject_factor: float = setting(1.5, "beyond so many times a limit a station is rejected", low=1.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class LiveSettings:
+    """How often what is expected, and how much is kept for the page. A value is stale after two expected periods."""
+
+    estimator_period: float = setting(0.5, "longest usual time between attitudes", unit="s", low=0.05)
+    rig_period: float = setting(1.0, "time between rig data", unit="s", low=0.05)
+    temperature_period: float = setting(1.0, "time between temperatures", unit="s", low=0.05)
+    magnetometer_period: float = setting(0.5, "time between fields", unit="s", low=0.05)
+    interference_period: float = setting(1.0, "time between interference estimates", unit="s", low=0.05)
+    recorder_period: float = setting(1.0, "time between recorder reports", unit="s", low=0.05)
+    sonde_period: float = setting(0.5, "longest usual time between raw samples", unit="s", low=0.05)
+    withheld_sigma_deg: float = setting(
+        45.0, "an angle less certain than this is not shown", unit="deg", low=1.0, high=180.0
+    )
+    readings: int = setting(12, "last toolfaces on the dial", low=1, high=60)
+    reading_spacing: float = setting(1.0, "shortest time between two of them", unit="s", low=0.0)
+    history_seconds: float = setting(600.0, "length of the strip charts", unit="s", low=10.0, high=7200.0)
+    history_rate: float = setting(1.0, "points of the strip charts per second", unit="Hz", low=0.1, high=5.0)
+    max_rows: int = setting(1000, "survey rows and path stations sent to the page", low=10, high=10000)
+    toolface: ToolfaceSettings = setting(ToolfaceSettings)
+    limits: Limits = setting(Limits)
+
+
+@dataclasses.dataclass
+class _Value:
+    value: float | None = None
+    sigma: float | None = None
+    at: float | None = None
+    withheld: str = ""
+
+
+@dataclasses.dataclass
+class _Stream:
+    count: int = 0
+    lost: int = 0
+    at: float | None = None
+    seconds: deque[list[int]] = dataclasses.field(default_factory=lambda: deque(maxlen=12))
+
+
+class LiveState:
+    """
+    Everything the page shows.
+
+    Methods `on_...` take what arrived; angles and times as in the messages. What is not finite is left out and, for
+    single values, does not count as an update. `snapshot` may be called at any rate; it costs little when little
+    changed. Not thread-safe: call it all from one thread; what a snapshot returns may be read from any.
+    """
+
+    def __init__(self, settings: LiveSettings | None = None) -> None:
+        self.settings = settings or LiveSettings()
+        self.toolface_reading: ToolfaceReading | None = None
+        self._selector = ToolfaceSelector(self.settings.toolface)
+        self._values = {name: _Value() for name in _VALUES}
+        self._streams = {name: _Stream() for name in _STREAMS}
+        self._periods = {name: float(getattr(self.settings, f"{name}_period")) for name in _STREAMS}
+        self._readings: deque[dict[str, Any]] = deque(maxlen=self.settings.readings)
+        self._history = StripHistory(_HISTORY, self.settings.history_seconds, self.settings.history_rate)
+        self._plain: dict[str, dict[str, Any]] = {
+            "well": _well(Well()),
+            "quality": _quality(None, self.settings.limits),
+            "surveys": {"rows": [], "left_out": 0},
+            "path": _path(None, 0.0, None, self.settings.max_rows),
+            "plan": {"name": "", "north": [], "east": [], "vertical_depth": [], "vertical_section": []},
+            "offset": {"known": False},
+            "survey_progress": {"active": False, "state": "", "elapsed": None, "remaining": None, "result": ""},
+            "recorder": {"state": NO_DATA},
+            "telemetry": {"known": False},
+            "findings": {"rows": []},
+            "alarms": {"rows": []},
+            "events": {"rows": []},
+        }
+        self._since: dict[str, float] = {}
+        self._attitude: dict[str, Any] = {"status": [], "north": "", "stamp_ns": None}
+        self._advisory: tuple[float, float] | None = None
+        self._in_slips: bool | None = None
+        self._links: dict[str, Any] = {}
+        self._links_at = -math.inf
+        self._well = Well()
+        self._field: Mapping[str, float | str] | None = None
+        self._survey_field: Mapping[str, float | str] = {}
+        self._counts: dict[str, int] = {}
+        self._signatures: dict[str, Any] = {}
+        self._revisions: dict[str, int] = {}
+
+    # Single values.
+
+    def on_stream(self, stream: str, count: int, now: float, lost: int = 0) -> None:
+        """
+        Messages of a stream arrived: for rate, age and losses.
+
+        Raises
+        ------
+        ValueError
+            No such stream.
+        """
+        if stream not in self._streams:
+            raise ValueError(f"stream: {stream!r} is not one of {', '.join(self._streams)}")
+        s = self._streams[stream]
+        s.count, s.lost, s.at = s.count + count, s.lost + lost, now
+        second = math.floor(now)
+        if s.seconds and s.seconds[-1][0] == second:
+            s.seconds[-1][1] += count
+        else:
+            s.seconds.append([second, count])
+
+    def on_attitude(self, samples: Samples, now: float) -> None:
+        """Attitudes arrived, `wire.ATTITUDE`, oldest first; also picks the toolface (`toolface_reading`)."""
+        if len(samples) == 0:
+            return
+        self.on_stream("estimator", len(samples), now)
+        last = samples[-1]
+        status, north = int(last["status"]), int(last["north"])
+        why = next((text for bit, text in _WHY if status & bit), "the estimator gives no sigma")
+        for name in ("inclination", "azimuth"):
+            self._angle(name, float(last[name]), float(last["sigma_" + name]), why, now)
+        inclination = self._values["inclination"]
+        if inclination.at == now and inclination.value is not None:
+            self._history.add("inclination", inclination.value, now)
+        text = [word for word in words(status).split("|") if word]
+        self._attitude = {
+            "status": text,
+            "north": NORTH_WORDS[north] if north < len(NORTH_WORDS) else "",
+            "stamp_ns": int(last["stamp_ns"]),
+        }
+        self._touch("attitude")
+        speed = self._values["rotary_speed"].value
+        reading = self._selector.update(samples, 0.0 if speed is None else speed)
+        if reading is not None:
+            self.on_toolface(reading, now, why)
+
+    def on_toolface(self, reading: ToolfaceReading, now: float, why: str = "not available") -> None:
+        """A toolface to steer by, where it does not come from `on_attitude`. `why`: said where it has no sigma."""
+        self.toolface_reading = reading
+        self._angle("toolface", reading.angle, reading.sigma, why, now)
+        self._touch("toolface")
+        value = self._values["toolface"]
+        if value.at != now or value.value is None:
+            return
+        # Two readings need not be exactly one spacing apart to be the next ones.
+        if self._readings and now - self._readings[-1]["at"] < self.settings.reading_spacing * 0.95:
+            return
+        self._readings.append(
+            {
+                "angle": _number(value.value),
+                "mode": TOOLFACE_WORDS[reading.mode],
+                "at": _number(now),
+                "rotating": reading.rotating,
+                "stamp_ns": reading.stamp_ns,
+            }
+        )
+
+    def on_gravity(self, samples: Samples, now: float) -> None:
+        """Gravity arrived, `wire.GRAVITY`: vibration (the largest of the block) and rotary speed of the tool."""
+        known = samples[samples["sigma"] >= 0.0]
+        if len(known) == 0:
+            return
+        self._put("vibration", float(np.max(known["non_gravity"])), None, now)
+        self._put("rotary_speed", float(known["rotary_speed"][-1]), None, now)
+        self._put("gravity_sigma", float(known["sigma"][-1]), None, now)
+
+    def on_temperature(self, samples: Samples, now: float) -> None:
+        """Temperatures of the sonde arrived, `wire.TEMPERATURE`; a variance of 0 means unknown."""
+        if len(samples) == 0:
+            return
+        self.on_stream("sonde", len(samples), now)
+        self.on_stream("temperature", len(samples), now)
+        last = samples[-1]
+        variance = float(last["variance"])
+        self._put("temperature", float(last["temperature"]), math.sqrt(variance) if variance > 0.0 else None, now)
+
+    def on_magnetic_field(self, samples: Samples, now: float) -> None:
+        """Fields arrived, `wire.MAG`: the mean of their totals is shown."""
+        if len(samples) == 0:
+            return
+        self.on_stream("sonde", len(samples), now)
+        self.on_stream("magnetometer", len(samples), now)
+        totals = np.linalg.norm(samples["magnetic_field"], axis=1)
+        self._put("total_field", float(np.mean(totals)), None, now)
+
+    def on_interference(self, samples: Samples, now: float) -> None:
+        """Interference estimates arrived, `wire.INTERFERENCE`."""
+        if len(samples) == 0:
+            return
+        self.on_stream("interference", len(samples), now)
+        last = samples[-1]
+        axial, sigma = float(last["axial"]), float(last["sigma_axial"])
+        across = np.asarray(last["cross_axial"], dtype=float)
+        sigma_across = np.asarray(last["sigma_cross_axial"], dtype=float)
+        self._put_known("axial_interference", axial, sigma, now)
+        self._put_known("cross_axial_interference", float(np.hypot(*across)), float(np.min(sigma_across)), now)
+        observable = sigma >= 0.0 or bool(np.any(sigma_across >= 0.0))
+        if observable or last["total_residual"] != 0.0 or last["dip_residual"] != 0.0:
+            self._put("field_deviation", float(last["total_residual"]), None, now)
+            self._put("dip_deviation", float(last["dip_residual"]), None, now)
+
+    def on_rig_state(self, samples: Samples, now: float) -> None:
+        """Rig data arrived, `wire.RIG_STATE`; only what its `valid` vouches for is taken."""
+        if len(samples) == 0:
+            return
+        self.on_stream("rig", len(samples), now)
+        last = samples[-1]
+        valid = int(last["valid"])
+        for k, field in enumerate(_RIG_FIELDS):
+            if valid & (1 << k):
+                self._put("rig_rotary_speed" if field == "rotary_speed" else field, float(last[field]), None, now)
+        self._in_slips = bool(last["in_slips"]) if valid & _RIG_SLIPS else None
+
+    # Tables and states.
+
+    def on_well(self, well: Well, now: float, field: Mapping[str, float | str] | None = None) -> None:
+        """
+        The well, and the reference field in force where there is one.
+
+        field: any of total (T), dip, declination, convergence (rad), gravity (m/s^2) and source (text). Without it the
+        reference of the last survey is shown.
+        """
+        self._well, self._field = well, field
+        self._store("well", {**_well(well), **_reference(field or self._survey_field)}, now)
+
+    def on_records(self, records: Iterable[SurveyRecord | Mapping[str, Any]], now: float) -> None:
+        """
+        The survey list changed; all its records, in order.
+
+        Raises
+        ------
+        ValueError
+            A plain record does not have the shape of a SurveyRecord.
+        """
+        whole = [
+            r if isinstance(r, SurveyRecord) else settings_tables.from_mapping(SurveyRecord, r, "record")
+            for r in records
+        ]
+        north = North[self._well.north_reference.upper()]
+        kept = whole[-self.settings.max_rows :]
+        self._store("surveys", {"rows": [_row(r, north) for r in kept], "left_out": len(whole) - len(kept)}, now)
+        last = max(whole, key=lambda r: r.survey.stamp_ns, default=None)
+        self._store("quality", _quality(last, self.settings.limits), now)
+        if last is not None and last.survey.has_reference:
+            self._survey_field = _field_of(last.survey)
+            self.on_well(self._well, now, self._field)
+
+    def on_trajectory(self, path: Definitive, now: float, covariance: Array | None = None) -> None:
+        """The well path changed. covariance, shape (m, 3, 3): of its first m positions, m^2, for the ellipses."""
+        self._store("path", _path(path, path.section_azimuth, covariance, self.settings.max_rows), now)
+
+    def on_plan(self, plan: Plan | None, now: float) -> None:
+        """The planned path, dense enough to draw (`plan.interpolated`); None: there is none."""
+        empty = {"name": "", "north": [], "east": [], "vertical_depth": [], "vertical_section": []}
+        if plan is None:
+            self._store("plan", empty, now)
+            return
+        step = max(1, -(-len(plan.md) // self.settings.max_rows))
+        positions = np.vstack([plan.positions[:-1:step], plan.positions[-1:]])
+        section = math.radians(self._well.section_azimuth_deg)
+        along = positions[:, 0] * math.cos(section) + positions[:, 1] * math.sin(section)
+        table = {
+            "name": plan.name,
+            "north": _numbers(positions[:, 0]),
+            "east": _numbers(positions[:, 1]),
+            "vertical_depth": _numbers(positions[:, 2]),
+            "vertical_section": _numbers(along),
+        }
+        self._store("plan", table, now)
+
+    def on_offset(self, offset: Offset | None, now: float, dogleg_to_target: float | None = None) -> None:
+        """Where the end of the well is from the plan; dogleg_to_target: rad/m of the arc that hits the target."""
+        if offset is None:
+            self._store("offset", {"known": False}, now)
+            return
+        table: dict[str, Any] = {key: _number(value) for key, value in dataclasses.asdict(offset).items()}
+        self._store("offset", {"known": True, **table, "dogleg_to_target": _number(dogleg_to_target)}, now)
+
+    def on_advisory(self, toolface: float | None, limit: float, now: float) -> None:
+        """Toolface wanted and what it may be off, rad; None: no advice."""
+        good = toolface is not None and math.isfinite(toolface) and math.isfinite(limit)
+        self._advisory = (float(toolface) % math.tau, abs(float(limit))) if good and toolface is not None else None
+        self._since["advisory"] = now
+        self._touch("toolface")
+
+    def on_survey_progress(
+        self, active: bool, now: float, elapsed: float = 0.0, remaining: float = 0.0, state: str = "", result: str = ""
+    ) -> None:
+        """A survey or north seek is being taken (s elapsed and to go, state in words), or ended with a result."""
+        table = {
+            "active": active,
+            "state": state,
+            "elapsed": _number(elapsed) if active else None,
+            "remaining": _number(remaining) if active else None,
+            "result": result,
+        }
+        self._store("survey_progress", table, now)
+
+    def on_recorder(self, status: Any, now: float) -> None:
+        """What the recorder does: a mapping or object with the fields of RecorderStatus."""
+        self.on_stream("recorder", 1, now)
+        state = int(_field(status, "state", 0))
+        table = {
+            "state": RECORDER_WORDS[state] if 0 <= state < len(RECORDER_WORDS) else NO_DATA,
+            "path": str(_field(status, "path", "")),
+            "reason": str(_field(status, "reason", "")),
+            **{k: int(_field(status, k, 0)) for k in ("messages", "bytes", "dropped", "free_bytes")},
+            "duration": _number(_field(status, "duration", 0.0)),
+        }
+        self._store("recorder", table, now)
+
+    def on_telemetry(self, received: int, lost: int, now: float, confidence: float | None = None) -> None:
+        """Packets of the link from down-hole since start, and the decoder's confidence, 0 to 1, where it has one."""
+        total = received + lost
+        table = {
+            "known": True,
+            "received": received,
+            "lost": lost,
+            "share": _number(received / total) if total > 0 else None,
+            "confidence": _number(confidence),
+        }
+        self._store("telemetry", table, now)
+
+    def on_diagnostics(self, findings: Iterable[Any], now: float) -> None:
+        """
+        Findings of all nodes as of now: mappings or objects with name, level (0 to 3, or one byte), message, remedy.
+        """
+        rows = []
+        for finding in findings:
+            level = _field(finding, "level", 0)
+            number = level[0] if isinstance(level, (bytes, bytearray)) else int(level)
+            rows.append(
+                {
+                    "name": str(_field(finding, "name", "")),
+                    "level": LEVEL_WORDS[min(max(number, 0), 3)],
+                    "message": str(_field(finding, "message", "")),
+                    "remedy": str(_field(finding, "remedy", "")),
+                }
+            )
+        rows.sort(key=lambda row: (-LEVEL_WORDS.index(row["level"]), row["name"]))
+        table = {"rows": rows[:200]}
+        if table != {"rows": self._plain["findings"]["rows"]}:
+            self._store("findings", table, now)
+
+    def on_alarms(self, alarms: Sequence[Alarm], events: Sequence[Event], now: float) -> None:
+        """Alarms and events, newest first (`AlarmBook.alarms`, `.events`)."""
+        self._store("alarms", {"rows": plain_alarms(alarms)}, now)
+        self._store("events", {"rows": plain_events(events[:200])}, now)
+
+    # Out.
+
+    def snapshot(self, now: float) -> dict[str, Any]:
+        """
+        All of it, ready for JSON.
+
+        Returns
+        -------
+        dict
+            now: as given. sections: name to table. revisions: name to a number that changes whenever the table does,
+            apart from the ages in it. Single values are {value, sigma, unit, at, age, stale_after, state, reason}:
+            value None while there never was one, state "live", "stale" or "no data", at in s of the clock of `now`.
+            Tables carry since and age of their last change. Section history is {columns, rows}, oldest row first.
+        """
+        self._history.advance(now)
+        sections: dict[str, Any] = {}
+        builders: dict[str, Callable[[float, list[str]], dict[str, Any]]] = {
+            "attitude": self._build_attitude,
+            "toolface": self._build_toolface,
+            "drilling": lambda at, seen: {name: self._cell(name, at, seen) for name in _DRILLING},
+            "rig": self._build_rig,
+            "recorder": self._build_recorder,
+            "links": self._build_links,
+        }
+        for name, build in builders.items():
+            seen: list[str] = []
+            sections[name] = build(now, seen)
+            self._revise(name, (self._counts.get(name, 0), tuple(seen)))
+        for name, table in self._plain.items():
+            if name not in sections:
+                sections[name] = self._dated(name, table, now)
+                self._revise(name, self._counts.get(name, 0))
+        rows = self._history.rows()
+        sections["history"] = {"columns": list(self._history.columns), "rows": rows}
+        self._revise("history", rows[-1][0] if rows else None)
+        return {"now": _number(now), "sections": sections, "revisions": dict(self._revisions)}
+
+    def _build_attitude(self, now: float, seen: list[str]) -> dict[str, Any]:
+        cells = {name: self._cell(name, now, seen) for name in ("inclination", "azimuth")}
+        return {**cells, **self._attitude}
+
+    def _build_toolface(self, now: float, seen: list[str]) -> dict[str, Any]:
+        cell, reading = self._cell("toolface", now, seen), self.toolface_reading
+        advisory = None
+        if self._advisory is not None:
+            target, limit = self._advisory
+            inside = None
+            if cell["state"] == LIVE:
+                inside = abs(math.remainder(cell["value"] - target, math.tau)) <= limit
+            advisory = {"toolface": _number(target), "limit": _number(limit), "inside": inside}
+        return {
+            "angle": cell,
+            "mode": TOOLFACE_WORDS[self._selector.mode if reading is None else reading.mode],
+            "known": reading is not None,
+            "rotating": bool(reading and reading.rotating),
+            "stamp_ns": None if reading is None else reading.stamp_ns,
+            "north": self._attitude["north"],
+            "threshold_deg": self.settings.toolface.magnetic_below_deg,
+            "hysteresis_deg": self.settings.toolface.hysteresis_deg,
+            "readings": list(self._readings),
+            "advisory": advisory,
+        }
+
+    def _build_rig(self, now: float, seen: list[str]) -> dict[str, Any]:
+        return {**{name: self._cell(name, now, seen) for name in _RIG}, "in_slips": self._in_slips}
+
+    def _build_recorder(self, now: float, seen: list[str]) -> dict[str, Any]:
+        table = self._dated("recorder", self._plain["recorder"], now)
+        limit = 2.0 * self._periods["recorder"]
+        fresh = NO_DATA if table["age"] is None else (LIVE if table["age"] <= limit else STALE)
+        seen.append(fresh)
+        return {**table, "fresh": fresh, "stale_after": limit}
+
+    def _build_links(self, now: float, seen: list[str]) -> dict[str, Any]:
+        rows = {}
+        for name, stream in self._streams.items():
+            limit = 2.0 * self._periods[name]
+            age = None if stream.at is None else max(0.0, now - stream.at)
+            state = NO_DATA if age is None else (LIVE if age <= limit else STALE)
+            seen.append(state)
+            rows[name] = {
+                "state": state,
+                "at": _number(stream.at),
+                "age": _number(age),
+                "stale_after": limit,
+                "count": stream.count,
+                "lost": stream.lost,
+                "rate": _rate(stream, now),
+            }
+        # The counts run all the time; once a second is enough for people.
+        if now - self._links_at >= 1.0 or now < self._links_at:
+            self._links_at = now
+            self._touch("links")
+        return rows
+
+    def _cell(self, name: str, now: float, seen: list[str]) -> dict[str, Any]:
+        v = self._values[name]
+        unit, stream = _VALUES[name]
+        limit = 2.0 * self._periods[stream]
+        age = None if v.at is None else max(0.0, now - v.at)
+        fresh = LIVE if age is not None and age <= limit and not v.withheld else STALE
+        state = NO_DATA if v.value is None else fresh
+        seen.append(state)
+        return {
+            "value": _number(v.value),
+            "sigma": _number(v.sigma),
+            "unit": unit,
+            "at": _number(v.at),
+            "age": _number(age),
+            "stale_after": limit,
+            "state": state,
+            "reason": v.withheld,
+        }
+
+    def _angle(self, name: str, value: float, sigma: float, why: str, now: float) -> None:
+        if not (math.isfinite(value) and math.isfinite(sigma) and sigma >= 0.0):
+            self._withhold(name, why)
+        elif math.degrees(sigma) > self.settings.withheld_sigma_deg:
+            self._withhold(name, f"sigma {math.degrees(sigma):.0f} deg" if "sigma" in why else why)
+        else:
+            self._put(name, value, sigma, now)
+
+    def _put_known(self, name: str, value: float, sigma: float, now: float) -> None:
+        if sigma >= 0.0:
+            self._put(name, value, sigma, now)
+        else:
+            self._withhold(name, "not observable yet")
+
+    def _put(self, name: str, value: float, sigma: float | None, now: float) -> None:
+        if not math.isfinite(value):
+            return
+        v = self._values[name]
+        v.value, v.sigma, v.at, v.withheld = value, sigma, now, ""
+        self._touch(_SECTION_OF[name])
+        if name in _HISTORY and name != "inclination":
+            self._history.add(name, value, now)
+
+    def _withhold(self, name: str, why: str) -> None:
+        if self._values[name].withheld != why:
+            self._values[name].withheld = why
+            self._touch(_SECTION_OF[name])
+
+    def _store(self, section: str, table: dict[str, Any], now: float) -> None:
+        self._plain[section] = table
+        self._since[section] = now
+        self._touch(section)
+
+    def _dated(self, section: str, table: dict[str, Any], now: float) -> dict[str, Any]:
+        since = self._since.get(section)
+        return {**table, "since": _number(since), "age": None if since is None else _number(max(0.0, now - since))}
+
+    def _touch(self, section: str) -> None:
+        self._counts[section] = self._counts.get(section, 0) + 1
+
+    def _revise(self, section: str, signature: Any) -> None:
+        if section not in self._revisions or self._signatures[section] != signature:
+            self._signatures[section] = signature
+            self._revisions[section] = self._revisions.get(section, 0) + 1
+
+
+_SECTION_OF = {
+    name: "rig" if stream == "rig" else "attitude" if name in ("inclination", "azimuth") else "drilling"
+    for name, (_, stream) in _VALUES.items()
+} | {"toolface": "toolface"}
+
+
+def _number(value: Any) -> float | None:
+    """A finite number with what a double of people's interest needs, or None."""
+    if value is None:
+        return None
+    value = float(value)
+    return float(f"{value:.10g}") if math.isfinite(value) else None
+
+
+def _numbers(values: Array) -> list[float | None]:
+    return [_number(v) for v in values]
+
+
+def _field(source: Any, name: str, default: Any) -> Any:
+    return source.get(name, default) if isinstance(source, Mapping) else getattr(source, name, default)
+
+
+def _rate(stream: _Stream, now: float) -> float | None:
+    """Messages per second over the last whole seconds; None before there is one."""
+    current = math.floor(now)
+    whole = [(second, count) for second, count in stream.seconds if current - 6 < second < current]
+    if not stream.seconds:
+        return None
+    first = max(stream.seconds[0][0] + (1 if len(stream.seconds) > 1 else 0), current - 5)
+    return _number(sum(c for s, c in whole if s >= first) / (current - first)) if current > first else None
+
+
+def _well(well: Well) -> dict[str, Any]:
+    return {
+        "name": well.name,
+        "wellbore": well.wellbore_name,
+        "rig": well.rig,
+        "depth_datum": well.depth_datum,
+        "north_reference": well.north_reference,
+        "section_azimuth": _number(math.radians(well.section_azimuth_deg)),
+        "sensor_to_bit": _number(well.sensor_to_bit),
+        **_reference({}),
+    }
+
+
+def _reference(field: Mapping[str, float | str]) -> dict[str, Any]:
+    numbers = {key: _number(field.get(key)) for key in ("total", "dip", "declination", "convergence", "gravity")}
+    return {f"field_{key}": value for key, value in numbers.items()} | {"field_source": str(field.get("source", ""))}
+
+
+def _row(record: SurveyRecord, north: North) -> dict[str, Any]:
+    s = record.survey
+    azimuth = s.azimuth_from(north)
+    if azimuth is not None:
+        azimuth_north = north
+    else:
+        azimuth_north = North(s.north) if s.has_azimuth else North.UNKNOWN
+        azimuth = s.azimuth if s.has_azimuth else None
+    placed = {name: _number(getattr(record, name)) if record.in_use else None for name in _PLACED}
+    word, by = _verdict(record)
+    return {
+        "sequence": s.sequence,
+        "stamp_ns": s.stamp_ns,
+        "kind": "rotary" if s.kind == 1 else "static",
+        "measured_depth": _number(record.measured_depth) if record.measured_depth >= 0.0 else None,
+        "inclination": _number(s.inclination),
+        "sigma_inclination": _known(s.sigma_inclination),
+        "azimuth": _number(azimuth),
+        "sigma_azimuth": _known(s.sigma_azimuth),
+        "azimuth_north": NORTH_WORDS[azimuth_north],
+        "method": s.azimuth_method,
+        **placed,
+        "g_total": _known(s.g_total, 1e-9),
+        "b_total": _known(s.b_total),
+        "dip": _number(s.dip) if s.b_total >= 0.0 else None,
+        "automatic": Verdict(s.verdict).name.lower(),
+        "verdict": word,
+        "accepted_by": by,
+        "in_use": record.in_use,
+        "reasons": list(s.reasons),
+        "judged_reason": record.reason,
+        "flags": list(record.flags),
+        "comment": record.comment,
+        "leg": record.leg,
+        "tool": record.tool,
+    }
+
+
+def _verdict(record: SurveyRecord) -> tuple[str, str]:
+    """Word for the line, and who said so."""
+    if record.judgement == Judgement.ACCEPTED:
+        return "accepted", record.operator_name
+    if record.judgement == Judgement.REJECTED:
+        return "rejected", record.operator_name
+    if record.in_use:
+        return "accepted", "automatic"
+    automatic = Verdict(record.survey.verdict)
+    return {Verdict.ACCEPT: "waiting", Verdict.DOUBTFUL: "doubtful", Verdict.REJECT: "rejected"}[automatic], "automatic"
+
+
+def _known(value: float, low: float = 0.0) -> float | None:
+    return _number(value) if value >= low else None
+
+
+def _quality(record: SurveyRecord | None, limits: Limits) -> dict[str, Any]:
+    """Lights of the last survey: totals against their references and limits."""
+    nothing = {"known": False, "lights": [], "verdict": "", "reasons": [], "sequence": None, "stamp_ns": None}
+    if record is None:
+        return nothing
+    s = record.survey
+    has_field = s.b_total >= 0.0 and s.b_reference > 0.0
+    total, dip, corrected = _earth_field(s)
+    rows = (
+        ("total gravity", "m/s^2", s.g_total, s.g_reference if s.g_reference > 0.0 else None, limits.gravity),
+        ("total field", "T", total, s.b_reference if has_field else None, limits.field_nt * 1e-9),
+        ("dip", "rad", dip, s.dip_reference if has_field else None, math.radians(limits.dip_deg)),
+    )
+    lights = []
+    for name, unit, value, reference, limit in rows:
+        deviation = None if reference is None else value - reference
+        lights.append(
+            {
+                "name": name,
+                "unit": unit,
+                "value": _number(value) if name == "total gravity" or s.b_total >= 0.0 else None,
+                "reference": _number(reference),
+                "deviation": _number(deviation),
+                "limit": _number(limit),
+                "light": _light(deviation, limit, limits.reject_factor),
+                "corrected": corrected and name != "total gravity",
+            }
+        )
+    return {
+        "known": True,
+        "lights": lights,
+        "verdict": Verdict(s.verdict).name.lower(),
+        "reasons": [*s.reasons, *record.flags],
+        "sequence": s.sequence,
+        "stamp_ns": s.stamp_ns,
+    }
+
+
+def _earth_field(survey: Survey) -> tuple[float, float, bool]:
+    """
+    Total, T, and dip, rad, that the verdict is about: without the axial interference where the azimuth was corrected
+    for it, else as measured; and whether it was.
+    """
+    corrected = survey.azimuth_method in _CORRECTED_METHODS and survey.sigma_axial_interference >= 0.0
+    if not corrected or survey.b_total < 0.0 or not any(survey.specific_force):
+        return survey.b_total, survey.dip, False
+    b_t = np.array(survey.magnetic_field) - np.array([survey.axial_interference, 0.0, 0.0])
+    return float(np.linalg.norm(b_t)), float(magnetics.dip(np.array(survey.specific_force), b_t)), True
+
+
+def _field_of(survey: Survey) -> dict[str, float | str]:
+    gravity = {"gravity": survey.g_reference} if survey.g_reference > 0.0 else {}
+    return {
+        "total": survey.b_reference,
+        "dip": survey.dip_reference,
+        "declination": survey.declination,
+        "convergence": survey.convergence,
+        "source": f"as of survey {survey.sequence}",
+        **gravity,
+    }
+
+
+def _light(deviation: float | None, limit: float, reject_factor: float) -> str:
+    if deviation is None or not math.isfinite(deviation):
+        return "no reference"
+    size = abs(deviation)
+    if size <= limit:
+        return "good"
+    return "doubtful" if size <= reject_factor * limit else "reject"
+
+
+def _path(path: Definitive | None, section: float, covariance: Array | None, most: int) -> dict[str, Any]:
+    names = ("measured_depth", "inclination", "azimuth", "north", "east", "vertical_depth", "vertical_section",
+             "dogleg_severity")  # fmt: skip
+    if path is None:
+        return {**{name: [] for name in names}, "kind": [], "north_reference": "", "ellipses": [], "left_out": 0}
+    first = max(0, len(path.md) - most)
+    n, e, d = path.positions[first:].T
+    columns = (path.md[first:], path.inclination[first:], path.azimuth[first:], n, e, d,
+               path.vertical_section[first:], path.dogleg_severity[first:])  # fmt: skip
+    return {
+        **{name: _numbers(column) for name, column in zip(names, columns, strict=True)},
+        "kind": list(path.kind[first:]),
+        "north_reference": path.north.name.lower(),
+        "section_azimuth": _number(section),
+        "ellipses": [] if covariance is None else _ellipses(np.asarray(covariance, dtype=float), first, section),
+        "left_out": first,
+    }
+
+
+def _ellipses(covariance: Array, first: int, section: float) -> list[dict[str, Any]]:
+    """Two-sigma ellipses at up to ten stations: in the map (north, east) and in the section (along, down)."""
+    rows = []
+    stations = range(first, len(covariance))
+    for k in list(stations)[:: max(1, -(-len(stations) // 10))]:
+        whole = covariance[k]
+        if not np.all(np.isfinite(whole)):
+            continue
+        plan, side = ellipse(whole[:2, :2]), ellipse(in_section(whole, section))
+        rows.append(
+            {
+                "station": k - first,
+                "plan": [_number(plan.major), _number(plan.minor), _number(plan.angle)],
+                "section": [_number(side.major), _number(side.minor), _number(side.angle)],
+            }
+        )
+    return rows

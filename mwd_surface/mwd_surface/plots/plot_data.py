@@ -1,0 +1,393 @@
+"""Everything a picture of a bag needs, gathered in one pass and constant memory; only an Allan plot needs a second."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors import wire
+from mwd_sensors.allan import AllanCurve
+from mwd_sensors.wire import Samples
+from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.plots.envelope import Envelope
+from mwd_surface.plots.long_allan import LongAllan
+from mwd_surface.plots.spectrum import Spectrum
+from mwd_surface.plots.traces import NORTHS, WHAT, Trace, north_of, traces_of
+from mwd_surface.surveys.survey_message import record_of, survey_of
+from mwd_surface.surveys.survey_record import Survey, SurveyRecord
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+_SURVEY, _RECORD = "mwd_msgs/msg/Survey", "mwd_msgs/msg/SurveyRecord"
+# A stamp further than this from the time of recording is of another clock: the time of recording is drawn.
+_OTHER_CLOCK_NS = 60 * wire.NANOSECONDS
+# Still: every half second keeps within this of itself, rad/s and m/s^2, and within so many times the quietest tenth.
+_QUIET_RATE, _QUIET_FORCE = 0.03, 0.25
+_AS_QUIET = 1.8
+_STILL_S = 10.0
+_SEGMENT_S = 10.0
+
+
+@dataclasses.dataclass
+class Panel:
+    """One panel over time: what it shows, of which topic, and the signal."""
+
+    trace: Trace
+    topic: str
+    envelope: Envelope
+    north: int = 0
+
+    @property
+    def title(self) -> str:
+        """Topic and quantity, the north named."""
+        return f"{self.topic}: {self.trace.title.format(north=NORTHS.get(self.north, 'unnamed'))}"
+
+
+@dataclasses.dataclass
+class SpectrumOf:
+    """Spectrum of one vector of one topic."""
+
+    topic: str
+    quantity: str
+    unit: str
+    spectrum: Spectrum
+
+
+@dataclasses.dataclass
+class AllanOf:
+    """Allan deviation of one vector of one topic over its longest still interval."""
+
+    topic: str
+    quantity: str
+    start_s: float
+    seconds: float
+    curve: AllanCurve
+
+
+@dataclasses.dataclass
+class PlotData:
+    """
+    What is drawn.
+
+    Attributes
+    ----------
+    name : str
+        Of the bag.
+    start_ns, end_ns : int
+        Span that is drawn.
+    panels, spectra, allan, surveys : list
+        A survey carries its measured depth, m, or nan.
+    remarks : list of str
+        What cannot be shown and why.
+    """
+
+    name: str
+    start_ns: int
+    end_ns: int
+    panels: list[Panel] = dataclasses.field(default_factory=list)
+    spectra: list[SpectrumOf] = dataclasses.field(default_factory=list)
+    allan: list[AllanOf] = dataclasses.field(default_factory=list)
+    surveys: list[tuple[Survey, float]] = dataclasses.field(default_factory=list)
+    remarks: list[str] = dataclasses.field(default_factory=list)
+
+    @property
+    def seconds(self) -> float:
+        """Length of the span, s."""
+        return (self.end_ns - self.start_ns) * 1e-9
+
+
+def gather(
+    bag: Bag,
+    what: Sequence[str] = ("sensors", "attitude", "surveys"),
+    start_s: float = 0.0,
+    end_s: float = math.inf,
+    topics: Sequence[str] = (),
+    bins: int = 1600,
+    progress: Callable[[float], None] = lambda _share: None,
+) -> PlotData:
+    """
+    Read a bag for a picture of it.
+
+    Parameters
+    ----------
+    bag : Bag
+    what : sequence of str
+        Words of `traces.WHAT`.
+    start_s, end_s : float
+        Span after the first message, s.
+    topics : sequence of str
+        Only these, full names; empty: all that are known how to draw.
+    bins : int
+        Columns of the picture.
+    progress : callable
+        Told the share that is done, 0 to 1.
+
+    Raises
+    ------
+    ValueError
+        An unknown word, or a span that ends before it starts.
+    BagError
+        A topic the bag doesn't have, or nothing to draw of what is asked.
+    """
+    for word in what:
+        if word not in WHAT:
+            raise ValueError(f"--what {word}: no such word; one of {', '.join(WHAT)}")
+    if not 0.0 <= start_s < end_s:
+        raise ValueError(
+            f"--start {start_s:g}, --end {end_s:g}: the start must not be negative and come before the end"
+        )
+    if start_s > bag.duration_s:
+        raise ValueError(f"--start {start_s:g}: the recording ends after {bag.duration_s:.1f} s")
+    first = bag.start_ns + round(start_s * 1e9)
+    last = bag.end_ns if math.isinf(end_s) else min(bag.end_ns, bag.start_ns + round(end_s * 1e9))
+    data = PlotData(bag.path.resolve().name, first, last)
+    pens = _pens(bag, _chosen(bag, topics), what, data, bins)
+    if not pens:
+        asked = ", ".join(what)
+        has = ", ".join(f"{topic.name} ({topic.type_name})" for topic in bag.topics.values())
+        raise BagError(f"{bag.path} has nothing to draw for {asked}", f"it has {has}")
+    for block in bag.blocks(sorted({pen.topic for pen in pens}), first, last + 1):
+        for pen in pens:
+            if pen.topic in block:
+                pen.draw(block[pen.topic])
+        newest = max(int(part[0][-1]) for part in block.values())
+        progress(min((newest - first) / max(last - first, 1), 1.0))
+    for pen in pens:
+        pen.end()
+    progress(1.0)
+    data.panels = [panel for panel in data.panels if panel.envelope.samples]
+    data.spectra = [item for item in data.spectra if item.spectrum.segments]
+    if not (data.panels or data.spectra or data.allan or data.surveys):
+        reason = f" ({'; '.join(data.remarks)})" if data.remarks else ""
+        raise BagError(f"{bag.path} has nothing to draw for {', '.join(what)}{reason}")
+    return data
+
+
+def _chosen(bag: Bag, topics: Sequence[str]) -> list[str]:
+    if not topics:
+        # The estimator's copy of the IMU with its orientation would be drawn twice.
+        return sorted((name for name in bag.topics if not name.endswith("imu/data")), key=_order)
+    names = []
+    for name in topics:
+        found = [candidate for candidate in (name, f"/{name}") if candidate in bag.topics]
+        if not found:
+            raise BagError(f"{bag.path} has no topic {name}", f"it has {', '.join(bag.topics)}")
+        names.append(found[0])
+    return names
+
+
+def _order(topic: str) -> tuple[str, int, str]:
+    """Well by well, each in the order of the contract."""
+    for k, relative in enumerate(wire.SONDE_TOPICS):
+        if topic.endswith(f"/{relative}"):
+            return topic.removesuffix(relative), k, topic
+    return topic.rpartition("/")[0] + "/", len(wire.SONDE_TOPICS), topic
+
+
+class _Pen:
+    """Takes the samples of one topic."""
+
+    def __init__(self, topic: str) -> None:
+        self.topic = topic
+
+    def draw(self, part: tuple[Stamps, Any]) -> None:
+        """Take the times of recording and the samples of a block."""
+        raise NotImplementedError
+
+    def end(self) -> None:
+        """All blocks were taken; most have nothing left to do."""
+
+
+def _pens(bag: Bag, topics: list[str], what: Sequence[str], data: PlotData, bins: int) -> list[_Pen]:
+    pens: list[_Pen] = []
+    for topic in topics:
+        about = bag.topics[topic]
+        if about.count == 0:
+            continue
+        traces = [t for t in traces_of(about.type_name) if t.what in what or (t.key and _compared(t, what))]
+        if traces:
+            pens.append(_TimePen(topic, traces, data, bins))
+        if "surveys" in what and about.type_name in (_SURVEY, _RECORD):
+            pens.append(_SurveyPen(topic, about.type_name, data, bag))
+        if about.type_name in (wire.IMU.type_name, wire.MAG.type_name) and "spectra" in what:
+            pens.append(_SpectrumPen(topic, about.type_name, data))
+        if about.type_name == wire.IMU.type_name and "allan" in what:
+            pens.append(_StillPen(topic, data, bag))
+    return pens
+
+
+def _compared(trace: Trace, what: Sequence[str]) -> bool:
+    """Truth is read too where an attitude is drawn that it can be compared with."""
+    return trace.what == "truth" and "attitude" in what
+
+
+class _TimePen(_Pen):
+    def __init__(self, topic: str, traces: list[Trace], data: PlotData, bins: int) -> None:
+        super().__init__(topic)
+        self.panels = [
+            Panel(t, topic, Envelope(data.start_ns, data.end_ns, len(t.labels), bins, t.circle)) for t in traces
+        ]
+        data.panels += self.panels
+
+    def draw(self, part: tuple[Stamps, Any]) -> None:
+        log_ns, samples = part
+        stamps = _times(log_ns, samples)
+        for panel in self.panels:
+            if panel.north == 0 and "north" in (samples.dtype.names or ()):
+                panel.north = north_of(samples)
+            panel.envelope.add(stamps, panel.trace.values(samples))
+
+
+class _SurveyPen(_Pen):
+    def __init__(self, topic: str, type_name: str, data: PlotData, bag: Bag) -> None:
+        super().__init__(topic)
+        self.type_name, self.data, self.bag = type_name, data, bag
+        self.found: dict[str, tuple[Survey, float]] = {}
+
+    def draw(self, part: tuple[Stamps, Any]) -> None:
+        for message in part[1]:
+            decoded = self.bag.decode(self.topic, message)
+            if self.type_name == _RECORD:
+                record: SurveyRecord = record_of(decoded)
+                depth = record.measured_depth if record.measured_depth >= 0.0 else math.nan
+                self.found[record.survey.uuid] = (record.survey, depth)
+            else:
+                survey = survey_of(decoded)
+                self.found[survey.uuid] = (survey, math.nan)
+
+    def end(self) -> None:
+        # The list knows depths: its record of a survey takes the place of the bare one.
+        known = {survey.uuid: (survey, depth) for survey, depth in self.data.surveys}
+        for uuid, (survey, depth) in self.found.items():
+            if uuid not in known or not math.isnan(depth):
+                known[uuid] = (survey, depth)
+        self.data.surveys = sorted(known.values(), key=lambda item: item[0].stamp_ns)
+
+
+_VECTORS = {
+    wire.IMU.type_name: (
+        ("angular rate", "deg/s", "angular_velocity", 180.0 / math.pi),
+        ("specific force", "m/s²", "linear_acceleration", 1.0),
+    ),
+    wire.MAG.type_name: (("magnetic field", "nT", "magnetic_field", 1e9),),
+}
+
+
+class _SpectrumPen(_Pen):
+    def __init__(self, topic: str, type_name: str, data: PlotData) -> None:
+        super().__init__(topic)
+        self.vectors, self.data = _VECTORS[type_name], data
+        self.spectra: list[Spectrum] = []
+
+    def draw(self, part: tuple[Stamps, Any]) -> None:
+        log_ns, samples = part
+        stamps = _times(log_ns, samples)
+        if not self.spectra and not self._begin(stamps):
+            return
+        fresh = np.concatenate([[True], np.diff(stamps) > 0])
+        for spectrum, (_, _, field, scale) in zip(self.spectra, self.vectors, strict=True):
+            spectrum.add(stamps[fresh], samples[field][fresh] * scale)
+
+    def _begin(self, stamps: Stamps) -> bool:
+        rate = rate_of(stamps)
+        if rate <= 0.0:
+            return False
+        seconds = self.data.seconds
+        # Short runs get shorter segments: an average of one is no average.
+        longest = min(_SEGMENT_S, max(seconds / 8.0, 16.0 / rate))
+        segment = max(16, 1 << int(math.log2(longest * rate)))
+        bins = int(min(240, max(1, seconds * rate / segment)))
+        for quantity, unit, _, _ in self.vectors:
+            spectrum = Spectrum(rate, 3, self.data.start_ns, self.data.end_ns, segment, bins)
+            self.spectra.append(spectrum)
+            self.data.spectra.append(SpectrumOf(self.topic, quantity, unit, spectrum))
+        return True
+
+
+class _StillPen(_Pen):
+    """Finds the longest still interval, then reads it again for its Allan deviation."""
+
+    def __init__(self, topic: str, data: PlotData, bag: Bag) -> None:
+        super().__init__(topic)
+        self.data, self.bag = data, bag
+        self.rate = 0.0
+        self._stamps = np.empty(0, dtype=np.int64)
+        self._held = np.empty((0, 6))
+        # Of every half second: first and last stamp, spread of rate and force, mean force. A day is 170 000 of them.
+        self._edges: list[tuple[int, int]] = []
+        self._moved: list[tuple[float, ...]] = []
+
+    def draw(self, part: tuple[Stamps, Any]) -> None:
+        log_ns, samples = part
+        self.rate = self.rate or rate_of(log_ns)
+        if not self.rate:
+            return
+        self._stamps = np.concatenate([self._stamps, log_ns])
+        values = np.column_stack([samples["angular_velocity"], samples["linear_acceleration"]])
+        self._held = np.concatenate([self._held, values])
+        window = max(4, round(0.5 * self.rate))
+        whole = len(self._held) // window
+        for k in range(whole):
+            first, last = k * window, (k + 1) * window
+            values = self._held[first:last]
+            spread = np.ptp(values, axis=0)
+            self._edges.append((int(self._stamps[first]), int(self._stamps[last - 1])))
+            self._moved.append((float(spread[:3].max()), float(spread[3:].max()), *values[:, 3:].mean(axis=0)))
+        self._stamps, self._held = self._stamps[whole * window :], self._held[whole * window :]
+
+    def _longest(self) -> tuple[int, int]:
+        """First and last stamp of the longest still interval; twice 0 where there is none."""
+        if not self._edges:
+            return 0, 0
+        edges, moved = np.array(self._edges), np.array(self._moved)
+        spread, mean = moved[:, :2], moved[:, 2:]
+        # A steady rotation keeps its rate too, but its specific force turns.
+        turned = np.abs(np.diff(mean, axis=0, prepend=mean[:1])).max(axis=1)
+        quiet = (spread < (_QUIET_RATE, _QUIET_FORCE)).all(axis=1) & (turned < 0.5 * _QUIET_FORCE)
+        quiet &= (edges[:, 1] - edges[:, 0]) * 1e-9 < 0.75
+        if not quiet.any():
+            return 0, 0
+        # Pumps shake a still tool by less than that: only what is as quiet as the quietest tells of the sensor.
+        floor = np.percentile(spread[quiet], 10, axis=0)
+        quiet &= (spread <= np.maximum(_AS_QUIET * floor, 1e-9)).all(axis=1)
+        changes = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]]))).reshape(-1, 2)
+        spans = edges[changes[:, 1] - 1, 1] - edges[changes[:, 0], 0]
+        first, past = changes[int(np.argmax(spans))]
+        return int(edges[first, 0]), int(edges[past - 1, 1])
+
+    def end(self) -> None:
+        start, end = self._longest()
+        if (end - start) * 1e-9 < _STILL_S:
+            self.data.remarks.append(f"{self.topic} has no still interval of {_STILL_S:g} s for an Allan deviation")
+            return
+        vectors = _VECTORS[wire.IMU.type_name]
+        records = [LongAllan(self.rate, 3) for _ in vectors]
+        for block in self.bag.blocks([self.topic], start, end + 1):
+            samples = block[self.topic][1]
+            for record, (_, _, field, _) in zip(records, vectors, strict=True):
+                record.add(np.array(samples[field]))
+        missing = 1.0 - records[0].samples / ((end - start) * 1e-9 * self.rate + 1.0)
+        if missing > 0.01:
+            self.data.remarks.append(f"{self.topic}: {missing:.0%} of the still interval's samples are missing")
+        for record, (quantity, _, _, _) in zip(records, vectors, strict=True):
+            span = (start - self.data.start_ns) * 1e-9, (end - start) * 1e-9
+            self.data.allan.append(AllanOf(self.topic, quantity, *span, record.curve()))
+
+
+def rate_of(stamps: Stamps) -> float:
+    """Samples in a second, from the usual step of their stamps; 0 where it cannot be told."""
+    steps = np.diff(stamps)
+    steps = steps[steps > 0]
+    return float(1e9 / np.median(steps)) if len(steps) >= 8 else 0.0
+
+
+def _times(log_ns: Stamps, samples: Samples) -> Stamps:
+    """Times of measurement, or of recording where the stamps are of another clock."""
+    stamps = samples["stamp_ns"]
+    return np.where(np.abs(stamps - log_ns) > _OTHER_CLOCK_NS, log_ns, stamps)

@@ -1,0 +1,1 @@
+"""What rig control hears and says: WITS, OPC UA, Modbus, WITSML, behind one port."""

@@ -1,0 +1,1 @@
+"""Whole jobs that a command starts: simulate, process, calibrate, supervise nodes, look at the machine."""

@@ -1,0 +1,238 @@
+"""A tumble and temperature run, recorded or simulated, to a calibration of one unit, and the file that keeps it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from mwd_sensors import calibration, wire
+from mwd_sensors.calibration import Calibration
+from mwd_sensors.scenario import Scenario, parse
+from mwd_sensors.settings import SettingsError
+from mwd_sensors.sonde import Sonde, reference_of
+from mwd_sensors.wire import Samples
+from mwd_surface.bags.bag_reader import Bag, BagError
+
+Array = NDArray[np.float64]
+
+UNITS = {"ahrs": "imu/data_raw", "precision": "gyro/data_raw"}
+_MAG, _TEMPERATURE = "imu/mag", "imu/temperature"
+# A run of calibration is minutes; this is a day at 100 Hz.
+_MOST_SAMPLES = 8_640_000
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """
+    Readings of one unit over a run.
+
+    Attributes
+    ----------
+    source : str
+        What it was, for people.
+    unit : str
+        A key of `UNITS`.
+    imu : Samples
+    mag : Samples or None
+        On the stamps of imu.
+    celsius : ndarray, shape (n,)
+        At the stamps of imu.
+    rate : float
+        Hz.
+    """
+
+    source: str
+    unit: str
+    imu: Samples
+    mag: Array | None
+    celsius: Array
+    rate: float
+
+
+def simulated(scenario: Scenario, unit: str) -> Run:
+    """
+    Simulate a run.
+
+    Raises
+    ------
+    ValueError
+        The scenario's sonde has no such unit.
+    """
+    if unit == "precision" and scenario.precision is None:
+        raise ValueError(f"scenario {scenario.name}: its sonde has no precision unit")
+    wanted = (UNITS[unit], _MAG, _TEMPERATURE)
+    parts: dict[str, list[Samples]] = {topic: [] for topic in wanted}
+    for block in Sonde(scenario).blocks(10.0):
+        for topic in wanted:
+            parts[topic].append(block[topic])
+    joined = {topic: np.concatenate(found) for topic, found in parts.items()}
+    return _run(f"scenario {scenario.name}, seed {scenario.seed}", unit, joined, wanted)
+
+
+def recorded(bag: Bag, unit: str) -> Run:
+    """
+    Read a run from a recording.
+
+    Raises
+    ------
+    BagError
+        There is no IMU of that unit or no temperature, more than one of them, or the run is longer than a day.
+    """
+    imu = bag.find_topic(wire.IMU.type_name, UNITS[unit])
+    namespace = imu.removesuffix(UNITS[unit])
+    topics = [imu]
+    for relative, layout in ((_MAG, wire.MAG), (_TEMPERATURE, wire.TEMPERATURE)):
+        about = bag.topics.get(namespace + relative)
+        if about is not None and about.type_name == layout.type_name and about.count:
+            topics.append(about.name)
+    if bag.topics[imu].count > _MOST_SAMPLES:
+        raise BagError(f"{bag.path} is too long for a calibration run", "a tumble takes minutes; cut it out first")
+    parts: dict[str, list[Samples]] = {topic: [] for topic in topics}
+    for block in bag.blocks(topics):
+        for topic, (_, samples) in block.items():
+            parts[topic].append(samples)
+    joined = {topic: np.concatenate(found) for topic, found in parts.items() if found}
+    return _run(f"bag {bag.path.resolve().name}", unit, joined, (imu, namespace + _MAG, namespace + _TEMPERATURE))
+
+
+def scenario_of(bag: Bag) -> Scenario | None:
+    """The scenario that a simulated recording keeps inside; None where there is none."""
+    for attachment in bag.attachments():
+        if attachment.name == "scenario.yaml":
+            return parse(attachment.data.decode())
+    return None
+
+
+def field_of(scenario: Scenario) -> tuple[float, tuple[float, float]]:
+    """Gravity, m/s^2, and strength, T, and dip, rad, of the field where a scenario takes place."""
+    reference = reference_of(scenario)
+    return reference.gravity, (reference.total, reference.dip)
+
+
+def calibrated(run: Run, gravity: float, field: tuple[float, float] | None) -> Calibration:
+    """
+    Calibration of a run; without a field the magnetometer is left out.
+
+    Raises
+    ------
+    ValueError
+        The run cannot carry a calibration; says why.
+    """
+    imu = run.imu
+    mag = run.mag if run.unit == "ahrs" and field is not None else None
+    return calibration.calibrate(
+        imu["angular_velocity"], imu["linear_acceleration"], mag, run.celsius, run.rate, gravity, field
+    )
+
+
+def write(path: Path, found: Calibration, about: Mapping[str, Any]) -> None:
+    """
+    Write a calibration as YAML; about: where it comes from, in plain values.
+
+    Raises
+    ------
+    OSError
+        It cannot be written.
+    """
+    table = {"about": dict(about), "calibration": calibration.as_table(found)}
+    head = "# Made by `mwd calibrate`. SI units: rad/s, m/s^2, T, degC. Corrected = matrix @ ((reading - bias\n"
+    head += "# - bias_per_c * warm) / (1 + scale_per_c * warm)), warm = temperature - reference_c.\n"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(head + yaml.safe_dump(table, sort_keys=False, default_flow_style=None), encoding="utf-8")
+
+
+def read(path: Path, unit: str = "ahrs") -> Calibration:
+    """
+    Read a calibration that `write` wrote, to be used on a unit.
+
+    Raises
+    ------
+    SettingsError
+        It is not YAML, not a calibration, or one of another unit; names the file.
+    OSError
+        It cannot be read.
+    """
+    try:
+        table = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
+    if not isinstance(table, dict) or not isinstance(table.get("calibration"), dict):
+        raise SettingsError(f"{path} is not a calibration; `mwd calibrate` makes one")
+    about = table.get("about")
+    made_for = about.get("unit", unit) if isinstance(about, dict) else unit
+    if made_for != unit:
+        raise SettingsError(f"{path} is a calibration of the unit {made_for!r}, not of {unit!r}")
+    try:
+        return calibration.from_table(table["calibration"])
+    except ValueError as error:
+        raise SettingsError(f"{path}: {error}") from error
+
+
+def _run(source: str, unit: str, joined: Mapping[str, Samples], topics: tuple[str, str, str]) -> Run:
+    imu = _ordered([joined[topics[0]]])
+    if len(imu) < 100:
+        raise ValueError(f"{source}: {len(imu)} samples are too few for a calibration")
+    stamps = imu["stamp_ns"]
+    rate = float(1e9 / np.median(np.diff(stamps)))
+    mag = None
+    if topics[1] in joined and len(joined[topics[1]]) > 1:
+        field = _ordered([joined[topics[1]]])
+        mag = np.column_stack(
+            [_interpolated(stamps, field["stamp_ns"], field["magnetic_field"][:, axis]) for axis in range(3)]
+        )
+    if topics[2] not in joined or len(joined[topics[2]]) == 0:
+        raise ValueError(f"{source}: there is no temperature; a calibration needs {_TEMPERATURE}")
+    heat = _ordered([joined[topics[2]]])
+    celsius = _interpolated(stamps, heat["stamp_ns"], heat["temperature"])
+    return Run(source, unit, imu, mag, celsius, rate)
+
+
+def _ordered(parts: Iterable[Samples]) -> Samples:
+    samples = np.concatenate(list(parts))
+    return np.asarray(samples[np.unique(samples["stamp_ns"], return_index=True)[1]])
+
+
+def _interpolated(stamps: NDArray[np.int64], at: NDArray[np.int64], values: Array) -> Array:
+    origin = int(stamps[0])
+    return np.asarray(np.interp((stamps - origin) * 1e-9, (at - origin) * 1e-9, values), dtype=float)
+
+
+def residuals(found: Calibration) -> list[tuple[str, int, float, float, str]]:
+    """Rows for people: triad, rests or turns, residual before and after, unit."""
+    ug, nt, mrad = 1e6 / 9.80665, 1e9, 1e3
+    rows = [
+        ("accelerometers", found.accelerometer, ug, "µg of gravity's strength"),
+        ("gyros", found.gyro, mrad, "mrad of gravity's direction after a turn"),
+    ]
+    if found.magnetometer is not None:
+        rows.append(("magnetometers", found.magnetometer, nt, "nT of the field's strength and dip"))
+    return [(name, triad.poses, triad.before * scale, triad.after * scale, unit) for name, triad, scale, unit in rows]
+
+
+def errors(found: Calibration) -> list[tuple[str, str, list[str]]]:
+    """Rows for people: triad, figure with its unit, and the three axes as value and 1 sigma."""
+    rows: list[tuple[str, str, list[str]]] = []
+    dph, ug = math.degrees(1.0) * 3600.0, 1e6 / 9.80665
+    for name, triad, scale, unit in (
+        ("accelerometers", found.accelerometer, ug, "µg"),
+        ("gyros", found.gyro, dph, "deg/h"),
+        ("magnetometers", found.magnetometer, 1e9, "nT"),
+    ):
+        if triad is None:
+            continue
+        gain = 1e6 * (1.0 / np.diag(triad.matrix) - 1.0)
+        for words, value, sigma in (
+            (f"bias, {unit}", triad.bias * scale, triad.sigma_bias * scale),
+            (f"bias over temperature, {unit}/°C", triad.bias_per_c * scale, triad.sigma_bias_per_c * scale),
+            ("scale, ppm", gain, 1e6 * np.diag(triad.sigma_matrix)),
+            ("scale over temperature, ppm/°C", 1e6 * triad.scale_per_c, 1e6 * triad.sigma_scale_per_c),
+        ):
+            rows.append((name, words, [f"{v:.4g} ± {s:.2g}" for v, s in zip(value, sigma, strict=True)]))
+    return rows

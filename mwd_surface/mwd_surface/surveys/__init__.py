@@ -1,0 +1,1 @@
+"""The survey list of a well: stations, decisions, depths, the path and the plan, and how well they are known."""

@@ -1,0 +1,142 @@
+"""
+Surveys against the truth that a simulated sonde publishes beside them: what `mwd run` ends with.
+
+Only for looking at; no estimator reads the truth.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors import wire
+from mwd_sensors.frames import wrap_pi
+from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.surveys.survey_message import survey_of
+from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, Verdict
+
+SURVEY_TYPE = "mwd_msgs/msg/Survey"
+_NEAREST = 0.5  # s; a truth further away than that says nothing about a survey
+
+
+@dataclasses.dataclass(frozen=True)
+class Scored:
+    """
+    One survey beside the truth; angles in rad, azimuths from true north, None where unknown.
+
+    Attributes
+    ----------
+    sequence : int
+    measured_depth : float
+        Of the sonde, from the truth, m.
+    inclination, azimuth : float
+        True ones.
+    measured_inclination, sigma_inclination : float
+    raw, corrected, chosen : float or None
+        Azimuth as the compass has it, freed of axial interference, and the one the survey reports.
+    sigma_azimuth : float or None
+        1 sigma of the chosen one.
+    verdict : Verdict
+    reasons : tuple of str
+    """
+
+    sequence: int
+    measured_depth: float
+    inclination: float
+    azimuth: float
+    measured_inclination: float
+    sigma_inclination: float
+    raw: float | None
+    corrected: float | None
+    chosen: float | None
+    sigma_azimuth: float | None
+    verdict: Verdict
+    reasons: tuple[str, ...]
+
+    @property
+    def inclination_error(self) -> float:
+        """Measured less true, rad."""
+        return self.measured_inclination - self.inclination
+
+    @property
+    def azimuth_error(self) -> float | None:
+        """Chosen less true, the short way round, rad."""
+        return None if self.chosen is None else float(wrap_pi(self.chosen - self.azimuth))
+
+
+def score(bag: Bag, namespace: str = "") -> list[Scored]:
+    """
+    Every survey of a recording beside the truth at its time, in order of time.
+
+    namespace : of the well, where the recording has several.
+
+    Raises
+    ------
+    BagError
+        It has no truth, or several wells and none was named.
+    """
+    prefix = namespace.strip("/")
+    if not any(topic.type_name == SURVEY_TYPE for topic in bag.topics.values()):
+        return []
+    survey_topic = bag.find_topic(SURVEY_TYPE, f"{prefix}/survey")
+    truth_topic = bag.find_topic(wire.TRUTH.type_name, f"{prefix}/truth")
+    surveys = _surveys(bag, survey_topic)
+    truth = _truth(bag, truth_topic)
+    if not len(truth):
+        raise BagError(f"{bag.path} has no truth to compare with", "only simulated recordings have")
+    scored = []
+    for survey in surveys:
+        row = truth[int(np.argmin(np.abs(truth[:, 0] - survey.stamp_ns)))]
+        if abs(row[0] - survey.stamp_ns) <= _NEAREST * 1e9:
+            scored.append(_beside(survey, row))
+    return scored
+
+
+def _surveys(bag: Bag, topic: str) -> list[Survey]:
+    # A latched topic can be delivered, and recorded, more than once.
+    found: dict[str, Survey] = {}
+    for _, name, _, data in bag.messages([topic]):
+        survey = survey_of(bag.decode(name, data))
+        found[survey.uuid] = survey
+    return sorted(found.values(), key=lambda one: one.stamp_ns)
+
+
+def _truth(bag: Bag, topic: str) -> NDArray[np.float64]:
+    """Rows of stamp (ns), inclination, azimuth, measured depth."""
+    rows = []
+    for block in bag.blocks([topic]):
+        samples = block[topic][1]
+        names = ("stamp_ns", "inclination", "azimuth", "measured_depth")
+        rows.append(np.stack([samples[name].astype(float) for name in names], axis=1))
+    return np.concatenate(rows) if rows else np.zeros((0, 4))
+
+
+def _beside(survey: Survey, truth: NDArray[np.float64]) -> Scored:
+    _, inclination, azimuth, measured_depth = (float(value) for value in truth)
+    by_method = {estimate.method: _from_true_north(survey, estimate) for estimate in survey.azimuths}
+    sigma = survey.sigma_azimuth
+    return Scored(
+        sequence=survey.sequence,
+        measured_depth=measured_depth,
+        inclination=inclination,
+        azimuth=azimuth,
+        measured_inclination=survey.inclination,
+        sigma_inclination=survey.sigma_inclination,
+        raw=by_method.get("raw"),
+        corrected=by_method.get("corrected"),
+        chosen=survey.azimuth_from(North.TRUE),
+        sigma_azimuth=sigma if sigma >= 0.0 else None,
+        verdict=Verdict(survey.verdict),
+        reasons=survey.reasons,
+    )
+
+
+def _from_true_north(survey: Survey, estimate: AzimuthEstimate) -> float | None:
+    if estimate.sigma < 0.0:
+        return None
+    return dataclasses.replace(survey, azimuth=estimate.azimuth % math.tau, north=estimate.north).azimuth_from(
+        North.TRUE
+    )

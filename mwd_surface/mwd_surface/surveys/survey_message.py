@@ -1,0 +1,115 @@
+"""
+Between the messages of the graph and the records of the survey list, field by field and by name.
+
+Nothing of ROS is imported: a message is anything with the fields of its .msg file, and the node hands in the empty
+messages to be filled. Both sides carry the same SI numbers, so nothing is converted but stamps and arrays.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+from mwd_surface.surveys.survey_list import Definitive, SurveyList
+from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, SurveyRecord
+
+WELLHEAD = "wellhead"
+_SECOND = 10**9
+# On the message these are part of the header, or messages of their own.
+_OWN_WAY = {"stamp_ns", "frame_id", "azimuths"}
+
+
+def stamp_of(time: Any) -> int:
+    """Nanoseconds of a builtin_interfaces/Time."""
+    return int(time.sec) * _SECOND + int(time.nanosec)
+
+
+def fill_stamp(time: Any, stamp_ns: int) -> None:
+    """Write nanoseconds into a builtin_interfaces/Time."""
+    time.sec, time.nanosec = divmod(int(stamp_ns), _SECOND)
+
+
+def survey_of(message: Any) -> Survey:
+    """The Survey of a mwd_msgs/msg/Survey; checked by the list when it is added, not here."""
+    values: dict[str, Any] = {"stamp_ns": stamp_of(message.header.stamp), "frame_id": str(message.header.frame_id)}
+    for field in dataclasses.fields(Survey):
+        if field.name not in _OWN_WAY:
+            values[field.name] = _plain(getattr(message, field.name))
+    values["azimuths"] = tuple(
+        AzimuthEstimate(**{f.name: _plain(getattr(a, f.name)) for f in dataclasses.fields(AzimuthEstimate)})
+        for a in message.azimuths
+    )
+    return Survey(**values)
+
+
+def fill_survey(message: Any, survey: Survey, new_azimuth: Callable[[], Any]) -> None:
+    """Write a survey into an empty mwd_msgs/msg/Survey; new_azimuth makes an empty mwd_msgs/msg/AzimuthEstimate."""
+    fill_stamp(message.header.stamp, survey.stamp_ns)
+    message.header.frame_id = survey.frame_id
+    for field in dataclasses.fields(Survey):
+        if field.name not in _OWN_WAY:
+            _fill(message, field.name, getattr(survey, field.name))
+    message.azimuths = []
+    for estimate in survey.azimuths:
+        azimuth = new_azimuth()
+        for field in dataclasses.fields(AzimuthEstimate):
+            _fill(azimuth, field.name, getattr(estimate, field.name))
+        message.azimuths.append(azimuth)
+
+
+def record_of(message: Any) -> SurveyRecord:
+    """The SurveyRecord of a mwd_msgs/msg/SurveyRecord."""
+    values: dict[str, Any] = {"survey": survey_of(message.survey), "judged_ns": stamp_of(message.judged)}
+    for field in dataclasses.fields(SurveyRecord):
+        if field.name not in values:
+            values[field.name] = _plain(getattr(message, field.name))
+    return SurveyRecord(**values)
+
+
+def fill_record(message: Any, record: SurveyRecord, new_azimuth: Callable[[], Any]) -> None:
+    """Write a record into an empty mwd_msgs/msg/SurveyRecord."""
+    fill_survey(message.survey, record.survey, new_azimuth)
+    fill_stamp(message.judged, record.judged_ns)
+    for field in dataclasses.fields(SurveyRecord):
+        if field.name not in ("survey", "judged_ns"):
+            _fill(message, field.name, getattr(record, field.name))
+
+
+def fill_list(message: Any, surveys: SurveyList, new_record: Callable[[], Any], new_azimuth: Callable[[], Any]) -> None:
+    """Write a list into an empty mwd_msgs/msg/SurveyList."""
+    fill_stamp(message.header.stamp, surveys.changed_ns)
+    message.header.frame_id = WELLHEAD
+    message.well = surveys.well.name
+    message.records = []
+    for record in surveys.records:
+        line = new_record()
+        fill_record(line, record, new_azimuth)
+        message.records.append(line)
+
+
+def fill_trajectory(message: Any, path: Definitive, stamp_ns: int) -> None:
+    """Write a path into an empty mwd_msgs/msg/Trajectory."""
+    fill_stamp(message.header.stamp, stamp_ns)
+    message.header.frame_id = WELLHEAD
+    message.north_reference = int(path.north)
+    message.measured_depth = path.md.tolist()
+    message.inclination = path.inclination.tolist()
+    message.azimuth = path.azimuth.tolist()
+    message.north = path.positions[:, 0].tolist()
+    message.east = path.positions[:, 1].tolist()
+    message.vertical_depth = path.positions[:, 2].tolist()
+    message.dogleg_severity = path.dogleg_severity.tolist()
+    message.last_is_projected = path.kind[-1] == "projected"
+
+
+def _plain(value: Any) -> Any:
+    """A scalar as it is, an array of the message as a tuple of Python's own numbers or texts."""
+    if isinstance(value, (str, bool, int, float)):
+        return value
+    items = value.tolist() if hasattr(value, "tolist") else value
+    return tuple(items) if isinstance(items, (list, tuple)) else items
+
+
+def _fill(message: Any, name: str, value: Any) -> None:
+    setattr(message, name, list(value) if isinstance(value, tuple) else value)

@@ -1,0 +1,129 @@
+"""
+The survey list of whatever people point at: the list's own file, the folder of a well or a run, or a recording.
+
+Only reads: a list that a running surface node keeps can be exported at the same time.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.surveys.survey_list import Leg, SurveyList, TieOn
+from mwd_surface.surveys.survey_message import record_of, stamp_of
+from mwd_surface.surveys.survey_record import North
+from mwd_surface.surveys.survey_store import decoded
+from mwd_surface.surveys.well import Well
+
+LIST_TYPE, PATH_TYPE = "mwd_msgs/msg/SurveyList", "mwd_msgs/msg/Trajectory"
+_NO_WELL = (
+    "a recording does not carry the description of the well: names, datum and section azimuth are defaults unless"
+    " given with --set"
+)
+FILES = ("surveys.json", "surveys.previous.json")
+
+
+def surveys_of(path: Path) -> tuple[SurveyList, tuple[str, ...]]:
+    """
+    The list, and what people must know about where it comes from.
+
+    Parameters
+    ----------
+    path : Path
+        A surveys.json, a folder with one in it or below (the folder of a run), or a recording.
+
+    Raises
+    ------
+    ValueError
+        The file is no whole survey list, or the folder has lists of several wells.
+    BagError
+        There is nothing at the path, or the recording has no survey list.
+    """
+    if path.is_file() and path.suffix == ".json":
+        return decoded(path.read_bytes()), ()
+    folders = _folders(path) if path.is_dir() else []
+    if len(folders) > 1:
+        raise ValueError(f"{path} has survey lists of several wells: {', '.join(str(f) for f in folders)}; name one")
+    if folders:
+        return _stored(folders[0])
+    with Bag(path) as bag:
+        return surveys_of_bag(bag), (_NO_WELL,)
+
+
+def surveys_of_bag(bag: Bag) -> SurveyList:
+    """
+    The last survey list of a recording, tied on where its trajectory begins.
+
+    Raises
+    ------
+    BagError
+        It has none, lists of several wells, or a list of several legs, whose tie-ons are not in a recording.
+    """
+    topic = bag.find_topic(LIST_TYPE, "surveys")
+    last = None
+    for _, _, _, data in bag.messages([topic]):
+        last = data
+    if last is None:
+        raise BagError(f"{bag.path} has no message in {topic}", "export from the surveys folder of the run")
+    message = bag.decode(topic, last)
+    records = tuple(record_of(record) for record in message.records)
+    legs = {record.leg for record in records}
+    if len(legs) > 1:
+        raise BagError(
+            f"{bag.path} has the legs {', '.join(sorted(legs))}, and no recording says where they are tied on",
+            "export from the surveys folder of the run",
+        )
+    leg = legs.pop() if legs else Leg().name
+    tie_on, north = _start(bag, topic.removesuffix("surveys") + "trajectory")
+    well = Well(name=message.well or Well().name, north_reference=north.name.lower())
+    bare = SurveyList(
+        well=well, legs=(Leg(leg, tie_on),), records=records, leg=leg, changed_ns=stamp_of(message.header.stamp)
+    )
+    return SurveyList.from_mapping(bare.to_mapping())
+
+
+def _folders(path: Path) -> list[Path]:
+    for pattern in ("", "surveys", "*/surveys", "*/*/surveys"):
+        found = [path] if not pattern else sorted(path.glob(pattern))
+        kept = [folder for folder in found if any((folder / name).is_file() for name in FILES)]
+        if kept:
+            return kept
+    return []
+
+
+def _stored(folder: Path) -> tuple[SurveyList, tuple[str, ...]]:
+    why = []
+    for name in FILES:
+        if not (folder / name).is_file():
+            continue
+        try:
+            surveys = decoded((folder / name).read_bytes())
+        except ValueError as error:
+            why.append(f"{folder / name} is not whole ({error})")
+            continue
+        if name != FILES[0]:
+            why.append(f"surveys taken from {name}: the last change may be missing")
+        return surveys, tuple(why)
+    raise ValueError("; ".join(why))
+
+
+def _start(bag: Bag, topic: str) -> tuple[TieOn, North]:
+    """Where the recorded path begins, and its north; the wellhead and true north where none is recorded."""
+    last = None
+    about = bag.topics.get(topic)
+    if about is not None and about.type_name == PATH_TYPE:
+        for _, _, _, data in bag.messages([topic]):
+            last = data
+    if last is None:
+        return TieOn(), North.TRUE
+    path = bag.decode(topic, last)
+    north = North(path.north_reference) if path.north_reference else North.TRUE
+    if not len(path.measured_depth):
+        return TieOn(), north
+    md, inclination, azimuth, n, e, d = (
+        float(getattr(path, name)[0])
+        for name in ("measured_depth", "inclination", "azimuth", "north", "east", "vertical_depth")
+    )
+    at_wellhead = not any((md, inclination, azimuth, n, e, d))
+    source = "wellhead" if at_wellhead else "the recorded path"
+    return TieOn(md, inclination, azimuth, n, e, d, source), north
