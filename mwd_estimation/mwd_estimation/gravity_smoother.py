@@ -7,6 +7,7 @@ over each start of the filter. Tilt between updates is interpolated. Never live:
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -27,28 +28,52 @@ def smooth(params: Params, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: Arra
 
     Parameters and errors as `gravity_bounded.run`. Returns a Track; before the filter's first start nothing changes.
     """
-    stamps, gyro, accel = track.samples(stamp_ns, gyro_t, accel_t)
-    state, first = bounded.initial(params), 0
-    parts: list[tuple[Track, int]] = []
-    # Blocks overlap by half, so that the end of each is smoothed by the next; the state goes on from the block's start.
-    while first < len(stamps) or not parts:
-        last = min(first + BLOCK, len(stamps))
-        keep = last if last == len(stamps) else first + BLOCK // 2
-        resumed = state.copy()
-        part, log = bounded.run_logged(params, resumed, stamps[first:last], gyro[first:last], accel[first:last])
-        _back(part, log, params.calibration_sigma)
-        parts.append((part, keep - first))
-        if keep < len(stamps):
-            bounded.run(params, state, stamps[first:keep], gyro[first:keep], accel[first:keep])
-        first = keep
-        if keep == len(stamps):
-            break
-    return Track(
-        *(
-            np.concatenate([getattr(part, name)[:count] for part, count in parts])
-            for name in ("g_t", "sigma_inclination", "sigma_toolface", "non_gravity", "rotary_speed", "status")
-        )
-    )
+    smoother = Smoother(params)
+    return joined([smoother.push(stamp_ns, gyro_t, accel_t), smoother.finish()])
+
+
+def joined(parts: list[Track]) -> Track:
+    """Tracks one after another as one."""
+    return Track(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in dataclasses.fields(Track)))
+
+
+class Smoother:
+    """
+    `smooth` in constant memory: samples in, and out again with their gravity as soon as enough after them was seen.
+
+    Blocks of any length give the same numbers. Settings and errors as `smooth`.
+    """
+
+    def __init__(self, params: Params) -> None:
+        self.params = params
+        self._state = bounded.initial(params)
+        self._stamps: Stamps = np.zeros(0, dtype=np.int64)
+        self._gyro: Array = np.zeros((0, 3))
+        self._accel: Array = np.zeros((0, 3))
+
+    def push(self, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
+        """Take a block; gravity of the samples that are done, which follow on those handed out before."""
+        stamps, gyro, accel = track.samples(stamp_ns, gyro_t, accel_t)
+        self._stamps = np.concatenate([self._stamps, stamps])
+        self._gyro = np.concatenate([self._gyro, gyro])
+        self._accel = np.concatenate([self._accel, accel])
+        parts = [Track.empty(0)]
+        # Blocks overlap by half, so that the end of each is smoothed by the next; the state goes on from its middle.
+        while len(self._stamps) > BLOCK:
+            parts.append(self._block(BLOCK, BLOCK // 2))
+        return joined(parts)
+
+    def finish(self) -> Track:
+        """Gravity of the samples that wait."""
+        return self._block(len(self._stamps), len(self._stamps))
+
+    def _block(self, size: int, keep: int) -> Track:
+        stamps, gyro, accel = self._stamps, self._gyro, self._accel
+        part, log = bounded.run_logged(self.params, self._state.copy(), stamps[:size], gyro[:size], accel[:size])
+        _back(part, log, self.params.calibration_sigma)
+        bounded.run(self.params, self._state, stamps[:keep], gyro[:keep], accel[:keep])
+        self._stamps, self._gyro, self._accel = stamps[keep:], gyro[keep:], accel[keep:]
+        return Track(*(getattr(part, f.name)[:keep] for f in dataclasses.fields(Track)))
 
 
 def transition(sums: Array) -> Array:

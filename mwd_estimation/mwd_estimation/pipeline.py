@@ -273,8 +273,12 @@ class Pipeline:
         values = np.ascontiguousarray(samples["temperature"])[:, None]
         self._keep("temperature", self._binners["temperature"].add(np.ascontiguousarray(samples["stamp_ns"]), values))
 
-    def push_imu(self, samples: Samples) -> Output:
-        """Take samples of the AHRS, dtype of `wire.IMU`; everything else of their time must be pushed before them."""
+    def push_imu(self, samples: Samples, followed: Track | None = None) -> Output:
+        """
+        Take samples of the AHRS, dtype of `wire.IMU`; everything else of their time must be pushed before them.
+
+        followed : gravity of these samples, where something else than the method followed it (a smoother).
+        """
         self.counters.imu += len(samples)
         output = Output(wire.ATTITUDE.empty(len(samples)), wire.GRAVITY.empty(len(samples)), wire.INTERFERENCE.empty(0))
         if not len(samples):
@@ -284,7 +288,7 @@ class Pipeline:
         stamps, gyro, accel = arrays_of(
             samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"]
         )
-        track = self.method.run(self._gravity_params, self._gravity_state, stamps, gyro, accel)
+        track = followed or self.method.run(self._gravity_params, self._gravity_state, stamps, gyro, accel)
         block = _Block(stamps, gyro, accel, track)
         readings, marks = [(0, self._reading)], []
         for closed, place in self._binners["imu"].add_placed(stamps, np.hstack([gyro, accel])):

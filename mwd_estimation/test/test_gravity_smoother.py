@@ -66,6 +66,20 @@ def test_a_long_log_in_overlapping_blocks_is_the_log_in_one(monkeypatch):
     assert np.sqrt(np.mean(difference[1000:] ** 2)) < 0.5 * rms_deg(whole, down, 1000)
 
 
+def test_a_stream_cut_anywhere_is_smoothed_to_the_same_bits_and_comes_out_in_time(monkeypatch):
+    monkeypatch.setattr(smoother, "BLOCK", 1000)
+    stamps, gyro, accel, _ = drilled("surge", 30.0)
+    p = bounded.Params()
+    whole = smoother.smooth(p, stamps, gyro, accel)
+    stream, parts, waiting = smoother.Smoother(p), [], []
+    for block in np.split(np.arange(len(stamps)), [1, 400, 2111, 2112]):
+        parts.append(stream.push(stamps[block], gyro[block], accel[block]))
+        waiting.append(block[-1] + 1 - sum(len(part.g_t) for part in parts))
+    parts.append(stream.finish())
+    assert max(waiting) <= 1000
+    assert smoother.joined(parts).g_t.tobytes() == whole.g_t.tobytes()
+
+
 def test_a_log_too_short_to_smooth_is_left_as_the_filter_has_it():
     p = bounded.Params()
     got = smoother.smooth(p, [0, 10_000_000], np.zeros((2, 3)), np.tile([0.0, 0.0, 9.8], (2, 1)))
