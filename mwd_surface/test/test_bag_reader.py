@@ -85,6 +85,16 @@ def test_samples_come_back_as_they_were_written(tmp_path, compression):
     assert found["/well_7/imu/mag"].tobytes() == b.tobytes()
 
 
+def test_only_the_fields_asked_for_are_read_and_other_types_whole(bag_path):
+    with Bag(bag_path) as bag:
+        whole, some = joined(bag), joined(bag, fields={IMU: ("angular_velocity", "linear_acceleration")})
+    imu_whole, imu_some = whole["/well_7/imu/data_raw"], some["/well_7/imu/data_raw"]
+    assert imu_some.dtype.names == ("stamp_ns", "angular_velocity", "linear_acceleration")
+    for name in imu_some.dtype.names:
+        np.testing.assert_array_equal(imu_some[name], imu_whole[name])
+    assert some["/well_7/imu/mag"].tobytes() == whole["/well_7/imu/mag"].tobytes()
+
+
 def test_a_real_recording_reads_as_rosbags_reads_it():
     if not BROAD.exists():
         pytest.skip("the shared recordings are not beside this checkout")
@@ -213,6 +223,9 @@ def test_big_endian_messages_are_read_through_rosbags_and_it_says_so(tmp_path):
     with Bag(tmp_path / "bag") as bag:
         assert joined(bag)["/imu/data_raw"].tobytes() == samples.tobytes()
         assert any("rosbags" in note for note in bag.notes)
+        some = joined(bag, fields={IMU: ("angular_velocity",)})["/imu/data_raw"]
+        assert some.dtype.names == ("stamp_ns", "angular_velocity")
+        np.testing.assert_array_equal(some["angular_velocity"], samples["angular_velocity"])
 
 
 def test_a_message_that_is_not_of_its_type_is_counted_and_left_out(tmp_path):

@@ -33,6 +33,7 @@ from mwd_surface.bags.mcap_index import Contents, McapFile, Span
 Stamps = NDArray[np.int64]
 Block = dict[str, tuple[Stamps, Any]]
 Message = tuple[int, str, str, bytes]
+Fields = Mapping[str, tuple[str, ...]]
 
 _AHEAD = 4
 _AHEAD_BYTES = 64 * 1024 * 1024
@@ -211,6 +212,7 @@ class Bag:
         start_ns: int | None = None,
         end_ns: int | None = None,
         block_messages: int = 16384,
+        fields: Fields | None = None,
     ) -> Iterator[Block]:
         """
         Samples in log-time order, block by block, in constant memory.
@@ -223,6 +225,8 @@ class Bag:
             Log time from (inclusive) and to (exclusive).
         block_messages : int
             A block ends after about so many messages of all topics together.
+        fields : mapping of str to tuple of str, optional
+            By type name, which fields to read besides the stamp; types that are not named are read whole.
 
         Yields
         ------
@@ -241,7 +245,7 @@ class Bag:
         count = 0
         for group in self._groups(wanted, start_ns, end_ns):
             for part in group:
-                for name, log_ns, samples in self._samples(part):
+                for name, log_ns, samples in self._samples(part, fields or {}):
                     pieces.setdefault(name, []).append((log_ns, samples))
                     count += len(log_ns)
             if count >= block_messages:
@@ -572,7 +576,7 @@ class Bag:
     def _part_names(self, part: _Part) -> Mapping[int, str]:
         return self._names[part.file] if self._rosbags is None else dict(enumerate(self.topics))
 
-    def _samples(self, part: _Part) -> Iterator[tuple[str, Stamps, Any]]:
+    def _samples(self, part: _Part, fields: Fields) -> Iterator[tuple[str, Stamps, Any]]:
         """(topic, log_ns, samples) of a part; messages that are not of their type are counted and left out."""
         names = self._part_names(part)
         numbers = np.unique(part.channel)
@@ -580,32 +584,43 @@ class Bag:
             mine = part if len(numbers) == 1 else part.at(part.channel == number)
             name = names[number]
             layout = wire.LAYOUTS.get(self.topics[name].type_name)
+            some = fields.get(self.topics[name].type_name)
             if self._message_compression or layout is None or self.topics[name].serialization != "cdr":
                 listed = [mine.data[a : a + n].tobytes() for a, n in zip(mine.offset, mine.size, strict=True)]
-                yield name, *self._from_list(name, layout, mine.log_ns, listed)
+                yield name, *self._from_list(name, layout, mine.log_ns, listed, some)
                 continue
-            sizes = np.unique(mine.size)
-            yield name, *_merged([self._from_rows(name, layout, mine.at(mine.size == size)) for size in sizes])
+            if (mine.size == mine.size[0]).all():
+                yield name, *self._from_rows(name, layout, mine, some)
+                continue
+            kinds = [mine.at(mine.size == size) for size in np.unique(mine.size)]
+            yield name, *_merged([self._from_rows(name, layout, kind, some) for kind in kinds])
 
-    def _from_rows(self, name: str, layout: wire.Layout, part: _Part) -> tuple[Stamps, wire.Samples]:
+    def _from_rows(
+        self, name: str, layout: wire.Layout, part: _Part, some: tuple[str, ...] | None
+    ) -> tuple[Stamps, wire.Samples]:
         """Samples of messages of one size."""
         size = int(part.size[0])
         rows = _rows(part.data, part.offset, size)
         try:
-            return part.log_ns, layout.decode(rows)
+            return part.log_ns, layout.decode(rows, some)
         except wire.WireError as error:
             frames = rows[:, 12:16].copy().view("<u4")[:, 0] if size >= 16 else np.zeros(len(rows), dtype="<u4")
             kinds = np.unique(frames)
             if 1 < len(kinds) <= 16:
                 # Frame names of other lengths can hide in messages of one size, behind the padding.
-                return _merged([self._from_rows(name, layout, part.at(frames == kind)) for kind in kinds])
+                return _merged([self._from_rows(name, layout, part.at(frames == kind), some) for kind in kinds])
             self._tell(f"{name}: some messages are not in the fixed layout ({error}); read through rosbags")
         listed = [part.data[a : a + size].tobytes() for a in part.offset]
-        log_ns, samples = self._from_list(name, layout, part.log_ns, listed)
+        log_ns, samples = self._from_list(name, layout, part.log_ns, listed, some)
         return log_ns, samples
 
     def _from_list(
-        self, name: str, layout: wire.Layout | None, log_ns: Stamps, listed: list[bytes]
+        self,
+        name: str,
+        layout: wire.Layout | None,
+        log_ns: Stamps,
+        listed: list[bytes],
+        some: tuple[str, ...] | None,
     ) -> tuple[Stamps, Any]:
         if self._message_compression:
             unzipped = [self._unzipped(data) for data in listed]
@@ -621,7 +636,12 @@ class Bag:
                 keep[k] = False
                 self.damaged_messages += 1
                 self._tell(f"{name}: a message cannot be decoded and is left out: {error}")
-        return log_ns[keep], samples[keep]
+        if some is None:
+            return log_ns[keep], samples[keep]
+        chosen = np.empty(len(samples), dtype=layout.dtype_of(some))
+        for field in chosen.dtype.names or ():
+            chosen[field] = samples[field]
+        return log_ns[keep], chosen[keep]
 
     def _one_sample(self, name: str, layout: wire.Layout, data: bytes) -> np.void:
         try:
@@ -702,7 +722,7 @@ def _blocks_of(pieces: dict[str, list[tuple[Stamps, Any]]], block_messages: int)
         samples = parts[0][1]
         if len(parts) > 1:
             listed = isinstance(samples, list)
-            samples = [one for part in parts for one in part[1]] if listed else np.concatenate([p[1] for p in parts])
+            samples = [one for part in parts for one in part[1]] if listed else _one_array([p[1] for p in parts])
         if (log_ns[1:] < log_ns[:-1]).any():
             order = np.argsort(log_ns, kind="stable")
             log_ns = log_ns[order]
@@ -732,7 +752,13 @@ def _merged(parts: list[tuple[Stamps, wire.Samples]]) -> tuple[Stamps, wire.Samp
         return parts[0]
     log_ns = np.concatenate([part[0] for part in parts])
     order = np.argsort(log_ns, kind="stable")
-    return log_ns[order], np.concatenate([part[1] for part in parts])[order]
+    return log_ns[order], _one_array([part[1] for part in parts])[order]
+
+
+def _one_array(parts: list[wire.Samples]) -> wire.Samples:
+    """Samples of one type one after another; as bytes, because numpy joins records field by field."""
+    joined: NDArray[np.uint8] = np.concatenate([part.view(np.uint8) for part in parts])
+    return joined.view(parts[0].dtype)
 
 
 def _rows(data: NDArray[np.uint8], offset: NDArray[np.int64], size: int) -> NDArray[np.uint8]:
