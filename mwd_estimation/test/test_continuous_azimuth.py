@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 from mwd_estimation import continuous_azimuth as continuous
-from mwd_estimation.continuous_azimuth import AZIMUTH, ERROR, STATES, Params
+from mwd_estimation.continuous_azimuth import AZIMUTH, ERROR, STATES, Params, Precision, Rows, State, Steps
 from mwd_estimation.status import Status
 from mwd_sensors.frames import mat_nt, wrap_pi
 
@@ -21,9 +22,12 @@ DEG = math.radians(1.0)
 Array = NDArray[np.float64]
 LATITUDE = 60.0 * DEG
 RATE = 20.0
+BIN_NS = 500_000_000
+GAP_NS = 500_000_000
 MAG_SIGMA = 1.0 * DEG
-# A tactical precision unit; the bias is known to 2 deg/h.
-TACTICAL = Params(latitude_deg=60.0, gyro_noise_deg_rth=0.05, gyro_bias_deg_h=2.0, gyro_walk_deg_h_rth=0.0)
+# A tactical unit; the bias is known to 2 deg/h.
+TACTICAL = Params(gyro_noise_deg_rth=0.05, gyro_bias_deg_h=2.0, gyro_walk_deg_h_rth=0.0)
+POOR = dataclasses.replace(TACTICAL, gyro_noise_deg_rth=0.42, gyro_bias_deg_h=36.0)
 
 
 @dataclasses.dataclass
@@ -64,11 +68,48 @@ def magnetic(well: Drilling, rng: np.random.Generator, share: float = 0.9, memor
     return mag
 
 
-def go(well: Drilling, mag: Array, gyro: Array, params: Params = TACTICAL, good: Array | None = None):
-    n = len(well.stamps)
-    state = continuous.initial()
+def steps_of(stamps, mag, good, start, stop, mag_from, seek=None, fine=None):
+    """The bins that the samples from start to stop close, one bin late, and what was measured from `mag_from` on."""
+    index = stamps // BIN_NS
+    opens = np.flatnonzero(np.diff(index, prepend=index[0]) > 0)
+    places, bins = [], []
+    for before, place in itertools.pairwise(opens):
+        if start <= place < stop:
+            places.append(place - start)
+            bins.append(index[before - 1])
+    seeks = np.full((2, len(bins)), np.nan)
+    if seek is not None:
+        for at, azimuth, sigma in seek:
+            seeks[:, [k for k, b in enumerate(bins) if b == index[at]]] = [[azimuth], [sigma]]
+    seen = np.flatnonzero(np.isfinite(mag[mag_from:stop])) + mag_from
+    rates = np.zeros((0, 3)) if fine is None else fine[:stop]
+    return Steps(
+        np.array(places, dtype=np.int64), np.array(bins, dtype=np.int64), *seeks, stamps[seen], mag[seen],
+        np.full(len(seen), MAG_SIGMA), good[seen], stamps[: len(rates)], rates,
+    ), seen  # fmt: skip
+
+
+def go(
+    well: Drilling, mag: Array, gyro: Array, params: Params = TACTICAL, good: Array | None = None, cuts=(), seek=None,
+    fine=None, precision=None, stamps=None,
+) -> tuple[Rows, State]:  # fmt: skip
+    n = len(mag)
+    stamps = well.stamps[:n] if stamps is None else stamps
     ok = np.ones(n, dtype=bool) if good is None else good
-    return continuous.run(params, state, well.stamps, gyro, well.down, mag, np.full(n, MAG_SIGMA), ok), state
+    state = continuous.initial()
+    k = continuous.kernel_settings(params, 60.0, precision)
+    parts, mag_from = [], 0
+    for start, stop in zip((0, *cuts), (*cuts, n), strict=True):
+        state = state.copy()
+        steps, seen = steps_of(stamps, mag, ok, start, stop, mag_from, seek, fine)
+        rows, used = continuous.run(
+            k, BIN_NS, GAP_NS, state, stamps[start:stop], gyro[start:stop], well.down[start:stop],
+            np.zeros(stop - start), steps,
+        )  # fmt: skip
+        mag_from = seen[used] if used < len(seen) else stop
+        parts.append(rows)
+    fields = [np.concatenate([getattr(part, name) for part in parts]) for name in ("azimuth", "sigma", "status")]
+    return Rows(*fields), state
 
 
 def noisy(well: Drilling, rng: np.random.Generator) -> Array:
@@ -95,6 +136,24 @@ def test_sigma_is_truthful_with_mag_without_it_and_after_it_comes_back(rpm: floa
     assert ((nees > 0.59) & (nees < 1.53)).all(), nees
 
 
+def test_a_precision_unit_carries_better_and_its_sigma_is_truthful_too() -> None:
+    well = drilling(400.0, 60.0)
+    rng = np.random.default_rng(12)
+    unit = Precision(0.05, 2.0, 0.0, 100.0)
+    ratios, wide = [], []
+    for _ in range(30):
+        mag = magnetic(well, rng)
+        mag[2000:] = np.nan
+        poor = felt(motion_like(well), rng, 0.42, bias=rng.standard_normal(3) * 36.0 * DEG_H)[0]
+        fine = noisy(well, rng)
+        rows, _ = go(well, mag, poor, POOR, fine=fine, precision=unit)
+        alone, _ = go(well, mag, poor, POOR)
+        ratios.append(wrap_pi(rows.azimuth[-1] - well.azimuth[-1]) / rows.sigma[-1])
+        wide.append(alone.sigma[-1] - rows.sigma[-1])
+    assert 0.45 < np.mean(np.square(ratios)) < 1.79
+    assert min(wide) > 0.0
+
+
 def test_the_magnetic_error_does_not_average_out() -> None:
     well = drilling(400.0, 60.0)
     rows, _ = go(well, magnetic(well, np.random.default_rng(0)), well.gyro)
@@ -104,17 +163,16 @@ def test_the_magnetic_error_does_not_average_out() -> None:
 
 def test_without_mag_from_the_start_there_is_no_azimuth_until_the_gyro_gives_one() -> None:
     well = drilling(400.0, 60.0)
-    n = len(well.stamps)
-    none = np.full(n, np.nan)
-    rows, state = go(well, none, well.gyro)
+    none = np.full(2000, np.nan)
+    rows, _ = go(well, none, well.gyro)
     assert np.isnan(rows.azimuth).all()
     assert (rows.sigma == math.pi).all()
-    assert (rows.status == int(Status.INITIALISING | Status.NO_MAG)).all()
-    state = continuous.initial()
-    assert continuous.update(TACTICAL, state, float(well.azimuth[0]), 0.5 * DEG)
-    rows = continuous.run(TACTICAL, state, well.stamps, well.gyro, well.down, none, none, np.ones(n, dtype=bool))
-    assert rows.status[-1] == int(Status.NO_MAG | Status.GYRO_AIDED)
-    assert np.abs(wrap_pi(rows.azimuth - well.azimuth)).max() < 0.1 * DEG
+    # A north seek in the bin of sample 500, told one bin later.
+    rows, _ = go(well, none, well.gyro, seek=[(500, float(well.azimuth[509]), 0.5 * DEG)])
+    began = int(np.flatnonzero(np.isfinite(rows.azimuth))[0])
+    assert 510 < began <= 530
+    assert rows.status[-1] == int(Status.GYRO_AIDED)
+    assert np.abs(wrap_pi(rows.azimuth - well.azimuth[:2000])[began:]).max() < 0.1 * DEG
     assert 0.49 * DEG < rows.sigma[-1] < 0.51 * DEG
 
 
@@ -125,10 +183,8 @@ def test_unplugged_mag_lets_sigma_grow_and_comes_back_without_a_flip(seconds: in
     mag = magnetic(well, rng)
     out = slice(3000, 3000 + seconds * round(RATE))
     mag[out] = np.nan
-    poor = dataclasses.replace(TACTICAL, gyro_noise_deg_rth=0.42, gyro_bias_deg_h=36.0)
     gyro = felt(motion_like(well), rng, 0.42, bias=rng.standard_normal(3) * 36.0 * DEG_H)[0]
-    rows, state = go(well, mag, gyro, poor)
-    assert rows.status[out][-1] & Status.NO_MAG
+    rows, state = go(well, mag, gyro, POOR)
     assert rows.status[out][-1] & Status.GYRO_AIDED
     assert rows.sigma[out][-1] > rows.sigma[out][0]
     assert np.abs(wrap_pi(np.diff(rows.azimuth[2900:]))).max() < 0.5 * DEG
@@ -142,8 +198,7 @@ def test_a_passing_tool_joint_is_gated_out() -> None:
     mag = magnetic(well, np.random.default_rng(4))
     mag[3000:3200] += 25.0 * DEG
     rows, state = go(well, mag, well.gyro)
-    seen = np.arange(3000, 3200, 10)
-    assert (rows.status[seen] & Status.MAG_DISTURBED).all()
+    assert (rows.status[3025:3200] & Status.MAG_DISTURBED).all()
     assert np.abs(wrap_pi(rows.azimuth[3000:3200] - well.azimuth[3000:3200])).max() < 3.0 * MAG_SIGMA
     assert rows.status[3195] & Status.GYRO_AIDED
     assert not rows.status[3300] & Status.GYRO_AIDED
@@ -158,14 +213,13 @@ def test_a_field_that_fails_its_check_is_never_used_however_long() -> None:
     good[3000:] = False
     rows, state = go(well, mag, well.gyro, good=good)
     assert abs(wrap_pi(rows.azimuth[-1] - well.azimuth[-1])) < 3.0 * MAG_SIGMA
-    assert state.memory[continuous.FAILED] == 500.0
+    assert state.memory[continuous.FAILED] > 490.0
     assert state.memory[continuous.TAKEN_UP] == 0.0
 
 
 def test_good_azimuths_that_stay_away_are_taken_up_again_after_the_patience() -> None:
     well = drilling(400.0, 60.0)
-    true = magnetic(well, np.random.default_rng(6))
-    mag = true.copy()
+    mag = magnetic(well, np.random.default_rng(6))
     # It began next to a fish: 30 deg off, and nothing said so.
     mag[:1000] += 30.0 * DEG
     rows, state = go(well, mag, well.gyro)
@@ -174,56 +228,51 @@ def test_good_azimuths_that_stay_away_are_taken_up_again_after_the_patience() ->
     assert np.abs(wrap_pi(rows.azimuth[-1] - well.azimuth[-1])) < 3.0 * rows.sigma[-1]
 
 
-def test_a_north_seek_beyond_the_gate_is_left_to_the_caller() -> None:
+def test_a_north_seek_tells_the_magnetic_error_and_one_beyond_the_gate_is_begun_anew_from() -> None:
     well = drilling(400.0, 60.0)
-    _, state = go(well, magnetic(well, np.random.default_rng(7)), well.gyro)
-    before = state.copy()
-    assert not continuous.update(TACTICAL, state, float(well.azimuth[-1]) + 20.0 * DEG, 0.3 * DEG)
-    assert_array_equal(state.P, before.P)
-    assert continuous.update(TACTICAL, state, float(well.azimuth[-1]), 0.3 * DEG)
-    assert state.P[0, 0] < (0.31 * DEG) ** 2
-    # The station also tells the magnetic error.
-    assert state.P[ERROR, ERROR] < 0.5 * before.P[ERROR, ERROR]
-    continuous.restart(TACTICAL, state, 1.0, 0.2 * DEG)
-    assert state.x[AZIMUTH] == 1.0
-    with pytest.raises(ValueError, match="positive sigma"):
-        continuous.update(TACTICAL, state, 1.0, 0.0)
+    mag = magnetic(well, np.random.default_rng(7))[:4000]
+    without, plain = go(well, mag, well.gyro)
+    rows, state = go(well, mag, well.gyro, seek=[(3900, float(well.azimuth[3909]), 0.3 * DEG)])
+    assert rows.sigma[-1] < 0.45 * DEG < without.sigma[-1]
+    assert state.P[ERROR, ERROR] < 0.5 * plain.P[ERROR, ERROR]
+    away = float(well.azimuth[3909]) + 20.0 * DEG
+    rows, state = go(well, mag, well.gyro, seek=[(3900, away, 0.3 * DEG)])
+    assert state.memory[continuous.TAKEN_UP] == 1.0
+    assert abs(wrap_pi(rows.azimuth[3930] - away)) < 0.2 * DEG
 
 
 def test_a_vertical_hole_has_no_azimuth() -> None:
-    n = 100
-    down = np.tile([1.0, 0.01, 0.0], (n, 1))
-    stamps = np.arange(1, n + 1) * 10**7
-    mag = np.full(n, 1.0)
-    rows = continuous.run(
-        TACTICAL, continuous.initial(), stamps, np.zeros((n, 3)), down, mag, 0.01 * mag, np.ones(n, dtype=bool)
-    )
-    assert np.isnan(rows.azimuth).all()
-    assert (rows.status & int(Status.NEAR_VERTICAL)).all()
-
-
-def test_the_azimuth_rate_is_that_of_the_axis() -> None:
+    n = 400
     well = drilling(400.0, 60.0)
-    k = continuous.kernel_settings(TACTICAL)
-    rates = []
-    for w, d, azimuth in zip(well.gyro[:200], well.down[:200], well.azimuth[:200], strict=True):
-        x = np.array([azimuth, 0.0, 0.0, 0.0])
-        rates.append(continuous.azimuth_rate(k, x, w[1], w[2], *d))
-    assert_allclose(np.mean(rates), 0.05 * DEG, rtol=0.01)
+    vertical = dataclasses.replace(well, down=np.tile([1.0, 0.01, 0.0], (n, 1)))
+    rows, _ = go(vertical, magnetic(well, np.random.default_rng(1))[:n], np.zeros((n, 3)))
+    assert np.isnan(rows.azimuth).all()
 
 
-def test_propagation_is_the_derivative_of_itself() -> None:
-    k = continuous.kernel_settings(TACTICAL)
+def test_the_axis_is_carried_as_it_turns() -> None:
+    """Noise-free gyros and one good azimuth at the start: 20 deg of turn later it still holds."""
+    well = drilling(400.0, 60.0)
+    mag = np.full(len(well.stamps), np.nan)
+    mag[10] = well.azimuth[10]
+    rows, _ = go(well, mag, well.gyro)
+    assert_allclose(wrap_pi(rows.azimuth[30:] - well.azimuth[30:]), 0.0, atol=0.1 * DEG)
+
+
+@pytest.mark.parametrize("unit", [0, 1])
+def test_propagation_is_the_derivative_of_itself(unit: int) -> None:
+    k = continuous.kernel_settings(TACTICAL, 60.0)
     k[continuous.K_NORTH] *= 1e3
-    k[continuous.K_NOISE] = k[continuous.K_WALK] = k[continuous.K_TILT] = 0.0
-    args = (0.5, 0.01, -0.02, *(np.array([0.5, 0.6, math.sqrt(1.0 - 0.25 - 0.36)])))
-    x = np.array([2.0, 1e-3, -2e-3, 0.7])
+    for at in (continuous.K_NOISE, continuous.K_WALK):
+        k[at : at + 2] = 0.0
+    sums = np.zeros(continuous.SUMS)
+    sums[continuous.S_TURN : continuous.S_NOISE] = 0.02, 0.3, -0.4, 0.5, 0.6
+    x = np.array([2.0, 1e-3, -2e-3, 3e-3, 1e-3, 0.7])
     F = np.zeros((STATES, STATES))
     for j in range(STATES):
         ends = []
         for sign in (1.0, -1.0):
             y = x + sign * 1e-6 * np.eye(STATES)[j]
-            continuous._propagate(k, y, np.zeros((STATES, STATES)), *args)
+            continuous._propagate(k, y, np.zeros((STATES, STATES)), sums, unit)
             ends.append(y)
         F[:, j] = (ends[0] - ends[1]) / 2e-6
     root = np.random.default_rng(8).standard_normal((STATES, STATES))
@@ -231,29 +280,32 @@ def test_propagation_is_the_derivative_of_itself() -> None:
     P[ERROR, ERROR] += 2.0
     expected = F @ P @ F.T
     expected[ERROR, ERROR] += 1.0 - F[ERROR, ERROR] ** 2
-    continuous._propagate(k, x.copy(), P, *args)
+    continuous._propagate(k, x.copy(), P, sums, unit)
     assert_allclose(P, expected, rtol=1e-6, atol=1e-9)
+    assert abs(F[AZIMUTH, AZIMUTH] - 1.0) > 1e-3
+
+
+def test_an_unknown_latitude_counts_as_gyro_bias() -> None:
+    known, unknown = (continuous.kernel_settings(TACTICAL, latitude) for latitude in (60.0, None))
+    assert unknown[continuous.K_NORTH] == 0.0
+    assert unknown[continuous.K_BIAS] > 5.0 * known[continuous.K_BIAS]
 
 
 def test_blocks_of_any_length_bad_samples_and_gaps_give_the_same_bits() -> None:
     well = drilling(400.0, 60.0)
     rng = np.random.default_rng(9)
-    mag, gyro, stamps = magnetic(well, rng), noisy(well, rng), well.stamps.copy()
+    n = 1500
+    mag, gyro, stamps = magnetic(well, rng)[:n], noisy(well, rng)[:n], well.stamps[:n].copy()
     gyro[500] = np.nan
     stamps[1000:] += 3 * 10**9
-    n = 1500
-    ok, spread = np.ones(n, dtype=bool), np.full(n, MAG_SIGMA)
-    whole = continuous.run(TACTICAL, continuous.initial(), stamps[:n], gyro[:n], well.down[:n], mag[:n], spread, ok)
-    state, parts = continuous.initial(), []
-    for a, b in [(0, 1), (1, 499), (499, 501), (501, 1000), (1000, 1500)]:
-        state = state.copy()
-        parts.append(
-            continuous.run(TACTICAL, state, stamps[a:b], gyro[a:b], well.down[a:b], mag[a:b], spread[a:b], ok[a:b])
-        )
+    fine = noisy(well, rng)[:n]
+    fine[300:320, 1] = 9.0
+    whole, _ = go(well, mag, gyro, stamps=stamps, fine=fine)
+    pieces, _ = go(well, mag, gyro, stamps=stamps, fine=fine, cuts=(1, 499, 501, 1000, 1001, 1003))
     for name in ("azimuth", "sigma", "status"):
-        assert_array_equal(np.concatenate([getattr(p, name) for p in parts]), getattr(whole, name))
-    assert whole.status[500] & Status.REJECTED
-    assert whole.status[1000] & Status.GAP
-    assert whole.sigma[999] < whole.sigma[1001]
-    with pytest.raises(ValueError, match="mag_good"):
-        continuous.run(TACTICAL, state, stamps[:2], gyro[:2], well.down[:2], mag[:2], spread[:2], ok[:1])
+        assert_array_equal(getattr(pieces, name), getattr(whole, name))
+    assert whole.sigma[995] < whole.sigma[1025]
+    steps, _ = steps_of(stamps, mag, np.ones(n, dtype=bool), 0, n, 0)
+    k = continuous.kernel_settings(TACTICAL, 60.0)
+    with pytest.raises(ValueError, match="sigma_tilt"):
+        continuous.run(k, BIN_NS, GAP_NS, continuous.initial(), stamps, gyro, well.down[:n], np.zeros(3), steps)
