@@ -299,3 +299,26 @@ def _settle(
         alarms.append(text)
         use.remove(lose)
     return use, widening
+
+
+def unconfirmed(missing: str, last_alarm: str) -> tuple[str, str]:
+    """
+    What a station is worth whose magnetic azimuth the gyro has not confirmed: a doubt and a remark, either may be "".
+
+    Steel that turns the field and leaves total and dip in order shows in nothing but a gyro. Where the gyro has said at
+    the last station that there is such steel, an azimuth it has not seen is doubtful; where it has said nothing yet, or
+    agreed, the station is worth what its own checks make of it, and says that it was not compared.
+
+    Parameters
+    ----------
+    missing : str
+        Why there is no gyro azimuth here, in words; empty where there is one, or no gyro in the tool.
+    last_alarm : str
+        `Fused.alarm` of the last station at which both were compared; empty where they agreed or none was compared.
+    """
+    if not missing:
+        return "", ""
+    if last_alarm:
+        doubt = f"magnetic azimuth not confirmed by the gyro ({missing}); at the last station compared: {last_alarm}"
+        return doubt + "; let the tool rest and survey again", ""
+    return "", f"magnetic azimuth not compared with the gyro: {missing}"

@@ -213,7 +213,7 @@ def test_s1_field_scenario_from_raw_samples_to_the_fused_azimuth() -> None:
     blocks = []
     for block in sonde.blocks(8.0):
         blocks.append(block)
-        if len(blocks) == 16:
+        if len(blocks) == 38:
             break
     ahrs, mag, precision, truth = (
         np.concatenate([block[topic] for block in blocks])
@@ -222,7 +222,7 @@ def test_s1_field_scenario_from_raw_samples_to_the_fused_azimuth() -> None:
     rates = north_seek.dual_unit(
         precision["stamp_ns"], precision["angular_velocity"], ahrs["stamp_ns"], ahrs["angular_velocity"], 300.0 * DEG
     )
-    # The figures of the grade tactical_north.
+    # The figures of the grade tactical_north, with what the scenario's tumble leaves of the g-sensitivity.
     params = north_seek.Params(
         latitude_deg=43.8,
         gravity=sonde.reference.gravity,
@@ -233,7 +233,7 @@ def test_s1_field_scenario_from_raw_samples_to_the_fused_azimuth() -> None:
         scale_x_ppm=300.0,
         leak_urad=300.0,
         lead_sigma_ms=3.0,
-        g_sensitivity_deg_h_g=0.5,
+        g_sensitivity_deg_h_g=0.05,
         accel_bias_ug=300.0,
         gyro_walk_deg_h_rth=0.1,
     )
@@ -255,3 +255,15 @@ def test_s1_field_scenario_from_raw_samples_to_the_fused_azimuth() -> None:
     error = abs(float(wrap_pi(fused.azimuth - azimuth)))
     assert error < 2.0 * DEG
     assert error < 2.5 * fused.sigma
+    assert fused.sigma < 1.1 * DEG
+
+
+def test_a_station_the_gyro_has_not_seen_is_doubtful_only_where_it_found_steel_before() -> None:
+    doubt, remark = fusion.unconfirmed("too short: 5 s of 30 s", "raw azimuth is -22.7 deg (8.0 sigma) from gyro")
+    assert "not confirmed by the gyro (too short: 5 s of 30 s); at the last" in doubt
+    assert "-22.7 deg" in doubt
+    assert not remark
+    doubt, remark = fusion.unconfirmed("too short: 5 s of 30 s", "")
+    assert not doubt
+    assert "not compared with the gyro: too short" in remark
+    assert fusion.unconfirmed("", "raw azimuth is -22.7 deg from gyro") == ("", "")

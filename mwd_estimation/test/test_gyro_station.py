@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from mwd_estimation.gyro_station import GyroSettings
+from mwd_estimation.binning import Binner
+from mwd_estimation.gyro_station import GyroSettings, GyroStation, white_noise
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline, ReferenceSettings, latitude_of
 from mwd_estimation.reference import Reference
+from mwd_estimation.still_survey import BIN_NS
 from mwd_sensors import wire
 from mwd_sensors.frames import mat_nt, wrap_pi
 
@@ -18,7 +20,9 @@ REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, gravity=9.81, sourc
 TURN = math.radians(18.0)  # rad/s
 
 
-def _samples(azimuth=2.2, inclination=1.0, rest=60.0, turn_rate=TURN, bias=4.0, steel=0.0, seed=1, latitude=44.0):
+def _samples(
+    azimuth=2.2, inclination=1.0, rest=60.0, turn_rate=TURN, bias=4.0, steel=0.0, seed=1, latitude=44.0, noise=0.02
+):
     """Rest, half a turn about the axis, rest again, with a biased gyro; `steel` turns the horizontal field, rad."""
     rng = np.random.default_rng(seed)
     turning = round(math.pi / turn_rate * RATE)
@@ -34,7 +38,7 @@ def _samples(azimuth=2.2, inclination=1.0, rest=60.0, turn_rate=TURN, bias=4.0, 
     imu, precision, mag = wire.IMU.empty(n), wire.IMU.empty(n), wire.MAG.empty(n)
     for samples in (imu, precision, mag):
         samples["stamp_ns"] = START + np.arange(n) * (10**9 // RATE)
-    white = math.radians(0.02) / 60.0 * math.sqrt(RATE)
+    white = math.radians(noise) / 60.0 * math.sqrt(RATE)
     precision["angular_velocity"] = np.einsum("kji,j->ki", mat, earth_n) + np.array([0.0, bias, -bias]) * DEG_H
     precision["angular_velocity"] += white * rng.normal(size=(n, 3))
     precision["angular_velocity"][:, 0] += rates
@@ -138,3 +142,101 @@ def test_the_latitude_is_the_places_the_settings_or_unknown(source, reference, l
         gyro=GyroSettings(latitude_source=source, latitude_deg=30.0),
     )
     assert latitude_of(settings) == latitude
+
+
+def test_the_noise_is_read_off_a_tool_at_rest_whatever_the_pumps_do():
+    rng, n = np.random.default_rng(2), 400
+    stamps = START + np.arange(n) * (10**9 // RATE)
+    unit = math.radians(1.0) / 60.0 * math.sqrt(RATE)
+    quiet = 0.02 * unit * rng.normal(size=(n, 3)) + 1e-4
+    assert white_noise(stamps, quiet) == pytest.approx(0.02, rel=0.1)
+    # 37 Hz of pump, twenty times the noise of a sample, mostly averages out over a tenth of a second.
+    shaken = quiet + 0.4 * unit * np.sin(2.0 * math.pi * 37.0 * np.arange(n) / RATE)[:, None]
+    assert white_noise(stamps, shaken) < 0.1
+    spoiled = quiet.copy()
+    spoiled[7] = np.nan
+    assert white_noise(stamps, spoiled) == pytest.approx(0.02, rel=0.1)
+    assert white_noise(stamps[:20], quiet[:20]) is None
+
+
+def _feed(station, streams, start_s=0.0, settled_s=2.0):
+    """Samples of a tool that rests or turns quietly to a gyro station, bin by bin, from a given time on."""
+    imu, precision = streams[0], streams[1]
+    stamps = imu["stamp_ns"] + round(start_s * 1e9)
+    values = np.hstack([imu["angular_velocity"], imu["linear_acceleration"]])
+    felt = np.hstack([precision["angular_velocity"], precision["linear_acceleration"]])
+    rest = 0.0
+    for closed in Binner(6, BIN_NS).add(stamps, values):
+        inside = stamps // BIN_NS == closed.index
+        still = bool(abs(closed.mean[0]) < 0.03)
+        rest = rest + 0.5 if still else 0.0
+        station.add(closed, 0.5, rest > settled_s, still, (stamps[inside], felt[inside]))
+
+
+def _rest(station, seconds, bias, noise=0.02, start_s=0.0, settled_s=2.0, azimuth=2.2, seed=3):
+    """A tool that rests at one toolface; bias of y and of z the other way, deg/h."""
+    streams = _samples(azimuth=azimuth, rest=seconds, bias=bias, seed=seed, noise=noise)
+    first = tuple(stream[: round(seconds * RATE)] for stream in streams)
+    _feed(station, first, start_s, settled_s)
+
+
+def _station(**changes):
+    settings = GyroSettings(**{"g_sensitivity_deg_h_g": 0.0, **changes})
+    return GyroStation(settings, 44.0, 9.81)
+
+
+def test_a_gyro_that_fits_the_latitude_finds_north_in_one_position_and_says_how_well():
+    station = _station()
+    _rest(station, 122.0, 0.02, noise=0.01)
+    found = station.solution()
+    assert found.success, found.reason
+    assert found.method == "still"
+    assert abs(wrap_pi(found.azimuth - 2.2)) < math.radians(0.5)
+    assert math.radians(0.25) < found.sigma < math.radians(2.0)
+    stated = _station(bias_scale="stated")
+    _rest(stated, 122.0, 0.02, noise=0.01)
+    assert "turn the tool half a turn" in stated.solution().reason
+
+
+def test_a_gyro_with_a_bias_gets_no_credit_for_fitting_the_latitude():
+    station = _station()
+    _rest(station, 122.0, 4.0, noise=0.01)
+    assert not station.solution().success
+
+
+def test_the_bias_that_two_positions_showed_serves_the_next_station_while_the_tool_stays_on():
+    station, streams = _station(), _samples(bias=4.0)
+    _feed(station, streams)
+    assert station.solution().success
+    end_s = len(streams[0]) / RATE
+    shaken = _samples(rest=2.0, bias=4.0, turn_rate=0.5)
+    shaken[0]["linear_acceleration"] += 3.0 * np.random.default_rng(1).normal(size=(len(shaken[0]), 3))
+    shaken[0]["angular_velocity"][:, 0] += 1.0
+    _feed(station, shaken, end_s)
+    assert station.solution() == "the tool has not kept still"
+    end_s += len(shaken[0]) / RATE
+    _rest(station, 42.0, 4.0, start_s=end_s, azimuth=1.0)
+    found = station.solution()
+    assert found.success, found.reason
+    assert found.method == "still"
+    assert found.sigma < math.radians(3.0)
+    assert abs(wrap_pi(found.azimuth - 1.0)) < 3.0 * found.sigma
+    # Switched off meanwhile: nothing of it is known any more.
+    _rest(station, 42.0, 4.0, start_s=end_s + 100.0, azimuth=1.0)
+    assert not station.solution().success
+
+
+def test_what_the_gyro_waits_for_is_said_until_waiting_brings_nothing():
+    station = _station(bias_deg_h=0.05, bias_scale="stated")
+    assert station.pending() == ""
+    _rest(station, 10.0, 0.0)
+    assert "too short" in station.pending()
+    _rest(station, 60.0, 0.0, start_s=10.0, settled_s=0.0)
+    assert "good to" in station.pending()
+    precise = _station(noise_deg_rth=0.003, bias_deg_h=0.01, bias_scale="stated")
+    _rest(precise, 60.0, 0.0, noise=0.003)
+    assert precise.pending() == ""
+    assert precise.solution().success
+    blind = GyroStation(GyroSettings(), None, 9.81)
+    _rest(blind, 10.0, 0.0)
+    assert blind.pending() == ""
