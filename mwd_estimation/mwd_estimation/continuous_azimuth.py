@@ -43,7 +43,7 @@ K_NOISE, K_BIAS, K_WALK, K_RANGE, K_WIDEST, SETTINGS = 10, 12, 14, 16, 17, 18
 # its end; whether the hole was vertical in it.
 S_BIN, S_TURN, S_Y, S_Z, S_TIME, S_EARTH, S_NOISE, S_TILT, S_GAP, S_CARRIED, S_VERTICAL, SUMS = range(12)
 _BINS = 4  # bins whose sums are kept: the open one, those that wait, and one to spare
-_RING = 8192  # samples kept for pairing with other streams: 1.5 s at 5 kHz
+_RING = 8192  # samples kept for pairing with other streams: 1.5 s at 5 kHz; a power of two
 _LAST_NS, _HEAD, _LENGTH, _OPENED, _CLOCK = range(5)
 _NONE = np.iinfo(np.int64).min
 
@@ -513,7 +513,7 @@ def _run(
     used, fine_used, step = 0, 0, 0
     tau = 2.0 * math.pi
     spread = math.sqrt(max(P[AZIMUTH, AZIMUTH], 0.0))
-    lead = x[AZIMUTH] - m[LAST_CARRIED]
+    start, since = x[AZIMUTH], m[LAST_CARRIED]
     earth_north = k[K_NORTH] * math.cos(x[AZIMUTH])
     open_bin = clock[_LAST_NS] // bin_ns if clock[_LENGTH] > 0 else _NONE
     end = (open_bin + 1) * bin_ns if clock[_LENGTH] > 0 else _NONE
@@ -524,7 +524,7 @@ def _run(
                 mag_ns, mag_azimuth, mag_sigma, mag_good, used, fine_ns, fine_t, fine_used, fine,
             )  # fmt: skip
             spread = math.sqrt(max(P[AZIMUTH, AZIMUTH], 0.0))
-            lead = x[AZIMUTH] - m[LAST_CARRIED]
+            start, since = x[AZIMUTH], m[LAST_CARRIED]
             earth_north = k[K_NORTH] * math.cos(x[AZIMUTH])
             step += 1
         stamp, wy, wz = stamps[i], gyro[i, 1], gyro[i, 2]
@@ -545,10 +545,11 @@ def _run(
             elif clock[_LENGTH] > 0:
                 dt = (stamp - clock[_LAST_NS]) * 1e-9
                 if stamp - clock[_LAST_NS] <= gap_ns:
-                    share = dt / across2
+                    inverse = 1.0 / across2
+                    share = dt * inverse
                     turn, y, z = (wy * dy + wz * dz) * share, dy * share, dz * share
                     earth = dx * math.sqrt(across2) * share
-                    mistaken = (wy * dz - wz * dy) / across2 * tilt[i]
+                    mistaken = (wy * dz - wz * dy) * inverse * tilt[i]
                     sums[S_TURN] += turn
                     sums[S_Y] += y
                     sums[S_Z] += z
@@ -563,13 +564,16 @@ def _run(
             head = clock[_HEAD]
             ring_ns[head] = stamp
             ring[head, 0], ring[head, 1], ring[head, 2], ring[head, 3] = dx, dy, dz, carried[0]
-            clock[_HEAD] = (head + 1) % _RING
+            clock[_HEAD] = (head + 1) & (_RING - 1)
             clock[_LENGTH] = min(clock[_LENGTH] + 1, _RING)
             clock[_LAST_NS] = stamp
         if m[HAVE] == 0.0 or spread > k[K_WIDEST] or across2 < k[K_VERTICAL]:
             azimuth[i], sigma[i], status[i] = math.nan, math.pi, 0
         else:
-            azimuth[i] = (lead + carried[0]) % tau
+            # Within a turn of the range as a rule; the remainder costs more.
+            now = start + (carried[0] - since)
+            now = now - tau if now >= tau else (now + tau if now < 0.0 else now)
+            azimuth[i] = now if 0.0 <= now < tau else now % tau
             sigma[i] = min(math.pi, spread)
             status[i] = int(m[BITS]) | (_AIDED if m[SINCE_USED] > k[K_TIMEOUT] else 0)
     return used
