@@ -9,6 +9,7 @@ import typer
 
 from mwd_surface.commands.bag import bag, recover
 from mwd_surface.commands.calibrate import calibrate
+from mwd_surface.commands.compare import compare
 from mwd_surface.commands.doctor import doctor
 from mwd_surface.commands.export import export, report
 from mwd_surface.commands.node import PASS_ON, node
@@ -34,6 +35,7 @@ app.command(rich_help_panel=_LIVE)(run)
 app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(replay)
 app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(node)
 app.command(rich_help_panel=_RECORDINGS)(process)
+app.command(rich_help_panel=_RECORDINGS)(compare)
 app.command(rich_help_panel=_RECORDINGS)(survey)
 app.command(rich_help_panel=_RECORDINGS)(export)
 app.command(rich_help_panel=_RECORDINGS)(report)

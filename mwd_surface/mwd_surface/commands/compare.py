@@ -1,0 +1,101 @@
+"""`mwd compare`: two runs, or a recording and a golden run, beside each other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from mwd_surface.runs.compare import Comparison
+
+
+def compare(
+    run_a: Annotated[
+        Path, typer.Argument(metavar="RUN", help="Results of `mwd process`, a recording, or a golden folder.")
+    ],
+    run_b: Annotated[
+        Path | None, typer.Argument(metavar="[EXPECTED]", help="What to compare with: results, or a golden folder.")
+    ] = None,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option("--limit", metavar="NAME=VALUE", help="Difference that is allowed. May be repeated."),
+    ] = None,
+    accept: Annotated[
+        bool, typer.Option("--accept", help="Make what a golden folder's bag gives today the expected answers.")
+    ] = False,
+) -> None:
+    """
+    Say what differs between two runs, by station and over all samples. Exit status 0: within the limits; 1: not.
+
+    Without limits every printed digit counts. A golden folder brings its own, each with its reason; alone, its bag is
+    processed and compared with what it keeps. A recording is processed with the settings of the expected run.
+
+    \b
+    Examples:
+      mwd compare out_new out_old
+      mwd compare out_new out_old --limit survey_azimuth_deg=0.1 --limit attitude_gravity_deg=0.05
+      mwd compare bags/run_7 out_old
+      mwd compare bags/golden/stations
+    """
+    from mwd_surface.commands import terminal
+    from mwd_surface.runs import compare as runs
+    from mwd_surface.runs import golden
+
+    if accept:
+        if run_b is not None or limit:
+            raise ValueError("--accept: takes a golden folder alone")
+        golden.accept(run_a)
+        terminal.output().print(f"written: the answers of {run_a}", markup=False)
+        return
+    ours, expected = (run_a / "bag", run_a) if run_b is None else (run_a, run_b)
+    if run_b is None and not golden.is_golden(run_a):
+        raise ValueError(f"{run_a} is no golden folder; name the run to compare it with")
+    with golden.processed(ours, expected) as run:
+        found = runs.compare(run, expected, {**golden.limits_of(expected), **_limits(limit)})
+    _show(found)
+    if not found.agree:
+        raise typer.Exit(1)
+
+
+def _limits(given: list[str] | None) -> dict[str, float]:
+    limits = {}
+    for one in given or []:
+        name, _, value = one.partition("=")
+        try:
+            limits[name] = float(value)
+        except ValueError as error:
+            raise ValueError(f"--limit {one}: expected NAME=VALUE") from error
+    return limits
+
+
+def _show(found: Comparison) -> None:
+    from rich.table import Table
+
+    from mwd_surface.commands import terminal
+
+    console = terminal.output()
+    if found.stations:
+        table = Table(title="stations, ours less expected", title_justify="left", box=None)
+        for heading in ("no", "depth m", "time s", "inclination deg", "azimuth deg", "toolface deg"):
+            table.add_column(heading, justify="right")
+        for one in found.stations:
+            angles = (f"{one.differences[name]:+.4f}" for name in ("inclination_deg", "azimuth_deg", "toolface_deg"))
+            table.add_row(one.sequence, one.measured_depth or "-", f"{one.stamp_difference_s:+.3f}", *angles)
+        console.print(table)
+    table = Table(title="samples, ours less expected", title_justify="left", box=None)
+    for heading in ("", "samples", "mean deg", "rms deg", "largest deg"):
+        table.add_column(heading, justify="left" if not heading else "right")
+    for line in found.statistics:
+        figures = (f"{line.mean:+.5f}", f"{line.rms:.5f}", f"{line.largest:.5f}") if line.count else ("-", "-", "-")
+        table.add_row(line.name, str(line.count), *figures)
+    console.print(table)
+    console.print(
+        f"{found.rows} samples in both, {found.rows_missing} missing, {found.rows_extra} beyond the expected ones; "
+        f"status differs at {found.status_differs}",
+        markup=False,
+    )
+    for failure in found.failures:
+        console.print(f"differs: {failure}", markup=False)
+    console.print("the runs agree" if found.agree else f"{len(found.failures)} limits exceeded", markup=False)
