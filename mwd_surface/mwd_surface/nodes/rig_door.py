@@ -1,0 +1,131 @@
+"""The rig interfaces on the graph: what the page shows goes out, rig data and requests come in."""
+
+from __future__ import annotations
+
+import queue
+from pathlib import Path
+from typing import Any
+
+from mwd_msgs import msg
+
+from mwd_sensors import wire
+from mwd_sensors.nodes.graph_node import OK, WARN, Finding, GraphNode
+from mwd_surface.exports.export_witsml import witsml
+from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.nodes.contract import TOPICS
+from mwd_surface.nodes.journal import Journal
+from mwd_surface.page.alarms import Severity
+from mwd_surface.page.live_state import LiveState
+from mwd_surface.rig.rig_interface import OnCommand
+from mwd_surface.rig.rig_port import RigPort, RigSettings
+from mwd_surface.rig.rig_survey import AcceptedSurvey, accepted_surveys
+from mwd_surface.rig.rig_values import RigValues, rig_values
+from mwd_surface.surveys.survey_list import SurveyList
+
+_PERIOD = 0.2  # s; how often the rig interfaces are told
+
+
+class RigDoor:
+    """
+    All rig interfaces of one well.
+
+    ask : OnCommand
+        Where requests of the rig go, called in a thread of an interface.
+    folder : Path
+        For certificates.
+
+    Raises
+    ------
+    InterfaceError
+        One could not start and `rig.strict` is set.
+    """
+
+    def __init__(
+        self,
+        node: GraphNode[Any],
+        settings: RigSettings,
+        well: str,
+        folder: Path,
+        *,
+        live: LiveState,
+        journal: Journal,
+        ask: OnCommand,
+    ) -> None:
+        self._node, self._settings, self._live, self._journal = node, settings, live, journal
+        self._in: queue.SimpleQueue[wire.Samples] = queue.SimpleQueue()
+        self._surveys: tuple[AcceptedSurvey, ...] = ()
+        self._values: RigValues | None = None
+        self._told = 0.0
+        self._attitude: wire.Samples | None = None
+        self._state: Any = None
+        self._port = RigPort(settings, well, on_rig_state=self._in.put, on_command=ask, folder=folder)
+        for name, why in self._port.start().items():
+            journal.note(f"rig {name}", why, Severity.WARNING)
+
+    def open(self) -> None:
+        """Open the topic on which rig data goes out, where any can come in."""
+        if self._settings.takes_data:
+            self._state = self._node.publish_on(msg.RigState, "rig/state", TOPICS["rig/state"][1])
+
+    def close(self) -> None:
+        """End the interfaces."""
+        self._port.stop()
+
+    def on_attitude(self, samples: wire.Samples) -> None:
+        """Attitudes arrived, `wire.ATTITUDE`: the last goes out with what the page shows."""
+        self._attitude = samples[-1:]
+
+    def on_surveys(self, surveys: SurveyList) -> None:
+        """The survey list changed."""
+        self._surveys = accepted_surveys(surveys)
+        if self._port.wants_trajectory:
+            self._port.publish_trajectory(witsml(survey_table(surveys, surveys.changed_ns)))
+
+    def pass_on(self, now: float) -> None:
+        """Rig data that came in to the graph; what is known to the rig, as often as it wants that."""
+        while self._state is not None and not self._in.empty():
+            samples = self._in.get()
+            # The interface stamps by the wall; the graph by the node's clock.
+            samples["stamp_ns"] = self._journal.now_ns()
+            self._state.publish(wire.RIG_STATE.encode(samples, wire.RIG_FRAME)[0].tobytes())
+        if now - self._told >= _PERIOD:
+            self.tell(now)
+
+    def tell(self, now: float, *, active: bool = True) -> None:
+        """The newest values to every interface; active: the node works, they may be acted upon."""
+        if not self._port.enabled:
+            return
+        self._told = now
+        self._values = rig_values(
+            self._live.snapshot(now),
+            self._surveys,
+            self._attitude,
+            now_ns=self._journal.now_ns(),
+            active=active,
+            simulated=self._settings.simulated,
+            previous=self._values,
+        )
+        self._port.publish(self._values)
+
+    def findings(self) -> list[Finding]:
+        """How each interface is."""
+        found = []
+        for one in self._port.status():
+            values = [
+                (
+                    f"peer {peer.address}",
+                    f"out {peer.sent}, {peer.rate:.2f}/s, in {peer.received}, lost {peer.dropped}",
+                )
+                for peer in one.peers
+            ]
+            counts = (
+                ("sent", one.sent),
+                ("received", one.received),
+                ("dropped", one.dropped),
+                ("refused", one.refused),
+            )
+            values += [(name, str(count)) for name, count in (*counts, *one.counts)]
+            level = WARN if one.state in ("down", "stopped") else OK
+            message = f"{one.state} {one.address}".strip()
+            found.append(Finding(f"rig {one.name}", level, message, one.reason, (*values, *one.last)))
+        return found
