@@ -113,6 +113,35 @@ def test_the_lines_are_those_of_the_pipeline_fed_sample_by_sample(tmp_path):
     assert (tmp_path / "out" / "attitude.csv").read_bytes() == text
 
 
+def test_a_row_in_ten_may_be_enough_and_parquet_holds_the_same(tmp_path):
+    pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+    imu, _ = recording(tmp_path / "bag", seconds=3.0)
+    run(tmp_path / "bag", tmp_path / "out")
+    with Bag(tmp_path / "bag") as bag:
+        wanted = process.OutputSettings(format="parquet", rate_hz=10.0)
+        summary = process.process(bag, tmp_path / "few", S3, wanted=wanted)
+    assert summary.rows == len(imu)
+    assert summary.files == ["attitude.parquet", "surveys.csv", "config.yaml"]
+    assert "# rate_hz: 10.0" in (tmp_path / "few" / "config.yaml").read_text()
+    table = pq.read_table(tmp_path / "few" / "attitude.parquet").to_pylist()
+    lines = attitude(tmp_path / "out")[::10]
+    assert [row["stamp_ns"] for row in table] == [int(line["stamp_ns"]) for line in lines]
+    for row, line in zip(table, lines, strict=True):
+        assert row["inclination_deg"] == pytest.approx(float(line["inclination_deg"]), abs=1e-6)
+
+
+def test_a_disk_that_fills_up_ends_the_run_and_leaves_nothing(tmp_path, monkeypatch):
+    recording(tmp_path / "bag", seconds=3.0)
+
+    def full(attitude, gravity):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(attitude_csv, "rows", full)
+    with pytest.raises(OSError, match="No space left"):
+        run(tmp_path / "bag", tmp_path / "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+
+
 def test_a_still_interval_becomes_a_survey_with_its_depth(tmp_path):
     recording(tmp_path / "bag")
     changes = {
@@ -138,7 +167,7 @@ def test_the_configuration_written_gives_the_same_results_again(tmp_path):
     again = settings.from_mapping(EstimatorSettings, process.read_config(tmp_path / "out" / "config.yaml"))
     assert again == estimator
     run(tmp_path / "bag", tmp_path / "out_2", again)
-    for name in process.FILES:
+    for name in ("attitude.csv", "surveys.csv", "config.yaml"):
         assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "out_2" / name).read_bytes()
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.runs.process import Summary
 
-_INPUT = "Input"
+_INPUT, _OUTPUT = "Input", "Output"
 
 
 def process(
@@ -56,6 +56,14 @@ def process(
         bool,
         typer.Option("--same-axes", help="IMU and magnetometer share axes under two names.", rich_help_panel=_INPUT),
     ] = False,
+    form: Annotated[
+        str | None,
+        typer.Option("--format", "-f", help="Attitude as csv, parquet or mcap.", rich_help_panel=_OUTPUT),
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(help="At most so many rows of attitude a second.", metavar="HZ", rich_help_panel=_OUTPUT),
+    ] = None,
     partial: Annotated[
         bool, typer.Option("--partial", help="Use what can be read of a damaged bag.", rich_help_panel=_INPUT)
     ] = False,
@@ -64,13 +72,14 @@ def process(
     Work out attitude and surveys of a recording.
 
     Writes DIR/attitude.csv (one line per IMU message), DIR/surveys.csv and DIR/config.yaml (the settings in force).
-    Needs no middleware; the results equal those of the live graph.
+    Needs no middleware; the results equal those of the live graph. With --format parquet it is DIR/attitude.parquet.
 
     \b
     Examples:
       mwd process bags/run_7 -o out
       mwd process bags/run_7 -o out --lat 58.44 --lon 1.88 --date 2026-03-01
       mwd process bags/run_7 -o out --field 50360,71.63,-2.2 --method s3
+      mwd process bags/run_7 -o out --format parquet --rate 10
       mwd process bags/two_wells -o out --imu-topic /well_2/imu/data_raw
     """
     from mwd_sensors import settings
@@ -103,11 +112,13 @@ def process(
         "partial": partial,
     }
     given = settings.from_mapping(batch.InputSettings, {k: v for k, v in asked.items() if v is not None})
+    asked = {"format": form, "rate_hz": rate}
+    wanted = settings.from_mapping(batch.OutputSettings, {k: v for k, v in asked.items() if v is not None})
     compensation = Compensation(calibration_run.read(calibration)) if calibration is not None else None
     began = time.monotonic()
     with Bag(bag) as opened, terminal.progress(f"processing {bag.name}") as progress:
         estimator, remark = _with_a_model(opened, estimator)
-        summary = batch.process(opened, output, estimator, given, progress, compensation)
+        summary = batch.process(opened, output, estimator, given, progress, compensation, wanted)
     if remark:
         summary.warnings.insert(0, remark)
     _show(summary, estimator, output, time.monotonic() - began)
@@ -159,9 +170,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, folder: Path, elapsed:
         show_surveys(console, [(survey.station, depth) for survey, depth in summary.surveys])
     else:
         console.print(f"{'surveys':>13}  none: the tool never kept still for long enough", markup=False)
-    from mwd_surface.runs.process import FILES
-
-    console.print(f"{'written':>13}  {', '.join(str(folder / name) for name in FILES)}", markup=False)
+    console.print(f"{'written':>13}  {', '.join(str(folder / name) for name in summary.files)}", markup=False)
 
 
 def _range(low: float, high: float) -> str:

@@ -1,7 +1,8 @@
 """
 A recording to attitude, surveys and the configuration that gave them: the estimator over a bag, in constant memory.
 
-The same `Pipeline` as the live node's runs over blocks of the bag. Results appear complete or not at all.
+The same `Pipeline` as the live node's runs over blocks of the bag, while a thread reads ahead of it and another writes
+behind it. Results appear complete or not at all.
 """
 
 from __future__ import annotations
@@ -30,13 +31,22 @@ from mwd_sensors.settings import setting
 from mwd_surface.bags.bag_reader import Bag, BagError, Block
 from mwd_surface.bags.mcap_format import MAGIC
 from mwd_surface.exports import attitude_csv
+from mwd_surface.exports.thinner import Thinner
+from mwd_surface.runs.overlap import ahead, behind
 from mwd_surface.surveys import station_csv
 from mwd_surface.surveys.depth import DepthTrack
 
 IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
-FILES = ("attitude.csv", "surveys.csv", "config.yaml")
+FORMATS = ("csv", "parquet", "mcap")
 SURVEY_COLUMNS = ("sequence", "stamp_ns", "duration_s", "samples", "requested", *station_csv.COLUMNS, "uuid")
 
+# All else of these messages is most of their bytes, and is not read.
+_FIELDS = {
+    wire.IMU.type_name: ("angular_velocity", "linear_acceleration"),
+    wire.MAG.type_name: ("magnetic_field",),
+    wire.TEMPERATURE.type_name: ("temperature",),
+    wire.RIG_STATE.type_name: ("bit_depth", "valid"),
+}
 _FRAMES_LOOKED_AT = 2000
 _BIT_DEPTH = 1  # RigState.VALID bit of bit_depth
 
@@ -55,6 +65,14 @@ class InputSettings:
     same_axes: bool = setting(False, "IMU and magnetometer share axes although their frames have different names")
     partial: bool = setting(False, "Use what can be read of a bag that is cut off or damaged")
     sensor_to_bit_m: float = setting(0.0, "Sonde behind the bit", unit="m", low=0.0, high=100.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class OutputSettings:
+    """What to write."""
+
+    format: str = setting("csv", "File of the attitude", choices=FORMATS)
+    rate_hz: float = setting(0.0, "At most so many rows a second; 0: one for every IMU message", unit="Hz", low=0.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,7 +99,7 @@ class Summary:
     Attributes
     ----------
     rows : int
-        IMU messages, lines of attitude.csv.
+        IMU messages.
     start_ns, end_ns : int
         Stamps of the first and the last of them.
     rejected, gaps, without_gravity, without_azimuth : int
@@ -92,6 +110,8 @@ class Summary:
         North of the azimuth, and where the field comes from.
     surveys : list of (Survey, measured depth in m or nan)
     warnings : list of str
+    files : list of str
+        Names of what was written.
     """
 
     topics: Topics
@@ -108,6 +128,7 @@ class Summary:
     reference: str = "none"
     surveys: list[tuple[Survey, float]] = dataclasses.field(default_factory=list)
     warnings: list[str] = dataclasses.field(default_factory=list)
+    files: list[str] = dataclasses.field(default_factory=list)
 
     @property
     def seconds(self) -> float:
@@ -122,9 +143,10 @@ def process(
     given: InputSettings | None = None,
     progress: Callable[[float], None] = lambda _share: None,
     compensation: Compensation | None = None,
+    wanted: OutputSettings | None = None,
 ) -> Summary:
     """
-    Write attitude.csv, surveys.csv and config.yaml of a bag.
+    Write the attitude (by default attitude.csv), surveys.csv and config.yaml of a bag.
 
     Parameters
     ----------
@@ -137,6 +159,7 @@ def process(
         Told the share that is done, 0 to 1, now and then.
     compensation : Compensation, optional
         Calibration of the AHRS, taken off its samples first.
+    wanted : OutputSettings, optional
 
     Raises
     ------
@@ -147,18 +170,20 @@ def process(
     OSError
         The folder cannot be written.
     """
-    given = given or InputSettings()
+    given, wanted = given or InputSettings(), wanted or OutputSettings()
     topics = find_topics(bag, given)
     _refuse_damaged(bag, given)
     with drafts(folder) as draft:
-        with (draft / "attitude.csv").open("wb") as file:
-            file.write(attitude_csv.HEADER.encode() + b"\n")
-            summary = _estimate(bag, topics, estimator, given, compensation, file.write, progress)
+        with _sink(draft, wanted) as sink:
+            summary = _estimate(bag, topics, estimator, given, compensation, sink, progress)
         _refuse_damaged(bag, given)
         if summary.rows == 0:
             raise BagError(f"{bag.path} has no IMU sample in {topics.imu}", "look at it with `mwd bag info`")
         (draft / "surveys.csv").write_text(survey_text(summary.surveys), encoding="utf-8")
-        (draft / "config.yaml").write_text(config_text(estimator, given, topics), encoding="utf-8")
+        (draft / "config.yaml").write_text(config_text(estimator, given, wanted, topics), encoding="utf-8")
+        summary.files = [file.name for file in draft.iterdir()]
+        # The largest first: what was asked for.
+        summary.files.sort(key=lambda name: (not name.startswith("attitude"), name == "config.yaml"))
     summary.warnings += _worth_saying(bag)
     return summary
 
@@ -239,16 +264,17 @@ def survey_text(surveys: list[tuple[Survey, float]]) -> str:
     )
 
 
-def config_text(estimator: EstimatorSettings, given: InputSettings, topics: Topics) -> str:
+def config_text(estimator: EstimatorSettings, given: InputSettings, wanted: OutputSettings, topics: Topics) -> str:
     """config.yaml: every setting in force, ready for --config; what was read and how stands in comments."""
     head = ["# Settings in force; use them again with: mwd process BAG --config config.yaml"]
     head += [f"# {name}: {value}" for name, value in dataclasses.asdict(topics).items() if value]
-    default = InputSettings()
-    head += [
-        f"# {field.name}: {getattr(given, field.name)}"
-        for field in dataclasses.fields(given)
-        if field.name not in ("imu_topic", "mag_topic") and getattr(given, field.name) != getattr(default, field.name)
-    ]
+    for used, default in ((given, InputSettings()), (wanted, OutputSettings())):
+        head += [
+            f"# {field.name}: {getattr(used, field.name)}"
+            for field in dataclasses.fields(used)
+            if field.name not in ("imu_topic", "mag_topic")
+            and getattr(used, field.name) != getattr(default, field.name)
+        ]
     body: str = yaml.safe_dump(settings_of.to_mapping(estimator), sort_keys=False)
     return "\n".join(head) + "\n" + body
 
@@ -290,13 +316,33 @@ def _nested(table: dict[str, Any]) -> dict[str, Any]:
     return out
 
 
+@contextlib.contextmanager
+def _sink(folder: Path, wanted: OutputSettings) -> Iterator[Callable[[Output], None]]:
+    """What writes the attitude of each block."""
+    thinner = Thinner(wanted.rate_hz)
+    if wanted.format == "parquet":
+        # Not for everyone: it takes longer to load than a short recording to process.
+        from mwd_surface.exports import attitude_parquet
+
+        with attitude_parquet.Writer(folder / "attitude.parquet") as writer:
+            yield lambda output: writer.write(*thinner(output.attitude, output.gravity))
+        return
+    with (folder / "attitude.csv").open("wb") as file:
+        file.write(attitude_csv.HEADER.encode() + b"\n")
+
+        def write(output: Output) -> None:
+            file.write(attitude_csv.rows(*thinner(output.attitude, output.gravity)))
+
+        yield write
+
+
 def _estimate(
     bag: Bag,
     topics: Topics,
     estimator: EstimatorSettings,
     given: InputSettings,
     compensation: Compensation | None,
-    write: Callable[[bytes], Any],
+    sink: Callable[[Output], None],
     progress: Callable[[float], None],
 ) -> Summary:
     summary = Summary(topics)
@@ -315,35 +361,48 @@ def _estimate(
     if differ and not given.same_axes:
         use_mag = False
         summary.warnings.append(f"{differ}: the magnetometer is not used; if they share axes say --same-axes")
-    held: wire.Samples | None = None
     unchecked = {topics.imu, topics.mag}
-    for block in bag.blocks(topics.all, start_ns, end_ns):
-        samples = _in_si(block, topics, given)
-        if topics.imu in unchecked and topics.imu in samples:
-            summary.warnings += _check_imu(topics.imu, samples[topics.imu])
-        if use_mag and topics.mag in unchecked and topics.mag in samples:
-            doubtful = _check_mag(topics.mag, samples[topics.mag])
-            summary.warnings += doubtful
-            use_mag = not doubtful
-        unchecked -= samples.keys()
-        if compensation is not None:
-            _compensate(compensation, samples, topics)
-        # One block ahead of the IMU, so that where a block ends makes no difference to how a sample is paired.
-        if use_mag and topics.mag in samples:
-            pipeline.push_mag(samples[topics.mag])
-        if topics.precision in samples:
-            pipeline.push_precision(samples[topics.precision])
-        if topics.temperature in samples:
-            pipeline.push_temperature(samples[topics.temperature])
-        if topics.rig in samples:
-            for row in samples[topics.rig]:
-                depth.update(int(row["stamp_ns"]), float(row["bit_depth"]), bool(row["valid"] & _BIT_DEPTH))
+
+    def outputs() -> Iterator[Output]:
+        nonlocal use_mag, unchecked
+        held: wire.Samples | None = None
+        with ahead(bag.blocks(topics.all, start_ns, end_ns, fields=_FIELDS)) as blocks:
+            for block in blocks:
+                samples = _in_si(block, topics, given)
+                if topics.imu in unchecked and topics.imu in samples:
+                    summary.warnings += _check_imu(topics.imu, samples[topics.imu])
+                if use_mag and topics.mag in unchecked and topics.mag in samples:
+                    doubtful = _check_mag(topics.mag, samples[topics.mag])
+                    summary.warnings += doubtful
+                    use_mag = not doubtful
+                unchecked -= samples.keys()
+                if compensation is not None:
+                    _compensate(compensation, samples, topics)
+                # One block ahead of the IMU, so that where a block ends makes no difference to how a sample is paired.
+                if use_mag and topics.mag in samples:
+                    pipeline.push_mag(samples[topics.mag])
+                if topics.precision in samples:
+                    pipeline.push_precision(samples[topics.precision])
+                if topics.temperature in samples:
+                    pipeline.push_temperature(samples[topics.temperature])
+                if topics.rig in samples:
+                    for row in samples[topics.rig]:
+                        depth.update(int(row["stamp_ns"]), float(row["bit_depth"]), bool(row["valid"] & _BIT_DEPTH))
+                if held is not None:
+                    yield pipeline.push_imu(held)
+                held = samples.get(topics.imu)
+                progress(_share(block, start_ns, last_ns))
         if held is not None:
-            _take(pipeline.push_imu(held), summary, write, sensor_depth)
-        held = samples.get(topics.imu)
-        progress(_share(block, start_ns, last_ns))
-    if held is not None:
-        _take(pipeline.push_imu(held), summary, write, sensor_depth)
+            yield pipeline.push_imu(held)
+
+    def put_away(output: Output) -> None:
+        sink(output)
+        _count(output, summary)
+
+    with behind(put_away) as give:
+        for output in outputs():
+            summary.surveys += [(survey, sensor_depth(survey.stamp_ns)) for survey in output.surveys]
+            give(output)
     progress(1.0)
     summary.north = pipeline.north
     summary.reference = pipeline.reference.source if pipeline.reference is not None else "none"
@@ -368,12 +427,8 @@ def _compensate(compensation: Compensation, samples: dict[str | None, wire.Sampl
         samples[topics.mag] = compensation.mag(samples[topics.mag])
 
 
-def _take(
-    output: Output, summary: Summary, write: Callable[[bytes], Any], sensor_depth: Callable[[int], float]
-) -> None:
-    attitude, gravity = output.attitude, output.gravity
-    write(attitude_csv.rows(attitude, gravity))
-    summary.surveys += [(survey, sensor_depth(survey.stamp_ns)) for survey in output.surveys]
+def _count(output: Output, summary: Summary) -> None:
+    attitude = output.attitude
     if summary.rows == 0 and len(attitude):
         summary.start_ns = int(attitude["stamp_ns"][0])
     summary.rows += len(attitude)

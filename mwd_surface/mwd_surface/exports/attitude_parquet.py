@@ -1,0 +1,113 @@
+"""Attitude as Parquet: the columns of the CSV, their numbers not rounded, and the north that the azimuth is from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from mwd_estimation.pipeline import NORTH_CODES
+from mwd_estimation.status import words
+from mwd_sensors import wire
+
+_DEG = 180.0 / math.pi
+_ANGLES = (
+    ("inclination_deg", "inclination"),
+    ("azimuth_deg", "azimuth"),
+    ("toolface_deg", "gravity_toolface"),
+)
+_WORDS = pa.dictionary(pa.int32(), pa.string())
+SCHEMA = pa.schema(
+    [
+        ("stamp_ns", pa.int64()),
+        *((name, pa.float64()) for name, _ in _ANGLES),
+        *((f"sigma_{name}", pa.float64()) for name, _ in _ANGLES),
+        *((f"gravity_{axis}", pa.float64()) for axis in "xyz"),
+        ("status", _WORDS),
+        ("north", _WORDS),
+    ]
+)
+_FLOATS = [field.name for field in SCHEMA if field.type == pa.float64()]
+_GROUP_ROWS = 131_072
+
+
+class Writer:
+    """
+    Writes a file row group by row group.
+
+    What is unknown is null. `status` is words joined by bars, as in the CSV.
+
+    Raises
+    ------
+    OSError
+        From every method: the disk refuses.
+    """
+
+    def __init__(self, path: Path) -> None:
+        # Numbers of sensors hardly compress but for their high bytes; a dictionary of them only costs time.
+        self._file = pq.ParquetWriter(
+            path,
+            SCHEMA,
+            compression="zstd",
+            compression_level=1,
+            use_dictionary=["status", "north"],
+            column_encoding={"stamp_ns": "DELTA_BINARY_PACKED", **dict.fromkeys(_FLOATS, "BYTE_STREAM_SPLIT")},
+        )
+        self._waiting: list[pa.RecordBatch] = []
+        self._rows = 0
+
+    def write(self, attitude: wire.Samples, gravity: wire.Samples) -> None:
+        """Rows of `wire.ATTITUDE` and `wire.GRAVITY` of the same stamps."""
+        if not len(attitude):
+            return
+        columns = [pa.array(np.ascontiguousarray(attitude["stamp_ns"]))]
+        columns += [_known(attitude[name] * _DEG, attitude[f"sigma_{name}"]) for _, name in _ANGLES]
+        columns += [_known(attitude[f"sigma_{name}"] * _DEG, attitude[f"sigma_{name}"]) for _, name in _ANGLES]
+        columns += [_known(gravity["gravity"][:, k], gravity["sigma"]) for k in range(3)]
+        columns.append(_named(attitude["status"], words))
+        names = {code: name for name, code in NORTH_CODES.items()}
+        columns.append(_named(attitude["north"], lambda code: names.get(code, "")))
+        self._waiting.append(pa.RecordBatch.from_arrays(columns, schema=SCHEMA))
+        self._rows += len(attitude)
+        if self._rows >= _GROUP_ROWS:
+            self._flush()
+
+    def close(self) -> None:
+        """Write what waits and the end of the file."""
+        self._flush()
+        self._file.close()
+
+    def _flush(self) -> None:
+        if self._rows:
+            table = pa.Table.from_batches(self._waiting).unify_dictionaries()
+            self._file.write_table(table, row_group_size=self._rows)
+            self._waiting, self._rows = [], 0
+
+    def __enter__(self) -> Writer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is None:
+            self.close()
+        else:
+            self._file.close()
+
+
+def _known(values: NDArray[np.float64], sigma: NDArray[np.float64]) -> pa.Array:
+    unknown = sigma < 0.0
+    return pa.array(np.ascontiguousarray(values), mask=unknown if unknown.any() else None)
+
+
+def _named(codes: NDArray[np.uint32], name: Callable[[int], str]) -> pa.Array:
+    found, index = np.unique(codes, return_inverse=True)
+    return pa.DictionaryArray.from_arrays(
+        pa.array(index.astype(np.int32)), pa.array([name(int(code)) for code in found])
+    )
