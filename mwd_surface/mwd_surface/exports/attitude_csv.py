@@ -15,8 +15,6 @@ from mwd_estimation.status import words
 from mwd_sensors import wire
 from mwd_sensors.compiled import compiled
 
-Array = NDArray[np.float64]
-
 HEADER = (
     "stamp_ns,inclination_deg,azimuth_deg,toolface_deg,sigma_inclination_deg,sigma_azimuth_deg,sigma_toolface_deg,"
     "gravity_x,gravity_y,gravity_z,status"
@@ -27,8 +25,6 @@ _ANGLE_UNIT, _GRAVITY_UNIT = 10**6, 10**9
 _TURN = 360 * _ANGLE_UNIT
 # Stamp with sign, six angles, three components, commas and the end of the line; words come on top.
 _ROW_BYTES = 21 + 6 * 13 + 3 * 14 + 2
-# An unknown number.
-_NONE = -(2**62)
 # The digits of 0 to 9999: a division gives four of them.
 _DIGITS = 48 + (np.arange(10000)[:, None] // np.array([1000, 100, 10, 1]) % 10).astype(np.uint8)
 
@@ -52,35 +48,14 @@ def rows(attitude: wire.Samples, gravity: wire.Samples) -> bytes:
         raise ValueError(f"gravity: expected {n} samples as attitude has, got {len(gravity)}")
     if n == 0:
         return b""
-    cells = np.empty((n, 9), dtype=np.int64)
-    for k, (name, sigma) in enumerate(
-        (
-            ("inclination", "sigma_inclination"),
-            ("azimuth", "sigma_azimuth"),
-            ("gravity_toolface", "sigma_gravity_toolface"),
-        )
-    ):
-        value, one_sigma = np.ascontiguousarray(attitude[name]), np.ascontiguousarray(attitude[sigma])
-        known = one_sigma >= 0.0
-        cells[:, k] = _fixed(value * _DEG, _ANGLE_UNIT, known)
-        cells[:, 3 + k] = _fixed(one_sigma * _DEG, _ANGLE_UNIT, known)
-        if k > 0:
-            # What rounds up to the full circle is north again.
-            cells[:, k][cells[:, k] == _TURN] = 0
-    known = np.ascontiguousarray(gravity["sigma"]) >= 0.0
-    cells[:, 6:] = _fixed(gravity["gravity"], _GRAVITY_UNIT, known[:, None])
     status, index = _status_index(np.ascontiguousarray(attitude["status"]))
     texts = [words(int(mask)).encode() for mask in status]
     starts = np.cumsum([0, *(len(text) for text in texts)])
     text = np.frombuffer(b"".join(texts) or b"\0", dtype=np.uint8)
     longest = max(len(one) for one in texts)
     buffer = np.empty(n * (_ROW_BYTES + longest), dtype=np.uint8)
-    end = _write(buffer, np.ascontiguousarray(attitude["stamp_ns"]), cells, index, text, starts)
+    end = _write(buffer, attitude, gravity, index, text, starts)
     return buffer[:end].tobytes()
-
-
-def _fixed(value: Array, unit: int, known: NDArray[np.bool_]) -> NDArray[np.int64]:
-    return np.where(known, np.floor(np.where(known, value, 0.0) * unit + 0.5), _NONE).astype(np.int64)
 
 
 def _status_index(status: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
@@ -117,48 +92,84 @@ def _whole(buffer: NDArray[np.uint8], at: int, value: int) -> int:
 
 
 @compiled
+def _angle(buffer: NDArray[np.uint8], at: int, value: float, known: bool, wraps: bool) -> int:
+    """A comma and an angle, rad, in degrees with six decimals; what rounds up to the full circle is north again."""
+    buffer[at] = 44
+    if not known:
+        return at + 1
+    units = math.floor(value * _DEG * _ANGLE_UNIT + 0.5)
+    if wraps and units == _TURN:
+        units = 0
+    at += 1
+    if units < 0:
+        buffer[at] = 45
+        at += 1
+        units = -units
+    whole = units // _ANGLE_UNIT
+    units -= whole * _ANGLE_UNIT
+    at = _whole(buffer, at, whole)
+    buffer[at] = 46
+    high = units // 10000
+    buffer[at + 1], buffer[at + 2] = _DIGITS[high, 2], _DIGITS[high, 3]
+    _four(buffer, at + 3, units - 10000 * high)
+    return at + 7
+
+
+@compiled
+def _component(buffer: NDArray[np.uint8], at: int, value: float) -> int:
+    """A comma and a component of a unit vector with nine decimals."""
+    buffer[at] = 44
+    at += 1
+    units = math.floor(value * _GRAVITY_UNIT + 0.5)
+    if units < 0:
+        buffer[at] = 45
+        at += 1
+        units = -units
+    whole = units // _GRAVITY_UNIT
+    units -= whole * _GRAVITY_UNIT
+    at = _whole(buffer, at, whole)
+    buffer[at] = 46
+    high = units // 10000
+    first = high // 10000
+    buffer[at + 1] = 48 + first
+    _four(buffer, at + 2, high - 10000 * first)
+    _four(buffer, at + 6, units - 10000 * high)
+    return at + 10
+
+
+@compiled
 def _write(
     buffer: NDArray[np.uint8],
-    stamps: NDArray[np.int64],
-    cells: NDArray[np.int64],
+    attitude: wire.Samples,
+    gravity: wire.Samples,
     index: NDArray[np.int64],
     text: NDArray[np.uint8],
     starts: NDArray[np.int64],
 ) -> int:
     at = 0
-    for i in range(len(stamps)):
-        value = stamps[i]
-        if value < 0:
+    for i in range(len(attitude)):
+        row, down = attitude[i], gravity[i]
+        stamp = row["stamp_ns"]
+        if stamp < 0:
             buffer[at] = 45  # minus
             at += 1
-            value = -value
-        at = _whole(buffer, at, value)
-        for k in range(9):
-            buffer[at] = 44  # comma
-            at += 1
-            value = cells[i, k]
-            if value == _NONE:
-                continue
-            if value < 0:
-                buffer[at] = 45
-                at += 1
-                value = -value
-            unit = _ANGLE_UNIT if k < 6 else _GRAVITY_UNIT
-            whole = value // unit
-            value -= whole * unit
-            at = _whole(buffer, at, whole)
-            buffer[at] = 46  # point
-            high, low = value // 10000, value % 10000
-            if k < 6:
-                buffer[at + 1], buffer[at + 2] = _DIGITS[high, 2], _DIGITS[high, 3]
-                _four(buffer, at + 3, low)
-                at += 7
+            stamp = -stamp
+        at = _whole(buffer, at, stamp)
+        tilt, around, about = row["sigma_inclination"], row["sigma_azimuth"], row["sigma_gravity_toolface"]
+        at = _angle(buffer, at, row["inclination"], tilt >= 0.0, False)
+        at = _angle(buffer, at, row["azimuth"], around >= 0.0, True)
+        at = _angle(buffer, at, row["gravity_toolface"], about >= 0.0, True)
+        at = _angle(buffer, at, tilt, tilt >= 0.0, False)
+        at = _angle(buffer, at, around, around >= 0.0, False)
+        at = _angle(buffer, at, about, about >= 0.0, False)
+        known = down["sigma"] >= 0.0
+        vector = down["gravity"]
+        for c in range(3):
+            if known:
+                at = _component(buffer, at, vector[c])
             else:
-                first, middle = high // 10000, high % 10000
-                buffer[at + 1] = 48 + first
-                _four(buffer, at + 2, middle)
-                _four(buffer, at + 6, low)
-                at += 10
+                buffer[at] = 44
+                at += 1
         buffer[at] = 44
         at += 1
         for j in range(starts[index[i]], starts[index[i] + 1]):
