@@ -16,7 +16,7 @@ from mwd_surface.page.live_state import LiveSettings, LiveState
 from mwd_surface.page.toolface import MAGNETIC, ToolfaceReading
 from mwd_surface.surveys.plan import Offset, plan_of
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import North, Survey, Verdict
+from mwd_surface.surveys.survey_record import North, Survey
 from mwd_surface.surveys.well import Well
 
 G, B, DIP = 9.82, 50e-6, 1.2
@@ -212,70 +212,11 @@ def test_the_advisory_knows_inside_and_outside_across_north_and_says_nothing_whe
     assert sections(state)["toolface"]["advisory"] is None
 
 
-def test_survey_rows_say_who_accepted_and_leave_the_path_empty_where_a_station_is_out():
-    wrong = {"verdict": int(Verdict.DOUBTFUL), "reasons": ("dip is 0.6 deg off",), "dip": DIP + math.radians(0.6)}
-    found = listed(survey(1), survey(2, **wrong), survey(3))
-    found = found.accept(2, "A. Berg", "gyro agrees", 5).reject(3, "A. Berg", "moved", 6)
-    state = LiveState()
-    state.on_well(found.well, 0.0)
-    state.on_records(found.records, 0.0)
-    one, two, three = sections(state)["surveys"]["rows"]
-    assert (one["verdict"], one["accepted_by"]) == ("accepted", "automatic")
-    assert (two["verdict"], two["accepted_by"], two["automatic"]) == ("accepted", "A. Berg", "doubtful")
-    assert (three["verdict"], three["in_use"], three["vertical_depth"]) == ("rejected", False, None)
-    assert one["vertical_section"] is not None
-    assert one["azimuth_north"] == "grid"
-
-
 def test_plain_records_are_taken_as_well_as_objects():
     found = listed(survey(1))
     state = LiveState()
     state.on_records([settings.to_mapping(r) for r in found.records], 0.0)
     assert sections(state)["surveys"]["rows"][0]["measured_depth"] == 100.0
-
-
-def test_a_survey_without_magnetometer_depth_or_azimuth_shows_gaps_not_minus_one():
-    bare = survey(1, b_total=-1.0, b_reference=-1.0, covariance=(1e-6, 0, 0, 0, -1.0, 0, 0, 0, 1e-6))
-    state = LiveState()
-    state.on_records(SurveyList().add(bare).records, 0.0)
-    row = sections(state)["surveys"]["rows"][0]
-    assert [row[k] for k in ("measured_depth", "azimuth", "sigma_azimuth", "b_total", "dip")] == [None] * 5
-    lights = {light["name"]: light["light"] for light in sections(state)["quality"]["lights"]}
-    assert lights == {"total gravity": "good", "total field": "no reference", "dip": "no reference"}
-
-
-@pytest.mark.parametrize(("off_nt", "light"), [(0.0, "good"), (-299.0, "good"), (301.0, "doubtful"), (460.0, "reject")])
-def test_the_lights_follow_the_limits_of_the_last_survey(off_nt, light):
-    state = LiveState()
-    state.on_records(listed(survey(1), survey(2, b_total=B + off_nt * 1e-9)).records, 0.0)
-    field = sections(state)["quality"]["lights"][1]
-    assert field["light"] == light
-    assert field["deviation"] == pytest.approx(off_nt * 1e-9, abs=1e-12)
-    assert field["limit"] == pytest.approx(300e-9)
-
-
-def test_the_lights_judge_the_field_without_the_interference_the_azimuth_was_corrected_for():
-    down = np.array([math.cos(0.5), 0.0, -math.sin(0.5)])
-    across = np.array([math.sin(0.5), 0.0, math.cos(0.5)])
-    earth = B * (math.sin(DIP) * down + math.cos(DIP) * across)
-    measured = earth + np.array([2e-6, 0.0, 0.0])
-    shot = survey(
-        1,
-        specific_force=tuple((-G * down).tolist()),
-        magnetic_field=tuple(measured.tolist()),
-        b_total=float(np.linalg.norm(measured)),
-        axial_interference=2e-6,
-        sigma_axial_interference=1e-7,
-        azimuth_method="corrected",
-    )
-    state = LiveState()
-    state.on_records(listed(shot).records, 0.0)
-    _, field, dip = sections(state)["quality"]["lights"]
-    assert (field["light"], field["corrected"], dip["light"]) == ("good", True, "good")
-    assert field["deviation"] == pytest.approx(0.0, abs=1e-12)
-    assert dip["deviation"] == pytest.approx(0.0, abs=1e-9)
-    state.on_records(listed(dataclasses.replace(shot, azimuth_method="raw")).records, 0.0)
-    assert sections(state)["quality"]["lights"][1]["light"] == "reject"
 
 
 def test_without_a_field_from_the_node_the_header_shows_that_of_the_last_survey():
@@ -287,19 +228,6 @@ def test_without_a_field_from_the_node_the_header_shows_that_of_the_last_survey(
     state.on_well(Well(), 0.0, {"declination": 0.5, "source": "IFR"})
     state.on_records(listed(survey(1)).records, 0.0)
     assert sections(state)["well"]["field_source"] == "IFR"
-
-
-def test_the_path_comes_with_its_projection_and_ellipses_of_ten_stations_at_most():
-    found = listed(*(survey(k) for k in range(1, 16)))
-    path = found.definitive(bit_depth=1520.0)
-    state = LiveState()
-    state.on_trajectory(path, 0.0, np.tile(np.diag([4.0, 1.0, 1.0]), (16, 1, 1)))
-    got = sections(state)["path"]
-    assert got["kind"][-1] == "projected"
-    assert len(got["north"]) == len(got["vertical_section"]) == 17
-    assert 0 < len(got["ellipses"]) <= 10
-    assert got["ellipses"][0]["plan"][:2] == pytest.approx([4.0, 2.0])
-    assert got["north_reference"] == "grid"
 
 
 def test_a_plan_is_thinned_to_its_bound_and_keeps_its_end():

@@ -221,22 +221,6 @@ def test_a_sidetrack_shares_the_path_above_its_tie_on_and_numbers_go_on():
         split.definitive("ST9")
 
 
-def test_projection_to_the_bit_is_marked_and_goes_straight_or_on_the_same_arc():
-    whole = filled(*CURVE)
-    straight = whole.definitive(bit_depth=210.0)
-    assert straight.kind[-1] == "projected"
-    np.testing.assert_allclose(
-        straight.positions[-1] - straight.positions[-2], 20.0 * mc.tangent(*np.radians([10.0, 40.0]))
-    )
-    assert whole.definitive(bit_depth=150.0).kind[-1] == "survey"
-    curve = dataclasses.replace(whole, rules=ListRules(projection="curve")).definitive(bit_depth=220.0)
-    assert curve.dogleg_severity[-1] == pytest.approx(curve.dogleg_severity[-2])
-    three = mc.path(curve.md[[-3, -1]], curve.inclination[[-3, -1]], curve.azimuth[[-3, -1]], curve.positions[-3])
-    np.testing.assert_allclose(curve.positions[-1], three[-1], atol=1e-9)
-    with pytest.raises(ValueError, match="bit_depth: must be finite"):
-        whole.definitive(bit_depth=math.nan)
-
-
 def test_another_north_is_refused_while_a_tie_on_or_station_has_none_from_there():
     whole = filled(*CURVE)
     grid = whole.configured(Well(north_reference="grid"), ListRules())
@@ -277,3 +261,10 @@ def test_whatever_comes_the_path_increases_and_is_finite_and_nothing_is_lost(sta
     assert all(np.all(np.isfinite(v)) for v in (path.positions, path.dogleg_severity, path.turn_rate))
     assert sorted(r.survey.sequence for r in whole.records) == list(range(1, len(stations) + 1))
     assert all(r.in_use or r.flags for r in whole.records)
+
+
+def test_the_rules_say_how_the_path_goes_on_to_the_bit():
+    whole = filled(*CURVE)
+    assert whole.definitive(bit_depth=210.0).kind[-1] == "projected"
+    curve = dataclasses.replace(whole, rules=ListRules(projection="curve")).definitive(bit_depth=220.0)
+    assert curve.dogleg_severity[-1] == pytest.approx(curve.dogleg_severity[-2])

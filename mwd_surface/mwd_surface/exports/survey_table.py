@@ -17,8 +17,9 @@ import numpy as np
 from mwd_sensors.frames import Array
 from mwd_surface.surveys.plan import Plan, offset_from
 from mwd_surface.surveys.position_covariance import CovarianceUnavailableError, ErrorReference, position_covariance
-from mwd_surface.surveys.survey_list import Definitive, SurveyList
+from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Survey, SurveyRecord
+from mwd_surface.surveys.well_path import Definitive
 
 _DEG = 180.0 / math.pi
 _DEG_30 = 30.0 * _DEG

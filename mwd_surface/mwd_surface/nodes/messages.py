@@ -12,9 +12,10 @@ from mwd_estimation.nodes.messages import stamp
 from mwd_sensors import frames
 from mwd_surface.bags.recorder import RecorderStatus
 from mwd_surface.page.alarms import Alarm
-from mwd_surface.surveys.survey_list import Definitive, SurveyList
+from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_message import fill_list, fill_record, fill_trajectory
 from mwd_surface.surveys.survey_record import SurveyRecord
+from mwd_surface.surveys.well_path import Definitive
 
 
 def record_message(record: SurveyRecord) -> msg.SurveyRecord:

@@ -13,8 +13,8 @@ from mwd_surface.page.alarms import Severity
 from mwd_surface.page.live_state import LiveState
 from mwd_surface.surveys.plan import Plan, interpolated, offset_from, steering_to
 from mwd_surface.surveys.plan_file import PlanError, read_plan
-from mwd_surface.surveys.survey_list import Definitive
 from mwd_surface.surveys.well import Well
+from mwd_surface.surveys.well_path import Definitive
 
 _STEP = 10.0  # m between points of the plan as drawn
 

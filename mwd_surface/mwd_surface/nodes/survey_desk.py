@@ -25,11 +25,12 @@ from mwd_surface.nodes.threads import Beside
 from mwd_surface.page.alarms import Severity
 from mwd_surface.page.live_state import LiveState
 from mwd_surface.surveys.depth import DepthRules, DepthTrack
-from mwd_surface.surveys.survey_list import Definitive, ListRules, SurveyList
+from mwd_surface.surveys.survey_list import ListRules, SurveyList
 from mwd_surface.surveys.survey_message import survey_of
 from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.surveys.survey_store import StoreError, SurveyStore
 from mwd_surface.surveys.well import Well
+from mwd_surface.surveys.well_path import Definitive
 
 
 class SurveyDesk:

@@ -17,24 +17,23 @@ from typing import Any
 
 import numpy as np
 
-from mwd_estimation import magnetics
 from mwd_estimation.status import Status, words
 from mwd_sensors import settings as settings_tables
 from mwd_sensors.frames import Array
 from mwd_sensors.settings import setting
 from mwd_sensors.wire import Samples
 from mwd_surface.page.alarms import Alarm, Event, plain_alarms, plain_events
+from mwd_surface.page.plain import number, numbers
 from mwd_surface.page.strip_history import StripHistory
+from mwd_surface.page.survey_panel import NORTH_WORDS, Limits, field_of, path_table, quality_lights, survey_row
 from mwd_surface.page.toolface import ToolfaceReading, ToolfaceSelector, ToolfaceSettings
 from mwd_surface.surveys.plan import Offset, Plan
-from mwd_surface.surveys.position_covariance import ellipse, in_section
-from mwd_surface.surveys.survey_list import Definitive
-from mwd_surface.surveys.survey_record import Judgement, North, Survey, SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import North, SurveyRecord
 from mwd_surface.surveys.well import Well
+from mwd_surface.surveys.well_path import Definitive
 
 LIVE, STALE, NO_DATA = "live", "stale", "no data"
 RECORDER_WORDS = ("stopped", "recording", "paused: disk full", "failed")
-NORTH_WORDS = ("", "magnetic", "true", "grid")
 TOOLFACE_WORDS = ("gravity", "magnetic")
 LEVEL_WORDS = ("ok", "warning", "error", "stale")
 
@@ -73,9 +72,6 @@ _DRILLING = (
     "vibration", "rotary_speed", "temperature", "total_field", "axial_interference", "cross_axial_interference",
     "field_deviation", "dip_deviation",
 )  # fmt: skip
-_PLACED = (
-    "north", "east", "vertical_depth", "vertical_section", "dogleg_severity", "build_rate", "turn_rate",
-)  # fmt: skip
 _RIG = tuple(name for name, (_, stream) in _VALUES.items() if stream == "rig")
 _HISTORY = {
     "vibration": "max",
@@ -86,8 +82,6 @@ _HISTORY = {
     "inclination": "mean",
 }
 _STREAMS = ("sonde", "estimator", "magnetometer", "temperature", "interference", "rig", "recorder")
-# Azimuths that are free of the axial interference; quality control then judges the field without it.
-_CORRECTED_METHODS = ("corrected", "msa", "fused")
 # What the status says about a value that is withheld.
 _WHY = (
     (Status.SENSOR_FAULT, "a sensor is judged faulty"),
@@ -95,16 +89,6 @@ _WHY = (
     (Status.NEAR_VERTICAL, "not defined this near to vertical"),
     (Status.NO_MAG, "no usable magnetometer"),
 )
-
-
-@dataclasses.dataclass(frozen=True)
-class Limits:
-    """What totals may deviate from the reference, as the quality lights show it."""
-
-    gravity: float = setting(0.0245, "total gravity", unit="m/s^2", low=0.0)
-    field_nt: float = setting(300.0, "total field", unit="nT", low=0.0)
-    dip_deg: float = setting(0.45, "dip", unit="deg", low=0.0)
-    reject_factor: float = setting(1.5, "beyond so many times a limit a station is rejected", low=1.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -166,9 +150,9 @@ class LiveState:
         self._history = StripHistory(_HISTORY, self.settings.history_seconds, self.settings.history_rate)
         self._plain: dict[str, dict[str, Any]] = {
             "well": _well(Well()),
-            "quality": _quality(None, self.settings.limits),
+            "quality": quality_lights(None, self.settings.limits),
             "surveys": {"rows": [], "left_out": 0},
-            "path": _path(None, 0.0, None, self.settings.max_rows),
+            "path": path_table(None, 0.0, None, self.settings.max_rows),
             "plan": {"name": "", "north": [], "east": [], "vertical_depth": [], "vertical_section": []},
             "offset": {"known": False},
             "survey_progress": {"active": False, "state": "", "elapsed": None, "remaining": None, "result": ""},
@@ -250,9 +234,9 @@ class LiveState:
             return
         self._readings.append(
             {
-                "angle": _number(value.value),
+                "angle": number(value.value),
                 "mode": TOOLFACE_WORDS[reading.mode],
-                "at": _number(now),
+                "at": number(now),
                 "rotating": reading.rotating,
                 "stamp_ns": reading.stamp_ns,
             }
@@ -341,16 +325,16 @@ class LiveState:
         ]
         north = North[self._well.north_reference.upper()]
         kept = whole[-self.settings.max_rows :]
-        self._store("surveys", {"rows": [_row(r, north) for r in kept], "left_out": len(whole) - len(kept)}, now)
+        self._store("surveys", {"rows": [survey_row(r, north) for r in kept], "left_out": len(whole) - len(kept)}, now)
         last = max(whole, key=lambda r: r.survey.stamp_ns, default=None)
-        self._store("quality", _quality(last, self.settings.limits), now)
+        self._store("quality", quality_lights(last, self.settings.limits), now)
         if last is not None and last.survey.has_reference:
-            self._survey_field = _field_of(last.survey)
+            self._survey_field = field_of(last.survey)
             self.on_well(self._well, now, self._field)
 
     def on_trajectory(self, path: Definitive, now: float, covariance: Array | None = None) -> None:
         """The well path changed. covariance, shape (m, 3, 3): of its first m positions, m^2, for the ellipses."""
-        self._store("path", _path(path, path.section_azimuth, covariance, self.settings.max_rows), now)
+        self._store("path", path_table(path, path.section_azimuth, covariance, self.settings.max_rows), now)
 
     def on_plan(self, plan: Plan | None, now: float) -> None:
         """The planned path, dense enough to draw (`plan.interpolated`); None: there is none."""
@@ -364,10 +348,10 @@ class LiveState:
         along = positions[:, 0] * math.cos(section) + positions[:, 1] * math.sin(section)
         table = {
             "name": plan.name,
-            "north": _numbers(positions[:, 0]),
-            "east": _numbers(positions[:, 1]),
-            "vertical_depth": _numbers(positions[:, 2]),
-            "vertical_section": _numbers(along),
+            "north": numbers(positions[:, 0]),
+            "east": numbers(positions[:, 1]),
+            "vertical_depth": numbers(positions[:, 2]),
+            "vertical_section": numbers(along),
         }
         self._store("plan", table, now)
 
@@ -376,8 +360,8 @@ class LiveState:
         if offset is None:
             self._store("offset", {"known": False}, now)
             return
-        table: dict[str, Any] = {key: _number(value) for key, value in dataclasses.asdict(offset).items()}
-        self._store("offset", {"known": True, **table, "dogleg_to_target": _number(dogleg_to_target)}, now)
+        table: dict[str, Any] = {key: number(value) for key, value in dataclasses.asdict(offset).items()}
+        self._store("offset", {"known": True, **table, "dogleg_to_target": number(dogleg_to_target)}, now)
 
     def on_advisory(self, toolface: float | None, limit: float, now: float) -> None:
         """Toolface wanted and what it may be off, rad; None: no advice."""
@@ -393,8 +377,8 @@ class LiveState:
         table = {
             "active": active,
             "state": state,
-            "elapsed": _number(elapsed) if active else None,
-            "remaining": _number(remaining) if active else None,
+            "elapsed": number(elapsed) if active else None,
+            "remaining": number(remaining) if active else None,
             "result": result,
         }
         self._store("survey_progress", table, now)
@@ -408,7 +392,7 @@ class LiveState:
             "path": str(_field(status, "path", "")),
             "reason": str(_field(status, "reason", "")),
             **{k: int(_field(status, k, 0)) for k in ("messages", "bytes", "dropped", "free_bytes")},
-            "duration": _number(_field(status, "duration", 0.0)),
+            "duration": number(_field(status, "duration", 0.0)),
         }
         self._store("recorder", table, now)
 
@@ -419,8 +403,8 @@ class LiveState:
             "known": True,
             "received": received,
             "lost": lost,
-            "share": _number(received / total) if total > 0 else None,
-            "confidence": _number(confidence),
+            "share": number(received / total) if total > 0 else None,
+            "confidence": number(confidence),
         }
         self._store("telemetry", table, now)
 
@@ -485,7 +469,7 @@ class LiveState:
         rows = self._history.rows()
         sections["history"] = {"columns": list(self._history.columns), "rows": rows}
         self._revise("history", rows[-1][0] if rows else None)
-        return {"now": _number(now), "sections": sections, "revisions": dict(self._revisions)}
+        return {"now": number(now), "sections": sections, "revisions": dict(self._revisions)}
 
     def _build_attitude(self, now: float, seen: list[str]) -> dict[str, Any]:
         cells = {name: self._cell(name, now, seen) for name in ("inclination", "azimuth")}
@@ -499,7 +483,7 @@ class LiveState:
             inside = None
             if cell["state"] == LIVE:
                 inside = abs(math.remainder(cell["value"] - target, math.tau)) <= limit
-            advisory = {"toolface": _number(target), "limit": _number(limit), "inside": inside}
+            advisory = {"toolface": number(target), "limit": number(limit), "inside": inside}
         return {
             "angle": cell,
             "mode": TOOLFACE_WORDS[self._selector.mode if reading is None else reading.mode],
@@ -532,8 +516,8 @@ class LiveState:
             seen.append(state)
             rows[name] = {
                 "state": state,
-                "at": _number(stream.at),
-                "age": _number(age),
+                "at": number(stream.at),
+                "age": number(age),
                 "stale_after": limit,
                 "count": stream.count,
                 "lost": stream.lost,
@@ -554,11 +538,11 @@ class LiveState:
         state = NO_DATA if v.value is None else fresh
         seen.append(state)
         return {
-            "value": _number(v.value),
-            "sigma": _number(v.sigma),
+            "value": number(v.value),
+            "sigma": number(v.sigma),
             "unit": unit,
-            "at": _number(v.at),
-            "age": _number(age),
+            "at": number(v.at),
+            "age": number(age),
             "stale_after": limit,
             "state": state,
             "reason": v.withheld,
@@ -599,7 +583,7 @@ class LiveState:
 
     def _dated(self, section: str, table: dict[str, Any], now: float) -> dict[str, Any]:
         since = self._since.get(section)
-        return {**table, "since": _number(since), "age": None if since is None else _number(max(0.0, now - since))}
+        return {**table, "since": number(since), "age": None if since is None else number(max(0.0, now - since))}
 
     def _touch(self, section: str) -> None:
         self._counts[section] = self._counts.get(section, 0) + 1
@@ -616,18 +600,6 @@ _SECTION_OF = {
 } | {"toolface": "toolface"}
 
 
-def _number(value: Any) -> float | None:
-    """A finite number with what a double of people's interest needs, or None."""
-    if value is None:
-        return None
-    value = float(value)
-    return float(f"{value:.10g}") if math.isfinite(value) else None
-
-
-def _numbers(values: Array) -> list[float | None]:
-    return [_number(v) for v in values]
-
-
 def _field(source: Any, name: str, default: Any) -> Any:
     return source.get(name, default) if isinstance(source, Mapping) else getattr(source, name, default)
 
@@ -639,7 +611,7 @@ def _rate(stream: _Stream, now: float) -> float | None:
     if not stream.seconds:
         return None
     first = max(stream.seconds[0][0] + (1 if len(stream.seconds) > 1 else 0), current - 5)
-    return _number(sum(c for s, c in whole if s >= first) / (current - first)) if current > first else None
+    return number(sum(c for s, c in whole if s >= first) / (current - first)) if current > first else None
 
 
 def _well(well: Well) -> dict[str, Any]:
@@ -649,175 +621,12 @@ def _well(well: Well) -> dict[str, Any]:
         "rig": well.rig,
         "depth_datum": well.depth_datum,
         "north_reference": well.north_reference,
-        "section_azimuth": _number(math.radians(well.section_azimuth_deg)),
-        "sensor_to_bit": _number(well.sensor_to_bit),
+        "section_azimuth": number(math.radians(well.section_azimuth_deg)),
+        "sensor_to_bit": number(well.sensor_to_bit),
         **_reference({}),
     }
 
 
 def _reference(field: Mapping[str, float | str]) -> dict[str, Any]:
-    numbers = {key: _number(field.get(key)) for key in ("total", "dip", "declination", "convergence", "gravity")}
+    numbers = {key: number(field.get(key)) for key in ("total", "dip", "declination", "convergence", "gravity")}
     return {f"field_{key}": value for key, value in numbers.items()} | {"field_source": str(field.get("source", ""))}
-
-
-def _row(record: SurveyRecord, north: North) -> dict[str, Any]:
-    s = record.survey
-    azimuth = s.azimuth_from(north)
-    if azimuth is not None:
-        azimuth_north = north
-    else:
-        azimuth_north = North(s.north) if s.has_azimuth else North.UNKNOWN
-        azimuth = s.azimuth if s.has_azimuth else None
-    placed = {name: _number(getattr(record, name)) if record.in_use else None for name in _PLACED}
-    word, by = _verdict(record)
-    return {
-        "sequence": s.sequence,
-        "stamp_ns": s.stamp_ns,
-        "kind": "rotary" if s.kind == 1 else "static",
-        "measured_depth": _number(record.measured_depth) if record.measured_depth >= 0.0 else None,
-        "inclination": _number(s.inclination),
-        "sigma_inclination": _known(s.sigma_inclination),
-        "azimuth": _number(azimuth),
-        "sigma_azimuth": _known(s.sigma_azimuth),
-        "azimuth_north": NORTH_WORDS[azimuth_north],
-        "method": s.azimuth_method,
-        **placed,
-        "g_total": _known(s.g_total, 1e-9),
-        "b_total": _known(s.b_total),
-        "dip": _number(s.dip) if s.b_total >= 0.0 else None,
-        "automatic": Verdict(s.verdict).name.lower(),
-        "verdict": word,
-        "accepted_by": by,
-        "in_use": record.in_use,
-        "reasons": list(s.reasons),
-        "judged_reason": record.reason,
-        "flags": list(record.flags),
-        "comment": record.comment,
-        "leg": record.leg,
-        "tool": record.tool,
-    }
-
-
-def _verdict(record: SurveyRecord) -> tuple[str, str]:
-    """Word for the line, and who said so."""
-    if record.judgement == Judgement.ACCEPTED:
-        return "accepted", record.operator_name
-    if record.judgement == Judgement.REJECTED:
-        return "rejected", record.operator_name
-    if record.in_use:
-        return "accepted", "automatic"
-    automatic = Verdict(record.survey.verdict)
-    return {Verdict.ACCEPT: "waiting", Verdict.DOUBTFUL: "doubtful", Verdict.REJECT: "rejected"}[automatic], "automatic"
-
-
-def _known(value: float, low: float = 0.0) -> float | None:
-    return _number(value) if value >= low else None
-
-
-def _quality(record: SurveyRecord | None, limits: Limits) -> dict[str, Any]:
-    """Lights of the last survey: totals against their references and limits."""
-    nothing = {"known": False, "lights": [], "verdict": "", "reasons": [], "sequence": None, "stamp_ns": None}
-    if record is None:
-        return nothing
-    s = record.survey
-    has_field = s.b_total >= 0.0 and s.b_reference > 0.0
-    total, dip, corrected = _earth_field(s)
-    rows = (
-        ("total gravity", "m/s^2", s.g_total, s.g_reference if s.g_reference > 0.0 else None, limits.gravity),
-        ("total field", "T", total, s.b_reference if has_field else None, limits.field_nt * 1e-9),
-        ("dip", "rad", dip, s.dip_reference if has_field else None, math.radians(limits.dip_deg)),
-    )
-    lights = []
-    for name, unit, value, reference, limit in rows:
-        deviation = None if reference is None else value - reference
-        lights.append(
-            {
-                "name": name,
-                "unit": unit,
-                "value": _number(value) if name == "total gravity" or s.b_total >= 0.0 else None,
-                "reference": _number(reference),
-                "deviation": _number(deviation),
-                "limit": _number(limit),
-                "light": _light(deviation, limit, limits.reject_factor),
-                "corrected": corrected and name != "total gravity",
-            }
-        )
-    return {
-        "known": True,
-        "lights": lights,
-        "verdict": Verdict(s.verdict).name.lower(),
-        "reasons": [*s.reasons, *record.flags],
-        "sequence": s.sequence,
-        "stamp_ns": s.stamp_ns,
-    }
-
-
-def _earth_field(survey: Survey) -> tuple[float, float, bool]:
-    """
-    Total, T, and dip, rad, that the verdict is about: without the axial interference where the azimuth was corrected
-    for it, else as measured; and whether it was.
-    """
-    corrected = survey.azimuth_method in _CORRECTED_METHODS and survey.sigma_axial_interference >= 0.0
-    if not corrected or survey.b_total < 0.0 or not any(survey.specific_force):
-        return survey.b_total, survey.dip, False
-    b_t = np.array(survey.magnetic_field) - np.array([survey.axial_interference, 0.0, 0.0])
-    return float(np.linalg.norm(b_t)), float(magnetics.dip(np.array(survey.specific_force), b_t)), True
-
-
-def _field_of(survey: Survey) -> dict[str, float | str]:
-    gravity = {"gravity": survey.g_reference} if survey.g_reference > 0.0 else {}
-    return {
-        "total": survey.b_reference,
-        "dip": survey.dip_reference,
-        "declination": survey.declination,
-        "convergence": survey.convergence,
-        "source": f"as of survey {survey.sequence}",
-        **gravity,
-    }
-
-
-def _light(deviation: float | None, limit: float, reject_factor: float) -> str:
-    if deviation is None or not math.isfinite(deviation):
-        return "no reference"
-    size = abs(deviation)
-    if size <= limit:
-        return "good"
-    return "doubtful" if size <= reject_factor * limit else "reject"
-
-
-def _path(path: Definitive | None, section: float, covariance: Array | None, most: int) -> dict[str, Any]:
-    names = ("measured_depth", "inclination", "azimuth", "north", "east", "vertical_depth", "vertical_section",
-             "dogleg_severity")  # fmt: skip
-    if path is None:
-        return {**{name: [] for name in names}, "kind": [], "north_reference": "", "ellipses": [], "left_out": 0}
-    first = max(0, len(path.md) - most)
-    n, e, d = path.positions[first:].T
-    columns = (path.md[first:], path.inclination[first:], path.azimuth[first:], n, e, d,
-               path.vertical_section[first:], path.dogleg_severity[first:])  # fmt: skip
-    return {
-        **{name: _numbers(column) for name, column in zip(names, columns, strict=True)},
-        "kind": list(path.kind[first:]),
-        "north_reference": path.north.name.lower(),
-        "section_azimuth": _number(section),
-        "ellipses": [] if covariance is None else _ellipses(np.asarray(covariance, dtype=float), first, section),
-        "left_out": first,
-    }
-
-
-def _ellipses(covariance: Array, first: int, section: float) -> list[dict[str, Any]]:
-    """Two-sigma ellipses at up to ten stations: in the map (north, east) and in the section (along, down)."""
-    rows = []
-    stations = range(first, len(covariance))
-    for k in list(stations)[:: max(1, -(-len(stations) // 10))]:
-        whole = covariance[k]
-        if not np.all(np.isfinite(whole)):
-            continue
-        plan, side = ellipse(whole[:2, :2]), ellipse(in_section(whole, section))
-        rows.append(
-            {
-                "station": k - first,
-                "plan": [_number(plan.major), _number(plan.minor), _number(plan.angle)],
-                "section": [_number(side.major), _number(side.minor), _number(side.angle)],
-            }
-        )
-    return rows

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
@@ -190,18 +191,18 @@ def _order(topic: str) -> tuple[str, int, str]:
     return topic.rpartition("/")[0] + "/", len(wire.SONDE_TOPICS), topic
 
 
-class _Pen:
+class _Pen(abc.ABC):
     """Takes the samples of one topic."""
 
     def __init__(self, topic: str) -> None:
         self.topic = topic
 
+    @abc.abstractmethod
     def draw(self, part: tuple[Stamps, Any]) -> None:
         """Take the times of recording and the samples of a block."""
-        raise NotImplementedError
 
-    def end(self) -> None:
-        """All blocks were taken; most have nothing left to do."""
+    def end(self) -> None:  # noqa: B027  (most have nothing left to do)
+        """All blocks were taken."""
 
 
 def _pens(bag: Bag, topics: list[str], what: Sequence[str], data: PlotData, bins: int) -> list[_Pen]:

@@ -138,6 +138,12 @@ def _interference(samples: Samples) -> Array:
     return np.column_stack([axial, cross]) * 1e9
 
 
+def _stick_slip(samples: Samples) -> Array:
+    """Index and share of standing time; -1 says that the string did not turn."""
+    both = np.column_stack([samples["stick_slip_index"], samples["stick_share"]])
+    return np.where(both >= 0.0, both, np.nan)
+
+
 _IMU = (
     Trace("sensors", "angular rate", "deg/s", _AXES, _vector("angular_velocity", _DEG), rotary=True),
     Trace("sensors", "specific force", "m/s²", _AXES, _vector("linear_acceleration")),
@@ -207,6 +213,25 @@ _TABLE: dict[str, tuple[Trace, ...]] = {
     wire.GRAVITY.type_name: (
         Trace("attitude", "acceleration that is not gravity", "m/s²", ("level",), _non_gravity),
         Trace("attitude", "rotary speed of the tool", "r/min", ("tool",), _columns("rotary_speed", scale=_RPM)),
+    ),
+    wire.DYNAMICS.type_name: (
+        Trace(
+            "attitude",
+            "rotary speed over the last seconds",
+            "r/min",
+            ("least", "mean", "most"),
+            _columns("rotary_speed_least", "rotary_speed", "rotary_speed_most", scale=_RPM),
+        ),
+        Trace("attitude", "stick-slip", "index, share", ("index", "share of time standing"), _stick_slip),
+        Trace("attitude", "vibration", "m/s² rms", ("axial", "lateral"), _columns("axial_rms", "lateral_rms")),
+        Trace(
+            "attitude",
+            "hardest of the last seconds",
+            "m/s²",
+            ("axial", "lateral", "shock"),
+            _columns("axial_peak", "lateral_peak", "shock_peak"),
+        ),
+        Trace("attitude", "shocks in the last seconds", "count", ("shocks",), _columns("shocks")),
     ),
     wire.INTERFERENCE.type_name: (
         Trace("attitude", "magnetic interference, estimated", "nT", ("axial (x)", "y", "z"), _interference),

@@ -10,8 +10,9 @@ from __future__ import annotations
 import dataclasses
 
 from mwd_estimation.status import Status
-from mwd_surface.surveys.survey_list import Definitive, SurveyList
+from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, North, Survey, SurveyRecord, Three, Verdict
+from mwd_surface.surveys.well_path import Definitive
 
 LAST = 32
 _CORRECTING = ("corrected", "msa", "gyro")

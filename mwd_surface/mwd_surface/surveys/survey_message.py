@@ -11,8 +11,9 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-from mwd_surface.surveys.survey_list import Definitive, SurveyList
+from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, SurveyRecord
+from mwd_surface.surveys.well_path import Definitive
 
 WELLHEAD = "wellhead"
 _SECOND = 10**9

@@ -1,0 +1,207 @@
+"""
+What the page shows of surveys: rows of the table, quality lights of the last one, the well path with its ellipses.
+
+Plain tables ready for JSON; numbers are SI and rad, None is "no data".
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from mwd_estimation import magnetics
+from mwd_sensors.frames import Array
+from mwd_sensors.settings import setting
+from mwd_surface.page.plain import number, numbers
+from mwd_surface.surveys.position_covariance import ellipse, in_section
+from mwd_surface.surveys.survey_record import Judgement, North, Survey, SurveyRecord, Verdict
+from mwd_surface.surveys.well_path import Definitive
+
+NORTH_WORDS = ("", "magnetic", "true", "grid")
+_PLACED = (
+    "north", "east", "vertical_depth", "vertical_section", "dogleg_severity", "build_rate", "turn_rate",
+)  # fmt: skip
+# Azimuths that are free of the axial interference; quality control then judges the field without it.
+_CORRECTED_METHODS = ("corrected", "msa", "fused")
+
+
+@dataclasses.dataclass(frozen=True)
+class Limits:
+    """What totals may deviate from the reference, as the quality lights show it."""
+
+    gravity: float = setting(0.0245, "total gravity", unit="m/s^2", low=0.0)
+    field_nt: float = setting(300.0, "total field", unit="nT", low=0.0)
+    dip_deg: float = setting(0.45, "dip", unit="deg", low=0.0)
+    reject_factor: float = setting(1.5, "beyond so many times a limit a station is rejected", low=1.0)
+
+
+def survey_row(record: SurveyRecord, north: North) -> dict[str, Any]:
+    """One row of the survey table; azimuth from `north` where it can be turned to it, else from its own, named."""
+    s = record.survey
+    azimuth = s.azimuth_from(north)
+    if azimuth is not None:
+        azimuth_north = north
+    else:
+        azimuth_north = North(s.north) if s.has_azimuth else North.UNKNOWN
+        azimuth = s.azimuth if s.has_azimuth else None
+    placed = {name: number(getattr(record, name)) if record.in_use else None for name in _PLACED}
+    word, by = _verdict(record)
+    return {
+        "sequence": s.sequence,
+        "stamp_ns": s.stamp_ns,
+        "kind": "rotary" if s.kind == 1 else "static",
+        "measured_depth": number(record.measured_depth) if record.measured_depth >= 0.0 else None,
+        "inclination": number(s.inclination),
+        "sigma_inclination": _known(s.sigma_inclination),
+        "azimuth": number(azimuth),
+        "sigma_azimuth": _known(s.sigma_azimuth),
+        "azimuth_north": NORTH_WORDS[azimuth_north],
+        "method": s.azimuth_method,
+        **placed,
+        "g_total": _known(s.g_total, 1e-9),
+        "b_total": _known(s.b_total),
+        "dip": number(s.dip) if s.b_total >= 0.0 else None,
+        "automatic": Verdict(s.verdict).name.lower(),
+        "verdict": word,
+        "accepted_by": by,
+        "in_use": record.in_use,
+        "reasons": list(s.reasons),
+        "judged_reason": record.reason,
+        "flags": list(record.flags),
+        "comment": record.comment,
+        "leg": record.leg,
+        "tool": record.tool,
+    }
+
+
+def _verdict(record: SurveyRecord) -> tuple[str, str]:
+    """Word for the line, and who said so."""
+    if record.judgement == Judgement.ACCEPTED:
+        return "accepted", record.operator_name
+    if record.judgement == Judgement.REJECTED:
+        return "rejected", record.operator_name
+    if record.in_use:
+        return "accepted", "automatic"
+    automatic = Verdict(record.survey.verdict)
+    return {Verdict.ACCEPT: "waiting", Verdict.DOUBTFUL: "doubtful", Verdict.REJECT: "rejected"}[automatic], "automatic"
+
+
+def _known(value: float, low: float = 0.0) -> float | None:
+    return number(value) if value >= low else None
+
+
+def quality_lights(record: SurveyRecord | None, limits: Limits) -> dict[str, Any]:
+    """Lights of the last survey: totals against their references and limits."""
+    nothing = {"known": False, "lights": [], "verdict": "", "reasons": [], "sequence": None, "stamp_ns": None}
+    if record is None:
+        return nothing
+    s = record.survey
+    has_field = s.b_total >= 0.0 and s.b_reference > 0.0
+    total, dip, corrected = _earth_field(s)
+    rows = (
+        ("total gravity", "m/s^2", s.g_total, s.g_reference if s.g_reference > 0.0 else None, limits.gravity),
+        ("total field", "T", total, s.b_reference if has_field else None, limits.field_nt * 1e-9),
+        ("dip", "rad", dip, s.dip_reference if has_field else None, math.radians(limits.dip_deg)),
+    )
+    lights = []
+    for name, unit, value, reference, limit in rows:
+        deviation = None if reference is None else value - reference
+        lights.append(
+            {
+                "name": name,
+                "unit": unit,
+                "value": number(value) if name == "total gravity" or s.b_total >= 0.0 else None,
+                "reference": number(reference),
+                "deviation": number(deviation),
+                "limit": number(limit),
+                "light": _light(deviation, limit, limits.reject_factor),
+                "corrected": corrected and name != "total gravity",
+            }
+        )
+    return {
+        "known": True,
+        "lights": lights,
+        "verdict": Verdict(s.verdict).name.lower(),
+        "reasons": [*s.reasons, *record.flags],
+        "sequence": s.sequence,
+        "stamp_ns": s.stamp_ns,
+    }
+
+
+def _earth_field(survey: Survey) -> tuple[float, float, bool]:
+    """
+    Total, T, and dip, rad, that the verdict is about: without the axial interference where the azimuth was corrected
+    for it, else as measured; and whether it was.
+    """
+    corrected = survey.azimuth_method in _CORRECTED_METHODS and survey.sigma_axial_interference >= 0.0
+    if not corrected or survey.b_total < 0.0 or not any(survey.specific_force):
+        return survey.b_total, survey.dip, False
+    b_t = np.array(survey.magnetic_field) - np.array([survey.axial_interference, 0.0, 0.0])
+    return float(np.linalg.norm(b_t)), float(magnetics.dip(np.array(survey.specific_force), b_t)), True
+
+
+def field_of(survey: Survey) -> dict[str, float | str]:
+    """The reference field a survey was judged by, as `LiveState.on_well` takes it."""
+    gravity = {"gravity": survey.g_reference} if survey.g_reference > 0.0 else {}
+    return {
+        "total": survey.b_reference,
+        "dip": survey.dip_reference,
+        "declination": survey.declination,
+        "convergence": survey.convergence,
+        "source": f"as of survey {survey.sequence}",
+        **gravity,
+    }
+
+
+def _light(deviation: float | None, limit: float, reject_factor: float) -> str:
+    if deviation is None or not math.isfinite(deviation):
+        return "no reference"
+    size = abs(deviation)
+    if size <= limit:
+        return "good"
+    return "doubtful" if size <= reject_factor * limit else "reject"
+
+
+def path_table(path: Definitive | None, section: float, covariance: Array | None, most: int) -> dict[str, Any]:
+    """
+    The path as columns. section: azimuth of the vertical section, rad. covariance, shape (m, 3, 3): of the first m
+    positions, m^2, for the ellipses. most: stations sent; of more the last.
+    """
+    names = ("measured_depth", "inclination", "azimuth", "north", "east", "vertical_depth", "vertical_section",
+             "dogleg_severity")  # fmt: skip
+    if path is None:
+        return {**{name: [] for name in names}, "kind": [], "north_reference": "", "ellipses": [], "left_out": 0}
+    first = max(0, len(path.md) - most)
+    n, e, d = path.positions[first:].T
+    columns = (path.md[first:], path.inclination[first:], path.azimuth[first:], n, e, d,
+               path.vertical_section[first:], path.dogleg_severity[first:])  # fmt: skip
+    return {
+        **{name: numbers(column) for name, column in zip(names, columns, strict=True)},
+        "kind": list(path.kind[first:]),
+        "north_reference": path.north.name.lower(),
+        "section_azimuth": number(section),
+        "ellipses": [] if covariance is None else _ellipses(np.asarray(covariance, dtype=float), first, section),
+        "left_out": first,
+    }
+
+
+def _ellipses(covariance: Array, first: int, section: float) -> list[dict[str, Any]]:
+    """Two-sigma ellipses at up to ten stations: in the map (north, east) and in the section (along, down)."""
+    rows = []
+    stations = range(first, len(covariance))
+    for k in list(stations)[:: max(1, -(-len(stations) // 10))]:
+        whole = covariance[k]
+        if not np.all(np.isfinite(whole)):
+            continue
+        plan, side = ellipse(whole[:2, :2]), ellipse(in_section(whole, section))
+        rows.append(
+            {
+                "station": k - first,
+                "plan": [number(plan.major), number(plan.minor), number(plan.angle)],
+                "section": [number(side.major), number(side.minor), number(side.angle)],
+            }
+        )
+    return rows

@@ -1,0 +1,104 @@
+"""Surveys as plain tables: who accepted, gaps instead of stand-ins, lights that judge what the verdict judged."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from mwd_surface.page.survey_panel import Limits, path_table, quality_lights, survey_row
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import North, Survey, Verdict
+from mwd_surface.surveys.well import Well
+
+G, B, DIP = 9.82, 50e-6, 1.2
+
+
+def survey(sequence=1, **changes):
+    base = Survey(
+        stamp_ns=sequence * 10**9,
+        uuid=f"u{sequence}",
+        sequence=sequence,
+        inclination=0.1 * sequence,
+        azimuth=1.0,
+        north=int(North.GRID),
+        covariance=(1e-6, 0, 0, 0, 4e-6, 0, 0, 0, 1e-6),
+        azimuth_method="corrected",
+        g_total=G,
+        b_total=B,
+        dip=DIP,
+        g_reference=G,
+        b_reference=B,
+        dip_reference=DIP,
+    )
+    return dataclasses.replace(base, **changes)
+
+
+def listed(*surveys):
+    found = SurveyList(well=Well(north_reference="grid", section_azimuth_deg=60.0))
+    for k, one in enumerate(surveys):
+        found = found.add(one, 100.0 * (k + 1), 1.0)
+    return found
+
+
+def test_survey_rows_say_who_accepted_and_leave_the_path_empty_where_a_station_is_out():
+    wrong = {"verdict": int(Verdict.DOUBTFUL), "reasons": ("dip is 0.6 deg off",), "dip": DIP + math.radians(0.6)}
+    found = listed(survey(1), survey(2, **wrong), survey(3))
+    found = found.accept(2, "A. Berg", "gyro agrees", 5).reject(3, "A. Berg", "moved", 6)
+    one, two, three = (survey_row(record, North.GRID) for record in found.records)
+    assert (one["verdict"], one["accepted_by"]) == ("accepted", "automatic")
+    assert (two["verdict"], two["accepted_by"], two["automatic"]) == ("accepted", "A. Berg", "doubtful")
+    assert (three["verdict"], three["in_use"], three["vertical_depth"]) == ("rejected", False, None)
+    assert one["vertical_section"] is not None
+    assert one["azimuth_north"] == "grid"
+
+
+def test_a_survey_without_magnetometer_depth_or_azimuth_shows_gaps_not_minus_one():
+    bare = survey(1, b_total=-1.0, b_reference=-1.0, covariance=(1e-6, 0, 0, 0, -1.0, 0, 0, 0, 1e-6))
+    (record,) = SurveyList().add(bare).records
+    row = survey_row(record, North.TRUE)
+    assert [row[k] for k in ("measured_depth", "azimuth", "sigma_azimuth", "b_total", "dip")] == [None] * 5
+    lights = {light["name"]: light["light"] for light in quality_lights(record, Limits())["lights"]}
+    assert lights == {"total gravity": "good", "total field": "no reference", "dip": "no reference"}
+
+
+@pytest.mark.parametrize(("off_nt", "light"), [(0.0, "good"), (-299.0, "good"), (301.0, "doubtful"), (460.0, "reject")])
+def test_the_lights_follow_the_limits(off_nt, light):
+    (record,) = listed(survey(1, b_total=B + off_nt * 1e-9)).records
+    field = quality_lights(record, Limits())["lights"][1]
+    assert field["light"] == light
+    assert field["deviation"] == pytest.approx(off_nt * 1e-9, abs=1e-12)
+    assert field["limit"] == pytest.approx(300e-9)
+
+
+def test_the_lights_judge_the_field_without_the_interference_the_azimuth_was_corrected_for():
+    down = np.array([math.cos(0.5), 0.0, -math.sin(0.5)])
+    across = np.array([math.sin(0.5), 0.0, math.cos(0.5)])
+    earth = B * (math.sin(DIP) * down + math.cos(DIP) * across)
+    measured = earth + np.array([2e-6, 0.0, 0.0])
+    shot = survey(
+        1,
+        specific_force=tuple((-G * down).tolist()),
+        magnetic_field=tuple(measured.tolist()),
+        b_total=float(np.linalg.norm(measured)),
+        axial_interference=2e-6,
+        sigma_axial_interference=1e-7,
+        azimuth_method="corrected",
+    )
+    _, field, dip = quality_lights(listed(shot).records[0], Limits())["lights"]
+    assert (field["light"], field["corrected"], dip["light"]) == ("good", True, "good")
+    assert field["deviation"] == pytest.approx(0.0, abs=1e-12)
+    assert dip["deviation"] == pytest.approx(0.0, abs=1e-9)
+    (raw,) = listed(dataclasses.replace(shot, azimuth_method="raw")).records
+    assert quality_lights(raw, Limits())["lights"][1]["light"] == "reject"
+
+
+def test_the_path_comes_with_its_projection_and_ellipses_of_ten_stations_at_most():
+    found = listed(*(survey(k) for k in range(1, 16)))
+    path = found.definitive(bit_depth=1520.0)
+    got = path_table(path, path.section_azimuth, np.tile(np.diag([4.0, 1.0, 1.0]), (16, 1, 1)), 1000)
+    assert got["kind"][-1] == "projected"
+    assert len(got["north"]) == len(got["vertical_section"]) == 17
+    assert 0 < len(got["ellipses"]) <= 10
+    assert got["ellipses"][0]["plan"][:2] == pytest.approx([4.0, 2.0])
+    assert got["north_reference"] == "grid"
