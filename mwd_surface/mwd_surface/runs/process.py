@@ -171,19 +171,42 @@ def process(
         The folder cannot be written.
     """
     given, wanted = given or InputSettings(), wanted or OutputSettings()
-    topics = find_topics(bag, given)
-    _refuse_damaged(bag, given)
     with drafts(folder) as draft:
         with _sink(draft, wanted) as sink:
-            summary = _estimate(bag, topics, estimator, given, compensation, sink, progress)
-        _refuse_damaged(bag, given)
-        if summary.rows == 0:
-            raise BagError(f"{bag.path} has no IMU sample in {topics.imu}", "look at it with `mwd bag info`")
+            summary = estimate(bag, estimator, given, sink, progress, compensation)
         (draft / "surveys.csv").write_text(survey_text(summary.surveys), encoding="utf-8")
-        (draft / "config.yaml").write_text(config_text(estimator, given, wanted, topics), encoding="utf-8")
+        config = config_text(estimator, given, wanted, summary.topics)
+        (draft / "config.yaml").write_text(config, encoding="utf-8")
         summary.files = [file.name for file in draft.iterdir()]
         # The largest first: what was asked for.
         summary.files.sort(key=lambda name: (not name.startswith("attitude"), name == "config.yaml"))
+    return summary
+
+
+def estimate(
+    bag: Bag,
+    estimator: EstimatorSettings,
+    given: InputSettings,
+    sink: Callable[[Output], None],
+    progress: Callable[[float], None] = lambda _share: None,
+    compensation: Compensation | None = None,
+) -> Summary:
+    """
+    Run the estimator over a bag.
+
+    sink: handed what each block gave, in order of time, in a thread of its own; what it raises ends the run.
+
+    Raises
+    ------
+    BagError, ValueError
+        As `process`.
+    """
+    topics = find_topics(bag, given)
+    _refuse_damaged(bag, given)
+    summary = _estimate(bag, topics, estimator, given, compensation, sink, progress)
+    _refuse_damaged(bag, given)
+    if summary.rows == 0:
+        raise BagError(f"{bag.path} has no IMU sample in {topics.imu}", "look at it with `mwd bag info`")
     summary.warnings += _worth_saying(bag)
     return summary
 
