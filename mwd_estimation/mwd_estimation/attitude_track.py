@@ -24,9 +24,12 @@ Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 _RING = 1024  # samples of gravity kept for pairing: 0.2 s at 5 kHz
-_NO_MAG, _NEAR_VERTICAL, _DISTURBED = int(Status.NO_MAG), int(Status.NEAR_VERTICAL), int(Status.MAG_DISTURBED)
-# Integer state: ring head and length, last magnetic stamp and its presence, last stamp, smoothing begins anew.
-_HEAD, _LENGTH, _MAG_NS, _HAVE_MAG, _LAST_NS, _FRESH = 0, 1, 2, 3, 4, 5
+_NO_MAG, _NEAR_VERTICAL = int(Status.NO_MAG), int(Status.NEAR_VERTICAL)
+# Integer state: ring head and length, last magnetic stamp and its presence, last stamp, smoothing begins anew, interval
+# in which a magnetic sample was last handed on.
+_HEAD, _LENGTH, _MAG_NS, _HAVE_MAG, _LAST_NS, _FRESH, _HANDED, _INTEGERS = range(8)
+# What is handed on of a magnetic sample: unit vector down, field, sigma of the tilt, azimuth and its sigma.
+_P_DOWN, _P_FIELD, _P_TILT, _P_AZIMUTH, _P_SIGMA, _PAIR = 0, 3, 6, 7, 8, 9
 # Real state: turn about x, smoothed azimuth vector, toolface from north less the turn, last total and dip; and what
 # follows from these and is asked for at every sample: azimuth, toolface less turn, the field's level and downward part.
 _TURN, _COS, _SIN, _MTF_COS, _MTF_SIN, _TOTAL, _DIP, _AZIMUTH, _MTF, _LEVEL, _DOWN, _REAL = range(12)
@@ -43,21 +46,24 @@ class Params:
         2.0, "Age of the magnetic field beyond which there is no azimuth", unit="s", low=0.1, high=60.0
     )
     smoothing_s: float = setting(1.0, "Time constant of the continuous azimuth", unit="s", low=0.0, high=60.0)
-    disturbed_field_nt: float = setting(
-        900.0,
-        "Deviation of the total field from the reference that counts as disturbed",
-        unit="nT",
-        low=10.0,
-        high=50000.0,
-    )
-    disturbed_dip_deg: float = setting(
-        1.5, "Deviation of the dip from the reference that counts as disturbed", unit="deg", low=0.05, high=90.0
-    )
     vertical_enter_deg: float = setting(
         3.0, "Inclination below which azimuth and high side are undefined", unit="deg", low=0.1, high=20.0
     )
     vertical_leave_deg: float = setting(
         4.0, "Inclination above which they are defined again", unit="deg", low=0.1, high=20.0
+    )
+    handing_on_s: float = setting(
+        0.2,
+        "A magnetic sample every so often teaches the tool's own field and corrects the azimuth",
+        unit="s",
+        low=0.01,
+    )
+    toolface_latency_s: float = setting(
+        0.0,
+        "Age of a reading at its stamp: both toolfaces are carried on by the x gyro for so long",
+        unit="s",
+        low=0.0,
+        high=2.0,
     )
 
 
@@ -76,10 +82,6 @@ class FieldModel:
         Added to the magnetic azimuth to give the named north, rad.
     sigma_north : float
         Its 1 sigma, rad.
-    total, dip : float
-        Reference, T and rad; nan where unknown.
-    total_limit, dip_limit : float
-        Deviation beyond which a sample counts as disturbed, T and rad.
     """
 
     interference: Array
@@ -87,10 +89,6 @@ class FieldModel:
     sigma_cross: float
     north_correction: float = 0.0
     sigma_north: float = 0.0
-    total: float = math.nan
-    dip: float = math.nan
-    total_limit: float = math.inf
-    dip_limit: float = math.inf
 
     def packed(self) -> Array:
         """All figures in the order the kernel reads them."""
@@ -101,10 +99,6 @@ class FieldModel:
                 self.sigma_cross,
                 self.north_correction,
                 self.sigma_north,
-                self.total,
-                self.dip,
-                self.total_limit,
-                self.dip_limit,
             ]
         )
 
@@ -144,6 +138,36 @@ class Rows:
     status: NDArray[np.uint32]
 
 
+@dataclasses.dataclass(frozen=True)
+class Pairs:
+    """
+    Magnetic samples handed on, each with gravity at its own stamp; m of them.
+
+    Attributes
+    ----------
+    place, stamp_ns : ndarray of int64, shape (m,)
+        IMU sample of the block with which one was taken, and its own stamp.
+    g_t, b_t : ndarray, shape (m, 3)
+        Unit vector down, and the field as read, T.
+    sigma_tilt : ndarray, shape (m,)
+        1 sigma of the direction down, rad.
+    azimuth, sigma : ndarray, shape (m,)
+        By the field model, from its north, and 1 sigma, rad.
+    """
+
+    place: Stamps
+    stamp_ns: Stamps
+    g_t: Array
+    b_t: Array
+    sigma_tilt: Array
+    azimuth: Array
+    sigma: Array
+
+    def where(self, chosen: NDArray[np.bool_]) -> Pairs:
+        """Those chosen."""
+        return Pairs(*(getattr(self, f.name)[chosen] for f in dataclasses.fields(self)))
+
+
 def last_totals(state: State) -> tuple[float, float] | None:
     """Total field, T, and dip, rad, of the last magnetic sample used; None before the first."""
     if state.counters[_HAVE_MAG] == 0:
@@ -158,10 +182,12 @@ def begin_smoothing(state: State) -> None:
 
 def initial() -> State:
     """State before the first sample."""
+    counters = np.zeros(_INTEGERS, dtype=np.int64)
+    counters[_HANDED] = -1
     return State(
         np.zeros(_RING, dtype=np.int64),
         np.zeros((_RING, 4)),
-        np.zeros(6, dtype=np.int64),
+        counters,
         np.zeros(_REAL),
         np.zeros(1, dtype=np.uint8),
     )
@@ -177,7 +203,7 @@ def run(
     sigma_tilt: Array,
     mag_ns: Stamps,
     b_t: Array,
-) -> tuple[Rows, int]:
+) -> tuple[Rows, Pairs, int]:
     """
     Attitude of a block of samples.
 
@@ -193,6 +219,8 @@ def run(
     Returns
     -------
     rows : Rows
+    pairs : Pairs
+        One magnetic sample in each interval of `handing_on_s`.
     used : int
         How many of the waiting magnetic samples were taken; the rest waits for the next block.
     """
@@ -200,15 +228,32 @@ def run(
     out = np.empty((8, n))
     status = np.empty(n, dtype=np.uint32)
     limits = np.array(
-        [params.smoothing_s, math.radians(params.vertical_enter_deg), math.radians(params.vertical_leave_deg)]
+        [
+            params.smoothing_s,
+            math.radians(params.vertical_enter_deg),
+            math.radians(params.vertical_leave_deg),
+            params.toolface_latency_s,
+        ]
     )
-    used = _run(
-        state.stamps, state.ring, state.counters, state.values, state.vertical, limits, round(params.mag_lag_s * 1e9),
-        round(params.mag_timeout_s * 1e9), model.packed(), stamp_ns, g_t, rate_x, sigma_tilt, mag_ns, b_t, out, status,
+    times = np.array([round(t * 1e9) for t in (params.mag_lag_s, params.mag_timeout_s, params.handing_on_s)])
+    pair_at, pairs = np.empty((len(mag_ns), 2), dtype=np.int64), np.empty((len(mag_ns), _PAIR))
+    used, handed = _run(
+        state.stamps, state.ring, state.counters, state.values, state.vertical, limits, times, model.packed(), stamp_ns,
+        g_t, rate_x, sigma_tilt, mag_ns, b_t, out, status, pair_at, pairs,
     )  # fmt: skip
     inclination, azimuth, gravity_toolface, magnetic_toolface, sigma_azimuth, sigma_mtf, total, dip = out
+    pair_at, pairs = pair_at[:handed].copy(), pairs[:handed].copy()
     return (
         Rows(inclination, azimuth, gravity_toolface, magnetic_toolface, sigma_azimuth, sigma_mtf, total, dip, status),
+        Pairs(
+            place=pair_at[:, 0],
+            stamp_ns=pair_at[:, 1],
+            g_t=pairs[:, _P_DOWN:_P_FIELD],
+            b_t=pairs[:, _P_FIELD:_P_TILT],
+            sigma_tilt=pairs[:, _P_TILT],
+            azimuth=pairs[:, _P_AZIMUTH],
+            sigma=pairs[:, _P_SIGMA],
+        ),
         used,
     )
 
@@ -241,9 +286,13 @@ def _find(stamps: Stamps, counters: Stamps, at: int) -> tuple[int, int, float]:
 @compiled
 def _take_mag(
     stamps: Stamps, ring: Array, counters: Stamps, values: Array, smoothing: float, model: Array, at: int,
-    b_x: float, b_y: float, b_z: float,
-) -> None:  # fmt: skip
-    """Pair one magnetic sample with gravity at its stamp and move azimuth and magnetic toolface towards it."""
+    b_x: float, b_y: float, b_z: float, pair: Array,
+) -> bool:  # fmt: skip
+    """
+    Pair one magnetic sample with gravity at its stamp and move azimuth and magnetic toolface towards it.
+
+    Fills the directions and the azimuth of `pair`; False for a sample that says nothing.
+    """
     earlier, later, share = _find(stamps, counters, at)
     turn = (1.0 - share) * ring[earlier, 3] + share * ring[later, 3]
     # Both neighbours are turned to the time of the sample before they are mixed: the string may turn fast.
@@ -255,12 +304,14 @@ def _take_mag(
     d_z = (1.0 - share) * (c_0 * ring[earlier, 2] - s_0 * ring[earlier, 1])
     d_z += share * (c_1 * ring[later, 2] - s_1 * ring[later, 1])
     size = math.sqrt(d_x * d_x + d_y * d_y + d_z * d_z)
+    pair[_P_FIELD], pair[_P_FIELD + 1], pair[_P_FIELD + 2] = b_x, b_y, b_z
     b_x, b_y, b_z = b_x - model[0], b_y - model[1], b_z - model[2]
     total = math.sqrt(b_x * b_x + b_y * b_y + b_z * b_z)
     if not (math.isfinite(total) and total > 0.0 and size > 0.0):
-        return
+        return False
     d_x, d_y, d_z = d_x / size, d_y / size, d_z / size
     azimuth = raw_azimuth_sample(-d_x, -d_y, -d_z, b_x, b_y, b_z) + model[5]
+    pair[_P_DOWN], pair[_P_DOWN + 1], pair[_P_DOWN + 2], pair[_P_AZIMUTH] = d_x, d_y, d_z, azimuth
     # The scribe line's own direction in the horizontal plane: against north and east = down x north.
     along = b_x * d_x + b_y * d_y + b_z * d_z
     north_x, north_y, north_z = b_x - along * d_x, b_y - along * d_y, b_z - along * d_z
@@ -282,6 +333,7 @@ def _take_mag(
     counters[_MAG_NS] = at
     counters[_HAVE_MAG] = 1
     counters[_FRESH] = 0
+    return True
 
 
 @compiled
@@ -305,11 +357,13 @@ def _sigma_magnetic_toolface(model: Array, level: float, down: float, tilt: floa
 
 @compiled
 def _run(
-    stamps: Stamps, ring: Array, counters: Stamps, values: Array, vertical: NDArray[np.uint8], limits: Array, lag: int,
-    timeout: int, model: Array, stamp_ns: Stamps, g_t: Array, rate_x: Array, sigma_tilt: Array, mag_ns: Stamps,
-    b_t: Array, out: Array, status: NDArray[np.uint32],
-) -> int:  # fmt: skip
-    used = 0
+    stamps: Stamps, ring: Array, counters: Stamps, values: Array, vertical: NDArray[np.uint8], limits: Array,
+    times: Stamps, model: Array, stamp_ns: Stamps, g_t: Array, rate_x: Array, sigma_tilt: Array, mag_ns: Stamps,
+    b_t: Array, out: Array, status: NDArray[np.uint32], pair_at: Stamps, pairs: Array,
+) -> tuple[int, int]:  # fmt: skip
+    used, handed = 0, 0
+    lag, timeout, interval, latency = times[0], times[1], times[2], limits[3]
+    pair = np.zeros(_PAIR)
     # Interference along the axis, as it lies across the azimuth of now.
     across_axis = model[3] * math.sin(values[_AZIMUTH] - model[5])
     for i in range(len(stamp_ns)):
@@ -332,9 +386,22 @@ def _run(
             counters[_HAVE_MAG] = 0
         while used < len(mag_ns) and mag_ns[used] <= stamp - lag:
             if counters[_LENGTH] > 0 and (counters[_HAVE_MAG] == 0 or mag_ns[used] > counters[_MAG_NS]):
-                _take_mag(stamps, ring, counters, values, limits[0], model, mag_ns[used], b_t[used, 0], b_t[used, 1],
-                          b_t[used, 2])  # fmt: skip
+                taken = _take_mag(stamps, ring, counters, values, limits[0], model, mag_ns[used], b_t[used, 0],
+                                  b_t[used, 1], b_t[used, 2], pair)  # fmt: skip
                 across_axis = model[3] * math.sin(values[_AZIMUTH] - model[5])
+                if taken and mag_ns[used] // interval != counters[_HANDED]:
+                    counters[_HANDED] = mag_ns[used] // interval
+                    cosine = pair[_P_DOWN]
+                    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
+                    axial = model[3] * sine * math.sin(pair[_P_AZIMUTH] - model[5])
+                    pair[_P_TILT] = sigma_tilt[i] if math.isfinite(sigma_tilt[i]) else math.pi
+                    pair[_P_SIGMA] = _sigma_azimuth(
+                        model, axial, values[_LEVEL], values[_DOWN], sine, cosine, pair[_P_TILT]
+                    )
+                    pair_at[handed, 0], pair_at[handed, 1] = i, mag_ns[used]
+                    for k in range(_PAIR):
+                        pairs[handed, k] = pair[k]
+                    handed += 1
             used += 1
         have_mag = counters[_HAVE_MAG] == 1
         out[6, i], out[7, i] = (values[_TOTAL], values[_DIP]) if have_mag else (math.nan, math.nan)
@@ -355,12 +422,19 @@ def _run(
         if vertical[0] == 1:
             bits |= _NEAR_VERTICAL
         out[0, i] = inclination
+        turned = rate_x[i] * latency
+        if latency > 0.0 and math.isfinite(turned):
+            # Where the tool is by now: what was measured, turned on about its axis.
+            c, s = math.cos(turned), math.sin(turned)
+            d_y, d_z = c * d_y + s * d_z, c * d_z - s * d_y
+        else:
+            turned = 0.0
         out[2, i] = _wrap(math.atan2(-d_y, -d_z))
         if have_mag and stamp - counters[_MAG_NS] <= timeout:
             out[1, i] = values[_AZIMUTH]
             if vertical[0] == 1:
                 spin = 1.0 if d_x > 0.0 else -1.0
-                out[3, i] = _wrap(values[_MTF] + spin * values[_TURN])
+                out[3, i] = _wrap(values[_MTF] + spin * (values[_TURN] + turned))
             else:
                 out[3, i] = _wrap(values[_AZIMUTH] + math.atan2(-d_y / across, -d_z / across * d_x))
             level, down, tilt = values[_LEVEL], values[_DOWN], sigma_tilt[i]
@@ -368,9 +442,7 @@ def _run(
             sine, cosine = across / size, d_x / size
             out[4, i] = _sigma_azimuth(model, across_axis * sine, level, down, sine, cosine, tilt)
             out[5, i] = _sigma_magnetic_toolface(model, level, down, tilt)
-            if abs(values[_TOTAL] - model[7]) > model[9] or abs(values[_DIP] - model[8]) > model[10]:
-                bits |= _DISTURBED
         else:
             bits |= _NO_MAG
         status[i] = bits
-    return used
+    return used, handed

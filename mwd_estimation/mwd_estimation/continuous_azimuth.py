@@ -147,7 +147,7 @@ class Rows:
     azimuth : ndarray, shape (n,)
         Of the hole axis from the north of the azimuths fed in, rad in [0, 2 pi); NaN where there is none.
     sigma : ndarray, shape (n,)
-        One sigma, rad, at most pi.
+        One sigma, rad, at most pi; infinite where none is carried, because none was ever known or the hole is vertical.
     status : ndarray of uint32, shape (n,)
         GYRO_AIDED: carried by the gyros alone. MAG_DISTURBED: the last magnetic azimuth was not used.
     """
@@ -567,8 +567,10 @@ def _run(
             clock[_HEAD] = (head + 1) & (_RING - 1)
             clock[_LENGTH] = min(clock[_LENGTH] + 1, _RING)
             clock[_LAST_NS] = stamp
-        if m[HAVE] == 0.0 or spread > k[K_WIDEST] or across2 < k[K_VERTICAL]:
-            azimuth[i], sigma[i], status[i] = math.nan, math.pi, 0
+        if m[HAVE] == 0.0 or not across2 >= k[K_VERTICAL]:
+            azimuth[i], sigma[i], status[i] = math.nan, math.inf, 0
+        elif spread > k[K_WIDEST]:
+            azimuth[i], sigma[i], status[i] = math.nan, min(math.pi, spread), _AIDED
         else:
             # Within a turn of the range as a rule; the remainder costs more.
             now = start + (carried[0] - since)

@@ -5,9 +5,9 @@ Blocks may have any length; the output is the same bits however the streams are 
 topics arrive, as long as a magnetic sample is there `mag_lag` after its stamp.
 
 A block goes through in three steps, each compiled over all its samples: gravity, which asks nothing of the field; the
-half-second bins, closed and judged in order, which may take a survey and so change how the field is read; attitude, in
-one stretch per reading of the field. So work that changes the reading belongs into `_judge`, and sees the gravity of
-the whole block there; work that needs attitude belongs behind `_follow`.
+half-second bins, closed and judged in order, which may take a survey and so change how the field is read; attitude
+(`attitude_stream`), in one stretch per reading of the field, and dynamics. So work that changes the reading belongs
+into `_judge`, and sees the gravity of the whole block there; work that needs attitude belongs behind it.
 """
 
 from __future__ import annotations
@@ -19,18 +19,29 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation import attitude_track, fusion, gravity, gravity_bounded, gravity_kalman, gravity_raw, survey
+from mwd_estimation import (
+    attitude_track,
+    continuous_azimuth,
+    dynamics_summary,
+    fusion,
+    gravity,
+    gravity_bounded,
+    gravity_kalman,
+    gravity_raw,
+    survey,
+    tool_field,
+)
+from mwd_estimation.attitude_stream import AttitudeStream, Block, Lesson, Mark, Reading
 from mwd_estimation.attitude_track import FieldModel
 from mwd_estimation.binning import Bin, Binner
 from mwd_estimation.gravity_s3 import MahonyParams
 from mwd_estimation.gravity_s3 import Params as S3Params
 from mwd_estimation.gyro_station import GyroSettings, GyroStation
 from mwd_estimation.reference import Reference, best_north, from_field, north_correction
-from mwd_estimation.station import Station, StationSettings
-from mwd_estimation.status import Status
+from mwd_estimation.station import StationSettings
 from mwd_estimation.still_survey import BIN_NS, BinSet, Refusal, StillAverage, StillSurvey
 from mwd_estimation.still_survey import Params as StillParams
-from mwd_estimation.survey import Survey
+from mwd_estimation.survey import GYRO, Survey
 from mwd_estimation.track import Track
 from mwd_estimation.track import samples as arrays_of
 from mwd_sensors import earth, wire
@@ -42,7 +53,7 @@ Stamps = NDArray[np.int64]
 Samples = wire.Samples
 
 NORTH_CODES = {"unknown": 0, "magnetic": 1, "true": 2, "grid": 3}
-_REJECTED, _NEAR_VERTICAL = int(Status.REJECTED), int(Status.NEAR_VERTICAL)
+_FINE_NOISE = 0.05  # deg/sqrt(h), of a precision unit whose noise nobody has said
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,7 +84,10 @@ class EstimatorSettings:
 
     method: str = setting(gravity.DEFAULT, "Gravity extraction", choices=tuple(gravity.METHODS))
     reference: ReferenceSettings = setting(ReferenceSettings, "Reference field")
-    azimuth: attitude_track.Params = setting(attitude_track.Params, "Continuous azimuth")
+    azimuth: attitude_track.Params = setting(attitude_track.Params, "Magnetic azimuth and toolfaces of each sample")
+    interference: tool_field.Params = setting(tool_field.Params, "The tool's own field, sample by sample")
+    carried: continuous_azimuth.Params = setting(continuous_azimuth.Params, "Azimuth carried on by the gyros")
+    dynamics: dynamics_summary.Params = setting(dynamics_summary.Params, "Drilling dynamics")
     survey: StillParams = setting(StillParams, "Surveys in still intervals")
     station: StationSettings = setting(StationSettings, "Working out a station")
     gyro: GyroSettings = setting(GyroSettings, "Gyro azimuth of a station")
@@ -87,11 +101,12 @@ class EstimatorSettings:
 
 @dataclasses.dataclass
 class Output:
-    """What a block gave: attitude and gravity of every IMU sample, interference and surveys as they came."""
+    """What a block gave: attitude and gravity of every IMU sample, interference, dynamics and surveys as they came."""
 
     attitude: Samples
     gravity: Samples
     interference: Samples
+    dynamics: Samples
     surveys: list[Survey] = dataclasses.field(default_factory=list)
     refusals: list[Refusal] = dataclasses.field(default_factory=list)
 
@@ -105,35 +120,6 @@ class Counters:
     precision: int = 0
     rejected: int = 0
     late_mag: int = 0
-
-
-@dataclasses.dataclass(frozen=True)
-class _Block:
-    """Samples of the AHRS, laid out for the kernels, and the gravity followed through them."""
-
-    stamps: Stamps
-    gyro: Array
-    accel: Array
-    track: Track
-
-
-@dataclasses.dataclass(frozen=True)
-class _Reading:
-    """How the magnetic field is read, and what rows with (`azimuth_bits`) and without an azimuth say of that."""
-
-    model: FieldModel
-    north: int
-    azimuth_bits: int
-    bits: int
-
-
-@dataclasses.dataclass(frozen=True)
-class _Mark:
-    """A bin judged before the sample at `place`: its end, and the axial interference and its sigma known from there."""
-
-    place: int
-    end_ns: int
-    interference: tuple[float, float] | None
 
 
 def reference_of(settings: ReferenceSettings, first_ns: int) -> Reference | None:
@@ -206,7 +192,8 @@ class Pipeline:
         self.method = gravity.method(settings.method)
         self._gravity_params = getattr(settings, settings.method)
         self._gravity_state = self.method.initial(self._gravity_params)
-        self._attitude_state = attitude_track.initial()
+        self._attitude = self._attitude_stream()
+        self._dynamics_state = dynamics_summary.initial(settings.dynamics)
         self._binners = {
             "imu": Binner(6, BIN_NS),
             "mag": Binner(3, BIN_NS),
@@ -220,8 +207,6 @@ class Pipeline:
         self._precision_ns = np.zeros(0, dtype=np.int64)
         self._precision_t = np.zeros((0, 6))
         self._precision_at = 0
-        self._mag_ns = np.zeros(0, dtype=np.int64)
-        self._mag_t = np.zeros((0, 3))
         self._last_imu_ns = np.iinfo(np.int64).min
         self._ready = False
         self.reference: Reference | None = self._given
@@ -235,7 +220,7 @@ class Pipeline:
         self.interference = None
         if self._ready:
             self._reading = self._read_field()
-            attitude_track.begin_smoothing(self._attitude_state)
+            self._attitude.set_reference(reference)
 
     def request_survey(self, duration_s: float = 0.0) -> None:
         """Take a survey from the next half second on; `duration_s` 0 means as configured."""
@@ -255,8 +240,7 @@ class Pipeline:
         self.counters.rejected += int(len(usable) - len(stamps))
         self.counters.late_mag += int((stamps <= self._last_imu_ns - self._lag_ns).sum())
         self._keep("mag", self._binners["mag"].add(stamps, b_t))
-        self._mag_ns = np.concatenate([self._mag_ns, stamps])
-        self._mag_t = np.concatenate([self._mag_t, b_t])
+        self._attitude.take_mag(stamps, b_t)
 
     def push_precision(self, samples: Samples) -> None:
         """Take samples of the high-precision unit, dtype of `wire.IMU`."""
@@ -280,8 +264,11 @@ class Pipeline:
         followed : gravity of these samples, where something else than the method followed it (a smoother).
         """
         self.counters.imu += len(samples)
-        output = Output(wire.ATTITUDE.empty(len(samples)), wire.GRAVITY.empty(len(samples)), wire.INTERFERENCE.empty(0))
-        if not len(samples):
+        n = len(samples)
+        output = Output(
+            wire.ATTITUDE.empty(n), wire.GRAVITY.empty(n), wire.INTERFERENCE.empty(0), wire.DYNAMICS.empty(0)
+        )
+        if not n:
             return output
         if not self._ready:
             self._begin(int(samples["stamp_ns"][0]))
@@ -289,17 +276,26 @@ class Pipeline:
             samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"]
         )
         track = followed or self.method.run(self._gravity_params, self._gravity_state, stamps, gyro, accel)
-        block = _Block(stamps, gyro, accel, track)
         readings, marks = [(0, self._reading)], []
         for closed, place in self._binners["imu"].add_placed(stamps, np.hstack([gyro, accel])):
             self._waiting.append(closed)
             # One bin late, so that the other streams of its time are there.
             if len(self._waiting) > 1:
-                end_ns = self._judge(self._waiting.pop(0), output)
-                marks.append(_Mark(place, end_ns, self.interference))
+                marks.append(self._judge(self._waiting.pop(0), place, output))
                 if self._reading is not readings[-1][1]:
                     readings.append((place, self._reading))
-        self._follow(block, readings, marks, output)
+        output.interference, rejected = self._attitude.follow(
+            Block(stamps, gyro, accel, track),
+            readings,
+            marks,
+            (self._precision_ns, self._precision_t[:, :3]),
+            output.attitude,
+            output.gravity,
+        )
+        self.counters.rejected += rejected
+        output.dynamics = dynamics_summary.run(
+            self.settings.dynamics, self._dynamics_state, stamps, gyro, accel, track.g_t, output.attitude["status"]
+        )
         self._last_imu_ns = int(stamps[-1])
         return output
 
@@ -313,11 +309,27 @@ class Pipeline:
             self.reference = reference_of(self.settings.reference, first_ns)
         self._ready = True
         self._reading = self._read_field()
+        self._attitude.set_reference(self.reference)
         known = self.reference.gravity if self.reference is not None else None
         self._gyro = GyroStation(self.settings.gyro, latitude_of(self.settings), known)
 
-    def _judge(self, imu: Bin, output: Output) -> int:
-        """Everything that is done once for a bin, in the order of bins; returns its end, ns."""
+    def _attitude_stream(self) -> AttitudeStream:
+        settings, gyro = self.settings, self.settings.gyro
+        fine = continuous_azimuth.Precision(
+            gyro.noise_deg_rth or _FINE_NOISE, gyro.bias_deg_h, gyro.walk_deg_h_rth, gyro.range_dps
+        )
+        return AttitudeStream(
+            settings.azimuth,
+            settings.interference,
+            settings.carried,
+            settings.station.errors,
+            BIN_NS,
+            latitude_of(settings),
+            fine,
+        )
+
+    def _judge(self, imu: Bin, place: int, output: Output) -> Mark:
+        """Everything that is done once for a bin, in the order of bins; its results hold from the sample at `place`."""
         end_ns = (imu.index + 1) * BIN_NS
         for name in self._closed:
             self._keep(name, self._binners[name].flush(end_ns))
@@ -344,58 +356,37 @@ class Pipeline:
                 self.settings.fusion,
             )
             output.surveys.append(taken)
-            self._learn(taken.station)
-        return end_ns
-
-    def _follow(self, block: _Block, readings: list[tuple[int, _Reading]], marks: list[_Mark], output: Output) -> None:
-        """Attitude of the block, each stretch by the reading that holds from its place on."""
-        totals, dips = [], []
-        if marks:
-            before = attitude_track.last_totals(self._attitude_state) or (math.nan, math.nan)
-            totals, dips = [np.array(before[:1])], [np.array(before[1:])]
-        stops = [place for place, _ in readings[1:]] + [len(block.stamps)]
-        for (start, reading), stop in zip(readings, stops, strict=True):
-            if start > 0:
-                attitude_track.begin_smoothing(self._attitude_state)
-            part, track = slice(start, stop), block.track
-            rows, used = attitude_track.run(
-                self.settings.azimuth,
-                self._attitude_state,
-                reading.model,
-                block.stamps[part],
-                track.g_t[part],
-                np.ascontiguousarray(block.gyro[part, 0]),
-                track.sigma_inclination[part],
-                self._mag_ns,
-                self._mag_t,
-            )
-            self._mag_ns, self._mag_t = self._mag_ns[used:], self._mag_t[used:]
-            self.counters.rejected += _write(
-                output.attitude[part], output.gravity[part], block.stamps[part], track.g_t[part],
-                track.sigma_inclination[part], track.sigma_toolface[part], track.non_gravity[part],
-                track.rotary_speed[part], track.status[part], rows.inclination, rows.azimuth, rows.gravity_toolface,
-                rows.magnetic_toolface, rows.sigma_azimuth, rows.sigma_magnetic_toolface, rows.status, reading.north,
-                reading.azimuth_bits, reading.bits,
-            )  # fmt: skip
-            if marks:
-                totals.append(rows.total)
-                dips.append(rows.dip)
-        if marks:
-            at = [mark.place for mark in marks]
-            output.interference = self._interference_samples(
-                marks, np.concatenate(totals)[at], np.concatenate(dips)[at]
-            )
+            self._learn(taken)
+            north = taken.station.by_method(GYRO)
+            if north is not None and taken.weights.get(GYRO, 0.0) > 0.0:
+                return Mark(place, imu.index, end_ns, north.azimuth, north.sigma)
+        return Mark(place, imu.index, end_ns)
 
     def _keep(self, name: str, closed: list[Bin]) -> None:
         for one in closed:
             self._closed[name][one.index] = one
 
-    def _learn(self, station: Station) -> None:
+    def _learn(self, taken: Survey) -> None:
+        """Read the field from here on as the station says."""
+        station = taken.station
         if station.corrected:
             self.interference = (station.interference, station.sigma_interference)
-            self._reading = self._read_field()
+        found = station.by_method(GYRO)
+        reference = station.reference
+        lesson = None
+        if found is not None and taken.weights.get(GYRO, 0.0) > 0.0 and reference is not None and reference.has_field:
+            north = math.sqrt(reference.declination_variance(reference.horizontal))
+            lesson = Lesson(
+                None,
+                -station.f_t / np.linalg.norm(station.f_t),
+                station.b_t,
+                found.azimuth - station.north_correction,
+                math.hypot(found.sigma, north) if station.north != "magnetic" else found.sigma,
+            )
+        if station.corrected or lesson is not None:
+            self._reading = self._read_field(lesson)
 
-    def _read_field(self) -> _Reading:
+    def _read_field(self, lesson: Lesson | None = None) -> Reading:
         reference, settings = self.reference, self.settings.station
         self.north = best_north(reference) if settings.north == "best" else settings.north
         correction = north_correction(reference, self.north)
@@ -412,27 +403,8 @@ class Pipeline:
             sigma_cross=settings.errors.magnetometer_bias_nt * 1e-9,
             north_correction=correction,
             sigma_north=math.sqrt(variance),
-            total=reference.total if reference is not None and reference.total is not None else math.nan,
-            dip=reference.dip if reference is not None and reference.dip is not None else math.nan,
-            total_limit=self.settings.azimuth.disturbed_field_nt * 1e-9,
-            dip_limit=math.radians(self.settings.azimuth.disturbed_dip_deg),
         )
-
-        corrected = Status.CORRECTED if self.interference else Status.UNCORRECTED
-        return _Reading(model, NORTH_CODES[self.north], int(corrected), 0 if known else int(Status.NO_REFERENCE))
-
-    def _interference_samples(self, marks: list[_Mark], total: Array, dip: Array) -> Samples:
-        """Samples of bins; total, T, and dip, rad, of the last magnetic sample before each, nan where there is none."""
-        samples = wire.INTERFERENCE.empty(len(marks))
-        samples["stamp_ns"] = [mark.end_ns for mark in marks]
-        unknown = (0.0, -1.0)
-        samples["axial"], samples["sigma_axial"] = np.array([mark.interference or unknown for mark in marks]).T
-        samples["sigma_cross_axial"] = -1.0
-        if self.reference is not None and self.reference.total is not None:
-            seen = np.isfinite(total)
-            samples["total_residual"] = np.where(seen, total - self.reference.total, 0.0)
-            samples["dip_residual"] = np.where(seen, dip - (self.reference.dip or 0.0), 0.0)
-        return samples
+        return Reading(model, NORTH_CODES[self.north], self.interference is not None, lesson)
 
 
 @compiled
@@ -441,43 +413,3 @@ def _reached(stamps: Stamps, start: int, end_ns: int) -> int:
     while start < len(stamps) and stamps[start] < end_ns:
         start += 1
     return start
-
-
-@compiled
-def _write(
-    attitude: Samples, gravity: Samples, stamps: Stamps, g_t: Array, sigma_inclination: Array, sigma_toolface: Array,
-    non_gravity: Array, rotary_speed: Array, track_status: NDArray[np.uint32], inclination: Array, azimuth: Array,
-    gravity_toolface: Array, magnetic_toolface: Array, sigma_azimuth: Array, sigma_magnetic_toolface: Array,
-    row_status: NDArray[np.uint32], north: int, azimuth_bits: int, bits: int,
-) -> int:  # fmt: skip
-    """Fill the samples of a stretch, unknown values 0 with a sigma of -1; returns how many were rejected."""
-    rejected = 0
-    for i in range(len(stamps)):
-        row, down = attitude[i], gravity[i]
-        has_gravity, has_azimuth = math.isfinite(inclination[i]), math.isfinite(azimuth[i])
-        status = np.int64(track_status[i]) | np.int64(row_status[i]) | bits
-        near_vertical = status & _NEAR_VERTICAL != 0
-        if has_azimuth:
-            status |= azimuth_bits
-        rejected += status & _REJECTED != 0
-        row["stamp_ns"] = stamps[i]
-        row["inclination"] = inclination[i] if has_gravity else 0.0
-        row["azimuth"] = azimuth[i] if has_azimuth else 0.0
-        row["gravity_toolface"] = gravity_toolface[i] if has_gravity else 0.0
-        row["magnetic_toolface"] = magnetic_toolface[i] if has_azimuth else 0.0
-        row["sigma_inclination"] = sigma_inclination[i] if has_gravity else -1.0
-        row["sigma_azimuth"] = (math.pi if near_vertical else sigma_azimuth[i]) if has_azimuth else -1.0
-        row["sigma_gravity_toolface"] = (math.pi if near_vertical else sigma_toolface[i]) if has_gravity else -1.0
-        row["sigma_magnetic_toolface"] = sigma_magnetic_toolface[i] if has_azimuth else -1.0
-        row["status"] = status
-        row["north"] = north
-        known = math.isfinite(g_t[i, 0] + g_t[i, 1] + g_t[i, 2])
-        vector = down["gravity"]
-        for c in range(3):
-            vector[c] = g_t[i, c] if known else 0.0
-        down["stamp_ns"] = stamps[i]
-        down["sigma"] = sigma_inclination[i] if known else -1.0
-        down["non_gravity"] = non_gravity[i] if math.isfinite(non_gravity[i]) else 0.0
-        down["rotary_speed"] = rotary_speed[i] if math.isfinite(rotary_speed[i]) else 0.0
-        down["status"] = status
-    return rejected

@@ -166,7 +166,7 @@ def test_without_mag_from_the_start_there_is_no_azimuth_until_the_gyro_gives_one
     none = np.full(2000, np.nan)
     rows, _ = go(well, none, well.gyro)
     assert np.isnan(rows.azimuth).all()
-    assert (rows.sigma == math.pi).all()
+    assert (rows.sigma == math.inf).all()
     # A north seek in the bin of sample 500, told one bin later.
     rows, _ = go(well, none, well.gyro, seek=[(500, float(well.azimuth[509]), 0.5 * DEG)])
     began = int(np.flatnonzero(np.isfinite(rows.azimuth))[0])

@@ -54,7 +54,7 @@ def test_any_cut_into_blocks_gives_the_same_bits(cuts):
     imu, mag = _samples(rate=10.0, still_after=3.0)
     whole = _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE))
     pieces = _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE), cuts)
-    for name in ("attitude", "gravity", "interference"):
+    for name in ("attitude", "gravity", "interference", "dynamics"):
         assert _joined(pieces, name).tobytes() == _joined(whole, name).tobytes()
     surveys = [survey for output in pieces for survey in output.surveys]
     assert [s.uuid for s in surveys] == [s.uuid for output in whole for s in output.surveys]
@@ -83,16 +83,51 @@ def test_a_still_interval_gives_a_survey_corrected_for_the_string():
     assert abs(wrap_pi(raw.azimuth - 1.89)) > 0.03
 
 
-def test_what_a_survey_teaches_holds_for_the_continuous_azimuth_from_there_on():
-    imu, mag = _samples()
+def test_the_tool_s_own_field_is_learnt_while_drilling_and_taken_off_the_azimuth_with_a_truthful_sigma():
+    imu, mag = _samples(seconds=60.0, rate=3.0, still_after=60.0)
     (output,) = _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE))
-    attitude, taken = output.attitude, output.surveys[0].stamp_ns
-    early, late = attitude["stamp_ns"] < taken, attitude["stamp_ns"] > taken + 48e8
-    assert (attitude["status"][early][10:] & Status.UNCORRECTED > 0).all()
+    attitude, own = output.attitude, output.interference
+    assert not output.surveys
+    late = attitude["stamp_ns"] > START + 30 * 10**9
     assert (attitude["status"][late] & Status.CORRECTED > 0).all()
-    assert abs(wrap_pi(attitude["azimuth"][early][200:] - 1.89)).min() > 0.03
-    assert abs(wrap_pi(attitude["azimuth"][late] - 1.89)).max() < 0.01
-    assert (attitude["sigma_azimuth"][late] < attitude["sigma_azimuth"][early][-1]).all()
+    assert not (attitude["status"][100:] & Status.MAG_DISTURBED).any()
+    error = np.abs(wrap_pi(attitude["azimuth"][100:] - 1.89))
+    assert error[3000:].max() < 0.01
+    assert (error < 3.0 * attitude["sigma_azimuth"][100:]).all()
+    assert (np.abs(own["axial"] - 2e-6)[20:] < 3.0 * own["sigma_axial"][20:]).all()
+    assert own["sigma_axial"][-1] < 0.5e-6
+    assert (np.abs(own["cross_axial"][-1]) < 3.0 * own["sigma_cross_axial"][-1]).all()
+
+
+def test_a_passing_casing_is_flagged_and_the_azimuth_carried_through_it():
+    imu, mag = _samples(seconds=60.0, rate=3.0, still_after=60.0)
+    mag["magnetic_field"][4000:5000] += 3e-6
+    (output,) = _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE))
+    status = output.attitude["status"]
+    assert (status[4025:5000] & Status.MAG_DISTURBED > 0).all()
+    assert not (status[5120:] & Status.MAG_DISTURBED).any()
+    assert (status[4400:5000] & Status.GYRO_AIDED > 0).all()
+    assert np.abs(wrap_pi(output.attitude["azimuth"][4000:] - 1.89)).max() < 0.01
+
+
+def test_an_unplugged_magnetometer_leaves_the_azimuth_to_the_gyros_with_a_growing_sigma():
+    imu, mag = _samples(seconds=60.0, rate=3.0, still_after=60.0)
+    mag["magnetic_field"][3000:] = np.nan
+    (output,) = _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE))
+    attitude = output.attitude
+    assert (attitude["status"][3400:] & (Status.NO_MAG | Status.GYRO_AIDED) == Status.NO_MAG | Status.GYRO_AIDED).all()
+    assert attitude["sigma_azimuth"][-1] > attitude["sigma_azimuth"][3000]
+    error = np.abs(wrap_pi(attitude["azimuth"] - 1.89))[3000:]
+    assert (error < 3.0 * attitude["sigma_azimuth"][3000:]).all()
+
+
+def test_dynamics_come_once_a_second_beside_the_attitude():
+    imu, mag = _samples(seconds=16.0, rate=12.0, still_after=16.0)
+    outputs = _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE), range(100, 1600, 100))
+    dynamics = _joined(outputs, "dynamics")
+    assert len(dynamics) == 15
+    assert dynamics["rotary_speed"] == pytest.approx(12.0, abs=0.01)
+    assert dynamics["status"][-1] & Status.ROTATING
 
 
 def test_without_a_reference_the_azimuth_says_that_it_is_magnetic_and_uncorrected():
@@ -127,7 +162,7 @@ def test_nothing_that_is_not_finite_ever_comes_out():
     imu["linear_acceleration"][300] = 1e308
     pipeline = Pipeline(EstimatorSettings(), REFERENCE)
     outputs = _run(imu, mag, pipeline)
-    for name in ("attitude", "gravity", "interference"):
+    for name in ("attitude", "gravity", "interference", "dynamics"):
         samples = _joined(outputs, name)
         for field in samples.dtype.names:
             assert np.isfinite(samples[field]).all(), (name, field)

@@ -1,0 +1,149 @@
+"""The continuous estimate as a whole: what stands where nothing can be carried, and what a station teaches it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mwd_estimation import attitude_track, continuous_azimuth, tool_field
+from mwd_estimation.attitude_stream import AttitudeStream, Block, Lesson, Mark, Reading
+from mwd_estimation.attitude_track import FieldModel
+from mwd_estimation.continuous_azimuth import Precision
+from mwd_estimation.reference import Reference
+from mwd_estimation.sensor_errors import BENCH
+from mwd_estimation.status import Status
+from mwd_estimation.track import Track
+from mwd_sensors import wire
+from mwd_sensors.frames import mat_nt, wrap_pi
+
+START = 1_700_000_000 * 10**9
+BIN_NS = 500_000_000
+DIP = 1.1
+FIELD_N = 5e-5 * np.array([math.cos(DIP), 0.0, math.sin(DIP)])
+REFERENCE = Reference(total=5e-5, dip=DIP, declination=0.0, source="test")
+NO_PRECISION = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+
+
+def stream(reference=REFERENCE, **carry):
+    made = AttitudeStream(
+        attitude_track.Params(),
+        tool_field.Params(),
+        continuous_azimuth.Params(**carry),
+        BENCH,
+        BIN_NS,
+        50.0,
+        Precision(),
+    )
+    made.set_reference(reference)
+    return made
+
+
+def samples(n, inclination, azimuth=1.0, rate=0.0, own=(0.0, 0.0, 0.0), sigma_tilt=2e-4):
+    stamps = START + np.arange(n) * 10**7
+    mat = mat_nt(inclination, np.full(n, azimuth), rate * np.arange(n) * 0.01)
+    down = np.ascontiguousarray(mat[:, 2, :])
+    gyro = np.zeros((n, 3))
+    gyro[:, 0] = rate
+    one = np.full(n, sigma_tilt)
+    track = Track(down, one, one, np.zeros(n), np.full(n, rate), np.full(n, int(Status.ROTATING), dtype=np.uint32))
+    b_t = np.einsum("kji,j->ki", mat, FIELD_N) + own
+    return Block(stamps, gyro, -9.81 * down, track), b_t
+
+
+def follow(made, block, b_t, lessons=(), seeks=()):
+    """All samples as one block; marks as the bins close, one bin late."""
+    n = len(block.stamps)
+    made.take_mag(block.stamps, b_t)
+    attitude, gravity = wire.ATTITUDE.empty(n), wire.GRAVITY.empty(n)
+    model = FieldModel(np.zeros(3), 2e-7, 7e-8)
+    readings = [
+        (0, Reading(model, 2, False)),
+        *((place, Reading(model, 2, False, lesson)) for place, lesson in lessons),
+    ]
+    marks = [
+        Mark(place, START // BIN_NS + place // 50 - 2, START + (place - 50) * 10**7, *dict(seeks).get(place, ()))
+        for place in range(100, n, 50)
+    ]
+    interference, rejected = made.follow(block, readings, marks, NO_PRECISION, attitude, gravity)
+    return attitude, gravity, interference, rejected
+
+
+def test_a_turning_tool_gives_its_own_field_in_three_axes_and_an_azimuth_free_of_it():
+    own = np.array([3e-6, 3e-7, -2e-7])
+    block, b_t = samples(6000, 0.9, rate=6.0, own=own)
+    attitude, gravity, interference, rejected = follow(stream(), block, b_t)
+    last, found = attitude[-1], interference[-1]
+    assert rejected == 0
+    assert abs(wrap_pi(last["azimuth"] - 1.0)) < 3.0 * last["sigma_azimuth"] < 0.03
+    assert found["axial"] == pytest.approx(own[0], abs=3.0 * found["sigma_axial"])
+    assert found["cross_axial"] == pytest.approx(own[1:], abs=2e-8)
+    assert (found["sigma_cross_axial"] > 0.0).all()
+    assert last["status"] & Status.CORRECTED
+    assert gravity["gravity"][-1] == pytest.approx(block.track.g_t[-1])
+
+
+def test_a_horizontal_east_west_hole_hides_the_axial_field_and_sigma_and_status_say_so():
+    block, b_t = samples(3000, math.pi / 2, azimuth=math.pi / 2, rate=6.0, own=(2e-6, 0.0, 0.0))
+    attitude, _, interference, _ = follow(stream(), block, b_t)
+    assert interference["sigma_axial"][-1] == -1.0
+    assert interference["axial"][-1] == 0.0
+    assert attitude["status"][-1] & Status.CORRECTION_REFUSED
+    assert math.degrees(attitude["sigma_azimuth"][-1]) > 3.0
+    assert abs(wrap_pi(attitude["azimuth"][-1] - math.pi / 2)) < 2.5 * attitude["sigma_azimuth"][-1]
+
+
+def test_a_gyro_azimuth_there_teaches_both_azimuth_and_axial_field():
+    block, b_t = samples(3000, math.pi / 2, azimuth=math.pi / 2, rate=6.0, own=(2e-6, 0.0, 0.0))
+    lesson = Lesson(None, block.track.g_t[2000], b_t[2000], math.pi / 2, math.radians(0.4))
+    attitude, _, interference, _ = follow(
+        stream(), block, b_t, [(2000, lesson)], [(2000, (math.pi / 2, math.radians(0.4)))]
+    )
+    assert interference["axial"][-1] == pytest.approx(2e-6, abs=3.0 * interference["sigma_axial"][-1])
+    assert math.degrees(attitude["sigma_azimuth"][-1]) < 0.6
+    assert attitude["status"][-1] & Status.CORRECTED
+
+
+def test_what_many_stations_found_is_gone_on_from():
+    block, b_t = samples(1000, math.pi / 2, azimuth=math.pi / 2, own=(2e-6, 0.0, 0.0))
+    state = tool_field.initial(tool_field.Params(), REFERENCE, BENCH)
+    state.x[0], state.covariance[0, 0] = 2e-6, (5e-8) ** 2
+    lesson = Lesson((state.x, state.covariance), block.track.g_t[0], b_t[0])
+    attitude, _, interference, _ = follow(stream(), block, b_t, [(500, lesson)])
+    assert interference["sigma_axial"][-1] < 6e-8
+    assert abs(wrap_pi(attitude["azimuth"][-1] - math.pi / 2)) < 0.03
+
+
+def test_near_vertical_the_magnetic_toolface_stands_and_the_azimuth_is_unknown():
+    block, b_t = samples(1000, 0.02, rate=1.0)
+    attitude, _, _, _ = follow(stream(), block, b_t)
+    late = attitude[200:]
+    assert (late["status"] & Status.NEAR_VERTICAL > 0).all()
+    assert (late["sigma_azimuth"] == math.pi).all()
+    turned = 1.0 + np.arange(1000) * 0.01
+    assert np.abs(wrap_pi(late["magnetic_toolface"] - turned[200:])).max() < 0.03
+    assert late["sigma_magnetic_toolface"].max() < 0.05
+
+
+def test_without_a_reference_the_azimuth_is_carried_all_the_same_and_says_that_it_is_uncorrected():
+    block, b_t = samples(1000, 0.9, rate=2.0)
+    attitude, _, interference, _ = follow(stream(None), block, b_t)
+    assert abs(wrap_pi(attitude["azimuth"][-1] - 1.0)) < 1e-3
+    assert attitude["status"][-1] & Status.UNCORRECTED
+    assert attitude["status"][-1] & Status.NO_REFERENCE
+    assert (interference["sigma_axial"] == -1.0).all()
+
+
+def test_an_azimuth_that_has_grown_too_uncertain_is_withheld_not_replaced():
+    block, b_t = samples(3000, 0.9)
+    b_t[500:] += 2e-5
+    attitude, _, _, _ = follow(stream(gyro_noise_deg_rth=100.0, widest_deg=5.0), block, b_t)
+    assert attitude["sigma_azimuth"][490] > 0.0
+    assert (attitude["sigma_azimuth"][2000:] == -1.0).all()
+    assert (attitude["azimuth"][2000:] == 0.0).all()
+
+
+def test_a_vertical_that_is_not_known_yet_teaches_nothing():
+    block, b_t = samples(500, 0.9, sigma_tilt=1.0)
+    attitude, _, interference, _ = follow(stream(), block, b_t)
+    assert (interference["sigma_axial"] == -1.0).all()
+    assert not (attitude["status"] & Status.MAG_DISTURBED).any()
