@@ -1,0 +1,40 @@
+"""What the launch files of single nodes have in common: one lifecycle node with its arguments and parameter files."""
+
+from __future__ import annotations
+
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+from launch import LaunchDescription
+
+_SWITCHES = ("use_sim_time", "autostart")
+
+
+def single_node(package: str, name: str) -> LaunchDescription:
+    """
+    Start one node of one well.
+
+    Its arguments: namespace, params_file (laid over the package's own), use_sim_time, autostart. Executable and
+    default parameter file are called as the node.
+    """
+    defaults = PathJoinSubstitution([FindPackageShare(package), "config", f"{name}.yaml"])
+    switches = {word: ParameterValue(LaunchConfiguration(word), value_type=bool) for word in _SWITCHES}
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("namespace", default_value="", description="Name of the well; empty: none"),
+            DeclareLaunchArgument("params_file", default_value=defaults, description="Parameter file of the node"),
+            DeclareLaunchArgument("use_sim_time", default_value="false", description="Take the time from /clock"),
+            DeclareLaunchArgument("autostart", default_value="true", description="Configure and activate at start"),
+            Node(
+                package=package,
+                executable=name,
+                name=name,
+                namespace=LaunchConfiguration("namespace"),
+                parameters=[defaults, LaunchConfiguration("params_file"), switches],
+                output="screen",
+            ),
+        ]
+    )

@@ -1,0 +1,55 @@
+"""What the packages say they need is what their code imports."""
+
+import ast
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("mwd_sensors", "mwd_estimation", "mwd_surface")
+# The distribution of a module where the two have different names.
+DISTRIBUTIONS = {"yaml": "pyyaml", "fpdf": "fpdf2", "serial": "pyserial", "foxglove": "foxglove-sdk"}
+# Comes with ROS: package.xml names it, no Python index has it.
+ROS = {
+    "rclpy", "launch", "launch_ros", "ament_index_python", "builtin_interfaces", "std_msgs", "sensor_msgs", "nav_msgs",
+    "geometry_msgs", "diagnostic_msgs", "rcl_interfaces", "lifecycle_msgs", "std_srvs", "tf2_msgs", "rosgraph_msgs",
+    "mwd_msgs",
+}  # fmt: skip
+
+
+def imported(package):
+    names = set()
+    for path in (ROOT / package / package).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                names |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                names.add(node.module.split(".")[0])
+            elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+                names |= {str(a.value).split(".")[0] for a in node.args[:1] if isinstance(a, ast.Constant)}
+    return {DISTRIBUTIONS.get(n, n).lower() for n in names - set(sys.stdlib_module_names) - ROS - set(PACKAGES)}
+
+
+def required(package):
+    """Names in install_requires and extras_require."""
+    found = set()
+    for node in ast.walk(ast.parse((ROOT / package / "setup.py").read_text(encoding="utf-8"))):
+        if isinstance(node, ast.keyword) and node.arg in ("install_requires", "extras_require"):
+            value = ast.literal_eval(node.value)
+            for word in value if isinstance(value, list) else [w for group in value.values() for w in group]:
+                found.add(re.split(r"[<>=!~ ]", word)[0].lower())
+    return found
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_setup_names_what_the_code_imports(package):
+    assert imported(package) <= required(package)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_setup_names_nothing_that_is_not_imported(package):
+    # These are imported by a name put together at run time.
+    late = {"asyncua", "pymodbus", "pyserial", "foxglove-sdk"}
+    assert required(package) - imported(package) <= late
