@@ -280,7 +280,8 @@ def corrected_stations(
         magnetometer_scale=0.0,
         axial_interference_nt=0.0,
     )
-    settings = replace(settings, errors=aligned, azimuth_method=RAW)
+    # What is left of the interference is in the readings' covariance.
+    settings = replace(settings, errors=aligned, azimuth_method=RAW, plausible_interference_nt=1.0)
     done = []
     for k, old in enumerate(stations):
         f_t, b_t = analysis.corrected(old.f_t, old.b_t)

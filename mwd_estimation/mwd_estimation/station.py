@@ -32,6 +32,8 @@ RAW, CORRECTED = "raw", "corrected"
 _SIGNIFICANT = 2.0
 # Variance of the corrected over the raw azimuth from which on the correction needs no sign of interference.
 _CLEARLY_BETTER = 0.5
+# An attitude that leaves unseen as much interference as would turn the azimuth by this many of its sigmas hides it.
+_HIDES = 2.0
 # What an unknown angle of the azimuth's kind is said to be known to.
 _UNKNOWN_SIGMA = math.pi
 # With a smaller share of the field horizontal there is no azimuth at all.
@@ -59,7 +61,7 @@ class StationSettings:
     )
     plausible_interference_nt: float = setting(
         3000.0,
-        "Axial interference imaginable at all, 1 sigma: only decides between mirror solutions",
+        "Axial interference imaginable at all, 1 sigma: where more of it than expected shows or could hide",
         unit="nT",
         low=1.0,
     )
@@ -136,6 +138,8 @@ class Station:
         accept, doubtful or reject.
     reasons : tuple of str
         In words for a driller; an accepted station says what it was measured against.
+    azimuth_doubts : tuple of str
+        Those of the reasons that doubt nothing but the magnetic azimuth: with another azimuth they have no weight.
     reference : Reference or None
         What it was judged and corrected by.
     north_correction : float
@@ -170,6 +174,7 @@ class Station:
     north_correction: float
     f_t: Array = field(repr=False)
     b_t: Array = field(repr=False)
+    azimuth_doubts: tuple[str, ...] = ()
 
     def by_method(self, method: str) -> MethodAzimuth | None:
         """The azimuth of one method, None where it was not tried."""
@@ -233,15 +238,17 @@ def station(
         horizontal = reference.horizontal
 
     findings = _Findings()
+    doubted: tuple[str, ...] = ()
     north, turn_north = _north(reference, settings.north, findings)
     alignment = settings.errors.alignment(inc)
     jacobian = magnetics.angle_jacobian(f_h, b_h)
-    correction, refused = None, ""
+    correction, refused, hidden = None, "", False
     if has_field:
         if reference is not None and reference.has_field:
             correction = _correction(f_h, b_h, reference, covariance_s, settings)
             refused = quality.correction_refusal(correction, inc, settings.quality)
-        methods = [_raw(f_h, b_h, jacobian, covariance_s, settings.errors, correction)]
+        hidden = correction is not None and _hidden(correction, jacobian, covariance_s, settings)
+        methods = [_raw(f_h, b_h, jacobian, covariance_s, settings, None if hidden else correction)]
         if correction is not None and math.isfinite(float(correction.azimuth)):
             methods.append(_corrected(correction, jacobian, covariance_s))
         chosen = _choose(settings.azimuth_method, methods, correction, refused, settings.errors)
@@ -270,6 +277,7 @@ def station(
     if has_field:
         _judge_field(findings, settings, reference, north, horizontal)
         _judge_interference(findings, settings, correction, corrected, refused)
+        doubted = _judge_hidden(findings, settings, float(jacobian[1, 3]), hidden and not corrected)
         if math.sin(inc) < math.sin(math.radians(settings.quality.min_azimuth_inclination_deg)):
             findings.remark("near vertical: azimuth and high side are loose, use magnetic toolface")
     else:
@@ -316,6 +324,7 @@ def station(
         north_correction=turn_north,
         f_t=f_raw,
         b_t=b_raw,
+        azimuth_doubts=doubted,
     )
 
 
@@ -352,19 +361,49 @@ def _raw(
     b_h: Array,
     jacobian: Array,
     covariance_s: Array,
-    errors: SensorErrors,
+    settings: StationSettings,
     correction: magnetics.AxialCorrection | None,
 ) -> _Method:
-    """
-    The plain azimuth: axial interference is one of its errors, as expected or, where more shows, as it shows.
-    """
-    variance = (errors.axial_interference_nt * 1e-9) ** 2
-    if correction is not None and _shows(correction, math.sqrt(variance)):
-        shown = float(correction.interference) ** 2 - float(correction.sigma_interference) ** 2
-        variance = max(variance, shown)
+    """The plain azimuth: axial interference is one of its errors, as expected or as it shows."""
+    variance = (settings.errors.axial_interference_nt * 1e-9) ** 2
+    if correction is not None:
+        variance = _shown_variance(correction, variance, (settings.plausible_interference_nt * 1e-9) ** 2)
     covariance = covariance_s.copy()
     covariance[3, 3] += variance
     return _Method(RAW, float(magnetics.raw_azimuth(f_h, b_h)), jacobian @ covariance @ jacobian.T)
+
+
+def _shown_variance(correction: magnetics.AxialCorrection, expected: float, plausible: float) -> float:
+    """
+    Mean square axial interference, T^2, given what the correction shows of it.
+
+    expected, plausible: variances, T^2. The string is as expected, or something is wrong with it and the scale of its
+    interference lies anywhere up to the plausible; the estimate and its sigma decide between the scales.
+    """
+    shown, noise = float(correction.interference), float(correction.sigma_interference) ** 2
+    if not math.isfinite(shown + noise) or plausible <= expected:
+        return expected
+    floor = max(expected, 1e-4 * plausible)
+    scales = floor * (plausible / floor) ** np.linspace(0.0, 1.0, 5)
+    misfit = shown**2 / (scales + noise)
+    evidence = np.exp(-0.5 * (misfit - misfit.min())) / np.sqrt(scales + noise)
+    share = scales / (scales + noise)
+    square = (share * shown) ** 2 + share * noise
+    # The expected counts in full: what a reference off by its sigma shows by chance is no news of the string.
+    square[0] = expected
+    return max(float(evidence @ square / evidence.sum()), expected)
+
+
+def _hidden(
+    correction: magnetics.AxialCorrection, jacobian: Array, covariance_s: Array, settings: StationSettings
+) -> bool:
+    """Whether interference that this attitude does not show could turn the azimuth far beyond its sigma."""
+    expected, plausible = settings.errors.axial_interference_nt * 1e-9, settings.plausible_interference_nt * 1e-9
+    unseen = plausible * float(correction.sigma_interference) / math.hypot(plausible, correction.sigma_interference)
+    covariance = covariance_s.copy()
+    covariance[3, 3] += expected**2
+    sigma = math.sqrt(float(jacobian[1] @ covariance @ jacobian[1]))
+    return bool(abs(jacobian[1, 3]) * unseen > _HIDES * sigma)
 
 
 def _correction(
@@ -452,11 +491,6 @@ def _judge_interference(
     if correction is None:
         return
     if not (corrected or _shows(correction, expected_nt * 1e-9)):
-        if refused and float(correction.sigma_interference) > 5.0 * expected_nt * 1e-9:
-            findings.remark(
-                "axial interference cannot be seen in this attitude: "
-                f"the azimuth's sigma counts on {expected_nt:.0f} nT"
-            )
         return
     nt, sigma_nt = float(correction.interference) * 1e9, float(correction.sigma_interference) * 1e9
     text = f"axial interference {nt:+.0f} +- {sigma_nt:.0f} nT"
@@ -466,6 +500,20 @@ def _judge_interference(
         findings.add(DOUBTFUL, f"{text} seen, azimuth uncorrected as asked")
     elif refused and settings.azimuth_method != CORRECTED:
         findings.remark(f"{text} not corrected: {refused}")
+
+
+def _judge_hidden(findings: _Findings, settings: StationSettings, slope: float, hidden: bool) -> tuple[str, ...]:
+    """Doubt an azimuth whose interference this attitude hides; slope: of the azimuth by the axial field, rad/T."""
+    if not hidden:
+        return ()
+    turned = math.degrees(abs(slope) * 1e-6)
+    text = (
+        "axial interference cannot be seen in this attitude, 1000 nT of it turn the azimuth by "
+        f"{turned:.1f} deg and its sigma counts on {settings.errors.axial_interference_nt:.0f} nT: "
+        "use multi-station correction or a gyro"
+    )
+    findings.add(DOUBTFUL, text)
+    return (text,)
 
 
 def deviation_covariance(

@@ -119,6 +119,13 @@ def test_covariance_of_the_angles_matches_drawn_errors_for_both_azimuths():
         (88, 30, 220, 220),
         (60, 20, 1500, 220),
         (30, 200, 1500, 220),
+        # Unannounced, and not seen at a glance.
+        (30, 90, 500, 220),
+        (45, 70, 1500, 220),
+        (60, 90, 500, 220),
+        (60, 90, 1500, 220),
+        (88, 30, 1500, 220),
+        (75, 60, 3000, 220),
         (30, 90, 1500, 1500),
         (60, 90, 1500, 1500),
         (88, 90, 1500, 1500),
@@ -157,10 +164,26 @@ def test_the_correction_is_taken_unasked_where_a_short_collar_is_expected():
     assert station(*readings(89, 90, 40), REFERENCE, short).method == "raw"
 
 
-def test_an_attitude_that_hides_interference_is_remarked():
-    shot = station(*readings(89, 90, 40), REFERENCE)
+@pytest.mark.parametrize(("inc", "azi"), [(75, 90), (88, 75), (89, 90), (90, 268)])
+def test_an_attitude_that_hides_interference_makes_the_azimuth_doubtful(inc, azi):
+    for axial in (0.0, 1.5e-6):
+        shot = station(*readings(inc, azi, 40, axial), REFERENCE)
+        assert shot.verdict != "accept"
+        (doubt,) = shot.azimuth_doubts
+        assert doubt in shot.reasons
+        assert "cannot be seen in this attitude, 1000 nT of it turn the azimuth by" in doubt
+    # Who counts on as much, knows what he has.
+    told = StationSettings(errors=SensorErrors(axial_interference_nt=3000.0))
+    shot = station(*readings(inc, azi, 40), REFERENCE, told)
+    assert shot.azimuth_doubts == ()
+    assert shot.sigma_azimuth > 8.0 * DEG or shot.corrected
+
+
+@pytest.mark.parametrize(("inc", "azi"), [(30, 90), (45, 70), (60, 90), (75, 60), (88, 30)])
+def test_an_attitude_that_shows_interference_raises_no_doubt(inc, azi):
+    shot = station(*readings(inc, azi, 40), REFERENCE)
     assert shot.verdict == "accept"
-    assert any("cannot be seen in this attitude" in reason for reason in shot.reasons)
+    assert shot.azimuth_doubts == ()
 
 
 def test_noise_of_the_averages_adds_to_the_sigmas():
