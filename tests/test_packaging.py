@@ -27,7 +27,7 @@ def imported(package):
                 names |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
                 names.add(node.module.split(".")[0])
-            elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+            elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(("import_module", "optional")):
                 names |= {str(a.value).split(".")[0] for a in node.args[:1] if isinstance(a, ast.Constant)}
     return {DISTRIBUTIONS.get(n, n).lower() for n in names - set(sys.stdlib_module_names) - ROS - set(PACKAGES)}
 
@@ -51,5 +51,5 @@ def test_setup_names_what_the_code_imports(package):
 @pytest.mark.parametrize("package", PACKAGES)
 def test_setup_names_nothing_that_is_not_imported(package):
     # These are imported by a name put together at run time.
-    late = {"asyncua", "pymodbus", "pyserial", "foxglove-sdk"}
+    late = {"foxglove-sdk"}
     assert required(package) - imported(package) <= late
