@@ -8,6 +8,7 @@ import sys
 import typer
 
 from mwd_surface.commands.bag import bag, recover
+from mwd_surface.commands.batch import batch
 from mwd_surface.commands.calibrate import calibrate
 from mwd_surface.commands.compare import compare
 from mwd_surface.commands.doctor import doctor
@@ -35,6 +36,7 @@ app.command(rich_help_panel=_LIVE)(run)
 app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(replay)
 app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(node)
 app.command(rich_help_panel=_RECORDINGS)(process)
+app.command(rich_help_panel=_RECORDINGS)(batch)
 app.command(rich_help_panel=_RECORDINGS)(compare)
 app.command(rich_help_panel=_RECORDINGS)(survey)
 app.command(rich_help_panel=_RECORDINGS)(export)

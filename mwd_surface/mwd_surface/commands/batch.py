@@ -1,0 +1,100 @@
+"""`mwd batch`: a fleet of recordings to one data set, over a Dask cluster."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from mwd_surface.commands.reference_options import Changes, Config, Date, Field, Lat, Lon
+
+_CLUSTER = "Cluster"
+
+
+def batch(
+    bags: Annotated[list[str], typer.Argument(help="Recordings, folders of them, or patterns with * and **.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the data set; made if need be.")],
+    method: Annotated[str | None, typer.Option("--method", help="Gravity extraction, as of `mwd process`.")] = None,
+    lat: Lat = None,
+    lon: Lon = None,
+    date: Date = None,
+    field: Field = None,
+    config: Config = None,
+    changes: Changes = None,
+    partial: Annotated[bool, typer.Option("--partial", help="Use what can be read of damaged recordings.")] = False,
+    scheduler: Annotated[
+        str,
+        typer.Option(
+            help="local, processes, threads, or the tcp://HOST:PORT of a Dask cluster.", rich_help_panel=_CLUSTER
+        ),
+    ] = "local",
+    workers: Annotated[
+        int, typer.Option(help="Workers; 0: as many as there are cores.", min=0, rich_help_panel=_CLUSTER)
+    ] = 0,
+) -> None:
+    """
+    Work out many recordings into one data set of Parquet tables, with a page that lists what came of each.
+
+    Writes DIR/bags, DIR/surveys and DIR/attitude (one row for every ten seconds), each a folder that polars, duckdb and
+    pandas read as one table, and DIR/index.html. Called again it goes on: what is worked out, by content and settings,
+    is kept. A recording that fails is listed with its reason and does not stop the rest; the exit status is then 1.
+
+    \b
+    Examples:
+      mwd batch 'bags/**' -o fleet
+      mwd batch pad_7 pad_8 -o fleet --lat 58.44 --lon 1.88 --date 2026-03-01
+      mwd batch '/data/**/*.mcap' -o /data/fleet --scheduler tcp://10.0.0.5:8786
+      duckdb -c "select bag, count(*) from 'fleet/surveys/*.parquet' where verdict = 'accept' group by bag"
+    """
+    from mwd_sensors import settings
+    from mwd_surface.commands import terminal
+    from mwd_surface.commands.reference_options import assignments, estimator_settings, place_changes
+    from mwd_surface.runs.process import InputSettings
+
+    try:
+        from mwd_surface.fleet import fleet_index, fleet_run
+    except ModuleNotFoundError as error:
+        hint = "pip install distributed pyarrow"
+        raise ValueError(f"a fleet needs the package {error.name}, which is not installed: {hint}") from error
+    from mwd_surface.fleet.fleet_dataset import FAILED
+    from mwd_surface.fleet.fleet_task import Outcome
+
+    named: dict[str, Any] = place_changes(lat, lon, date, field)
+    if named and "station.north" not in assignments(changes) and config is None:
+        named["station.north"] = "true"
+    if method is not None:
+        named["method"] = method
+    estimator = estimator_settings(config, named, changes)
+    found = fleet_run.find_bags(bags)
+    given = settings.from_mapping(InputSettings, {"partial": partial})
+    began = time.monotonic()
+    with (
+        fleet_run.cluster(scheduler, workers) as client,
+        terminal.progress(f"{len(found)} recordings") as progress,
+    ):
+
+        def told(outcome: Outcome, share: float) -> None:
+            if outcome.row["outcome"] == FAILED:
+                terminal.warn(f"{outcome.bag}: {outcome.row['reason']}")
+            progress(share)
+
+        outcomes = fleet_run.run(found, output, client, estimator, given, told)
+    elapsed = time.monotonic() - began
+    index = fleet_index.write_index(output, outcomes)
+    fresh = [one for one in outcomes if not one.kept and one.row["outcome"] != FAILED]
+    failures = [one for one in outcomes if one.row["outcome"] == FAILED]
+    samples = sum(one.row["samples"] for one in fresh)
+    lines = [
+        ("recordings", f"{len(outcomes)}: {len(fresh)} worked out, {len(outcomes) - len(fresh) - len(failures)} kept"),
+        ("failed", str(len(failures))),
+        ("surveys", str(sum(one.row["surveys"] or 0 for one in outcomes))),
+        ("speed", f"{samples / max(elapsed, 1e-9):,.0f} samples/s ({elapsed:.1f} s)"),
+        ("written", f"{index}, {', '.join(f'{output / name}/*.parquet' for name in ('bags', 'surveys', 'attitude'))}"),
+    ]
+    console = terminal.output()
+    for name, value in lines:
+        console.print(f"{name:>10}  {value}", markup=False)
+    if failures:
+        raise typer.Exit(1)

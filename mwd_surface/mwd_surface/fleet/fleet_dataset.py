@@ -1,0 +1,183 @@
+"""
+The data set of a fleet: `bags/`, `surveys/` and `attitude/`, one Parquet file each for every recording, named by what
+made it.
+
+The name (key) is the hash of the recording's bytes, of the settings and of this project's version. A file appears whole
+or not at all, that of `bags/` last: what it names is finished. So a run that was cut off goes on where it stopped, and
+nothing is in the data set twice. polars, duckdb and pandas read each folder as one table.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import uuid
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as parquet
+
+from mwd_estimation.status import Status
+from mwd_surface.fleet.attitude_statistics import FLAGS
+from mwd_surface.surveys import station_csv
+
+TABLES = ("attitude", "surveys", "bags")
+DONE, FAILED = "done", "failed"
+_CHUNK = 1 << 20
+_TEXT = ("azimuth_reference", "verdict", "reasons", "azimuth_method", "uuid")
+_WHERE = [("key", pa.string()), ("bag", pa.string()), ("well", pa.string())]
+
+
+def _flag(status: Status) -> str:
+    return f"share_{(status.name or '').lower()}"
+
+
+SCHEMAS = {
+    "bags": pa.schema(
+        [
+            ("key", pa.string()),
+            ("bag", pa.string()),
+            ("outcome", pa.string()),
+            ("reason", pa.string()),
+            ("bytes", pa.int64()),
+            ("wells", pa.int32()),
+            ("samples", pa.int64()),
+            ("seconds", pa.float64()),
+            ("start_ns", pa.int64()),
+            ("end_ns", pa.int64()),
+            ("samples_rejected", pa.int64()),
+            ("gaps", pa.int64()),
+            ("samples_without_gravity", pa.int64()),
+            ("samples_without_azimuth", pa.int64()),
+            ("inclination_lowest_deg", pa.float64()),
+            ("inclination_highest_deg", pa.float64()),
+            ("surveys", pa.int32()),
+            ("surveys_accepted", pa.int32()),
+            ("surveys_doubtful", pa.int32()),
+            ("surveys_rejected", pa.int32()),
+            ("method", pa.string()),
+            ("reference", pa.string()),
+            ("north", pa.string()),
+            ("warnings", pa.list_(pa.string())),
+            ("version", pa.string()),
+            ("worker", pa.string()),
+            ("elapsed_s", pa.float64()),
+        ]
+    ),
+    "surveys": pa.schema(
+        [
+            *_WHERE,
+            ("sequence", pa.int32()),
+            ("stamp_ns", pa.int64()),
+            ("duration_s", pa.float64()),
+            ("samples", pa.int64()),
+            ("requested", pa.bool_()),
+            *((name, pa.string() if name in _TEXT else pa.float64()) for name in station_csv.COLUMNS),
+            ("uuid", pa.string()),
+        ]
+    ),
+    "attitude": pa.schema(
+        [
+            *_WHERE,
+            ("start_ns", pa.int64()),
+            ("samples", pa.int64()),
+            ("inclination_deg", pa.float64()),
+            ("inclination_lowest_deg", pa.float64()),
+            ("inclination_highest_deg", pa.float64()),
+            ("sigma_inclination_deg", pa.float64()),
+            ("azimuth_deg", pa.float64()),
+            ("sigma_azimuth_deg", pa.float64()),
+            ("rotary_speed_rpm", pa.float64()),
+            ("non_gravity_mps2", pa.float64()),
+            *((_flag(flag), pa.float64()) for flag in FLAGS),
+        ]
+    ),
+}
+
+
+def key_of(path: Path, settings: str, version: str) -> str:
+    """
+    Name of the results of a recording: of its bytes, wherever it lies, and of what works them out.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    """
+    total = hashlib.sha256()
+    for text in (version, settings):
+        total.update(text.encode() + b"\0")
+    files = sorted(one for one in path.iterdir() if one.is_file()) if path.is_dir() else [path]
+    for file in files:
+        # metadata.yaml repeats what the files say, together with names that change when a folder is moved.
+        if file.name == "metadata.yaml" and len(files) > 1:
+            continue
+        total.update(file.stat().st_size.to_bytes(8, "little"))
+        with file.open("rb") as opened:
+            while chunk := opened.read(_CHUNK):
+                total.update(chunk)
+    return total.hexdigest()[:32]
+
+
+def write(folder: Path, key: str, tables: Mapping[str, list[dict[str, Any]]]) -> None:
+    """
+    Write the rows of one recording; `bags` must be among the tables and is written last.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be written.
+    """
+    for name in TABLES:
+        place = folder / name
+        place.mkdir(parents=True, exist_ok=True)
+        # A name of its own for each writer: two tasks may have the same recording.
+        draft = place / f".{key}.{uuid.uuid4().hex}.unfinished"
+        table = pa.Table.from_pylist(tables.get(name, []), schema=SCHEMAS[name])
+        try:
+            parquet.write_table(table, draft, compression="zstd")
+            draft.replace(place / f"{key}.parquet")
+        finally:
+            draft.unlink(missing_ok=True)
+
+
+def finished(folder: Path, key: str) -> dict[str, Any] | None:
+    """The row of `bags` of a recording that was worked out before; None where it was not, or failed."""
+    file = folder / "bags" / f"{key}.parquet"
+    if not file.is_file():
+        return None
+    try:
+        (row,) = parquet.ParquetFile(file).read().to_pylist()
+    except (pa.ArrowException, ValueError):
+        # Damaged on disk: worked out again.
+        return None
+    found: dict[str, Any] = row
+    return found if found["outcome"] == DONE else None
+
+
+def tidy(folder: Path, keys: Mapping[str, str]) -> int:
+    """
+    Take away what does not belong: unfinished files, results without their row in `bags`, and earlier results of the
+    recordings in `keys` (path -> key now). Returns how many files went.
+    """
+    going: list[Path] = []
+    for name in TABLES:
+        going += (folder / name).glob(".*.unfinished")
+    for file in (folder / "bags").glob("*.parquet"):
+        row = parquet.ParquetFile(file).read(["key", "bag"]).to_pylist()[0]
+        if keys.get(row["bag"], row["key"]) != row["key"] and row["key"] not in keys.values():
+            going.append(file)
+    kept = {file.name for file in (folder / "bags").glob("*.parquet")} - {file.name for file in going}
+    for name in TABLES[:-1]:
+        going += (file for file in (folder / name).glob("*.parquet") if file.name not in kept)
+    for file in going:
+        file.unlink(missing_ok=True)
+    return len(going)
+
+
+def read(folder: Path, table: str) -> pa.Table:
+    """One table of the data set, whole."""
+    files = sorted((folder / table).glob("*.parquet"))
+    parts: Iterable[pa.Table] = (parquet.ParquetFile(file).read() for file in files)
+    return pa.concat_tables([SCHEMAS[table].empty_table(), *parts])

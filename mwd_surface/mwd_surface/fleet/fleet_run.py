@@ -1,0 +1,140 @@
+"""
+A fleet of recordings over a Dask cluster: one task a bag.
+
+What one task does, and why it can be done twice without harm, is in `fleet_task` and `fleet_dataset`. Here: finding the
+recordings, handing them out, and an outcome for each, whatever becomes of its worker.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import glob
+import os
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import distributed
+
+from mwd_estimation.pipeline import EstimatorSettings
+from mwd_surface.fleet import fleet_dataset
+from mwd_surface.fleet.fleet_task import Outcome, Work, carry_out, config_text, failed
+from mwd_surface.runs.process import InputSettings
+
+SCHEDULERS = ("local", "processes", "threads")
+_ENDINGS = (".mcap", ".db3")
+# Tries after the first where a worker died under a task: another task may have been what killed it.
+_TRIES_AGAIN = 3
+
+
+def find_bags(patterns: Sequence[str]) -> list[Path]:
+    """
+    The recordings that the patterns name, each once, sorted: folders with a metadata.yaml, and files on their own.
+
+    A pattern may be a path, a folder to look through, or have `*` and `**` in it.
+
+    Raises
+    ------
+    ValueError
+        A pattern names nothing.
+    """
+    found: set[Path] = set()
+    for pattern in patterns:
+        # Not Path.glob: a pattern may begin at the root.
+        matches = [Path(one) for one in glob.glob(str(Path(pattern).expanduser()), recursive=True)]  # noqa: PTH207
+        inside = [path for match in matches for path in (match.rglob("*") if match.is_dir() else ())]
+        bags = {_bag_of(path) for path in (*matches, *inside) if path.suffix in _ENDINGS and path.is_file()}
+        bags |= {path.parent for path in (*matches, *inside) if path.name == "metadata.yaml"}
+        if not bags:
+            raise ValueError(f"{pattern}: no recording there")
+        found |= {path.resolve() for path in bags}
+    return sorted(found)
+
+
+def _bag_of(file: Path) -> Path:
+    return file.parent if (file.parent / "metadata.yaml").is_file() else file
+
+
+@contextlib.contextmanager
+def cluster(scheduler: str, workers: int = 0) -> Iterator[distributed.Client]:
+    """
+    A Dask client: of a cluster that is there (`tcp://...`), or of one made for the run.
+
+    scheduler: "local" or "processes" (a process a core, started again when it dies), "threads" (in this process).
+    workers: how many; 0: as the machine has cores.
+
+    Raises
+    ------
+    ValueError
+        The name is none of these.
+    OSError
+        Nobody answers at the address.
+    """
+    if "://" in scheduler:
+        with distributed.Client(scheduler, timeout="10s") as client:
+            yield client
+        return
+    if scheduler not in SCHEDULERS:
+        raise ValueError(f"--scheduler {scheduler}: expected {', '.join(SCHEDULERS)} or tcp://HOST:PORT")
+    processes = scheduler != "threads"
+    cores = workers or len(os.sched_getaffinity(0))
+    with (
+        distributed.LocalCluster(
+            n_workers=cores if processes else 1,
+            threads_per_worker=1 if processes else cores,
+            processes=processes,
+            host="127.0.0.1" if processes else None,
+            dashboard_address=None,
+            silence_logs=50,
+        ) as made,
+        distributed.Client(made) as client,
+    ):
+        yield client
+
+
+def run(
+    bags: Sequence[Path],
+    folder: Path,
+    client: distributed.Client,
+    estimator: EstimatorSettings,
+    given: InputSettings | None = None,
+    told: Callable[[Outcome, float], None] = lambda _outcome, _share: None,
+) -> list[Outcome]:
+    """
+    Work out every recording that is not worked out yet, into the data set in `folder`.
+
+    Parameters
+    ----------
+    bags : sequence of Path
+        As `find_bags` gives them. Workers on other machines must see them, and `folder`, under the same paths.
+    told : callable
+        Told each outcome as it comes, and the share of recordings that are through.
+
+    Returns
+    -------
+    list of Outcome
+        One for every bag, in their order.
+
+    Raises
+    ------
+    OSError
+        The data set cannot be written.
+    """
+    (folder / "bags").mkdir(parents=True, exist_ok=True)
+    text = config_text(estimator)
+    place = str(folder.resolve())
+    works = [Work(str(bag), place, text, given or InputSettings()) for bag in bags]
+    futures = {client.submit(carry_out, work, pure=False, retries=_TRIES_AGAIN): work for work in works}
+    outcomes: dict[str, Outcome] = {}
+    for future in distributed.as_completed(futures):
+        work = futures[future]
+        if future.status == "finished":
+            outcome: Outcome = future.result()
+        else:
+            error = future.exception()
+            if isinstance(error, OSError):
+                raise error
+            outcome = failed(work, "", f"the worker failed: {type(error).__name__}: {error}"[:500])
+        outcomes[work.bag] = outcome
+        told(outcome, len(outcomes) / len(works))
+    fleet_dataset.tidy(folder, {one.bag: one.key for one in outcomes.values() if one.key})
+    return [outcomes[work.bag] for work in works]

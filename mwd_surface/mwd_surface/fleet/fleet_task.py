@@ -1,0 +1,185 @@
+"""The task of one worker: a recording to its rows in the data set; called in another process, or on another machine."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import socket
+import time
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mwd_estimation.pipeline import EstimatorSettings, Output
+from mwd_estimation.survey import Survey
+from mwd_sensors import settings as settings_of
+from mwd_sensors import wire
+from mwd_surface import __version__
+from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.fleet import fleet_dataset
+from mwd_surface.fleet.attitude_statistics import AttitudeStatistics
+from mwd_surface.fleet.fleet_dataset import DONE, FAILED
+from mwd_surface.runs import process
+from mwd_surface.runs.process import InputSettings, Summary
+from mwd_surface.surveys import station_csv
+
+
+@dataclasses.dataclass(frozen=True)
+class Work:
+    """
+    One recording to work out.
+
+    bag: path of the recording. folder: of the data set. config: settings of the estimator as YAML, so that every worker
+    has the same whatever it was started with. given: how the recording is to be read.
+    """
+
+    bag: str
+    folder: str
+    config: str
+    given: InputSettings
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """
+    What came of a recording: its row of the table `bags`, and whether it had been there before.
+
+    key: "" where the recording could not even be read.
+    """
+
+    bag: str
+    key: str
+    row: dict[str, Any]
+    kept: bool = False
+
+
+def config_text(estimator: EstimatorSettings) -> str:
+    """The settings as YAML, every one of them."""
+    text: str = yaml.safe_dump(settings_of.to_mapping(estimator), sort_keys=True)
+    return text
+
+
+def carry_out(work: Work) -> Outcome:
+    """
+    Work out a recording and write its rows, unless they are there.
+
+    A recording that cannot be processed is an outcome with its reason, not an exception; a full disk is an exception.
+    """
+    began = time.monotonic()
+    path, folder = Path(work.bag), Path(work.folder)
+    try:
+        key = fleet_dataset.key_of(path, f"{work.config}\0{work.given!r}", __version__)
+    except OSError as error:
+        return failed(work, "", f"cannot be read: {error.strerror or error}", began)
+    earlier = fleet_dataset.finished(folder, key)
+    if earlier is not None:
+        return Outcome(work.bag, key, earlier, kept=True)
+    try:
+        tables = _tables(path, key, work, began)
+    except (BagError, ValueError) as error:
+        outcome = failed(work, key, str(error), began)
+        tables = {"bags": [outcome.row]}
+    fleet_dataset.write(folder, key, tables)
+    return Outcome(work.bag, key, tables["bags"][0])
+
+
+def failed(work: Work, key: str, reason: str, began: float | None = None) -> Outcome:
+    """The outcome of a recording that gave nothing."""
+    row = dict.fromkeys(fleet_dataset.SCHEMAS["bags"].names)
+    row |= {
+        "key": key,
+        "bag": work.bag,
+        "outcome": FAILED,
+        "reason": reason,
+        "bytes": _bytes(Path(work.bag)),
+        "version": __version__,
+        "worker": f"{socket.gethostname()}:{os.getpid()}",
+        "elapsed_s": time.monotonic() - began if began is not None else None,
+        "warnings": [],
+    }
+    return Outcome(work.bag, key, row)
+
+
+def _tables(path: Path, key: str, work: Work, began: float) -> dict[str, list[dict[str, Any]]]:
+    estimator = settings_of.from_mapping(EstimatorSettings, yaml.safe_load(work.config))
+    tables: dict[str, list[dict[str, Any]]] = {"surveys": [], "attitude": []}
+    found: list[Summary] = []
+    with Bag(path) as bag:
+        for topic in _inertial_units(bag, work.given):
+            given = dataclasses.replace(work.given, imu_topic=topic) if topic else work.given
+            statistics = AttitudeStatistics()
+
+            def take(output: Output, statistics: AttitudeStatistics = statistics) -> None:
+                statistics.add(output.attitude, output.gravity)
+
+            summary = process.estimate(bag, estimator, given, take)
+            where = {"key": key, "bag": work.bag, "well": summary.topics.imu.removesuffix(process.IMU).strip("/")}
+            tables["attitude"] += [{**where, **row} for row in statistics.rows()]
+            tables["surveys"] += [{**where, **_survey_row(*survey)} for survey in summary.surveys]
+            found.append(summary)
+    tables["bags"] = [_bag_row(work, key, found, estimator, began)]
+    return tables
+
+
+def _inertial_units(bag: Bag, given: InputSettings) -> list[str]:
+    """The AHRS of every well in a bag; an empty name leaves the choice, and the error, to the reader."""
+    if given.imu_topic:
+        return [given.imu_topic]
+    named = [
+        topic.name
+        for topic in bag.topics.values()
+        if topic.type_name == wire.IMU.type_name and topic.count and topic.name.endswith(process.IMU)
+    ]
+    return sorted(named) or [""]
+
+
+def _survey_row(survey: Survey, depth: float) -> dict[str, Any]:
+    schema = fleet_dataset.SCHEMAS["surveys"]
+    cells: dict[str, Any] = {
+        name: text if schema.field(name).type == "string" else float(text) if text else None
+        for name, text in station_csv.cells(survey.station, depth).items()
+    }
+    return cells | {
+        "sequence": survey.sequence,
+        "stamp_ns": survey.stamp_ns,
+        "duration_s": survey.duration,
+        "samples": survey.samples,
+        "requested": survey.requested,
+        "uuid": survey.uuid,
+    }
+
+
+def _bag_row(work: Work, key: str, found: list[Summary], estimator: EstimatorSettings, began: float) -> dict[str, Any]:
+    verdicts = [survey.station.verdict for one in found for survey, _ in one.surveys]
+    lowest = [one.lowest for one in found if not math.isnan(one.lowest)]
+    highest = [one.highest for one in found if not math.isnan(one.highest)]
+    return failed(work, key, "", began).row | {
+        "outcome": DONE,
+        "wells": len(found),
+        "samples": sum(one.rows for one in found),
+        "seconds": sum(one.seconds for one in found),
+        "start_ns": min(one.start_ns for one in found),
+        "end_ns": max(one.end_ns for one in found),
+        "samples_rejected": sum(one.rejected for one in found),
+        "gaps": sum(one.gaps for one in found),
+        "samples_without_gravity": sum(one.without_gravity for one in found),
+        "samples_without_azimuth": sum(one.without_azimuth for one in found),
+        "inclination_lowest_deg": math.degrees(min(lowest)) if lowest else None,
+        "inclination_highest_deg": math.degrees(max(highest)) if highest else None,
+        "surveys": len(verdicts),
+        **{
+            f"surveys_{word}": verdicts.count(verdict)
+            for word, verdict in (("accepted", "accept"), ("doubtful", "doubtful"), ("rejected", "reject"))
+        },
+        "method": estimator.method,
+        "reference": "; ".join(dict.fromkeys(one.reference for one in found)),
+        "north": "; ".join(dict.fromkeys(one.north for one in found)),
+        "warnings": [warning for one in found for warning in one.warnings],
+    }
+
+
+def _bytes(path: Path) -> int:
+    files = path.rglob("*") if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files if file.is_file())
