@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import functools
+import sys
 from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
 from typing import Any, TypeVar
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -14,16 +18,51 @@ except ImportError:
 else:
     HAVE_NUMBA = True
 
+_OURS = "mwd_"
+
 
 def compiled(function: F) -> F:
     """
     Compile an explicit-loop kernel to machine code, or hand it back unchanged.
 
     The function must use scalars, numpy arrays and loops only (no Python objects, no ``@``: matrix products of
-    small arrays are slower than loops there). The machine code is cached beside the module. Floating point stays
-    strict (no fast-math), so that a block of samples gives the same bits as the samples one by one. Other threads run
-    meanwhile, so the arrays of one call belong to it until it returns.
+    small arrays are slower than loops there). The machine code is cached beside the module, and made anew when the
+    module changes or one that its names come from. Floating point stays strict (no fast-math), so that a block of
+    samples gives the same bits as the samples one by one. Other threads run meanwhile, so the arrays of one call belong
+    to it until it returns.
     """
     if not HAVE_NUMBA:
         return function
-    return _njit(cache=True, fastmath=False, nogil=True)(function)  # type: ignore[no-any-return]
+    kernel = _njit(cache=True, fastmath=False, nogil=True)(function)
+    # numba looks at the kernel's own file only; machine code of a callee that has changed since would live on in it.
+    index = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
+    if index is not None:
+        index._source_stamp = (index._source_stamp, _stamps(function.__module__))
+    return kernel  # type: ignore[no-any-return]
+
+
+@functools.cache
+def _stamps(name: str) -> tuple[tuple[str, int, int], ...]:
+    """Name, change and size of the files of a module and of all of ours that its names come from, near and far."""
+    seen: set[str] = set()
+    waiting = [name]
+    while waiting:
+        at = waiting.pop()
+        module = sys.modules.get(at)
+        if module is None or at in seen:
+            continue
+        seen.add(at)
+        if hasattr(module, "__path__"):
+            # A package's names are whatever has been imported of it so far.
+            continue
+        for value in list(vars(module).values()):
+            source = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
+            if isinstance(source, str) and source.startswith(_OURS):
+                waiting.append(source)
+    found = []
+    for at in sorted(seen):
+        file = getattr(sys.modules[at], "__file__", None)
+        if file is not None and Path(file).exists():
+            about = Path(file).stat()
+            found.append((at, about.st_mtime_ns, about.st_size))
+    return tuple(found)

@@ -1,0 +1,43 @@
+"""Compiled kernels: what was cached of a callee that has changed since is not used."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from mwd_sensors.compiled import HAVE_NUMBA, compiled
+
+
+@compiled
+def _sum(n):
+    total = 0
+    for k in range(n):
+        total += k
+    return total
+
+
+def test_a_kernel_gives_what_the_function_gives():
+    assert _sum(1000) == 499500
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
+def test_a_changed_callee_in_another_module_is_compiled_anew(tmp_path):
+    callee = "from mwd_sensors.compiled import compiled\n\n@compiled\ndef step(x):\n    return x + {}\n"
+    (tmp_path / "mwd_callee.py").write_text(callee.format(1))
+    (tmp_path / "mwd_caller.py").write_text(
+        "import mwd_callee\nfrom mwd_sensors.compiled import compiled\n\n"
+        "@compiled\ndef run(x):\n    return 10 * mwd_callee.step(x)\n\n"
+        "print(run(1), len(run.stats.cache_hits))\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def run():
+        command = [sys.executable, "mwd_caller.py"]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+        return done.stdout.split()
+
+    assert run() == ["20", "0"]
+    assert run() == ["20", "1"]
+    (tmp_path / "mwd_callee.py").write_text(callee.format(22))
+    assert run() == ["230", "0"]
