@@ -10,6 +10,9 @@ nonlinear least squares:
     b = B-true + bias + scale b,   f = F-true + bias + scale f
     residual = (|f|, H, V)(f - ..., b - ...) - reference - error of the reference
 
+Where a gyro has given azimuths too, they show what the field's size and dip cannot: axial interference in a hole that
+stays horizontal and east-west.
+
 An error the run's attitudes do not show keeps its prior sigma; it is named, and the azimuth's sigma carries it.
 """
 
@@ -28,7 +31,7 @@ from mwd_estimation import magnetics
 from mwd_estimation.reference import STANDARD_GRAVITY, Reference
 from mwd_estimation.sensor_errors import SensorErrors
 from mwd_estimation.station import RAW, Station, StationSettings, station
-from mwd_sensors.frames import Array, gravity_toolface, inclination
+from mwd_sensors.frames import Array, gravity_toolface, inclination, wrap_pi
 from mwd_sensors.settings import setting
 
 MSA = "msa"
@@ -95,6 +98,24 @@ class MultistationSettings:
 
 
 @dataclass(frozen=True)
+class GyroAzimuths:
+    """
+    Azimuths of a gyro at the stations of a run, from magnetic north.
+
+    Attributes
+    ----------
+    azimuth, sigma : ndarray, shape (n,)
+        rad; nan where the gyro gave none. Sigma is what errs at each station anew.
+    common : float
+        1 sigma of what errs alike at all of them, rad: the gyro's sensitivity to gravity, the declination.
+    """
+
+    azimuth: Array
+    sigma: Array
+    common: float = 0.0
+
+
+@dataclass(frozen=True)
 class Multistation:
     """
     What the stations of a run say together.
@@ -154,6 +175,7 @@ def analyse(
     reference: Reference,
     errors: SensorErrors | None = None,
     settings: MultistationSettings | None = None,
+    gyro: GyroAzimuths | None = None,
 ) -> Multistation:
     """
     Estimate the errors common to the stations of one run, and their azimuths without them.
@@ -167,6 +189,8 @@ def analyse(
     errors : SensorErrors, optional
         Priors of bias and scale, such as `toolcode.sensor_errors(code)`.
     settings : MultistationSettings, optional
+    gyro : GyroAzimuths, optional
+        Where given, the corrected azimuths hold what the gyro knows: do not weigh it in again.
 
     Returns
     -------
@@ -188,7 +212,11 @@ def analyse(
         raise ValueError("f_t and b_t: every reading must be finite; leave incomplete stations out")
     if not reference.has_field:
         raise ValueError("reference: a multi-station analysis needs the strength and dip of the field")
-    problem = _Problem(f, b, reference, errors, settings)
+    if gyro is not None and (np.shape(gyro.azimuth) != (len(f),) or np.shape(gyro.sigma) != (len(f),)):
+        raise ValueError(
+            f"gyro: expected an azimuth and a sigma for each of {len(f)} stations, nan where none"
+        )
+    problem = _Problem(f, b, reference, errors, settings, gyro)
 
     used = np.ones(len(f), dtype=bool)
     while True:
@@ -198,7 +226,8 @@ def analyse(
         if misfit[worst] <= settings.outlier_sigma or used.sum() <= max(3, (1.0 - settings.max_outliers) * len(f)):
             break
         used[worst] = False
-    chi_square, degrees = float(np.sum(problem.residual(solution, used) ** 2)), int(3 * used.sum())
+    degrees = int(3 * used.sum()) + problem.compared(used)
+    chi_square = float(np.sum(problem.residual(solution, used) ** 2))
     probability = float(chi2.sf(chi_square, degrees))
     # Few stations tell nothing of the noise.
     if settings.adapt_noise and used.sum() >= _MANY:
@@ -323,9 +352,15 @@ class _Problem:
     """Residuals of the stations against one reference, whitened, with the priors beneath them."""
 
     def __init__(
-        self, f: Array, b: Array, reference: Reference, errors: SensorErrors, settings: MultistationSettings
+        self,
+        f: Array,
+        b: Array,
+        reference: Reference,
+        errors: SensorErrors,
+        settings: MultistationSettings,
+        gyro: GyroAzimuths | None = None,
     ) -> None:
-        self.f, self.b = f, b
+        self.f, self.b, self.gyro = f, b, gyro
         gravity = STANDARD_GRAVITY if reference.gravity is None else reference.gravity
         self.reference = np.array([gravity, reference.horizontal, reference.vertical])
         bias = errors.magnetometer_bias_nt
@@ -415,12 +450,46 @@ class _Problem:
         return np.asarray(found.x, dtype=float)
 
     def residual(self, x: Array, used: np.ndarray) -> Array:
-        """Whitened residuals of the used stations and the priors, shape (3 n + 15,)."""
-        return np.concatenate([self._whitened(x)[used].ravel(), x])
+        """Whitened residuals of the used stations and the priors, shape (3 n + 15 + gyro azimuths,)."""
+        return np.concatenate([self._whitened(x)[used].ravel(), x, self._gyro_residual(x, used)])
 
     def slope(self, x: Array, used: np.ndarray) -> Array:
-        """Derivative of `residual`, shape (3 n + 15, 15)."""
-        return np.concatenate([self._whitened_slope(x)[used].reshape(-1, 15), np.eye(15)])
+        """Derivative of `residual`, shape (3 n + 15 + gyro azimuths, 15)."""
+        return np.concatenate([self._whitened_slope(x)[used].reshape(-1, 15), np.eye(15), self._gyro_slope(x, used)])
+
+    def compared(self, used: np.ndarray) -> int:
+        """Number of used stations with an azimuth of the gyro."""
+        return int(self._seen(used).sum())
+
+    def _seen(self, used: np.ndarray) -> np.ndarray:
+        if self.gyro is None:
+            return np.zeros(len(self.f), dtype=bool)
+        return np.asarray(used & np.isfinite(self.gyro.azimuth) & np.isfinite(self.gyro.sigma))
+
+    def _gyro_white(self, seen: np.ndarray) -> Array:
+        """What whitens the differences from the gyro: each one's noise, the station's own, and the common error."""
+        if self.gyro is None:
+            return np.zeros((0, 0))
+        slope = magnetics.angle_jacobian(self.f[seen], self.b[seen])[:, 1, :]
+        own = self.gyro.sigma[seen] ** 2 + np.einsum("ni,ij,nj->n", slope, self.noise, slope)
+        return np.linalg.inv(np.linalg.cholesky(np.diag(own) + self.gyro.common**2))
+
+    def _gyro_residual(self, x: Array, used: np.ndarray) -> Array:
+        seen = self._seen(used)
+        if self.gyro is None or not seen.any():
+            return np.zeros(0)
+        f, b = _corrected(self.f[seen], self.b[seen], self.scale @ x)
+        off = wrap_pi(magnetics.raw_azimuth(f, b) - self.gyro.azimuth[seen])
+        return np.asarray(self._gyro_white(seen) @ off)
+
+    def _gyro_slope(self, x: Array, used: np.ndarray) -> Array:
+        seen = self._seen(used)
+        if not seen.any():
+            return np.zeros((0, 15))
+        f, b = _corrected(self.f[seen], self.b[seen], self.scale @ x)
+        slope = np.zeros((int(seen.sum()), 15))
+        slope[:, :_SENSORS] = np.einsum("ni,nij->nj", magnetics.angle_jacobian(f, b)[:, 1, :], self._by_errors()[seen])
+        return np.asarray(self._gyro_white(seen) @ slope @ self.scale)
 
     def misfit(self, x: Array) -> Array:
         """Length of each station's whitened residual, shape (n,): in one of a thousand stations beyond 4 by chance."""

@@ -6,7 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mwd_estimation.multistation import NAMES, MultistationSettings, _Problem, analyse, corrected_stations
+from mwd_estimation.multistation import (
+    NAMES,
+    GyroAzimuths,
+    MultistationSettings,
+    _Problem,
+    analyse,
+    corrected_stations,
+)
 from mwd_estimation.reference import Reference
 from mwd_estimation.sensor_errors import BENCH, SensorErrors
 from mwd_estimation.station import StationSettings, station
@@ -99,9 +106,11 @@ def test_interference_is_found_with_its_sigma_and_the_readings_corrected():
     assert np.std(np.linalg.norm(b_c, axis=1)) < np.std(np.linalg.norm(b_t, axis=1))
 
 
-def test_slope_of_the_residuals_agrees_with_finite_differences():
-    f_t, b_t, reference, *_ = drawn_run("build", 1, n=6)
-    problem = _Problem(f_t, b_t, reference, SensorErrors(), MultistationSettings())
+@pytest.mark.parametrize("gyro", [False, True])
+def test_slope_of_the_residuals_agrees_with_finite_differences(gyro):
+    f_t, b_t, reference, _, azi, *_ = drawn_run("build", 1, n=6)
+    seen = GyroAzimuths(np.where(np.arange(6) % 2, azi, np.nan), np.full(6, 0.02), 0.01) if gyro else None
+    problem = _Problem(f_t, b_t, reference, SensorErrors(), MultistationSettings(), seen)
     used = np.ones(6, dtype=bool)
     x = np.random.default_rng(2).normal(0, 1, 15)
     slope = problem.slope(x, used)
@@ -110,6 +119,30 @@ def test_slope_of_the_residuals_agrees_with_finite_differences():
         change[k] = 1e-4
         numeric = (problem.residual(x + change, used) - problem.residual(x - change, used)) / 2e-4
         assert slope[:, k] == pytest.approx(numeric, rel=1e-5, abs=1e-6), NAMES[k]
+
+
+def test_a_gyro_at_some_stations_shows_the_interference_of_an_east_west_hole():
+    alone, aided, sigmas, nees = [], [], [], []
+    for seed in range(25):
+        f_t, b_t, reference, _, azi, _, _ = drawn_run("east-west", seed)
+        rng = np.random.default_rng(seed + 1000)
+        seen = np.full(len(azi), np.nan)
+        common = rng.normal(0, 0.2 * DEG)
+        seen[::4] = azi[::4] + rng.normal(0, 1.3 * DEG, len(azi[::4])) + common
+        done = analyse(f_t, b_t, reference, gyro=GyroAzimuths(seen, np.full(len(azi), 1.3 * DEG), 0.2 * DEG))
+        assert done.refused == ""
+        assert done.degrees == 130
+        aided.append(wrap_pi(done.azimuth - azi))
+        alone.append(wrap_pi(analyse(f_t, b_t, reference).azimuth - azi))
+        sigmas.append(np.mean(done.sigma_azimuth))
+        nees.append(np.mean((aided[-1] / done.sigma_azimuth) ** 2))
+    assert rms_deg(aided) < 0.65 * rms_deg(alone)
+    assert rms_deg(aided) < 0.5
+    assert np.degrees(np.mean(sigmas)) == pytest.approx(rms_deg(aided), rel=0.3)
+    # 25 runs whose stations err together: 95 % band 1 -+ 0.55.
+    assert 0.45 < np.mean(nees) < 1.55
+    with pytest.raises(ValueError, match="for each of 40 stations"):
+        analyse(f_t, b_t, reference, gyro=GyroAzimuths(seen[:3], seen[:3]))
 
 
 def test_what_the_attitudes_do_not_show_is_named_and_keeps_its_prior():
