@@ -1,8 +1,9 @@
 """
 Golden recordings: a short bag beside the answers it once gave, and how far today's answers may be from them.
 
-A golden folder holds `bag/`, `config.yaml` (settings of the estimator), `surveys.csv`, `attitude.csv` (one row in so
-many, which keeps it small) and `limits.yaml` (name -> limit and its reason, see `compare.LIMITS`).
+A golden folder holds what is given, `bag/`, `config.yaml` (settings of the estimator that are not the default) and
+`limits.yaml` (name -> limit and its reason, see `compare.LIMITS`), and the answers, `surveys.csv` and `attitude.csv`
+(one row a second, which keeps it small).
 """
 
 from __future__ import annotations
@@ -83,8 +84,7 @@ def accept(golden: Path) -> None:
         run = Path(folder) / "run"
         _process(golden / "bag", golden, run)
         _keep_some(run / "attitude.csv", golden / "attitude.csv")
-        for name in ("surveys.csv", "config.yaml"):
-            shutil.copyfile(run / name, golden / name)
+        shutil.copyfile(run / "surveys.csv", golden / "surveys.csv")
 
 
 def _process(path: Path, like: Path, run: Path) -> None:
