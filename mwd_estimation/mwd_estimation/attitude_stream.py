@@ -217,8 +217,8 @@ class AttitudeStream:
         stretches = [(slice(start, stop), reading) for (start, reading), stop in zip(readings, stops, strict=True)]
         before = attitude_track.last_totals(self._track_state) or (math.nan, math.nan)
         rows, pairs = [], _no_pairs()
-        for part, reading in stretches:
-            if part.start > 0:
+        for k, (part, reading) in enumerate(stretches):
+            if k > 0:
                 attitude_track.begin_smoothing(self._track_state)
                 self._learn(reading.lesson)
             track = block.track
