@@ -380,10 +380,6 @@ def _run(
             counters[_HEAD] = (head + 1) % _RING
             counters[_LENGTH] = min(counters[_LENGTH] + 1, _RING)
             counters[_LAST_NS] = stamp
-        elif known and step < -1.0:
-            # The clock was set back: start anew from here.
-            counters[_LENGTH] = 0
-            counters[_HAVE_MAG] = 0
         while used < len(mag_ns) and mag_ns[used] <= stamp - lag:
             if counters[_LENGTH] > 0 and (counters[_HAVE_MAG] == 0 or mag_ns[used] > counters[_MAG_NS]):
                 taken = _take_mag(stamps, ring, counters, values, limits[0], model, mag_ns[used], b_t[used, 0],

@@ -34,6 +34,7 @@ from mwd_estimation import (
 from mwd_estimation.attitude_stream import AttitudeStream, Block, Lesson, Mark, Reading
 from mwd_estimation.attitude_track import FieldModel
 from mwd_estimation.binning import Bin, Binner
+from mwd_estimation.clocks import Clocks
 from mwd_estimation.gravity_s3 import MahonyParams
 from mwd_estimation.gravity_s3 import Params as S3Params
 from mwd_estimation.gyro_station import GyroSettings, GyroStation
@@ -110,16 +111,33 @@ class Output:
     surveys: list[Survey] = dataclasses.field(default_factory=list)
     refusals: list[Refusal] = dataclasses.field(default_factory=list)
 
+    @classmethod
+    def empty(cls, n: int) -> Output:
+        """Room for n IMU samples."""
+        return cls(wire.ATTITUDE.empty(n), wire.GRAVITY.empty(n), wire.INTERFERENCE.empty(0), wire.DYNAMICS.empty(0))
+
+    def joined(self, later: Output) -> Output:
+        """This, and behind it a later one."""
+        return Output(
+            np.concatenate([self.attitude, later.attitude]),
+            np.concatenate([self.gravity, later.gravity]),
+            np.concatenate([self.interference, later.interference]),
+            np.concatenate([self.dynamics, later.dynamics]),
+            self.surveys + later.surveys,
+            self.refusals + later.refusals,
+        )
+
 
 @dataclasses.dataclass
 class Counters:
-    """What was received and not used."""
+    """What was received and not used, and how often time went back."""
 
     imu: int = 0
     mag: int = 0
     precision: int = 0
     rejected: int = 0
     late_mag: int = 0
+    set_back: int = 0
 
 
 def reference_of(settings: ReferenceSettings, first_ns: int) -> Reference | None:
@@ -186,8 +204,16 @@ class Pipeline:
         self._given = reference
         self.reset()
 
+    def continue_numbering(self, last: int) -> None:
+        """Number the next survey after `last` at least: what others remember of a run that this process did not see."""
+        self.sequence = max(self.sequence, last)
+
     def reset(self) -> None:
         """Forget everything but settings, counters and the survey numbering."""
+        self._clocks = Clocks()
+        self._forget()
+
+    def _forget(self) -> None:
         settings = self.settings
         self.method = gravity.method(settings.method)
         self._gravity_params = getattr(settings, settings.method)
@@ -234,6 +260,9 @@ class Pipeline:
     def push_mag(self, samples: Samples) -> None:
         """Take magnetic samples, dtype of `wire.MAG`."""
         self.counters.mag += len(samples)
+        self._take_mag(self._clocks.beside("mag", samples))
+
+    def _take_mag(self, samples: Samples) -> None:
         stamps, b_t = samples["stamp_ns"], samples["magnetic_field"]
         usable = np.isfinite(b_t).all(axis=1)
         stamps, b_t = np.ascontiguousarray(stamps[usable]), np.ascontiguousarray(b_t[usable])
@@ -245,6 +274,9 @@ class Pipeline:
     def push_precision(self, samples: Samples) -> None:
         """Take samples of the high-precision unit, dtype of `wire.IMU`."""
         self.counters.precision += len(samples)
+        self._take_precision(self._clocks.beside("precision", samples))
+
+    def _take_precision(self, samples: Samples) -> None:
         values = np.hstack([samples["angular_velocity"], samples["linear_acceleration"]])
         stamps = np.ascontiguousarray(samples["stamp_ns"])
         self._keep("precision", self._binners["precision"].add(stamps, values))
@@ -254,6 +286,9 @@ class Pipeline:
 
     def push_temperature(self, samples: Samples) -> None:
         """Take temperatures, dtype of `wire.TEMPERATURE`."""
+        self._take_temperature(self._clocks.beside("temperature", samples))
+
+    def _take_temperature(self, samples: Samples) -> None:
         values = np.ascontiguousarray(samples["temperature"])[:, None]
         self._keep("temperature", self._binners["temperature"].add(np.ascontiguousarray(samples["stamp_ns"]), values))
 
@@ -264,10 +299,37 @@ class Pipeline:
         followed : gravity of these samples, where something else than the method followed it (a smoother).
         """
         self.counters.imu += len(samples)
+        (first, new), *rest = self._clocks.lead(samples)
+        if new is None:
+            return self._take_imu(first, followed)
+        # Followed gravity, a smoother's, is of one time only and cannot be cut.
+        output = self._take_imu(first)
+        for part, begun in [(None, new), *rest]:
+            if part is not None:
+                output = output.joined(self._take_imu(part))
+            if begun is not None:
+                self._set_back(begun, output)
+        return output
+
+    def _set_back(self, begun: Samples, output: Output) -> None:
+        """Begin anew with the samples that showed that time went back; their rows have been given, as not used."""
+        self.counters.set_back += 1
+        if self._still.requested:
+            output.refusals.append(Refusal(self._last_imu_ns, "time went back: the estimate begins anew"))
+        self._forget()
+        waiting = self._clocks.release()
+        for name, take in (
+            ("mag", self._take_mag),
+            ("precision", self._take_precision),
+            ("temperature", self._take_temperature),
+        ):
+            if name in waiting:
+                take(waiting[name])
+        self._take_imu(begun)
+
+    def _take_imu(self, samples: Samples, followed: Track | None = None) -> Output:
         n = len(samples)
-        output = Output(
-            wire.ATTITUDE.empty(n), wire.GRAVITY.empty(n), wire.INTERFERENCE.empty(0), wire.DYNAMICS.empty(0)
-        )
+        output = Output.empty(n)
         if not n:
             return output
         if not self._ready:

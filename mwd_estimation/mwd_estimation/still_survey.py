@@ -104,6 +104,11 @@ class StillSurvey:
         self._run = []
 
     @property
+    def requested(self) -> bool:
+        """Whether somebody waits for a survey."""
+        return self._requested_bins > 0
+
+    @property
     def progress(self) -> float:
         """Share of the survey under way, 0 to 1; 0 while the tool moves, 1 once taken."""
         if self._taken and not self._requested_bins:

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 GYRO = "gyro"
 
-# Names a survey by its time and number, so that a replay names it alike (RFC 4122, version 5).
+# Names a survey by its time and readings, so that a replay names it alike whatever its number (RFC 4122, version 5).
 _SURVEYS = uuid.UUID("6b0d4f5e-6f0e-5c1b-9a55-3a5d2c1b7e10")
 
 
@@ -98,7 +98,7 @@ def from_average(
     return Survey(
         stamp_ns=stamp_ns,
         sequence=sequence,
-        uuid=str(uuid.uuid5(_SURVEYS, f"{stamp_ns} {sequence}")),
+        uuid=str(uuid.uuid5(_SURVEYS, f"{stamp_ns} {[float(v) for v in still.imu.mean]}")),
         requested=still.requested,
         duration=(still.end_ns - still.start_ns) * 1e-9,
         samples=still.imu.count,

@@ -240,3 +240,28 @@ def test_every_gravity_method_takes_its_own_settings(name):
     changed = dataclasses.replace(params, gravity=9.7)
     pipeline = Pipeline(EstimatorSettings(method=name, **{name: changed}))
     assert pipeline._gravity_params is changed
+
+
+def test_time_that_goes_back_begins_the_estimate_anew_with_the_numbers_of_a_fresh_start():
+    imu, mag = _samples(seconds=14.0)
+    fresh = _joined(_run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE)), "attitude")
+    for cuts in ((), (1399, 1400, 1401, 1402, 1403), (1000, 1500, 2000)):
+        pipeline = Pipeline(EstimatorSettings(), REFERENCE)
+        twice = _run(np.concatenate([imu, imu]), np.concatenate([mag, mag]), pipeline, cuts)
+        attitude = _joined(twice, "attitude")
+        assert attitude[:1400].tobytes() == fresh.tobytes()
+        assert (attitude["status"][1400:1403] & Status.REJECTED > 0).all()
+        assert attitude[1403:].tobytes() == fresh[3:].tobytes()
+        surveys = [survey for output in twice for survey in output.surveys]
+        assert [survey.sequence for survey in surveys] == [1, 2]
+        # The same readings of the same time are the same survey, whatever its number.
+        assert surveys[0].uuid == surveys[1].uuid
+        assert pipeline.counters.set_back == 1
+
+
+def test_numbering_goes_on_after_what_others_remember():
+    imu, mag = _samples()
+    pipeline = Pipeline(EstimatorSettings(), REFERENCE)
+    pipeline.continue_numbering(41)
+    (output,) = _run(imu, mag, pipeline)
+    assert output.surveys[0].sequence == 42
