@@ -33,6 +33,12 @@ class Settings:
     disagreement_sigmas: float = setting(
         3.0, "azimuths farther apart than so many sigmas of their difference disagree", low=1.0, high=10.0
     )
+    steel_sigmas: float = setting(
+        4.0,
+        "beyond so many sigmas a magnetic azimuth that disagrees with a gyro is called steel and dropped",
+        low=1.0,
+        high=10.0,
+    )
     widest_deg: float = setting(45.0, "an azimuth less certain than this is left out", unit="deg", low=1.0, high=90.0)
 
 
@@ -267,10 +273,11 @@ def _settle(
     """
     Drop azimuths until the rest agree; returns those kept and by how much sigma must be widened, rad.
 
-    Of the pair farthest apart in sigmas one goes. Magnetic against gyro: the magnetic one, for steel can turn the field
-    and leave its total and dip in order, and nothing turns the rotation of the Earth. Both magnetic: the one that
+    Of the pair farthest apart in sigmas one goes. Magnetic far from gyro: the magnetic one, for steel can turn the
+    field and leave its total and dip in order, and nothing turns the rotation of the Earth. Both magnetic: the one that
     removes less interference. Else the less certain one, and since nothing but its sigma speaks for the other, the
-    difference is added to the sigma that is published.
+    difference is added to the sigma that is published: a gyro that is three sigma off by chance, as one in four hundred
+    is, must not push a better azimuth aside.
     """
     use, widening = list(use), 0.0
     while len(use) > 1:
@@ -280,7 +287,7 @@ def _settle(
             break
         a, b = candidates[i], candidates[j]
         ranked = a.family == b.family == MAGNETIC and RANK.get(a.method, -1) != RANK.get(b.method, -1)
-        if a.family != b.family:
+        if a.family != b.family and ratio > settings.steel_sigmas:
             lose, keep = (i, j) if a.family == MAGNETIC else (j, i)
             why = "because steel can turn the field without changing its total or dip"
         elif ranked:
