@@ -66,7 +66,8 @@ def main() -> None:
 def write(found: dict[str, str]) -> None:
     """The file, with every section there is."""
     head = (
-        "# Benchmarks\n\nWritten by `make bench`: ours, the papers' methods and the peers on the same data in the same run.\n"
+        "# Benchmarks\n\n"
+        "Written by `make bench`: ours, the papers' methods and the peers on the same data in the same run.\n"
         f"Quote ratios; times are of one machine ({os.cpu_count()} cores, CPython {platform.python_version()}).\n\n"
     )
     body = "".join(f"## {title}\n{found[title].rstrip()}\n\n" for _, title, *_ in SECTIONS if title in found)
