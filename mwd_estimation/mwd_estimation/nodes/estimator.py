@@ -23,8 +23,11 @@ from mwd_estimation.status import Status, words
 from mwd_sensors import frames, wire
 from mwd_sensors.nodes import profiles
 from mwd_sensors.nodes.graph_node import ERROR, OK, WARN, Finding, GraphNode, Later, run_node
+from mwd_sensors.nodes.inbox import decoded, publish_rows
 
 _SILENT_AFTER = 2.0  # s without a message before a topic counts as silent
+_BLOCK_S = 0.002  # how long a sample may wait for others before it is estimated
+_INPUTS = {"imu/mag": MagneticField, "gyro/data_raw": Imu, "imu/temperature": Temperature, "imu/data_raw": Imu}
 _TF_PERIOD_NS = 50_000_000
 _WARM_UP = 64  # samples that compile every kernel before the first message
 
@@ -47,10 +50,10 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._interference = self.publish_on(Interference, "interference", profiles.STATE)
         self._survey = self.publish_on(SurveyMessage, "survey", profiles.EVENT)
         self._tf = self.publish_on(TFMessage, "/tf", profiles.STATE)
-        self.listen(MagneticField, "imu/mag", self._on_mag, profiles.STREAM, raw=True)
-        self.listen(Imu, "gyro/data_raw", self._on_precision, profiles.STREAM, raw=True)
-        self.listen(Temperature, "imu/temperature", self._on_temperature, profiles.STREAM, raw=True)
-        self.listen(Imu, "imu/data_raw", self._on_imu, profiles.STREAM, raw=True)
+        self._inputs = {
+            topic: self.collect(kind, topic, profiles.deep(profiles.STREAM)) for topic, kind in _INPUTS.items()
+        }
+        self.every(_BLOCK_S, self._take_block)
         self.serve(TakeSurvey, "take_survey", self._take_survey)
         self.serve(SetReferenceField, "set_reference_field", self._set_reference_field)
         self.serve(Trigger, "reset_estimator", self._reset_estimator)
@@ -71,37 +74,36 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     # Messages in.
 
-    def _decode(self, topic: str, layout: wire.Layout, message: bytes) -> wire.Samples | None:
-        self._heard[topic] = time.monotonic()
-        try:
-            samples = layout.decode(message)
-            if topic not in self._frames:
-                self._frames[topic] = wire.frame_id(message)
-        except wire.WireError as error:
+    def _take_block(self) -> None:
+        """Estimate from everything that waits: the same bits as one by one, and one call of each kernel."""
+        # IMU samples are taken first and pushed last: what they need beside them was sent before them.
+        imu = self._take("imu/data_raw")
+        for topic, push in (
+            ("imu/mag", self._push_mag),
+            ("gyro/data_raw", self._pipeline.push_precision),
+            ("imu/temperature", self._pipeline.push_temperature),
+        ):
+            samples = self._take(topic)
+            if len(samples):
+                push(samples)
+        if len(imu):
+            self._publish(imu, self._pipeline.push_imu(imu))
+
+    def _take(self, topic: str) -> wire.Samples:
+        waiting = [arrival.data for arrival in self._inputs[topic].take()]
+        if waiting:
+            self._heard[topic] = time.monotonic()
+        samples, errors = decoded(wire.SONDE_TOPICS[topic], waiting)
+        if topic not in self._frames and len(samples):
+            self._frames[topic] = wire.frame_id(waiting[0])
+        for error in errors:
             self._unreadable += 1
             self.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=10.0)
-            return None
         return samples
 
-    def _on_mag(self, message: bytes) -> None:
-        samples = self._decode("imu/mag", wire.MAG, message)
-        if samples is not None and not self._frames_differ():
+    def _push_mag(self, samples: wire.Samples) -> None:
+        if not self._frames_differ():
             self._pipeline.push_mag(samples)
-
-    def _on_precision(self, message: bytes) -> None:
-        samples = self._decode("gyro/data_raw", wire.IMU, message)
-        if samples is not None:
-            self._pipeline.push_precision(samples)
-
-    def _on_temperature(self, message: bytes) -> None:
-        samples = self._decode("imu/temperature", wire.TEMPERATURE, message)
-        if samples is not None:
-            self._pipeline.push_temperature(samples)
-
-    def _on_imu(self, message: bytes) -> None:
-        samples = self._decode("imu/data_raw", wire.IMU, message)
-        if samples is not None:
-            self._publish(samples, self._pipeline.push_imu(samples))
 
     def _frames_differ(self) -> bool:
         imu = self._frames.get("imu/data_raw")
@@ -111,15 +113,11 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     def _publish(self, samples: wire.Samples, output: Output) -> None:
         frame = self._frames["imu/data_raw"]
-        for row in wire.GRAVITY.encode(output.gravity, frame):
-            self._gravity.publish(row.tobytes())
-        for row in wire.ATTITUDE.encode(output.attitude, frame):
-            self._attitude.publish(row.tobytes())
-        for row in wire.INTERFERENCE.encode(output.interference, frame):
-            self._interference.publish(row.tobytes())
+        publish_rows(self._attitude, wire.ATTITUDE.encode(output.attitude, frame))
+        publish_rows(self._gravity, wire.GRAVITY.encode(output.gravity, frame))
+        publish_rows(self._interference, wire.INTERFERENCE.encode(output.interference, frame))
         oriented = oriented_imu(samples, output.attitude)
-        for row in wire.IMU.encode(oriented, frame):
-            self._imu.publish(row.tobytes())
+        publish_rows(self._imu, wire.IMU.encode(oriented, frame))
         if len(oriented):
             self._last_status = int(output.attitude["status"][-1])
             self._publish_tf(oriented[-1], frame)

@@ -6,7 +6,7 @@ import dataclasses
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Generic, TypeVar
 
 import rclpy
@@ -17,8 +17,10 @@ from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 from rclpy.task import Future
 
+from mwd_sensors.nodes.inbox import Inbox
 from mwd_sensors.nodes.parameters import SettingsParameters
 from mwd_sensors.settings import SettingsError
 
@@ -70,6 +72,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         self.declare_parameter("autostart", True)
         self._checked_settings = SettingsParameters(self, default, self.settings_changed, self.takes_live)
         self._made: list[Callable[[], Any]] = []
+        self._inboxes: list[Inbox] = []
         self.active = False
         self._failures: dict[str, int] = {}
         self.stop_requested: Future = Future()
@@ -78,6 +81,12 @@ class GraphNode(LifecycleNode, Generic[T]):
         self._report_timer = self.create_timer(1.0, self._report, clock=steady)
         # An idle executor waits in native code; Python sees a signal only when some callback runs.
         self._signal_timer = self.create_timer(_SIGNAL_PERIOD, lambda: None, clock=steady)
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription]:
+        """Subscriptions for the executor to wait for: those it calls somebody for."""
+        waiting = {inbox.subscription for inbox in self._inboxes}
+        yield from (subscription for subscription in super().subscriptions if subscription not in waiting)
 
     @property
     def settings(self) -> T:
@@ -122,6 +131,20 @@ class GraphNode(LifecycleNode, Generic[T]):
             kind, topic, lambda message: guarded(message) if self.active else None, qos, raw=raw
         )
         self._made.append(lambda: self.destroy_subscription(subscription))
+
+    def collect(self, kind: Any, topic: str, qos: QoSProfile) -> Inbox:
+        """Subscribe to serialised messages that wait to be taken; what arrived before activation is dropped."""
+        # Before the executor learns of it: it must never take from this one.
+        subscription = self.create_subscription(kind, topic, _nobody, qos, raw=True)
+        inbox = Inbox(subscription)
+        self._inboxes.append(inbox)
+
+        def destroy() -> None:
+            self._inboxes.remove(inbox)
+            self.destroy_subscription(subscription)
+
+        self._made.append(destroy)
+        return inbox
 
     def serve(self, kind: Any, name: str, act: Callable[[Any, Any], Any]) -> None:
         """
@@ -202,6 +225,8 @@ class GraphNode(LifecycleNode, Generic[T]):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publishers first, work second."""
         result = super().on_activate(state)
+        for inbox in self._inboxes:
+            inbox.take()
         self.active = True
         try:
             self.start()
@@ -271,6 +296,10 @@ class GraphNode(LifecycleNode, Generic[T]):
                 )
             )
         self._diagnostics.publish(message)
+
+
+def _nobody(_message: bytes) -> None:
+    """Of a subscription that is taken from, not called back."""
 
 
 def run_node(make: Callable[[], GraphNode[Any]], args: Sequence[str] | None = None) -> int:

@@ -30,3 +30,13 @@ STATE = QoSProfile(
     reliability=QoSReliabilityPolicy.RELIABLE,
     durability=QoSDurabilityPolicy.VOLATILE,
 )
+
+
+def deep(profile: QoSProfile) -> QoSProfile:
+    """That profile for a reader whose messages wait: what arrives while it is busy must not push out what waits."""
+    return QoSProfile(
+        history=QoSHistoryPolicy.KEEP_LAST,
+        depth=5000,
+        reliability=profile.reliability,
+        durability=profile.durability,
+    )

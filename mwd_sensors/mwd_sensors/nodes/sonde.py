@@ -23,6 +23,7 @@ from mwd_sensors.sonde import Sonde
 _BLOCK_S = 0.1  # of the run, simulated at a time
 _TICK_S = 0.005
 _LAST_WAY_S = 0.5
+_MOST_PER_TICK = 200  # what the middleware carries at once without loss, after a stall
 _TYPES = {
     "imu/data_raw": Imu,
     "imu/mag": MagneticField,
@@ -64,6 +65,8 @@ class SondeNode(GraphNode[SondeSettings]):
         """Read the scenario and open the topics."""
         changes = {} if self.settings.seed < 0 else {"seed": self.settings.seed}
         self._scenario = read(scenario_files.find(self.settings.scenario), changes)
+        # Compiles the simulator, so that the run does not begin late.
+        next(Sonde(self._scenario).blocks(_BLOCK_S))
         self._out = {
             topic: self.publish_on(_TYPES[topic], topic, profiles.EVENT if topic == "rig/state" else profiles.STREAM)
             for topic in _ORDER
@@ -104,7 +107,7 @@ class SondeNode(GraphNode[SondeSettings]):
         while not self._finished and self._made_until <= until:
             self._make_block()
         count = 0
-        for due, _, topic, message in self._pending:
+        for due, _, topic, message in self._pending[:_MOST_PER_TICK]:
             if due > until:
                 break
             self._out[topic].publish(message)
