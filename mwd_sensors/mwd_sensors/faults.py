@@ -3,8 +3,9 @@ Faults of sensors and of the link, named as PX4's failure injection names them.
 
 ok: as normal; off: nothing is published (of one axis: it reads zero and its covariance says "not reported"); stuck:
 the last value for ever; garbage: random numbers over the whole range; wrong: plausible but false (scaled and shifted);
-slow: a tenth of the rate; delayed: old values; intermittent: comes and goes. Beside them, what a link does: loss,
-duplicates, reordering, a jump of the clock.
+slow: a tenth of the rate; delayed: old values; intermittent: comes and goes. To PX4's words come those of a tool put
+together wrongly (MOUNTING): axes swapped, flipped or turned, another unit; and what electronics do (nan, saturated,
+repeated stamps). Beside them, what a link does: loss, duplicates, reordering, a jump of the clock.
 """
 
 from __future__ import annotations
@@ -19,7 +20,11 @@ from numpy.typing import NDArray
 from mwd_sensors.settings import setting
 from mwd_sensors.wire import Samples
 
-WORDS = ("ok", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
+PX4 = ("ok", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
+# Axes of the sensor exchanged (xy, yz, xz), reversed, turned by a quarter about an axis; see `_UNITS` for the units.
+MOUNTING = ("swapped", "flipped", "turned", "in_g", "in_deg_s", "in_ut", "in_mt", "in_gauss", "in_nt")
+ELECTRONICS = ("nan", "saturated", "repeated_stamps")
+WORDS = (*PX4, *MOUNTING, *ELECTRONICS)
 # Component -> (topic, field).
 COMPONENTS = {
     "gyro": ("imu/data_raw", "angular_velocity"),
@@ -29,14 +34,30 @@ COMPONENTS = {
     "precision_accel": ("gyro/data_raw", "linear_acceleration"),
     "temperature": ("imu/temperature", "temperature"),
 }
-AXES = ("all", "x", "y", "z")
+AXES = ("all", "x", "y", "z", "xy", "yz", "xz")
 # Faults of a whole message, whatever the axis.
-_OF_MESSAGES = ("slow", "delayed", "intermittent")
+_OF_MESSAGES = ("slow", "delayed", "intermittent", "repeated_stamps")
+# Word -> (field it can befall, what the SI value is multiplied by).
+_UNITS = {
+    "in_g": ("linear_acceleration", 1.0 / 9.80665),
+    "in_deg_s": ("angular_velocity", math.degrees(1.0)),
+    "in_ut": ("magnetic_field", 1e6),
+    "in_mt": ("magnetic_field", 1e3),
+    "in_gauss": ("magnetic_field", 1e4),
+    "in_nt": ("magnetic_field", 1e9),
+}
 _GARBAGE = {
     "angular_velocity": 35.0,
     "linear_acceleration": 160.0,
     "magnetic_field": 8e-4,
     "temperature": 200.0,
+}
+# Ends of the usual ranges: 2000 deg/s, 16 g, 800 uT, 125 degC.
+_LIMIT = {
+    "angular_velocity": math.radians(2000.0),
+    "linear_acceleration": 16.0 * 9.80665,
+    "magnetic_field": 8e-4,
+    "temperature": 125.0,
 }
 _WRONG = {
     "angular_velocity": (1.05, 0.05),
@@ -78,12 +99,25 @@ def check(fault: Fault) -> None:
     Raises
     ------
     ValueError
-        A fault of a whole message, or of a sensor without axes, asked for one axis only.
+        A fault of a whole message, or of a sensor without axes, asked for one axis only; a unit of another quantity;
+        two axes for anything but a swap, or a swap or turn that does not say of which axes.
     """
     if fault.axis != "all" and fault.component == "temperature":
         raise ValueError(f"the temperature sensor has no axes: axis must be 'all', not {fault.axis!r}")
     if fault.axis != "all" and fault.fault in _OF_MESSAGES:
         raise ValueError(f"fault {fault.fault!r} concerns whole messages: axis must be 'all', not {fault.axis!r}")
+    if fault.component == "temperature" and fault.fault in MOUNTING:
+        raise ValueError(f"fault {fault.fault!r}: a temperature sensor has no axes and no other unit")
+    field = COMPONENTS[fault.component][1]
+    if fault.fault in _UNITS and _UNITS[fault.fault][0] != field:
+        fitting = [word for word, (its_field, _) in _UNITS.items() if its_field == field]
+        raise ValueError(f"fault {fault.fault!r} is no unit of component {fault.component!r}; use {', '.join(fitting)}")
+    if fault.fault in _UNITS and fault.axis != "all":
+        raise ValueError(f"fault {fault.fault!r} concerns all axes: axis must be 'all', not {fault.axis!r}")
+    if (fault.fault == "swapped") != (len(fault.axis) == 2):
+        raise ValueError(f"fault {fault.fault!r}: two axes (xy, yz, xz) go with 'swapped' and only with it")
+    if fault.fault == "turned" and fault.axis == "all":
+        raise ValueError("fault 'turned': axis must say about which axis, x, y or z")
 
 
 @dataclasses.dataclass
@@ -121,13 +155,14 @@ def spoil(
         if its_topic != topic or fault.fault == "ok":
             continue
         hit = (t >= fault.start_s) & (t < fault.start_s + fault.seconds)
-        remember = fault.fault in ("stuck", "delayed")
+        remember = fault.fault in ("stuck", "delayed", "repeated_stamps")
         if not hit.any() and not remember:
             continue
         if not copied:
             samples, copied = samples.copy(), True
         values = samples[field].reshape(len(samples), -1)
-        axes = slice(None) if fault.axis == "all" else slice(AXES.index(fault.axis) - 1, AXES.index(fault.axis))
+        at = "xyz".find(fault.axis[0])
+        axes = slice(at, at + 1) if len(fault.axis) == 1 else slice(None)
         if fault.fault == "off":
             if fault.axis == "all" and field not in ("angular_velocity", "linear_acceleration"):
                 keep &= ~hit
@@ -142,6 +177,14 @@ def spoil(
         elif fault.fault == "wrong":
             factor, shift = _WRONG[field]
             values[hit, axes] = factor * values[hit, axes] + shift
+        elif fault.fault in MOUNTING:
+            values[hit] = values[hit] @ mounting(fault).T
+        elif fault.fault == "nan":
+            values[hit, axes] = math.nan
+        elif fault.fault == "saturated":
+            values[hit, axes] = np.copysign(_LIMIT[field], values[hit, axes])
+        elif fault.fault == "repeated_stamps":
+            _repeat(state, fault, samples, hit)
         elif fault.fault == "slow":
             keep &= ~hit | (index % 10 == 0)
         elif fault.fault == "delayed":
@@ -151,6 +194,38 @@ def spoil(
             keep &= ~hit | (np.sin(2.0 * math.pi * t) + np.sin(2.0 * math.pi * 0.37 * t) > 0.0)
         samples[field] = values.reshape(samples[field].shape)
     return (samples, t) if keep.all() else (samples[keep], t[keep])
+
+
+def mounting(fault: Fault) -> NDArray[np.float64]:
+    """What a fault of MOUNTING does to a vector, shape (3, 3): reported = matrix @ true."""
+    matrix = np.eye(3)
+    at = "xyz".find(fault.axis[0])
+    if fault.fault == "swapped":
+        pair = ["xyz".index(axis) for axis in fault.axis]
+        matrix[pair] = matrix[pair[::-1]]
+    elif fault.fault == "flipped":
+        matrix *= -1.0 if fault.axis == "all" else np.where(np.arange(3) == at, -1.0, 1.0)[:, None]
+    elif fault.fault == "turned":
+        # By a quarter, right-handed: the next axis goes to the one after it.
+        first, second = (at + 1) % 3, (at + 2) % 3
+        matrix[first, first] = matrix[second, second] = 0.0
+        matrix[second, first], matrix[first, second] = 1.0, -1.0
+    else:
+        matrix *= _UNITS[fault.fault][1]
+    return matrix
+
+
+def _repeat(state: FaultState, fault: Fault, samples: Samples, hit: NDArray[np.bool_]) -> None:
+    """Every stamp twice: the second of each two samples keeps the stamp of the first."""
+    key = (fault.component, f"stamp{fault.start_s}")
+    for k in range(len(samples)):
+        held = state.held.get(key)
+        if hit[k] and held is not None:
+            samples["stamp_ns"][k] = np.int64(held[0]) * 1_000_000_000 + np.int64(held[1])
+            del state.held[key]
+        elif hit[k]:
+            # Seconds and nanoseconds apart: a double does not hold a stamp.
+            state.held[key] = np.array(divmod(int(samples["stamp_ns"][k]), 1_000_000_000), dtype=np.float64)
 
 
 def _stick(state: FaultState, fault: Fault, values: NDArray[np.float64], axes: slice, hit: NDArray[np.bool_]) -> None:

@@ -38,11 +38,12 @@ def spoilt(fault, layout=wire.IMU, cuts=()):
 WINDOW = {"start_s": 2.0, "seconds": 3.0}
 
 
-def test_the_words_are_those_of_px4():
-    assert faults.WORDS == ("ok", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
+def test_px4s_words_are_there_as_px4_has_them():
+    assert faults.PX4 == ("ok", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
+    assert faults.WORDS[:8] == faults.PX4
 
 
-@pytest.mark.parametrize("word", [w for w in faults.WORDS if w != "ok"])
+@pytest.mark.parametrize("word", [w for w in (*faults.PX4, *faults.ELECTRONICS) if w != "ok"])
 @pytest.mark.parametrize("component", ["gyro", "mag"])
 def test_a_fault_begins_ends_and_does_not_care_about_blocks(word, component):
     layout = wire.MAG if component == "mag" else wire.IMU
@@ -114,6 +115,69 @@ def test_temperature_has_no_axes_and_whole_message_faults_neither():
     with pytest.raises(ValueError, match="whole messages"):
         faults.check(Fault("gyro", "delayed", "x"))
     faults.check(Fault("gyro", "stuck", "x"))
+
+
+AXIS_OF = {"swapped": "xz", "turned": "z"}
+
+
+@pytest.mark.parametrize("word", faults.MOUNTING)
+def test_a_tool_put_together_wrongly_gives_other_axes_or_units_in_any_blocks(word):
+    component = {"in_g": "accel", "in_deg_s": "gyro"}.get(word, "mag")
+    layout = wire.MAG if component == "mag" else wire.IMU
+    fault = Fault(component, word, AXIS_OF.get(word, "all"), **WINDOW)
+    faults.check(fault)
+    clean, whole, t = spoilt(fault, layout)
+    _, cut, _ = spoilt(fault, layout, cuts=(1, 7, 250, 480))
+    assert whole.tobytes() == cut.tobytes()
+    field = faults.COMPONENTS[component][1]
+    hit = (t >= 2.0) & (t < 5.0)
+    assert np.array_equal(whole[field][~hit], clean[field][~hit])
+    factors = {"in_g": 1 / 9.80665, "in_deg_s": 180 / np.pi, "in_ut": 1e6, "in_mt": 1e3, "in_gauss": 1e4, "in_nt": 1e9}
+    was, became = clean[field][hit], whole[field][hit]
+    if word in factors:
+        assert_allclose(became, was * factors[word], rtol=1e-12)
+    elif word == "swapped":
+        assert_allclose(became, was[:, [2, 1, 0]])
+    elif word == "flipped":
+        assert_allclose(became, -was)
+    else:
+        # A quarter about z: what lay along x lies along y.
+        assert_allclose(became, np.column_stack([-was[:, 1], was[:, 0], was[:, 2]]))
+
+
+def test_one_axis_can_be_flipped_not_a_number_or_at_the_end_of_its_range():
+    clean, whole, t = spoilt(Fault("accel", "flipped", "y", **WINDOW))
+    hit = (t >= 2.0) & (t < 5.0)
+    f = "linear_acceleration"
+    assert_allclose(whole[f][hit], clean[f][hit] * [1.0, -1.0, 1.0])
+    _, whole, _ = spoilt(Fault("accel", "nan", "z", **WINDOW))
+    assert np.isnan(whole[f][hit][:, 2]).all()
+    assert np.isfinite(whole[f][hit][:, :2]).all()
+    _, whole, _ = spoilt(Fault("accel", "saturated", "x", **WINDOW))
+    assert_allclose(np.abs(whole[f][hit][:, 0]), 16.0 * 9.80665)
+
+
+def test_repeated_stamps_come_in_pairs():
+    _, whole, t = spoilt(Fault("gyro", "repeated_stamps", **WINDOW))
+    steps = np.diff(whole["stamp_ns"][(t >= 2.0) & (t < 5.0)])
+    assert np.count_nonzero(steps == 0) == 150
+    assert np.all(np.diff(whole["stamp_ns"][t >= 5.0]) > 0)
+
+
+@pytest.mark.parametrize(
+    ("fault", "word"),
+    [
+        (Fault("gyro", "in_g"), "in_deg_s"),
+        (Fault("accel", "in_g", "x"), "all axes"),
+        (Fault("accel", "swapped"), "two axes"),
+        (Fault("accel", "flipped", "xy"), "two axes"),
+        (Fault("mag", "turned"), "which axis"),
+        (Fault("temperature", "flipped"), "no other unit"),
+    ],
+)
+def test_what_cannot_be_put_together_wrongly_is_refused(fault, word):
+    with pytest.raises(ValueError, match=word):
+        faults.check(fault)
 
 
 def carried(link, cuts=()):
