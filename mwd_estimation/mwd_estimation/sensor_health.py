@@ -46,9 +46,11 @@ _BROKEN = 1000  # counts of a spoilt window: from here on values are missing or 
 _LAST, _N, _BAD, _SAME, _FIRST, _S1, _S2, _CLIP, _STEP, _CONST, _LIVELY, _RUN, _ROW = range(13)
 # Integers: ring head and length, magnetic samples used, bin and whether one is open, last stamps taken, carried and
 # come, bins of the window, magnetic bins missing and seen, steps of time and those long and short, samples of the bin,
-# events, sensors not to be used, score of the stamps, values held, bins spoilt for the window by sensor.
+# events, sensors not to be used, score of the stamps, values held, bins spoilt for the window by sensor, place in
+# the block of the sample that brings the judgement.
 (_HEAD, _LEN, _MHEAD, _BIN, _OPEN, _HAVE, _LAST_NS, _CARRY_NS, _NEWEST, _BINS, _MAG_SILENT, _MAG_EVER, _STEPS, _LONG,
- _SHORT, _IMU, _EVENT_COUNT, _UNUSABLE, _STAMP_SCORE, _HELD_COUNT, _, _SPOILT, _, _, _INTS) = range(25)  # fmt: skip
+ _SHORT, _IMU, _EVENT_COUNT, _UNUSABLE, _STAMP_SCORE, _HELD_COUNT, _, _SPOILT, _, _, _PLACE,
+ _INTS) = range(26)  # fmt: skip
 # Reals: reference gravity, total, dip (nan unknown); period, s, and the steps and time it is learned from.
 _G, _TOTAL, _DIP, _PERIOD, _LEARNED, _SPAN, _REALS = range(7)
 # Of a check: state, evidence for in a row, evidence against in a row, since, three details.
@@ -100,7 +102,9 @@ class Finding:
     cleared_ns : int
         Stamp at which it was gone; 0 while it lasts.
     unusable : int
-        Bits GYRO, ACCEL, MAG of what must not be used.
+        Bits GYRO, ACCEL, MAG of what must not be used while it lasts.
+    check : int
+        Number of the check: the same fault, narrowed down or cleared, has the same.
     """
 
     kind: str
@@ -113,6 +117,7 @@ class Finding:
     since_ns: int
     cleared_ns: int = 0
     unusable: int = 0
+    check: int = -1
 
 
 @dataclasses.dataclass
@@ -147,10 +152,13 @@ class Step:
         Bits GYRO, ACCEL, MAG as known at each sample of the block.
     changes : list of Finding
         Faults found, narrowed down or cleared, in order.
+    places : list of int
+        Sample of the block that brought each change.
     """
 
     unusable: NDArray[np.uint8]
     changes: list[Finding]
+    places: list[int]
 
 
 def initial(
@@ -169,7 +177,7 @@ def initial(
         sums=np.zeros(axes.SIZE),
         lengths=np.zeros((2, 50)),
         checks=np.zeros((CHECKS, 7), dtype=np.int64),
-        events=np.zeros((_EVENTS, 7), dtype=np.int64),
+        events=np.zeros((_EVENTS, 8), dtype=np.int64),
     )
     state.channels[:, _LAST] = math.nan
     state.channels[:, _STEP] = math.inf
@@ -231,6 +239,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     limits[limits == 0.0] = math.inf
     lag = round(params.mag_lag_s * 1e9)
     changes: list[Finding] = []
+    places: list[int] = []
     done = 0
     while done < len(stamps) and params.on:
         state.ints[_EVENT_COUNT] = 0
@@ -239,9 +248,11 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
             state.lengths, state.checks, state.events, axes.TABLE_WAYS, axes.MISTAKES, axes.WEIGHTS, _ORDERS, limits,
             params.rate_hz, params.mag_expected, lag, stamps, gyro, accel, done, unusable,
         )  # fmt: skip
-        changes += [_words(row) for row in state.events[: state.ints[_EVENT_COUNT]]]
+        for row in state.events[: state.ints[_EVENT_COUNT]]:
+            changes.append(_words(row))
+            places.append(int(row[7]))
     _forget_used(state)
-    return Step(unusable, changes)
+    return Step(unusable, changes, places)
 
 
 def _forget_used(state: State) -> None:
@@ -287,7 +298,7 @@ def _vote(
     if changed and ints[_EVENT_COUNT] < len(events):
         event = events[ints[_EVENT_COUNT]]
         event[0], event[1], event[2], event[3] = now, k, row[_STATE], row[_FROM]
-        event[4], event[5], event[6] = row[_D0], row[_D1], row[_D2]
+        event[4], event[5], event[6], event[7] = row[_D0], row[_D1], row[_D2], ints[_PLACE]
         ints[_EVENT_COUNT] += 1
     if changed:
         ints[_UNUSABLE] = _unusable(checks)
@@ -320,7 +331,7 @@ def _unusable(checks: Whole) -> int:
     if checks[FRAME, _STATE] == FAULT:
         named = _ones(checks[FRAME, _D1]) + _ones(checks[FRAME, _D2])
         bits |= MAG | (ACCEL if checks[FRAME, _D1] and named <= 4 else 0)
-    if checks[ABSENT, _STATE] == FAULT:
+    if checks[ABSENT, _STATE] == FAULT and checks[ABSENT, _D0] == 1:
         bits |= MAG
     if checks[MISMATCH, _STATE] == FAULT:
         bits |= GYRO
@@ -746,6 +757,7 @@ def _run(
     i = start
     while i < len(stamps) and not full:
         stamp = stamps[i]
+        ints[_PLACE] = i
         # Stamps are judged as they come: the wait below needs them to advance.
         if ints[_HAVE] == 1:
             good = stamp > newest
@@ -885,7 +897,7 @@ def _words(row: Whole) -> Finding:
     cleared = now if condition != FAULT else 0
     return Finding(
         kind, sensor, axis, severity, confidence, f"{message}: gone" if cleared else message,
-        "" if cleared else remedy, since, cleared, 0 if cleared else bits,
+        "" if cleared else remedy, since, cleared, bits, k,
     )  # fmt: skip
 
 
@@ -945,7 +957,8 @@ def _described(k: int, details: list[int]) -> _Described:
         return _frame_words(details)
     if k == ABSENT:
         message = "magnetometer has fallen silent" if details[0] else "no magnetometer data arrives"
-        return "absent", "magnetometer", "all", "error", 1.0, message, _CABLE, MAG
+        lost = details[0] == 1
+        return "absent", "magnetometer", "all", "error" if lost else "warning", 1.0, message, _CABLE, MAG if lost else 0
     if k == RATE:
         pace = "slower" if details[0] else "faster"
         message = f"IMU samples come {pace} than the {details[1] / 1000.0:.0f} per second before"
