@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from mwd_msgs import msg
 from nav_msgs.msg import Path
 from rclpy.qos import QoSProfile
-from sensor_msgs.msg import Imu, MagneticField, Temperature
+from sensor_msgs.msg import Imu, JointState, MagneticField, Temperature
 from tf2_msgs.msg import TFMessage
 
 from mwd_sensors.nodes.profiles import EVENT, LATCHED, STATE, STREAM
@@ -20,9 +20,11 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "imu/temperature": (Temperature, STREAM),
     "truth": (msg.Truth, STREAM),
     "rig/state": (msg.RigState, EVENT),
+    "rig/quill": (JointState, STATE),
     "gravity": (msg.Gravity, STREAM),
     "attitude": (msg.Attitude, STREAM),
     "imu/data": (Imu, STREAM),
+    "dynamics": (msg.Dynamics, STATE),
     "interference": (msg.Interference, STATE),
     "survey": (msg.Survey, EVENT),
     "toolface": (msg.Toolface, STATE),

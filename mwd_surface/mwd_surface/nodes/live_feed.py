@@ -45,6 +45,7 @@ class LiveFeed:
             "rig/state": (wire.RIG_STATE, self._take_rig_state),
             "gravity": (wire.GRAVITY, live.on_gravity),
             "attitude": (wire.ATTITUDE, self._take_attitude),
+            "dynamics": (wire.DYNAMICS, live.on_dynamics),
             "interference": (wire.INTERFERENCE, live.on_interference),
             "imu/temperature": (wire.TEMPERATURE, live.on_temperature),
             "imu/mag": (wire.MAG, live.on_magnetic_field),

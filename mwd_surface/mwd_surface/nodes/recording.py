@@ -77,6 +77,7 @@ class RecordingDesk:
         self._node.serve(srv.StartRecording, "start_recording", self.start)
         self._node.serve(Trigger, "stop_recording", self.stop)
         self._node.serve(Trigger, "split_recording", self.split)
+        self._node.serve(Trigger, "snapshot_recording", self.snapshot)
 
     def begin(self) -> None:
         """Record from now on, if that is wanted."""
@@ -126,6 +127,10 @@ class RecordingDesk:
     def split(self, _request: Any, response: Any) -> Any:
         """Go on in a new file."""
         return self._done(response, self._recorder.split, "finished")
+
+    def snapshot(self, _request: Any, response: Any) -> Any:
+        """Write the last seconds kept in memory into a recording of their own."""
+        return self._done(response, self._recorder.snapshot, "written")
 
     def _done(self, response: Any, act: Callable[[], Path], word: str) -> Any:
         try:

@@ -10,15 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from mwd_msgs import srv
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_srvs.srv import Trigger
 
+from mwd_sensors import wire
 from mwd_sensors.nodes.graph_node import WARN, Finding, GraphNode, run_node
 from mwd_sensors.nodes.profiles import STATE
 from mwd_sensors.settings import setting
 from mwd_surface import __version__
 from mwd_surface.bags.recorder import RecorderError, RecorderSettings
 from mwd_surface.nodes.contract import TOPICS, profile_yaml, type_name
+from mwd_surface.nodes.foxglove_door import FoxgloveDoor
 from mwd_surface.nodes.health_desk import HealthDesk
 from mwd_surface.nodes.journal import Journal
 from mwd_surface.nodes.live_feed import LiveFeed
@@ -26,14 +28,17 @@ from mwd_surface.nodes.page_door import PageDoor, Services, called
 from mwd_surface.nodes.plan_desk import AdvisorySettings, PlanDesk, PlanSettings
 from mwd_surface.nodes.recording import RecordingDesk, RecordSettings
 from mwd_surface.nodes.rig_door import RigDoor
+from mwd_surface.nodes.steering_desk import SteeringDesk
 from mwd_surface.nodes.survey_desk import SurveyDesk
 from mwd_surface.nodes.threads import Beside, Requests
 from mwd_surface.page.alarms import Severity
+from mwd_surface.page.foxglove_server import FoxgloveError, FoxgloveSettings
 from mwd_surface.page.live_state import LiveSettings, LiveState
 from mwd_surface.page.page_server import PageSettings
 from mwd_surface.rig.rig_interface import InterfaceError
 from mwd_surface.rig.rig_port import RigSettings
 from mwd_surface.surveys.depth import DepthRules
+from mwd_surface.surveys.slide_sheet import SlideRules
 from mwd_surface.surveys.survey_list import ListRules, SurveyList
 from mwd_surface.surveys.survey_store import StoreError
 from mwd_surface.surveys.well import Well
@@ -56,10 +61,12 @@ class SurfaceSettings:
     advisory: AdvisorySettings = setting(AdvisorySettings, "Toolface to steer at")
     rules: ListRules = setting(ListRules, "Rules of the survey list")
     depth: DepthRules = setting(DepthRules, "Pairing surveys with depth")
+    slides: SlideRules = setting(SlideRules, "The slide sheet")
     record: RecordSettings = setting(RecordSettings, "What is recorded")
     recorder: RecorderSettings = setting(RecorderSettings, "How it is recorded")
     page: PageSettings = setting(PageSettings, "The live page")
     live: LiveSettings = setting(LiveSettings, "What the page shows")
+    foxglove: FoxgloveSettings = setting(FoxgloveSettings, "Live server for Foxglove")
     rig: RigSettings = setting(RigSettings, "Rig interfaces")
 
 
@@ -95,7 +102,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         """Take the folder, load the survey list, open topics, services and the page."""
         try:
             self._open_desks()
-        except (RecorderError, StoreError, InterfaceError, OSError, ValueError) as error:
+        except (RecorderError, StoreError, InterfaceError, FoxgloveError, OSError, ValueError) as error:
             self.close()
             raise RuntimeError(str(error)) from error
         self._open_topics()
@@ -120,6 +127,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
                 changed=self._surveys_changed,
             )
         )  # fmt: skip
+        self._steering = SteeringDesk(folder / "surveys", settings.slides, live, journal)
         self._recording = self._closed_at_end(
             RecordingDesk(
                 self, folder / "bags", settings.record, settings.recorder,
@@ -133,10 +141,12 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             )
         )  # fmt: skip
         self._page.open()
+        self._foxglove = self._closed_at_end(FoxgloveDoor(self, settings.foxglove, journal))
+        self._foxglove.open()
         self._rig = self._closed_at_end(
             RigDoor(self, settings.rig, well.name, folder / "opcua", live=live, journal=journal, ask=self._requests.ask)
         )
-        self._feed = LiveFeed(self, live, on_attitude=self._rig.on_attitude, on_rig_state=self._surveys.on_rig_state)
+        self._feed = LiveFeed(self, live, on_attitude=self._on_attitude, on_rig_state=self._on_rig_state)
 
     def _closed_at_end(self, part: Any) -> Any:
         self._closings.append(part.close)
@@ -151,11 +161,12 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._handlers: dict[str, Callable[[bytes], None]] = {
             "survey": self._on_survey,
             "/diagnostics": self._health.on_diagnostics,
+            "rig/quill": self._steering.on_quill,
         }
         wanted = {self.resolve_topic_name(name): name for name in self.settings.record.topics}
         for name, (kind, profile) in TOPICS.items():
             recorded = wanted.pop(self.resolve_topic_name(name), None) is not None
-            if recorded or name in self._feed.buffers or name in self._handlers:
+            if recorded or self._foxglove.put is not None or name in self._feed.buffers or name in self._handlers:
                 self._subscribe(name, kind, profile, recorded=recorded)
         self._not_found = set(wanted)
         self._survey_client = self.create_client(srv.TakeSurvey, "take_survey")
@@ -167,6 +178,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             "start_recording": (srv.StartRecording, self._recording.start),
             "stop_recording": (Trigger, self._recording.stop),
             "split_recording": (Trigger, self._recording.split),
+            "snapshot_recording": (Trigger, self._recording.snapshot),
+            "set_depth": (srv.SetDepth, self._surveys.set_depth),
         }
         self.every(_LIVE_PERIOD, self._bring_live)
         self.every(1.0, self._each_second)
@@ -194,17 +207,29 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
     def _surveys_changed(self, surveys: SurveyList) -> None:
         self._rig.on_surveys(surveys)
+        self._steering.on_surveys(surveys)
+
+    def _on_attitude(self, samples: wire.Samples) -> None:
+        self._rig.on_attitude(samples)
+        self._steering.on_attitude(samples)
+
+    def _on_rig_state(self, samples: wire.Samples) -> None:
+        believed = self._surveys.on_rig_state(samples)
+        self._steering.on_rig_state(samples, believed)
 
     def _subscribe(self, name: str, kind: Any, profile: QoSProfile, *, recorded: bool) -> None:
         full, typed, offered = self.resolve_topic_name(name), type_name(kind), profile_yaml(profile)
         take = self._feed.buffers[name].append if name in self._feed.buffers else self._handlers.get(name)
         put = self._recording.put if recorded else None
-        heard = self._health.heard
+        show, heard = self._foxglove.put, self._health.heard
+        latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
         def arrived(data: bytes) -> None:
             heard(name)
             if put is not None:
                 put(full, typed, data, time.time_ns(), qos=offered)
+            if show is not None:
+                show(full, typed, data, time.time_ns(), latched=latched)
             if take is not None:
                 take(data)
 
@@ -252,9 +277,11 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         now = time.monotonic()
         self._find_missing()
         self._page.open()
+        self._foxglove.open()
         self._recording.tell(now)
         self._health.tell(now)
         self._surveys.save_again()
+        self._steering.tell(now)
         self._journal.tell(now)
         self._page.show(now, even_unwatched=True)
 
@@ -270,7 +297,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def findings(self) -> Sequence[Finding]:
         """Recorder, page, rig interfaces, survey list, inputs."""
         found: list[Finding] = []
-        for part in (self._recording, self._page, self._rig, self._surveys, self._feed):
+        for part in (self._recording, self._page, self._foxglove, self._rig, self._surveys, self._feed):
             found += part.findings()
         if self._not_found:
             text = f"not there yet: {', '.join(sorted(self._not_found))}"

@@ -123,11 +123,13 @@ class SurveyDesk:
 
     # In.
 
-    def on_rig_state(self, samples: Samples) -> None:
-        """Depths of the rig, `wire.RIG_STATE`."""
+    def on_rig_state(self, samples: Samples) -> float | None:
+        """Depths of the rig, `wire.RIG_STATE`; the last of them where it is believed, m."""
+        believed = False
         for sample in samples:
-            if sample["valid"] & msg.RigState.BIT_DEPTH:
-                self.depth.update(int(sample["stamp_ns"]), float(sample["bit_depth"]))
+            known = bool(sample["valid"] & msg.RigState.BIT_DEPTH)
+            believed = known and self.depth.update(int(sample["stamp_ns"]), float(sample["bit_depth"]))
+        return self.bit_depth if believed else None
 
     def on_survey(self, data: bytes) -> str:
         """A survey of the estimator, serialised; what became of it comes back in words."""

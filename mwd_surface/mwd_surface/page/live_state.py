@@ -45,6 +45,13 @@ _VALUES = {
     "vibration": ("m/s^2", "estimator"),
     "rotary_speed": ("rad/s", "estimator"),
     "gravity_sigma": ("rad", "estimator"),
+    "stick_slip": ("", "dynamics"),
+    "axial_vibration": ("m/s^2", "dynamics"),
+    "lateral_vibration": ("m/s^2", "dynamics"),
+    "shocks": ("", "dynamics"),
+    "shock_peak": ("m/s^2", "dynamics"),
+    "rotary_least": ("rad/s", "dynamics"),
+    "rotary_most": ("rad/s", "dynamics"),
     "temperature": ("degC", "temperature"),
     "total_field": ("T", "magnetometer"),
     "axial_interference": ("T", "interference"),
@@ -69,19 +76,38 @@ _RIG_FIELDS = (
 )  # fmt: skip
 _RIG_SLIPS = 1024
 _DRILLING = (
-    "vibration", "rotary_speed", "temperature", "total_field", "axial_interference", "cross_axial_interference",
+    "vibration", "rotary_speed", "stick_slip", "axial_vibration", "lateral_vibration", "shocks", "shock_peak",
+    "rotary_least", "rotary_most", "temperature", "total_field", "axial_interference", "cross_axial_interference",
     "field_deviation", "dip_deviation",
 )  # fmt: skip
 _RIG = tuple(name for name, (_, stream) in _VALUES.items() if stream == "rig")
 _HISTORY = {
     "vibration": "max",
     "rotary_speed": "mean",
+    "stick_slip": "max",
+    "axial_vibration": "max",
+    "lateral_vibration": "max",
+    "shocks": "max",
     "temperature": "mean",
     "total_field": "mean",
     "axial_interference": "mean",
     "inclination": "mean",
+    "doubt": "max",
 }
-_STREAMS = ("sonde", "estimator", "magnetometer", "temperature", "interference", "rig", "recorder")
+# The same over the depth of the sensor while hole is made.
+_LOGGED = {
+    "inclination": "mean",
+    "vibration": "max",
+    "rotary_speed": "mean",
+    "stick_slip": "max",
+    "shocks": "max",
+    "doubt": "max",
+}
+_STREAMS = ("sonde", "estimator", "magnetometer", "temperature", "interference", "dynamics", "rig", "recorder")
+_NO_PLAN: dict[str, Any] = {"name": "", "north": [], "east": [], "vertical_depth": [], "vertical_section": []}
+# What makes a stretch of the tracks doubtful (1) or bad (2).
+_DOUBTFUL = Status.CLIPPED | Status.ALIASED | Status.MAG_DISTURBED | Status.NO_MAG | Status.REJECTED
+_BAD = Status.SENSOR_FAULT | Status.INITIALISING
 # What the status says about a value that is withheld.
 _WHY = (
     (Status.SENSOR_FAULT, "a sensor is judged faulty"),
@@ -96,6 +122,7 @@ class LiveSettings:
     """How often what is expected, and how much is kept for the page. A value is stale after two expected periods."""
 
     estimator_period: float = setting(0.5, "longest usual time between attitudes", unit="s", low=0.05)
+    dynamics_period: float = setting(1.0, "time between summaries of drilling dynamics", unit="s", low=0.05)
     rig_period: float = setting(1.0, "time between rig data", unit="s", low=0.05)
     temperature_period: float = setting(1.0, "time between temperatures", unit="s", low=0.05)
     magnetometer_period: float = setting(0.5, "time between fields", unit="s", low=0.05)
@@ -109,6 +136,8 @@ class LiveSettings:
     reading_spacing: float = setting(1.0, "shortest time between two of them", unit="s", low=0.0)
     history_seconds: float = setting(600.0, "length of the strip charts", unit="s", low=10.0, high=7200.0)
     history_rate: float = setting(1.0, "points of the strip charts per second", unit="Hz", low=0.1, high=5.0)
+    log_step: float = setting(0.5, "depth of one point of the depth tracks", unit="m", low=0.05, high=10.0)
+    log_length: float = setting(600.0, "length of the depth tracks", unit="m", low=10.0, high=5000.0)
     max_rows: int = setting(1000, "survey rows and path stations sent to the page", low=10, high=10000)
     toolface: ToolfaceSettings = setting(ToolfaceSettings)
     limits: Limits = setting(Limits)
@@ -148,13 +177,17 @@ class LiveState:
         self._periods = {name: float(getattr(self.settings, f"{name}_period")) for name in _STREAMS}
         self._readings: deque[dict[str, Any]] = deque(maxlen=self.settings.readings)
         self._history = StripHistory(_HISTORY, self.settings.history_seconds, self.settings.history_rate)
+        self._log = StripHistory(_LOGGED, self.settings.log_length, 1.0 / self.settings.log_step)
+        self._log_depth: float | None = None
         self._plain: dict[str, dict[str, Any]] = {
             "well": _well(Well()),
             "quality": quality_lights(None, self.settings.limits),
             "surveys": {"rows": [], "left_out": 0},
             "path": path_table(None, 0.0, None, self.settings.max_rows),
-            "plan": {"name": "", "north": [], "east": [], "vertical_depth": [], "vertical_section": []},
+            "plan": _NO_PLAN,
             "offset": {"known": False},
+            "steering": {"rows": [], "yields": [], "left_out": 0},
+            "quill": {"angle": None},
             "survey_progress": {"active": False, "state": "", "elapsed": None, "remaining": None, "result": ""},
             "recorder": {"state": NO_DATA},
             "telemetry": {"known": False},
@@ -208,7 +241,9 @@ class LiveState:
             self._angle(name, float(last[name]), float(last["sigma_" + name]), why, now)
         inclination = self._values["inclination"]
         if inclination.at == now and inclination.value is not None:
-            self._history.add("inclination", inclination.value, now)
+            self._chart("inclination", inclination.value, now)
+        every = int(np.bitwise_or.reduce(samples["status"]))
+        self._chart("doubt", 2.0 if every & _BAD else 1.0 if every & _DOUBTFUL else 0.0, now)
         text = [word for word in words(status).split("|") if word]
         self._attitude = {
             "status": text,
@@ -250,6 +285,26 @@ class LiveState:
         self._put("vibration", float(np.max(known["non_gravity"])), None, now)
         self._put("rotary_speed", float(known["rotary_speed"][-1]), None, now)
         self._put("gravity_sigma", float(known["sigma"][-1]), None, now)
+
+    def on_dynamics(self, samples: Samples, now: float) -> None:
+        """Summaries of drilling dynamics arrived, `wire.DYNAMICS`; the last is shown."""
+        if len(samples) == 0:
+            return
+        self.on_stream("dynamics", len(samples), now)
+        last = samples[-1]
+        if last["stick_slip_index"] >= 0.0:
+            self._put("stick_slip", float(last["stick_slip_index"]), None, now)
+        else:
+            self._withhold("stick_slip", "not turning")
+        for name, field in (
+            ("axial_vibration", "axial_rms"),
+            ("lateral_vibration", "lateral_rms"),
+            ("shocks", "shocks"),
+            ("shock_peak", "shock_peak"),
+            ("rotary_least", "rotary_speed_least"),
+            ("rotary_most", "rotary_speed_most"),
+        ):
+            self._put(name, float(last[field]), None, now)
 
     def on_temperature(self, samples: Samples, now: float) -> None:
         """Temperatures of the sonde arrived, `wire.TEMPERATURE`; a variance of 0 means unknown."""
@@ -298,6 +353,17 @@ class LiveState:
                 self._put("rig_rotary_speed" if field == "rotary_speed" else field, float(last[field]), None, now)
         self._in_slips = bool(last["in_slips"]) if valid & _RIG_SLIPS else None
 
+    def on_log_depth(self, depth: float | None) -> None:
+        """Depth of the sensor, m, while hole is made: what comes next belongs there. None: nothing is drilled."""
+        self._log_depth = depth if depth is not None and math.isfinite(depth) and depth >= 0.0 else None
+        if self._log_depth is not None:
+            self._log.advance(self._log_depth)
+
+    def on_quill(self, angle: float, now: float) -> None:
+        """Where the quill stands, rad clockwise looking down-hole from where the rig counts."""
+        if math.isfinite(angle):
+            self._store("quill", {"angle": number(angle % math.tau)}, now)
+
     # Tables and states.
 
     def on_well(self, well: Well, now: float, field: Mapping[str, float | str] | None = None) -> None:
@@ -338,9 +404,8 @@ class LiveState:
 
     def on_plan(self, plan: Plan | None, now: float) -> None:
         """The planned path, dense enough to draw (`plan.interpolated`); None: there is none."""
-        empty = {"name": "", "north": [], "east": [], "vertical_depth": [], "vertical_section": []}
         if plan is None:
-            self._store("plan", empty, now)
+            self._store("plan", _NO_PLAN, now)
             return
         step = max(1, -(-len(plan.md) // self.settings.max_rows))
         positions = np.vstack([plan.positions[:-1:step], plan.positions[-1:]])
@@ -369,6 +434,13 @@ class LiveState:
         self._advisory = (float(toolface) % math.tau, abs(float(limit))) if good and toolface is not None else None
         self._since["advisory"] = now
         self._touch("toolface")
+
+    def on_steering(self, rows: Sequence[Mapping[str, Any]], yields: Sequence[Mapping[str, Any]], now: float) -> None:
+        """What was slid and rotated, deepest last, and what the slides gave, as plain tables."""
+        kept = list(rows)[-self.settings.max_rows :]
+        table = {"rows": kept, "yields": list(yields)[-self.settings.max_rows :], "left_out": len(rows) - len(kept)}
+        if table != self._plain["steering"]:
+            self._store("steering", table, now)
 
     def on_survey_progress(
         self, active: bool, now: float, elapsed: float = 0.0, remaining: float = 0.0, state: str = "", result: str = ""
@@ -446,7 +518,8 @@ class LiveState:
             now: as given. sections: name to table. revisions: name to a number that changes whenever the table does,
             apart from the ages in it. Single values are {value, sigma, unit, at, age, stale_after, state, reason}:
             value None while there never was one, state "live", "stale" or "no data", at in s of the clock of `now`.
-            Tables carry since and age of their last change. Section history is {columns, rows}, oldest row first.
+            Tables carry since and age of their last change. Sections history and depth_log are {columns, rows}, oldest
+            and shallowest row first; the first column is s of that clock, or m of depth of the sensor.
         """
         self._history.advance(now)
         sections: dict[str, Any] = {}
@@ -466,9 +539,10 @@ class LiveState:
             if name not in sections:
                 sections[name] = self._dated(name, table, now)
                 self._revise(name, self._counts.get(name, 0))
-        rows = self._history.rows()
-        sections["history"] = {"columns": list(self._history.columns), "rows": rows}
-        self._revise("history", rows[-1][0] if rows else None)
+        for name, strip in (("history", self._history), ("depth_log", self._log)):
+            rows = strip.rows()
+            sections[name] = {"columns": list(strip.columns), "rows": rows}
+            self._revise(name, rows[-1][0] if rows else None)
         return {"now": number(now), "sections": sections, "revisions": dict(self._revisions)}
 
     def _build_attitude(self, now: float, seen: list[str]) -> dict[str, Any]:
@@ -568,8 +642,14 @@ class LiveState:
         v = self._values[name]
         v.value, v.sigma, v.at, v.withheld = value, sigma, now, ""
         self._touch(_SECTION_OF[name])
-        if name in _HISTORY and name != "inclination":
+        if name != "inclination":
+            self._chart(name, value, now)
+
+    def _chart(self, name: str, value: float, now: float) -> None:
+        if name in _HISTORY:
             self._history.add(name, value, now)
+        if name in _LOGGED and self._log_depth is not None:
+            self._log.add(name, value, self._log_depth)
 
     def _withhold(self, name: str, why: str) -> None:
         if self._values[name].withheld != why:

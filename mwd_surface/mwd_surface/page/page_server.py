@@ -44,12 +44,17 @@ COMMANDS: dict[str, dict[str, tuple[type, bool]]] = {
         "replace": (bool, True),
     },
     "reject_survey": {"sequence": (int, False), "operator_name": (str, False), "reason": (str, True)},
+    "set_depth": {"bit_depth": (float, False), "operator_name": (str, False)},
     "take_survey": {"duration": (float, True)},
     "acknowledge_alarm": {"id": (str, False), "operator_name": (str, False)},
     "start_recording": {"name": (str, True)},
     "stop_recording": {},
     "split_recording": {},
+    "snapshot_recording": {},
+    "export": {"format": (str, False), "name": (str, True)},
 }
+# Sections that grow by rows: a client gets the new ones.
+_STRIPS = ("history", "depth_log")
 _MAX_TEXT = 500
 # A sign of life at least so often, s.
 _BEAT = 1.0
@@ -118,7 +123,7 @@ class PageServer:
         page: Path = PAGE,
     ) -> None:
         self.settings = settings or PageSettings()
-        if not self.settings.allow_network and not _is_loopback(self.settings.host):
+        if not self.settings.allow_network and not is_loopback(self.settings.host):
             raise ValueError(
                 f"host: {self.settings.host} can be reached from other machines; set allow_network if that is meant"
             )
@@ -326,7 +331,7 @@ class PageServer:
 
     async def _state(self, _request: web.Request) -> web.StreamResponse:
         return web.Response(
-            text=self._message({}, None, 0, cached=False)[0],
+            text=self._message({}, {}, 0, cached=False)[0],
             content_type="application/json",
             headers={"Cache-Control": "no-store"},
         )
@@ -366,7 +371,7 @@ class PageServer:
         while not client.talk.closed:
             client.wake.clear()
             started = self._clock()
-            text, revisions, history, news = self._message(client.revisions, client.history, client.skipped)
+            text, revisions, strips, news = self._message(client.revisions, client.strips, client.skipped)
             if news or started - client.sent >= _BEAT:
                 before = self._snapshot
                 try:
@@ -375,7 +380,7 @@ class PageServer:
                     # Nothing taken for too long: the browser comes back by itself when it can.
                     client.transport.abort()
                     return
-                client.revisions, client.history, client.sent = revisions, history, started
+                client.revisions, client.strips, client.sent = revisions, strips, started
                 if self._clock() - started > 2.0 * period and self._snapshot is not before:
                     client.skipped += 1
                     self.skipped += 1
@@ -390,9 +395,13 @@ class PageServer:
             client.wake.set()
 
     def _message(
-        self, revisions: Mapping[str, int], history: float | None, skipped: int, cached: bool = True
-    ) -> tuple[str, dict[str, int], float | None, bool]:
-        """Text with all sections whose revision is not in `revisions`, what the client then has, and if it is news."""
+        self, revisions: Mapping[str, int], strips: Mapping[str, float], skipped: int, cached: bool = True
+    ) -> tuple[str, dict[str, int], dict[str, float], bool]:
+        """
+        Text with all sections whose revision is not in `revisions`, what the client then has, and if it is news.
+
+        strips : of the sections that grow by rows, the first column of the last row the client has.
+        """
         snapshot = self._snapshot
         own = {
             "controls": self._on_command is not None,
@@ -402,21 +411,22 @@ class PageServer:
         }
         head = f'{{"now": {self._clock():.3f}, "server": {json.dumps(own)}, "sections": {{'
         if snapshot is None:
-            return head + "}}", {}, None, False
+            return head + "}}", {}, {}, False
         parts, now_has = [], snapshot["revisions"]
         for name, section in snapshot["sections"].items():
             if revisions.get(name) == now_has[name]:
                 continue
-            if name == "history":
-                rows = [row for row in section["rows"] if history is None or row[0] > history]
-                fresh = {"columns": section["columns"], "rows": rows, "whole": history is None}
-                parts.append(f'"history": {_dumps(fresh)}')
-                history = rows[-1][0] if rows else history
+            if name in _STRIPS:
+                last = strips.get(name)
+                rows = [row for row in section["rows"] if last is None or row[0] > last]
+                fresh = {"columns": section["columns"], "rows": rows, "whole": last is None}
+                parts.append(f"{json.dumps(name)}: {_dumps(fresh)}")
+                strips = {**strips, name: rows[-1][0]} if rows else strips
             else:
                 # What is kept for all clients has the ages of its first sending; those who can compute use `at`.
                 text = self._text(name, now_has[name], section) if cached else _dumps(section)
                 parts.append(f"{json.dumps(name)}: {text}")
-        return head + ", ".join(parts) + "}}", dict(now_has), history, bool(parts)
+        return head + ", ".join(parts) + "}}", dict(now_has), dict(strips), bool(parts)
 
     def _text(self, name: str, revision: int, section: Any) -> str:
         """JSON of a section, made once for all clients."""
@@ -462,7 +472,7 @@ class _Client:
         self.sent = -_BEAT
         self.wake = asyncio.Event()
         self.revisions: dict[str, int] = {}
-        self.history: float | None = None
+        self.strips: dict[str, float] = {}
         self.skipped = 0
 
 
@@ -557,7 +567,8 @@ def _listener(host: str, port: int) -> socket.socket:
     return listener
 
 
-def _is_loopback(host: str) -> bool:
+def is_loopback(host: str) -> bool:
+    """True for addresses of this machine alone."""
     if host.lower() == "localhost":
         return True
     try:

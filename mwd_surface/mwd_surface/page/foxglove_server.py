@@ -1,0 +1,175 @@
+"""
+The graph's messages live to Foxglove, as they came: raw bytes under the schemas a recording carries.
+
+Anybody who may connect may watch everything, and nothing can be changed through it. The server itself is the
+`foxglove-sdk` package, an extra of this one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import threading
+from typing import Any
+
+from mwd_sensors.settings import setting
+from mwd_surface.bags.definitions import DefinitionError, Definitions, installed
+from mwd_surface.page.page_server import is_loopback
+
+
+class FoxgloveError(Exception):
+    """A server that cannot be; one sentence with the reason and what to do."""
+
+
+@dataclasses.dataclass(frozen=True)
+class FoxgloveSettings:
+    """A live server for Foxglove."""
+
+    enabled: bool = setting(
+        False, "Serve the topics live to Foxglove; needs the extra package foxglove-sdk", fixed=True
+    )
+    host: str = setting("127.0.0.1", "address to listen on", fixed=True)
+    port: int = setting(8765, "TCP port; 0: any that is free", low=0, high=65535, fixed=True)
+    allow_network: bool = setting(False, "listen on an address that other machines can reach", fixed=True)
+    backlog: int = setting(
+        1024, "messages that may wait for one client; of more the oldest go", low=16, high=1_000_000, fixed=True
+    )
+
+
+class FoxgloveServer:
+    """
+    The server of one well.
+
+    Parameters
+    ----------
+    settings : FoxgloveSettings
+    name : str
+        What a client shows as the source.
+    definitions : Definitions, optional
+        Where schema texts come from; by default this installation's.
+
+    Raises
+    ------
+    FoxgloveError
+        The address is not loopback and `allow_network` is not set.
+    """
+
+    def __init__(self, settings: FoxgloveSettings, name: str, definitions: Definitions | None = None) -> None:
+        if not settings.allow_network and not is_loopback(settings.host):
+            raise FoxgloveError(
+                f"host: {settings.host} can be reached from other machines; set allow_network if that is meant"
+            )
+        self._settings, self._name = settings, name
+        self._definitions = definitions or installed()
+        self._sdk: Any = None
+        self._context: Any = None
+        self._server: Any = None
+        self._channels: dict[tuple[str, str], Any] = {}
+        self._last: dict[int, tuple[bytes, int]] = {}
+        self._lock = threading.Lock()
+        self.unknown: set[str] = set()
+
+    def start(self) -> None:
+        """
+        Listen until `stop`.
+
+        Raises
+        ------
+        FoxgloveError
+            The package is missing, or the port is taken.
+        """
+        try:
+            self._sdk = importlib.import_module("foxglove")
+        except ImportError as error:
+            raise FoxgloveError(
+                "the live Foxglove server needs the package foxglove-sdk, which is not installed:"
+                " pip install foxglove-sdk"
+            ) from error
+        settings = self._settings
+        self._context = self._sdk.Context()
+        try:
+            self._server = self._sdk.start_server(
+                name=self._name,
+                host=settings.host,
+                port=settings.port,
+                context=self._context,
+                server_listener=_Listener(self._again),
+                message_backlog_size=settings.backlog,
+            )
+        except (RuntimeError, OSError, ValueError) as error:
+            self._context = None
+            raise FoxgloveError(f"{settings.host}:{settings.port}: {error}") from error
+
+    @property
+    def address(self) -> str:
+        """``ws://host:port`` of the running server; empty when it does not run."""
+        return f"ws://{self._settings.host}:{self._server.port}" if self._server is not None else ""
+
+    def put(self, topic: str, type_name: str, data: bytes, log_ns: int, *, latched: bool = False) -> None:
+        """
+        Hand over one serialised message; never waits.
+
+        Parameters
+        ----------
+        topic, type_name : str
+            Full name, and ``package/msg/Name``.
+        data : bytes
+            As it came from the middleware.
+        log_ns : int
+            When it was received, ns since the epoch.
+        latched : bool
+            The last one is told again to whoever subscribes later.
+        """
+        if self._server is None:
+            return
+        channel = self._channels.get((topic, type_name))
+        if channel is None:
+            channel = self._advertised(topic, type_name)
+            if channel is None:
+                return
+        if latched:
+            with self._lock:
+                self._last[channel.id()] = (data, log_ns)
+        channel.log(data, log_time=log_ns)
+
+    def stop(self) -> None:
+        """Close all connections and give the port free; nothing happens if it is not running."""
+        server, self._server = self._server, None
+        if server is None:
+            return
+        for channel in self._channels.values():
+            channel.close()
+        self._channels = {}
+        server.stop()
+        self._context = None
+
+    def _advertised(self, topic: str, type_name: str) -> Any:
+        if type_name in self.unknown:
+            return None
+        try:
+            definition = self._definitions.definition(type_name)
+        except DefinitionError:
+            self.unknown.add(type_name)
+            return None
+        schema = self._sdk.Schema(name=type_name, encoding="ros2msg", data=definition.text.encode())
+        channel = self._sdk.Channel(topic, schema=schema, message_encoding="cdr", context=self._context)
+        self._channels[topic, type_name] = channel
+        return channel
+
+    def _again(self, channel_id: int) -> None:
+        """Somebody subscribed: the last of a latched topic is told again."""
+        with self._lock:
+            last = self._last.get(channel_id)
+        channel = next((c for c in list(self._channels.values()) if c.id() == channel_id), None)
+        if last is not None and channel is not None:
+            channel.log(last[0], log_time=last[1])
+
+
+class _Listener:
+    """What the SDK calls in its own threads; only subscriptions matter here."""
+
+    def __init__(self, again: Any) -> None:
+        self._again = again
+
+    def on_subscribe(self, _client: Any, channel: Any) -> None:
+        self._again(channel.id)
