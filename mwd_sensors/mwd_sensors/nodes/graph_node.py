@@ -11,6 +11,8 @@ from typing import Any, Generic, TypeVar
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
@@ -57,6 +59,65 @@ class Later:
         send, self._send = self._send, None
         if send is not None:
             send(response)
+
+
+class Errand:
+    """
+    A goal of an action that is under way: tell its progress as often as there is news, finish it once.
+
+    Attributes
+    ----------
+    goal : message
+        What was asked for.
+    """
+
+    def __init__(self, server: _Door, handle: ServerGoalHandle) -> None:
+        self._server, self._handle = server, handle
+        self.goal = handle.request
+
+    @property
+    def done(self) -> bool:
+        """Whether it was finished."""
+        return not self._handle.is_active
+
+    def progress(self, feedback: Any) -> None:
+        """Tell who asked how far it is."""
+        if self._handle.is_active:
+            self._handle.publish_feedback(feedback)
+
+    def finish(self, result: Any) -> None:
+        """Give the result: succeeded by its `success`, else cancelled where that was asked, else aborted."""
+        if not self._handle.is_active:
+            return
+        if result.success:
+            self._handle.succeed()
+        elif self._handle.is_cancel_requested:
+            self._handle.canceled()
+        else:
+            self._handle.abort()
+        self._server.give(self._handle, result)
+
+
+class _Door(ActionServer):
+    """
+    An action server whose goals end when somebody ends them, not when a callback returns.
+
+    The stock server awaits a coroutine for the whole time of a goal, which the events executor doesn't do. Here the
+    executor sees only what is over at once: a goal is begun, and later its result is given.
+    """
+
+    def __init__(self, node: LifecycleNode, kind: Any, name: str, **callbacks: Any) -> None:
+        self._begun: Callable[[ServerGoalHandle], None] | None = callbacks.pop("begun")
+        super().__init__(node, kind, name, lambda _handle: None, **callbacks)
+
+    def notify_execute(self, goal_handle: ServerGoalHandle, execute_callback: Any) -> None:  # noqa: ARG002
+        """A goal was accepted and is now executing."""
+        if self._begun is not None:
+            self._begun(goal_handle)
+
+    def give(self, goal_handle: ServerGoalHandle, result: Any) -> None:
+        """Send the result to whoever asks for it, now or later."""
+        super().notify_execute(goal_handle, lambda _handle: result)
 
 
 class GraphNode(LifecycleNode, Generic[T]):
@@ -176,6 +237,50 @@ class GraphNode(LifecycleNode, Generic[T]):
 
         service.send_response = send_response
         self._made.append(lambda: self.destroy_service(service))
+
+    def perform(self, kind: Any, name: str, begin: Callable[[Errand], None], cancel: Callable[[Errand], None]) -> None:
+        """
+        Offer an action whose result has `success` and `message`; an inactive node answers with the reason.
+
+        `begin` is told each goal and returns at once; whoever knows the result finishes the errand. `cancel` is told
+        that nobody wants it any more, and finishes it.
+        """
+
+        def tell(act: Callable[[Errand], None], errand: Errand) -> None:
+            try:
+                act(errand)
+            except Exception:  # noqa: BLE001  (one bad goal must not end the node)
+                self._failed(name)
+                errand.finish(kind.Result(success=False, message=f"{name} failed inside the node; its log says where"))
+
+        errands: dict[bytes, Errand] = {}
+
+        def begun(handle: ServerGoalHandle) -> None:
+            for key in [key for key, errand in errands.items() if errand.done]:
+                del errands[key]
+            errand = errands[bytes(handle.goal_id.uuid)] = Errand(server, handle)
+            if self.active:
+                tell(begin, errand)
+            else:
+                message = f"{self.get_name()} is not active; activate it first"
+                errand.finish(kind.Result(success=False, message=message))
+
+        def cancelled(handle: ServerGoalHandle) -> CancelResponse:
+            errand = errands.get(bytes(handle.goal_id.uuid))
+            if errand is None or errand.done:
+                return CancelResponse.REJECT
+            # Behind this callback, when the goal has become one that is being cancelled.
+            self.executor.create_task(tell, cancel, errand)
+            return CancelResponse.ACCEPT
+
+        server = _Door(self, kind, name, begun=begun, cancel_callback=cancelled)
+        self._made.append(server.destroy)
+
+    def reach(self, kind: Any, name: str) -> Any:
+        """A client of another node's service."""
+        client = self.create_client(kind, name)
+        self._made.append(lambda: self.destroy_client(client))
+        return client
 
     def every(self, period: float, act: Callable[[], None]) -> None:
         """Call while active, once per period, s, of a clock nobody sets."""

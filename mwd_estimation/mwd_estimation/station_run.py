@@ -1,0 +1,86 @@
+"""
+The stations of one run so far, and what they say together about each new one (multi-station analysis as it goes).
+
+A station counts where it was read at rest and its field is the Earth's with something beside it; whether it fits the
+others is for the analysis to say. With few stations, or attitudes that do not show the errors, the method is named with
+the reason why it gives nothing.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_estimation import multistation
+from mwd_estimation.multistation import MSA, Multistation, MultistationSettings
+from mwd_estimation.reference import STANDARD_GRAVITY, Reference
+from mwd_estimation.station import MethodAzimuth, Station, StationSettings
+from mwd_sensors.settings import setting
+
+# A station whose gravity is further off was not at rest, m/s^2.
+_AT_REST = 0.05
+# A field further off the reference, as a share of it, is no reading of the Earth's.
+_EARTH = 0.3
+
+
+@dataclasses.dataclass(frozen=True)
+class Params:
+    """When the stations of a run are analysed together, and how."""
+
+    enabled: bool = setting(True, "Analyse the stations of the run together with each new one")
+    least: int = setting(4, "Fewer stations say nothing", low=2, high=100)
+    most: int = setting(60, "The last so many stations count", low=4, high=1000)
+    analysis: MultistationSettings = setting(MultistationSettings, "The analysis")
+
+
+class StationRun:
+    """Stations of one tool in one assembly, in the order they were taken."""
+
+    def __init__(self, params: Params) -> None:
+        self.params = params
+        self._stations: list[Station] = []
+
+    def take(self, station: Station, settings: StationSettings) -> tuple[Station, Multistation | None]:
+        """
+        Take a new station in.
+
+        Parameters
+        ----------
+        station : Station
+            By itself, magnetic.
+        settings : StationSettings
+            It was made with.
+
+        Returns
+        -------
+        station : Station
+            With the method "msa": from its corrected readings where the analysis holds, else as it was and with the
+            reason for the refusal. As it was, where it is no station to analyse.
+        analysis : Multistation or None
+            None where there was none, or it was refused.
+        """
+        reference = station.reference
+        if not self.params.enabled or reference is None or not _usable(station, reference):
+            return station, None
+        self._stations = [*self._stations, station][-self.params.most :]
+        n = len(self._stations)
+        if n < self.params.least:
+            why = f"too few stations in this run: {n} of {self.params.least}"
+            refused = MethodAzimuth(MSA, math.nan, math.nan, why)
+            return dataclasses.replace(station, azimuths=(*station.azimuths, refused)), None
+        f_t, b_t = np.array([s.f_t for s in self._stations]), np.array([s.b_t for s in self._stations])
+        analysis = multistation.analyse(f_t, b_t, reference, settings.errors, self.params.analysis)
+        # Stations from before a change of the reference are held against the one now in force.
+        now = [dataclasses.replace(s, reference=reference) for s in self._stations]
+        corrected = multistation.corrected_stations(now, analysis, settings)[-1]
+        return corrected, None if analysis.refused else analysis
+
+
+def _usable(station: Station, reference: Reference) -> bool:
+    if not (reference.has_field and np.isfinite(station.f_t).all() and np.isfinite(station.b_t).all()):
+        return False
+    gravity = STANDARD_GRAVITY if reference.gravity is None else reference.gravity
+    total = math.hypot(reference.horizontal, reference.vertical)
+    return abs(station.g_total - gravity) < _AT_REST and abs(station.b_total - total) < _EARTH * total
