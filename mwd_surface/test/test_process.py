@@ -130,6 +130,42 @@ def test_a_row_in_ten_may_be_enough_and_parquet_holds_the_same(tmp_path):
         assert row["inclination_deg"] == pytest.approx(float(line["inclination_deg"]), abs=1e-6)
 
 
+def test_estimates_merged_beside_the_messages_are_those_of_the_csv(tmp_path):
+    recording(tmp_path / "bag")
+    run(tmp_path / "bag", tmp_path / "out")
+    for _ in range(2):  # the second time over the first
+        with Bag(tmp_path / "bag") as bag:
+            wanted = process.OutputSettings(format="mcap")
+            summary = process.process(bag, tmp_path / "merged", S3, InputSettings(start_s=2.0), wanted=wanted)
+    assert summary.files == ["merged", "surveys.csv", "config.yaml"]
+    run(tmp_path / "bag", tmp_path / "out", start_s=2.0)
+    lines = attitude(tmp_path / "out")
+    with Bag(tmp_path / "merged" / "merged") as bag:
+        samples = np.concatenate([block["/attitude"][1] for block in bag.blocks(["/attitude"])])
+        assert bag.topics["/imu/data_raw"].count == len(samples) == len(lines)
+        assert bag.topics["/rig/state"].count == 18
+    assert [int(line["stamp_ns"]) for line in lines] == samples["stamp_ns"].tolist()
+    assert float(lines[-1]["azimuth_deg"]) == pytest.approx(math.degrees(samples["azimuth"][-1]), abs=1e-6)
+
+
+def test_smoothed_gravity_is_closer_and_surveys_stay_the_same(tmp_path):
+    recording(tmp_path / "bag")
+    estimator = EstimatorSettings()
+    run(tmp_path / "bag", tmp_path / "out", estimator)
+    with Bag(tmp_path / "bag") as bag:
+        process.process(bag, tmp_path / "smooth", estimator, wanted=process.OutputSettings(smooth=True))
+    ahead, both = attitude(tmp_path / "out"), attitude(tmp_path / "smooth")
+    assert [line["stamp_ns"] for line in ahead] == [line["stamp_ns"] for line in both]
+    error = [
+        [abs(float(line["inclination_deg"]) - 40.0) for line in lines[300:] if line["inclination_deg"]]
+        for lines in (ahead, both)
+    ]
+    assert np.mean(error[1]) < np.mean(error[0])
+    assert surveys(tmp_path / "out") == surveys(tmp_path / "smooth")
+    with Bag(tmp_path / "bag") as bag, pytest.raises(ValueError, match="only the method bounded"):
+        process.process(bag, tmp_path / "x", S3, wanted=process.OutputSettings(smooth=True))
+
+
 def test_a_disk_that_fills_up_ends_the_run_and_leaves_nothing(tmp_path, monkeypatch):
     recording(tmp_path / "bag", seconds=3.0)
 

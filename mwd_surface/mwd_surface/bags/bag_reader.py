@@ -80,6 +80,31 @@ class TopicInfo:
     serialization: str = "cdr"
 
 
+@dataclasses.dataclass(frozen=True)
+class Originals:
+    """
+    Messages as they lie in a bag, in order of their log time.
+
+    Attributes
+    ----------
+    data : ndarray of uint8
+        Bytes they are part of.
+    log_ns, offset, size : ndarray of int64, shape (n,)
+        Log time, and where each payload begins and how long it is.
+    topic : ndarray of int64, shape (n,)
+        Place of each message's topic in `Bag.topics`.
+    framed : bool
+        Each payload follows the head of its MCAP record in `data`.
+    """
+
+    data: NDArray[np.uint8]
+    log_ns: Stamps
+    offset: NDArray[np.int64]
+    size: NDArray[np.int64]
+    topic: NDArray[np.int64]
+    framed: bool
+
+
 @dataclasses.dataclass
 class _Part:
     """Messages of one span, selected and in time order."""
@@ -253,6 +278,35 @@ class Bag:
                 pieces, count = {}, 0
         if count:
             yield from _blocks_of(pieces, block_messages)
+
+    def blocks_and_originals(
+        self,
+        topics: Sequence[str],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+        block_messages: int = 16384,
+        fields: Fields | None = None,
+    ) -> Iterator[tuple[Block, list[Originals]]]:
+        """
+        As `blocks`, and with each block every message of the bag of its time, those of other topics too, as it lies.
+
+        A block has no upper size but that of the chunks of one time, and may be without a sample.
+        """
+        wanted = set(self._checked(topics))
+        pieces: dict[str, list[tuple[Stamps, Any]]] = {}
+        originals: list[Originals] = []
+        count = 0
+        for group in self._groups(list(self.topics), start_ns, end_ns):
+            for part in group:
+                for name, log_ns, samples in self._samples(part, fields or {}, wanted):
+                    pieces.setdefault(name, []).append((log_ns, samples))
+                originals.append(self._originals(part))
+                count += len(part.log_ns)
+            if count >= block_messages:
+                yield next(_blocks_of(pieces, _MANY), {}), originals
+                pieces, originals, count = {}, [], 0
+        if count:
+            yield next(_blocks_of(pieces, _MANY), {}), originals
 
     def messages(
         self, topics: Sequence[str] | None = None, start_ns: int | None = None, end_ns: int | None = None
@@ -576,13 +630,33 @@ class Bag:
     def _part_names(self, part: _Part) -> Mapping[int, str]:
         return self._names[part.file] if self._rosbags is None else dict(enumerate(self.topics))
 
-    def _samples(self, part: _Part, fields: Fields) -> Iterator[tuple[str, Stamps, Any]]:
+    def _originals(self, part: _Part) -> Originals:
+        if self._message_compression:
+            rows = []
+            for log_ns, at, size, channel in zip(part.log_ns, part.offset, part.size, part.channel, strict=True):
+                data = self._unzipped(part.data[at : at + size].tobytes())
+                if data is not None:
+                    rows.append((int(log_ns), int(channel), data))
+            plain = _part_of(rows)
+            part = dataclasses.replace(plain, rank=part.rank, file=part.file)
+        places = {name: place for place, name in enumerate(self.topics)}
+        table = np.zeros(65536, dtype=np.int64)
+        for channel, name in self._part_names(part).items():
+            table[channel] = places[name]
+        framed = self._rosbags is None and not self._message_compression
+        return Originals(part.data, part.log_ns, part.offset, part.size, table[part.channel], framed)
+
+    def _samples(
+        self, part: _Part, fields: Fields, wanted: set[str] | None = None
+    ) -> Iterator[tuple[str, Stamps, Any]]:
         """(topic, log_ns, samples) of a part; messages that are not of their type are counted and left out."""
         names = self._part_names(part)
         numbers = np.unique(part.channel)
         for number in numbers.tolist():
-            mine = part if len(numbers) == 1 else part.at(part.channel == number)
             name = names[number]
+            if wanted is not None and name not in wanted:
+                continue
+            mine = part if len(numbers) == 1 else part.at(part.channel == number)
             layout = wire.LAYOUTS.get(self.topics[name].type_name)
             some = fields.get(self.topics[name].type_name)
             if self._message_compression or layout is None or self.topics[name].serialization != "cdr":

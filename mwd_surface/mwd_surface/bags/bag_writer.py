@@ -160,6 +160,51 @@ class BagWriter:
         self._by_name[name, type_name] = channel.id
         return channel.id
 
+    def copy_topic(
+        self, name: str, type_name: str, encoding: str, definition: str, type_hash: str, qos: str, serialization: str
+    ) -> int:
+        """
+        Channel number of a topic taken over from another bag with the definition it has there.
+
+        encoding, definition : of the schema; both empty where that bag has none, and then the one known here is used.
+        type_hash, qos : as that bag states them.
+
+        Raises
+        ------
+        ValueError
+            A topic of that name and type is there already.
+        """
+        if (name, type_name) in self._by_name:
+            raise ValueError(f"name: {name} of {type_name} was declared already")
+        if not definition:
+            return self.topic(name, type_name, qos, type_hash, need_definition=False)
+        schema = self._schemas.get(type_name)
+        if schema is None:
+            schema = Schema(len(self._schemas) + 1, type_name, encoding, definition.encode())
+            self.file.add_schema(schema)
+            self._schemas[type_name] = schema
+        metadata = {"offered_qos_profiles": qos, "topic_type_hash": type_hash}
+        channel = Channel(len(self._tracks) + 1, schema.id, name, serialization, metadata)
+        self.file.add_channel(channel)
+        try:
+            profiles = bag_metadata.parse_qos(qos)
+        except ValueError:
+            # Whatever it means stays with the channel, as it was; metadata.yaml can do without.
+            profiles = []
+        self._tracks[channel.id] = _Track(channel, schema, type_hash, profiles)
+        self._by_name[name, type_name] = channel.id
+        return channel.id
+
+    def write_records(
+        self,
+        records: NDArray[np.uint8],
+        offset: NDArray[np.int64],
+        channel: NDArray[np.uint16],
+        log_ns: NDArray[np.int64],
+    ) -> None:
+        """Write finished MCAP message records as `McapWriter.write_records` takes them; their channels are declared."""
+        self.file.write_records(records, offset, channel, log_ns)
+
     def has_definition(self, channel: int) -> bool:
         """Whether the type of a channel is recorded with its definition."""
         return bool(self._tracks[channel].schema.data)

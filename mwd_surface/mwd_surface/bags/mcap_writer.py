@@ -140,6 +140,36 @@ class McapWriter:
             if self._pending >= self.chunk_bytes:
                 self.close_chunk()
 
+    def write_records(
+        self,
+        records: NDArray[np.uint8],
+        offset: NDArray[np.int64],
+        channel: NDArray[np.uint16],
+        log_ns: NDArray[np.int64],
+    ) -> None:
+        """Put finished message records, which follow one another from offset[0] = 0 on, into chunks in their order."""
+        ends = np.append(offset[1:], len(records))
+        done = 0
+        while done < len(offset):
+            self._declare()
+            begin = int(offset[done])
+            stop = int(np.searchsorted(ends, begin + self.chunk_bytes - self._pending)) + 1
+            stop = min(max(stop, done + 1), len(offset))
+            part = slice(done, stop)
+            for number in np.unique(channel[part]).tolist():
+                mine = np.flatnonzero(channel[part] == number) + done
+                entries = np.empty(len(mine), dtype=mcap_format.INDEX_ENTRY)
+                entries["log_ns"] = log_ns[mine]
+                entries["offset"] = self._pending + offset[mine] - begin
+                self._index.setdefault(number, []).append(entries)
+                self._count(number, len(mine), int(log_ns[mine].min()), int(log_ns[mine].max()))
+            end = int(ends[stop - 1])
+            self._parts.append(records[begin:end].tobytes())
+            self._pending += end - begin
+            done = stop
+            if self._pending >= self.chunk_bytes:
+                self.close_chunk()
+
     def close_chunk(self) -> None:
         """Write the chunk at hand, if there is one, and its message indexes."""
         if not self._pending:

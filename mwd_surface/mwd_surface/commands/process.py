@@ -64,6 +64,12 @@ def process(
         float | None,
         typer.Option(help="At most so many rows of attitude a second.", metavar="HZ", rich_help_panel=_OUTPUT),
     ] = None,
+    smooth: Annotated[
+        bool,
+        typer.Option(
+            "--smooth", help="Gravity from what came after each sample too: never live.", rich_help_panel=_OUTPUT
+        ),
+    ] = False,
     partial: Annotated[
         bool, typer.Option("--partial", help="Use what can be read of a damaged bag.", rich_help_panel=_INPUT)
     ] = False,
@@ -72,7 +78,8 @@ def process(
     Work out attitude and surveys of a recording.
 
     Writes DIR/attitude.csv (one line per IMU message), DIR/surveys.csv and DIR/config.yaml (the settings in force).
-    Needs no middleware; the results equal those of the live graph. With --format parquet it is DIR/attitude.parquet.
+    Needs no middleware; the results equal those of the live graph. --format parquet writes DIR/attitude.parquet,
+    --format mcap a copy of the recording with the estimates beside its messages, DIR/merged, for Foxglove.
 
     \b
     Examples:
@@ -80,6 +87,7 @@ def process(
       mwd process bags/run_7 -o out --lat 58.44 --lon 1.88 --date 2026-03-01
       mwd process bags/run_7 -o out --field 50360,71.63,-2.2 --method s3
       mwd process bags/run_7 -o out --format parquet --rate 10
+      mwd process bags/run_7 -o out --format mcap --smooth
       mwd process bags/two_wells -o out --imu-topic /well_2/imu/data_raw
     """
     from mwd_sensors import settings
@@ -112,7 +120,7 @@ def process(
         "partial": partial,
     }
     given = settings.from_mapping(batch.InputSettings, {k: v for k, v in asked.items() if v is not None})
-    asked = {"format": form, "rate_hz": rate}
+    asked = {"format": form, "rate_hz": rate, "smooth": smooth}
     wanted = settings.from_mapping(batch.OutputSettings, {k: v for k, v in asked.items() if v is not None})
     compensation = Compensation(calibration_run.read(calibration)) if calibration is not None else None
     began = time.monotonic()

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-
-from mwd_sensors import wire
+from numpy.typing import NDArray
 
 
 class Thinner:
     """
-    Picks rows of streams that share their stamps.
+    Picks rows of streams by their stamps.
 
     rate_hz : at most so many rows a second; 0 keeps every row.
     """
@@ -18,11 +17,11 @@ class Thinner:
         self._period_ns = round(1e9 / rate_hz) if rate_hz > 0.0 else 0
         self._last = -1
 
-    def __call__(self, *streams: wire.Samples) -> tuple[wire.Samples, ...]:
-        """The rows picked of a block; every stream has the stamps of the first."""
-        if self._period_ns <= 0 or not len(streams[0]):
-            return streams
-        intervals = streams[0]["stamp_ns"] // self._period_ns
-        picked = np.diff(intervals, prepend=self._last) != 0
+    def __call__(self, stamp_ns: NDArray[np.int64]) -> slice | NDArray[np.bool_]:
+        """Which rows of a block to keep, by their stamps, ns."""
+        if self._period_ns <= 0 or not len(stamp_ns):
+            return slice(None)
+        intervals = stamp_ns // self._period_ns
+        picked: NDArray[np.bool_] = np.diff(intervals, prepend=self._last) != 0
         self._last = int(intervals[-1])
-        return tuple(stream[picked] for stream in streams)
+        return picked

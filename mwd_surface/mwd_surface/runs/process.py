@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from mwd_estimation import units
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
@@ -28,16 +29,19 @@ from mwd_sensors import settings as settings_of
 from mwd_sensors import wire
 from mwd_sensors.compensation import Compensation
 from mwd_sensors.settings import setting
-from mwd_surface.bags.bag_reader import Bag, BagError, Block
+from mwd_surface.bags.bag_reader import Bag, BagError, Block, Originals
 from mwd_surface.bags.mcap_format import MAGIC
 from mwd_surface.exports import attitude_csv
 from mwd_surface.exports.thinner import Thinner
+from mwd_surface.runs.imu_queue import ImuQueue
+from mwd_surface.runs.merger import Merger
 from mwd_surface.runs.overlap import ahead, behind
 from mwd_surface.surveys import station_csv
 from mwd_surface.surveys.depth import DepthTrack
 
 IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
 FORMATS = ("csv", "parquet", "mcap")
+MERGED = "merged"
 SURVEY_COLUMNS = ("sequence", "stamp_ns", "duration_s", "samples", "requested", *station_csv.COLUMNS, "uuid")
 
 # All else of these messages is most of their bytes, and is not read.
@@ -73,6 +77,7 @@ class OutputSettings:
 
     format: str = setting("csv", "File of the attitude", choices=FORMATS)
     rate_hz: float = setting(0.0, "At most so many rows a second; 0: one for every IMU message", unit="Hz", low=0.0)
+    smooth: bool = setting(False, "Gravity of each sample from what came after it too; method bounded only")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -172,14 +177,14 @@ def process(
     """
     given, wanted = given or InputSettings(), wanted or OutputSettings()
     with drafts(folder) as draft:
-        with _sink(draft, wanted) as sink:
-            summary = estimate(bag, estimator, given, sink, progress, compensation)
+        with _destination(draft, bag, wanted, given) as (sink, merger):
+            summary = estimate(bag, estimator, given, sink, progress, compensation, wanted.smooth, merger)
         (draft / "surveys.csv").write_text(survey_text(summary.surveys), encoding="utf-8")
         config = config_text(estimator, given, wanted, summary.topics)
         (draft / "config.yaml").write_text(config, encoding="utf-8")
         summary.files = [file.name for file in draft.iterdir()]
         # The largest first: what was asked for.
-        summary.files.sort(key=lambda name: (not name.startswith("attitude"), name == "config.yaml"))
+        summary.files.sort(key=lambda name: (name == "config.yaml", name == "surveys.csv"))
     return summary
 
 
@@ -190,20 +195,25 @@ def estimate(
     sink: Callable[[Output], None],
     progress: Callable[[float], None] = lambda _share: None,
     compensation: Compensation | None = None,
+    smooth: bool = False,
+    merger: Merger | None = None,
 ) -> Summary:
     """
     Run the estimator over a bag.
 
     sink: handed what each block gave, in order of time, in a thread of its own; what it raises ends the run.
+    smooth: gravity from what comes after each sample too. merger: handed the same, and all messages of the bag.
 
     Raises
     ------
     BagError, ValueError
-        As `process`.
+        As `process`; or `smooth` with a method that has no smoother.
     """
+    if smooth and estimator.method != "bounded":
+        raise ValueError(f"smooth: only the method bounded can be smoothed, not {estimator.method}")
     topics = find_topics(bag, given)
     _refuse_damaged(bag, given)
-    summary = _estimate(bag, topics, estimator, given, compensation, sink, progress)
+    summary = _estimate(bag, topics, estimator, given, compensation, sink, progress, smooth, merger)
     _refuse_damaged(bag, given)
     if summary.rows == 0:
         raise BagError(f"{bag.path} has no IMU sample in {topics.imu}", "look at it with `mwd bag info`")
@@ -260,6 +270,8 @@ def drafts(folder: Path) -> Iterator[Path]:
         yield draft
         if folder.exists():
             for file in sorted(draft.iterdir()):
+                if (folder / file.name).is_dir() and not (folder / file.name).is_symlink():
+                    shutil.rmtree(folder / file.name)
                 file.replace(folder / file.name)
         else:
             draft.chmod(0o777 & ~_umask())
@@ -340,23 +352,62 @@ def _nested(table: dict[str, Any]) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def _sink(folder: Path, wanted: OutputSettings) -> Iterator[Callable[[Output], None]]:
+def _destination(
+    folder: Path, bag: Bag, wanted: OutputSettings, given: InputSettings
+) -> Iterator[tuple[Callable[[Output], None], Merger | None]]:
     """What writes the attitude of each block."""
     thinner = Thinner(wanted.rate_hz)
+    if wanted.format == "mcap":
+        with Merger(folder / MERGED, bag, find_topics(bag, given).imu, thinner) as merger:
+            yield lambda _output: None, merger
+        return
     if wanted.format == "parquet":
         # Not for everyone: it takes longer to load than a short recording to process.
         from mwd_surface.exports import attitude_parquet
 
         with attitude_parquet.Writer(folder / "attitude.parquet") as writer:
-            yield lambda output: writer.write(*thinner(output.attitude, output.gravity))
+
+            def write_table(output: Output) -> None:
+                picked = thinner(output.attitude["stamp_ns"])
+                writer.write(output.attitude[picked], output.gravity[picked])
+
+            yield write_table, None
         return
     with (folder / "attitude.csv").open("wb") as file:
         file.write(attitude_csv.HEADER.encode() + b"\n")
 
-        def write(output: Output) -> None:
-            file.write(attitude_csv.rows(*thinner(output.attitude, output.gravity)))
+        def write_lines(output: Output) -> None:
+            picked = thinner(output.attitude["stamp_ns"])
+            file.write(attitude_csv.rows(output.attitude[picked], output.gravity[picked]))
 
-        yield write
+        yield write_lines, None
+
+
+@dataclasses.dataclass(frozen=True)
+class _Found:
+    """
+    What one stage hands to the next.
+
+    Attributes
+    ----------
+    output, log_ns : Output and ndarray of int64
+        What some IMU samples gave, and when these were logged; or None.
+    originals : list of Originals
+        Messages of the bag.
+    until_ns : int
+        Nothing that is logged up to then is still to come.
+    """
+
+    output: Output | None
+    log_ns: NDArray[np.int64] | None
+    originals: list[Originals] = dataclasses.field(default_factory=list)
+    until_ns: int | None = None
+
+
+def _last_log(block: Block, originals: list[Originals]) -> int:
+    """Log time of the last message of a block, ns."""
+    logged = [int(part[0][-1]) for part in block.values()]
+    return max(logged + [int(one.log_ns[-1]) for one in originals if len(one.log_ns)], default=0)
 
 
 def _estimate(
@@ -367,6 +418,8 @@ def _estimate(
     compensation: Compensation | None,
     sink: Callable[[Output], None],
     progress: Callable[[float], None],
+    smooth: bool,
+    merger: Merger | None,
 ) -> Summary:
     summary = Summary(topics)
     differ = _frames_differ(bag, topics)
@@ -386,11 +439,18 @@ def _estimate(
         summary.warnings.append(f"{differ}: the magnetometer is not used; if they share axes say --same-axes")
     unchecked = {topics.imu, topics.mag}
 
-    def outputs() -> Iterator[Output]:
+    def blocks() -> Iterator[tuple[Block, list[Originals]]]:
+        if merger is not None:
+            yield from bag.blocks_and_originals(topics.all, start_ns, end_ns, fields=_FIELDS)
+            return
+        for block in bag.blocks(topics.all, start_ns, end_ns, fields=_FIELDS):
+            yield block, []
+
+    def found() -> Iterator[_Found]:
         nonlocal use_mag, unchecked
-        held: wire.Samples | None = None
-        with ahead(bag.blocks(topics.all, start_ns, end_ns, fields=_FIELDS)) as blocks:
-            for block in blocks:
+        held = ImuQueue(estimator.bounded if smooth else None)
+        with ahead(blocks()) as ready:
+            for block, originals in ready:
                 samples = _in_si(block, topics, given)
                 if topics.imu in unchecked and topics.imu in samples:
                     summary.warnings += _check_imu(topics.imu, samples[topics.imu])
@@ -411,21 +471,32 @@ def _estimate(
                 if topics.rig in samples:
                     for row in samples[topics.rig]:
                         depth.update(int(row["stamp_ns"]), float(row["bit_depth"]), bool(row["valid"] & _BIT_DEPTH))
-                if held is not None:
-                    yield pipeline.push_imu(held)
-                held = samples.get(topics.imu)
-                progress(_share(block, start_ns, last_ns))
-        if held is not None:
-            yield pipeline.push_imu(held)
+                logged = _last_log(block, originals)
+                for imu in held.done(logged):
+                    yield _Found(pipeline.push_imu(imu.samples, imu.followed), imu.log_ns)
+                if topics.imu in samples:
+                    held.add(samples[topics.imu], block[topics.imu][0])
+                if merger is not None:
+                    yield _Found(None, None, originals, held.first_log_ns - 1 if held.waiting else logged)
+                progress(_share(logged, start_ns, last_ns))
+        for imu in held.finish():
+            yield _Found(pipeline.push_imu(imu.samples, imu.followed), imu.log_ns)
 
-    def put_away(output: Output) -> None:
-        sink(output)
-        _count(output, summary)
+    def put_away(one: _Found) -> None:
+        if merger is not None:
+            merger.take(one.output, one.log_ns, one.originals, one.until_ns)
+        if one.output is not None:
+            sink(one.output)
+            _count(one.output, summary)
 
     with behind(put_away) as give:
-        for output in outputs():
-            summary.surveys += [(survey, sensor_depth(survey.stamp_ns)) for survey in output.surveys]
-            give(output)
+        for one in found():
+            if one.output is not None:
+                surveys = one.output.surveys
+                summary.surveys += [(survey, sensor_depth(survey.stamp_ns)) for survey in surveys]
+            give(one)
+    if merger is not None:
+        summary.warnings += merger.remarks
     progress(1.0)
     summary.north = pipeline.north
     summary.reference = pipeline.reference.source if pipeline.reference is not None else "none"
@@ -548,9 +619,8 @@ def _worth_saying(bag: Bag) -> list[str]:
     return [note for note in dict.fromkeys(bag.notes) if not note.startswith("the recording carries no checksums")]
 
 
-def _share(block: Block, start_ns: int, last_ns: int) -> float:
-    now = max(int(part[0][-1]) for part in block.values())
-    return min(max((now - start_ns) / max(last_ns - start_ns, 1), 0.0), 1.0)
+def _share(logged_ns: int, start_ns: int, last_ns: int) -> float:
+    return min(max((logged_ns - start_ns) / max(last_ns - start_ns, 1), 0.0), 1.0)
 
 
 def _named(bag: Bag, name: str, layout: wire.Layout) -> str | None:

@@ -1,0 +1,220 @@
+"""
+A copy of a recording with more topics in it: the original messages byte for byte, and new ones between them by time.
+
+Every message is written in the order of its log time, the original before the new one where they are equal, so that
+any player shows both together. Memory is bounded by what waits for its time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.compiled import compiled
+from mwd_surface.bags import mcap_format
+from mwd_surface.bags.bag_reader import Bag, Originals
+from mwd_surface.bags.bag_writer import ROSBAG2_RECORD, BagWriter
+
+Bytes = NDArray[np.uint8]
+Numbers = NDArray[np.int64]
+
+_PREFIX, _HEAD, _MESSAGE = mcap_format.MESSAGE_PREFIX, mcap_format.MESSAGE_HEAD, mcap_format.MESSAGE
+
+
+@dataclasses.dataclass(frozen=True)
+class _Source:
+    """Messages in order of time; their records take the sequence number and publish time from `data` if framed."""
+
+    data: Bytes
+    log_ns: Numbers
+    offset: Numbers
+    size: Numbers
+    channel: NDArray[np.uint16]
+    sequence: Numbers
+    framed: bool
+
+    def at(self, where: slice) -> _Source:
+        """A part of the messages."""
+        return _Source(
+            self.data,
+            self.log_ns[where],
+            self.offset[where],
+            self.size[where],
+            self.channel[where],
+            self.sequence[where],
+            self.framed,
+        )
+
+
+class MergedBag:
+    """
+    Writes the copy.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of the copy; must not exist.
+    bag : Bag
+        The recording. Its topics, attachments and tables are taken over.
+
+    Raises
+    ------
+    FileExistsError
+        `path` exists.
+    OSError
+        From every method that writes.
+    """
+
+    def __init__(self, path: Path, bag: Bag) -> None:
+        self._writer = BagWriter(path, custom=bag.custom)
+        try:
+            self._channels = np.array(
+                [
+                    self._writer.copy_topic(
+                        about.name,
+                        about.type_name,
+                        about.schema_encoding,
+                        about.schema,
+                        about.type_hash,
+                        about.qos,
+                        about.serialization,
+                    )
+                    for about in bag.topics.values()
+                ],
+                dtype=np.uint16,
+            )
+            for item in bag.attachments():
+                self._writer.attach(item.name, item.media_type, item.data, item.log_ns)
+            for name, table in bag.metadata().items():
+                if name != ROSBAG2_RECORD:
+                    self._writer.add_metadata(name, table)
+        except BaseException:
+            self._writer.abandon()
+            raise
+        self._taken = set(bag.topics)
+        self._written: dict[int, int] = {}
+        self._originals: list[_Source] = []
+        self._new: list[_Source] = []
+
+    def topic(self, name: str, type_name: str) -> tuple[int, str]:
+        """Channel of a new topic, and its name: with "processed" before its last part where the recording has it."""
+        if name in self._taken:
+            head, slash, tail = name.rpartition("/")
+            name = f"{head}{slash}processed/{tail}"
+        return self._writer.topic(name, type_name), name
+
+    def add_originals(self, originals: Originals) -> None:
+        """Take over messages of the recording; they are written by `flush`."""
+        self._originals.append(
+            _Source(
+                originals.data,
+                originals.log_ns,
+                originals.offset,
+                originals.size,
+                self._channels[originals.topic],
+                np.zeros(len(originals.log_ns), dtype=np.int64),
+                originals.framed,
+            )
+        )
+
+    def add_rows(self, channel: int, rows: Bytes, log_ns: Numbers) -> None:
+        """
+        Take new messages of one size.
+
+        rows, shape (n, size), uint8; log_ns, shape (n,), int64, not decreasing.
+        """
+        count, size = rows.shape
+        first = self._written.get(channel, 0)
+        self._written[channel] = first + count
+        self._new.append(
+            _Source(
+                np.ascontiguousarray(rows).reshape(-1),
+                np.asarray(log_ns, dtype=np.int64),
+                np.arange(count, dtype=np.int64) * size,
+                np.full(count, size, dtype=np.int64),
+                np.full(count, channel, dtype=np.uint16),
+                np.arange(first + 1, first + count + 1, dtype=np.int64),
+                False,
+            )
+        )
+
+    def flush(self, until_ns: int | None = None) -> None:
+        """Write all that was logged up to and with that time; None: all."""
+        ready: list[_Source] = []
+        for waiting in (self._originals, self._new):
+            rest = []
+            for source in waiting:
+                cut = len(source.log_ns) if until_ns is None else int(np.searchsorted(source.log_ns, until_ns, "right"))
+                if cut:
+                    ready.append(source.at(slice(0, cut)))
+                if cut < len(source.log_ns):
+                    rest.append(source.at(slice(cut, None)))
+            waiting[:] = rest
+        if not ready:
+            return
+        log_ns = np.concatenate([source.log_ns for source in ready])
+        length = np.concatenate([source.size for source in ready]) + _PREFIX
+        order = np.argsort(log_ns, kind="stable")
+        ends = np.cumsum(length[order])
+        offset = ends - length[order]
+        place = np.empty(len(order), dtype=np.int64)
+        place[order] = offset
+        records = np.empty(int(ends[-1]), dtype=np.uint8)
+        begin = 0
+        for source in ready:
+            end = begin + len(source.log_ns)
+            _lay(
+                records, place[begin:end], source.data, source.log_ns, source.offset, source.size, source.channel,
+                source.sequence, source.framed,
+            )  # fmt: skip
+            begin = end
+        channel = np.concatenate([source.channel for source in ready])[order]
+        self._writer.write_records(records, offset, channel, log_ns[order])
+
+    def close(self) -> None:
+        """Write what waits, and finish the bag."""
+        self.flush()
+        self._writer.close()
+
+    def __enter__(self) -> MergedBag:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is None:
+            self.close()
+        else:
+            self._writer.abandon()
+
+
+@compiled
+def _put(out: Bytes, at: int, value: int, size: int) -> None:
+    """An unsigned little-endian number of `size` bytes."""
+    for k in range(size):
+        out[at + k] = (value >> (8 * k)) & 255
+
+
+@compiled
+def _lay(
+    out: Bytes, place: Numbers, data: Bytes, log_ns: Numbers, offset: Numbers, size: Numbers,
+    channel: NDArray[np.uint16], sequence: Numbers, framed: bool,
+) -> None:  # fmt: skip
+    """Write one record for each message to its place."""
+    for i in range(len(place)):
+        at, source = place[i], offset[i]
+        out[at] = _MESSAGE
+        _put(out, at + 1, _HEAD + size[i], 8)
+        _put(out, at + 9, int(channel[i]), 2)
+        if framed:
+            # Sequence number, log and publish time stand right before the payload.
+            out[at + 11 : at + _PREFIX + size[i]] = data[source - 20 : source + size[i]]
+        else:
+            _put(out, at + 11, sequence[i] & 0xFFFFFFFF, 4)
+            _put(out, at + 15, log_ns[i], 8)
+            _put(out, at + 23, log_ns[i], 8)
+            out[at + _PREFIX : at + _PREFIX + size[i]] = data[source : source + size[i]]

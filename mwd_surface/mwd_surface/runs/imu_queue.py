@@ -1,0 +1,101 @@
+"""
+IMU samples that wait for their turn: for the block after theirs, or until enough after them was seen to smooth them.
+
+The estimator must have everything else of their time before it is given IMU samples; a smoother needs what came after.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_estimation import gravity_smoother
+from mwd_estimation.gravity_bounded import Params
+from mwd_estimation.track import Track
+from mwd_sensors import wire
+
+Stamps = NDArray[np.int64]
+
+# A smoother that hears nothing for so long waits no longer: what comes after such a gap says nothing of before.
+_SILENCE_NS = 60 * wire.NANOSECONDS
+
+
+@dataclasses.dataclass(frozen=True)
+class Imu:
+    """Samples whose turn it is, when they were logged, and their gravity where a smoother followed it."""
+
+    samples: wire.Samples
+    log_ns: Stamps
+    followed: Track | None
+
+
+class ImuQueue:
+    """
+    Holds samples back.
+
+    smooth : settings of the method bounded, to smooth gravity by; None: no smoothing.
+    """
+
+    def __init__(self, smooth: Params | None = None) -> None:
+        self._params = smooth
+        self._smoother = gravity_smoother.Smoother(smooth) if smooth is not None else None
+        self._new: list[tuple[wire.Samples, Stamps]] = []
+        self._old: list[tuple[wire.Samples, Stamps]] = []
+
+    @property
+    def waiting(self) -> bool:
+        """Whether any sample waits."""
+        return bool(self._old or self._new)
+
+    @property
+    def first_log_ns(self) -> int:
+        """Log time of the first sample that waits, ns; ask only if one does."""
+        return int((self._old or self._new)[0][1][0])
+
+    def add(self, samples: wire.Samples, log_ns: Stamps) -> None:
+        """Hold the samples of a block."""
+        if len(samples):
+            self._new.append((samples, log_ns))
+
+    def done(self, now_ns: int) -> Iterator[Imu]:
+        """Samples whose turn has come, once everything else logged up to `now_ns` is with the estimator."""
+        new, self._new = self._new, []
+        if self._smoother is None:
+            yield from (Imu(samples, log_ns, None) for samples, log_ns in new)
+            return
+        self._old += new
+        parts = [self._push(samples) for samples, _ in new]
+        yield from self._taken(parts)
+        if self._old and now_ns - int(self._old[-1][1][-1]) > _SILENCE_NS:
+            yield from self._finished()
+
+    def finish(self) -> Iterator[Imu]:
+        """All samples that wait still."""
+        last = max((int(log_ns[-1]) for _, log_ns in self._new), default=0)
+        yield from self.done(last)
+        yield from self._finished()
+
+    def _push(self, samples: wire.Samples) -> Track:
+        smoother = self._smoother
+        if smoother is None:
+            return Track.empty(0)
+        return smoother.push(samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"])
+
+    def _finished(self) -> Iterator[Imu]:
+        if self._smoother is not None and self._params is not None and self._old:
+            rest = self._smoother.finish()
+            self._smoother = gravity_smoother.Smoother(self._params)
+            yield from self._taken([rest])
+
+    def _taken(self, parts: list[Track]) -> Iterator[Imu]:
+        followed = gravity_smoother.joined([Track.empty(0), *parts])
+        count = len(followed.g_t)
+        if not count:
+            return
+        samples = np.concatenate([samples for samples, _ in self._old])
+        log_ns = np.concatenate([log_ns for _, log_ns in self._old])
+        self._old = [(samples[count:], log_ns[count:])] if count < len(samples) else []
+        yield Imu(samples[:count], log_ns[:count], followed)

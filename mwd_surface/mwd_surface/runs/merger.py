@@ -1,0 +1,98 @@
+"""Estimates into a copy of the recording they come from, beside the original messages, for players and viewers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_estimation.pipeline import Output
+from mwd_sensors import wire
+from mwd_surface.bags.bag_reader import Bag, Originals
+from mwd_surface.bags.merged_bag import MergedBag
+from mwd_surface.exports.thinner import Thinner
+
+# As the estimator publishes them, relative to the namespace of the IMU.
+_TOPICS = {
+    "attitude": wire.ATTITUDE,
+    "gravity": wire.GRAVITY,
+    "interference": wire.INTERFERENCE,
+    "dynamics": wire.DYNAMICS,
+}
+_IMU = "imu/data_raw"
+
+
+class Merger:
+    """
+    Writes the copy while the estimator runs.
+
+    Parameters
+    ----------
+    path : Path
+        Folder of the copy.
+    bag : Bag
+    imu_topic : str
+        Estimates are published in its namespace and frame, and logged when it was.
+    thinner : Thinner
+        Of attitude and gravity.
+
+    Attributes
+    ----------
+    remarks : list of str
+        What is called otherwise than one would expect.
+    """
+
+    def __init__(self, path: Path, bag: Bag, imu_topic: str, thinner: Thinner) -> None:
+        self.remarks: list[str] = []
+        first = next(bag.messages([imu_topic]), None)
+        self._frame = wire.SONDE_FRAME if first is None else wire.frame_id(first[3])
+        self._thinner = thinner
+        self._merged = MergedBag(path, bag)
+        namespace = imu_topic.removesuffix(_IMU) if imu_topic.endswith(_IMU) else imu_topic.rpartition("/")[0] + "/"
+        self._channels = {}
+        for relative, layout in _TOPICS.items():
+            self._channels[relative], name = self._merged.topic(namespace + relative, layout.type_name)
+            if name != namespace + relative:
+                self.remarks.append(f"the recording has {namespace}{relative} already; the new one is {name}")
+
+    def take(
+        self,
+        output: Output | None,
+        log_ns: NDArray[np.int64] | None,
+        originals: list[Originals],
+        until_ns: int | None,
+    ) -> None:
+        """
+        Take what came next.
+
+        output, log_ns : what IMU samples gave, and when each of them was logged. originals : messages of the
+        recording. until_ns : nothing logged up to then is still to come.
+        """
+        for one in originals:
+            self._merged.add_originals(one)
+        if output is not None and log_ns is not None and len(log_ns):
+            stamps = output.attitude["stamp_ns"]
+            picked = self._thinner(stamps)
+            self._add("attitude", output.attitude[picked], log_ns[picked])
+            self._add("gravity", output.gravity[picked], log_ns[picked])
+            # Logged with the IMU sample of their time, or the next one there is.
+            newest = np.maximum.accumulate(stamps)
+            for relative, samples in (("interference", output.interference), ("dynamics", output.dynamics)):
+                at = np.minimum(np.searchsorted(newest, samples["stamp_ns"]), len(newest) - 1)
+                self._add(relative, samples, np.maximum.accumulate(log_ns[at]))
+        if until_ns is not None:
+            self._merged.flush(until_ns)
+
+    def _add(self, relative: str, samples: wire.Samples, log_ns: NDArray[np.int64]) -> None:
+        if len(samples):
+            self._merged.add_rows(self._channels[relative], _TOPICS[relative].encode(samples, self._frame), log_ns)
+
+    def __enter__(self) -> Merger:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._merged.__exit__(kind, error, trace)
