@@ -49,7 +49,11 @@ TOOLCODE_DOUBTFUL, TOOLCODE_REJECT = 2.0, 3.0
 class QualitySettings:
     """What a station may deviate before it is doubtful or rejected."""
 
-    limits: str = setting("service", "Limits on total gravity, total field and dip", choices=(*LIMITS, "toolcode"))
+    limits: str = setting(
+        "toolcode",
+        "Limits on total gravity, total field and dip: by the errors stated, at this attitude, or fixed",
+        choices=("toolcode", *LIMITS),
+    )
     max_correction_sigma_deg: float = setting(
         3.0, "An axial correction whose azimuth is less certain than this is refused", unit="deg", low=0.1, high=90.0
     )

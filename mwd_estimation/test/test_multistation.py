@@ -201,7 +201,9 @@ def test_stations_made_again_carry_the_azimuth_of_the_run_and_its_sigma():
     assert [shot.sigma_azimuth for shot in after[5:]] == pytest.approx(list(analysis.sigma_azimuth[5:]), rel=0.15)
     assert [a.method for a in after[-1].azimuths] == ["raw", "corrected", "msa"]
     assert after[-1].b_total == before[-1].b_total
-    assert sum(shot.verdict == "accept" for shot in after) >= 39
+    # Limits of two sigma on three totals: one in ten is doubtful by chance.
+    assert sum(shot.verdict == "accept" for shot in after) >= 35
+    assert not any(shot.verdict == "reject" for shot in after)
     assert rms_deg(wrap_pi(np.array([shot.azimuth for shot in after]) - azi)) < 0.12
     refused = corrected_stations(before, replace(analysis, refused="no"), settings)
     assert [shot.method for shot in refused] == [shot.method for shot in before]
