@@ -172,15 +172,16 @@ class AttitudeStream:
         self._own = np.concatenate([np.zeros(3), np.full(3, -1.0)])
         attitude_track.begin_smoothing(self._track_state)
 
-    @property
-    def field_sigma(self) -> float:
-        """1 sigma of the axial field as the samples show it, T; infinite where it is not followed."""
-        return self._field_state.axial[1] if self._field_state is not None else math.inf
-
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
         """Magnetic samples, T; they wait for the gravity of their time."""
         self._mag_ns = np.concatenate([self._mag_ns, stamps])
         self._mag_t = np.concatenate([self._mag_t, b_t])
+
+    def leave_out_mag(self, stamps: Stamps) -> None:
+        """Of the samples that wait, those of the time of these IMU samples, ns, are not to be used."""
+        if len(stamps):
+            last = int(stamps.max()) - round(self._azimuth.mag_lag_s * 1e9)
+            self._mag_t[self._mag_ns <= last] = math.nan
 
     def follow(
         self,
@@ -261,7 +262,8 @@ class AttitudeStream:
         state = self._field_state
         if lesson is None or state is None:
             return
-        if lesson.own is not None:
+        if lesson.own is not None and lesson.own[1][0, 0] < state.covariance[0, 0]:
+            # The same field, seen at rest and from more attitudes: it takes the place of what was learnt on the way.
             state.x[:], state.covariance[:] = lesson.own
         if math.isfinite(lesson.azimuth):
             tool_field.aid_azimuth(self._field, state, lesson.down, lesson.field, lesson.azimuth, lesson.sigma)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
+import itertools
 import math
 
 import numpy as np
@@ -28,6 +29,7 @@ from mwd_estimation import (
     gravity_bounded,
     gravity_kalman,
     gravity_raw,
+    sensor_health,
     survey,
     tool_field,
 )
@@ -35,11 +37,15 @@ from mwd_estimation.attitude_stream import AttitudeStream, Block, Lesson, Mark, 
 from mwd_estimation.attitude_track import FieldModel
 from mwd_estimation.binning import Bin, Binner
 from mwd_estimation.clocks import Clocks
+from mwd_estimation.faulty_sensors import AZIMUTH, GuardedGravity, Record, mark, misleads, without_faulty
 from mwd_estimation.gravity_s3 import MahonyParams
 from mwd_estimation.gravity_s3 import Params as S3Params
 from mwd_estimation.gyro_station import GyroSettings, GyroStation
+from mwd_estimation.multistation import Multistation
 from mwd_estimation.reference import Reference, best_north, from_field, north_correction
 from mwd_estimation.station import StationSettings
+from mwd_estimation.station_run import Params as RunParams
+from mwd_estimation.station_run import StationRun
 from mwd_estimation.still_survey import BIN_NS, BinSet, Refusal, StillAverage, StillSurvey
 from mwd_estimation.still_survey import Params as StillParams
 from mwd_estimation.survey import GYRO, Survey
@@ -89,9 +95,11 @@ class EstimatorSettings:
     interference: tool_field.Params = setting(tool_field.Params, "The tool's own field, sample by sample")
     carried: continuous_azimuth.Params = setting(continuous_azimuth.Params, "Azimuth carried on by the gyros")
     dynamics: dynamics_summary.Params = setting(dynamics_summary.Params, "Drilling dynamics")
+    health: sensor_health.Params = setting(sensor_health.Params, "Health of the sensors")
     survey: StillParams = setting(StillParams, "Surveys in still intervals")
     station: StationSettings = setting(StationSettings, "Working out a station")
     gyro: GyroSettings = setting(GyroSettings, "Gyro azimuth of a station")
+    multistation: RunParams = setting(RunParams, "The stations of a run together")
     fusion: fusion.Settings = setting(fusion.Settings, "Weighing the azimuths of a station")
     bounded: gravity_bounded.Params = setting(gravity_bounded.Params, "Method bounded")
     s3: S3Params = setting(S3Params, "Method s3")
@@ -102,7 +110,11 @@ class EstimatorSettings:
 
 @dataclasses.dataclass
 class Output:
-    """What a block gave: attitude and gravity of every IMU sample, interference, dynamics and surveys as they came."""
+    """
+    What a block gave: attitude and gravity of every IMU sample, interference, dynamics and surveys as they came.
+
+    health : faults of sensors that were found, narrowed down or cleared.
+    """
 
     attitude: Samples
     gravity: Samples
@@ -110,6 +122,7 @@ class Output:
     dynamics: Samples
     surveys: list[Survey] = dataclasses.field(default_factory=list)
     refusals: list[Refusal] = dataclasses.field(default_factory=list)
+    health: list[sensor_health.Finding] = dataclasses.field(default_factory=list)
 
     @classmethod
     def empty(cls, n: int) -> Output:
@@ -125,6 +138,7 @@ class Output:
             np.concatenate([self.dynamics, later.dynamics]),
             self.surveys + later.surveys,
             self.refusals + later.refusals,
+            self.health + later.health,
         )
 
 
@@ -217,7 +231,10 @@ class Pipeline:
         settings = self.settings
         self.method = gravity.method(settings.method)
         self._gravity_params = getattr(settings, settings.method)
-        self._gravity_state = self.method.initial(self._gravity_params)
+        self._gravity = GuardedGravity(self.method, self._gravity_params)
+        self._health = sensor_health.initial(settings.health)
+        self._faults = Record()
+        self._unusable, self._misled = 0, False
         self._attitude = self._attitude_stream()
         self._dynamics_state = dynamics_summary.initial(settings.dynamics)
         self._binners = {
@@ -230,6 +247,8 @@ class Pipeline:
         self._waiting: list[Bin] = []
         self._still = StillSurvey(settings.survey)
         self._gyro = GyroStation(settings.gyro, None, None)
+        self._run = StationRun(settings.multistation)
+        self._last_alarm = ""
         self._precision_ns = np.zeros(0, dtype=np.int64)
         self._precision_t = np.zeros((0, 6))
         self._precision_at = 0
@@ -247,6 +266,21 @@ class Pipeline:
         if self._ready:
             self._reading = self._read_field()
             self._attitude.set_reference(reference)
+            self._judge_sensors_by(reference)
+
+    def _judge_sensors_by(self, reference: Reference | None) -> None:
+        known = (reference.gravity, reference.total, reference.dip) if reference is not None else (None, None, None)
+        sensor_health.set_reference(self._health, *known)
+
+    @property
+    def sensor_faults(self) -> list[sensor_health.Finding]:
+        """Faults of the sensors that stand now."""
+        return sensor_health.findings(self._health)
+
+    @property
+    def sensors_known(self) -> dict[str, str]:
+        """What of units, axes and signs is ok, a fault or not yet known."""
+        return sensor_health.known(self._health)
 
     def request_survey(self, duration_s: float = 0.0) -> None:
         """Take a survey from the next half second on; `duration_s` 0 means as configured."""
@@ -257,6 +291,11 @@ class Pipeline:
         """Share of the survey under way, 0 to 1."""
         return self._still.progress
 
+    @property
+    def survey_waits_for(self) -> str:
+        """What a survey that has averaged enough still waits for, in words; empty where it does not wait."""
+        return self._still.waits_for
+
     def push_mag(self, samples: Samples) -> None:
         """Take magnetic samples, dtype of `wire.MAG`."""
         self.counters.mag += len(samples)
@@ -264,6 +303,7 @@ class Pipeline:
 
     def _take_mag(self, samples: Samples) -> None:
         stamps, b_t = samples["stamp_ns"], samples["magnetic_field"]
+        sensor_health.push_mag(self._health, stamps, b_t)
         usable = np.isfinite(b_t).all(axis=1)
         stamps, b_t = np.ascontiguousarray(stamps[usable]), np.ascontiguousarray(b_t[usable])
         self.counters.rejected += int(len(usable) - len(stamps))
@@ -329,15 +369,37 @@ class Pipeline:
 
     def _take_imu(self, samples: Samples, followed: Track | None = None) -> Output:
         n = len(samples)
-        output = Output.empty(n)
         if not n:
-            return output
+            return Output.empty(0)
         if not self._ready:
             self._begin(int(samples["stamp_ns"][0]))
         stamps, gyro, accel = arrays_of(
             samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"]
         )
-        track = followed or self.method.run(self._gravity_params, self._gravity_state, stamps, gyro, accel)
+        found = sensor_health.run(self.settings.health, self._health, stamps, gyro, accel)
+        output = None
+        # Cut where the health of a sensor changes, which is rare: from there on the estimate does without it, or anew.
+        edges = sorted({0, *found.places, n})
+        for start, stop in itertools.pairwise(edges):
+            part = slice(start, stop)
+            changes = [one for one, at in zip(found.changes, found.places, strict=True) if at == start]
+            for change in changes:
+                self._faults.note(change)
+            self._unusable = int(found.unusable[start])
+            if misleads(changes):
+                self._attitude.set_reference(self.reference)
+                self._misled = True
+            self._misled = self._misled and self._unusable & AZIMUTH != 0
+            given = followed.part(part) if followed is not None else None
+            piece = self._estimate(stamps[part], gyro[part], accel[part], given)
+            piece.health = changes
+            output = piece if output is None else output.joined(piece)
+        return output or Output.empty(0)
+
+    def _estimate(self, stamps: Stamps, gyro: Array, accel: Array, followed: Track | None) -> Output:
+        """Samples during which the same sensors are usable."""
+        output = Output.empty(len(stamps))
+        track = self._gravity.run(self._unusable, stamps, gyro, accel, followed)
         readings, marks = [(0, self._reading)], []
         for closed, place in self._binners["imu"].add_placed(stamps, np.hstack([gyro, accel])):
             self._waiting.append(closed)
@@ -346,6 +408,9 @@ class Pipeline:
                 marks.append(self._judge(self._waiting.pop(0), place, output))
                 if self._reading is not readings[-1][1]:
                     readings.append((place, self._reading))
+        gyro = without_faulty(self._unusable, gyro)
+        if self._unusable & sensor_health.MAG:
+            self._attitude.leave_out_mag(stamps)
         output.interference, rejected = self._attitude.follow(
             Block(stamps, gyro, accel, track),
             readings,
@@ -354,6 +419,7 @@ class Pipeline:
             output.attitude,
             output.gravity,
         )
+        mark(self._unusable, self._misled, output.attitude, output.gravity)
         self.counters.rejected += rejected
         output.dynamics = dynamics_summary.run(
             self.settings.dynamics, self._dynamics_state, stamps, gyro, accel, track.g_t, output.attitude["status"]
@@ -372,6 +438,7 @@ class Pipeline:
         self._ready = True
         self._reading = self._read_field()
         self._attitude.set_reference(self.reference)
+        self._judge_sensors_by(self.reference)
         known = self.reference.gravity if self.reference is not None else None
         self._gyro = GyroStation(self.settings.gyro, latitude_of(self.settings), known)
 
@@ -399,7 +466,10 @@ class Pipeline:
         for bins in self._closed.values():
             for index in [k for k in bins if k < imu.index]:
                 del bins[index]
-        result = self._still.add(BinSet(imu, found["mag"], found["precision"], found["temperature"]))
+        # What the gyro has found so far, should this bin end the interval; and what a survey had better wait for.
+        so_far = self._gyro.solution() if self._still.waits_for else None
+        wait = self._gyro.pending() if self._still.complete else ""
+        result = self._still.add(BinSet(imu, found["mag"], found["precision"], found["temperature"]), wait)
         still = self._still.still_bins
         # By bins, not by blocks: the same samples go into the seek however the stream is cut.
         first, self._precision_at = self._precision_at, _reached(self._precision_ns, self._precision_at, end_ns)
@@ -409,16 +479,22 @@ class Pipeline:
             output.refusals.append(result)
         elif isinstance(result, StillAverage):
             self.sequence += 1
-            taken = survey.from_average(
+            taken, analysis = survey.from_average(
                 result,
                 self.sequence,
                 self.reference,
                 self.settings.station,
-                self._gyro.solution(),
+                so_far if result.moved else self._gyro.solution(),
                 self.settings.fusion,
+                run=self._run if not self._unusable else None,
+                last_alarm=self._last_alarm,
             )
-            output.surveys.append(taken)
-            self._learn(taken)
+            self._last_alarm = self._last_alarm if taken.alarm is None else taken.alarm
+            judged = self._faults.judge(taken)
+            output.surveys.append(judged)
+            if judged is not taken:
+                return Mark(place, imu.index, end_ns)
+            self._learn(taken, analysis)
             north = taken.station.by_method(GYRO)
             if north is not None and taken.weights.get(GYRO, 0.0) > 0.0:
                 return Mark(place, imu.index, end_ns, north.azimuth, north.sigma)
@@ -428,23 +504,26 @@ class Pipeline:
         for one in closed:
             self._closed[name][one.index] = one
 
-    def _learn(self, taken: Survey) -> None:
-        """Read the field from here on as the station says."""
+    def _learn(self, taken: Survey, analysis: Multistation | None) -> None:
+        """Read the field from here on as the station says, or the stations of the run together."""
         station = taken.station
         if station.corrected:
             self.interference = (station.interference, station.sigma_interference)
         found = station.by_method(GYRO)
         reference = station.reference
-        lesson = None
+        azimuth = sigma = math.nan
         if found is not None and taken.weights.get(GYRO, 0.0) > 0.0 and reference is not None and reference.has_field:
             north = math.sqrt(reference.declination_variance(reference.horizontal))
-            lesson = Lesson(
-                None,
-                -station.f_t / np.linalg.norm(station.f_t),
-                station.b_t,
-                found.azimuth - station.north_correction,
-                math.hypot(found.sigma, north) if station.north != "magnetic" else found.sigma,
-            )
+            azimuth = found.azimuth - station.north_correction
+            sigma = math.hypot(found.sigma, north) if station.north != "magnetic" else found.sigma
+        own = None
+        if analysis is not None:
+            at = tool_field.OF_STATIONS
+            own = analysis.estimate[at], analysis.covariance[np.ix_(at, at)]
+        lesson = None
+        if own is not None or math.isfinite(azimuth):
+            down = -station.f_t / np.linalg.norm(station.f_t)
+            lesson = Lesson(own, down, station.b_t, azimuth, sigma)
         if station.corrected or lesson is not None:
             self._reading = self._read_field(lesson)
 

@@ -64,7 +64,7 @@ _ORDERS = np.array([[*np.argmax(np.abs(m), axis=1), *m.sum(axis=1)] for m in axe
 class Params:
     """Settings of the health checks."""
 
-    on: bool = setting(True, "Watch the sensors")
+    watch: bool = setting(True, "Watch the sensors")
     gyro_range_deg_s: float = setting(
         2000.0, "The gyro reads no more than this; 0: not known", unit="deg/s", low=0.0, high=1e5
     )
@@ -241,7 +241,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     changes: list[Finding] = []
     places: list[int] = []
     done = 0
-    while done < len(stamps) and params.on:
+    while done < len(stamps) and params.watch:
         state.ints[_EVENT_COUNT] = 0
         done = _run(
             state.ring_ns, state.ring, state.mag_ns, state.mag, state.ints, state.reals, state.channels, state.sums,

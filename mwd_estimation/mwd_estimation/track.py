@@ -75,6 +75,10 @@ class Track:
             np.empty((n, 3)), np.empty(one), np.empty(one), np.empty(one), np.empty(one), np.zeros(one, dtype=np.uint32)
         )
 
+    def part(self, samples: slice) -> Track:
+        """Some of the samples."""
+        return Track(*(getattr(self, field.name)[samples] for field in dataclasses.fields(self)))
+
     @property
     def inclination(self) -> Array:
         """Angle of the tool axis from the vertical, shape (n,), rad."""

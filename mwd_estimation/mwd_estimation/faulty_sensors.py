@@ -1,0 +1,129 @@
+"""
+What remains of the estimate while a sensor is faulty: gravity without the faulty one, or none, never a wrong one.
+
+Without usable gyros gravity is the direction of the accelerometer alone, with a sigma by its own unrest; without a
+usable accelerometer there is none. When the fault has gone the method starts anew: what it carried is not to be
+trusted. A survey averaged over a fault is rejected by name.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from mwd_estimation import gravity, gravity_raw
+from mwd_estimation.quality import REJECT
+from mwd_estimation.sensor_health import ACCEL, GYRO, MAG, Finding
+from mwd_estimation.status import Status
+from mwd_estimation.survey import Survey
+from mwd_estimation.track import Array, Stamps, Track
+from mwd_sensors import wire
+
+Samples = wire.Samples
+
+# Kinds of fault that fed no wrong value to the estimate before they were named.
+_HARMLESS = ("absent", "invalid")
+_ANGLES = ("azimuth", "magnetic_toolface")
+# Bits of the sensors that an azimuth rests on.
+AZIMUTH = ACCEL | MAG
+
+
+class GuardedGravity:
+    """
+    A gravity method that leaves faulty sensors out.
+
+    Parameters
+    ----------
+    method : Method
+    params : its Params
+    """
+
+    def __init__(self, method: gravity.Method, params: Any) -> None:
+        self._method, self._params = method, params
+        self._state = method.initial(params)
+        self._raw = gravity_raw.Params()
+        self._raw_state = gravity_raw.initial(self._raw)
+        self._bits = 0
+
+    def run(self, bits: int, stamps: Stamps, gyro: Array, accel: Array, followed: Track | None = None) -> Track:
+        """
+        Gravity of samples during which the same sensors are unusable.
+
+        bits : of `sensor_health`; followed : gravity found otherwise, used where all sensors are well.
+        """
+        unusable, before = bits & (GYRO | ACCEL), self._bits
+        self._bits = unusable
+        if unusable & ACCEL:
+            return _unknown(len(stamps))
+        if unusable & GYRO:
+            if before != unusable:
+                self._raw_state = gravity_raw.initial(self._raw)
+            return gravity_raw.run(self._raw, self._raw_state, stamps, np.zeros_like(gyro), accel)
+        if before:
+            self._state = self._method.initial(self._params)
+        if followed is not None:
+            return followed
+        found: Track = self._method.run(self._params, self._state, stamps, gyro, accel)
+        return found
+
+
+def _unknown(n: int) -> Track:
+    track = Track.empty(n)
+    track.g_t[:] = np.nan
+    track.sigma_inclination[:] = track.sigma_toolface[:] = np.pi
+    track.non_gravity[:] = track.rotary_speed[:] = 0.0
+    track.status[:] = int(Status.INITIALISING)
+    return track
+
+
+def without_faulty(bits: int, gyro: Array) -> Array:
+    """Rates for what follows gravity: not a number where the gyros are unusable."""
+    return np.full_like(gyro, np.nan) if bits & GYRO else gyro
+
+
+def misleads(changes: Iterable[Finding]) -> bool:
+    """Whether a fault was named that has fed wrong values of gravity or field to the azimuth up to now."""
+    return any(not one.cleared_ns and one.unusable & AZIMUTH and one.kind not in _HARMLESS for one in changes)
+
+
+def mark(bits: int, misled: bool, attitude: Samples, gravity_rows: Samples) -> None:
+    """Say that a sensor is faulty, and withhold an azimuth that hangs on it (misled: was fed its wrong values)."""
+    if not bits:
+        return
+    for rows in (attitude, gravity_rows):
+        rows["status"] |= np.uint32(Status.SENSOR_FAULT)
+    if misled or bits & ACCEL:
+        # What the gyros carry since the fault, from a north they found themselves, stands.
+        lost = attitude["status"] & np.uint32(Status.GYRO_AIDED) == 0
+        for name in _ANGLES:
+            attitude[name][lost] = 0.0
+            attitude[f"sigma_{name}"][lost] = -1.0
+
+
+class Record:
+    """Faults that stand and those that went lately, for surveys whose average reaches back into them."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, Finding] = {}
+
+    def note(self, change: Finding) -> None:
+        """Take a change."""
+        self._known[change.check] = change
+
+    def judge(self, survey: Survey) -> Survey:
+        """The survey, rejected with the reason where a sensor it rests on was faulty in its time."""
+        begin = survey.stamp_ns - round(0.5e9 * survey.duration)
+        reasons = tuple(
+            f"{one.message}; {one.remedy}" if one.remedy else one.message
+            for one in self._known.values()
+            if one.unusable & AZIMUTH and (not one.cleared_ns or one.cleared_ns > begin)
+        )
+        if not reasons:
+            return survey
+        station = dataclasses.replace(
+            survey.station, verdict=REJECT, reasons=(*reasons, *survey.station.reasons), azimuth_doubts=()
+        )
+        return dataclasses.replace(survey, station=station)

@@ -1,0 +1,138 @@
+"""Faulty sensors: the estimate that remains is right, and nothing wrong carries a small sigma once a fault is named."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline, ReferenceSettings
+from mwd_estimation.sensor_health import ACCEL, GYRO, MAG
+from mwd_estimation.status import Status
+from mwd_sensors import scenario
+from mwd_sensors.sonde import Sonde
+
+SCENARIO = Path(__file__).resolve().parents[2] / "bags" / "scenarios" / "bench" / "drillvib.yaml"
+TOPICS = ("imu/mag", "imu/data_raw", "truth")
+SCHEDULE = [
+    {"kind": "drill", "seconds": 34.0, "rpm": 100.0, "rop_m_h": 0.0},
+    {"kind": "still", "seconds": 32.0, "pumps": False},
+]
+FAULT = int(Status.SENSOR_FAULT)
+
+
+@functools.cache
+def sent(component, word, axis="all", start_s=0.0, seconds=1e9):
+    fault = {"component": component, "fault": word, "axis": axis, "start_s": start_s, "seconds": seconds}
+    sonde = Sonde(scenario.read(SCENARIO, {"schedule": SCHEDULE, "faults": [fault]}))
+    blocks = list(sonde.blocks(10.0))
+    return {topic: np.concatenate([block[topic] for block in blocks]) for topic in TOPICS}, sonde.reference
+
+
+def estimated(case, cut=10**9):
+    streams, field = case
+    settings = EstimatorSettings(
+        reference=ReferenceSettings(
+            source="fixed",
+            total_nt=field.total * 1e9,
+            dip_deg=np.degrees(field.dip),
+            declination_deg=np.degrees(field.declination),
+            gravity_mps2=field.gravity,
+        )
+    )
+    pipeline = Pipeline(settings)
+    output = Output.empty(0)
+    imu, mag = streams["imu/data_raw"], streams["imu/mag"]
+    place = 0
+    for start in range(0, len(imu), cut):
+        block = imu[start : start + cut]
+        stop = int(np.searchsorted(mag["stamp_ns"], block["stamp_ns"][-1], side="right"))
+        pipeline.push_mag(mag[place:stop])
+        place = stop
+        output = output.joined(pipeline.push_imu(block))
+    return output, pipeline
+
+
+def tilt_errors(output, streams):
+    """Of inclination, rad, where a sigma is given, after the fault was named; and those sigmas."""
+    truth = streams["truth"]
+    rows = output.attitude
+    named = rows["status"] & FAULT != 0
+    given = named & (rows["sigma_inclination"] >= 0.0)
+    return rows["inclination"][given] - truth["inclination"][given], rows["sigma_inclination"][given], named
+
+
+@pytest.mark.parametrize(
+    ("component", "word", "axis", "bit"),
+    [
+        ("gyro", "flipped", "x", GYRO),
+        ("gyro", "in_deg_s", "all", GYRO),
+        ("gyro", "off", "all", GYRO),
+        ("accel", "swapped", "xy", ACCEL),
+        ("accel", "in_g", "all", ACCEL),
+        ("accel", "flipped", "all", ACCEL),
+        ("mag", "swapped", "xy", MAG),
+        ("mag", "in_gauss", "all", MAG),
+        ("mag", "stuck", "all", MAG),
+    ],
+)
+def test_once_named_a_fault_withholds_what_hangs_on_it_and_leaves_the_rest(component, word, axis, bit):
+    case = sent(component, word, axis)
+    output, pipeline = estimated(case)
+    errors, sigmas, named = tilt_errors(output, case[0])
+    assert np.argmax(named) < 1100
+    assert named[1100:].all()
+    assert any(one.unusable & bit for one in pipeline.sensor_faults)
+    rows = output.attitude[1100:]
+    if bit == ACCEL:
+        assert np.all(rows["sigma_inclination"] == -1.0)
+        assert np.all(rows["sigma_gravity_toolface"] == -1.0)
+    else:
+        assert len(errors)
+        assert np.mean(np.abs(errors) < 3.0 * sigmas) > 0.97
+        still = output.attitude[-1000:]
+        assert np.all(still["sigma_inclination"] < np.radians(1.0))
+    if bit in (ACCEL, MAG):
+        assert np.all(rows["sigma_azimuth"] == -1.0)
+        assert output.surveys
+        assert all(one.station.verdict == "reject" for one in output.surveys)
+        assert any("axes" in r or "looks like" in r or "dead" in r or "signs" in r or "reads" in r
+                   for r in output.surveys[-1].station.reasons)  # fmt: skip
+    else:
+        truth = case[0]["truth"][-500:]
+        known = output.attitude[-500:]
+        assert np.all(known["sigma_azimuth"] > 0.0)
+        off = np.abs(np.angle(np.exp(1j * (known["azimuth"] - truth["azimuth"]))))
+        assert np.mean(off < 3.0 * known["sigma_azimuth"]) > 0.97
+
+
+def test_when_a_fault_has_gone_the_estimate_begins_anew_and_is_right():
+    case = sent("accel", "stuck", "y", 10.0, 10.0)
+    output, pipeline = estimated(case)
+    assert [one.kind for one in output.health] == ["stuck", "stuck"]
+    assert pipeline.sensor_faults == []
+    rows, truth = output.attitude, case[0]["truth"]
+    named = rows["status"] & FAULT != 0
+    assert 1200 < np.argmax(named) < 1400
+    assert not named[2400:].any()
+    error = np.abs(rows["inclination"] - truth["inclination"])[3000:]
+    assert np.all(error < 3.5 * rows["sigma_inclination"][3000:])
+    assert all(one.station.verdict != "reject" or "stuck" not in one.station.reasons[0] for one in output.surveys)
+
+
+def test_the_same_bits_come_out_however_the_samples_are_cut():
+    case = sent("gyro", "flipped", "x")
+    whole, _ = estimated(case)
+    for cut in (1, 37):
+        streams = {topic: samples[:2400] for topic, samples in case[0].items()}
+        parts, _ = estimated((streams, case[1]), cut)
+        assert parts.attitude.tobytes() == whole.attitude[:2400].tobytes()
+        assert parts.gravity.tobytes() == whole.gravity[:2400].tobytes()
+        assert parts.health == [one for one in whole.health if one.since_ns < streams["truth"]["stamp_ns"][-1]]
+    case = sent("mag", "swapped", "xy")
+    whole, _ = estimated(case)
+    parts, _ = estimated(case, 53)
+    assert parts.attitude.tobytes() == whole.attitude.tobytes()
+    assert [one.station.reasons for one in parts.surveys] == [one.station.reasons for one in whole.surveys]
