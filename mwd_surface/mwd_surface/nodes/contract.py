@@ -7,6 +7,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from mwd_msgs import msg
 from nav_msgs.msg import Path
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu, JointState, MagneticField, Temperature
 from tf2_msgs.msg import TFMessage
@@ -35,6 +36,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "alarms": (msg.AlarmList, LATCHED),
     "recorder": (msg.RecorderStatus, STATE),
     "/tf": (TFMessage, STATE),
+    "/parameter_events": (ParameterEvent, STATE),
     "/diagnostics": (DiagnosticArray, STATE),
 }
 

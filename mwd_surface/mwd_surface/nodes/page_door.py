@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from mwd_msgs import srv
 
-from mwd_sensors.nodes.graph_node import ERROR, OK, Finding, GraphNode
+from mwd_sensors.nodes.graph_node import ERROR, OK, Finding, GraphNode, Later
 from mwd_surface.nodes.journal import Journal
+from mwd_surface.nodes.threads import Answer
 from mwd_surface.page.alarms import Severity
 from mwd_surface.page.live_state import LiveState
 from mwd_surface.page.page_server import Command, PageServer, PageSettings
@@ -93,8 +95,8 @@ class PageDoor:
         return [Finding("page", ERROR, "not served", f"is port {self._settings.port} free?")]
 
 
-def called(services: Services, name: str, arguments: Mapping[str, Any]) -> tuple[bool, str]:
-    """Do what a button of the page asks as if its service had been called."""
+def called(services: Services, name: str, arguments: Mapping[str, Any]) -> Answer | concurrent.futures.Future[Answer]:
+    """Do what a button of the page asks as if its service had been called; the answer, or a promise of it."""
     kind, act = services[name]
     request = kind.Request()
     if kind is srv.JudgeSurvey:
@@ -102,4 +104,8 @@ def called(services: Services, name: str, arguments: Mapping[str, Any]) -> tuple
     for field, value in arguments.items():
         setattr(request, field, value)
     response = act(request, kind.Response())
-    return response.success, response.message
+    if not isinstance(response, Later):
+        return response.success, response.message
+    known: concurrent.futures.Future[Answer] = concurrent.futures.Future()
+    response.bind(lambda late: known.set_result((late.success, late.message)))
+    return known

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +23,11 @@ from mwd_surface.page.alarms import Severity
 from mwd_surface.page.live_state import LiveState
 
 _STOP_WITHIN = 1.3  # s for each step of an end, so that all of it stays below 3 s
+_ENCLOSE_WITHIN = 0.4  # s for each file that goes into a recording at its end
 _RETRY = 5.0  # s between tries to begin a recording that could not begin
 _SEVERITIES = {Level.INFO: Severity.INFO, Level.WARNING: Severity.WARNING, Level.ERROR: Severity.CRITICAL}
+
+Enclosure = tuple[str, str, bytes]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,6 +48,8 @@ class RecordingDesk:
 
     tables : callable
         Returns named tables of strings that go into every file as metadata.
+    enclosed : callable
+        Returns files, each a name, media type and bytes, that go into a recording when it ends.
 
     Raises
     ------
@@ -62,8 +67,10 @@ class RecordingDesk:
         live: LiveState,
         journal: Journal,
         tables: Callable[[], Mapping[str, Mapping[str, str]]],
+        enclosed: Callable[[], Iterable[Enclosure]],
     ) -> None:
         self._node, self._asked, self._live, self._journal = node, asked, live, journal
+        self._enclosed = enclosed
         self._wanted = False
         self._tried = -_RETRY
         self._recorder = Recorder(
@@ -105,10 +112,27 @@ class RecordingDesk:
         self._wanted = False
         if self._recorder.status().state == State.STOPPED:
             return
+        self._enclose()
         try:
             self._recorder.stop(_STOP_WITHIN)
         except RecorderError as error:
             self._node.get_logger().error(f"recording not finished: {error}")
+
+    def _enclose(self) -> None:
+        """Put the surveys as they are now into the recording that ends."""
+        for name, media_type, data in self._enclosed():
+            try:
+                self._recorder.attach(name, media_type, data, time.time_ns(), _ENCLOSE_WITHIN)
+            except RecorderError as error:
+                self._node.get_logger().error(f"{name} is not in the recording: {error}")
+                return
+
+    def keep(self, tables: Mapping[str, Mapping[str, str]]) -> None:
+        """Put tables into the recording at hand; one that begins later has them from the start."""
+        if self._recorder.status().state != State.RECORDING:
+            return
+        for name, values in tables.items():
+            self._recorder.add_metadata(name, values)
 
     def close(self) -> None:
         """Give the folder free."""
@@ -122,6 +146,8 @@ class RecordingDesk:
 
     def stop(self, _request: Any, response: Any) -> Any:
         """End the recording."""
+        if self._recorder.status().state == State.RECORDING:
+            self._enclose()
         return self._done(response, self._recorder.stop, "finished")
 
     def split(self, _request: Any, response: Any) -> Any:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import dataclasses
 import importlib
+import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -25,12 +27,13 @@ from mwd_surface.nodes.health_desk import HealthDesk
 from mwd_surface.nodes.journal import Journal
 from mwd_surface.nodes.live_feed import LiveFeed
 from mwd_surface.nodes.page_door import PageDoor, Services, called
+from mwd_surface.nodes.parameter_tables import ParameterTables
 from mwd_surface.nodes.plan_desk import AdvisorySettings, PlanDesk, PlanSettings
 from mwd_surface.nodes.recording import RecordingDesk, RecordSettings
 from mwd_surface.nodes.rig_door import RigDoor
 from mwd_surface.nodes.steering_desk import SteeringDesk
 from mwd_surface.nodes.survey_desk import SurveyDesk
-from mwd_surface.nodes.threads import Beside, Requests
+from mwd_surface.nodes.threads import Answer, Beside, Requests
 from mwd_surface.page.alarms import Severity
 from mwd_surface.page.foxglove_server import FoxgloveError, FoxgloveSettings
 from mwd_surface.page.live_state import LiveSettings, LiveState
@@ -127,11 +130,12 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
                 changed=self._surveys_changed,
             )
         )  # fmt: skip
+        self._parameters = ParameterTables(self, ("sonde", "estimator"))
         self._steering = SteeringDesk(folder / "surveys", settings.slides, live, journal)
         self._recording = self._closed_at_end(
             RecordingDesk(
                 self, folder / "bags", settings.record, settings.recorder,
-                live=live, journal=journal, tables=self._tables,
+                live=live, journal=journal, tables=self._tables, enclosed=self._surveys.enclosures,
             )
         )  # fmt: skip
         self._page = self._closed_at_end(
@@ -153,10 +157,15 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         return part
 
     def _tables(self) -> Mapping[str, Mapping[str, str]]:
-        return {"mwd": {"version": __version__, "node": self.get_fully_qualified_name()}}
+        versions = {
+            "version": __version__,
+            "node": self.get_fully_qualified_name(),
+            "python": platform.python_version(),
+        }
+        return {"mwd": versions, **self._parameters.tables()}
 
     def _open_topics(self) -> None:
-        for part in (self._journal, self._surveys, self._recording, self._rig, self._feed):
+        for part in (self._journal, self._surveys, self._recording, self._parameters, self._rig, self._feed):
             part.open()
         self._handlers: dict[str, Callable[[bytes], None]] = {
             "survey": self._on_survey,
@@ -169,8 +178,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             if recorded or self._foxglove.put is not None or name in self._feed.buffers or name in self._handlers:
                 self._subscribe(name, kind, profile, recorded=recorded)
         self._not_found = set(wanted)
-        self._survey_client = self.create_client(srv.TakeSurvey, "take_survey")
-        self._made.append(lambda: self.destroy_client(self._survey_client))
+        self._survey_client = self.reach(srv.TakeSurvey, "take_survey")
         self._buttons: Services = {
             "accept_survey": (srv.JudgeSurvey, self._surveys.accept),
             "reject_survey": (srv.JudgeSurvey, self._surveys.reject),
@@ -179,6 +187,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             "stop_recording": (Trigger, self._recording.stop),
             "split_recording": (Trigger, self._recording.split),
             "snapshot_recording": (Trigger, self._recording.snapshot),
+            "export": (srv.Export, self._surveys.export),
             "set_depth": (srv.SetDepth, self._surveys.set_depth),
         }
         self.every(_LIVE_PERIOD, self._bring_live)
@@ -278,6 +287,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._find_missing()
         self._page.open()
         self._foxglove.open()
+        self._parameters.ask()
+        self._recording.keep(self._parameters.take_fresh())
         self._recording.tell(now)
         self._health.tell(now)
         self._surveys.save_again()
@@ -285,7 +296,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._journal.tell(now)
         self._page.show(now, even_unwatched=True)
 
-    def _carry_out(self, name: str, arguments: dict[str, Any]) -> tuple[bool, str]:
+    def _carry_out(self, name: str, arguments: dict[str, Any]) -> Answer | concurrent.futures.Future[Answer]:
         """A request of the page or the rig, in this node's thread."""
         if name != "take_survey":
             return called(self._buttons, name, arguments)

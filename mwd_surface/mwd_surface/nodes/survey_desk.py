@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message
 from mwd_sensors.nodes.graph_node import ERROR, OK, Finding, GraphNode, Later
 from mwd_sensors.nodes.profiles import EVENT, LATCHED
 from mwd_sensors.wire import Samples
-from mwd_surface.exports.export import ExportError, export
+from mwd_surface.exports.export import FORMATS, ExportError, export
 from mwd_surface.exports.survey_table import survey_table, table_of
 from mwd_surface.nodes import messages
 from mwd_surface.nodes.journal import Journal
@@ -79,6 +79,7 @@ class SurveyDesk:
         self._node, self._folder, self._live = node, folder, live
         self._journal, self._plan, self._beside, self._changed = journal, plan, beside, changed
         self._unsaved = ""
+        self._reporting, self._reported, self._html = False, SurveyList(), b""
         self._store = SurveyStore(folder / "surveys")
         loaded = self._store.load(well, rules)
         self.surveys = loaded.surveys
@@ -261,6 +262,35 @@ class SurveyDesk:
         self._beside.work(
             lambda: table_of(surveys, path, now_ns).covariance, lambda job: self._show_ellipses(path, job)
         )
+
+        self._report()
+
+    def _report(self) -> None:
+        """Make the report of the list as it is, beside the node; of many changes in a row only the last matters."""
+        if self._reporting or self._reported is self.surveys or not self.surveys.records:
+            return
+        surveys, now_ns, plan = self.surveys, self._journal.now_ns(), self._plan.plan
+        self._reporting = True
+
+        def made(job: concurrent.futures.Future[bytes]) -> None:
+            self._reporting = False
+            self._html, self._reported = job.result(), surveys
+            self._node.get_logger().info(f"report of {len(surveys.records)} surveys made")
+            self._report()
+
+        self._beside.work(lambda: FORMATS["html"].make(survey_table(surveys, now_ns, plan=plan)), made)
+
+    def enclosures(self) -> list[tuple[str, str, bytes]]:
+        """The surveys as files for a recording: lists as they are now, and the report where it is of this list."""
+        if not self.surveys.records:
+            return []
+        table = survey_table(self.surveys, self._journal.now_ns(), plan=self._plan.plan)
+        found = [
+            (f"surveys_{FORMATS[kind].word}.csv", "text/csv", FORMATS[kind].make(table)) for kind in ("csv", "raw_csv")
+        ]
+        if self._reported is self.surveys:
+            found.append(("survey_report.html", "text/html", self._html))
+        return found
 
     def _show_ellipses(self, path: Definitive, job: concurrent.futures.Future[Any]) -> None:
         covariance = job.result()

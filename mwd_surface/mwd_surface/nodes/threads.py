@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 Answer = tuple[bool, str]
-_PATIENCE = 5.0  # s somebody outside waits for the node
+_PATIENCE = 12.0  # s somebody outside waits for the node
 
 
 class Beside:
@@ -39,10 +39,10 @@ class Requests:
     Requests of the page's and the rig interfaces' threads, carried out in the node's.
 
     carry_out : callable
-        `carry_out(name, arguments) -> (ok, message)`, called by `answer` in the node's thread.
+        `carry_out(name, arguments) -> (ok, message)`, or a future of it, called by `answer` in the node's thread.
     """
 
-    def __init__(self, carry_out: Callable[[str, dict[str, Any]], Answer]) -> None:
+    def __init__(self, carry_out: Callable[[str, dict[str, Any]], Answer | concurrent.futures.Future[Answer]]) -> None:
         self._carry_out = carry_out
         self._waiting: queue.SimpleQueue[tuple[str, dict[str, Any], concurrent.futures.Future[Answer]]] = (
             queue.SimpleQueue()
@@ -62,6 +62,11 @@ class Requests:
         while not self._waiting.empty():
             name, arguments, answer = self._waiting.get()
             try:
-                answer.set_result(self._carry_out(name, arguments))
+                told = self._carry_out(name, arguments)
             except Exception as error:  # noqa: BLE001  (the one who asks must hear of it; the node goes on)
                 answer.set_result((False, f"{name} failed inside the node: {error!r}"))
+                continue
+            if isinstance(told, concurrent.futures.Future):
+                told.add_done_callback(lambda late, answer=answer: answer.set_result(late.result()))
+            else:
+                answer.set_result(told)

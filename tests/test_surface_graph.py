@@ -1,0 +1,83 @@
+"""The surface node among real nodes: what its recording carries beside the messages, and the live Foxglove server."""
+
+import asyncio
+import json
+import struct
+from pathlib import Path
+
+import aiohttp
+import pytest
+from mcap.reader import make_reader
+
+import running_graph
+from running_graph import PLACE, until
+
+SCENARIO = Path(__file__).parent / "scenarios" / "short.yaml"
+pytestmark = pytest.mark.ros
+
+
+async def watch(address, topic, count):
+    """Bytes and stamps of some messages of a topic, as a Foxglove viewer gets them."""
+    found = []
+    async with (
+        asyncio.timeout(60.0),
+        aiohttp.ClientSession() as session,
+        session.ws_connect(address.replace("ws:", "http:"), protocols=["foxglove.sdk.v1"]) as talk,
+    ):
+        while len(found) < count:
+            said = await talk.receive()
+            if said.type == aiohttp.WSMsgType.TEXT:
+                for channel in json.loads(said.data).get("channels", []):
+                    if channel["topic"] == topic:
+                        one = {"id": 1, "channelId": channel["id"]}
+                        await talk.send_json({"op": "subscribe", "subscriptions": [one]})
+            elif said.type == aiohttp.WSMsgType.BINARY and said.data[0] == 1:
+                found.append((struct.unpack_from("<Q", said.data, 5)[0], said.data[13:]))
+            else:
+                assert said.type == aiohttp.WSMsgType.BINARY, said
+    return found
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A short run with everything switched on."""
+    folder = tmp_path_factory.mktemp("surface")
+    with running_graph.graph(folder) as graph:
+        extras = {"foxglove__enabled": True, "foxglove__port": 0, "page__port": 0, "page__token": "a-long-secret"}
+        surface = graph.start("surface", "w1", folder=folder / "data", record__name="run", **extras)
+        estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
+        for name in (surface, estimator):
+            until(lambda name=name: ": active" in graph.log(name), 90, f"{name} is active")
+        sonde = graph.start("sonde", "w1", scenario=SCENARIO, rate=2.0, wait_for_listener_s=60.0)
+        address = until(lambda: graph.log(surface).partition("foxglove: ")[2].split()[:1], 20, "the address")[0]
+        watched = asyncio.run(watch(address, "/w1/imu/data_raw", 200))
+        until(lambda: "survey 1" in graph.log(surface), 90, "a survey")
+        until(lambda: "report of" in graph.log(surface), 60, "the report")
+        assert graph.end(sonde)[0] == 0
+        assert graph.end(estimator)[0] == 0
+        assert graph.end(surface)[0] == 0
+        (file,) = (folder / "data" / "w1" / "bags" / "run").glob("*.mcap")
+        yield {"file": file, "watched": watched}
+
+
+def test_a_foxglove_viewer_gets_the_very_bytes_that_are_recorded(run):
+    with run["file"].open("rb") as stream:
+        recorded = {m.data for _, _, m in make_reader(stream).iter_messages(["/w1/imu/data_raw"])}
+    assert len(run["watched"]) >= 200
+    assert all(data in recorded for _, data in run["watched"])
+
+
+def test_the_recording_carries_versions_and_the_parameters_of_every_node_but_no_secret(run):
+    with run["file"].open("rb") as stream:
+        tables = {m.name: m.metadata for m in make_reader(stream).iter_metadata()}
+    assert {"mwd", "parameters/surface", "parameters/estimator", "parameters/sonde"} <= set(tables)
+    assert tables["parameters/estimator"]["reference.lat_deg"] == "38.3"
+    assert tables["parameters/surface"]["foxglove.enabled"] == "True"
+    assert not any("a-long-secret" in value for table in tables.values() for value in table.values())
+
+
+def test_the_surveys_and_their_report_are_enclosed_when_it_ends(run):
+    with run["file"].open("rb") as stream:
+        enclosed = {a.name: a for a in make_reader(stream).iter_attachments()}
+    assert {"surveys_definitive.csv", "surveys_raw.csv", "survey_report.html"} <= set(enclosed)
+    assert enclosed["survey_report.html"].data.startswith(b"<!DOCTYPE html>")
