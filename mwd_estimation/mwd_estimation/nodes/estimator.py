@@ -121,6 +121,11 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         if len(oriented):
             self._last_status = int(output.attitude["status"][-1])
             self._publish_tf(oriented[-1], frame)
+        for change in output.health:
+            if change.cleared_ns:
+                self.get_logger().info(change.message)
+            else:
+                self.get_logger().warning(f"{change.message}; {change.remedy}")
         for survey in output.surveys:
             self._survey.publish(survey_message(survey, frame, self._last_status))
             verdict = f"survey {survey.sequence}: {survey.station.verdict}"
@@ -247,9 +252,35 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
                 _figures(reference) if reference is not None and known else (),
             )
         )
+        found += self._sensor_findings()
         found.append(self._survey_finding())
         found.append(Finding("attitude", OK, words(self._last_status & ~int(Status.NO_REFERENCE)) or "moving"))
         return found
+
+    def _sensor_findings(self) -> list[Finding]:
+        """Each fault of a sensor by itself; without one, what the motion so far has not shown."""
+        faults = self._pipeline.sensor_faults
+        if not faults:
+            unknown = [name for name, word in self._pipeline.sensors_known.items() if word == "not yet known"]
+            values = tuple(self._pipeline.sensors_known.items())
+            message = f"no fault; not yet known: {', '.join(unknown)}" if unknown else "healthy"
+            return [Finding("sensors", OK, message, values=values)]
+        return [
+            Finding(
+                "sensors" if k == 0 else f"sensors {k + 1}",
+                ERROR if one.severity == "error" else WARN,
+                one.message,
+                one.remedy,
+                (
+                    ("kind", one.kind),
+                    ("sensor", one.sensor),
+                    ("axis", one.axis),
+                    ("confidence", f"{one.confidence:.2f}"),
+                    ("since_s", f"{one.since_ns * 1e-9:.1f}"),
+                ),
+            )
+            for k, one in enumerate(faults)
+        ]
 
     def _survey_finding(self) -> Finding:
         survey, share = self.settings.survey, self._pipeline.survey_progress
