@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.serialization import deserialize_message
 
 from mwd_surface.nodes.journal import Journal
@@ -14,6 +14,7 @@ from mwd_surface.page.live_state import LiveState
 from mwd_surface.surveys.well import Well
 
 _SILENT_AFTER = 2.0  # s
+_WARN, _ERROR = DiagnosticStatus.WARN[0], DiagnosticStatus.ERROR[0]
 _REPORT_LASTS = 5.0  # s
 _FIELD = ("total", "dip", "declination", "convergence", "gravity")
 _WATCHED = (
@@ -27,15 +28,18 @@ class HealthDesk:
     """
     Health of one well's graph.
 
+    own : str
+        Full name of the node itself: what is wrong with it is told where it happens.
+
     Attributes
     ----------
     field : dict or None
         The reference field the estimator has in force, as `LiveState.on_well` takes it.
     """
 
-    def __init__(self, namespace: str, live: LiveState, journal: Journal) -> None:
+    def __init__(self, own: str, namespace: str, live: LiveState, journal: Journal) -> None:
         self.field: dict[str, float | str] | None = None
-        self._namespace, self._live, self._journal = namespace, live, journal
+        self._own, self._namespace, self._live, self._journal = own, namespace, live, journal
         self._well = Well()
         self._heard: dict[str, float] = {}
         self._findings_of: dict[str, tuple[float, list[Any]]] = {}
@@ -94,6 +98,7 @@ class HealthDesk:
                 text = f"no {topic} from the {who}: the last came more than {_SILENT_AFTER:.0f} s ago"
                 causes[f"input.{topic}"] = (severity, text, f"is the {who} alive and connected? ({age:.0f} s)")
         self._journal.sync("input.", causes)
+        self._journal.sync("node.", self._of_nodes(now))
         if self._progress[0] and now - self._progress_at > _SILENT_AFTER + 1.0:
             self._show_progress(False)
         findings = [
@@ -103,6 +108,20 @@ class HealthDesk:
             for s in found
         ]
         self._live.on_diagnostics(findings, now)
+
+    def _of_nodes(self, now: float) -> dict[str, tuple[int, str, str]]:
+        """What other nodes call an error, and everything about sensors; who is silent is told by `tell` already."""
+        causes: dict[str, tuple[int, str, str]] = {}
+        for node, (heard, found) in self._findings_of.items():
+            if now - heard >= _REPORT_LASTS or node == self._own:
+                continue
+            for status in found:
+                level, what = status.level[0], status.name.partition(": ")[2]
+                told = level == _ERROR or (level == _WARN and what.startswith("sensors"))
+                if told and what not in {topic for topic, _, _ in _WATCHED}:
+                    severity = Severity.CRITICAL if level == _ERROR else Severity.WARNING
+                    causes[f"node.{node.strip('/')}.{what}"] = (severity, status.message, _remedy(status))
+        return causes
 
 
 def _remedy(status: Any) -> str:

@@ -119,7 +119,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         journal = self._journal = Journal(self, live)
         self._beside = self._closed_at_end(Beside())
         self._requests = Requests(self._carry_out)
-        self._health = HealthDesk(self.get_namespace(), live, journal)
+        self._health = HealthDesk(self.get_fully_qualified_name(), self.get_namespace(), live, journal)
         self._plan = PlanDesk(live, journal)
         self._plan.read(settings.plan, settings.well.north_reference)
         well = self._plan.along_plan(settings.well)

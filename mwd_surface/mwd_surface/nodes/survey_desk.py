@@ -24,6 +24,7 @@ from mwd_surface.nodes.plan_desk import PlanDesk
 from mwd_surface.nodes.threads import Beside
 from mwd_surface.page.alarms import Severity
 from mwd_surface.page.live_state import LiveState
+from mwd_surface.surveys.azimuth_check import disagreement
 from mwd_surface.surveys.depth import DepthRules, DepthTrack
 from mwd_surface.surveys.survey_list import ListRules, SurveyList
 from mwd_surface.surveys.survey_message import survey_of
@@ -137,6 +138,13 @@ class SurveyDesk:
         survey = survey_of(deserialize_message(data, msg.Survey))
         reading = self.depth.sensor_depth(survey.stamp_ns, self.surveys.well.sensor_to_bit)
         known = {r.survey.uuid for r in self.surveys.records}
+        apart = disagreement(survey)
+        if apart:
+            self._journal.alarm(
+                "survey.azimuth", Severity.CRITICAL, apart, "steel nearby, or a faulty sensor: look at both"
+            )
+        else:
+            self._journal.clear("survey.azimuth")
         try:
             self._keep(self.surveys.add(survey, reading.measured_depth, reading.depth_age, comment=reading.reason))
         except ValueError as error:
