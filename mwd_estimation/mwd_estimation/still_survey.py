@@ -28,6 +28,13 @@ class Params:
     automatic: bool = setting(True, "Take a survey by itself in each still interval")
     settle_s: float = setting(2.0, "Time to let the string settle before averaging", unit="s", low=0.0, high=120.0)
     duration_s: float = setting(8.0, "Averaging time of a survey", unit="s", low=1.0, high=600.0)
+    wait_for_gyro_s: float = setting(
+        120.0,
+        "A survey taken by itself waits so long for the gyro azimuth while the tool keeps still, and averages on",
+        unit="s",
+        low=0.0,
+        high=3600.0,
+    )
     max_rate: float = setting(0.03, "Mean angular rate above which the tool turns", unit="rad/s", low=1e-4, high=1.0)
     max_rate_noise: float = setting(
         0.03, "Standard deviation of the angular rate above which it moves", unit="rad/s", low=1e-4, high=1.0
@@ -59,6 +66,8 @@ class StillAverage:
         degC.
     requested : bool
         Asked for, not taken by itself.
+    moved : bool
+        The tool has moved since, which ended the interval.
     """
 
     start_ns: int
@@ -68,6 +77,7 @@ class StillAverage:
     precision: Average | None
     temperature: float | None
     requested: bool
+    moved: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,11 +107,12 @@ class StillSurvey:
         self._run: list[BinSet] = []
         self._taken = False
         self._requested_bins = 0
+        self.waits_for = ""
 
     def request(self, duration_s: float = 0.0) -> None:
         """Ask for a survey that starts with the next bin; `duration_s` 0 means as configured."""
         self._requested_bins = _bins(duration_s if duration_s > 0.0 else self.params.duration_s)
-        self._run = []
+        self._run, self.waits_for = [], ""
 
     @property
     def requested(self) -> bool:
@@ -113,16 +124,29 @@ class StillSurvey:
         """Share of the survey under way, 0 to 1; 0 while the tool moves, 1 once taken."""
         if self._taken and not self._requested_bins:
             return 1.0
-        return min(len(self._run) / self._needed(), 1.0)
+        share = min(len(self._run) / self._needed(), 1.0)
+        return share if not self.waits_for else min(share, 0.99)
 
-    def add(self, bins: BinSet) -> StillAverage | Refusal | None:
-        """Take the next closed bin, in order; give the average that it completes, or the refusal it causes."""
+    @property
+    def complete(self) -> bool:
+        """Whether a survey taken by itself has all it needs: it may wait for something, and is given when that ends."""
+        unasked = self.params.automatic and not self._taken and self._requested_bins == 0
+        return unasked and len(self._run) >= self._needed() - 1
+
+    def add(self, bins: BinSet, wait: str = "") -> StillAverage | Refusal | None:
+        """
+        Take the next closed bin, in order; give the average that it completes, or the refusal it causes.
+
+        wait: what a survey taken by itself should wait for, in words; what is averaged until then is one survey.
+        """
         last = self._run[-1].imu if self._run else None
         motion = self._motion(bins.imu, last)
         if motion:
             refused = Refusal((bins.imu.index + 1) * BIN_NS, motion) if self._requested_bins else None
+            held, waited = self._run[_bins(self.params.settle_s, least=0) :], self.waits_for
             self.still_bins, self._run, self._taken, self._requested_bins = 0, [], False, 0
-            return refused
+            self.waits_for = ""
+            return dataclasses.replace(_averaged(held, False), moved=True) if waited else refused
         self.still_bins += 1
         self._run.append(bins)
         settle = 0 if self._requested_bins else _bins(self.params.settle_s, least=0)
@@ -131,6 +155,10 @@ class StillSurvey:
             self._run = self._run[-1:]
             return None
         if len(self._run) < needed:
+            return None
+        over = len(self._run) - needed >= _bins(self.params.wait_for_gyro_s, least=0)
+        self.waits_for = "" if self._requested_bins or over else wait
+        if self.waits_for:
             return None
         requested, self._requested_bins, self._taken = self._requested_bins > 0, 0, True
         chosen, self._run = self._run[settle:], self._run[-1:]

@@ -11,16 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation import fusion
+from mwd_estimation.multistation import MSA, Multistation
 from mwd_estimation.north_seek import Solution
-from mwd_estimation.quality import ACCEPT, DOUBTFUL
+from mwd_estimation.quality import ACCEPT, DOUBTFUL, worse
 from mwd_estimation.reference import Reference
 from mwd_estimation.station import CORRECTED, MethodAzimuth, Station, StationSettings, station
+from mwd_estimation.station_run import StationRun
 from mwd_estimation.still_survey import StillAverage
 from mwd_sensors.frames import wrap_pi, wrap_tau
 
 Array = NDArray[np.float64]
 
 GYRO = "gyro"
+STATIC, ROTARY = "static", "rotary"
+# What `fusion` calls the methods that it ranks.
+_RANKED = {CORRECTED: "axial", MSA: "multistation"}
 
 # Names a survey by its time and readings, so that a replay names it alike whatever its number (RFC 4122, version 5).
 _SURVEYS = uuid.UUID("6b0d4f5e-6f0e-5c1b-9a55-3a5d2c1b7e10")
@@ -50,6 +55,10 @@ class Survey:
         Share of each of the station's methods in its azimuth.
     azimuth_reasons : mapping of str to str
         Why a method has no weight; empty where there is nothing to say.
+    alarm : str or None
+        How gyro and magnetic azimuth disagree; empty where they agree, None where they were not compared.
+    kind : str
+        static, or rotary: taken while the string turned.
     covariance_f, covariance_b : ndarray, shape (3, 3)
         Of the averaged specific force, (m/s^2)^2, and field, T^2: the noise alone.
     rate_t : ndarray, shape (3,)
@@ -71,6 +80,8 @@ class Survey:
     temperature: float | None
     weights: Mapping[str, float] = dataclasses.field(default_factory=dict)
     azimuth_reasons: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    alarm: str | None = None
+    kind: str = STATIC
 
 
 def from_average(
@@ -80,100 +91,219 @@ def from_average(
     settings: StationSettings,
     gyro: Solution | str | None = None,
     fusing: fusion.Settings | None = None,
-) -> Survey:
+    *,
+    run: StationRun | None = None,
+    last_alarm: str = "",
+    doubts: tuple[str, ...] = (),
+    faults: tuple[str, ...] = (),
+) -> tuple[Survey, Multistation | None]:
     """
     Work out the survey of a still interval.
 
-    gyro: north found with the precision unit, or in words why there is none; None without such a unit.
+    Parameters
+    ----------
+    still, sequence, reference, settings
+        What was read, the survey's number, and what to work it out by.
+    gyro : Solution or str, optional
+        North found with the precision unit, or in words why there is none; None without such a unit.
+    fusing : fusion.Settings, optional
+    run : StationRun, optional
+        The stations before it, into which it is taken.
+    last_alarm : str
+        How gyro and magnetic azimuth disagreed at the last station at which they were compared.
+    doubts, faults : tuple of str
+        What others saw while it was taken: each makes it doubtful, respectively rejected.
+
+    Returns
+    -------
+    survey : Survey
+    analysis : Multistation or None
+        Of the run with it, where one holds.
     """
     b_t = still.mag.mean if still.mag is not None else np.full(3, np.nan)
     covariance_b = still.mag.covariance if still.mag is not None else np.zeros((3, 3))
     covariance_f = still.imu.covariance[3:, 3:]
     rates = still.precision if still.precision is not None else still.imu
     stamp_ns = (still.start_ns + still.end_ns) // 2
-    magnetic = station(
-        still.imu.mean[3:], b_t, reference, settings, covariance_f=covariance_f, covariance_b=covariance_b
-    )
-    whole, weights, reasons = fused(magnetic, gyro, fusing)
-    return Survey(
-        stamp_ns=stamp_ns,
-        sequence=sequence,
-        uuid=str(uuid.uuid5(_SURVEYS, f"{stamp_ns} {[float(v) for v in still.imu.mean]}")),
-        requested=still.requested,
-        duration=(still.end_ns - still.start_ns) * 1e-9,
-        samples=still.imu.count,
-        station=whole,
+    alone = station(
+        still.imu.mean[3:],
+        b_t,
+        reference,
+        settings,
         covariance_f=covariance_f,
         covariance_b=covariance_b,
-        rate_t=rates.mean[:3],
-        temperature=still.temperature,
-        weights=weights,
-        azimuth_reasons=reasons,
+        doubts=doubts,
+        faults=faults,
     )
+    analysis = None
+    together = alone
+    # What others doubt or reject is no station to learn from.
+    if run is not None and not doubts and not faults:
+        together, analysis = run.take(alone, settings)
+    result = fused(alone, together, gyro, fusing, last_alarm=last_alarm, doubted=bool(doubts))
+    return (
+        Survey(
+            stamp_ns=stamp_ns,
+            sequence=sequence,
+            uuid=str(uuid.uuid5(_SURVEYS, f"{stamp_ns} {[float(v) for v in still.imu.mean]}")),
+            requested=still.requested,
+            duration=(still.end_ns - still.start_ns) * 1e-9,
+            samples=still.imu.count,
+            station=result.station,
+            covariance_f=covariance_f,
+            covariance_b=covariance_b,
+            rate_t=rates.mean[:3],
+            temperature=still.temperature,
+            weights=result.weights,
+            azimuth_reasons=result.reasons,
+            alarm=result.alarm,
+        ),
+        analysis,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Fused:
+    """A station with its azimuths weighed: the weight of each method, why one has none, and `Survey.alarm`."""
+
+    station: Station
+    weights: dict[str, float]
+    reasons: dict[str, str]
+    alarm: str | None
 
 
 def fused(
-    magnetic: Station, gyro: Solution | str | None, settings: fusion.Settings | None = None
-) -> tuple[Station, dict[str, float], dict[str, str]]:
+    alone: Station,
+    together: Station,
+    gyro: Solution | str | None,
+    settings: fusion.Settings | None = None,
+    *,
+    last_alarm: str = "",
+    doubted: bool = False,
+) -> Fused:
     """
-    The station with the gyro's azimuth weighed in, the weight of each method, and why a method has none.
+    Weigh the azimuths of a station: raw or corrected, multi-station, gyro.
 
-    Of the magnetic azimuths the one that the station's own rule chose is weighed, for they are one reading. A station
-    whose field failed its check is compared with the gyro, not averaged; a disagreement makes it doubtful at least.
+    The magnetic ones first, by their full covariance: they are of one reading and share all that the most certain of
+    them does not know, and the declination. What they give is then held against the gyro, with which they share the
+    declination at most. An azimuth whose field failed its check is compared, not averaged; a disagreement with the gyro
+    makes the station doubtful at least. A station that nothing but its magnetic azimuth made doubtful is accepted where
+    another azimuth carries it.
+
+    Parameters
+    ----------
+    alone, together : Station
+        By itself, and as the stations of the run correct it (the same where they don't).
+    gyro : Solution or str or None
+        As `from_average` takes it.
+    settings : fusion.Settings, optional
+    last_alarm : str
+        As `from_average` takes it.
+    doubted : bool
+        Whether the station has doubts of others' making.
     """
-    weights = {one.method: float(one.method == magnetic.method) for one in magnetic.azimuths}
-    reasons = {one.method: _not_chosen(one, magnetic) for one in magnetic.azimuths}
+    group, reasons = _magnetic(alone, together)
+    weighed = fusion.fuse(fusion.same_sensors(group), settings)
+    names = [one.method for one in together.azimuths]
+    weights = dict(zip(names, weighed.weights, strict=True))
+    reasons = {name: reason or said for (name, reason), said in zip(reasons.items(), weighed.reasons, strict=True)}
     if gyro is None:
-        return magnetic, weights, reasons
-    found, shared = _gyro_azimuth(gyro, magnetic)
-    azimuths = (*magnetic.azimuths, found)
+        return Fused(_carried_by(together, weighed, weights, "", False, doubted), weights, reasons, None)
+    found, shared = _gyro_azimuth(gyro, together)
+    base = dataclasses.replace(together, azimuths=(*together.azimuths, found))
+    names.append(GYRO)
     if found.refused:
-        listed = dataclasses.replace(magnetic, azimuths=azimuths)
-        return listed, {**weights, GYRO: 0.0}, {**reasons, GYRO: found.refused}
-    doubt = "" if magnetic.verdict == ACCEPT else "; ".join(magnetic.reasons)
-    reference = magnetic.reference
-    declination = 0.0
-    if reference is not None and magnetic.north != "magnetic":
-        declination = math.sqrt(reference.declination_variance(_horizontal(reference)))
-    candidates = [
-        fusion.Candidate(
-            "axial" if one.method == CORRECTED else one.method,
-            one.azimuth,
-            one.sigma,
-            shared={"declination": min(declination, one.sigma)},
-            doubt=doubt,
-            refused=reasons[one.method],
+        doubt, remark = fusion.unconfirmed(found.refused, last_alarm)
+        base = _carried_by(base, weighed, weights, doubt, False, doubted)
+        if remark:
+            base = dataclasses.replace(base, reasons=(*base.reasons, remark))
+        return Fused(base, {**weights, GYRO: 0.0}, {**reasons, GYRO: found.refused}, None)
+    sound = all(not group[k].doubt for k, name in enumerate(together.azimuths) if weights[name.method] > 0.0)
+    magnetic = fusion.Candidate(
+        weighed.method if weighed.method != "fused" else fusion.MAGNETIC,
+        weighed.azimuth,
+        weighed.sigma,
+        shared={"declination": min(_declination(together), weighed.sigma)} if math.isfinite(weighed.sigma) else {},
+        doubt="" if sound else next(one.doubt for one in group if one.doubt),
+    )
+    both = fusion.fuse([magnetic, fusion.Candidate(GYRO, found.azimuth, found.sigma, fusion.GYRO, shared)], settings)
+    share = both.weights[0]
+    reasons = {
+        name: reason or (both.reasons[0] if weights[name] > 0.0 and share == 0.0 else "")
+        for name, reason in reasons.items()
+    }
+    weights = {name: weight * share for name, weight in weights.items()}
+    weights[GYRO], reasons[GYRO] = both.weights[1], both.reasons[1]
+    compared = all(math.isfinite(c) for c in (magnetic.azimuth, found.azimuth))
+    station_ = _carried_by(base, both, weights, both.alarm, weights[GYRO] > 0.0, doubted)
+    return Fused(station_, weights, reasons, both.alarm if compared else None)
+
+
+def _magnetic(alone: Station, together: Station) -> tuple[list[fusion.Candidate], dict[str, str]]:
+    """The magnetic azimuths as candidates, and why some of them must not be used."""
+    declination = _declination(together)
+    candidates, reasons = [], {}
+    for one in together.azimuths:
+        if one.method == MSA:
+            judged, refused = together, one.refused
+        else:
+            judged, refused = alone, _not_chosen(one, alone)
+        reasons[one.method] = refused
+        candidates.append(
+            fusion.Candidate(
+                _RANKED.get(one.method, one.method),
+                one.azimuth,
+                one.sigma,
+                shared={"declination": min(declination, one.sigma)} if math.isfinite(one.sigma) else {},
+                doubt="" if judged.verdict == ACCEPT else "; ".join(judged.azimuth_doubts or judged.reasons),
+                refused=refused,
+            )
         )
-        for one in magnetic.azimuths
-    ]
-    candidates.append(fusion.Candidate(GYRO, found.azimuth, found.sigma, family=fusion.GYRO, shared=shared))
-    result = fusion.fuse(candidates, settings)
-    names = [one.method for one in azimuths]
-    weights = dict(zip(names, result.weights, strict=True))
-    reasons = dict(zip(names, result.reasons, strict=True))
+    return candidates, reasons
+
+
+def _carried_by(
+    base: Station, result: fusion.Fused, weights: Mapping[str, float], doubt: str, other: bool, doubted: bool
+) -> Station:
+    """
+    The station with the weighed azimuth as its own.
+
+    doubt: makes it doubtful. other: an azimuth carries it that owes nothing to the magnetometer. doubted: as `fused`.
+    """
+    verdict, reasons = base.verdict, base.reasons
+    only_magnetic = bool(base.azimuth_doubts) and reasons[0] in base.azimuth_doubts and not doubted
+    if other and verdict == DOUBTFUL and only_magnetic:
+        verdict = ACCEPT
+    if doubt:
+        verdict, reasons = worse(verdict, DOUBTFUL), (doubt, *reasons)
+    base = dataclasses.replace(base, verdict=verdict, reasons=reasons)
     if not math.isfinite(result.azimuth):
-        return dataclasses.replace(magnetic, azimuths=azimuths), weights, reasons
-    carrying = [name for name in names if weights[name] > 0.0]
-    covariance = magnetic.covariance.copy()
+        return base
+    carrying = [name for name, weight in weights.items() if weight > 0.0]
+    covariance = base.covariance.copy()
     # What ties the magnetic azimuth to inclination and toolface is kept by its share.
-    share = sum(weights[name] for name in names if name != GYRO)
+    share = sum(weight for name, weight in weights.items() if name != GYRO)
     covariance[1, :] *= share
     covariance[:, 1] *= share
-    covariance[1, 1] = min(result.sigma**2 + magnetic.alignment[1, 1], math.pi**2)
-    before = magnetic.azimuth if math.isfinite(magnetic.azimuth) else result.azimuth
+    covariance[1, 1] = min(result.sigma**2 + base.alignment[1, 1], math.pi**2)
+    before = base.azimuth if math.isfinite(base.azimuth) else result.azimuth
     turned = float(wrap_pi(result.azimuth - before))
-    station_ = dataclasses.replace(
-        magnetic,
+    return dataclasses.replace(
+        base,
         azimuth=result.azimuth,
         sigma_azimuth=math.sqrt(covariance[1, 1]),
-        magnetic_toolface=float(wrap_tau(magnetic.magnetic_toolface + turned)),
+        magnetic_toolface=float(wrap_tau(base.magnetic_toolface + turned)),
         method=carrying[0] if len(carrying) == 1 else "fused",
-        azimuths=azimuths,
         covariance=covariance,
-        verdict=DOUBTFUL if result.alarm and magnetic.verdict == ACCEPT else magnetic.verdict,
-        reasons=(result.alarm, *magnetic.reasons) if result.alarm else magnetic.reasons,
     )
-    return station_, weights, reasons
+
+
+def _declination(station_: Station) -> float:
+    """1 sigma of the declination in azimuths from the station's north, rad."""
+    reference = station_.reference
+    if reference is None or station_.north == "magnetic":
+        return 0.0
+    return math.sqrt(reference.declination_variance(_horizontal(reference)))
 
 
 def _not_chosen(one: MethodAzimuth, magnetic: Station) -> str:

@@ -32,6 +32,8 @@ from mwd_sensors.frames import Array
 from mwd_sensors.settings import setting
 
 SIZE = 8
+# Where the states are among the errors that `multistation` estimates.
+OF_STATIONS = [0, 1, 2, 3, 4, 5, 12, 13]
 # Longest step over which the random walk is believed, s: a longer gap counts as this.
 _MAX_STEP = 7200.0
 

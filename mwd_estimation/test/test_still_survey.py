@@ -95,3 +95,33 @@ def test_a_stream_that_was_silent_for_part_of_the_time_is_not_averaged():
     sets = [BinSet(imu, mag=field) for imu, field in zip(bins, [*mag[:2], None, *mag[3:]], strict=True)]
     results = [result for one in sets if (result := survey.add(one)) is not None]
     assert results[0].mag is None
+
+
+def test_a_survey_taken_by_itself_waits_while_told_what_for_and_averages_all_of_it():
+    survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=30.0))
+    bins = _bins(30.0)
+    results = [survey.add(BinSet(one), "the gyro" if k < 40 else "") for k, one in enumerate(bins)]
+    assert [k for k, result in enumerate(results) if result is not None] == [40]
+    assert results[40].end_ns - results[40].start_ns == (41 - 4) * BIN_NS
+    assert not results[40].moved
+
+
+def test_waiting_has_an_end_and_motion_gives_what_was_held():
+    survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=10.0))
+    bins = _bins(30.0)
+    results = [survey.add(BinSet(one), "the gyro") for one in bins]
+    assert [k for k, result in enumerate(results) if result is not None] == [4 + 10 + 20 - 1]
+    survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=100.0))
+    turning = _bins(2.0, rate=(5.0, 0.0, 0.0), start=10**18 + 30 * 10**9)
+    results = [survey.add(BinSet(one), "the gyro") for one in (*bins, *turning)]
+    (held,) = [result for result in results if result is not None]
+    assert results.index(held) == len(bins)
+    assert held.moved
+    assert held.end_ns - held.start_ns == (len(bins) - 4) * BIN_NS
+
+
+def test_a_requested_survey_does_not_wait():
+    survey = StillSurvey(Params(automatic=False))
+    survey.request(3.0)
+    results = [survey.add(BinSet(one), "the gyro") for one in _bins(5.0)]
+    assert [k for k, result in enumerate(results) if result is not None] == [5]
