@@ -15,12 +15,15 @@ from mwd_surface.runs import launch_plan
 
 rclpy = pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 
+from mwd_msgs.srv import SeekReplay, SetReplayRate, StepReplay  # noqa: E402
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor  # noqa: E402
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy  # noqa: E402
 from rclpy.serialization import deserialize_message  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import Imu, MagneticField  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
 
+from mwd_estimation.nodes.messages import stamp  # noqa: E402
 from mwd_surface.nodes import replay  # noqa: E402
 
 START = 1_772_344_800_000_000_000
@@ -64,6 +67,13 @@ class Listener:
                 self.executor.spin_once(timeout_sec=0.05)
             except ExternalShutdownException:
                 return
+
+    def call(self, kind, name, **fields):
+        client = self.node.create_client(kind, name)
+        self.until(client.service_is_ready)
+        future = client.call_async(kind.Request(**fields))
+        self.until(future.done)
+        return future.result()
 
     def close(self):
         self.executor.shutdown()
@@ -143,6 +153,56 @@ def test_a_loop_begins_again_until_it_is_interrupted(graph, tmp_path):
     assert time.monotonic() - began < 3.0
     stamps = [int(wire.IMU.decode(data)["stamp_ns"][0]) for _, data in arrived]
     assert stamps[: 2 * len(imu)] == imu["stamp_ns"].tolist() * 2
+
+
+@pytest.mark.ros
+def test_a_replay_stands_still_steps_seeks_and_changes_its_pace(graph, tmp_path):
+    listener, play = graph
+    imu = recording(tmp_path / "bag", seconds=60.0)
+    for kind, topic in ((Imu, "/well_9/imu/data_raw"), (Clock, "/clock")):
+        listener.listen(kind, topic)
+    process = play(tmp_path / "bag", "--topic", "/well_9/imu/data_raw", "--rate", 0.5)
+    arrived, clock = listener.heard["/well_9/imu/data_raw"], listener.heard["/clock"]
+
+    def places():
+        return [int(wire.IMU.decode(data)["linear_acceleration"][0, 0]) for _, data in arrived]
+
+    def time_of(stamp):
+        return stamp.sec * 10**9 + stamp.nanosec - START
+
+    listener.until(lambda: len(arrived) > 5)
+    assert listener.call(Trigger, "/replay/pause").success
+    stepped = listener.call(StepReplay, "/replay/step", messages=3)
+    assert (stepped.success, stepped.published) == (True, 3)
+    stood = time_of(stepped.time) // 10_000_000
+    listener.until(lambda: places() == list(range(stood + 1)))
+
+    sought = listener.call(SeekReplay, "/replay/seek", offset=20.0)
+    assert (sought.success, time_of(sought.time)) == (True, 20 * 10**9)
+    stepped = listener.call(StepReplay, "/replay/step", duration=0.5)
+    assert (stepped.published, time_of(stepped.time)) == (51, 20_500_000_000)
+    listener.until(lambda: places()[stood + 1 :] == list(range(2000, 2051)))
+
+    # Backward, by log time, on the move: /clock goes back with the samples.
+    assert listener.call(Trigger, "/replay/resume").success
+    assert listener.call(SetReplayRate, "/replay/set_rate", rate=4.0).success
+    back = stamp(START + 10**9)
+    assert time_of(listener.call(SeekReplay, "/replay/seek", time=back).time) == 10**9
+    listener.until(lambda: 300 in places()[stood + 52 :])
+    onward = places()
+    assert onward[onward.index(100, stood + 1) :] == list(range(100, onward[-1] + 1))
+    told = [time_of(deserialize_message(data, Clock).clock) for _, data in clock]
+    assert min(told[k + 1] - told[k] for k in range(len(told) - 1)) < -(10**10)
+
+    assert "rate" in listener.call(SetReplayRate, "/replay/set_rate", rate=-1.0).message
+    refused = listener.call(SeekReplay, "/replay/seek", offset=61.0)
+    assert not refused.success
+    assert "from 0 to 59.99 s" in refused.message
+    assert not listener.call(SeekReplay, "/replay/seek", offset=float("nan")).success
+    assert listener.call(SetReplayRate, "/replay/set_rate", rate=50.0).success
+    listener.until(lambda: process.poll() is not None)
+    assert process.returncode == 0
+    listener.until(lambda: places()[-1] == len(imu) - 1)
 
 
 def test_a_recorded_profile_is_offered_again():

@@ -9,13 +9,14 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from mwd_msgs.srv import SeekReplay, SetReplayRate, StepReplay
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from mwd_estimation.nodes.messages import stamp
 from mwd_sensors import wire
-from mwd_sensors.nodes.graph_node import OK, WARN, Finding, GraphNode, run_node
+from mwd_sensors.nodes.graph_node import OK, WARN, Finding, GraphNode, Later, run_node
 from mwd_sensors.nodes.listeners import Listeners
 from mwd_sensors.nodes.profiles import STATE, STREAM
 from mwd_sensors.settings import setting
@@ -25,6 +26,8 @@ from mwd_surface.bags.pace import Pace
 
 _TICK_S = 0.002
 _MOST_PER_TICK = 200  # so that signals and services are heard even when everything is late
+_NOT_BEGUN = "the replay has not begun"
+_STEP_PER_TICK = 50  # a step knows no pace; listeners must keep up with it
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,6 +53,16 @@ class ReplaySettings:
     )
 
 
+@dataclasses.dataclass
+class _Step:
+    """A step under way: ends after so many messages, or before the first one later than `until_ns`."""
+
+    left: int
+    until_ns: int | None
+    answer: Later
+    published: int = 0
+
+
 class ReplayNode(GraphNode[ReplaySettings]):
     """Publishes a bag; ends the process with its last message unless it loops."""
 
@@ -57,6 +70,8 @@ class ReplayNode(GraphNode[ReplaySettings]):
         super().__init__("replay", ReplaySettings(), **node_options)
         self._bag: Bag | None = None
         self._sent = self._rounds = 0
+        self._pace: Pace | None = None
+        self._step: _Step | None = None
 
     def open(self) -> None:
         """Open the bag and a publisher for each topic whose type is installed."""
@@ -77,6 +92,9 @@ class ReplayNode(GraphNode[ReplaySettings]):
         self._clock_topic = self.publish_on(Clock, "/clock", STATE) if settings.clock_hz > 0.0 else None
         self.serve(Trigger, "~/pause", self._pause)
         self.serve(Trigger, "~/resume", self._resume)
+        self.serve(SeekReplay, "~/seek", self._seek)
+        self.serve(SetReplayRate, "~/set_rate", self._set_rate)
+        self.serve(StepReplay, "~/step", self._begin_step)
         self.every(_TICK_S, self._tick)
 
     def _open_outlets(self, bag: Bag) -> tuple[dict[str, Any], list[str]]:
@@ -101,9 +119,13 @@ class ReplayNode(GraphNode[ReplaySettings]):
     def start(self) -> None:
         """From the beginning, as soon as somebody listens."""
         self._listeners = Listeners(time.monotonic(), self.settings.wait_for_listener_s)
-        self._pace: Pace | None = None
+        self._pace = None
         self._over = False
         self._last_clock = -math.inf
+
+    def halt(self) -> None:
+        """Nobody waits for a step that will not end."""
+        self._end_step(False, "the replay stops")
 
     def close(self) -> None:
         """Close the bag."""
@@ -112,15 +134,19 @@ class ReplayNode(GraphNode[ReplaySettings]):
             self._bag = None
 
     def _begin(self) -> None:
+        rate = self.settings.rate if self.settings.rate > 0.0 else math.inf
+        # The first chunk takes its time to read; the replay begins behind it.
+        begin = self._go_to(self._from_ns)
+        self._pace = Pace(begin, time.monotonic(), rate)
+        self._rounds = 1
+
+    def _go_to(self, log_ns: int) -> int:
+        """Have the message at or after that moment come next; returns when that one was received, ns."""
         if self._bag is None:
             raise RuntimeError("the bag is closed; configure the node first")
-        self._messages: Iterator[Message] = self._bag.messages(list(self._outlets), self._from_ns, self._to_ns)
+        self._messages: Iterator[Message] = self._bag.messages(list(self._outlets), log_ns, self._to_ns)
         self._next: Message | None = next(self._messages, None)
-        begin = self._next[0] if self._next is not None else self._from_ns
-        rate = self.settings.rate if self.settings.rate > 0.0 else math.inf
-        # The first chunk took its time to read; the replay begins now.
-        self._pace = Pace(begin, time.monotonic(), rate)
-        self._rounds += 1
+        return self._next[0] if self._next is not None else log_ns
 
     def _tick(self) -> None:
         now = time.monotonic()
@@ -129,35 +155,45 @@ class ReplayNode(GraphNode[ReplaySettings]):
             if not self._over and self._listeners.complete(self._outlets.values(), now):
                 self._begin()
             return
+        if self._step is not None:
+            self._go_on_stepping(self._step, pace, now)
+            return
         for _ in range(_MOST_PER_TICK):
             if self._next is None or pace.due_s(self._next[0]) > now:
                 break
-            log_ns, topic, _, data = self._next
             if math.isinf(pace.rate):
-                pace.seek(log_ns, now)
-            self._tell_time(log_ns, now)
-            self._outlets[topic].publish(data)
-            self._sent += 1
-            self._next = next(self._messages, None)
+                pace.seek(self._next[0], now)
+            self._tell_time(self._next[0], now)
+            self._publish_next()
         if self._next is None and not pace.paused:
-            self._end()
+            self._end(pace)
         else:
             self._tell_time(pace.position_ns(now), now)
 
-    def _tell_time(self, log_ns: int, now: float) -> None:
-        if self._clock_topic is not None and now - self._last_clock >= 1.0 / self.settings.clock_hz:
+    def _publish_next(self) -> None:
+        if self._next is not None:
+            _, topic, _, data = self._next
+            self._outlets[topic].publish(data)
+            self._sent += 1
+            self._next = next(self._messages, None)
+
+    def _tell_time(self, log_ns: int, now: float, *, at_once: bool = False) -> None:
+        if self._clock_topic is not None and (at_once or now - self._last_clock >= 1.0 / self.settings.clock_hz):
             self._last_clock = now
             self._clock_topic.publish(Clock(clock=stamp(log_ns)))
 
-    def _end(self) -> None:
+    def _end(self, pace: Pace) -> None:
         if self.settings.loop and self._sent:
             self.get_logger().info(f"round {self._rounds} is over; begins again")
-            self._begin()
+            pace.seek(self._go_to(self._from_ns), time.monotonic())
+            self._rounds += 1
             return
         self.get_logger().info(f"published {self._sent} messages")
         self._pace = None
         self._over = True
         self.request_stop()
+
+    # Services.
 
     def _pause(self, _request: Any, response: Any) -> Any:
         return self._halted(True, response)
@@ -168,20 +204,94 @@ class ReplayNode(GraphNode[ReplaySettings]):
     def _halted(self, halted: bool, response: Any) -> Any:
         now = time.monotonic()
         if self._pace is None:
-            response.success, response.message = False, "the replay has not begun"
-        elif self._pace.paused == halted:
+            response.success, response.message = False, _NOT_BEGUN
+            return response
+        self._end_step(False, "paused" if halted else "the replay goes on")
+        if self._pace.paused == halted:
             response.success, response.message = True, "paused already" if halted else "going on already"
         else:
             (self._pace.pause if halted else self._pace.resume)(now)
             response.success, response.message = True, "paused" if halted else "going on"
         return response
 
+    def _seek(self, request: SeekReplay.Request, response: SeekReplay.Response) -> SeekReplay.Response:
+        if self._pace is None or self._bag is None:
+            response.success, response.message = False, _NOT_BEGUN
+            return response
+        asked = request.time.sec * 10**9 + request.time.nanosec
+        if not asked and not (math.isfinite(request.offset) and request.offset >= 0.0):
+            response.success, response.message = False, f"offset: must be 0 or more seconds, got {request.offset}"
+            return response
+        wanted = asked or self._bag.start_ns + round(request.offset * 1e9)
+        last = self._to_ns if self._to_ns is not None else self._bag.end_ns
+        if not self._from_ns <= wanted <= last:
+            first_s, last_s = (round((at - self._bag.start_ns) * 1e-9, 3) for at in (self._from_ns, last))
+            response.success = False
+            response.message = f"the replay is from {first_s:g} to {last_s:g} s after the first message"
+            return response
+        self._end_step(False, "the replay went to another moment")
+        reached = self._go_to(wanted)
+        now = time.monotonic()
+        self._pace.seek(reached, now)
+        self._tell_time(reached, now, at_once=True)
+        response.success, response.time = True, stamp(reached)
+        response.message = f"at {(reached - self._bag.start_ns) * 1e-9:.3f} s"
+        return response
+
+    def _set_rate(self, request: SetReplayRate.Request, response: SetReplayRate.Response) -> SetReplayRate.Response:
+        if self._pace is None:
+            response.success, response.message = False, _NOT_BEGUN
+        elif not 0.0 < request.rate <= 1000.0:
+            response.success, response.message = False, f"rate: must be above 0 and at most 1000, got {request.rate}"
+        else:
+            self._pace.set_rate(request.rate, time.monotonic())
+            response.success, response.message = True, f"{request.rate:g} s of the recording in a second"
+        return response
+
+    def _begin_step(self, request: StepReplay.Request, response: StepReplay.Response) -> StepReplay.Response | Later:
+        now = time.monotonic()
+        if self._pace is None:
+            response.success, response.message = False, _NOT_BEGUN
+            return response
+        if not math.isfinite(request.duration) or request.duration < 0.0:
+            response.success, response.message = False, f"duration: must be 0 or more seconds, got {request.duration}"
+            return response
+        self._end_step(False, "another step began")
+        self._pace.pause(now)
+        until = self._pace.position_ns(now) + round(request.duration * 1e9) if request.duration > 0.0 else None
+        self._step = _Step(max(request.messages, 1), until, Later())
+        return self._step.answer
+
+    def _go_on_stepping(self, step: _Step, pace: Pace, now: float) -> None:
+        for _ in range(_STEP_PER_TICK):
+            if self._next is None or (step.left == 0 if step.until_ns is None else self._next[0] > step.until_ns):
+                pace.seek(step.until_ns if step.until_ns is not None else pace.position_ns(now), now)
+                self._tell_time(pace.position_ns(now), now, at_once=True)
+                self._end_step(True, "the recording is over" if self._next is None else "")
+                return
+            pace.seek(self._next[0], now)
+            self._tell_time(self._next[0], now)
+            self._publish_next()
+            step.published += 1
+            step.left -= step.until_ns is None
+
+    def _end_step(self, success: bool, message: str) -> None:
+        step, self._step = self._step, None
+        if step is not None and self._pace is not None:
+            position = stamp(self._pace.position_ns(time.monotonic()))
+            step.answer.answer(
+                StepReplay.Response(success=success, message=message, published=step.published, time=position)
+            )
+
     def findings(self) -> Sequence[Finding]:
         """Progress, and topics that are not published."""
-        values = (("messages", str(self._sent)), ("round", str(self._rounds)))
+        values: tuple[tuple[str, str], ...] = (("messages", str(self._sent)), ("round", str(self._rounds)))
         if self._pace is None:
             return (Finding("replay", OK, "waiting for a listener", values=values),)
         now = time.monotonic()
+        if self._bag is not None:
+            values += (("position_s", f"{(self._pace.position_ns(now) - self._bag.start_ns) * 1e-9:.3f}"),)
+        values += (("rate", f"{self._pace.rate:g}"),)
         late = now - self._pace.due_s(self._next[0]) if self._next is not None and not self._pace.paused else 0.0
         message = "paused" if self._pace.paused else "running"
         found = [Finding("replay", OK, message, values=values)]
