@@ -31,12 +31,12 @@ setup(
         "lxml",
         "jinja2",
         "fpdf2",
+        "pyarrow",
     ],
     extras_require={
         "opcua": ["asyncua", "cryptography"],
         "modbus": ["pymodbus<4"],
         "serial": ["pyserial"],
-        "parquet": ["pyarrow"],
         "cluster": ["distributed"],
         "foxglove": ["foxglove-sdk"],
     },

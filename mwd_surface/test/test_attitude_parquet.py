@@ -5,13 +5,12 @@ import io
 import math
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from mwd_estimation.status import Status
 from mwd_sensors import wire
 from mwd_surface.exports import attitude_csv, attitude_parquet
-
-pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
 
 
 def _samples(n=500):

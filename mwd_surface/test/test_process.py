@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 import yaml
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -114,7 +115,6 @@ def test_the_lines_are_those_of_the_pipeline_fed_sample_by_sample(tmp_path):
 
 
 def test_a_row_in_ten_may_be_enough_and_parquet_holds_the_same(tmp_path):
-    pq = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
     imu, _ = recording(tmp_path / "bag", seconds=3.0)
     run(tmp_path / "bag", tmp_path / "out")
     with Bag(tmp_path / "bag") as bag:

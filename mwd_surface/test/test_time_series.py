@@ -7,11 +7,11 @@ import tracemalloc
 
 import numpy as np
 import plotted_bag
-import pytest
+from pyarrow import parquet
 from test_cli import mwd, refused
 
 from mwd_sensors import wire
-from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.exports import time_series
 
@@ -121,7 +121,6 @@ def test_one_stamp_that_lies_makes_nothing_else_late(tmp_path):
 
 
 def test_parquet_holds_the_numbers_of_the_csv(tmp_path):
-    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
     plotted_bag.record(tmp_path / "bag", surveys=False)
     with Bag(tmp_path / "bag") as bag:
         for ending in ("csv", "parquet"):
@@ -132,17 +131,6 @@ def test_parquet_holds_the_numbers_of_the_csv(tmp_path):
             assert row[key] == (
                 None if not text else text if key in ("timestamp_utc_iso", "azimuth_north") else float(text)
             )
-
-
-def test_without_pyarrow_parquet_is_refused_with_a_hint_and_leaves_nothing(tmp_path, monkeypatch):
-    def nothing(name):
-        raise ModuleNotFoundError(name)
-
-    path = bag_of(tmp_path / "bag", attitudes([START * S]))
-    monkeypatch.setattr(time_series.importlib, "import_module", nothing)
-    with Bag(path) as bag, pytest.raises(BagError, match="pip install pyarrow"):
-        time_series.write(bag, tmp_path / "out" / "ts.parquet")
-    assert list((tmp_path / "out").iterdir()) == []
 
 
 def test_the_command_writes_it_and_names_what_is_missing(tmp_path):

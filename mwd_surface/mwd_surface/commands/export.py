@@ -48,7 +48,7 @@ def export(
 
     csv, las and witsml hold the definitive survey, raw_csv every survey with its six axes. The numbers in all of them
     are rounded once and agree. A file is whole or not there. timeseries is one row per second of a recording: depth,
-    rig data, attitude with sigmas; .csv, or .parquet where pyarrow is installed.
+    rig data, attitude with sigmas; .csv or .parquet.
 
     \b
     Examples:

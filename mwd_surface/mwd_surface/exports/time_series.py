@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import importlib
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -24,7 +23,6 @@ from mwd_surface.exports.survey_table import fixed, utc
 
 ATTITUDE, RIG = "attitude", "rig/state"
 NORTHS = ("", "magnetic", "true", "grid")
-PARQUET_HINT = "Parquet needs the package pyarrow: pip install pyarrow; or write .csv"
 
 _DEG, _RPM = 180.0 / math.pi, 30.0 / math.pi
 # Samples of two topics, or of one that reports late, meet in the same row if they are read within so many seconds.
@@ -149,7 +147,7 @@ def write(bag: Bag, path: Path, well: str = "", progress: Callable[[float], None
     ValueError
         The ending is another.
     BagError
-        As `rows`, or Parquet is asked for and cannot be written here.
+        As `rows`.
     OSError
         The disk refuses.
     """
@@ -183,11 +181,10 @@ def _write_csv(path: Path, lines: Iterator[Row]) -> None:
 
 
 def _write_parquet(path: Path, lines: Iterator[Row]) -> None:
-    try:
-        arrow = importlib.import_module("pyarrow")
-        parquet = importlib.import_module("pyarrow.parquet")
-    except ModuleNotFoundError as error:
-        raise BagError("no Parquet here", PARQUET_HINT) from error
+    # Here, because it takes longer to load than most exports to write.
+    import pyarrow as arrow
+    from pyarrow import parquet
+
     fields = [
         (COLUMNS[0], arrow.string()),
         *((q.key, arrow.float64()) for q in QUANTITIES),
