@@ -141,12 +141,16 @@ class Motion:
     lines: Lines
     hits: Hits
 
-    def at(self, first: int, count: int, rate: float) -> Kinematics:
-        """Kinematics at the instants (first + k) / rate, s, k = 0 .. count - 1; first may be negative."""
+    def at(self, first: int, count: int, rate: float, turn: Array | None = None) -> Kinematics:
+        """
+        Kinematics at the instants (first + k) / rate, s, k = 0 .. count - 1; first may be negative.
+
+        turn, shape (3, count): angle of the string, rad, its rate and acceleration, instead of the schedule's.
+        """
         dt, start = 1.0 / rate, first / rate
         t = (first + np.arange(count)) / rate
         line = self.timeline
-        bit, angle = line.bit(t), line.angle(t)
+        bit, angle = line.bit(t), line.angle(t) if turn is None else turn
         envelopes = np.stack([envelope(t) for envelope in line.envelopes])
         shake = np.zeros((CHANNELS, 3, count))
         if len(self.lines.channel):

@@ -20,6 +20,7 @@ from mwd_sensors.instrument import grade
 from mwd_sensors.interference import Interference
 from mwd_sensors.schedule import Phase, Rig
 from mwd_sensors.settings import SettingsError, from_mapping, setting
+from mwd_sensors.steering import Steering
 from mwd_sensors.vibration import Vibrations
 
 
@@ -94,6 +95,7 @@ class Scenario:
     cycles: int = setting(1, "the whole schedule so many times", low=1, high=10000)
     rig: Rig = setting(Rig, "how it does it")
     vibration: Vibrations = setting(Vibrations, "what shakes the sonde")
+    steering: Steering | None = setting(None, "the top drive obeys commands; the string winds up, sticks and slips")
     ahrs: Unit = setting(Unit, "conventional unit: gyros, accelerometers, magnetometers")
     precision: Unit | None = setting(Unit(grade="tactical_north"), "high-precision unit: gyros, accelerometers")
     temperature: Temperature = setting(Temperature, "of the sensors")
@@ -111,6 +113,10 @@ class Scenario:
             raise ValueError("schedule: at least one phase is needed")
         for fault in self.faults:
             check(fault)
+        if self.steering is not None and (self.vibration.stick_slip or self.vibration.hunting):
+            raise ValueError(
+                "steering: its string sticks, slips and wanders by itself; leave stick_slip and hunting out"
+            )
         if self.rate_hz % self.rig_hz:
             raise ValueError(f"rate_hz {self.rate_hz} must be a multiple of rig_hz {self.rig_hz}")
         for unit in (self.ahrs, self.precision):

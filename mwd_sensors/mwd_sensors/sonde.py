@@ -14,9 +14,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_sensors import earth, faults, frames, instrument, interference, motion, wire
+from mwd_sensors import earth, faults, frames, instrument, interference, motion, steering, wire
 from mwd_sensors.scenario import Scenario, Unit, parse_date
-from mwd_sensors.schedule import timeline
+from mwd_sensors.schedule import ROTATING, SLIDING, timeline
 from mwd_sensors.vibration import hits, lines
 from mwd_sensors.wire import Samples
 
@@ -38,8 +38,10 @@ _STREAMS = (
     "clock",
     "faults",
     "link",
+    "steering",
 )
 _RIG_VALID = 2047
+_TURNING = 0.5  # rad/s of the top drive; slower is sliding
 
 
 class Sonde:
@@ -61,6 +63,8 @@ class Sonde:
         Length of the run, s.
     motion : Motion
         Exact motion.
+    string : String or None
+        Top drive and string, where the scenario lets commands steer.
     """
 
     def __init__(self, scenario: Scenario, epoch_ns: int | None = None) -> None:
@@ -73,6 +77,17 @@ class Sonde:
         self.reference = reference_of(scenario)
         self.motion = _motion(scenario, self._rng)
         self.duration = self.motion.timeline.seconds
+        self.string = (
+            steering.String(
+                scenario.steering,
+                self.motion.timeline,
+                math.radians(scenario.well.toolface_deg),
+                scenario.kinematics_hz,
+                self._rng["steering"],
+            )
+            if scenario.steering is not None
+            else None
+        )
         latitude = math.radians(scenario.place.latitude_deg)
         self._earth_rate_n = earth.earth_rate_n(latitude)
         self._gradient = earth.gravity_gradient(latitude)
@@ -122,6 +137,19 @@ class Sonde:
             self.faults.faults = [old for old in self.faults.faults if old.component != fault.component]
         else:
             self.faults.faults.append(dataclasses.replace(fault, start_s=self.time + fault.start_s))
+
+    def command(self, command: steering.Command) -> None:
+        """
+        Let the top drive obey, at most 0.2 s (a step and the sensors' delay) after `time`.
+
+        Raises
+        ------
+        ValueError
+            The scenario has no steering, or the rig cannot do that (see `steering.check`).
+        """
+        if self.string is None:
+            raise ValueError("the rig of this scenario takes no commands; they need an entry `steering: {}` in it")
+        self.string.command(command)
 
     def blocks(self, seconds: float = 1.0) -> Iterator[dict[str, Samples]]:
         """
@@ -198,10 +226,15 @@ class Sonde:
             truth["precision_accel_bias"] = self.precision.accel_bias
         truth["inclination"], truth["azimuth"], truth["gravity_toolface"] = frames.hole_angles(mat_nt)
         truth["measured_depth"], truth["temperature"] = md, celsius
-        truth["activity"] = np.round(self.motion.timeline.activity(t)[0]).astype(np.uint32)
+        activity = np.round(self.motion.timeline.activity(t)[0]).astype(np.uint32)
+        drive = felt.drive[at]
+        if self.string is not None:
+            turning = np.where(np.abs(drive[:, 0]) > _TURNING, ROTATING, SLIDING)
+            activity = np.where((activity == SLIDING) | (activity == ROTATING), turning, activity)
+        truth["activity"] = activity
         out["truth"] = (truth, t)
         gauge = index % (rate // scenario.rig_hz) == 0
-        out["rig/state"] = (self._rig(index[gauge], t[gauge]), t[gauge])
+        out["rig/state"] = (self._rig(index[gauge], t[gauge], drive[gauge]), t[gauge])
         return out
 
     def _feel(self) -> _Felt:
@@ -216,7 +249,11 @@ class Sonde:
         return self._felt
 
     def _felt_at(self, first: int, count: int) -> _Felt:
-        k = self.motion.at(first, count, float(self.scenario.kinematics_hz))
+        rate = self.scenario.kinematics_hz
+        turn, drive = None, np.empty((count, 0))
+        if self.string is not None:
+            turn, drive = self.string.advance(first, count)
+        k = self.motion.at(first, count, float(rate), turn)
         f_t, rate_it = [], np.empty((count, 3))
         for unit in self._units:
             f = np.empty((count, 3))
@@ -235,7 +272,7 @@ class Sonde:
                 f,
             )
             f_t.append(f)
-        return _Felt(k.mat_nt, k.rate_t, rate_it, k.position_n, k.velocity_n, k.md, f_t)
+        return _Felt(k.mat_nt, k.rate_t, rate_it, k.position_n, k.velocity_n, k.md, f_t, drive)
 
     def _gravity(self, down: float) -> float:
         return self.reference.gravity + self._gradient * down
@@ -285,7 +322,7 @@ class Sonde:
         samples["variance"] = self.ahrs.grade.temperature_c**2
         return samples
 
-    def _rig(self, index: NDArray[np.int64], t: Array) -> Samples:
+    def _rig(self, index: NDArray[np.int64], t: Array, drive: Array) -> Samples:
         # The rig has its own, true clock: depth pairs with surveys across the drift of the sonde's.
         samples = wire.RIG_STATE.empty(len(t))
         if len(t) == 0:
@@ -297,7 +334,10 @@ class Sonde:
         samples["bit_depth"], samples["hole_depth"] = bit[0], np.maximum(line.hole(t)[0], bit[0])
         samples["block_position"] = line.block(t)[0]
         samples["hookload"], samples["weight_on_bit"] = line.hookload(t)[0], line.weight(t)[0]
-        samples["torque"], samples["rotary_speed"] = line.torque(t)[0], line.angle(t)[1]
+        if self.string is not None:
+            samples["rotary_speed"], samples["torque"] = drive[:, 0], drive[:, 1]
+        else:
+            samples["torque"], samples["rotary_speed"] = line.torque(t)[0], line.angle(t)[1]
         samples["flow_rate"] = flow
         full = max(rig.flow_lpm, 1e-9) * 1e-3 / 60.0
         samples["pressure"] = rig.pressure_bar * 1e5 * (flow / full) ** 2
@@ -309,7 +349,11 @@ class Sonde:
 
 @dataclasses.dataclass(frozen=True)
 class _Felt:
-    """Kinematics of one step and its margins; f_t holds the specific force at each unit."""
+    """
+    Kinematics of one step and its margins.
+
+    f_t: specific force at each unit. drive, shape (n, 2): speed and torque of a top drive that obeys; (n, 0) without.
+    """
 
     mat_nt: Array
     rate_t: Array
@@ -318,6 +362,7 @@ class _Felt:
     velocity_n: Array
     md: Array
     f_t: list[Array]
+    drive: Array
 
     def tail(self, count: int) -> _Felt:
         """The last samples."""
@@ -329,6 +374,7 @@ class _Felt:
             self.velocity_n[-count:],
             self.md[-count:],
             [f[-count:] for f in self.f_t],
+            self.drive[-count:],
         )
 
     def joined(self, new: _Felt) -> _Felt:
@@ -341,6 +387,7 @@ class _Felt:
             np.concatenate([self.velocity_n, new.velocity_n]),
             np.concatenate([self.md, new.md]),
             [np.concatenate(pair) for pair in zip(self.f_t, new.f_t, strict=True)],
+            np.concatenate([self.drive, new.drive]),
         )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from mwd_sensors import frames, scenario, wire
+from mwd_sensors import frames, scenario, steering, wire
 from mwd_sensors.faults import Fault
 from mwd_sensors.sonde import Sonde
 
@@ -231,3 +231,43 @@ def test_asked_again_the_sonde_goes_on_where_it_was():
 def test_the_stamp_of_time_zero_can_be_set():
     sonde = Sonde(scenario.read(SCENARIOS / "default.yaml"), epoch_ns=5_000_000_000)
     assert next(sonde.blocks(0.1))["truth"]["stamp_ns"][0] == 5_010_000_000
+
+
+STEERED = {
+    "schedule": [{"kind": "drill", "seconds": 12.0, "rpm": 60.0, "rop_m_h": 20.0}],
+    "steering": {},
+    "vibration": {},
+}
+
+
+def test_commands_steer_and_are_the_same_run_whatever_the_block_length():
+    def run_with(seconds):
+        sonde = Sonde(scenario.read(SCENARIOS / "default.yaml", STEERED))
+        parts, told = [], False
+        for block in sonde.blocks(seconds):
+            parts.append(block)
+            if not told and sonde.time >= 6.0 - 1e-9:
+                sonde.command(steering.Command(steering.HOLD))
+                told = True
+        return {topic: np.concatenate([part[topic] for part in parts]) for topic in wire.SONDE_TOPICS}
+
+    whole, fine = run_with(0.5), run_with(0.1)
+    assert all(whole[topic].tobytes() == fine[topic].tobytes() for topic in wire.SONDE_TOPICS)
+    assert whole["rig/state"]["rotary_speed"][25] == pytest.approx(2.0 * np.pi)
+    assert whole["rig/state"]["rotary_speed"][-1] == 0.0
+    assert set(whole["truth"]["activity"][[500, -1]]) == {2, 1}
+    # The gyro feels what the truth says.
+    felt, true = whole["imu/data_raw"]["angular_velocity"][:, 0], whole["truth"]["angular_velocity"][:, 0]
+    assert np.abs(felt - true)[100:-100].max() < 0.2
+    assert true.max() > 9.0
+
+
+def test_a_rig_that_takes_no_commands_says_so():
+    sonde = Sonde(scenario.read(SCENARIOS / "default.yaml", SHORT))
+    with pytest.raises(ValueError, match="takes no commands"):
+        sonde.command(steering.Command(steering.HOLD))
+
+
+def test_a_string_that_sticks_by_itself_is_not_shaken_by_the_schedule_too():
+    with pytest.raises(ValueError, match="leave stick_slip and hunting out"):
+        scenario.read(SCENARIOS / "stick_slip_hell.yaml", {"steering": {}})
