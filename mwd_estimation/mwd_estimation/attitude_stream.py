@@ -157,6 +157,8 @@ class AttitudeStream:
         self._mag_ns = np.zeros(0, dtype=np.int64)
         self._mag_t = np.zeros((0, 3))
         self._pairs = _no_pairs()
+        # Magnetic samples with gravity at their own stamps, of the last block.
+        self.handed_on = Pairs.joined([])
         # Of the last pair: bits, sigma of its azimuth; and the tool's field with sigma.
         self._bits, self._sigma = np.zeros(1, dtype=np.uint32), np.zeros(1)
         self._own = np.concatenate([np.zeros(3), np.full(3, -1.0)])
@@ -217,7 +219,7 @@ class AttitudeStream:
         stops = [place for place, _ in readings[1:]] + [len(block.stamps)]
         stretches = [(slice(start, stop), reading) for (start, reading), stop in zip(readings, stops, strict=True)]
         before = attitude_track.last_totals(self._track_state) or (math.nan, math.nan)
-        rows, pairs = [], _no_pairs()
+        rows, pairs, raw = [], _no_pairs(), []
         for k, (part, reading) in enumerate(stretches):
             if k > 0:
                 attitude_track.begin_smoothing(self._track_state)
@@ -236,9 +238,11 @@ class AttitudeStream:
             )
             self._mag_ns, self._mag_t = self._mag_ns[used:], self._mag_t[used:]
             rows.append(found)
+            raw.append(handed)
             level = handed.sigma_tilt < _LEVEL
             if level.any():
                 pairs = pairs.joined(self._read(handed.where(level), reading, part.start))
+        self.handed_on = Pairs.joined(raw)
         carried, waiting = self._carry_on(block, marks, pairs, precision)
         rejected = 0
         for (part, reading), found in zip(stretches, rows, strict=True):

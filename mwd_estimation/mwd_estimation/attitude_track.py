@@ -167,6 +167,13 @@ class Pairs:
         """Those chosen."""
         return Pairs(*(getattr(self, f.name)[chosen] for f in dataclasses.fields(self)))
 
+    @classmethod
+    def joined(cls, pairs: list[Pairs]) -> Pairs:
+        """All of them in order; places stay those of their own stretch."""
+        whole, one, three = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 3))
+        pairs = [Pairs(whole, whole, three, three, one, one, one), *pairs]
+        return cls(*(np.concatenate([getattr(p, f.name) for p in pairs]) for f in dataclasses.fields(cls)))
+
 
 def last_totals(state: State) -> tuple[float, float] | None:
     """Total field, T, and dip, rad, of the last magnetic sample used; None before the first."""

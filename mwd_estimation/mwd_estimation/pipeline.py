@@ -42,7 +42,14 @@ from mwd_estimation.gravity_s3 import MahonyParams
 from mwd_estimation.gravity_s3 import Params as S3Params
 from mwd_estimation.gyro_station import GyroSettings, GyroStation
 from mwd_estimation.multistation import Multistation
+from mwd_estimation.north_run import NorthRun
+from mwd_estimation.north_run import Params as NorthParams
+from mwd_estimation.north_run import Progress as NorthProgress
+from mwd_estimation.north_seek import Solution
 from mwd_estimation.reference import Reference, best_north, from_field, north_correction
+from mwd_estimation.rotary_survey import Params as RotaryParams
+from mwd_estimation.rotary_survey import Progress as RotaryProgress
+from mwd_estimation.rotary_survey import RotarySurvey
 from mwd_estimation.station import StationSettings
 from mwd_estimation.station_run import Params as RunParams
 from mwd_estimation.station_run import StationRun
@@ -100,6 +107,8 @@ class EstimatorSettings:
     station: StationSettings = setting(StationSettings, "Working out a station")
     gyro: GyroSettings = setting(GyroSettings, "Gyro azimuth of a station")
     multistation: RunParams = setting(RunParams, "The stations of a run together")
+    north: NorthParams = setting(NorthParams, "North sought on request")
+    rotary: RotaryParams = setting(RotaryParams, "Surveys while the string turns")
     fusion: fusion.Settings = setting(fusion.Settings, "Weighing the azimuths of a station")
     bounded: gravity_bounded.Params = setting(gravity_bounded.Params, "Method bounded")
     s3: S3Params = setting(S3Params, "Method s3")
@@ -114,6 +123,8 @@ class Output:
     What a block gave: attitude and gravity of every IMU sample, interference, dynamics and surveys as they came.
 
     health : faults of sensors that were found, narrowed down or cleared.
+    north : what a north seek that was asked for ended with.
+    rotary : surveys taken while the string turned, or why there is none.
     """
 
     attitude: Samples
@@ -123,6 +134,8 @@ class Output:
     surveys: list[Survey] = dataclasses.field(default_factory=list)
     refusals: list[Refusal] = dataclasses.field(default_factory=list)
     health: list[sensor_health.Finding] = dataclasses.field(default_factory=list)
+    north: list[Solution] = dataclasses.field(default_factory=list)
+    rotary: list[Survey | Refusal] = dataclasses.field(default_factory=list)
 
     @classmethod
     def empty(cls, n: int) -> Output:
@@ -139,6 +152,8 @@ class Output:
             self.surveys + later.surveys,
             self.refusals + later.refusals,
             self.health + later.health,
+            self.north + later.north,
+            self.rotary + later.rotary,
         )
 
 
@@ -249,6 +264,9 @@ class Pipeline:
         self._gyro = GyroStation(settings.gyro, None, None)
         self._run = StationRun(settings.multistation)
         self._last_alarm = ""
+        self._north: NorthRun | None = None
+        self._ahrs = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+        self._rotary: RotarySurvey | None = None
         self._precision_ns = np.zeros(0, dtype=np.int64)
         self._precision_t = np.zeros((0, 6))
         self._precision_at = 0
@@ -285,6 +303,56 @@ class Pipeline:
     def request_survey(self, duration_s: float = 0.0) -> None:
         """Take a survey from the next half second on; `duration_s` 0 means as configured."""
         self._still.request(duration_s)
+
+    def request_north(self, duration_s: float = 0.0, mode: str = "") -> None:
+        """
+        Seek north from now on; what it ends with comes in `Output.north`.
+
+        Raises
+        ------
+        ValueError
+            What is asked for cannot be sought; one is under way; the latitude is not known; no sample came yet.
+        """
+        latitude = latitude_of(self.settings)
+        if self._north is not None:
+            raise ValueError("north is already being sought")
+        if latitude is None:
+            raise ValueError("the latitude is not known: set gyro.latitude_source, or a reference by place")
+        gravity_ = self.reference.gravity if self.reference is not None else None
+        gyro = self.settings.gyro
+        self._north = NorthRun(self.settings.north, gyro, latitude, gravity_, duration_s, mode)
+        self._ahrs = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+
+    def cancel_north(self) -> None:
+        """Seek it no longer."""
+        self._north = None
+
+    @property
+    def north_progress(self) -> NorthProgress | None:
+        """How far the seek is; None where there is none."""
+        return self._north.progress() if self._north is not None else None
+
+    def request_rotary(self, duration_s: float = 0.0) -> None:
+        """
+        Average from now on in axes that do not turn; what it ends with comes in `Output.rotary`.
+
+        Raises
+        ------
+        ValueError
+            The duration is no duration, or one is under way.
+        """
+        if self._rotary is not None:
+            raise ValueError("a rotary survey is already being taken")
+        self._rotary = RotarySurvey(self.settings.rotary, duration_s)
+
+    def cancel_rotary(self) -> None:
+        """Take it no longer."""
+        self._rotary = None
+
+    @property
+    def rotary_progress(self) -> RotaryProgress | None:
+        """How far the rotary survey is; None where there is none."""
+        return self._rotary.progress() if self._rotary is not None else None
 
     @property
     def survey_progress(self) -> float:
@@ -354,8 +422,13 @@ class Pipeline:
     def _set_back(self, begun: Samples, output: Output) -> None:
         """Begin anew with the samples that showed that time went back; their rows have been given, as not used."""
         self.counters.set_back += 1
+        why = Refusal(self._last_imu_ns, "time went back: the estimate begins anew")
         if self._still.requested:
-            output.refusals.append(Refusal(self._last_imu_ns, "time went back: the estimate begins anew"))
+            output.refusals.append(why)
+        if self._rotary is not None:
+            output.rotary.append(why)
+        if self._north is not None:
+            output.north.append(dataclasses.replace(self._north.solution(), success=False, reason=why.reason))
         self._forget()
         waiting = self._clocks.release()
         for name, take in (
@@ -400,6 +473,8 @@ class Pipeline:
         """Samples during which the same sensors are usable."""
         output = Output.empty(len(stamps))
         track = self._gravity.run(self._unusable, stamps, gyro, accel, followed)
+        if self._north is not None:
+            self._ahrs = np.concatenate([self._ahrs[0], stamps]), np.concatenate([self._ahrs[1], gyro])
         readings, marks = [(0, self._reading)], []
         for closed, place in self._binners["imu"].add_placed(stamps, np.hstack([gyro, accel])):
             self._waiting.append(closed)
@@ -420,6 +495,8 @@ class Pipeline:
             output.gravity,
         )
         mark(self._unusable, self._misled, output.attitude, output.gravity)
+        if self._rotary is not None:
+            self._turn_on(self._rotary, Block(stamps, gyro, accel, track), output)
         self.counters.rejected += rejected
         output.dynamics = dynamics_summary.run(
             self.settings.dynamics, self._dynamics_state, stamps, gyro, accel, track.g_t, output.attitude["status"]
@@ -475,6 +552,8 @@ class Pipeline:
         first, self._precision_at = self._precision_at, _reached(self._precision_ns, self._precision_at, end_ns)
         samples = self._precision_ns[first : self._precision_at], self._precision_t[first : self._precision_at]
         self._gyro.add(imu, BIN_NS * 1e-9, still * BIN_NS > self.settings.survey.settle_s * 1e9, still > 0, samples)
+        if self._north is not None:
+            self._seek(self._north, end_ns, samples, output)
         if isinstance(result, Refusal):
             output.refusals.append(result)
         elif isinstance(result, StillAverage):
@@ -499,6 +578,33 @@ class Pipeline:
             if north is not None and taken.weights.get(GYRO, 0.0) > 0.0:
                 return Mark(place, imu.index, end_ns, north.azimuth, north.sigma)
         return Mark(place, imu.index, end_ns)
+
+    def _seek(self, run: NorthRun, end_ns: int, samples: tuple[Stamps, Array], output: Output) -> None:
+        """A bin for the seek that was asked for, unless it began before that."""
+        stamps, rates = self._ahrs
+        if not len(stamps) or stamps[0] >= end_ns:
+            return
+        before = _reached(stamps, 0, end_ns)
+        run.add(BIN_NS * 1e-9, samples, (stamps[:before], rates[:before]))
+        self._ahrs = stamps[before:], rates[before:]
+        if run.done:
+            output.north.append(run.solution())
+            self._north = None
+
+    def _turn_on(self, survey_: RotarySurvey, block: Block, output: Output) -> None:
+        """Samples for the rotary survey that was asked for."""
+        result = survey_.add(block.stamps, block.gyro, block.accel, block.track, self._attitude.handed_on)
+        if result is None:
+            return
+        self._rotary = None
+        if isinstance(result, Refusal):
+            output.rotary.append(result)
+            return
+        self.sequence += 1
+        speed = survey_.rotary_speed
+        output.rotary.append(
+            self._faults.judge(survey.from_rotary(result, self.sequence, self.reference, self.settings.station, speed))
+        )
 
     def _keep(self, name: str, closed: list[Bin]) -> None:
         for one in closed:

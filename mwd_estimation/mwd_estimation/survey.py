@@ -162,6 +162,31 @@ def from_average(
     )
 
 
+def from_rotary(
+    turned: StillAverage, sequence: int, reference: Reference | None, settings: StationSettings, rotary_speed: float
+) -> Survey:
+    """
+    Work out the survey of an average taken in axes that do not turn (`rotary_survey`); it has no toolface.
+
+    rotary_speed: rad/s, for the record.
+    """
+    taken, _ = from_average(turned, sequence, reference, settings)
+    one = taken.station
+    covariance = one.covariance.copy()
+    covariance[2, :] = covariance[:, 2] = 0.0
+    covariance[2, 2] = math.pi**2
+    how = f"taken while the string turned at {abs(rotary_speed) * 30.0 / math.pi:.0f} r/min: no toolface"
+    blind = dataclasses.replace(
+        one,
+        gravity_toolface=0.0,
+        magnetic_toolface=0.0,
+        sigma_toolface=math.pi,
+        covariance=covariance,
+        reasons=(*one.reasons, how),
+    )
+    return dataclasses.replace(taken, station=blind, kind=ROTARY)
+
+
 @dataclasses.dataclass(frozen=True)
 class Fused:
     """A station with its azimuths weighed: the weight of each method, why one has none, and `Survey.alarm`."""

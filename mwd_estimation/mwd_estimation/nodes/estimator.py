@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
-from mwd_msgs.msg import Attitude, Gravity, Interference
+from mwd_msgs.action import NorthSeek, RotarySurvey
+from mwd_msgs.msg import Attitude, Dynamics, Gravity, Interference, SurveyList
 from mwd_msgs.msg import Survey as SurveyMessage
 from mwd_msgs.srv import SetReferenceField, TakeSurvey
 from sensor_msgs.msg import Imu, MagneticField, Temperature
@@ -16,10 +17,13 @@ from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
 from mwd_estimation import north_seek
+from mwd_estimation.nodes.errands import PERIOD, Errands
 from mwd_estimation.nodes.messages import stamp, survey_message
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
 from mwd_estimation.reference import Reference
 from mwd_estimation.status import Status, words
+from mwd_estimation.still_survey import Refusal
+from mwd_estimation.survey import Survey
 from mwd_sensors import frames, wire
 from mwd_sensors.nodes import profiles
 from mwd_sensors.nodes.graph_node import ERROR, OK, WARN, Finding, GraphNode, Later, run_node
@@ -33,12 +37,13 @@ _WARM_UP = 64  # samples that compile every kernel before the first message
 
 
 class EstimatorNode(GraphNode[EstimatorSettings]):
-    """Listens to the sonde's topics, never to the truth; publishes attitude, gravity, surveys, interference."""
+    """Listens to the sonde's topics, never to the truth; publishes attitude, gravity, surveys, dynamics, interference."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("estimator", EstimatorSettings(), **node_options)
         self._waiting: Later | None = None
         self._asked_s = 0.0
+        self._errands = Errands(lambda: self._pipeline, lambda: not self._silent("imu/data_raw"))
 
     def open(self) -> None:
         """Compile the kernels and open the topics."""
@@ -48,15 +53,20 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._gravity = self.publish_on(Gravity, "gravity", profiles.STREAM)
         self._imu = self.publish_on(Imu, "imu/data", profiles.STREAM)
         self._interference = self.publish_on(Interference, "interference", profiles.STATE)
+        self._dynamics = self.publish_on(Dynamics, "dynamics", profiles.STATE)
         self._survey = self.publish_on(SurveyMessage, "survey", profiles.EVENT)
         self._tf = self.publish_on(TFMessage, "/tf", profiles.STATE)
         self._inputs = {
             topic: self.collect(kind, topic, profiles.deep(profiles.STREAM)) for topic, kind in _INPUTS.items()
         }
         self.every(_BLOCK_S, self._take_block)
+        self.every(PERIOD, self._errands.tell)
+        self.listen(SurveyList, "surveys", self._on_surveys, profiles.LATCHED)
         self.serve(TakeSurvey, "take_survey", self._take_survey)
         self.serve(SetReferenceField, "set_reference_field", self._set_reference_field)
         self.serve(Trigger, "reset_estimator", self._reset_estimator)
+        self.perform(NorthSeek, "north_seek", self._errands.seek_north, self._errands.cancel_north)
+        self.perform(RotarySurvey, "rotary_survey", self._errands.take_rotary, self._errands.cancel_rotary)
 
     def _begin(self) -> None:
         self._pipeline = Pipeline(self.settings)
@@ -65,14 +75,20 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._unreadable = 0
         self._last_tf_ns = 0
         self._last_status = 0
+        self._set_back = 0
 
     def settings_changed(self, settings: EstimatorSettings) -> None:
         """Start the estimate anew with the new settings, survey numbering kept."""
+        self._errands.end("the settings were changed")
         sequence = self._pipeline.sequence
         self._pipeline = Pipeline(settings)
-        self._pipeline.sequence = sequence
+        self._pipeline.continue_numbering(sequence)
 
     # Messages in.
+
+    def _on_surveys(self, table: SurveyList) -> None:
+        """Numbers that an estimator before this one has given are not given again."""
+        self._pipeline.continue_numbering(max((record.survey.sequence for record in table.records), default=0))
 
     def _take_block(self) -> None:
         """Estimate from everything that waits: the same bits as one by one, and one call of each kernel."""
@@ -116,6 +132,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         publish_rows(self._attitude, wire.ATTITUDE.encode(output.attitude, frame))
         publish_rows(self._gravity, wire.GRAVITY.encode(output.gravity, frame))
         publish_rows(self._interference, wire.INTERFERENCE.encode(output.interference, frame))
+        publish_rows(self._dynamics, wire.DYNAMICS.encode(output.dynamics, frame))
         oriented = oriented_imu(samples, output.attitude)
         publish_rows(self._imu, wire.IMU.encode(oriented, frame))
         if len(oriented):
@@ -127,13 +144,26 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             else:
                 self.get_logger().warning(f"{change.message}; {change.remedy}")
         for survey in output.surveys:
-            self._survey.publish(survey_message(survey, frame, self._last_status))
-            verdict = f"survey {survey.sequence}: {survey.station.verdict}"
-            self.get_logger().info(f"{verdict}; {'; '.join(survey.station.reasons)}")
+            verdict = self._publish_survey(survey, frame)[1]
             if survey.requested:
                 self._answer(True, verdict, survey.sequence)
         for refusal in output.refusals:
             self._answer(False, f"no survey taken: {refusal.reason}", 0)
+        for result in output.rotary:
+            told = (None, result.reason) if isinstance(result, Refusal) else self._publish_survey(result, frame)
+            self._errands.rotary_taken(*told)
+        for found in output.north:
+            self._errands.north_found(found)
+        if self._pipeline.counters.set_back > self._set_back:
+            self._set_back = self._pipeline.counters.set_back
+            self.get_logger().warning("the samples' time went back by more than a second: the estimate began anew")
+
+    def _publish_survey(self, survey: Survey, frame: str) -> tuple[SurveyMessage, str]:
+        message = survey_message(survey, frame, self._last_status)
+        self._survey.publish(message)
+        verdict = f"survey {survey.sequence}: {survey.station.verdict}"
+        self.get_logger().info(f"{verdict}; {'; '.join(survey.station.reasons)}")
+        return message, verdict
 
     def _publish_tf(self, sample: Any, frame: str) -> None:
         if sample["stamp_ns"] - self._last_tf_ns < _TF_PERIOD_NS and sample["stamp_ns"] >= self._last_tf_ns:
@@ -195,6 +225,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         return response
 
     def _reset_estimator(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._errands.end("the estimator was reset")
         self._pipeline.reset()
         self._answer(False, "no survey taken: the estimator was reset", 0)
         response.success, response.message = True, "the estimate starts anew"
@@ -203,8 +234,9 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     # Health.
 
     def halt(self) -> None:
-        """A survey that somebody waits for will not come."""
+        """What somebody waits for will not come."""
         self._answer(False, "no survey taken: the estimator stops", 0)
+        self._errands.end("the estimator stops")
 
     def _silent(self, topic: str) -> bool:
         return time.monotonic() - self._heard.get(topic, -_SILENT_AFTER) >= _SILENT_AFTER
@@ -238,6 +270,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
                     ("rejected", str(counters.rejected)),
                     ("late magnetic", str(counters.late_mag)),
                     ("unreadable", str(self._unreadable)),
+                    ("time went back", str(counters.set_back)),
                 ),
             )
         )
@@ -290,6 +323,9 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         if share >= 1.0:
             return Finding("survey", OK, "taken; the next one comes after the tool has moved")
         values = (("elapsed_s", f"{share * seconds:.1f}"), ("remaining_s", f"{(1.0 - share) * seconds:.1f}"))
+        waits_for = self._pipeline.survey_waits_for
+        if waits_for:
+            return Finding("survey", OK, f"averaging on, waits for the gyro: {waits_for}", values=values)
         settling = self._waiting is None and share * seconds < survey.settle_s
         return Finding("survey", OK, "letting the string settle" if settling else "averaging", values=values)
 

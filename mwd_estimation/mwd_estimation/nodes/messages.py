@@ -10,7 +10,7 @@ from mwd_msgs.msg import AzimuthEstimate
 from mwd_msgs.msg import Survey as SurveyMessage
 
 from mwd_estimation.pipeline import NORTH_CODES
-from mwd_estimation.survey import Survey
+from mwd_estimation.survey import ROTARY, Survey
 
 _VERDICTS = {"accept": SurveyMessage.ACCEPT, "doubtful": SurveyMessage.DOUBTFUL, "reject": SurveyMessage.REJECT}
 
@@ -33,7 +33,7 @@ def survey_message(survey: Survey, frame_id: str, status: int) -> SurveyMessage:
     message.header.frame_id = frame_id
     message.uuid = survey.uuid
     message.sequence = survey.sequence
-    message.kind = SurveyMessage.STATIC
+    message.kind = SurveyMessage.ROTARY if survey.kind == ROTARY else SurveyMessage.STATIC
     message.requested = survey.requested
     message.duration = survey.duration
     message.samples = survey.samples
