@@ -180,7 +180,8 @@ def s1(name: str, seeds: int, gyro: dict[str, float | str], changes: dict[str, o
         pipeline = Pipeline(EstimatorSettings(reference=field, gyro=GyroSettings(**gyro)))
         rest, rests = 0, 0
         for block in Sonde(told).blocks(1.0):
-            moves = bool(np.abs(block["truth"]["angular_velocity"]).max() > 1e-3)
+            truth = block["truth"]
+            moves = bool(max(np.abs(truth["angular_velocity"]).max(), np.abs(truth["velocity"]).max()) > 1e-3)
             rest = 0 if moves else rest + 1
             rests += rest == 100
             # Two rests of 150 s at a station, half a turn apart.
@@ -190,7 +191,7 @@ def s1(name: str, seeds: int, gyro: dict[str, float | str], changes: dict[str, o
             pipeline.push_precision(block["gyro/data_raw"])
             for survey in pipeline.push_imu(block["imu/data_raw"]).surveys:
                 if survey.requested:
-                    azimuth = float(block["truth"]["azimuth"][-1])
+                    azimuth = float(truth["azimuth"][-1])
                     error.append(float(wrap_pi(survey.station.azimuth - azimuth)))
                     sigma.append(survey.station.sigma_azimuth)
                     raw = survey.station.by_method("raw")

@@ -75,7 +75,7 @@ def _gyro(survey):
 
 def test_two_positions_find_north_that_one_refuses():
     first, second = _surveys(_samples(), _settings())
-    assert "too short" in first.azimuth_reasons["gyro"]
+    assert "half a turn" in first.azimuth_reasons["gyro"]
     assert first.weights["gyro"] == 0.0
     found = _gyro(second)
     assert second.azimuth_reasons["gyro"] == ""
