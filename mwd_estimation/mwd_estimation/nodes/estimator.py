@@ -37,7 +37,7 @@ _WARM_UP = 64  # samples that compile every kernel before the first message
 
 
 class EstimatorNode(GraphNode[EstimatorSettings]):
-    """Listens to the sonde's topics, never to the truth; publishes attitude, gravity, surveys, dynamics, interference."""
+    """Listens to the sonde's topics, never to the truth; publishes what the pipeline makes of them."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("estimator", EstimatorSettings(), **node_options)
