@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mwd_sensors import wire
+from mwd_sensors import settings, wire
 from mwd_surface.page.alarms import AlarmBook, Severity
 from mwd_surface.page.live_state import LiveState
 from mwd_surface.page.page_server import PageServer, PageSettings
 from mwd_surface.surveys.plan import plan_of
+from mwd_surface.surveys.slide_sheet import SlideSheet, yields
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import North, Survey, Verdict
 from mwd_surface.surveys.well import Well
@@ -373,7 +374,7 @@ def test_strip_charts_are_drawn_from_the_history(browser):
             rig.live()
             wait(browser, lambda: state_of(browser, "drilling.vibration") == "live")
         tab(browser, "charts")
-        assert browser.execute_script("return document.querySelectorAll('.charts canvas').length") == 6
+        assert browser.execute_script("return document.querySelectorAll('.charts canvas').length") == 8
         wait(browser, lambda: "19.6 to 19.6 m/s²" in text(browser, ".charts"))
         assert "no data" in text(browser, ".charts")
 
@@ -432,6 +433,99 @@ def test_with_name_and_token_a_person_takes_judges_and_acknowledges(browser):
         assert rig.calls[1][1] == {"sequence": 4, "operator_name": "A. Berg", "reason": "gyro agrees"}
 
 
+def test_a_depth_typed_in_feet_goes_out_in_metres_with_the_wish_to_replace(browser):
+    with rig_on(browser) as rig:
+        sign_in(browser, TOKEN)
+        click(browser, "#units")
+        tab(browser, "surveys")
+        click(browser, "[data-keep=row-4]")
+        browser.find_element(By.CSS_SELECTOR, "[data-keep=depth]").send_keys("deep")
+        click(browser, "[data-keep=accept]")
+        wait(browser, lambda: "deep is no number of ft" in text(browser, ".judging"))
+        assert rig.calls == []
+        box = browser.find_element(By.CSS_SELECTOR, "[data-keep=depth]")
+        box.clear()
+        box.send_keys("4000")
+        click(browser, "[data-keep=replace]")
+        click(browser, "[data-keep=accept]")
+        wait(browser, lambda: rig.calls)
+        click(browser, "#units")
+        assert rig.calls[0][1]["replace"] is True
+        assert rig.calls[0][1]["measured_depth"] == pytest.approx(1219.2)
+
+
+def test_the_operator_sets_the_bit_depth_and_asks_for_a_report_and_a_snapshot(browser):
+    with rig_on(browser) as rig:
+        sign_in(browser, TOKEN)
+        browser.find_element(By.ID, "bit-depth").send_keys("1221,5")
+        click(browser, "#set-depth")
+        wait(browser, lambda: "set_depth done" in text(browser, "#answer"))
+        click(browser, "#export")
+        wait(browser, lambda: "export done" in text(browser, "#answer"))
+        click(browser, "#snapshot-recording")
+        wait(browser, lambda: "snapshot_recording done" in text(browser, "#answer"))
+        assert rig.calls == [
+            ("set_depth", {"bit_depth": 1221.5, "operator_name": "A. Berg"}),
+            ("export", {"format": "html"}),
+            ("snapshot_recording", {}),
+        ]
+
+
+def steered(rig):
+    """A slide between two stretches of rotation, as the rig and the tool tell it."""
+    sheet, now = SlideSheet(), time.monotonic()
+    for k in range(121):
+        depth, slide = 870.0 + 0.5 * k, 40 <= k < 80
+        sheet.update((1_795_000_000 + k) * 10**9, depth, 0.0 if slide else 12.0, 2.2)
+        rig.state.on_log_depth(depth)
+        d = wire.DYNAMICS.empty(1)
+        d["stick_slip_index"], d["lateral_rms"], d["shocks"] = -1.0 if slide else 0.4, 9.0, k % 3
+        rig.state.on_dynamics(d, now)
+        rig.live(status=4 if k < 100 else 4 | 1024)
+    found = yields(sheet.stretches, rig.list.definitive())
+    rows = [{**settings.to_mapping(s), "length": s.length} for s in sheet.stretches]
+    rig.state.on_steering(rows, [{**settings.to_mapping(y), "motor": y.motor} for y in found], now)
+    rig.push()
+
+
+def test_the_slide_sheet_lists_what_was_slid_at_which_toolface_and_what_it_gave(browser):
+    with rig_on(browser) as rig:
+        steered(rig)
+        tab(browser, "steering")
+        wait(browser, lambda: "126° GTF 100 %" in text(browser, "#tab-steering"))
+        said = text(browser, "#tab-steering")
+        assert "slid 20.00 m, rotated 40.00 m, 33 % slid" in said
+        rows = browser.execute_script(
+            "return [...document.querySelectorAll('.sheet tbody tr')].map((r) => r.className)"
+        )
+        assert rows[:3] == ["rotate", "slide", "rotate"]
+
+
+def test_over_depth_the_tracks_stand_beside_slides_surveys_and_shaded_doubt(browser):
+    with rig_on(browser) as rig:
+        steered(rig)
+        tab(browser, "charts")
+        click(browser, "#tab-charts .choice")
+        count = "return document.querySelectorAll('.depth-box ' + arguments[0]).length"
+        wait(browser, lambda: browser.execute_script(count, ".track") > 5)
+        assert browser.execute_script(count, ".mode-slide") == 1
+        assert browser.execute_script(count, ".mode-rotate") == 2
+        assert browser.execute_script(count, ".shade-doubt") == 5
+        # One station was accepted in the interval; it is a dot on the inclination.
+        assert browser.execute_script(count, ".station") == 1
+        assert not browser.find_element(By.CSS_SELECTOR, ".charts").is_displayed()
+
+
+def test_the_quill_is_a_second_pointer_that_goes_with_its_age(browser):
+    with rig_on(browser) as rig:
+        rig.state.on_quill(math.radians(57.0), time.monotonic())
+        rig.live()
+        wait(browser, lambda: "quill 57°" in text(browser, "#dial-legend"))
+        shown = "return document.querySelector('.quill').getAttribute('visibility')"
+        assert browser.execute_script(shown) == "visible"
+        wait(browser, lambda: browser.execute_script(shown) == "hidden")
+
+
 def test_a_person_without_a_name_is_asked_for_it(browser):
     with rig_on(browser) as rig:
         sign_in(browser, TOKEN, name=" ")
@@ -461,7 +555,7 @@ def test_the_keyboard_alone_reaches_tabs_and_survey_lines(browser):
 def test_nothing_is_wider_than_the_screen(browser, size):
     with rig_on(browser, size) as rig:
         rig.live()
-        for name in ("surveys", "path", "charts", "alarms", "system", "controls"):
+        for name in ("surveys", "path", "charts", "steering", "alarms", "system", "controls"):
             if browser.find_elements(By.ID, f"select-{name}"):
                 tab(browser, name)
             width, inner = browser.execute_script("return [document.documentElement.scrollWidth, window.innerWidth]")
@@ -499,16 +593,19 @@ def test_values_are_at_least_24_pixels_high(browser):
 @pytest.mark.parametrize(("theme", "size"), [("night", SIZES[0]), ("day", SIZES[1]), ("day", SIZES[2])])
 def test_axe_finds_nothing_to_object_to_on_any_tab(browser, theme, size):
     with rig_on(browser, size) as rig:
-        rig.live()
+        steered(rig)
         if browser.execute_script("return document.documentElement.dataset.theme") != theme:
             click(browser, "#theme")
         browser.execute_script(AXE.read_text(encoding="utf-8"))
         sign_in(browser, TOKEN)
-        for name in ("controls", "path", "charts", "alarms", "system", "surveys"):
+        for name in ("controls", "path", "charts", "steering", "alarms", "system", "surveys"):
             if browser.find_elements(By.ID, f"select-{name}"):
                 tab(browser, name)
             if name != "surveys":
                 assert objections(browser, f"#tab-{name}") == [], name
+            if name == "charts":
+                click(browser, "#tab-charts .choice")
+                assert objections(browser, "#tab-charts") == [], "over depth"
         click(browser, "[data-keep=row-4]")
         assert objections(browser, "html") == []
 
@@ -519,7 +616,7 @@ def test_the_browser_has_nothing_to_complain_about(browser):
         show(browser, rig)
         rig.live()
         wait(browser, lambda: text(browser, ".dial-number") == "127°")
-        for name in ("path", "charts", "alarms", "system", "controls", "surveys"):
+        for name in ("path", "charts", "steering", "alarms", "system", "controls", "surveys"):
             tab(browser, name)
         assert [m for m in browser.get_log("browser") if m["level"] in ("SEVERE", "WARNING")] == []
         names = browser.execute_script(

@@ -3,13 +3,16 @@
 import { byId, el, say } from "./dom.js";
 import * as units from "./units.js";
 
-const CHANNELS = [
-  ["vibration", "Vibration", "vibration"],
-  ["rotary_speed", "Rotary speed, tool", "rotation"],
-  ["temperature", "Temperature", "temperature"],
-  ["total_field", "Total field", "field"],
-  ["axial_interference", "Axial interference", "field"],
-  ["inclination", "Inclination", "angle"],
+// Title, unit kind, and the lines: column, word, colour.
+const CHARTS = [
+  ["Vibration", "vibration", [["vibration", "peak", "--trace"], ["lateral_vibration", "lateral", "--info"], ["axial_vibration", "axial", "--good"]]],
+  ["Rotary speed, tool", "rotation", [["rotary_speed", "", "--trace"]]],
+  ["Stick-slip, 1 just stops", "index", [["stick_slip", "", "--trace"]]],
+  ["Shocks in 10 s", "count", [["shocks", "", "--trace"]]],
+  ["Temperature", "temperature", [["temperature", "", "--trace"]]],
+  ["Total field", "field", [["total_field", "", "--trace"]]],
+  ["Axial interference", "field", [["axial_interference", "", "--trace"]]],
+  ["Inclination", "angle", [["inclination", "", "--trace"]]],
 ];
 const MINUTES = 10;
 
@@ -29,25 +32,28 @@ export class Charts {
   rebuild() {
     for (const item of this.charts) item.plot.destroy();
     this.grid.replaceChildren();
-    this.charts = CHANNELS.map(([column, title, kind]) => {
+    this.shades = [];
+    this.charts = CHARTS.map(([title, kind, lines]) => {
       const value = el("span", { class: "chart-value" });
       const box = el("div", { class: "chart-box" });
-      this.grid.append(el("figure", {}, el("figcaption", {}, el("span", { class: "name" }, title), value), box));
+      const names = lines.filter(([, word]) => word).map(([, word, tone]) => el("span", { class: `line-name ${tone.slice(2)}` }, word));
+      this.grid.append(el("figure", {}, el("figcaption", {}, el("span", { class: "name" }, title, names), value), box));
       const axis = { stroke: colour("--muted"), grid: { stroke: colour("--line"), width: 1 }, ticks: { show: false }, font: "12px system-ui" };
       const plot = new window.uPlot(
         {
           width: 280, height: 110, legend: { show: false }, cursor: { show: false },
           scales: { x: { time: false, range: [-MINUTES, 0] }, y: { range: (_, low, high) => padded(low, high) } },
-          series: [{}, { stroke: colour("--trace"), width: 1.5, points: { show: false }, spanGaps: false }],
+          series: [{}, ...lines.map(([, , tone]) => ({ stroke: colour(tone), width: 1.5, points: { show: false }, spanGaps: false }))],
           axes: [
             { ...axis, size: 24, values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${t} min`)), splits: () => [-10, -5, 0] },
-            { ...axis, size: 58, space: 18, values: (_, ticks) => ticks.map((t) => String(Number(t.toFixed(3)))) },
+            { ...axis, size: 50, space: 18, values: (_, ticks) => ticks.map((t) => String(Number(t.toFixed(3)))) },
           ],
+          hooks: { drawClear: [(u) => this.shade(u)] },
         },
-        [[], []],
+        [[], ...lines.map(() => [])],
         box,
       );
-      return { column, kind, plot, box, value };
+      return { lines, kind, plot, box, value };
     });
     this.resize();
   }
@@ -60,24 +66,50 @@ export class Charts {
     }
   }
 
+  // Behind the lines: where the data was doubtful or bad.
+  shade(plot) {
+    const { ctx, bbox } = plot;
+    ctx.save();
+    for (const [from, to, level] of this.shades) {
+      const left = Math.max(bbox.left, plot.valToPos(from, "x", true));
+      const right = plot.valToPos(to, "x", true);
+      ctx.fillStyle = colour(level > 1 ? "--reject-bg" : "--doubtful-bg");
+      if (right > left) ctx.fillRect(left, bbox.top, right - left, bbox.height);
+    }
+    ctx.restore();
+  }
+
   show(history, now) {
-    if (!history || byId("tab-charts").hidden) return;
+    if (!history || byId("tab-charts").hidden || this.grid.hidden) return;
     const rows = history.rows.filter((row) => now - row[0] <= MINUTES * 60 + 5);
     const times = rows.map((row) => (row[0] - now) / 60);
-    for (const { column, kind, plot, value } of this.charts) {
-      const k = history.columns.indexOf(column);
-      const values = rows.map((row) => (row[k] === null ? null : units.plain(kind, row[k])));
-      plot.setData([times, values]);
-      const known = values.filter((v) => v !== null);
-      const raw = rows.map((row) => row[k]).filter((v) => v !== null);
+    const doubt = history.columns.indexOf("doubt");
+    this.shades = shadesOf(times, rows.map((row) => row[doubt]));
+    for (const { lines, kind, plot, value } of this.charts) {
+      const columns = lines.map(([name]) => history.columns.indexOf(name));
+      plot.setData([times, ...columns.map((k) => rows.map((row) => (row[k] === null ? null : units.plain(kind, row[k]))))]);
+      const raw = columns.flatMap((k) => rows.map((row) => row[k])).filter((v) => v !== null);
       say(
         value,
-        known.length
+        raw.length
           ? `${units.number(kind, Math.min(...raw))} to ${units.number(kind, Math.max(...raw))}${units.after(kind)}`
           : "no data",
       );
     }
   }
+}
+
+// Stretches of one level of doubt: from, to, level.
+export function shadesOf(places, levels) {
+  const found = [];
+  levels.forEach((level, k) => {
+    const from = k > 0 ? places[k - 1] : places[k];
+    const last = found[found.length - 1];
+    if (!level) return;
+    if (last && last[2] === level && last[1] === from) last[1] = places[k];
+    else found.push([from, places[k], level]);
+  });
+  return found;
 }
 
 function padded(low, high) {

@@ -92,16 +92,16 @@ export class Connection {
     this.heard = at;
     this.server = message.server;
     if (whole) this.sections = {};
-    const { history, ...others } = message.sections;
-    Object.assign(this.sections, others);
-    if (history) this.join(history);
+    for (const [name, section] of Object.entries(message.sections)) {
+      this.sections[name] = "whole" in section ? this.joined(name, section) : section;
+    }
     this.onNews(whole ? null : new Set(Object.keys(message.sections)));
   }
 
-  join(history) {
-    const old = history.whole ? [] : this.sections.history?.rows || [];
-    const rows = old.concat(history.rows);
-    this.sections.history = { columns: history.columns, rows: rows.slice(-7200) };
+  // Strips come by their new rows.
+  joined(name, { whole, columns, rows }) {
+    const old = whole ? [] : this.sections[name]?.rows || [];
+    return { columns, rows: old.concat(rows).slice(-7200) };
   }
 }
 

@@ -5,6 +5,7 @@ import { stateOf } from "./cells.js";
 import * as units from "./units.js";
 
 const CENTRE = 200;
+const QUILL_LASTS = 3; // s
 const RINGS = { newest: 127, oldest: 92 };
 
 const point = (angle, radius) => [
@@ -32,6 +33,7 @@ export class Dial {
     this.labels = svg("g", { class: "labels" });
     this.readings = svg("g", { class: "readings" });
     this.needle = svg("path", { class: "needle", d: "M 200 13 L 218 55 L 200 46 L 182 55 Z" });
+    this.quill = svg("path", { class: "quill", d: "M 200 14 L 190 -4 L 210 -4 Z", visibility: "hidden" });
     this.number = svg("text", { class: "dial-number", x: 200, y: 208 }, "");
     this.side = svg("text", { class: "dial-side", x: 200, y: 236 }, "");
     this.mode = svg("text", { class: "dial-mode", x: 200, y: 152 }, "");
@@ -46,7 +48,7 @@ export class Dial {
     }
     this.svg = svg(
       "svg",
-      { viewBox: "0 0 400 400", role: "img", "aria-label": "Toolface: no data", "data-state": "none" },
+      { viewBox: "0 -6 400 412", role: "img", "aria-label": "Toolface: no data", "data-state": "none" },
       svg("circle", { class: "bezel", cx: 200, cy: 200, r: 190 }),
       this.advisory,
       ticks,
@@ -54,6 +56,7 @@ export class Dial {
       svg("circle", { class: "hub", cx: 200, cy: 200, r: 82 }),
       this.readings,
       this.needle,
+      this.quill,
       this.mode,
       this.number,
       this.side,
@@ -77,8 +80,9 @@ export class Dial {
     }
   }
 
-  show(toolface, now, silent) {
+  show(toolface, quill, now, silent) {
     if (!toolface) return;
+    this.showQuill(quill, now, silent);
     const mode = toolface.mode;
     const gravity = mode === "gravity";
     const cell = toolface.angle;
@@ -124,6 +128,14 @@ export class Dial {
     mark(this.svg, "data-inside", state !== "live" || toolface.rotating || advisory.inside === null ? "none" : advisory.inside ? "yes" : "no");
   }
 
+  // A second pointer, from the rig; hollow, outside the ring, and gone with its age.
+  showQuill(quill, now, silent) {
+    const known = quill && quill.angle !== null && quill.since !== null && !silent && now - quill.since <= QUILL_LASTS;
+    mark(this.quill, "visibility", known ? "visible" : "hidden");
+    this.quillText = known ? `▽ quill ${units.bearing(quill.angle, 0)}°` : "";
+    if (known) mark(this.quill, "transform", `rotate(${((quill.angle * 180) / Math.PI).toFixed(1)} 200 200)`);
+  }
+
   // The newest on the outer ring; round for gravity, square for magnetic.
   showReadings(readings, now) {
     const key = readings.map((r) => r.at).join();
@@ -158,6 +170,7 @@ export class Dial {
       const wanted = `wanted ${units.bearing(advisory.toolface, 0)}° ± ${units.size("coarse_angle", advisory.limit, -1)}°`;
       second.push(wanted);
     }
+    if (this.quillText) second.push(this.quillText);
     lines.push(second.join(" · "));
     lines.push(`● GTF ■ MTF ○ rotating · MTF below ${toolface.threshold_deg}° (+${toolface.hysteresis_deg}°)`);
     const text = lines.join("\n");

@@ -2,23 +2,26 @@
 
 import { Charts } from "./charts.js";
 import { Connection, command } from "./connection.js";
+import { depthTracks } from "./depth_tracks.js";
 import { Dial } from "./dial.js";
 import { byId, el, mark, pill, say } from "./dom.js";
 import { refresh, valueBox } from "./cells.js";
 import { legend, planView, sectionView, spaceView } from "./path_plot.js";
+import { slideSheet } from "./slide_sheet.js";
 import { SurveyTable } from "./survey_table.js";
 import * as units from "./units.js";
 
 const TABS = [
-  ["surveys", "Surveys"], ["path", "Path"], ["charts", "Charts"], ["alarms", "Alarms"], ["system", "System"], ["controls", "Operator"],
+  ["surveys", "Surveys"], ["path", "Path"], ["charts", "Charts"], ["steering", "Steering"], ["alarms", "Alarms"], ["system", "System"], ["controls", "Operator"],
 ];
 const LIGHTS = { good: "good", doubtful: "doubtful", reject: "reject", "no reference": "idle" };
 const VERDICTS = { accept: ["good", "accept"], doubtful: ["doubtful", "doubtful"], reject: ["reject", "reject"] };
 const SEVERITIES = { info: "info", warning: "doubtful", critical: "reject" };
+const EXPORTS = [["html", "HTML report"], ["pdf", "PDF report"], ["csv", "CSV, definitive"], ["raw_csv", "CSV, every survey"], ["las", "LAS 2.0"], ["witsml", "WITSML 1.4.1.1"]];
 const KINDS = { "m/s^2": "gravity_deviation", T: "field", rad: "angle" };
 const STREAM_NAMES = {
   sonde: "Sonde", estimator: "Estimator", magnetometer: "Magnetometer", temperature: "Temperature",
-  interference: "Interference", rig: "Rig data", recorder: "Recorder",
+  interference: "Interference", dynamics: "Dynamics", rig: "Rig data", recorder: "Recorder",
 };
 
 const memory = {
@@ -28,6 +31,7 @@ const memory = {
 
 let tab = "surveys";
 let path3d = { on: false, turn: 0.6, tilt: 0.35 };
+let byDepth = false;
 let sound = null;
 let beeped = "";
 const operator = { name: sessionStorage.getItem("operator") || "", token: "" };
@@ -37,7 +41,11 @@ document.documentElement.dataset.theme = memory.get("theme") === "day" ? "day" :
 
 const dial = new Dial(byId("dial"), byId("dial-legend"));
 const table = new SurveyTable(byId("tab-surveys"), (name, given) => act(name, { ...given, operator_name: operator.name }));
+const overDepth = el("button", { type: "button", class: "choice", "aria-pressed": "false", onclick: () => { byDepth = !byDepth; showCharts(); } }, "Over depth");
+const depthBox = el("div", { class: "depth-box", hidden: true });
+byId("tab-charts").append(el("div", { class: "chart-head" }, overDepth, el("span", { class: "quiet-text" }, "shaded: doubtful data")));
 const charts = new Charts(byId("tab-charts"));
+byId("tab-charts").append(depthBox);
 
 byId("head-values").append(
   valueBox("rig.bit_depth", "Bit depth", "depth"),
@@ -76,13 +84,15 @@ const SHOW = {
   quality: showQuality,
   offset: showOffset,
   survey_progress: showProgress,
-  surveys: showSurveys,
+  surveys: () => { showSurveys(); showCharts(); },
+  steering: () => { showSteering(); showCharts(); },
+  depth_log: showCharts,
   path: () => { showSurveys(); showPath(); },
   plan: showPath,
   alarms: showAlarms,
   events: showAlarms,
   findings: showFindings,
-  history: () => charts.show(connection.sections.history, connection.now()),
+  history: () => { if (!byDepth) showCharts(); },
 };
 
 const connection = new Connection((names) => {
@@ -99,7 +109,7 @@ function tick() {
   showBanner(silent);
   if (now === null) return;
   refresh(sections, now, silent);
-  dial.show(sections.toolface, now, silent);
+  dial.show(sections.toolface, sections.quill, now, silent);
   showPills(now, silent);
   showStreams(now, silent);
   showSince(now);
@@ -250,6 +260,25 @@ function showOffset() {
   ];
   if (o.dogleg_to_target !== null) facts.push(["To hit target", `${units.number("dogleg", o.dogleg_to_target)}${units.after("dogleg")}`]);
   place.replaceChildren(el("dl", { class: "facts" }, facts.map(([name, text]) => el("div", {}, el("dt", {}, name), el("dd", {}, text)))));
+}
+
+function showCharts() {
+  mark(overDepth, "aria-pressed", String(byDepth));
+  charts.grid.hidden = byDepth;
+  depthBox.hidden = !byDepth;
+  if (byId("tab-charts").hidden) return;
+  if (!byDepth) {
+    charts.resize();
+    charts.show(connection.sections.history, connection.now());
+    return;
+  }
+  const { depth_log: log, steering, surveys } = connection.sections;
+  if (log) depthBox.replaceChildren(depthTracks(log, steering, surveys, { width: Math.max(330, depthBox.clientWidth), height: Math.max(220, depthBox.clientHeight) }));
+}
+
+function showSteering() {
+  const { steering } = connection.sections;
+  if (steering) byId("tab-steering").replaceChildren(...slideSheet(steering));
 }
 
 function showSurveys() {
@@ -430,21 +459,34 @@ function showControls() {
   token.addEventListener("input", () => {
     const had = operator.token !== "";
     operator.token = token.value;
-    for (const button of buttons) button.disabled = operator.token === "";
+    for (const one of all) one.disabled = operator.token === "";
     if (had !== (operator.token !== "")) { showSurveys(); showAlarms(); }
   });
-  const button = (id, text, command_, given = {}) => el("button", { type: "button", id, disabled: true, onclick: () => act(command_, given) }, text);
+  const button = (id, text, command_, given = () => ({})) => el("button", { type: "button", id, disabled: true, onclick: () => act(command_, given()) }, text);
+  const depth = el("input", { type: "text", id: "bit-depth", inputmode: "decimal", autocomplete: "off", maxlength: 12 });
+  const format = el("select", { id: "export-format" }, EXPORTS.map(([key, text]) => el("option", { value: key }, text)));
+  const setDepth = el("button", { type: "button", id: "set-depth", disabled: true, onclick: () => {
+    const metres = units.metres(depth.value);
+    if (metres === null) say(answerBox, `bit depth: ${depth.value || "nothing"} is no number of ${units.unit("length")}`);
+    else act("set_depth", { bit_depth: metres, operator_name: operator.name });
+  } }, "Set bit depth");
   const buttons = [
     button("take-survey", "Take survey", "take_survey"),
     button("start-recording", "Start recording", "start_recording"),
     button("stop-recording", "Stop recording", "stop_recording"),
     button("split-recording", "Split recording", "split_recording"),
+    button("snapshot-recording", "Snapshot", "snapshot_recording"),
   ];
+  const writing = button("export", "Export", "export", () => ({ format: format.value }));
+  const all = [...buttons, setDepth, writing];
   place.replaceChildren(
     el("h2", {}, "Operator"),
-    el("p", {}, "Without the token this page only shows. With it, surveys can be judged in their table line and alarms acknowledged."),
+    el("p", { class: "quiet-text" }, "With the token surveys can be judged in their table line and alarms acknowledged; without it this page only shows."),
     el("form", { class: "form", onsubmit: (event) => event.preventDefault() }, el("label", { for: "operator-name" }, "Your name, for the log"), name, el("label", { for: "operator-token" }, "Token"), token),
     el("div", { class: "buttons" }, buttons),
+    el("div", { class: "buttons" },
+      el("label", { for: "bit-depth" }, "Bit depth, ", el("span", { id: "bit-depth-unit" }, units.unit("length"))), depth, setDepth,
+      el("label", { for: "export-format" }, "Survey list as"), format, writing),
     answerBox,
   );
 }
@@ -470,8 +512,7 @@ function select(name, focus = false) {
   }
   if (focus) byId(`select-${tab}`).focus();
   showPath();
-  charts.resize();
-  charts.show(connection.sections.history, connection.now());
+  showCharts();
   tick();
 }
 
@@ -499,6 +540,7 @@ byId("units").addEventListener("click", () => {
   units.setField(!units.isField());
   memory.set("units", units.isField() ? "field" : "metric");
   showSwitches();
+  if (byId("bit-depth-unit")) say(byId("bit-depth-unit"), units.unit("length"));
   redraw();
 });
 byId("theme").addEventListener("click", () => {
@@ -520,4 +562,4 @@ new ResizeObserver(() => showPath()).observe(byId("tab-path"));
 showSwitches();
 select(tab);
 setInterval(tick, 250);
-setInterval(() => charts.show(connection.sections.history, connection.now()), 5000);
+setInterval(() => { if (!byDepth) showCharts(); }, 5000);

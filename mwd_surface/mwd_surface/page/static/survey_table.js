@@ -5,6 +5,8 @@ import * as units from "./units.js";
 
 const VERDICTS = { accepted: "good", waiting: "info", doubtful: "doubtful", rejected: "reject" };
 
+const BLANK = { reason: "", depth: "", replace: false };
+
 const hemisphere = (value, plus, minus) =>
   value === null ? "–" : `${units.number("length", Math.abs(value))} ${value < 0 ? minus : plus}`;
 const or = (value, show) => (value === null || value === undefined ? "–" : show(value));
@@ -33,7 +35,7 @@ export class SurveyTable {
     this.place = place;
     this.judge = judge;
     this.open = null;
-    this.draft = { reason: "", depth: "" };
+    this.draft = { ...BLANK };
     this.body = el("div", { class: "table-box" });
     place.append(this.body);
   }
@@ -99,7 +101,7 @@ export class SurveyTable {
 
   toggle(sequence) {
     this.open = this.open === sequence ? null : sequence;
-    this.draft = { reason: "", depth: "" };
+    this.draft = { ...BLANK };
     this.answer = "";
     this.show(...this.last);
   }
@@ -133,10 +135,28 @@ export class SurveyTable {
     const reason = el("input", { type: "text", maxlength: 300, "data-keep": "reason", "aria-label": "Reason" });
     reason.value = this.draft.reason;
     reason.addEventListener("input", () => { this.draft.reason = reason.value; });
+    const depth = el("input", { type: "text", inputmode: "decimal", maxlength: 12, "data-keep": "depth", "aria-label": `Measured depth, ${units.unit("length")}`, placeholder: row.measured_depth === null ? "none" : units.number("length", row.measured_depth) });
+    depth.value = this.draft.depth;
+    depth.addEventListener("input", () => { this.draft.depth = depth.value; });
+    const replace = el("input", { type: "checkbox", "data-keep": "replace" });
+    replace.checked = this.draft.replace;
+    replace.addEventListener("change", () => { this.draft.replace = replace.checked; });
     const answer = el("output", { class: "answer" }, this.answer || "");
     const send = async (name) => {
+      const given = { sequence: row.sequence, reason: reason.value };
+      if (name === "accept_survey") {
+        if (replace.checked) given.replace = true;
+        if (depth.value.trim()) {
+          const metres = units.metres(depth.value);
+          if (metres === null) {
+            answer.textContent = `depth: ${depth.value} is no number of ${units.unit("length")}`;
+            return;
+          }
+          given.measured_depth = metres;
+        }
+      }
       answer.textContent = "…";
-      const { message } = await this.judge(name, { sequence: row.sequence, reason: reason.value });
+      const { message } = await this.judge(name, given);
       this.answer = message;
       answer.textContent = message;
       // The table may have been rebuilt by the news of this very judgement.
@@ -145,6 +165,8 @@ export class SurveyTable {
     };
     return el("div", { class: "judging" },
       el("label", {}, "Reason ", reason),
+      el("label", { class: "short" }, `MD, ${units.unit("length")} `, depth),
+      el("label", { class: "check" }, replace, " replace the one there"),
       el("button", { type: "button", "data-keep": "accept", onclick: () => send("accept_survey") }, "✓ Accept"),
       el("button", { type: "button", "data-keep": "reject", onclick: () => send("reject_survey") }, "✕ Reject"),
       answer,

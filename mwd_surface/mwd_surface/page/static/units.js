@@ -21,6 +21,8 @@ const KINDS = {
   force: [[1e-3, 0, 1, "kN"], [1 / 4448.2216, 0, 1, "klbf"]],
   torque: [[1e-3, 0, 1, "kN·m"], [1 / 1355.818, 0, 2, "kft·lbf"]],
   flow: [[60000, 0, 0, "L/min"], [15850.323, 0, 0, "gal/min"]],
+  index: [[1, 0, 2, ""]],
+  count: [[1, 0, 0, ""]],
   pressure: [[1e-5, 0, 0, "bar"], [1 / 6894.757, 0, 0, "psi"]],
 };
 
@@ -34,7 +36,7 @@ const rule = (kind) => KINDS[kind][Math.min(system, KINDS[kind].length - 1)];
 export const unit = (kind) => rule(kind)[3];
 
 // As it is printed behind a number: a degree sign stands close.
-export const after = (kind) => (/^°(?![CF])/.test(unit(kind)) ? unit(kind) : ` ${unit(kind)}`);
+export const after = (kind) => (/^(°(?![CF])|$)/.test(unit(kind)) ? unit(kind) : ` ${unit(kind)}`);
 
 export function number(kind, value, more = 0) {
   const [factor, offset, decimals] = rule(kind);
@@ -52,6 +54,12 @@ export function spread(kind, value) {
 export function size(kind, value, more = 0) {
   const [factor, , decimals] = rule(kind);
   return (value * factor).toFixed(Math.max(0, decimals + more));
+}
+
+// What a person typed as a length in the units shown; null where it is no number. A comma is a decimal point.
+export function metres(text) {
+  const value = Number(text.trim().replace(",", "."));
+  return text.trim() !== "" && Number.isFinite(value) && value >= 0 ? value / rule("length")[0] : null;
 }
 
 export const plain = (kind, value) => value * rule(kind)[0] + rule(kind)[1];
