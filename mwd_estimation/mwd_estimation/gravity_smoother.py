@@ -14,11 +14,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mwd_estimation import gravity_bounded as bounded
+from mwd_estimation import gravity_bounded_model as model
 from mwd_estimation import track
-from mwd_estimation.gravity_bounded import BIAS, DOWN, POS, SCALE, STEADY, TILT, VEL, Log, Params
+from mwd_estimation.gravity_bounded import Log, Params
+from mwd_estimation.gravity_bounded_model import BIAS, DOWN, POS, SCALE, STEADY, TILT, VEL
+from mwd_estimation.gravity_bounded_motion import sigmas
 from mwd_estimation.track import Array, Stamps, Track
 from mwd_sensors.compiled import compiled
 
+SCALE_SPAN = 20.0  # s, over which the innovations say how far the covariance is to be believed
 BLOCK = 60_000  # samples of one forward and backward pass; later ones are seen that far ahead, and half again
 
 
@@ -70,7 +74,7 @@ class Smoother:
     def _block(self, size: int, keep: int) -> Track:
         stamps, gyro, accel = self._stamps, self._gyro, self._accel
         part, log = bounded.run_logged(self.params, self._state.copy(), stamps[:size], gyro[:size], accel[:size])
-        _back(part, log, self.params.calibration_sigma)
+        _back(part, log, self.params.sigma_reserve)
         bounded.run(self.params, self._state, stamps[:keep], gyro[:keep], accel[:keep])
         self._stamps, self._gyro, self._accel = stamps[keep:], gyro[keep:], accel[keep:]
         return Track(*(getattr(part, f.name)[:keep] for f in dataclasses.fields(Track)))
@@ -78,20 +82,20 @@ class Smoother:
 
 def transition(sums: Array) -> Array:
     """Transition of the steady errors over one update, shape (STEADY, STEADY), from its sums (as `propagate`)."""
-    T = sums[bounded.S_TIME]
-    force = 0.5 * sums[bounded.S_FORCE : bounded.S_FORCE + 3]
+    T = sums[model.S_TIME]
+    force = 0.5 * sums[model.S_FORCE : model.S_FORCE + 3]
     half, tilt = np.eye(STEADY), np.eye(STEADY)
     speed = np.eye(STEADY)
     speed[POS : POS + 3, VEL : VEL + 3] = 0.5 * T * np.eye(3)
     half[VEL, TILT + 1], half[VEL + 1, TILT] = force[2], -force[2]
     half[VEL + 2, TILT], half[VEL + 2, TILT + 1], half[VEL + 2, DOWN] = force[1], -force[0], 0.5 * T
     half = half @ speed
-    tilt[TILT : TILT + 2, BIAS : BIAS + 3] = -sums[bounded.S_BIAS : bounded.S_BIAS + 6].reshape(2, 3)
-    tilt[TILT : TILT + 2, SCALE] = -sums[bounded.S_SCALE : bounded.S_SCALE + 2]
+    tilt[TILT : TILT + 2, BIAS : BIAS + 3] = -sums[model.S_BIAS : model.S_BIAS + 6].reshape(2, 3)
+    tilt[TILT : TILT + 2, SCALE] = -sums[model.S_SCALE : model.S_SCALE + 2]
     return np.asarray(half @ tilt @ half)
 
 
-def _back(part: Track, log: Log, floor: float) -> None:
+def _back(part: Track, log: Log, reserve: float) -> None:
     """Backward pass over one block; directions and sigmas of `part` are replaced in place."""
     count = int(log.count[0])
     if count < 2:
@@ -118,14 +122,30 @@ def _back(part: Track, log: Log, floor: float) -> None:
         tilts[k], covariances[k] = error[:2], P[:2, :2]
     _apply(
         part.g_t, part.sigma_inclination, part.sigma_toolface, log.north_t, log.sample[:count], log.epoch[:count],
-        tilts, before, covariances, floor,
+        tilts, before, covariances, reserve * _believed(log.lean[:count, :2], log.sums[:count, model.S_TIME]),
+        log.lean[:count, 2:],
     )  # fmt: skip
+
+
+def _believed(lean: Array, seconds: Array) -> Array:
+    """Power of the innovations about each update, before and after it: by how much the covariance is wrong there."""
+    known = np.isfinite(lean)
+    power, weight = np.where(known, lean, 0.0) * seconds[:, None], known * seconds[:, None]
+    width = max(1, round(0.5 * SCALE_SPAN / max(float(np.median(seconds)), 1e-6)))
+
+    def about(values: Array) -> Array:
+        total = np.concatenate([np.zeros((1, 2)), np.cumsum(values, axis=0)])
+        at = np.arange(len(values))
+        return np.asarray(total[np.minimum(at + width, len(values))] - total[np.maximum(at - width, 0)])
+
+    held = about(weight)
+    return np.asarray(np.where(held > 0.0, about(power) / np.where(held > 0.0, held, 1.0), 1.0))
 
 
 @compiled
 def _apply(
     g: Array, sigma_inclination: Array, sigma_toolface: Array, north: Array, sample: Stamps, epoch: Array,
-    tilts: Array, before: Array, covariances: Array, floor: float,
+    tilts: Array, before: Array, covariances: Array, believed: Array, floors: Array,
 ) -> None:  # fmt: skip
     """Turn each sample by the tilt interpolated from the update behind it to just before the update ahead."""
     for k in range(len(sample) - 1):
@@ -146,11 +166,6 @@ def _apply(
             p00 = covariances[k, 0, 0] + share * (covariances[k + 1, 0, 0] - covariances[k, 0, 0])
             p01 = covariances[k, 0, 1] + share * (covariances[k + 1, 0, 1] - covariances[k, 0, 1])
             p11 = covariances[k, 1, 1] + share * (covariances[k + 1, 1, 1] - covariances[k, 1, 1])
-            across2 = nx * nx + ex * ex
-            if across2 > 1e-6:
-                vi = (p00 * ex * ex - 2.0 * p01 * nx * ex + p11 * nx * nx) / across2
-                vt = (p00 * nx * nx + 2.0 * p01 * nx * ex + p11 * ex * ex) / across2
-            else:
-                vi = vt = 0.5 * (p00 + p11)
-            sigma_inclination[i] = min(math.pi, math.sqrt(max(vi, 0.0) + floor * floor))
-            sigma_toolface[i] = min(math.pi, math.sqrt((max(vt, 0.0) + floor * floor) / max(across2, 1e-6)))
+            sigma_inclination[i], sigma_toolface[i] = sigmas(
+                nx, ex, p00, p01, p11, believed[k, 0], believed[k, 1], floors[k, 0], floors[k, 1]
+            )

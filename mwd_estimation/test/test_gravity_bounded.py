@@ -1,4 +1,4 @@
-"""The bounded filter: Jacobians, what it learns, what it survives, simulated holes and real recordings."""
+"""The bounded filter: what it learns, what it survives, simulated holes and real recordings."""
 
 from pathlib import Path
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mwd_estimation import gravity_bounded as bounded
+from mwd_estimation import gravity_bounded_model as model
 from mwd_estimation.status import Status
 from mwd_estimation.track import STANDARD_GRAVITY, Track
 from mwd_sensors import frames, scenario
@@ -39,98 +40,13 @@ def drilled(case: str, seconds: float, seed: int = 1) -> tuple[np.ndarray, np.nd
     return imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"], down
 
 
-def nominal(rng: np.random.Generator, size: float = 1.0) -> np.ndarray:
-    """Nominal values drawn around a working point."""
-    x = np.zeros(bounded.NOMINAL)
-    q = rng.standard_normal(4)
-    x[:4] = q / np.linalg.norm(q)
-    x[bounded.N_VEL : bounded.N_VEL + 6] = size * 0.3 * rng.standard_normal(6)
-    x[bounded.N_BIAS : bounded.N_BIAS + 3] = 0.01 * rng.standard_normal(3)
-    x[bounded.N_SCALE] = 0.01
-    x[bounded.N_LEVER : bounded.N_LEVER + 3] = 0.1 * rng.standard_normal(3)
-    x[bounded.N_DOWN] = 0.02
-    x[bounded.N_MISSING], x[bounded.N_SLOPE] = 1.5, -20.0
-    return x
-
-
-def perturbed(x: np.ndarray, error: np.ndarray) -> np.ndarray:
-    out = x.copy()
-    bounded.correct(out, error, bounded.ERRORS)
-    return out
-
-
-def difference(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Error that brings b to a, with the filter's own conventions."""
-    e = np.zeros(bounded.ERRORS)
-    turn = frames.mat_from_quat(a[:4]) @ frames.mat_from_quat(b[:4]).T
-    e[0], e[1] = 0.5 * (turn[2, 1] - turn[1, 2]), 0.5 * (turn[0, 2] - turn[2, 0])
-    e[2:] = a[4:] - b[4:]
-    return e
-
-
-def carried(x: np.ndarray, gyro: np.ndarray, accel: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Nominal values and sums after the samples; the missing rate follows its slope as while clipping."""
-    x, sums, mat = x.copy(), np.zeros(bounded.SUMS), np.zeros((3, 3))
-    for w, f in zip(gyro, accel, strict=True):
-        # Mean over the sample, so that the discrete sum has the exact transition.
-        x[bounded.N_MISSING] += 0.5 * x[bounded.N_SLOPE] * dt
-        bounded.mechanise(x, sums, mat, G0, dt, *w, 0.0, 0.0, 0.0, *f)
-        x[bounded.N_MISSING] += 0.5 * x[bounded.N_SLOPE] * dt
-    return x, sums
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_transition_of_the_errors_matches_finite_differences_of_the_mechanisation(seed):
-    rng = np.random.default_rng(seed)
-    x, dt, n = nominal(rng), 0.005, 8
-    gyro = np.array([8.0, 0.3, -0.2]) + 0.2 * rng.standard_normal((n, 3))
-    accel = -G0 * frames.mat_from_quat(x[:4])[2] + rng.standard_normal((n, 3))
-    base, sums = carried(x, gyro, accel, dt)
-    step = 1e-6
-    for j in range(bounded.ERRORS):
-        e = np.zeros(bounded.ERRORS)
-        e[j] = step
-        plus, _ = carried(perturbed(x, e), gyro, accel, dt)
-        e[j] = -step
-        minus, _ = carried(perturbed(x, e), gyro, accel, dt)
-        column = (difference(plus, base) - difference(minus, base)) / (2 * step)
-        # F e e' F' of a unit error is the outer product of the column of F.
-        P = np.zeros((bounded.ERRORS, bounded.ERRORS))
-        P[j, j] = 1.0
-        bounded.propagate(P, sums, bounded.ERRORS)
-        # Second order in the 40 ms of the interval is left out: compare to that order.
-        assert np.abs(P[:, j] - column * column[j]).max() < 0.02 * max(1.0, np.abs(column).max()), j
-        assert np.abs(np.diag(P) - column**2).max() < 0.03 * max(1.0, (column**2).max()), j
-
-
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_measurement_row_matches_finite_differences(axis):
-    rng = np.random.default_rng(7 + axis)
-    x, mat, row = nominal(rng), np.zeros((3, 3)), np.zeros(5)
-
-    def innovation(at: np.ndarray) -> float:
-        bounded.rotation(at, mat)
-        return bounded.measurement(at, mat, axis, np.zeros(5))
-
-    bounded.rotation(x, mat)
-    bounded.measurement(x, mat, axis, row)
-    full = np.zeros(bounded.ERRORS)
-    full[:2], full[bounded.POS : bounded.POS + 3], full[bounded.LEVER + axis] = row[:2], row[2:], -1.0
-    step = 1e-6
-    for j in range(bounded.ERRORS):
-        e = np.zeros(bounded.ERRORS)
-        e[j] = step
-        slope = (innovation(perturbed(x, e)) - innovation(perturbed(x, -e))) / (2 * step)
-        assert -slope == pytest.approx(full[j], abs=1e-8), j
-
-
 def test_covariance_stays_symmetric_and_positive():
     stamps, gyro, accel, _ = drilled("stickslip", 20.0)
     p = bounded.Params()
     state = bounded.initial(p)
     bounded.run(p, state, stamps, gyro, accel)
     assert np.array_equal(state.P, state.P.T)
-    steady = state.P[: bounded.STEADY, : bounded.STEADY]
+    steady = state.P[: model.STEADY, : model.STEADY]
     scale = np.sqrt(np.diag(steady))
     assert np.linalg.eigvalsh(steady / np.outer(scale, scale)).min() > 0.0
 
@@ -154,9 +70,9 @@ def test_scale_and_lever_arm_are_learnt_while_drilling():
     state = bounded.initial(p)
     got = bounded.run(p, state, np.round(t * 1e9).astype(np.int64), gyro, accel)
     assert rms(error_deg(got, down)[3000:]) < 0.25
-    assert state.nominal[bounded.N_SCALE] == pytest.approx(0.004, abs=1e-3)
-    assert state.nominal[bounded.N_BIAS] == pytest.approx(0.01, abs=5e-3)
-    assert state.nominal[bounded.N_LEVER + 1 : bounded.N_LEVER + 3] == pytest.approx(arm[1:], abs=0.01)
+    assert state.nominal[model.N_SCALE] == pytest.approx(0.004, abs=1e-3)
+    assert state.nominal[model.N_BIAS] == pytest.approx(0.01, abs=5e-3)
+    assert state.nominal[model.N_LEVER + 1 : model.N_LEVER + 3] == pytest.approx(arm[1:], abs=0.01)
 
 
 # Case, direction error allowed after 10 s, deg: the best setting of VQF on the same data is 1.3 to 10 times that.
@@ -211,7 +127,7 @@ def test_a_covariance_gone_bad_is_thrown_away_and_the_filter_starts_anew():
     state = bounded.initial(p)
     bounded.run(p, state, stamps[:500], gyro[:500], accel[:500])
     state.P[3, 3] = -1.0
-    state.nominal[bounded.N_BIAS] = np.inf
+    state.nominal[model.N_BIAS] = np.inf
     got = bounded.run(p, state, stamps[500:], gyro[500:], accel[500:])
     assert rms(error_deg(got, down[500:])[1200:]) < 0.2
 

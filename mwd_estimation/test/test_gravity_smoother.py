@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mwd_estimation import gravity_bounded as bounded
+from mwd_estimation import gravity_bounded_model as model
 from mwd_estimation import gravity_smoother as smoother
 from mwd_estimation.track import Track
 from mwd_sensors import scenario
@@ -33,15 +34,15 @@ def rms_deg(track: Track, down: np.ndarray, skip: int) -> float:
 
 def test_transition_is_the_one_the_filter_propagates_with():
     rng = np.random.default_rng(2)
-    sums = rng.standard_normal(bounded.SUMS)
-    sums[bounded.S_TIME] = 0.04
-    root = rng.standard_normal((bounded.ERRORS, bounded.ERRORS))
+    sums = rng.standard_normal(model.SUMS)
+    sums[model.S_TIME] = 0.04
+    root = rng.standard_normal((model.ERRORS, model.ERRORS))
     P = root @ root.T
-    P[bounded.STEADY :], P[:, bounded.STEADY :] = 0.0, 0.0
+    P[model.STEADY :], P[:, model.STEADY :] = 0.0, 0.0
     F = smoother.transition(sums)
-    expected = F @ P[: bounded.STEADY, : bounded.STEADY] @ F.T
-    bounded.propagate(P, sums, bounded.STEADY)
-    assert P[: bounded.STEADY, : bounded.STEADY] == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    expected = F @ P[: model.STEADY, : model.STEADY] @ F.T
+    model.propagate(P, sums, model.STEADY)
+    assert P[: model.STEADY, : model.STEADY] == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize("case", ["biasdrift", "surge", "stickslip", "gyroclip"])

@@ -1,0 +1,319 @@
+"""
+What the bounded filter follows of the motion: how firmly a position holds the tool, and what a clipping gyro misses.
+
+Swing, roughness, shocks and lean set the noises of the mechanics; the innovations, averaged over the filter's own
+time, say how far its covariance is to be believed. Derivation: ``docs/gravity_bounded.md``.
+"""
+
+from __future__ import annotations
+
+import math
+
+from mwd_estimation.gravity_bounded_model import (
+    BIAS,
+    DOWN,
+    ERRORS,
+    MISSING,
+    N_BIAS,
+    N_DOWN,
+    N_LEVER,
+    N_MISSING,
+    N_SLOPE,
+    S_JUMP,
+    S_TIME,
+    S_TURN,
+    SLOPE,
+    TILT,
+    VEL,
+)  # fmt: skip
+from mwd_estimation.gravity_bounded_settings import (
+    K_ACCEL_NOISE,
+    K_ACCEL_RANGE,
+    K_ALIAS_NOISE,
+    K_ANCHOR,
+    K_ANCHOR_SWING,
+    K_CLIP_BRIDGE,
+    K_CLIP_CURVE,
+    K_CLIP_SLOPE,
+    K_CLIP_TURN,
+    K_FLOOR,
+    K_GRAVITY,
+    K_LEAN_FROM,
+    K_LEAN_GAIN,
+    K_LEAN_TIME,
+    K_LOST,
+    K_PLAY,
+    K_PLAY_SWING,
+    K_RATE_NOISE,
+    K_ROTARY_NOISE,
+    K_SHOCK_AT,
+    K_SHOCK_GATE,
+    K_SHOCK_NOISE,
+    K_SWING_MEMORY,
+    K_SWING_TIME,
+)  # fmt: skip
+from mwd_estimation.track import Array
+from mwd_sensors.compiled import compiled
+
+# Followed statistics and flags of the filter, and where each begins.
+(
+    AGE, STARTED, MEAN, MEAN_POWER, LAST_W, LAST_A, DRIFT, SLOW_A, SWING_V, SWING_P, SLOW_ARM, SLOW_ARM_2, SLOW_ARM_3,
+    SWING_X, SWING_C, SWING_Z, SETTLED, ROUGH, STRONG, SHOCKS, SINCE_SHOCK, TURNING, PERIOD, NON_GRAVITY, DIRECTION,
+    CLIPPING, CLIP_TIME, RATE_SLOPE, RATE_CURVE, LEAN, BOOST, USUAL, NEAR_LEAN, SCALE_ALONG, SCALE_ACROSS, ALIAS, EPOCH,
+    STATISTICS,
+) = (
+    0, 1, 2, 5, 6, 9, 12, 15, 18, 21, 24, 27, 30,
+    33, 34, 35, 36, 37, 38, 39, 40, 41, 42, 43, 44,
+    47, 48, 49, 50, 51, 53, 54, 55, 57, 58, 59, 60,
+    61,
+)  # fmt: skip
+SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # s, low-passes of the slope of the x rate and of its curvature
+TURNING_FROM = 3.0  # rad/s, mean rate about the axis that makes a tool one on a string that turns
+HIDDEN = 0.0014  # s of clipping that a sample must be able to show before it counts as a shock
+SHOCK_MEMORY, SHOCKS_FROM = 10.0, 6.0  # s; shocks in that time that make shocks frequent
+JUMP_FROM = 0.05  # innovation power below which nothing is taken for a velocity lost, however quiet it is usually
+NEVER = 1e30  # gate that nothing passes
+NEAR_LEAST, NEAR_MOST = 0.3, 8.0  # s, limits of the filter's own time, over which its innovations are averaged
+SCALE_TIME = 8.0  # s, memory of the power of that mean, and twice the filter's own time more
+LATITUDE = 0.02  # m/s^2, spread of gravity's magnitude over the Earth that no setting accounts for
+
+
+@compiled
+def follow_swing(
+    k: Array, x: Array, P: Array, st: Array, C: Array, dt: float, ax: float, ay: float, az: float
+) -> None:  # fmt: skip
+    """Swing of the point that stays: position after three high-passes, power along the axis, across, and upright."""
+    share = dt / (k[K_SWING_TIME] + dt)
+    leak = dt / k[K_SWING_TIME]
+    along, whole, upright = 0.0, 0.0, 0.0
+    for j in range(3):
+        a = ax if j == 0 else (ay if j == 1 else az)
+        st[DRIFT + j] += dt / 3.0 * (a - st[DRIFT + j])
+        st[SLOW_A + j] += share * (a - st[SLOW_A + j])
+        step = dt * (a - st[SLOW_A + j])
+        st[SWING_V + j] += step - leak * st[SWING_V + j]
+        st[SWING_P + j] += dt * (st[SWING_V + j] - 0.5 * step) - leak * st[SWING_P + j]
+        # The sensor circles with its lever arm, seen through the same three high-passes where a string turns for long;
+        # the lever arm of a tool that swings by hand is a fit, and the first of them is enough.
+        arm = C[j, 0] * x[N_LEVER] + C[j, 1] * x[N_LEVER + 1] + C[j, 2] * x[N_LEVER + 2]
+        st[SLOW_ARM + j] += share * (arm - st[SLOW_ARM + j])
+        arm -= st[SLOW_ARM + j]
+        twice = arm - st[SLOW_ARM_2 + j]
+        st[SLOW_ARM_2 + j] += leak * twice
+        thrice = twice - st[SLOW_ARM_3 + j]
+        st[SLOW_ARM_3 + j] += leak * thrice
+        d = st[SWING_P + j] - (thrice if st[TURNING] > TURNING_FROM else arm)
+        along += C[j, 0] * d
+        whole += d * d
+        upright = d
+    # A young mean forgets faster: the lever arm has to be found first.
+    memory = min(3.0 * k[K_SWING_MEMORY], 0.3 * st[SETTLED])
+    st[SWING_Z] += dt / (memory + dt) * (upright * upright - st[SWING_Z])
+    # Tilt not yet found swings the position as well; the tool's own swing is learnt when tilt is known.
+    if st[CLIPPING] == 0.0 and P[TILT, TILT] + P[TILT + 1, TILT + 1] < 0.0025:
+        share = dt / (k[K_SWING_MEMORY] + dt)
+        st[SWING_X] += share * (along * along - st[SWING_X])
+        st[SWING_C] += share * (0.5 * max(whole - along * along, 0.0) - st[SWING_C])
+
+
+@compiled
+def follow_shocks(
+    k: Array, P: Array, st: Array, dt: float, ax: float, ay: float, az: float, power: float, clipped: bool
+) -> None:
+    """
+    A force far above the usual may be a shock whose tip was cut off before the sensor averaged it.
+
+    Velocity is lost then, mostly along the force that is shown: that goes into its variance at once.
+    """
+    st[SHOCKS] -= dt / SHOCK_MEMORY * st[SHOCKS]
+    st[SINCE_SHOCK] += dt
+    # A sample that is a mean of dt shows no less than the share of it that was clipped.
+    shown = k[K_ACCEL_RANGE] * min(HIDDEN / max(dt, 1e-4), 0.9)
+    unusual = power > k[K_SHOCK_AT] ** 2 * st[STRONG] + 100.0 and st[STRONG] > 0.0
+    if clipped or (unusual and power > shown * shown):
+        if st[SINCE_SHOCK] > 0.1:
+            st[SHOCKS] += 1.0
+        st[SINCE_SHOCK] = 0.0
+        lost = (k[K_SHOCK_NOISE] * dt) ** 2
+        for j in range(3):
+            aj = ax if j == 0 else (ay if j == 1 else az)
+            P[VEL + j, VEL + j] += 0.1 * lost * power
+            for m in range(3):
+                P[VEL + j, VEL + m] += lost * aj * (ax if m == 0 else (ay if m == 1 else az))
+    st[STRONG] += min(1.0, dt / 0.3) * (min(power, 1e4) - st[STRONG])
+
+
+@compiled
+def follow_rates(
+    k: Array, s: Array, st: Array, dt: float, wx: float, wy: float, wz: float, clip_cross: bool
+) -> None:  # fmt: skip
+    """Noise of the attitude from errors in proportion to the rates, from clipping and from samples that are missing."""
+    s[S_TURN] += (k[K_RATE_NOISE] ** 2 * (wy * wy + wz * wz) + k[K_ROTARY_NOISE] ** 2 * wx * wx) * dt
+    if clip_cross:
+        s[S_TURN] += (k[K_CLIP_TURN] * dt) ** 2
+    # A stretch much longer than usual (lost samples): how rates and forces went on meanwhile is known roughly.
+    if st[PERIOD] > 0.0 and dt > 1.6 * st[PERIOD]:
+        rate = abs(wx - st[LAST_W]) + abs(wy - st[LAST_W + 1]) + abs(wz - st[LAST_W + 2]) + 0.05
+        s[S_TURN] += (0.5 * rate * dt) ** 2
+        s[S_JUMP] += st[STRONG] * dt * dt
+    st[PERIOD] = dt if st[PERIOD] == 0.0 else st[PERIOD] + 0.05 * (dt - st[PERIOD])
+
+
+@compiled
+def follow_clipping(
+    k: Array, x: Array, P: Array, st: Array, kept: Array, dt: float, wx: float, clip_x: bool
+) -> bool:  # fmt: skip
+    """
+    While the x gyro clips, what it misses is a state that starts with the slope the rate had.
+
+    What was learnt of the sensors is set aside meanwhile, lest a roll gone astray spoil it. True if roll is lost.
+    """
+    lost = False
+    if clip_x:
+        if st[CLIPPING] == 0.0:
+            x[N_MISSING] = 0.0
+            # The low-passed slope is late by its time constant.
+            x[N_SLOPE] = st[RATE_SLOPE] + SLOPE_LAG * st[RATE_CURVE]
+            P[SLOPE, SLOPE] = k[K_CLIP_SLOPE] ** 2
+            for j in range(MISSING - BIAS):
+                kept[MISSING - BIAS, j] = x[N_BIAS + j]
+                for m in range(MISSING - BIAS):
+                    kept[j, m] = P[BIAS + j, BIAS + m]
+        st[CLIPPING] = 1.0 if wx > 0.0 else -1.0
+        # It bends back as it did before; a rate that was not yet bending must, sooner or later.
+        bend = max(-st[CLIPPING] * st[RATE_CURVE], 0.2 * k[K_CLIP_CURVE])
+        # A string that swings about its mean speed bends in proportion to the distance from it.
+        bend *= 1.0 + abs(x[N_MISSING]) / max(abs(wx) - st[TURNING], 0.1 * abs(wx))
+        x[N_SLOPE] -= st[CLIPPING] * bend * dt
+        x[N_MISSING] += x[N_SLOPE] * dt
+        st[CLIP_TIME] += dt
+        if x[N_MISSING] * wx < 0.0:
+            x[N_MISSING] = 0.0
+    elif st[CLIPPING] != 0.0:
+        # When the gyro is back nothing is missing: if the state says otherwise it went astray, and roll with it.
+        astray = abs(x[N_MISSING]) > k[K_LOST]
+        x[N_MISSING] = 0.0
+        x[N_SLOPE] = 0.0
+        for j in range(ERRORS):
+            for m in range(BIAS, ERRORS):
+                P[j, m] = 0.0
+                P[m, j] = 0.0
+        for j in range(MISSING - BIAS):
+            x[N_BIAS + j] = kept[MISSING - BIAS, j]
+            for m in range(MISSING - BIAS):
+                P[BIAS + j, BIAS + m] = kept[j, m]
+        st[CLIPPING] = 0.0
+        st[RATE_SLOPE] = 0.0
+        st[RATE_CURVE] = 0.0
+        lost = astray or st[CLIP_TIME] > k[K_CLIP_BRIDGE] or P[TILT, TILT] + P[TILT + 1, TILT + 1] > 9.0
+        st[CLIP_TIME] = 0.0
+    elif dt > 0.0:
+        late = st[RATE_SLOPE]
+        st[RATE_SLOPE] += dt / (SLOPE_LAG + dt) * ((wx - st[LAST_W]) / dt - late)
+        st[RATE_CURVE] += dt / (CURVE_LAG + dt) * ((st[RATE_SLOPE] - late) / dt - st[RATE_CURVE])
+    return lost
+
+
+@compiled
+def explained_swing(k: Array, st: Array) -> float:
+    """Swing, m^2, that forces would leave that are as white as neighbouring samples say (`docs`: roughness)."""
+    # White force of density one leaves the variance time^3 / 16 after the high-pass and the two leaky integrations.
+    return k[K_SWING_TIME] ** 3 / 16.0 * st[ROUGH]  # type: ignore[no-any-return]
+
+
+@compiled
+def noises(k: Array, s: Array, st: Array) -> tuple[float, float, float]:
+    """Variances of an interval that follow the motion: velocity, wander of the point, and its play."""
+    T = s[S_TIME]
+    explained = explained_swing(k, st)
+    # As much of the swing as roughness can explain is white (aliased) force; the rest is motion. The vertical shows it:
+    # tilt errors, which swing too, do not reach it to first order. Until the high-pass has settled nothing is known,
+    # and all roughness is taken for white.
+    unsettled = math.exp(-st[SETTLED] / k[K_SWING_TIME])
+    white = max(min(st[SWING_Z], explained), unsettled * explained)
+    motion = max(max(st[SWING_X], st[SWING_C]) - white, 0.0)
+    force = (k[K_ACCEL_NOISE] ** 2 + k[K_ALIAS_NOISE] ** 2 * white * 16.0 / k[K_SWING_TIME] ** 3) * T + s[S_JUMP] / 3.0
+    wander = (k[K_ANCHOR] ** 2 + k[K_ANCHOR_SWING] ** 2 * motion) * T
+    play = k[K_PLAY] ** 2 + k[K_PLAY_SWING] ** 2 * motion
+    return force, wander, play
+
+
+@compiled
+def jump_gate(k: Array, st: Array) -> float:
+    """Square of an innovation over its variance beyond which it is a velocity lost: only where shocks are frequent."""
+    return k[K_SHOCK_GATE] * max(st[USUAL], JUMP_FROM) if st[SHOCKS] > SHOCKS_FROM else NEVER
+
+
+@compiled
+def follow_innovations(
+    k: Array, P: Array, st: Array, C: Array, T: float, turn: float, i0: float, i1: float, square: float
+) -> tuple[float, float]:
+    """
+    What the whitened innovation (level x, y; mean square) of an update says of the filter itself.
+
+    T, turn: time since the last update and variance its rates added to the tilt. Returns the power of the innovations
+    over the filter's own time, along the hole and across it, 1 expected; NaN while the x gyro clips.
+    """
+    st[SETTLED] += T
+    st[USUAL] += T / 10.0 * (min(square, 9.0 * st[USUAL] + 0.001) - st[USUAL])
+    # Those that lean one way for long are a bias on the move; white ones leave this mean at T / time.
+    share = T / k[K_LEAN_TIME]
+    st[LEAN] += share * (i0 - st[LEAN])
+    st[LEAN + 1] += share * (i1 - st[LEAN + 1])
+    lean = (st[LEAN] ** 2 + st[LEAN + 1] ** 2) / share
+    st[BOOST] = k[K_LEAN_GAIN] * max(0.0, lean - k[K_LEAN_FROM])
+    # Tilt is found over the filter's own time: variance over what it grows by. The mean of the innovations over that
+    # time has the power one if the covariance is right; what it has instead is by how much the covariance is wrong.
+    near = 0.5 * (P[TILT, TILT] + P[TILT + 1, TILT + 1]) * T / (math.sqrt(2.0) * turn)
+    near = min(max(near, NEAR_LEAST), NEAR_MOST)
+    share = min(1.0, T / near)
+    st[NEAR_LEAN] += share * (i0 - st[NEAR_LEAN])
+    st[NEAR_LEAN + 1] += share * (i1 - st[NEAR_LEAN + 1])
+    along, across = math.nan, math.nan
+    if st[CLIPPING] == 0.0:
+        # An acceleration along the hole is the tilt that inclination sees, one across it the tilt of the toolface.
+        ax, ay = C[0, 0], C[1, 0]
+        across2 = max(ax * ax + ay * ay, 1e-9)
+        along = 2.0 / share * (ax * st[NEAR_LEAN] + ay * st[NEAR_LEAN + 1]) ** 2 / across2
+        across = 2.0 / share * (ay * st[NEAR_LEAN] - ax * st[NEAR_LEAN + 1]) ** 2 / across2
+        share = T / min(SCALE_TIME + 2.0 * near, 3.0 + 0.5 * st[SETTLED])
+        st[SCALE_ALONG] += share * (along - st[SCALE_ALONG])
+        st[SCALE_ACROSS] += share * (across - st[SCALE_ACROSS])
+    explained = explained_swing(k, st)
+    aliased = 0.25 * explained < st[SWING_Z] < 4.0 * explained and st[ROUGH] > 0.02
+    st[ALIAS] += T / 3.0 * ((1.0 if aliased else 0.0) - st[ALIAS])
+    return along, across
+
+
+@compiled
+def floors(k: Array, x: Array, P: Array, st: Array, C: Array) -> tuple[float, float]:
+    """Variances that calibration leaves in inclination and in the tilt across the hole, rad^2."""
+    # What the accelerometer shows too much of gravity, beyond what latitude explains and the filter does not know, it
+    # may show across it as well. What is fixed across the axis averages out in a string that turns.
+    off = max(x[N_DOWN] ** 2 - P[DOWN, DOWN] - LATITUDE * LATITUDE, 0.0)
+    floor = k[K_FLOOR] * k[K_FLOOR] + off / (k[K_GRAVITY] * k[K_GRAVITY])
+    left = 1.0 / (1.0 + (st[TURNING] / TURNING_FROM) ** 2)
+    # The axis' own error is inclination's by the sine, the cross axes' by the cosine.
+    upright2 = min(C[2, 0] * C[2, 0], 1.0)
+    return floor * (1.0 - upright2 * (1.0 - left)), left * floor
+
+
+@compiled
+def sigmas(
+    ax: float, ay: float, p00: float, p01: float, p11: float, along: float, across: float, floor: float, aside: float
+) -> tuple[float, float]:
+    """
+    One sigma of inclination and of toolface, rad, at most pi.
+
+    ax, ay: the tool axis, level; p00, p01, p11: covariance of the tilt, rad^2, to be multiplied by `along` for
+    inclination, by `across` for toolface; floor, aside: variances that calibration leaves to each (`floors`), rad^2.
+    """
+    across2 = ax * ax + ay * ay
+    if across2 > 1e-6:
+        vi = along * (p00 * ay * ay - 2.0 * p01 * ax * ay + p11 * ax * ax) / across2
+        vt = across * (p00 * ax * ax + 2.0 * p01 * ax * ay + p11 * ay * ay) / across2
+    else:
+        vi = vt = 0.25 * (along + across) * (p00 + p11)
+    inclination = min(math.pi, math.sqrt(max(vi, 0.0) + floor))
+    toolface = min(math.pi, math.sqrt((max(vt, 0.0) + aside) / max(across2, 1e-6)))
+    return inclination, toolface

@@ -1,0 +1,142 @@
+"""What the bounded filter follows of the motion: swing, shocks, clipping, and how far its covariance is believed."""
+
+import numpy as np
+import pytest
+
+from mwd_estimation import gravity_bounded_model as model
+from mwd_estimation import gravity_bounded_motion as follow
+from mwd_estimation import gravity_bounded_settings as settings
+from mwd_estimation.track import STANDARD_GRAVITY
+
+K = settings.constants(settings.Params())
+DT = 0.01
+
+
+def blank() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nominal values, covariance, statistics of a filter that knows its tilt."""
+    x, P, st = np.zeros(model.NOMINAL), np.zeros((model.ERRORS, model.ERRORS)), np.zeros(follow.STATISTICS)
+    x[model.Q + 3] = 1.0
+    P[:2, :2] = 1e-6 * np.eye(2)
+    st[follow.USUAL] = st[follow.SCALE_ALONG] = st[follow.SCALE_ACROSS] = 1.0
+    return x, P, st
+
+
+def published(x: np.ndarray, P: np.ndarray, st: np.ndarray) -> tuple[float, float]:
+    """Sigmas of a horizontal tool along level x."""
+    floor, aside = follow.floors(K, x, P, st, np.eye(3))
+    return follow.sigmas(
+        1.0, 0.0, P[0, 0], P[0, 1], P[1, 1], st[follow.SCALE_ALONG], st[follow.SCALE_ACROSS], floor, aside
+    )
+
+
+def test_swing_is_the_mean_square_of_a_vibration_along_the_axis_and_across_it():
+    x, P, st = blank()
+    amplitude, omega = 0.02, 2 * np.pi * 2.0
+    for i in range(3000):
+        st[follow.SETTLED] += DT
+        # Along tool x, which is level x here.
+        follow.follow_swing(K, x, P, st, np.eye(3), DT, -amplitude * omega**2 * np.sin(omega * i * DT), 0.0, 0.0)
+    assert st[follow.SWING_X] == pytest.approx(0.5 * amplitude**2, rel=0.15)
+    assert st[follow.SWING_C] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_sensor_that_circles_with_its_lever_arm_does_not_swing():
+    x, P, st = blank()
+    x[model.N_LEVER + 1] = 0.05
+    st[follow.TURNING], omega = 15.0, 15.0
+    for i in range(3000):
+        st[follow.SETTLED] += DT
+        c, s = np.cos(omega * i * DT), np.sin(omega * i * DT)
+        mat = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+        # The mean of the interval that ends here, as a strapdown sensor gives it.
+        half = -0.5 * omega * DT
+        a = -0.05 * omega**2 * (np.cos(half) * mat[:, 1] + np.sin(half) * mat[:, 2])
+        follow.follow_swing(K, x, P, st, mat, DT, *a)
+    assert st[follow.SWING_C] < 0.01 * 0.5 * 0.05**2
+
+
+def test_a_shock_makes_the_velocity_along_it_uncertain_and_many_open_the_gate():
+    _, P, st = blank()
+    st[follow.STRONG] = 100.0
+    assert follow.jump_gate(K, st) == follow.NEVER
+    for _ in range(12):
+        for i in range(30):
+            a = 60.0 if i == 0 else 5.0
+            before = P.copy()
+            follow.follow_shocks(K, P, st, DT, a, 0.0, 0.0, a * a, False)
+            if i == 0:
+                grown = np.diag(P - before)[model.VEL : model.VEL + 3]
+                assert grown[0] > (0.5 * a * DT) ** 2
+                assert grown[1] < 0.2 * grown[0]
+            else:
+                assert np.array_equal(P, before)
+    assert follow.jump_gate(K, st) == pytest.approx(settings.Params().shock_gate)
+
+
+def test_a_force_that_a_clipped_sample_would_exceed_is_no_shock():
+    _, P, st = blank()
+    st[follow.STRONG] = 4.0
+    before = P.copy()
+    # 30 m/s^2 in 3.5 ms: a sensor of 16 g that clipped for HIDDEN of it would have shown twice that.
+    follow.follow_shocks(K, P, st, 0.0035, 30.0, 0.0, 0.0, 900.0, False)
+    assert np.array_equal(P, before)
+
+
+def test_a_clipped_rate_begins_with_its_slope_and_what_was_learnt_comes_back_after_it():
+    x, P, st = blank()
+    P[model.BIAS, model.BIAS], x[model.N_BIAS] = 1e-6, 0.004
+    kept = np.zeros((model.MISSING - model.BIAS + 1, model.MISSING - model.BIAS))
+    rate, omega = 25.0, 2 * np.pi * 0.3
+    true = rate * (1.0 - np.cos(omega * DT * np.arange(180)))
+    limit, missing = settings.Params().gyro_range, []
+    st[follow.TURNING] = rate
+    for w in true:
+        shown = min(w, limit)
+        lost = follow.follow_clipping(K, x, P, st, kept, DT, shown, w >= limit)
+        st[follow.LAST_W] = shown
+        if w >= limit:
+            missing.append(x[model.N_MISSING] - (w - limit))
+            x[model.N_BIAS], P[model.BIAS, model.BIAS] = 0.5, 1.0
+    assert not lost
+    assert np.sqrt(np.mean(np.square(missing[: len(missing) // 2]))) < 2.0
+    for w in rate * np.array([1.2, 1.1]):
+        follow.follow_clipping(K, x, P, st, kept, DT, w, False)
+    assert (x[model.N_BIAS], P[model.BIAS, model.BIAS]) == (0.004, 1e-6)
+
+
+@pytest.mark.parametrize("factor", [0.05, 1.0, 4.0])
+def test_the_scale_of_the_covariance_is_the_power_of_the_innovations(factor):
+    rng = np.random.default_rng(3)
+    _, P, st = blank()
+    P[:2, :2] = 4e-6 * np.eye(2)
+    scales = []
+    for _ in range(20000):
+        i0, i1 = np.sqrt(factor) * rng.standard_normal(2)
+        follow.follow_innovations(K, P, st, np.eye(3), 0.04, 1e-7, i0, i1, factor)
+        scales.append((st[follow.SCALE_ALONG], st[follow.SCALE_ACROSS]))
+    assert np.mean(scales[2000:], axis=0) == pytest.approx([factor, factor], rel=0.12)
+
+
+def test_lean_along_the_hole_is_of_inclination_and_lean_across_it_of_toolface():
+    rng = np.random.default_rng(4)
+    x, P, st = blank()
+    P[:2, :2] = 4e-6 * np.eye(2)
+    # A horizontal tool along level x; it rocks along itself more than the filter knows.
+    for _ in range(5000):
+        i0, i1 = 3.0 * rng.standard_normal(), 0.3 * rng.standard_normal()
+        follow.follow_innovations(K, P, st, np.eye(3), 0.04, 1e-7, i0, i1, 1.0)
+    inclination, toolface = published(x, P, st)
+    assert inclination > 4.0 * toolface
+
+
+def test_an_accelerometer_that_shows_too_much_gravity_is_not_believed_across_it_either():
+    x, P, st = blank()
+    good = published(x, P, st)
+    x[model.N_DOWN] = 0.06
+    bad = published(x, P, st)
+    assert bad[0] == pytest.approx(np.sqrt(good[0] ** 2 + (0.06**2 - follow.LATITUDE**2) / STANDARD_GRAVITY**2))
+    # What is fixed in a string that turns averages out across it; along it, it does not.
+    st[follow.TURNING] = 15.0
+    turning = published(x, P, st)
+    assert turning[0] == pytest.approx(bad[0])
+    assert turning[1] < 0.3 * bad[1]
