@@ -75,23 +75,7 @@ class Layout:
 
     def row_dtype(self, frame_bytes: int) -> np.dtype[np.void]:
         """One message on the wire, for a frame name of that many bytes (without its closing NUL)."""
-        names, formats, offsets = (
-            ["head", "sec", "nanosec", "length", "frame"],
-            ["<u4", "<i4", "<u4", "<u4"],
-            [0, 4, 8, 12],
-        )
-        formats.append(f"V{frame_bytes + 1}")
-        offsets.append(_FRAME_AT)
-        end = _FRAME_AT + frame_bytes + 1
-        for name, kind, count in self.fields:
-            size = np.dtype(_KINDS[kind]).itemsize
-            # Alignment counts from the end of the encapsulation header.
-            end += -(end - 4) % size
-            names.append(name)
-            formats.append(f"({count},){_KINDS[kind]}" if count > 1 else _KINDS[kind])
-            offsets.append(end)
-            end += size * count
-        return _row_dtype(tuple(names), tuple(formats), tuple(offsets), end)
+        return _row_dtype(self, frame_bytes)
 
     def size(self, frame_id: str) -> int:
         """Bytes of one message with that frame name."""
@@ -178,10 +162,22 @@ _HEADER = np.dtype([("head", "<u4"), ("sec", "<i4"), ("nanosec", "<u4"), ("lengt
 
 
 @functools.lru_cache(maxsize=256)
-def _row_dtype(
-    names: tuple[str, ...], formats: tuple[str, ...], offsets: tuple[int, ...], itemsize: int
-) -> np.dtype[np.void]:
-    return np.dtype({"names": list(names), "formats": list(formats), "offsets": list(offsets), "itemsize": itemsize})
+def _row_dtype(layout: Layout, frame_bytes: int) -> np.dtype[np.void]:
+    names, formats, offsets = (
+        ["head", "sec", "nanosec", "length", "frame"],
+        ["<u4", "<i4", "<u4", "<u4", f"V{frame_bytes + 1}"],
+        [0, 4, 8, 12, _FRAME_AT],
+    )
+    end = _FRAME_AT + frame_bytes + 1
+    for name, kind, count in layout.fields:
+        size = np.dtype(_KINDS[kind]).itemsize
+        # Alignment counts from the end of the encapsulation header.
+        end += -(end - 4) % size
+        names.append(name)
+        formats.append(f"({count},){_KINDS[kind]}" if count > 1 else _KINDS[kind])
+        offsets.append(end)
+        end += size * count
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
 
 
 def frame_id(message: bytes) -> str:

@@ -169,10 +169,10 @@ def test_smoothed_gravity_is_closer_and_surveys_stay_the_same(tmp_path):
 def test_a_disk_that_fills_up_ends_the_run_and_leaves_nothing(tmp_path, monkeypatch):
     recording(tmp_path / "bag", seconds=3.0)
 
-    def full(attitude, gravity):
+    def full(lines, attitude, gravity):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(attitude_csv, "rows", full)
+    monkeypatch.setattr(attitude_csv.Lines, "__call__", full)
     with pytest.raises(OSError, match="No space left"):
         run(tmp_path / "bag", tmp_path / "out")
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]

@@ -36,6 +36,7 @@ COMPRESSIONS = ("", "zstd", "lz4")
 
 _record = struct.Struct("<BQ")
 _message = struct.Struct("<BQHIQQ")
+_index_head, _index_entry = struct.Struct("<QQQQI"), struct.Struct("<HQ")
 _u16, _u32, _u64 = struct.Struct("<H"), struct.Struct("<I"), struct.Struct("<Q")
 
 # A message record as the bulk writer lays it out; the payload's size completes it.
@@ -324,16 +325,28 @@ def parse_chunk_head(body: bytes | memoryview, length: int) -> ChunkHead:
 
 def parse_chunk_index(body: bytes | memoryview) -> ChunkIndex:
     """Chunk index of a record's body."""
+    # Written out, because a long recording has thousands of them.
+    body = memoryview(body)
+    try:
+        start, end, offset, length, size = _index_head.unpack_from(body)
+        at = _index_head.size
+        if size % _index_entry.size or at + size > len(body):
+            raise FormatError(f"message indexes of {size} bytes do not fit into the {len(body) - at} left")
+        offsets = dict(_index_entry.iter_unpack(body[at : at + size]))
+    except struct.error as error:
+        raise FormatError(f"a chunk index of {len(body)} bytes ends early") from error
     cursor = Cursor(body)
-    start, end, offset, length = (cursor.number(8) for _ in range(4))
-    inner = Cursor(cursor.blob())
-    offsets = {}
-    while inner.at < len(inner.data):
-        channel = inner.number(2)
-        offsets[channel] = inner.number(8)
-    index_length = cursor.number(8)
+    cursor.at = at + size
     return ChunkIndex(
-        start, end, offset, length, offsets, index_length, cursor.text(), cursor.number(8), cursor.number(8)
+        start,
+        end,
+        offset,
+        length,
+        offsets,
+        cursor.number(8),
+        cursor.text(),
+        cursor.number(8),
+        cursor.number(8),
     )
 
 

@@ -43,19 +43,31 @@ def rows(attitude: wire.Samples, gravity: wire.Samples) -> bytes:
     ValueError
         The two are not of the same length.
     """
-    n = len(attitude)
-    if len(gravity) != n:
-        raise ValueError(f"gravity: expected {n} samples as attitude has, got {len(gravity)}")
-    if n == 0:
-        return b""
-    status, index = _status_index(np.ascontiguousarray(attitude["status"]))
-    texts = [words(int(mask)).encode() for mask in status]
-    starts = np.cumsum([0, *(len(text) for text in texts)])
-    text = np.frombuffer(b"".join(texts) or b"\0", dtype=np.uint8)
-    longest = max(len(one) for one in texts)
-    buffer = np.empty(n * (_ROW_BYTES + longest), dtype=np.uint8)
-    end = _write(buffer, attitude, gravity, index, text, starts)
-    return buffer[:end].tobytes()
+    return bytes(Lines()(attitude, gravity))
+
+
+class Lines:
+    """Lines of one block after the other, in a buffer that is used again: what a call returns holds until the next."""
+
+    def __init__(self) -> None:
+        self._buffer = np.empty(0, dtype=np.uint8)
+
+    def __call__(self, attitude: wire.Samples, gravity: wire.Samples) -> memoryview:
+        """As `rows`."""
+        n = len(attitude)
+        if len(gravity) != n:
+            raise ValueError(f"gravity: expected {n} samples as attitude has, got {len(gravity)}")
+        if n == 0:
+            return memoryview(b"")
+        status, index = _status_index(np.ascontiguousarray(attitude["status"]))
+        texts = [words(int(mask)).encode() for mask in status]
+        starts = np.cumsum([0, *(len(text) for text in texts)])
+        text = np.frombuffer(b"".join(texts) or b"\0", dtype=np.uint8)
+        room = n * (_ROW_BYTES + max(len(one) for one in texts))
+        if len(self._buffer) < room:
+            self._buffer = np.empty(room, dtype=np.uint8)
+        end = _write(self._buffer, attitude, gravity, index, text, starts)
+        return memoryview(self._buffer)[:end]  # type: ignore[arg-type]
 
 
 def _status_index(status: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:

@@ -375,10 +375,11 @@ def _destination(
         return
     with (folder / "attitude.csv").open("wb") as file:
         file.write(attitude_csv.HEADER.encode() + b"\n")
+        lines = attitude_csv.Lines()
 
         def write_lines(output: Output) -> None:
             picked = thinner(output.attitude["stamp_ns"])
-            file.write(attitude_csv.rows(output.attitude[picked], output.gravity[picked]))
+            file.write(lines(output.attitude[picked], output.gravity[picked]))
 
         yield write_lines, None
 
