@@ -37,13 +37,15 @@ STUCK, SATURATED, INVALID, DEAD, UNIT, AXES, SIGN, FRAME, ABSENT, RATE, STAMPS, 
 )  # fmt: skip
 CHECKS = 36
 
-_FEW = 10  # samples below which half a second says nothing
+_FEW = 10  # samples below which a window, or the sample-by-sample repeats of a bin, say nothing
+_SOME = 3.0  # samples below which half a second says nothing: a magnetometer may come at 10 Hz
+_TRUSTED = 6.0  # bins at rest in which an axis must have varied before its silence at rest counts
 _ABSURD = 1e12
 _BROKEN = 1000  # counts of a spoilt window: from here on values are missing or held, below some were clipped only
 
 # Per channel: last value, samples, not finite, repeats, first value, sums about it, at the limit, least step, bins that
-# were constant up to now, bins at rest in which it varied, length of the constant run that just ended.
-_LAST, _N, _BAD, _SAME, _FIRST, _S1, _S2, _CLIP, _STEP, _CONST, _LIVELY, _RUN, _ROW = range(13)
+# were constant up to now, balance of bins at rest in which it varied.
+_LAST, _N, _BAD, _SAME, _FIRST, _S1, _S2, _CLIP, _STEP, _CONST, _LIVELY, _ROW = range(12)
 # Integers: ring head and length, magnetic samples used, bin and whether one is open, last stamps taken, carried and
 # come, bins of the window, magnetic bins missing and seen, steps of time and those long and short, samples of the bin,
 # events, sensors not to be used, score of the stamps, values held, bins spoilt for the window by sensor, place in
@@ -387,12 +389,11 @@ def _close_bin(
     field2, worst = 0.0, 0.0
     for c in range(9):
         row = channels[c]
-        enough = row[_N] >= _FEW
+        enough = row[_N] >= _SOME
         constant = enough and row[_SAME] >= row[_N]
         if constant:
             row[_CONST] += 1.0
         elif enough:
-            row[_RUN] = row[_CONST]
             row[_CONST] = 0.0
         if row[_CONST] == 0.0:
             spread, mean = _spread(row), _mean(row)
@@ -439,20 +440,21 @@ def _close_bin(
                 and channels[first + 1, _LAST] == 0.0
                 and channels[first + 2, _LAST] == 0.0
             )
-            sure = zero or moving or lively >= 6.0
+            sure = zero or moving or lively >= _TRUSTED
             if longest >= 6.0 and sure:
                 _vote(checks, events, ints, DEAD + s, 1, 1, 4, False, now, now - int(longest) * BIN_NS, int(zero), 0, 0)
-        elif n >= 3.0 * _FEW:
+        elif n >= 3.0 * _SOME:
             _vote(checks, events, ints, DEAD + s, 0, 1, 4, False, now, began, 0, 0, 0)
         for c in range(3):
             row = channels[first + c]
             other = max(_spread(channels[first + (c + 1) % 3]), _spread(channels[first + (c + 2) % 3]))
-            if row[_N] >= _FEW:
+            if row[_N] >= _SOME:
                 if row[_CONST] == 0.0:
-                    _vote(checks, events, ints, STUCK + first + c, 0, 2, 4, False, now, began, 0, 0, 0)
+                    if checks[STUCK + first + c, _STATE] != OK or checks[STUCK + first + c, _UP] > 0:
+                        _vote(checks, events, ints, STUCK + first + c, 0, 2, 4, False, now, began, 0, 0, 0)
                 elif constant < 3 and row[_CONST] >= 4.0:
                     seen = -1
-                    if (any_motion and other >= 10.0 * step) or row[_LIVELY] >= 6.0:
+                    if (any_motion and other >= 10.0 * step) or row[_LIVELY] >= _TRUSTED:
                         seen = 1
                     since = now - int(row[_CONST]) * BIN_NS
                     at_limit = abs(row[_LAST]) >= limits[s]
@@ -465,15 +467,17 @@ def _close_bin(
                     # "Always" takes two seconds of nothing else.
                     whole = checks[SATURATED + first + c, _D1] + 1 if share > 0.9 else 0
                     checks[SATURATED + first + c, _D1] = whole
-                    _vote(checks, events, ints, SATURATED + first + c, seen, 4, 12, True, now, began,
-                          95 if whole >= 4 else 25, whole, 0)  # fmt: skip
-                # A healthy axis varies at rest; one that did not once never has to.
+                    if (
+                        seen == 1
+                        or checks[SATURATED + first + c, _STATE] != OK
+                        or checks[SATURATED + first + c, _UP] > 0
+                    ):
+                        _vote(checks, events, ints, SATURATED + first + c, seen, 4, 12, True, now, began,
+                              95 if whole >= 4 else 25, whole, 0)  # fmt: skip
+                # A healthy axis varies at rest, most of the time; one whose steps hide its noise never proves it.
                 if not any_motion and row[_CONST] == 0.0:
-                    named = checks[STUCK + first + c, _STATE] == FAULT or checks[DEAD + s, _STATE] == FAULT
-                    if row[_RUN] >= 2.0 and not named:
-                        row[_LIVELY] = -1e9
-                    row[_LIVELY] += 1.0
-                row[_RUN] = 0.0
+                    lively = row[_N] - row[_SAME] >= 0.3 * row[_N]
+                    row[_LIVELY] = min(row[_LIVELY] + 1.0, 30.0) if lively else max(row[_LIVELY] - 3.0, -30.0)
     for s in range(3):
         for c in range(3):
             row = channels[3 * s + c]

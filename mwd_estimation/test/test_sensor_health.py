@@ -44,7 +44,7 @@ def sent(name, seconds, still_s=0.0):
     if still_s:
         changes["schedule"] = [
             {"kind": "still", "seconds": still_s, "pumps": False},
-            {"kind": "drill", "seconds": seconds - still_s, "rpm": 100.0, "rop_m_h": 0.0},
+            {"kind": "drill", "seconds": max(seconds - still_s, 5.0), "rpm": 100.0, "rop_m_h": 0.0},
         ]
         changes["rig"] = {"running_start": False}
     sonde = Sonde(scenario.read(SCENARIOS / f"{name}.yaml", changes))
@@ -222,6 +222,29 @@ def test_a_still_sensor_whose_steps_hide_its_noise_is_not_called_stuck():
     assert np.mean(np.diff(accel, axis=0) == 0.0) > 0.9
     _, _, changes = judged(Run(stamps, gyro, accel, stamps, mag, (9.80665, None, None)))
     assert changes == []
+
+
+@pytest.mark.parametrize("rate_hz", [2, 20, 200])
+def test_a_still_sensor_that_changes_its_last_digit_now_and_then_is_not_called_stuck(rate_hz):
+    n = 20000
+    rng = np.random.default_rng(5)
+    stamps = np.arange(n) * 10_000_000
+    flips = np.cumsum(rng.random((n, 9)) < rate_hz / 100.0, axis=0) % 2 if rate_hz < 100 else rng.integers(0, 3, (n, 9))
+    values = np.repeat([1e-3, -9.7, 20e-6], 3) + flips * np.repeat([1e-4, 5e-3, 25e-9], 3)
+    _, _, changes = judged(Run(stamps, values[:, :3], values[:, 3:6], stamps, values[:, 6:], (None, None, None)))
+    assert {one.kind for one in changes} <= {"unit"}
+
+
+@pytest.mark.parametrize("sensor", [GYRO, ACCEL, MAG])
+def test_at_rest_a_sensor_that_was_lively_and_now_repeats_is_named_also_a_slow_magnetometer(sensor):
+    clean = sent("bench/build", 26.0, 26.0)
+    clean = dataclasses.replace(clean, mag_ns=clean.mag_ns[::10], mag=clean.mag[::10])
+    for axes in ([1], [0, 1, 2]):
+        _, unusable, changes = judged(spoilt(clean, sensor, held(axes), START_S))
+        bit = {GYRO: health.GYRO, ACCEL: health.ACCEL, MAG: health.MAG}[sensor]
+        assert START_S < clean.time[np.argmax(unusable & bit > 0)] < START_S + 5.0
+        assert changes[0].kind in ("stuck", "dead")
+        assert all(one.sensor == sensor for one in changes)
 
 
 def test_a_fault_clears_when_it_has_gone_and_says_when():
