@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation import north_filter, north_seek
+from mwd_estimation import north_methods, north_seek
 from mwd_estimation.binning import Bin
 from mwd_estimation.north_ekf import DEG_PER_ROOT_HOUR
 from mwd_estimation.north_seek import Solution
@@ -39,6 +39,11 @@ _REST_BINS = 8
 class GyroSettings:
     """The precision unit, one sigma each, and when north is sought with it; the figures are a tactical MEMS unit's."""
 
+    method: str = setting(
+        north_methods.SEEK,
+        "seek: still or in two positions, biases learnt; s1: the paper's filter, still and with a small bias only",
+        choices=(north_methods.SEEK, north_methods.S1),
+    )
     latitude_source: str = setting(
         "reference",
         "Latitude: of the reference's place where it is a model's; as set below; or unknown, and no gyro azimuth",
@@ -59,6 +64,9 @@ class GyroSettings:
     leak_urad: float = setting(300.0, "x rate that y and z feel", unit="urad", low=0.0, high=1e5)
     g_sensitivity_deg_h_g: float = setting(
         0.5, "g-sensitivity of y and z, each to each", unit="deg/h/g", low=0.0, high=1e3
+    )
+    g_calibration_deg_h_g: tuple[float, float, float, float] = setting(
+        (0.0, 0.0, 0.0, 0.0), "Calibrated g-sensitivity: along, across, stretch, shear", unit="deg/h/g"
     )
     range_dps: float = setting(100.0, "y and z clip at", unit="deg/s", low=1.0, high=5000.0)
     accel_noise_ug_rthz: float = setting(30.0, "Accelerometer white noise", unit="ug/sqrt(Hz)", low=0.01, high=1e4)
@@ -101,6 +109,7 @@ def params_of(
         scale_x_ppm=settings.scale_x_ppm,
         leak_urad=settings.leak_urad,
         g_sensitivity_deg_h_g=settings.g_sensitivity_deg_h_g,
+        g_calibration_deg_h_g=settings.g_calibration_deg_h_g,
         gyro_range_dps=settings.range_dps,
     )
     return params if gravity is None else dataclasses.replace(params, gravity=gravity)
@@ -149,7 +158,7 @@ class GyroStation:
         self.params = None if latitude_deg is None else params_of(settings, latitude_deg, gravity)
         self.heard = False
         self._gravity = gravity
-        self._state: north_seek.State | None = None
+        self._seek: north_methods.Seeker | None = None
         self._axis = math.nan
         self._turned_s = 0.0
         # The seek as it was in the last still bin, and the last sample heard: what is carried on.
@@ -179,45 +188,42 @@ class GyroStation:
         if len(stamps):
             if self._last_ns is not None and stamps[0] - self._last_ns > self.params.gap * 1e9:
                 # Switched off meanwhile, for all that is known: another bias, another everything.
-                self._state = self._found = None
+                self._seek = self._found = None
             self._last_ns = int(stamps[-1])
-        if self._state is not None and not self._goes_on(imu, bin_s, still):
-            self._state = None
-        if self._state is None:
+        if self._seek is not None and not self._goes_on(self._seek, imu, bin_s, still):
+            self._seek = None
+        if self._seek is None:
             # What the tool shows while the string settles tells its noise.
             self._rest = [*self._rest, (stamps, values)][-_REST_BINS:] if still else []
             if still and settled:
-                self._begin(int(stamps[0]) if len(stamps) else None)
+                self._seek = self._begun(self.params, int(stamps[0]) if len(stamps) else None)
                 self._axis, self._turned_s = float(imu.mean[_ACCEL_X]), 0.0
-        if self._state is not None and len(stamps):
-            north_seek.run(self.params, self._state, stamps, values[:, :3], values[:, 3:])
-            if still and self._state.memory[north_filter.ELAPSED] >= self.params.shortest:
-                self._found = self._state.copy(), int(stamps[-1])
+        if self._seek is not None and len(stamps):
+            self._seek.run(stamps, values)
+            if still and isinstance(self._seek, north_methods.BestSeek) and self._seek.elapsed >= self.params.shortest:
+                self._found = self._seek.state.copy(), int(stamps[-1])
 
-    def _begin(self, first_ns: int | None) -> None:
-        if self.params is None:
-            return
+    def _begun(self, params: north_seek.Params, first_ns: int | None) -> north_methods.Seeker:
         noise = white_noise(
             np.concatenate([stamps for stamps, _ in self._rest]),
             np.concatenate([values[:, :3] for _, values in self._rest]),
         )
-        self.params = params_of(self.settings, self.params.latitude_deg, self._gravity, noise)
+        self.params = params_of(self.settings, params.latitude_deg, self._gravity, noise)
+        if self.settings.method == north_methods.S1:
+            return north_methods.S1Seek(self.params)
         if self._found is None or first_ns is None:
-            self._state = north_seek.initial()
-            return
+            return north_methods.BestSeek(self.params)
         state, last_ns = self._found
-        self._state = north_seek.carried_on(self.params, state, (first_ns - last_ns) * 1e-9)
+        return north_methods.BestSeek(self.params, (state, (first_ns - last_ns) * 1e-9))
 
-    def _goes_on(self, imu: Bin, bin_s: float, still: bool) -> bool:
+    def _goes_on(self, seek: north_methods.Seeker, imu: Bin, bin_s: float, still: bool) -> bool:
         if still:
-            state = self._state
-            elsewhere = state is not None and state.memory[north_filter.MOVED] > 0.0
-            return not elsewhere and abs(imu.mean[_ACCEL_X] - self._axis) <= self.settings.max_axis_step
+            return not seek.moved and abs(imu.mean[_ACCEL_X] - self._axis) <= self.settings.max_axis_step
         self._turned_s += bin_s
         shake = math.sqrt(imu.scatter[_ACCEL_X, _ACCEL_X] / max(imu.count - 1, 1))
         away = abs(imu.mean[_ACCEL_X] - self._axis)
         quiet = shake <= self.settings.max_shake and away <= self.settings.max_shake
-        return quiet and self._turned_s <= self.settings.longest_turn_s
+        return seek.turns and quiet and self._turned_s <= self.settings.longest_turn_s
 
     def solution(self) -> Solution | str | None:
         """What was found so far, or in words why nothing is sought; None where there is no precision unit."""
@@ -225,9 +231,9 @@ class GyroStation:
             return None
         if self.params is None:
             return "the latitude is not known: set gyro.latitude_source, or a reference by place"
-        if self._state is None:
+        if self._seek is None:
             return "the tool has not kept still"
-        return north_seek.solution(self.params, self._state)
+        return self._seek.solution()
 
     def pending(self) -> str:
         """
@@ -235,9 +241,9 @@ class GyroStation:
 
         An automatic survey that is taken before then has no gyro azimuth, or one that gets better by waiting.
         """
-        if not self.heard or self.params is None or self._state is None:
+        if not self.heard or self.params is None or self._seek is None:
             return ""
-        found = north_seek.solution(self.params, self._state)
+        found = self._seek.solution()
         if abs(self.params.latitude_deg) > 85.0:
             return ""
         if not found.success and found.elapsed < self.params.shortest:

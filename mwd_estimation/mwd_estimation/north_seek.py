@@ -391,14 +391,15 @@ def _parts(params: Params, k: Array, x: Array, P: Array, right: Array) -> list[n
 def _none(params: Params, reason: str) -> Solution:
     nothing = (math.nan,) * 4
     if abs(params.latitude_deg) > 85.0:
-        reason = _polar(params)
+        reason = polar(params)
     return Solution(
         False, reason, params.mode, math.nan, math.nan, math.nan, math.nan, 0.0, math.nan,
         nothing, nothing, nothing[:3], nothing[:3],
     )  # fmt: skip
 
 
-def _polar(params: Params) -> str:
+def polar(params: Params) -> str:
+    """Why north is not sought near the pole."""
     return (
         f"latitude {params.latitude_deg:.1f} deg is too near the pole: the Earth's rotation is vertical there and no "
         "gyro finds north above 85 deg"
@@ -426,7 +427,7 @@ def _refusal(
 ) -> str:
     m, elapsed = state.memory, float(state.memory[nf.ELAPSED])
     if abs(params.latitude_deg) > 85.0:
-        return _polar(params)
+        return polar(params)
     if m[nf.CLIPPED] > 0.001 * m[nf.SAMPLES]:
         return (
             f"the y or z gyro clipped at {params.gyro_range_dps:.0f} deg/s in {m[nf.CLIPPED]:.0f} of "
