@@ -1,0 +1,183 @@
+"""What the surface node costs: share of a core with page open and recorder on, and memory over a long replay."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import urllib.request
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import aiohttp
+import yaml
+
+import running_graph
+from running_graph import PLACE, until
+
+TICK = os.sysconf("SC_CLK_TCK")
+PAGE_SIZE = os.sysconf("SC_PAGE_SIZE")
+SETTLED = 90.0  # s of the recording after which memory is expected to stand still
+
+
+def processor_seconds(pid: int) -> float:
+    """Time of a process on the processors, s."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / TICK
+
+
+def resident_mb(pid: int) -> float:
+    """Memory of a process, MB."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * PAGE_SIZE / 1e6
+
+
+def written_scenario(folder: Path, seconds: float) -> Path:
+    """A well of three minutes of rotation, a slide and a connection again and again, at a bit's usual pace."""
+    default = Path(__file__).resolve().parents[1] / "bags" / "scenarios" / "default.yaml"
+    table = yaml.safe_load(default.read_text(encoding="utf-8"))
+    turn = [
+        {"kind": "drill", "seconds": 180.0, "rpm": 120.0, "rop_m_h": 40.0},
+        {"kind": "slide", "seconds": 60.0, "rop_m_h": 30.0, "toolface_deg": 30.0},
+        {"kind": "connection", "seconds": 60.0},
+    ]
+    table["name"] = "long"
+    table["schedule"] = [{"kind": "still", "seconds": 20.0, "pumps": False}, *(turn * round(max(1, seconds / 300.0)))]
+    path = folder / "long.yaml"
+    path.write_text(yaml.safe_dump(table), encoding="utf-8")
+    return path
+
+
+@contextmanager
+def watching(address: str) -> Iterator[list[int]]:
+    """A browser's talk with the page, in a thread; counts states and bytes."""
+    counts, ended = [0, 0], threading.Event()
+
+    async def talk() -> None:
+        async with aiohttp.ClientSession() as session, session.ws_connect(f"{address}live") as socket:
+            while not ended.is_set():
+                said = await socket.receive()
+                if said.type != aiohttp.WSMsgType.TEXT:
+                    return
+                counts[0] += 1
+                counts[1] += len(said.data)
+
+    thread = threading.Thread(target=lambda: asyncio.run(talk()), daemon=True)
+    thread.start()
+    try:
+        yield counts
+    finally:
+        ended.set()
+        thread.join(5.0)
+
+
+def started(graph: running_graph.Graph, **extras: object) -> tuple[str, str, str]:
+    """Names of surface and estimator, and the page's address."""
+    surface = graph.start("surface", "w1", page__port=0, record__name="run", **extras)
+    estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
+    for name in (surface, estimator):
+        until(lambda name=name: ": active" in graph.log(name), 120, f"{name} is active")
+    return surface, estimator, graph.log(surface).split("page: ")[1].split()[0]
+
+
+def live(folder: Path, seconds: float) -> list[str]:
+    """Share of a core at 100 Hz of both units, real time."""
+    with running_graph.graph(folder) as graph:
+        surface, estimator, address = started(graph, folder=folder / "live")
+        sonde = graph.start("sonde", "w1", scenario=written_scenario(folder, seconds), wait_for_listener_s=60.0)
+        until(lambda: "active" in graph.log(sonde), 60, "the sonde is active")
+        with watching(address) as counts:
+            until(lambda: counts[0] > 20, 60, "the page is fed")
+            # The first survey's report brings the drawing library in; that is once a survey, not all the time.
+            until(lambda: "report of" in graph.log(surface), 120, "the first report")
+            pid = graph.running[surface].pid
+            rows = [("page open, recorder on", *share(pid, seconds, counts, address))]
+        rows.append(("nobody watches, recorder on", *share(pid, seconds / 2, [0, 0], address)))
+        for name in (sonde, estimator, surface):
+            graph.end(name)
+    head = [
+        "| 100 Hz, both units, everything recorded | % of a core | states/s | kB/s to the page |",
+        "|---|---|---|---|",
+    ]
+    return [*head, *(f"| {what} | {100 * cpu:.1f} | {rate:.1f} | {size:.1f} |" for what, cpu, rate, size in rows)]
+
+
+def recorded(address: str) -> int:
+    """Messages written so far."""
+    with urllib.request.urlopen(f"{address}state.json", timeout=10) as answer:  # noqa: S310  (loopback)
+        return int(json.loads(answer.read())["sections"]["recorder"]["messages"])
+
+
+def share(pid: int, seconds: float, counts: list[int], address: str) -> tuple[float, float, float, float]:
+    """Per cent of a core, messages recorded, states and kB to the page a second."""
+    written = recorded(address)
+    began, used, states, size = time.monotonic(), processor_seconds(pid), *counts
+    while time.monotonic() - began < seconds:
+        time.sleep(0.5)
+    took = time.monotonic() - began
+    cpu = 100.0 * (processor_seconds(pid) - used) / took
+    told = (counts[0] - states) / took, (counts[1] - size) / took / 1e3
+    return cpu, (recorded(address) - written) / took, *told
+
+
+def replayed(folder: Path, seconds: float, rate: float, told: Callable[[str], None]) -> list[str]:
+    """Memory while a long recording is played fast into estimator and surface."""
+    mwd = [sys.executable, "-P", "-m", "mwd_surface.cli"]
+    scenario, bag = written_scenario(folder, seconds), folder / "long"
+    words = [*mwd, "simulate", str(scenario), "-o", str(bag), "--namespace", "/w1"]
+    subprocess.run(words, check=True, capture_output=True)
+    with running_graph.graph(folder) as graph:
+        surface, estimator, address = started(graph, folder=folder / "replay")
+        pid = graph.running[surface].pid
+        words = [*mwd, "replay", str(bag), "--sensors", "--rate", str(rate), "--wait", "60"]
+        found: list[tuple[float, float]] = []
+        with watching(address) as counts, (folder / "replay.log").open("wb") as log:
+            player = subprocess.Popen(words, env=graph.environment, stdout=log, stderr=log)
+            until(lambda: counts[0] > 30, 120, "the page is fed")
+            began, used = time.monotonic(), processor_seconds(pid)
+            while player.poll() is None:
+                found.append(((time.monotonic() - began) * rate, resident_mb(pid)))
+                told(f"{found[-1][0]:.0f} s: {found[-1][1]:.1f} MB")
+                time.sleep(2.0)
+            took = time.monotonic() - began
+        cpu = (processor_seconds(pid) - used) / took
+        for name in (estimator, surface):
+            graph.end(name)
+    settled = [mb for at, mb in found if at >= min(SETTLED, found[-1][0] / 2)]
+    third = max(1, len(settled) // 3)
+    first, last = sum(settled[:third]) / third, sum(settled[-third:]) / third
+    return [
+        f"| replay of {found[-1][0] / 60:.0f} min at {rate:g}x, page open, recorder on | |",
+        "|---|---|",
+        f"| memory at the end of the first {min(SETTLED, found[-1][0] / 2):.0f} s | {settled[0]:.1f} MB |",
+        f"| mean of the first and of the last third after that | {first:.1f}, {last:.1f} MB |",
+        f"| most | {max(settled):.1f} MB |",
+        f"| % of a core | {100 * cpu:.1f} |",
+    ]
+
+
+def main() -> None:
+    """Print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--live", type=float, default=20.0, help="seconds of live measurement")
+    parser.add_argument("--replay", type=float, default=300.0, help="seconds of recording to replay; 3600 for the hour")
+    parser.add_argument("--rate", type=float, default=10.0, help="how fast it is replayed")
+    parser.add_argument("--tell", action="store_true", help="print memory as it goes")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        if options.live > 0.0:
+            print("\n".join(live(folder, options.live)), flush=True)
+        if options.replay > 0.0:
+            say = (lambda text: print(text, file=sys.stderr, flush=True)) if options.tell else (lambda _text: None)
+            print("\n" + "\n".join(replayed(folder, options.replay, options.rate, say)), flush=True)
+
+
+if __name__ == "__main__":
+    main()
