@@ -35,7 +35,7 @@ class Settings:
     )
     steel_sigmas: float = setting(
         4.0,
-        "beyond so many sigmas a magnetic azimuth that disagrees with a gyro is called steel and dropped",
+        "beyond so many a multi-station azimuth that disagrees with a gyro gives way to it; others do at once",
         low=1.0,
         high=10.0,
     )
@@ -273,11 +273,11 @@ def _settle(
     """
     Drop azimuths until the rest agree; returns those kept and by how much sigma must be widened, rad.
 
-    Of the pair farthest apart in sigmas one goes. Magnetic far from gyro: the magnetic one, for steel can turn the
-    field and leave its total and dip in order, and nothing turns the rotation of the Earth. Both magnetic: the one that
-    removes less interference. Else the less certain one, and since nothing but its sigma speaks for the other, the
-    difference is added to the sigma that is published: a gyro that is three sigma off by chance, as one in four hundred
-    is, must not push a better azimuth aside.
+    Of the pair farthest apart in sigmas one goes. Magnetic against gyro: the magnetic one, for steel can turn the field
+    and leave its total and dip in order, and nothing turns the rotation of the Earth; one that fits the other stations
+    of the run has more to say for itself than a gyro three sigma off, as one in four hundred is by chance, and goes
+    later. Both magnetic: the one that removes less interference. Else the less certain one, and since nothing but its
+    sigma speaks for the other, the difference is added to the sigma that is published.
     """
     use, widening = list(use), 0.0
     while len(use) > 1:
@@ -287,7 +287,8 @@ def _settle(
             break
         a, b = candidates[i], candidates[j]
         ranked = a.family == b.family == MAGNETIC and RANK.get(a.method, -1) != RANK.get(b.method, -1)
-        if a.family != b.family and ratio > settings.steel_sigmas:
+        by_run = any(c.family == MAGNETIC and c.method == "multistation" for c in (a, b))
+        if a.family != b.family and (ratio > settings.steel_sigmas or not by_run):
             lose, keep = (i, j) if a.family == MAGNETIC else (j, i)
             why = "because steel can turn the field without changing its total or dip"
         elif ranked:

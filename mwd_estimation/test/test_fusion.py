@@ -163,13 +163,14 @@ def test_where_no_check_failed_the_gyro_wins_over_steel_and_the_alarm_is_raised(
     assert fused.reasons[0] == fused.alarm
 
 
-def test_a_gyro_off_by_little_more_than_chance_raises_the_alarm_and_leaves_the_better_azimuth() -> None:
+def test_a_gyro_off_by_little_more_than_chance_raises_the_alarm_and_leaves_what_a_whole_run_says() -> None:
     fused = fusion.fuse([candidate("multistation", 100.0, 0.1), candidate("gyro", 104.2, 1.26)])
     assert fused.method == "multistation"
     assert fused.azimuth / DEG == pytest.approx(100.0)
     assert fused.sigma / DEG == pytest.approx(math.hypot(0.1, 4.2))
     assert "gyro azimuth is +4.2 deg (3.3 sigma) from multistation" in fused.alarm
     assert fusion.fuse([candidate("multistation", 100.0, 0.1), candidate("gyro", 105.2, 1.26)]).method == "gyro"
+    assert fusion.fuse([candidate("raw", 100.0, 0.1), candidate("gyro", 104.2, 1.26)]).method == "gyro"
 
 
 def test_between_equals_the_more_certain_wins_and_its_sigma_covers_the_difference() -> None:
