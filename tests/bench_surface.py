@@ -102,10 +102,10 @@ def live(folder: Path, seconds: float) -> list[str]:
         for name in (sonde, estimator, surface):
             graph.end(name)
     head = [
-        "| 100 Hz, both units, everything recorded | % of a core | states/s | kB/s to the page |",
-        "|---|---|---|---|",
+        "| 100 Hz, both units, all recorded | % of a core | messages/s recorded | states/s | kB/s to the page |",
+        "|---|---|---|---|---|",
     ]
-    return [*head, *(f"| {what} | {100 * cpu:.1f} | {rate:.1f} | {size:.1f} |" for what, cpu, rate, size in rows)]
+    return [*head, *("| " + " | ".join([what, *(f"{v:.1f}" for v in figures)]) + " |" for what, *figures in rows)]
 
 
 def recorded(address: str) -> int:

@@ -41,6 +41,7 @@ from mwd_surface.page.page_server import PageSettings
 from mwd_surface.rig.rig_interface import InterfaceError
 from mwd_surface.rig.rig_port import RigSettings
 from mwd_surface.surveys.depth import DepthRules
+from mwd_surface.surveys.leg_settings import LegSettings
 from mwd_surface.surveys.slide_sheet import SlideRules
 from mwd_surface.surveys.survey_list import ListRules, SurveyList
 from mwd_surface.surveys.survey_store import StoreError
@@ -63,6 +64,7 @@ class SurfaceSettings:
     plan: PlanSettings = setting(PlanSettings, "The planned well path")
     advisory: AdvisorySettings = setting(AdvisorySettings, "Toolface to steer at")
     rules: ListRules = setting(ListRules, "Rules of the survey list")
+    leg: LegSettings = setting(LegSettings, "Tie-on, leg and tool")
     depth: DepthRules = setting(DepthRules, "Pairing surveys with depth")
     slides: SlideRules = setting(SlideRules, "The slide sheet")
     record: RecordSettings = setting(RecordSettings, "What is recorded")
@@ -82,8 +84,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._closings: list[Callable[[], Any]] = []
 
     def takes_live(self, name: str) -> bool:
-        """Well, plan, advice and rules of the list can change while running; folders and ports cannot."""
-        return name.startswith(("well.", "rules.", "plan.", "advisory."))
+        """Well, leg, plan, advice and rules of the list can change while running; folders and ports cannot."""
+        return name.startswith(("well.", "rules.", "leg.", "plan.", "advisory."))
 
     def settings_changed(self, settings: SurfaceSettings) -> None:
         """Bring the survey list under the new well and rules, the page under the new plan and advice."""
@@ -91,7 +93,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             return
         self._plan.read(settings.plan, settings.well.north_reference)
         self._plan.show_advice(settings.advisory)
-        self._surveys.configured(self._plan.along_plan(settings.well), settings.rules)
+        self._surveys.configured(self._plan.along_plan(settings.well), settings.rules, settings.leg)
         self._show_well()
 
     def _show_well(self) -> None:
@@ -125,7 +127,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         well = self._plan.along_plan(settings.well)
         self._surveys = self._closed_at_end(
             SurveyDesk(
-                self, folder, well, settings.rules, settings.depth,
+                self, folder, well, settings.rules, settings.leg, settings.depth,
                 live=live, journal=journal, plan=self._plan, beside=self._beside,
                 changed=self._surveys_changed,
             )

@@ -26,6 +26,7 @@ from mwd_surface.page.alarms import Severity
 from mwd_surface.page.live_state import LiveState
 from mwd_surface.surveys.azimuth_check import disagreement
 from mwd_surface.surveys.depth import DepthRules, DepthTrack
+from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.survey_list import ListRules, SurveyList
 from mwd_surface.surveys.survey_message import survey_of
 from mwd_surface.surveys.survey_record import Verdict
@@ -68,6 +69,7 @@ class SurveyDesk:
         folder: Path,
         well: Well,
         rules: ListRules,
+        leg: LegSettings,
         depth: DepthRules,
         *,
         live: LiveState,
@@ -86,6 +88,7 @@ class SurveyDesk:
         self.surveys = loaded.surveys
         for text in loaded.messages:
             journal.note("survey list", text, Severity.WARNING)
+        self.surveys = self._arranged(self.surveys, leg)
 
     def open(self) -> None:
         """Open topics and services."""
@@ -103,16 +106,27 @@ class SurveyDesk:
         """Give the list's folder free."""
         self._store.close()
 
-    def configured(self, well: Well, rules: ListRules) -> None:
-        """Bring the list under another description of the well and other rules; where that cannot be, say so."""
+    def configured(self, well: Well, rules: ListRules, leg: LegSettings) -> None:
+        """Bring the list under another description of the well, other rules and leg; where that cannot be, say so."""
         try:
             surveys = self.surveys.configured(well, rules)
         except ValueError as error:
-            text = f"the survey list keeps its old settings: {error}"
-            self._journal.alarm("surveys.settings", Severity.WARNING, text)
+            self._refused(error)
             return
-        self._journal.clear("surveys.settings")
-        self._keep(surveys)
+        self._keep(self._arranged(surveys, leg))
+
+    def _arranged(self, surveys: SurveyList, leg: LegSettings) -> SurveyList:
+        try:
+            surveys = arranged(surveys, leg)
+        except ValueError as error:
+            self._refused(error)
+        else:
+            self._journal.clear("surveys.settings")
+        return surveys
+
+    def _refused(self, error: ValueError) -> None:
+        text = f"the survey list keeps its old settings: {error}"
+        self._journal.alarm("surveys.settings", Severity.WARNING, text)
 
     def definitive(self) -> Definitive:
         """The path as it is now, projected to the bit where that is deeper."""

@@ -1,0 +1,62 @@
+"""Where the survey list stands in the well: tie-on, leg and tool of the surveys to come, as people set them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from mwd_sensors.settings import setting
+from mwd_surface.surveys.survey_list import MAIN, SurveyList, TieOn
+
+
+@dataclasses.dataclass(frozen=True)
+class LegSettings:
+    """Tie-on of the main leg, and leg and tool that surveys to come belong to."""
+
+    name: str = setting(
+        "", "leg of the surveys to come; empty: as it was; a new name with kick_off_depth begins a sidetrack"
+    )
+    kick_off_depth: float = setting(
+        -1.0, "measured depth at which a new leg leaves its parent; below 0: no new leg", unit="m", low=-1.0
+    )
+    parent: str = setting("", "leg that a new one leaves; empty: the one in force")
+    tool: str = setting("", "serial or name of the tool in the hole; empty: as it was")
+    tie_on_depth: float = setting(
+        -1.0, "measured depth of the station the main leg is tied on to; below 0: as it was", unit="m", low=-1.0
+    )
+    tie_on_inclination_deg: float = setting(0.0, "its inclination", unit="deg", low=0.0, high=180.0)
+    tie_on_azimuth_deg: float = setting(0.0, "its azimuth, from the north of the well", unit="deg", low=0.0, high=360.0)
+    tie_on_north: float = setting(0.0, "how far north of the wellhead it is", unit="m")
+    tie_on_east: float = setting(0.0, "how far east of the wellhead it is", unit="m")
+    tie_on_vertical_depth: float = setting(0.0, "its vertical depth", unit="m")
+
+
+def arranged(surveys: SurveyList, asked: LegSettings) -> SurveyList:
+    """
+    The list as the settings want it; one that stands so already comes back as it is.
+
+    Raises
+    ------
+    ValueError
+        A new leg without a kick-off depth, one that is not on the parent's path, or a tie-on that stations lie above.
+        The list is unchanged.
+    """
+    if asked.tie_on_depth >= 0.0:
+        tie_on = TieOn(
+            asked.tie_on_depth,
+            math.radians(asked.tie_on_inclination_deg),
+            math.radians(asked.tie_on_azimuth_deg),
+            asked.tie_on_north,
+            asked.tie_on_east,
+            asked.tie_on_vertical_depth,
+            "given",
+        )
+        if next(leg for leg in surveys.legs if leg.name == MAIN).tie_on != tie_on:
+            surveys = surveys.tied_on(tie_on, MAIN)
+    if asked.name and asked.name not in {leg.name for leg in surveys.legs}:
+        if asked.kick_off_depth < 0.0:
+            raise ValueError(f"leg.name: {asked.name!r} is new; give leg.kick_off_depth together with it")
+        surveys = surveys.sidetracked(asked.name, asked.kick_off_depth, asked.parent or None)
+    if (asked.name and asked.name != surveys.leg) or (asked.tool and asked.tool != surveys.tool):
+        surveys = surveys.using(leg=asked.name or None, tool=asked.tool or None)
+    return surveys
