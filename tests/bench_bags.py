@@ -1,7 +1,7 @@
 """
-How fast bags are written, read and recorded here, against `mcap` and `rosbags` in the same run.
+How fast bags are written, read, recorded and processed here, against `mcap` and `rosbags` in the same run.
 
-    python tests/bench_bags.py [--messages 300000] [--seconds 5] [--json FILE]
+    python tests/bench_bags.py [--messages 300000] [--seconds 5] [--hours 1] [--json FILE]
 
 Absolute figures belong to the machine; the ratios are what should hold elsewhere.
 """
@@ -9,7 +9,9 @@ Absolute figures belong to the machine; the ratios are what should hold elsewher
 from __future__ import annotations
 
 import argparse
+import csv
 import json
+import math
 import resource
 import subprocess
 import sys
@@ -26,12 +28,22 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 from rosbags.typesys import Stores, get_typestore
 
-from mwd_sensors import wire
+from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
+from mwd_sensors import settings, wire
+from mwd_sensors.frames import mat_nt
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.recorder import Recorder, RecorderSettings
 from mwd_surface.bags.recovery import check
+from mwd_surface.exports import attitude_csv
+from mwd_surface.runs import process
 
+PLACE = {
+    "reference.source": "model",
+    "reference.lat_deg": 50.0,
+    "reference.lon_deg": 8.0,
+    "reference.date": "2026-03-01",
+}
 IMU, MAG = "sensor_msgs/msg/Imu", "sensor_msgs/msg/MagneticField"
 START = 1_700_000_000_000_000_000
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -193,11 +205,169 @@ def peak_mb(path: Path) -> float:
     return float(subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, check=True).stdout)
 
 
+def drilled(path: Path, seconds: int) -> None:
+    """A bag of 150 s of rotation, 30 s of rest, and so on: IMU at 1 kHz, field at 100 Hz, depth at 1 Hz."""
+    random, phase = np.random.default_rng(1), 0.0
+    field_n = 5e-5 * np.array([math.cos(1.1), 0.0, math.sin(1.1)])
+    with BagWriter(path) as writer:
+        one, two = writer.topic("/imu/data_raw", IMU), writer.topic("/imu/mag", MAG)
+        three = writer.topic("/rig/state", wire.RIG_STATE.type_name)
+        for second in range(0, seconds, 2):
+            n = 2000
+            times = second + np.arange(n) * 1e-3
+            turning = times % 180.0 < 150.0
+            rate = np.where(turning, 12.0 + 2.0 * np.sin(1.3 * times), 0.0)
+            roll = phase + np.cumsum(rate) * 1e-3
+            phase = float(roll[-1])
+            mat = mat_nt(0.8 + 0.2 * np.sin(times / 900.0), 1.9 + times / 12000.0, roll)
+            imu, mag, rig = wire.IMU.empty(n), wire.MAG.empty(n // 10), wire.RIG_STATE.empty(2)
+            imu["stamp_ns"] = START + np.round(times * 1e9).astype(np.int64)
+            imu["angular_velocity"] = np.where(turning, 0.1, 1e-3)[:, None] * random.normal(size=(n, 3))
+            imu["angular_velocity"][:, 0] += rate
+            shake = np.where(turning, 8.0, 5e-3)[:, None] * random.normal(size=(n, 3))
+            imu["linear_acceleration"] = np.einsum("kji,j->ki", mat, [0.0, 0.0, -9.81]) + shake
+            mag["stamp_ns"] = imu["stamp_ns"][::10] + 3_000_000
+            mag["magnetic_field"] = np.einsum("kji,j->ki", mat[::10], field_n) + 5e-8 * random.normal(size=(n // 10, 3))
+            rig["stamp_ns"], rig["bit_depth"], rig["valid"] = imu["stamp_ns"][::1000], 1000.0 + second / 100.0, 1
+            writer.write_rows(one, wire.IMU.encode(imu, "sonde_link"), imu["stamp_ns"])
+            writer.write_rows(two, wire.MAG.encode(mag, "sonde_link"), mag["stamp_ns"])
+            writer.write_rows(three, wire.RIG_STATE.encode(rig, "rig_floor"), rig["stamp_ns"])
+
+
+def estimator(method: str) -> EstimatorSettings:
+    """The method, with a field to correct by."""
+    return settings.changed(EstimatorSettings(), {"method": method, **PLACE})
+
+
+def parts(bag: Path, method: str, scratch: Path) -> dict[str, float]:
+    """Microseconds of each part of processing alone, per IMU sample, on the first five minutes."""
+    fields = {IMU: ("angular_velocity", "linear_acceleration"), MAG: ("magnetic_field",)}
+    end = START + 300 * wire.NANOSECONDS
+
+    def read() -> list[dict[str, np.ndarray]]:
+        with Bag(bag) as opened:
+            return [{k: v[1] for k, v in block.items()} for block in opened.blocks(None, START, end, fields=fields)]
+
+    blocks = read()
+
+    def run() -> list[Output]:
+        pipeline, outputs = Pipeline(estimator(method)), []
+        for block in blocks:
+            if "/imu/mag" in block:
+                pipeline.push_mag(block["/imu/mag"])
+            outputs.append(pipeline.push_imu(block["/imu/data_raw"]))
+        return outputs
+
+    outputs = run()
+
+    def write() -> None:
+        lines = attitude_csv.Lines()
+        with (scratch / "attitude.csv").open("wb") as file:
+            for output in outputs:
+                file.write(lines(output.attitude, output.gravity))
+
+    count = sum(len(output.attitude) for output in outputs)
+    found = {}
+    for name, work in (("read", read), ("estimate", run), ("write", write)):
+        times = []
+        for _ in range(3):
+            began = time.perf_counter()
+            work()
+            times.append(time.perf_counter() - began)
+        found[name] = 1e6 * min(times) / count
+    return found
+
+
+def processed(bag: Path, method: str, scratch: Path, turns: int = 3) -> dict[str, float]:
+    """Million IMU samples a second from bag to files, as `mwd process` does it, and its processor time, us a sample."""
+    best_wall, best_cpu, rows = math.inf, math.inf, 0
+    for _ in range(turns):
+        began, cpu = time.perf_counter(), time.process_time()
+        with Bag(bag) as opened:
+            rows = process.process(opened, scratch / "out", estimator(method)).rows
+        best_wall = min(best_wall, time.perf_counter() - began)
+        best_cpu = min(best_cpu, time.process_time() - cpu)
+    return {
+        "rate": rows / best_wall / 1e6,
+        "wall_s": best_wall,
+        "cpu_us": 1e6 * best_cpu / rows,
+        "us": 1e6 * best_wall / rows,
+    }
+
+
+def process_peak_mb(bag: Path, scratch: Path, seconds: float) -> float:
+    """Largest resident memory of `mwd process` over the first seconds of a bag, MB."""
+    # Not ru_maxrss, which a child inherits from who started it.
+    code = (
+        "from mwd_surface.cli import main\n"
+        "try:\n    main()\nfinally:\n"
+        "    print('PEAK', next(line for line in open('/proc/self/status') if 'VmHWM' in line).split()[1])"
+    )
+    words = ["process", str(bag), "-o", str(scratch / "peak"), "--method", "s3", "--end", str(seconds)]
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=True)
+    return float(done.stdout.split("PEAK")[1]) / 1024
+
+
+def naive(bag: Path, scratch: Path, most: int = 20_000) -> float:
+    """IMU samples a second of what one would write first: rosbags, numpy, the csv module, message by message."""
+    count, down, last = 0, np.array([1.0, 0.0, 0.0]), None
+    began = time.perf_counter()
+    with Reader(bag) as reader, (scratch / "naive.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        for connection, _, data in reader.messages():
+            message = STORE.deserialize_cdr(data, connection.msgtype) if connection.msgtype in (IMU, MAG) else None
+            if message is None or connection.msgtype == MAG:
+                continue
+            stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+            rate, force = message.angular_velocity, message.linear_acceleration
+            w, f = np.array([rate.x, rate.y, rate.z]), np.array([force.x, force.y, force.z])
+            if last is not None:
+                error = np.cross(-f / np.linalg.norm(f), down)
+                down = down - np.cross(w + 0.15 * error, down) * (stamp - last)
+                down /= np.linalg.norm(down)
+            last = stamp
+            inclination = math.atan2(math.hypot(down[1], down[2]), down[0])
+            toolface = math.atan2(-down[1], -down[2]) % (2.0 * math.pi)
+            writer.writerow([stamp, f"{math.degrees(inclination):.6f}", f"{math.degrees(toolface):.6f}"])
+            count += 1
+            if count == most:
+                break
+    return count / (time.perf_counter() - began)
+
+
+def measure_processing(folder: Path, hours: float) -> dict[str, float]:
+    """Print and return the figures of `mwd process`."""
+    bag = folder / "drilled"
+    drilled(bag, round(3600 * hours))
+    found: dict[str, float] = {"naive k/s": naive(bag, folder) / 1e3}
+    for method in ("s3", "bounded"):
+        alone = parts(bag, method, folder)
+        whole = processed(bag, method, folder)
+        total = sum(alone.values())
+        each = ", ".join(f"{name} {value:.2f}" for name, value in alone.items())
+        print(
+            f"process --method {method}: {whole['rate']:.2f} M IMU samples/s, {hours:g} h at 1 kHz in "
+            f"{whole['wall_s']:.1f} s; {whole['us']:.2f} us a sample against {total:.2f} of its parts one after "
+            f"another ({each}), ratio {whole['us'] / total:.2f}; {whole['cpu_us']:.2f} us of processor"
+        )
+        found |= {f"{method} M/s": whole["rate"], f"{method} whole / parts": whole["us"] / total}
+        found[f"{method} / naive"] = 1e3 * whole["rate"] / found["naive k/s"]
+    print(
+        f"rosbags and a numpy loop, message by message: {found['naive k/s']:.1f} k IMU samples/s; "
+        f"s3 {found['s3 / naive']:.0f} x, bounded {found['bounded / naive']:.0f} x that"
+    )
+    for seconds in (300.0, 3600.0 * hours):
+        found[f"peak MB of {seconds:g} s"] = process_peak_mb(bag, folder, seconds)
+        print(f"mwd process over {seconds:g} s: at most {found[f'peak MB of {seconds:g} s']:.0f} MB in memory")
+    return found
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
     parser.add_argument("--messages", type=int, default=300_000, help="Imu messages")
     parser.add_argument("--seconds", type=float, default=5.0, help="length of the recorder's run")
+    parser.add_argument("--hours", type=float, default=1.0, help="length of the recording that is processed")
     parser.add_argument("--json", type=Path, help="write the figures there too")
     options = parser.parse_args()
     imu, mag = samples(options.messages)
@@ -225,6 +395,7 @@ def main() -> None:
         size = (bag / "ours0_0.mcap").stat().st_size / (len(imu) + len(mag))
         memory = peak_mb(bag)
         recorder = record(folder / "recordings", options.seconds)
+        processing = measure_processing(folder, options.hours)
     for name, rate in rates.items():
         print(f"{name:28s} {rate / 1e3:10.0f} k msg/s")
     ratios = {
@@ -242,7 +413,9 @@ def main() -> None:
     print("recorder at 2 kHz + 200/s: " + ", ".join(f"{name} {value:.3g}" for name, value in recorder.items()))
     print(f"this process at most {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
     if options.json:
-        options.json.write_text(json.dumps({"rates": rates, "ratios": ratios, "recorder": recorder}, indent=2))
+        options.json.write_text(
+            json.dumps({"rates": rates, "ratios": ratios, "recorder": recorder, "process": processing}, indent=2)
+        )
 
 
 if __name__ == "__main__":
