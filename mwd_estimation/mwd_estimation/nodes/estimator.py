@@ -49,8 +49,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         """Compile the kernels and open the topics."""
         warm_up(self.settings)
         self._begin()
-        self._attitude = self.publish_on(Attitude, "attitude", profiles.STREAM)
-        self._gravity = self.publish_on(Gravity, "gravity", profiles.STREAM)
+        self._attitude = self.publish_on(Attitude, "attitude", profiles.WATCHED_STREAM)
+        self._gravity = self.publish_on(Gravity, "gravity", profiles.WATCHED_STREAM)
         self._imu = self.publish_on(Imu, "imu/data", profiles.STREAM)
         self._interference = self.publish_on(Interference, "interference", profiles.STATE)
         self._dynamics = self.publish_on(Dynamics, "dynamics", profiles.STATE)

@@ -1,6 +1,7 @@
 """Quality-of-service profiles of the graph, each named once."""
 
-from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
+from rclpy.duration import Duration
+from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSLivelinessPolicy, QoSProfile, QoSReliabilityPolicy
 
 # Raw samples and estimates at sensor rate: the newest matters, nobody waits for a lost one.
 STREAM = QoSProfile(
@@ -29,6 +30,30 @@ STATE = QoSProfile(
     depth=10,
     reliability=QoSReliabilityPolicy.RELIABLE,
     durability=QoSDurabilityPolicy.VOLATILE,
+)
+
+# What a controller may steer by: as STREAM and STATE, and a promise. A reader that asks for this deadline and lease (or
+# longer ones) is told by the middleware when values stop (a hung node) or the writer dies; one that asks for nothing
+# reads as before.
+DEADLINE = Duration(seconds=1)
+LEASE = Duration(seconds=2)
+WATCHED_STREAM = QoSProfile(
+    history=QoSHistoryPolicy.KEEP_LAST,
+    depth=200,
+    reliability=QoSReliabilityPolicy.BEST_EFFORT,
+    durability=QoSDurabilityPolicy.VOLATILE,
+    deadline=DEADLINE,
+    liveliness=QoSLivelinessPolicy.AUTOMATIC,
+    liveliness_lease_duration=LEASE,
+)
+WATCHED_STATE = QoSProfile(
+    history=QoSHistoryPolicy.KEEP_LAST,
+    depth=10,
+    reliability=QoSReliabilityPolicy.RELIABLE,
+    durability=QoSDurabilityPolicy.VOLATILE,
+    deadline=DEADLINE,
+    liveliness=QoSLivelinessPolicy.AUTOMATIC,
+    liveliness_lease_duration=LEASE,
 )
 
 

@@ -7,11 +7,11 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from mwd_msgs.msg import RigState, Truth
+from mwd_msgs.msg import RigCommand, RigState, Truth
 from mwd_msgs.srv import InjectFault
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 
-from mwd_sensors import scenario_files, wire
+from mwd_sensors import scenario_files, steering, wire
 from mwd_sensors.faults import Fault
 from mwd_sensors.nodes import profiles
 from mwd_sensors.nodes.graph_node import ERROR, OK, WARN, Finding, GraphNode, run_node
@@ -34,6 +34,8 @@ _TYPES = {
 }
 # At equal stamps the AHRS comes last: what the estimator needs beside it is then already on its way.
 _ORDER = ("rig/state", "imu/temperature", "gyro/data_raw", "imu/mag", "truth", "imu/data_raw")
+
+_OBEYED = {steering.HOLD: "holding", steering.ROTATE: "rotating", steering.ORIENT: "turning to an angle"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,6 +74,7 @@ class SondeNode(GraphNode[SondeSettings]):
             for topic in _ORDER
         }
         self.serve(InjectFault, "inject_fault", self._inject_fault)
+        self.listen(RigCommand, "rig/command", self._on_command, profiles.STATE)
         self.every(_TICK_S, self._tick)
 
     def start(self) -> None:
@@ -79,6 +82,8 @@ class SondeNode(GraphNode[SondeSettings]):
         self._sonde = None
         self._finished = False
         self._over_at = 0.0
+        self._taken = self._not_taken = 0
+        self._why_not = ""
         self._listeners = Listeners(time.monotonic(), self.settings.wait_for_listener_s)
 
     def _begin(self) -> None:
@@ -136,6 +141,20 @@ class SondeNode(GraphNode[SondeSettings]):
         self._pending.sort(key=lambda item: item[:2])
         self._made_until += _BLOCK_S
 
+    def _on_command(self, message: RigCommand) -> None:
+        command = steering.Command(message.mode, message.rotary_speed, message.turn, message.valid_for)
+        try:
+            if self._sonde is not None:
+                self._sonde.command(command)
+            self._why_not = "" if self._sonde is not None else "the scenario has not started"
+        except ValueError as error:
+            self._why_not = str(error)
+        if self._why_not:
+            self._not_taken += 1
+            self.get_logger().warning(f"rig/command not obeyed: {self._why_not}", throttle_duration_sec=5.0)
+        else:
+            self._taken += 1
+
     def _inject_fault(self, request: InjectFault.Request, response: InjectFault.Response) -> InjectFault.Response:
         if not self.settings.fault_injection:
             response.success = False
@@ -158,7 +177,21 @@ class SondeNode(GraphNode[SondeSettings]):
         return response
 
     def findings(self) -> Sequence[Finding]:
-        """Progress and what was sent."""
+        """Progress and what was sent; commands, where any came."""
+        return (*self._progress(), *self._commanded())
+
+    def _commanded(self) -> Sequence[Finding]:
+        string = self._sonde.string if self._sonde is not None else None
+        if not self._taken + self._not_taken:
+            return ()
+        values = (("taken", str(self._taken)), ("refused", str(self._not_taken)))
+        if self._why_not:
+            remedy = "mend the command; the one before stays in force until its time is over"
+            return (Finding("rig command", WARN, self._why_not, remedy, values),)
+        obeyed = _OBEYED[string.obeys] if string is not None and string.obeys is not None else ""
+        return (Finding("rig command", OK, obeyed, values=values),)
+
+    def _progress(self) -> Sequence[Finding]:
         values = tuple((topic, str(count)) for topic, count in self._sent.items())
         if self._sonde is None:
             return (Finding("scenario", WARN, "waiting for a listener", "start the estimator", values),)

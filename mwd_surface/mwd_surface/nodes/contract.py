@@ -12,7 +12,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu, JointState, MagneticField, Temperature
 from tf2_msgs.msg import TFMessage
 
-from mwd_sensors.nodes.profiles import EVENT, LATCHED, STATE, STREAM
+from mwd_sensors.nodes.profiles import EVENT, LATCHED, STATE, STREAM, WATCHED_STATE, WATCHED_STREAM
 
 TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "imu/data_raw": (Imu, STREAM),
@@ -21,14 +21,15 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "imu/temperature": (Temperature, STREAM),
     "truth": (msg.Truth, STREAM),
     "rig/state": (msg.RigState, EVENT),
+    "rig/command": (msg.RigCommand, STATE),
     "rig/quill": (JointState, STATE),
-    "gravity": (msg.Gravity, STREAM),
-    "attitude": (msg.Attitude, STREAM),
+    "gravity": (msg.Gravity, WATCHED_STREAM),
+    "attitude": (msg.Attitude, WATCHED_STREAM),
     "imu/data": (Imu, STREAM),
     "dynamics": (msg.Dynamics, STATE),
     "interference": (msg.Interference, STATE),
     "survey": (msg.Survey, EVENT),
-    "toolface": (msg.Toolface, STATE),
+    "toolface": (msg.Toolface, WATCHED_STATE),
     "survey/accepted": (msg.SurveyRecord, EVENT),
     "surveys": (msg.SurveyList, LATCHED),
     "trajectory": (msg.Trajectory, LATCHED),
@@ -48,7 +49,11 @@ def type_name(kind: Any) -> str:
 
 
 def profile_yaml(profile: QoSProfile) -> str:
-    """A profile as rosbag2 writes it into ``offered_qos_profiles``: a list of one, in YAML."""
+    """
+    A profile as rosbag2 writes it into ``offered_qos_profiles``: a list of one, in YAML.
+
+    Without deadline and lease: a replay may be slow or paused, and promises neither.
+    """
     endless = "    sec: 9223372036\n    nsec: 854775807\n"
     return (
         f"- history: {profile.history.name.lower()}\n"

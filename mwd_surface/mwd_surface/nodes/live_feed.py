@@ -11,7 +11,7 @@ from mwd_msgs import msg
 from mwd_estimation.nodes.messages import stamp
 from mwd_sensors import wire
 from mwd_sensors.nodes.graph_node import WARN, Finding, GraphNode
-from mwd_sensors.nodes.profiles import STATE
+from mwd_sensors.nodes.profiles import WATCHED_STATE
 from mwd_surface.page.live_state import LiveState
 
 Act = Callable[[wire.Samples, float], None]
@@ -55,7 +55,7 @@ class LiveFeed:
 
     def open(self) -> None:
         """Open the toolface topic."""
-        self._toolface = self._node.publish_on(msg.Toolface, "toolface", STATE)
+        self._toolface = self._node.publish_on(msg.Toolface, "toolface", WATCHED_STATE)
 
     def bring(self, now: float) -> None:
         """Everything that waits."""
