@@ -197,10 +197,11 @@ def _idle_loop(seconds: float) -> float:
 def peak_mb(path: Path) -> float:
     """Largest resident memory of a process that reads a bag in blocks, MB, above that of its imports."""
     code = (
-        "import resource, sys; from mwd_surface.bags.bag_reader import Bag\n"
-        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "import sys; from mwd_surface.bags.bag_reader import Bag\n"
+        "def peak(): return int(next(x for x in open('/proc/self/status') if 'VmHWM' in x).split()[1]) / 1024\n"
+        "before = peak()\n"
         "for block in Bag(sys.argv[1]).blocks(): pass\n"
-        "print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)"
+        "print(peak() - before)"
     )
     return float(subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, check=True).stdout)
 
