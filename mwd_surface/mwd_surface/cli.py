@@ -17,6 +17,7 @@ from mwd_surface.commands.node import PASS_ON, node
 from mwd_surface.commands.plot import plot
 from mwd_surface.commands.process import process
 from mwd_surface.commands.replay import replay
+from mwd_surface.commands.rig import rig
 from mwd_surface.commands.run import run
 from mwd_surface.commands.scenario import scenario, simulate
 from mwd_surface.commands.survey import survey
@@ -45,6 +46,7 @@ app.command(rich_help_panel=_RECORDINGS)(simulate)
 app.command(rich_help_panel=_RECORDINGS)(plot)
 app.command(rich_help_panel=_RECORDINGS)(calibrate)
 app.command(rich_help_panel=_RECORDINGS)(recover)
+app.add_typer(rig, name="rig", rich_help_panel=_LIVE)
 app.add_typer(bag, name="bag", rich_help_panel=_RECORDINGS)
 app.add_typer(scenario, name="scenario", rich_help_panel=_RECORDINGS)
 app.command(rich_help_panel=_MACHINE)(doctor)

@@ -14,8 +14,8 @@ from mwd_sensors import settings
 from mwd_surface.rig.modbus_map import StatusBit
 from mwd_surface.rig.modbus_server import ModbusSettings
 from mwd_surface.rig.rig_input import RigInputSettings
-from mwd_surface.rig.rig_interface import InterfaceError, InterfaceStatus, PeerStatus
-from mwd_surface.rig.rig_port import RigPort, RigSettings, status_lines
+from mwd_surface.rig.rig_interface import InterfaceError
+from mwd_surface.rig.rig_port import RigPort, RigSettings
 from mwd_surface.rig.wits0 import Decoder
 from mwd_surface.rig.wits0_link import Wits0Settings
 from mwd_surface.rig.wits0_server import Wits0ServerSettings
@@ -139,17 +139,3 @@ def test_every_parameter_that_the_pages_name_exists():
     named = {name for page in pages for name in re.findall(r"\brig\.([a-z0-9_]+(?:\.[a-z0-9_]+)*)", page.read_text())}
     assert len(named) > 20
     assert {n for n in named if n not in known and not any(k.startswith(n + ".") for k in known)} == set()
-
-
-def test_the_state_reads_as_lines_for_people():
-    peer = PeerStatus("10.0.0.7:4711", since=40.0, sent=25, rate=0.5, received=3, dropped=1, last="0717123.46")
-    table = (
-        InterfaceStatus("wits0_server", "listening", "127.0.0.1:8686", peers=(peer,), sent=25, received=3, dropped=1),
-        InterfaceStatus("modbus", "down", reason="127.0.0.1 port 502 is not allowed to this user"),
-    )
-    assert status_lines(table, 100.0) == [
-        "wits0_server: listening at 127.0.0.1:8686; out 25, in 3, dropped 1, refused 0",
-        "  10.0.0.7:4711: 60 s, out 25 (0.50/s), in 3, dropped 1, last 0717123.46",
-        "modbus: down; out 0, in 0, dropped 0, refused 0; 127.0.0.1 port 502 is not allowed to this user",
-    ]
-    assert status_lines((), 0.0) == ["no rig interface is switched on"]

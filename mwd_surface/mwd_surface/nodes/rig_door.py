@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import queue
+import time
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +20,13 @@ from mwd_surface.page.alarms import Severity
 from mwd_surface.page.live_state import LiveState
 from mwd_surface.rig.rig_interface import OnCommand
 from mwd_surface.rig.rig_port import RigPort, RigSettings
+from mwd_surface.rig.rig_status import FILE_NAME, RigStatus, dated, write_status
 from mwd_surface.rig.rig_survey import AcceptedSurvey, accepted_surveys
 from mwd_surface.rig.rig_values import RigValues, rig_values
 from mwd_surface.surveys.survey_list import SurveyList
 
 _PERIOD = 0.2  # s; how often the rig interfaces are told
+_STATUS_PERIOD = 1.0  # s; how often their state is written down
 
 
 class RigDoor:
@@ -32,7 +36,7 @@ class RigDoor:
     ask : OnCommand
         Where requests of the rig go, called in a thread of an interface.
     folder : Path
-        For certificates.
+        Of the well: for the state of the interfaces, and for certificates.
 
     Raises
     ------
@@ -58,7 +62,9 @@ class RigDoor:
         self._told = 0.0
         self._attitude: wire.Samples | None = None
         self._state: Any = None
-        self._port = RigPort(settings, well, on_rig_state=self._in.put, on_command=ask, folder=folder)
+        self._well, self._status_file = well, folder / FILE_NAME
+        self._status_at, self._unwritten = 0.0, ""
+        self._port = RigPort(settings, well, on_rig_state=self._in.put, on_command=ask, folder=folder / "opcua")
         for name, why in self._port.start().items():
             journal.note(f"rig {name}", why, Severity.WARNING)
 
@@ -70,6 +76,7 @@ class RigDoor:
     def close(self) -> None:
         """End the interfaces."""
         self._port.stop()
+        self._status_file.unlink(missing_ok=True)
 
     def on_attitude(self, samples: wire.Samples) -> None:
         """Attitudes arrived, `wire.ATTITUDE`: the last goes out with what the page shows."""
@@ -90,6 +97,9 @@ class RigDoor:
             self._state.publish(wire.RIG_STATE.encode(samples, wire.RIG_FRAME)[0].tobytes())
         if now - self._told >= _PERIOD:
             self.tell(now)
+        if now - self._status_at >= _STATUS_PERIOD:
+            self._status_at = now
+            self._write_status(now)
 
     def tell(self, now: float, *, active: bool = True) -> None:
         """The newest values to every interface; active: the node works, they may be acted upon."""
@@ -107,9 +117,20 @@ class RigDoor:
         )
         self._port.publish(self._values)
 
+    def _write_status(self, now: float) -> None:
+        wall = time.time()
+        status = RigStatus(self._well, wall, os.getpid(), dated(self._port.status(), wall - now))
+        try:
+            write_status(self._status_file, status)
+            self._unwritten = ""
+        except OSError as error:
+            self._unwritten = f"{error.filename}: {error.strerror}"
+
     def findings(self) -> list[Finding]:
         """How each interface is."""
         found = []
+        if self._unwritten:
+            found.append(Finding("rig status file", WARN, self._unwritten, "free the disk; it is tried every second"))
         for one in self._port.status():
             values = [
                 (

@@ -150,7 +150,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._foxglove = self._closed_at_end(FoxgloveDoor(self, settings.foxglove, journal))
         self._foxglove.open()
         self._rig = self._closed_at_end(
-            RigDoor(self, settings.rig, well.name, folder / "opcua", live=live, journal=journal, ask=self._requests.ask)
+            RigDoor(self, settings.rig, well.name, folder, live=live, journal=journal, ask=self._requests.ask)
         )
         self._feed = LiveFeed(self, live, on_attitude=self._on_attitude, on_rig_state=self._on_rig_state)
 

@@ -220,29 +220,3 @@ class RigPort:
         quiet = silenced(values, age, "the surface node is silent")
         for interface in self._interfaces:
             interface.publish(quiet)
-
-
-def status_lines(table: tuple[InterfaceStatus, ...], now: float) -> list[str]:
-    """
-    The state of all interfaces for people, one line each and one for every peer.
-
-    now: of the steady clock that peers' times are of.
-    """
-    if not table:
-        return ["no rig interface is switched on"]
-    lines = []
-    for s in table:
-        last = ", ".join(f"{name} {text}" for name, text in s.last)
-        lines.append(
-            f"{s.name}: {s.state}"
-            + (f" at {s.address}" if s.address else "")
-            + f"; out {s.sent}, in {s.received}, dropped {s.dropped}, refused {s.refused}"
-            + (f"; last {last}" if last else "")
-            + (f"; {s.reason}" if s.reason else "")
-        )
-        lines += [
-            f"  {p.address}: {max(0.0, now - p.since):.0f} s, out {p.sent} ({p.rate:.2f}/s), in {p.received},"
-            f" dropped {p.dropped}" + (f", last {p.last}" if p.last else "")
-            for p in s.peers
-        ]
-    return lines
