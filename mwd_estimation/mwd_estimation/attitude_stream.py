@@ -36,6 +36,12 @@ _HIDDEN = 0.7
 _TOO_FAR = math.radians(3.0)
 # White noise of each magnetometer axis of one sample, T.
 _MAG_NOISE = 100e-9
+# A station's tilt, rad; and the chi-square over the gate from which on it contradicts what was learnt on the way.
+_STATION_TILT = math.radians(0.1)
+_CONTRADICTED = 4.0
+# After a disturbed sample the field has to be in order for so long before it is believed again: on the way out of a
+# casing it passes through values that a steel string could explain.
+_SETTLED_NS = 3_000_000_000
 # With a vertical less certain than this a magnetic sample says nothing of the tool's own field, rad.
 _LEVEL = 0.1
 
@@ -63,6 +69,8 @@ class Lesson:
         Unit vector down and field, T, of the station.
     azimuth, sigma : float
         From magnetic north, rad, by a gyro; nan where there is none.
+    accepted : bool
+        Whether the station passed its checks.
     """
 
     own: tuple[Array, Array] | None
@@ -70,6 +78,7 @@ class Lesson:
     field: Array
     azimuth: float = math.nan
     sigma: float = math.nan
+    accepted: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,12 +104,19 @@ class Mark:
 
 @dataclasses.dataclass(frozen=True)
 class _Magnetic:
-    """Pairs as they correct the azimuth; `bits` of `Status`, `own` and `sigma_own` the tool's field, T, (m, 3)."""
+    """
+    Pairs as they correct the azimuth, m of them.
+
+    `sigma` is less `constant`, the part that never changes; `afresh`: what was said before is withdrawn; `bits` of
+    `Status`; `own` and `sigma_own`, shape (m, 3), the tool's field, T.
+    """
 
     place: Stamps
     stamp_ns: Stamps
     azimuth: Array
     sigma: Array
+    constant: Array
+    afresh: NDArray[np.bool_]
     bits: NDArray[np.uint32]
     own: Array
     sigma_own: Array
@@ -117,10 +133,9 @@ class _Magnetic:
 
 
 def _no_pairs() -> _Magnetic:
-    whole = np.zeros(0, dtype=np.int64)
-    return _Magnetic(
-        whole, whole, np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.uint32), np.zeros((0, 3)), np.zeros((0, 3))
-    )
+    whole, one, three = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 3))
+    no, bits = np.zeros(0, dtype=np.bool_), np.zeros(0, dtype=np.uint32)
+    return _Magnetic(whole, whole, one, one, one, no, bits, three, three)
 
 
 class AttitudeStream:
@@ -159,6 +174,8 @@ class AttitudeStream:
         self._pairs = _no_pairs()
         # Magnetic samples with gravity at their own stamps, of the last block.
         self.handed_on = Pairs.joined([])
+        self._withdrawn = False
+        self._bad_ns = -_SETTLED_NS
         # Of the last pair: bits, sigma of its azimuth; and the tool's field with sigma.
         self._bits, self._sigma = np.zeros(1, dtype=np.uint32), np.zeros(1)
         self._own = np.concatenate([np.zeros(3), np.full(3, -1.0)])
@@ -170,7 +187,7 @@ class AttitudeStream:
         self._field_state = tool_field.initial(self._field, reference, self._errors) if known and reference else None
         self._carry_state = continuous_azimuth.initial()
         self._pairs = _no_pairs()
-        self._bits[0], self._sigma[0] = 0, 0.0
+        self._bits[0], self._sigma[0], self._bad_ns = 0, 0.0, -_SETTLED_NS
         self._own = np.concatenate([np.zeros(3), np.full(3, -1.0)])
         attitude_track.begin_smoothing(self._track_state)
 
@@ -244,7 +261,7 @@ class AttitudeStream:
                 pairs = pairs.joined(self._read(handed.where(level), reading, part.start))
         self.handed_on = Pairs.joined(raw)
         carried, waiting = self._carry_on(block, marks, pairs, precision)
-        rejected = 0
+        rejected, sigma = 0, np.hypot(pairs.sigma, pairs.constant)
         for (part, reading), found in zip(stretches, rows, strict=True):
             track = block.track
             here = slice(*np.searchsorted(pairs.place, [part.start, part.stop]))
@@ -253,7 +270,7 @@ class AttitudeStream:
                 track.sigma_toolface[part], track.non_gravity[part], track.rotary_speed[part], track.status[part],
                 found.inclination, found.azimuth, found.gravity_toolface, found.magnetic_toolface, found.sigma_azimuth,
                 found.sigma_magnetic_toolface, found.status, carried.azimuth[part], carried.sigma[part],
-                carried.status[part], pairs.place[here] - part.start, pairs.bits[here], pairs.sigma[here], self._bits,
+                carried.status[part], pairs.place[here] - part.start, pairs.bits[here], sigma[here], self._bits,
                 self._sigma, reading.north, 0 if self._field_state is not None else _NO_REFERENCE,
             )  # fmt: skip
         interference = self._interference(marks, pairs, rows, before)
@@ -264,13 +281,32 @@ class AttitudeStream:
 
     def _learn(self, lesson: Lesson | None) -> None:
         state = self._field_state
-        if lesson is None or state is None:
+        if lesson is None or state is None or self._reference is None:
             return
+        if lesson.accepted and self._contradicts(state, lesson):
+            # A station that passes its checks, in a field that is no longer the one that was learnt.
+            self._field_state = state = tool_field.initial(self._field, self._reference, self._errors)
+            self._withdrawn = True
         if lesson.own is not None and lesson.own[1][0, 0] < state.covariance[0, 0]:
             # The same field, seen at rest and from more attitudes: it takes the place of what was learnt on the way.
             state.x[:], state.covariance[:] = lesson.own
         if math.isfinite(lesson.azimuth):
             tool_field.aid_azimuth(self._field, state, lesson.down, lesson.field, lesson.azimuth, lesson.sigma)
+
+    def _contradicts(self, state: tool_field.State, lesson: Lesson) -> bool:
+        one = np.full(1, int(state.stamp_ns[0]))
+        tilt, noise = np.full(1, _STATION_TILT), np.full(1, _MAG_NOISE)
+        held = tool_field.run(
+            self._field,
+            state.copy(),
+            one,
+            lesson.down[None],
+            lesson.field[None],
+            tilt,
+            noise,
+            np.zeros(1, dtype=np.bool_),
+        )
+        return bool(held.ratio[0] > _CONTRADICTED)
 
     def _read(self, pairs: Pairs, reading: Reading, start: int) -> _Magnetic:
         """What the pairs of a stretch say of the azimuth, by the tool's own field where a reference shows it."""
@@ -278,9 +314,12 @@ class AttitudeStream:
         if self._field_state is None:
             bits = np.full(n, _UNCORRECTED, dtype=np.uint32)
             unknown = np.full((n, 3), -1.0)
+            constant = np.full(n, min(model.sigma_north, math.pi))
+            rest = np.sqrt(np.maximum(pairs.sigma**2 - constant**2, 0.0))
             return _Magnetic(
-                pairs.place + start, pairs.stamp_ns, pairs.azimuth, pairs.sigma, bits, np.zeros((n, 3)), unknown
-            )
+                pairs.place + start, pairs.stamp_ns, pairs.azimuth, rest, constant, np.zeros(n, dtype=np.bool_), bits,
+                np.zeros((n, 3)), unknown,
+            )  # fmt: skip
         state = self._field_state
         learnt = tool_field.run(
             self._field, state, pairs.stamp_ns, pairs.g_t, pairs.b_t, pairs.sigma_tilt, np.full(n, _MAG_NOISE)
@@ -290,12 +329,19 @@ class AttitudeStream:
         hidden = learnt.sigma[:, 0] * sine * np.abs(np.sin(learnt.azimuth)) / state.field[0]
         corrected = shown[:, 0] | reading.corrected
         bits = np.where(corrected, _CORRECTED, np.where(hidden > _TOO_FAR, _UNCORRECTED | _REFUSED, _UNCORRECTED))
-        bits |= np.where(learnt.ratio <= 1.0, 0, _DISTURBED)
+        bad = np.maximum.accumulate(np.where(learnt.ratio <= 1.0, self._bad_ns, pairs.stamp_ns))
+        self._bad_ns = int(bad[-1])
+        bits |= np.where(pairs.stamp_ns - bad > _SETTLED_NS, 0, _DISTURBED)
+        afresh = learnt.restarted
+        afresh[0] |= self._withdrawn
+        self._withdrawn = False
         return _Magnetic(
             pairs.place + start,
             pairs.stamp_ns,
             learnt.azimuth + model.north_correction,
-            np.hypot(learnt.sigma_azimuth, model.sigma_north),
+            learnt.sigma_azimuth,
+            np.full(n, model.sigma_north),
+            afresh,
             bits.astype(np.uint32),
             np.where(shown, learnt.bias, 0.0),
             np.where(shown, learnt.sigma, -1.0),
@@ -313,7 +359,9 @@ class AttitudeStream:
             told.stamp_ns,
             told.azimuth,
             told.sigma,
+            told.constant,
             told.bits & _DISTURBED == 0,
+            told.afresh,
             *precision,
         )
         track = block.track

@@ -1,11 +1,11 @@
 """
 Azimuth while drilling, without a stop: carried by the gyros, corrected by the magnetic azimuth, honest in between.
 
-Six states: azimuth of the hole axis, bias of the two cross-axis gyros of the conventional and of the precision unit,
-and the slowly changing error of the magnetic azimuth (interference, declination), which never averages out while the
-tool stays where it is. Only the cross-axis rates enter, so that the x gyro may clip and a turning tool modulates the
-biases out. A magnetic azimuth beyond the innovation gate is not used; one that stays away with its field in order is
-taken up again, and says so.
+Seven states: azimuth of the hole axis, bias of the two cross-axis gyros of the conventional and of the precision unit,
+the slowly changing error of the magnetic azimuth (interference), which does not average out while the tool stays where
+it is, and the constant one (declination), which never does. Only the cross-axis rates enter, so that the x gyro may
+clip and a turning tool modulates the biases out. A magnetic azimuth beyond the innovation gate is not used; one that
+stays away with its field in order is taken up again, and says so.
 
 What turns the axis is summed sample by sample; the filter itself steps once per closed bin of time, one bin late, when
 the other streams of that time are there. Every sample is given the filter's azimuth carried on to its own time by the
@@ -28,13 +28,14 @@ from mwd_estimation.track import Array, Stamps
 from mwd_sensors.compiled import compiled
 from mwd_sensors.settings import setting
 
-# States: azimuth, rad; bias y and z of the conventional and of the precision gyros, rad/s; magnetic error in units of
-# its own sigma.
-AZIMUTH, BIAS, PRECISION_BIAS, ERROR, STATES = 0, 1, 3, 5, 6
+# States: azimuth, rad; bias y and z of the conventional and of the precision gyros, rad/s; slow and constant magnetic
+# error, each in units of its own sigma.
+AZIMUTH, BIAS, PRECISION_BIAS, ERROR, CONSTANT, STATES = 0, 1, 3, 5, 6, 7
 # Memory: a first azimuth exists; seconds since the last magnetic azimuth used, and since the last seen; seconds for
 # which good ones have been gated out; last innovation ratio; counts of gated, failed and taken-up-again azimuths; bits
-# of the last magnetic azimuth; last bin taken in, and the carried turn at its end.
-HAVE, SINCE_USED, SINCE_SEEN, REFUSING, RATIO, GATED, FAILED, TAKEN_UP, BITS, LAST_BIN, LAST_CARRIED, MEMORY = range(12)
+# of the last magnetic azimuth; last bin taken in, and the carried turn at its end; sigma of the last magnetic azimuth.
+HAVE, SINCE_USED, SINCE_SEEN, REFUSING, RATIO, GATED, FAILED, TAKEN_UP, BITS, LAST_BIN = range(10)
+LAST_CARRIED, LAST_SIGMA, MEMORY = 10, 11, 12
 # Settings handed to the kernel; the gyros' noise, bias and walk stand twice, conventional then precision.
 K_NORTH, K_DOWN, K_SHARE, K_TAU, K_GATE, K_PATIENCE, K_TIMEOUT, K_VERTICAL, K_GAP_RATE, K_TILT_MEMORY = range(10)
 K_NOISE, K_BIAS, K_WALK, K_RANGE, K_WIDEST, SETTINGS = 10, 12, 14, 16, 17, 18
@@ -58,9 +59,9 @@ class Params:
     gyro_bias_deg_h: float = setting(100.0, "Bias not known to better than", unit="deg/h", low=0.0, high=1e5)
     gyro_walk_deg_h_rth: float = setting(10.0, "Bias random walk per root hour", unit="deg/h", low=0.0, high=1e4)
     magnetic_share: float = setting(
-        0.9, "Share of the magnetic sigma that stays the same from sample to sample", low=0.0, high=0.999
+        0.95, "Share of the magnetic sigma that stays the same from sample to sample", low=0.0, high=0.999
     )
-    magnetic_memory_s: float = setting(1800.0, "Time in which that share changes", unit="s", low=1.0, high=1e6)
+    magnetic_memory_s: float = setting(14400.0, "Time in which that share changes", unit="s", low=1.0, high=1e6)
     gate_sigmas: float = setting(4.0, "Innovation beyond which a magnetic azimuth is not used", low=1.0, high=20.0)
     patience_s: float = setting(
         60.0, "Good azimuths gated out for so long are taken up again", unit="s", low=1.0, high=1e5
@@ -91,7 +92,7 @@ class Precision:
 
 @dataclasses.dataclass
 class State:
-    """All that changes: clock, six states, their covariance, memory, sums of the last bins, the last samples."""
+    """All that changes: clock, seven states, their covariance, memory, sums of the last bins, the last samples."""
 
     clock: Stamps
     x: Array
@@ -118,9 +119,12 @@ class Steps:
         Sample of the block from which on a bin's step holds, rising, and the bin's index.
     seek_azimuth, seek_sigma : ndarray, shape (m,)
         Azimuth that owes nothing to the magnetometer (a north seek), rad from the named north; NaN where there is none.
-    mag_ns, mag_azimuth, mag_sigma, mag_good : ndarray, shape (p,)
-        Magnetic azimuths in order of their stamps, raw or corrected, from the named north, with their whole sigma,
-        rad; not good where the field fails its check: then never used. All of the bins' time, and later ones.
+    mag_ns, mag_azimuth, mag_sigma, mag_constant : ndarray, shape (p,)
+        Magnetic azimuths in order of their stamps, raw or corrected, from the named north; their sigma less the part
+        that never changes (the declination's), and that part, rad. All of the bins' time, and later ones.
+    mag_good, mag_afresh : ndarray of bool, shape (p,)
+        Not good where the field fails its check: then never used. Afresh where what was said before is withdrawn: the
+        azimuth begins anew.
     precision_ns, precision_t : ndarray, shapes (q,) and (q, 3)
         Rates of the precision unit, rad/s, likewise.
     """
@@ -132,7 +136,9 @@ class Steps:
     mag_ns: Stamps
     mag_azimuth: Array
     mag_sigma: Array
+    mag_constant: Array
     mag_good: NDArray[np.bool_]
+    mag_afresh: NDArray[np.bool_]
     precision_ns: Stamps
     precision_t: Array
 
@@ -224,8 +230,8 @@ def run(
     used = _run(
         k, bin_ns, gap_ns, state.clock, state.x, state.P, state.memory, state.sums, state.carried, state.ring_ns,
         state.ring, stamps, gyro, down, tilt, steps.place, steps.bin, steps.seek_azimuth, steps.seek_sigma,
-        steps.mag_ns, steps.mag_azimuth, steps.mag_sigma, steps.mag_good, steps.precision_ns, steps.precision_t,
-        rows.azimuth, rows.sigma, rows.status,
+        steps.mag_ns, steps.mag_azimuth, steps.mag_sigma, steps.mag_constant, steps.mag_good, steps.mag_afresh,
+        steps.precision_ns, steps.precision_t, rows.azimuth, rows.sigma, rows.status,
     )  # fmt: skip
     return rows, used
 
@@ -267,18 +273,23 @@ def _begin(k: Array, x: Array, P: Array, m: Array) -> None:
     for i in range(2):
         P[BIAS + i, BIAS + i] = k[K_BIAS] ** 2
         P[PRECISION_BIAS + i, PRECISION_BIAS + i] = k[K_BIAS + 1] ** 2
-    P[ERROR, ERROR] = 1.0
+    P[ERROR, ERROR] = P[CONSTANT, CONSTANT] = 1.0
     m[HAVE] = 1.0
 
 
 @compiled
-def _correct(k: Array, x: Array, P: Array, m: Array, slow: float, azimuth: float, r2: float) -> bool:
-    """Update by an azimuth = x[AZIMUTH] + slow x[ERROR] + noise; False, with nothing changed, beyond the gate."""
+def _correct(k: Array, x: Array, P: Array, m: Array, slow: float, lasting: float, azimuth: float, r2: float) -> bool:
+    """
+    Update by an azimuth = x[AZIMUTH] + slow x[ERROR] + lasting x[CONSTANT] + noise.
+
+    False, with nothing changed, beyond the gate.
+    """
     ph = np.zeros(STATES)
     for i in range(STATES):
-        ph[i] = P[i, AZIMUTH] + slow * P[i, ERROR]
-    s = ph[AZIMUTH] + slow * ph[ERROR] + r2
-    innovation = (azimuth - x[AZIMUTH] - slow * x[ERROR] + math.pi) % (2.0 * math.pi) - math.pi
+        ph[i] = P[i, AZIMUTH] + slow * P[i, ERROR] + lasting * P[i, CONSTANT]
+    s = ph[AZIMUTH] + slow * ph[ERROR] + lasting * ph[CONSTANT] + r2
+    innovation = azimuth - x[AZIMUTH] - slow * x[ERROR] - lasting * x[CONSTANT]
+    innovation = (innovation + math.pi) % (2.0 * math.pi) - math.pi
     m[RATIO] = abs(innovation) / math.sqrt(s)
     if m[RATIO] > k[K_GATE]:
         return False
@@ -288,6 +299,17 @@ def _correct(k: Array, x: Array, P: Array, m: Array, slow: float, azimuth: float
             P[i, j] -= ph[i] * ph[j] / s
     x[AZIMUTH] %= 2.0 * math.pi
     return True
+
+
+@compiled
+def _fade(x: Array, P: Array, share: float) -> None:
+    """Let all but a share of the slow magnetic error be another one."""
+    x[ERROR] *= share
+    for j in range(STATES):
+        if j != ERROR:
+            P[ERROR, j] *= share
+            P[j, ERROR] = P[ERROR, j]
+    P[ERROR, ERROR] = 1.0 + share * share * (P[ERROR, ERROR] - 1.0)
 
 
 @compiled
@@ -303,8 +325,6 @@ def _propagate(k: Array, x: Array, P: Array, sums: Array, unit: int) -> None:
     earth = -k[K_DOWN] * sums[S_TIME] + k[K_NORTH] * math.cos(x[AZIMUTH]) * sums[S_EARTH]
     x[AZIMUTH] += sums[S_TURN] - x[at] * sums[S_Y] - x[at + 1] * sums[S_Z] + earth
     x[AZIMUTH] %= 2.0 * math.pi
-    fade = math.exp(-sums[S_TIME] / k[K_TAU])
-    x[ERROR] *= fade
     row = np.zeros(STATES)
     for j in range(STATES):
         row[j] = f_0 * P[AZIMUTH, j] - sums[S_Y] * P[at, j] - sums[S_Z] * P[at + 1, j]
@@ -312,11 +332,7 @@ def _propagate(k: Array, x: Array, P: Array, sums: Array, unit: int) -> None:
     for j in range(STATES):
         P[AZIMUTH, j] = P[j, AZIMUTH] = row[j]
     P[AZIMUTH, AZIMUTH] = own
-    for j in range(STATES):
-        if j != ERROR:
-            P[ERROR, j] *= fade
-            P[j, ERROR] = P[ERROR, j]
-    P[ERROR, ERROR] = 1.0 + fade * fade * (P[ERROR, ERROR] - 1.0)
+    _fade(x, P, math.exp(-sums[S_TIME] / k[K_TAU]))
     # Gyro noise; the cross-axis rate that an error of the gravity direction mistakes for azimuth; silence.
     P[AZIMUTH, AZIMUTH] += k[K_NOISE + unit] ** 2 * sums[S_NOISE] + 2.0 * k[K_TILT_MEMORY] * sums[S_TILT]
     P[AZIMUTH, AZIMUTH] += (k[K_GAP_RATE] * sums[S_GAP]) ** 2
@@ -326,21 +342,31 @@ def _propagate(k: Array, x: Array, P: Array, sums: Array, unit: int) -> None:
 
 
 @compiled
-def _magnetic(k: Array, x: Array, P: Array, m: Array, azimuth: float, sigma: float, good: bool) -> None:
+def _magnetic(
+    k: Array, x: Array, P: Array, m: Array, azimuth: float, sigma: float, lasting: float, good: bool, afresh: bool
+) -> None:
     """Take in one magnetic azimuth."""
     slow, fast2 = sigma * k[K_SHARE], sigma * sigma * (1.0 - k[K_SHARE] ** 2)
     m[BITS] = _DISTURBED
+    if afresh:
+        m[HAVE] = 0.0
+    if good and m[HAVE] != 0.0 and m[LAST_SIGMA] > 0.0:
+        # Who learns errs less and less: of the error of before this share is left in it, in units of the sigma of now.
+        _fade(x, P, min(sigma / m[LAST_SIGMA], m[LAST_SIGMA] / sigma))
+    if good:
+        m[LAST_SIGMA] = sigma
     if not good:
         m[FAILED] += 1.0
         m[REFUSING] = 0.0
     elif m[HAVE] == 0.0:
         _begin(k, x, P, m)
         x[AZIMUTH] = azimuth % (2.0 * math.pi)
-        # azimuth read = azimuth + slow * error + noise, so the first estimate is wrong by minus the error.
-        P[AZIMUTH, AZIMUTH] = sigma * sigma
+        # azimuth read = azimuth + slow * error + lasting * constant + noise: the first estimate errs by minus these.
+        P[AZIMUTH, AZIMUTH] = sigma * sigma + lasting * lasting
         P[AZIMUTH, ERROR] = P[ERROR, AZIMUTH] = -slow
+        P[AZIMUTH, CONSTANT] = P[CONSTANT, AZIMUTH] = -lasting
         m[BITS] = 0.0
-    elif _correct(k, x, P, m, slow, azimuth, fast2):
+    elif _correct(k, x, P, m, slow, lasting, azimuth, fast2):
         m[BITS] = 0.0
     else:
         m[GATED] += 1.0
@@ -349,9 +375,10 @@ def _magnetic(k: Array, x: Array, P: Array, m: Array, azimuth: float, sigma: flo
         if m[REFUSING] > k[K_PATIENCE]:
             # Steadily elsewhere with its field in order: the carried azimuth is wrong by more than it said.
             m[TAKEN_UP] += 1.0
-            innovation = (azimuth - x[AZIMUTH] - slow * x[ERROR] + math.pi) % (2.0 * math.pi) - math.pi
+            innovation = azimuth - x[AZIMUTH] - slow * x[ERROR] - lasting * x[CONSTANT]
+            innovation = (innovation + math.pi) % (2.0 * math.pi) - math.pi
             P[AZIMUTH, AZIMUTH] += innovation * innovation
-            _correct(k, x, P, m, slow, azimuth, fast2)
+            _correct(k, x, P, m, slow, lasting, azimuth, fast2)
             m[BITS] = 0.0
     m[SINCE_SEEN] = 0.0
     if m[BITS] == 0.0:
@@ -366,7 +393,7 @@ def _seek(k: Array, x: Array, P: Array, m: Array, azimuth: float, sigma: float) 
         _begin(k, x, P, m)
         P[AZIMUTH, AZIMUTH] = math.pi * math.pi
         x[AZIMUTH] = azimuth
-    if not _correct(k, x, P, m, 0.0, azimuth, sigma * sigma):
+    if not _correct(k, x, P, m, 0.0, 0.0, azimuth, sigma * sigma):
         m[TAKEN_UP] += 1.0
         x[AZIMUTH] = azimuth % (2.0 * math.pi)
         for i in range(STATES):
@@ -462,7 +489,8 @@ def _fine(
 def _step(
     k: Array, bin_ns: int, clock: Stamps, x: Array, P: Array, m: Array, bins: Array, ring_ns: Stamps, ring: Array,
     index: int, seek_azimuth: float, seek_sigma: float, mag_ns: Stamps, mag_azimuth: Array, mag_sigma: Array,
-    mag_good: NDArray[np.bool_], used: int, fine_ns: Stamps, fine_t: Array, fine_used: int, fine: Array,
+    mag_constant: Array, mag_good: NDArray[np.bool_], mag_afresh: NDArray[np.bool_], used: int, fine_ns: Stamps,
+    fine_t: Array, fine_used: int, fine: Array,
 ) -> tuple[int, int]:  # fmt: skip
     """Take in one closed bin: its turn, then the magnetic azimuths of its time, then a north seek."""
     row = 0
@@ -494,7 +522,10 @@ def _step(
         known = math.isfinite(mag_azimuth[used]) and math.isfinite(mag_sigma[used]) and mag_sigma[used] > 0.0
         if there and known and sums[S_VERTICAL] == 0.0:
             since = sums[S_CARRIED] - _carried_at(ring_ns, ring, clock[_HEAD], clock[_LENGTH], mag_ns[used])
-            _magnetic(k, x, P, m, mag_azimuth[used] + since, mag_sigma[used], mag_good[used])
+            _magnetic(
+                k, x, P, m, mag_azimuth[used] + since, mag_sigma[used], mag_constant[used], mag_good[used],
+                mag_afresh[used],
+            )  # fmt: skip
         used += 1
     if there and math.isfinite(seek_azimuth) and seek_sigma > 0.0 and sums[S_VERTICAL] == 0.0:
         _seek(k, x, P, m, seek_azimuth, seek_sigma)
@@ -505,9 +536,9 @@ def _step(
 def _run(
     k: Array, bin_ns: int, gap_ns: int, clock: Stamps, x: Array, P: Array, m: Array, bins: Array, carried: Array,
     ring_ns: Stamps, ring: Array, stamps: Stamps, gyro: Array, down: Array, tilt: Array, place: Stamps, bin_at: Stamps,
-    seek_azimuth: Array, seek_sigma: Array, mag_ns: Stamps, mag_azimuth: Array, mag_sigma: Array,
-    mag_good: NDArray[np.bool_], fine_ns: Stamps, fine_t: Array, azimuth: Array, sigma: Array,
-    status: NDArray[np.uint32],
+    seek_azimuth: Array, seek_sigma: Array, mag_ns: Stamps, mag_azimuth: Array, mag_sigma: Array, mag_constant: Array,
+    mag_good: NDArray[np.bool_], mag_afresh: NDArray[np.bool_], fine_ns: Stamps, fine_t: Array, azimuth: Array,
+    sigma: Array, status: NDArray[np.uint32],
 ) -> int:  # fmt: skip
     fine = np.zeros(SUMS)
     used, fine_used, step = 0, 0, 0
@@ -521,7 +552,8 @@ def _run(
         while step < len(place) and place[step] <= i:
             used, fine_used = _step(
                 k, bin_ns, clock, x, P, m, bins, ring_ns, ring, bin_at[step], seek_azimuth[step], seek_sigma[step],
-                mag_ns, mag_azimuth, mag_sigma, mag_good, used, fine_ns, fine_t, fine_used, fine,
+                mag_ns, mag_azimuth, mag_sigma, mag_constant, mag_good, mag_afresh, used, fine_ns, fine_t, fine_used,
+                fine,
             )  # fmt: skip
             spread = math.sqrt(max(P[AZIMUTH, AZIMUTH], 0.0))
             start, since = x[AZIMUTH], m[LAST_CARRIED]

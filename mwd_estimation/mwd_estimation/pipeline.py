@@ -46,6 +46,7 @@ from mwd_estimation.north_run import NorthRun
 from mwd_estimation.north_run import Params as NorthParams
 from mwd_estimation.north_run import Progress as NorthProgress
 from mwd_estimation.north_seek import Solution
+from mwd_estimation.quality import ACCEPT
 from mwd_estimation.reference import Reference, best_north, from_field, north_correction
 from mwd_estimation.rotary_survey import Params as RotaryParams
 from mwd_estimation.rotary_survey import Progress as RotaryProgress
@@ -626,10 +627,10 @@ class Pipeline:
         if analysis is not None:
             at = tool_field.OF_STATIONS
             own = analysis.estimate[at], analysis.covariance[np.ix_(at, at)]
-        lesson = None
-        if own is not None or math.isfinite(azimuth):
+        lesson, accepted = None, station.verdict == ACCEPT
+        if own is not None or math.isfinite(azimuth) or accepted:
             down = -station.f_t / np.linalg.norm(station.f_t)
-            lesson = Lesson(own, down, station.b_t, azimuth, sigma)
+            lesson = Lesson(own, down, station.b_t, azimuth, sigma, accepted)
         if station.corrected or lesson is not None:
             self._reading = self._read_field(lesson)
 

@@ -34,6 +34,8 @@ from mwd_sensors.settings import setting
 SIZE = 8
 # Where the states are among the errors that `multistation` estimates.
 OF_STATIONS = [0, 1, 2, 3, 4, 5, 12, 13]
+# What was learnt for less than this is not worth keeping once it is contradicted, s.
+_YOUNG = 60.0
 # Longest step over which the random walk is believed, s: a longer gap counts as this.
 _MAX_STEP = 7200.0
 
@@ -65,8 +67,13 @@ class Params:
         16.0, "Chi-square of two degrees of freedom beyond which a sample is taken for disturbed", low=4.0, high=1e6
     )
     patience_s: float = setting(
-        900.0, "After being disturbed so long the filter starts again from its priors", unit="s", low=1.0, high=1e6
+        900.0,
+        "Disturbed for as long as it had learnt, but for so long at most, the filter starts again from its priors",
+        unit="s",
+        low=1.0,
+        high=1e6,
     )
+    least_patience_s: float = setting(10.0, "And for so long at least", unit="s", low=0.1, high=1e6)
 
 
 @dataclass
@@ -84,8 +91,8 @@ class State:
         Reference (H, V), T.
     stamp_ns : ndarray, shape (1,)
         Of the last sample; -1 before the first.
-    disturbed_s : ndarray, shape (1,)
-        How long samples have been refused without a break.
+    disturbed_s, learnt_s : ndarray, shape (1,)
+        How long samples have been refused without a break, and learnt from since the start.
     """
 
     x: Array
@@ -94,6 +101,7 @@ class State:
     field: Array
     stamp_ns: NDArray[np.int64]
     disturbed_s: Array
+    learnt_s: Array
 
     def copy(self) -> State:
         """An independent copy."""
@@ -125,6 +133,8 @@ class Interference:
         Innovation's chi-square over the gate; above one the sample was not learnt from.
     learnt : ndarray of bool, shape (n,)
         Whether the sample was taken in.
+    restarted : ndarray of bool, shape (n,)
+        Whether the filter forgot with this sample what it had learnt in a short time: that was from somewhere else.
     """
 
     bias: Array
@@ -133,6 +143,7 @@ class Interference:
     sigma_azimuth: Array
     ratio: Array
     learnt: NDArray[np.bool_]
+    restarted: NDArray[np.bool_]
 
 
 def initial(params: Params, reference: Reference, errors: SensorErrors | None = None) -> State:
@@ -154,6 +165,7 @@ def initial(params: Params, reference: Reference, errors: SensorErrors | None = 
         field=np.array([reference.horizontal, reference.vertical]),
         stamp_ns=np.array([-1], dtype=np.int64),
         disturbed_s=np.zeros(1),
+        learnt_s=np.zeros(1),
     )
 
 
@@ -202,7 +214,7 @@ def run(
             raise ValueError(f"{name}: expected shape {shape} beside {n} stamps, got {np.shape(given[name])}")
     bias, sigma = np.empty((n, 3)), np.empty((n, 3))
     azimuth, sigma_azimuth, ratio = np.empty(n), np.empty(n), np.empty(n)
-    learnt = np.zeros(n, dtype=np.bool_)
+    learnt, restarted = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
     constants = np.array(
         [
             params.walk_nt**2 * 1e-18 / 3600.0,
@@ -211,6 +223,7 @@ def run(
             params.correlation_s,
             params.gate,
             params.patience_s,
+            params.least_patience_s,
         ]
     )
     _run(
@@ -221,6 +234,7 @@ def run(
         state.field,
         state.stamp_ns,
         state.disturbed_s,
+        state.learnt_s,
         np.ascontiguousarray(stamp_ns, dtype=np.int64),
         np.ascontiguousarray(g_t, dtype=np.float64),
         np.ascontiguousarray(b_t, dtype=np.float64),
@@ -233,8 +247,9 @@ def run(
         sigma_azimuth,
         ratio,
         learnt,
+        restarted,
     )
-    return Interference(bias, sigma, azimuth, sigma_azimuth, ratio, learnt)
+    return Interference(bias, sigma, azimuth, sigma_azimuth, ratio, learnt, restarted)
 
 
 def aid_azimuth(params: Params, state: State, g_t: Array, b_t: Array, azimuth: float, sigma: float) -> float:
@@ -341,6 +356,7 @@ def _run(
     field: Array,
     last: NDArray[np.int64],
     disturbed: Array,
+    learning: Array,
     stamp_ns: NDArray[np.int64],
     g_t: Array,
     b_t: Array,
@@ -353,9 +369,10 @@ def _run(
     sigma_azimuth: Array,
     ratio: Array,
     learnt: NDArray[np.bool_],
+    restarted: NDArray[np.bool_],
 ) -> None:
-    """Explicit loops over samples and states; arguments as in `run`, the last six are filled."""
-    walk, field_walk, varying, correlation, gate, patience = constants
+    """Explicit loops over samples and states; arguments as in `run`, the last seven are filled."""
+    walk, field_walk, varying, correlation, gate, patience, least_patience = constants
     row_v, row_h = np.zeros(8), np.zeros(8)
     gain_v, gain_h = np.zeros(8), np.zeros(8)
     clean, north, east = np.zeros(3), np.zeros(3), np.zeros(3)
@@ -433,15 +450,17 @@ def _run(
                         ) / det
                         cov[j, i] = cov[i, j]
                 disturbed[0] = 0.0
+                learning[0] += min(step, correlation)
                 learnt[k] = True
             else:
                 disturbed[0] += step
-                if disturbed[0] > patience:
+                if disturbed[0] > min(max(learning[0], least_patience), patience):
+                    restarted[k] = 0.0 < learning[0] < _YOUNG
                     for i in range(8):
                         x[i] = 0.0
                         for j in range(8):
                             cov[i, j] = prior[i, j]
-                    disturbed[0] = 0.0
+                    disturbed[0], learning[0] = 0.0, 0.0
 
         vertical, horizontal = _directions(x, field, g_t[k], b_t[k], north, east, clean)
         angle = math.atan2(east[0], north[0])

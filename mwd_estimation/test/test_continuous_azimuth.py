@@ -26,7 +26,9 @@ BIN_NS = 500_000_000
 GAP_NS = 500_000_000
 MAG_SIGMA = 1.0 * DEG
 # A tactical unit; the bias is known to 2 deg/h.
-TACTICAL = Params(gyro_noise_deg_rth=0.05, gyro_bias_deg_h=2.0, gyro_walk_deg_h_rth=0.0)
+TACTICAL = Params(
+    gyro_noise_deg_rth=0.05, gyro_bias_deg_h=2.0, gyro_walk_deg_h_rth=0.0, magnetic_share=0.9, magnetic_memory_s=1800.0
+)
 POOR = dataclasses.replace(TACTICAL, gyro_noise_deg_rth=0.42, gyro_bias_deg_h=36.0)
 
 
@@ -68,7 +70,7 @@ def magnetic(well: Drilling, rng: np.random.Generator, share: float = 0.9, memor
     return mag
 
 
-def steps_of(stamps, mag, good, start, stop, mag_from, seek=None, fine=None):
+def steps_of(stamps, mag, good, start, stop, mag_from, seek=None, fine=None, constant=0.0, anew=()):
     """The bins that the samples from start to stop close, one bin late, and what was measured from `mag_from` on."""
     index = stamps // BIN_NS
     opens = np.flatnonzero(np.diff(index, prepend=index[0]) > 0)
@@ -82,16 +84,18 @@ def steps_of(stamps, mag, good, start, stop, mag_from, seek=None, fine=None):
         for at, azimuth, sigma in seek:
             seeks[:, [k for k, b in enumerate(bins) if b == index[at]]] = [[azimuth], [sigma]]
     seen = np.flatnonzero(np.isfinite(mag[mag_from:stop])) + mag_from
+    afresh = np.isin(np.arange(len(mag)), anew)
     rates = np.zeros((0, 3)) if fine is None else fine[:stop]
     return Steps(
         np.array(places, dtype=np.int64), np.array(bins, dtype=np.int64), *seeks, stamps[seen], mag[seen],
-        np.full(len(seen), MAG_SIGMA), good[seen], stamps[: len(rates)], rates,
+        np.full(len(seen), MAG_SIGMA), np.full(len(seen), constant), good[seen], afresh[seen], stamps[: len(rates)],
+        rates,
     ), seen  # fmt: skip
 
 
 def go(
     well: Drilling, mag: Array, gyro: Array, params: Params = TACTICAL, good: Array | None = None, cuts=(), seek=None,
-    fine=None, precision=None, stamps=None,
+    fine=None, precision=None, stamps=None, constant=0.0, anew=(),
 ) -> tuple[Rows, State]:  # fmt: skip
     n = len(mag)
     stamps = well.stamps[:n] if stamps is None else stamps
@@ -101,7 +105,7 @@ def go(
     parts, mag_from = [], 0
     for start, stop in zip((0, *cuts), (*cuts, n), strict=True):
         state = state.copy()
-        steps, seen = steps_of(stamps, mag, ok, start, stop, mag_from, seek, fine)
+        steps, seen = steps_of(stamps, mag, ok, start, stop, mag_from, seek, fine, constant, anew)
         rows, used = continuous.run(
             k, BIN_NS, GAP_NS, state, stamps[start:stop], gyro[start:stop], well.down[start:stop],
             np.zeros(stop - start), steps,
@@ -159,6 +163,24 @@ def test_the_magnetic_error_does_not_average_out() -> None:
     rows, _ = go(well, magnetic(well, np.random.default_rng(0)), well.gyro)
     assert rows.sigma[-1] > 0.75 * MAG_SIGMA
     assert rows.sigma[-1] < MAG_SIGMA
+
+
+def test_the_declination_s_error_never_averages_out() -> None:
+    well = drilling(400.0, 60.0)
+    quick = dataclasses.replace(TACTICAL, magnetic_memory_s=1.0)
+    mag = magnetic(well, np.random.default_rng(0), memory=1.0)
+    rows, _ = go(well, mag + 0.5 * DEG, well.gyro, quick, constant=0.5 * DEG)
+    assert 0.5 * DEG < rows.sigma[-1] < 0.55 * DEG
+    assert abs(wrap_pi(rows.azimuth[-1] - well.azimuth[-1])) < 2.0 * rows.sigma[-1]
+
+
+def test_a_magnetic_azimuth_that_is_withdrawn_lets_the_azimuth_begin_anew() -> None:
+    well = drilling(400.0, 60.0)
+    mag = magnetic(well, np.random.default_rng(6))
+    mag[:1000] += 30.0 * DEG
+    rows, state = go(well, mag, well.gyro, anew=(1000,))
+    assert np.abs(wrap_pi(rows.azimuth[1030:] - well.azimuth[1030:])).max() < 4.0 * MAG_SIGMA
+    assert state.memory[continuous.TAKEN_UP] == 0.0
 
 
 def test_without_mag_from_the_start_there_is_no_azimuth_until_the_gyro_gives_one() -> None:
@@ -266,7 +288,7 @@ def test_propagation_is_the_derivative_of_itself(unit: int) -> None:
         k[at : at + 2] = 0.0
     sums = np.zeros(continuous.SUMS)
     sums[continuous.S_TURN : continuous.S_NOISE] = 0.02, 0.3, -0.4, 0.5, 0.6
-    x = np.array([2.0, 1e-3, -2e-3, 3e-3, 1e-3, 0.7])
+    x = np.array([2.0, 1e-3, -2e-3, 3e-3, 1e-3, 0.7, -0.3])
     F = np.zeros((STATES, STATES))
     for j in range(STATES):
         ends = []
