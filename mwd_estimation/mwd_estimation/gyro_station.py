@@ -29,8 +29,8 @@ _ACCEL_X = 3
 _TACTICAL_NOISE, _LEAST_NOISE = 0.05, 0.001
 # Samples averaged for the noise that counts, and how much more single ones may show before they are not believed.
 _AVERAGED, _SHAKEN = 10, 1.5
-# Waiting helps while the noise alone makes this share of sigma: the rest is bias and sensitivity, which stay.
-_BY_NOISE = 0.3
+# Waiting helps while the noise alone makes this share of sigma: it also hides how well a bias fits the latitude.
+_BY_NOISE = 0.1
 # Bins at rest that are looked at for it.
 _REST_BINS = 8
 
