@@ -47,10 +47,13 @@ from mwd_estimation.gravity_bounded_motion import (
     AGE,
     ALIAS,
     BOOST,
+    CLIP_TILT,
     CLIPPING,
     DIRECTION,
     DRIFT,
     EPOCH,
+    KEPT_DOWN,
+    KEPT_TILT,
     LAST_A,
     LAST_W,
     MEAN,
@@ -171,7 +174,7 @@ def initial(params: Params) -> State:
         np.zeros((ERRORS, ERRORS)),
         np.zeros(SUMS),
         np.zeros(STATISTICS),
-        np.zeros((MISSING - BIAS + 1, MISSING - BIAS)),
+        np.zeros((MISSING - BIAS, MISSING - BIAS)),
     )
     state.stats[DIRECTION : DIRECTION + 3] = np.nan
     _forget(constants(params), state.nominal, state.P, state.stats)
@@ -270,27 +273,42 @@ def _begin(x: Array, P: Array, s: Array, st: Array) -> None:
     st[SCALE_ALONG] = 1.0
     st[SCALE_ACROSS] = 1.0
     st[SETTLED] = 0.0
+    st[CLIP_TILT] = 0.0
+    st[KEPT_TILT] = 0.0
     st[EPOCH] += 1.0
 
 
 @compiled
 def _start(x: Array, P: Array, st: Array, k: Array, wx: float, g: Array) -> None:
     """First attitude from the mean force `g` (down, tool axes, unit) and what its scatter says of its error."""
-    if g[2] > -0.9999:
-        w = math.sqrt(0.5 * (1.0 + g[2]))
-        x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = 0.5 * g[1] / w, -0.5 * g[0] / w, 0.0, w
-    else:
-        x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = 1.0, 0.0, 0.0, 0.0
     age = st[AGE]
     mx, my, mz = st[MEAN] / age, st[MEAN + 1] / age, st[MEAN + 2] / age
     scatter = max(0.0, st[MEAN_POWER] / age - (mx * mx + my * my + mz * mz)) / (k[K_GRAVITY] * k[K_GRAVITY])
     turned = 0.5 * age * (math.sqrt(P[BIAS, BIAS]) + math.sqrt(P[SCALE, SCALE]) * abs(wx))
     # A mean that is not one g long holds an acceleration that did not average out, likely across gravity as well.
     off = math.sqrt(mx * mx + my * my + mz * mz) / k[K_GRAVITY] - 1.0
-    tilt = scatter * 0.05 / age + 0.06 * 0.06 + off * off + turned * turned
+    tilt = min(scatter * 0.05 / age + 0.06 * 0.06 + off * off + turned * turned, 1.0)
+    if st[KEPT_TILT] > 0.0:
+        # Two inclinations, that of the mean and the one kept, by their variances.
+        sine = max(math.sqrt(g[1] * g[1] + g[2] * g[2]), 1e-9)
+        kept = st[KEPT_TILT] / (st[KEPT_TILT] + tilt)
+        inclination = kept * math.atan2(sine, g[0]) + (1.0 - kept) * math.acos(min(max(st[KEPT_DOWN], -1.0), 1.0))
+        g[0] = math.cos(inclination)
+        g[1], g[2] = math.sin(inclination) / sine * g[1], math.sin(inclination) / sine * g[2]
+    if g[2] > -0.9999:
+        w = math.sqrt(0.5 * (1.0 + g[2]))
+        x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = 0.5 * g[1] / w, -0.5 * g[0] / w, 0.0, w
+    else:
+        x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = 1.0, 0.0, 0.0, 0.0
     speed = 0.25 + scatter * 0.25
     for j in range(2):
-        P[TILT + j, TILT + j] = min(tilt, 1.0)
+        P[TILT + j, TILT + j] = tilt
+    if st[KEPT_TILT] > 0.0:
+        C = np.empty((3, 3))
+        model.rotation(x, C)
+        follow.split_tilt(P, C[0, 0], C[1, 0])
+        follow.join_tilt(P, C[0, 0], C[1, 0], st[KEPT_TILT] * tilt / (st[KEPT_TILT] + tilt))
+        st[KEPT_TILT] = 0.0
     for j in range(3):
         P[VEL + j, VEL + j] = speed
         P[POS + j, POS + j] = 0.01
@@ -335,7 +353,8 @@ def _run(
             floor, aside = follow.floors(k, x, P, st, C)
             inclination_sigma, toolface_sigma = follow.sigmas(
                 C[0, 0], C[1, 0], P[TILT, TILT], P[TILT, TILT + 1], P[TILT + 1, TILT + 1],
-                k[K_RESERVE] * st[SCALE_ALONG], k[K_RESERVE] * st[SCALE_ACROSS], floor, aside,
+                k[K_RESERVE] * st[SCALE_ALONG], k[K_RESERVE] * st[SCALE_ACROSS],
+                floor + k[K_RESERVE] * st[SCALE_ALONG] * st[CLIP_TILT], aside,
             )  # fmt: skip
             across2 = C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0]
             if across2 < math.sin(track.NEAR_VERTICAL_BELOW) ** 2:
@@ -426,8 +445,11 @@ def _sample(
     follow.follow_swing(k, x, P, st, C, dt, ax, ay, az)
     follow.follow_shocks(k, P, st, dt, ax, ay, az, power, clip_force)
     follow.follow_rates(k, s, st, dt, wx, wy, wz, clip_cross)
-    if follow.follow_clipping(k, x, P, st, kept, dt, wx, clip_x):
+    if follow.follow_clipping(k, x, P, st, kept, C, dt, wx, clip_x):
+        # Roll is lost, inclination is not: the cross-axis gyros were there all the time.
+        down, tilt = C[2, 0], follow.split_tilt(P, C[0, 0], C[1, 0])
         _begin(x, P, s, st)
+        st[KEPT_DOWN], st[KEPT_TILT] = down, tilt
         model.rotation(x, C)
         return bits
 

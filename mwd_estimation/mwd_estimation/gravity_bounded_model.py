@@ -207,16 +207,23 @@ def update(
         for j in range(size):
             for m in range(j):
                 P[m, j] = P[j, m]
-    correct(x, e, size)
+    # What a clipped gyro missed was about the tool axis: the heading, which is free, turns with it.
+    yaw = 0.0
+    if size == ERRORS:
+        yaw = (e[TILT] * C[0, 0] + e[TILT + 1] * C[1, 0]) * C[2, 0] / max(C[0, 0] ** 2 + C[1, 0] ** 2, 0.01)
+    correct(x, e, size, yaw)
     return i0, i1, square
 
 
 @compiled
-def correct(x: Array, e: Array, size: int) -> None:
-    """Put the errors e into the nominal values: exp(tilt) from the left, the rest by adding."""
-    a, b = 0.5 * e[TILT], 0.5 * e[TILT + 1]
+def correct(x: Array, e: Array, size: int, yaw: float) -> None:
+    """Put the errors e into the nominal values: exp(tilt and change of heading) from the left, the rest by adding."""
+    a, b, c = 0.5 * e[TILT], 0.5 * e[TILT + 1], 0.5 * yaw
     qx, qy, qz, qw = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
-    ax, ay, az, aw = qx + a * qw + b * qz, qy + b * qw - a * qz, qz + a * qy - b * qx, qw - a * qx - b * qy
+    ax = qx + a * qw + b * qz - c * qy
+    ay = qy + b * qw + c * qx - a * qz
+    az = qz + c * qw + a * qy - b * qx
+    aw = qw - a * qx - b * qy - c * qz
     unit = 1.0 / math.sqrt(ax * ax + ay * ay + az * az + aw * aw)
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = unit * ax, unit * ay, unit * az, unit * aw
     for j in range(VEL, size):

@@ -14,7 +14,6 @@ from mwd_estimation.gravity_bounded_model import (
     DOWN,
     ERRORS,
     MISSING,
-    N_BIAS,
     N_DOWN,
     N_LEVER,
     N_MISSING,
@@ -60,12 +59,12 @@ from mwd_sensors.compiled import compiled
     AGE, STARTED, MEAN, MEAN_POWER, LAST_W, LAST_A, DRIFT, SLOW_A, SWING_V, SWING_P, SLOW_ARM, SLOW_ARM_2, SLOW_ARM_3,
     SWING_X, SWING_C, SWING_Z, SETTLED, ROUGH, STRONG, SHOCKS, SINCE_SHOCK, TURNING, PERIOD, NON_GRAVITY, DIRECTION,
     CLIPPING, CLIP_TIME, RATE_SLOPE, RATE_CURVE, LEAN, BOOST, USUAL, NEAR_LEAN, SCALE_ALONG, SCALE_ACROSS, ALIAS, EPOCH,
-    STATISTICS,
+    CLIP_TILT, KEPT_DOWN, KEPT_TILT, STATISTICS,
 ) = (
     0, 1, 2, 5, 6, 9, 12, 15, 18, 21, 24, 27, 30,
     33, 34, 35, 36, 37, 38, 39, 40, 41, 42, 43, 44,
     47, 48, 49, 50, 51, 53, 54, 55, 57, 58, 59, 60,
-    61,
+    61, 62, 63, 64,
 )  # fmt: skip
 SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # s, low-passes of the slope of the x rate and of its curvature
 TURNING_FROM = 3.0  # rad/s, mean rate about the axis that makes a tool one on a string that turns
@@ -160,13 +159,39 @@ def follow_rates(
 
 
 @compiled
+def split_tilt(P: Array, ax: float, ay: float) -> float:
+    """Take the tilt that changes inclination out of P, axis (ax, ay) level; returns its variance, rad^2."""
+    norm = math.sqrt(max(ax * ax + ay * ay, 1e-9))
+    ax, ay = ax / norm, ay / norm
+    variance: float = P[TILT, TILT] * ay * ay - 2.0 * P[TILT, TILT + 1] * ax * ay + P[TILT + 1, TILT + 1] * ax * ax
+    for j in range(ERRORS):
+        a = ax * P[TILT, j] + ay * P[TILT + 1, j]
+        P[TILT, j], P[TILT + 1, j] = ax * a, ay * a
+    for j in range(ERRORS):
+        a = ax * P[j, TILT] + ay * P[j, TILT + 1]
+        P[j, TILT], P[j, TILT + 1] = ax * a, ay * a
+    return variance
+
+
+@compiled
+def join_tilt(P: Array, ax: float, ay: float, variance: float) -> None:
+    """Put a tilt that changes inclination into P, axis (ax, ay) level; variance in rad^2."""
+    norm2 = max(ax * ax + ay * ay, 1e-9)
+    P[TILT, TILT] += variance * ay * ay / norm2
+    P[TILT + 1, TILT + 1] += variance * ax * ax / norm2
+    P[TILT, TILT + 1] -= variance * ax * ay / norm2
+    P[TILT + 1, TILT] = P[TILT, TILT + 1]
+
+
+@compiled
 def follow_clipping(
-    k: Array, x: Array, P: Array, st: Array, kept: Array, dt: float, wx: float, clip_x: bool
+    k: Array, x: Array, P: Array, st: Array, kept: Array, C: Array, dt: float, wx: float, clip_x: bool
 ) -> bool:  # fmt: skip
     """
     While the x gyro clips, what it misses is a state that starts with the slope the rate had.
 
-    What was learnt of the sensors is set aside meanwhile, lest a roll gone astray spoil it. True if roll is lost.
+    What is known of the sensors and of inclination is set aside meanwhile, lest a roll gone astray spoil it: the gyros
+    across the axis keep it. True if roll is lost.
     """
     lost = False
     if clip_x:
@@ -176,9 +201,13 @@ def follow_clipping(
             x[N_SLOPE] = st[RATE_SLOPE] + SLOPE_LAG * st[RATE_CURVE]
             P[SLOPE, SLOPE] = k[K_CLIP_SLOPE] ** 2
             for j in range(MISSING - BIAS):
-                kept[MISSING - BIAS, j] = x[N_BIAS + j]
                 for m in range(MISSING - BIAS):
                     kept[j, m] = P[BIAS + j, BIAS + m]
+            for j in range(ERRORS):
+                for m in range(BIAS, MISSING):
+                    P[j, m] = 0.0
+                    P[m, j] = 0.0
+            st[CLIP_TILT] = split_tilt(P, C[0, 0], C[1, 0])
         st[CLIPPING] = 1.0 if wx > 0.0 else -1.0
         # It bends back as it did before; a rate that was not yet bending must, sooner or later.
         bend = max(-st[CLIPPING] * st[RATE_CURVE], 0.2 * k[K_CLIP_CURVE])
@@ -199,9 +228,10 @@ def follow_clipping(
                 P[j, m] = 0.0
                 P[m, j] = 0.0
         for j in range(MISSING - BIAS):
-            x[N_BIAS + j] = kept[MISSING - BIAS, j]
             for m in range(MISSING - BIAS):
                 P[BIAS + j, BIAS + m] = kept[j, m]
+        join_tilt(P, C[0, 0], C[1, 0], st[CLIP_TILT])
+        st[CLIP_TILT] = 0.0
         st[CLIPPING] = 0.0
         st[RATE_SLOPE] = 0.0
         st[RATE_CURVE] = 0.0

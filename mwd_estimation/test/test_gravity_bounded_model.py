@@ -26,7 +26,7 @@ def nominal(rng: np.random.Generator, size: float = 1.0) -> np.ndarray:
 
 def perturbed(x: np.ndarray, error: np.ndarray) -> np.ndarray:
     out = x.copy()
-    model.correct(out, error, model.ERRORS)
+    model.correct(out, error, model.ERRORS, 0.0)
     return out
 
 
@@ -140,3 +140,24 @@ def test_a_covariance_with_a_negative_variance_or_a_value_not_finite_is_unsound(
     assert not model.sound(x, P)
     x[5], P[3, 3] = 0.0, -1e-9
     assert not model.sound(x, P)
+
+
+def test_what_a_clipped_gyro_missed_is_put_right_about_the_tool_axis():
+    x, e = np.zeros(model.NOMINAL), np.zeros(model.ERRORS)
+    x[:4] = frames.quat_from_mat(frames.mat_nt(np.radians(50.0), 0.4, 0.7))
+    mat = np.zeros((3, 3))
+    model.rotation(x, mat)
+    P = 1e-8 * np.eye(model.ERRORS)
+    axis = mat[:2, 0].copy()
+    P[:2, :2] += 0.01 * np.outer(axis, axis)
+    P[model.POS : model.POS + 3, model.POS : model.POS + 3] = 1e-4 * np.eye(3)
+    sums = np.zeros(model.SUMS)
+    sums[model.S_TIME], sums[model.S_FORCE + 2] = 0.2, -0.2 * G0
+    model.propagate(P, sums, model.ERRORS)
+    x[model.N_POS : model.N_POS + 2] = 0.2 * np.array([axis[1], -axis[0]])
+    before = mat.copy()
+    model.update(x, P, mat, model.ERRORS, 1e-5, 1e-5, e, 1e30)
+    model.rotation(x, mat)
+    assert np.degrees(np.hypot(*e[:2])) > 3.0
+    # The axis stays where it was, in inclination and in heading.
+    assert np.degrees(np.arccos(mat[:, 0] @ before[:, 0])) < 0.1

@@ -82,26 +82,31 @@ def test_a_force_that_a_clipped_sample_would_exceed_is_no_shock():
     assert np.array_equal(P, before)
 
 
-def test_a_clipped_rate_begins_with_its_slope_and_what_was_learnt_comes_back_after_it():
+def test_a_clipped_rate_begins_with_its_slope_and_what_was_known_comes_back_after_it():
     x, P, st = blank()
-    P[model.BIAS, model.BIAS], x[model.N_BIAS] = 1e-6, 0.004
-    kept = np.zeros((model.MISSING - model.BIAS + 1, model.MISSING - model.BIAS))
+    P[model.BIAS, model.BIAS], P[model.BIAS, 0], P[0, model.BIAS] = 1e-6, 1e-7, 1e-7
+    P[:2, :2] = [[4e-6, 1e-6], [1e-6, 9e-6]]
+    # Along level x and half down: tilt about level y is inclination.
+    mat = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
+    kept = np.zeros((model.MISSING - model.BIAS, model.MISSING - model.BIAS))
     rate, omega = 25.0, 2 * np.pi * 0.3
     true = rate * (1.0 - np.cos(omega * DT * np.arange(180)))
     limit, missing = settings.Params().gyro_range, []
     st[follow.TURNING] = rate
     for w in true:
         shown = min(w, limit)
-        lost = follow.follow_clipping(K, x, P, st, kept, DT, shown, w >= limit)
+        assert not follow.follow_clipping(K, x, P, st, kept, mat, DT, shown, w >= limit)
         st[follow.LAST_W] = shown
         if w >= limit:
             missing.append(x[model.N_MISSING] - (w - limit))
-            x[model.N_BIAS], P[model.BIAS, model.BIAS] = 0.5, 1.0
-    assert not lost
+            assert P[model.BIAS, model.BIAS] == P[1, 1] == P[0, 1] == 0.0
+            assert st[follow.CLIP_TILT] == pytest.approx(9e-6)
     assert np.sqrt(np.mean(np.square(missing[: len(missing) // 2]))) < 2.0
-    for w in rate * np.array([1.2, 1.1]):
-        follow.follow_clipping(K, x, P, st, kept, DT, w, False)
-    assert (x[model.N_BIAS], P[model.BIAS, model.BIAS]) == (0.004, 1e-6)
+    P[0, 0] = 0.01
+    follow.follow_clipping(K, x, P, st, kept, mat, DT, 30.0, False)
+    assert P[:2, :2] == pytest.approx(np.diag([0.01, 9e-6]))
+    assert P[model.BIAS, model.BIAS] == 1e-6
+    assert st[follow.CLIP_TILT] == 0.0
 
 
 @pytest.mark.parametrize("factor", [0.05, 1.0, 4.0])
