@@ -105,7 +105,7 @@ def test_a_passing_casing_is_flagged_and_the_azimuth_carried_through_it():
     (output,) = _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE))
     status = output.attitude["status"]
     assert (status[4025:5000] & Status.MAG_DISTURBED > 0).all()
-    assert not (status[5350:] & Status.MAG_DISTURBED).any()
+    assert not (status[5450:] & Status.MAG_DISTURBED).any()
     assert (status[4400:5000] & Status.GYRO_AIDED > 0).all()
     assert np.abs(wrap_pi(output.attitude["azimuth"][4000:] - 1.89)).max() < 0.01
 
