@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import signal
 import subprocess
@@ -56,9 +57,20 @@ class Graph:
         return self.running.pop(name).wait(within)
 
 
+@functools.cache
+def _compiled() -> None:
+    """Have the nodes' filters in the cache: how long compiling takes is no part of any test."""
+    from mwd_estimation.nodes.estimator import warm_up
+    from mwd_estimation.pipeline import EstimatorSettings
+    from mwd_sensors.settings import changed
+
+    warm_up(changed(EstimatorSettings(), PLACE))
+
+
 @contextlib.contextmanager
 def graph(folder: Path) -> Iterator[Graph]:
     """A domain of its own; whatever still runs at the end is killed."""
+    _compiled()
     with launch_plan.own_domain({}) as domain:
         environment = launch_plan.graph_environment(dict(os.environ), domain, folder)
         made = Graph(folder, environment)

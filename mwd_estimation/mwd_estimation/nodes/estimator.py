@@ -33,7 +33,7 @@ _SILENT_AFTER = 2.0  # s without a message before a topic counts as silent
 _BLOCK_S = 0.002  # how long a sample may wait for others before it is estimated
 _INPUTS = {"imu/mag": MagneticField, "gyro/data_raw": Imu, "imu/temperature": Temperature, "imu/data_raw": Imu}
 _TF_PERIOD_NS = 50_000_000
-_WARM_UP = 64  # samples that compile every kernel before the first message
+_WARM_UP = 160  # samples that compile every kernel before the first message: three bins of half a second
 
 
 class EstimatorNode(GraphNode[EstimatorSettings]):
@@ -47,7 +47,9 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     def open(self) -> None:
         """Compile the kernels and open the topics."""
+        self.get_logger().info("preparing the filters; the first time after a change they are compiled")
         warm_up(self.settings)
+        self.get_logger().info("the filters are ready")
         self._begin()
         self._attitude = self.publish_on(Attitude, "attitude", profiles.WATCHED_STREAM)
         self._gravity = self.publish_on(Gravity, "gravity", profiles.WATCHED_STREAM)
@@ -375,12 +377,14 @@ def oriented_imu(samples: wire.Samples, attitude: wire.Samples) -> wire.Samples:
 
 def warm_up(settings: EstimatorSettings) -> None:
     """Compile every kernel on made-up samples, so that the first real one is not late."""
-    imu, mag = wire.IMU.empty(_WARM_UP), wire.MAG.empty(_WARM_UP)
-    imu["stamp_ns"] = mag["stamp_ns"] = 10**18 + np.arange(_WARM_UP) * 10**7
+    imu, mag, heat = wire.IMU.empty(_WARM_UP), wire.MAG.empty(_WARM_UP), wire.TEMPERATURE.empty(_WARM_UP)
+    imu["stamp_ns"] = mag["stamp_ns"] = heat["stamp_ns"] = 10**18 + np.arange(_WARM_UP) * 10**7
     imu["linear_acceleration"] = (-7.0, 0.0, 7.0)
     mag["magnetic_field"] = (2e-5, 1e-5, 4e-5)
     pipeline = Pipeline(settings, Reference(total=5e-5, dip=1.0, source="warm-up"))
     pipeline.push_mag(mag)
+    pipeline.push_precision(imu)
+    pipeline.push_temperature(heat)
     pipeline.push_imu(imu)
     forces, rates = imu["linear_acceleration"], imu["angular_velocity"]
     north_seek.run(north_seek.Params(), north_seek.initial(), imu["stamp_ns"], rates, forces)

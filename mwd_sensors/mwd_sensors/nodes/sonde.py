@@ -23,7 +23,7 @@ from mwd_sensors.sonde import Sonde
 _BLOCK_S = 0.1  # of the run, simulated at a time
 _TICK_S = 0.005
 _LAST_WAY_S = 0.5
-_MOST_PER_TICK = 200  # what the middleware carries at once without loss, after a stall
+_MOST_PER_TICK = 100  # after a stall: more at once overruns the queues of the middleware on a busy machine
 _TYPES = {
     "imu/data_raw": Imu,
     "imu/mag": MagneticField,

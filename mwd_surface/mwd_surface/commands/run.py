@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from mwd_surface.runs.supervise import Supervisor
     from mwd_surface.surveys.score import Scored
 
-_READY_WITHIN = 120.0  # s; the first start on a machine compiles the filters
+_READY_WITHIN = 120.0  # s from the start, or from when the filters were ready
+_PREPARED_WITHIN = 900.0  # s for the filters, which the first start on a machine compiles: minutes on a busy one
 _SETTLE = 1.5  # s between the last sample and the end, for what is still on its way
 _POLL = 0.1
 
@@ -155,20 +156,24 @@ def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: 
     from mwd_surface.commands import terminal
     from mwd_surface.runs.supervise import SupervisorError
 
-    began = time.monotonic()
-    with terminal.waiting("starting the nodes"):
+    began = last = time.monotonic()
+    with terminal.waiting("starting the nodes; the first time their filters are compiled"):
         while not interrupts.count:
             supervisor.watch()
             rows = _state(address).get("findings", {}).get("rows", [])
             if any(row["name"].endswith("estimator: lifecycle") and row["message"] == "active" for row in rows):
                 return True
+            now = time.monotonic()
             for log in logs.glob("*.log"):
+                words = log.read_text(errors="replace")
                 # A node that cannot open its topics, files or port lives on, unconfigured, for somebody to mend it.
-                _, said, reason = log.read_text(errors="replace").partition("cannot configure: ")
+                _, said, reason = words.partition("cannot configure: ")
                 if said:
                     raise SupervisorError(f"{log.stem} cannot start: {reason.splitlines()[0]}")
-            if time.monotonic() - began > _READY_WITHIN:
-                raise SupervisorError(f"the nodes are not ready after {_READY_WITHIN:.0f} s")
+                if "preparing the filters" in words and "the filters are ready" not in words:
+                    last = now
+            if now - last > _READY_WITHIN or now - began > _PREPARED_WITHIN:
+                raise SupervisorError(f"the nodes are not ready after {now - began:.0f} s")
             time.sleep(_POLL)
     return False
 

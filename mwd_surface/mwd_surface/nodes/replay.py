@@ -25,7 +25,7 @@ from mwd_surface.bags.bag_reader import Bag, BagError, Message
 from mwd_surface.bags.pace import Pace
 
 _TICK_S = 0.002
-_MOST_PER_TICK = 200  # so that signals and services are heard even when everything is late
+_MOST_PER_TICK = 100  # so that signals and services are heard, and listeners keep up, even when everything is late
 _NOT_BEGUN = "the replay has not begun"
 _STEP_PER_TICK = 50  # a step knows no pace; listeners must keep up with it
 
