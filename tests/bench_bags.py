@@ -33,7 +33,8 @@ from mwd_sensors import settings, wire
 from mwd_sensors.frames import mat_nt
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.bags.recorder import Recorder, RecorderSettings
+from mwd_surface.bags.recorder import Recorder
+from mwd_surface.bags.recorder_settings import RecorderSettings
 from mwd_surface.bags.recovery import check
 from mwd_surface.exports import attitude_csv
 from mwd_surface.runs import process

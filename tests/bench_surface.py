@@ -171,12 +171,15 @@ def main() -> None:
     parser.add_argument("--tell", action="store_true", help="print memory as it goes")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+        # Each in a folder of its own: logs of nodes of the same name must not be mixed up.
+        one, two = Path(name) / "live", Path(name) / "replay"
         if options.live > 0.0:
-            print("\n".join(live(folder, options.live)), flush=True)
+            one.mkdir()
+            print("\n".join(live(one, options.live)), flush=True)
         if options.replay > 0.0:
             say = (lambda text: print(text, file=sys.stderr, flush=True)) if options.tell else (lambda _text: None)
-            print("\n" + "\n".join(replayed(folder, options.replay, options.rate, say)), flush=True)
+            two.mkdir()
+            print("\n" + "\n".join(replayed(two, options.replay, options.rate, say)), flush=True)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,9 @@ from mwd_sensors.settings import SettingsError, from_mapping
 from mwd_surface.bags import bag_metadata, recovery
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.definitions import Definitions
-from mwd_surface.bags.recorder import Level, Recorder, RecorderError, RecorderSettings, State
+from mwd_surface.bags.recorder import Recorder, RecorderError
+from mwd_surface.bags.recorder_settings import RecorderSettings
+from mwd_surface.bags.recording_session import Level, State
 
 ROOT = Path(__file__).resolve().parents[2]
 START = 1_700_000_000_000_000_000
@@ -162,7 +164,8 @@ def test_closing_does_not_wait_for_a_disk_that_stays_silent(tmp_path, monkeypatc
 
 KILLED = """
 import sys, time
-from mwd_surface.bags.recorder import Recorder, RecorderSettings
+from mwd_surface.bags.recorder import Recorder
+from mwd_surface.bags.recorder_settings import RecorderSettings
 recorder = Recorder(sys.argv[1], RecorderSettings(min_free_bytes=0))
 recorder.start("run")
 k = 0

@@ -9,14 +9,8 @@ at most `chunk_seconds` + `sync_seconds` of data; what such an end leaves is rec
 from __future__ import annotations
 
 import concurrent.futures
-import contextlib
 import dataclasses
 import datetime
-import enum
-import errno
-import fcntl
-import os
-import shutil
 import threading
 import time
 from collections import deque
@@ -24,73 +18,21 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from mwd_sensors.settings import setting
-from mwd_surface.bags import bag_metadata, recovery
+from mwd_surface.bags import recovery
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import Definitions, installed
+from mwd_surface.bags.folder_lock import FolderLock, FolderTakenError
+from mwd_surface.bags.recorder_settings import RecorderSettings
+from mwd_surface.bags.recording_session import OVERHEAD, Event, Item, Level, Session, State, free_bytes, words_of
+from mwd_surface.bags.snapshot_ring import SnapshotRing
 
 LOCK_NAME = ".recorder.lock"
-EVENT_TYPE = "rcl_interfaces/msg/Log"
-_OVERHEAD = 128  # what a queued message costs beyond its bytes
 _BATCH = 1000
 _BATCHES = 20
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class RecorderError(Exception):
     """A recorder that cannot do what was asked; one sentence with path and reason."""
-
-
-class State(enum.IntEnum):
-    """As in mwd_msgs/RecorderStatus."""
-
-    STOPPED = 0
-    RECORDING = 1
-    PAUSED_DISK_FULL = 2
-    FAILED = 3
-
-
-class Level(enum.IntEnum):
-    """Severity of an event, as in rcl_interfaces/Log."""
-
-    INFO = 20
-    WARNING = 30
-    ERROR = 40
-
-
-@dataclasses.dataclass(frozen=True)
-class RecorderSettings:
-    """What people may choose of a recorder."""
-
-    compression: str = setting(
-        "zstd",
-        "Compression of chunks: zstd for the least disk, none for the least work",
-        choices=("zstd", "lz4", "none"),
-    )
-    chunk_bytes: int = setting(262_144, "A chunk is closed at this size", unit="B", low=1024, high=67_108_864)
-    chunk_seconds: float = setting(1.0, "A chunk is closed after this time", unit="s", low=0.05, high=60.0)
-    sync_seconds: float = setting(1.0, "Data are forced to the disk this often", unit="s", low=0.05, high=60.0)
-    queue_bytes: int = setting(67_108_864, "Most that may wait to be written", unit="B", low=65_536)
-    min_free_bytes: int = setting(536_870_912, "Recording pauses when less is free on the disk", unit="B", low=0)
-    split_bytes: int = setting(2_147_483_648, "A new file is begun at this size; 0 never", unit="B", low=0)
-    split_seconds: float = setting(3600.0, "A new file is begun after this time; 0 never", unit="s", low=0.0)
-    time_jump_seconds: float = setting(
-        60.0, "A new file is begun when the stamps jump by more; 0 never", unit="s", low=0.0
-    )
-    snapshot_seconds: float = setting(0.0, "The last seconds kept in memory for a snapshot; 0 none", unit="s", low=0.0)
-    snapshot_bytes: int = setting(67_108_864, "Most that is kept for a snapshot", unit="B", low=0)
-    retry_seconds: float = setting(
-        2.0, "After a full or failing disk, writing is tried again this often", unit="s", low=0.05, high=3600.0
-    )
-
-
-@dataclasses.dataclass(frozen=True)
-class Event:
-    """Something the recorder did or suffered; stamp_ns in ns since the epoch."""
-
-    stamp_ns: int
-    level: Level
-    text: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -139,41 +81,12 @@ class RecorderStatus:
     recovered: tuple[recovery.Report, ...]
 
 
-_Item = tuple[str, str, bytes, int, int, str, str]
-
-
 @dataclasses.dataclass
 class _Command:
     """A request carried out by the writer thread, in its place among the messages."""
 
     run: Callable[[], Any]
     answer: concurrent.futures.Future[Any]
-
-
-@dataclasses.dataclass
-class _Session:
-    """The recording at hand; `writing` is false while its disk is full or failing."""
-
-    writer: BagWriter
-    began: float
-    writing: bool = True
-    channels: dict[tuple[str, str], int] = dataclasses.field(default_factory=dict)
-    file_began: float = 0.0
-    chunk_began: float | None = None
-    unsaved_since: float | None = None
-    last_ns: int = 0
-    dropped: int = 0
-    dropped_told: int = 0
-    pause_began: int = 0
-    retry_at: float = 0.0
-    unchecked: int = 0
-    odd: set[str] = dataclasses.field(default_factory=set)
-    early: list[Event] = dataclasses.field(default_factory=list)
-
-
-def free_bytes(folder: Path) -> int:
-    """Bytes free on the disk of a folder."""
-    return shutil.disk_usage(folder).free
 
 
 class Recorder:
@@ -230,22 +143,20 @@ class Recorder:
         self._event_topic = event_topic
         self._on_event = on_event
         self._space = space
-        self._queue: deque[_Item | _Command] = deque()
+        self._queue: deque[Item | _Command] = deque()
         self._queued_bytes = 0
         self._lock = threading.Lock()
         self._wake = threading.Event()
-        self._session: _Session | None = None
-        self._ring: deque[tuple[float, _Item]] = deque()
-        self._ring_bytes = 0
-        self._taking = self.settings.snapshot_seconds > 0
+        self._session: Session | None = None
+        kept = self.settings.snapshot_seconds
+        self._ring = SnapshotRing(kept, self.settings.snapshot_bytes) if kept > 0 else None
+        self._taking = self._ring is not None
         self._refused = 0
-        self._state, self._reason = State.STOPPED, ""
         self._free = -1
-        self._checked_at = -1e9
         self._closing = False
         self._deadline: float | None = None
         self._recovered: list[recovery.Report] = []
-        self._lock_file = self._locked()
+        self._folder_lock = self._locked()
         # The list is taken before this recorder can begin a bag of its own.
         earlier = sorted(item for item in self.folder.iterdir() if item.is_dir()) if recover else []
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
@@ -285,7 +196,7 @@ class Recorder:
         """
         if not self._taking:
             return False
-        size = len(data) + _OVERHEAD
+        size = len(data) + OVERHEAD
         with self._lock:
             if self._queued_bytes + size > self.settings.queue_bytes:
                 self._refused += 1
@@ -354,20 +265,21 @@ class Recorder:
     def status(self) -> RecorderStatus:
         """What a display shows; never waits."""
         session, now = self._session, time.monotonic()
+        waiting = session.unsaved_since if session else None
         return RecorderStatus(
-            state=self._state,
-            reason=self._reason,
+            state=session.state if session else State.STOPPED,
+            reason=session.reason if session else "",
             path=session.writer.path if session else None,
             messages=session.writer.messages if session else 0,
             bytes=session.writer.bytes_written if session else 0,
-            dropped=self._refused + session.dropped if session else 0,
+            dropped=session.lost if session else 0,
             queued_messages=len(self._queue),
             queued_bytes=self._queued_bytes,
             queue_limit=self.settings.queue_bytes,
-            free_bytes=self._free,
+            free_bytes=session.free if session else self._free,
             duration_s=now - session.began if session else 0.0,
             files=len(session.writer.files) + int(session.writing) if session else 0,
-            unsaved_s=now - session.unsaved_since if session and session.unsaved_since is not None else 0.0,
+            unsaved_s=now - waiting if waiting is not None else 0.0,
             recovered=tuple(self._recovered),
         )
 
@@ -397,7 +309,7 @@ class Recorder:
         if self._recovery is not None:
             self._recovery.join(max(0.0, self._deadline + 0.3 * timeout_s - time.monotonic()))
         if done:
-            os.close(self._lock_file)
+            self._folder_lock.free()
         return done
 
     def __enter__(self) -> Recorder:
@@ -421,28 +333,17 @@ class Recorder:
             raise RecorderError(self._words(error)) from error
 
     def _words(self, error: OSError) -> str:
-        return f"{error.filename or self.folder}: {error.strerror or error}"
+        return words_of(error, self.folder)
 
-    def _locked(self) -> int:
+    def _locked(self) -> FolderLock:
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            handle = os.open(self.folder / LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            return FolderLock(self.folder, LOCK_NAME)
         except OSError as error:
             raise RecorderError(f"recordings cannot be written to {self.folder}: {error.strerror}") from error
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            owner = os.pread(handle, 32, 0).decode(errors="replace").strip()
-            os.close(handle)
+        except FolderTakenError as error:
             raise RecorderError(
-                f"another recorder (process {owner or 'unknown'}) writes into {self.folder}; "
-                "stop it or choose another folder"
+                f"another recorder (process {error.owner}) writes into {self.folder}; stop it or choose another folder"
             ) from None
-        with contextlib.suppress(OSError):
-            # Only a courtesy to whoever comes next; the lock itself needs no content.
-            os.ftruncate(handle, 0)
-            os.pwrite(handle, str(os.getpid()).encode(), 0)
-        return handle
 
     # For the writer thread
 
@@ -454,7 +355,7 @@ class Recorder:
             closing = self._closing
             self._drain(_BATCHES)
             if self._session is not None:
-                self._guarded(self._periodic)
+                self._guarded(self._session.periodic)
             if closing:
                 while self._queue:
                     self._drain(_BATCHES)
@@ -470,13 +371,13 @@ class Recorder:
     def _drain(self, batches: int) -> None:
         """Take what is in the queue, so many batches at most: time and disk must be looked at in between."""
         for _ in range(batches):
-            batch: list[_Item | _Command] = []
+            batch: list[Item | _Command] = []
             with self._lock:
                 while self._queue and len(batch) < _BATCH:
                     item = self._queue.popleft()
                     batch.append(item)
                     if not isinstance(item, _Command):
-                        self._queued_bytes -= len(item[2]) + _OVERHEAD
+                        self._queued_bytes -= len(item[2]) + OVERHEAD
             if not batch:
                 return
             for item in batch:
@@ -499,167 +400,16 @@ class Recorder:
         for command in rest:
             command.answer.set_exception(RecorderError("the recorder is closed"))
 
-    def _take(self, item: _Item) -> None:
-        if self.settings.snapshot_seconds > 0:
-            self._keep(item)
+    def _take(self, item: Item) -> None:
+        if self._ring is not None:
+            self._ring.keep(item)
         session = self._session
         if session is None:
             return
-        if not session.writing or (self._deadline is not None and time.monotonic() > self._deadline):
+        if self._deadline is not None and time.monotonic() > self._deadline:
             session.dropped += 1
             return
-        before = session.writer.messages
-        try:
-            self._write(session, item)
-        except OSError as error:
-            # A message that reached the chunk at hand is not lost yet: it goes with the chunk.
-            session.dropped += session.writer.messages == before
-            self._disk_failed(session, error)
-        except Exception as error:  # noqa: BLE001  (one odd message must not end the recording of the others)
-            session.dropped += 1
-            if item[0] not in session.odd:
-                session.odd.add(item[0])
-                self._tell(Level.WARNING, f"messages of {item[0]} cannot be recorded: {error}")
-
-    def _write(self, session: _Session, item: _Item) -> None:
-        topic, type_name, data, log_ns, publish_ns, qos, type_hash = item
-        if log_ns < 0:
-            raise ValueError(f"its stamp {log_ns} lies before 1970")
-        channel = session.channels.get((topic, type_name))
-        if channel is None:
-            channel = self._declare(session, topic, type_name, qos, type_hash)
-        jump = self.settings.time_jump_seconds * 1e9
-        if jump and session.last_ns and abs(log_ns - session.last_ns) > jump:
-            text = f"the clock jumped by {(log_ns - session.last_ns) * 1e-9:+.0f} s; a new file was begun"
-            session.last_ns = log_ns
-            self._new_file(session)
-            if not session.writing:
-                session.dropped += 1
-                return
-            self._tell(Level.WARNING, text)
-        session.last_ns = log_ns
-        if session.early:
-            self._record_early(session)
-        size_before = session.writer.file.size
-        session.writer.write(channel, data, log_ns, publish_ns)
-        session.unchecked += len(data)
-        now = time.monotonic()
-        if session.unsaved_since is None:
-            session.unsaved_since = now
-        if session.writer.file.size != size_before:
-            session.chunk_began = None
-            self._after_chunk(session)
-        elif session.chunk_began is None:
-            session.chunk_began = now
-
-    def _declare(self, session: _Session, topic: str, type_name: str, qos: str, type_hash: str) -> int:
-        try:
-            profiles = bag_metadata.parse_qos(qos)
-        except ValueError as error:
-            profiles = []
-            self._tell(Level.WARNING, f"{topic}: recorded without its quality of service: {error}")
-        channel = session.writer.topic(topic, type_name, profiles, type_hash, need_definition=False)
-        session.channels[topic, type_name] = channel
-        if not session.writer.has_definition(channel):
-            self._tell(Level.WARNING, f"{topic}: recorded without a definition, for {type_name} is unknown here")
-        return channel
-
-    def _by_time(self) -> None:
-        """Close a chunk that is old enough."""
-        session = self._session
-        if session is None or session.chunk_began is None:
-            return
-        if time.monotonic() - session.chunk_began >= self.settings.chunk_seconds:
-            session.writer.file.close_chunk()
-            session.chunk_began = None
-            self._after_chunk(session)
-
-    def _after_chunk(self, session: _Session) -> None:
-        limit = self.settings.split_bytes
-        if limit and session.writer.file.size >= limit:
-            self._new_file(session)
-        if session.unchecked > 8 * 1024 * 1024:
-            self._watch_disk(session)
-
-    def _periodic(self) -> None:
-        """What is due by time: chunk, sync, split, disk, drops."""
-        session, now = self._session, time.monotonic()
-        if session is None:
-            return
-        if now - self._checked_at >= 0.5 or not session.writing:
-            self._watch_disk(session)
-        if not session.writing:
-            return
-        self._by_time()
-        waiting = session.unsaved_since
-        if waiting is not None and now - waiting >= self.settings.sync_seconds:
-            # The chunk at hand goes too: else a quiet topic's message could wait for a chunk and then for a sync.
-            session.writer.file.close_chunk()
-            session.chunk_began = None
-            session.writer.file.sync()
-            session.unsaved_since = None
-        if self.settings.split_seconds and now - session.file_began >= self.settings.split_seconds:
-            self._new_file(session)
-        dropped = self._refused + session.dropped
-        if dropped > session.dropped_told:
-            count = dropped - session.dropped_told
-            session.dropped_told = dropped
-            self._tell(Level.ERROR, f"{count} messages were lost: the disk is slower than the data")
-
-    def _watch_disk(self, session: _Session) -> None:
-        self._checked_at, session.unchecked = time.monotonic(), 0
-        try:
-            self._free = self._space(self.folder)
-        except OSError as error:
-            self._free = -1
-            if session.writing:
-                self._disk_failed(session, error)
-            return
-        low = self.settings.min_free_bytes
-        if session.writing and self._free < low:
-            reason = f"{self._free / 1e6:.0f} MB free on the disk of {self.folder}, {low / 1e6:.0f} MB must stay free"
-            self._pause_writing(session, State.PAUSED_DISK_FULL, reason)
-        elif not session.writing and self._free >= low + low // 8 and time.monotonic() >= session.retry_at:
-            self._resume(session)
-
-    def _pause_writing(self, session: _Session, state: State, reason: str) -> None:
-        self._tell(Level.ERROR, f"recording paused: {reason}")
-        session.writing = False
-        session.pause_began = time.time_ns()
-        session.retry_at = time.monotonic() + self.settings.retry_seconds
-        session.unsaved_since = session.chunk_began = None
-        try:
-            session.writer.finish_file(sync=True)
-        except OSError:
-            # No room even for the chunk at hand or for the summary: without the chunk there may be.
-            session.dropped += session.writer.file.discard_pending()
-            try:
-                session.writer.finish_file(sync=True)
-            except OSError:
-                session.dropped += session.writer.give_up_file()
-                self._tell(Level.ERROR, f"{session.writer.file.path.name} has no end; the next start recovers it")
-        # Only now: whoever sees the pause may rely on the file.
-        self._state, self._reason = state, reason
-
-    def _disk_failed(self, session: _Session, error: OSError) -> None:
-        full = error.errno in _FULL
-        reason = self._words(error)
-        self._pause_writing(session, State.PAUSED_DISK_FULL if full else State.FAILED, reason)
-
-    def _resume(self, session: _Session) -> None:
-        session.retry_at = time.monotonic() + self.settings.retry_seconds
-        try:
-            session.writer.begin_file()
-        except OSError as error:
-            self._reason = self._words(error)
-            return
-        session.writing, session.file_began = True, time.monotonic()
-        self._state, self._reason = State.RECORDING, ""
-        lost = self._refused + session.dropped - session.dropped_told
-        session.dropped_told += lost
-        seconds = (time.time_ns() - session.pause_began) * 1e-9
-        self._put_tables(session)
-        self._tell(Level.WARNING, f"recording goes on after a pause of {seconds:.0f} s; {lost} messages were lost")
+        session.take(item)
 
     def _guarded(self, step: Callable[[], Any]) -> None:
         session = self._session
@@ -667,7 +417,7 @@ class Recorder:
             step()
         except OSError as error:
             if session is not None and session.writing:
-                self._disk_failed(session, error)
+                session.disk_failed(error)
             else:
                 self._tell(Level.ERROR, self._words(error))
         except Exception as error:  # noqa: BLE001  (the thread must live, for messages keep coming)
@@ -683,90 +433,53 @@ class Recorder:
                 f"only {self._free / 1e6:.0f} MB are free on the disk of {self.folder}; "
                 f"{self.settings.min_free_bytes / 1e6:.0f} MB must stay free (min_free_bytes)"
             )
-        now = time.monotonic()
-        session = _Session(self._writer(path, custom, in_place=True), began=now, file_began=now)
-        self._put_tables(session)
         self._refused, self._deadline = 0, None
-        self._session = session
-        self._state, self._reason = State.RECORDING, ""
+        self._session = Session(
+            self._writer(path, custom, in_place=True),
+            self.folder,
+            self.settings,
+            self._definitions,
+            event_topic=self._event_topic,
+            tables=self._tables,
+            space=self._space,
+            refused=lambda: self._refused,
+            tell=self._tell,
+        )
+        self._session.free = self._free
         self._taking = True
         self._tell(Level.INFO, f"recording to {path}")
         return path
 
     def _stop(self) -> Path:
         session = self._running()
-        self._taking = self.settings.snapshot_seconds > 0 and not self._closing
-        dropped = self._refused + session.dropped
+        self._taking = self._ring is not None and not self._closing
+        lost = session.lost
         text = f"recording of {session.writer.path} stopped"
-        if dropped:
-            text += f"; {dropped} messages were lost"
-        self._tell(Level.WARNING if dropped else Level.INFO, text)
-        try:
-            if session.writing:
-                self._record_early(session)
-                session.writer.close(sync=True)
-        except OSError as error:
-            self._disk_failed(session, error)
-        self._session, self._deadline = None, None
-        self._state, self._reason = State.STOPPED, ""
+        if lost:
+            text += f"; {lost} messages were lost"
+        self._tell(Level.WARNING if lost else Level.INFO, text)
+        session.finish()
+        self._session, self._deadline, self._free = None, None, session.free
         return session.writer.path
 
     def _split_asked(self) -> Path:
         session = self._running()
         if not session.writing:
-            raise RecorderError(f"the recording is paused: {self._reason}")
-        done = session.writer.file.path
-        self._new_file(session)
-        return done
-
-    def _new_file(self, session: _Session) -> None:
-        session.writer.finish_file(sync=True)
-        session.chunk_began = session.unsaved_since = None
-        try:
-            session.writer.begin_file()
-        except OSError as error:
-            session.writing = False
-            session.pause_began = time.time_ns()
-            session.retry_at = time.monotonic() + self.settings.retry_seconds
-            full = error.errno in _FULL
-            self._state = State.PAUSED_DISK_FULL if full else State.FAILED
-            self._reason = self._words(error)
-            self._tell(Level.ERROR, f"recording paused: {self._reason}")
-            return
-        session.file_began = time.monotonic()
-        self._put_tables(session)
-
-    def _put_tables(self, session: _Session) -> None:
-        for name, values in self._tables().items():
-            session.writer.add_metadata(name, values)
+            raise RecorderError(f"the recording is paused: {session.reason}")
+        return session.split()
 
     def _snapshot(self, name: str) -> Path:
-        if self.settings.snapshot_seconds <= 0:
+        if self._ring is None:
             raise RecorderError("no snapshot is kept: snapshot_seconds is 0")
-        if not self._ring:
+        if not len(self._ring):
             raise RecorderError("nothing was received yet that a snapshot could hold")
         path = self._path(name, "snapshot")
         with self._writer(path, {}, in_place=False) as writer:
-            for _, (topic, type_name, data, log_ns, publish_ns, qos, type_hash) in self._ring:
-                try:
-                    profiles = bag_metadata.parse_qos(qos)
-                except ValueError:
-                    profiles = []
-                channel = writer.topic(topic, type_name, profiles, type_hash, need_definition=False)
-                writer.write(channel, data, max(log_ns, 0), publish_ns)
+            self._ring.write(writer)
             for table, values in self._tables().items():
                 writer.add_metadata(table, values)
         self._tell(Level.INFO, f"snapshot written to {path}")
         return path
-
-    def _keep(self, item: _Item) -> None:
-        now = time.monotonic()
-        self._ring.append((now, item))
-        self._ring_bytes += len(item[2]) + _OVERHEAD
-        while self._ring and (
-            now - self._ring[0][0] > self.settings.snapshot_seconds or self._ring_bytes > self.settings.snapshot_bytes
-        ):
-            self._ring_bytes -= len(self._ring.popleft()[1][2]) + _OVERHEAD
 
     def _writer(self, path: Path, custom: dict[str, str], *, in_place: bool) -> BagWriter:
         compression = "" if self.settings.compression == "none" else self.settings.compression
@@ -792,7 +505,7 @@ class Recorder:
         names = [base, *(f"{base}_{k}" for k in range(2, 1000))]
         return next(self.folder / one for one in names if not (self.folder / one).exists())
 
-    def _running(self) -> _Session:
+    def _running(self) -> Session:
         if self._session is None:
             raise RecorderError("no recording is running")
         return self._session
@@ -800,14 +513,8 @@ class Recorder:
     def _tell(self, level: Level, text: str) -> None:
         event = Event(time.time_ns(), level, text)
         self._note(event)
-        session = self._session
-        if session is not None and session.writing:
-            if session.last_ns:
-                # A disk that refuses the event is about to be met, and handled, by the messages themselves.
-                with contextlib.suppress(OSError):
-                    self._record_event(session, event)
-            else:
-                session.early.append(event)
+        if self._session is not None:
+            self._session.record(event)
         if self._on_event is not None:
             try:
                 self._on_event(event)
@@ -817,28 +524,6 @@ class Recorder:
     def _note(self, event: Event) -> None:
         self.events.append(event)
         self._untaken.append(event)
-
-    def _record_early(self, session: _Session) -> None:
-        """Events from before the first message: only now is the recording's own time known."""
-        early, session.early = session.early, []
-        for event in early:
-            self._record_event(session, event)
-
-    def _record_event(self, session: _Session, event: Event) -> None:
-        self._definitions.load(EVENT_TYPE)
-        types = self._definitions.typestore.types
-        sec, nanosec = divmod(event.stamp_ns, 1_000_000_000)
-        message = types[EVENT_TYPE](
-            types["builtin_interfaces/msg/Time"](sec, nanosec), int(event.level), "recorder", event.text, "", "", 0
-        )
-        data = bytes(self._definitions.typestore.serialize_cdr(message, EVENT_TYPE))
-        channel = session.writer.topic(self._event_topic, EVENT_TYPE)
-        # In the recording's own time, which may be a simulation's.
-        session.writer.write(channel, data, session.last_ns or event.stamp_ns)
-        if session.chunk_began is None:
-            session.chunk_began = time.monotonic()
-        if session.unsaved_since is None:
-            session.unsaved_since = time.monotonic()
 
     # For the recovery thread
 

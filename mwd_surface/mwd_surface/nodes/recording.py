@@ -15,7 +15,9 @@ from mwd_estimation.nodes.messages import stamp
 from mwd_sensors.nodes.graph_node import ERROR, OK, Finding, GraphNode
 from mwd_sensors.nodes.profiles import STATE
 from mwd_sensors.settings import setting
-from mwd_surface.bags.recorder import Level, Recorder, RecorderError, RecorderSettings, State
+from mwd_surface.bags.recorder import Recorder, RecorderError
+from mwd_surface.bags.recorder_settings import RecorderSettings
+from mwd_surface.bags.recording_session import Level, State
 from mwd_surface.nodes import messages
 from mwd_surface.nodes.contract import TOPICS
 from mwd_surface.nodes.journal import Journal

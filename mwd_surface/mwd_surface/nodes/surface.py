@@ -20,7 +20,8 @@ from mwd_sensors.nodes.graph_node import WARN, Finding, GraphNode, run_node
 from mwd_sensors.nodes.profiles import STATE
 from mwd_sensors.settings import setting
 from mwd_surface import __version__
-from mwd_surface.bags.recorder import RecorderError, RecorderSettings
+from mwd_surface.bags.recorder import RecorderError
+from mwd_surface.bags.recorder_settings import RecorderSettings
 from mwd_surface.nodes.contract import TOPICS, profile_yaml, type_name
 from mwd_surface.nodes.foxglove_door import FoxgloveDoor
 from mwd_surface.nodes.health_desk import HealthDesk

@@ -10,7 +10,6 @@ one before is used; both facts are told in words.
 from __future__ import annotations
 
 import dataclasses
-import fcntl
 import hashlib
 import json
 import os
@@ -18,6 +17,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from mwd_surface.bags.folder_lock import FolderLock, FolderTakenError
 from mwd_surface.surveys.survey_list import ListRules, SurveyList
 from mwd_surface.surveys.well import Well
 
@@ -54,20 +54,15 @@ class SurveyStore:
         self.previous = self.folder / "surveys.previous.json"
         self._fresh = self.folder / "surveys.writing.json"
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            self._lock = (self.folder / "surveys.lock").open("a")
+            self._lock = FolderLock(self.folder, "surveys.lock")
         except OSError as error:
             raise StoreError(f"cannot keep the survey list in {self.folder}: {error.strerror}") from error
-        try:
-            # Freed by the system when the process ends, however it ends.
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            self._lock.close()
-            raise StoreError(f"another process keeps its survey list in {self.folder}") from error
+        except FolderTakenError as error:
+            raise StoreError(f"another process ({error.owner}) keeps its survey list in {self.folder}") from None
 
     def close(self) -> None:
         """Give the folder free."""
-        self._lock.close()
+        self._lock.free()
 
     def __enter__(self) -> SurveyStore:
         return self

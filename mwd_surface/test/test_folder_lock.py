@@ -1,0 +1,44 @@
+"""One owner of a folder at a time, named to whoever comes second, and free when the owner has ended."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from mwd_surface.bags.folder_lock import FolderLock, FolderTakenError
+
+OWNER = """
+import sys
+from pathlib import Path
+from mwd_surface.bags.folder_lock import FolderLock
+lock = FolderLock(Path(sys.argv[1]), ".lock")
+print("mine", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_the_second_is_told_who_the_first_is(tmp_path):
+    first = FolderLock(tmp_path / "new", ".lock")
+    with pytest.raises(FolderTakenError, match=f"process {os.getpid()} has"):
+        FolderLock(tmp_path / "new", ".lock")
+    first.free()
+    FolderLock(tmp_path / "new", ".lock").free()
+
+
+def test_a_killed_owner_leaves_the_folder_free(tmp_path):
+    words = [sys.executable, "-c", OWNER, str(tmp_path)]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as owner:
+        assert owner.stdout.readline() == b"mine\n"
+        with pytest.raises(FolderTakenError) as refused:
+            FolderLock(tmp_path, ".lock")
+        assert refused.value.owner == str(owner.pid)
+        owner.kill()
+        owner.wait()
+    FolderLock(tmp_path, ".lock").free()
+
+
+def test_a_folder_that_cannot_be_made_is_the_systems_own_error(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match="file"):
+        FolderLock(tmp_path / "file" / "below", ".lock")
