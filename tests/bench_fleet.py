@@ -1,7 +1,7 @@
 """
 A fleet of simulated bags: scaling on one and two workers; then one cut off, one empty, and a worker killed on the way.
 
-    python tests/bench_fleet.py [--bags 40]
+    python tests/bench_fleet.py [--bags 200]
 
 Prints Markdown. What a fleet costs on one's own machines follows from samples per second and worker, and bytes.
 """
@@ -19,15 +19,17 @@ from pathlib import Path
 from mwd_estimation.pipeline import EstimatorSettings
 from mwd_sensors import scenario
 from mwd_surface.fleet import fleet_dataset, fleet_run
-from mwd_surface.fleet.fleet_task import Outcome
+from mwd_surface.fleet.fleet_task import Outcome, Work, config_text
 from mwd_surface.runs import simulate
+from mwd_surface.runs.process import InputSettings
 
-SCENARIO = Path(__file__).resolve().parents[1] / "bags" / "scenarios" / "default.yaml"
+BAGS = Path(__file__).resolve().parents[1] / "bags"
+SHORT, LONG = BAGS / "golden" / "stations" / "scenario.yaml", BAGS / "scenarios" / "curve_and_lateral.yaml"
 
 
-def simulated(folder: Path, count: int) -> list[Path]:
-    """Bags of the default scenario, each with a seed of its own."""
-    told = scenario.read(SCENARIO, {})
+def simulated(folder: Path, source: Path, count: int) -> list[Path]:
+    """Bags of a scenario, each with a seed of its own."""
+    told = scenario.read(source, {})
     bags = []
     for seed in range(count):
         path = folder / f"{seed:04d}"
@@ -57,46 +59,68 @@ class Killer:
             os.kill(self.killed, signal.SIGKILL)
 
 
+def scaling(folder: Path) -> list[str]:
+    """Speed on one worker and on two, over a few long bags, and what goes in and out."""
+    bags = simulated(folder / "long", LONG, 4)
+    size = sum(file.stat().st_size for bag in bags for file in bag.iterdir())
+    table = ["| workers | s | samples/s | per worker |", "|---|---|---|---|"]
+    elapsed = {}
+    samples = 0
+    for workers in (1, 2):
+        with fleet_run.cluster("processes", workers) as client:
+            # Imports and compiled kernels are there before the clock starts: a fleet takes hours, they take seconds.
+            warm = [client.submit(fleet_run.carry_out, work, pure=False) for work in works(bags[:2], folder / "warm")]
+            client.gather(warm)
+            began = time.perf_counter()
+            outcomes = fleet_run.run(bags, folder / f"fleet_{workers}", client, EstimatorSettings())
+            elapsed[workers] = time.perf_counter() - began
+        samples = sum(one.row["samples"] for one in outcomes)
+        rate = samples / elapsed[workers]
+        table.append(f"| {workers} | {elapsed[workers]:.1f} | {rate:,.0f} | {rate / workers:,.0f} |")
+    written = sum(file.stat().st_size for file in (folder / "fleet_1").rglob("*.parquet"))
+    times = elapsed[1] / elapsed[2]
+    return [
+        *table,
+        "",
+        f"{len(bags)} bags of {samples / len(bags):,.0f} samples of the AHRS, default method:",
+        f"two workers are {times:.2f} times as fast as one.",
+        f"In: {size / samples:.0f} bytes a sample, all topics. Out: {written / samples:.2f} bytes a sample.",
+    ]
+
+
+def works(bags: list[Path], folder: Path) -> list[Work]:
+    """Tasks whose results nobody reads."""
+    text = config_text(EstimatorSettings())
+    return [Work(str(bag), str(folder), text, InputSettings()) for bag in bags]
+
+
+def robustness(folder: Path, count: int) -> list[str]:
+    """What becomes of many bags, two of them bad, when a worker dies."""
+    bags = simulated(folder / "bags", SHORT, count)
+    damage(bags)
+    killer = Killer()
+    with fleet_run.cluster("processes", 2) as client:
+        outcomes = fleet_run.run(bags, folder / "fleet", client, EstimatorSettings(), told=killer)
+        again = fleet_run.run(bags, folder / "fleet", client, EstimatorSettings())
+    surveys = fleet_dataset.read(folder / "fleet", "surveys")
+    failed = [one for one in outcomes if one.row["outcome"] == fleet_dataset.FAILED]
+    different = len(set(zip(surveys.column("key").to_pylist(), surveys.column("uuid").to_pylist(), strict=True)))
+    kept = sum(one.kept for one in again)
+    return [
+        f"{count} bags, one cut off, one empty, a worker {'killed' if killer.killed else 'left alone'} on the way:",
+        f"{count - len(failed)} worked out, {len(failed)} failed with their reason; {surveys.num_rows} surveys,",
+        f"{different} of them different. Called again: {kept} kept, none worked out twice.",
+    ]
+
+
 def main() -> None:
     """Print what came of the fleet, and its speed."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--bags", type=int, default=40)
+    parser.add_argument("--bags", type=int, default=200)
     options = parser.parse_args()
-    estimator = EstimatorSettings()
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        bags = simulated(folder / "bags", options.bags)
-        whole = bags[2:]
-        size = sum(file.stat().st_size for bag in whole for file in bag.iterdir())
-        speeds: dict[int, tuple[float, int]] = {}
-        for workers in (1, 2):
-            with fleet_run.cluster("processes", workers) as client:
-                # Imports and compiled kernels are there before the clock starts: a fleet takes hours, they seconds.
-                fleet_run.run(whole[:workers] * 2, folder / f"warm_{workers}", client, estimator)
-                began = time.perf_counter()
-                outcomes = fleet_run.run(whole, folder / f"fleet_{workers}", client, estimator)
-                speeds[workers] = (time.perf_counter() - began, sum(one.row["samples"] for one in outcomes))
-        damage(bags)
-        killer = Killer()
-        with fleet_run.cluster("processes", 2) as client:
-            outcomes = fleet_run.run(bags, folder / "fleet", client, estimator, told=killer)
-            again = fleet_run.run(bags, folder / "fleet", client, estimator)
-        surveys = fleet_dataset.read(folder / "fleet", "surveys")
-        written = sum(file.stat().st_size for file in (folder / "fleet").rglob("*.parquet"))
-    failed = [one for one in outcomes if one.row["outcome"] == fleet_dataset.FAILED]
-    different = len(set(surveys.column("uuid").to_pylist()))
-    kept = sum(one.kept for one in again)
-    print(f"{len(bags)} bags, one cut off, one empty, a worker killed on the way:")
-    print(f"{len(outcomes) - len(failed)} worked out, {len(failed)} failed; {surveys.num_rows} surveys,")
-    print(f"{different} of them different; called again, {kept} are kept and none is worked out twice.")
-    print("\n| workers | s | samples/s | per worker |\n|---|---|---|---|")
-    for workers, (elapsed, samples) in speeds.items():
-        print(f"| {workers} | {elapsed:.1f} | {samples / elapsed:,.0f} | {samples / elapsed / workers:,.0f} |")
-    samples = speeds[1][1]
-    print(f"\nTwo workers are {speeds[1][0] / speeds[2][0]:.2f} times as fast as one.")
-    print(
-        f"In: {size / samples:.0f} bytes a sample of the AHRS, all topics. Out: {written / samples:.2f} bytes a sample."
-    )
+        print("\n".join(scaling(Path(name))), end="\n\n", flush=True)
+        print("\n".join(robustness(Path(name), options.bags)))
 
 
 if __name__ == "__main__":
