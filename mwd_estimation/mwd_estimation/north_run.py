@@ -13,11 +13,14 @@ import math
 import numpy as np
 
 from mwd_estimation import north_seek
-from mwd_estimation.gyro_station import GyroSettings, params_of
+from mwd_estimation.gyro_station import GyroSettings, params_of, white_noise
 from mwd_estimation.north_seek import Solution
 from mwd_estimation.track import Array, Stamps
 from mwd_sensors.settings import setting
 
+# Bins that tell the unit's noise, and the rate below which a tool rests, rad/s.
+_NOISE_BINS = 8
+_AT_REST = 0.05
 MODES = ("still", "two_position", "rotating")
 
 
@@ -80,7 +83,10 @@ class NorthRun:
         self.duration = duration_s or params.duration_s
         self.elapsed = 0.0
         self._unit = params
-        self._params = dataclasses.replace(params_of(gyro, latitude_deg, gravity), mode=mode or "auto")
+        self._gyro, self._latitude, self._gravity, self._mode = gyro, latitude_deg, gravity, mode or "auto"
+        self._params = dataclasses.replace(params_of(gyro, latitude_deg, gravity), mode=self._mode)
+        # The first bins wait until they have told the unit's noise.
+        self._first: list[tuple[tuple[Stamps, Array], tuple[Stamps, Array]]] | None = []
         self._range = math.radians(gyro.range_dps)
         self._state = north_seek.initial()
         self._heard = False
@@ -104,21 +110,41 @@ class NorthRun:
             Of the conventional unit, rad/s.
         """
         self.elapsed += seconds
-        stamps, values = precision
-        if not len(stamps):
+        if not len(precision[0]):
             return
+        self._heard = True
+        if self._first is None:
+            self._take(precision, ahrs)
+            return
+        self._first.append((precision, ahrs))
+        if len(self._first) == _NOISE_BINS:
+            self._params = dataclasses.replace(self._params_now(self._first), mode=self._mode)
+            for one in self._first:
+                self._take(*one)
+            self._first = None
+
+    def _params_now(self, first: list[tuple[tuple[Stamps, Array], tuple[Stamps, Array]]]) -> north_seek.Params:
+        """Settings of the seek with the noise that the tool shows at rest, or with the x gyro that can follow it."""
+        stamps = np.concatenate([precision[0] for precision, _ in first])
+        rates = np.concatenate([precision[1][:, :3] for precision, _ in first])
+        x_rates = np.concatenate([*(ahrs[1][:, 0] for _, ahrs in first), rates[:, 0]])
+        fastest = float(np.nanmax(np.abs(x_rates)))
+        noise = white_noise(stamps, rates) if fastest < _AT_REST else None
+        params = params_of(self._gyro, self._latitude, self._gravity, noise)
+        if fastest <= 0.9 * self._range:
+            return params
+        return dataclasses.replace(
+            params,
+            gyro_x_noise_deg_rth=self._unit.x_noise_deg_rth,
+            gyro_x_bias_deg_h=self._unit.x_bias_deg_h,
+            scale_x_ppm=self._unit.x_scale_ppm,
+        )
+
+    def _take(self, precision: tuple[Stamps, Array], ahrs: tuple[Stamps, Array]) -> None:
+        stamps, values = precision
         rates = values[:, :3]
         if len(ahrs[0]):
-            turns = bool(np.abs(ahrs[1][:, 0]).max() > 0.9 * self._range)
-            if turns and not self._heard:
-                self._params = dataclasses.replace(
-                    self._params,
-                    gyro_x_noise_deg_rth=self._unit.x_noise_deg_rth,
-                    gyro_x_bias_deg_h=self._unit.x_bias_deg_h,
-                    scale_x_ppm=self._unit.x_scale_ppm,
-                )
             rates = north_seek.dual_unit(stamps, rates, *ahrs, self._range)
-        self._heard = True
         north_seek.run(self._params, self._state, stamps, rates, values[:, 3:])
 
     def progress(self) -> Progress:

@@ -251,7 +251,11 @@ def fused(
         shared={"declination": min(_declination(together), weighed.sigma)} if math.isfinite(weighed.sigma) else {},
         doubt="" if sound else next(one.doubt for one in group if one.doubt),
     )
-    both = fusion.fuse([magnetic, fusion.Candidate(GYRO, found.azimuth, found.sigma, fusion.GYRO, shared)], settings)
+    strict = fusion.Settings() if settings is None else settings
+    if last_alarm:
+        # Steel has been found in this run: no magnetic azimuth outlasts the gyro on the strength of its sigma.
+        strict = dataclasses.replace(strict, steel_sigmas=strict.disagreement_sigmas)
+    both = fusion.fuse([magnetic, fusion.Candidate(GYRO, found.azimuth, found.sigma, fusion.GYRO, shared)], strict)
     share = both.weights[0]
     reasons = {
         name: reason or (both.reasons[0] if weights[name] > 0.0 and share == 0.0 else "")
