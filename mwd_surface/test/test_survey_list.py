@@ -1,8 +1,10 @@
 """The survey list: its order, its two judgements, its legs and its path."""
 
+import csv
 import dataclasses
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -268,3 +270,23 @@ def test_the_rules_say_how_the_path_goes_on_to_the_bit():
     assert whole.definitive(bit_depth=210.0).kind[-1] == "projected"
     curve = dataclasses.replace(whole, rules=ListRules(projection="curve")).definitive(bit_depth=220.0)
     assert curve.dogleg_severity[-1] == pytest.approx(curve.dogleg_severity[-2])
+
+
+def test_a_real_well_of_87_gyro_stations_comes_out_where_its_operator_put_it_to_a_micrometre():
+    f4 = Path(__file__).parents[2].parent / "shared" / "data" / "volve" / "F-4_gyro_ns_trajectory.csv"
+    if not f4.is_file():
+        pytest.skip("the shared Volve data is not beside this checkout")
+    with f4.open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    # The operator kept single precision; his positions follow from those digits.
+    md, inc, azi = ([float(np.float32(row[name])) for row in rows] for name in ("md_m", "inc_deg", "azi_true_deg"))
+    rules = ListRules(gap_limit=1e4, same_depth=0.01, dogleg_limit_deg=90.0)
+    whole = SurveyList(rules=rules)
+    for k in range(1, len(rows)):
+        whole = whole.add(shot(k, inc[k], azi[k]), md[k], 0.0)
+    path = whole.definitive()
+    assert len(path.md) == len(rows)
+    want = np.array([[float(row[name]) for name in ("north_m", "east_m", "tvd_m")] for row in rows])
+    np.testing.assert_allclose(path.positions, want, rtol=0.0, atol=1e-6)
+    severities = np.degrees(path.dogleg_severity) * 30.0
+    np.testing.assert_allclose(severities, [float(row["dls_deg_per_30m"]) for row in rows], rtol=0.0, atol=1e-4)
