@@ -67,6 +67,23 @@ def test_a_port_that_is_taken_is_passed_over():
             pass
 
 
+def test_rig_interfaces_of_a_run_are_on_this_machine_and_never_on_a_port_of_another_run():
+    with launch_plan.rig_parameters() as first, launch_plan.rig_parameters() as second:
+        assert first["rig.wits0_server.enabled"] is True
+        ports = [value for given in (first, second) for key, value in given.items() if key.endswith(".port")]
+        assert len(set(ports)) == len(ports)
+        assert not any(key.endswith((".host", ".allow_network")) for key in first)
+        assert len(launch_plan.rig_addresses(first)) == len(ports) // 2
+        assert f"WITS 127.0.0.1:{first['rig.wits0_server.port']}" in launch_plan.rig_addresses(first)
+    assert launch_plan.rig_addresses({}) == []
+
+
+def test_a_rig_interface_whose_package_is_missing_stays_off(monkeypatch):
+    monkeypatch.setattr(launch_plan.importlib.util, "find_spec", lambda _name: None)
+    with launch_plan.rig_parameters() as parameters:
+        assert [key for key in parameters if key.endswith(".enabled")] == ["rig.wits0_server.enabled"]
+
+
 def test_two_runs_at_once_get_two_domains():
     with launch_plan.own_domain({}) as first, launch_plan.own_domain({}) as second:
         assert first != second

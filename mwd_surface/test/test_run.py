@@ -3,6 +3,7 @@
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -66,6 +67,11 @@ def test_two_wells_play_side_by_side_and_end_with_their_tables(start, tmp_path):
     second = start("--well", "pad/b", "--rate", 2, "-o", tmp_path / "mine")
     pages = [re.search(r"http://\S+", line_with(process, "http://"))[0] for process in (first, second)]
     assert pages[0] != pages[1]
+    rigs = [re.findall(r"127\.0\.0\.1:(\d+)", line_with(process, "rig: WITS")) for process in (first, second)]
+    assert rigs[0]
+    assert not set(rigs[0]) & set(rigs[1])
+    for port in (int(port) for ports in rigs for port in ports):
+        socket.create_connection(("127.0.0.1", port), 5.0).close()
     for page in pages:
         with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(page, timeout=5.0) as answer:
             assert b"<html" in answer.read().lower()
@@ -86,6 +92,9 @@ def test_two_wells_play_side_by_side_and_end_with_their_tables(start, tmp_path):
             counts = {name: opened.topics[f"/{well}/{name}"].count for name in ("imu/data_raw", "attitude", "truth")}
             assert min(counts.values()) > 0.9 * max(counts.values()), counts
         assert nodes_of(process) == []
+    for port in (int(port) for ports in rigs for port in ports):
+        with pytest.raises(ConnectionRefusedError):
+            socket.create_connection(("127.0.0.1", port), 5.0)
 
 
 def test_an_interrupt_ends_everything_in_order(start, tmp_path):

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from mwd_surface.rig.rig_status import RigStatus
 
 rig = typer.Typer(help="Interfaces to the rig: WITS, OPC UA, Modbus, WITSML.", no_args_is_help=True)
 
@@ -42,7 +45,8 @@ def status(
 
     places = folders or [Path("out"), Path("~/mwd_data").expanduser()]
     now, console = time.time(), terminal.output()
-    running, gone = [], []
+    running: list[tuple[Path, RigStatus]] = []
+    gone: list[tuple[Path, RigStatus]] = []
     for path in status_files(places):
         try:
             found = read_status(path)

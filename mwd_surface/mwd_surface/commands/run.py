@@ -32,6 +32,9 @@ def run(
     no_record: Annotated[
         bool, typer.Option("--no-record", help="Record nothing; there is no table at the end.")
     ] = False,
+    no_rig: Annotated[
+        bool, typer.Option("--no-rig", help="No interfaces to the rig; otherwise WITS, OPC UA, Modbus on this machine.")
+    ] = False,
 ) -> None:
     """
     Play a scenario through the whole graph: sonde, estimator, surface, live page and recording.
@@ -45,6 +48,7 @@ def run(
       mwd run horizontal_east_west --rate 5
       mwd run --well pad_7/well_2 --port 8082 -o logs/well_2
     """
+    import contextlib
     import os
 
     from mwd_sensors import scenario_files
@@ -81,8 +85,9 @@ def run(
     }
     sonde |= {"seed": seed} if seed is not None else {}
     own_domain, page_port = launch_plan.own_domain(os.environ), launch_plan.page_port(port)
-    with own_domain as domain, page_port as page, _Interrupts() as interrupts:
-        parameters = {"surface": surface | {"page.port": page}, "estimator": estimator, "sonde": sonde}
+    with own_domain as domain, page_port as page, contextlib.ExitStack() as held, _Interrupts() as interrupts:
+        interfaces = {} if no_rig else held.enter_context(launch_plan.rig_parameters())
+        parameters = {"surface": surface | interfaces | {"page.port": page}, "estimator": estimator, "sonde": sonde}
         orders = {
             node: Order(node, launch_plan.node_words(node, namespace, given), logs / f"{node}.log")
             for node, given in parameters.items()
@@ -95,6 +100,9 @@ def run(
                 supervisor.start(orders[node])
             if _wait_until_ready(supervisor, interrupts, address, logs):
                 console.print(f"{story.name}: page at {address} (well /{namespace}, domain {domain})", markup=False)
+                if not no_rig:
+                    where = ", ".join(launch_plan.rig_addresses(interfaces))
+                    console.print(f"rig: {where} (`mwd rig status {folder}`)", markup=False)
                 supervisor.start(orders["sonde"])
                 _play(supervisor, interrupts, address, story.name)
         except SupervisorError as error:

@@ -1,5 +1,5 @@
 """
-How the rig interfaces of a well go, in a small file beside its recordings: written every second, read by `mwd rig status`.
+How the rig interfaces of a well go, in a small file in its folder: written every second, read by `mwd rig status`.
 
 A file rather than a topic, so that it can be read without the middleware, its domain or a password, by whoever may read
 the well's folder.
@@ -87,7 +87,7 @@ def status_files(folders: Sequence[Path]) -> list[Path]:
 
 
 def dated(table: Sequence[InterfaceStatus], offset: float) -> tuple[InterfaceStatus, ...]:
-    """The table with each peer's beginning in s since the epoch; offset: what that clock is ahead of the steady one, s."""
+    """The table with the beginnings of peers in s since the epoch; offset: that clock minus the steady one, s."""
     return tuple(
         dataclasses.replace(s, peers=tuple(dataclasses.replace(p, since=p.since + offset) for p in s.peers))
         for s in table
@@ -105,7 +105,7 @@ def status_lines(table: Sequence[InterfaceStatus], now: float) -> list[str]:
     lines = []
     for s in table:
         last = ", ".join(f"{name} {text}" for name, text in s.last)
-        counts = ", ".join(f"{name} {count}" for name, count in s.counts)
+        counts = ", ".join(f"{name} {count}" for name, count in s.counts if count)
         lines.append(
             f"{s.name}: {s.state}"
             + (f" at {s.address}" if s.address else "")

@@ -1,13 +1,14 @@
 """
 What `mwd run` starts: the arguments of each node for one well, and what keeps two runs on one machine apart.
 
-A run owns a middleware domain nobody else uses, a page port and a folder.
+A run owns a middleware domain nobody else uses, ports for page and rig, and a folder.
 """
 
 from __future__ import annotations
 
 import contextlib
 import fcntl
+import importlib.util
 import math
 import os
 import socket
@@ -20,6 +21,13 @@ from typing import Any, TextIO
 from mwd_sensors.scenario import Scenario, parse_date
 
 FIRST_PORT = 8080
+# Interfaces to the rig: their usual port, and the package they need.
+_RIG_PORTS = {"wits0_server": (8686, ""), "opcua": (4840, "asyncua"), "modbus": (5020, "pymodbus")}
+_RIG_WORDS = {
+    "wits0_server": "WITS 127.0.0.1:{}",
+    "opcua": "OPC UA opc.tcp://127.0.0.1:{}/",
+    "modbus": "Modbus TCP 127.0.0.1:{}",
+}
 _PORTS = 100
 # Domains up to 101 leave their ports below the ephemeral range of Linux.
 _DOMAINS = range(1, 101)
@@ -84,7 +92,42 @@ def page_port(wanted: int | None) -> Iterator[int]:
     ValueError
         The port asked for is taken, or none is free.
     """
-    for port in range(FIRST_PORT, FIRST_PORT + _PORTS) if wanted is None else (wanted,):
+    with _free_port(FIRST_PORT, _PORTS) if wanted is None else _free_port(wanted, 1) as port:
+        if port is not None:
+            yield port
+            return
+    if wanted is not None:
+        raise ValueError(f"--port {wanted}: something listens there already; leave it away to take a free one")
+    raise ValueError(f"every port from {FIRST_PORT} to {FIRST_PORT + _PORTS - 1} is taken; name another with --port")
+
+
+@contextlib.contextmanager
+def rig_parameters() -> Iterator[dict[str, Any]]:
+    """
+    Parameters of the surface that switch on WITS, OPC UA and Modbus on this machine alone, for a simulated tool.
+
+    Each has the first free port from its usual one on, held until the block ends. One whose package is not installed,
+    or for which no port is free, stays off.
+    """
+    parameters: dict[str, Any] = {"rig.simulated": True}
+    with contextlib.ExitStack() as held:
+        for name, (first, package) in _RIG_PORTS.items():
+            port = held.enter_context(_free_port(first, _PORTS))
+            if port is not None and (not package or importlib.util.find_spec(package) is not None):
+                parameters |= {f"rig.{name}.enabled": True, f"rig.{name}.port": port}
+        yield parameters
+
+
+def rig_addresses(parameters: Mapping[str, Any]) -> list[str]:
+    """Name and address of each rig interface that these parameters of a surface switch on."""
+    ports = {name: parameters.get(f"rig.{name}.port") for name in _RIG_PORTS}
+    return [_RIG_WORDS[name].format(port) for name, port in ports.items() if port is not None]
+
+
+@contextlib.contextmanager
+def _free_port(first: int, count: int) -> Iterator[int | None]:
+    """The first free one of so many ports, held against other runs until the block ends; None where none is."""
+    for port in range(first, first + count):
         lock = _locked(f"port_{port}")
         if lock is None:
             continue
@@ -92,9 +135,7 @@ def page_port(wanted: int | None) -> Iterator[int]:
             if _bindable(port):
                 yield port
                 return
-    if wanted is not None:
-        raise ValueError(f"--port {wanted}: something listens there already; leave it away to take a free one")
-    raise ValueError(f"every port from {FIRST_PORT} to {FIRST_PORT + _PORTS - 1} is taken; name another with --port")
+    yield None
 
 
 @contextlib.contextmanager
