@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Any
 
@@ -45,6 +46,7 @@ class HealthDesk:
         self._findings_of: dict[str, tuple[float, list[Any]]] = {}
         self._progress: tuple[bool, str] = (False, "")
         self._progress_at = 0.0
+        self._action_at = -_SILENT_AFTER
         self._result = ""
 
     def heard(self, topic: str) -> None:
@@ -66,9 +68,28 @@ class HealthDesk:
             values = {pair.key: pair.value for pair in status.values}
             if status.name.endswith("estimator: survey"):
                 figures = (float(values.get("elapsed_s", 0.0)), float(values.get("remaining_s", 0.0)))
-                self._show_progress("remaining_s" in values, *figures, status.message)
+                # While an action tells how far it is, that counts.
+                if time.monotonic() - self._action_at > _SILENT_AFTER:
+                    self._show_progress("remaining_s" in values, *figures, status.message)
             elif status.name.endswith("estimator: reference field"):
                 self._on_reference(values, status.message)
+
+    def on_north_seek(self, feedback: Any) -> None:
+        """How far the gyros are with north: NorthSeek feedback."""
+        seen = feedback.feedback
+        state = f"seeking north: {seen.state}"
+        if seen.sigma >= 0.0:
+            state += f"; {math.degrees(seen.azimuth):.1f} deg +- {math.degrees(seen.sigma):.1f} so far"
+        self._on_action(seen, state)
+
+    def on_rotary_survey(self, feedback: Any) -> None:
+        """How far a survey is that is taken while the string rotates: RotarySurvey feedback."""
+        seen = feedback.feedback
+        self._on_action(seen, f"rotary survey: {seen.state}")
+
+    def _on_action(self, seen: Any, state: str) -> None:
+        self._action_at = time.monotonic()
+        self._show_progress(True, seen.elapsed, seen.remaining, state)
 
     def survey_ended(self, result: str) -> None:
         """The survey under way came to an end, in words."""

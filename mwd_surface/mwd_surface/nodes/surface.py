@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from mwd_msgs import srv
+from mwd_msgs.action import NorthSeek, RotarySurvey
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_srvs.srv import Trigger
 
@@ -180,6 +181,12 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             recorded = wanted.pop(self.resolve_topic_name(name), None) is not None
             if recorded or self._foxglove.put is not None or name in self._feed.buffers or name in self._handlers:
                 self._subscribe(name, kind, profile, recorded=recorded)
+        # What an action tells its caller on the way is a topic like others, for who knows its name.
+        for action, kind, act in (
+            ("north_seek", NorthSeek, self._health.on_north_seek),
+            ("rotary_survey", RotarySurvey, self._health.on_rotary_survey),
+        ):
+            self.listen(kind.Impl.FeedbackMessage, f"{action}/_action/feedback", act, STATE)
         self._not_found = set(wanted)
         self._survey_client = self.reach(srv.TakeSurvey, "take_survey")
         self._buttons: Services = {
