@@ -47,6 +47,21 @@ def test_a_port_in_use_is_noted():
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         assert doctor.page_port(taken.getsockname()[1]).level == Level.NOTE
+        assert doctor.rig_port("WITS", taken.getsockname()[1]).level == Level.NOTE
+
+
+def test_an_interface_that_lacks_its_package_is_off_with_the_command_that_installs_it():
+    found = doctor.interface("OPC UA", "no_such_package_at_all", "some-distribution")
+    assert found.level == Level.NOTE
+    assert "off" in found.state
+    assert found.remedy.startswith(sys.prefix)
+    assert found.remedy.endswith("pip install some-distribution")
+    assert doctor.interface("numbers", "numpy", "numpy").level == Level.OK
+
+
+def test_every_interface_to_the_rig_is_looked_at():
+    looked_at = {finding.name for finding in doctor.examine({}, Path())}
+    assert {"OPC UA", "Modbus", "WITS over a serial line", "WITS port", "OPC UA port", "Modbus port"} <= looked_at
 
 
 def test_a_program_that_is_not_there_is_noted_with_its_package():

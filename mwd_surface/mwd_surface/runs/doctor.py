@@ -60,6 +60,8 @@ def examine(environment: Mapping[str, str], folder: Path, port: int = PAGE_PORT)
     checks: tuple[Callable[[], Finding], ...] = (
         python,
         *(lambda name=name, why=why: package(name, why) for name, why in _PACKAGES),
+        *(lambda one=one: interface(*one) for one in _INTERFACES),
+        *(lambda name=name, at=at: rig_port(name, at) for name, at in _RIG_PORTS),
         middleware,
         messages,
         lambda: foreign_ros(environment),
@@ -83,6 +85,18 @@ _PACKAGES = (
     ("pygeomag", "the magnetic field by place and date (WMM2025)"),
     ("ppigrf", "the magnetic field of older days (IGRF)"),
 )
+# What it is for, the module, and the distribution to install.
+_INTERFACES = (
+    ("OPC UA", "asyncua", "asyncua"),
+    ("OPC UA certificates", "cryptography", "cryptography"),
+    ("Modbus", "pymodbus", "pymodbus"),
+    ("WITS over a serial line", "serial", "pyserial"),
+    ("Foxglove live", "foxglove", "foxglove-sdk"),
+    ("PDF reports", "fpdf", "fpdf2"),
+    ("mwd batch", "distributed", "distributed"),
+    ("Parquet tables", "pyarrow", "pyarrow"),
+)
+_RIG_PORTS = (("WITS", 8686), ("OPC UA", 4840), ("Modbus", 5020))
 _TOOLS = (
     ("cmake", "building the messages from source"),
     ("c++", "building the messages from source"),
@@ -105,11 +119,24 @@ def package(name: str, why: str) -> Finding:
         level = Level.NOTE if "without it" in why else Level.MISSING
         return Finding(name, level, f"not installed: {why}", "run `make setup`, or pip install it into this Python")
     distribution = {"yaml": "PyYAML"}.get(name, name)
-    try:
-        state = importlib.metadata.version(distribution)
-    except importlib.metadata.PackageNotFoundError:
-        state = "there"
-    return Finding(name, Level.OK, state)
+    return Finding(name, Level.OK, _version(distribution))
+
+
+def interface(what: str, module: str, distribution: str) -> Finding:
+    """Something that can be done without, by the package it needs."""
+    if importlib.util.find_spec(module) is None:
+        remedy = f"{Path(sys.prefix) / 'bin' / 'python'} -m pip install {distribution}"
+        return Finding(what, Level.NOTE, f"off: {distribution} is not installed", remedy)
+    return Finding(what, Level.OK, f"{distribution} {_version(distribution)}")
+
+
+def rig_port(what: str, port: int) -> Finding:
+    """Whether a rig interface can listen where it usually does."""
+    taken = _taken(port)
+    if taken:
+        remedy = "`mwd run` takes another; a surface node: set its rig.*.port"
+        return Finding(f"{what} port", Level.NOTE, f"port {port}: {taken}", remedy)
+    return Finding(f"{what} port", Level.OK, f"port {port} is free")
 
 
 def middleware() -> Finding:
@@ -190,12 +217,9 @@ def disk(folder: Path) -> Finding:
 
 def page_port(port: int) -> Finding:
     """Whether the live page can listen."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(("127.0.0.1", port))
-        except OSError as error:
-            return Finding("page", Level.NOTE, f"port {port}: {error.strerror}", "`mwd run` takes another; or --port")
+    taken = _taken(port)
+    if taken:
+        return Finding("page", Level.NOTE, f"port {port}: {taken}", "`mwd run` takes another; or --port")
     return Finding("page", Level.OK, f"port {port} is free")
 
 
@@ -217,6 +241,24 @@ def tool(name: str, why: str) -> Finding:
         return Finding(name, Level.OK, found)
     remedy = f"on Debian or Ubuntu: sudo apt install {'g++' if name == 'c++' else name}"
     return Finding(name, Level.NOTE, f"not found: {why}", remedy)
+
+
+def _version(distribution: str) -> str:
+    try:
+        return importlib.metadata.version(distribution)
+    except importlib.metadata.PackageNotFoundError:
+        return "there"
+
+
+def _taken(port: int) -> str:
+    """Why nothing can listen on a port of this machine's loopback; empty where something can."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError as error:
+            return error.strerror or str(error)
+    return ""
 
 
 def _ask(words: list[str], environment: Mapping[str, str]) -> subprocess.CompletedProcess[str]:
