@@ -544,10 +544,10 @@ class Pipeline:
         for bins in self._closed.values():
             for index in [k for k in bins if k < imu.index]:
                 del bins[index]
-        # What the gyro has found so far, should this bin end the interval; and what a survey had better wait for.
-        so_far = self._gyro.solution() if self._still.waits_for else None
         wait = self._gyro.pending() if self._still.complete else ""
         result = self._still.add(BinSet(imu, found["mag"], found["precision"], found["temperature"]), wait)
+        # What the gyro had found before this bin, which ended the interval.
+        so_far = self._gyro.solution() if isinstance(result, StillAverage) and result.moved else None
         still = self._still.still_bins
         # By bins, not by blocks: the same samples go into the seek however the stream is cut.
         first, self._precision_at = self._precision_at, _reached(self._precision_ns, self._precision_at, end_ns)
@@ -558,27 +558,45 @@ class Pipeline:
         if isinstance(result, Refusal):
             output.refusals.append(result)
         elif isinstance(result, StillAverage):
-            self.sequence += 1
-            taken, analysis = survey.from_average(
-                result,
-                self.sequence,
-                self.reference,
-                self.settings.station,
-                so_far if result.moved else self._gyro.solution(),
-                self.settings.fusion,
-                run=self._run if not self._unusable else None,
-                last_alarm=self._last_alarm,
-            )
-            self._last_alarm = self._last_alarm if taken.alarm is None else taken.alarm
-            judged = self._faults.judge(taken)
-            output.surveys.append(judged)
-            if judged is not taken:
-                return Mark(place, imu.index, end_ns)
-            self._learn(taken, analysis)
-            north = taken.station.by_method(GYRO)
-            if north is not None and taken.weights.get(GYRO, 0.0) > 0.0:
-                return Mark(place, imu.index, end_ns, north.azimuth, north.sigma)
+            found_north = so_far if result.moved else self._gyro.solution()
+            return Mark(place, imu.index, end_ns, *self._work_out(result, found_north, output))
         return Mark(place, imu.index, end_ns)
+
+    def finish(self) -> Output:
+        """
+        What the samples so far still hold when no more come: a survey that waited for the gyro.
+
+        Samples may follow all the same.
+        """
+        output = Output.empty(0)
+        held = self._still.finish()
+        if held is not None:
+            self._work_out(held, self._gyro.solution(), output)
+        return output
+
+    def _work_out(self, still: StillAverage, found: Solution | str | None, output: Output) -> tuple[float, float]:
+        """The survey of a still interval, and what it teaches; returns the gyro's azimuth that counts in it, or nan."""
+        self.sequence += 1
+        taken, analysis = survey.from_average(
+            still,
+            self.sequence,
+            self.reference,
+            self.settings.station,
+            found,
+            self.settings.fusion,
+            run=self._run if not self._unusable else None,
+            last_alarm=self._last_alarm,
+        )
+        self._last_alarm = self._last_alarm if taken.alarm is None else taken.alarm
+        judged = self._faults.judge(taken)
+        output.surveys.append(judged)
+        if judged is not taken:
+            return math.nan, math.nan
+        self._learn(taken, analysis)
+        north = taken.station.by_method(GYRO)
+        if north is not None and taken.weights.get(GYRO, 0.0) > 0.0:
+            return north.azimuth, north.sigma
+        return math.nan, math.nan
 
     def _seek(self, run: NorthRun, end_ns: int, samples: tuple[Stamps, Array], output: Output) -> None:
         """A bin for the seek that was asked for, unless it began before that."""

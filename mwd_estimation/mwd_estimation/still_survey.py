@@ -164,6 +164,14 @@ class StillSurvey:
         chosen, self._run = self._run[settle:], self._run[-1:]
         return _averaged(chosen, requested)
 
+    def finish(self) -> StillAverage | None:
+        """The average that waits for something, when nothing more comes; it counts as taken."""
+        if not self.waits_for:
+            return None
+        held, self.waits_for, self._taken = self._run[_bins(self.params.settle_s, least=0) :], "", True
+        self._run = self._run[-1:]
+        return _averaged(held, False)
+
     def _needed(self) -> int:
         if self._requested_bins:
             return self._requested_bins

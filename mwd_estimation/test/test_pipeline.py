@@ -14,6 +14,7 @@ from mwd_estimation.status import Status
 from mwd_estimation.still_survey import Params as StillParams
 from mwd_sensors import wire
 from mwd_sensors.frames import mat_nt, wrap_pi
+from mwd_sensors.settings import changed
 
 START = 1_700_000_000 * 10**9
 REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, convergence=0.01, gravity=9.81, source="test")
@@ -265,3 +266,19 @@ def test_numbering_goes_on_after_what_others_remember():
     pipeline.continue_numbering(41)
     (output,) = _run(imu, mag, pipeline)
     assert output.surveys[0].sequence == 42
+
+
+def test_a_recording_that_ends_while_a_survey_waits_for_the_gyro_gives_that_survey():
+    imu, mag = _samples(seconds=25.0)
+    pipeline = Pipeline(
+        changed(EstimatorSettings(), {"gyro.latitude_source": "fixed", "gyro.latitude_deg": 50.0}), REFERENCE
+    )
+    pipeline.push_mag(mag)
+    fine = imu.copy()
+    fine["angular_velocity"] *= 1e-2
+    pipeline.push_precision(fine)
+    assert not pipeline.push_imu(imu).surveys
+    assert "too short" in pipeline.survey_waits_for
+    (survey,) = pipeline.finish().surveys
+    assert survey.duration > 20.0
+    assert not pipeline.finish().surveys

@@ -125,3 +125,13 @@ def test_a_requested_survey_does_not_wait():
     survey.request(3.0)
     results = [survey.add(BinSet(one), "the gyro") for one in _bins(5.0)]
     assert [k for k, result in enumerate(results) if result is not None] == [5]
+
+
+def test_when_nothing_more_comes_what_was_held_is_given_once():
+    survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0))
+    bins = _bins(20.0)
+    assert [survey.add(BinSet(one), "the gyro") for one in bins] == [None] * len(bins)
+    held = survey.finish()
+    assert held.end_ns - held.start_ns == (len(bins) - 4) * BIN_NS
+    assert survey.finish() is None
+    assert survey.progress == 1.0
