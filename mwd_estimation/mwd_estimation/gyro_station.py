@@ -31,6 +31,8 @@ _TACTICAL_NOISE, _LEAST_NOISE = 0.05, 0.001
 _AVERAGED, _SHAKEN = 10, 1.5
 # Waiting helps while the noise alone makes this share of sigma: it also hides how well a bias fits the latitude.
 _BY_NOISE = 0.1
+# How often the seek is asked what it waits for: an answer costs as much as thousands of samples.
+_ASK_AGAIN_S = 2.5
 # Bins at rest that are looked at for it.
 _REST_BINS = 8
 
@@ -165,6 +167,8 @@ class GyroStation:
         self._found: tuple[north_seek.State, int] | None = None
         self._last_ns: int | None = None
         self._rest: list[tuple[Stamps, Array]] = []
+        # Time of the seek, s, at which it was asked what it waits for, and its answer.
+        self._waited = (-math.inf, "")
 
     def add(self, imu: Bin, bin_s: float, settled: bool, still: bool, samples: tuple[Stamps, Array]) -> None:
         """
@@ -204,6 +208,7 @@ class GyroStation:
                 self._found = self._seek.state.copy(), int(stamps[-1])
 
     def _begun(self, params: north_seek.Params, first_ns: int | None) -> north_methods.Seeker:
+        self._waited = (-math.inf, "")
         noise = white_noise(
             np.concatenate([stamps for stamps, _ in self._rest]),
             np.concatenate([values[:, :3] for _, values in self._rest]),
@@ -243,11 +248,16 @@ class GyroStation:
         """
         if not self.heard or self.params is None or self._seek is None:
             return ""
-        found = self._seek.solution()
         if abs(self.params.latitude_deg) > 85.0:
             return ""
-        if not found.success and found.elapsed < self.params.shortest:
-            return found.reason
+        elapsed = self._seek.elapsed
+        if elapsed < self.params.shortest:
+            return f"gyro azimuth: too short, {elapsed:.0f} s of {self.params.shortest:.0f} s"
+        if elapsed >= self._waited[0] + _ASK_AGAIN_S:
+            self._waited = elapsed, self._still_better(self._seek.solution())
+        return self._waited[1]
+
+    def _still_better(self, found: Solution) -> str:
         enough = math.radians(self.settings.enough_sigma_deg)
         if math.isfinite(found.sigma) and found.sigma > enough and found.limit > _BY_NOISE * found.sigma:
             return f"gyro azimuth good to {math.degrees(found.sigma):.1f} deg after {found.elapsed:.0f} s"
