@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 import functools
 import sys
 from collections.abc import Callable
@@ -56,8 +57,10 @@ def _stamps(name: str) -> tuple[tuple[str, int, int], ...]:
             # A package's names are whatever has been imported of it so far.
             continue
         for value in list(vars(module).values()):
-            source = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
-            if isinstance(source, str) and source.startswith(_OURS):
+            # What a kernel can use: modules, other kernels, and names of numbers.
+            usable = hasattr(value, "py_func") or (isinstance(value, type) and issubclass(value, enum.Enum))
+            source = value.__name__ if isinstance(value, ModuleType) else value.__module__ if usable else ""
+            if source.startswith(_OURS):
                 waiting.append(source)
     found = []
     for at in sorted(seen):
