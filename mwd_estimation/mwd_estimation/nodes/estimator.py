@@ -236,7 +236,10 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     # Health.
 
     def halt(self) -> None:
-        """What somebody waits for will not come."""
+        """A survey that waits for the gyro is given as it is; what somebody else waits for will not come."""
+        frame = self._frames.get("imu/data_raw", "")
+        for survey in self._pipeline.finish().surveys:
+            self._publish_survey(survey, frame)
         self._answer(False, "no survey taken: the estimator stops", 0)
         self._errands.end("the estimator stops")
 

@@ -482,6 +482,7 @@ def _estimate(
                 progress(_share(logged, start_ns, last_ns))
         for imu in held.finish():
             yield _Found(pipeline.push_imu(imu.samples, imu.followed), imu.log_ns)
+        yield _Found(pipeline.finish(), None)
 
     def put_away(one: _Found) -> None:
         if merger is not None:
