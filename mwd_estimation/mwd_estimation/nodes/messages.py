@@ -5,19 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from mwd_msgs.msg import AzimuthEstimate
 from mwd_msgs.msg import Survey as SurveyMessage
 
 from mwd_estimation.pipeline import NORTH_CODES
 from mwd_estimation.survey import ROTARY, Survey
+from mwd_sensors.nodes.stamps import stamp
 
 _VERDICTS = {"accept": SurveyMessage.ACCEPT, "doubtful": SurveyMessage.DOUBTFUL, "reject": SurveyMessage.REJECT}
-
-
-def stamp(stamp_ns: int) -> Time:
-    """ROS time of nanoseconds since the epoch."""
-    return Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
 
 
 def known(value: float | None, otherwise: float) -> float:

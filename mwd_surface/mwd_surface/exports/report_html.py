@@ -74,5 +74,9 @@ figcaption { color: #444; }
 def report_html(table: SurveyTable) -> str:
     """The report of a table as HTML text (UTF-8 when encoded); texts from people are escaped."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=False)
-    drawn = {caption: svg(figure) for caption, figure in figures(table).items()}
+    drawn = {}
+    for caption, figure in figures(table).items():
+        drawn[caption] = svg(figure)
+        # A figure is a web of cycles; a node that draws one a survey must not wait for the collector.
+        figure.clear()
     return environment.from_string(_PAGE).render(c=content(table), figures=drawn)

@@ -66,6 +66,7 @@ def report_pdf(table: SurveyTable) -> bytes:
         pdf.set_font(_FONT, "", 8)
         pdf.cell(width, 5, caption, new_x="LEFT", new_y="NEXT")
         pdf.image(io.BytesIO(png(figure)), w=width)
+        figure.clear()
     pdf.set_x(10)
     _sheet(pdf, said.quality)
     if said.decisions.rows:

@@ -7,9 +7,9 @@ from typing import Any
 
 from mwd_msgs import msg, srv
 
-from mwd_estimation.nodes.messages import stamp
 from mwd_sensors.nodes.graph_node import GraphNode
 from mwd_sensors.nodes.profiles import LATCHED
+from mwd_sensors.nodes.stamps import stamp
 from mwd_surface.nodes import messages
 from mwd_surface.page.alarms import AlarmBook, Severity
 from mwd_surface.page.live_state import LiveState

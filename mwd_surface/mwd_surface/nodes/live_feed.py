@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from mwd_msgs import msg
 
-from mwd_estimation.nodes.messages import stamp
 from mwd_sensors import wire
 from mwd_sensors.nodes.graph_node import WARN, Finding, GraphNode
 from mwd_sensors.nodes.profiles import WATCHED_STATE
+from mwd_sensors.nodes.stamps import stamp
 from mwd_surface.page.live_state import LiveState
 
 Act = Callable[[wire.Samples, float], None]

@@ -8,8 +8,8 @@ from geometry_msgs.msg import PoseStamped
 from mwd_msgs import msg
 from nav_msgs.msg import Path
 
-from mwd_estimation.nodes.messages import stamp
 from mwd_sensors import frames
+from mwd_sensors.nodes.stamps import stamp
 from mwd_surface.bags.recorder import RecorderStatus
 from mwd_surface.page.alarms import Alarm
 from mwd_surface.surveys.survey_list import SurveyList

@@ -11,9 +11,9 @@ from typing import Any
 from mwd_msgs import msg, srv
 from std_srvs.srv import Trigger
 
-from mwd_estimation.nodes.messages import stamp
 from mwd_sensors.nodes.graph_node import ERROR, OK, Finding, GraphNode
 from mwd_sensors.nodes.profiles import STATE
+from mwd_sensors.nodes.stamps import stamp
 from mwd_sensors.settings import setting
 from mwd_surface.bags.recorder import Recorder, RecorderError
 from mwd_surface.bags.recorder_settings import RecorderSettings
