@@ -3,19 +3,23 @@
 import contextlib
 import dataclasses
 import math
+import os
+import pty
+import select
 import shutil
 import socket
 import struct
 import subprocess
 import sys
 import threading
+import tty
 from pathlib import Path
 
 import pytest
 from example_rig import eventually, started, values
 
 from mwd_surface.rig.modbus_map import COUNT, ModbusForm, float_of
-from mwd_surface.rig.modbus_server import ModbusServer, ModbusSettings
+from mwd_surface.rig.modbus_server import ModbusSerial, ModbusSerialSettings, ModbusServer, ModbusSettings
 from mwd_surface.rig.rig_interface import InterfaceError, MissingPackageError
 
 PEERS = Path(__file__).parent / "peers"
@@ -222,3 +226,134 @@ def test_modbus_serial_of_node_reads_the_same():
         version, inclination, azimuth, depth, refused = done.stdout.split()
         assert (int(version), int(refused)) == (1, 2)
         assert [float(v) for v in (inclination, azimuth, depth)] == pytest.approx([40.0, 79.8, 630.0])
+
+
+@contextlib.contextmanager
+def on_a_line(on_rig_state=None, **changes):
+    """The serial server with its first values, and a descriptor of the line's other end."""
+    pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
+    theirs, ours = pty.openpty()
+    tty.setraw(theirs)
+    tty.setraw(ours)
+    line = ModbusSerialSettings(device=os.ttyname(ours))
+    try:
+        with started(ModbusSerial(line, ModbusSettings(**changes), on_rig_state)) as s:
+            s.publish(values())
+            eventually(lambda: rtu(theirs, 4, 3, 1)[2:] == b"\x00\x0c")
+            yield s, theirs
+    finally:
+        os.close(theirs)
+        os.close(ours)
+
+
+def crc(frame):
+    """Check of an RTU frame (Modbus over serial line 1.02, section 6.2.2), lowest byte first."""
+    check = 0xFFFF
+    for byte in frame:
+        check ^= byte
+        for _ in range(8):
+            check = (check >> 1) ^ (0xA001 if check & 1 else 0)
+    return struct.pack("<H", check)
+
+
+def rtu(line, function, address, count, unit=1, body=b"", within=5.0):
+    """One exchange over the line; the answer from its function code on, empty where none comes in time."""
+    frame = struct.pack(">BBHH", unit, function, address, count) + body
+    os.write(line, frame + crc(frame))
+    answer = b""
+    while select.select([line], [], [], within)[0]:
+        answer += os.read(line, 4096)
+        if len(answer) > 4 and crc(answer[:-2]) == answer[-2:]:
+            assert answer[0] == unit
+            return answer[1:-2]
+    assert answer == b""
+    return b""
+
+
+def test_over_a_serial_line_the_same_map_is_read_and_refused():
+    with on_a_line() as (s, line):
+        answer = rtu(line, 4, 0, COUNT)
+        assert answer[:2] == bytes((4, 2 * COUNT))
+        assert struct.unpack(f">{COUNT}H", answer[2:]) == s._block
+        assert rtu(line, 4, COUNT, 1) == b"\x84\x02"
+        assert rtu(line, 3, 0, 1) == b"\x83\x01"
+        assert s.status().peers[0].address == s.line.device
+
+
+def test_on_a_shared_line_requests_to_other_units_are_left_to_them():
+    with on_a_line() as (_, line):
+        assert rtu(line, 4, 0, 4, unit=2, within=0.3) == b""
+        assert rtu(line, 4, 3, 1)[2:] == b"\x00\x0c"
+
+
+def test_a_bit_depth_is_taken_over_the_line_where_writing_is_allowed():
+    taken = []
+    with on_a_line(taken.append, allow_writes=True) as (_, line):
+        assert rtu(line, 16, 100, 2, body=b"\x04" + struct.pack(">f", 1234.5))[0] == 16
+        eventually(lambda: taken)
+        assert float(taken[0]["bit_depth"][0]) == 1234.5
+
+
+def test_a_line_that_is_not_there_is_named():
+    pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
+    with pytest.raises(InterfaceError, match="no-such-line"):
+        ModbusSerial(ModbusSerialSettings(device="/dev/no-such-line"), ModbusSettings()).start()
+
+
+def test_a_line_that_goes_away_is_told_so_that_it_is_opened_anew():
+    pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
+    theirs, ours = pty.openpty()
+    with started(ModbusSerial(ModbusSerialSettings(device=os.ttyname(ours)), ModbusSettings())) as s:
+        eventually(lambda: s.status().peers)
+        eventually(lambda: s._seen)
+        os.close(ours)
+        os.close(theirs)
+        eventually(lambda: s.status().state == "stopped")
+        assert "is gone" in s.status().reason
+
+
+def test_mbpoll_reads_the_same_over_a_line():
+    mbpoll = shutil.which("mbpoll")
+    if mbpoll is None:
+        pytest.skip("mbpoll is not installed: apt install mbpoll")
+    with on_a_line() as (_, line):
+        far, near = pty.openpty()
+        tty.setraw(far)
+        tty.setraw(near)
+        ended = threading.Event()
+
+        def carry():
+            while not ended.is_set():
+                for end in select.select([line, far], [], [], 0.05)[0]:
+                    os.write(far if end == line else line, os.read(end, 4096))
+
+        wire = threading.Thread(target=carry)
+        wire.start()
+        words = [
+            "-m",
+            "rtu",
+            "-b",
+            "19200",
+            "-P",
+            "none",
+            "-a",
+            "1",
+            "-t",
+            "3:float",
+            "-B",
+            "-r",
+            "11",
+            "-c",
+            "2",
+            "-1",
+        ]
+        try:
+            done = subprocess.run(
+                [mbpoll, *words, os.ttyname(near)], capture_output=True, text=True, timeout=20, check=False
+            )
+        finally:
+            ended.set()
+            wire.join()
+            os.close(far)
+            os.close(near)
+        assert "[11]: \t40\n" in done.stdout, done.stdout + done.stderr

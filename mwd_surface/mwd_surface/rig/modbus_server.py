@@ -1,5 +1,5 @@
 """
-Modbus TCP: controllers and collectors read the register map; nothing can be written unless allowed.
+Modbus TCP and RTU: controllers and collectors read the register map; nothing can be written unless allowed.
 
 The protocol itself is pymodbus. Registers 0 to 37 are answered to function 4 from one block that is swapped whole.
 What is not on the map is refused with the exception that the protocol has for it.
@@ -59,6 +59,17 @@ class ModbusSettings:
     )
 
 
+@dataclasses.dataclass(frozen=True)
+class ModbusSerialSettings:
+    """The line of Modbus RTU; unit, form and writing are those of Modbus TCP."""
+
+    enabled: bool = setting(False, "serve Modbus RTU over a serial line", fixed=True)
+    device: str = setting("/dev/ttyS0", "serial device", fixed=True)
+    baud: int = setting(19200, "bits per second", low=300, high=921600, fixed=True)
+    parity: str = setting("none", "parity bit", choices=("none", "even", "odd"), fixed=True)
+    stop_bits: int = setting(1, "stop bits", low=1, high=2, fixed=True)
+
+
 @dataclasses.dataclass
 class _Connection:
     transport: Any
@@ -81,6 +92,8 @@ class ModbusServer(LoopInterface):
         Steady seconds, and ns since the epoch.
     """
 
+    _called, _what = "modbus", "Modbus TCP"
+
     def __init__(
         self,
         settings: ModbusSettings,
@@ -88,7 +101,7 @@ class ModbusServer(LoopInterface):
         clock: Callable[[], float] = time.monotonic,
         wall: Callable[[], int] = time.time_ns,
     ) -> None:
-        super().__init__("modbus")
+        super().__init__(self._called)
         self.settings = settings
         self.refused = 0
         self.reads = 0
@@ -115,10 +128,10 @@ class ModbusServer(LoopInterface):
         InterfaceError
             pymodbus is missing, or the address or port is not to be had.
         """
-        self._server = optional("pymodbus.server", "pymodbus", "Modbus TCP")
-        self._simulator = optional("pymodbus.simulator", "pymodbus", "Modbus TCP")
-        self._codes = optional("pymodbus.constants", "pymodbus", "Modbus TCP").ExcCodes
-        self._identity = optional("pymodbus", "pymodbus", "Modbus TCP").ModbusDeviceIdentification
+        self._server = optional("pymodbus.server", "pymodbus", self._what)
+        self._simulator = optional("pymodbus.simulator", "pymodbus", self._what)
+        self._codes = optional("pymodbus.constants", "pymodbus", self._what).ExcCodes
+        self._identity = optional("pymodbus", "pymodbus", self._what).ModbusDeviceIdentification
         super().start()
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
@@ -142,7 +155,7 @@ class ModbusServer(LoopInterface):
                 connection.transport.abort()
 
     async def _follow(self, stop: asyncio.Event) -> None:
-        """Swap the block as values come; close connections that only hold a place."""
+        """Swap the block as values come; look after the connections."""
         while not stop.is_set():
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(_LOOK):
@@ -150,10 +163,14 @@ class ModbusServer(LoopInterface):
             self.wake.clear()
             if self.values is not None:
                 self._block = registers(self.values, self.settings.form)
-            now = self._clock()
-            for connection in list(self._connections.values()):
-                if now - connection.heard > self.settings.idle_timeout:
-                    connection.transport.close()
+            self._look_after()
+
+    def _look_after(self) -> None:
+        """Close connections that only hold a place."""
+        now = self._clock()
+        for connection in list(self._connections.values()):
+            if now - connection.heard > self.settings.idle_timeout:
+                connection.transport.close()
 
     def _devices(self) -> list[Any]:
         data, kinds = self._simulator.SimData, self._simulator.DataType
@@ -229,7 +246,7 @@ class ModbusServer(LoopInterface):
                 return
             peer = transport.get_extra_info("peername") or ("unknown", 0)
             now = self._clock()
-            self._connections[number] = _Connection(transport, f"{peer[0]}:{peer[1]}", now, now)
+            self._connections[number] = _Connection(transport, self._peer(peer), now, now)
             made(transport)
 
         def data_received(data: bytes) -> None:
@@ -237,7 +254,7 @@ class ModbusServer(LoopInterface):
             if connection is not None:
                 connection.heard = self._clock()
                 connection.requests += 1
-                answer = _refused_count(data)
+                answer = self._at_once(data)
                 if answer is None:
                     received(data)
                 else:
@@ -253,6 +270,12 @@ class ModbusServer(LoopInterface):
         handler.connection_made, handler.data_received = connection_made, data_received
         handler.connection_lost = connection_lost
         return handler
+
+    def _peer(self, name: Any) -> str:
+        return f"{name[0]}:{name[1]}"
+
+    def _at_once(self, data: bytes) -> bytes | None:
+        return _refused_count(data)
 
     def status(self) -> InterfaceStatus:
         """How it goes."""
@@ -282,6 +305,92 @@ class ModbusServer(LoopInterface):
             counts=(("denied", self.denied), ("rig_samples", self._input.counts.taken)),
             last=(("heartbeat", str(block[1])), ("status", f"{block[2]:016b}"), ("survey", str(block[3]))),
         )
+
+
+class ModbusSerial(ModbusServer):
+    """
+    The same map over a serial line, where other units answer for themselves: requests to them are left alone.
+
+    line : ModbusSerialSettings
+        The other arguments are those of `ModbusServer`.
+    """
+
+    _called, _what = "modbus_serial", "Modbus RTU"
+
+    def __init__(
+        self,
+        line: ModbusSerialSettings,
+        settings: ModbusSettings,
+        on_rig_state: OnRigState | None = None,
+        **clocks: Callable[[], Any],
+    ) -> None:
+        super().__init__(settings, on_rig_state, **clocks)
+        self.line = line
+        self._seen = False
+
+    def start(self) -> None:
+        """
+        Begin to serve.
+
+        Raises
+        ------
+        InterfaceError
+            pymodbus or pyserial is missing, or the device is not to be had.
+        """
+        self._serial = optional("serial", "pyserial", self._what)
+        super().start()
+
+    async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
+        """Answer until `stop`, or until the device is gone."""
+        line, self._seen = self.line, False
+        try:
+            # pymodbus does not say why it cannot open a device.
+            self._serial.Serial(line.device, line.baud, timeout=0, exclusive=True).close()
+        except OSError as error:
+            raise InterfaceError(f"{line.device}: {error.strerror or error}") from error
+        server = self._server.ModbusSerialServer(
+            self._devices(),
+            port=line.device,
+            baudrate=line.baud,
+            parity=line.parity[0].upper(),
+            stopbits=line.stop_bits,
+            identity=self._named(),
+        )
+        make = server.callback_new_connection
+        server.callback_new_connection = lambda: self._watched(self._for_us(make()))
+        try:
+            await server.serve_forever(background=True)
+        except RuntimeError as error:
+            raise InterfaceError(f"{line.device}: {error}") from error
+        try:
+            ready(line.device)
+            await self._follow(stop)
+        finally:
+            await server.shutdown()
+            for connection in list(self._connections.values()):
+                connection.transport.abort()
+
+    def _for_us(self, handler: Any) -> Any:
+        send = handler.server_send
+
+        def server_send(answer: Any, address: Any) -> None:
+            if answer is not None and answer.dev_id == self.settings.unit:
+                send(answer, address)
+
+        handler.server_send = server_send
+        return handler
+
+    def _look_after(self) -> None:
+        """A line may be silent for ever; one that is gone is opened anew by whoever started this."""
+        if self._seen and not self._connections:
+            raise InterfaceError(f"{self.line.device} is gone")
+        self._seen = bool(self._connections)
+
+    def _peer(self, _name: Any) -> str:
+        return self.line.device
+
+    def _at_once(self, _data: bytes) -> bytes | None:
+        return None
 
 
 def _refused_count(data: bytes) -> bytes | None:

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mwd_sensors.settings import setting
-from mwd_surface.rig.modbus_server import ModbusServer, ModbusSettings
+from mwd_surface.rig.modbus_server import ModbusSerial, ModbusSerialSettings, ModbusServer, ModbusSettings
 from mwd_surface.rig.opcua_server import OpcuaServer, OpcuaSettings
 from mwd_surface.rig.rig_interface import (
     DOWN,
@@ -44,6 +44,7 @@ class RigSettings:
     wits0_serial: Wits0SerialSettings = setting(Wits0SerialSettings, "WITS over a serial line")
     opcua: OpcuaSettings = setting(OpcuaSettings, "OPC UA")
     modbus: ModbusSettings = setting(ModbusSettings, "Modbus TCP")
+    modbus_serial: ModbusSerialSettings = setting(ModbusSerialSettings, "Modbus RTU")
     witsml_store: WitsmlStoreSettings = setting(WitsmlStoreSettings, "WITSML store")
     simulated: bool = setting(False, "tell the rig that the tool is a simulation", fixed=True)
     strict: bool = setting(False, "do not start at all where an interface cannot", fixed=True)
@@ -63,7 +64,8 @@ class RigSettings:
     def takes_data(self) -> bool:
         """True where rig data can come in, so that somebody must publish `rig/state`."""
         talks = self.wits0_server.enabled or self.wits0_client.enabled or self.wits0_serial.enabled
-        return (talks and self.wits0.rig.accept) or (self.modbus.enabled and self.modbus.allow_writes)
+        registers = self.modbus.enabled or self.modbus_serial.enabled
+        return (talks and self.wits0.rig.accept) or (registers and self.modbus.allow_writes)
 
 
 class RigPort:
@@ -108,6 +110,8 @@ class RigPort:
             self._interfaces.append(OpcuaServer(settings.opcua, well, on_command, folder))
         if settings.modbus.enabled:
             self._interfaces.append(ModbusServer(settings.modbus, on_rig_state))
+        if settings.modbus_serial.enabled:
+            self._interfaces.append(ModbusSerial(settings.modbus_serial, settings.modbus, on_rig_state))
         self._store = WitsmlStore(settings.witsml_store) if settings.witsml_store.enabled else None
         if self._store is not None:
             self._interfaces.append(self._store)
