@@ -23,6 +23,7 @@ from mwd_sensors.frames import Array
 from mwd_sensors.settings import setting
 from mwd_sensors.wire import Samples
 from mwd_surface.page.alarms import Alarm, Event, plain_alarms, plain_events
+from mwd_surface.page.live_values import LIVE, NO_DATA, LiveValues
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.page.strip_history import StripHistory
 from mwd_surface.page.survey_panel import NORTH_WORDS, Limits, field_of, path_table, quality_lights, survey_row
@@ -32,7 +33,6 @@ from mwd_surface.surveys.survey_record import North, SurveyRecord
 from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_path import Definitive
 
-LIVE, STALE, NO_DATA = "live", "stale", "no data"
 RECORDER_WORDS = ("stopped", "recording", "paused: disk full", "failed")
 TOOLFACE_WORDS = ("gravity", "magnetic")
 LEVEL_WORDS = ("ok", "warning", "error", "stale")
@@ -143,22 +143,6 @@ class LiveSettings:
     limits: Limits = setting(Limits)
 
 
-@dataclasses.dataclass
-class _Value:
-    value: float | None = None
-    sigma: float | None = None
-    at: float | None = None
-    withheld: str = ""
-
-
-@dataclasses.dataclass
-class _Stream:
-    count: int = 0
-    lost: int = 0
-    at: float | None = None
-    seconds: deque[list[int]] = dataclasses.field(default_factory=lambda: deque(maxlen=12))
-
-
 class LiveState:
     """
     Everything the page shows.
@@ -172,9 +156,8 @@ class LiveState:
         self.settings = settings or LiveSettings()
         self.toolface_reading: ToolfaceReading | None = None
         self._selector = ToolfaceSelector(self.settings.toolface)
-        self._values = {name: _Value() for name in _VALUES}
-        self._streams = {name: _Stream() for name in _STREAMS}
-        self._periods = {name: float(getattr(self.settings, f"{name}_period")) for name in _STREAMS}
+        periods = {name: float(getattr(self.settings, f"{name}_period")) for name in _STREAMS}
+        self._values = LiveValues(_VALUES, periods)
         self._readings: deque[dict[str, Any]] = deque(maxlen=self.settings.readings)
         self._history = StripHistory(_HISTORY, self.settings.history_seconds, self.settings.history_rate)
         self._log = StripHistory(_LOGGED, self.settings.log_length, 1.0 / self.settings.log_step)
@@ -219,15 +202,7 @@ class LiveState:
         ValueError
             No such stream.
         """
-        if stream not in self._streams:
-            raise ValueError(f"stream: {stream!r} is not one of {', '.join(self._streams)}")
-        s = self._streams[stream]
-        s.count, s.lost, s.at = s.count + count, s.lost + lost, now
-        second = math.floor(now)
-        if s.seconds and s.seconds[-1][0] == second:
-            s.seconds[-1][1] += count
-        else:
-            s.seconds.append([second, count])
+        self._values.arrived(stream, count, now, lost)
 
     def on_attitude(self, samples: Samples, now: float) -> None:
         """Attitudes arrived, `wire.ATTITUDE`, oldest first; also picks the toolface (`toolface_reading`)."""
@@ -239,9 +214,9 @@ class LiveState:
         why = next((text for bit, text in _WHY if status & bit), "the estimator gives no sigma")
         for name in ("inclination", "azimuth"):
             self._angle(name, float(last[name]), float(last["sigma_" + name]), why, now)
-        inclination = self._values["inclination"]
-        if inclination.at == now and inclination.value is not None:
-            self._chart("inclination", inclination.value, now)
+        inclination = self._values.updated("inclination", now)
+        if inclination is not None:
+            self._chart("inclination", inclination, now)
         every = int(np.bitwise_or.reduce(samples["status"]))
         self._chart("doubt", 2.0 if every & _BAD else 1.0 if every & _DOUBTFUL else 0.0, now)
         text = [word for word in words(status).split("|") if word]
@@ -251,7 +226,7 @@ class LiveState:
             "stamp_ns": int(last["stamp_ns"]),
         }
         self._touch("attitude")
-        speed = self._values["rotary_speed"].value
+        speed = self._values.last("rotary_speed")
         reading = self._selector.update(samples, 0.0 if speed is None else speed)
         if reading is not None:
             self.on_toolface(reading, now, why)
@@ -261,15 +236,15 @@ class LiveState:
         self.toolface_reading = reading
         self._angle("toolface", reading.angle, reading.sigma, why, now)
         self._touch("toolface")
-        value = self._values["toolface"]
-        if value.at != now or value.value is None:
+        value = self._values.updated("toolface", now)
+        if value is None:
             return
         # Two readings need not be exactly one spacing apart to be the next ones.
         if self._readings and now - self._readings[-1]["at"] < self.settings.reading_spacing * 0.95:
             return
         self._readings.append(
             {
-                "angle": number(value.value),
+                "angle": number(value),
                 "mode": TOOLFACE_WORDS[reading.mode],
                 "at": number(now),
                 "rotating": reading.rotating,
@@ -523,18 +498,18 @@ class LiveState:
         """
         self._history.advance(now)
         sections: dict[str, Any] = {}
-        builders: dict[str, Callable[[float, list[str]], dict[str, Any]]] = {
+        builders: dict[str, Callable[[float], tuple[dict[str, Any], Iterable[str]]]] = {
             "attitude": self._build_attitude,
             "toolface": self._build_toolface,
-            "drilling": lambda at, seen: {name: self._cell(name, at, seen) for name in _DRILLING},
+            "drilling": lambda at: self._cells(_DRILLING, at),
             "rig": self._build_rig,
             "recorder": self._build_recorder,
             "links": self._build_links,
         }
         for name, build in builders.items():
-            seen: list[str] = []
-            sections[name] = build(now, seen)
-            self._revise(name, (self._counts.get(name, 0), tuple(seen)))
+            # Growing old is news too.
+            sections[name], states = build(now)
+            self._revise(name, (self._counts.get(name, 0), tuple(states)))
         for name, table in self._plain.items():
             if name not in sections:
                 sections[name] = self._dated(name, table, now)
@@ -545,12 +520,16 @@ class LiveState:
             self._revise(name, rows[-1][0] if rows else None)
         return {"now": number(now), "sections": sections, "revisions": dict(self._revisions)}
 
-    def _build_attitude(self, now: float, seen: list[str]) -> dict[str, Any]:
-        cells = {name: self._cell(name, now, seen) for name in ("inclination", "azimuth")}
-        return {**cells, **self._attitude}
+    def _cells(self, names: Iterable[str], now: float) -> tuple[dict[str, Any], list[str]]:
+        cells = {name: self._values.cell(name, now) for name in names}
+        return cells, [cell["state"] for cell in cells.values()]
 
-    def _build_toolface(self, now: float, seen: list[str]) -> dict[str, Any]:
-        cell, reading = self._cell("toolface", now, seen), self.toolface_reading
+    def _build_attitude(self, now: float) -> tuple[dict[str, Any], list[str]]:
+        cells, states = self._cells(("inclination", "azimuth"), now)
+        return {**cells, **self._attitude}, states
+
+    def _build_toolface(self, now: float) -> tuple[dict[str, Any], list[str]]:
+        cell, reading = self._values.cell("toolface", now), self.toolface_reading
         advisory = None
         if self._advisory is not None:
             target, limit = self._advisory
@@ -558,7 +537,7 @@ class LiveState:
             if cell["state"] == LIVE:
                 inside = abs(math.remainder(cell["value"] - target, math.tau)) <= limit
             advisory = {"toolface": number(target), "limit": number(limit), "inside": inside}
-        return {
+        table = {
             "angle": cell,
             "mode": TOOLFACE_WORDS[self._selector.mode if reading is None else reading.mode],
             "known": reading is not None,
@@ -570,57 +549,24 @@ class LiveState:
             "readings": list(self._readings),
             "advisory": advisory,
         }
+        return table, [cell["state"]]
 
-    def _build_rig(self, now: float, seen: list[str]) -> dict[str, Any]:
-        return {**{name: self._cell(name, now, seen) for name in _RIG}, "in_slips": self._in_slips}
+    def _build_rig(self, now: float) -> tuple[dict[str, Any], list[str]]:
+        cells, states = self._cells(_RIG, now)
+        return {**cells, "in_slips": self._in_slips}, states
 
-    def _build_recorder(self, now: float, seen: list[str]) -> dict[str, Any]:
+    def _build_recorder(self, now: float) -> tuple[dict[str, Any], list[str]]:
         table = self._dated("recorder", self._plain["recorder"], now)
-        limit = 2.0 * self._periods["recorder"]
-        fresh = NO_DATA if table["age"] is None else (LIVE if table["age"] <= limit else STALE)
-        seen.append(fresh)
-        return {**table, "fresh": fresh, "stale_after": limit}
+        fresh = self._values.freshness("recorder", table["age"])
+        return {**table, "fresh": fresh, "stale_after": self._values.stale_after("recorder")}, [fresh]
 
-    def _build_links(self, now: float, seen: list[str]) -> dict[str, Any]:
-        rows = {}
-        for name, stream in self._streams.items():
-            limit = 2.0 * self._periods[name]
-            age = None if stream.at is None else max(0.0, now - stream.at)
-            state = NO_DATA if age is None else (LIVE if age <= limit else STALE)
-            seen.append(state)
-            rows[name] = {
-                "state": state,
-                "at": number(stream.at),
-                "age": number(age),
-                "stale_after": limit,
-                "count": stream.count,
-                "lost": stream.lost,
-                "rate": _rate(stream, now),
-            }
+    def _build_links(self, now: float) -> tuple[dict[str, Any], list[str]]:
+        rows = self._values.links(now)
         # The counts run all the time; once a second is enough for people.
         if now - self._links_at >= 1.0 or now < self._links_at:
             self._links_at = now
             self._touch("links")
-        return rows
-
-    def _cell(self, name: str, now: float, seen: list[str]) -> dict[str, Any]:
-        v = self._values[name]
-        unit, stream = _VALUES[name]
-        limit = 2.0 * self._periods[stream]
-        age = None if v.at is None else max(0.0, now - v.at)
-        fresh = LIVE if age is not None and age <= limit and not v.withheld else STALE
-        state = NO_DATA if v.value is None else fresh
-        seen.append(state)
-        return {
-            "value": number(v.value),
-            "sigma": number(v.sigma),
-            "unit": unit,
-            "at": number(v.at),
-            "age": number(age),
-            "stale_after": limit,
-            "state": state,
-            "reason": v.withheld,
-        }
+        return rows, [row["state"] for row in rows.values()]
 
     def _angle(self, name: str, value: float, sigma: float, why: str, now: float) -> None:
         if not (math.isfinite(value) and math.isfinite(sigma) and sigma >= 0.0):
@@ -639,8 +585,7 @@ class LiveState:
     def _put(self, name: str, value: float, sigma: float | None, now: float) -> None:
         if not math.isfinite(value):
             return
-        v = self._values[name]
-        v.value, v.sigma, v.at, v.withheld = value, sigma, now, ""
+        self._values.put(name, value, sigma, now)
         self._touch(_SECTION_OF[name])
         if name != "inclination":
             self._chart(name, value, now)
@@ -652,8 +597,7 @@ class LiveState:
             self._log.add(name, value, self._log_depth)
 
     def _withhold(self, name: str, why: str) -> None:
-        if self._values[name].withheld != why:
-            self._values[name].withheld = why
+        if self._values.withhold(name, why):
             self._touch(_SECTION_OF[name])
 
     def _store(self, section: str, table: dict[str, Any], now: float) -> None:
@@ -682,16 +626,6 @@ _SECTION_OF = {
 
 def _field(source: Any, name: str, default: Any) -> Any:
     return source.get(name, default) if isinstance(source, Mapping) else getattr(source, name, default)
-
-
-def _rate(stream: _Stream, now: float) -> float | None:
-    """Messages per second over the last whole seconds; None before there is one."""
-    current = math.floor(now)
-    whole = [(second, count) for second, count in stream.seconds if current - 6 < second < current]
-    if not stream.seconds:
-        return None
-    first = max(stream.seconds[0][0] + (1 if len(stream.seconds) > 1 else 0), current - 5)
-    return number(sum(c for s, c in whole if s >= first) / (current - first)) if current > first else None
 
 
 def _well(well: Well) -> dict[str, Any]:

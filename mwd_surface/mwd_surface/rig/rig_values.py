@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mwd_sensors.wire import NANOSECONDS, Samples
-from mwd_surface.page.live_state import LIVE, NO_DATA
+from mwd_surface.page.live_values import LIVE, NO_DATA
 from mwd_surface.page.toolface import GRAVITY, MAGNETIC
 from mwd_surface.rig.rig_survey import AcceptedSurvey
 from mwd_surface.surveys.survey_record import Verdict
