@@ -55,7 +55,7 @@ def test_everything_is_off_until_switched_on():
     port.publish(values())
     port.stop()
     every = {name: value for name, (value, _) in settings.flat(RigSettings()).items() if name.endswith("enabled")}
-    assert len(every) == 6
+    assert len(every) == 7
     assert not any(every.values())
 
 
@@ -135,7 +135,7 @@ def test_when_nobody_publishes_every_interface_tells_it():
 def test_every_parameter_that_the_pages_name_exists():
     known = settings.flat(RigSettings())
     pages = sorted((Path(__file__).parents[1] / "docs").glob("rig_*.md"))
-    assert len(pages) == 5
+    assert len(pages) == 6
     named = {name for page in pages for name in re.findall(r"\brig\.([a-z0-9_]+(?:\.[a-z0-9_]+)*)", page.read_text())}
     assert len(named) > 20
     assert {n for n in named if n not in known and not any(k.startswith(n + ".") for k in known)} == set()
