@@ -248,7 +248,7 @@ def station(
             correction = _correction(f_h, b_h, reference, covariance_s, settings)
             refused = quality.correction_refusal(correction, inc, settings.quality)
         hidden = correction is not None and _hidden(correction, jacobian, covariance_s, settings)
-        methods = [_raw(f_h, b_h, jacobian, covariance_s, settings, None if hidden else correction)]
+        methods = [_raw(f_h, b_h, jacobian, covariance_s, settings, correction)]
         if correction is not None and math.isfinite(float(correction.azimuth)):
             methods.append(_corrected(correction, jacobian, covariance_s))
         chosen = _choose(settings.azimuth_method, methods, correction, refused, settings.errors)
@@ -277,7 +277,7 @@ def station(
     if has_field:
         _judge_field(findings, settings, reference, north, horizontal)
         _judge_interference(findings, settings, correction, corrected, refused)
-        doubted = _judge_hidden(findings, settings, float(jacobian[1, 3]), hidden and not corrected)
+        doubted = _judge_hidden(findings, float(jacobian[1, 3]), hidden and not corrected)
         if math.sin(inc) < math.sin(math.radians(settings.quality.min_azimuth_inclination_deg)):
             findings.remark("near vertical: azimuth and high side are loose, use magnetic toolface")
     else:
@@ -502,15 +502,13 @@ def _judge_interference(
         findings.remark(f"{text} not corrected: {refused}")
 
 
-def _judge_hidden(findings: _Findings, settings: StationSettings, slope: float, hidden: bool) -> tuple[str, ...]:
+def _judge_hidden(findings: _Findings, slope: float, hidden: bool) -> tuple[str, ...]:
     """Doubt an azimuth whose interference this attitude hides; slope: of the azimuth by the axial field, rad/T."""
     if not hidden:
         return ()
-    turned = math.degrees(abs(slope) * 1e-6)
     text = (
         "axial interference cannot be seen in this attitude, 1000 nT of it turn the azimuth by "
-        f"{turned:.1f} deg and its sigma counts on {settings.errors.axial_interference_nt:.0f} nT: "
-        "use multi-station correction or a gyro"
+        f"{math.degrees(abs(slope) * 1e-6):.1f} deg: use multi-station correction or a gyro"
     )
     findings.add(DOUBTFUL, text)
     return (text,)

@@ -115,7 +115,6 @@ def test_covariance_of_the_angles_matches_drawn_errors_for_both_azimuths():
         (3, 40, 220, 220),
         (30, 90, 220, 220),
         (60, 90, 220, 220),
-        (88, 90, 220, 220),
         (88, 30, 220, 220),
         (60, 20, 1500, 220),
         (30, 200, 1500, 220),
@@ -126,6 +125,8 @@ def test_covariance_of_the_angles_matches_drawn_errors_for_both_azimuths():
         (60, 90, 1500, 220),
         (88, 30, 1500, 220),
         (75, 60, 3000, 220),
+        # Hidden: doubtful, and with the sigma of what could be there.
+        (88, 90, 900, 220),
         (30, 90, 1500, 1500),
         (60, 90, 1500, 1500),
         (88, 90, 1500, 1500),
@@ -164,7 +165,7 @@ def test_the_correction_is_taken_unasked_where_a_short_collar_is_expected():
     assert station(*readings(89, 90, 40), REFERENCE, short).method == "raw"
 
 
-@pytest.mark.parametrize(("inc", "azi"), [(75, 90), (88, 75), (89, 90), (90, 268)])
+@pytest.mark.parametrize(("inc", "azi"), [(88, 75), (89, 90), (90, 268)])
 def test_an_attitude_that_hides_interference_makes_the_azimuth_doubtful(inc, azi):
     for axial in (0.0, 1.5e-6):
         shot = station(*readings(inc, azi, 40, axial), REFERENCE)
@@ -172,11 +173,19 @@ def test_an_attitude_that_hides_interference_makes_the_azimuth_doubtful(inc, azi
         (doubt,) = shot.azimuth_doubts
         assert doubt in shot.reasons
         assert "cannot be seen in this attitude, 1000 nT of it turn the azimuth by" in doubt
+        assert shot.sigma_azimuth > 2.5 * DEG
     # Who counts on as much, knows what he has.
     told = StationSettings(errors=SensorErrors(axial_interference_nt=3000.0))
     shot = station(*readings(inc, azi, 40), REFERENCE, told)
     assert shot.azimuth_doubts == ()
     assert shot.sigma_azimuth > 8.0 * DEG or shot.corrected
+
+
+def test_who_trusts_his_collar_gets_the_sigma_of_the_tool_code_and_no_doubt():
+    shot = station(*readings(88, 90, 40), REFERENCE, StationSettings(plausible_interference_nt=220.0))
+    assert shot.verdict == "accept"
+    # MWD+SRGM at 88 deg due east: 1.01 deg.
+    assert math.degrees(shot.sigma_azimuth) == pytest.approx(1.01, abs=0.05)
 
 
 @pytest.mark.parametrize(("inc", "azi"), [(30, 90), (45, 70), (60, 90), (75, 60), (88, 30)])
