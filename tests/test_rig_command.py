@@ -1,0 +1,70 @@
+"""What the simulated rig says of commands: obeyed, refused with a reason, or not meant to be obeyed at all."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import running_graph
+
+HERE = Path(__file__).parent
+pytestmark = pytest.mark.ros
+
+SCRIPT = """
+import json, sys, rclpy
+from mwd_msgs.msg import RigCommand
+from rclpy.parameter import Parameter
+from mwd_sensors.nodes.sonde import SondeNode
+rclpy.init()
+said = []
+for scenario in sys.argv[1:]:
+    node = SondeNode(parameter_overrides=[Parameter("scenario", value=scenario)])
+    node.autostart()
+    def after(**fields):
+        node._on_command(RigCommand(valid_for=3.0, **fields))
+        found = [f for f in node.findings() if f.name == "rig command"]
+        said.append([f.message for f in found] + [dict(f.values) for f in found])
+    after(mode=RigCommand.HOLD)
+    node._begin()
+    after(mode=RigCommand.ROTATE, rotary_speed=6.0)
+    after(mode=RigCommand.ROTATE, rotary_speed=1000.0)
+    after(mode=RigCommand.ORIENT, turn=-1.0)
+    node.trigger_shutdown()
+    node.destroy_node()
+rclpy.shutdown()
+print(json.dumps(said))
+"""
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("commanded")
+    with running_graph.graph(folder) as graph:
+        scenarios = [str(HERE / "scenarios" / name) for name in ("steered.yaml", "short.yaml")]
+        done = subprocess.run(
+            [sys.executable, "-c", SCRIPT, *scenarios],
+            env=graph.environment,
+            capture_output=True,
+            text=True,
+            timeout=90,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        lines = json.loads(done.stdout.splitlines()[-1])
+        return {"steered": lines[:4], "short": lines[4:]}
+
+
+def test_a_rig_that_obeys_says_what_it_does_and_why_not(said):
+    words = [message for message, _ in said["steered"]]
+    assert words[0] == "the scenario has not started"
+    assert words[1] == "rotating"
+    assert words[2].startswith("rotary_speed: must be within")
+    assert words[3] == "turning to an angle"
+    assert said["steered"][3][1] == {"taken": "2", "refused": "2"}
+
+
+def test_a_rig_that_takes_no_commands_says_how_it_would(said):
+    assert all("steering: {}" in message for message, _ in said["short"][1:])
+    assert said["short"][3][1] == {"taken": "0", "refused": "4"}
