@@ -83,12 +83,28 @@ class Lesson:
 
 @dataclasses.dataclass(frozen=True)
 class Reading:
-    """How the magnetic field is read from a sample on: the model, the code of its north, and what was learnt there."""
+    """
+    How the magnetic field is read from a sample on.
+
+    Attributes
+    ----------
+    model : FieldModel
+    north : int
+        Code of its north.
+    corrected : bool
+        Whether the model takes off interference that a station showed.
+    lesson : Lesson or None
+        What was learnt there.
+    steel : bool
+        A gyro has shown that the magnetic azimuth is wrong though its field is in order: it is not used until a gyro
+        shows otherwise.
+    """
 
     model: FieldModel
     north: int
     corrected: bool
     lesson: Lesson | None = None
+    steel: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -312,7 +328,7 @@ class AttitudeStream:
         """What the pairs of a stretch say of the azimuth, by the tool's own field where a reference shows it."""
         n, model = len(pairs.place), reading.model
         if self._field_state is None:
-            bits = np.full(n, _UNCORRECTED, dtype=np.uint32)
+            bits = np.full(n, _UNCORRECTED | (_DISTURBED if reading.steel else 0), dtype=np.uint32)
             unknown = np.full((n, 3), -1.0)
             constant = np.full(n, min(model.sigma_north, math.pi))
             rest = np.sqrt(np.maximum(pairs.sigma**2 - constant**2, 0.0))
@@ -331,7 +347,7 @@ class AttitudeStream:
         bits = np.where(corrected, _CORRECTED, np.where(hidden > _TOO_FAR, _UNCORRECTED | _REFUSED, _UNCORRECTED))
         bad = np.maximum.accumulate(np.where(learnt.ratio <= 1.0, self._bad_ns, pairs.stamp_ns))
         self._bad_ns = int(bad[-1])
-        bits |= np.where(pairs.stamp_ns - bad > _SETTLED_NS, 0, _DISTURBED)
+        bits |= np.where((pairs.stamp_ns - bad > _SETTLED_NS) & (not reading.steel), 0, _DISTURBED)
         afresh = learnt.restarted
         afresh[0] |= self._withdrawn
         self._withdrawn = False

@@ -33,9 +33,10 @@ from mwd_sensors.settings import setting
 AZIMUTH, BIAS, PRECISION_BIAS, ERROR, CONSTANT, STATES = 0, 1, 3, 5, 6, 7
 # Memory: a first azimuth exists; seconds since the last magnetic azimuth used, and since the last seen; seconds for
 # which good ones have been gated out; last innovation ratio; counts of gated, failed and taken-up-again azimuths; bits
-# of the last magnetic azimuth; last bin taken in, and the carried turn at its end; sigma of the last magnetic azimuth.
+# of the last magnetic azimuth; last bin taken in, and the carried turn at its end; sigma of the last magnetic azimuth;
+# whether the azimuth rests on a north seek and the gyros alone.
 HAVE, SINCE_USED, SINCE_SEEN, REFUSING, RATIO, GATED, FAILED, TAKEN_UP, BITS, LAST_BIN = range(10)
-LAST_CARRIED, LAST_SIGMA, MEMORY = 10, 11, 12
+LAST_CARRIED, LAST_SIGMA, SOUGHT, MEMORY = 10, 11, 12, 13
 # Settings handed to the kernel; the gyros' noise, bias and walk stand twice, conventional then precision.
 K_NORTH, K_DOWN, K_SHARE, K_TAU, K_GATE, K_PATIENCE, K_TIMEOUT, K_VERTICAL, K_GAP_RATE, K_TILT_MEMORY = range(10)
 K_NOISE, K_BIAS, K_WALK, K_RANGE, K_WIDEST, SETTINGS = 10, 12, 14, 16, 17, 18
@@ -382,19 +383,30 @@ def _magnetic(
             m[BITS] = 0.0
     m[SINCE_SEEN] = 0.0
     if m[BITS] == 0.0:
+        m[SOUGHT] = 0.0
         m[REFUSING] = 0.0
         m[SINCE_USED] = 0.0
 
 
 @compiled
 def _seek(k: Array, x: Array, P: Array, m: Array, azimuth: float, sigma: float) -> None:
-    """Take in an azimuth that owes nothing to the magnetometer; one beyond the gate is begun anew from."""
+    """
+    Take in an azimuth that owes nothing to the magnetometer; one beyond the gate is begun anew from.
+
+    Seeks of one gyro err alike: where the azimuth rests on an earlier one, the better of both stands, not their mean.
+    """
     if m[HAVE] == 0.0:
         _begin(k, x, P, m)
         P[AZIMUTH, AZIMUTH] = math.pi * math.pi
         x[AZIMUTH] = azimuth
-    if not _correct(k, x, P, m, 0.0, 0.0, azimuth, sigma * sigma):
-        m[TAKEN_UP] += 1.0
+    alone = m[SOUGHT] != 0.0
+    m[SOUGHT] = 1.0
+    away = (azimuth - x[AZIMUTH] + math.pi) % (2.0 * math.pi) - math.pi
+    agrees = away * away <= k[K_GATE] ** 2 * (P[AZIMUTH, AZIMUTH] + sigma * sigma)
+    if alone and agrees and sigma * sigma >= P[AZIMUTH, AZIMUTH]:
+        return
+    if alone or not _correct(k, x, P, m, 0.0, 0.0, azimuth, sigma * sigma):
+        m[TAKEN_UP] += 0.0 if agrees else 1.0
         x[AZIMUTH] = azimuth % (2.0 * math.pi)
         for i in range(STATES):
             P[AZIMUTH, i] = P[i, AZIMUTH] = 0.0

@@ -41,7 +41,7 @@ from mwd_estimation.faulty_sensors import AZIMUTH, GuardedGravity, Record, mark,
 from mwd_estimation.gravity_s3 import MahonyParams
 from mwd_estimation.gravity_s3 import Params as S3Params
 from mwd_estimation.gyro_station import GyroSettings, GyroStation
-from mwd_estimation.multistation import Multistation
+from mwd_estimation.multistation import MSA, Multistation
 from mwd_estimation.north_run import NorthRun
 from mwd_estimation.north_run import Params as NorthParams
 from mwd_estimation.north_run import Progress as NorthProgress
@@ -265,6 +265,7 @@ class Pipeline:
         self._gyro = GyroStation(settings.gyro, None, None)
         self._run = StationRun(settings.multistation)
         self._last_alarm = ""
+        self._steel = False
         self._north: NorthRun | None = None
         self._ahrs = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         self._rotary: RotarySurvey | None = None
@@ -637,19 +638,23 @@ class Pipeline:
         found = station.by_method(GYRO)
         reference = station.reference
         azimuth = sigma = math.nan
-        if found is not None and taken.weights.get(GYRO, 0.0) > 0.0 and reference is not None and reference.has_field:
+        counts = taken.weights.get(GYRO, 0.0) > 0.0
+        if found is not None and counts and reference is not None and reference.has_field:
             north = math.sqrt(reference.declination_variance(reference.horizontal))
             azimuth = found.azimuth - station.north_correction
             sigma = math.hypot(found.sigma, north) if station.north != "magnetic" else found.sigma
         own = None
-        if analysis is not None:
+        if analysis is not None and taken.weights.get(MSA, 0.0) > 0.0:
             at = tool_field.OF_STATIONS
             own = analysis.estimate[at], analysis.covariance[np.ix_(at, at)]
         lesson, accepted = None, station.verdict == ACCEPT
         if own is not None or math.isfinite(azimuth) or accepted:
             down = -station.f_t / np.linalg.norm(station.f_t)
             lesson = Lesson(own, down, station.b_t, azimuth, sigma, accepted)
-        if station.corrected or lesson is not None:
+        # Where the gyro was believed against the magnetometer, it is until they agree again.
+        steel = self._steel if taken.alarm is None else bool(taken.alarm) and counts
+        if station.corrected or lesson is not None or steel != self._steel:
+            self._steel = steel
             self._reading = self._read_field(lesson)
 
     def _read_field(self, lesson: Lesson | None = None) -> Reading:
@@ -670,7 +675,7 @@ class Pipeline:
             north_correction=correction,
             sigma_north=math.sqrt(variance),
         )
-        return Reading(model, NORTH_CODES[self.north], self.interference is not None, lesson)
+        return Reading(model, NORTH_CODES[self.north], self.interference is not None, lesson, self._steel)
 
 
 @compiled

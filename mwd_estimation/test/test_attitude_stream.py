@@ -50,7 +50,7 @@ def samples(n, inclination, azimuth=1.0, rate=0.0, own=(0.0, 0.0, 0.0), sigma_ti
     return Block(stamps, gyro, -9.81 * down, track), b_t
 
 
-def follow(made, block, b_t, lessons=(), seeks=()):
+def follow(made, block, b_t, lessons=(), seeks=(), steel_from=None):
     """All samples as one block; marks as the bins close, one bin late."""
     n = len(block.stamps)
     made.take_mag(block.stamps, b_t)
@@ -60,6 +60,8 @@ def follow(made, block, b_t, lessons=(), seeks=()):
         (0, Reading(model, 2, False)),
         *((place, Reading(model, 2, False, lesson)) for place, lesson in lessons),
     ]
+    if steel_from is not None:
+        readings.append((steel_from, Reading(model, 2, False, None, steel=True)))
     marks = [
         Mark(place, START // BIN_NS + place // 50 - 2, START + (place - 50) * 10**7, *dict(seeks).get(place, ()))
         for place in range(100, n, 50)
@@ -111,6 +113,18 @@ def test_what_many_stations_found_is_gone_on_from():
     attitude, _, interference, _ = follow(stream(), block, b_t, [(500, lesson)])
     assert interference["sigma_axial"][-1] < 6e-8
     assert abs(wrap_pi(attitude["azimuth"][-1] - math.pi / 2)) < 0.03
+
+
+def test_beside_steel_that_a_gyro_has_shown_the_gyros_carry_the_azimuth_alone():
+    block, b_t = samples(3000, 0.9, azimuth=1.0)
+    b_t = b_t + np.array([0.0, 3e-6, 0.0])
+    seek = [(1500, (1.0, math.radians(1.0)))]
+    attitude, _, _, _ = follow(stream(), block, b_t, seeks=seek, steel_from=1500)
+    assert abs(wrap_pi(attitude["azimuth"][1400] - 1.0)) > math.radians(3.0)
+    assert (attitude["status"][1500:] & Status.MAG_DISTURBED > 0).all()
+    assert (attitude["status"][2000:] & Status.GYRO_AIDED > 0).all()
+    assert np.abs(wrap_pi(attitude["azimuth"][1550:] - 1.0)).max() < math.radians(0.5)
+    assert attitude["sigma_azimuth"][-1] >= math.radians(1.0)
 
 
 def test_near_vertical_the_magnetic_toolface_stands_and_the_azimuth_is_unknown():

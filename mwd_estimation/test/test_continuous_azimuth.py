@@ -263,6 +263,24 @@ def test_a_north_seek_tells_the_magnetic_error_and_one_beyond_the_gate_is_begun_
     assert abs(wrap_pi(rows.azimuth[3930] - away)) < 0.2 * DEG
 
 
+def test_seeks_of_one_gyro_do_not_average_but_the_better_one_stands() -> None:
+    well = drilling(400.0, 60.0)
+    none = np.full(4000, np.nan)
+    at = {k: float(well.azimuth[k + 9]) for k in (500, 1500, 2500)}
+    seeks = [
+        (500, at[500] + 0.5 * DEG, 1.0 * DEG),
+        (1500, at[1500] - 0.5 * DEG, 1.2 * DEG),
+        (2500, at[2500], 0.5 * DEG),
+    ]
+    rows, state = go(well, none, well.gyro, seek=seeks)
+    error = wrap_pi(rows.azimuth - well.azimuth[:4000]) / DEG
+    assert_allclose(error[[1400, 2400]], 0.5, atol=0.05)
+    assert (rows.sigma[[1400, 2400]] > 0.99 * DEG).all()
+    assert_allclose(error[3400], 0.0, atol=0.05)
+    assert rows.sigma[3400] == pytest.approx(0.5 * DEG, rel=0.01)
+    assert state.memory[continuous.TAKEN_UP] == 0.0
+
+
 def test_a_vertical_hole_has_no_azimuth() -> None:
     n = 400
     well = drilling(400.0, 60.0)
