@@ -375,7 +375,7 @@ def test_strip_charts_are_drawn_from_the_history(browser):
             wait(browser, lambda: state_of(browser, "drilling.vibration") == "live")
         tab(browser, "charts")
         assert browser.execute_script("return document.querySelectorAll('.charts canvas').length") == 8
-        wait(browser, lambda: "19.6 to 19.6 m/s²" in text(browser, ".charts"))
+        wait(browser, lambda: "≤ 19.6 m/s²" in text(browser, ".charts"))
         assert "no data" in text(browser, ".charts")
 
 

@@ -3,16 +3,16 @@
 import { byId, el, say } from "./dom.js";
 import * as units from "./units.js";
 
-// Title, unit kind, and the lines: column, word, colour.
+// Title, unit kind, and the lines: column, word, colour, dashes. Several lines differ in more than colour.
 const CHARTS = [
-  ["Vibration", "vibration", [["vibration", "peak", "--trace"], ["lateral_vibration", "lateral", "--info"], ["axial_vibration", "axial", "--good"]]],
-  ["Rotary speed, tool", "rotation", [["rotary_speed", "", "--trace"]]],
-  ["Stick-slip, 1 just stops", "index", [["stick_slip", "", "--trace"]]],
-  ["Shocks in 10 s", "count", [["shocks", "", "--trace"]]],
-  ["Temperature", "temperature", [["temperature", "", "--trace"]]],
-  ["Total field", "field", [["total_field", "", "--trace"]]],
-  ["Axial interference", "field", [["axial_interference", "", "--trace"]]],
-  ["Inclination", "angle", [["inclination", "", "--trace"]]],
+  ["Vibration", "vibration", [["vibration", "─ peak", "--trace", []], ["lateral_vibration", "╌ lat.", "--text", [6, 4]], ["axial_vibration", "┈ axial", "--good", [2, 3]]]],
+  ["Rotary, tool", "rotation", [["rotary_speed", "", "--trace", []]]],
+  ["Stick-slip", "index", [["stick_slip", "", "--trace", []]]],
+  ["Shocks in 10 s", "count", [["shocks", "", "--trace", []]]],
+  ["Temperature", "temperature", [["temperature", "", "--trace", []]]],
+  ["Total field", "field", [["total_field", "", "--trace", []]]],
+  ["Axial interf.", "field", [["axial_interference", "", "--trace", []]]],
+  ["Inclination", "angle", [["inclination", "", "--trace", []]]],
 ];
 const MINUTES = 10;
 
@@ -37,13 +37,13 @@ export class Charts {
       const value = el("span", { class: "chart-value" });
       const box = el("div", { class: "chart-box" });
       const names = lines.filter(([, word]) => word).map(([, word, tone]) => el("span", { class: `line-name ${tone.slice(2)}` }, word));
-      this.grid.append(el("figure", {}, el("figcaption", {}, el("span", { class: "name" }, title, names), value), box));
+      this.grid.append(el("figure", {}, el("figcaption", {}, el("span", { class: "name" }, names.length ? names : title), value), box));
       const axis = { stroke: colour("--muted"), grid: { stroke: colour("--line"), width: 1 }, ticks: { show: false }, font: "12px system-ui" };
       const plot = new window.uPlot(
         {
           width: 280, height: 110, legend: { show: false }, cursor: { show: false },
           scales: { x: { time: false, range: [-MINUTES, 0] }, y: { range: (_, low, high) => padded(low, high) } },
-          series: [{}, ...lines.map(([, , tone]) => ({ stroke: colour(tone), width: 1.5, points: { show: false }, spanGaps: false }))],
+          series: [{}, ...lines.map(([, , tone, dash]) => ({ stroke: colour(tone), dash, width: 1.5, points: { show: false }, spanGaps: false }))],
           axes: [
             { ...axis, size: 24, values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${t} min`)), splits: () => [-10, -5, 0] },
             { ...axis, size: 50, space: 18, values: (_, ticks) => ticks.map((t) => String(Number(t.toFixed(3)))) },
@@ -91,13 +91,17 @@ export class Charts {
       const raw = columns.flatMap((k) => rows.map((row) => row[k])).filter((v) => v !== null);
       say(
         value,
-        raw.length
-          ? `${units.number(kind, Math.min(...raw))} to ${units.number(kind, Math.max(...raw))}${units.after(kind)}`
+        raw.length ? spanOf(raw, kind, lines.length > 1)
           : "no data",
       );
     }
   }
 }
+
+const spanOf = (raw, kind, most) => {
+  const high = `${units.number(kind, Math.max(...raw))}${units.after(kind)}`;
+  return most ? `≤ ${high}` : `${units.number(kind, Math.min(...raw))} to ${high}`;
+};
 
 // Stretches of one level of doubt: from, to, level.
 export function shadesOf(places, levels) {
