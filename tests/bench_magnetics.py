@@ -152,7 +152,8 @@ def verdicts(inc: float, azi: float, axial_nt: float, runs: int) -> str:
         if shot.verdict == "accept":
             found["accepted"].append((float(wrap_pi(shot.azimuth - truth)), shot.sigma_azimuth))
         true_azimuth = truth + 1.0 * DEG
-        both, _, _ = fused(shot, gyro_solution(true_azimuth + rng.normal(0.0, GYRO_SIGMA), GYRO_SIGMA, inc * DEG))
+        gyro = gyro_solution(true_azimuth + rng.normal(0.0, GYRO_SIGMA), GYRO_SIGMA, inc * DEG)
+        both = fused(shot, shot, gyro).station
         found["with gyro"].append((float(wrap_pi(both.azimuth - truth)), both.sigma_azimuth))
     pairs = {name: np.array(values).reshape(-1, 2) for name, values in found.items()}
     scores = " | ".join(ratio(pair[:, 0], pair[:, 1]) for pair in pairs.values())
