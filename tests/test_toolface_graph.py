@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import running_graph
+from mwd_surface.rig.rig_status import FILE_NAME, read_status
 from running_graph import PLACE, samples_of, until
 
 HERE = Path(__file__).parent
@@ -50,6 +51,7 @@ def steered(tmp_path_factory):
     folder = tmp_path_factory.mktemp("steered")
     with running_graph.graph(folder) as graph:
         settings = {"folder": folder / "data", "page__port": 0, "record__name": "run"}
+        settings |= {"rig__wits0_server__enabled": True, "rig__wits0_server__port": 0}
         surface = graph.start("surface", "w1", **settings)
         estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
         for name in (surface, estimator):
@@ -63,6 +65,8 @@ def steered(tmp_path_factory):
         until(lambda: [words for _, words in controller.lines if words == "steers"], 30, "the controller steers")
         time.sleep(max(0.0, began + OVER / RATE - time.monotonic()))
 
+        status_file = folder / "data" / "w1" / FILE_NAME
+        facts["rig"], facts["asked"] = read_status(status_file), time.time()
         hung = graph.running[estimator]
         os.kill(hung.pid, signal.SIGSTOP)
         stopped = time.monotonic()
@@ -70,6 +74,7 @@ def steered(tmp_path_factory):
         os.kill(hung.pid, signal.SIGCONT)
         until(lambda: [at for at, words in controller.lines if words == "steers" and at > stopped], 15, "steers again")
         graph.end(surface)
+        facts["rig gone"] = not status_file.exists()
         facts["bag"] = folder / "data" / "w1" / "bags" / "run"
 
         settings["record__name"], ended = "again", time.monotonic()
@@ -112,6 +117,13 @@ def test_a_killed_surface_is_noticed_by_its_lost_liveliness(steered):
     assert steered["dead"] < NOTICED
     assert "refuses: no toolface yet" in steered["words after"]
     assert "steers" not in steered["words after"]
+
+
+def test_the_state_of_the_rig_interfaces_lies_in_the_folder_while_the_graph_lives(steered):
+    assert steered["rig"].alive(steered["asked"])
+    (wits,) = steered["rig"].interfaces
+    assert (wits.name, wits.state) == ("wits0_server", "listening")
+    assert steered["rig gone"]
 
 
 def test_nobody_complained(steered):
