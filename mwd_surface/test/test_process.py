@@ -144,6 +144,11 @@ def test_estimates_merged_beside_the_messages_are_those_of_the_csv(tmp_path):
         samples = np.concatenate([block["/attitude"][1] for block in bag.blocks(["/attitude"])])
         assert bag.topics["/imu/data_raw"].count == len(samples) == len(lines)
         assert bag.topics["/rig/state"].count == 18
+        ((_, _, _, data),) = bag.messages(["/survey"])
+        survey = bag.decode("/survey", data)
+    (line,) = surveys(tmp_path / "merged")
+    assert (survey.uuid, survey.sequence) == (line["uuid"], int(line["sequence"]))
+    assert "raw" in {one.method for one in survey.azimuths}
     assert [int(line["stamp_ns"]) for line in lines] == samples["stamp_ns"].tolist()
     assert float(lines[-1]["azimuth_deg"]) == pytest.approx(math.degrees(samples["azimuth"][-1]), abs=1e-6)
 

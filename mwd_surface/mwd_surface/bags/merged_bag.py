@@ -18,6 +18,7 @@ from mwd_sensors.compiled import compiled
 from mwd_surface.bags import mcap_format
 from mwd_surface.bags.bag_reader import Bag, Originals
 from mwd_surface.bags.bag_writer import ROSBAG2_RECORD, BagWriter
+from mwd_surface.bags.definitions import Definitions
 
 Bytes = NDArray[np.uint8]
 Numbers = NDArray[np.int64]
@@ -99,6 +100,11 @@ class MergedBag:
         self._written: dict[int, int] = {}
         self._originals: list[_Source] = []
         self._new: list[_Source] = []
+
+    @property
+    def definitions(self) -> Definitions:
+        """Of the message types that new topics can have."""
+        return self._writer.definitions
 
     def topic(self, name: str, type_name: str) -> tuple[int, str]:
         """Channel of a new topic, and its name: with "processed" before its last part where the recording has it."""

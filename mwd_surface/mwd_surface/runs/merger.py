@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.pipeline import Output
+from mwd_estimation.survey import Survey
+from mwd_estimation.survey_fields import survey_fields
 from mwd_sensors import wire
 from mwd_surface.bags.bag_reader import Bag, Originals
 from mwd_surface.bags.merged_bag import MergedBag
@@ -21,6 +23,7 @@ _TOPICS = {
     "interference": wire.INTERFERENCE,
     "dynamics": wire.DYNAMICS,
 }
+_SURVEY, _SURVEY_TYPE, _AZIMUTH_TYPE = "survey", "mwd_msgs/msg/Survey", "mwd_msgs/msg/AzimuthEstimate"
 _IMU = "imu/data_raw"
 
 
@@ -52,8 +55,10 @@ class Merger:
         self._merged = MergedBag(path, bag)
         namespace = imu_topic.removesuffix(_IMU) if imu_topic.endswith(_IMU) else imu_topic.rpartition("/")[0] + "/"
         self._channels = {}
-        for relative, layout in _TOPICS.items():
-            self._channels[relative], name = self._merged.topic(namespace + relative, layout.type_name)
+        self._store = self._merged.definitions.typestore
+        types = {relative: layout.type_name for relative, layout in _TOPICS.items()} | {_SURVEY: _SURVEY_TYPE}
+        for relative, type_name in types.items():
+            self._channels[relative], name = self._merged.topic(namespace + relative, type_name)
             if name != namespace + relative:
                 self.remarks.append(f"the recording has {namespace}{relative} already; the new one is {name}")
 
@@ -82,12 +87,25 @@ class Merger:
             for relative, samples in (("interference", output.interference), ("dynamics", output.dynamics)):
                 at = np.minimum(np.searchsorted(newest, samples["stamp_ns"]), len(newest) - 1)
                 self._add(relative, samples, np.maximum.accumulate(log_ns[at]))
+            # When it was handed over, the last sample it could wait for was there.
+            for survey in output.surveys:
+                data = np.frombuffer(self._serialised(survey, int(output.attitude["status"][-1])), dtype=np.uint8)
+                self._merged.add_rows(self._channels[_SURVEY], data[None, :], log_ns[-1:])
         if until_ns is not None:
             self._merged.flush(until_ns)
 
     def _add(self, relative: str, samples: wire.Samples, log_ns: NDArray[np.int64]) -> None:
         if len(samples):
             self._merged.add_rows(self._channels[relative], _TOPICS[relative].encode(samples, self._frame), log_ns)
+
+    def _serialised(self, survey: Survey, status: int) -> bytes:
+        types = self._store.types
+        seconds, nanoseconds = divmod(survey.stamp_ns, wire.NANOSECONDS)
+        stamp = types["builtin_interfaces/msg/Time"](seconds, nanoseconds)
+        fields = survey_fields(survey, status)
+        azimuths = [types[_AZIMUTH_TYPE](**one) for one in fields.pop("azimuths")]
+        header = types["std_msgs/msg/Header"](stamp, self._frame)
+        return bytes(self._store.serialize_cdr(types[_SURVEY_TYPE](header, azimuths=azimuths, **fields), _SURVEY_TYPE))
 
     def __enter__(self) -> Merger:
         return self
