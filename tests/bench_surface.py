@@ -1,4 +1,4 @@
-"""What the surface node costs: share of a core with page open and recorder on, and memory over a long replay."""
+"""What the surface node costs, what of fast input it records, and its memory over a long replay."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ import aiohttp
 import yaml
 
 import running_graph
+from mwd_surface.bags.bag_reader import Bag
 from running_graph import PLACE, until
 
 TICK = os.sysconf("SC_CLK_TCK")
@@ -126,6 +127,56 @@ def share(pid: int, seconds: float, counts: list[int], address: str) -> tuple[fl
     return cpu, (recorded(address) - written) / took, *told
 
 
+PUBLISHER = """
+import sys, time, rclpy
+from sensor_msgs.msg import Imu, MagneticField
+from mwd_sensors import wire
+from mwd_sensors.nodes import profiles
+rclpy.init()
+node, seconds = rclpy.create_node("publisher", namespace="w1"), float(sys.argv[1])
+kinds = [(Imu, "imu/data_raw", wire.IMU, 1), (MagneticField, "imu/mag", wire.MAG, 10)]
+kinds += [(Imu, "gyro/data_raw", wire.IMU, 10)]
+outs = [(node.create_publisher(kind, topic, profiles.STREAM), layout, every) for kind, topic, layout, every in kinds]
+while any(out.get_subscription_count() == 0 for out, _, _ in outs):
+    time.sleep(0.05)
+time.sleep(1.0)
+began, k, sent = time.monotonic(), 0, 0
+while k < 2000 * seconds:
+    for k in range(k, min(round(2000 * seconds), round((time.monotonic() - began) * 2000))):
+        for out, layout, every in outs:
+            if k % every == 0:
+                sample = layout.empty(1)
+                sample["stamp_ns"] = time.time_ns()
+                out.publish(layout.encode(sample, wire.SONDE_FRAME)[0].tobytes())
+                sent += 1
+        k += 1
+    time.sleep(0.002)
+print(sent)
+"""
+
+
+def fast(folder: Path, seconds: float) -> list[str]:
+    """What of a 2 kHz inertial unit and two 200 Hz sensors is recorded."""
+    with running_graph.graph(folder) as graph:
+        surface = graph.start("surface", "w1", page__port=0, record__name="run", folder=folder)
+        until(lambda: ": active" in graph.log(surface), 120, "the surface is active")
+        pid = graph.running[surface].pid
+        began, used = time.monotonic(), processor_seconds(pid)
+        words = [sys.executable, "-c", PUBLISHER, str(seconds)]
+        done = subprocess.run(words, env=graph.environment, capture_output=True, text=True, check=True)
+        cpu = 100.0 * (processor_seconds(pid) - used) / (time.monotonic() - began)
+        time.sleep(1.0)
+        graph.end(surface)
+    topics = ("/w1/imu/data_raw", "/w1/imu/mag", "/w1/gyro/data_raw")
+    with Bag(folder / "w1" / "bags" / "run") as bag:
+        written = sum(bag.topics[topic].count for topic in topics)
+    head = [
+        "| 2 kHz inertial unit, 200 Hz magnetometer and gyro | sent | recorded | % of a core |",
+        "|---|---|---|---|",
+    ]
+    return [*head, f"| {seconds:.0f} s | {done.stdout.strip()} | {written} | {cpu:.1f} |"]
+
+
 def replayed(folder: Path, seconds: float, rate: float, told: Callable[[str], None]) -> list[str]:
     """Memory while a long recording is played fast into estimator and surface."""
     mwd = [sys.executable, "-P", "-m", "mwd_surface.cli"]
@@ -163,19 +214,23 @@ def replayed(folder: Path, seconds: float, rate: float, told: Callable[[str], No
 
 
 def main() -> None:
-    """Print both tables."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--live", type=float, default=20.0, help="seconds of live measurement")
     parser.add_argument("--replay", type=float, default=300.0, help="seconds of recording to replay; 3600 for the hour")
+    parser.add_argument("--fast", type=float, default=10.0, help="seconds of 2 kHz input")
     parser.add_argument("--rate", type=float, default=10.0, help="how fast it is replayed")
     parser.add_argument("--tell", action="store_true", help="print memory as it goes")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         # Each in a folder of its own: logs of nodes of the same name must not be mixed up.
-        one, two = Path(name) / "live", Path(name) / "replay"
+        one, two, three = (Path(name) / word for word in ("live", "replay", "fast"))
         if options.live > 0.0:
             one.mkdir()
             print("\n".join(live(one, options.live)), flush=True)
+        if options.fast > 0.0:
+            three.mkdir()
+            print("\n" + "\n".join(fast(three, options.fast)), flush=True)
         if options.replay > 0.0:
             say = (lambda text: print(text, file=sys.stderr, flush=True)) if options.tell else (lambda _text: None)
             two.mkdir()
