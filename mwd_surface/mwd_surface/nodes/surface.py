@@ -5,6 +5,7 @@ from __future__ import annotations
 import concurrent.futures
 import dataclasses
 import importlib
+import operator
 import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -13,12 +14,13 @@ from typing import Any
 
 from mwd_msgs import srv
 from mwd_msgs.action import NorthSeek, RotarySurvey
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
 from mwd_sensors import wire
 from mwd_sensors.nodes.graph_node import WARN, Finding, GraphNode, run_node
-from mwd_sensors.nodes.profiles import STATE
+from mwd_sensors.nodes.inbox import Inbox
+from mwd_sensors.nodes.profiles import STATE, deep
 from mwd_sensors.settings import setting
 from mwd_surface import __version__
 from mwd_surface.bags.recorder import RecorderError
@@ -50,7 +52,7 @@ from mwd_surface.surveys.survey_store import StoreError
 from mwd_surface.surveys.well import Well
 
 _LIVE_PERIOD = 0.05  # s; how often what arrived is brought to the page and the toolface topic
-_QUEUE = 5000  # messages of one topic that may wait for this node
+_RECEIVED = operator.itemgetter(0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -134,7 +136,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
                 changed=self._surveys_changed,
             )
         )  # fmt: skip
-        self._parameters = ParameterTables(self, ("sonde", "estimator"))
+        self._tables_of = ParameterTables(self, ("sonde", "estimator"))
         self._steering = SteeringDesk(folder / "surveys", settings.slides, live, journal)
         self._recording = self._closed_at_end(
             RecordingDesk(
@@ -166,11 +168,12 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             "node": self.get_fully_qualified_name(),
             "python": platform.python_version(),
         }
-        return {"mwd": versions, **self._parameters.tables()}
+        return {"mwd": versions, **self._tables_of.tables()}
 
     def _open_topics(self) -> None:
-        for part in (self._journal, self._surveys, self._recording, self._parameters, self._rig, self._feed):
+        for part in (self._journal, self._surveys, self._recording, self._tables_of, self._rig, self._feed):
             part.open()
+        self._streams: list[tuple[str, Inbox, Callable[[bytes, int], None]]] = []
         self._handlers: dict[str, Callable[[bytes], None]] = {
             "survey": self._on_survey,
             "/diagnostics": self._health.on_diagnostics,
@@ -212,6 +215,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
     def halt(self) -> None:
         """Finish the recording; tell the rig that nothing here may be acted upon."""
+        self._take_streams()
         self._rig.tell(time.monotonic(), active=False)
         self._recording.halt()
 
@@ -243,18 +247,37 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         show, heard = self._foxglove.put, self._health.heard
         latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
-        def arrived(data: bytes) -> None:
-            heard(name)
+        def arrived(data: bytes, received_ns: int) -> None:
             if put is not None:
-                put(full, typed, data, time.time_ns(), qos=offered)
+                put(full, typed, data, received_ns, qos=offered)
             if show is not None:
-                show(full, typed, data, time.time_ns(), latched=latched)
+                show(full, typed, data, received_ns, latched=latched)
             if take is not None:
                 take(data)
 
-        # What arrives while this node is busy must not push out what waits: the reader's own queue is deep.
-        deep = QoSProfile(depth=_QUEUE, reliability=profile.reliability, durability=profile.durability)
-        self.listen(kind, name, arrived, deep, raw=True)
+        def event(data: bytes) -> None:
+            # What was received before it is recorded before it.
+            self._take_streams()
+            heard(name)
+            arrived(data, time.time_ns())
+
+        if profile.reliability == ReliabilityPolicy.BEST_EFFORT:
+            # Hundreds a second, shown twenty times a second: they wait, instead of waking this node one by one.
+            self._streams.append((name, self.collect(kind, name, deep(profile)), arrived))
+        else:
+            self.listen(kind, name, event, deep(profile), raw=True)
+
+    def _take_streams(self) -> None:
+        """Record and show what waits, in the order in which it was received."""
+        taken = []
+        for name, inbox, arrived in self._streams:
+            waiting = inbox.take()
+            if waiting:
+                self._health.heard(name)
+                taken += [(received_ns, arrived, data) for data, received_ns in waiting]
+        taken.sort(key=_RECEIVED)
+        for received_ns, arrived, data in taken:
+            arrived(data, received_ns)
 
     def _find_missing(self) -> None:
         """Topics told to be recorded that are not of the contract: subscribe when they appear."""
@@ -287,6 +310,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def _bring_live(self) -> None:
         self._requests.answer()
         self._beside.finish()
+        self._take_streams()
         now = time.monotonic()
         self._rig.pass_on(now)
         self._feed.bring(now)
@@ -297,8 +321,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._find_missing()
         self._page.open()
         self._foxglove.open()
-        self._parameters.ask()
-        self._recording.keep(self._parameters.take_fresh())
+        self._tables_of.ask()
+        self._recording.keep(self._tables_of.take_fresh())
         self._recording.tell(now)
         self._health.tell(now)
         self._surveys.save_again()
