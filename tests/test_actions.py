@@ -25,6 +25,8 @@ import numpy as np, rclpy
 from rclpy.action import ActionClient
 from sensor_msgs.msg import Imu, MagneticField
 from mwd_msgs.action import NorthSeek, RotarySurvey
+from mwd_msgs.msg import Dynamics, Survey, SurveyList, SurveyRecord
+from mwd_msgs.srv import TakeSurvey
 from mwd_sensors import wire
 from mwd_sensors.frames import mat_nt
 from mwd_sensors.nodes import profiles
@@ -73,6 +75,8 @@ def ask(client, goal, feed=True, cancel_after=None):
     answer = wait(handle.get_result_async(), feed)
     return answer.status, answer.result, told
 
+heard = []
+node.create_subscription(Dynamics, "dynamics", heard.append, profiles.STATE)
 north, rotary = ActionClient(node, NorthSeek, "north_seek"), ActionClient(node, RotarySurvey, "rotary_survey")
 assert north.wait_for_server(30.0) and rotary.wait_for_server(30.0)
 status, result, _ = ask(north, NorthSeek.Goal(), feed=False)
@@ -99,6 +103,23 @@ while time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
 status, result, told = ask(rotary, RotarySurvey.Goal(duration=12.0))
 s = result.survey
 said["rotary"] = status, result.message, s.kind, s.inclination, s.azimuth, s.covariance[8], len(told)
+said["dynamics"] = [(d.rotary_speed, d.samples, d.stick_slip_index) for d in heard][-1]
+
+# Another surface remembers seven surveys; then the recording that is fed begins again.
+table = node.create_publisher(SurveyList, "surveys", profiles.LATCHED)
+table.publish(SurveyList(records=[SurveyRecord(survey=Survey(sequence=n)) for n in (3, 17, 5)]))
+state["rate"] = 0.0
+asked = node.create_client(TakeSurvey, "take_survey")
+assert asked.wait_for_service(20.0)
+end = time.monotonic() + 2
+while time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
+answer = wait(asked.call_async(TakeSurvey.Request(duration=3.0)))
+said["numbered"] = answer.success, answer.sequence, answer.message
+state["k"] = 0
+end = time.monotonic() + 1
+while time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
+answer = wait(asked.call_async(TakeSurvey.Request(duration=3.0)))
+said["again"] = answer.success, answer.sequence, answer.message
 print(json.dumps(said))
 """
 
@@ -119,7 +140,8 @@ def said(tmp_path_factory):
         )
         assert done.returncode == 0, done.stderr + graph.log(estimator)
         assert graph.end(estimator)[0] == 0
-    return json.loads(done.stdout.splitlines()[-1])
+        log = graph.log(estimator)
+    return {**json.loads(done.stdout.splitlines()[-1]), "log": log}
 
 
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
@@ -158,3 +180,23 @@ def test_a_rotary_survey_gives_inclination_and_azimuth_and_no_toolface(said):
     assert math.degrees(inclination) == pytest.approx(40.0, abs=0.1)
     assert math.degrees(azimuth) == pytest.approx(100.0, abs=0.3)
     assert toolface_variance == pytest.approx(math.pi**2)
+
+
+def test_dynamics_are_published_while_it_turns(said):
+    speed, samples, index = said["dynamics"]
+    assert speed == pytest.approx(6.0, abs=0.2)
+    assert samples > 100
+    assert 0.0 <= index < 0.1
+
+
+def test_numbers_that_a_list_remembers_are_not_given_again(said):
+    success, sequence, message = said["numbered"]
+    assert success, message
+    assert sequence == 18
+
+
+def test_a_recording_that_begins_again_begins_the_estimate_again_and_the_numbers_go_on(said):
+    success, sequence, message = said["again"]
+    assert success, message
+    assert sequence == 19
+    assert said["log"].count("time went back by more than a second: the estimate began anew") == 1
