@@ -25,7 +25,6 @@ from running_graph import PLACE, until
 
 TICK = os.sysconf("SC_CLK_TCK")
 PAGE_SIZE = os.sysconf("SC_PAGE_SIZE")
-SETTLED = 90.0  # s of the recording after which memory is expected to stand still
 
 
 def processor_seconds(pid: int) -> float:
@@ -200,15 +199,13 @@ def replayed(folder: Path, seconds: float, rate: float, told: Callable[[str], No
         cpu = (processor_seconds(pid) - used) / took
         for name in (estimator, surface):
             graph.end(name)
-    settled = [mb for at, mb in found if at >= min(SETTLED, found[-1][0] / 2)]
-    third = max(1, len(settled) // 3)
-    first, last = sum(settled[:third]) / third, sum(settled[-third:]) / third
+    end = found[-1][0]
+    tenth, half = (next(mb for at, mb in found if at >= share * end) for share in (0.1, 0.5))
     return [
-        f"| replay of {found[-1][0] / 60:.0f} min at {rate:g}x, page open, recorder on | |",
+        f"| replay of {end / 60:.0f} min at {rate:g}x, page open, recorder on | |",
         "|---|---|",
-        f"| memory at the end of the first {min(SETTLED, found[-1][0] / 2):.0f} s | {settled[0]:.1f} MB |",
-        f"| mean of the first and of the last third after that | {first:.1f}, {last:.1f} MB |",
-        f"| most | {max(settled):.1f} MB |",
+        f"| memory after a tenth, half, all of it | {tenth:.1f}, {half:.1f}, {found[-1][1]:.1f} MB |",
+        f"| most | {max(mb for _, mb in found):.1f} MB |",
         f"| % of a core | {100 * cpu:.1f} |",
     ]
 
