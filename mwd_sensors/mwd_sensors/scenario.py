@@ -103,7 +103,7 @@ class Scenario:
     interference: Interference = setting(Interference, "what disturbs the field")
     faults: tuple[Fault, ...] = setting((), "what fails and when")
     link: Link = setting(Link, "what the link does to samples")
-    rate_hz: int = setting(100, "output of both units", unit="Hz", low=1, high=2000)
+    rate_hz: int = setting(100, "output of both units", unit="Hz", low=1, high=10000)
     rig_hz: int = setting(5, "output of the rig's gauges", unit="Hz", low=1, high=100)
     kinematics_hz: int = setting(2000, "instants at which the motion is evaluated", unit="Hz", low=100, high=32000)
 

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import TransformStamped
 from mwd_msgs.action import NorthSeek, RotarySurvey
-from mwd_msgs.msg import Attitude, Dynamics, Gravity, Interference, SurveyList
+from mwd_msgs.msg import Attitude, Dynamics, Gravity, ImuBurst, Interference, SurveyList
 from mwd_msgs.msg import Survey as SurveyMessage
 from mwd_msgs.srv import SetReferenceField, TakeSurvey
+from numpy.typing import NDArray
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
@@ -24,14 +25,23 @@ from mwd_estimation.reference import Reference
 from mwd_estimation.status import Status, words
 from mwd_estimation.still_survey import Refusal
 from mwd_estimation.survey import Survey
-from mwd_sensors import frames, wire
+from mwd_sensors import burst, frames, wire
 from mwd_sensors.nodes import profiles
 from mwd_sensors.nodes.graph_node import ERROR, OK, WARN, Finding, GraphNode, Later, run_node
 from mwd_sensors.nodes.inbox import decoded, publish_rows
 
 _SILENT_AFTER = 2.0  # s without a message before a topic counts as silent
 _BLOCK_S = 0.002  # how long a sample may wait for others before it is estimated
-_INPUTS = {"imu/mag": MagneticField, "gyro/data_raw": Imu, "imu/temperature": Temperature, "imu/data_raw": Imu}
+_INPUTS = {
+    "imu/mag": MagneticField,
+    "gyro/data_raw": Imu,
+    "gyro/burst": ImuBurst,
+    "imu/temperature": Temperature,
+    "imu/data_raw": Imu,
+    "imu/burst": ImuBurst,
+}
+_BURSTS = {single: (name,) for name, single in burst.TOPICS.items()}
+_APART_NS = 800_000  # of published estimates: a unit beyond 1 kHz is estimated at its rate and told at this one
 _TF_PERIOD_NS = 50_000_000
 _WARM_UP = 160  # samples that compile every kernel before the first message: three bins of half a second
 
@@ -76,6 +86,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._frames: dict[str, str] = {}
         self._unreadable = 0
         self._last_tf_ns = 0
+        self._last_told_ns = -_APART_NS
         self._last_status = 0
         self._set_back = 0
 
@@ -108,12 +119,20 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             self._publish(imu, self._pipeline.push_imu(imu))
 
     def _take(self, topic: str) -> wire.Samples:
+        """Samples that wait on a topic; those of the bursts that stand for it too."""
+        layout = wire.SONDE_TOPICS[topic]
         waiting = [arrival.data for arrival in self._inputs[topic].take()]
-        if waiting:
+        samples, errors = decoded(layout, waiting)
+        bursts = [arrival.data for name in _BURSTS.get(topic, ()) for arrival in self._inputs[name].take()]
+        for message in bursts:
+            try:
+                samples = np.concatenate([samples, burst.decode(message)])
+            except wire.WireError as error:
+                errors.append(error)
+        if waiting or bursts:
             self._heard[topic] = time.monotonic()
-        samples, errors = decoded(wire.SONDE_TOPICS[topic], waiting)
         if topic not in self._frames and len(samples):
-            self._frames[topic] = wire.frame_id(waiting[0])
+            self._frames[topic] = wire.frame_id((waiting + bursts)[0])
         for error in errors:
             self._unreadable += 1
             self.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=10.0)
@@ -131,11 +150,14 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     def _publish(self, samples: wire.Samples, output: Output) -> None:
         frame = self._frames["imu/data_raw"]
-        publish_rows(self._attitude, wire.ATTITUDE.encode(output.attitude, frame))
-        publish_rows(self._gravity, wire.GRAVITY.encode(output.gravity, frame))
+        told = apart(samples["stamp_ns"], self._last_told_ns)
+        if len(told):
+            self._last_told_ns = int(samples["stamp_ns"][told[-1]])
+        publish_rows(self._attitude, wire.ATTITUDE.encode(output.attitude[told], frame))
+        publish_rows(self._gravity, wire.GRAVITY.encode(output.gravity[told], frame))
         publish_rows(self._interference, wire.INTERFERENCE.encode(output.interference, frame))
         publish_rows(self._dynamics, wire.DYNAMICS.encode(output.dynamics, frame))
-        oriented = oriented_imu(samples, output.attitude)
+        oriented = oriented_imu(samples[told], output.attitude[told])
         publish_rows(self._imu, wire.IMU.encode(oriented, frame))
         if len(oriented):
             self._last_status = int(output.attitude["status"][-1])
@@ -354,6 +376,22 @@ def _figures(reference: Reference) -> tuple[tuple[str, str], ...]:
     names = ("total", "dip", "declination", "convergence", "gravity")
     known = [(name, getattr(reference, name)) for name in names]
     return tuple((name, repr(float(value))) for name, value in known if value is not None)
+
+
+def apart(stamps: NDArray[np.int64], last_ns: int) -> NDArray[np.int64]:
+    """
+    Places of the samples whose estimates are published: all of a unit up to 1 kHz, of a faster one those 0.8 ms apart.
+
+    stamps, shape (n,), and last_ns, of the one published last: ns. Time that goes back begins anew.
+    """
+    if len(stamps) and abs(int(stamps[0]) - last_ns) >= _APART_NS and (np.abs(np.diff(stamps)) >= _APART_NS).all():
+        return np.arange(len(stamps))
+    places = []
+    for k, stamp_ns in enumerate(stamps.tolist()):
+        if abs(stamp_ns - last_ns) >= _APART_NS:
+            places.append(k)
+            last_ns = stamp_ns
+    return np.array(places, dtype=np.int64)
 
 
 def oriented_imu(samples: wire.Samples, attitude: wire.Samples) -> wire.Samples:

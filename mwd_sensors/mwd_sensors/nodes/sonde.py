@@ -7,11 +7,11 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from mwd_msgs.msg import RigCommand, RigState, Truth
+from mwd_msgs.msg import ImuBurst, RigCommand, RigState, Truth
 from mwd_msgs.srv import InjectFault
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 
-from mwd_sensors import scenario_files, steering, wire
+from mwd_sensors import burst, scenario_files, steering, wire
 from mwd_sensors.faults import Fault
 from mwd_sensors.nodes import profiles
 from mwd_sensors.nodes.graph_node import ERROR, OK, WARN, Finding, GraphNode, run_node
@@ -36,6 +36,8 @@ _TYPES = {
 _ORDER = ("rig/state", "imu/temperature", "gyro/data_raw", "imu/mag", "truth", "imu/data_raw")
 
 _OBEYED = {steering.HOLD: "holding", steering.ROTATE: "rotating", steering.ORIENT: "turning to an angle"}
+_THINNED = ("imu/mag", "truth")
+_IN_BURSTS = {single: name for name, single in burst.TOPICS.items()}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,6 +53,16 @@ class SondeSettings:
         0.0, "Wait up to so long for somebody to listen before starting", unit="s", low=0.0, high=600.0, fixed=True
     )
     exit_at_end: bool = setting(False, "End the process when the scenario is over", fixed=True)
+    burst: int = setting(
+        0,
+        "Samples in one message on imu/burst and gyro/burst, in place of imu/data_raw and gyro/data_raw; 0: singly",
+        low=0,
+        high=burst.MOST,
+        fixed=True,
+    )
+    thin: int = setting(
+        1, "Publish every n-th sample of magnetometer and truth, for fast units", low=1, high=1000, fixed=True
+    )
     fault_injection: bool = setting(False, "Allow the inject_fault service")
 
 
@@ -73,6 +85,8 @@ class SondeNode(GraphNode[SondeSettings]):
             topic: self.publish_on(_TYPES[topic], topic, profiles.EVENT if topic == "rig/state" else profiles.STREAM)
             for topic in _ORDER
         }
+        if self.settings.burst:
+            self._out |= {topic: self.publish_on(ImuBurst, topic, profiles.STREAM) for topic in burst.TOPICS}
         self.serve(InjectFault, "inject_fault", self._inject_fault)
         self.listen(RigCommand, "rig/command", self._on_command, profiles.STATE)
         self.every(_TICK_S, self._tick)
@@ -90,6 +104,7 @@ class SondeNode(GraphNode[SondeSettings]):
         self._sonde = Sonde(self._scenario, epoch_ns=self.get_clock().now().nanoseconds)
         self._blocks: Iterator[dict[str, wire.Samples]] = self._sonde.blocks(_BLOCK_S)
         self._made_until = 0.0
+        self._seen = dict.fromkeys(_THINNED, 0)
         self._pending: list[tuple[float, int, str, bytes]] = []
         self._started = time.monotonic()
         self.get_logger().info(
@@ -116,7 +131,7 @@ class SondeNode(GraphNode[SondeSettings]):
             if due > until:
                 break
             self._out[topic].publish(message)
-            self._sent[topic] += 1
+            self._sent[topic] = self._sent.get(topic, 0) + 1
             count += 1
         del self._pending[:count]
         if self._finished and self._pending:
@@ -135,8 +150,19 @@ class SondeNode(GraphNode[SondeSettings]):
             if not len(samples):
                 continue
             frame = wire.RIG_FRAME if topic == "rig/state" else wire.SONDE_FRAME
-            rows = wire.SONDE_TOPICS[topic].encode(samples, frame)
+            if topic in _THINNED:
+                # Every n-th of the whole run, wherever its blocks end.
+                first = -self._seen[topic] % self.settings.thin
+                self._seen[topic] += len(samples)
+                samples = samples[first :: self.settings.thin]
             dues = (samples["stamp_ns"] - self._sonde.epoch_ns) * 1e-9
+            if self.settings.burst and topic in _IN_BURSTS:
+                for start in range(0, len(samples), self.settings.burst):
+                    part = slice(start, start + self.settings.burst)
+                    due = float(dues[part][-1])
+                    self._pending.append((due, order, _IN_BURSTS[topic], burst.encode(samples[part], frame)))
+                continue
+            rows = wire.SONDE_TOPICS[topic].encode(samples, frame)
             self._pending += [(float(due), order, topic, row.tobytes()) for due, row in zip(dues, rows, strict=True)]
         self._pending.sort(key=lambda item: item[:2])
         self._made_until += _BLOCK_S

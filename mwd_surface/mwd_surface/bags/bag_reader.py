@@ -23,7 +23,7 @@ import zstandard
 from numpy.typing import NDArray
 from rosbags.rosbag2 import Reader as RosbagsReader
 
-from mwd_sensors import wire
+from mwd_sensors import burst, wire
 from mwd_surface.bags import bag_metadata, mcap_format
 from mwd_surface.bags.bag_metadata import MetadataError
 from mwd_surface.bags.definitions import DefinitionError, Definitions
@@ -258,6 +258,7 @@ class Bag:
         dict of str to (log_ns, samples)
             Only topics with a message in the block. log_ns, shape (n,), int64, not decreasing. Samples: a structured
             array of the type's layout in `wire.LAYOUTS`, or a list of bytes for types without one (see `decode`).
+            A topic of bursts gives the samples they carry.
             Everything in one block was logged before, or at the same time as, everything in the next.
 
         Raises
@@ -657,6 +658,9 @@ class Bag:
             if wanted is not None and name not in wanted:
                 continue
             mine = part if len(numbers) == 1 else part.at(part.channel == number)
+            if self.topics[name].type_name == burst.TYPE_NAME:
+                yield name, *self._from_bursts(name, mine, fields.get(wire.IMU.type_name))
+                continue
             layout = wire.LAYOUTS.get(self.topics[name].type_name)
             some = fields.get(self.topics[name].type_name)
             if self._message_compression or layout is None or self.topics[name].serialization != "cdr":
@@ -687,6 +691,27 @@ class Bag:
         listed = [part.data[a : a + size].tobytes() for a in part.offset]
         log_ns, samples = self._from_list(name, layout, part.log_ns, listed, some)
         return log_ns, samples
+
+    def _from_bursts(self, name: str, part: _Part, some: tuple[str, ...] | None) -> tuple[Stamps, wire.Samples]:
+        """The samples that bursts carry, each with the log time of its burst."""
+        listed = [part.data[a : a + n].tobytes() for a, n in zip(part.offset, part.size, strict=True)]
+        log_ns, listed = self._from_list(name, None, part.log_ns, listed, some)
+        parts, counts = [wire.IMU.empty(0)], []
+        for data in listed:
+            try:
+                parts.append(burst.decode(data))
+                counts.append(len(parts[-1]))
+            except wire.WireError as error:
+                counts.append(0)
+                self.damaged_messages += 1
+                self._tell(f"{name}: a message cannot be decoded and is left out: {error}")
+        samples = np.concatenate(parts)
+        if some is not None:
+            chosen = np.empty(len(samples), dtype=wire.IMU.dtype_of(some))
+            for field in chosen.dtype.names or ():
+                chosen[field] = samples[field]
+            samples = chosen
+        return np.repeat(log_ns, counts), samples
 
     def _from_list(
         self,

@@ -18,6 +18,8 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "imu/data_raw": (Imu, STREAM),
     "imu/mag": (MagneticField, STREAM),
     "gyro/data_raw": (Imu, STREAM),
+    "imu/burst": (msg.ImuBurst, STREAM),
+    "gyro/burst": (msg.ImuBurst, STREAM),
     "imu/temperature": (Temperature, STREAM),
     "truth": (msg.Truth, STREAM),
     "rig/state": (msg.RigState, EVENT),

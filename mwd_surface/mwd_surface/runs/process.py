@@ -25,8 +25,8 @@ from mwd_estimation import units
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
 from mwd_estimation.status import Status
 from mwd_estimation.survey import Survey
+from mwd_sensors import burst, wire
 from mwd_sensors import settings as settings_of
-from mwd_sensors import wire
 from mwd_sensors.compensation import Compensation
 from mwd_sensors.settings import setting
 from mwd_surface.bags.bag_reader import Bag, BagError, Block, Originals
@@ -40,6 +40,7 @@ from mwd_surface.surveys import station_csv
 from mwd_surface.surveys.depth import DepthTrack
 
 IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
+IMU_BURST, PRECISION_BURST = burst.TOPICS
 FORMATS = ("csv", "parquet", "mcap")
 MERGED = "merged"
 SURVEY_COLUMNS = ("sequence", "stamp_ns", "duration_s", "samples", "requested", *station_csv.COLUMNS, "uuid")
@@ -230,8 +231,9 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
     BagError
         There is no IMU, or more than one well and none named, or a topic named has another type.
     """
-    imu = _named(bag, given.imu_topic, wire.IMU) or bag.find_topic(wire.IMU.type_name, IMU)
-    namespace = imu.removesuffix(IMU) if imu.endswith(IMU) else None
+    imu = _named(bag, given.imu_topic, wire.IMU) or _imu_of(bag)
+    relative = next((name for name in (IMU, IMU_BURST) if imu.endswith(name)), None)
+    namespace = imu.removesuffix(relative) if relative is not None else None
 
     def beside(relative: str, layout: wire.Layout) -> str | None:
         name = f"{namespace}{relative}"
@@ -246,7 +248,7 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
     return Topics(
         imu,
         mag,
-        beside(PRECISION, wire.IMU),
+        beside(PRECISION, wire.IMU) or beside(PRECISION_BURST, wire.IMU),
         beside(TEMPERATURE, wire.TEMPERATURE),
         beside(RIG, wire.RIG_STATE),
     )
@@ -633,15 +635,29 @@ def _named(bag: Bag, name: str, layout: wire.Layout) -> str | None:
         about = bag.topics.get(candidate)
         if about is None:
             continue
-        if about.type_name != layout.type_name:
+        if not _carries(about.type_name, layout):
             raise BagError(f"{candidate} is a {about.type_name}", f"expected a {layout.type_name}")
         return candidate
     raise BagError(f"{bag.path} has no topic {name}", f"it has {', '.join(bag.topics)}")
 
 
+def _imu_of(bag: Bag) -> str:
+    """The AHRS: as single messages or, where there are none, in bursts."""
+    single = any(topic.type_name == wire.IMU.type_name and topic.name.endswith(IMU) for topic in bag.topics.values())
+    in_bursts = any(topic.type_name == burst.TYPE_NAME for topic in bag.topics.values())
+    if in_bursts and not single:
+        return bag.find_topic(burst.TYPE_NAME, IMU_BURST)
+    return bag.find_topic(wire.IMU.type_name, IMU)
+
+
 def _has(bag: Bag, name: str, layout: wire.Layout) -> bool:
     about = bag.topics.get(name)
-    return about is not None and about.type_name == layout.type_name and about.count > 0
+    return about is not None and _carries(about.type_name, layout) and about.count > 0
+
+
+def _carries(type_name: str, layout: wire.Layout) -> bool:
+    """Whether a topic of that type gives samples of that layout."""
+    return type_name == layout.type_name or (type_name == burst.TYPE_NAME and layout is wire.IMU)
 
 
 def _umask() -> int:
