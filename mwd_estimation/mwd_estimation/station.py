@@ -277,7 +277,7 @@ def station(
     if has_field:
         _judge_field(findings, settings, reference, north, horizontal)
         _judge_interference(findings, settings, correction, corrected, refused)
-        doubted = _judge_hidden(findings, float(jacobian[1, 3]), hidden and not corrected)
+        doubted = _judge_hidden(findings, float(jacobian[1, 3]), hidden)
         if math.sin(inc) < math.sin(math.radians(settings.quality.min_azimuth_inclination_deg)):
             findings.remark("near vertical: azimuth and high side are loose, use magnetic toolface")
     else:
@@ -503,11 +503,15 @@ def _judge_interference(
 
 
 def _judge_hidden(findings: _Findings, slope: float, hidden: bool) -> tuple[str, ...]:
-    """Doubt an azimuth whose interference this attitude hides; slope: of the azimuth by the axial field, rad/T."""
+    """
+    Doubt an azimuth whose interference this attitude hides; slope: of the azimuth by the axial field, rad/T.
+
+    A corrected one too: it is chosen where its uncertain estimate happens to be large.
+    """
     if not hidden:
         return ()
     text = (
-        "axial interference cannot be seen in this attitude, 1000 nT of it turn the azimuth by "
+        "axial interference can hardly be seen in this attitude, 1000 nT of it turn the azimuth by "
         f"{math.degrees(abs(slope) * 1e-6):.1f} deg: use multi-station correction or a gyro"
     )
     findings.add(DOUBTFUL, text)

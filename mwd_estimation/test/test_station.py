@@ -165,15 +165,15 @@ def test_the_correction_is_taken_unasked_where_a_short_collar_is_expected():
     assert station(*readings(89, 90, 40), REFERENCE, short).method == "raw"
 
 
-@pytest.mark.parametrize(("inc", "azi"), [(88, 75), (89, 90), (90, 268)])
+@pytest.mark.parametrize(("inc", "azi"), [(75, 90), (88, 75), (89, 90), (90, 268)])
 def test_an_attitude_that_hides_interference_makes_the_azimuth_doubtful(inc, azi):
     for axial in (0.0, 1.5e-6):
         shot = station(*readings(inc, azi, 40, axial), REFERENCE)
         assert shot.verdict != "accept"
         (doubt,) = shot.azimuth_doubts
         assert doubt in shot.reasons
-        assert "cannot be seen in this attitude, 1000 nT of it turn the azimuth by" in doubt
-        assert shot.sigma_azimuth > 2.5 * DEG
+        assert "can hardly be seen in this attitude, 1000 nT of it turn the azimuth by" in doubt
+        assert shot.sigma_azimuth > 1.5 * DEG
     # Who counts on as much, knows what he has.
     told = StationSettings(errors=SensorErrors(axial_interference_nt=3000.0))
     shot = station(*readings(inc, azi, 40), REFERENCE, told)
