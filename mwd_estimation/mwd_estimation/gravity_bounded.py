@@ -63,6 +63,8 @@ from mwd_estimation.gravity_bounded_motion import (
     SCALE_ACROSS,
     SCALE_ALONG,
     SETTLED,
+    SIGMA_INCLINATION,
+    SIGMA_TOOLFACE,
     STARTED,
     STATISTICS,
     STRONG,
@@ -279,6 +281,17 @@ def _begin(x: Array, P: Array, s: Array, st: Array) -> None:
 
 
 @compiled
+def _publish(k: Array, x: Array, P: Array, st: Array, C: Array) -> None:
+    """Sigmas as they are until the covariance changes again."""
+    floor, aside = follow.floors(k, x, P, st, C)
+    st[SIGMA_INCLINATION], st[SIGMA_TOOLFACE] = follow.sigmas(
+        C[0, 0], C[1, 0], P[TILT, TILT], P[TILT, TILT + 1], P[TILT + 1, TILT + 1],
+        k[K_RESERVE] * st[SCALE_ALONG], k[K_RESERVE] * st[SCALE_ACROSS],
+        floor + k[K_RESERVE] * st[SCALE_ALONG] * st[CLIP_TILT], aside,
+    )  # fmt: skip
+
+
+@compiled
 def _start(x: Array, P: Array, st: Array, k: Array, wx: float, g: Array) -> None:
     """First attitude from the mean force `g` (down, tool axes, unit) and what its scatter says of its error."""
     age = st[AGE]
@@ -350,12 +363,7 @@ def _run(
         inclination_sigma, toolface_sigma = math.pi, math.pi
         if st[STARTED] > 0.0:
             g[0], g[1], g[2] = C[2, 0], C[2, 1], C[2, 2]
-            floor, aside = follow.floors(k, x, P, st, C)
-            inclination_sigma, toolface_sigma = follow.sigmas(
-                C[0, 0], C[1, 0], P[TILT, TILT], P[TILT, TILT + 1], P[TILT + 1, TILT + 1],
-                k[K_RESERVE] * st[SCALE_ALONG], k[K_RESERVE] * st[SCALE_ACROSS],
-                floor + k[K_RESERVE] * st[SCALE_ALONG] * st[CLIP_TILT], aside,
-            )  # fmt: skip
+            inclination_sigma, toolface_sigma = st[SIGMA_INCLINATION], st[SIGMA_TOOLFACE]
             across2 = C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0]
             if across2 < math.sin(track.NEAR_VERTICAL_BELOW) ** 2:
                 bits |= _NEAR_VERTICAL
@@ -430,6 +438,7 @@ def _sample(
                 g[j] = (C[0, j] * mx + C[1, j] * my + C[2, j] * mz) / norm
             _start(x, P, st, k, wx, g)
             model.rotation(x, C)
+            _publish(k, x, P, st, C)
             for j in range(6):
                 x[N_VEL + j] = 0.0
             for j in range(SUMS):
@@ -445,7 +454,9 @@ def _sample(
     follow.follow_swing(k, x, P, st, C, dt, ax, ay, az)
     follow.follow_shocks(k, P, st, dt, ax, ay, az, power, clip_force)
     follow.follow_rates(k, s, st, dt, wx, wy, wz, clip_cross)
-    if follow.follow_clipping(k, x, P, st, kept, C, dt, wx, clip_x):
+    if not (clip_x or st[CLIPPING] != 0.0):
+        follow.follow_slope(st, dt, wx)
+    elif follow.follow_clipping(k, x, P, st, kept, C, dt, wx, clip_x):
         # Roll is lost, inclination is not: the cross-axis gyros were there all the time.
         down, tilt = C[2, 0], follow.split_tilt(P, C[0, 0], C[1, 0])
         _begin(x, P, s, st)
@@ -467,6 +478,8 @@ def _sample(
             # Half of gravity for seconds where there should be none: the attitude is lost.
             _begin(x, P, s, st)
             model.rotation(x, C)
+        else:
+            _publish(k, x, P, st, C)
     return bits
 
 

@@ -31,6 +31,7 @@ from mwd_estimation.gravity_bounded_settings import (
     K_ALIAS_NOISE,
     K_ANCHOR,
     K_ANCHOR_SWING,
+    K_ASKEW,
     K_CLIP_BRIDGE,
     K_CLIP_CURVE,
     K_CLIP_SLOPE,
@@ -59,12 +60,12 @@ from mwd_sensors.compiled import compiled
     AGE, STARTED, MEAN, MEAN_POWER, LAST_W, LAST_A, DRIFT, SLOW_A, SWING_V, SWING_P, SLOW_ARM, SLOW_ARM_2, SLOW_ARM_3,
     SWING_X, SWING_C, SWING_Z, SETTLED, ROUGH, STRONG, SHOCKS, SINCE_SHOCK, TURNING, PERIOD, NON_GRAVITY, DIRECTION,
     CLIPPING, CLIP_TIME, RATE_SLOPE, RATE_CURVE, LEAN, BOOST, USUAL, NEAR_LEAN, SCALE_ALONG, SCALE_ACROSS, ALIAS, EPOCH,
-    CLIP_TILT, KEPT_DOWN, KEPT_TILT, STATISTICS,
+    CLIP_TILT, KEPT_DOWN, KEPT_TILT, SIGMA_INCLINATION, SIGMA_TOOLFACE, STATISTICS,
 ) = (
     0, 1, 2, 5, 6, 9, 12, 15, 18, 21, 24, 27, 30,
     33, 34, 35, 36, 37, 38, 39, 40, 41, 42, 43, 44,
     47, 48, 49, 50, 51, 53, 54, 55, 57, 58, 59, 60,
-    61, 62, 63, 64,
+    61, 62, 63, 64, 65, 66,
 )  # fmt: skip
 SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # s, low-passes of the slope of the x rate and of its curvature
 TURNING_FROM = 3.0  # rad/s, mean rate about the axis that makes a tool one on a string that turns
@@ -218,7 +219,7 @@ def follow_clipping(
         st[CLIP_TIME] += dt
         if x[N_MISSING] * wx < 0.0:
             x[N_MISSING] = 0.0
-    elif st[CLIPPING] != 0.0:
+    else:
         # When the gyro is back nothing is missing: if the state says otherwise it went astray, and roll with it.
         astray = abs(x[N_MISSING]) > k[K_LOST]
         x[N_MISSING] = 0.0
@@ -237,11 +238,16 @@ def follow_clipping(
         st[RATE_CURVE] = 0.0
         lost = astray or st[CLIP_TIME] > k[K_CLIP_BRIDGE] or P[TILT, TILT] + P[TILT + 1, TILT + 1] > 9.0
         st[CLIP_TIME] = 0.0
-    elif dt > 0.0:
+    return lost
+
+
+@compiled
+def follow_slope(st: Array, dt: float, wx: float) -> None:
+    """Slope and curvature of the x rate, low-passed, with which clipping would begin."""
+    if dt > 0.0:
         late = st[RATE_SLOPE]
         st[RATE_SLOPE] += dt / (SLOPE_LAG + dt) * ((wx - st[LAST_W]) / dt - late)
         st[RATE_CURVE] += dt / (CURVE_LAG + dt) * ((st[RATE_SLOPE] - late) / dt - st[RATE_CURVE])
-    return lost
 
 
 @compiled
@@ -325,7 +331,8 @@ def floors(k: Array, x: Array, P: Array, st: Array, C: Array) -> tuple[float, fl
     left = 1.0 / (1.0 + (st[TURNING] / TURNING_FROM) ** 2)
     # The axis' own error is inclination's by the sine, the cross axes' by the cosine.
     upright2 = min(C[2, 0] * C[2, 0], 1.0)
-    return floor * (1.0 - upright2 * (1.0 - left)), left * floor
+    askew = (1.0 - left) * k[K_ASKEW] * k[K_ASKEW]
+    return floor * (1.0 - upright2 * (1.0 - left)) + askew, left * floor + askew * upright2
 
 
 @compiled

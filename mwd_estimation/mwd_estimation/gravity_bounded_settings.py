@@ -19,8 +19,9 @@ from mwd_sensors.settings import setting
     K_ACCEL_NOISE, K_ANCHOR, K_PLAY, K_SWING_TIME, K_SWING_MEMORY, K_ANCHOR_SWING, K_PLAY_SWING,
     K_ALIAS_NOISE, K_SHOCK_AT, K_SHOCK_NOISE, K_SHOCK_GATE, K_GYRO_RANGE, K_ACCEL_RANGE,
     K_CLIP_JERK, K_CLIP_SLOPE, K_BIAS_0, K_SCALE_0, K_LEVER_0, K_DOWN_0, K_FLOOR, K_CONING,
-    K_CLIP_TURN, K_LEAN_TIME, K_LEAN_GAIN, K_LEAN_FROM, K_CLIP_BRIDGE, K_CLIP_CURVE, K_LOST, K_RESERVE, SETTINGS,
-) = range(38)  # fmt: skip
+    K_CLIP_TURN, K_LEAN_TIME, K_LEAN_GAIN, K_LEAN_FROM, K_CLIP_BRIDGE, K_CLIP_CURVE, K_LOST, K_RESERVE, K_ASKEW,
+    SETTINGS,
+) = range(39)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,10 +105,13 @@ class Params:
         0.05, "error of gravity's magnitude as the sensor shows it", unit="m/s^2", low=1e-6, high=1.0
     )
     calibration_sigma: float = setting(
-        0.0003, "tilt that calibration errors of the sensors leave", unit="rad", low=0.0, high=0.5
+        0.0002, "tilt that calibration errors of the accelerometer leave", unit="rad", low=0.0, high=0.5
+    )
+    turning_sigma: float = setting(
+        0.0003, "tilt fixed in a turning tool: gyros out of line with the accelerometers", unit="rad", low=0.0, high=0.5
     )
     sigma_reserve: float = setting(
-        1.6, "variance published, as a multiple of what the lean of the innovations shows", low=0.1, high=100.0
+        1.3, "variance published, as a multiple of what the lean of the innovations shows", low=0.1, high=100.0
     )
 
 
@@ -121,6 +125,6 @@ def constants(params: Params) -> Array:
             p.alias_noise, p.shock_at, p.shock_noise, p.shock_gate, p.gyro_range, p.accel_range,
             p.clip_jerk, p.clip_slope, p.bias_sigma, p.scale_sigma, p.lever_sigma, p.down_sigma,
             p.calibration_sigma, p.coning, p.clip_turn, p.lean_time, p.lean_gain, p.lean_from,
-            p.clip_bridge, p.clip_curve, p.lost, p.sigma_reserve,
+            p.clip_bridge, p.clip_curve, p.lost, p.sigma_reserve, p.turning_sigma,
         ]
     )  # fmt: skip

@@ -95,15 +95,19 @@ def test_a_clipped_rate_begins_with_its_slope_and_what_was_known_comes_back_afte
     st[follow.TURNING] = rate
     for w in true:
         shown = min(w, limit)
-        assert not follow.follow_clipping(K, x, P, st, kept, mat, DT, shown, w >= limit)
+        if w < limit and st[follow.CLIPPING] == 0.0:
+            follow.follow_slope(st, DT, shown)
+        else:
+            assert not follow.follow_clipping(K, x, P, st, kept, mat, DT, shown, w >= limit)
         st[follow.LAST_W] = shown
         if w >= limit:
             missing.append(x[model.N_MISSING] - (w - limit))
             assert P[model.BIAS, model.BIAS] == P[1, 1] == P[0, 1] == 0.0
             assert st[follow.CLIP_TILT] == pytest.approx(9e-6)
     assert np.sqrt(np.mean(np.square(missing[: len(missing) // 2]))) < 2.0
+    x[model.N_MISSING] = 0.1
     P[0, 0] = 0.01
-    follow.follow_clipping(K, x, P, st, kept, mat, DT, 30.0, False)
+    assert not follow.follow_clipping(K, x, P, st, kept, mat, DT, 30.0, False)
     assert P[:2, :2] == pytest.approx(np.diag([0.01, 9e-6]))
     assert P[model.BIAS, model.BIAS] == 1e-6
     assert st[follow.CLIP_TILT] == 0.0
@@ -143,5 +147,5 @@ def test_an_accelerometer_that_shows_too_much_gravity_is_not_believed_across_it_
     # What is fixed in a string that turns averages out across it; along it, it does not.
     st[follow.TURNING] = 15.0
     turning = published(x, P, st)
-    assert turning[0] == pytest.approx(bad[0])
+    assert turning[0] == pytest.approx(bad[0], rel=0.01)
     assert turning[1] < 0.3 * bad[1]

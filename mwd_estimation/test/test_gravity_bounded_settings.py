@@ -7,7 +7,7 @@ from mwd_estimation import gravity_bounded_settings as settings
 # Settings whose constant has another name; `gap` is the clock's.
 OTHERWISE = {
     "bias_sigma": "K_BIAS_0", "scale_sigma": "K_SCALE_0", "lever_sigma": "K_LEVER_0", "down_sigma": "K_DOWN_0",
-    "calibration_sigma": "K_FLOOR", "sigma_reserve": "K_RESERVE",
+    "calibration_sigma": "K_FLOOR", "sigma_reserve": "K_RESERVE", "turning_sigma": "K_ASKEW",
 }  # fmt: skip
 
 
