@@ -159,6 +159,25 @@ def test_junk_and_idle_connections_leave_the_others_alone(served):
         test_a_variable_is_found_by_name_and_tells_value_unit_and_time(served)
 
 
+def test_five_hundred_connections_are_turned_away_counted_and_leave_those_that_are_served_alone():
+    with (
+        started(OpcuaServer(OpcuaSettings(port=0, max_clients=2), "Well 1")) as server,
+        contextlib.ExitStack() as stack,
+    ):
+        tell(server, values())
+
+        async def read_meanwhile():
+            async with asyncua.Client(server.address) as client:
+                variable = await found(client, "Inclination")
+                for _ in range(500):
+                    connection = socket.create_connection(("127.0.0.1", server.port), 5.0)
+                    stack.callback(connection.close)
+                return await variable.read_value()
+
+        assert run(read_meanwhile()) == values().survey.inclination
+        eventually(lambda: server.status().refused >= 499)
+
+
 def test_node_opcua_reads_the_same(served):
     node = shutil.which("node")
     if node is None or not (PEERS / "node_modules" / "node-opcua-client").exists():

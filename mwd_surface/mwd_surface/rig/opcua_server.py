@@ -11,6 +11,7 @@ import asyncio
 import contextlib
 import dataclasses
 import datetime as dt
+import logging
 import socket
 import time
 from collections.abc import Callable
@@ -48,6 +49,7 @@ from mwd_surface.rig.rig_values import nothing_yet
 
 _APPLICATION = "urn:mwd:surface"
 _EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
+_REFUSALS = "asyncua.server.binary_server_asyncio"  # where asyncua tells of connections turned away
 _TICK = 1.0  # s
 _LARGEST_MESSAGE = 1 << 20
 # Methods: arguments (name, type, description) of each.
@@ -120,6 +122,7 @@ class OpcuaServer(LoopInterface):
         self._since: dict[Any, float] = {}
         self._written = 0
         self._commands = 0
+        self.refused = 0
         self._last: dict[str, Reading] = {}
         self._ids: dict[str, Any] = {}
 
@@ -167,16 +170,20 @@ class OpcuaServer(LoopInterface):
         await self._secure(server)
         self._limit(server)
         await self._build(server)
+        refusals = logging.getLogger(_REFUSALS)
+        refusals.addFilter(self._count_refusal)
         try:
             await server.start()
             server.bserver.set_policies(self._channels(server))
         except OSError as error:
+            refusals.removeFilter(self._count_refusal)
             raise port_error(error, host, self.settings.port) from error
         try:
             ready(f"opc.tcp://{server.bserver.hostname}:{server.bserver.port}/")
             await self._follow(server, stop)
         finally:
             await server.stop()
+            refusals.removeFilter(self._count_refusal)
             self._server = None
 
     async def _secure(self, server: Any) -> None:
@@ -248,6 +255,15 @@ class OpcuaServer(LoopInterface):
         known = shown in _certificates(self._folder / "trusted", x509)
         valid = shown.not_valid_before_utc <= now <= shown.not_valid_after_utc
         return rules.User(role=rules.UserRole.User, name="trusted") if known and valid else None
+
+    def _count_refusal(self, record: logging.LogRecord) -> bool:
+        """asyncua turns away by itself and only logs it, each time: count instead."""
+        server = self._server
+        full = server is not None and len(server.bserver.clients) >= self.settings.max_clients
+        if not full or not str(record.msg).startswith("Refusing connection"):
+            return True
+        self.refused += 1
+        return False
 
     def _limit(self, server: Any) -> None:
         server.iserver.allow_remote_admin = False
@@ -364,6 +380,7 @@ class OpcuaServer(LoopInterface):
             self.failure,
             peers if self.running else (),
             sent=self._written,
+            refused=self.refused,
             counts=(("subscriptions", subscriptions), ("commands", self._commands)),
             last=last,
         )
