@@ -259,11 +259,14 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     def halt(self) -> None:
         """A survey that waits for the gyro is given as it is; what somebody else waits for will not come."""
-        frame = self._frames.get("imu/data_raw", "")
-        for survey in self._pipeline.finish().surveys:
-            self._publish_survey(survey, frame)
+        self._hand_over()
         self._answer(False, "no survey taken: the estimator stops", 0)
         self._errands.end("the estimator stops")
+
+    def _hand_over(self) -> None:
+        """Nothing more comes of the still interval: a survey that waits for the gyro is given as it is."""
+        for survey in self._pipeline.finish().surveys:
+            self._publish_survey(survey, self._frames.get("imu/data_raw", ""))
 
     def _silent(self, topic: str) -> bool:
         return time.monotonic() - self._heard.get(topic, -_SILENT_AFTER) >= _SILENT_AFTER
@@ -272,6 +275,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         """Inputs, frames, rejected samples and the state of the estimate."""
         if self._waiting is not None and self._silent("imu/data_raw"):
             self._answer(False, "no survey taken: the samples stopped", 0)
+        if self._pipeline.survey_waits_for and self._silent("imu/data_raw"):
+            self._hand_over()
         counters = self._pipeline.counters
         found = [self._input("imu/data_raw", counters.imu, ERROR), self._input("imu/mag", counters.mag, WARN)]
         if "gyro/data_raw" in self._heard:
