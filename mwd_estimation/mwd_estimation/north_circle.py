@@ -81,10 +81,12 @@ def posterior(parts: Sequence[Part], horizontal: float, expected: float | None =
     inverses = [np.linalg.inv(one.S) for one in parts]
     offsets = [float(np.linalg.slogdet(one.S)[1]) - 2.0 * one.log_weight for one in parts]
 
+    north, east = (np.array([one.earth[k] for one in parts])[:, None] for k in (0, 1))
+    a, b, c = (np.array([inv[i, j] for inv in inverses])[:, None] for i, j in ((0, 0), (0, 1), (1, 1)))
+
     def distances(angle: Array) -> Array:
-        d = horizontal * np.stack([np.cos(angle), -np.sin(angle)], axis=-1)
-        each = [d - one.earth for one in parts]
-        return np.stack([np.einsum("ni,ij,nj->n", e, inv, e) for e, inv in zip(each, inverses, strict=True)])
+        d_n, d_e = horizontal * np.cos(angle) - north, -horizontal * np.sin(angle) - east
+        return np.asarray(a * d_n * d_n + 2.0 * b * d_n * d_e + c * d_e * d_e)
 
     def costs(angle: Array) -> Array:
         return np.asarray(distances(angle) + np.array(offsets)[:, None])
@@ -100,14 +102,14 @@ def posterior(parts: Sequence[Part], horizontal: float, expected: float | None =
     if len(modes) > 1 and expected is not None:
         modes = [min(modes, key=lambda mode: abs(float(wrap_pi(mode[0] - expected))))]
     lone = len(modes) == 1 and expected is not None
-    grid = [modes[0][0] + np.linspace(-0.5, 0.5, 721) * math.pi if lone else np.linspace(-1.0, 1.0, 1441) * math.pi]
+    grid = [modes[0][0] + np.linspace(-0.5, 0.5, 361) * math.pi if lone else np.linspace(-1.0, 1.0, 721) * math.pi]
     for mode, _ in modes:
         tangent = horizontal * np.array([-math.sin(mode), -math.cos(mode)])
         for inverse in inverses:
             width = 1.0 / math.sqrt(float(tangent @ inverse @ tangent))
             if width < 0.1:
                 # A narrow peak wants points of its own.
-                grid.append(mode + np.linspace(-8.0, 8.0, 161) * width)
+                grid.append(mode + np.linspace(-8.0, 8.0, 81) * width)
     angle = np.unique(np.concatenate(grid))
     if lone:
         spacing = np.gradient(angle)
