@@ -58,6 +58,14 @@ def test_a_moment_of_the_other_way_makes_no_stretch():
     assert slide.toolface == pytest.approx(0.5)
 
 
+def test_a_string_that_only_begins_to_turn_is_no_slide():
+    sheet = SlideSheet()
+    drilled(sheet, 100.0, 100.2, STILL, 0.5)
+    assert drilled(sheet, 100.3, 105.0, FAST) == []
+    (rotated,) = sheet.stretches
+    assert (rotated.mode, rotated.from_depth) == (ROTATE, 100.0)
+
+
 def test_a_bit_off_bottom_and_a_jump_of_the_rig_make_no_hole():
     sheet = SlideSheet()
     drilled(sheet, 100.0, 105.0, FAST)

@@ -102,3 +102,20 @@ def test_the_path_comes_with_its_projection_and_ellipses_of_ten_stations_at_most
     assert 0 < len(got["ellipses"]) <= 10
     assert got["ellipses"][0]["plan"][:2] == pytest.approx([4.0, 2.0])
     assert got["north_reference"] == "grid"
+
+
+def test_the_lights_stand_by_the_limits_that_the_verdict_names():
+    words = (
+        "within limits: total gravity -0.1 mG (limit 1.1 mG), total field +380 nT (limit 520 nT), "
+        "dip -0.01 deg (limit 0.47 deg)"
+    )
+    (record,) = listed(survey(1, b_total=B + 380e-9, reasons=(words,))).records
+    gravity, field, dip = quality_lights(record, Limits())["lights"]
+    assert (field["limit"], field["light"]) == (pytest.approx(520e-9), "good")
+    assert gravity["limit"] == pytest.approx(1.1e-3 * 9.80665)
+    assert dip["limit"] == pytest.approx(math.radians(0.47))
+    off = ("total field +600 nT off the reference, limit 520 nT: casing or a neighbouring well",)
+    (record,) = listed(survey(1, b_total=B + 600e-9, reasons=off, verdict=int(Verdict.DOUBTFUL))).records
+    gravity, field, _ = quality_lights(record, Limits())["lights"]
+    assert (field["limit"], field["light"]) == (pytest.approx(520e-9), "doubtful")
+    assert gravity["limit"] == Limits().gravity

@@ -326,6 +326,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._recording.tell(now)
         self._health.tell(now)
         self._surveys.save_again()
+        self._surveys.follow_bit(now)
         self._steering.tell(now)
         self._journal.tell(now)
         self._page.show(now, even_unwatched=True)

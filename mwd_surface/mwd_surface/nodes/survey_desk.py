@@ -34,6 +34,8 @@ from mwd_surface.surveys.survey_store import StoreError, SurveyStore
 from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_path import Definitive
 
+_BIT_STEP = 0.1  # m the bit goes before its projection is drawn anew
+
 
 class SurveyDesk:
     """
@@ -82,6 +84,8 @@ class SurveyDesk:
         self._node, self._folder, self._live = node, folder, live
         self._journal, self._plan, self._beside, self._changed = journal, plan, beside, changed
         self._unsaved = ""
+        self._covariance: Any = None
+        self._shown_bit: float | None = None
         self._reporting, self._reported, self._html = False, SurveyList(), b""
         self._store = SurveyStore(folder / "surveys")
         loaded = self._store.load(well, rules)
@@ -277,6 +281,7 @@ class SurveyDesk:
         frame = f"{prefix}/local_enu" if prefix else "local_enu"
         self._path.publish(messages.path_message(path, surveys.changed_ns, frame))
         self._live.on_records(surveys.records, now)
+        self._covariance, self._shown_bit = None, self.bit_depth
         self._live.on_trajectory(path, now)
         self._plan.show_offset(path)
         self._changed(surveys)
@@ -318,7 +323,18 @@ class SurveyDesk:
         covariance = job.result()
         if covariance is not None:
             measured = np.isfinite(covariance).all(axis=(1, 2))
-            self._live.on_trajectory(path, time.monotonic(), covariance[measured])
+            self._covariance = covariance[measured]
+            self._live.on_trajectory(path, time.monotonic(), self._covariance)
+
+    def follow_bit(self, now: float) -> None:
+        """Bring the page's projection, and the offset to the plan, after the bit; called once a second."""
+        bit = self.bit_depth
+        if bit is None or (self._shown_bit is not None and abs(bit - self._shown_bit) < _BIT_STEP):
+            return
+        self._shown_bit = bit
+        path = self.definitive()
+        self._live.on_trajectory(path, now, self._covariance)
+        self._plan.show_offset(path)
 
     def findings(self) -> list[Finding]:
         """How the list is."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ NORTH_WORDS = ("", "magnetic", "true", "grid")
 _PLACED = (
     "north", "east", "vertical_depth", "vertical_section", "dogleg_severity", "build_rate", "turn_rate",
 )  # fmt: skip
+# Units in which a verdict names its limits.
+_UNITS = {"mG": 9.80665e-3, "nT": 1e-9, "deg": math.pi / 180.0}
 # Azimuths that are free of the axial interference; quality control then judges the field without it.
 _CORRECTED_METHODS = ("corrected", "msa", "fused")
 
@@ -94,7 +97,7 @@ def _known(value: float, low: float = 0.0) -> float | None:
 
 
 def quality_lights(record: SurveyRecord | None, limits: Limits) -> dict[str, Any]:
-    """Lights of the last survey: totals against their references and limits."""
+    """Lights of a survey: totals against their references, and the limits the verdict names or the usual ones."""
     nothing = {"known": False, "lights": [], "verdict": "", "reasons": [], "sequence": None, "stamp_ns": None}
     if record is None:
         return nothing
@@ -107,7 +110,8 @@ def quality_lights(record: SurveyRecord | None, limits: Limits) -> dict[str, Any
         ("dip", "rad", dip, s.dip_reference if has_field else None, math.radians(limits.dip_deg)),
     )
     lights = []
-    for name, unit, value, reference, limit in rows:
+    for name, unit, value, reference, usual in rows:
+        limit = _limit_of(s.reasons, name, usual)
         deviation = None if reference is None else value - reference
         lights.append(
             {
@@ -129,6 +133,15 @@ def quality_lights(record: SurveyRecord | None, limits: Limits) -> dict[str, Any
         "sequence": s.sequence,
         "stamp_ns": s.stamp_ns,
     }
+
+
+def _limit_of(reasons: tuple[str, ...], name: str, usual: float) -> float:
+    """The limit the verdict itself names for a quantity, SI; where it names none, the usual one."""
+    for reason in reasons:
+        found = re.search(rf"{name} [^;()]*?\(?limit ([0-9.]+) (mG|nT|deg)", reason)
+        if found:
+            return float(found[1]) * _UNITS[found[2]]
+    return usual
 
 
 def _earth_field(survey: Survey) -> tuple[float, float, bool]:

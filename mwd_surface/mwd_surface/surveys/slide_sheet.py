@@ -175,6 +175,11 @@ class SlideSheet:
         self._grow(at_hand, stamp_ns, hole_depth, rotary_speed * made, face, magnetic)
         self._depth = hole_depth
         if self._next is not None and self._next.to_depth - self._next.from_depth >= self.rules.least_length:
+            if self._open.to_depth - self._open.from_depth < self.rules.least_length:
+                # Too short to stand alone: what comes after takes it in.
+                self._next.from_depth, self._next.begin_ns = self._open.from_depth, self._open.begin_ns
+                self._open, self._next = self._next, None
+                return None
             ended, self._open, self._next = self._open.closed(), self._next, None
             self._done.append(ended)
             return ended
