@@ -301,15 +301,28 @@ def paper_tables() -> list[str]:
     for label, name, said in (("raw", "raw", "3.5"), ("S3", "s3", "within 1.0"), ("bounded", "bounded", "")):
         error = (inclination(ours(name)(t, w, f)) - inclination(down))[turning]
         out.append(f"| {label} | {said} | {rms(error):.3f} | {np.abs(error).max():.3f} |")
-    t, w, f, down = drilled(SCENARIOS / "s3_vibration.yaml", {})
-    late = t - t[0] > SKIP_NS
-    out += ["", f"| S3 table 2 ({len(t)} samples), mean / std, deg | paper | ours |", "|---|---|---|"]
+    # The paper's raw deviation shows how little of the 50 m/s^2 its sensor let through; nor had its gyro a bias to learn.
+    felt = {"low_hz": 10.0, "high_hz": 150.0, "period_s": 332.0, "acceleration_mps2": [0.13, 0.2, 3.35]}
+    matched: dict[str, Any] = {
+        "ahrs": {"grade": "mti3_calibrated", "changes": {"gyro": {"bias_deg_h": 0.0}}},
+        "vibration": {"sweeps": [{**felt, "rate_deg_s": [0.0, 0.2, 0.0]}]},
+    }
+    t, w, f, _ = drilled(SCENARIOS / "s3_vibration.yaml", {})
+    out += [
+        "",
+        f"| S3 table 2 ({len(t)} samples), mean / std, deg | paper | ours, all of it felt | ours, as much felt |",
+    ]
+    out.append("|---|---|---|---|")
     for label, name, said in (
         ("raw", "raw", "0.8269 / 0.6586"), ("S3", "s3", "0.0068 / 0.0379"), ("Kalman", "kalman", "0.0902 / 0.0485"),
         ("bounded", "bounded", ""),
     ):  # fmt: skip
-        error = (inclination(ours(name)(t, w, f)) - inclination(down))[late]
-        out.append(f"| {label} | {said} | {abs(error.mean()):.4f} / {error.std():.4f} |")
+        cells = []
+        for changes in ({}, matched):
+            t, w, f, down = drilled(SCENARIOS / "s3_vibration.yaml", changes)
+            error = (inclination(ours(name)(t, w, f)) - inclination(down))[t - t[0] > SKIP_NS]
+            cells.append(f"{abs(error.mean()):.4f} / {error.std():.4f}")
+        out.append(f"| {label} | {said} | {' | '.join(cells)} |")
     out += ["", "| S3 table 3, per update called alone, us | paper (MATLAB, PC) | ours |", "|---|---|---|"]
     for label, name, said in (("S3", "s3", "38.3"), ("Kalman", "kalman", "56.3"), ("bounded", "bounded", "")):
         out.append(f"| {label} | {said} | {alone(name, t, w, f):.1f} |")
