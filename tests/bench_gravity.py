@@ -301,7 +301,7 @@ def paper_tables() -> list[str]:
     for label, name, said in (("raw", "raw", "3.5"), ("S3", "s3", "within 1.0"), ("bounded", "bounded", "")):
         error = (inclination(ours(name)(t, w, f)) - inclination(down))[turning]
         out.append(f"| {label} | {said} | {rms(error):.3f} | {np.abs(error).max():.3f} |")
-    # The paper's raw deviation shows how little of the 50 m/s^2 its sensor let through; nor had its gyro a bias to learn.
+    # The paper's raw deviation shows how little of the 50 m/s^2 its sensor let through; its gyro had no bias to learn.
     felt = {"low_hz": 10.0, "high_hz": 150.0, "period_s": 332.0, "acceleration_mps2": [0.13, 0.2, 3.35]}
     matched: dict[str, Any] = {
         "ahrs": {"grade": "mti3_calibrated", "changes": {"gyro": {"bias_deg_h": 0.0}}},
