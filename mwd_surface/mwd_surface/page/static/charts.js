@@ -119,5 +119,5 @@ export function shadesOf(places, levels) {
 function padded(low, high) {
   if (low === null || high === null) return [0, 1];
   const room = Math.max((high - low) * 0.1, Math.abs(high) * 0.002, 0.05);
-  return [low - room, high + room];
+  return [low >= 0 ? Math.max(0, low - room) : low - room, high + room];
 }
