@@ -213,9 +213,7 @@ def analyse(
     if not reference.has_field:
         raise ValueError("reference: a multi-station analysis needs the strength and dip of the field")
     if gyro is not None and (np.shape(gyro.azimuth) != (len(f),) or np.shape(gyro.sigma) != (len(f),)):
-        raise ValueError(
-            f"gyro: expected an azimuth and a sigma for each of {len(f)} stations, nan where none"
-        )
+        raise ValueError(f"gyro: expected an azimuth and a sigma for each of {len(f)} stations, nan where none")
     problem = _Problem(f, b, reference, errors, settings, gyro)
 
     used = np.ones(len(f), dtype=bool)
