@@ -25,7 +25,7 @@ from mwd_surface.page.alarms import Severity
 from mwd_surface.page.live_state import LiveState
 
 _STOP_WITHIN = 1.3  # s for each step of an end, so that all of it stays below 3 s
-_ENCLOSE_WITHIN = 0.4  # s for each file that goes into a recording at its end
+_ENCLOSE_WITHIN = 0.4  # s for each table or file that goes into a recording beside its messages
 _RETRY = 5.0  # s between tries to begin a recording that could not begin
 _SEVERITIES = {Level.INFO: Severity.INFO, Level.WARNING: Severity.WARNING, Level.ERROR: Severity.CRITICAL}
 
@@ -134,7 +134,10 @@ class RecordingDesk:
         if self._recorder.status().state != State.RECORDING:
             return
         for name, values in tables.items():
-            self._recorder.add_metadata(name, values)
+            try:
+                self._recorder.add_metadata(name, values, _ENCLOSE_WITHIN)
+            except RecorderError as error:
+                self._journal.note("recorder", f"{name} is not in the recording: {error}", Severity.WARNING)
 
     def close(self) -> None:
         """Give the folder free."""
