@@ -105,6 +105,18 @@ def test_one_who_comes_late_gets_the_last_of_a_latched_topic(server):
     assert client.messages[0] == (1, 2, b"the table")
 
 
+def test_a_topic_is_shown_before_its_first_message_and_after_a_restart(server):
+    server.advertise("/w1/survey", "mwd_msgs/msg/Survey")
+
+    async def script(client):
+        await client.until(lambda c: "/w1/survey" in c.channels)
+
+    watched(server, script)
+    server.stop()
+    server.start()
+    watched(server, script)
+
+
 def test_a_type_nobody_defines_is_left_out_and_named(server):
     server.put("/odd", "no_such_pkg/msg/Odd", b"\0", 1)
     assert server.unknown == {"no_such_pkg/msg/Odd"}

@@ -34,6 +34,11 @@ class FoxgloveDoor:
         """Where every message goes; None where the server is switched off."""
         return self._server.put if self._server is not None else None
 
+    def advertise(self, topic: str, type_name: str) -> None:
+        """Show a topic to viewers before its first message."""
+        if self._server is not None:
+            self._server.advertise(topic, type_name)
+
     def open(self) -> None:
         """Serve; where that cannot be, say so and try again later."""
         server = self._server

@@ -244,6 +244,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         full, typed, offered = self.resolve_topic_name(name), type_name(kind), profile_yaml(profile)
         take = self._feed.buffers[name].append if name in self._feed.buffers else self._handlers.get(name)
         put = self._recording.put if recorded else None
+        self._foxglove.advertise(full, typed)
         show, heard = self._foxglove.put, self._health.heard
         latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
 

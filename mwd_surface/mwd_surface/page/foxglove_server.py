@@ -67,6 +67,7 @@ class FoxgloveServer:
         self._channels: dict[tuple[str, str], Any] = {}
         self._last: dict[int, tuple[bytes, int]] = {}
         self._lock = threading.Lock()
+        self._wanted: list[tuple[str, str]] = []
         self.unknown: set[str] = set()
 
     def start(self) -> None:
@@ -87,23 +88,32 @@ class FoxgloveServer:
             ) from error
         settings = self._settings
         self._context = self._sdk.Context()
+        # Before anybody can connect: one who subscribes to a topic the moment it appears may come too early.
+        for topic, type_name in self._wanted:
+            self._advertised(topic, type_name)
         try:
             self._server = self._sdk.start_server(
                 name=self._name,
                 host=settings.host,
                 port=settings.port,
                 context=self._context,
-                server_listener=_Listener(self._again),
+                server_listener=self._listener(),
                 message_backlog_size=settings.backlog,
             )
         except (RuntimeError, OSError, ValueError) as error:
-            self._context = None
+            self._channels, self._context = {}, None
             raise FoxgloveError(f"{settings.host}:{settings.port}: {error}") from error
 
     @property
     def address(self) -> str:
         """``ws://host:port`` of the running server; empty when it does not run."""
         return f"ws://{self._settings.host}:{self._server.port}" if self._server is not None else ""
+
+    def advertise(self, topic: str, type_name: str) -> None:
+        """Show a topic to viewers before its first message; full name, and ``package/msg/Name``."""
+        self._wanted.append((topic, type_name))
+        if self._server is not None:
+            self._advertised(topic, type_name)
 
     def put(self, topic: str, type_name: str, data: bytes, log_ns: int, *, latched: bool = False) -> None:
         """
@@ -156,6 +166,12 @@ class FoxgloveServer:
         self._channels[topic, type_name] = channel
         return channel
 
+    def _listener(self) -> Any:
+        """What the SDK calls in its own threads; only subscriptions matter here."""
+        # The SDK's class has an empty answer for everything else.
+        answers = {"on_subscribe": lambda _own, _client, channel: self._again(channel.id)}
+        return type("Listener", (self._sdk.ServerListener,), answers)()
+
     def _again(self, channel_id: int) -> None:
         """Somebody subscribed: the last of a latched topic is told again."""
         with self._lock:
@@ -163,13 +179,3 @@ class FoxgloveServer:
         channel = next((c for c in list(self._channels.values()) if c.id() == channel_id), None)
         if last is not None and channel is not None:
             channel.log(last[0], log_time=last[1])
-
-
-class _Listener:
-    """What the SDK calls in its own threads; only subscriptions matter here."""
-
-    def __init__(self, again: Any) -> None:
-        self._again = again
-
-    def on_subscribe(self, _client: Any, channel: Any) -> None:
-        self._again(channel.id)
