@@ -8,12 +8,12 @@ setup(
     name=NAME,
     version="0.1.0",
     packages=find_packages(exclude=["test"]),
-    package_data={NAME: ["page/static/*", "page/static/vendor/*"]},
+    package_data={NAME: ["page/static/*", "page/static/vendor/*", "runs/fastdds.xml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/launch", glob("launch/*.launch.py")),
-        (f"share/{NAME}/config", glob("config/*")),
+        (f"share/{NAME}/config", [*glob("config/*"), "mwd_surface/runs/fastdds.xml"]),
         (f"share/{NAME}/docs", glob("docs/*")),
     ],
     install_requires=[

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 import running_graph
+from mwd_surface.bags.bag_reader import Bag
 from running_graph import PLACE, until
 
 HERE = Path(__file__).resolve().parent
@@ -45,12 +46,13 @@ _WARM_S = 5.0
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """Cores used by each process, samples published and estimated, latency ms."""
+    """Cores used by each process, samples heard and attitudes of them that arrived, latency ms; lost in recording."""
 
     cores: dict[str, float]
     published: int
     estimated: int
     latency_ms: tuple[float, float]
+    recorded: dict[str, tuple[int, int]] = dataclasses.field(default_factory=dict)
 
     @property
     def total(self) -> float:
@@ -115,7 +117,19 @@ def ours(folder: Path, seconds: float) -> Result:
             until(lambda name=name: ": active" in graph.log(name), 300, f"{name} is active")
         sonde = graph.start("sonde", "w1", scenario=folder / "live.yaml", wait_for_listener_s=60.0)
         until(lambda: "scenario live" in graph.log(sonde), 120, "the scenario begins")
-        return _measured(graph.running, graph.environment, seconds)
+        found = _measured(graph.running, graph.environment, seconds)
+    return dataclasses.replace(found, recorded=recorded(folder))
+
+
+def recorded(folder: Path) -> dict[str, tuple[int, int]]:
+    """Messages of each stream in the recording, and how many are missing between them by their stamps."""
+    found = {}
+    (file,) = folder.rglob("*.mcap")
+    with Bag(file) as bag:
+        for topic in ("/w1/imu/data_raw", "/w1/gyro/data_raw", "/w1/imu/mag", "/w1/attitude"):
+            stamps = np.concatenate([block[topic][1]["stamp_ns"] for block in bag.blocks([topic])])
+            found[topic] = len(stamps), round(float(np.ptp(stamps)) * 1e-9 * RATE_HZ) + 1 - len(stamps)
+    return found
 
 
 def plain(folder: Path, seconds: float) -> Result:
@@ -148,8 +162,11 @@ def lines(ours_: Result, plain_: Result) -> list[str]:
         p50, p99 = one.latency_ms
         text.append(
             f"- {name}: {one.total:.2f} cores ({parts}); sample to attitude p50 {p50:.1f} ms, p99 {p99:.1f} ms; "
-            f"{one.estimated} attitudes of {one.published} samples"
+            f"a listener heard {one.estimated} attitudes and {one.published} samples"
         )
+        if one.recorded:
+            counts = ", ".join(f"{topic} {count} (missing {gone})" for topic, (count, gone) in one.recorded.items())
+            text.append(f"- recorded by ours: {counts}")
     # A chain that cannot keep up uses what it gets and loses the rest: what counts is the work done.
     costs = [one.total / max(one.estimated, 1) for one in (ours_, plain_)]
     return [*text, f"- processor time for an attitude that arrived, plain to ours: {costs[1] / costs[0]:.1f}"]

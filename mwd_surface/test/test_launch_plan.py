@@ -1,6 +1,7 @@
 """What `mwd run` starts: arguments ROS understands, and nothing two runs could share by accident."""
 
 import socket
+from pathlib import Path
 
 import pytest
 import yaml
@@ -101,5 +102,7 @@ def test_nodes_are_heard_on_this_machine_only_unless_told_otherwise(tmp_path):
     environment = launch_plan.graph_environment({}, 5, tmp_path)
     assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
     assert environment["ROS_DOMAIN_ID"] == "5"
-    told = launch_plan.graph_environment({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, 5, tmp_path)
-    assert told["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SUBNET"
+    assert Path(environment["FASTRTPS_DEFAULT_PROFILES_FILE"]).is_file()
+    own = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "FASTRTPS_DEFAULT_PROFILES_FILE": "mine.xml"}
+    told = launch_plan.graph_environment(own, 5, tmp_path)
+    assert {name: told[name] for name in own} == own
