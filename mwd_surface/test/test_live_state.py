@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from example_stations import listed, survey
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -15,11 +16,7 @@ from mwd_surface.page.alarms import AlarmBook, Severity
 from mwd_surface.page.live_state import LiveSettings, LiveState
 from mwd_surface.page.toolface import MAGNETIC, ToolfaceReading
 from mwd_surface.surveys.plan import Offset, plan_of
-from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import North, Survey
 from mwd_surface.surveys.well import Well
-
-G, B, DIP = 9.82, 50e-6, 1.2
 
 
 def attitude(inclination=0.8, azimuth=1.0, toolface=0.5, sigma=0.01, status=0, north=3, n=1, **more):
@@ -40,33 +37,6 @@ def rig(valid=2047, **values):
     for name, value in values.items():
         samples[name] = value
     return samples
-
-
-def survey(sequence=1, **changes):
-    base = Survey(
-        stamp_ns=sequence * 10**9,
-        uuid=f"u{sequence}",
-        sequence=sequence,
-        inclination=0.1 * sequence,
-        azimuth=1.0,
-        north=int(North.GRID),
-        covariance=(1e-6, 0, 0, 0, 4e-6, 0, 0, 0, 1e-6),
-        azimuth_method="corrected",
-        g_total=G,
-        b_total=B,
-        dip=DIP,
-        g_reference=G,
-        b_reference=B,
-        dip_reference=DIP,
-    )
-    return dataclasses.replace(base, **changes)
-
-
-def listed(*surveys):
-    found = SurveyList(well=Well(north_reference="grid", section_azimuth_deg=60.0))
-    for k, one in enumerate(surveys):
-        found = found.add(one, 100.0 * (k + 1), 1.0)
-    return found
 
 
 def sections(state, now=0.0):

@@ -5,40 +5,11 @@ import math
 
 import numpy as np
 import pytest
+from example_stations import DIP, B, G, listed, survey
 
 from mwd_surface.page.survey_panel import Limits, path_table, quality_lights, survey_row
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import North, Survey, Verdict
-from mwd_surface.surveys.well import Well
-
-G, B, DIP = 9.82, 50e-6, 1.2
-
-
-def survey(sequence=1, **changes):
-    base = Survey(
-        stamp_ns=sequence * 10**9,
-        uuid=f"u{sequence}",
-        sequence=sequence,
-        inclination=0.1 * sequence,
-        azimuth=1.0,
-        north=int(North.GRID),
-        covariance=(1e-6, 0, 0, 0, 4e-6, 0, 0, 0, 1e-6),
-        azimuth_method="corrected",
-        g_total=G,
-        b_total=B,
-        dip=DIP,
-        g_reference=G,
-        b_reference=B,
-        dip_reference=DIP,
-    )
-    return dataclasses.replace(base, **changes)
-
-
-def listed(*surveys):
-    found = SurveyList(well=Well(north_reference="grid", section_azimuth_deg=60.0))
-    for k, one in enumerate(surveys):
-        found = found.add(one, 100.0 * (k + 1), 1.0)
-    return found
+from mwd_surface.surveys.survey_record import North, Verdict
 
 
 def test_survey_rows_say_who_accepted_and_leave_the_path_empty_where_a_station_is_out():

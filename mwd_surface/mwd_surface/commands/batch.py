@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -50,7 +50,7 @@ def batch(
     """
     from mwd_sensors import settings
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.reference_options import assignments, estimator_settings, place_changes
+    from mwd_surface.commands.reference_options import place_changes, placed_settings
     from mwd_surface.runs.process import InputSettings
 
     try:
@@ -61,12 +61,7 @@ def batch(
     from mwd_surface.fleet.fleet_dataset import FAILED
     from mwd_surface.fleet.fleet_task import Outcome
 
-    named: dict[str, Any] = place_changes(lat, lon, date, field)
-    if named and "station.north" not in assignments(changes) and config is None:
-        named["station.north"] = "true"
-    if method is not None:
-        named["method"] = method
-    estimator = estimator_settings(config, named, changes)
+    estimator = placed_settings(config, changes, place_changes(lat, lon, date, field), method)
     found = fleet_run.find_bags(bags)
     given = settings.from_mapping(InputSettings, {"partial": partial})
     began = time.monotonic()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -94,19 +94,11 @@ def process(
     from mwd_sensors.compensation import Compensation
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.reference_options import assignments, estimator_settings, place_changes
+    from mwd_surface.commands.reference_options import place_changes, placed_settings
     from mwd_surface.runs import calibration_run
     from mwd_surface.runs import process as batch
 
-    named: dict[str, Any] = place_changes(lat, lon, date, field)
-    if named and "station.north" not in assignments(changes) and config is None:
-        # A place or a declination says where true north is, not which grid is meant.
-        named["station.north"] = "true"
-    if method is not None:
-        named["method"] = method
-    if north is not None:
-        named["station.north"] = north
-    estimator = estimator_settings(config, named, changes)
+    estimator = placed_settings(config, changes, place_changes(lat, lon, date, field), method, north)
     asked = {
         "imu_topic": imu_topic,
         "mag_topic": mag_topic,

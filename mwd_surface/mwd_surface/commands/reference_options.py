@@ -48,6 +48,32 @@ Changes = Annotated[
 ]
 
 
+def placed_settings(
+    config: Path | None,
+    changes: Sequence[str] | None,
+    place: Mapping[str, Any],
+    method: str | None = None,
+    north: str | None = None,
+) -> EstimatorSettings:
+    """
+    Settings of the estimator by the options of a command; `place` is what `place_changes` gives.
+
+    Raises
+    ------
+    SettingsError
+        As `estimator_settings`.
+    """
+    named = dict(place)
+    if named and "station.north" not in assignments(changes) and config is None:
+        # A place or a declination says where true north is, not which grid is meant.
+        named["station.north"] = "true"
+    if method is not None:
+        named["method"] = method
+    if north is not None:
+        named["station.north"] = north
+    return estimator_settings(config, named, changes)
+
+
 def estimator_settings(
     config: Path | None, named: Mapping[str, Any], changes: Sequence[str] | None
 ) -> EstimatorSettings:

@@ -14,7 +14,7 @@ from typing import Any
 
 from mwd_sensors.settings import setting
 from mwd_surface.bags.definitions import DefinitionError, Definitions, installed
-from mwd_surface.page.page_server import is_loopback
+from mwd_surface.loopback import is_loopback
 
 
 class FoxgloveError(Exception):

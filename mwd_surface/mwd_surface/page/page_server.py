@@ -30,6 +30,7 @@ from typing import Any
 from aiohttp import WSMsgType, web
 
 from mwd_sensors.settings import setting
+from mwd_surface.loopback import is_loopback
 
 Command = Callable[[str, dict[str, Any]], tuple[bool, str]]
 PAGE = Path(__file__).parent / "static"
@@ -565,16 +566,6 @@ def _listener(host: str, port: int) -> socket.socket:
     listener = socket.create_server(where[:2], family=family, backlog=64)
     listener.setblocking(False)
     return listener
-
-
-def is_loopback(host: str) -> bool:
-    """True for addresses of this machine alone."""
-    if host.lower() == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def _port_error(error: OSError, host: str, port: int) -> OSError:

@@ -20,6 +20,7 @@ from typing import Any
 
 from mwd_sensors.settings import setting
 from mwd_surface import __version__
+from mwd_surface.loopback import is_loopback
 from mwd_surface.rig.opcua_nodes import (
     MANIFEST,
     NAMESPACE,
@@ -40,7 +41,6 @@ from mwd_surface.rig.rig_interface import (
     OnCommand,
     PeerStatus,
     checked_host,
-    is_loopback,
     optional,
     port_error,
     probe_port,

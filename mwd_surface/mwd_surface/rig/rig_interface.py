@@ -13,7 +13,6 @@ import concurrent.futures
 import dataclasses
 import errno
 import importlib
-import ipaddress
 import socket
 import threading
 from collections.abc import Callable
@@ -21,6 +20,7 @@ from types import ModuleType
 from typing import Any
 
 from mwd_sensors.wire import Samples
+from mwd_surface.loopback import is_loopback
 from mwd_surface.rig.rig_values import RigValues
 
 OnRigState = Callable[[Samples], None]
@@ -238,16 +238,6 @@ def checked_host(host: str, allow_network: bool) -> str:
     if not allow_network and not is_loopback(host):
         raise InterfaceError(f"host: {host} can be reached from other machines; set allow_network if that is meant")
     return host
-
-
-def is_loopback(host: str) -> bool:
-    """True for addresses of this machine alone."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def probe_port(host: str, port: int) -> None:

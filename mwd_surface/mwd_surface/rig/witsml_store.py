@@ -22,6 +22,7 @@ from urllib.parse import urlsplit
 from xml.sax.saxutils import escape
 
 from mwd_sensors.settings import setting
+from mwd_surface.loopback import is_loopback
 from mwd_surface.rig.rig_interface import (
     CONNECTED,
     CONNECTING,
@@ -30,7 +31,6 @@ from mwd_surface.rig.rig_interface import (
     InterfaceStatus,
     LoopInterface,
     PeerStatus,
-    is_loopback,
 )
 
 _NAMESPACE = "http://www.witsml.org/message/120"
