@@ -71,6 +71,8 @@ def steered(tmp_path_factory):
         os.kill(hung.pid, signal.SIGSTOP)
         stopped = time.monotonic()
         facts["hung"] = controller.notices("deadline missed", stopped)
+        # Only once the controller has let go, or there would be nothing for it to take up again.
+        until(lambda: [at for at, words in controller.lines if words[:7] == "refuses" and at > stopped], 15, "lets go")
         os.kill(hung.pid, signal.SIGCONT)
         until(lambda: [at for at, words in controller.lines if words == "steers" and at > stopped], 15, "steers again")
         graph.end(surface)
