@@ -143,7 +143,7 @@ class FoxgloveServer:
         channel.log(data, log_time=log_ns)
 
     def stop(self) -> None:
-        """Close all connections and give the port free; nothing happens if it is not running."""
+        """Close all connections; the port is free a moment later. Nothing happens if it is not running."""
         server, self._server = self._server, None
         if server is None:
             return
