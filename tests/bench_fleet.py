@@ -16,6 +16,8 @@ import tempfile
 import time
 from pathlib import Path
 
+import pyarrow.parquet as parquet
+
 from mwd_estimation.pipeline import EstimatorSettings
 from mwd_sensors import scenario
 from mwd_surface.fleet import fleet_dataset, fleet_run
@@ -102,7 +104,7 @@ def robustness(folder: Path, count: int) -> list[str]:
     with fleet_run.cluster("processes", 2) as client:
         outcomes = fleet_run.run(bags, folder / "fleet", client, EstimatorSettings(), told=killer)
         again = fleet_run.run(bags, folder / "fleet", client, EstimatorSettings())
-    surveys = fleet_dataset.read(folder / "fleet", "surveys")
+    surveys = parquet.read_table(folder / "fleet" / "surveys")
     failed = [one for one in outcomes if one.row["outcome"] == fleet_dataset.FAILED]
     different = len(set(zip(surveys.column("key").to_pylist(), surveys.column("uuid").to_pylist(), strict=True)))
     kept = sum(one.kept for one in again)

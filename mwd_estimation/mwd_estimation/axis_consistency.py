@@ -135,22 +135,11 @@ def carry(sums: Array) -> None:
         r00, r01, r02 = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
         r10, r11, r12 = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
         r20, r21, r22 = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
-        for j in range(3):
-            v = sums[_F + j]
-            at = _TF + 27 * half + 9 * j
-            sums[at] += r00 * v
-            sums[at + 1] += r01 * v
-            sums[at + 2] += r02 * v
-            sums[at + 3] += r10 * v
-            sums[at + 4] += r11 * v
-            sums[at + 5] += r12 * v
-            sums[at + 6] += r20 * v
-            sums[at + 7] += r21 * v
-            sums[at + 8] += r22 * v
-        if nb > 0.0:
+        for part in range(2 if nb > 0.0 else 1):
+            source, target = (_F, _TF) if part == 0 else (_B, _TB)
             for j in range(3):
-                v = sums[_B + j]
-                at = _TB + 27 * half + 9 * j
+                v = sums[source + j]
+                at = target + 27 * half + 9 * j
                 sums[at] += r00 * v
                 sums[at + 1] += r01 * v
                 sums[at + 2] += r02 * v

@@ -9,12 +9,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as parquet
 import pytest
 
 from mwd_estimation.pipeline import EstimatorSettings
 from mwd_sensors import settings, wire
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.fleet import fleet_dataset, fleet_index, fleet_run
+from mwd_surface.fleet import fleet_index, fleet_run
 from mwd_surface.fleet.fleet_dataset import DONE, FAILED
 
 START = 1_772_344_800_000_000_000
@@ -77,7 +78,7 @@ def test_a_bag_that_fails_is_an_outcome_and_the_rest_is_worked_out_once(tmp_path
     }  # fmt: skip
     assert "mwd recover" in outcomes["cut"].row["reason"]
     assert outcomes["empty"].row["reason"]
-    surveys = fleet_dataset.read(tmp_path / "fleet", "surveys")
+    surveys = parquet.read_table(tmp_path / "fleet" / "surveys")
     # The twin is the same recording in another place: it counts once.
     assert surveys.num_rows == 1
     page = fleet_index.index_html(list(outcomes.values()))
@@ -95,17 +96,17 @@ def test_called_again_it_keeps_what_is_done_and_does_the_rest(tmp_path):
     recording(bags[0], seed=7)
     changed = by_name(run(bags, tmp_path / "fleet"))
     assert (changed["a"].kept, changed["b"].kept) == (False, True)
-    assert fleet_dataset.read(tmp_path / "fleet", "bags").num_rows == 2
+    assert parquet.read_table(tmp_path / "fleet" / "bags").num_rows == 2
     other = run(bags, tmp_path / "fleet", estimator=settings.changed(RAW, {"survey.duration_s": 4.0}))
     assert not any(one.kept for one in other)
-    assert fleet_dataset.read(tmp_path / "fleet", "bags").num_rows == 2
+    assert parquet.read_table(tmp_path / "fleet" / "bags").num_rows == 2
 
 
 def test_every_well_of_a_bag_is_worked_out(tmp_path):
     bag = recording(tmp_path / "two", wells=("well_1", "well_2"))
     (outcome,) = run([bag], tmp_path / "fleet")
     assert outcome.row["wells"] == 2
-    assert set(fleet_dataset.read(tmp_path / "fleet", "surveys").column("well").to_pylist()) == {"well_1", "well_2"}
+    assert set(parquet.read_table(tmp_path / "fleet" / "surveys").column("well").to_pylist()) == {"well_1", "well_2"}
 
 
 def test_other_programs_read_a_table_as_one(tmp_path):
@@ -139,7 +140,7 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(tmp_path):
     assert killed
     assert [one.row["outcome"] for one in outcomes] == [DONE] * 10
     assert len({one.row["worker"] for one in outcomes}) > 1
-    assert fleet_dataset.read(tmp_path / "fleet", "bags").num_rows == 10
-    uuids = fleet_dataset.read(tmp_path / "fleet", "surveys").column("uuid").to_pylist()
+    assert parquet.read_table(tmp_path / "fleet" / "bags").num_rows == 10
+    uuids = parquet.read_table(tmp_path / "fleet" / "surveys").column("uuid").to_pylist()
     assert len(uuids) == 10
     assert not list((tmp_path / "fleet").rglob("*.unfinished"))

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import uuid
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -174,10 +174,3 @@ def tidy(folder: Path, keys: Mapping[str, str]) -> int:
     for file in going:
         file.unlink(missing_ok=True)
     return len(going)
-
-
-def read(folder: Path, table: str) -> pa.Table:
-    """One table of the data set, whole."""
-    files = sorted((folder / table).glob("*.parquet"))
-    parts: Iterable[pa.Table] = (parquet.ParquetFile(file).read() for file in files)
-    return pa.concat_tables([SCHEMAS[table].empty_table(), *parts])

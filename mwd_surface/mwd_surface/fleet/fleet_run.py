@@ -22,8 +22,6 @@ from mwd_surface.runs.process import InputSettings
 
 SCHEDULERS = ("local", "processes", "threads")
 _ENDINGS = (".mcap", ".db3")
-# Tries after the first where a worker died under a task: another task may have been what killed it.
-_TRIES_AGAIN = 3
 
 
 def find_bags(patterns: Sequence[str]) -> list[Path]:
@@ -123,7 +121,8 @@ def run(
     text = config_text(estimator)
     place = str(folder.resolve())
     works = [Work(str(bag), place, text, given or InputSettings()) for bag in bags]
-    futures = {client.submit(carry_out, work, pure=False, retries=_TRIES_AGAIN): work for work in works}
+    # A task whose worker dies is given to another by Dask, until it has taken a few of them with it.
+    futures = {client.submit(carry_out, work, pure=False): work for work in works}
     outcomes: dict[str, Outcome] = {}
     for future in distributed.as_completed(futures):
         work = futures[future]

@@ -87,19 +87,19 @@ def carry_out(work: Work) -> Outcome:
 
 def failed(work: Work, key: str, reason: str, began: float | None = None) -> Outcome:
     """The outcome of a recording that gave nothing."""
-    row = dict.fromkeys(fleet_dataset.SCHEMAS["bags"].names)
-    row |= {
+    return Outcome(work.bag, key, _row(work, key, began) | {"outcome": FAILED, "reason": reason, "warnings": []})
+
+
+def _row(work: Work, key: str, began: float | None) -> dict[str, Any]:
+    """What the table `bags` says of any recording; the rest is None."""
+    return dict.fromkeys(fleet_dataset.SCHEMAS["bags"].names) | {
         "key": key,
         "bag": work.bag,
-        "outcome": FAILED,
-        "reason": reason,
         "bytes": _bytes(Path(work.bag)),
         "version": __version__,
         "worker": f"{socket.gethostname()}:{os.getpid()}",
         "elapsed_s": time.monotonic() - began if began is not None else None,
-        "warnings": [],
     }
-    return Outcome(work.bag, key, row)
 
 
 def _tables(path: Path, key: str, work: Work, began: float) -> dict[str, list[dict[str, Any]]]:
@@ -155,8 +155,9 @@ def _bag_row(work: Work, key: str, found: list[Summary], estimator: EstimatorSet
     verdicts = [survey.station.verdict for one in found for survey, _ in one.surveys]
     lowest = [one.lowest for one in found if not math.isnan(one.lowest)]
     highest = [one.highest for one in found if not math.isnan(one.highest)]
-    return failed(work, key, "", began).row | {
+    return _row(work, key, began) | {
         "outcome": DONE,
+        "reason": "",
         "wells": len(found),
         "samples": sum(one.rows for one in found),
         "seconds": sum(one.seconds for one in found),
