@@ -34,4 +34,4 @@ lock: setup
 	@$(BIN)/python .ci/lock
 
 clean:
-	rm -rf .venv
+	rm -rf .venv .venv.turn
