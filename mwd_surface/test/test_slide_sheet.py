@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from mwd_sensors import minimum_curvature as mc
-from mwd_surface.surveys.slide_file import append_stretch, read_stretches
 from mwd_surface.surveys.slide_sheet import ROTATE, SLIDE, SlideSheet, Stretch, yields
 from mwd_surface.surveys.survey_record import North
 from mwd_surface.surveys.well_path import path_of
@@ -99,15 +98,8 @@ def test_motor_yield_is_the_dogleg_over_the_metres_slid():
     assert yields([], path) == ()
 
 
-def test_the_sheet_survives_a_restart_and_a_line_cut_off_by_a_lost_supply(tmp_path):
-    path = tmp_path / "surveys" / "slides.jsonl"
-    assert read_stretches(path) == ((), 0)
-    one, two = Stretch(SLIDE, 1.0, 2.0, 3, 4, 0.5, 0.9), Stretch(ROTATE, 2.0, 9.0, 4, 5, rotary_speed=12.0)
-    append_stretch(path, one)
-    with path.open("a") as file:
-        file.write('{"mode": "sli')
-    append_stretch(path, two)
-    assert read_stretches(path) == ((one, two), 1)
-    again = SlideSheet(earlier=read_stretches(path)[0])
-    drilled(again, 9.0, 12.0, STILL, 0.1)
-    assert [s.mode for s in again.stretches] == [SLIDE, ROTATE, SLIDE]
+def test_a_sheet_goes_on_where_an_earlier_one_ended():
+    earlier = (Stretch(SLIDE, 1.0, 2.0, 3, 4, 0.5, 0.9), Stretch(ROTATE, 2.0, 9.0, 4, 5, rotary_speed=12.0))
+    sheet = SlideSheet(earlier=earlier)
+    drilled(sheet, 9.0, 12.0, STILL, 0.1)
+    assert [(s.mode, s.from_depth) for s in sheet.stretches] == [(SLIDE, 1.0), (ROTATE, 2.0), (SLIDE, 9.0)]

@@ -50,7 +50,7 @@ class Stretch:
         Mean over the metres, rad/s.
     """
 
-    mode: str
+    mode: str = setting(doc="how the string turned", choices=(SLIDE, ROTATE))
     from_depth: float
     to_depth: float
     begin_ns: int
