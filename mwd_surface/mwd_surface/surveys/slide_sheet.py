@@ -48,9 +48,14 @@ class Stretch:
         The toolface counts from north, not from the high side.
     rotary_speed : float
         Mean over the metres, rad/s.
+
+    Raises
+    ------
+    ValueError
+        `mode` is neither.
     """
 
-    mode: str = setting(doc="how the string turned", choices=(SLIDE, ROTATE))
+    mode: str
     from_depth: float
     to_depth: float
     begin_ns: int
@@ -59,6 +64,10 @@ class Stretch:
     steadiness: float | None = None
     magnetic: bool = False
     rotary_speed: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.mode not in (SLIDE, ROTATE):
+            raise ValueError(f"mode: {self.mode!r} is neither {SLIDE} nor {ROTATE}")
 
     @property
     def length(self) -> float:
