@@ -2,7 +2,8 @@
 The controller of `toolface_hold` as a node: `python toolface_hold_node.py --ros-args -r __ns:=/w1 -p wanted_deg:=60.0`.
 
 It asks the middleware for deadline and liveliness of `toolface`, so that it knows of a hung or dead MWD by itself, and
-prints one line for each thing that happens: steering, refusing and why, lost and how.
+prints one line for each thing that happens: steering, refusing and why, lost and how; and where the toolface is, once
+in a second of the measurement.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from mwd_sensors.nodes import profiles
 from toolface_hold import HoldSettings, Reading, ToolfaceHold
 
 PERIOD = 0.1  # s
+TELL_EVERY = 1.0  # s of the measurement
 
 
 class ToolfaceHoldNode(Node):
@@ -31,7 +33,9 @@ class ToolfaceHoldNode(Node):
         wanted = math.radians(self.declare_parameter("wanted_deg", 0.0).value)
         self._controller = ToolfaceHold(HoldSettings(wanted))
         self._reading: Reading | None = None
+        self._wanted = wanted
         self._said = ""
+        self._told = -math.inf
         self._out = self.create_publisher(RigCommand, "rig/command", profiles.STATE)
         watch = SubscriptionEventCallbacks(deadline=self._on_deadline, liveliness=self._on_liveliness)
         self.create_subscription(Toolface, "toolface", self._on_toolface, profiles.WATCHED_STATE, event_callbacks=watch)
@@ -52,6 +56,10 @@ class ToolfaceHoldNode(Node):
             message.sigma,
             message.rotating,
         )
+        if self._reading.stamp - self._told >= TELL_EVERY:
+            self._told = self._reading.stamp
+            off = math.remainder(message.angle - self._wanted, math.tau)
+            print(f"{self._reading.heard:.3f} at {self._told:.3f} off {math.degrees(off):.2f}", flush=True)
 
     def _on_deadline(self, _event: Any) -> None:
         self._lose("deadline missed")
