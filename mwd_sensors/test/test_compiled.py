@@ -41,3 +41,17 @@ def test_a_changed_callee_in_another_module_is_compiled_anew(tmp_path):
     assert run() == ["20", "1"]
     (tmp_path / "mwd_callee.py").write_text(callee.format(22))
     assert run() == ["230", "0"]
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
+def test_a_callee_is_compiled_once_for_a_type_whatever_the_numbers_in_the_call(tmp_path):
+    (tmp_path / "mwd_powers.py").write_text(
+        "from mwd_sensors.compiled import compiled\n\n"
+        "@compiled\ndef power(base, exponent):\n    return base**exponent\n\n"
+        "@compiled\ndef powers(base):\n    return power(base, 2) + power(base, 3) + power(2, base)\n\n"
+        "print(powers(3), len(power.signatures))\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    command = [sys.executable, "mwd_powers.py"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["44", "1"]
