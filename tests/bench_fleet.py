@@ -23,7 +23,7 @@ from mwd_sensors import scenario
 from mwd_surface.fleet import fleet_dataset, fleet_run
 from mwd_surface.fleet.fleet_task import Outcome, Work, config_text
 from mwd_surface.runs import simulate
-from mwd_surface.runs.process import InputSettings
+from mwd_surface.runs.bag_input import InputSettings
 
 BAGS = Path(__file__).resolve().parents[1] / "bags"
 SHORT, LONG = BAGS / "golden" / "stations" / "scenario.yaml", BAGS / "scenarios" / "curve_and_lateral.yaml"

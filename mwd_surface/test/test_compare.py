@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mwd_surface.exports import attitude_csv
 from mwd_surface.runs import compare, run_folder
-from mwd_surface.runs.process import SURVEY_COLUMNS
+from mwd_surface.runs.run_output import SURVEY_COLUMNS
 
 STATION = {
     "sequence": "1",

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-import yaml
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -16,12 +15,13 @@ from mwd_sensors import settings, wire
 from mwd_sensors.calibration import Calibration, TriadCalibration
 from mwd_sensors.compensation import Compensation
 from mwd_sensors.frames import mat_nt
-from mwd_sensors.settings import SettingsError
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.exports import attitude_csv
 from mwd_surface.runs import process
-from mwd_surface.runs.process import InputSettings
+from mwd_surface.runs.bag_input import InputSettings
+from mwd_surface.runs.run_config import read_config
+from mwd_surface.runs.run_output import OutputSettings
 
 ROOT = Path(__file__).resolve().parents[2]
 BROAD = ROOT.parent / "shared" / "data" / "bags" / "broad_27"
@@ -118,7 +118,7 @@ def test_a_row_in_ten_may_be_enough_and_parquet_holds_the_same(tmp_path):
     imu, _ = recording(tmp_path / "bag", seconds=3.0)
     run(tmp_path / "bag", tmp_path / "out")
     with Bag(tmp_path / "bag") as bag:
-        wanted = process.OutputSettings(format="parquet", rate_hz=10.0)
+        wanted = OutputSettings(format="parquet", rate_hz=10.0)
         summary = process.process(bag, tmp_path / "few", S3, wanted=wanted)
     assert summary.rows == len(imu)
     assert summary.files == ["attitude.parquet", "surveys.csv", "config.yaml"]
@@ -135,7 +135,7 @@ def test_estimates_merged_beside_the_messages_are_those_of_the_csv(tmp_path):
     run(tmp_path / "bag", tmp_path / "out")
     for _ in range(2):  # the second time over the first
         with Bag(tmp_path / "bag") as bag:
-            wanted = process.OutputSettings(format="mcap")
+            wanted = OutputSettings(format="mcap")
             summary = process.process(bag, tmp_path / "merged", S3, InputSettings(start_s=2.0), wanted=wanted)
     assert summary.files == ["merged", "surveys.csv", "config.yaml"]
     run(tmp_path / "bag", tmp_path / "out", start_s=2.0)
@@ -158,7 +158,7 @@ def test_smoothed_gravity_is_closer_and_surveys_stay_the_same(tmp_path):
     estimator = EstimatorSettings()
     run(tmp_path / "bag", tmp_path / "out", estimator)
     with Bag(tmp_path / "bag") as bag:
-        process.process(bag, tmp_path / "smooth", estimator, wanted=process.OutputSettings(smooth=True))
+        process.process(bag, tmp_path / "smooth", estimator, wanted=OutputSettings(smooth=True))
     ahead, both = attitude(tmp_path / "out"), attitude(tmp_path / "smooth")
     assert [line["stamp_ns"] for line in ahead] == [line["stamp_ns"] for line in both]
     error = [
@@ -168,7 +168,7 @@ def test_smoothed_gravity_is_closer_and_surveys_stay_the_same(tmp_path):
     assert np.mean(error[1]) < np.mean(error[0])
     assert surveys(tmp_path / "out") == surveys(tmp_path / "smooth")
     with Bag(tmp_path / "bag") as bag, pytest.raises(ValueError, match="only the method bounded"):
-        process.process(bag, tmp_path / "x", S3, wanted=process.OutputSettings(smooth=True))
+        process.process(bag, tmp_path / "x", S3, wanted=OutputSettings(smooth=True))
 
 
 def test_a_disk_that_fills_up_ends_the_run_and_leaves_nothing(tmp_path, monkeypatch):
@@ -205,47 +205,11 @@ def test_the_configuration_written_gives_the_same_results_again(tmp_path):
     recording(tmp_path / "bag")
     estimator = settings.changed(S3, {"survey.duration_s": 5.0, "azimuth.smoothing_s": 0.5})
     run(tmp_path / "bag", tmp_path / "out", estimator)
-    again = settings.from_mapping(EstimatorSettings, process.read_config(tmp_path / "out" / "config.yaml"))
+    again = settings.from_mapping(EstimatorSettings, read_config(tmp_path / "out" / "config.yaml"))
     assert again == estimator
     run(tmp_path / "bag", tmp_path / "out_2", again)
     for name in ("attitude.csv", "surveys.csv", "config.yaml"):
         assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "out_2" / name).read_bytes()
-
-
-def test_a_ros_parameter_file_serves_as_configuration(tmp_path):
-    path = tmp_path / "estimator.yaml"
-    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"method": "s3", "survey.duration_s": 4.0}}}))
-    assert process.read_config(path) == {"method": "s3", "survey": {"duration_s": 4.0}}
-    path.write_text("[1, 2]")
-    with pytest.raises(SettingsError, match="expected a table"):
-        process.read_config(path)
-    path.write_text("a: [")
-    with pytest.raises(SettingsError, match="is not YAML"):
-        process.read_config(path)
-
-
-def test_any_namespace_will_do_and_two_wells_must_be_told_apart(tmp_path):
-    recording(tmp_path / "bag", seconds=2.0, namespace="/rig/well_7/")
-    assert run(tmp_path / "bag", tmp_path / "out").topics.mag == "/rig/well_7/imu/mag"
-    two = tmp_path / "two"
-    rows = wire.IMU.empty(100)
-    rows["stamp_ns"] = START + np.arange(100) * 10_000_000
-    rows["linear_acceleration"][:, 2] = 9.8
-    with BagWriter(two) as bag:
-        for name in ("/well_1/imu/data_raw", "/well_2/imu/data_raw"):
-            bag.write_rows(bag.topic(name, wire.IMU.type_name), wire.IMU.encode(rows, "x"), rows["stamp_ns"])
-    with pytest.raises(BagError, match=r"2 topics .* name the one you mean"):
-        run(two, tmp_path / "out_2")
-    assert not (tmp_path / "out_2").exists()
-    assert run(two, tmp_path / "out_2", imu_topic="well_2/imu/data_raw").topics.imu == "/well_2/imu/data_raw"
-
-
-def test_a_topic_of_another_type_or_none_is_refused(tmp_path):
-    recording(tmp_path / "bag", seconds=2.0)
-    with pytest.raises(BagError, match="expected a sensor_msgs/msg/Imu"):
-        run(tmp_path / "bag", tmp_path / "out", imu_topic="/imu/mag")
-    with pytest.raises(BagError, match="has no topic /other; it has /imu/data_raw"):
-        run(tmp_path / "bag", tmp_path / "out", mag_topic="/other")
 
 
 @pytest.mark.parametrize("keep", [0.3, 0.7, 0.9999])
@@ -379,14 +343,6 @@ def test_results_replace_older_ones_and_leave_other_files_alone(tmp_path):
     assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
     assert len(attitude(tmp_path / "out")) == 200
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bag", "out"]
-
-
-def test_a_file_in_the_place_of_the_folder_is_not_touched(tmp_path):
-    recording(tmp_path / "bag", seconds=2.0)
-    (tmp_path / "out").write_text("mine")
-    with pytest.raises(OSError, match="not a folder"):
-        run(tmp_path / "bag", tmp_path / "out")
-    assert (tmp_path / "out").read_text() == "mine"
 
 
 def test_the_inclination_of_a_shaken_phone_agrees_with_optical_truth(tmp_path):

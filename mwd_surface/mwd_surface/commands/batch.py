@@ -51,7 +51,7 @@ def batch(
     from mwd_sensors import settings
     from mwd_surface.commands import terminal
     from mwd_surface.commands.reference_options import place_changes, placed_settings
-    from mwd_surface.runs.process import InputSettings
+    from mwd_surface.runs.bag_input import InputSettings
 
     try:
         from mwd_surface.fleet import fleet_index, fleet_run

@@ -97,6 +97,8 @@ def process(
     from mwd_surface.commands.reference_options import place_changes, placed_settings
     from mwd_surface.runs import calibration_run
     from mwd_surface.runs import process as batch
+    from mwd_surface.runs.bag_input import InputSettings
+    from mwd_surface.runs.run_output import OutputSettings
 
     estimator = placed_settings(config, changes, place_changes(lat, lon, date, field), method, north)
     asked = {
@@ -111,9 +113,9 @@ def process(
         "same_axes": same_axes,
         "partial": partial,
     }
-    given = settings.from_mapping(batch.InputSettings, {k: v for k, v in asked.items() if v is not None})
+    given = settings.from_mapping(InputSettings, {k: v for k, v in asked.items() if v is not None})
     asked = {"format": form, "rate_hz": rate, "smooth": smooth}
-    wanted = settings.from_mapping(batch.OutputSettings, {k: v for k, v in asked.items() if v is not None})
+    wanted = settings.from_mapping(OutputSettings, {k: v for k, v in asked.items() if v is not None})
     compensation = Compensation(calibration_run.read(calibration)) if calibration is not None else None
     began = time.monotonic()
     with Bag(bag) as opened, terminal.progress(f"processing {bag.name}") as progress:

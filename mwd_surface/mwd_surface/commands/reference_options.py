@@ -87,7 +87,7 @@ def estimator_settings(
     """
     from mwd_estimation.pipeline import EstimatorSettings
     from mwd_sensors import settings
-    from mwd_surface.runs.process import read_config
+    from mwd_surface.runs.run_config import read_config
 
     start = settings.from_mapping(EstimatorSettings, read_config(config)) if config else EstimatorSettings()
     return settings.changed(start, {**named, **assignments(changes)})

@@ -18,7 +18,7 @@ import distributed
 from mwd_estimation.pipeline import EstimatorSettings
 from mwd_surface.fleet import fleet_dataset
 from mwd_surface.fleet.fleet_task import Outcome, Work, carry_out, config_text, failed
-from mwd_surface.runs.process import InputSettings
+from mwd_surface.runs.bag_input import InputSettings
 
 SCHEDULERS = ("local", "processes", "threads")
 _ENDINGS = (".mcap", ".db3")

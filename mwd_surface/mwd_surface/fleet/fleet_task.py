@@ -21,8 +21,9 @@ from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.fleet import fleet_dataset
 from mwd_surface.fleet.attitude_statistics import AttitudeStatistics
 from mwd_surface.fleet.fleet_dataset import DONE, FAILED
-from mwd_surface.runs import process
-from mwd_surface.runs.process import InputSettings, Summary
+from mwd_surface.runs import bag_input, process
+from mwd_surface.runs.bag_input import InputSettings
+from mwd_surface.runs.process import Summary
 from mwd_surface.surveys import station_csv
 
 
@@ -115,7 +116,7 @@ def _tables(path: Path, key: str, work: Work, began: float) -> dict[str, list[di
                 statistics.add(output.attitude, output.gravity)
 
             summary = process.estimate(bag, estimator, given, take)
-            where = {"key": key, "bag": work.bag, "well": summary.topics.imu.removesuffix(process.IMU).strip("/")}
+            where = {"key": key, "bag": work.bag, "well": summary.topics.imu.removesuffix(bag_input.IMU).strip("/")}
             tables["attitude"] += [{**where, **row} for row in statistics.rows()]
             tables["surveys"] += [{**where, **_survey_row(*survey)} for survey in summary.surveys]
             found.append(summary)
@@ -130,7 +131,7 @@ def _inertial_units(bag: Bag, given: InputSettings) -> list[str]:
     named = [
         topic.name
         for topic in bag.topics.values()
-        if topic.type_name == wire.IMU.type_name and topic.count and topic.name.endswith(process.IMU)
+        if topic.type_name == wire.IMU.type_name and topic.count and topic.name.endswith(bag_input.IMU)
     ]
     return sorted(named) or [""]
 

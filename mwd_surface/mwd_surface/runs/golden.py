@@ -17,7 +17,7 @@ from pathlib import Path
 from mwd_estimation.pipeline import EstimatorSettings
 from mwd_sensors import settings
 from mwd_surface.bags.bag_reader import Bag
-from mwd_surface.runs import compare, process, run_folder
+from mwd_surface.runs import compare, process, run_config, run_folder
 
 _KEPT_EVERY_NS = 1_000_000_000
 
@@ -89,7 +89,7 @@ def accept(golden: Path) -> None:
 
 def _process(path: Path, like: Path, run: Path) -> None:
     config = like / "config.yaml"
-    table = process.read_config(config) if config.is_file() else {}
+    table = run_config.read_config(config) if config.is_file() else {}
     with Bag(path) as bag:
         process.process(bag, run, settings.from_mapping(EstimatorSettings, table))
     if not run_folder.is_run(run):

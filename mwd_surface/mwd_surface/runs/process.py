@@ -7,43 +7,37 @@ behind it. Results appear complete or not at all.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
-import os
-import shutil
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
-from mwd_estimation import units
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
 from mwd_estimation.status import Status
 from mwd_estimation.survey import Survey
-from mwd_sensors import burst, wire
-from mwd_sensors import settings as settings_of
+from mwd_sensors import wire
 from mwd_sensors.compensation import Compensation
-from mwd_sensors.settings import setting
 from mwd_surface.bags.bag_reader import Bag, BagError, Block, Originals
-from mwd_surface.bags.mcap_format import MAGIC
-from mwd_surface.exports import attitude_csv
-from mwd_surface.exports.thinner import Thinner
+from mwd_surface.runs.bag_input import (
+    InputSettings,
+    Topics,
+    check_imu,
+    check_mag,
+    find_topics,
+    frames_differ,
+    in_si,
+    refuse_damaged,
+    worth_saying,
+)
 from mwd_surface.runs.imu_queue import ImuQueue
 from mwd_surface.runs.merger import Merger
 from mwd_surface.runs.overlap import ahead, behind
-from mwd_surface.surveys import station_csv
+from mwd_surface.runs.run_config import config_text
+from mwd_surface.runs.run_output import OutputSettings, destination, drafts, survey_text
 from mwd_surface.surveys.depth import DepthTrack
-
-IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
-IMU_BURST, PRECISION_BURST = burst.TOPICS
-FORMATS = ("csv", "parquet", "mcap")
-MERGED = "merged"
-SURVEY_COLUMNS = ("sequence", "stamp_ns", "duration_s", "samples", "requested", *station_csv.COLUMNS, "uuid")
 
 # All else of these messages is most of their bytes, and is not read.
 _FIELDS = {
@@ -52,49 +46,7 @@ _FIELDS = {
     wire.TEMPERATURE.type_name: ("temperature",),
     wire.RIG_STATE.type_name: ("bit_depth", "valid"),
 }
-_FRAMES_LOOKED_AT = 2000
 _BIT_DEPTH = 1  # RigState.VALID bit of bit_depth
-
-
-@dataclasses.dataclass(frozen=True)
-class InputSettings:
-    """What to take from a bag, and how it is to be read."""
-
-    imu_topic: str = setting("", "Topic of the AHRS; empty: the one that ends in imu/data_raw")
-    mag_topic: str = setting("", "Topic of its magnetometer; empty: the one beside it that ends in imu/mag")
-    accel_unit: str = setting("m/s2", "Unit of the specific force", choices=tuple(units.FACTORS["acceleration"]))
-    gyro_unit: str = setting("rad/s", "Unit of the angular rate", choices=tuple(units.FACTORS["rate"]))
-    mag_unit: str = setting("T", "Unit of the magnetic field", choices=tuple(units.FACTORS["field"]))
-    start_s: float = setting(0.0, "Begin so long after the first message", unit="s", low=0.0)
-    end_s: float = setting(math.inf, "End so long after the first message", unit="s", low=0.0)
-    same_axes: bool = setting(False, "IMU and magnetometer share axes although their frames have different names")
-    partial: bool = setting(False, "Use what can be read of a bag that is cut off or damaged")
-    sensor_to_bit_m: float = setting(0.0, "Sonde behind the bit", unit="m", low=0.0, high=100.0)
-
-
-@dataclasses.dataclass(frozen=True)
-class OutputSettings:
-    """What to write."""
-
-    format: str = setting("csv", "File of the attitude", choices=FORMATS)
-    rate_hz: float = setting(0.0, "At most so many rows a second; 0: one for every IMU message", unit="Hz", low=0.0)
-    smooth: bool = setting(False, "Gravity of each sample from what came after it too; method bounded only")
-
-
-@dataclasses.dataclass(frozen=True)
-class Topics:
-    """The topics of one well in a bag; None where the bag has none."""
-
-    imu: str
-    mag: str | None
-    precision: str | None
-    temperature: str | None
-    rig: str | None
-
-    @property
-    def all(self) -> list[str]:
-        """Those that are there."""
-        return [name for name in dataclasses.astuple(self) if name is not None]
 
 
 @dataclasses.dataclass
@@ -178,7 +130,7 @@ def process(
     """
     given, wanted = given or InputSettings(), wanted or OutputSettings()
     with drafts(folder) as draft:
-        with _destination(draft, bag, wanted, given) as (sink, merger):
+        with destination(draft, bag, wanted, given) as (sink, merger):
             summary = estimate(bag, estimator, given, sink, progress, compensation, wanted.smooth, merger)
         (draft / "surveys.csv").write_text(survey_text(summary.surveys), encoding="utf-8")
         config = config_text(estimator, given, wanted, summary.topics)
@@ -213,177 +165,13 @@ def estimate(
     if smooth and estimator.method != "bounded":
         raise ValueError(f"smooth: only the method bounded can be smoothed, not {estimator.method}")
     topics = find_topics(bag, given)
-    _refuse_damaged(bag, given)
+    refuse_damaged(bag, given)
     summary = _estimate(bag, topics, estimator, given, compensation, sink, progress, smooth, merger)
-    _refuse_damaged(bag, given)
+    refuse_damaged(bag, given)
     if summary.rows == 0:
         raise BagError(f"{bag.path} has no IMU sample in {topics.imu}", "look at it with `mwd bag info`")
-    summary.warnings += _worth_saying(bag)
+    summary.warnings += worth_saying(bag)
     return summary
-
-
-def find_topics(bag: Bag, given: InputSettings) -> Topics:
-    """
-    The topics of the well that is meant.
-
-    Raises
-    ------
-    BagError
-        There is no IMU, or more than one well and none named, or a topic named has another type.
-    """
-    imu = _named(bag, given.imu_topic, wire.IMU) or _imu_of(bag)
-    relative = next((name for name in (IMU, IMU_BURST) if imu.endswith(name)), None)
-    namespace = imu.removesuffix(relative) if relative is not None else None
-
-    def beside(relative: str, layout: wire.Layout) -> str | None:
-        name = f"{namespace}{relative}"
-        return name if namespace is not None and _has(bag, name, layout) else None
-
-    mag = _named(bag, given.mag_topic, wire.MAG) or beside(MAG, wire.MAG)
-    if mag is None:
-        of_type = [t.name for t in bag.topics.values() if t.type_name == wire.MAG.type_name and t.count]
-        named = [name for name in of_type if name.endswith(MAG)]
-        # Without a namespace in common only the one that cannot be another well's is taken.
-        mag = named[0] if namespace is None and len(named) == 1 else None
-    return Topics(
-        imu,
-        mag,
-        beside(PRECISION, wire.IMU) or beside(PRECISION_BURST, wire.IMU),
-        beside(TEMPERATURE, wire.TEMPERATURE),
-        beside(RIG, wire.RIG_STATE),
-    )
-
-
-@contextlib.contextmanager
-def drafts(folder: Path) -> Iterator[Path]:
-    """
-    A folder beside `folder` to write results into; they move to `folder` when the block ends well, else vanish.
-
-    Raises
-    ------
-    OSError
-        `folder` is a file, or it cannot be made or written.
-    """
-    if folder.exists() and not folder.is_dir():
-        raise NotADirectoryError(20, "it is a file, not a folder", str(folder))
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".unfinished", dir=folder.parent))
-    try:
-        yield draft
-        if folder.exists():
-            for file in sorted(draft.iterdir()):
-                if (folder / file.name).is_dir() and not (folder / file.name).is_symlink():
-                    shutil.rmtree(folder / file.name)
-                file.replace(folder / file.name)
-        else:
-            draft.chmod(0o777 & ~_umask())
-            draft.rename(folder)
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
-
-
-def survey_text(surveys: list[tuple[Survey, float]]) -> str:
-    """surveys.csv."""
-    return station_csv.text(
-        SURVEY_COLUMNS,
-        (
-            {
-                "sequence": survey.sequence,
-                "stamp_ns": survey.stamp_ns,
-                "duration_s": station_csv.number(survey.duration, 1),
-                "samples": survey.samples,
-                "requested": "yes" if survey.requested else "no",
-                **station_csv.cells(survey.station, depth),
-                "uuid": survey.uuid,
-            }
-            for survey, depth in surveys
-        ),
-    )
-
-
-def config_text(estimator: EstimatorSettings, given: InputSettings, wanted: OutputSettings, topics: Topics) -> str:
-    """config.yaml: every setting in force, ready for --config; what was read and how stands in comments."""
-    head = ["# Settings in force; use them again with: mwd process BAG --config config.yaml"]
-    head += [f"# {name}: {value}" for name, value in dataclasses.asdict(topics).items() if value]
-    for used, default in ((given, InputSettings()), (wanted, OutputSettings())):
-        head += [
-            f"# {field.name}: {getattr(used, field.name)}"
-            for field in dataclasses.fields(used)
-            if field.name not in ("imu_topic", "mag_topic")
-            and getattr(used, field.name) != getattr(default, field.name)
-        ]
-    body: str = yaml.safe_dump(settings_of.to_mapping(estimator), sort_keys=False)
-    return "\n".join(head) + "\n" + body
-
-
-def read_config(path: Path) -> dict[str, Any]:
-    """
-    Settings of a YAML file: as config.yaml has them, or as a ROS parameter file gives them to the estimator node.
-
-    Raises
-    ------
-    SettingsError
-        It is not YAML, or not a table.
-    OSError
-        It cannot be read.
-    """
-    try:
-        table = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise settings_of.SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
-    if table is None:
-        return {}
-    if isinstance(table, dict):
-        for node in table.values():
-            if isinstance(node, dict) and isinstance(node.get("ros__parameters"), dict):
-                return _nested(node["ros__parameters"])
-        return _nested(table)
-    raise settings_of.SettingsError(f"{path}: expected a table of settings, got {table!r}")
-
-
-def _nested(table: dict[str, Any]) -> dict[str, Any]:
-    """Dotted names, as ROS writes them, as tables in tables."""
-    out: dict[str, Any] = {}
-    for key, value in table.items():
-        *parents, leaf = str(key).split(".")
-        place = out
-        for parent in parents:
-            place = place.setdefault(parent, {})
-        place[leaf] = _nested(value) if isinstance(value, dict) else value
-    return out
-
-
-@contextlib.contextmanager
-def _destination(
-    folder: Path, bag: Bag, wanted: OutputSettings, given: InputSettings
-) -> Iterator[tuple[Callable[[Output], None], Merger | None]]:
-    """What writes the attitude of each block."""
-    thinner = Thinner(wanted.rate_hz)
-    if wanted.format == "mcap":
-        with Merger(folder / MERGED, bag, find_topics(bag, given).imu, thinner) as merger:
-            yield lambda _output: None, merger
-        return
-    if wanted.format == "parquet":
-        # Not for everyone: it takes longer to load than a short recording to process.
-        from mwd_surface.exports import attitude_parquet
-
-        with attitude_parquet.Writer(folder / "attitude.parquet") as writer:
-
-            def write_table(output: Output) -> None:
-                picked = thinner(output.attitude["stamp_ns"])
-                writer.write(output.attitude[picked], output.gravity[picked])
-
-            yield write_table, None
-        return
-    with (folder / "attitude.csv").open("wb") as file:
-        file.write(attitude_csv.HEADER.encode() + b"\n")
-        lines = attitude_csv.Lines()
-
-        def write_lines(output: Output) -> None:
-            picked = thinner(output.attitude["stamp_ns"])
-            file.write(lines(output.attitude[picked], output.gravity[picked]))
-
-        yield write_lines, None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -425,7 +213,7 @@ def _estimate(
     merger: Merger | None,
 ) -> Summary:
     summary = Summary(topics)
-    differ = _frames_differ(bag, topics)
+    differ = frames_differ(bag, topics)
     pipeline = Pipeline(estimator)
     depth = DepthTrack()
 
@@ -454,11 +242,11 @@ def _estimate(
         held = ImuQueue(estimator.bounded if smooth else None)
         with ahead(blocks()) as ready:
             for block, originals in ready:
-                samples = _in_si(block, topics, given)
+                samples = in_si(block, topics, given)
                 if topics.imu in unchecked and topics.imu in samples:
-                    summary.warnings += _check_imu(topics.imu, samples[topics.imu])
+                    summary.warnings += check_imu(topics.imu, samples[topics.imu])
                 if use_mag and topics.mag in unchecked and topics.mag in samples:
-                    doubtful = _check_mag(topics.mag, samples[topics.mag])
+                    doubtful = check_mag(topics.mag, samples[topics.mag])
                     summary.warnings += doubtful
                     use_mag = not doubtful
                 unchecked -= samples.keys()
@@ -544,123 +332,5 @@ def _count(output: Output, summary: Summary) -> None:
         summary.highest = float(np.fmax(summary.highest, inclination.max()))
 
 
-def _in_si(block: Block, topics: Topics, given: InputSettings) -> dict[str | None, wire.Samples]:
-    samples: dict[str | None, wire.Samples] = {name: part[1] for name, part in block.items()}
-    for name, field, quantity, unit in (
-        (topics.imu, "linear_acceleration", "acceleration", given.accel_unit),
-        (topics.imu, "angular_velocity", "rate", given.gyro_unit),
-        (topics.mag, "magnetic_field", "field", given.mag_unit),
-    ):
-        scale = units.factor(quantity, unit)
-        if scale != 1.0 and name in samples:
-            samples[name][field] *= scale
-    return samples
-
-
-def _check_imu(topic: str, imu: wire.Samples) -> list[str]:
-    """Refuse an IMU that is not in SI; a warning where it is implausible in any unit."""
-    warnings = []
-    for field, quantity, option in (
-        ("linear_acceleration", "acceleration", "--accel-unit"),
-        ("angular_velocity", "rate", "--gyro-unit"),
-    ):
-        found = units.doubt(quantity, imu[field])
-        if found and found[1]:
-            raise ValueError(f"{topic}: {found[0]}; say so with {option} {found[1]}")
-        if found:
-            warnings.append(f"{topic}: {found[0]}")
-    return warnings
-
-
-def _check_mag(topic: str | None, mag: wire.Samples) -> list[str]:
-    """Why a magnetometer cannot be used; empty where it can."""
-    found = units.doubt("field", mag["magnetic_field"])
-    if found is None:
-        return []
-    remedy = f"say so with --mag-unit {found[1]}" if found[1] else "look at the magnetometer or its driver"
-    return [f"{topic}: {found[0]}; not used, there is no azimuth: {remedy}"]
-
-
-def _frames_differ(bag: Bag, topics: Topics) -> str:
-    """Which frames IMU and magnetometer name, where they name different ones; else empty."""
-    if topics.mag is None:
-        return ""
-    found: dict[str, str] = {}
-    for count, (_, name, _, data) in enumerate(bag.messages([topics.imu, topics.mag])):
-        with contextlib.suppress(wire.WireError):
-            found.setdefault(name, wire.frame_id(data))
-        if len(found) == 2 or count > _FRAMES_LOOKED_AT:
-            break
-    if len(set(found.values())) < 2:
-        return ""
-    return " and ".join(f"{name} is in {frame!r}" for name, frame in found.items())
-
-
-def _refuse_damaged(bag: Bag, given: InputSettings) -> None:
-    if given.partial or (bag.complete and not _cut_off(bag.path)):
-        return
-    notes = _worth_saying(bag)
-    reason = f": {notes[-1]}" if notes else ""
-    raise BagError(
-        f"{bag.path} is cut off or damaged{reason}",
-        f"make it whole with `mwd recover {bag.path}`, or take what can be read with --partial",
-    )
-
-
-def _cut_off(path: Path) -> bool:
-    """Whether a file lacks its very end: nothing may be lost, but nobody can know."""
-    for file in path.glob("*.mcap") if path.is_dir() else [path]:
-        if file.suffix == ".mcap":
-            with file.open("rb") as opened:
-                opened.seek(-len(MAGIC), os.SEEK_END)
-                if opened.read() != MAGIC:
-                    return True
-    return False
-
-
-def _worth_saying(bag: Bag) -> list[str]:
-    # Most recordings of others carry no checksums; that is no news to who processes one.
-    return [note for note in dict.fromkeys(bag.notes) if not note.startswith("the recording carries no checksums")]
-
-
 def _share(logged_ns: int, start_ns: int, last_ns: int) -> float:
     return min(max((logged_ns - start_ns) / max(last_ns - start_ns, 1), 0.0), 1.0)
-
-
-def _named(bag: Bag, name: str, layout: wire.Layout) -> str | None:
-    """The topic of that name, checked to be there and of that type; None for an empty name."""
-    if not name:
-        return None
-    for candidate in (name, f"/{name}"):
-        about = bag.topics.get(candidate)
-        if about is None:
-            continue
-        if not _carries(about.type_name, layout):
-            raise BagError(f"{candidate} is a {about.type_name}", f"expected a {layout.type_name}")
-        return candidate
-    raise BagError(f"{bag.path} has no topic {name}", f"it has {', '.join(bag.topics)}")
-
-
-def _imu_of(bag: Bag) -> str:
-    """The AHRS: as single messages or, where there are none, in bursts."""
-    single = any(topic.type_name == wire.IMU.type_name and topic.name.endswith(IMU) for topic in bag.topics.values())
-    in_bursts = any(topic.type_name == burst.TYPE_NAME for topic in bag.topics.values())
-    if in_bursts and not single:
-        return bag.find_topic(burst.TYPE_NAME, IMU_BURST)
-    return bag.find_topic(wire.IMU.type_name, IMU)
-
-
-def _has(bag: Bag, name: str, layout: wire.Layout) -> bool:
-    about = bag.topics.get(name)
-    return about is not None and _carries(about.type_name, layout) and about.count > 0
-
-
-def _carries(type_name: str, layout: wire.Layout) -> bool:
-    """Whether a topic of that type gives samples of that layout."""
-    return type_name == layout.type_name or (type_name == burst.TYPE_NAME and layout is wire.IMU)
-
-
-def _umask() -> int:
-    now = os.umask(0)
-    os.umask(now)
-    return now

@@ -1,0 +1,199 @@
+"""
+What of a bag goes into the estimator: the topics of one well, in SI, plausible, of a recording that is whole.
+
+What cannot be used is refused with what to do about it, or told as a warning.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import math
+import os
+from pathlib import Path
+
+from mwd_estimation import units
+from mwd_sensors import burst, wire
+from mwd_sensors.settings import setting
+from mwd_surface.bags.bag_reader import Bag, BagError, Block
+from mwd_surface.bags.mcap_format import MAGIC
+
+IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
+IMU_BURST, PRECISION_BURST = burst.TOPICS
+_FRAMES_LOOKED_AT = 2000
+
+
+@dataclasses.dataclass(frozen=True)
+class InputSettings:
+    """What to take from a bag, and how it is to be read."""
+
+    imu_topic: str = setting("", "Topic of the AHRS; empty: the one that ends in imu/data_raw")
+    mag_topic: str = setting("", "Topic of its magnetometer; empty: the one beside it that ends in imu/mag")
+    accel_unit: str = setting("m/s2", "Unit of the specific force", choices=tuple(units.FACTORS["acceleration"]))
+    gyro_unit: str = setting("rad/s", "Unit of the angular rate", choices=tuple(units.FACTORS["rate"]))
+    mag_unit: str = setting("T", "Unit of the magnetic field", choices=tuple(units.FACTORS["field"]))
+    start_s: float = setting(0.0, "Begin so long after the first message", unit="s", low=0.0)
+    end_s: float = setting(math.inf, "End so long after the first message", unit="s", low=0.0)
+    same_axes: bool = setting(False, "IMU and magnetometer share axes although their frames have different names")
+    partial: bool = setting(False, "Use what can be read of a bag that is cut off or damaged")
+    sensor_to_bit_m: float = setting(0.0, "Sonde behind the bit", unit="m", low=0.0, high=100.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Topics:
+    """The topics of one well in a bag; None where the bag has none."""
+
+    imu: str
+    mag: str | None
+    precision: str | None
+    temperature: str | None
+    rig: str | None
+
+    @property
+    def all(self) -> list[str]:
+        """Those that are there."""
+        return [name for name in dataclasses.astuple(self) if name is not None]
+
+
+def find_topics(bag: Bag, given: InputSettings) -> Topics:
+    """
+    The topics of the well that is meant.
+
+    Raises
+    ------
+    BagError
+        There is no IMU, or more than one well and none named, or a topic named has another type.
+    """
+    imu = _named(bag, given.imu_topic, wire.IMU) or _imu_of(bag)
+    relative = next((name for name in (IMU, IMU_BURST) if imu.endswith(name)), None)
+    namespace = imu.removesuffix(relative) if relative is not None else None
+
+    def beside(relative: str, layout: wire.Layout) -> str | None:
+        name = f"{namespace}{relative}"
+        return name if namespace is not None and _has(bag, name, layout) else None
+
+    mag = _named(bag, given.mag_topic, wire.MAG) or beside(MAG, wire.MAG)
+    if mag is None:
+        of_type = [t.name for t in bag.topics.values() if t.type_name == wire.MAG.type_name and t.count]
+        named = [name for name in of_type if name.endswith(MAG)]
+        # Without a namespace in common only the one that cannot be another well's is taken.
+        mag = named[0] if namespace is None and len(named) == 1 else None
+    return Topics(
+        imu,
+        mag,
+        beside(PRECISION, wire.IMU) or beside(PRECISION_BURST, wire.IMU),
+        beside(TEMPERATURE, wire.TEMPERATURE),
+        beside(RIG, wire.RIG_STATE),
+    )
+
+
+def in_si(block: Block, topics: Topics, given: InputSettings) -> dict[str | None, wire.Samples]:
+    samples: dict[str | None, wire.Samples] = {name: part[1] for name, part in block.items()}
+    for name, field, quantity, unit in (
+        (topics.imu, "linear_acceleration", "acceleration", given.accel_unit),
+        (topics.imu, "angular_velocity", "rate", given.gyro_unit),
+        (topics.mag, "magnetic_field", "field", given.mag_unit),
+    ):
+        scale = units.factor(quantity, unit)
+        if scale != 1.0 and name in samples:
+            samples[name][field] *= scale
+    return samples
+
+
+def check_imu(topic: str, imu: wire.Samples) -> list[str]:
+    """Refuse an IMU that is not in SI; a warning where it is implausible in any unit."""
+    warnings = []
+    for field, quantity, option in (
+        ("linear_acceleration", "acceleration", "--accel-unit"),
+        ("angular_velocity", "rate", "--gyro-unit"),
+    ):
+        found = units.doubt(quantity, imu[field])
+        if found and found[1]:
+            raise ValueError(f"{topic}: {found[0]}; say so with {option} {found[1]}")
+        if found:
+            warnings.append(f"{topic}: {found[0]}")
+    return warnings
+
+
+def check_mag(topic: str | None, mag: wire.Samples) -> list[str]:
+    """Why a magnetometer cannot be used; empty where it can."""
+    found = units.doubt("field", mag["magnetic_field"])
+    if found is None:
+        return []
+    remedy = f"say so with --mag-unit {found[1]}" if found[1] else "look at the magnetometer or its driver"
+    return [f"{topic}: {found[0]}; not used, there is no azimuth: {remedy}"]
+
+
+def frames_differ(bag: Bag, topics: Topics) -> str:
+    """Which frames IMU and magnetometer name, where they name different ones; else empty."""
+    if topics.mag is None:
+        return ""
+    found: dict[str, str] = {}
+    for count, (_, name, _, data) in enumerate(bag.messages([topics.imu, topics.mag])):
+        with contextlib.suppress(wire.WireError):
+            found.setdefault(name, wire.frame_id(data))
+        if len(found) == 2 or count > _FRAMES_LOOKED_AT:
+            break
+    if len(set(found.values())) < 2:
+        return ""
+    return " and ".join(f"{name} is in {frame!r}" for name, frame in found.items())
+
+
+def refuse_damaged(bag: Bag, given: InputSettings) -> None:
+    if given.partial or (bag.complete and not _cut_off(bag.path)):
+        return
+    notes = worth_saying(bag)
+    reason = f": {notes[-1]}" if notes else ""
+    raise BagError(
+        f"{bag.path} is cut off or damaged{reason}",
+        f"make it whole with `mwd recover {bag.path}`, or take what can be read with --partial",
+    )
+
+
+def worth_saying(bag: Bag) -> list[str]:
+    # Most recordings of others carry no checksums; that is no news to who processes one.
+    return [note for note in dict.fromkeys(bag.notes) if not note.startswith("the recording carries no checksums")]
+
+
+def _cut_off(path: Path) -> bool:
+    """Whether a file lacks its very end: nothing may be lost, but nobody can know."""
+    for file in path.glob("*.mcap") if path.is_dir() else [path]:
+        if file.suffix == ".mcap":
+            with file.open("rb") as opened:
+                opened.seek(-len(MAGIC), os.SEEK_END)
+                if opened.read() != MAGIC:
+                    return True
+    return False
+
+
+def _named(bag: Bag, name: str, layout: wire.Layout) -> str | None:
+    """The topic of that name, checked to be there and of that type; None for an empty name."""
+    if not name:
+        return None
+    for candidate in (name, f"/{name}"):
+        about = bag.topics.get(candidate)
+        if about is None:
+            continue
+        if not _carries(about.type_name, layout):
+            raise BagError(f"{candidate} is a {about.type_name}", f"expected a {layout.type_name}")
+        return candidate
+    raise BagError(f"{bag.path} has no topic {name}", f"it has {', '.join(bag.topics)}")
+
+
+def _imu_of(bag: Bag) -> str:
+    """The AHRS: as single messages or, where there are none, in bursts."""
+    single = any(topic.type_name == wire.IMU.type_name and topic.name.endswith(IMU) for topic in bag.topics.values())
+    in_bursts = any(topic.type_name == burst.TYPE_NAME for topic in bag.topics.values())
+    if in_bursts and not single:
+        return bag.find_topic(burst.TYPE_NAME, IMU_BURST)
+    return bag.find_topic(wire.IMU.type_name, IMU)
+
+
+def _has(bag: Bag, name: str, layout: wire.Layout) -> bool:
+    about = bag.topics.get(name)
+    return about is not None and _carries(about.type_name, layout) and about.count > 0
+
+
+def _carries(type_name: str, layout: wire.Layout) -> bool:
+    """Whether a topic of that type gives samples of that layout."""
+    return type_name == layout.type_name or (type_name == burst.TYPE_NAME and layout is wire.IMU)

@@ -1,0 +1,120 @@
+"""What a run writes: attitude in the format asked for, surveys; complete, or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from mwd_estimation.pipeline import Output
+from mwd_estimation.survey import Survey
+from mwd_sensors.settings import setting
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.exports import attitude_csv
+from mwd_surface.exports.thinner import Thinner
+from mwd_surface.runs.bag_input import InputSettings, find_topics
+from mwd_surface.runs.merger import Merger
+from mwd_surface.surveys import station_csv
+
+FORMATS = ("csv", "parquet", "mcap")
+MERGED = "merged"
+SURVEY_COLUMNS = ("sequence", "stamp_ns", "duration_s", "samples", "requested", *station_csv.COLUMNS, "uuid")
+
+
+@dataclasses.dataclass(frozen=True)
+class OutputSettings:
+    """What to write."""
+
+    format: str = setting("csv", "File of the attitude", choices=FORMATS)
+    rate_hz: float = setting(0.0, "At most so many rows a second; 0: one for every IMU message", unit="Hz", low=0.0)
+    smooth: bool = setting(False, "Gravity of each sample from what came after it too; method bounded only")
+
+
+@contextlib.contextmanager
+def drafts(folder: Path) -> Iterator[Path]:
+    """
+    A folder beside `folder` to write results into; they move to `folder` when the block ends well, else vanish.
+
+    Raises
+    ------
+    OSError
+        `folder` is a file, or it cannot be made or written.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise NotADirectoryError(20, "it is a file, not a folder", str(folder))
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".unfinished", dir=folder.parent))
+    try:
+        yield draft
+        if folder.exists():
+            for file in sorted(draft.iterdir()):
+                if (folder / file.name).is_dir() and not (folder / file.name).is_symlink():
+                    shutil.rmtree(folder / file.name)
+                file.replace(folder / file.name)
+        else:
+            draft.chmod(0o777 & ~_umask())
+            draft.rename(folder)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def destination(
+    folder: Path, bag: Bag, wanted: OutputSettings, given: InputSettings
+) -> Iterator[tuple[Callable[[Output], None], Merger | None]]:
+    """What writes the attitude of each block."""
+    thinner = Thinner(wanted.rate_hz)
+    if wanted.format == "mcap":
+        with Merger(folder / MERGED, bag, find_topics(bag, given).imu, thinner) as merger:
+            yield lambda _output: None, merger
+        return
+    if wanted.format == "parquet":
+        # Not for everyone: it takes longer to load than a short recording to process.
+        from mwd_surface.exports import attitude_parquet
+
+        with attitude_parquet.Writer(folder / "attitude.parquet") as writer:
+
+            def write_table(output: Output) -> None:
+                picked = thinner(output.attitude["stamp_ns"])
+                writer.write(output.attitude[picked], output.gravity[picked])
+
+            yield write_table, None
+        return
+    with (folder / "attitude.csv").open("wb") as file:
+        file.write(attitude_csv.HEADER.encode() + b"\n")
+        lines = attitude_csv.Lines()
+
+        def write_lines(output: Output) -> None:
+            picked = thinner(output.attitude["stamp_ns"])
+            file.write(lines(output.attitude[picked], output.gravity[picked]))
+
+        yield write_lines, None
+
+
+def survey_text(surveys: list[tuple[Survey, float]]) -> str:
+    """surveys.csv."""
+    return station_csv.text(
+        SURVEY_COLUMNS,
+        (
+            {
+                "sequence": survey.sequence,
+                "stamp_ns": survey.stamp_ns,
+                "duration_s": station_csv.number(survey.duration, 1),
+                "samples": survey.samples,
+                "requested": "yes" if survey.requested else "no",
+                **station_csv.cells(survey.station, depth),
+                "uuid": survey.uuid,
+            }
+            for survey, depth in surveys
+        ),
+    )
+
+
+def _umask() -> int:
+    now = os.umask(0)
+    os.umask(now)
+    return now
