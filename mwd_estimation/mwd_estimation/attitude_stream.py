@@ -109,13 +109,23 @@ class Reading:
 
 @dataclasses.dataclass(frozen=True)
 class Mark:
-    """A bin judged before the sample at `place`: its index, its end, and a north seek's azimuth in it (nan: none)."""
+    """
+    A bin judged before the sample at `place`: its index, its end, and what was found in it.
+
+    Attributes
+    ----------
+    azimuth, sigma : float
+        Of a north seek, rad; nan where there is none.
+    station : (float, float, float)
+        Of an accepted station: as `continuous_azimuth.Steps.station`.
+    """
 
     place: int
     bin: int
     end_ns: int
     azimuth: float = math.nan
     sigma: float = math.nan
+    station: tuple[float, float, float] = (math.nan, math.nan, math.nan)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -190,6 +200,8 @@ class AttitudeStream:
         self._pairs = _no_pairs()
         # Magnetic samples with gravity at their own stamps, of the last block.
         self.handed_on = Pairs.joined([])
+        # At each mark of the last block, the last station's azimuth carried on: as `continuous_azimuth.Rows.anchor`.
+        self.anchors = np.zeros((0, 3))
         self._withdrawn = False
         self._bad_ns = -_SETTLED_NS
         # Of the last pair: bits, sigma of its azimuth; and the tool's field with sigma.
@@ -372,6 +384,7 @@ class AttitudeStream:
             np.array([mark.bin for mark in marks], dtype=np.int64),
             np.array([mark.azimuth for mark in marks], dtype=np.float64),
             np.array([mark.sigma for mark in marks], dtype=np.float64),
+            np.array([mark.station for mark in marks], dtype=np.float64).reshape(-1, 3),
             told.stamp_ns,
             told.azimuth,
             told.sigma,
@@ -385,6 +398,7 @@ class AttitudeStream:
             self._carry, self._bin_ns, self._gap_ns, self._carry_state, block.stamps, block.gyro, track.g_t,
             track.sigma_inclination, steps,
         )  # fmt: skip
+        self.anchors = carried.anchor
         return carried, told.since(used)
 
     def _interference(

@@ -13,8 +13,10 @@ from north_signals import DEG_H, Motion, felt, motion, steady
 from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
+from mwd_estimation import carried_filter
 from mwd_estimation import continuous_azimuth as continuous
-from mwd_estimation.continuous_azimuth import AZIMUTH, ERROR, STATES, Params, Precision, Rows, State, Steps
+from mwd_estimation.carried_filter import ERROR
+from mwd_estimation.continuous_azimuth import Params, Precision, Rows, State, Steps
 from mwd_estimation.status import Status
 from mwd_sensors.frames import mat_nt, wrap_pi
 
@@ -70,7 +72,7 @@ def magnetic(well: Drilling, rng: np.random.Generator, share: float = 0.9, memor
     return mag
 
 
-def steps_of(stamps, mag, good, start, stop, mag_from, seek=None, fine=None, constant=0.0, anew=()):
+def steps_of(stamps, mag, good, start, stop, mag_from, seek=None, fine=None, constant=0.0, anew=(), station=None):
     """The bins that the samples from start to stop close, one bin late, and what was measured from `mag_from` on."""
     index = stamps // BIN_NS
     opens = np.flatnonzero(np.diff(index, prepend=index[0]) > 0)
@@ -79,7 +81,10 @@ def steps_of(stamps, mag, good, start, stop, mag_from, seek=None, fine=None, con
         if start <= place < stop:
             places.append(place - start)
             bins.append(index[before - 1])
-    seeks = np.full((2, len(bins)), np.nan)
+    seeks, told = np.full((2, len(bins)), np.nan), np.full((len(bins), 3), np.nan)
+    if station is not None:
+        for at, *azimuth in station:
+            told[[k for k, b in enumerate(bins) if b == index[at]]] = azimuth
     if seek is not None:
         for at, azimuth, sigma in seek:
             seeks[:, [k for k, b in enumerate(bins) if b == index[at]]] = [[azimuth], [sigma]]
@@ -87,7 +92,7 @@ def steps_of(stamps, mag, good, start, stop, mag_from, seek=None, fine=None, con
     afresh = np.isin(np.arange(len(mag)), anew)
     rates = np.zeros((0, 3)) if fine is None else fine[:stop]
     return Steps(
-        np.array(places, dtype=np.int64), np.array(bins, dtype=np.int64), *seeks, stamps[seen], mag[seen],
+        np.array(places, dtype=np.int64), np.array(bins, dtype=np.int64), *seeks, told, stamps[seen], mag[seen],
         np.full(len(seen), MAG_SIGMA), np.full(len(seen), constant), good[seen], afresh[seen], stamps[: len(rates)],
         rates,
     ), seen  # fmt: skip
@@ -95,7 +100,7 @@ def steps_of(stamps, mag, good, start, stop, mag_from, seek=None, fine=None, con
 
 def go(
     well: Drilling, mag: Array, gyro: Array, params: Params = TACTICAL, good: Array | None = None, cuts=(), seek=None,
-    fine=None, precision=None, stamps=None, constant=0.0, anew=(),
+    fine=None, precision=None, stamps=None, constant=0.0, anew=(), station=None,
 ) -> tuple[Rows, State]:  # fmt: skip
     n = len(mag)
     stamps = well.stamps[:n] if stamps is None else stamps
@@ -105,14 +110,16 @@ def go(
     parts, mag_from = [], 0
     for start, stop in zip((0, *cuts), (*cuts, n), strict=True):
         state = state.copy()
-        steps, seen = steps_of(stamps, mag, ok, start, stop, mag_from, seek, fine, constant, anew)
+        steps, seen = steps_of(stamps, mag, ok, start, stop, mag_from, seek, fine, constant, anew, station)
         rows, used = continuous.run(
             k, BIN_NS, GAP_NS, state, stamps[start:stop], gyro[start:stop], well.down[start:stop],
             np.zeros(stop - start), steps,
         )  # fmt: skip
         mag_from = seen[used] if used < len(seen) else stop
         parts.append(rows)
-    fields = [np.concatenate([getattr(part, name) for part in parts]) for name in ("azimuth", "sigma", "status")]
+    fields = [
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("azimuth", "sigma", "status", "anchor")
+    ]
     return Rows(*fields), state
 
 
@@ -180,7 +187,7 @@ def test_a_magnetic_azimuth_that_is_withdrawn_lets_the_azimuth_begin_anew() -> N
     mag[:1000] += 30.0 * DEG
     rows, state = go(well, mag, well.gyro, anew=(1000,))
     assert np.abs(wrap_pi(rows.azimuth[1030:] - well.azimuth[1030:])).max() < 4.0 * MAG_SIGMA
-    assert state.memory[continuous.TAKEN_UP] == 0.0
+    assert state.memory[carried_filter.TAKEN_UP] == 0.0
 
 
 def test_without_mag_from_the_start_there_is_no_azimuth_until_the_gyro_gives_one() -> None:
@@ -210,7 +217,7 @@ def test_unplugged_mag_lets_sigma_grow_and_comes_back_without_a_flip(seconds: in
     assert rows.status[out][-1] & Status.GYRO_AIDED
     assert rows.sigma[out][-1] > rows.sigma[out][0]
     assert np.abs(wrap_pi(np.diff(rows.azimuth[2900:]))).max() < 0.5 * DEG
-    assert state.memory[continuous.TAKEN_UP] == 0.0
+    assert state.memory[carried_filter.TAKEN_UP] == 0.0
     error = np.abs(wrap_pi(rows.azimuth - well.azimuth))[200:]
     assert (error < 4.0 * rows.sigma[200:]).all()
 
@@ -224,7 +231,7 @@ def test_a_passing_tool_joint_is_gated_out() -> None:
     assert np.abs(wrap_pi(rows.azimuth[3000:3200] - well.azimuth[3000:3200])).max() < 3.0 * MAG_SIGMA
     assert rows.status[3195] & Status.GYRO_AIDED
     assert not rows.status[3300] & Status.GYRO_AIDED
-    assert state.memory[continuous.GATED] == 20.0
+    assert state.memory[carried_filter.GATED] == 20.0
 
 
 def test_a_field_that_fails_its_check_is_never_used_however_long() -> None:
@@ -235,8 +242,8 @@ def test_a_field_that_fails_its_check_is_never_used_however_long() -> None:
     good[3000:] = False
     rows, state = go(well, mag, well.gyro, good=good)
     assert abs(wrap_pi(rows.azimuth[-1] - well.azimuth[-1])) < 3.0 * MAG_SIGMA
-    assert state.memory[continuous.FAILED] > 490.0
-    assert state.memory[continuous.TAKEN_UP] == 0.0
+    assert state.memory[carried_filter.FAILED] > 490.0
+    assert state.memory[carried_filter.TAKEN_UP] == 0.0
 
 
 def test_good_azimuths_that_stay_away_are_taken_up_again_after_the_patience() -> None:
@@ -245,7 +252,7 @@ def test_good_azimuths_that_stay_away_are_taken_up_again_after_the_patience() ->
     # It began next to a fish: 30 deg off, and nothing said so.
     mag[:1000] += 30.0 * DEG
     rows, state = go(well, mag, well.gyro)
-    assert state.memory[continuous.TAKEN_UP] == 1.0
+    assert state.memory[carried_filter.TAKEN_UP] == 1.0
     assert np.abs(wrap_pi(rows.azimuth[2000] - well.azimuth[2000])) > 20.0 * DEG
     assert np.abs(wrap_pi(rows.azimuth[-1] - well.azimuth[-1])) < 3.0 * rows.sigma[-1]
 
@@ -259,7 +266,7 @@ def test_a_north_seek_tells_the_magnetic_error_and_one_beyond_the_gate_is_begun_
     assert state.P[ERROR, ERROR] < 0.5 * plain.P[ERROR, ERROR]
     away = float(well.azimuth[3909]) + 20.0 * DEG
     rows, state = go(well, mag, well.gyro, seek=[(3900, away, 0.3 * DEG)])
-    assert state.memory[continuous.TAKEN_UP] == 1.0
+    assert state.memory[carried_filter.TAKEN_UP] == 1.0
     assert abs(wrap_pi(rows.azimuth[3930] - away)) < 0.2 * DEG
 
 
@@ -278,7 +285,27 @@ def test_seeks_of_one_gyro_do_not_average_but_the_better_one_stands() -> None:
     assert (rows.sigma[[1400, 2400]] > 0.99 * DEG).all()
     assert_allclose(error[3400], 0.0, atol=0.05)
     assert rows.sigma[3400] == pytest.approx(0.5 * DEG, rel=0.01)
-    assert state.memory[continuous.TAKEN_UP] == 0.0
+    assert state.memory[carried_filter.TAKEN_UP] == 0.0
+
+
+def test_a_station_is_carried_on_by_the_gyros_alone_and_its_sigma_is_truthful() -> None:
+    """Steel that turns later magnetic azimuths by up to 6 deg drags the carried azimuth along, not the station's."""
+    well = drilling(400.0, 60.0)
+    rng = np.random.default_rng(21)
+    ratios = []
+    for _ in range(40):
+        mag = magnetic(well, rng)
+        mag += np.maximum(np.arange(len(mag)) - 2000, 0) * 1e-3 * DEG
+        off = 0.5 * DEG * rng.standard_normal()
+        told = [(1000, float(well.azimuth[1009]) + off, 0.5 * DEG, 0.2 * DEG)]
+        rows, _ = go(well, mag, noisy(well, rng), station=told)
+        assert np.isnan(rows.anchor[:100]).all()
+        ratios.append(wrap_pi(rows.anchor[-1, 0] - well.azimuth[-11]) / rows.anchor[-1, 1])
+    assert (rows.anchor[103:, 2] == 0.2 * DEG).all()
+    assert abs(wrap_pi(rows.azimuth[-1] - well.azimuth[-1])) > 2.0 * DEG
+    assert rows.anchor[-1, 1] < 0.8 * DEG
+    # Chi-square, 40 degrees of freedom: 99 % band.
+    assert 0.52 < np.mean(np.square(ratios)) < 1.67
 
 
 def test_a_vertical_hole_has_no_azimuth() -> None:
@@ -298,37 +325,10 @@ def test_the_axis_is_carried_as_it_turns() -> None:
     assert_allclose(wrap_pi(rows.azimuth[30:] - well.azimuth[30:]), 0.0, atol=0.1 * DEG)
 
 
-@pytest.mark.parametrize("unit", [0, 1])
-def test_propagation_is_the_derivative_of_itself(unit: int) -> None:
-    k = continuous.kernel_settings(TACTICAL, 60.0)
-    k[continuous.K_NORTH] *= 1e3
-    for at in (continuous.K_NOISE, continuous.K_WALK):
-        k[at : at + 2] = 0.0
-    sums = np.zeros(continuous.SUMS)
-    sums[continuous.S_TURN : continuous.S_NOISE] = 0.02, 0.3, -0.4, 0.5, 0.6
-    x = np.array([2.0, 1e-3, -2e-3, 3e-3, 1e-3, 0.7, -0.3])
-    F = np.zeros((STATES, STATES))
-    for j in range(STATES):
-        ends = []
-        for sign in (1.0, -1.0):
-            y = x + sign * 1e-6 * np.eye(STATES)[j]
-            continuous._propagate(k, y, np.zeros((STATES, STATES)), sums, unit)
-            ends.append(y)
-        F[:, j] = (ends[0] - ends[1]) / 2e-6
-    root = np.random.default_rng(8).standard_normal((STATES, STATES))
-    P = root @ root.T
-    P[ERROR, ERROR] += 2.0
-    expected = F @ P @ F.T
-    expected[ERROR, ERROR] += 1.0 - F[ERROR, ERROR] ** 2
-    continuous._propagate(k, x.copy(), P, sums, unit)
-    assert_allclose(P, expected, rtol=1e-6, atol=1e-9)
-    assert abs(F[AZIMUTH, AZIMUTH] - 1.0) > 1e-3
-
-
 def test_an_unknown_latitude_counts_as_gyro_bias() -> None:
     known, unknown = (continuous.kernel_settings(TACTICAL, latitude) for latitude in (60.0, None))
-    assert unknown[continuous.K_NORTH] == 0.0
-    assert unknown[continuous.K_BIAS] > 5.0 * known[continuous.K_BIAS]
+    assert unknown[carried_filter.K_NORTH] == 0.0
+    assert unknown[carried_filter.K_BIAS] > 5.0 * known[carried_filter.K_BIAS]
 
 
 def test_blocks_of_any_length_bad_samples_and_gaps_give_the_same_bits() -> None:
@@ -340,9 +340,10 @@ def test_blocks_of_any_length_bad_samples_and_gaps_give_the_same_bits() -> None:
     stamps[1000:] += 3 * 10**9
     fine = noisy(well, rng)[:n]
     fine[300:320, 1] = 9.0
-    whole, _ = go(well, mag, gyro, stamps=stamps, fine=fine)
-    pieces, _ = go(well, mag, gyro, stamps=stamps, fine=fine, cuts=(1, 499, 501, 1000, 1001, 1003))
-    for name in ("azimuth", "sigma", "status"):
+    told = [(200, 0.1, 0.01, 0.005)]
+    whole, _ = go(well, mag, gyro, stamps=stamps, fine=fine, station=told)
+    pieces, _ = go(well, mag, gyro, stamps=stamps, fine=fine, cuts=(1, 499, 501, 1000, 1001, 1003), station=told)
+    for name in ("azimuth", "sigma", "status", "anchor"):
         assert_array_equal(getattr(pieces, name), getattr(whole, name))
     assert whole.sigma[995] < whole.sigma[1025]
     steps, _ = steps_of(stamps, mag, np.ones(n, dtype=bool), 0, n, 0)

@@ -1,0 +1,100 @@
+"""The filter of the carried azimuth: its slopes, and an anchor that no magnetic azimuth moves."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from mwd_estimation import axis_turn, carried_filter
+from mwd_estimation.carried_filter import ANCHOR, AZIMUTH, BIAS, CONSTANT, ERROR, STATES
+from mwd_estimation.continuous_azimuth import Params, kernel_settings
+
+
+def settings() -> np.ndarray:
+    return kernel_settings(Params(gyro_noise_deg_rth=0.05, gyro_bias_deg_h=2.0), 60.0)
+
+
+@pytest.mark.parametrize("unit", [0, 1])
+def test_propagation_is_the_derivative_of_itself(unit: int) -> None:
+    k = settings()
+    k[carried_filter.K_NORTH] *= 1e3
+    for at in (carried_filter.K_NOISE, carried_filter.K_WALK):
+        k[at : at + 2] = 0.0
+    sums = np.zeros(axis_turn.SUMS)
+    sums[axis_turn.S_TURN : axis_turn.S_NOISE] = 0.02, 0.3, -0.4, 0.5, 0.6
+    x = np.array([2.0, 1e-3, -2e-3, 3e-3, 1e-3, 0.7, -0.3, 1.2])
+    F = np.zeros((STATES, STATES))
+    for j in range(STATES):
+        ends = []
+        for sign in (1.0, -1.0):
+            y = x + sign * 1e-6 * np.eye(STATES)[j]
+            carried_filter.propagate(k, y, np.zeros((STATES, STATES)), sums, unit)
+            ends.append(y)
+        F[:, j] = (ends[0] - ends[1]) / 2e-6
+    root = np.random.default_rng(8).standard_normal((STATES, STATES))
+    P = root @ root.T
+    P[ERROR, ERROR] += 2.0
+    expected = F @ P @ F.T
+    expected[ERROR, ERROR] += 1.0 - F[ERROR, ERROR] ** 2
+    carried_filter.propagate(k, x.copy(), P, sums, unit)
+    assert_allclose(P, expected, rtol=1e-6, atol=1e-9)
+    assert abs(F[AZIMUTH, AZIMUTH] - 1.0) > 1e-3
+    assert abs(F[ANCHOR, ANCHOR] - F[AZIMUTH, AZIMUTH]) > 1e-4
+
+
+def test_noise_moves_azimuth_and_anchor_together() -> None:
+    k = settings()
+    sums = np.zeros(axis_turn.SUMS)
+    sums[axis_turn.S_TIME], sums[axis_turn.S_NOISE] = 0.5, 1.0
+    P = np.zeros((STATES, STATES))
+    carried_filter.propagate(k, np.zeros(STATES), P, sums, 0)
+    noise = k[carried_filter.K_NOISE] ** 2
+    assert_allclose(P[np.ix_([AZIMUTH, ANCHOR], [AZIMUTH, ANCHOR])], noise, rtol=1e-12)
+
+
+def test_a_magnetic_azimuth_leaves_the_anchor_alone_and_its_covariance_is_joseph_s() -> None:
+    k = settings()
+    memory = np.zeros(carried_filter.MEMORY)
+    root = 0.01 * np.random.default_rng(3).standard_normal((STATES, STATES))
+    x, P = np.zeros(STATES), root @ root.T
+    before, slow, lasting, r2 = P.copy(), 0.02, 0.01, 1e-4
+    H = np.zeros(STATES)
+    H[AZIMUTH], H[ERROR], H[CONSTANT] = 1.0, slow, lasting
+    gain = before @ H / (H @ before @ H + r2)
+    gain[ANCHOR] = 0.0
+    kept = np.eye(STATES) - np.outer(gain, H)
+    assert carried_filter.correct(k, x, P, memory, slow, lasting, 0.005, r2)
+    assert x[ANCHOR] == 0.0
+    assert x[AZIMUTH] == pytest.approx(gain[AZIMUTH] * 0.005)
+    assert_allclose(P, kept @ before @ kept.T + r2 * np.outer(gain, gain), atol=1e-15)
+
+
+def test_beyond_the_gate_nothing_changes() -> None:
+    k, memory = settings(), np.zeros(carried_filter.MEMORY)
+    x, P = np.zeros(STATES), np.eye(STATES) * 1e-6
+    assert not carried_filter.correct(k, x, P, memory, 0.0, 0.0, 1.0, 1e-6)
+    assert_allclose(x, 0.0)
+    assert_allclose(P, np.eye(STATES) * 1e-6)
+    assert memory[carried_filter.RATIO] > 4.0
+
+
+def test_a_share_of_the_slow_error_fades_to_its_own_spread() -> None:
+    x, P = np.zeros(STATES), np.zeros((STATES, STATES))
+    x[ERROR], P[ERROR, ERROR], P[ERROR, BIAS] = 2.0, 0.04, 0.1
+    P[BIAS, ERROR] = 0.1
+    carried_filter.fade(x, P, 0.5)
+    assert (x[ERROR], P[ERROR, ERROR], P[BIAS, ERROR]) == (1.0, 1.0 + 0.25 * (0.04 - 1.0), 0.05)
+
+
+def test_a_station_is_carried_on_only_where_there_is_an_azimuth() -> None:
+    memory, x, P = np.zeros(carried_filter.MEMORY), np.zeros(STATES), np.ones((STATES, STATES))
+    carried_filter.station(x, P, memory, 1.0, 0.1, 0.05)
+    assert memory[carried_filter.ANCHORED] == 0.0
+    memory[carried_filter.HAVE] = 1.0
+    carried_filter.station(x, P, memory, 1.0 + 2.0 * math.pi, 0.1, 0.05)
+    assert x[ANCHOR] == pytest.approx(1.0)
+    assert_allclose(P[ANCHOR], [0.0] * ANCHOR + [0.01])
+    assert memory[carried_filter.ANCHOR_LASTING] == 0.05
