@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import shutil
 import tracemalloc
 from pathlib import Path
 
@@ -331,14 +330,6 @@ def test_a_split_bag_is_read_as_one(tmp_path):
         assert not bag.complete
 
 
-def test_a_bag_without_metadata_yaml_is_read_and_says_so(bag_path, tmp_path):
-    shutil.copytree(bag_path, tmp_path / "bag")
-    (tmp_path / "bag" / "metadata.yaml").unlink()
-    with Bag(tmp_path / "bag") as bag:
-        assert bag.message_count == 5500
-        assert any("metadata.yaml cannot be read" in note for note in bag.notes)
-
-
 def test_a_file_that_was_cut_off_is_read_to_its_last_good_chunk(bag_path, tmp_path):
     data = (bag_path / "bag_0.mcap").read_bytes()
     (tmp_path / "cut.mcap").write_bytes(data[: len(data) * 2 // 3])
@@ -414,31 +405,6 @@ def test_memory_does_not_grow_with_the_bag(tmp_path):
             peaks.append(tracemalloc.get_traced_memory()[1])
             tracemalloc.stop()
     assert peaks[1] < 1.3 * peaks[0] < 10e6
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "words"),
-    [
-        ("x.mcap", b"", "empty"),
-        ("x.mcap", b"not a bag at all", "does not begin as an MCAP file"),
-        ("x.mcap", mcap_format.MAGIC, "holds no message"),
-        ("x.txt", b"hello", "is not a bag"),
-        ("x.db3", b"hello", "cannot be read"),
-        ("x.mcap.zstd", b"hello", "does not decompress"),
-    ],
-)
-def test_what_is_no_bag_is_refused_in_a_sentence(tmp_path, name, content, words):
-    (tmp_path / name).write_bytes(content)
-    with pytest.raises(BagError, match=words) as caught:
-        Bag(tmp_path / name)
-    assert caught.value.hint
-
-
-def test_an_empty_folder_and_a_missing_path_are_refused_in_a_sentence(tmp_path):
-    with pytest.raises(BagError, match="holds no recording"):
-        Bag(tmp_path)
-    with pytest.raises(BagError, match="there is nothing at"):
-        Bag(tmp_path / "nowhere")
 
 
 def test_attachments_and_tables_inside_the_bag_are_found(tmp_path):

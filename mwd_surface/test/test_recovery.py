@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import tracemalloc
@@ -14,6 +15,7 @@ from rosbags.rosbag2 import Reader
 
 from mwd_sensors import wire
 from mwd_surface.bags import bag_metadata, mcap_format, recovery
+from mwd_surface.bags.bag_files import BagFiles
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 
@@ -63,8 +65,8 @@ def chunk_ends(path: Path) -> list[tuple[int, int]]:
 def test_a_file_cut_at_any_of_200_places_gives_back_every_complete_record_and_nothing_else(whole, tmp_path):
     data = (whole / "bag_0.mcap").read_bytes()
     everything = messages(whole / "bag_0.mcap")
-    with Bag(whole) as bag:
-        spans = [span for _, contents in bag._files for span in contents.spans]
+    with contextlib.closing(BagFiles(whole)) as bag:
+        spans = [span for _, contents in bag.mcap for span in contents.spans]
     random = np.random.default_rng(7)
     for cut in [0, 7, 8, 9, *random.integers(10, len(data), 195).tolist(), len(data)]:
         source = tmp_path / "cut.mcap"
@@ -220,8 +222,8 @@ def test_a_stopped_recovery_leaves_no_trace(whole, tmp_path):
 def test_a_check_sees_a_flipped_bit_in_a_chunk_and_one_in_an_index(whole, tmp_path):
     data = bytearray((whole / "bag_0.mcap").read_bytes())
     assert recovery.check(whole / "bag_0.mcap").sound
-    with Bag(whole) as bag:
-        span = bag._files[0][1].spans[4]
+    with contextlib.closing(BagFiles(whole)) as bag:
+        span = bag.mcap[0][1].spans[4]
     for at, damages in ((span.offset + 300, 1), (span.offset + span.length + 40, 0)):
         broken = bytearray(data)
         broken[at] ^= 4

@@ -1,0 +1,154 @@
+"""Messages of a bag as arrays: where each lies and when it was logged, cut and joined without touching them singly."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors import wire
+
+Stamps = NDArray[np.int64]
+Block = dict[str, tuple[Stamps, Any]]
+
+NEVER = 2**62  # ns, later than any stamp
+
+
+@dataclasses.dataclass(frozen=True)
+class Originals:
+    """
+    Messages as they lie in a bag, in order of their log time.
+
+    Attributes
+    ----------
+    data : ndarray of uint8
+        Bytes they are part of.
+    log_ns, offset, size : ndarray of int64, shape (n,)
+        Log time, and where each payload begins and how long it is.
+    topic : ndarray of int64, shape (n,)
+        Place of each message's topic in `Bag.topics`.
+    framed : bool
+        Each payload follows the head of its MCAP record in `data`.
+    """
+
+    data: NDArray[np.uint8]
+    log_ns: Stamps
+    offset: NDArray[np.int64]
+    size: NDArray[np.int64]
+    topic: NDArray[np.int64]
+    framed: bool
+
+
+@dataclasses.dataclass
+class Part:
+    """
+    Messages of one span of a file, selected and in time order.
+
+    Attributes
+    ----------
+    rank : (int, int)
+        Place of the span among all: number of the file, byte in it.
+    file : int
+        Number of the file.
+    data : ndarray of uint8
+        Bytes they are part of.
+    log_ns, offset, size, channel : ndarray, shape (n,)
+        Of each message: log time, ns; where its payload begins and how long it is; its channel's number in the file.
+    """
+
+    rank: tuple[int, int]
+    file: int
+    data: NDArray[np.uint8]
+    log_ns: Stamps
+    offset: NDArray[np.int64]
+    size: NDArray[np.int64]
+    channel: NDArray[np.uint16]
+
+    def split(self, mark: int) -> tuple[Part, Part]:
+        """Messages before and from a time on."""
+        cut = int(np.searchsorted(self.log_ns, mark))
+        return self.at(slice(0, cut)), self.at(slice(cut, None))
+
+    def at(self, where: Any) -> Part:
+        """A selection of the messages."""
+        return Part(
+            self.rank,
+            self.file,
+            self.data,
+            self.log_ns[where],
+            self.offset[where],
+            self.size[where],
+            self.channel[where],
+        )
+
+
+def blocks_of(pieces: dict[str, list[tuple[Stamps, Any]]], block_messages: int) -> Iterator[Block]:
+    """Pieces of each topic joined and sorted, in blocks of about the size asked for that end at one time for all."""
+    joined: Block = {}
+    for name, parts in pieces.items():
+        log_ns = parts[0][0] if len(parts) == 1 else np.concatenate([part[0] for part in parts])
+        samples = parts[0][1]
+        if len(parts) > 1:
+            listed = isinstance(samples, list)
+            samples = [one for part in parts for one in part[1]] if listed else one_array([p[1] for p in parts])
+        if (log_ns[1:] < log_ns[:-1]).any():
+            order = np.argsort(log_ns, kind="stable")
+            log_ns = log_ns[order]
+            samples = [samples[k] for k in order.tolist()] if isinstance(samples, list) else samples[order]
+        joined[name] = (log_ns, samples)
+    total = sum(len(log_ns) for log_ns, _ in joined.values())
+    if total < 2 * block_messages:
+        yield {name: part for name, part in joined.items() if len(part[0])}
+        return
+    # A chunk larger than a block: cut all topics at the same times.
+    times = np.sort(np.concatenate([log_ns for log_ns, _ in joined.values()]))
+    marks = np.unique(times[block_messages::block_messages])
+    done = dict.fromkeys(joined, 0)
+    for mark in [*marks.tolist(), NEVER]:
+        block: Block = {}
+        for name, (log_ns, samples) in joined.items():
+            cut = int(np.searchsorted(log_ns, mark))
+            if cut > done[name]:
+                block[name] = (log_ns[done[name] : cut], samples[done[name] : cut])
+                done[name] = cut
+        if block:
+            yield block
+
+
+def merged(parts: list[tuple[Stamps, wire.Samples]]) -> tuple[Stamps, wire.Samples]:
+    """(log_ns, samples) of one type put together, in order of their log time."""
+    if len(parts) == 1:
+        return parts[0]
+    log_ns = np.concatenate([part[0] for part in parts])
+    order = np.argsort(log_ns, kind="stable")
+    return log_ns[order], one_array([part[1] for part in parts])[order]
+
+
+def one_array(parts: list[wire.Samples]) -> wire.Samples:
+    """Samples of one type one after another; as bytes, because numpy joins records field by field."""
+    joined: NDArray[np.uint8] = np.concatenate([part.view(np.uint8) for part in parts])
+    return joined.view(parts[0].dtype)
+
+
+def rows_at(data: NDArray[np.uint8], offset: NDArray[np.int64], size: int) -> NDArray[np.uint8]:
+    """Messages of one size as rows, shape (n, size): a view where they lie at even distances, else a copy."""
+    if len(offset) > 1:
+        steps = offset[1:] - offset[:-1]
+        if steps[0] > 0 and (steps == steps[0]).all():
+            first = int(offset[0])
+            return np.lib.stride_tricks.as_strided(
+                data[first:], (len(offset), size), (int(steps[0]), 1), writeable=False
+            )
+    return np.lib.stride_tricks.sliding_window_view(data, size)[offset]
+
+
+def part_of(rows: list[tuple[int, int, bytes]]) -> Part:
+    """(log_ns, channel, bytes) of single messages as a part."""
+    log_ns = np.array([row[0] for row in rows], dtype=np.int64)
+    size = np.array([len(row[2]) for row in rows], dtype=np.int64)
+    channel = np.array([row[1] for row in rows], dtype=np.uint16)
+    data = np.frombuffer(b"".join(row[2] for row in rows), dtype=np.uint8)
+    return Part((0, 0), 0, data, log_ns, np.cumsum(size) - size, size, channel)

@@ -1,0 +1,205 @@
+"""
+Messages to samples: as rows of numbers where their layout is fixed, one by one through `rosbags` where it is not.
+
+Whatever cannot be decoded is counted, told and left out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import zstandard
+
+from mwd_sensors import burst, wire
+from mwd_surface.bags.bag_files import BagError, TopicInfo
+from mwd_surface.bags.definitions import DefinitionError, Definitions
+from mwd_surface.bags.message_parts import Part, Stamps, merged, rows_at
+
+Fields = Mapping[str, tuple[str, ...]]
+
+_MAX_MESSAGE_BYTES = 64 * 1024 * 1024
+
+
+class SampleDecoder:
+    """
+    Decodes messages of the topics of one bag.
+
+    Parameters
+    ----------
+    topics : dict of str to TopicInfo
+    message_compression : bool
+        Each message is compressed by itself.
+    tell : callable
+        Handed a sentence on whatever cannot be decoded.
+
+    Attributes
+    ----------
+    damaged : int
+        Messages left out so far.
+    """
+
+    def __init__(self, topics: Mapping[str, TopicInfo], message_compression: bool, tell: Callable[[str], None]) -> None:
+        self.damaged = 0
+        self._topics, self._message_compression, self._tell = topics, message_compression, tell
+        self._definitions: Definitions | None = None
+
+    def decode(self, topic: str, data: bytes) -> Any:
+        """
+        A message as an object with the fields of its type.
+
+        Raises
+        ------
+        BagError
+            The type is unknown here and in the bag, or the bytes are not of it.
+        """
+        about = self._topics[topic]
+        try:
+            store = self._knowing(about).typestore
+            return store.deserialize_cdr(data, about.type_name)
+        except DefinitionError as error:
+            raise BagError(f"{topic} cannot be decoded: {error}") from error
+        except Exception as error:
+            # Bytes that lie can fail in any way inside a decoder.
+            raise BagError(f"a message of {topic} is not a {about.type_name}: {error!r}") from error
+
+    def samples(
+        self, part: Part, names: Mapping[int, str], fields: Fields, wanted: set[str] | None = None
+    ) -> Iterator[tuple[str, Stamps, Any]]:
+        """
+        (topic, log_ns, samples) of a part; messages that are not of their type are counted and left out.
+
+        names: topic of each channel number of the part. fields: by type name, those to read; other types whole.
+        wanted: topics; by default all.
+        """
+        numbers = np.unique(part.channel)
+        for number in numbers.tolist():
+            name = names[number]
+            if wanted is not None and name not in wanted:
+                continue
+            mine = part if len(numbers) == 1 else part.at(part.channel == number)
+            if self._topics[name].type_name == burst.TYPE_NAME:
+                yield name, *self._from_bursts(name, mine, fields.get(wire.IMU.type_name))
+                continue
+            layout = wire.LAYOUTS.get(self._topics[name].type_name)
+            some = fields.get(self._topics[name].type_name)
+            if self._message_compression or layout is None or self._topics[name].serialization != "cdr":
+                listed = [mine.data[a : a + n].tobytes() for a, n in zip(mine.offset, mine.size, strict=True)]
+                yield name, *self._from_list(name, layout, mine.log_ns, listed, some)
+                continue
+            if (mine.size == mine.size[0]).all():
+                yield name, *self._from_rows(name, layout, mine, some)
+                continue
+            kinds = [mine.at(mine.size == size) for size in np.unique(mine.size)]
+            yield name, *merged([self._from_rows(name, layout, kind, some) for kind in kinds])
+
+    def _from_rows(
+        self, name: str, layout: wire.Layout, part: Part, some: tuple[str, ...] | None
+    ) -> tuple[Stamps, wire.Samples]:
+        """Samples of messages of one size."""
+        size = int(part.size[0])
+        rows = rows_at(part.data, part.offset, size)
+        try:
+            return part.log_ns, layout.decode(rows, some)
+        except wire.WireError as error:
+            frames = rows[:, 12:16].copy().view("<u4")[:, 0] if size >= 16 else np.zeros(len(rows), dtype="<u4")
+            kinds = np.unique(frames)
+            if 1 < len(kinds) <= 16:
+                # Frame names of other lengths can hide in messages of one size, behind the padding.
+                return merged([self._from_rows(name, layout, part.at(frames == kind), some) for kind in kinds])
+            self._tell(f"{name}: some messages are not in the fixed layout ({error}); read through rosbags")
+        listed = [part.data[a : a + size].tobytes() for a in part.offset]
+        log_ns, samples = self._from_list(name, layout, part.log_ns, listed, some)
+        return log_ns, samples
+
+    def _from_bursts(self, name: str, part: Part, some: tuple[str, ...] | None) -> tuple[Stamps, wire.Samples]:
+        """The samples that bursts carry, each with the log time of its burst."""
+        listed = [part.data[a : a + n].tobytes() for a, n in zip(part.offset, part.size, strict=True)]
+        log_ns, listed = self._from_list(name, None, part.log_ns, listed, some)
+        parts, counts = [wire.IMU.empty(0)], []
+        for data in listed:
+            try:
+                parts.append(burst.decode(data))
+                counts.append(len(parts[-1]))
+            except wire.WireError as error:
+                counts.append(0)
+                self.damaged += 1
+                self._tell(f"{name}: a message cannot be decoded and is left out: {error}")
+        return np.repeat(log_ns, counts), _with_fields(np.concatenate(parts), wire.IMU, some)
+
+    def _from_list(
+        self,
+        name: str,
+        layout: wire.Layout | None,
+        log_ns: Stamps,
+        listed: list[bytes],
+        some: tuple[str, ...] | None,
+    ) -> tuple[Stamps, Any]:
+        if self._message_compression:
+            unzipped = [self.unzipped(data) for data in listed]
+            keep = np.array([data is not None for data in unzipped], dtype=np.bool_)
+            log_ns, listed = log_ns[keep], [data for data in unzipped if data is not None]
+        if layout is None or self._topics[name].serialization != "cdr":
+            return log_ns, listed
+        samples, keep = layout.empty(len(listed)), np.ones(len(listed), dtype=np.bool_)
+        for k, data in enumerate(listed):
+            try:
+                samples[k] = self._one_sample(name, layout, data)
+            except (BagError, ValueError, AttributeError) as error:
+                keep[k] = False
+                self.damaged += 1
+                self._tell(f"{name}: a message cannot be decoded and is left out: {error}")
+        return log_ns[keep], _with_fields(samples[keep], layout, some)
+
+    def _one_sample(self, name: str, layout: wire.Layout, data: bytes) -> np.void:
+        try:
+            return layout.decode(data)[0]  # type: ignore[no-any-return]
+        except wire.WireError:
+            message = self.decode(name, data)
+        sample = layout.empty(1)
+        stamp = message.header.stamp
+        sample["stamp_ns"] = stamp.sec * wire.NANOSECONDS + stamp.nanosec
+        for field, _, _ in layout.fields:
+            sample[field] = _plain_value(getattr(message, field))
+        return sample[0]  # type: ignore[no-any-return]
+
+    def unzipped(self, data: bytes) -> bytes | None:
+        """A message that was compressed by itself; None where it is damaged, which is counted and told."""
+        reason = f"it claims more than {_MAX_MESSAGE_BYTES} bytes"
+        try:
+            if zstandard.frame_content_size(data) <= _MAX_MESSAGE_BYTES:
+                return zstandard.ZstdDecompressor().decompress(data, max_output_size=_MAX_MESSAGE_BYTES)
+        except (zstandard.ZstdError, MemoryError) as error:
+            reason = str(error)
+        self.damaged += 1
+        self._tell(f"a compressed message is damaged and left out: {reason}")
+        return None
+
+    def _knowing(self, about: TopicInfo) -> Definitions:
+        if self._definitions is None:
+            self._definitions = Definitions()
+        if about.type_name not in self._definitions.typestore.fielddefs:
+            if about.schema and about.schema_encoding in ("ros2msg", "msg"):
+                self._definitions.learn(about.type_name, about.schema)
+            else:
+                self._definitions.load(about.type_name)
+        return self._definitions
+
+
+def _with_fields(samples: wire.Samples, layout: wire.Layout, some: tuple[str, ...] | None) -> wire.Samples:
+    """Samples with some of their fields only; None: with all."""
+    if some is None:
+        return samples
+    chosen = np.empty(len(samples), dtype=layout.dtype_of(some))
+    for field in chosen.dtype.names or ():
+        chosen[field] = samples[field]
+    return chosen
+
+
+def _plain_value(value: Any) -> Any:
+    # A vector or quaternion is a message of its own in ROS, and a row of numbers in a layout.
+    if hasattr(value, "__msgtype__"):
+        return [getattr(value, field.name) for field in dataclasses.fields(value) if not field.name.startswith("_")]
+    return value
