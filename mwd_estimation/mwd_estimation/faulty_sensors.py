@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from mwd_estimation import gravity, gravity_raw
+from mwd_estimation.health_evidence import ACCEL, GYRO, MAG
+from mwd_estimation.health_words import Finding
 from mwd_estimation.quality import REJECT
-from mwd_estimation.sensor_health import ACCEL, GYRO, MAG, Finding
 from mwd_estimation.status import Status
 from mwd_estimation.survey import Survey
 from mwd_estimation.track import Array, Stamps, Track
@@ -52,7 +53,7 @@ class GuardedGravity:
         """
         Gravity of samples during which the same sensors are unusable.
 
-        bits : of `sensor_health`; followed : gravity found otherwise, used where all sensors are well.
+        bits : of `health_evidence`; followed : gravity found otherwise, used where all sensors are well.
         """
         unusable, before = bits & (GYRO | ACCEL), self._bits
         self._bits = unusable

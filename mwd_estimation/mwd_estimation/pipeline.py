@@ -41,6 +41,8 @@ from mwd_estimation.faulty_sensors import AZIMUTH, GuardedGravity, Record, mark,
 from mwd_estimation.gravity_s3 import MahonyParams
 from mwd_estimation.gravity_s3 import Params as S3Params
 from mwd_estimation.gyro_station import GyroSettings, GyroStation
+from mwd_estimation.health_evidence import MAG
+from mwd_estimation.health_words import Finding
 from mwd_estimation.multistation import MSA, Multistation
 from mwd_estimation.north_run import NorthRun
 from mwd_estimation.north_run import Params as NorthParams
@@ -134,7 +136,7 @@ class Output:
     dynamics: Samples
     surveys: list[Survey] = dataclasses.field(default_factory=list)
     refusals: list[Refusal] = dataclasses.field(default_factory=list)
-    health: list[sensor_health.Finding] = dataclasses.field(default_factory=list)
+    health: list[Finding] = dataclasses.field(default_factory=list)
     north: list[Solution] = dataclasses.field(default_factory=list)
     rotary: list[Survey | Refusal] = dataclasses.field(default_factory=list)
 
@@ -293,7 +295,7 @@ class Pipeline:
         sensor_health.set_reference(self._health, *known)
 
     @property
-    def sensor_faults(self) -> list[sensor_health.Finding]:
+    def sensor_faults(self) -> list[Finding]:
         """Faults of the sensors that stand now."""
         return sensor_health.findings(self._health)
 
@@ -486,7 +488,7 @@ class Pipeline:
                 if self._reading is not readings[-1][1]:
                     readings.append((place, self._reading))
         gyro = without_faulty(self._unusable, gyro)
-        if self._unusable & sensor_health.MAG:
+        if self._unusable & MAG:
             self._attitude.leave_out_mag(stamps)
         output.interference, rejected = self._attitude.follow(
             Block(stamps, gyro, accel, track),
@@ -524,7 +526,12 @@ class Pipeline:
     def _attitude_stream(self) -> AttitudeStream:
         settings, gyro = self.settings, self.settings.gyro
         fine = continuous_azimuth.Precision(
-            gyro.noise_deg_rth or _FINE_NOISE, gyro.bias_deg_h, gyro.walk_deg_h_rth, gyro.range_dps
+            gyro.noise_deg_rth or _FINE_NOISE,
+            gyro.bias_deg_h,
+            gyro.walk_deg_h_rth,
+            gyro.range_dps,
+            gyro.leak_urad,
+            gyro.g_sensitivity_deg_h_g,
         )
         return AttitudeStream(
             settings.azimuth,

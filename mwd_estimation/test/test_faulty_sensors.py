@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mwd_estimation.health_evidence import ACCEL, GYRO, MAG
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline, ReferenceSettings
-from mwd_estimation.sensor_health import ACCEL, GYRO, MAG
 from mwd_estimation.status import Status
 from mwd_sensors import scenario
 from mwd_sensors.sonde import Sonde

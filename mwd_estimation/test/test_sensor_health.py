@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mwd_estimation import health_evidence as evidence
 from mwd_estimation import sensor_health as health
 from mwd_sensors import scenario
 from mwd_sensors.sonde import Sonde
@@ -153,7 +154,7 @@ def test_a_fault_while_drilling_is_named_within_ten_seconds_and_nothing_else_is(
     sensor, spoil, kind, axis = FAULTS[name]
     run = spoilt(sent(hole(name), 26.0), sensor, spoil, START_S)
     _, unusable, changes = judged(run)
-    bit = {GYRO: health.GYRO, ACCEL: health.ACCEL, MAG: health.MAG}[sensor]
+    bit = {GYRO: evidence.GYRO, ACCEL: evidence.ACCEL, MAG: evidence.MAG}[sensor]
     found = np.flatnonzero(unusable & bit)
     assert START_S < run.time[found[0]] <= START_S + 10.0
     assert np.all(unusable[run.time < START_S] == 0)
@@ -173,7 +174,7 @@ def test_a_fault_from_the_start_is_named_within_ten_seconds_of_turning_at_the_la
     sensor, spoil, kind, _ = FAULTS[name]
     run = spoilt(sent(hole(name), 26.0, 9.0), sensor, spoil, 0.0)
     state, unusable, changes = judged(run)
-    bit = {GYRO: health.GYRO, ACCEL: health.ACCEL, MAG: health.MAG}[sensor]
+    bit = {GYRO: evidence.GYRO, ACCEL: evidence.ACCEL, MAG: evidence.MAG}[sensor]
     # The string needs two seconds to speed up.
     assert run.time[np.flatnonzero(unusable & bit)[0]] <= 9.0 + 2.0 + 10.0
     assert any(kind in change.kind and sensor in change.sensor for change in changes)
@@ -241,7 +242,7 @@ def test_at_rest_a_sensor_that_was_lively_and_now_repeats_is_named_also_a_slow_m
     clean = dataclasses.replace(clean, mag_ns=clean.mag_ns[::10], mag=clean.mag[::10])
     for axes in ([1], [0, 1, 2]):
         _, unusable, changes = judged(spoilt(clean, sensor, held(axes), START_S))
-        bit = {GYRO: health.GYRO, ACCEL: health.ACCEL, MAG: health.MAG}[sensor]
+        bit = {GYRO: evidence.GYRO, ACCEL: evidence.ACCEL, MAG: evidence.MAG}[sensor]
         assert START_S < clean.time[np.argmax(unusable & bit > 0)] < START_S + 5.0
         assert changes[0].kind in ("stuck", "dead")
         assert all(one.sensor == sensor for one in changes)
@@ -257,7 +258,7 @@ def test_a_fault_clears_when_it_has_gone_and_says_when():
     assert changes[0].cleared_ns == 0
     assert 12.0 < (changes[1].cleared_ns - clean.stamps[0]) * 1e-9 < 15.0
     assert unusable[-1] == 0
-    assert unusable[np.searchsorted(clean.time, 11.0)] == health.ACCEL
+    assert unusable[np.searchsorted(clean.time, 11.0)] == evidence.ACCEL
 
 
 def test_an_absent_magnetometer_is_named_and_one_that_falls_silent_too():

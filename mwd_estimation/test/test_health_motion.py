@@ -1,0 +1,104 @@
+"""What three seconds of motion show of units, axes and signs."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mwd_estimation import axis_consistency as axes
+from mwd_estimation import health_evidence as ev
+from mwd_estimation import health_motion as motion
+from mwd_sensors.frames import mat_nt
+
+REFERENCE = np.array([9.81, 50e-6, math.radians(65.0)])
+FIELD_N = 50e-6 * np.array([math.cos(math.radians(65.0)), 0.0, math.sin(math.radians(65.0))])
+SECONDS, RATE = 3.0, 100
+
+
+def noted(gyro=None, accel=None, mag=None, reference=REFERENCE, spoilt=(0, 0, 0), turning=True):
+    """Notes of a window of a tool that turns about its axis and wobbles, each sensor mapped by a matrix."""
+    sums, lengths = np.zeros(axes.SIZE), np.zeros((2, 50))
+    checks, notes, _, _ = ev.blank()
+    axes.begin(sums)
+    n = round(SECONDS * RATE)
+    toolface = 8.0 * np.arange(n) / RATE if turning else np.zeros(n)
+    inclination = math.radians(40.0) + (math.radians(8.0) * np.sin(6.0 * np.arange(n) / RATE) if turning else 0.0)
+    mats = mat_nt(inclination, np.full(n, 0.7), toolface)
+    rng = np.random.default_rng(4)
+    for k in range(n):
+        step = mats[k].T @ mats[min(k + 1, n - 1)]
+        rate = 0.5 * RATE * np.array([step[2, 1] - step[1, 2], step[0, 2] - step[2, 0], step[1, 0] - step[0, 1]])
+        force = mats[k].T @ np.array([0.0, 0.0, -9.81]) + 0.05 * rng.standard_normal(3)
+        field = mats[k].T @ FIELD_N + 5e-8 * rng.standard_normal(3)
+        rate, force, field = (
+            np.asarray(one) @ value if one is not None else value
+            for one, value in ((gyro, rate), (accel, force), (mag, field))
+        )
+        axes.add_force(sums, *force)
+        axes.add_field(sums, *field)
+        axes.add_rate(sums, 1.0 / RATE, *rate)
+        axes.carry(sums)
+        if k == n // 2:
+            axes.halve(sums)
+    motion.judge(np.asarray(reference), sums, lengths, np.array(spoilt), checks, notes, 7_000_000_000, SECONDS)
+    return notes
+
+
+def faults(notes):
+    return set(np.flatnonzero(notes[:, ev.SEEN] == ev.FOR))
+
+
+def mapping(k):
+    return next(n for n, m in enumerate(axes.MAPPINGS) if np.array_equal(m, k))
+
+
+def test_a_sound_tool_in_motion_speaks_against_every_fault():
+    notes = noted()
+    assert faults(notes) == set()
+    against = set(np.flatnonzero(notes[:, ev.SEEN] == ev.AGAINST))
+    assert against >= {ev.UNIT, ev.AXES, ev.SIGN, ev.FRAME, ev.MISMATCH}
+    assert notes[ev.UNIT + 1, ev.SEEN] == notes[ev.UNIT + 2, ev.SEEN] == ev.AGAINST
+
+
+def test_at_rest_the_axes_are_not_to_be_seen():
+    notes = noted(turning=False, reference=[9.81, math.nan, math.nan])
+    assert faults(notes) == set()
+    assert notes[ev.AXES, ev.SEEN] == notes[ev.UNIT, ev.SEEN] == ev.NOTHING
+
+
+@pytest.mark.parametrize(
+    ("sensor", "factor", "detail"),
+    [
+        ("gyro", math.degrees(1.0), 1), ("accel", 1 / 9.80665, 1), ("accel", 101.97, 2), ("mag", 1e3, 1),
+        ("mag", 1e4, 2), ("mag", 1e6, 3), ("mag", 1e7, 4), ("mag", 1e9, 5),
+    ],
+)  # fmt: skip
+def test_another_unit_is_named_by_the_length(sensor, factor, detail):
+    notes = noted(**{sensor: factor * np.eye(3)})
+    k = ev.UNIT + ("gyro", "accel", "mag").index(sensor)
+    assert faults(notes) == {k}
+    assert notes[k, 2] == detail
+    assert notes[k, ev.BEGAN] == 4_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("sensor", "matrix"),
+    [("gyro", np.diag([-1, 1, 1])), ("gyro", np.eye(3)[[1, 0, 2]])]
+    + [(sensor, m) for sensor in ("accel", "mag") for m in (np.diag([1, -1, 1]), np.eye(3)[[1, 0, 2]])],
+)
+def test_wrong_axes_of_one_sensor_are_among_what_is_noted(sensor, matrix):
+    notes = noted(**{sensor: matrix})
+    assert faults(notes) == {ev.AXES}
+    s = ("gyro", "accel", "mag").index(sensor)
+    assert int(notes[ev.AXES, 2 + s]) >> mapping(matrix) & 1
+
+
+def test_a_reversed_magnetometer_shows_in_the_dip_only():
+    assert faults(noted(mag=-np.eye(3))) == {ev.SIGN}
+    assert faults(noted(mag=-np.eye(3), reference=[9.81, math.nan, math.nan])) == set()
+    assert noted(accel=-np.eye(3), reference=[9.81, math.nan, math.nan])[ev.SIGN, 2] == ev.ACCEL
+
+
+def test_spoilt_windows_judge_no_axes():
+    assert ev.AXES in faults(noted(accel=np.diag([1, -1, 1])))
+    assert ev.AXES not in faults(noted(accel=np.diag([1, -1, 1]), spoilt=(1, 0, 0)))

@@ -1,0 +1,96 @@
+"""What half a second of samples shows of a sensor by itself."""
+
+import math
+
+import numpy as np
+
+from mwd_estimation import health_evidence as ev
+from mwd_estimation import health_samples as samples
+
+LIMITS = np.array([math.radians(2000.0), 16.0 * 9.80665, 800e-6])
+N = 50
+
+
+class Tool:
+    """Nine channels, half second by half second."""
+
+    def __init__(self):
+        self.channels, self.counts = samples.blank()
+        self.notes = ev.blank()[1]
+        self.rng = np.random.default_rng(1)
+        self.bins = 0
+
+    def half_second(self, change=None, n=N, mag=True, expects_mag=True):
+        """Notes of a bin of a tool that turns and shakes, its values changed by `change`."""
+        self.notes[:, ev.SEEN] = ev.NOTHING
+        means, spreads = np.repeat([0.5, 5.0, 3e-5], 3), np.repeat([0.2, 2.0, 1e-6], 3)
+        values = means + spreads * self.rng.standard_normal((n, 9))
+        if change is not None:
+            change(values)
+        for row in values:
+            for c in range(9 if mag else 6):
+                samples.count(self.channels, c, row[c], LIMITS[c // 3])
+        self.counts[samples.IMU] = n
+        samples.close_bin(self.bins * samples.BIN_NS, self.channels, self.counts, self.notes, LIMITS, 0.01, expects_mag)
+        self.bins += 1
+        return {k: self.notes[k].copy() for k in np.flatnonzero(self.notes[:, ev.SEEN] == ev.FOR)}
+
+
+def test_a_healthy_tool_shows_nothing():
+    tool = Tool()
+    assert all(tool.half_second() == {} for _ in range(8))
+    assert tool.notes[ev.INVALID, ev.SEEN] == ev.AGAINST
+
+
+def test_an_axis_that_keeps_one_value_is_noted_after_two_seconds_with_when_it_began():
+    tool = Tool()
+    tool.half_second()
+    found = [tool.half_second(lambda v: v.__setitem__((slice(None), 4), 5.0)) for _ in range(6)]
+    # The first of them still held the change to that value.
+    assert [set(one) for one in found] == [set()] * 4 + [{ev.STUCK + 4}] * 2
+    assert found[4][ev.STUCK + 4][ev.BEGAN] == 2 * samples.BIN_NS
+
+
+def test_a_sensor_that_repeats_itself_is_dead_after_three_seconds_while_others_move():
+    tool = Tool()
+    found = [tool.half_second(lambda v: v.__setitem__((slice(None), slice(0, 3)), 0.0)) for _ in range(7)]
+    assert [set(one) for one in found] == [set()] * 6 + [{ev.DEAD}]
+    assert found[6][ev.DEAD][2] == 1
+
+
+def test_the_end_of_the_range_is_noted_and_what_lies_far_beyond_is_another_unit():
+    tool = Tool()
+    found = tool.half_second(lambda v: v.__setitem__((slice(0, 20), 3), LIMITS[1]))
+    assert set(found) == {ev.SATURATED + 3}
+    assert found[ev.SATURATED + 3][2] == ev.OFTEN
+    for _ in range(4):
+        found = tool.half_second(lambda v: v.__setitem__((slice(None), 3), -LIMITS[1]))
+    assert found[ev.SATURATED + 3][2] == ev.ALWAYS
+    assert ev.SATURATED + 3 not in tool.half_second(lambda v: v.__setitem__((slice(None), 3), 3.0 * LIMITS[1]))
+
+
+def test_values_that_are_no_numbers_are_noted_by_axis():
+    found = Tool().half_second(lambda v: v.__setitem__((slice(None), slice(7, 9)), math.nan))
+    assert set(found) == {ev.INVALID + 2}
+    assert found[ev.INVALID + 2][2] == 0b110
+
+
+def test_a_silent_magnetometer_is_noted_sooner_where_it_has_been_heard():
+    tool = Tool()
+    tool.half_second()
+    found = [tool.half_second(mag=False) for _ in range(4)]
+    assert [set(one) for one in found] == [set()] * 3 + [{ev.ABSENT}]
+    never = Tool()
+    assert [bool(never.half_second(mag=False)) for _ in range(10)] == [False] * 9 + [True]
+    none = Tool()
+    assert not any(none.half_second(mag=False, expects_mag=False) for _ in range(12))
+
+
+def test_a_changed_pace_and_values_sent_twice_are_noted():
+    tool = Tool()
+    tool.counts[samples.STEPS], tool.counts[samples.LONG] = N, 40
+    tool.counts[samples.HOLDS] = 25
+    found = tool.half_second()
+    assert set(found) == {ev.RATE, ev.HELD}
+    assert found[ev.RATE][2] == 1
+    assert found[ev.HELD][2] == 50
