@@ -225,7 +225,7 @@ def test_the_dial_follows_within_200_ms_of_the_message(browser):
 
 def test_a_wanted_toolface_is_a_sector_with_a_word_for_inside_and_outside(browser):
     with rig_on(browser) as rig:
-        rig.state.on_advisory(math.radians(120.0), math.radians(15.0), time.monotonic())
+        rig.state.on_advisory(math.radians(120.0), math.radians(15.0))
         rig.live(toolface_deg=127.0)
         wait(browser, lambda: "INSIDE" in text(browser, ".dial-note"))
         assert "wanted 120° ± 15°" in text(browser, "#dial-legend")

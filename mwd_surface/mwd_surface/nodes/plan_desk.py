@@ -74,7 +74,7 @@ class PlanDesk:
     def show_advice(self, asked: AdvisorySettings) -> None:
         """Bring the wanted toolface to the page."""
         wanted = math.radians(asked.toolface_deg) if asked.toolface_deg >= 0.0 else None
-        self._live.on_advisory(wanted, math.radians(asked.limit_deg), time.monotonic())
+        self._live.on_advisory(wanted, math.radians(asked.limit_deg))
 
     def show_plan(self) -> None:
         """Bring the plan to the page."""

@@ -40,7 +40,8 @@ from mwd_surface.nodes.survey_desk import SurveyDesk
 from mwd_surface.nodes.threads import Answer, Beside, Requests
 from mwd_surface.page.alarms import Severity
 from mwd_surface.page.foxglove_server import FoxgloveError, FoxgloveSettings
-from mwd_surface.page.live_state import LiveSettings, LiveState
+from mwd_surface.page.live_settings import LiveSettings
+from mwd_surface.page.live_state import LiveState
 from mwd_surface.page.page_server import PageSettings
 from mwd_surface.rig.rig_interface import InterfaceError
 from mwd_surface.rig.rig_port import RigSettings
