@@ -13,7 +13,6 @@ into `_judge`, and sees the gravity of the whole block there; work that needs at
 from __future__ import annotations
 
 import dataclasses
-import datetime
 import itertools
 import math
 
@@ -21,103 +20,52 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation import (
-    attitude_track,
     continuous_azimuth,
     dynamics_summary,
-    fusion,
     gravity,
-    gravity_bounded,
-    gravity_kalman,
-    gravity_raw,
     sensor_health,
     survey,
-    tool_field,
 )
-from mwd_estimation.attitude_stream import AttitudeStream, Block, Lesson, Mark, Reading
-from mwd_estimation.attitude_track import FieldModel
+from mwd_estimation.attitude_stream import AttitudeStream, Block, Mark
 from mwd_estimation.binning import Bin, Binner
 from mwd_estimation.clocks import Clocks
+from mwd_estimation.estimator_settings import EstimatorSettings, ReferenceSettings, latitude_of, reference_of
 from mwd_estimation.faulty_sensors import AZIMUTH, GuardedGravity, Record, mark, misleads, without_faulty
-from mwd_estimation.gravity_s3 import MahonyParams
-from mwd_estimation.gravity_s3 import Params as S3Params
-from mwd_estimation.gyro_station import GyroSettings, GyroStation
+from mwd_estimation.field_reading import NORTH_CODES, FieldReader
+from mwd_estimation.gyro_station import GyroStation
 from mwd_estimation.health_evidence import MAG
 from mwd_estimation.health_words import Finding
-from mwd_estimation.multistation import MSA, Multistation
 from mwd_estimation.north_run import NorthRun
-from mwd_estimation.north_run import Params as NorthParams
 from mwd_estimation.north_run import Progress as NorthProgress
 from mwd_estimation.north_seek import Solution
-from mwd_estimation.quality import ACCEPT
-from mwd_estimation.reference import Reference, best_north, from_field, north_correction
-from mwd_estimation.rotary_survey import Params as RotaryParams
+from mwd_estimation.reference import Reference
 from mwd_estimation.rotary_survey import Progress as RotaryProgress
 from mwd_estimation.rotary_survey import RotarySurvey
-from mwd_estimation.station import StationSettings
-from mwd_estimation.station_run import Params as RunParams
 from mwd_estimation.station_run import StationRun
 from mwd_estimation.still_survey import BIN_NS, BinSet, Refusal, StillAverage, StillSurvey
-from mwd_estimation.still_survey import Params as StillParams
 from mwd_estimation.survey import GYRO, Survey
 from mwd_estimation.track import Track
 from mwd_estimation.track import samples as arrays_of
-from mwd_sensors import earth, wire
+from mwd_sensors import wire
 from mwd_sensors.compiled import compiled
-from mwd_sensors.settings import setting
+
+# Who runs the estimator finds here all that goes with it.
+__all__ = [
+    "NORTH_CODES",
+    "Counters",
+    "EstimatorSettings",
+    "Output",
+    "Pipeline",
+    "ReferenceSettings",
+    "latitude_of",
+    "reference_of",
+]
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 Samples = wire.Samples
 
-NORTH_CODES = {"unknown": 0, "magnetic": 1, "true": 2, "grid": 3}
 _FINE_NOISE = 0.05  # deg/sqrt(h), of a precision unit whose noise nobody has said
-
-
-@dataclasses.dataclass(frozen=True)
-class ReferenceSettings:
-    """Where the reference field comes from."""
-
-    source: str = setting(
-        "none",
-        "none: azimuth stays magnetic and uncorrected; model: by place and date; fixed: the figures below",
-        choices=("none", "model", "fixed"),
-    )
-    model: str = setting("wmm2025", "Geomagnetic model", choices=earth.MODELS)
-    lat_deg: float = setting(0.0, "Latitude, WGS 84, north positive", unit="deg", low=-90.0, high=90.0)
-    lon_deg: float = setting(0.0, "Longitude, WGS 84, east positive", unit="deg", low=-180.0, high=360.0)
-    height_m: float = setting(0.0, "Height above the ellipsoid", unit="m", low=-12000.0, high=9000.0)
-    grid: str = setting("none", "Map grid of the well, for grid north by the model's place", choices=("none", "utm"))
-    date: str = setting("", "Day of the model, YYYY-MM-DD; empty: the day of the first sample")
-    total_nt: float = setting(50000.0, "Strength of the fixed field", unit="nT", low=15000.0, high=75000.0)
-    dip_deg: float = setting(60.0, "Dip of the fixed field, below the horizontal", unit="deg", low=-90.0, high=90.0)
-    declination_deg: float = setting(0.0, "Magnetic from true north, east positive", unit="deg", low=-180.0, high=180.0)
-    convergence_deg: float = setting(0.0, "Grid from true north, east positive", unit="deg", low=-180.0, high=180.0)
-    gravity_mps2: float = setting(9.80665, "Local gravity", unit="m/s^2", low=9.76, high=9.84)
-
-
-@dataclasses.dataclass(frozen=True)
-class EstimatorSettings:
-    """Everything that can be set about the estimator."""
-
-    method: str = setting(gravity.DEFAULT, "Gravity extraction", choices=tuple(gravity.METHODS))
-    reference: ReferenceSettings = setting(ReferenceSettings, "Reference field")
-    azimuth: attitude_track.Params = setting(attitude_track.Params, "Magnetic azimuth and toolfaces of each sample")
-    interference: tool_field.Params = setting(tool_field.Params, "The tool's own field, sample by sample")
-    carried: continuous_azimuth.Params = setting(continuous_azimuth.Params, "Azimuth carried on by the gyros")
-    dynamics: dynamics_summary.Params = setting(dynamics_summary.Params, "Drilling dynamics")
-    health: sensor_health.Params = setting(sensor_health.Params, "Health of the sensors")
-    survey: StillParams = setting(StillParams, "Surveys in still intervals")
-    station: StationSettings = setting(StationSettings, "Working out a station")
-    gyro: GyroSettings = setting(GyroSettings, "Gyro azimuth of a station")
-    multistation: RunParams = setting(RunParams, "The stations of a run together")
-    north: NorthParams = setting(NorthParams, "North sought on request")
-    rotary: RotaryParams = setting(RotaryParams, "Surveys while the string turns")
-    fusion: fusion.Settings = setting(fusion.Settings, "Weighing the azimuths of a station")
-    bounded: gravity_bounded.Params = setting(gravity_bounded.Params, "Method bounded")
-    s3: S3Params = setting(S3Params, "Method s3")
-    mahony: MahonyParams = setting(MahonyParams, "Method mahony")
-    kalman: gravity_kalman.Params = setting(gravity_kalman.Params, "Method kalman")
-    raw: gravity_raw.Params = setting(gravity_raw.Params, "Method raw")
 
 
 @dataclasses.dataclass
@@ -172,52 +120,6 @@ class Counters:
     set_back: int = 0
 
 
-def reference_of(settings: ReferenceSettings, first_ns: int) -> Reference | None:
-    """
-    Reference by the settings; None for "none".
-
-    first_ns: stamp whose day counts where no date is set.
-
-    Raises
-    ------
-    ValueError
-        The date is no date, or outside the model's years.
-    """
-    if settings.source == "none":
-        return None
-    if settings.source == "fixed":
-        return Reference(
-            total=settings.total_nt * 1e-9,
-            dip=math.radians(settings.dip_deg),
-            declination=math.radians(settings.declination_deg),
-            convergence=math.radians(settings.convergence_deg),
-            gravity=settings.gravity_mps2,
-            source="configured",
-        )
-    if settings.date:
-        try:
-            day = datetime.date.fromisoformat(settings.date)
-        except ValueError as error:
-            raise ValueError(f"reference.date: {settings.date!r} is not a day as YYYY-MM-DD") from error
-    else:
-        day = datetime.datetime.fromtimestamp(first_ns * 1e-9, tz=datetime.UTC).date()
-    reference = from_field(
-        earth.reference_field(
-            math.radians(settings.lat_deg), math.radians(settings.lon_deg), settings.height_m, day, settings.model
-        )
-    )
-    # A place says where true north is; which grid the well's maps use, somebody has to say.
-    return reference if settings.grid == "utm" else dataclasses.replace(reference, convergence=None)
-
-
-def latitude_of(settings: EstimatorSettings) -> float | None:
-    """Latitude for the gyros, deg north; None where nobody has said."""
-    if settings.gyro.latitude_source == "fixed":
-        return settings.gyro.latitude_deg
-    by_place = settings.gyro.latitude_source == "reference" and settings.reference.source == "model"
-    return settings.reference.lat_deg if by_place else None
-
-
 class Pipeline:
     """
     The estimator of one well.
@@ -267,7 +169,6 @@ class Pipeline:
         self._gyro = GyroStation(settings.gyro, None, None)
         self._run = StationRun(settings.multistation)
         self._last_alarm = ""
-        self._steel = False
         self._north: NorthRun | None = None
         self._ahrs = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         self._rotary: RotarySurvey | None = None
@@ -276,23 +177,34 @@ class Pipeline:
         self._precision_at = 0
         self._last_imu_ns = np.iinfo(np.int64).min
         self._ready = False
-        self.reference: Reference | None = self._given
-        self.interference: tuple[float, float] | None = None
-        self.north = "magnetic"
-        self._reading = self._read_field()
+        self._field = FieldReader(settings.station, self._given)
 
     def set_reference(self, reference: Reference) -> None:
         """Judge and correct by this field from now on; the interference is estimated anew."""
-        self._given = self.reference = reference
-        self.interference = None
+        self._given = reference
+        self._field.set_reference(reference)
         if self._ready:
-            self._reading = self._read_field()
             self._attitude.set_reference(reference)
             self._judge_sensors_by(reference)
 
     def _judge_sensors_by(self, reference: Reference | None) -> None:
         known = (reference.gravity, reference.total, reference.dip) if reference is not None else (None, None, None)
         sensor_health.set_reference(self._health, *known)
+
+    @property
+    def reference(self) -> Reference | None:
+        """The field that azimuths and totals are judged by."""
+        return self._field.reference
+
+    @property
+    def north(self) -> str:
+        """The north that azimuths count from."""
+        return self._field.north
+
+    @property
+    def interference(self) -> tuple[float, float] | None:
+        """Axial interference and 1 sigma, T, as the last corrected station showed it."""
+        return self._field.interference
 
     @property
     def sensor_faults(self) -> list[Finding]:
@@ -479,14 +391,14 @@ class Pipeline:
         track = self._gravity.run(self._unusable, stamps, gyro, accel, followed)
         if self._north is not None:
             self._ahrs = np.concatenate([self._ahrs[0], stamps]), np.concatenate([self._ahrs[1], gyro])
-        readings, marks = [(0, self._reading)], []
+        readings, marks = [(0, self._field.reading)], []
         for closed, place in self._binners["imu"].add_placed(stamps, np.hstack([gyro, accel])):
             self._waiting.append(closed)
             # One bin late, so that the other streams of its time are there.
             if len(self._waiting) > 1:
                 marks.append(self._judge(self._waiting.pop(0), place, output))
-                if self._reading is not readings[-1][1]:
-                    readings.append((place, self._reading))
+                if self._field.reading is not readings[-1][1]:
+                    readings.append((place, self._field.reading))
         gyro = without_faulty(self._unusable, gyro)
         if self._unusable & MAG:
             self._attitude.leave_out_mag(stamps)
@@ -515,9 +427,8 @@ class Pipeline:
     def _begin(self, first_ns: int) -> None:
         """What hangs on the day and place of the first sample."""
         if self._given is None:
-            self.reference = reference_of(self.settings.reference, first_ns)
+            self._field.set_reference(reference_of(self.settings.reference, first_ns))
         self._ready = True
-        self._reading = self._read_field()
         self._attitude.set_reference(self.reference)
         self._judge_sensors_by(self.reference)
         known = self.reference.gravity if self.reference is not None else None
@@ -600,7 +511,7 @@ class Pipeline:
         output.surveys.append(judged)
         if judged is not taken:
             return math.nan, math.nan
-        self._learn(taken, analysis)
+        self._field.learn(taken, analysis)
         north = taken.station.by_method(GYRO)
         if north is not None and taken.weights.get(GYRO, 0.0) > 0.0:
             return north.azimuth, north.sigma
@@ -636,53 +547,6 @@ class Pipeline:
     def _keep(self, name: str, closed: list[Bin]) -> None:
         for one in closed:
             self._closed[name][one.index] = one
-
-    def _learn(self, taken: Survey, analysis: Multistation | None) -> None:
-        """Read the field from here on as the station says, or the stations of the run together."""
-        station = taken.station
-        if station.corrected:
-            self.interference = (station.interference, station.sigma_interference)
-        found = station.by_method(GYRO)
-        reference = station.reference
-        azimuth = sigma = math.nan
-        counts = taken.weights.get(GYRO, 0.0) > 0.0
-        if found is not None and counts and reference is not None and reference.has_field:
-            north = math.sqrt(reference.declination_variance(reference.horizontal))
-            azimuth = found.azimuth - station.north_correction
-            sigma = math.hypot(found.sigma, north) if station.north != "magnetic" else found.sigma
-        own = None
-        if analysis is not None and taken.weights.get(MSA, 0.0) > 0.0:
-            at = tool_field.OF_STATIONS
-            own = analysis.estimate[at], analysis.covariance[np.ix_(at, at)]
-        lesson, accepted = None, station.verdict == ACCEPT
-        if own is not None or math.isfinite(azimuth) or accepted:
-            down = -station.f_t / np.linalg.norm(station.f_t)
-            lesson = Lesson(own, down, station.b_t, azimuth, sigma, accepted)
-        # Where the gyro was believed against the magnetometer, it is until they agree again.
-        steel = self._steel if taken.alarm is None else bool(taken.alarm) and counts
-        if station.corrected or lesson is not None or steel != self._steel:
-            self._steel = steel
-            self._reading = self._read_field(lesson)
-
-    def _read_field(self, lesson: Lesson | None = None) -> Reading:
-        reference, settings = self.reference, self.settings.station
-        self.north = best_north(reference) if settings.north == "best" else settings.north
-        correction = north_correction(reference, self.north)
-        if correction is None:
-            self.north, correction = "magnetic", 0.0
-        axial, sigma_axial = self.interference or (0.0, settings.errors.axial_interference_nt * 1e-9)
-        known = reference is not None and reference.has_field
-        variance = 0.0
-        if reference is not None and known and self.north != "magnetic":
-            variance = reference.declination_variance(reference.horizontal)
-        model = FieldModel(
-            interference=np.array([axial, 0.0, 0.0]),
-            sigma_axial=sigma_axial,
-            sigma_cross=settings.errors.magnetometer_bias_nt * 1e-9,
-            north_correction=correction,
-            sigma_north=math.sqrt(variance),
-        )
-        return Reading(model, NORTH_CODES[self.north], self.interference is not None, lesson, self._steel)
 
 
 @compiled

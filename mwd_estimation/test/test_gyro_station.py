@@ -7,7 +7,7 @@ import pytest
 
 from mwd_estimation.binning import Binner
 from mwd_estimation.gyro_station import GyroSettings, GyroStation, white_noise
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline, ReferenceSettings, latitude_of
+from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_estimation.reference import Reference
 from mwd_estimation.still_survey import BIN_NS
 from mwd_sensors import wire
@@ -130,18 +130,6 @@ def test_a_turn_that_takes_too_long_begins_the_seek_anew():
 def test_near_the_pole_the_gyro_is_refused_with_the_reason():
     survey = _surveys(_samples(latitude=88.0), _settings(latitude_deg=88.0))[-1]
     assert "pole" in survey.azimuth_reasons["gyro"]
-
-
-@pytest.mark.parametrize(
-    ("source", "reference", "latitude"),
-    [("reference", "model", 50.0), ("reference", "none", None), ("fixed", "none", 30.0), ("unknown", "model", None)],
-)
-def test_the_latitude_is_the_places_the_settings_or_unknown(source, reference, latitude):
-    settings = EstimatorSettings(
-        reference=ReferenceSettings(source=reference, lat_deg=50.0),
-        gyro=GyroSettings(latitude_source=source, latitude_deg=30.0),
-    )
-    assert latitude_of(settings) == latitude
 
 
 def test_the_noise_is_read_off_a_tool_at_rest_whatever_the_pumps_do():

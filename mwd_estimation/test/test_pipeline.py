@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mwd_estimation import gravity
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline, ReferenceSettings, reference_of
+from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_estimation.reference import Reference
 from mwd_estimation.status import Status
 from mwd_estimation.still_survey import Params as StillParams
@@ -217,21 +217,6 @@ def test_reset_forgets_the_estimate_but_not_the_numbering():
     mag["stamp_ns"] += 100 * 10**9
     (output,) = _run(imu, mag, pipeline)
     assert output.surveys[0].sequence == 2
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [({"date": "yesterday"}, "YYYY-MM-DD"), ({"date": "1999-01-01"}, "1999|2025")],
-)
-def test_a_reference_outside_its_model_is_refused(changes, message):
-    with pytest.raises(ValueError, match=message):
-        reference_of(ReferenceSettings(source="model", lat_deg=50.0, **changes), START)
-
-
-def test_the_reference_of_the_model_takes_the_day_of_the_first_sample():
-    at = ReferenceSettings(source="model", lat_deg=38.3, lon_deg=109.6)
-    stamp = 1_772_323_200 * 10**9  # 2026-03-01
-    assert reference_of(at, stamp) == reference_of(dataclasses.replace(at, date="2026-03-01"), 0)
 
 
 @pytest.mark.parametrize("name", gravity.METHODS)

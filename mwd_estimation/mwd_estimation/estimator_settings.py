@@ -1,0 +1,124 @@
+"""Everything that can be set about the estimator, and the reference field and latitude that follow from it."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import math
+
+from mwd_estimation import (
+    attitude_track,
+    continuous_azimuth,
+    dynamics_summary,
+    fusion,
+    gravity,
+    gravity_bounded,
+    gravity_kalman,
+    gravity_raw,
+    sensor_health,
+    tool_field,
+)
+from mwd_estimation.gravity_s3 import MahonyParams
+from mwd_estimation.gravity_s3 import Params as S3Params
+from mwd_estimation.gyro_station import GyroSettings
+from mwd_estimation.north_run import Params as NorthParams
+from mwd_estimation.reference import Reference, from_field
+from mwd_estimation.rotary_survey import Params as RotaryParams
+from mwd_estimation.station import StationSettings
+from mwd_estimation.station_run import Params as RunParams
+from mwd_estimation.still_survey import Params as StillParams
+from mwd_sensors import earth
+from mwd_sensors.settings import setting
+
+
+@dataclasses.dataclass(frozen=True)
+class ReferenceSettings:
+    """Where the reference field comes from."""
+
+    source: str = setting(
+        "none",
+        "none: azimuth stays magnetic and uncorrected; model: by place and date; fixed: the figures below",
+        choices=("none", "model", "fixed"),
+    )
+    model: str = setting("wmm2025", "Geomagnetic model", choices=earth.MODELS)
+    lat_deg: float = setting(0.0, "Latitude, WGS 84, north positive", unit="deg", low=-90.0, high=90.0)
+    lon_deg: float = setting(0.0, "Longitude, WGS 84, east positive", unit="deg", low=-180.0, high=360.0)
+    height_m: float = setting(0.0, "Height above the ellipsoid", unit="m", low=-12000.0, high=9000.0)
+    grid: str = setting("none", "Map grid of the well, for grid north by the model's place", choices=("none", "utm"))
+    date: str = setting("", "Day of the model, YYYY-MM-DD; empty: the day of the first sample")
+    total_nt: float = setting(50000.0, "Strength of the fixed field", unit="nT", low=15000.0, high=75000.0)
+    dip_deg: float = setting(60.0, "Dip of the fixed field, below the horizontal", unit="deg", low=-90.0, high=90.0)
+    declination_deg: float = setting(0.0, "Magnetic from true north, east positive", unit="deg", low=-180.0, high=180.0)
+    convergence_deg: float = setting(0.0, "Grid from true north, east positive", unit="deg", low=-180.0, high=180.0)
+    gravity_mps2: float = setting(9.80665, "Local gravity", unit="m/s^2", low=9.76, high=9.84)
+
+
+@dataclasses.dataclass(frozen=True)
+class EstimatorSettings:
+    """Everything that can be set about the estimator."""
+
+    method: str = setting(gravity.DEFAULT, "Gravity extraction", choices=tuple(gravity.METHODS))
+    reference: ReferenceSettings = setting(ReferenceSettings, "Reference field")
+    azimuth: attitude_track.Params = setting(attitude_track.Params, "Magnetic azimuth and toolfaces of each sample")
+    interference: tool_field.Params = setting(tool_field.Params, "The tool's own field, sample by sample")
+    carried: continuous_azimuth.Params = setting(continuous_azimuth.Params, "Azimuth carried on by the gyros")
+    dynamics: dynamics_summary.Params = setting(dynamics_summary.Params, "Drilling dynamics")
+    health: sensor_health.Params = setting(sensor_health.Params, "Health of the sensors")
+    survey: StillParams = setting(StillParams, "Surveys in still intervals")
+    station: StationSettings = setting(StationSettings, "Working out a station")
+    gyro: GyroSettings = setting(GyroSettings, "Gyro azimuth of a station")
+    multistation: RunParams = setting(RunParams, "The stations of a run together")
+    north: NorthParams = setting(NorthParams, "North sought on request")
+    rotary: RotaryParams = setting(RotaryParams, "Surveys while the string turns")
+    fusion: fusion.Settings = setting(fusion.Settings, "Weighing the azimuths of a station")
+    bounded: gravity_bounded.Params = setting(gravity_bounded.Params, "Method bounded")
+    s3: S3Params = setting(S3Params, "Method s3")
+    mahony: MahonyParams = setting(MahonyParams, "Method mahony")
+    kalman: gravity_kalman.Params = setting(gravity_kalman.Params, "Method kalman")
+    raw: gravity_raw.Params = setting(gravity_raw.Params, "Method raw")
+
+
+def reference_of(settings: ReferenceSettings, first_ns: int) -> Reference | None:
+    """
+    Reference by the settings; None for "none".
+
+    first_ns: stamp whose day counts where no date is set.
+
+    Raises
+    ------
+    ValueError
+        The date is no date, or outside the model's years.
+    """
+    if settings.source == "none":
+        return None
+    if settings.source == "fixed":
+        return Reference(
+            total=settings.total_nt * 1e-9,
+            dip=math.radians(settings.dip_deg),
+            declination=math.radians(settings.declination_deg),
+            convergence=math.radians(settings.convergence_deg),
+            gravity=settings.gravity_mps2,
+            source="configured",
+        )
+    if settings.date:
+        try:
+            day = datetime.date.fromisoformat(settings.date)
+        except ValueError as error:
+            raise ValueError(f"reference.date: {settings.date!r} is not a day as YYYY-MM-DD") from error
+    else:
+        day = datetime.datetime.fromtimestamp(first_ns * 1e-9, tz=datetime.UTC).date()
+    reference = from_field(
+        earth.reference_field(
+            math.radians(settings.lat_deg), math.radians(settings.lon_deg), settings.height_m, day, settings.model
+        )
+    )
+    # A place says where true north is; which grid the well's maps use, somebody has to say.
+    return reference if settings.grid == "utm" else dataclasses.replace(reference, convergence=None)
+
+
+def latitude_of(settings: EstimatorSettings) -> float | None:
+    """Latitude for the gyros, deg north; None where nobody has said."""
+    if settings.gyro.latitude_source == "fixed":
+        return settings.gyro.latitude_deg
+    by_place = settings.gyro.latitude_source == "reference" and settings.reference.source == "model"
+    return settings.reference.lat_deg if by_place else None
