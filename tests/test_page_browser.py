@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mwd_estimation.status import Status
 from mwd_sensors import settings, wire
 from mwd_surface.page.alarms import AlarmBook, Severity
 from mwd_surface.page.live_state import LiveState
@@ -237,7 +238,7 @@ def test_a_wanted_toolface_is_a_sector_with_a_word_for_inside_and_outside(browse
 
 def test_near_vertical_the_dial_turns_north_up(browser):
     with rig_on(browser) as rig:
-        rig.live(inclination_deg=2.0)
+        rig.live(inclination_deg=2.0, status=65536 | int(Status.NEAR_VERTICAL))
         wait(browser, lambda: text(browser, ".dial-number") == "33°")
         assert "MTF · grid north up" in text(browser, "#dial-legend")
         script = "return [...document.querySelectorAll('.cardinal')].map((t) => t.textContent).join(' ')"

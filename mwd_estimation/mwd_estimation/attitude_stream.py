@@ -442,7 +442,8 @@ def _write(
             pair += 1
         row, down = attitude[i], gravity[i]
         has_gravity = math.isfinite(inclination[i])
-        status = np.int64(track_status[i]) | np.int64(row_status[i]) | np.int64(carried_status[i]) | bits
+        # Near vertical is what the attitude says, by its settings, not the gravity method by its own.
+        status = (np.int64(track_status[i]) & ~_NEAR_VERTICAL) | np.int64(row_status[i]) | np.int64(carried_status[i]) | bits
         status |= np.int64(last_bits[0]) & _DISTURBED
         near_vertical = status & _NEAR_VERTICAL != 0
         has_plain = math.isfinite(azimuth[i])

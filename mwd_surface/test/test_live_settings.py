@@ -33,5 +33,5 @@ def test_what_is_not_allowed_is_refused_with_its_reason(given, message):
 
 
 def test_groups_are_given_as_tables():
-    settings = from_mapping(LiveSettings, {"toolface": {"magnetic_below_deg": 4.0}})
-    assert settings.toolface.magnetic_below_deg == 4.0
+    settings = from_mapping(LiveSettings, {"limits": {"dip_deg": 0.3}})
+    assert settings.limits.dip_deg == 0.3

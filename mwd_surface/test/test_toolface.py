@@ -4,15 +4,17 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
+from mwd_estimation import attitude_track
+from mwd_estimation.attitude_track import FieldModel, Params
 from mwd_estimation.status import Status
 from mwd_sensors import wire
-from mwd_surface.page.toolface import GRAVITY, MAGNETIC, ToolfaceSelector, ToolfaceSettings
+from mwd_surface.page.toolface import GRAVITY, MAGNETIC, ToolfaceSelector
 
 
-def attitude(inclination_deg, gravity=1.0, magnetic=2.0, sigma=0.01, status=0):
+def attitude(inclination_deg, gravity=1.0, magnetic=2.0, sigma=0.01, status=None):
+    if status is None:
+        status = int(Status.NEAR_VERTICAL) if min(inclination_deg, 180.0 - inclination_deg) < 4.0 else 0
     samples = wire.ATTITUDE.empty(1)
     samples["stamp_ns"] = 7
     samples["inclination"] = math.radians(inclination_deg)
@@ -30,21 +32,27 @@ def test_near_vertical_the_toolface_counts_from_north_and_elsewhere_from_the_hig
     assert (high.mode, high.angle) == (GRAVITY, 1.0)
 
 
-def test_the_mode_holds_between_threshold_and_hysteresis_from_either_side():
-    selector = ToolfaceSelector(ToolfaceSettings(magnetic_below_deg=5.0, hysteresis_deg=1.0))
-    modes = [selector.update(attitude(i)).mode for i in (4.0, 5.5, 5.9, 6.1, 5.5, 5.1, 4.9, 5.9)]
-    assert modes == [MAGNETIC] * 3 + [GRAVITY] * 3 + [MAGNETIC] * 2
-
-
-@given(st.lists(st.floats(5.01, 5.99), min_size=1, max_size=30))
-def test_inclinations_inside_the_hysteresis_never_change_the_mode(inclinations):
+def test_the_mode_is_the_estimators_through_its_hysteresis_and_at_any_inclination_it_chooses():
+    # The estimator goes into near vertical below one inclination and leaves it above a greater one; going up, too.
+    inclination = np.radians(np.concatenate([np.linspace(1.0, 9.0, 60), np.linspace(9.0, 1.0, 60), [120.0, 178.0]]))
+    g_t = np.stack([np.cos(inclination), np.zeros(122), np.sin(inclination)], axis=1)
+    stamps, none = np.arange(122) * 10**7, np.zeros((0, 3))
+    params = Params(vertical_enter_deg=5.0, vertical_leave_deg=6.0)
+    model = FieldModel(np.zeros(3), 0.0, 0.0, 0.0, 0.0)
+    rows, _, _ = attitude_track.run(
+        params, attitude_track.initial(), model, stamps, g_t, np.zeros(122), np.zeros(122), stamps[:0], none
+    )
     selector = ToolfaceSelector()
-    first = selector.update(attitude(inclinations[0])).mode
-    assert all(selector.update(attitude(i)).mode == first for i in inclinations)
+    modes = [
+        selector.update(attitude(np.degrees(i), status=s)).mode for i, s in zip(inclination, rows.status, strict=True)
+    ]
+    changes = [round(float(np.degrees(inclination[k]))) for k in range(1, 122) if modes[k] != modes[k - 1]]
+    assert modes[0] == MAGNETIC
+    assert changes == [6, 5, 120, 178]
 
 
 def test_a_block_of_samples_gives_what_its_samples_give_one_by_one():
-    block = np.concatenate([attitude(i) for i in (4.0, 7.0, 5.5)])
+    block = np.concatenate([attitude(i) for i in (2.0, 7.0, 3.5)])
     whole, single = ToolfaceSelector(), ToolfaceSelector()
     assert whole.update(block) == [single.update(block[k : k + 1]) for k in range(3)][-1]
 

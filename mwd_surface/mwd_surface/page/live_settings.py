@@ -6,7 +6,6 @@ import dataclasses
 
 from mwd_sensors.settings import setting
 from mwd_surface.page.survey_panel import Limits
-from mwd_surface.page.toolface import ToolfaceSettings
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,5 +30,4 @@ class LiveSettings:
     log_step: float = setting(0.5, "depth of one point of the depth tracks", unit="m", low=0.05, high=10.0)
     log_length: float = setting(600.0, "length of the depth tracks", unit="m", low=10.0, high=5000.0)
     max_rows: int = setting(1000, "survey rows and path stations sent to the page", low=10, high=10000)
-    toolface: ToolfaceSettings = setting(ToolfaceSettings)
     limits: Limits = setting(Limits)

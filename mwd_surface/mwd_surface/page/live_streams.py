@@ -118,7 +118,7 @@ class LiveStreams:
     def __init__(self, settings: LiveSettings | None = None) -> None:
         self.settings = settings or LiveSettings()
         self.toolface_reading: ToolfaceReading | None = None
-        self._selector = ToolfaceSelector(self.settings.toolface)
+        self._selector = ToolfaceSelector()
         periods = {name: float(getattr(self.settings, f"{name}_period")) for name in _STREAMS}
         self._values = LiveValues(_VALUES, periods)
         self._readings: deque[dict[str, Any]] = deque(maxlen=self.settings.readings)
@@ -313,8 +313,6 @@ class LiveStreams:
             "rotating": bool(reading and reading.rotating),
             "stamp_ns": None if reading is None else reading.stamp_ns,
             "north": self._attitude["north"],
-            "threshold_deg": self.settings.toolface.magnetic_below_deg,
-            "hysteresis_deg": self.settings.toolface.hysteresis_deg,
             "readings": list(self._readings),
             "advisory": advisory,
         }

@@ -172,7 +172,7 @@ export class Dial {
     }
     if (this.quillText) second.push(this.quillText);
     lines.push(second.join(" · "));
-    lines.push(`● GTF ■ MTF ○ rotating · MTF below ${toolface.threshold_deg}° (+${toolface.hysteresis_deg}°)`);
+    lines.push("● GTF ■ MTF near vertical ○ rotating");
     const text = lines.join("\n");
     if (this.legendText === text) return;
     this.legendText = text;
