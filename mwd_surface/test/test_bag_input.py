@@ -7,7 +7,7 @@ from mwd_sensors import wire
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.runs import bag_input
-from mwd_surface.runs.bag_input import InputSettings, Topics, find_topics
+from mwd_surface.runs.bag_input import InputSettings, Topics, find_topics, guesses, in_si, unstamped
 
 START = 1_772_344_800_000_000_000
 IMU, MAG, RIG = wire.IMU, wire.MAG, wire.RIG_STATE
@@ -52,7 +52,7 @@ def test_the_topics_of_the_well_are_those_beside_its_imu(tmp_path):
 
 def test_two_wells_must_be_told_apart(tmp_path):
     bag = written(tmp_path / "bag", ("/a/imu/data_raw", IMU), ("/b/imu/data_raw", IMU), ("/b/imu/mag", MAG))
-    with pytest.raises(BagError, match=r"2 topics .* name the one you mean"):
+    with pytest.raises(BagError, match=r"2 topics .* name the one you mean with --imu-topic"):
         found(bag)
     assert found(bag, imu_topic="b/imu/data_raw") == Topics("/b/imu/data_raw", "/b/imu/mag", None, None, None)
     assert found(bag, imu_topic="/a/imu/data_raw").mag is None
@@ -64,6 +64,57 @@ def test_an_imu_of_any_name_has_the_only_magnetometer_that_can_be_its_own(tmp_pa
     assert found(one, imu_topic="/phone").mag == "/compass/imu/mag"
     two = written(tmp_path / "two", ("/phone", IMU), ("/a/imu/mag", MAG), ("/b/imu/mag", MAG))
     assert found(two, imu_topic="/phone").mag is None
+
+
+def test_the_only_sensors_of_a_recording_are_taken_under_any_name_and_that_is_said(tmp_path):
+    path = written(tmp_path / "one", ("/tool/imu", IMU), ("/tool/magnetic_field", MAG), ("/driller", RIG))
+    with Bag(path) as bag:
+        topics = find_topics(bag, InputSettings())
+        assert topics == Topics("/tool/imu", "/tool/magnetic_field", None, None, "/driller")
+        remarks = guesses(bag, topics, InputSettings())
+    assert [remark.split(" ")[0] for remark in remarks] == ["/tool/imu", "/tool/magnetic_field"]
+    assert all("the recording has no other" in remark for remark in remarks)
+
+
+def test_what_could_be_either_is_asked_for_with_the_option_that_tells(tmp_path):
+    path = written(tmp_path / "two", ("/imu", IMU), ("/fog", IMU), ("/a/mag", MAG), ("/b/mag", MAG))
+    with pytest.raises(BagError, match=r"2 topics that may be the AHRS: /imu, /fog.*--imu-topic"):
+        found(path)
+    given = InputSettings(imu_topic="/imu")
+    with Bag(path) as bag:
+        topics = find_topics(bag, given)
+        assert topics == Topics("/imu", None, None, None, None)
+        no_mag, no_gyro = guesses(bag, topics, given)
+    assert no_mag == "no magnetometer beside /imu; name it with --mag-topic: /a/mag, /b/mag"
+    assert no_gyro == "not used: /fog; name the precision unit with --gyro-topic"
+    named = found(path, imu_topic="/imu", mag_topic="/b/mag", gyro_topic="/fog")
+    assert named == Topics("/imu", "/b/mag", "/fog", None, None)
+
+
+def test_another_wells_sensor_is_not_taken_for_the_only_one(tmp_path):
+    path = written(tmp_path / "bag", ("/a/imu/data_raw", IMU), ("/b/imu/mag", MAG), ("/b/rig/state", RIG))
+    assert found(path) == Topics("/a/imu/data_raw", None, None, None, None)
+
+
+def test_messages_without_a_time_of_their_own_are_known_by_their_first(tmp_path):
+    def stamped(name, imu_ns, mag_ns):
+        with BagWriter(tmp_path / name) as bag:
+            for topic, layout, stamps in (("/imu/data_raw", IMU, imu_ns), ("/imu/mag", MAG, mag_ns)):
+                rows = layout.empty(len(stamps))
+                rows["stamp_ns"] = stamps
+                logged = START + np.arange(len(stamps)) * 10_000_000
+                bag.write_rows(bag.topic(topic, layout.type_name), layout.encode(rows, "x"), logged)
+        with Bag(tmp_path / name) as bag:
+            topics = find_topics(bag, InputSettings())
+            return unstamped(bag, topics), in_si(next(bag.blocks()), topics, InputSettings(), unstamped(bag, topics))
+
+    none, samples = stamped("none", np.zeros(20), np.zeros(1))
+    assert none == {"/imu/data_raw", "/imu/mag"}
+    assert samples["/imu/data_raw"]["stamp_ns"].tolist() == [START + k * 10_000_000 for k in range(20)]
+    assert stamped("stuck", np.full(20, START), np.arange(20))[0] == {"/imu/data_raw"}
+    clock, samples = stamped("clock that begins at zero", np.arange(20) * 10_000_000, np.zeros(1))
+    assert clock == frozenset()
+    assert samples["/imu/data_raw"]["stamp_ns"][1] == 10_000_000
 
 
 def test_a_topic_of_another_type_or_none_is_refused(tmp_path):
@@ -115,8 +166,10 @@ def test_a_magnetometer_that_cannot_be_used_says_why_and_what_to_do():
 def test_frames_that_differ_are_both_named(tmp_path):
     same = written(tmp_path / "same", ("/imu/data_raw", IMU, "a"), ("/imu/mag", MAG, "a"))
     other = written(tmp_path / "other", ("/imu/data_raw", IMU, "a"), ("/imu/mag", MAG, "b"))
-    with Bag(same) as bag:
-        assert bag_input.frames_differ(bag, find_topics(bag, InputSettings())) == ""
+    unnamed = written(tmp_path / "unnamed", ("/imu/data_raw", IMU, ""), ("/imu/mag", MAG, "b"))
+    for path in (same, unnamed):
+        with Bag(path) as bag:
+            assert bag_input.frames_differ(bag, find_topics(bag, InputSettings())) == ""
     with Bag(other) as bag:
         topics = find_topics(bag, InputSettings())
         assert bag_input.frames_differ(bag, topics) == "/imu/data_raw is in 'a' and /imu/mag is in 'b'"

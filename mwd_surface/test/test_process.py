@@ -318,6 +318,32 @@ def test_samples_that_cannot_be_used_keep_their_line(tmp_path):
     assert "nan" not in (tmp_path / "out" / "attitude.csv").read_text().lower()
 
 
+def test_headers_without_a_time_are_given_that_of_the_recording(tmp_path):
+    recording(tmp_path / "bag")
+    run(tmp_path / "bag", tmp_path / "out")
+    with Bag(tmp_path / "bag") as bag, BagWriter(tmp_path / "timeless") as copy:
+        for log_ns, name, type_name, data in bag.messages():
+            zeroed = bytearray(data)
+            zeroed[4:12] = bytes(8)
+            copy.write(copy.topic(name, type_name), bytes(zeroed), log_ns)
+    summary = run(tmp_path / "timeless", tmp_path / "again")
+    (warning,) = summary.warnings
+    assert warning == "/imu/data_raw, /imu/mag, /rig/state: no time in the headers; the times of recording are used"
+    for name in ("attitude.csv", "surveys.csv"):
+        assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
+
+
+def test_that_many_samples_were_refused_is_said(tmp_path):
+    imu, _ = recording(tmp_path / "bag", seconds=4.0)
+    logged = imu["stamp_ns"].copy()
+    imu["stamp_ns"][4::5] = imu["stamp_ns"][3::5]
+    with BagWriter(tmp_path / "repeated") as bag:
+        channel = bag.topic("/imu/data_raw", wire.IMU.type_name)
+        bag.write_rows(channel, wire.IMU.encode(imu, "sonde_link"), logged)
+    (warning,) = run(tmp_path / "repeated", tmp_path / "out").warnings
+    assert warning.startswith("80 of 400 IMU samples were refused")
+
+
 def test_a_part_of_the_time_can_be_chosen(tmp_path):
     recording(tmp_path / "bag", seconds=10.0)
     summary = run(tmp_path / "bag", tmp_path / "out", start_s=2.0, end_s=5.0)

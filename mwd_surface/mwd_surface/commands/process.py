@@ -36,6 +36,13 @@ def process(
     changes: Changes = None,
     imu_topic: Annotated[str | None, typer.Option(help="Topic of the IMU.", rich_help_panel=_INPUT)] = None,
     mag_topic: Annotated[str | None, typer.Option(help="Topic of the magnetometer.", rich_help_panel=_INPUT)] = None,
+    gyro_topic: Annotated[str | None, typer.Option(help="Topic of the precision unit.", rich_help_panel=_INPUT)] = None,
+    temperature_topic: Annotated[
+        str | None, typer.Option(help="Topic of the IMU's temperature.", rich_help_panel=_INPUT)
+    ] = None,
+    rig_topic: Annotated[
+        str | None, typer.Option(help="Topic of the rig state, for depths.", rich_help_panel=_INPUT)
+    ] = None,
     accel_unit: Annotated[str | None, typer.Option(help="m/s2, g or mg.", rich_help_panel=_INPUT)] = None,
     gyro_unit: Annotated[str | None, typer.Option(help="rad/s or deg/s.", rich_help_panel=_INPUT)] = None,
     mag_unit: Annotated[str | None, typer.Option(help="T, mT, uT, nT, G or mG.", rich_help_panel=_INPUT)] = None,
@@ -89,6 +96,7 @@ def process(
       mwd process bags/run_7 -o out --format parquet --rate 10
       mwd process bags/run_7 -o out --format mcap --smooth
       mwd process bags/two_wells -o out --imu-topic /well_2/imu/data_raw
+      mwd process bags/other_names -o out --imu-topic /tool/imu --gyro-topic /tool/fog
     """
     from mwd_sensors import settings
     from mwd_sensors.compensation import Compensation
@@ -104,6 +112,9 @@ def process(
     asked = {
         "imu_topic": imu_topic,
         "mag_topic": mag_topic,
+        "gyro_topic": gyro_topic,
+        "temperature_topic": temperature_topic,
+        "rig_topic": rig_topic,
         "accel_unit": accel_unit,
         "gyro_unit": gyro_unit,
         "mag_unit": mag_unit,

@@ -12,6 +12,9 @@ import math
 import os
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mwd_estimation import units
 from mwd_sensors import burst, wire
 from mwd_sensors.settings import setting
@@ -20,15 +23,19 @@ from mwd_surface.bags.mcap_format import MAGIC
 
 IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
 IMU_BURST, PRECISION_BURST = burst.TOPICS
-_FRAMES_LOOKED_AT = 2000
+_LOOKED_AT = 2000  # messages, of all topics together, before frames and times count as seen
+_SAME_AT_LEAST = 10  # messages of one and the same time, before it is believed to be none
 
 
 @dataclasses.dataclass(frozen=True)
 class InputSettings:
     """What to take from a bag, and how it is to be read."""
 
-    imu_topic: str = setting("", "Topic of the AHRS; empty: the one that ends in imu/data_raw")
-    mag_topic: str = setting("", "Topic of its magnetometer; empty: the one beside it that ends in imu/mag")
+    imu_topic: str = setting("", "Topic of the AHRS; empty: the one that ends in imu/data_raw, or the only one")
+    mag_topic: str = setting("", "Topic of its magnetometer; empty: imu/mag beside it, or the only one")
+    gyro_topic: str = setting("", "Topic of the precision unit; empty: gyro/data_raw beside the AHRS")
+    temperature_topic: str = setting("", "Topic of the AHRS's temperature; empty: imu/temperature beside it")
+    rig_topic: str = setting("", "Topic of the rig state; empty: rig/state beside the AHRS, or the only one")
     accel_unit: str = setting("m/s2", "Unit of the specific force", choices=tuple(units.FACTORS["acceleration"]))
     gyro_unit: str = setting("rad/s", "Unit of the angular rate", choices=tuple(units.FACTORS["rate"]))
     mag_unit: str = setting("T", "Unit of the magnetic field", choices=tuple(units.FACTORS["field"]))
@@ -68,27 +75,70 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
     relative = next((name for name in (IMU, IMU_BURST) if imu.endswith(name)), None)
     namespace = imu.removesuffix(relative) if relative is not None else None
 
-    def beside(relative: str, layout: wire.Layout) -> str | None:
-        name = f"{namespace}{relative}"
-        return name if namespace is not None and _has(bag, name, layout) else None
+    def beside(layout: wire.Layout, *relatives: str, alone: bool = False) -> str | None:
+        """The topic in the same namespace; else the only one that cannot be another well's."""
+        for relative in relatives if namespace is not None else ():
+            if _has(bag, f"{namespace}{relative}", layout):
+                return f"{namespace}{relative}"
+        there = [name for name in bag.topics if name != imu and _has(bag, name, layout)]
+        usual = [name for name in there if name.endswith(relatives)]
+        if namespace is not None:
+            return there[0] if alone and len(there) == 1 and not usual else None
+        found = there if alone else usual
+        return found[0] if len(found) == 1 else None
 
-    mag = _named(bag, given.mag_topic, wire.MAG) or beside(MAG, wire.MAG)
-    if mag is None:
-        of_type = [t.name for t in bag.topics.values() if t.type_name == wire.MAG.type_name and t.count]
-        named = [name for name in of_type if name.endswith(MAG)]
-        # Without a namespace in common only the one that cannot be another well's is taken.
-        mag = named[0] if namespace is None and len(named) == 1 else None
     return Topics(
         imu,
-        mag,
-        beside(PRECISION, wire.IMU) or beside(PRECISION_BURST, wire.IMU),
-        beside(TEMPERATURE, wire.TEMPERATURE),
-        beside(RIG, wire.RIG_STATE),
+        _named(bag, given.mag_topic, wire.MAG) or beside(wire.MAG, MAG, alone=True),
+        _named(bag, given.gyro_topic, wire.IMU) or beside(wire.IMU, PRECISION, PRECISION_BURST),
+        _named(bag, given.temperature_topic, wire.TEMPERATURE) or beside(wire.TEMPERATURE, TEMPERATURE),
+        _named(bag, given.rig_topic, wire.RIG_STATE) or beside(wire.RIG_STATE, RIG, alone=True),
     )
 
 
-def in_si(block: Block, topics: Topics, given: InputSettings) -> dict[str | None, wire.Samples]:
+def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
+    """What of the choice of topics its user should know: taken under an unusual name, or left out for it."""
+    remarks = []
+    for taken, named, usual, what in (
+        (topics.imu, given.imu_topic, (IMU, IMU_BURST), "AHRS"),
+        (topics.mag, given.mag_topic, (MAG,), "magnetometer"),
+    ):
+        if taken is not None and not named and not taken.endswith(usual):
+            remarks.append(f"{taken} is taken for the {what}: the recording has no other")
+    if topics.mag is None:
+        others = [name for name in bag.topics if _has(bag, name, wire.MAG)]
+        if others:
+            remarks.append(f"no magnetometer beside {topics.imu}; name it with --mag-topic: {', '.join(others)}")
+    if topics.precision is None:
+        wells = (IMU, IMU_BURST, PRECISION, PRECISION_BURST)
+        others = [n for n in bag.topics if n != topics.imu and _has(bag, n, wire.IMU) and not n.endswith(wells)]
+        if others:
+            remarks.append(f"not used: {', '.join(others)}; name the precision unit with --gyro-topic")
+    return remarks
+
+
+def unstamped(bag: Bag, topics: Topics) -> frozenset[str]:
+    """Topics whose messages carry no time of their own, as far as the first of them tell: all zero, or all the same."""
+    fields = {layout.type_name: () for layout in (wire.IMU, wire.MAG, wire.TEMPERATURE, wire.RIG_STATE)}
+    first = next(bag.blocks(topics.all, block_messages=_LOOKED_AT, fields=fields), {})
+    found = {name for name, (_, samples) in first.items() if _timeless(samples["stamp_ns"])}
+    if topics.imu in found:
+        # A lone first zero may be a clock that begins there; not where the others have none either.
+        found |= {name for name, (_, samples) in first.items() if not samples["stamp_ns"].any()}
+    return frozenset(found)
+
+
+def _timeless(stamp_ns: NDArray[np.int64]) -> bool:
+    return len(stamp_ns) >= (_SAME_AT_LEAST if stamp_ns[0] else 2) and bool((stamp_ns == stamp_ns[0]).all())
+
+
+def in_si(
+    block: Block, topics: Topics, given: InputSettings, without_time: frozenset[str] = frozenset()
+) -> dict[str | None, wire.Samples]:
+    """Samples of a block in SI; those `without_time` of their own get that of their recording."""
     samples: dict[str | None, wire.Samples] = {name: part[1] for name, part in block.items()}
+    for topic in without_time & block.keys():
+        samples[topic]["stamp_ns"] = block[topic][0]
     for name, field, quantity, unit in (
         (topics.imu, "linear_acceleration", "acceleration", given.accel_unit),
         (topics.imu, "angular_velocity", "rate", given.gyro_unit),
@@ -125,14 +175,15 @@ def check_mag(topic: str | None, mag: wire.Samples) -> list[str]:
 
 
 def frames_differ(bag: Bag, topics: Topics) -> str:
-    """Which frames IMU and magnetometer name, where they name different ones; else empty."""
+    """Which frames IMU and magnetometer name, where they name different ones; else empty, as where one names none."""
     if topics.mag is None:
         return ""
     found: dict[str, str] = {}
     for count, (_, name, _, data) in enumerate(bag.messages([topics.imu, topics.mag])):
         with contextlib.suppress(wire.WireError):
-            found.setdefault(name, wire.frame_id(data))
-        if len(found) == 2 or count > _FRAMES_LOOKED_AT:
+            if frame := wire.frame_id(data):
+                found.setdefault(name, frame)
+        if len(found) == 2 or count > _LOOKED_AT:
             break
     if len(set(found.values())) < 2:
         return ""
@@ -181,11 +232,20 @@ def _named(bag: Bag, name: str, layout: wire.Layout) -> str | None:
 
 
 def _imu_of(bag: Bag) -> str:
-    """The AHRS: as single messages or, where there are none, in bursts."""
-    single = any(topic.type_name == wire.IMU.type_name and topic.name.endswith(IMU) for topic in bag.topics.values())
-    in_bursts = any(topic.type_name == burst.TYPE_NAME for topic in bag.topics.values())
-    if in_bursts and not single:
+    """The AHRS: as single messages or, where there are none, in bursts; under any name where it is the only one."""
+    here = [topic for topic in bag.topics.values() if topic.type_name == wire.IMU.type_name]
+    usual = [topic.name for topic in here if topic.name.endswith(IMU)]
+    if not usual and any(topic.type_name == burst.TYPE_NAME for topic in bag.topics.values()):
         return bag.find_topic(burst.TYPE_NAME, IMU_BURST)
+    candidates = usual or [topic.name for topic in here if topic.count and not topic.name.endswith(PRECISION)]
+    if len(candidates) == 1:
+        return candidates[0]
+    if candidates:
+        which = f"end in {IMU!r}" if usual else "may be the AHRS"
+        raise BagError(
+            f"{bag.path} has {len(candidates)} topics that {which}: {', '.join(candidates)}",
+            "name the one you mean with --imu-topic",
+        )
     return bag.find_topic(wire.IMU.type_name, IMU)
 
 

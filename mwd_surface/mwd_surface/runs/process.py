@@ -28,8 +28,10 @@ from mwd_surface.runs.bag_input import (
     check_mag,
     find_topics,
     frames_differ,
+    guesses,
     in_si,
     refuse_damaged,
+    unstamped,
     worth_saying,
 )
 from mwd_surface.runs.imu_queue import ImuQueue
@@ -46,6 +48,7 @@ _FIELDS = {
     wire.TEMPERATURE.type_name: ("temperature",),
     wire.RIG_STATE.type_name: ("bit_depth", "valid"),
 }
+_MANY_REFUSED = 0.1  # share of the samples that is worth a warning
 _BIT_DEPTH = 1  # RigState.VALID bit of bit_depth
 
 
@@ -212,7 +215,12 @@ def _estimate(
     smooth: bool,
     merger: Merger | None,
 ) -> Summary:
-    summary = Summary(topics)
+    summary = Summary(topics, warnings=guesses(bag, topics, given))
+    without_time = unstamped(bag, topics)
+    if without_time:
+        summary.warnings.append(
+            f"{', '.join(sorted(without_time))}: no time in the headers; the times of recording are used"
+        )
     differ = frames_differ(bag, topics)
     pipeline = Pipeline(estimator)
     depth = DepthTrack()
@@ -242,7 +250,7 @@ def _estimate(
         held = ImuQueue(estimator.bounded if smooth else None)
         with ahead(blocks()) as ready:
             for block, originals in ready:
-                samples = in_si(block, topics, given)
+                samples = in_si(block, topics, given, without_time)
                 if topics.imu in unchecked and topics.imu in samples:
                     summary.warnings += check_imu(topics.imu, samples[topics.imu])
                 if use_mag and topics.mag in unchecked and topics.mag in samples:
@@ -295,6 +303,11 @@ def _estimate(
     if compensation is not None and compensation.without_temperature:
         summary.warnings.append(
             f"{compensation.without_temperature} samples were calibrated before any temperature was known"
+        )
+    if summary.rejected > _MANY_REFUSED * summary.rows:
+        summary.warnings.append(
+            f"{summary.rejected} of {summary.rows} IMU samples were refused: times that do not advance, or values that "
+            "are not finite or beyond reason"
         )
     if pipeline.counters.late_mag:
         summary.warnings.append(

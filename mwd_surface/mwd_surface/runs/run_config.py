@@ -22,8 +22,7 @@ def config_text(estimator: EstimatorSettings, given: InputSettings, wanted: Outp
         head += [
             f"# {field.name}: {getattr(used, field.name)}"
             for field in dataclasses.fields(used)
-            if field.name not in ("imu_topic", "mag_topic")
-            and getattr(used, field.name) != getattr(default, field.name)
+            if not field.name.endswith("_topic") and getattr(used, field.name) != getattr(default, field.name)
         ]
     body: str = yaml.safe_dump(settings_of.to_mapping(estimator), sort_keys=False)
     return "\n".join(head) + "\n" + body
