@@ -4,6 +4,7 @@ import dataclasses
 import math
 
 from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.surveys.slide_sheet import ROTATE, SLIDE, Stretch
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, Verdict
 from mwd_surface.surveys.well import Well
@@ -85,6 +86,19 @@ def surveys(well=WELL):
         whole = whole.add(survey(k, inc, azi, **changes), 270.0 + 30.0 * k, 0.4)
     whole = whole.accept(9, "Aslaug", "-casing; gyro agrees", START + 90_000 * S)
     return whole.remark(3, '@washout, "slow" pumps\nsecond line')
+
+
+def stretches():
+    """A slide of 9 m at the head of every second stand of the build, high side first, then a little to the right."""
+    found = []
+    for k in range(12):
+        top, begin = 300.0 + 30.0 * k, START + k * 1800 * S
+        slid = 9.0 if k % 2 else 0.0
+        if slid:
+            face = math.radians(359.7 if k < 4 else 8.0)
+            found.append(Stretch(SLIDE, top, top + slid, begin, begin + 900 * S, face, 0.93, magnetic=k == 1))
+        found.append(Stretch(ROTATE, top + slid, top + 30.0, begin + 900 * S, begin + 1700 * S, rotary_speed=12.5))
+    return tuple(found)
 
 
 def table(**changes):

@@ -25,11 +25,13 @@ def test_nothing_is_fetched_and_nothing_runs(page):
     assert "url(http" not in page
 
 
-def test_every_cell_of_every_table_is_on_the_page(page):
-    tree = etree.HTML(page)
-    said = content(example.table())
+@pytest.mark.parametrize("stretches", [(), example.stretches()])
+def test_every_cell_of_every_table_is_on_the_page(stretches):
+    told = example.table(stretches=stretches)
+    tree = etree.HTML(report_html(told))
+    said = content(told)
     tables = tree.findall(".//table")
-    for table, sheet in zip(tables, (said.definitive, said.quality, said.decisions), strict=True):
+    for table, sheet in zip(tables, (said.definitive, said.quality, said.decisions, *said.slides), strict=True):
         rows = [tuple("".join(td.itertext()) for td in tr.findall("td")) for tr in table.findall("tbody/tr")]
         assert tuple(rows) == sheet.rows
     heads = dict(zip((dt.text for dt in tree.findall(".//dt")), (dd.text for dd in tree.findall(".//dd")), strict=True))

@@ -8,18 +8,19 @@ import pytest
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.report_pdf import report_pdf
 
+TABLE = example.table(stretches=example.stretches())
 pypdf = pytest.importorskip("pypdf", reason="pypdf, the reader, is not installed")
 
 
 @pytest.fixture(scope="module")
 def pages():
-    return [page.extract_text() for page in pypdf.PdfReader(io.BytesIO(report_pdf(example.table()))).pages]
+    return [page.extract_text() for page in pypdf.PdfReader(io.BytesIO(report_pdf(TABLE))).pages]
 
 
 def test_every_number_of_every_table_is_in_the_pdf(pages):
     words = " ".join(pages).split()
-    said = content(example.table())
-    for sheet in (said.definitive, said.quality):
+    said = content(TABLE)
+    for sheet in (said.definitive, said.quality, *said.slides):
         for row in sheet.rows:
             for k, cell in enumerate(row):
                 if k not in sheet.words:
@@ -28,7 +29,7 @@ def test_every_number_of_every_table_is_in_the_pdf(pages):
 
 def test_rows_are_printed_whole(pages):
     text = " ".join(" ".join(pages).split())
-    for row in content(example.table()).definitive.rows:
+    for row in content(TABLE).definitive.rows:
         assert " ".join(c for c in row[:-1] if c) in text
 
 
@@ -36,6 +37,7 @@ def test_head_certificate_and_page_numbers_are_printed(pages):
     text = " ".join(" ".join(pages).split())
     assert "Åsgard Ω-1" in text
     assert "=Société & <Fils>" in text
+    assert "Slide sheet: slid 54.0 m, rotated 306.0 m" in text
     assert "Certified that this survey" in text
     for k in range(1, len(pages) + 1):
         assert f"page {k} of {len(pages)}" in text

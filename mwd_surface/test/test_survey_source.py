@@ -10,8 +10,9 @@ import pytest
 from mwd_surface.bags.bag_reader import BagError
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.surveys import survey_message
+from mwd_surface.surveys.slide_file import NAME, append_stretch
 from mwd_surface.surveys.survey_list import SurveyList, TieOn
-from mwd_surface.surveys.survey_source import LIST_TYPE, PATH_TYPE, surveys_of
+from mwd_surface.surveys.survey_source import LIST_TYPE, PATH_TYPE, stretches_of, surveys_of
 from mwd_surface.surveys.survey_store import SurveyStore, encoded
 
 
@@ -117,3 +118,19 @@ def test_a_bag_without_surveys_and_an_empty_folder_are_told_apart(tmp_path):
     plotted_bag.record(tmp_path / "bag", topics=("rig/state",), estimate=False, surveys=False)
     with pytest.raises(BagError, match="SurveyList"):
         surveys_of(tmp_path / "bag")
+
+
+def test_the_slide_sheet_lies_beside_the_list_and_a_recording_has_none(tmp_path):
+    folder = tmp_path / "run" / "well_1" / "surveys"
+    with SurveyStore(folder) as store:
+        store.save(example.surveys())
+    assert stretches_of(tmp_path / "run") == ((), ())
+    for stretch in example.stretches():
+        append_stretch(folder / NAME, stretch)
+    for path in (tmp_path / "run", folder, folder / "surveys.json"):
+        assert stretches_of(path) == (example.stretches(), ())
+    bag = recorded(tmp_path / "bag", [example.surveys()])
+    assert stretches_of(bag) == stretches_of(next(bag.glob("*.mcap"))) == ((), ())
+    with (folder / NAME).open("a") as file:
+        file.write("junk\n")
+    assert stretches_of(tmp_path / "run") == (example.stretches(), (f"1 lines of {folder / NAME} cannot be read",))

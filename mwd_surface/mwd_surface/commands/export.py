@@ -85,7 +85,9 @@ def report(
     changes: WellChanges = None,
 ) -> None:
     """
-    Write the survey report as one HTML file and as PDF: head block, tables, plots, quality page.
+    Write the survey report as one HTML file and as PDF: head block, tables, plots, quality page, slide sheet.
+
+    The slide sheet is in the folder of a run, not in a recording.
 
     \b
     Examples:
@@ -129,7 +131,7 @@ def _table(
     from mwd_surface.commands.reference_options import assignments
     from mwd_surface.exports.survey_table import survey_table
     from mwd_surface.surveys.plan_file import read_plan
-    from mwd_surface.surveys.survey_source import surveys_of
+    from mwd_surface.surveys.survey_source import stretches_of, surveys_of
 
     surveys, notes = surveys_of(source)
     given = assignments(changes)
@@ -139,7 +141,8 @@ def _table(
             raise ValueError(f"--set {strange[0]}: only well.* can be set here, for example --set well.rig='Rig 7'")
         well = settings.changed(surveys.well, {name.removeprefix("well."): v for name, v in given.items()})
         surveys = surveys.configured(well, surveys.rules)
-    for note in notes:
+    stretches, unread = stretches_of(source)
+    for note in (*notes, *unread):
         terminal.warn(note)
     if not surveys.records:
         raise ValueError(f"{source}: no survey in the list")
@@ -150,6 +153,7 @@ def _table(
         bit_depth=bit_depth,
         plan=read_plan(plan) if plan is not None else None,
         software=f"mwd {__version__}",
+        stretches=stretches,
     )
     for text in table.left_out:
         terminal.warn(text)

@@ -1,5 +1,6 @@
 """
-What a survey report says, apart from how it is set: head, definitive table, quality page, decisions, certificate.
+What a survey report says, apart from how it is set: head, definitive table, quality page, decisions, slide sheet,
+certificate.
 
 HTML and PDF print exactly these texts, so they cannot differ in a number.
 """
@@ -10,6 +11,7 @@ import dataclasses
 import math
 
 from mwd_surface.exports.survey_table import SurveyTable, fixed, plain, utc
+from mwd_surface.surveys.slide_sheet import ROTATE, SLIDE, Stretch, yields
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord, Verdict
 
 _DEG = 180.0 / math.pi
@@ -35,7 +37,11 @@ class Sheet:
 
 @dataclasses.dataclass(frozen=True)
 class Content:
-    """The report: title, head block, notes, the three tables, certificate and the lines to sign on."""
+    """
+    The report: title, head block, notes, the tables, certificate and the lines to sign on.
+
+    slides: the slide sheet and what the slides gave; empty where nothing was slid.
+    """
 
     title: str
     header: tuple[tuple[str, str], ...]
@@ -43,6 +49,7 @@ class Content:
     definitive: Sheet
     quality: Sheet
     decisions: Sheet
+    slides: tuple[Sheet, ...]
     certificate: str
     signatures: tuple[str, ...]
 
@@ -64,6 +71,7 @@ def content(table: SurveyTable) -> Content:
         definitive=_definitive(table),
         quality=_quality(table),
         decisions=_decisions(table),
+        slides=_slides(table),
         certificate=(
             "Certified that this survey was computed by the minimum curvature method from the surveys marked as used,"
             f" from {well.north_reference} north, with the references and corrections stated above."
@@ -141,6 +149,57 @@ def _decisions(table: SurveyTable) -> Sheet:
         marks.append(_mark(record))
     titles = ("Survey", "Automatic verdict", "Person's judgement", "Why", "Flags", "Comment")
     return Sheet("Verdicts, judgements and remarks", titles, ("",) * 6, tuple(rows), tuple(marks), (1, 2, 3, 4, 5))
+
+
+def _slides(table: SurveyTable) -> tuple[Sheet, ...]:
+    made = {mode: sum(s.length for s in table.stretches if s.mode == mode) for mode in (SLIDE, ROTATE)}
+    if made[SLIDE] <= 0.0:
+        return ()
+    share = 100.0 * made[SLIDE] / (made[SLIDE] + made[ROTATE])
+    legs = "" if len(table.surveys.legs) == 1 else "; legs are not told apart"
+    sheet = Sheet(
+        f"Slide sheet: slid {fixed(made[SLIDE], 1)} m, rotated {fixed(made[ROTATE], 1)} m, {share:.0f} % slid{legs}",
+        ("From", "To", "Length", "Mode", "Toolface", "Counted from", "Steady", "Rotary", "Begun, UTC", "Ended, UTC"),
+        ("m", "m", "m", "", "deg", "", "%", "r/min", "", ""),
+        tuple(_stretch(s) for s in table.stretches),
+        ("",) * len(table.stretches),
+        (3, 5, 8, 9),
+    )
+    gave = yields(table.stretches, table.path)
+    motor = Sheet(
+        "What the slides gave; the tendency of formation and rotation is in it",
+        ("From", "To", "Slid", "Rotated", "Dogleg", "DLS", "Motor yield"),
+        ("m", "m", "m", "m", "deg", "deg/30 m", "deg/30 m slid"),
+        tuple(
+            (
+                fixed(y.from_depth, 2),
+                fixed(y.to_depth, 2),
+                fixed(y.slid, 1),
+                fixed(y.rotated, 1),
+                fixed(y.dogleg * _DEG, 2),
+                fixed(y.dogleg / (y.to_depth - y.from_depth) * 30.0 * _DEG, 2),
+                fixed(y.motor * 30.0 * _DEG, 2) if y.motor is not None else "",
+            )
+            for y in gave
+        ),
+        ("",) * len(gave),
+    )
+    return (sheet, motor) if gave else (sheet,)
+
+
+def _stretch(s: Stretch) -> tuple[str, ...]:
+    known = s.toolface is not None
+    return (
+        fixed(s.from_depth, 2),
+        fixed(s.to_depth, 2),
+        fixed(s.length, 2),
+        s.mode,
+        fixed(s.toolface * _DEG, 0, 360.0) if s.toolface is not None else "",
+        ("north" if s.magnetic else "high side") if known else "",
+        fixed(s.steadiness * 100.0, 0) if s.steadiness is not None else "",
+        fixed(s.rotary_speed * 30.0 / math.pi, 0) if s.mode == ROTATE else "",
+        *(utc(stamp)[:19].replace("T", " ") for stamp in (s.begin_ns, s.end_ns)),
+    )
 
 
 def _mark(record: SurveyRecord | None) -> str:

@@ -63,6 +63,7 @@ figcaption { color: #444; }
 {% endfor %}</section>
 <section class="page">{{ sheet(c.quality) }}</section>
 {% if c.decisions.rows %}{{ sheet(c.decisions) }}{% endif %}
+{% for s in c.slides %}{{ sheet(s) }}{% endfor %}
 <h2>Certificate</h2><p>{{ c.certificate }}</p>
 <div class="sign">{% for who in c.signatures %}<div>{{ who }}, date</div>{% endfor %}</div>
 </main>

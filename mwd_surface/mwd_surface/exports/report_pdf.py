@@ -71,6 +71,8 @@ def report_pdf(table: SurveyTable) -> bytes:
     _sheet(pdf, said.quality)
     if said.decisions.rows:
         _sheet(pdf, said.decisions)
+    for sheet in said.slides:
+        _sheet(pdf, sheet)
     _certificate(pdf, said)
     return bytes(pdf.output())
 

@@ -10,13 +10,14 @@ from __future__ import annotations
 import dataclasses
 import datetime as dt
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from mwd_sensors.frames import Array
 from mwd_surface.surveys.plan import Plan, offset_from
 from mwd_surface.surveys.position_covariance import CovarianceUnavailableError, ErrorReference, position_covariance
+from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Survey, SurveyRecord
 from mwd_surface.surveys.well_path import Definitive
@@ -53,7 +54,7 @@ class SurveyTable:
 
     surveys, path: where it comes from. records: of each station, None for tie-ons and the projection. header: label
     and value of the head block. covariance: shape (n, 3, 3), m^2, or None; why not is in covariance_note. left_out:
-    stations that could not be printed, and why. made_ns: when the table was asked for.
+    stations that could not be printed, and why. made_ns: when the table was asked for. stretches: the slide sheet.
     """
 
     surveys: SurveyList
@@ -66,6 +67,7 @@ class SurveyTable:
     plan: Plan | None
     left_out: tuple[str, ...]
     made_ns: int
+    stretches: tuple[Stretch, ...] = ()
 
     @property
     def rows(self) -> range:
@@ -88,6 +90,7 @@ def survey_table(
     bit_depth: float | None = None,
     plan: Plan | None = None,
     software: str = "",
+    stretches: Sequence[Stretch] = (),
 ) -> SurveyTable:
     """
     The printed table of one leg.
@@ -105,6 +108,8 @@ def survey_table(
         Adds distance and direction to it.
     software : str
         Name and version for the head block.
+    stretches : sequence of Stretch
+        The slide sheet, for reports.
 
     Raises
     ------
@@ -116,11 +121,16 @@ def survey_table(
         bit_depth = float(path.md[-1]) + surveys.well.sensor_to_bit
     if bit_depth is not None:
         path = surveys.definitive(leg, bit_depth)
-    return table_of(surveys, path, made_ns, plan, software)
+    return table_of(surveys, path, made_ns, plan, software, stretches)
 
 
 def table_of(
-    surveys: SurveyList, path: Definitive, made_ns: int, plan: Plan | None = None, software: str = ""
+    surveys: SurveyList,
+    path: Definitive,
+    made_ns: int,
+    plan: Plan | None = None,
+    software: str = "",
+    stretches: Sequence[Stretch] = (),
 ) -> SurveyTable:
     """The printed table of a path of the list; see `survey_table`."""
     path, left_out = _finite(path)
@@ -157,7 +167,9 @@ def table_of(
             Column("right_of_plan_m", "Right", "m", 3, 2, tuple(o.right for o in offsets)),
         ]
     header = _header(surveys, path, reference, made_ns, note, plan, software)
-    return SurveyTable(surveys, path, records, tuple(columns), header, covariance, note, plan, left_out, made_ns)
+    return SurveyTable(
+        surveys, path, records, tuple(columns), header, covariance, note, plan, left_out, made_ns, tuple(stretches)
+    )
 
 
 def fixed(value: float | None, decimals: int, wrap: float = 0.0) -> str:

@@ -16,8 +16,8 @@ from mwd_sensors.wire import Samples
 from mwd_surface.nodes.journal import Journal
 from mwd_surface.page.alarms import Severity
 from mwd_surface.page.live_state import LiveState
-from mwd_surface.surveys.slide_file import append_stretch, read_stretches
-from mwd_surface.surveys.slide_sheet import SlideRules, SlideSheet, yields
+from mwd_surface.surveys.slide_file import NAME, append_stretch, read_stretches
+from mwd_surface.surveys.slide_sheet import SlideRules, SlideSheet, Stretch, yields
 from mwd_surface.surveys.survey_list import SurveyList
 
 _ON_BOTTOM = 0.5  # m between bit and end of hole that still is drilling
@@ -34,7 +34,7 @@ class SteeringDesk:
     """
 
     def __init__(self, folder: Path, rules: SlideRules, live: LiveState, journal: Journal) -> None:
-        self._file, self._live, self._journal = folder / "slides.jsonl", live, journal
+        self._file, self._live, self._journal = folder / NAME, live, journal
         earlier, bad = read_stretches(self._file)
         if bad:
             journal.note("slide sheet", f"{bad} lines of {self._file} cannot be read", Severity.WARNING)
@@ -42,6 +42,10 @@ class SteeringDesk:
         self._surveys = SurveyList()
         self._turning = False
         self._told: tuple[Any, ...] = ()
+
+    def stretches(self) -> tuple[Stretch, ...]:
+        """The sheet as it stands."""
+        return self._sheet.stretches
 
     def on_surveys(self, surveys: SurveyList) -> None:
         """The survey list changed."""

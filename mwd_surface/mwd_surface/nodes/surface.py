@@ -130,15 +130,15 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._plan = PlanDesk(live, journal)
         self._plan.read(settings.plan, settings.well.north_reference)
         well = self._plan.along_plan(settings.well)
+        self._steering = SteeringDesk(folder / "surveys", settings.slides, live, journal)
         self._surveys = self._closed_at_end(
             SurveyDesk(
                 self, folder, well, settings.rules, settings.leg, settings.depth,
                 live=live, journal=journal, plan=self._plan, beside=self._beside,
-                changed=self._surveys_changed,
+                changed=self._surveys_changed, stretches=self._steering.stretches,
             )
         )  # fmt: skip
         self._tables_of = ParameterTables(self, ("sonde", "estimator"))
-        self._steering = SteeringDesk(folder / "surveys", settings.slides, live, journal)
         self._recording = self._closed_at_end(
             RecordingDesk(
                 self, folder / "bags", settings.record, settings.recorder,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import concurrent.futures
+import functools
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +18,7 @@ from mwd_sensors.nodes.graph_node import ERROR, OK, Finding, GraphNode, Later
 from mwd_sensors.nodes.profiles import EVENT, LATCHED
 from mwd_sensors.wire import Samples
 from mwd_surface.exports.export import FORMATS, ExportError, export
-from mwd_surface.exports.survey_table import survey_table, table_of
+from mwd_surface.exports.survey_table import SurveyTable, survey_table, table_of
 from mwd_surface.nodes import messages
 from mwd_surface.nodes.journal import Journal
 from mwd_surface.nodes.plan_desk import PlanDesk
@@ -27,6 +28,7 @@ from mwd_surface.page.live_state import LiveState
 from mwd_surface.surveys.azimuth_check import disagreement
 from mwd_surface.surveys.depth import DepthRules, DepthTrack
 from mwd_surface.surveys.leg_settings import LegSettings, arranged
+from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.survey_list import ListRules, SurveyList
 from mwd_surface.surveys.survey_message import survey_of
 from mwd_surface.surveys.survey_record import Verdict
@@ -51,6 +53,8 @@ class SurveyDesk:
         For what takes long.
     changed : callable
         Called with the list whenever it was published.
+    stretches : callable
+        The slide sheet as it stands, for reports.
 
     Raises
     ------
@@ -79,10 +83,12 @@ class SurveyDesk:
         plan: PlanDesk,
         beside: Beside,
         changed: Callable[[SurveyList], None],
+        stretches: Callable[[], tuple[Stretch, ...]],
     ) -> None:
         self.depth = DepthTrack(depth)
         self._node, self._folder, self._live = node, folder, live
         self._journal, self._plan, self._beside, self._changed = journal, plan, beside, changed
+        self._stretches = stretches
         self._unsaved = ""
         self._covariance: Any = None
         self._shown_bit: float | None = None
@@ -227,10 +233,10 @@ class SurveyDesk:
 
     def export(self, request: Any, response: Any) -> Any:
         """Write the list in one of the formats; answered when it is written."""
-        surveys, now_ns, folder, plan = self.surveys, self._journal.now_ns(), self._folder / "exports", self._plan.plan
+        table, folder = self._table(), self._folder / "exports"
 
         def write() -> Path:
-            return export(survey_table(surveys, now_ns, plan=plan), request.format, folder, request.name)
+            return export(table(), request.format, folder, request.name)
 
         def written(job: concurrent.futures.Future[Path]) -> None:
             try:
@@ -292,11 +298,17 @@ class SurveyDesk:
 
         self._report()
 
+    def _table(self) -> Callable[[], SurveyTable]:
+        """What works out the printed table of the list as it is now, wherever it is called."""
+        return functools.partial(
+            survey_table, self.surveys, self._journal.now_ns(), plan=self._plan.plan, stretches=self._stretches()
+        )
+
     def _report(self) -> None:
         """Make the report of the list as it is, beside the node; of many changes in a row only the last matters."""
         if self._reporting or self._reported is self.surveys or not self.surveys.records:
             return
-        surveys, now_ns, plan = self.surveys, self._journal.now_ns(), self._plan.plan
+        surveys, table = self.surveys, self._table()
         self._reporting = True
 
         def made(job: concurrent.futures.Future[bytes]) -> None:
@@ -305,13 +317,13 @@ class SurveyDesk:
             self._node.get_logger().info(f"report of {len(surveys.records)} surveys made")
             self._report()
 
-        self._beside.work(lambda: FORMATS["html"].make(survey_table(surveys, now_ns, plan=plan)), made)
+        self._beside.work(lambda: FORMATS["html"].make(table()), made)
 
     def enclosures(self) -> list[tuple[str, str, bytes]]:
         """The surveys as files for a recording: lists as they are now, and the report where it is of this list."""
         if not self.surveys.records:
             return []
-        table = survey_table(self.surveys, self._journal.now_ns(), plan=self._plan.plan)
+        table = self._table()()
         found = [
             (f"surveys_{FORMATS[kind].word}.csv", "text/csv", FORMATS[kind].make(table)) for kind in ("csv", "raw_csv")
         ]

@@ -9,6 +9,8 @@ from pathlib import Path
 from mwd_sensors import settings
 from mwd_surface.surveys.slide_sheet import Stretch
 
+NAME = "slides.jsonl"
+
 
 def read_stretches(path: Path) -> tuple[tuple[Stretch, ...], int]:
     """Stretches of a file, and how many of its lines were no such; no file is an empty sheet."""

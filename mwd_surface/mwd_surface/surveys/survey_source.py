@@ -1,5 +1,6 @@
 """
-The survey list of whatever people point at: the list's own file, the folder of a well or a run, or a recording.
+The survey list of whatever people point at: the list's own file, the folder of a well or a run, or a recording; and the
+slide sheet that lies beside it.
 
 Only reads: a list that a running surface node keeps can be exported at the same time.
 """
@@ -9,6 +10,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.surveys.slide_file import NAME, read_stretches
+from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.survey_list import Leg, SurveyList, TieOn
 from mwd_surface.surveys.survey_message import record_of, stamp_of
 from mwd_surface.surveys.survey_record import North
@@ -48,6 +51,21 @@ def surveys_of(path: Path) -> tuple[SurveyList, tuple[str, ...]]:
         return _stored(folders[0])
     with Bag(path) as bag:
         return surveys_of_bag(bag), (_NO_WELL,)
+
+
+def stretches_of(path: Path) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
+    """
+    The slide sheet of the same well as `surveys_of`, and what people must know about it; a recording has none.
+
+    Raises
+    ------
+    OSError
+        Its file cannot be read.
+    """
+    listed = path.is_file() and path.suffix == ".json"
+    folders = [path.parent] if listed else _folders(path) if path.is_dir() else []
+    stretches, bad = read_stretches(folders[0] / NAME) if folders else ((), 0)
+    return stretches, (f"{bad} lines of {folders[0] / NAME} cannot be read",) if bad else ()
 
 
 def surveys_of_bag(bag: Bag) -> SurveyList:
