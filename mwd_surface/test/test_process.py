@@ -75,7 +75,9 @@ def surveys(folder):
 def test_one_line_for_every_imu_message_in_order(tmp_path):
     imu, _ = recording(tmp_path / "bag")
     summary = run(tmp_path / "bag", tmp_path / "out")
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["attitude.csv", "config.yaml", "surveys.csv"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "attitude.csv", "config.yaml", "faults.csv", "surveys.csv",
+    ]  # fmt: skip
     assert (tmp_path / "out" / "attitude.csv").read_text().splitlines()[0] == (
         "stamp_ns,inclination_deg,azimuth_deg,toolface_deg,sigma_inclination_deg,sigma_azimuth_deg,sigma_toolface_deg,"
         "gravity_x,gravity_y,gravity_z,status"
@@ -121,7 +123,7 @@ def test_a_row_in_ten_may_be_enough_and_parquet_holds_the_same(tmp_path):
         wanted = OutputSettings(format="parquet", rate_hz=10.0)
         summary = process.process(bag, tmp_path / "few", S3, wanted=wanted)
     assert summary.rows == len(imu)
-    assert summary.files == ["attitude.parquet", "surveys.csv", "config.yaml"]
+    assert summary.files == ["attitude.parquet", "surveys.csv", "faults.csv", "config.yaml"]
     assert "# rate_hz: 10.0" in (tmp_path / "few" / "config.yaml").read_text()
     table = pq.read_table(tmp_path / "few" / "attitude.parquet").to_pylist()
     lines = attitude(tmp_path / "out")[::10]
@@ -137,7 +139,7 @@ def test_estimates_merged_beside_the_messages_are_those_of_the_csv(tmp_path):
         with Bag(tmp_path / "bag") as bag:
             wanted = OutputSettings(format="mcap")
             summary = process.process(bag, tmp_path / "merged", S3, InputSettings(start_s=2.0), wanted=wanted)
-    assert summary.files == ["merged", "surveys.csv", "config.yaml"]
+    assert summary.files == ["merged", "surveys.csv", "faults.csv", "config.yaml"]
     run(tmp_path / "bag", tmp_path / "out", start_s=2.0)
     lines = attitude(tmp_path / "out")
     with Bag(tmp_path / "merged" / "merged") as bag:
@@ -331,6 +333,22 @@ def test_headers_without_a_time_are_given_that_of_the_recording(tmp_path):
     assert warning == "/imu/data_raw, /imu/mag, /rig/state: no time in the headers; the times of recording are used"
     for name in ("attitude.csv", "surveys.csv"):
         assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
+
+
+def test_a_sensor_that_fails_is_named_with_its_time(tmp_path):
+    imu, _ = recording(tmp_path / "bag")
+    imu["linear_acceleration"][1000:, 2] = imu["linear_acceleration"][999, 2]
+    with BagWriter(tmp_path / "stuck") as bag:
+        channel = bag.topic("/imu/data_raw", wire.IMU.type_name)
+        bag.write_rows(channel, wire.IMU.encode(imu, "sonde_link"), imu["stamp_ns"])
+    absent, fault = run(tmp_path / "stuck", tmp_path / "out").faults
+    assert (absent.sensor, absent.kind) == ("magnetometer", "absent")
+    assert (fault.sensor, fault.axis, fault.kind) == ("accelerometer", "z", "stuck")
+    with (tmp_path / "out" / "faults.csv").open() as file:
+        _, line = csv.DictReader(file)
+    assert abs(int(line["since_ns"]) - int(imu["stamp_ns"][1000])) < 3_000_000_000
+    assert line["cleared_ns"] == ""
+    assert "accelerometer z axis is stuck" in line["message"]
 
 
 def test_that_many_samples_were_refused_is_said(tmp_path):

@@ -84,9 +84,10 @@ def process(
     """
     Work out attitude and surveys of a recording.
 
-    Writes DIR/attitude.csv (one line per IMU message), DIR/surveys.csv and DIR/config.yaml (the settings in force).
-    Needs no middleware; the results equal those of the live graph. --format parquet writes DIR/attitude.parquet,
-    --format mcap a copy of the recording with the estimates beside its messages, DIR/merged, for Foxglove.
+    Writes DIR/attitude.csv (one line per IMU message), DIR/surveys.csv, DIR/faults.csv (what was found wrong with a
+    sensor, and when) and DIR/config.yaml (the settings in force). Needs no middleware; the results equal those of the
+    live graph. --format parquet writes DIR/attitude.parquet, --format mcap a copy of the recording with the estimates
+    beside its messages, DIR/merged, for Foxglove.
 
     \b
     Examples:
@@ -165,6 +166,10 @@ def _show(summary: Summary, estimator: EstimatorSettings, folder: Path, elapsed:
     console = terminal.output()
     for warning in summary.warnings:
         terminal.warn(warning)
+    for fault in summary.faults:
+        # Relative to the first sample, as --start and --end count.
+        moment = (fault.cleared_ns or fault.since_ns) - summary.start_ns
+        terminal.warn(f"{moment * 1e-9:.1f} s: {fault.message}" + (f"; {fault.remedy}" if fault.remedy else ""))
     rate = (summary.rows - 1) / summary.seconds if summary.seconds > 0.0 else 0.0
     lines = [
         ("IMU", f"{summary.topics.imu}: {summary.rows} samples, {summary.seconds:.1f} s, {rate:.1f} Hz"),

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_estimation.health_words import Finding
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
 from mwd_estimation.status import Status
 from mwd_estimation.survey import Survey
@@ -38,7 +39,7 @@ from mwd_surface.runs.imu_queue import ImuQueue
 from mwd_surface.runs.merger import Merger
 from mwd_surface.runs.overlap import ahead, behind
 from mwd_surface.runs.run_config import config_text
-from mwd_surface.runs.run_output import OutputSettings, destination, drafts, survey_text
+from mwd_surface.runs.run_output import OutputSettings, destination, drafts, fault_text, survey_text
 from mwd_surface.surveys.depth import DepthTrack
 
 # All else of these messages is most of their bytes, and is not read.
@@ -48,6 +49,7 @@ _FIELDS = {
     wire.TEMPERATURE.type_name: ("temperature",),
     wire.RIG_STATE.type_name: ("bit_depth", "valid"),
 }
+_AFTER = ("surveys.csv", "faults.csv", "config.yaml")  # files named after the attitude
 _MANY_REFUSED = 0.1  # share of the samples that is worth a warning
 _BIT_DEPTH = 1  # RigState.VALID bit of bit_depth
 
@@ -70,6 +72,8 @@ class Summary:
     north, reference : str
         North of the azimuth, and where the field comes from.
     surveys : list of (Survey, measured depth in m or nan)
+    faults : list of Finding
+        Faults of sensors, as they were found, narrowed down or cleared.
     warnings : list of str
     files : list of str
         Names of what was written.
@@ -88,6 +92,7 @@ class Summary:
     north: str = "magnetic"
     reference: str = "none"
     surveys: list[tuple[Survey, float]] = dataclasses.field(default_factory=list)
+    faults: list[Finding] = dataclasses.field(default_factory=list)
     warnings: list[str] = dataclasses.field(default_factory=list)
     files: list[str] = dataclasses.field(default_factory=list)
 
@@ -107,7 +112,7 @@ def process(
     wanted: OutputSettings | None = None,
 ) -> Summary:
     """
-    Write the attitude (by default attitude.csv), surveys.csv and config.yaml of a bag.
+    Write the attitude (by default attitude.csv), surveys.csv, faults.csv and config.yaml of a bag.
 
     Parameters
     ----------
@@ -136,11 +141,12 @@ def process(
         with destination(draft, bag, wanted, given) as (sink, merger):
             summary = estimate(bag, estimator, given, sink, progress, compensation, wanted.smooth, merger)
         (draft / "surveys.csv").write_text(survey_text(summary.surveys), encoding="utf-8")
+        (draft / "faults.csv").write_text(fault_text(summary.faults), encoding="utf-8")
         config = config_text(estimator, given, wanted, summary.topics)
         (draft / "config.yaml").write_text(config, encoding="utf-8")
         summary.files = [file.name for file in draft.iterdir()]
         # The largest first: what was asked for.
-        summary.files.sort(key=lambda name: (name == "config.yaml", name == "surveys.csv"))
+        summary.files.sort(key=lambda name: _AFTER.index(name) if name in _AFTER else -1)
     return summary
 
 
@@ -294,6 +300,7 @@ def _estimate(
             if one.output is not None:
                 surveys = one.output.surveys
                 summary.surveys += [(survey, sensor_depth(survey.stamp_ns)) for survey in surveys]
+                summary.faults += one.output.health
             give(one)
     if merger is not None:
         summary.warnings += merger.remarks

@@ -1,4 +1,4 @@
-"""What a run writes: attitude in the format asked for, surveys; complete, or not at all."""
+"""What a run writes: attitude in the format asked for, surveys, faults of sensors; complete, or not at all."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from mwd_estimation.health_words import Finding
 from mwd_estimation.pipeline import Output
 from mwd_estimation.survey import Survey
 from mwd_sensors.settings import setting
@@ -23,6 +24,7 @@ from mwd_surface.surveys import station_csv
 FORMATS = ("csv", "parquet", "mcap")
 MERGED = "merged"
 SURVEY_COLUMNS = ("sequence", "stamp_ns", "duration_s", "samples", "requested", *station_csv.COLUMNS, "uuid")
+FAULT_COLUMNS = ("since_ns", "cleared_ns", "severity", "sensor", "axis", "kind", "confidence", "message", "remedy")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,6 +112,18 @@ def survey_text(surveys: list[tuple[Survey, float]]) -> str:
                 "uuid": survey.uuid,
             }
             for survey, depth in surveys
+        ),
+    )
+
+
+def fault_text(faults: list[Finding]) -> str:
+    """faults.csv: one line for every fault that was found, narrowed down or cleared, in that order."""
+    return station_csv.text(
+        FAULT_COLUMNS,
+        (
+            {name: getattr(fault, name) for name in FAULT_COLUMNS}
+            | {"confidence": station_csv.number(fault.confidence, 2), "cleared_ns": fault.cleared_ns or ""}
+            for fault in faults
         ),
     )
 
