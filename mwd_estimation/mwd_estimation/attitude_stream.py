@@ -133,15 +133,14 @@ class _Magnetic:
     """
     Pairs as they correct the azimuth, m of them.
 
-    `sigma` is less `constant`, the part that never changes; `afresh`: what was said before is withdrawn; `bits` of
-    `Status`; `own` and `sigma_own`, shape (m, 3), the tool's field, T.
+    `sigma`, shape (m, 4), as `Steps.mag_sigma`; `afresh`: what was said before is withdrawn; `bits` of `Status`;
+    `own` and `sigma_own`, shape (m, 3), the tool's field, T.
     """
 
     place: Stamps
     stamp_ns: Stamps
     azimuth: Array
     sigma: Array
-    constant: Array
     afresh: NDArray[np.bool_]
     bits: NDArray[np.uint32]
     own: Array
@@ -161,7 +160,7 @@ class _Magnetic:
 def _no_pairs() -> _Magnetic:
     whole, one, three = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 3))
     no, bits = np.zeros(0, dtype=np.bool_), np.zeros(0, dtype=np.uint32)
-    return _Magnetic(whole, whole, one, one, one, no, bits, three, three)
+    return _Magnetic(whole, whole, one, np.zeros((0, 4)), no, bits, three, three)
 
 
 class AttitudeStream:
@@ -189,7 +188,8 @@ class AttitudeStream:
         precision: Precision,
     ) -> None:
         self._azimuth, self._field, self._errors, self._bin_ns = azimuth, field, errors, bin_ns
-        self._carry = continuous_azimuth.kernel_settings(carry, latitude_deg, precision)
+        self._carry = continuous_azimuth.kernel_settings(carry, latitude_deg, precision, azimuth.handing_on_s)
+        self._share = carry.magnetic_share
         self._gap_ns = round(carry.gap_s * 1e9)
         self._track_state = attitude_track.initial()
         self._carry_state = continuous_azimuth.initial()
@@ -289,7 +289,7 @@ class AttitudeStream:
                 pairs = pairs.joined(self._read(handed.where(level), reading, part.start))
         self.handed_on = Pairs.joined(raw)
         carried, waiting = self._carry_on(block, marks, pairs, precision)
-        rejected, sigma = 0, np.hypot(pairs.sigma, pairs.constant)
+        rejected, sigma = 0, np.sqrt((pairs.sigma**2).sum(axis=1))
         for (part, reading), found in zip(stretches, rows, strict=True):
             track = block.track
             here = slice(*np.searchsorted(pairs.place, [part.start, part.stop]))
@@ -342,10 +342,12 @@ class AttitudeStream:
         if self._field_state is None:
             bits = np.full(n, _UNCORRECTED | (_DISTURBED if reading.steel else 0), dtype=np.uint32)
             unknown = np.full((n, 3), -1.0)
-            constant = np.full(n, min(model.sigma_north, math.pi))
-            rest = np.sqrt(np.maximum(pairs.sigma**2 - constant**2, 0.0))
+            parts = np.zeros((n, 4))
+            parts[:, 3] = min(model.sigma_north, math.pi)
+            rest = np.sqrt(np.maximum(pairs.sigma**2 - parts[:, 3] ** 2, 0.0))
+            parts[:, 0], parts[:, 2] = self._share * rest, math.sqrt(1.0 - self._share**2) * rest
             return _Magnetic(
-                pairs.place + start, pairs.stamp_ns, pairs.azimuth, rest, constant, np.zeros(n, dtype=np.bool_), bits,
+                pairs.place + start, pairs.stamp_ns, pairs.azimuth, parts, np.zeros(n, dtype=np.bool_), bits,
                 np.zeros((n, 3)), unknown,
             )  # fmt: skip
         state = self._field_state
@@ -363,12 +365,13 @@ class AttitudeStream:
         afresh = learnt.restarted
         afresh[0] |= self._withdrawn
         self._withdrawn = False
+        white = np.full(n, _MAG_NOISE / state.field[0])
+        held = np.sqrt(np.maximum(learnt.sigma_azimuth**2 - learnt.sigma_own**2 - white**2, 0.0))
         return _Magnetic(
             pairs.place + start,
             pairs.stamp_ns,
             learnt.azimuth + model.north_correction,
-            learnt.sigma_azimuth,
-            np.full(n, model.sigma_north),
+            np.stack([learnt.sigma_own, held, white, np.full(n, model.sigma_north)], axis=1),
             afresh,
             bits.astype(np.uint32),
             np.where(shown, learnt.bias, 0.0),
@@ -388,7 +391,6 @@ class AttitudeStream:
             told.stamp_ns,
             told.azimuth,
             told.sigma,
-            told.constant,
             told.bits & _DISTURBED == 0,
             told.afresh,
             *precision,
@@ -443,7 +445,8 @@ def _write(
         row, down = attitude[i], gravity[i]
         has_gravity = math.isfinite(inclination[i])
         # Near vertical is what the attitude says, by its settings, not the gravity method by its own.
-        status = (np.int64(track_status[i]) & ~_NEAR_VERTICAL) | np.int64(row_status[i]) | np.int64(carried_status[i]) | bits
+        status = (np.int64(track_status[i]) & ~_NEAR_VERTICAL) | np.int64(row_status[i]) | bits
+        status |= np.int64(carried_status[i])
         status |= np.int64(last_bits[0]) & _DISTURBED
         near_vertical = status & _NEAR_VERTICAL != 0
         has_plain = math.isfinite(azimuth[i])

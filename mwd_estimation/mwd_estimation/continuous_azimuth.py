@@ -1,11 +1,11 @@
 """
 Azimuth while drilling, without a stop: carried by the gyros, corrected by the magnetic azimuth, honest in between.
 
-The filter (`carried_filter`) knows the azimuth of the hole axis, the bias of the cross-axis gyros of the conventional
-and of the precision unit, the slowly changing error of the magnetic azimuth (interference), which does not average out
-while the tool stays where it is, and the constant one (declination), which never does. Only the cross-axis rates enter,
-so that the x gyro may clip and a turning tool modulates the biases out. A magnetic azimuth beyond the innovation gate
-is not used; one that stays away with its field in order is taken up again, and says so.
+The filter (`carried_filter`) knows the azimuth of the hole axis, the bias and leakage of the cross-axis gyros of the
+conventional and of the precision unit, the slowly changing error of the magnetic azimuth (interference), which does not
+average out while the tool stays where it is, and the constant one (declination), which never does. Only the cross-axis
+rates enter, so that the x gyro may clip and a turning tool modulates the biases out. A magnetic azimuth beyond the
+innovation gate is not used; one that stays away with its field in order is taken up again, and says so.
 
 What turns the axis (`axis_turn`) is summed sample by sample; the filter itself steps once per closed bin of time, one
 bin late, when the other streams of that time are there. Every sample is given the filter's azimuth carried on to its
@@ -40,12 +40,20 @@ class Params:
     """Settings; noise and bias are one sigma and belong to the conventional unit's y and z gyros."""
 
     gyro_noise_deg_rth: float = setting(0.42, "White noise, y and z", unit="deg/sqrt(h)", low=1e-5, high=100.0)
-    gyro_bias_deg_h: float = setting(100.0, "Bias not known to better than", unit="deg/h", low=0.0, high=1e5)
+    gyro_bias_deg_h: float = setting(400.0, "Bias not known to better than", unit="deg/h", low=0.0, high=1e5)
     gyro_walk_deg_h_rth: float = setting(10.0, "Bias random walk per root hour", unit="deg/h", low=0.0, high=1e4)
-    magnetic_share: float = setting(
-        0.95, "Share of the magnetic sigma that stays the same from sample to sample", low=0.0, high=0.999
+    gyro_leak_urad: float = setting(1000.0, "x rate that y and z feel", unit="urad", low=0.0, high=1e5)
+    gyro_g_sensitivity_deg_h_g: float = setting(
+        3.6, "g-sensitivity of y and z, each to itself", unit="deg/h/g", low=0.0, high=1e4
     )
-    magnetic_memory_s: float = setting(14400.0, "Time in which that share changes", unit="s", low=1.0, high=1e6)
+    gyro_lag_ms: float = setting(0.5, "Lag of y and z behind the gravity found", unit="ms", low=0.0, high=100.0)
+    magnetic_share: float = setting(
+        0.95, "Share of the magnetic sigma that stays where no reference tells its parts apart", low=0.0, high=0.999
+    )
+    magnetic_memory_s: float = setting(14400.0, "Time in which what stays changes", unit="s", low=1.0, high=1e6)
+    magnetic_held_s: float = setting(
+        10.0, "Time for which an error of the vertical stays in the magnetic azimuth", unit="s", low=0.0, high=3600.0
+    )
     gate_sigmas: float = setting(4.0, "Innovation beyond which a magnetic azimuth is not used", low=1.0, high=20.0)
     patience_s: float = setting(
         60.0, "Good azimuths gated out for so long are taken up again", unit="s", low=1.0, high=1e5
@@ -66,12 +74,20 @@ class Params:
 
 @dataclasses.dataclass(frozen=True)
 class Precision:
-    """Noise, deg/sqrt(h), bias, deg/h, its walk, deg/h per sqrt(h), and range, deg/s, of a precision unit's y, z."""
+    """
+    A precision unit's y and z gyros.
+
+    Noise, deg/sqrt(h), bias, deg/h, its walk, deg/h per sqrt(h), range, deg/s, x rate that they feel, urad,
+    g-sensitivity, deg/h/g, and lag behind the conventional unit, ms.
+    """
 
     noise_deg_rth: float = 0.05
     bias_deg_h: float = 5.0
     walk_deg_h_rth: float = 0.5
     range_dps: float = 100.0
+    leak_urad: float = 300.0
+    g_sensitivity_deg_h_g: float = 0.5
+    lag_ms: float = 2.0
 
 
 @dataclasses.dataclass
@@ -106,9 +122,10 @@ class Steps:
     station : ndarray, shape (m, 3)
         Azimuth of an accepted station, its sigma, and the part of that which every magnetic azimuth errs by, rad: from
         here on carried to the next one; NaN where there is none.
-    mag_ns, mag_azimuth, mag_sigma, mag_constant : ndarray, shape (p,)
-        Magnetic azimuths in order of their stamps, raw or corrected, from the named north; their sigma less the part
-        that never changes (the declination's), and that part, rad. All of the bins' time, and later ones.
+    mag_ns, mag_azimuth, mag_sigma : ndarray, shapes (p,), (p,) and (p, 4)
+        Magnetic azimuths in order of their stamps, raw or corrected, from the named north; sigma of the part of their
+        error that stays (the tool's own field), that stays for a while (the vertical's), of the noise, and of the part
+        that never changes (the declination), rad. All of the bins' time, and later ones.
     mag_good, mag_afresh : ndarray of bool, shape (p,)
         Not good where the field fails its check: then never used. Afresh where what was said before is withdrawn: the
         azimuth begins anew.
@@ -124,7 +141,6 @@ class Steps:
     mag_ns: Stamps
     mag_azimuth: Array
     mag_sigma: Array
-    mag_constant: Array
     mag_good: NDArray[np.bool_]
     mag_afresh: NDArray[np.bool_]
     precision_ns: Stamps
@@ -169,7 +185,7 @@ def initial() -> State:
         sums,
         np.zeros(1),
         np.zeros(ax.RING, dtype=np.int64),
-        np.zeros((ax.RING, 4)),
+        np.zeros((ax.RING, ax.RING_ROW)),
     )
 
 
@@ -197,7 +213,7 @@ def run(
         Changed in place; blocks of any length give the same numbers.
     stamp_ns : array_like of int64, shape (n,)
     gyro_t : array_like, shape (n, 3)
-        Angular rate of the conventional unit, rad/s, in tool axes; x is not used.
+        Angular rate of the conventional unit, rad/s, in tool axes; x counts only for what leaks of it into y and z.
     g_t, sigma_tilt : array_like, shapes (n, 3) and (n,)
         Unit vector down in tool axes from a gravity method, NaN before it has one, and its 1 sigma, rad.
     steps : Steps
@@ -222,17 +238,20 @@ def run(
     used = _run(
         k, bin_ns, gap_ns, state.clock, state.x, state.P, state.memory, state.sums, state.carried, state.ring_ns,
         state.ring, stamps, gyro, down, tilt, steps.place, steps.bin, steps.seek_azimuth, steps.seek_sigma,
-        steps.station, steps.mag_ns, steps.mag_azimuth, steps.mag_sigma, steps.mag_constant, steps.mag_good,
-        steps.mag_afresh, steps.precision_ns, steps.precision_t, rows.azimuth, rows.sigma, rows.status, rows.anchor,
+        steps.station, steps.mag_ns, steps.mag_azimuth, steps.mag_sigma, steps.mag_good, steps.mag_afresh,
+        steps.precision_ns, steps.precision_t, rows.azimuth, rows.sigma, rows.status, rows.anchor,
     )  # fmt: skip
     return rows, used
 
 
-def kernel_settings(params: Params, latitude_deg: float | None, precision: Precision | None = None) -> Array:
+def kernel_settings(
+    params: Params, latitude_deg: float | None, precision: Precision | None = None, interval_s: float = 0.2
+) -> Array:
     """
     Settings in SI, in the order of the K_ names, shape (SETTINGS,).
 
     latitude_deg: None where unknown; what the Earth's rotation does to the azimuth then counts as gyro bias.
+    interval_s: between magnetic azimuths.
     """
     k = np.zeros(cf.SETTINGS)
     unknown = 0.0 if latitude_deg is not None else EARTH_RATE
@@ -240,15 +259,20 @@ def kernel_settings(params: Params, latitude_deg: float | None, precision: Preci
         latitude = math.radians(latitude_deg)
         k[cf.K_NORTH], k[cf.K_DOWN] = EARTH_RATE * math.cos(latitude), -EARTH_RATE * math.sin(latitude)
     fine = precision or Precision()
-    for at, noise, bias, walk in (
-        (0, params.gyro_noise_deg_rth, params.gyro_bias_deg_h, params.gyro_walk_deg_h_rth),
-        (1, fine.noise_deg_rth, fine.bias_deg_h, fine.walk_deg_h_rth),
-    ):
-        k[cf.K_NOISE + at] = noise * DEG_PER_ROOT_HOUR
-        k[cf.K_BIAS + at] = math.hypot(bias * DEG_PER_HOUR, unknown)
-        k[cf.K_WALK + at] = walk * DEG_PER_HOUR / 60.0
+    conventional = Precision(
+        params.gyro_noise_deg_rth, params.gyro_bias_deg_h, params.gyro_walk_deg_h_rth, leak_urad=params.gyro_leak_urad,
+        g_sensitivity_deg_h_g=params.gyro_g_sensitivity_deg_h_g, lag_ms=params.gyro_lag_ms,
+    )  # fmt: skip
+    for at, unit in enumerate((conventional, fine)):
+        k[cf.K_NOISE + at] = unit.noise_deg_rth * DEG_PER_ROOT_HOUR
+        k[cf.K_BIAS + at] = math.hypot(unit.bias_deg_h * DEG_PER_HOUR, unknown)
+        k[cf.K_WALK + at] = unit.walk_deg_h_rth * DEG_PER_HOUR / 60.0
+        k[cf.K_LEAK + at], k[cf.K_LAG + at] = unit.leak_urad * 1e-6, unit.lag_ms * 1e-3
+        # Of the sensitivity of y to y and of z to z their mean is felt whatever the toolface.
+        k[cf.K_DRIFT + at] = unit.g_sensitivity_deg_h_g * DEG_PER_HOUR * math.sqrt(0.5)
     k[cf.K_RANGE] = 0.98 * math.radians(fine.range_dps)
-    k[cf.K_SHARE], k[cf.K_TAU], k[cf.K_GATE] = params.magnetic_share, params.magnetic_memory_s, params.gate_sigmas
+    k[cf.K_OFTEN] = max(2.0 * params.magnetic_held_s / interval_s, 1.0)
+    k[cf.K_TAU], k[cf.K_GATE] = params.magnetic_memory_s, params.gate_sigmas
     k[cf.K_PATIENCE], k[cf.K_TIMEOUT] = params.patience_s, params.mag_timeout_s
     k[cf.K_VERTICAL] = math.sin(math.radians(params.vertical_below_deg)) ** 2
     k[cf.K_GAP_RATE], k[cf.K_TILT_MEMORY] = math.radians(params.gap_rate_dps), params.tilt_memory_s
@@ -260,7 +284,7 @@ def kernel_settings(params: Params, latitude_deg: float | None, precision: Preci
 def _step(
     k: Array, bin_ns: int, clock: Stamps, x: Array, P: Array, m: Array, bins: Array, ring_ns: Stamps, ring: Array,
     index: int, seek_azimuth: float, seek_sigma: float, told: Array, anchor: Array, mag_ns: Stamps, mag_azimuth: Array,
-    mag_sigma: Array, mag_constant: Array, mag_good: NDArray[np.bool_], mag_afresh: NDArray[np.bool_], used: int,
+    mag_sigma: Array, mag_good: NDArray[np.bool_], mag_afresh: NDArray[np.bool_], used: int,
     fine_ns: Stamps, fine_t: Array, fine_used: int, fine: Array,
 ) -> tuple[int, int]:  # fmt: skip
     """Take in one closed bin: its turn, the magnetic azimuths of its time, then a north seek and a station."""
@@ -287,17 +311,18 @@ def _step(
             # No azimuth here, and none to carry: it begins anew where the hole leaves the vertical.
             m[cf.HAVE] = m[cf.ANCHORED] = 0.0
         elif m[cf.HAVE] != 0.0:
+            cf.spun(k, x, P, sums, 0)
             if usable:
+                cf.spun(k, x, P, fine, 1)
                 cf.propagate(k, x, P, fine, 1)
             else:
                 cf.propagate(k, x, P, sums, 0)
     while used < len(mag_ns) and mag_ns[used] < end:
-        known = math.isfinite(mag_azimuth[used]) and math.isfinite(mag_sigma[used]) and mag_sigma[used] > 0.0
+        known = math.isfinite(mag_azimuth[used] + mag_sigma[used].sum()) and mag_sigma[used].sum() > 0.0
         if there and known and sums[ax.S_VERTICAL] == 0.0:
             since = sums[ax.S_CARRIED] - ax.carried_at(ring_ns, ring, clock[ax.HEAD], clock[ax.LENGTH], mag_ns[used])
             cf.magnetic(
-                k, x, P, m, mag_azimuth[used] + since, mag_sigma[used], mag_constant[used], mag_good[used],
-                mag_afresh[used],
+                k, x, P, m, mag_azimuth[used] + since, mag_sigma[used], mag_good[used], mag_afresh[used]
             )  # fmt: skip
         used += 1
     if there and math.isfinite(seek_azimuth) and seek_sigma > 0.0 and sums[ax.S_VERTICAL] == 0.0:
@@ -315,7 +340,7 @@ def _run(
     k: Array, bin_ns: int, gap_ns: int, clock: Stamps, x: Array, P: Array, m: Array, bins: Array, carried: Array,
     ring_ns: Stamps, ring: Array, stamps: Stamps, gyro: Array, down: Array, tilt: Array, place: Stamps, bin_at: Stamps,
     seek_azimuth: Array, seek_sigma: Array, told: Array, mag_ns: Stamps, mag_azimuth: Array, mag_sigma: Array,
-    mag_constant: Array, mag_good: NDArray[np.bool_], mag_afresh: NDArray[np.bool_], fine_ns: Stamps, fine_t: Array,
+    mag_good: NDArray[np.bool_], mag_afresh: NDArray[np.bool_], fine_ns: Stamps, fine_t: Array,
     azimuth: Array, sigma: Array, status: NDArray[np.uint32], anchor: Array,
 ) -> int:  # fmt: skip
     fine = np.zeros(ax.SUMS)
@@ -330,18 +355,19 @@ def _run(
         while step < len(place) and place[step] <= i:
             used, fine_used = _step(
                 k, bin_ns, clock, x, P, m, bins, ring_ns, ring, bin_at[step], seek_azimuth[step], seek_sigma[step],
-                told[step], anchor[step], mag_ns, mag_azimuth, mag_sigma, mag_constant, mag_good, mag_afresh, used,
+                told[step], anchor[step], mag_ns, mag_azimuth, mag_sigma, mag_good, mag_afresh, used,
                 fine_ns, fine_t, fine_used, fine,
             )  # fmt: skip
             spread = math.sqrt(max(P[cf.AZIMUTH, cf.AZIMUTH], 0.0))
             start, since = x[cf.AZIMUTH], m[cf.LAST_CARRIED]
             earth_north = k[cf.K_NORTH] * math.cos(x[cf.AZIMUTH])
             step += 1
-        stamp, wy, wz = stamps[i], gyro[i, 1], gyro[i, 2]
+        stamp, wx, wy, wz = stamps[i], gyro[i, 0], gyro[i, 1], gyro[i, 2]
         dx, dy, dz = down[i, 0], down[i, 1], down[i, 2]
         across2 = dy * dy + dz * dz
         fresh = clock[ax.LENGTH] == 0 or stamp > clock[ax.LAST_NS]
         if fresh and math.isfinite(wy + wz + dx + across2):
+            wx = wx if math.isfinite(wx) else 0.0
             if stamp >= end:
                 open_bin = stamp // bin_ns
                 end = (open_bin + 1) * bin_ns
@@ -367,13 +393,21 @@ def _run(
                     sums[ax.S_EARTH] += earth
                     sums[ax.S_NOISE] += share
                     sums[ax.S_TILT] += mistaken * mistaken * dt
-                    carried[0] += turn - x[cf.BIAS] * y - x[cf.BIAS + 1] * z - k[cf.K_DOWN] * dt + earth_north * earth
+                    sums[ax.S_XY] += wx * y
+                    sums[ax.S_XZ] += wx * z
+                    sums[ax.S_SPIN] += wx * dt
+                    sums[ax.S_RATE_Y] += wy * dt
+                    sums[ax.S_RATE_Z] += wz * dt
+                    sums[ax.S_LAG] += wx * (wy * dz - wz * dy) * share
+                    turn -= (x[cf.BIAS] + x[cf.LEAK] * wx) * y + (x[cf.BIAS + 1] + x[cf.LEAK + 1] * wx) * z
+                    carried[0] += turn - (k[cf.K_DOWN] + x[cf.DRIFT]) * dt + earth_north * earth
                 else:
                     sums[ax.S_GAP] += dt
             sums[ax.S_CARRIED] = carried[0]
             head = clock[ax.HEAD]
             ring_ns[head] = stamp
-            ring[head, 0], ring[head, 1], ring[head, 2], ring[head, 3] = dx, dy, dz, carried[0]
+            ring[head, 0], ring[head, 1], ring[head, 2] = dx, dy, dz
+            ring[head, ax.R_CARRIED], ring[head, ax.R_SPIN] = carried[0], wx
             clock[ax.HEAD] = (head + 1) & (ax.RING - 1)
             clock[ax.LENGTH] = min(clock[ax.LENGTH] + 1, ax.RING)
             clock[ax.LAST_NS] = stamp

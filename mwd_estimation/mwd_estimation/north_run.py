@@ -30,7 +30,7 @@ class Params:
 
     duration_s: float = setting(120.0, "Time where the request names none", unit="s", low=10.0, high=86400.0)
     x_noise_deg_rth: float = setting(0.42, "White noise", unit="deg/sqrt(h)", low=1e-5, high=100.0)
-    x_bias_deg_h: float = setting(100.0, "Bias not known to better than", unit="deg/h", low=0.0, high=1e5)
+    x_bias_deg_h: float = setting(400.0, "Bias not known to better than", unit="deg/h", low=0.0, high=1e5)
     x_scale_ppm: float = setting(5000.0, "Scale not known to better than", unit="ppm", low=0.0, high=1e5)
 
 

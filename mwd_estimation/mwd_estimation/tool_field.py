@@ -129,6 +129,8 @@ class Interference:
         Axial, y and z bias, T, and 1 sigma.
     azimuth, sigma_azimuth : ndarray, shape (n,)
         Magnetic azimuth freed of bias and scale, rad in [0, 2 pi), 1 sigma, at most pi.
+    sigma_own : ndarray, shape (n,)
+        The part of that which the biases and scales left unknown make: it stays from sample to sample, less and less.
     ratio : ndarray, shape (n,)
         Innovation's chi-square over the gate; above one the sample was not learnt from.
     learnt : ndarray of bool, shape (n,)
@@ -141,6 +143,7 @@ class Interference:
     sigma: Array
     azimuth: Array
     sigma_azimuth: Array
+    sigma_own: Array
     ratio: Array
     learnt: NDArray[np.bool_]
     restarted: NDArray[np.bool_]
@@ -213,7 +216,7 @@ def run(
         if np.shape(given[name]) != shape:
             raise ValueError(f"{name}: expected shape {shape} beside {n} stamps, got {np.shape(given[name])}")
     bias, sigma = np.empty((n, 3)), np.empty((n, 3))
-    azimuth, sigma_azimuth, ratio = np.empty(n), np.empty(n), np.empty(n)
+    azimuth, sigma_azimuth, sigma_own, ratio = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     learnt, restarted = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
     constants = np.array(
         [
@@ -245,11 +248,12 @@ def run(
         sigma,
         azimuth,
         sigma_azimuth,
+        sigma_own,
         ratio,
         learnt,
         restarted,
     )
-    return Interference(bias, sigma, azimuth, sigma_azimuth, ratio, learnt, restarted)
+    return Interference(bias, sigma, azimuth, sigma_azimuth, sigma_own, ratio, learnt, restarted)
 
 
 def aid_azimuth(params: Params, state: State, g_t: Array, b_t: Array, azimuth: float, sigma: float) -> float:
@@ -367,11 +371,12 @@ def _run(
     sigma: Array,
     azimuth: Array,
     sigma_azimuth: Array,
+    sigma_own: Array,
     ratio: Array,
     learnt: NDArray[np.bool_],
     restarted: NDArray[np.bool_],
 ) -> None:
-    """Explicit loops over samples and states; arguments as in `run`, the last seven are filled."""
+    """Explicit loops over samples and states; arguments as in `run`, the last eight are filled."""
     walk, field_walk, varying, correlation, gate, patience, least_patience = constants
     row_v, row_h = np.zeros(8), np.zeros(8)
     gain_v, gain_h = np.zeros(8), np.zeros(8)
@@ -383,7 +388,7 @@ def _run(
         if not finite:
             for i in range(3):
                 bias[k, i], sigma[k, i] = x[i], math.sqrt(cov[i, i])
-            azimuth[k], sigma_azimuth[k], ratio[k] = math.nan, math.pi, 0.0
+            azimuth[k], sigma_azimuth[k], sigma_own[k], ratio[k] = math.nan, math.pi, math.pi, 0.0
             continue
         first = last[0] < 0
         step = 0.0 if first else 1e-9 * (stamp_ns[k] - last[0])
@@ -469,6 +474,7 @@ def _run(
         # A tilt of the vertical turns the horizontal field by tan(dip), and the axis' own heading near vertical.
         upright = max(1.0 - g_t[k, 0] * g_t[k, 0], 1e-12)
         turn = (vertical * vertical / (horizontal * horizontal) + g_t[k, 0] * g_t[k, 0] / upright) * tilt
+        sigma_own[k] = min(math.sqrt(max(spread, 0.0)) / horizontal, math.pi)
         sigma_azimuth[k] = min(math.sqrt((spread + white) / (horizontal * horizontal) + turn), math.pi)
         for i in range(3):
             bias[k, i], sigma[k, i] = x[i], math.sqrt(max(cov[i, i], 0.0))

@@ -13,10 +13,10 @@ LIMIT, VERTICAL = 1.0, 1e-3
 
 def ring(times_ns: list[int], down: tuple[float, float, float], carried: list[float]):
     clock = np.zeros(ax.CLOCK, dtype=np.int64)
-    ring_ns, values = np.zeros(ax.RING, dtype=np.int64), np.zeros((ax.RING, 4))
+    ring_ns, values = np.zeros(ax.RING, dtype=np.int64), np.zeros((ax.RING, ax.RING_ROW))
     n = len(times_ns)
     ring_ns[:n] = times_ns
-    values[:n, :3], values[:n, 3] = down, carried
+    values[:n, :3], values[:n, ax.R_CARRIED], values[:n, ax.R_SPIN] = down, carried, 2.0
     clock[ax.HEAD], clock[ax.LENGTH], clock[ax.LAST_NS] = n, n, times_ns[-1]
     return clock, ring_ns, values
 
@@ -48,6 +48,10 @@ def test_a_steady_rate_across_a_hole_at_rest_is_the_turn_it_makes() -> None:
     assert fine[ax.S_TURN] == pytest.approx(0.5 * 0.02 / 0.8)
     assert fine[ax.S_Y] == pytest.approx(0.5 / 0.8)
     assert fine[ax.S_Z] == 0.0
+    assert fine[ax.S_XY] == pytest.approx(2.0 * 0.5 / 0.8)
+    assert fine[ax.S_SPIN] == pytest.approx(2.0 * 0.5)
+    assert fine[ax.S_RATE_Z] == pytest.approx(0.5 * 0.5)
+    assert fine[ax.S_LAG] == pytest.approx(-2.0 * 0.5 * 0.5 / 0.8)
 
 
 @pytest.mark.parametrize("spoil", ["clipped", "silent"])

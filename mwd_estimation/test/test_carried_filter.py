@@ -25,7 +25,8 @@ def test_propagation_is_the_derivative_of_itself(unit: int) -> None:
         k[at : at + 2] = 0.0
     sums = np.zeros(axis_turn.SUMS)
     sums[axis_turn.S_TURN : axis_turn.S_NOISE] = 0.02, 0.3, -0.4, 0.5, 0.6
-    x = np.array([2.0, 1e-3, -2e-3, 3e-3, 1e-3, 0.7, -0.3, 1.2])
+    sums[axis_turn.S_XY :] = 0.7, -0.2, 6.0, 0.01, 0.02, -0.3
+    x = np.array([2.0, 0.7, -0.3, 1.2, 1e-3, -2e-3, 3e-3, 1e-3, 1e-4, 2e-4, -3e-4, 1e-4, 1e-5, 2e-5, 1e-3, 2e-3])
     F = np.zeros((STATES, STATES))
     for j in range(STATES):
         ends = []
@@ -52,6 +53,7 @@ def test_noise_moves_azimuth_and_anchor_together() -> None:
     P = np.zeros((STATES, STATES))
     carried_filter.propagate(k, np.zeros(STATES), P, sums, 0)
     noise = k[carried_filter.K_NOISE] ** 2
+    assert noise > 0.0
     assert_allclose(P[np.ix_([AZIMUTH, ANCHOR], [AZIMUTH, ANCHOR])], noise, rtol=1e-12)
 
 
@@ -66,7 +68,7 @@ def test_a_magnetic_azimuth_leaves_the_anchor_alone_and_its_covariance_is_joseph
     gain = before @ H / (H @ before @ H + r2)
     gain[ANCHOR] = 0.0
     kept = np.eye(STATES) - np.outer(gain, H)
-    assert carried_filter.correct(k, x, P, memory, slow, lasting, 0.005, r2)
+    assert carried_filter.correct(k, x, P, memory, slow, lasting, 0.005, r2, 0.0)
     assert x[ANCHOR] == 0.0
     assert x[AZIMUTH] == pytest.approx(gain[AZIMUTH] * 0.005)
     assert_allclose(P, kept @ before @ kept.T + r2 * np.outer(gain, gain), atol=1e-15)
@@ -75,7 +77,7 @@ def test_a_magnetic_azimuth_leaves_the_anchor_alone_and_its_covariance_is_joseph
 def test_beyond_the_gate_nothing_changes() -> None:
     k, memory = settings(), np.zeros(carried_filter.MEMORY)
     x, P = np.zeros(STATES), np.eye(STATES) * 1e-6
-    assert not carried_filter.correct(k, x, P, memory, 0.0, 0.0, 1.0, 1e-6)
+    assert not carried_filter.correct(k, x, P, memory, 0.0, 0.0, 1.0, 1e-6, 0.0)
     assert_allclose(x, 0.0)
     assert_allclose(P, np.eye(STATES) * 1e-6)
     assert memory[carried_filter.RATIO] > 4.0
@@ -96,5 +98,45 @@ def test_a_station_is_carried_on_only_where_there_is_an_azimuth() -> None:
     memory[carried_filter.HAVE] = 1.0
     carried_filter.station(x, P, memory, 1.0 + 2.0 * math.pi, 0.1, 0.05)
     assert x[ANCHOR] == pytest.approx(1.0)
-    assert_allclose(P[ANCHOR], [0.0] * ANCHOR + [0.01])
+    assert_allclose(P[ANCHOR], 0.01 * np.eye(STATES)[ANCHOR])
     assert memory[carried_filter.ANCHOR_LASTING] == 0.05
+
+
+@pytest.mark.parametrize("unit", [0, 1])
+def test_what_leaks_of_the_spin_is_found_while_the_tool_turns_and_nothing_where_it_does_not(unit: int) -> None:
+    k, memory = settings(), np.zeros(carried_filter.MEMORY)
+    x, P = np.zeros(STATES), np.zeros((STATES, STATES))
+    carried_filter.begin(k, x, P, memory)
+    bias, leak = np.array([1e-5, -2e-5]), np.array([2e-4, -3e-4])
+    rng = np.random.default_rng(4)
+    at = carried_filter.LEAK + 2 * unit
+    before = P[at, at]
+    for rate in (0.1, 12.0):
+        sums = np.zeros(axis_turn.SUMS)
+        sums[axis_turn.S_TIME], sums[axis_turn.S_SPIN] = 0.5, 0.5 * rate
+        for _ in range(100):
+            across = math.radians(0.05) * 0.5 / (0.5 * rate / (2.0 * math.pi)) * rng.standard_normal(2)
+            sums[axis_turn.S_RATE_Y : axis_turn.S_RATE_Z + 1] = 0.5 * bias + 0.5 * rate * leak + across
+            carried_filter.spun(k, x, P, sums, unit)
+        if rate < 1.0:
+            assert P[at, at] == before
+    sigma = np.sqrt(np.diagonal(P)[at : at + 2])
+    assert (sigma < 1.5e-5).all()
+    assert (np.abs(x[at : at + 2] - leak) < 3.0 * sigma).all()
+    # And it outlasts an azimuth that begins anew.
+    found = x[at : at + 2].copy()
+    carried_filter.begin(k, x, P, memory)
+    assert_allclose(x[at : at + 2], found)
+    assert_allclose(np.sqrt(np.diagonal(P)[at : at + 2]), sigma)
+
+
+def test_an_error_that_stays_for_a_while_is_counted_once_in_that_time() -> None:
+    k, memory = settings(), np.zeros(carried_filter.MEMORY)
+    x, P = np.zeros(STATES), np.zeros((STATES, STATES))
+    sigma = np.array([0.0, 0.02, 0.0, 0.0])
+    carried_filter.magnetic(k, x, P, memory, 1.0, sigma, True, False)
+    assert P[AZIMUTH, AZIMUTH] == pytest.approx(0.02**2)
+    for _ in range(50):
+        carried_filter.magnetic(k, x, P, memory, 1.0, sigma, True, False)
+    # Fifty in ten seconds, with an error that stays for ten: half as much again as one of its own.
+    assert P[AZIMUTH, AZIMUTH] == pytest.approx(0.02**2 / 1.5, rel=1e-6)

@@ -27,10 +27,10 @@ RATE = 20.0
 BIN_NS = 500_000_000
 GAP_NS = 500_000_000
 MAG_SIGMA = 1.0 * DEG
+# Of the magnetic sigma, what stays from sample to sample.
+SHARE = 0.9
 # A tactical unit; the bias is known to 2 deg/h.
-TACTICAL = Params(
-    gyro_noise_deg_rth=0.05, gyro_bias_deg_h=2.0, gyro_walk_deg_h_rth=0.0, magnetic_share=0.9, magnetic_memory_s=1800.0
-)
+TACTICAL = Params(gyro_noise_deg_rth=0.05, gyro_bias_deg_h=2.0, gyro_walk_deg_h_rth=0.0, magnetic_memory_s=1800.0)
 POOR = dataclasses.replace(TACTICAL, gyro_noise_deg_rth=0.42, gyro_bias_deg_h=36.0)
 
 
@@ -58,7 +58,7 @@ def drilling(seconds: float, rpm: float) -> Drilling:
     return Drilling(clean.stamp_ns, clean.gyro_t, down, clean.azimuth)
 
 
-def magnetic(well: Drilling, rng: np.random.Generator, share: float = 0.9, memory: float = 1800.0) -> Array:
+def magnetic(well: Drilling, rng: np.random.Generator, memory: float = 1800.0) -> Array:
     """Magnetic azimuth at 2 Hz, NaN between, with a slow Gauss-Markov error and a fast one."""
     n, fade = len(well.stamps), math.exp(-1.0 / RATE / memory)
     slow = np.empty(n)
@@ -66,8 +66,8 @@ def magnetic(well: Drilling, rng: np.random.Generator, share: float = 0.9, memor
     kick = rng.standard_normal(n) * math.sqrt(1.0 - fade * fade)
     for i in range(1, n):
         slow[i] = fade * slow[i - 1] + kick[i]
-    fast = rng.standard_normal(n) * math.sqrt(1.0 - share**2)
-    mag = well.azimuth + MAG_SIGMA * (share * slow + fast)
+    fast = rng.standard_normal(n) * math.sqrt(1.0 - SHARE**2)
+    mag = well.azimuth + MAG_SIGMA * (SHARE * slow + fast)
     mag[np.arange(n) % 10 != 0] = np.nan
     return mag
 
@@ -93,8 +93,8 @@ def steps_of(stamps, mag, good, start, stop, mag_from, seek=None, fine=None, con
     rates = np.zeros((0, 3)) if fine is None else fine[:stop]
     return Steps(
         np.array(places, dtype=np.int64), np.array(bins, dtype=np.int64), *seeks, told, stamps[seen], mag[seen],
-        np.full(len(seen), MAG_SIGMA), np.full(len(seen), constant), good[seen], afresh[seen], stamps[: len(rates)],
-        rates,
+        np.tile([SHARE * MAG_SIGMA, 0.0, math.sqrt(1.0 - SHARE**2) * MAG_SIGMA, constant], (len(seen), 1)), good[seen],
+        afresh[seen], stamps[: len(rates)], rates,
     ), seen  # fmt: skip
 
 
