@@ -47,6 +47,27 @@ def test_a_request_that_fails_inside_is_answered_in_words():
     assert "export failed inside the node" in message
 
 
+def test_work_that_ends_while_the_node_asks_is_told_once():
+    class EndsWhileAsked(concurrent.futures.Future):
+        def done(self):
+            was = super().done()
+            if not was:
+                self.set_result("written")
+            return was
+
+    class Worker:
+        def submit(self, _job):
+            return EndsWhileAsked()
+
+    beside, told = Beside(), []
+    beside.close()
+    beside._worker = Worker()
+    beside.work(str, lambda job: told.append(job.result()))
+    for _ in range(3):
+        beside.finish()
+    assert told == ["written"]
+
+
 def test_slow_work_tells_of_itself_only_when_the_node_asks():
     beside, told, go = Beside(), [], threading.Event()
     beside.work(lambda: go.wait(5.0), lambda job: told.append(job.result()))

@@ -24,8 +24,11 @@ class Beside:
 
     def finish(self) -> None:
         """Tell of what is done; called by the node again and again."""
-        over = [entry for entry in self._jobs if entry[0].done()]
-        self._jobs = [entry for entry in self._jobs if not entry[0].done()]
+        over, waiting = [], []
+        for entry in self._jobs:
+            # Asked once: one that ends in between must not be lost.
+            (over if entry[0].done() else waiting).append(entry)
+        self._jobs = waiting
         for job, done in over:
             done(job)
 
