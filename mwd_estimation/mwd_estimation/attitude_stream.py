@@ -116,7 +116,7 @@ class Mark:
     ----------
     azimuth, sigma : float
         Of a north seek, rad; nan where there is none.
-    station : (float, float, float)
+    station : tuple of four float
         Of an accepted station: as `continuous_azimuth.Steps.station`.
     """
 
@@ -125,7 +125,7 @@ class Mark:
     end_ns: int
     azimuth: float = math.nan
     sigma: float = math.nan
-    station: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    station: tuple[float, float, float, float] = (math.nan, math.nan, math.nan, math.nan)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -218,6 +218,11 @@ class AttitudeStream:
         self._bits[0], self._sigma[0], self._bad_ns = 0, 0.0, -_SETTLED_NS
         self._own = np.concatenate([np.zeros(3), np.full(3, -1.0)])
         attitude_track.begin_smoothing(self._track_state)
+
+    @property
+    def anchor(self) -> Array:
+        """The last accepted station's azimuth carried on to the last bin: as `continuous_azimuth.Rows.anchor`."""
+        return continuous_azimuth.anchor_of(self._carry_state)
 
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
         """Magnetic samples, T; they wait for the gravity of their time."""
@@ -387,7 +392,7 @@ class AttitudeStream:
             np.array([mark.bin for mark in marks], dtype=np.int64),
             np.array([mark.azimuth for mark in marks], dtype=np.float64),
             np.array([mark.sigma for mark in marks], dtype=np.float64),
-            np.array([mark.station for mark in marks], dtype=np.float64).reshape(-1, 3),
+            np.array([mark.station for mark in marks], dtype=np.float64).reshape(-1, 4),
             told.stamp_ns,
             told.azimuth,
             told.sigma,

@@ -41,16 +41,18 @@ AZIMUTH, ERROR, CONSTANT, ANCHOR, BIAS, LEAK, DRIFT, LAG, STATES = 0, 1, 2, 3, 4
 # Memory: a first azimuth exists; seconds since the last magnetic azimuth used, and since the last seen; seconds for
 # which good ones have been gated out; last innovation ratio; counts of gated, failed and taken-up-again azimuths; bits
 # of the last magnetic azimuth; last bin taken in, and the carried turn at its end; sigma of the last magnetic azimuth;
-# whether the azimuth rests on a north seek and the gyros alone; whether a station is carried on, and what its azimuth
-# errs by that every magnetic azimuth does, rad.
+# whether the azimuth rests on a north seek and the gyros alone; whether a station is carried on, what its azimuth errs
+# by that every magnetic azimuth does, rad, and whether the last one that came did not agree with it.
 HAVE, SINCE_USED, SINCE_SEEN, REFUSING, RATIO, GATED, FAILED, TAKEN_UP, BITS, LAST_BIN = range(10)
-LAST_CARRIED, LAST_SIGMA, SOUGHT, ANCHORED, ANCHOR_LASTING, MEMORY = 10, 11, 12, 13, 14, 15
+LAST_CARRIED, LAST_SIGMA, SOUGHT, ANCHORED, ANCHOR_LASTING, ANCHOR_OFF, MEMORY = 10, 11, 12, 13, 14, 15, 16
 # Settings handed to the kernel; the gyros' noise, bias and walk stand twice, conventional then precision.
 K_NORTH, K_DOWN, K_OFTEN, K_TAU, K_GATE, K_PATIENCE, K_TIMEOUT, K_VERTICAL, K_GAP_RATE, K_TILT_MEMORY = range(10)
 K_NOISE, K_BIAS, K_WALK, K_LEAK, K_DRIFT, K_LAG, K_RANGE, K_WIDEST, SETTINGS = 10, 12, 14, 16, 18, 20, 22, 23, 24
 # Fewer turns in a bin do not tell the leakage; the true rate across the axis of which a turn leaves what is left of a
 # part of one, rad/s: a curve drilled fast, whirl.
 _TURNS, _ACROSS = 0.5, math.radians(0.05)
+# A station farther than so many sigma from the one carried on disagrees with it.
+_DISAGREES = 3.0
 
 _DISTURBED = int(Status.MAG_DISTURBED)
 
@@ -74,7 +76,8 @@ def begin(k: Array, x: Array, P: Array, m: Array) -> None:
         P[DRIFT + unit, DRIFT + unit] = k[K_DRIFT + unit] ** 2
         P[LAG + unit, LAG + unit] = k[K_LAG + unit] ** 2
     P[ERROR, ERROR] = P[CONSTANT, CONSTANT] = 1.0
-    m[HAVE], m[ANCHORED] = 1.0, 0.0
+    m[HAVE] = 1.0
+    m[ANCHORED] = m[ANCHOR_OFF] = 0.0
 
 
 @compiled
@@ -273,14 +276,23 @@ def seek(k: Array, x: Array, P: Array, m: Array, azimuth: float, sigma: float) -
 
 
 @compiled
-def station(x: Array, P: Array, m: Array, azimuth: float, sigma: float, lasting: float) -> None:
+def station(x: Array, P: Array, m: Array, azimuth: float, sigma: float, lasting: float, sought: bool) -> None:
     """
     Carry on the azimuth of a station from here.
 
-    sigma: its whole one; lasting: the part of it that every magnetic azimuth errs by, rad.
+    sigma: its whole one; lasting: the part of it that every magnetic azimuth errs by, rad; sought: a gyro found north
+    there. One that disagrees with what is carried on, and no gyro vouches for it, takes its place only where the next
+    one disagrees too.
     """
     if m[HAVE] == 0.0:
         return
+    if m[ANCHORED] != 0.0 and not sought:
+        apart = (azimuth - x[ANCHOR] + math.pi) % (2.0 * math.pi) - math.pi
+        variance = P[ANCHOR, ANCHOR] + sigma * sigma - 2.0 * lasting * m[ANCHOR_LASTING]
+        if apart * apart > _DISAGREES**2 * variance and m[ANCHOR_OFF] == 0.0:
+            m[ANCHOR_OFF] = 1.0
+            return
+    m[ANCHOR_OFF] = 0.0
     x[ANCHOR] = azimuth % (2.0 * math.pi)
     for i in range(STATES):
         P[ANCHOR, i] = P[i, ANCHOR] = 0.0

@@ -119,9 +119,9 @@ class Steps:
         Sample of the block from which on a bin's step holds, rising, and the bin's index.
     seek_azimuth, seek_sigma : ndarray, shape (m,)
         Azimuth that owes nothing to the magnetometer (a north seek), rad from the named north; NaN where there is none.
-    station : ndarray, shape (m, 3)
-        Azimuth of an accepted station, its sigma, and the part of that which every magnetic azimuth errs by, rad: from
-        here on carried to the next one; NaN where there is none.
+    station : ndarray, shape (m, 4)
+        Azimuth of an accepted station, its sigma, the part of that which every magnetic azimuth errs by, rad, and 1
+        where a gyro found north there: from here on carried to the next one; NaN where there is none.
     mag_ns, mag_azimuth, mag_sigma : ndarray, shapes (p,), (p,) and (p, 4)
         Magnetic azimuths in order of their stamps, raw or corrected, from the named north; sigma of the part of their
         error that stays (the tool's own field), that stays for a while (the vertical's), of the noise, and of the part
@@ -187,6 +187,13 @@ def initial() -> State:
         np.zeros(ax.RING, dtype=np.int64),
         np.zeros((ax.RING, ax.RING_ROW)),
     )
+
+
+def anchor_of(state: State) -> Array:
+    """What is carried on of the last accepted station, shape (3,): as `Rows.anchor`, of the last bin taken in."""
+    anchor = np.full(3, np.nan)
+    _tell_anchor(state.x, state.P, state.memory, anchor)
+    return anchor
 
 
 def run(
@@ -281,6 +288,13 @@ def kernel_settings(
 
 
 @compiled
+def _tell_anchor(x: Array, P: Array, m: Array, anchor: Array) -> None:
+    if m[cf.ANCHORED] != 0.0:
+        anchor[0], anchor[2] = x[cf.ANCHOR], m[cf.ANCHOR_LASTING]
+        anchor[1] = math.sqrt(max(P[cf.ANCHOR, cf.ANCHOR], 0.0))
+
+
+@compiled
 def _step(
     k: Array, bin_ns: int, clock: Stamps, x: Array, P: Array, m: Array, bins: Array, ring_ns: Stamps, ring: Array,
     index: int, seek_azimuth: float, seek_sigma: float, told: Array, anchor: Array, mag_ns: Stamps, mag_azimuth: Array,
@@ -327,11 +341,9 @@ def _step(
         used += 1
     if there and math.isfinite(seek_azimuth) and seek_sigma > 0.0 and sums[ax.S_VERTICAL] == 0.0:
         cf.seek(k, x, P, m, seek_azimuth, seek_sigma)
-    if m[cf.ANCHORED] != 0.0:
-        anchor[0], anchor[2] = x[cf.ANCHOR], m[cf.ANCHOR_LASTING]
-        anchor[1] = math.sqrt(max(P[cf.ANCHOR, cf.ANCHOR], 0.0))
+    _tell_anchor(x, P, m, anchor)
     if there and math.isfinite(told[0]) and told[1] > 0.0 and sums[ax.S_VERTICAL] == 0.0:
-        cf.station(x, P, m, told[0], told[1], told[2])
+        cf.station(x, P, m, told[0], told[1], told[2], told[3] > 0.0)
     return used, fine_used
 
 

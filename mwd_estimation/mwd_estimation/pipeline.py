@@ -28,6 +28,7 @@ from mwd_estimation import (
 )
 from mwd_estimation.attitude_stream import AttitudeStream, Block, Mark
 from mwd_estimation.binning import Bin, Binner
+from mwd_estimation.carried_witness import handed_on, held_against
 from mwd_estimation.clocks import Clocks
 from mwd_estimation.estimator_settings import EstimatorSettings, ReferenceSettings, latitude_of, reference_of
 from mwd_estimation.faulty_sensors import AZIMUTH, GuardedGravity, Record, mark, misleads, without_faulty
@@ -391,12 +392,14 @@ class Pipeline:
         track = self._gravity.run(self._unusable, stamps, gyro, accel, followed)
         if self._north is not None:
             self._ahrs = np.concatenate([self._ahrs[0], stamps]), np.concatenate([self._ahrs[1], gyro])
-        readings, marks = [(0, self._field.reading)], []
+        readings, marks, held = [(0, self._field.reading)], [], []
         for closed, place in self._binners["imu"].add_placed(stamps, np.hstack([gyro, accel])):
             self._waiting.append(closed)
             # One bin late, so that the other streams of its time are there.
             if len(self._waiting) > 1:
+                before = len(output.surveys)
                 marks.append(self._judge(self._waiting.pop(0), place, output))
+                held += [(len(marks) - 1, at) for at in range(before, len(output.surveys))]
                 if self._field.reading is not readings[-1][1]:
                     readings.append((place, self._field.reading))
         gyro = without_faulty(self._unusable, gyro)
@@ -410,6 +413,9 @@ class Pipeline:
             output.attitude,
             output.gravity,
         )
+        for bin_, at in held:
+            anchor = self._attitude.anchors[bin_]
+            output.surveys[at] = held_against(output.surveys[at], anchor, self.settings.fusion)
         mark(self._unusable, self._misled, output.attitude, output.gravity)
         if self._rotary is not None:
             self._turn_on(self._rotary, Block(stamps, gyro, accel, track), output)
@@ -491,10 +497,13 @@ class Pipeline:
         held = self._still.finish()
         if held is not None:
             self._work_out(held, self._gyro.solution(), output)
+            output.surveys = [held_against(one, self._attitude.anchor, self.settings.fusion) for one in output.surveys]
         return output
 
-    def _work_out(self, still: StillAverage, found: Solution | str | None, output: Output) -> tuple[float, float]:
-        """The survey of a still interval, and what it teaches; returns the gyro's azimuth that counts in it, or nan."""
+    def _work_out(
+        self, still: StillAverage, found: Solution | str | None, output: Output
+    ) -> tuple[float, float, tuple[float, float, float, float]]:
+        """The survey of a still interval, and what it teaches; returns what a `Mark` tells of it."""
         self.sequence += 1
         taken, analysis = survey.from_average(
             still,
@@ -510,12 +519,12 @@ class Pipeline:
         judged = self._faults.judge(taken)
         output.surveys.append(judged)
         if judged is not taken:
-            return math.nan, math.nan
+            return math.nan, math.nan, (math.nan,) * 4
         self._field.learn(taken, analysis)
         north = taken.station.by_method(GYRO)
         if north is not None and taken.weights.get(GYRO, 0.0) > 0.0:
-            return north.azimuth, north.sigma
-        return math.nan, math.nan
+            return north.azimuth, north.sigma, handed_on(taken)
+        return math.nan, math.nan, handed_on(taken)
 
     def _seek(self, run: NorthRun, end_ns: int, samples: tuple[Stamps, Array], output: Output) -> None:
         """A bin for the seek that was asked for, unless it began before that."""

@@ -248,7 +248,7 @@ def fused(
         weighed.method if weighed.method != "fused" else fusion.MAGNETIC,
         weighed.azimuth,
         weighed.sigma,
-        shared={"declination": min(_declination(together), weighed.sigma)} if math.isfinite(weighed.sigma) else {},
+        shared={"declination": min(declination_sigma(together), weighed.sigma)} if math.isfinite(weighed.sigma) else {},
         doubt="" if sound else next(one.doubt for one in group if one.doubt),
     )
     strict = fusion.Settings() if settings is None else settings
@@ -270,7 +270,7 @@ def fused(
 
 def _magnetic(alone: Station, together: Station) -> tuple[list[fusion.Candidate], dict[str, str]]:
     """The magnetic azimuths as candidates, and why some of them must not be used."""
-    declination = _declination(together)
+    declination = declination_sigma(together)
     candidates, reasons = [], {}
     for one in together.azimuths:
         if one.method == MSA:
@@ -327,7 +327,7 @@ def _carried_by(
     )
 
 
-def _declination(station_: Station) -> float:
+def declination_sigma(station_: Station) -> float:
     """1 sigma of the declination in azimuths from the station's north, rad."""
     reference = station_.reference
     if reference is None or station_.north == "magnetic":

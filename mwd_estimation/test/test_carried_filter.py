@@ -93,10 +93,10 @@ def test_a_share_of_the_slow_error_fades_to_its_own_spread() -> None:
 
 def test_a_station_is_carried_on_only_where_there_is_an_azimuth() -> None:
     memory, x, P = np.zeros(carried_filter.MEMORY), np.zeros(STATES), np.ones((STATES, STATES))
-    carried_filter.station(x, P, memory, 1.0, 0.1, 0.05)
+    carried_filter.station(x, P, memory, 1.0, 0.1, 0.05, False)
     assert memory[carried_filter.ANCHORED] == 0.0
     memory[carried_filter.HAVE] = 1.0
-    carried_filter.station(x, P, memory, 1.0 + 2.0 * math.pi, 0.1, 0.05)
+    carried_filter.station(x, P, memory, 1.0 + 2.0 * math.pi, 0.1, 0.05, False)
     assert x[ANCHOR] == pytest.approx(1.0)
     assert_allclose(P[ANCHOR], 0.01 * np.eye(STATES)[ANCHOR])
     assert memory[carried_filter.ANCHOR_LASTING] == 0.05
@@ -140,3 +140,15 @@ def test_an_error_that_stays_for_a_while_is_counted_once_in_that_time() -> None:
         carried_filter.magnetic(k, x, P, memory, 1.0, sigma, True, False)
     # Fifty in ten seconds, with an error that stays for ten: half as much again as one of its own.
     assert P[AZIMUTH, AZIMUTH] == pytest.approx(0.02**2 / 1.5, rel=1e-6)
+
+
+def test_a_station_that_disagrees_is_carried_on_only_if_a_gyro_or_the_next_one_says_so_too() -> None:
+    def carried(*sought: bool) -> float:
+        memory, x, P = np.zeros(carried_filter.MEMORY), np.zeros(STATES), np.zeros((STATES, STATES))
+        memory[carried_filter.HAVE] = 1.0
+        carried_filter.station(x, P, memory, 1.0, 0.01, 0.005, False)
+        for one in sought:
+            carried_filter.station(x, P, memory, 1.2, 0.01, 0.005, one)
+        return float(x[ANCHOR])
+
+    assert (carried(False), carried(True), carried(False, False)) == (1.0, 1.2, 1.2)

@@ -81,7 +81,7 @@ def steps_of(stamps, mag, good, start, stop, mag_from, seek=None, fine=None, con
         if start <= place < stop:
             places.append(place - start)
             bins.append(index[before - 1])
-    seeks, told = np.full((2, len(bins)), np.nan), np.full((len(bins), 3), np.nan)
+    seeks, told = np.full((2, len(bins)), np.nan), np.full((len(bins), 4), np.nan)
     if station is not None:
         for at, *azimuth in station:
             told[[k for k, b in enumerate(bins) if b == index[at]]] = azimuth
@@ -297,7 +297,7 @@ def test_a_station_is_carried_on_by_the_gyros_alone_and_its_sigma_is_truthful() 
         mag = magnetic(well, rng)
         mag += np.maximum(np.arange(len(mag)) - 2000, 0) * 1e-3 * DEG
         off = 0.5 * DEG * rng.standard_normal()
-        told = [(1000, float(well.azimuth[1009]) + off, 0.5 * DEG, 0.2 * DEG)]
+        told = [(1000, float(well.azimuth[1009]) + off, 0.5 * DEG, 0.2 * DEG, 0.0)]
         rows, _ = go(well, mag, noisy(well, rng), station=told)
         assert np.isnan(rows.anchor[:100]).all()
         ratios.append(wrap_pi(rows.anchor[-1, 0] - well.azimuth[-11]) / rows.anchor[-1, 1])
@@ -340,7 +340,7 @@ def test_blocks_of_any_length_bad_samples_and_gaps_give_the_same_bits() -> None:
     stamps[1000:] += 3 * 10**9
     fine = noisy(well, rng)[:n]
     fine[300:320, 1] = 9.0
-    told = [(200, 0.1, 0.01, 0.005)]
+    told = [(200, 0.1, 0.01, 0.005, 0.0)]
     whole, _ = go(well, mag, gyro, stamps=stamps, fine=fine, station=told)
     pieces, _ = go(well, mag, gyro, stamps=stamps, fine=fine, cuts=(1, 499, 501, 1000, 1001, 1003), station=told)
     for name in ("azimuth", "sigma", "status", "anchor"):

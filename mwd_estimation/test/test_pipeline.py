@@ -267,3 +267,27 @@ def test_a_recording_that_ends_while_a_survey_waits_for_the_gyro_gives_that_surv
     (survey,) = pipeline.finish().surveys
     assert survey.duration > 20.0
     assert not pipeline.finish().surveys
+
+
+def test_steel_between_two_stations_is_shown_by_what_the_gyros_carried_on_however_the_stream_is_cut():
+    imu, mag = _samples(seconds=60.0, axial=0.0, rate=3.0, still_after=0.0)
+    # Two still intervals with a shaken one between; from there on steel turns the field by 15 deg about the vertical.
+    times = np.arange(len(imu)) * 0.01
+    shaken = (times > 24.0) & (times < 32.0)
+    imu["linear_acceleration"][shaken] += np.random.default_rng(5).normal(size=(int(shaken.sum()), 3))
+    down = mat_nt(0.8, 1.9, 0.0)[2]
+    field = mag["magnetic_field"][times >= 28.0]
+    turn = np.radians(15.0)
+    along = (field @ down)[:, None] * down
+    mag["magnetic_field"][times >= 28.0] = along + (field - along) * np.cos(turn) + np.cross(down, field) * np.sin(turn)
+    told = changed(EstimatorSettings(), {"carried.gyro_bias_deg_h": 20.0})
+    whole = [survey for output in _run(imu, mag, Pipeline(told, REFERENCE)) for survey in output.surveys]
+    pieces = _run(imu, mag, Pipeline(told, REFERENCE), range(50, 6000, 370))
+    assert [s.weights.get("carried") for s in whole] == [None, 0.0]
+    first, second = whole
+    assert first.station.verdict == "accept"
+    assert second.station.verdict == "doubtful"
+    assert "carried on from the last accepted station" in second.alarm
+    assert abs(wrap_pi(second.station.by_method("carried").azimuth - 1.9)) < 3.0 * first.station.sigma_azimuth
+    again = [survey for output in pieces for survey in output.surveys]
+    assert [s.station.by_method("carried") for s in again] == [s.station.by_method("carried") for s in whole]
