@@ -92,6 +92,26 @@ class Judgement:
     reasons: tuple[str, ...]
 
 
+def bounds(deviations: Deviations, limits: str) -> Array:
+    """
+    Deviation of gravity, field and dip beyond which a station is doubtful, shape (3,): m/s^2, T, rad; nan: not judged.
+
+    Raises
+    ------
+    ValueError
+        Unknown name of limits.
+    """
+    if limits == "toolcode":
+        found = TOOLCODE_DOUBTFUL * np.sqrt(np.diagonal(deviations.covariance))
+    elif limits in LIMITS:
+        fixed = LIMITS[limits]
+        found = np.array([fixed.gravity, fixed.field, fixed.dip])
+    else:
+        raise ValueError(f"limits: {limits!r} is not one of {', '.join(LIMITS)}, toolcode")
+    known = np.isfinite([deviations.gravity, deviations.field, deviations.dip])
+    return np.where(known, found, math.nan)
+
+
 def judge(deviations: Deviations, limits: str) -> Judgement:
     """
     Verdict of the totals alone.
@@ -109,16 +129,12 @@ def judge(deviations: Deviations, limits: str) -> Judgement:
     ValueError
         Unknown name.
     """
-    if limits != "toolcode" and limits not in LIMITS:
-        raise ValueError(f"limits: {limits!r} is not one of {', '.join(LIMITS)}, toolcode")
+    doubtful = bounds(deviations, limits)
     values = np.array([deviations.gravity, deviations.field, deviations.dip])
-    sigma = np.sqrt(np.diagonal(deviations.covariance))
     if limits == "toolcode":
-        doubtful, reject = TOOLCODE_DOUBTFUL * sigma, TOOLCODE_REJECT * sigma
+        reject = TOOLCODE_REJECT * np.sqrt(np.diagonal(deviations.covariance))
     else:
-        fixed = LIMITS[limits]
-        doubtful = np.array([fixed.gravity, fixed.field, fixed.dip])
-        reject = fixed.reject_factor * doubtful
+        reject = LIMITS[limits].reject_factor * doubtful
     known = np.isfinite(values)
     verdict, reasons = ACCEPT, []
     for k in range(3):
@@ -142,12 +158,9 @@ def judge(deviations: Deviations, limits: str) -> Judgement:
 def within(deviations: Deviations, limits: str) -> str:
     """One remark of an accepted station: every deviation known, against its limit."""
     values = np.array([deviations.gravity, deviations.field, deviations.dip])
-    if limits == "toolcode":
-        bounds = TOOLCODE_DOUBTFUL * np.sqrt(np.diagonal(deviations.covariance))
-    else:
-        bounds = np.array([LIMITS[limits].gravity, LIMITS[limits].field, LIMITS[limits].dip])
+    limit = bounds(deviations, limits)
     parts = [
-        f"{_NAMES[k]} {_words(k, values[k])} (limit {_limit(k, bounds[k])})" for k in range(3) if np.isfinite(values[k])
+        f"{_NAMES[k]} {_words(k, values[k])} (limit {_limit(k, limit[k])})" for k in range(3) if np.isfinite(values[k])
     ]
     return "within limits: " + ", ".join(parts) if parts else ""
 

@@ -140,6 +140,8 @@ class Station:
         In words for a driller; an accepted station says what it was measured against.
     azimuth_doubts : tuple of str
         Those of the reasons that doubt nothing but the magnetic azimuth: with another azimuth they have no weight.
+    limits : tuple of float
+        Deviation of gravity, field and dip beyond which the verdict is doubtful, m/s^2, T, rad; nan: not judged.
     reference : Reference or None
         What it was judged and corrected by.
     north_correction : float
@@ -175,6 +177,7 @@ class Station:
     f_t: Array = field(repr=False)
     b_t: Array = field(repr=False)
     azimuth_doubts: tuple[str, ...] = ()
+    limits: tuple[float, float, float] = (math.nan, math.nan, math.nan)
 
     def by_method(self, method: str) -> MethodAzimuth | None:
         """The azimuth of one method, None where it was not tried."""
@@ -272,6 +275,7 @@ def station(
         f_h, b_h, reference, covariance_s, settings.errors, interference if corrected else 0.0, has_field
     )
     judgement = quality.judge(deviations, settings.quality.limits)
+    g_limit, b_limit, dip_limit = quality.bounds(deviations, settings.quality.limits).tolist()
     findings.add(judgement.verdict, *judgement.reasons)
     findings.add(REJECT, *_gross_faults(g_total, b_total, dip, reference))
     if has_field:
@@ -325,6 +329,7 @@ def station(
         f_t=f_raw,
         b_t=b_raw,
         azimuth_doubts=doubted,
+        limits=(g_limit, b_limit, dip_limit),
     )
 
 

@@ -15,6 +15,8 @@ from mwd_estimation.pipeline import NORTH_CODES
 from mwd_estimation.survey import ROTARY, STATIC, Survey
 
 KINDS = {STATIC: 0, ROTARY: 1}
+# Of gravity, field and dip, as `Station.limits` has them.
+LIMITS = ("g_limit", "b_limit", "dip_limit")
 VERDICTS = {"accept": 0, "doubtful": 1, "reject": 2}
 
 
@@ -77,6 +79,7 @@ def survey_fields(survey: Survey, status: int) -> dict[str, Any]:
         "convergence": known(reference.convergence if reference else None, 0.0),
         "axial_interference": known(station.interference, 0.0),
         "sigma_axial_interference": known(station.sigma_interference, -1.0),
+        **{name: known(limit, -1.0) for name, limit in zip(LIMITS, station.limits, strict=True)},
         "verdict": VERDICTS[station.verdict],
         "reasons": list(station.reasons),
         "status": status,

@@ -57,9 +57,27 @@ def test_an_accepted_station_says_what_it_was_held_against():
     assert text == f"within limits: {totals}, dip -0.22 deg (limit 0.45 deg)"
 
 
+@pytest.mark.parametrize("limits", ["service", "iscwsa", "toolcode"])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_station_is_accepted_up_to_its_bounds_and_doubted_beyond(limits, axis):
+    bounds = quality.bounds(deviations(), limits)
+    for share, verdict in ((0.999, "accept"), (1.001, "doubtful")):
+        off = np.zeros(3)
+        off[axis] = share * bounds[axis]
+        assert judge(deviations(*off), limits).verdict == verdict
+        assert (quality.bounds(deviations(*off), limits) == bounds).all()
+
+
+def test_what_is_not_judged_has_no_bound():
+    bounds = quality.bounds(Deviations(0.0, math.nan, 0.0, COVARIANCE), "service")
+    assert np.isnan(bounds).tolist() == [False, True, False]
+
+
 def test_unknown_limits_are_an_error_that_lists_the_known():
     with pytest.raises(ValueError, match="service, iscwsa, toolcode"):
         judge(deviations(), "strict")
+    with pytest.raises(ValueError, match="service, iscwsa, toolcode"):
+        quality.bounds(deviations(), "strict")
 
 
 def test_the_graver_verdict_wins():

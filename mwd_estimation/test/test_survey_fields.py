@@ -52,6 +52,9 @@ def test_unknown_is_said_as_the_message_says_it_and_nothing_is_not_a_number(with
     assert (found["b_total"] == -1.0) == (not with_mag)
     assert (found["covariance"][4] == -1.0) == (not with_mag)
     assert found["temperature"] == -300.0
+    # Without a reference only gravity is judged, against the standard one.
+    assert (found["b_limit"], found["dip_limit"]) == (-1.0, -1.0)
+    assert found["g_limit"] > 0.0
     for value in found.values():
         if isinstance(value, (float, np.ndarray)):
             assert np.isfinite(value).all()

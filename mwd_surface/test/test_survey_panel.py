@@ -75,18 +75,26 @@ def test_the_path_comes_with_its_projection_and_ellipses_of_ten_stations_at_most
     assert got["north_reference"] == "grid"
 
 
-def test_the_lights_stand_by_the_limits_that_the_verdict_names():
-    words = (
-        "within limits: total gravity -0.1 mG (limit 1.1 mG), total field +380 nT (limit 520 nT), "
-        "dip -0.01 deg (limit 0.47 deg)"
-    )
-    (record,) = listed(survey(1, b_total=B + 380e-9, reasons=(words,))).records
+def test_the_lights_stand_by_the_limits_of_the_verdict():
+    own = {"g_limit": 0.0108, "b_limit": 520e-9, "dip_limit": 0.0082}
+    (record,) = listed(survey(1, b_total=B + 380e-9, **own)).records
     gravity, field, dip = quality_lights(record, Limits())["lights"]
-    assert (field["limit"], field["light"]) == (pytest.approx(520e-9), "good")
-    assert gravity["limit"] == pytest.approx(1.1e-3 * 9.80665)
-    assert dip["limit"] == pytest.approx(math.radians(0.47))
-    off = ("total field +600 nT off the reference, limit 520 nT: casing or a neighbouring well",)
-    (record,) = listed(survey(1, b_total=B + 600e-9, reasons=off, verdict=int(Verdict.DOUBTFUL))).records
-    gravity, field, _ = quality_lights(record, Limits())["lights"]
-    assert (field["limit"], field["light"]) == (pytest.approx(520e-9), "doubtful")
+    assert [gravity["limit"], field["limit"], dip["limit"]] == [0.0108, 520e-9, 0.0082]
+    assert field["light"] == "good"
+    (record,) = listed(survey(1, b_total=B + 600e-9, **own, verdict=int(Verdict.DOUBTFUL))).records
+    assert quality_lights(record, Limits())["lights"][1]["light"] == "doubtful"
+
+
+def test_words_of_a_verdict_move_no_light():
+    words = ("within limits: total field +380 nT (limit 520 nT)",)
+    (record,) = listed(survey(1, b_total=B + 380e-9, reasons=words)).records
+    field = quality_lights(record, Limits())["lights"][1]
+    assert (field["limit"], field["light"]) == (pytest.approx(300e-9), "doubtful")
+
+
+def test_a_limit_that_is_not_known_leaves_the_usual_one():
+    (record,) = listed(survey(1, g_limit=-1.0, b_limit=520e-9)).records
+    gravity, field, dip = quality_lights(record, Limits())["lights"]
     assert gravity["limit"] == Limits().gravity
+    assert field["limit"] == 520e-9
+    assert dip["limit"] == pytest.approx(math.radians(Limits().dip_deg))

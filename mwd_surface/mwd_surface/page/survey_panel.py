@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
 from typing import Any
 
 import numpy as np
@@ -25,15 +24,13 @@ NORTH_WORDS = ("", "magnetic", "true", "grid")
 _PLACED = (
     "north", "east", "vertical_depth", "vertical_section", "dogleg_severity", "build_rate", "turn_rate",
 )  # fmt: skip
-# Units in which a verdict names its limits.
-_UNITS = {"mG": 9.80665e-3, "nT": 1e-9, "deg": math.pi / 180.0}
 # Azimuths that are free of the axial interference; quality control then judges the field without it.
 _CORRECTED_METHODS = ("corrected", "msa", "fused")
 
 
 @dataclasses.dataclass(frozen=True)
 class Limits:
-    """What totals may deviate from the reference, as the quality lights show it."""
+    """What totals may deviate from the reference, as the quality lights show it where a survey brings no limits."""
 
     gravity: float = setting(0.0245, "total gravity", unit="m/s^2", low=0.0)
     field_nt: float = setting(300.0, "total field", unit="nT", low=0.0)
@@ -97,21 +94,22 @@ def _known(value: float, low: float = 0.0) -> float | None:
 
 
 def quality_lights(record: SurveyRecord | None, limits: Limits) -> dict[str, Any]:
-    """Lights of a survey: totals against their references, and the limits the verdict names or the usual ones."""
+    """Lights of a survey: totals against their references and the limits of its verdict; without those, the usual."""
     nothing = {"known": False, "lights": [], "verdict": "", "reasons": [], "sequence": None, "stamp_ns": None}
     if record is None:
         return nothing
     s = record.survey
     has_field = s.b_total >= 0.0 and s.b_reference > 0.0
     total, dip, corrected = _earth_field(s)
+    g_reference = s.g_reference if s.g_reference > 0.0 else None
     rows = (
-        ("total gravity", "m/s^2", s.g_total, s.g_reference if s.g_reference > 0.0 else None, limits.gravity),
-        ("total field", "T", total, s.b_reference if has_field else None, limits.field_nt * 1e-9),
-        ("dip", "rad", dip, s.dip_reference if has_field else None, math.radians(limits.dip_deg)),
+        ("total gravity", "m/s^2", s.g_total, g_reference, s.g_limit, limits.gravity),
+        ("total field", "T", total, s.b_reference if has_field else None, s.b_limit, limits.field_nt * 1e-9),
+        ("dip", "rad", dip, s.dip_reference if has_field else None, s.dip_limit, math.radians(limits.dip_deg)),
     )
     lights = []
-    for name, unit, value, reference, usual in rows:
-        limit = _limit_of(s.reasons, name, usual)
+    for name, unit, value, reference, own, usual in rows:
+        limit = own if own >= 0.0 else usual
         deviation = None if reference is None else value - reference
         lights.append(
             {
@@ -133,15 +131,6 @@ def quality_lights(record: SurveyRecord | None, limits: Limits) -> dict[str, Any
         "sequence": s.sequence,
         "stamp_ns": s.stamp_ns,
     }
-
-
-def _limit_of(reasons: tuple[str, ...], name: str, usual: float) -> float:
-    """The limit the verdict itself names for a quantity, SI; where it names none, the usual one."""
-    for reason in reasons:
-        found = re.search(rf"{name} [^;()]*?\(?limit ([0-9.]+) (mG|nT|deg)", reason)
-        if found:
-            return float(found[1]) * _UNITS[found[2]]
-    return usual
 
 
 def _earth_field(survey: Survey) -> tuple[float, float, bool]:

@@ -19,6 +19,8 @@ WELLHEAD = "wellhead"
 _SECOND = 10**9
 # On the message these are part of the header, or messages of their own.
 _OWN_WAY = {"stamp_ns", "frame_id", "azimuths"}
+# Messages of older recordings do not have these; the record then says "unknown".
+_LATER = {"g_limit", "b_limit", "dip_limit"}
 
 
 def stamp_of(time: Any) -> int:
@@ -35,7 +37,7 @@ def survey_of(message: Any) -> Survey:
     """The Survey of a mwd_msgs/msg/Survey; checked by the list when it is added, not here."""
     values: dict[str, Any] = {"stamp_ns": stamp_of(message.header.stamp), "frame_id": str(message.header.frame_id)}
     for field in dataclasses.fields(Survey):
-        if field.name not in _OWN_WAY:
+        if field.name not in _OWN_WAY and (field.name not in _LATER or hasattr(message, field.name)):
             values[field.name] = _plain(getattr(message, field.name))
     values["azimuths"] = tuple(
         AzimuthEstimate(**{f.name: _plain(getattr(a, f.name)) for f in dataclasses.fields(AzimuthEstimate)})

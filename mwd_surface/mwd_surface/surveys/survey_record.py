@@ -92,6 +92,9 @@ class Survey:
     convergence: float = 0.0
     axial_interference: float = 0.0
     sigma_axial_interference: float = -1.0
+    g_limit: float = -1.0
+    b_limit: float = -1.0
+    dip_limit: float = -1.0
     verdict: int = int(Verdict.ACCEPT)
     reasons: tuple[str, ...] = ()
     status: int = 0
