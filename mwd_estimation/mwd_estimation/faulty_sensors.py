@@ -13,11 +13,12 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mwd_estimation import gravity, gravity_raw
-from mwd_estimation.health_evidence import ACCEL, GYRO, MAG
+from mwd_estimation.health_evidence import ACCEL, GYRO, MAG, SENSORS
 from mwd_estimation.health_words import Finding
-from mwd_estimation.quality import REJECT
+from mwd_estimation.quality import DOUBTFUL, REJECT, worse
 from mwd_estimation.status import Status
 from mwd_estimation.survey import Survey
 from mwd_estimation.track import Array, Stamps, Track
@@ -30,6 +31,8 @@ _HARMLESS = ("absent", "invalid")
 _ANGLES = ("azimuth", "magnetic_toolface")
 # Bits of the sensors that an azimuth rests on.
 AZIMUTH = ACCEL | MAG
+# A doubt rests on what was felt so long before, ns.
+_EVIDENCE_NS = 3_000_000_000
 
 
 class GuardedGravity:
@@ -90,8 +93,14 @@ def misleads(changes: Iterable[Finding]) -> bool:
     return any(not one.cleared_ns and one.unusable & AZIMUTH and one.kind not in _HARMLESS for one in changes)
 
 
-def mark(bits: int, misled: bool, attitude: Samples, gravity_rows: Samples) -> None:
-    """Say that a sensor is faulty, and withhold an azimuth that hangs on it (misled: was fed its wrong values)."""
+def mark(bits: int, misled: bool, suspect: NDArray[np.uint8], attitude: Samples, gravity_rows: Samples) -> None:
+    """
+    Say that a sensor is faulty, and withhold an azimuth that hangs on it (misled: was fed its wrong values).
+
+    suspect, shape (n,): bits of the sensors in doubt at each sample; of what rests on one nothing is known (sigma pi).
+    """
+    if suspect.any():
+        _doubt(suspect, attitude, gravity_rows)
     if not bits:
         return
     for rows in (attitude, gravity_rows):
@@ -104,27 +113,63 @@ def mark(bits: int, misled: bool, attitude: Samples, gravity_rows: Samples) -> N
             attitude[f"sigma_{name}"][lost] = -1.0
 
 
+def _doubt(suspect: NDArray[np.uint8], attitude: Samples, gravity_rows: Samples) -> None:
+    level = suspect & (GYRO | ACCEL) != 0
+    for rows, names, hit in (
+        (attitude, ("inclination", "gravity_toolface"), level),
+        (attitude, _ANGLES, suspect != 0),
+    ):
+        for name in names:
+            sigma = rows[f"sigma_{name}"]
+            sigma[hit & (sigma >= 0.0)] = np.pi
+    gravity_rows["sigma"][level & (gravity_rows["sigma"] >= 0.0)] = np.pi
+    for rows in (attitude, gravity_rows):
+        rows["status"][suspect != 0] |= np.uint32(Status.SENSOR_SUSPECT)
+
+
 class Record:
-    """Faults that stand and those that went lately, for surveys whose average reaches back into them."""
+    """Faults and doubts that stand and those that went lately, for surveys whose average reaches back into them."""
 
     def __init__(self) -> None:
         self._known: dict[int, Finding] = {}
+        # Of each sensor: the stamps from which and up to which it was in doubt last.
+        self._doubts: dict[int, tuple[int, int]] = {}
 
     def note(self, change: Finding) -> None:
         """Take a change."""
         self._known[change.check] = change
 
+    def doubt(self, stamps: Stamps, suspect: NDArray[np.uint8]) -> None:
+        """Take which sensors are in doubt at these samples."""
+        for s in range(3):
+            hit = stamps[suspect >> s & 1 != 0]
+            if len(hit):
+                first, last = self._doubts.get(s, (0, -_EVIDENCE_NS))
+                goes_on = hit[0] - last <= _EVIDENCE_NS
+                self._doubts[s] = first if goes_on else int(hit[0]), int(hit[-1])
+
     def judge(self, survey: Survey) -> Survey:
-        """The survey, rejected with the reason where a sensor it rests on was faulty in its time."""
-        begin = survey.stamp_ns - round(0.5e9 * survey.duration)
+        """The survey, rejected with the reason where a sensor it rests on was faulty in its time, doubtful with it."""
+        half = round(0.5e9 * survey.duration)
+        begin, end = survey.stamp_ns - half, survey.stamp_ns + half
         reasons = tuple(
             f"{one.message}; {one.remedy}" if one.remedy else one.message
             for one in self._known.values()
             if one.unusable & AZIMUTH and (not one.cleared_ns or one.cleared_ns > begin)
         )
-        if not reasons:
-            return survey
-        station = dataclasses.replace(
-            survey.station, verdict=REJECT, reasons=(*reasons, *survey.station.reasons), azimuth_doubts=()
+        if reasons:
+            return _with(survey, REJECT, reasons)
+        # A doubt begins some seconds after what raised it.
+        doubts = tuple(
+            f"something spoke against the {SENSORS[s]} while this was averaged: take it again"
+            for s, (first, last) in sorted(self._doubts.items())
+            if last >= begin and first <= end + _EVIDENCE_NS
         )
-        return dataclasses.replace(survey, station=station)
+        return _with(survey, worse(survey.station.verdict, DOUBTFUL), doubts) if doubts else survey
+
+
+def _with(survey: Survey, verdict: str, reasons: tuple[str, ...]) -> Survey:
+    station = dataclasses.replace(
+        survey.station, verdict=verdict, reasons=(*reasons, *survey.station.reasons), azimuth_doubts=()
+    )
+    return dataclasses.replace(survey, station=station)

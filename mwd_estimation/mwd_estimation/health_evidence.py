@@ -2,7 +2,8 @@
 The checks of sensor health: how what is observed, again and again, becomes a fault, and how a fault goes again.
 
 Every check is not yet known, ok or fault. What judges the samples notes what it has seen, for the fault or against it;
-`weigh` counts: a fault needs several observations in a row for it, and as a rule more in a row against it to go.
+`weigh` counts: a fault needs several observations in a row for it, and as a rule more in a row against it to go. What
+speaks against a sensor and is no fault yet makes it doubtful meanwhile (`suspected`, `doubt`).
 """
 
 from __future__ import annotations
@@ -29,9 +30,11 @@ STATE, UP, DOWN, FROM, D0, D1, D2 = range(7)
 # Of a note: what was seen, since when, three details; and what can have been seen.
 SEEN, BEGAN = 0, 1
 NOTHING, AGAINST, FOR = -1, 0, 1
-# Of the tally: events, sensors not to be used, place in the block of the sample that brings the judgement.
-EVENTS, UNUSABLE, PLACE = range(3)
+# Of the tally: events, sensors not to be used, place in the block of the sample that brings the judgement, sensors in
+# doubt; half seconds for which each sensor (3) stays so.
+EVENTS, UNUSABLE, PLACE, SUSPECT, _DOUBT, _TALLY = 0, 1, 2, 3, 4, 7
 _EVENTS = 256
+_HOLD = 12
 
 # Of a saturated axis: at the limit often or, with which it cannot be used, always.
 OFTEN, ALWAYS = 25, 95
@@ -60,7 +63,12 @@ _NARROWS = (np.arange(CHECKS) == AXES) | (np.arange(CHECKS) == FRAME)
 def blank() -> tuple[Whole, Whole, Whole, Whole]:
     """Checks (CHECKS, 7), notes (CHECKS, 5), tally and room for the events of a block before the first sample."""
     notes = np.full((CHECKS, 5), NOTHING, dtype=np.int64)
-    return np.zeros((CHECKS, 7), dtype=np.int64), notes, np.zeros(3, dtype=np.int64), np.zeros((_EVENTS, 8), np.int64)
+    return (
+        np.zeros((CHECKS, 7), dtype=np.int64),
+        notes,
+        np.zeros(_TALLY, dtype=np.int64),
+        np.zeros((_EVENTS, 8), np.int64),
+    )
 
 
 @compiled
@@ -110,7 +118,8 @@ def weigh(checks: Whole, notes: Whole, tally: Whole, events: Whole, now: int) ->
                 event[4 + d] = row[D0 + d]
             tally[EVENTS] += 1
     if any_changed:
-        tally[UNUSABLE] = _unusable(checks)
+        tally[UNUSABLE] = unusable(checks)
+        tally[SUSPECT] &= ~tally[UNUSABLE]
 
 
 @compiled
@@ -122,26 +131,55 @@ def _ones(mask: int) -> int:
 
 
 @compiled
-def _unusable(checks: Whole) -> int:
+def _against(k: int, d0: int, d1: int, d2: int) -> int:
+    """Bits of the sensors that a fault of check k with these details speaks against."""
+    if k < INVALID:
+        return 1 << (k % 9 // 3) if k < SATURATED or d0 == ALWAYS else 0
+    if k < AXES:
+        return 1 << (k - INVALID) % 3
+    if k == AXES:
+        return (GYRO if d0 != 0 else 0) | (ACCEL if d1 != 0 else 0) | (MAG if d2 != 0 else 0)
+    if k == SIGN:
+        return d0
+    if k == FRAME:
+        return MAG | (ACCEL if d1 != 0 and _ones(d1) + _ones(d2) <= 4 else 0)
+    if k == ABSENT:
+        return MAG if d0 == 1 else 0
+    return GYRO if k == MISMATCH else 0
+
+
+@compiled
+def unusable(checks: Whole) -> int:
+    """Bits of the sensors that must not be used."""
     bits = 0
-    for k in range(AXES):
+    for k in range(CHECKS):
         if checks[k, STATE] == FAULT:
-            if k < INVALID:
-                if k < SATURATED or checks[k, D0] == ALWAYS:
-                    bits |= 1 << (k % 9 // 3)
-            else:
-                bits |= 1 << (k - INVALID) % 3
-    if checks[AXES, STATE] == FAULT:
-        for s in range(3):
-            if checks[AXES, D0 + s] != 0:
-                bits |= 1 << s
-    if checks[SIGN, STATE] == FAULT:
-        bits |= checks[SIGN, D0]
-    if checks[FRAME, STATE] == FAULT:
-        named = _ones(checks[FRAME, D1]) + _ones(checks[FRAME, D2])
-        bits |= MAG | (ACCEL if checks[FRAME, D1] != 0 and named <= 4 else 0)
-    if checks[ABSENT, STATE] == FAULT and checks[ABSENT, D0] == 1:
-        bits |= MAG
-    if checks[MISMATCH, STATE] == FAULT:
-        bits |= GYRO
+            bits |= _against(k, checks[k, D0], checks[k, D1], checks[k, D2])
     return bits
+
+
+@compiled
+def suspected(checks: Whole, notes: Whole) -> int:
+    """Bits of the sensors that these notes speak against, without those of faults that stand."""
+    bits = 0
+    for k in range(CHECKS):
+        if notes[k, SEEN] == FOR and checks[k, STATE] != FAULT:
+            bits |= _against(k, notes[k, 2], notes[k, 3], notes[k, 4])
+    return bits
+
+
+@compiled
+def doubt(checks: Whole, tally: Whole, bits: int) -> None:
+    """
+    Doubt these sensors from now on, and let half a second of the older doubts pass.
+
+    A doubt lasts as long as it takes to name a fault; what is named is a fault and no doubt any more.
+    """
+    left = 0
+    for s in range(3):
+        if bits >> s & 1:
+            tally[_DOUBT + s] = _HOLD
+        elif tally[_DOUBT + s] > 0:
+            tally[_DOUBT + s] -= 1
+        left |= int(tally[_DOUBT + s] > 0) << s
+    tally[SUSPECT] = left & ~unusable(checks)

@@ -39,8 +39,9 @@ from mwd_sensors.compiled import compiled
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
-# Samples below which a window says nothing.
-_FEW = 10
+# Samples below which a window says nothing; time below which a dip counts only of a tool that is this quiet: variance
+# of the force in the tool's own axes as a share of its square.
+_FEW, _ENOUGH_S, _QUIET = 10, 3.0, 1e-3
 # Reference gravity, m/s^2, total, T, and dip, rad; nan unknown.
 GRAVITY, TOTAL, DIP = range(3)
 # Units an accelerometer and a magnetometer may come in, beside SI, in the order their findings are numbered in.
@@ -334,6 +335,8 @@ def judge(
     puzzled = puzzled and (unit == AGAINST or checks[UNIT, UP] == 0)
     note(notes, MISMATCH, FOR if puzzled else (AGAINST if seen == AGAINST else NOTHING), began, 0, 0, 0)
     usable = spoilt[0] < BROKEN and spoilt[1] == 0 and count_f >= 4 * _FEW and accel_unit >= 0
+    # What a string that surges or sticks does to a shorter mean is no other dip.
+    usable = usable and (seconds >= _ENOUGH_S or force2 - lengths[0, 49] < _QUIET * force2)
     if usable and seen != FOR and checks[AXES, STATE] != FAULT:
         known = right_strength and spoilt[2] == 0 and count_b >= 3
         _signs(reference, sums, began, seconds, field2, length, known, okay, said, checks, notes)

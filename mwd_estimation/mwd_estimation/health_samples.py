@@ -18,6 +18,7 @@ from mwd_estimation.health_evidence import (
     ALWAYS,
     DEAD,
     FOR,
+    GYRO,
     HELD,
     INVALID,
     NOTHING,
@@ -98,12 +99,14 @@ def _mean(row: Array) -> float:
 @compiled
 def close_bin(
     began: int, channels: Array, counts: Whole, notes: Whole, limits: Array, period: float, expects_mag: bool
-) -> None:
+) -> int:
     """
     Judge the half second that began at `began`, ns, note what it shows and make room for the next.
 
     limits, shape (3,): ends of the ranges, in the sensors' units; period: of the IMU's samples, s, 0 while not known.
+    Returns the bits of sensors whose values stick, lie at the end of the range, are missing or late, however short.
     """
+    doubtful = 0
     now = began + BIN_NS
     spreads = np.zeros(9)
     gyro_moves, shakes = False, False
@@ -143,11 +146,14 @@ def close_bin(
             lively = min(lively, row[_LIVELY])
             counts[SPOILT + s] += int(row[_CLIP] > 0.01 * row[_N])
             counts[SPOILT + s] += BROKEN * int(row[_BAD] > 0.01 * (row[_N] + row[_BAD]) or row[CONST] > 0.0)
+        feels = zeros == 3 or moving or lively >= _TRUSTED
+        missing = bad > 0.06 * (n + bad)
+        doubtful |= int(missing or (constant == 3 and feels)) << s
         if n + bad > 0.0:
-            note(notes, INVALID + s, int(bad > 0.06 * (n + bad)), began, axis, 0, 0)
+            note(notes, INVALID + s, int(missing), began, axis, 0, 0)
         # A whole sensor that gives the same numbers.
         if constant == 3:
-            if longest >= 6.0 and (zeros == 3 or moving or lively >= _TRUSTED):
+            if longest >= 6.0 and feels:
                 note(notes, DEAD + s, FOR, now - int(longest) * BIN_NS, int(zeros == 3), 0, 0)
         elif n >= 3.0 * _SOME:
             note(notes, DEAD + s, AGAINST, began, 0, 0, 0)
@@ -159,32 +165,39 @@ def close_bin(
             k = first + c
             if row[CONST] == 0.0:
                 note(notes, STUCK + k, AGAINST, began, 0, 0, 0)
-            elif constant < 3 and row[CONST] >= 4.0 and abs(row[LAST]) < limits[s]:
+            elif constant < 3 and abs(row[LAST]) < limits[s]:
                 shown = (any_motion and other >= 10.0 * step) or row[_LIVELY] >= _TRUSTED
-                since = now - int(row[CONST]) * BIN_NS
-                note(notes, STUCK + k, FOR if shown else NOTHING, since, int(row[LAST] == 0.0), 0, 0)
+                doubtful |= int(shown) << s
+                if row[CONST] >= 4.0:
+                    since = now - int(row[CONST]) * BIN_NS
+                    note(notes, STUCK + k, FOR if shown else NOTHING, since, int(row[LAST] == 0.0), 0, 0)
             if limits[s] < math.inf:
                 share = row[_CLIP] / row[_N]
                 # "Always" takes two seconds of nothing else.
                 row[_WHOLE] = row[_WHOLE] + 1.0 if share > 0.9 else 0.0
+                # A gyro beyond its range for a while is a string that turns fast.
+                doubtful |= int(share > 0.9 and s != 0) << s
                 note(notes, SATURATED + k, int(share > 0.2), began, ALWAYS if row[_WHOLE] >= 4.0 else OFTEN, 0, 0)
             # A healthy axis varies at rest, most of the time; one whose steps hide its noise never proves it.
             if not any_motion and row[CONST] == 0.0:
                 varies = row[_N] - row[_SAME] >= 0.3 * row[_N]
                 row[_LIVELY] = min(row[_LIVELY] + 1.0, 30.0) if varies else max(row[_LIVELY] - 3.0, -30.0)
-    _note_stream(began, channels, counts, notes, period, expects_mag, spreads)
+    if _note_stream(began, channels, counts, notes, period, expects_mag, spreads):
+        # What the gyros turned between samples that did not come is not known.
+        doubtful |= GYRO
     for c in range(9):
         for k in (_N, _BAD, _SAME, _S1, _S2, _CLIP):
             channels[c, k] = 0.0
     for k in range(_MAG_SILENT):
         counts[k] = 0
+    return doubtful
 
 
 @compiled
 def _note_stream(
     began: int, channels: Array, counts: Whole, notes: Whole, period: float, expects_mag: bool, spreads: Array
-) -> None:
-    """Whether samples come, at their pace, and each once."""
+) -> bool:
+    """Whether samples come, at their pace, and each once; returns whether the IMU's come late."""
     if expects_mag and counts[IMU] > 0:
         if channels[6, _N] + channels[6, _BAD] == 0.0:
             counts[_MAG_SILENT] += 1
@@ -199,6 +212,7 @@ def _note_stream(
     if period > 0.0 and steps >= 2:
         seen = FOR if odd > 0.6 * steps else (AGAINST if odd < 0.2 * steps else NOTHING)
         note(notes, RATE, seen, began, int(counts[LONG] > counts[SHORT]), int(1000.0 / period), 0)
+    late = period > 0.0 and steps >= 2 and counts[LONG] > 0.6 * steps
     for s in range(2):
         n, lively, step = channels[3 * s, _N], 0.0, 0.0
         for c in range(3 * s, 3 * s + 3):
@@ -206,3 +220,4 @@ def _note_stream(
         if n >= _FEW and lively > 10.0 * step and channels[3 * s, CONST] == 0.0:
             share = counts[HOLDS + s] / n
             note(notes, HELD + s, int(share > 0.3), began, int(10.0 * share + 0.5) * 10, 0, 0)
+    return late

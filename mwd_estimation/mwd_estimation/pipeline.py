@@ -66,6 +66,7 @@ Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 Samples = wire.Samples
 
+_STRONGEST = 0.01  # T; a hundred times what a magnetised string adds
 _FINE_NOISE = 0.05  # deg/sqrt(h), of a precision unit whose noise nobody has said
 
 
@@ -289,7 +290,8 @@ class Pipeline:
     def _take_mag(self, samples: Samples) -> None:
         stamps, b_t = samples["stamp_ns"], samples["magnetic_field"]
         sensor_health.push_mag(self._health, stamps, b_t)
-        usable = np.isfinite(b_t).all(axis=1)
+        # A field that no tool meets is another unit; the health of the sensors names it.
+        usable = (np.abs(b_t) < _STRONGEST).all(axis=1)
         stamps, b_t = np.ascontiguousarray(stamps[usable]), np.ascontiguousarray(b_t[usable])
         self.counters.rejected += int(len(usable) - len(stamps))
         self.counters.late_mag += int((stamps <= self._last_imu_ns - self._lag_ns).sum())
@@ -381,27 +383,33 @@ class Pipeline:
                 self._misled = True
             self._misled = self._misled and self._unusable & AZIMUTH != 0
             given = followed.part(part) if followed is not None else None
-            piece = self._estimate(stamps[part], gyro[part], accel[part], given)
+            piece = self._estimate(stamps[part], gyro[part], accel[part], found.suspect[part], given)
             piece.health = changes
             output = piece if output is None else output.joined(piece)
         return output or Output.empty(0)
 
-    def _estimate(self, stamps: Stamps, gyro: Array, accel: Array, followed: Track | None) -> Output:
+    def _estimate(
+        self, stamps: Stamps, gyro: Array, accel: Array, suspect: NDArray[np.uint8], followed: Track | None
+    ) -> Output:
         """Samples during which the same sensors are usable."""
         output = Output.empty(len(stamps))
         track = self._gravity.run(self._unusable, stamps, gyro, accel, followed)
         if self._north is not None:
             self._ahrs = np.concatenate([self._ahrs[0], stamps]), np.concatenate([self._ahrs[1], gyro])
         readings, marks, held = [(0, self._field.reading)], [], []
+        doubted = 0
         for closed, place in self._binners["imu"].add_placed(stamps, np.hstack([gyro, accel])):
             self._waiting.append(closed)
             # One bin late, so that the other streams of its time are there.
             if len(self._waiting) > 1:
                 before = len(output.surveys)
+                self._faults.doubt(stamps[doubted:place], suspect[doubted:place])
+                doubted = place
                 marks.append(self._judge(self._waiting.pop(0), place, output))
                 held += [(len(marks) - 1, at) for at in range(before, len(output.surveys))]
                 if self._field.reading is not readings[-1][1]:
                     readings.append((place, self._field.reading))
+        self._faults.doubt(stamps[doubted:], suspect[doubted:])
         gyro = without_faulty(self._unusable, gyro)
         if self._unusable & MAG:
             self._attitude.leave_out_mag(stamps)
@@ -416,7 +424,7 @@ class Pipeline:
         for bin_, at in held:
             anchor = self._attitude.anchors[bin_]
             output.surveys[at] = held_against(output.surveys[at], anchor, self.settings.fusion)
-        mark(self._unusable, self._misled, output.attitude, output.gravity)
+        mark(self._unusable, self._misled, suspect, output.attitude, output.gravity)
         if self._rotary is not None:
             self._turn_on(self._rotary, Block(stamps, gyro, accel, track), output)
         self.counters.rejected += rejected

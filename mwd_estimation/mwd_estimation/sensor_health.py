@@ -26,13 +26,19 @@ from mwd_estimation.health_evidence import (
     FAULT,
     FOR,
     FROM,
+    GYRO,
+    NOTHING,
     OK,
     PLACE,
+    SEEN,
     STAMPS,
     STATE,
+    SUSPECT,
     UNKNOWN,
     UNUSABLE,
+    doubt,
     note,
+    suspected,
     weigh,
 )
 from mwd_estimation.health_motion import DIP, GRAVITY, TOTAL
@@ -92,6 +98,7 @@ class State:
     lengths: Array
     checks: Whole
     notes: Whole
+    glimpses: Whole
     tally: Whole
     events: Whole
 
@@ -109,6 +116,8 @@ class Step:
     ----------
     unusable : ndarray of uint8, shape (n,)
         Bits GYRO, ACCEL, MAG as known at each sample of the block.
+    suspect : ndarray of uint8, shape (n,)
+        Bits of the sensors that something speaks against at that sample, though it is no fault yet.
     changes : list of Finding
         Faults found, narrowed down or cleared, in order.
     places : list of int
@@ -116,6 +125,7 @@ class Step:
     """
 
     unusable: NDArray[np.uint8]
+    suspect: NDArray[np.uint8]
     changes: list[Finding]
     places: list[int]
 
@@ -140,6 +150,7 @@ def initial(
         lengths=np.zeros((2, 50)),
         checks=checks,
         notes=notes,
+        glimpses=notes.copy(),
         tally=tally,
         events=events,
     )
@@ -194,7 +205,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     for name, block in (("gyro_t", gyro), ("accel_t", accel)):
         if block.shape != (*stamps.shape, 3) or stamps.ndim != 1:
             raise ValueError(f"{name}: expected shape ({stamps.size}, 3) beside stamps (n,), got {block.shape}")
-    unusable = np.zeros(len(stamps), dtype=np.uint8)
+    unusable, suspect = np.zeros(len(stamps), dtype=np.uint8), np.zeros(len(stamps), dtype=np.uint8)
     limits = 0.9995 * np.array(
         [math.radians(params.gyro_range_deg_s), params.accel_range_g * 9.80665, params.mag_range_ut * 1e-6]
     )
@@ -207,14 +218,14 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
         state.tally[EVENTS] = 0
         done = _run(
             state.ring_ns, state.ring, state.mag_ns, state.mag, state.ints, state.reals, state.channels, state.counts,
-            state.sums, state.lengths, state.checks, state.notes, state.tally, state.events, limits, params.rate_hz,
-            params.mag_expected, lag, stamps, gyro, accel, done, unusable,
+            state.sums, state.lengths, state.checks, state.notes, state.glimpses, state.tally, state.events, limits,
+            params.rate_hz, params.mag_expected, lag, stamps, gyro, accel, done, unusable, suspect,
         )  # fmt: skip
         for row in state.events[: state.tally[EVENTS]]:
             changes.append(health_words.finding(row))
             places.append(int(row[7]))
     _forget_used(state)
-    return Step(unusable, changes, places)
+    return Step(unusable, suspect, changes, places)
 
 
 def _forget_used(state: State) -> None:
@@ -255,24 +266,31 @@ def _judge_stamp(ints: Whole, checks: Whole, notes: Whole, tally: Whole, events:
 @compiled
 def _close(
     at: int, ints: Whole, reals: Array, channels: Array, counts: Whole, sums: Array, lengths: Array, checks: Whole,
-    notes: Whole, tally: Whole, events: Whole, limits: Array, expects_mag: bool,
+    notes: Whole, glimpses: Whole, tally: Whole, events: Whole, limits: Array, expects_mag: bool,
 ) -> None:  # fmt: skip
     """Close the half second before `at`, ns, and with enough of them the window, and open the next."""
     began = ints[_BIN] * BIN_NS
-    health_samples.close_bin(began, channels, counts, notes, limits, reals[_PERIOD], expects_mag)
+    doubtful = health_samples.close_bin(began, channels, counts, notes, limits, reals[_PERIOD], expects_mag)
     weigh(checks, notes, tally, events, began + BIN_NS)
     ints[_BINS] += 1
     broken = at // BIN_NS != ints[_BIN] + 1
-    if ints[_BINS] == _WINDOW // 2:
-        axes.carry(sums)
+    full = ints[_BINS] == _WINDOW
+    axes.carry(sums)
+    if not broken:
+        # What a part of the window shows does not count as evidence, but as a reason to doubt.
+        glimpses[:, SEEN] = NOTHING
+        health_motion.judge(
+            reals, sums, lengths, counts[SPOILT:], checks, glimpses, began + BIN_NS, 1e-9 * ints[_BINS] * BIN_NS
+        )
+        doubtful |= suspected(checks, glimpses)
+        if full:
+            weigh(checks, glimpses, tally, events, began + BIN_NS)
+    if checks[STAMPS, STATE] == FAULT:
+        doubtful |= GYRO
+    doubt(checks, tally, doubtful)
+    if ints[_BINS] == 1 or ints[_BINS] == _WINDOW // 2:
         axes.halve(sums)
-    if ints[_BINS] == _WINDOW or broken:
-        axes.carry(sums)
-        if not broken:
-            health_motion.judge(
-                reals, sums, lengths, counts[SPOILT:], checks, notes, began + BIN_NS, 1e-9 * _WINDOW * BIN_NS
-            )
-            weigh(checks, notes, tally, events, began + BIN_NS)
+    if full or broken:
         axes.begin(sums)
         ints[_BINS] = 0
         counts[SPOILT:] = 0
@@ -282,9 +300,9 @@ def _close(
 @compiled
 def _run(
     ring_ns: Whole, ring: Array, mag_ns: Whole, mag: Array, ints: Whole, reals: Array, channels: Array, counts: Whole,
-    sums: Array, lengths: Array, checks: Whole, notes: Whole, tally: Whole, events: Whole, limits: Array,
-    rate_hz: float, expects_mag: bool, lag: int, stamps: Whole, gyro: Array, accel: Array, start: int,
-    unusable: NDArray[np.uint8],
+    sums: Array, lengths: Array, checks: Whole, notes: Whole, glimpses: Whole, tally: Whole, events: Whole,
+    limits: Array,    rate_hz: float, expects_mag: bool, lag: int, stamps: Whole, gyro: Array, accel: Array, start: int,
+    unusable: NDArray[np.uint8], suspect: NDArray[np.uint8],
 ) -> int:  # fmt: skip
     head, length, used = ints[_HEAD], ints[_LEN], ints[_MHEAD]
     last_ns, carry_ns, newest = ints[_LAST_NS], ints[_CARRY_NS], ints[_NEWEST]
@@ -322,8 +340,8 @@ def _run(
                 counts[STEPS], counts[LONG], counts[SHORT], counts[IMU] = steps, long, short, count
                 counts[HOLDS], counts[HOLDS + 1] = held_g, held_a
                 steps = long = short = count = held_g = held_a = 0
-                _close(at, ints, reals, channels, counts, sums, lengths, checks, notes, tally, events, limits,
-                       expects_mag)  # fmt: skip
+                _close(at, ints, reals, channels, counts, sums, lengths, checks, notes, glimpses, tally,
+                       events, limits, expects_mag)  # fmt: skip
                 begins, ends = ints[_BIN] * BIN_NS, (ints[_BIN] + 1) * BIN_NS
                 full = tally[EVENTS] > len(events) // 2
             step = at - last_ns
@@ -370,7 +388,7 @@ def _run(
                 carry_ns = at
             head = (head + 1) & (_RING - 1)
             length -= 1
-        unusable[i] = tally[UNUSABLE]
+        unusable[i], suspect[i] = tally[UNUSABLE], tally[SUSPECT]
         i += 1
     ints[_HEAD], ints[_LEN], ints[_MHEAD] = head, length, used
     ints[_LAST_NS], ints[_CARRY_NS], ints[_NEWEST] = last_ns, carry_ns, newest

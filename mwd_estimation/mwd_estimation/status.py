@@ -25,6 +25,7 @@ class Status(IntFlag):
     SENSOR_FAULT = 16384
     ALIASED = 32768
     SLIDING = 65536
+    SENSOR_SUSPECT = 131072
 
 
 _WORDS = {bit: (bit.name or "").lower() for bit in Status}

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from mwd_estimation.faulty_sensors import Record
 from mwd_estimation.health_evidence import ACCEL, GYRO, MAG
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline, ReferenceSettings
 from mwd_estimation.status import Status
@@ -106,6 +108,51 @@ def test_once_named_a_fault_withholds_what_hangs_on_it_and_leaves_the_rest(compo
         assert np.all(known["sigma_azimuth"] > 0.0)
         off = np.abs(np.angle(np.exp(1j * (known["azimuth"] - truth["azimuth"]))))
         assert np.mean(off < 3.0 * known["sigma_azimuth"]) > 0.97
+
+
+@pytest.mark.parametrize(
+    ("component", "word", "axis", "start_s"),
+    [("gyro", "swapped", "xy", 0.0), ("accel", "in_g", "all", 0.0), ("accel", "stuck", "all", 12.1),
+     ("gyro", "in_deg_s", "all", 12.1), ("mag", "in_nt", "all", 12.1)],
+)  # fmt: skip
+def test_before_a_fault_is_named_its_numbers_are_not_called_certain_for_long(component, word, axis, start_s):
+    case = sent(component, word, axis, start_s)
+    rows, truth = estimated(case)[0].attitude, case[0]["truth"]
+    named = int(np.argmax(rows["status"] & FAULT != 0))
+    doubted = rows["status"] & int(Status.SENSOR_SUSPECT) != 0
+    assert doubted[:named].any()
+    assert not doubted[: round(100.0 * start_s)].any()
+    for name in ("inclination", "gravity_toolface", "azimuth"):
+        off = np.abs(np.angle(np.exp(1j * (rows[name] - truth[name][: len(rows)]))))
+        wrong = (off > np.maximum(4.0 * rows[f"sigma_{name}"], 0.02)) & (rows[f"sigma_{name}"] >= 0.0)
+        assert np.count_nonzero(wrong[:named]) <= 100, name
+    level = doubted if component != "mag" else np.zeros_like(doubted)
+    known = rows["sigma_inclination"] >= 0.0
+    assert np.all(rows["sigma_inclination"][level & known] == np.pi)
+    assert np.all(rows["sigma_azimuth"][doubted & (rows["sigma_azimuth"] >= 0.0)] == np.pi)
+
+
+def test_a_survey_whose_time_a_doubt_touches_is_doubtful_with_the_reason():
+    record = Record()
+    stamps = np.arange(400) * 10_000_000
+    survey = estimated(sent("temperature", "ok"))[0].surveys[0]
+    at = dataclasses.replace(survey, stamp_ns=10_000_000_000, duration=8.0)
+    assert record.judge(at) is at
+    suspect = np.where(stamps >= 3_000_000_000, ACCEL, 0).astype(np.uint8)
+    for shift, touched in ((0, False), (4, True), (13, True), (18, False)):
+        record = Record()
+        record.doubt(stamps + shift * 10**9, suspect)
+        judged = record.judge(at)
+        assert (judged.station.verdict == "doubtful") == touched, shift
+        if touched:
+            assert "accelerometer" in judged.station.reasons[0]
+
+
+def test_a_field_that_no_tool_meets_is_not_used_and_stops_nothing():
+    output, pipeline = estimated(sent("mag", "in_nt"))
+    assert pipeline.counters.rejected >= 6000
+    assert len(output.attitude)
+    assert any(one.kind == "unit" for one in pipeline.sensor_faults)
 
 
 def test_when_a_fault_has_gone_the_estimate_begins_anew_and_is_right():

@@ -67,3 +67,19 @@ def test_an_axis_often_at_the_end_of_its_range_is_used_and_one_always_there_is_n
     assert book.tally[ev.UNUSABLE] == 0
     book.see(ev.SATURATED + 1, ev.FOR, details=(ev.ALWAYS, 0, 0))
     assert book.tally[ev.UNUSABLE] == ev.GYRO
+
+
+def test_what_speaks_against_a_sensor_makes_it_doubtful_until_it_is_named_or_six_seconds_have_passed():
+    book = Book()
+    ev.note(book.notes, ev.AXES, ev.FOR, 0, 0, 2, 4)
+    assert ev.suspected(book.checks, book.notes) == ev.ACCEL | ev.MAG
+    book.see(ev.UNIT, ev.FOR, ev.FOR)
+    ev.note(book.notes, ev.UNIT, ev.FOR, 0, 1, 0, 0)
+    assert ev.suspected(book.checks, book.notes) == 0
+    ev.doubt(book.checks, book.tally, ev.GYRO | ev.MAG)
+    assert book.tally[ev.SUSPECT] == ev.MAG
+    for _ in range(11):
+        ev.doubt(book.checks, book.tally, 0)
+    assert book.tally[ev.SUSPECT] == ev.MAG
+    ev.doubt(book.checks, book.tally, 0)
+    assert book.tally[ev.SUSPECT] == 0

@@ -31,7 +31,9 @@ class Tool:
             for c in range(9 if mag else 6):
                 samples.count(self.channels, c, row[c], LIMITS[c // 3])
         self.counts[samples.IMU] = n
-        samples.close_bin(self.bins * samples.BIN_NS, self.channels, self.counts, self.notes, LIMITS, 0.01, expects_mag)
+        self.doubtful = samples.close_bin(
+            self.bins * samples.BIN_NS, self.channels, self.counts, self.notes, LIMITS, 0.01, expects_mag
+        )
         self.bins += 1
         return {k: self.notes[k].copy() for k in np.flatnonzero(self.notes[:, ev.SEEN] == ev.FOR)}
 
@@ -94,3 +96,15 @@ def test_a_changed_pace_and_values_sent_twice_are_noted():
     assert set(found) == {ev.RATE, ev.HELD}
     assert found[ev.RATE][2] == 1
     assert found[ev.HELD][2] == 50
+    assert tool.doubtful == ev.GYRO
+
+
+def test_what_has_just_begun_to_stick_makes_the_sensor_doubtful():
+    tool = Tool()
+    tool.half_second()
+    assert tool.doubtful == 0
+    for _ in range(2):
+        assert tool.half_second(lambda v: v.__setitem__((slice(None), 7), 3e-5)) == {}
+    assert tool.doubtful == ev.MAG
+    tool.half_second(lambda v: v.__setitem__((slice(None), 3), LIMITS[1]))
+    assert tool.doubtful == ev.ACCEL

@@ -58,15 +58,17 @@ def sent(name, seconds, still_s=0.0):
     )  # fmt: skip
 
 
-def judged(run, cuts=(), reference=True):
+def judged(run, cuts=(), reference=True, doubts=False):
     state = health.initial(PARAMS, *(run.reference if reference else ()))
     health.push_mag(state, run.mag_ns, run.mag)
-    parts, changes = [], []
+    parts, changes, suspect = [], [], []
     for block in zip(np.split(run.stamps, cuts), np.split(run.gyro, cuts), np.split(run.accel, cuts), strict=True):
         step = health.run(PARAMS, state, *block)
         parts.append(step.unusable)
+        suspect.append(step.suspect)
         changes += step.changes
-    return state, np.concatenate(parts), changes
+    found = state, np.concatenate(parts), changes
+    return (*found, np.concatenate(suspect)) if doubts else found
 
 
 def mapped(matrix):
@@ -202,9 +204,43 @@ def test_what_a_still_tool_cannot_show_is_not_yet_known(name):
 def test_a_healthy_tool_is_left_in_peace(name):
     run = sent(name, 36.0)
     for reference in (True, False):
-        _, unusable, changes = judged(run, reference=reference)
+        _, unusable, changes, suspect = judged(run, reference=reference, doubts=True)
         assert changes == []
         assert not unusable.any()
+        assert not suspect.any()
+
+
+# What differs from the truth at once, and what must be seen against the motion of some seconds.
+SOON = {
+    "accelerometer x stuck": 1.0, "accelerometer stuck": 1.0, "gyro z stuck": 1.0, "dead gyro, zero": 1.0,
+    "accelerometer z saturated": 1.0, "accelerometer in g": 1.0, "gyro in deg/s": 1.0, "gyro not a number": 1.0,
+    "accelerometer x and y exchanged": 2.0, "gyro x and z exchanged": 1.0, "gyro x reversed": 2.5,
+    "gravity instead of specific force": 5.0, "magnetometer y and z exchanged": 5.0, "magnetometer in gauss": 2.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SOON)
+def test_a_sensor_is_in_doubt_soon_and_until_it_is_named(name):
+    sensor, spoil, _, _ = FAULTS[name]
+    run = spoilt(sent(hole(name), 26.0), sensor, spoil, START_S)
+    _, unusable, _, suspect = judged(run, doubts=True)
+    bit = {GYRO: evidence.GYRO, ACCEL: evidence.ACCEL, MAG: evidence.MAG}[sensor]
+    first, named = np.argmax(suspect & bit > 0), np.argmax(unusable & bit > 0)
+    assert START_S < run.time[first] <= START_S + SOON[name]
+    assert (suspect[first:named] & bit > 0).all()
+    assert not (suspect[named:] & bit).any()
+
+
+def test_a_doubt_that_nothing_confirms_passes():
+    clean = sent("bench/build", 26.0)
+    accel = clean.accel.copy()
+    hit = (clean.time >= 9.0) & (clean.time < 10.3)
+    accel[hit, 1] = 0.0
+    _, unusable, changes, suspect = judged(dataclasses.replace(clean, accel=accel), doubts=True)
+    assert changes == []
+    assert not unusable.any()
+    assert suspect[np.searchsorted(clean.time, 10.3)] & evidence.ACCEL
+    assert not suspect[clean.time > 17.5].any()
 
 
 def test_while_drilling_units_axes_and_signs_become_known_to_be_right():
@@ -292,11 +328,12 @@ def test_repeated_stamps_a_changed_rate_and_values_sent_twice_are_named():
 def test_any_blocks_give_the_same_and_a_copied_state_goes_on_alike():
     clean = sent("bench/build", 26.0)
     run = spoilt(clean, ACCEL, swapped(0, 1), 5.0)
-    _, unusable, changes = judged(run)
+    _, unusable, changes, suspect = judged(run, doubts=True)
     rng = np.random.default_rng(2)
     cuts = np.sort(rng.choice(len(run.stamps), 40, replace=False))
-    _, cut_unusable, cut_changes = judged(run, cuts)
+    _, cut_unusable, cut_changes, cut_suspect = judged(run, cuts, doubts=True)
     assert np.array_equal(unusable, cut_unusable)
+    assert np.array_equal(suspect, cut_suspect)
     assert changes == cut_changes
     state = health.initial(PARAMS, *run.reference)
     health.push_mag(state, run.mag_ns, run.mag)

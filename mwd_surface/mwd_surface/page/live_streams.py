@@ -93,10 +93,11 @@ _LOGGED = {
 _STREAMS = ("sonde", "estimator", "magnetometer", "temperature", "interference", "dynamics", "rig", "recorder")
 # What makes a stretch of the tracks doubtful (1) or bad (2).
 _DOUBTFUL = Status.CLIPPED | Status.ALIASED | Status.MAG_DISTURBED | Status.NO_MAG | Status.REJECTED
-_BAD = Status.SENSOR_FAULT | Status.INITIALISING
+_BAD = Status.SENSOR_FAULT | Status.SENSOR_SUSPECT | Status.INITIALISING
 # What the status says about a value that is withheld.
 _WHY = (
     (Status.SENSOR_FAULT, "a sensor is judged faulty"),
+    (Status.SENSOR_SUSPECT, "something speaks against a sensor: wait a few seconds"),
     (Status.INITIALISING, "the estimator is still settling"),
     (Status.NEAR_VERTICAL, "not defined this near to vertical"),
     (Status.NO_MAG, "no usable magnetometer"),

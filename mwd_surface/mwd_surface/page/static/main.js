@@ -188,7 +188,7 @@ function showPills(now, silent) {
   if (attitude?.status.length) {
     const known = ["still", "rotating", "sliding"].find((word) => attitude.status.includes(word));
     if (known) list.push(["system", "info", `tool ${known}`]);
-    const bad = attitude.status.filter((word) => ["sensor_fault", "clipped", "mag_disturbed", "no_mag", "initialising", "aliased", "no_reference", "correction_refused"].includes(word));
+    const bad = attitude.status.filter((word) => ["sensor_fault", "sensor_suspect", "clipped", "mag_disturbed", "no_mag", "initialising", "aliased", "no_reference", "correction_refused"].includes(word));
     if (bad.length) list.push(["system", "doubtful", bad.map((word) => word.replace("_", " ")).join(", ")]);
   }
   if (rig?.in_slips) list.push(["system", "info", "in slips"]);
