@@ -106,13 +106,13 @@ class GyroAzimuths:
     ----------
     azimuth, sigma : ndarray, shape (n,)
         rad; nan where the gyro gave none. Sigma is what errs at each station anew.
-    common : float
+    common : float or ndarray, shape (n,)
         1 sigma of what errs alike at all of them, rad: the gyro's sensitivity to gravity, the declination.
     """
 
     azimuth: Array
     sigma: Array
-    common: float = 0.0
+    common: float | Array = 0.0
 
 
 @dataclass(frozen=True)
@@ -130,6 +130,8 @@ class Multistation:
         top.
     azimuth_raw, sigma_raw : ndarray, shape (n,)
         Uncorrected, and with the prior's sigma.
+    by_gyro : ndarray, shape (n,)
+        What 1 sigma of the error common to the gyro's azimuths does to the corrected azimuth, rad.
     used : ndarray of bool, shape (n,)
         False for stations left out as outliers; they are corrected all the same.
     chi_square, degrees, probability : float, int, float
@@ -155,6 +157,7 @@ class Multistation:
     toolface: Array
     azimuth_raw: Array
     sigma_raw: Array
+    by_gyro: Array
     used: np.ndarray
     chi_square: float
     degrees: int
@@ -233,7 +236,7 @@ def analyse(
             problem.quieten(solution, used)
             solution = problem.solve(used)
     slope = problem.slope(solution, used)
-    covariance_x = np.linalg.inv(slope.T @ slope)
+    covariance_x = np.asarray(np.linalg.inv(slope.T @ slope), dtype=float)
     estimate = problem.scale @ solution
     covariance = problem.scale @ covariance_x @ problem.scale.T
     prior = np.sqrt(np.diagonal(problem.scale @ problem.scale.T))
@@ -260,6 +263,7 @@ def analyse(
         toolface=gravity_toolface(f_c),
         azimuth_raw=magnetics.raw_azimuth(f, b),
         sigma_raw=sigma_raw,
+        by_gyro=np.einsum("ni,ni->n", jacobian[:, 1], problem.by_common_error(solution, covariance_x, used)),
         used=used,
         chi_square=chi_square,
         degrees=degrees,
@@ -470,7 +474,8 @@ class _Problem:
             return np.zeros((0, 0))
         slope = magnetics.angle_jacobian(self.f[seen], self.b[seen])[:, 1, :]
         own = self.gyro.sigma[seen] ** 2 + np.einsum("ni,ij,nj->n", slope, self.noise, slope)
-        return np.linalg.inv(np.linalg.cholesky(np.diag(own) + self.gyro.common**2))
+        common = np.broadcast_to(self.gyro.common, seen.shape)[seen]
+        return np.linalg.inv(np.linalg.cholesky(np.diag(own) + np.outer(common, common)))
 
     def _gyro_residual(self, x: Array, used: np.ndarray) -> Array:
         seen = self._seen(used)
@@ -488,6 +493,15 @@ class _Problem:
         slope = np.zeros((int(seen.sum()), 15))
         slope[:, :_SENSORS] = np.einsum("ni,nij->nj", magnetics.angle_jacobian(f, b)[:, 1, :], self._by_errors()[seen])
         return np.asarray(self._gyro_white(seen) @ slope @ self.scale)
+
+    def by_common_error(self, x: Array, covariance: Array, used: np.ndarray) -> Array:
+        """Shift of the readings, shape (n, 6), by 1 sigma of the gyro's common error; covariance of x, (15, 15)."""
+        seen = self._seen(used)
+        if self.gyro is None or not seen.any():
+            return np.zeros((len(self.f), 6))
+        common = np.broadcast_to(self.gyro.common, seen.shape)[seen]
+        shift = covariance @ self._gyro_slope(x, used).T @ self._gyro_white(seen) @ common
+        return np.asarray(self._by_errors() @ (self.scale @ shift)[:_SENSORS])
 
     def misfit(self, x: Array) -> Array:
         """Length of each station's whitened residual, shape (n,): in one of a thousand stations beyond 4 by chance."""

@@ -1,6 +1,10 @@
 """
 The stations of one run so far, and what they say together about each new one (multi-station analysis as it goes).
 
+Where a gyro found north at earlier stations and agreed with the magnetometer, the analysis holds that too: it shows
+what the field cannot, such as axial interference along one horizontal east-west attitude. The new station's own gyro
+azimuth is left out of it, so that the two can still be held against each other.
+
 A station counts where it was read at rest and its field is the Earth's with something beside it; whether it fits the
 others is for the analysis to say. With few stations, or attitudes that do not show the errors, the method is named with
 the reason why it gives nothing.
@@ -14,7 +18,7 @@ import math
 import numpy as np
 
 from mwd_estimation import multistation
-from mwd_estimation.multistation import MSA, Multistation, MultistationSettings
+from mwd_estimation.multistation import MSA, GyroAzimuths, Multistation, MultistationSettings
 from mwd_estimation.reference import STANDARD_GRAVITY, Reference
 from mwd_estimation.station import MethodAzimuth, Station, StationSettings
 from mwd_sensors.settings import setting
@@ -41,6 +45,17 @@ class StationRun:
     def __init__(self, params: Params) -> None:
         self.params = params
         self._stations: list[Station] = []
+        # Of each: azimuth of a gyro from magnetic north, what of its sigma is the station's own, and what all share.
+        self._gyro: list[tuple[float, float, float]] = []
+
+    def heard(self, azimuth: float, own: float, common: float) -> None:
+        """
+        What a gyro found at the station taken last, where it agrees with the magnetometer.
+
+        Azimuth from magnetic north, rad; 1 sigma of what errs at each station anew, and of what errs alike at all.
+        """
+        if self._gyro:
+            self._gyro[-1] = azimuth, own, common
 
     def take(self, station: Station, settings: StationSettings) -> tuple[Station, Multistation | None]:
         """
@@ -65,13 +80,16 @@ class StationRun:
         if not self.params.enabled or reference is None or not _usable(station, reference):
             return station, None
         self._stations = [*self._stations, station][-self.params.most :]
+        self._gyro = [*self._gyro, (math.nan, math.nan, 0.0)][-self.params.most :]
         n = len(self._stations)
         if n < self.params.least:
             why = f"too few stations in this run: {n} of {self.params.least}"
             refused = MethodAzimuth(MSA, math.nan, math.nan, why)
             return dataclasses.replace(station, azimuths=(*station.azimuths, refused)), None
         f_t, b_t = np.array([s.f_t for s in self._stations]), np.array([s.b_t for s in self._stations])
-        analysis = multistation.analyse(f_t, b_t, reference, settings.errors, self.params.analysis)
+        azimuth, own, common = np.array(self._gyro).T
+        gyro = GyroAzimuths(azimuth, own, common) if np.isfinite(azimuth).any() else None
+        analysis = multistation.analyse(f_t, b_t, reference, settings.errors, self.params.analysis, gyro)
         # Stations from before a change of the reference are held against the one now in force.
         now = [dataclasses.replace(s, reference=reference) for s in self._stations]
         corrected = multistation.corrected_stations(now, analysis, settings)[-1]

@@ -140,7 +140,10 @@ def from_average(
     # What others doubt or reject is no station to learn from.
     if run is not None and not doubts and not faults:
         together, analysis = run.take(alone, settings)
-    result = fused(alone, together, gyro, fusing, last_alarm=last_alarm, doubted=bool(doubts))
+    aided = 0.0 if analysis is None else float(analysis.by_gyro[-1])
+    result = fused(alone, together, gyro, fusing, last_alarm=last_alarm, doubted=bool(doubts), aided=aided)
+    if together is not alone and run is not None and result.alarm == "" and isinstance(gyro, Solution) and gyro.success:
+        run.heard(*_for_the_run(result.station, gyro))
     return (
         Survey(
             stamp_ns=stamp_ns,
@@ -205,6 +208,7 @@ def fused(
     *,
     last_alarm: str = "",
     doubted: bool = False,
+    aided: float = 0.0,
 ) -> Fused:
     """
     Weigh the azimuths of a station: raw or corrected, multi-station, gyro.
@@ -226,6 +230,9 @@ def fused(
         As `from_average` takes it.
     doubted : bool
         Whether the station has doubts of others' making.
+    aided : float
+        What 1 sigma of the gyro's lasting error does to the multi-station azimuth, which holds what the gyro found at
+        the stations before, rad.
     """
     group, reasons = _magnetic(alone, together)
     weighed = fusion.fuse(fusion.same_sensors(group), settings)
@@ -244,11 +251,19 @@ def fused(
             base = dataclasses.replace(base, reasons=(*base.reasons, remark))
         return Fused(base, {**weights, GYRO: 0.0}, {**reasons, GYRO: found.refused}, None)
     sound = all(not group[k].doubt for k, name in enumerate(together.azimuths) if weights[name.method] > 0.0)
+    in_both = {}
+    if math.isfinite(weighed.sigma):
+        in_both["declination"] = min(declination_sigma(together), weighed.sigma)
+        rest = math.sqrt(max(weighed.sigma**2 - in_both["declination"] ** 2, 0.0))
+        in_both["gyro"] = max(-rest, min(weights.get(MSA, 0.0) * aided, rest))
+        if aided and isinstance(gyro, Solution):
+            left = math.sqrt(max(found.sigma**2 - sum(v * v for v in shared.values()), 0.0))
+            shared["gyro"] = min(_for_the_run(together, gyro)[2], left)
     magnetic = fusion.Candidate(
         weighed.method if weighed.method != "fused" else fusion.MAGNETIC,
         weighed.azimuth,
         weighed.sigma,
-        shared={"declination": min(declination_sigma(together), weighed.sigma)} if math.isfinite(weighed.sigma) else {},
+        shared=in_both,
         doubt="" if sound else next(one.doubt for one in group if one.doubt),
     )
     strict = fusion.Settings() if settings is None else settings
@@ -339,6 +354,22 @@ def _not_chosen(one: MethodAzimuth, magnetic: Station) -> str:
     if one.method == magnetic.method:
         return ""
     return one.refused or f"the {magnetic.method} azimuth of the same reading is used"
+
+
+def _for_the_run(station_: Station, gyro: Solution) -> tuple[float, float, float]:
+    """
+    A gyro's azimuth as `StationRun.heard` takes it.
+
+    White noise errs at each station anew. All else (bias, sensitivity to gravity, scale) is taken to err alike at all,
+    and so is the declination that leads from true to magnetic north.
+    """
+    reference = station_.reference
+    if reference is None or reference.declination is None:
+        return math.nan, math.nan, 0.0
+    declination = math.sqrt(reference.declination_variance(_horizontal(reference)))
+    noise = min(gyro.limit, gyro.sigma)
+    lasting = math.hypot(math.sqrt(gyro.sigma**2 - noise**2), declination)
+    return float(wrap_tau(gyro.azimuth - reference.declination)), noise, lasting
 
 
 def _horizontal(reference: Reference) -> float:

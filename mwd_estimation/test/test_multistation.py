@@ -145,6 +145,20 @@ def test_a_gyro_at_some_stations_shows_the_interference_of_an_east_west_hole():
         analyse(f_t, b_t, reference, gyro=GyroAzimuths(seen[:3], seen[:3]))
 
 
+def test_what_the_gyro_s_common_error_does_to_each_azimuth_is_the_difference_it_makes():
+    f_t, b_t, reference, _, azi, *_ = drawn_run("east-west", 7, n=8)
+    own, common = np.full(8, 1.0 * DEG), np.linspace(0.2, 0.4, 8) * DEG
+    settings = MultistationSettings(adapt_noise=False)
+    done = [
+        analyse(f_t, b_t, reference, settings=settings, gyro=GyroAzimuths(azi + share * common, own, common))
+        for share in (-1e-3, 1e-3)
+    ]
+    numeric = wrap_pi(done[1].azimuth - done[0].azimuth) / 2e-3
+    assert done[0].by_gyro == pytest.approx(numeric, rel=0.02)
+    assert (done[0].by_gyro > 0.1 * DEG).all()
+    assert (analyse(f_t, b_t, reference).by_gyro == 0.0).all()
+
+
 def test_what_the_attitudes_do_not_show_is_named_and_keeps_its_prior():
     # One attitude over and over, toolface fixed: nothing moves but noise.
     mat_tn = mat_nt(89 * DEG, 90 * DEG, 1.0).T

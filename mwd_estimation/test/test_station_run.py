@@ -57,6 +57,26 @@ def test_one_attitude_over_and_over_shows_nothing_and_says_so():
     assert one.method == "raw"
 
 
+def test_a_gyro_at_the_stations_before_shows_what_one_east_west_attitude_hides():
+    errors, sigmas = [], []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        run, common = StationRun(Params()), math.radians(0.3) * rng.normal()
+        for k in range(8):
+            one, analysis = run.take(shot(88.0, 90.0, 0.8 * k, seed=100 * seed + k), SETTINGS)
+            run.heard(math.radians(90.0 + rng.normal()) + common, math.radians(1.0), math.radians(0.3))
+        assert analysis is not None
+        assert one.method == "msa"
+        errors.append(float(wrap_pi(one.by_method("msa").azimuth - math.radians(90.0))))
+        sigmas.append(one.by_method("msa").sigma)
+        # All of the gyro's lasting error is in it, but for what the prior holds back.
+        assert math.radians(0.15) < analysis.by_gyro[-1] < math.radians(0.3)
+    # Seven gyro azimuths of one degree and .3 deg in common, where the field alone is refused (test above).
+    assert np.degrees(np.mean(sigmas)) < 0.75
+    # Chi-square, 20 degrees of freedom: 99 % band.
+    assert 0.37 < np.mean(np.square(errors) / np.square(sigmas)) < 2.0
+
+
 def test_a_station_taken_while_moving_or_without_a_field_is_left_out():
     run, _, _ = run_of(4)
     moved = station([0.0, 0.0, 9.0], FIELD_N, REFERENCE, SETTINGS)

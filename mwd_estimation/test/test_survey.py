@@ -111,3 +111,13 @@ def test_a_station_without_magnetometer_takes_the_gyro_azimuth():
     assert found.station.azimuth == pytest.approx(40.0 * DEG)
     assert found.station.method == "gyro"
     assert found.alarm is None
+
+
+def test_a_multi_station_azimuth_that_holds_the_gyro_s_lasting_error_is_not_taken_for_a_second_opinion():
+    alone = shot()
+    own = MethodAzimuth("msa", 40.0 * DEG, 0.53 * DEG, "")
+    together = dataclasses.replace(alone, azimuths=(*alone.azimuths, own), azimuth=own.azimuth, method="msa")
+    apart = fused(alone, together, gyro(40.2, 0.5))
+    tied = fused(alone, together, gyro(40.2, 0.5), aided=0.2 * DEG)
+    assert tied.station.sigma_azimuth > apart.station.sigma_azimuth
+    assert tied.alarm == apart.alarm == ""
