@@ -120,18 +120,6 @@ def figures(curve: AllanCurve, axis: int | None = None) -> AllanFigures:
     return AllanFigures(white, floor, float(curve.tau[lowest]), floor / FLICKER_FLOOR, walk)
 
 
-def markov_deviation(tau: ArrayLike, sigma: float, correlation: float) -> Array:
-    """
-    Allan deviation of a first-order Markov bias, shape as tau, s.
-
-    sigma: its steady 1 sigma; correlation: its time constant, s. Source: IEEE Std 952, C.1.6.
-    """
-    x = np.asarray(tau, dtype=float) / correlation
-    # The bracket loses its digits to cancellation where x is small: there it is the walk it looks like.
-    bracket = 1.0 - (3.0 - 4.0 * np.exp(-x) + np.exp(-2.0 * x)) / (2.0 * np.maximum(x, 1e-12))
-    return np.asarray(sigma * np.sqrt(np.where(x < 1e-3, 2.0 * x / 3.0, 2.0 * bracket / np.maximum(x, 1e-12))))
-
-
 def _fitted(log_tau: Array, log_dev: Array, sigma: Array, part: NDArray[np.bool_], slope: float, at: float) -> float:
     if not part.any():
         return 0.0

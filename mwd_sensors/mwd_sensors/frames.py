@@ -112,16 +112,6 @@ def magnetic_toolface(mat_nt: ArrayLike) -> Array:
     return wrap_tau(np.arctan2(mat[..., 1, 2], mat[..., 0, 2]))
 
 
-def skew(v: ArrayLike) -> Array:
-    """Cross-product matrix: ``skew(a) @ b == cross(a, b)``. v, shape (..., 3); returns shape (..., 3, 3)."""
-    v = np.asarray(v, dtype=float)
-    mat = np.zeros((*v.shape, 3))
-    mat[..., 0, 1], mat[..., 0, 2] = -v[..., 2], v[..., 1]
-    mat[..., 1, 0], mat[..., 1, 2] = v[..., 2], -v[..., 0]
-    mat[..., 2, 0], mat[..., 2, 1] = -v[..., 1], v[..., 0]
-    return mat
-
-
 def quat_from_rotvec(rotvec: ArrayLike) -> Array:
     """Quaternion (x, y, z, w), shape (..., 4), of a rotation vector, shape (..., 3), rad; exact at zero."""
     rotvec = np.asarray(rotvec, dtype=float)

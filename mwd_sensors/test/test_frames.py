@@ -18,7 +18,6 @@ from mwd_sensors.frames import (
     quat_from_mat,
     quat_from_rotvec,
     quat_multiply,
-    skew,
     wrap_pi,
     wrap_tau,
 )
@@ -106,8 +105,3 @@ def test_wrapping_stays_in_range_and_keeps_the_angle(a):
 
 def test_a_tiny_negative_angle_does_not_wrap_to_a_full_circle():
     assert wrap_tau(-1e-20) == 0.0
-
-
-def test_skew_is_the_cross_product():
-    a, b = np.array([1.0, -2.0, 0.5]), np.array([0.3, 4.0, -1.0])
-    np.testing.assert_allclose(skew(a) @ b, np.cross(a, b))

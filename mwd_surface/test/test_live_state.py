@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from example_live import attitude, rig
 from example_stations import listed, survey
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,26 +17,6 @@ from mwd_surface.page.live_settings import LiveSettings
 from mwd_surface.page.live_state import LiveState
 from mwd_surface.surveys.plan import Offset, plan_of
 from mwd_surface.surveys.well import Well
-
-
-def attitude(inclination=0.8, azimuth=1.0, toolface=0.5, sigma=0.01, status=0, north=3, n=1, **more):
-    samples = wire.ATTITUDE.empty(n)
-    samples["stamp_ns"] = 5
-    samples["inclination"], samples["azimuth"], samples["gravity_toolface"] = inclination, azimuth, toolface
-    for name in ("inclination", "azimuth", "gravity_toolface", "magnetic_toolface"):
-        samples["sigma_" + name] = sigma
-    samples["status"], samples["north"] = status, north
-    for name, value in more.items():
-        samples[name] = value
-    return samples
-
-
-def rig(valid=2047, **values):
-    samples = wire.RIG_STATE.empty(1)
-    samples["valid"] = valid
-    for name, value in values.items():
-        samples[name] = value
-    return samples
 
 
 def sections(state, now=0.0):
@@ -122,14 +103,11 @@ def test_a_plan_is_thinned_to_its_bound_and_keeps_its_end():
     assert sections(state)["plan"]["north"] == []
 
 
-def test_the_offset_and_the_telemetry_are_unknown_until_told():
+def test_the_offset_is_unknown_until_told():
     state = LiveState()
     assert sections(state)["offset"]["known"] is False
-    assert sections(state)["telemetry"]["known"] is False
     state.on_offset(Offset(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.5), 0.0, dogleg_to_target=0.001)
-    state.on_telemetry(90, 10, 0.0, confidence=0.8)
     assert sections(state)["offset"]["up"] == 3.0
-    assert sections(state)["telemetry"]["share"] == 0.9
 
 
 def test_findings_are_sorted_worst_first_whatever_shape_they_have():

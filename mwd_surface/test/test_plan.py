@@ -50,25 +50,28 @@ def test_the_arc_to_a_target_ends_in_the_target(inclination, azimuth, target):
     direction = np.array(target) / np.linalg.norm(target)
     assume(direction @ mc.tangent(inclination, azimuth) > 0.05)
     got = planning.steering_to((0.0, 0.0, 0.0), inclination, azimuth, target)
-    there, inc, azi = planning.projected_ahead(
-        (0.0, 0.0, 0.0), inclination, azimuth, got.length, got.dogleg_severity, got.toolface
-    )
-    np.testing.assert_allclose(there, target, atol=1e-6)
-    np.testing.assert_allclose(mc.tangent(inc, azi), mc.tangent(got.inclination, got.azimuth), atol=1e-8)
+    path = mc.path([0.0, got.length], [inclination, got.inclination], [azimuth, got.azimuth])
+    np.testing.assert_allclose(path[-1], target, atol=1e-6)
 
 
-@given(inclination=st.floats(0.02, 3.1), azimuth=angles, toolface=angles, severity=st.floats(0.0, 0.01))
-def test_a_projection_is_a_minimum_curvature_interval(inclination, azimuth, toolface, severity):
-    there, inc, azi = planning.projected_ahead((1.0, 2.0, 3.0), inclination, azimuth, 50.0, severity, toolface)
-    path = mc.path([0.0, 50.0], [inclination, inc], [azimuth, azi], (1.0, 2.0, 3.0))
-    np.testing.assert_allclose(there, path[-1], atol=1e-7)
+@given(inclination=st.floats(0.02, 3.1), azimuth=angles, end=st.tuples(st.floats(0.02, 3.1), angles))
+def test_a_minimum_curvature_interval_is_found_again(inclination, azimuth, end):
+    bend = float(mc.dogleg(inclination, azimuth, *end))
+    assume(0.01 < bend < 1.5)
+    there = mc.path([0.0, 50.0], [inclination, end[0]], [azimuth, end[1]], (1.0, 2.0, 3.0))[-1]
+    got = planning.steering_to((1.0, 2.0, 3.0), inclination, azimuth, there)
+    assert (got.length, got.dogleg_severity) == pytest.approx((50.0, bend / 50.0), rel=1e-6)
+    np.testing.assert_allclose(mc.tangent(got.inclination, got.azimuth), mc.tangent(*end), atol=1e-6)
 
 
-def test_high_side_builds_and_right_turns_right():
-    _, inc, azi = planning.projected_ahead((0, 0, 0), 0.5, 1.0, 30.0, 0.001, 0.0)
-    assert (inc, azi) == pytest.approx((0.53, 1.0))
-    _, _, azi = planning.projected_ahead((0, 0, 0), math.pi / 2, 1.0, 30.0, 0.001, math.pi / 2)
-    assert azi == pytest.approx(1.03)
+@pytest.mark.parametrize(
+    ("end", "toolface_deg"),
+    [((math.pi / 2 + 0.03, 1.0), 0.0), ((math.pi / 2, 1.03), 90.0), ((math.pi / 2 - 0.03, 1.0), 180.0)],
+)
+def test_high_side_builds_and_right_turns_right(end, toolface_deg):
+    there = mc.path([0.0, 30.0], [math.pi / 2, end[0]], [1.0, end[1]])[-1]
+    got = planning.steering_to((0, 0, 0), math.pi / 2, 1.0, there)
+    assert math.cos(got.toolface - math.radians(toolface_deg)) == pytest.approx(1.0)
 
 
 def test_from_the_vertical_the_toolface_counts_from_north():
@@ -82,8 +85,6 @@ def test_a_target_behind_or_at_the_bit_is_refused():
         planning.steering_to((0, 0, 0), 0.0, 0.0, (0.0, 0.0, -10.0))
     with pytest.raises(ValueError, match="apart from the position"):
         planning.steering_to((0, 0, 0), 0.0, 0.0, (0.0, 0.0, 0.0))
-    with pytest.raises(ValueError, match="bend less than half a turn"):
-        planning.projected_ahead((0, 0, 0), 0.0, 0.0, 100.0, 0.1, 0.0)
     with pytest.raises(ValueError, match="at least two stations"):
         planning.plan_of([0.0], [0.0], [0.0])
     with pytest.raises(ValueError, match="step: must be positive"):

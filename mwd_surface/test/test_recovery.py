@@ -117,12 +117,12 @@ def test_a_killed_recording_becomes_a_whole_bag_with_the_original_beside_it(tmp_
     written = writer.file.messages
     writer.file.close()
     original = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
-    assert recovery.unfinished(tmp_path) == [tmp_path / "bag"]
+    assert recovery.is_unfinished(tmp_path / "bag")
     (report,) = recovery.recover_bag(tmp_path / "bag")
     assert report.messages == written
     assert report.kept.read_bytes() == original
     assert report.kept.name == "bag_0.mcap.damaged"
-    assert recovery.unfinished(tmp_path) == []
+    assert not recovery.is_unfinished(tmp_path / "bag")
     with Reader(tmp_path / "bag") as reader:
         assert reader.message_count == written
         assert sum(1 for _ in reader.messages()) == written
@@ -194,7 +194,7 @@ def test_a_file_with_nothing_in_it_is_set_aside_and_said_so(tmp_path):
     assert report.target is None
     assert report.sentence() == "bag_0.mcap: nothing could be saved; the file is empty"
     assert [path.name for path in (tmp_path / "bag").iterdir()] == ["bag_0.mcap.damaged"]
-    assert recovery.unfinished(tmp_path) == []
+    assert not recovery.is_unfinished(tmp_path / "bag")
 
 
 def test_a_single_file_is_recovered_beside_the_original_which_stays(whole, tmp_path):

@@ -59,8 +59,6 @@ class Bag:
         ``mcap`` or ``sqlite3``.
     custom : dict of str
         ``custom_data`` of metadata.yaml.
-    damaged_chunks : int
-        Skipped while reading because a checksum was wrong.
     complete : bool
         False for a recording that was cut off or is damaged, as far as known.
 
@@ -76,7 +74,6 @@ class Bag:
         self.start_ns, self.end_ns = opened.start_ns, opened.end_ns
         self.files, self.size_bytes, self.storage = opened.files, opened.size_bytes, opened.storage
         self.complete = opened.complete
-        self.damaged_chunks = 0
         self._told: set[str] = set()
         self._decoder = SampleDecoder(self.topics, opened.message_compression, self._tell)
 
@@ -308,7 +305,6 @@ class Bag:
                 try:
                     yield future.result()
                 except (FormatError, MemoryError) as error:
-                    self.damaged_chunks += 1
                     self.complete = False
                     self.notes.append(f"a damaged chunk was skipped: {error}")
                     yield None

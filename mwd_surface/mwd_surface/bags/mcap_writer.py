@@ -73,11 +73,6 @@ class McapWriter:
             raise
 
     @property
-    def pending_bytes(self) -> int:
-        """Bytes of the chunk at hand, before compression."""
-        return self._pending
-
-    @property
     def messages(self) -> int:
         """Messages taken so far, the chunk at hand included."""
         return sum(self.counts.values())

@@ -196,11 +196,6 @@ def recover_bag(folder: Path, going_on: Callable[[], bool] = _always, *, thoroug
     return reports
 
 
-def unfinished(folder: Path) -> list[Path]:
-    """Bags below a folder whose recording was interrupted, see `is_unfinished`."""
-    return [bag for bag in sorted(folder.iterdir()) if bag.is_dir() and is_unfinished(bag)]
-
-
 def is_unfinished(bag: Path) -> bool:
     """Whether a bag has a file without its end, or one that metadata.yaml does not name."""
     files = _files(bag)

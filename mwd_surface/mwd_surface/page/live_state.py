@@ -56,7 +56,6 @@ class LiveState(LiveStreams):
             "quill": {"angle": None},
             "survey_progress": {"active": False, "state": "", "elapsed": None, "remaining": None, "result": ""},
             "recorder": {"state": NO_DATA},
-            "telemetry": {"known": False},
             "findings": {"rows": []},
             "alarms": {"rows": []},
             "events": {"rows": []},
@@ -167,18 +166,6 @@ class LiveState(LiveStreams):
             "duration": number(_field(status, "duration", 0.0)),
         }
         self._store("recorder", table, now)
-
-    def on_telemetry(self, received: int, lost: int, now: float, confidence: float | None = None) -> None:
-        """Packets of the link from down-hole since start, and the decoder's confidence, 0 to 1, where it has one."""
-        total = received + lost
-        table = {
-            "known": True,
-            "received": received,
-            "lost": lost,
-            "share": number(received / total) if total > 0 else None,
-            "confidence": number(confidence),
-        }
-        self._store("telemetry", table, now)
 
     def on_diagnostics(self, findings: Iterable[Any], now: float) -> None:
         """

@@ -421,10 +421,6 @@ def _certificates(folder: Path, x509: Any) -> list[Any]:
     return found
 
 
-def _moment(stamp_ns: int) -> dt.datetime | None:
-    return _EPOCH + dt.timedelta(microseconds=stamp_ns // 1000) if stamp_ns else None
-
-
 def _argument(ua: Any, name: str, kind: str, description: str) -> Any:
     return ua.Argument(
         Name=name,

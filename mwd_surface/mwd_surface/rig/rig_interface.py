@@ -163,6 +163,10 @@ class LoopInterface(RigInterface):
     def publish(self, values: RigValues) -> None:
         """The newest values; the loop is woken."""
         self.values = values
+        self.rouse()
+
+    def rouse(self) -> None:
+        """Wake the coroutine, from any thread; nothing happens where none runs."""
         loop, wake = self._loop, self._wake
         if loop is not None and wake is not None:
             try:

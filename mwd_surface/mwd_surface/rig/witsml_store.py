@@ -87,13 +87,8 @@ class WitsmlStore(LoopInterface):
     def push(self, document: str) -> None:
         """The newest trajectory (`export_witsml.witsml`); never blocks, the last one wins."""
         self._document = document
-        loop, wake = self._loop, self._wake
-        if loop is not None and wake is not None:
-            try:
-                loop.call_soon_threadsafe(wake.set)
-            except RuntimeError:
-                # It ended just now; the document waits for the next start.
-                return
+        # Where it ended just now the document waits for the next start.
+        self.rouse()
 
     def start(self) -> None:
         """

@@ -207,47 +207,6 @@ def steering_to(position: ArrayLike, inclination: float, azimuth: float, target:
     )
 
 
-def projected_ahead(
-    position: ArrayLike, inclination: float, azimuth: float, length: float, dogleg_severity: float, toolface: float
-) -> tuple[Array, float, float]:
-    """
-    Where the hole goes if it is steered at one toolface and curvature.
-
-    Parameters
-    ----------
-    position : array_like, shape (3,)
-        m.
-    inclination, azimuth, toolface : float
-        rad; toolface from the high side (in a vertical hole: from north).
-    length : float
-        m, 0 or more.
-    dogleg_severity : float
-        rad/m, 0 or more.
-
-    Returns
-    -------
-    position, inclination, azimuth
-        At the end: shape (3,) m, and rad.
-
-    Raises
-    ------
-    ValueError
-        A value is not finite, length or curvature is negative, or together they bend by half a turn or more.
-    """
-    bend = length * dogleg_severity
-    if not (math.isfinite(bend) and length >= 0.0 and dogleg_severity >= 0.0 and bend < math.pi):
-        raise ValueError(
-            "length, dogleg_severity: must be 0 or more and bend less than half a turn,"
-            f" got {length} m, {dogleg_severity} rad/m"
-        )
-    mat = mat_nt(inclination, _azimuth_at(inclination, azimuth), toolface)
-    axis, steer = mat[:, 0], mat[:, 2]
-    chord = length * float(np.sinc(bend / (2.0 * math.pi)))
-    end = math.cos(bend) * axis + math.sin(bend) * steer
-    there = np.asarray(position, dtype=float) + chord * (math.cos(bend / 2) * axis + math.sin(bend / 2) * steer)
-    return there, math.atan2(math.hypot(end[0], end[1]), end[2]), float(wrap_tau(math.atan2(end[1], end[0])))
-
-
 def _toolface_of(direction_n: Array, inclination: float, azimuth: float) -> float:
     """Toolface whose steering plane contains a direction; rad from the high side, or from north where vertical."""
     mat = mat_nt(inclination, _azimuth_at(inclination, azimuth), 0.0)

@@ -374,18 +374,18 @@ function beep() {
 const streamRows = {};
 const streamBody = el("tbody", {});
 const recorderBox = el("div", {});
-const telemetryBox = el("div", {});
+const browserBox = el("div", {});
 const findingsBox = el("div", {});
 byId("tab-system").append(el("div", { class: "split" },
   el("div", {},
     el("h2", {}, "Link"),
     el("table", { class: "log" }, el("thead", {}, el("tr", {}, ["Stream", "State", "Age", "Rate", "Lost"].map((t) => el("th", { scope: "col" }, t)))), streamBody),
-    telemetryBox),
+    browserBox),
   el("div", {}, el("h2", {}, "Recorder"), recorderBox, el("h2", {}, "Rig"), rigBox),
   el("div", {}, el("h2", {}, "Diagnostics"), findingsBox)));
 
 function showStreams(now, silent) {
-  const { links, recorder, telemetry } = connection.sections;
+  const { links, recorder } = connection.sections;
   if (!links || byId("tab-system").hidden) return;
   for (const [name, row] of Object.entries(links)) {
     if (!streamRows[name]) {
@@ -410,12 +410,8 @@ function showStreams(now, silent) {
     ].filter(Boolean).join(" · ");
     say(recorderBox, text);
   }
-  if (telemetry?.known) {
-    const share = telemetry.share === null ? "–" : `${(telemetry.share * 100).toFixed(1)} %`;
-    say(telemetryBox, `Telemetry: ${telemetry.received} packets good, ${telemetry.lost} lost, ${share}` +
-      (telemetry.confidence === null ? "" : `, confidence ${(telemetry.confidence * 100).toFixed(0)} %`));
-  } else if (connection.mode === "polling") say(telemetryBox, "This page polls: no WebSocket gets through.");
-  else say(telemetryBox, connection.server.skipped ? `Slow link to this browser: ${connection.server.skipped} states skipped.` : "");
+  if (connection.mode === "polling") say(browserBox, "This page polls: no WebSocket gets through.");
+  else say(browserBox, connection.server.skipped ? `Slow link to this browser: ${connection.server.skipped} states skipped.` : "");
 }
 
 function showFindings() {
