@@ -3,7 +3,8 @@ What remains of the estimate while a sensor is faulty: gravity without the fault
 
 Without usable gyros gravity is the direction of the accelerometer alone, with a sigma by its own unrest; without a
 usable accelerometer there is none. When the fault has gone the method starts anew: what it carried is not to be
-trusted. A survey averaged over a fault is rejected by name.
+trusted. A survey averaged over a fault is rejected by name; a failed magnetometer is no reading, and one whose azimuth
+the gyro gives does not hang on it.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from mwd_estimation.health_evidence import ACCEL, GYRO, MAG, SENSORS
 from mwd_estimation.health_words import Finding
 from mwd_estimation.quality import DOUBTFUL, REJECT, worse
 from mwd_estimation.status import Status
+from mwd_estimation.still_survey import StillAverage
+from mwd_estimation.survey import GYRO as GYRO_AZIMUTH
 from mwd_estimation.survey import Survey
 from mwd_estimation.track import Array, Stamps, Track
 from mwd_sensors import wire
@@ -148,14 +151,25 @@ class Record:
                 goes_on = hit[0] - last <= _EVIDENCE_NS
                 self._doubts[s] = first if goes_on else int(hit[0]), int(hit[-1])
 
+    def readable(self, still: StillAverage) -> StillAverage:
+        """The average without the magnetometer where that was faulty in its time: it is no reading."""
+        faulty = any(one.unusable & MAG for one in self._lately(still.start_ns))
+        return dataclasses.replace(still, mag=None) if faulty else still
+
+    def _lately(self, begin: int) -> list[Finding]:
+        return [one for one in self._known.values() if not one.cleared_ns or one.cleared_ns > begin]
+
     def judge(self, survey: Survey) -> Survey:
         """The survey, rejected with the reason where a sensor it rests on was faulty in its time, doubtful with it."""
+        magnetic = any(share > 0.0 for name, share in survey.weights.items() if name != GYRO_AZIMUTH)
+        by_gyro = survey.weights.get(GYRO_AZIMUTH, 0.0) > 0.0 and not magnetic
+        rests_on = AZIMUTH & ~MAG if by_gyro else AZIMUTH
         half = round(0.5e9 * survey.duration)
         begin, end = survey.stamp_ns - half, survey.stamp_ns + half
         reasons = tuple(
             f"{one.message}; {one.remedy}" if one.remedy else one.message
-            for one in self._known.values()
-            if one.unusable & AZIMUTH and (not one.cleared_ns or one.cleared_ns > begin)
+            for one in self._lately(begin)
+            if one.unusable & rests_on
         )
         if reasons:
             return _with(survey, REJECT, reasons)
@@ -163,7 +177,7 @@ class Record:
         doubts = tuple(
             f"something spoke against the {SENSORS[s]} while this was averaged: take it again"
             for s, (first, last) in sorted(self._doubts.items())
-            if last >= begin and first <= end + _EVIDENCE_NS
+            if last >= begin and first <= end + _EVIDENCE_NS and not (by_gyro and 1 << s == MAG)
         )
         return _with(survey, worse(survey.station.verdict, DOUBTFUL), doubts) if doubts else survey
 

@@ -34,11 +34,14 @@ from mwd_estimation.estimator_settings import EstimatorSettings, ReferenceSettin
 from mwd_estimation.faulty_sensors import AZIMUTH, GuardedGravity, Record, mark, misleads, without_faulty
 from mwd_estimation.field_reading import NORTH_CODES, FieldReader
 from mwd_estimation.gyro_station import GyroStation
-from mwd_estimation.health_evidence import MAG
+from mwd_estimation.health_evidence import ACCEL, MAG
+from mwd_estimation.health_evidence import GYRO as GYRO_BIT
 from mwd_estimation.health_words import Finding
 from mwd_estimation.north_run import NorthRun
 from mwd_estimation.north_run import Progress as NorthProgress
 from mwd_estimation.north_seek import Solution
+from mwd_estimation.precision_health import PrecisionHealth
+from mwd_estimation.precision_health import Settings as PrecisionSettings
 from mwd_estimation.reference import Reference
 from mwd_estimation.rotary_survey import Progress as RotaryProgress
 from mwd_estimation.rotary_survey import RotarySurvey
@@ -155,6 +158,10 @@ class Pipeline:
         self._gravity_params = getattr(settings, settings.method)
         self._gravity = GuardedGravity(self.method, self._gravity_params)
         self._health = sensor_health.initial(settings.health)
+        gyro = settings.gyro
+        self._precision_health = PrecisionHealth(
+            PrecisionSettings(math.radians(gyro.range_dps), math.radians(gyro.bias_deg_h) / 3600.0)
+        )
         self._faults = Record()
         self._unusable, self._misled = 0, False
         self._attitude = self._attitude_stream()
@@ -211,7 +218,7 @@ class Pipeline:
     @property
     def sensor_faults(self) -> list[Finding]:
         """Faults of the sensors that stand now."""
-        return sensor_health.findings(self._health)
+        return sensor_health.findings(self._health) + self._precision_health.findings
 
     @property
     def sensors_known(self) -> dict[str, str]:
@@ -384,7 +391,7 @@ class Pipeline:
             self._misled = self._misled and self._unusable & AZIMUTH != 0
             given = followed.part(part) if followed is not None else None
             piece = self._estimate(stamps[part], gyro[part], accel[part], found.suspect[part], given)
-            piece.health = changes
+            piece.health = changes + piece.health
             output = piece if output is None else output.joined(piece)
         return output or Output.empty(0)
 
@@ -396,6 +403,9 @@ class Pipeline:
         track = self._gravity.run(self._unusable, stamps, gyro, accel, followed)
         if self._north is not None:
             self._ahrs = np.concatenate([self._ahrs[0], stamps]), np.concatenate([self._ahrs[1], gyro])
+        sure = (suspect | np.uint8(self._unusable)) & (GYRO_BIT | ACCEL) == 0
+        usable = np.where(sure[:, None], gyro, np.nan), np.where(sure[:, None], accel, np.nan)
+        self._precision_health.beside(stamps, *usable)
         readings, marks, held = [(0, self._field.reading)], [], []
         doubted = 0
         for closed, place in self._binners["imu"].add_placed(stamps, np.hstack([gyro, accel])):
@@ -485,7 +495,10 @@ class Pipeline:
         # By bins, not by blocks: the same samples go into the seek however the stream is cut.
         first, self._precision_at = self._precision_at, _reached(self._precision_ns, self._precision_at, end_ns)
         samples = self._precision_ns[first : self._precision_at], self._precision_t[first : self._precision_at]
-        self._gyro.add(imu, BIN_NS * 1e-9, still * BIN_NS > self.settings.survey.settle_s * 1e9, still > 0, samples)
+        faulty = self._judge_precision(end_ns, still > 0, samples, output)
+        if not faulty:
+            settled = still * BIN_NS > self.settings.survey.settle_s * 1e9
+            self._gyro.add(imu, BIN_NS * 1e-9, settled, still > 0, samples)
         if self._north is not None:
             self._seek(self._north, end_ns, samples, output)
         if isinstance(result, Refusal):
@@ -494,6 +507,24 @@ class Pipeline:
             found_north = so_far if result.moved else self._gyro.solution()
             return Mark(place, imu.index, end_ns, *self._work_out(result, found_north, output))
         return Mark(place, imu.index, end_ns)
+
+    def _judge_precision(self, end_ns: int, still: bool, samples: tuple[Stamps, Array], output: Output) -> bool:
+        """Health of the precision unit in a bin: what is named, and whether it is left out from now on."""
+        if not self.settings.health.watch:
+            return False
+        unit = self._precision_health
+        for change in unit.judge(end_ns, still, samples):
+            self._faults.note(change)
+            output.health.append(change)
+        faulty = any(one.unusable for one in unit.findings)
+        self._gyro.refuse(unit.refusal, faulty)
+        if faulty:
+            samples[1][:] = math.nan
+            if self._north is not None:
+                ended = dataclasses.replace(self._north.solution(), success=False, reason=unit.refusal)
+                output.north.append(ended)
+                self._north = None
+        return faulty
 
     def finish(self) -> Output:
         """
@@ -514,7 +545,7 @@ class Pipeline:
         """The survey of a still interval, and what it teaches; returns what a `Mark` tells of it."""
         self.sequence += 1
         taken, analysis = survey.from_average(
-            still,
+            self._faults.readable(still),
             self.sequence,
             self.reference,
             self.settings.station,

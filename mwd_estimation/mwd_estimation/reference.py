@@ -27,7 +27,9 @@ SIGMA_DIP = math.radians(0.218)
 SIGMA_DECLINATION = math.radians(0.373)
 # Declination error of a crust or storm field is that field's east part over the horizontal field, rad T.
 SIGMA_DECLINATION_FIELD = math.radians(5831e-9)
-SIGMA_GRAVITY = 3e-4
+# Models know gravity to 3e-4 m/s^2; but what a tool called one g when it was calibrated may have been standard gravity,
+# or that of the workshop.
+SIGMA_GRAVITY = 6e-3
 
 
 class Field(Protocol):

@@ -28,6 +28,8 @@ from mwd_sensors.frames import (
 from mwd_sensors.settings import setting
 
 RAW, CORRECTED = "raw", "corrected"
+# What a station without a magnetic azimuth is left with.
+NO_AZIMUTH = ": inclination and toolface only"
 # An axial field this many times what is expected, with its own sigma, is no accident.
 _SIGNIFICANT = 2.0
 # Variance of the corrected over the raw azimuth from which on the correction needs no sign of interference.
@@ -277,7 +279,9 @@ def station(
     judgement = quality.judge(deviations, settings.quality.limits)
     g_limit, b_limit, dip_limit = quality.bounds(deviations, settings.quality.limits).tolist()
     findings.add(judgement.verdict, *judgement.reasons)
-    findings.add(REJECT, *_gross_faults(g_total, b_total, dip, reference))
+    b_earth = b_h - np.array([interference if corrected else 0.0, 0.0, 0.0])
+    earth = (float(np.linalg.norm(b_earth)), float(magnetics.dip(f_h, b_earth))) if has_field else (b_total, dip)
+    findings.add(REJECT, *_gross_faults(g_total, *earth, reference))
     if has_field:
         _judge_field(findings, settings, reference, north, horizontal)
         _judge_interference(findings, settings, correction, corrected, refused)
@@ -286,7 +290,8 @@ def station(
             findings.remark("near vertical: azimuth and high side are loose, use magnetic toolface")
     else:
         what = "horizontal field" if np.isfinite(b_raw).all() else "magnetometer reading"
-        findings.add(REJECT, f"no {what}: inclination and toolface only")
+        doubted = (f"no {what}{NO_AZIMUTH}",)
+        findings.add(REJECT, *doubted)
     findings.add(DOUBTFUL, *doubts)
     findings.add(REJECT, *faults)
     held_against = quality.within(deviations, settings.quality.limits) if findings.verdict == ACCEPT else ""
@@ -607,7 +612,8 @@ def _gross_faults(g_total: float, b_total: float, dip: float, reference: Referen
     if math.isfinite(b_total) and not 1.5e-5 < b_total < 1e-4:
         units = ((1e-9, "nT"), (1e-6, "uT"), (1e-4, "G"))
         hint = next((f": a reading in {unit}?" for factor, unit in units if 2e-5 < b_total * factor < 7e-5), "")
-        texts.append(f"total field {b_total:.4g} T is not the Earth's{hint}")
+        size = f"{b_total:.4g} T" if hint else f"{b_total * 1e9:.0f} nT"
+        texts.append(f"total field {size} is not the Earth's{hint}")
     if (
         reference is not None
         and reference.dip is not None

@@ -15,15 +15,16 @@ from mwd_estimation.multistation import MSA, Multistation
 from mwd_estimation.north_seek import Solution
 from mwd_estimation.quality import ACCEPT, DOUBTFUL, worse
 from mwd_estimation.reference import Reference
-from mwd_estimation.station import CORRECTED, MethodAzimuth, Station, StationSettings, station
+from mwd_estimation.station import CORRECTED, NO_AZIMUTH, MethodAzimuth, Station, StationSettings, station
 from mwd_estimation.station_run import StationRun
 from mwd_estimation.still_survey import StillAverage
-from mwd_sensors.frames import wrap_pi, wrap_tau
+from mwd_sensors.frames import magnetic_toolface, mat_nt, wrap_pi, wrap_tau
 
 Array = NDArray[np.float64]
 
 GYRO = "gyro"
 STATIC, ROTARY = "static", "rotary"
+_BY_GYRO_ALONE = ": azimuth by the gyro alone"
 # What `fusion` calls the methods that it ranks.
 _RANKED = {CORRECTED: "axial", MSA: "multistation"}
 
@@ -141,9 +142,9 @@ def from_average(
     if run is not None and not doubts and not faults:
         together, analysis = run.take(alone, settings)
     aided = 0.0 if analysis is None else float(analysis.by_gyro[-1])
-    result = fused(alone, together, gyro, fusing, last_alarm=last_alarm, doubted=bool(doubts), aided=aided)
+    result = fused(alone, together, gyro, fusing, last_alarm=last_alarm, doubted=bool(doubts or faults), aided=aided)
     if together is not alone and run is not None and result.alarm == "" and isinstance(gyro, Solution) and gyro.success:
-        run.heard(*_for_the_run(result.station, gyro))
+        run.heard(*gyro_for_run(result.station, gyro))
     return (
         Survey(
             stamp_ns=stamp_ns,
@@ -258,7 +259,7 @@ def fused(
         in_both["gyro"] = max(-rest, min(weights.get(MSA, 0.0) * aided, rest))
         if aided and isinstance(gyro, Solution):
             left = math.sqrt(max(found.sigma**2 - sum(v * v for v in shared.values()), 0.0))
-            shared["gyro"] = min(_for_the_run(together, gyro)[2], left)
+            shared["gyro"] = min(gyro_for_run(together, gyro)[2], left)
     magnetic = fusion.Candidate(
         weighed.method if weighed.method != "fused" else fusion.MAGNETIC,
         weighed.azimuth,
@@ -316,8 +317,9 @@ def _carried_by(
     """
     verdict, reasons = base.verdict, base.reasons
     only_magnetic = bool(base.azimuth_doubts) and reasons[0] in base.azimuth_doubts and not doubted
-    if other and verdict == DOUBTFUL and only_magnetic:
+    if other and only_magnetic:
         verdict = ACCEPT
+        reasons = tuple(text.replace(NO_AZIMUTH, _BY_GYRO_ALONE) for text in reasons)
     if doubt:
         verdict, reasons = worse(verdict, DOUBTFUL), (doubt, *reasons)
     base = dataclasses.replace(base, verdict=verdict, reasons=reasons)
@@ -332,11 +334,15 @@ def _carried_by(
     covariance[1, 1] = min(result.sigma**2 + base.alignment[1, 1], math.pi**2)
     before = base.azimuth if math.isfinite(base.azimuth) else result.azimuth
     turned = float(wrap_pi(result.azimuth - before))
+    # Without a magnetic one it follows from the azimuth that there is.
+    toolface = float(magnetic_toolface(mat_nt(base.inclination, result.azimuth, base.gravity_toolface)))
+    if math.isfinite(base.magnetic_toolface):
+        toolface = float(wrap_tau(base.magnetic_toolface + turned))
     return dataclasses.replace(
         base,
         azimuth=result.azimuth,
         sigma_azimuth=math.sqrt(covariance[1, 1]),
-        magnetic_toolface=float(wrap_tau(base.magnetic_toolface + turned)),
+        magnetic_toolface=toolface,
         method=carrying[0] if len(carrying) == 1 else "fused",
         covariance=covariance,
     )
@@ -356,7 +362,7 @@ def _not_chosen(one: MethodAzimuth, magnetic: Station) -> str:
     return one.refused or f"the {magnetic.method} azimuth of the same reading is used"
 
 
-def _for_the_run(station_: Station, gyro: Solution) -> tuple[float, float, float]:
+def gyro_for_run(station_: Station, gyro: Solution) -> tuple[float, float, float]:
     """
     A gyro's azimuth as `StationRun.heard` takes it.
 

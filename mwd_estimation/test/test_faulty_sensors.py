@@ -9,10 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mwd_estimation.binning import Average
 from mwd_estimation.faulty_sensors import Record
 from mwd_estimation.health_evidence import ACCEL, GYRO, MAG
+from mwd_estimation.health_words import Finding
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline, ReferenceSettings
 from mwd_estimation.status import Status
+from mwd_estimation.still_survey import StillAverage
 from mwd_sensors import scenario
 from mwd_sensors.sonde import Sonde
 
@@ -146,6 +149,27 @@ def test_a_survey_whose_time_a_doubt_touches_is_doubtful_with_the_reason():
         assert (judged.station.verdict == "doubtful") == touched, shift
         if touched:
             assert "accelerometer" in judged.station.reasons[0]
+
+
+def test_a_failed_magnetometer_is_no_reading_and_does_not_touch_a_gyro_azimuth():
+    survey = estimated(sent("temperature", "ok"))[0].surveys[0]
+    half = round(0.5e9 * survey.duration)
+    imu = Average(np.zeros(6), np.eye(6), 400)
+    still = StillAverage(survey.stamp_ns - half, survey.stamp_ns + half, imu, Average(np.ones(3), np.eye(3), 400),
+                         None, None, requested=False)  # fmt: skip
+    failed = Finding("stuck", "magnetometer", "x", "error", 0.99, "x is stuck", "", survey.stamp_ns, 0, MAG, 7)
+    gone = dataclasses.replace(failed, cleared_ns=survey.stamp_ns - half)
+    by_gyro = dataclasses.replace(survey, weights={"raw": 0.0, "gyro": 1.0})
+    shared = dataclasses.replace(survey, weights={"raw": 0.3, "gyro": 0.7})
+    for change, reads in ((failed, False), (gone, True)):
+        record = Record()
+        record.note(change)
+        assert (record.readable(still).mag is not None) == reads
+        assert record.judge(by_gyro) is by_gyro
+        for rests_on_it in (survey, shared):
+            assert (record.judge(rests_on_it).station.verdict == "reject") != reads
+    record.note(dataclasses.replace(failed, sensor="accelerometer", unusable=ACCEL, check=5))
+    assert record.judge(by_gyro).station.verdict == "reject"
 
 
 def test_a_field_that_no_tool_meets_is_not_used_and_stops_nothing():

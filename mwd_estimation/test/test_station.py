@@ -320,7 +320,7 @@ def test_no_reading_however_broken_raises_or_is_accepted_without_cause(axes, ref
 
 def test_totals_deviate_by_their_covariance_when_errors_are_drawn():
     rng, chi = np.random.default_rng(8), []
-    for _ in range(200):
+    for _ in range(800):
         f_t, b_t = readings(50, 70, rng.uniform(0, 360), rng.normal(0, 220e-9))
         drawn = replace(
             REFERENCE,
@@ -333,8 +333,8 @@ def test_totals_deviate_by_their_covariance_when_errors_are_drawn():
         off = station(f_t, b_t, drawn, StationSettings(azimuth_method="raw")).deviations
         values = np.array([off.gravity, off.field, off.dip])
         chi.append(values @ np.linalg.solve(off.covariance, values))
-    # 600 degrees of freedom: 95 % band 3 -+ 0.34.
-    assert np.mean(chi) == pytest.approx(3.0, abs=0.45)
+    # 2400 degrees of freedom: 95 % band 3 -+ 0.17.
+    assert np.mean(chi) == pytest.approx(3.0, abs=0.25)
 
 
 def test_wrong_shapes_are_refused():

@@ -10,7 +10,7 @@ from mwd_estimation.north_seek import Solution
 from mwd_estimation.reference import Reference
 from mwd_estimation.station import MethodAzimuth, StationSettings, station
 from mwd_estimation.survey import fused
-from mwd_sensors.frames import mat_nt, wrap_pi
+from mwd_sensors.frames import magnetic_toolface, mat_nt, wrap_pi
 
 DEG = math.radians(1.0)
 REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.1, gravity=9.81, source="test")
@@ -111,6 +111,14 @@ def test_a_station_without_magnetometer_takes_the_gyro_azimuth():
     assert found.station.azimuth == pytest.approx(40.0 * DEG)
     assert found.station.method == "gyro"
     assert found.alarm is None
+    assert (alone.verdict, found.station.verdict) == ("reject", "accept")
+    assert found.station.reasons[0] == "no magnetometer reading: azimuth by the gyro alone"
+    # The scribe line's direction in the horizontal plane follows from the three angles.
+    again = mat_nt(found.station.inclination, found.station.azimuth, found.station.gravity_toolface)
+    assert found.station.magnetic_toolface == pytest.approx(float(magnetic_toolface(again)))
+    assert fused(alone, alone, gyro(40.0, 1.0), doubted=True).station.verdict == "reject"
+    weak = station([-6.2, 1.0, 8.1], [np.nan] * 3, REFERENCE)
+    assert fused(weak, weak, gyro(40.0, 1.0)).station.verdict == "reject"
 
 
 def test_a_multi_station_azimuth_that_holds_the_gyro_s_lasting_error_is_not_taken_for_a_second_opinion():
