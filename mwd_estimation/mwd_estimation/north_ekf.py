@@ -249,28 +249,38 @@ def transition(x: Array, at: int, k: Array, dt: float, ax: float, ay: float, az:
 
 
 @compiled
-def _predict(P: Array, phi: Array, k: Array, dt: float, scratch: Array) -> None:
-    for i in range(9):
-        for j in range(STATES):
-            scratch[i, j] = 0.0
-        for m in range(STATES):
+def carry_covariance(P: Array, phi: Array, rows: Array) -> None:
+    """
+    P = Phi P Phi' in place, where all rows of Phi but the first ones are those of the unit matrix.
+
+    P, shape (n, n); phi, shape (m, n), the first rows of Phi, mostly zero; rows, shape (m, n), is scratch.
+    """
+    moving, states = phi.shape
+    for i in range(moving):
+        for j in range(states):
+            rows[i, j] = 0.0
+        for m in range(states):
             c = phi[i, m]
             if c != 0.0:
-                for j in range(STATES):
-                    scratch[i, j] += c * P[m, j]
-    for i in range(9):
-        for j in range(9, STATES):
-            P[i, j] = scratch[i, j]
-            P[j, i] = scratch[i, j]
-    for i in range(9):
+                for j in range(states):
+                    rows[i, j] += c * P[m, j]
+    for i in range(moving):
+        for j in range(moving, states):
+            P[i, j] = rows[i, j]
+            P[j, i] = rows[i, j]
         for j in range(i + 1):
             total = 0.0
-            for m in range(STATES):
+            for m in range(states):
                 c = phi[j, m]
                 if c != 0.0:
-                    total += scratch[i, m] * c
+                    total += rows[i, m] * c
             P[i, j] = total
             P[j, i] = total
+
+
+@compiled
+def _predict(P: Array, phi: Array, k: Array, dt: float, scratch: Array) -> None:
+    carry_covariance(P, phi, scratch)
     for i in range(3):
         P[VELOCITY + i, VELOCITY + i] += k[K_ACCEL] ** 2 * dt
         P[ATTITUDE + i, ATTITUDE + i] += k[K_GYRO] ** 2 * dt

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from mwd_estimation import track
-from mwd_estimation.north_ekf import rotate_by
+from mwd_estimation.north_ekf import carry_covariance, rotate_by
 from mwd_estimation.track import Array, Stamps
 from mwd_sensors.compiled import compiled
 
@@ -133,26 +133,7 @@ def transition(k: Array, x: Array, s: Array, phi: Array) -> None:
 @compiled
 def _predict(k: Array, s: Array, phi: Array, P: Array, rows: Array) -> None:
     t = s[S_TIME]
-    for i in range(5):
-        for j in range(STATES):
-            rows[i, j] = 0.0
-        for m in range(STATES):
-            c = phi[i, m]
-            if c != 0.0:
-                for j in range(STATES):
-                    rows[i, j] += c * P[m, j]
-    for i in range(5):
-        for j in range(5, STATES):
-            P[i, j] = rows[i, j]
-            P[j, i] = rows[i, j]
-        for j in range(i + 1):
-            total = 0.0
-            for m in range(STATES):
-                c = phi[j, m]
-                if c != 0.0:
-                    total += rows[i, m] * c
-            P[i, j] = total
-            P[j, i] = total
+    carry_covariance(P, phi, rows)
     # White noise: y and z alike, x its own; only the axis direction matters.
     n2, extra = k[K_N] ** 2 * t, (k[K_NX] ** 2 - k[K_N] ** 2) / t
     for i in range(3):

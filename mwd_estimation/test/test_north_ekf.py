@@ -157,3 +157,15 @@ def test_a_vertical_hole_is_flagged() -> None:
     clean = motion(30.0, 34.0 * DEG, 0.01, 1.0, still, rate=50.0)
     north = north_ekf.run(GOOD, north_ekf.initial(GOOD), clean.stamp_ns, clean.gyro_t, clean.accel_t)
     assert north.status[-1] & Status.NEAR_VERTICAL
+
+
+def test_covariance_is_carried_as_by_the_whole_transition() -> None:
+    rng = np.random.default_rng(3)
+    phi = rng.standard_normal((4, 7)) * (rng.random((4, 7)) < 0.5)
+    whole = np.eye(7)
+    whole[:4] = phi
+    root = rng.standard_normal((7, 7))
+    P = root @ root.T
+    expected = whole @ P @ whole.T
+    north_ekf.carry_covariance(P, phi, np.empty((4, 7)))
+    np.testing.assert_allclose(P, expected, atol=1e-12)
