@@ -134,7 +134,8 @@ def test_quality_limits_follow_attitude_and_code():
     mat_tn = mat_nt(60 * DEG, 90 * DEG, 0.3).T
     f_t, b_t = mat_tn @ np.array([0, 0, -9.8]), mat_tn @ np.array([REFERENCE.horizontal, 0, REFERENCE.vertical])
     standard = toolcode.quality_sigma("MWD+SRGM", f_t, b_t, REFERENCE)
-    assert standard[0] == pytest.approx(0.0055, abs=0.001)
+    # Sensors 0.0055, and 0.006 for what one g was when the tool was calibrated.
+    assert standard[0] == pytest.approx(0.0081, abs=0.001)
     assert 150e-9 < standard[1] < 260e-9
     assert 0.2 < math.degrees(standard[2]) < 0.4
     better = toolcode.quality_sigma("MWD+IFR2+SAG+MS", f_t, b_t, REFERENCE)
