@@ -55,6 +55,7 @@ class Merger:
         self._merged = MergedBag(path, bag)
         namespace = imu_topic.removesuffix(_IMU) if imu_topic.endswith(_IMU) else imu_topic.rpartition("/")[0] + "/"
         self._channels = {}
+        self._last_ns = self._status = 0
         self._store = self._merged.definitions.typestore
         types = {relative: layout.type_name for relative, layout in _TOPICS.items()} | {_SURVEY: _SURVEY_TYPE}
         for relative, type_name in types.items():
@@ -77,6 +78,7 @@ class Merger:
         """
         for one in originals:
             self._merged.add_originals(one)
+            self._last_ns = max(self._last_ns, int(one.log_ns[-1])) if len(one.log_ns) else self._last_ns
         if output is not None and log_ns is not None and len(log_ns):
             stamps = output.attitude["stamp_ns"]
             picked = self._thinner(stamps)
@@ -87,16 +89,25 @@ class Merger:
             for relative, samples in (("interference", output.interference), ("dynamics", output.dynamics)):
                 at = np.minimum(np.searchsorted(newest, samples["stamp_ns"]), len(newest) - 1)
                 self._add(relative, samples, np.maximum.accumulate(log_ns[at]))
-            # When it was handed over, the last sample it could wait for was there.
+            # With the sample that ends the interval, or the first one after it that is not written yet.
+            ends = [survey.stamp_ns + round(0.5e9 * survey.duration) for survey in output.surveys]
+            for survey, at in zip(output.surveys, np.searchsorted(newest, ends).clip(max=len(newest) - 1), strict=True):
+                self._tell(survey, int(output.attitude["status"][at]), int(log_ns[at]))
+            self._status = int(output.attitude["status"][-1])
+        elif output is not None:
+            # What was held back until no more samples came.
             for survey in output.surveys:
-                data = np.frombuffer(self._serialised(survey, int(output.attitude["status"][-1])), dtype=np.uint8)
-                self._merged.add_rows(self._channels[_SURVEY], data[None, :], log_ns[-1:])
+                self._tell(survey, self._status, self._last_ns)
         if until_ns is not None:
             self._merged.flush(until_ns)
 
     def _add(self, relative: str, samples: wire.Samples, log_ns: NDArray[np.int64]) -> None:
         if len(samples):
             self._merged.add_rows(self._channels[relative], _TOPICS[relative].encode(samples, self._frame), log_ns)
+
+    def _tell(self, survey: Survey, status: int, log_ns: int) -> None:
+        data = np.frombuffer(self._serialised(survey, status), dtype=np.uint8)
+        self._merged.add_rows(self._channels[_SURVEY], data[None, :], np.array([log_ns]))
 
     def _serialised(self, survey: Survey, status: int) -> bytes:
         types = self._store.types
