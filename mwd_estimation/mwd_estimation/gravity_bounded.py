@@ -49,6 +49,7 @@ from mwd_estimation.gravity_bounded_motion import (
     BOOST,
     CLIP_TILT,
     CLIPPING,
+    CURVE_TIME,
     DIRECTION,
     DRIFT,
     EPOCH,
@@ -56,15 +57,18 @@ from mwd_estimation.gravity_bounded_motion import (
     KEPT_TILT,
     LAST_A,
     LAST_W,
+    LEAN_DOWN,
     MEAN,
     MEAN_POWER,
     NON_GRAVITY,
     ROUGH,
     SCALE_ACROSS,
     SCALE_ALONG,
+    SCALE_DOWN,
     SETTLED,
     SIGMA_INCLINATION,
     SIGMA_TOOLFACE,
+    SLOW_AXIS,
     STARTED,
     STATISTICS,
     STRONG,
@@ -274,6 +278,8 @@ def _begin(x: Array, P: Array, s: Array, st: Array) -> None:
     # The covariance of a start is what it is; how far it is to be believed has to be seen again.
     st[SCALE_ALONG] = 1.0
     st[SCALE_ACROSS] = 1.0
+    st[LEAN_DOWN] = 0.0
+    st[SCALE_DOWN] = 0.0
     st[SETTLED] = 0.0
     st[CLIP_TILT] = 0.0
     st[KEPT_TILT] = 0.0
@@ -284,10 +290,11 @@ def _begin(x: Array, P: Array, s: Array, st: Array) -> None:
 def _publish(k: Array, x: Array, P: Array, st: Array, C: Array) -> None:
     """Sigmas as they are until the covariance changes again."""
     floor, aside = follow.floors(k, x, P, st, C)
+    apart = follow.vertical_excess(st)
     st[SIGMA_INCLINATION], st[SIGMA_TOOLFACE] = follow.sigmas(
         C[0, 0], C[1, 0], P[TILT, TILT], P[TILT, TILT + 1], P[TILT + 1, TILT + 1],
-        k[K_RESERVE] * st[SCALE_ALONG], k[K_RESERVE] * st[SCALE_ACROSS],
-        floor + k[K_RESERVE] * st[SCALE_ALONG] * st[CLIP_TILT], aside,
+        k[K_RESERVE] * (st[SCALE_ALONG] + apart), k[K_RESERVE] * (st[SCALE_ACROSS] + apart),
+        floor + k[K_RESERVE] * (st[SCALE_ALONG] + apart) * st[CLIP_TILT], aside,
     )  # fmt: skip
 
 
@@ -438,6 +445,7 @@ def _sample(
                 g[j] = (C[0, j] * mx + C[1, j] * my + C[2, j] * mz) / norm
             _start(x, P, st, k, wx, g)
             model.rotation(x, C)
+            st[SLOW_AXIS], st[SLOW_AXIS + 1] = C[0, 0], C[1, 0]
             _publish(k, x, P, st, C)
             for j in range(6):
                 x[N_VEL + j] = 0.0
@@ -516,16 +524,19 @@ def _step_covariance(
         for j in range(STEADY):
             for m in range(STEADY):
                 log_before[entry, j, m] = P[j, m]
-    i0, i1, square = model.update(x, P, C, size, play, play, e, follow.jump_gate(k, st))
+    i0, i1, i2, square = model.update(x, P, C, size, play, play, e, follow.jump_gate(k, st))
     if logged:
         for j in range(STEADY):
             log_correction[entry, j] = e[j]
             for m in range(STEADY):
                 log_after[entry, j, m] = P[j, m]
         log_count[0] += 1
-    along, across = follow.follow_innovations(k, P, st, C, T, turn, i0, i1, square)
+    for j in range(2):
+        st[SLOW_AXIS + j] += T / CURVE_TIME * (C[j, 0] - st[SLOW_AXIS + j])
+    along, across = follow.follow_innovations(k, P, st, C, T, turn, i0, i1, i2, square)
     if logged:
-        log_lean[entry, 0], log_lean[entry, 1] = along, across
+        apart = follow.vertical_excess(st)
+        log_lean[entry, 0], log_lean[entry, 1] = along + apart, across + apart
         log_lean[entry, 2], log_lean[entry, 3] = follow.floors(k, x, P, st, C)
     for j in range(SUMS):
         s[j] = 0.0

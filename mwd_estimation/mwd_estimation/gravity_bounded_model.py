@@ -154,9 +154,9 @@ def measurement(x: Array, C: Array, axis: int, h: Array) -> float:
 @compiled
 def update(
     x: Array, P: Array, C: Array, size: int, r_axis: float, r_cross: float, e: Array, gate: float
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float]:
     """
-    Three scalar updates along the tool axes; returns the whitened innovation, level x and y, and its mean square.
+    Three scalar updates along the tool axes; returns the whitened innovation (level x, y, down) and its mean square.
 
     An innovation whose square is more than `gate` times its variance is taken for a velocity lost meanwhile: velocity
     and position along that axis become as uncertain as it is large, so that tilt hardly answers to it.
@@ -165,7 +165,7 @@ def update(
     PH = np.empty(ERRORS)
     for j in range(size):
         e[j] = 0.0
-    i0, i1, square = 0.0, 0.0, 0.0
+    i0, i1, i2, square = 0.0, 0.0, 0.0, 0.0
     for axis in range(3):
         y = measurement(x, C, axis, h)
         for j in range(size):
@@ -197,6 +197,7 @@ def update(
         white = y / math.sqrt(S)
         i0 += C[0, axis] * white
         i1 += C[1, axis] * white
+        i2 += C[2, axis] * white
         square += white * white / 3.0
         inverse = 1.0 / S
         for j in range(size):
@@ -212,7 +213,7 @@ def update(
     if size == ERRORS:
         yaw = (e[TILT] * C[0, 0] + e[TILT + 1] * C[1, 0]) * C[2, 0] / max(C[0, 0] ** 2 + C[1, 0] ** 2, 0.01)
     correct(x, e, size, yaw)
-    return i0, i1, square
+    return i0, i1, i2, square
 
 
 @compiled

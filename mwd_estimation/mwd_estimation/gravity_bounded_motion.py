@@ -38,6 +38,7 @@ from mwd_estimation.gravity_bounded_settings import (
     K_CLIP_TURN,
     K_FLOOR,
     K_GRAVITY,
+    K_GRAVITY_SIGMA,
     K_LEAN_FROM,
     K_LEAN_GAIN,
     K_LEAN_TIME,
@@ -51,6 +52,7 @@ from mwd_estimation.gravity_bounded_settings import (
     K_SHOCK_NOISE,
     K_SWING_MEMORY,
     K_SWING_TIME,
+    K_TRAVEL,
 )  # fmt: skip
 from mwd_estimation.track import Array
 from mwd_sensors.compiled import compiled
@@ -60,12 +62,14 @@ from mwd_sensors.compiled import compiled
     AGE, STARTED, MEAN, MEAN_POWER, LAST_W, LAST_A, DRIFT, SLOW_A, SWING_V, SWING_P, SLOW_ARM, SLOW_ARM_2, SLOW_ARM_3,
     SWING_X, SWING_C, SWING_Z, SETTLED, ROUGH, STRONG, SHOCKS, SINCE_SHOCK, TURNING, PERIOD, NON_GRAVITY, DIRECTION,
     CLIPPING, CLIP_TIME, RATE_SLOPE, RATE_CURVE, LEAN, BOOST, USUAL, NEAR_LEAN, SCALE_ALONG, SCALE_ACROSS, ALIAS, EPOCH,
-    CLIP_TILT, KEPT_DOWN, KEPT_TILT, SIGMA_INCLINATION, SIGMA_TOOLFACE, STATISTICS,
+    CLIP_TILT, KEPT_DOWN, KEPT_TILT, SIGMA_INCLINATION, SIGMA_TOOLFACE, SLOW_AXIS, LEAN_DOWN, SCALE_DOWN,
+    STATISTICS,
 ) = (
     0, 1, 2, 5, 6, 9, 12, 15, 18, 21, 24, 27, 30,
     33, 34, 35, 36, 37, 38, 39, 40, 41, 42, 43, 44,
     47, 48, 49, 50, 51, 53, 54, 55, 57, 58, 59, 60,
-    61, 62, 63, 64, 65, 66,
+    61, 62, 63, 64, 65, 66, 68, 69,
+    70,
 )  # fmt: skip
 SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # s, low-passes of the slope of the x rate and of its curvature
 TURNING_FROM = 3.0  # rad/s, mean rate about the axis that makes a tool one on a string that turns
@@ -73,9 +77,14 @@ HIDDEN = 0.0014  # s of clipping that a sample must be able to show before it co
 SHOCK_MEMORY, SHOCKS_FROM = 10.0, 6.0  # s; shocks in that time that make shocks frequent
 JUMP_FROM = 0.05  # innovation power below which nothing is taken for a velocity lost, however quiet it is usually
 NEVER = 1e30  # gate that nothing passes
-NEAR_LEAST, NEAR_MOST = 0.3, 8.0  # s, limits of the filter's own time, over which its innovations are averaged
-SCALE_TIME = 8.0  # s, memory of the power of that mean, and twice the filter's own time more
-LATITUDE = 0.02  # m/s^2, spread of gravity's magnitude over the Earth that no setting accounts for
+NEAR_LEAST, NEAR_MOST = 0.3, 12.0  # s, limits of the filter's own time, over which its innovations are summed
+NEAR_AGE = 0.15  # the most of it per time since the start, which had more to find out than what is steady
+SCALE_TIME = 8.0  # s, memory of the power of that sum, and twice the filter's own time more
+DOWN_TIME, DOWN_FROM = 3.0, 0.3  # s; power of the vertical innovations that noises with reserve leave room for
+SCALE_YOUNG, SCALE_AGE = 2.0, 0.25  # s and share: after a start it is no longer than these allow
+BIAS_SHARE = 0.2  # of the variance of a cross-axis bias that cannot be learnt: the first one has reserve
+SQUARE_SHARE = 0.25  # of the variance of calibration that grows with the force: scale and squareness, not bias
+CURVE_TIME, CURVE_MOST = 5.0, 0.01  # s, memory of the axis; rad/s, rate of its turning that no hole asks for
 
 
 @compiled
@@ -282,10 +291,10 @@ def jump_gate(k: Array, st: Array) -> float:
 
 @compiled
 def follow_innovations(
-    k: Array, P: Array, st: Array, C: Array, T: float, turn: float, i0: float, i1: float, square: float
+    k: Array, P: Array, st: Array, C: Array, T: float, turn: float, i0: float, i1: float, i2: float, square: float
 ) -> tuple[float, float]:
     """
-    What the whitened innovation (level x, y; mean square) of an update says of the filter itself.
+    What the whitened innovation (level x, y, down; mean square) of an update says of the filter itself.
 
     T, turn: time since the last update and variance its rates added to the tilt. Returns the power of the innovations
     over the filter's own time, along the hole and across it, 1 expected; NaN while the x gyro clips.
@@ -298,10 +307,10 @@ def follow_innovations(
     st[LEAN + 1] += share * (i1 - st[LEAN + 1])
     lean = (st[LEAN] ** 2 + st[LEAN + 1] ** 2) / share
     st[BOOST] = k[K_LEAN_GAIN] * max(0.0, lean - k[K_LEAN_FROM])
-    # Tilt is found over the filter's own time: variance over what it grows by. The mean of the innovations over that
-    # time has the power one if the covariance is right; what it has instead is by how much the covariance is wrong.
-    near = 0.5 * (P[TILT, TILT] + P[TILT + 1, TILT + 1]) * T / (math.sqrt(2.0) * turn)
-    near = min(max(near, NEAR_LEAST), NEAR_MOST)
+    # Tilt is disturbed by what the updates put into it. Summed over the time in which the tilt's variance grows by half
+    # of itself they have that variance if all is white as assumed, and are the error itself if it is vibration.
+    near = (P[TILT, TILT] + P[TILT + 1, TILT + 1]) * T / turn
+    near = min(max(near, NEAR_LEAST), NEAR_LEAST + NEAR_AGE * st[SETTLED], NEAR_MOST)
     share = min(1.0, T / near)
     st[NEAR_LEAN] += share * (i0 - st[NEAR_LEAN])
     st[NEAR_LEAN + 1] += share * (i1 - st[NEAR_LEAN + 1])
@@ -312,9 +321,11 @@ def follow_innovations(
         across2 = max(ax * ax + ay * ay, 1e-9)
         along = 2.0 / share * (ax * st[NEAR_LEAN] + ay * st[NEAR_LEAN + 1]) ** 2 / across2
         across = 2.0 / share * (ay * st[NEAR_LEAN] - ax * st[NEAR_LEAN + 1]) ** 2 / across2
-        share = T / min(SCALE_TIME + 2.0 * near, 3.0 + 0.5 * st[SETTLED])
+        share = T / min(SCALE_TIME + 2.0 * near, SCALE_YOUNG + SCALE_AGE * st[SETTLED])
         st[SCALE_ALONG] += share * (along - st[SCALE_ALONG])
         st[SCALE_ACROSS] += share * (across - st[SCALE_ACROSS])
+    st[LEAN_DOWN] += T / DOWN_TIME * (i2 - st[LEAN_DOWN])
+    st[SCALE_DOWN] += T / SCALE_TIME * (2.0 * DOWN_TIME / T * st[LEAN_DOWN] ** 2 - st[SCALE_DOWN])
     explained = explained_swing(k, st)
     aliased = 0.25 * explained < st[SWING_Z] < 4.0 * explained and st[ROUGH] > 0.02
     st[ALIAS] += T / 3.0 * ((1.0 if aliased else 0.0) - st[ALIAS])
@@ -322,17 +333,42 @@ def follow_innovations(
 
 
 @compiled
+def vertical_excess(st: Array) -> float:
+    """
+    Power that the vertical innovations have too much of, to be added to that of the others.
+
+    Neither tilt nor gyros have a say in the vertical: what runs there is the accelerometer itself, out of scale or out
+    of square from one attitude to the next, and the horizontal, where the tilt makes up for it, does not show it.
+    """
+    return max(0.0, st[SCALE_DOWN] - DOWN_FROM)  # type: ignore[no-any-return]
+
+
+@compiled
 def floors(k: Array, x: Array, P: Array, st: Array, C: Array) -> tuple[float, float]:
     """Variances that calibration leaves in inclination and in the tilt across the hole, rad^2."""
-    # What the accelerometer shows too much of gravity, beyond what latitude explains and the filter does not know, it
-    # may show across it as well. What is fixed across the axis averages out in a string that turns.
-    off = max(x[N_DOWN] ** 2 - P[DOWN, DOWN] - LATITUDE * LATITUDE, 0.0)
-    floor = k[K_FLOOR] * k[K_FLOOR] + off / (k[K_GRAVITY] * k[K_GRAVITY])
-    left = 1.0 / (1.0 + (st[TURNING] / TURNING_FROM) ** 2)
+    # What the accelerometer shows too much of gravity, beyond what is known of it, it may show across it as well. What
+    # is fixed across the axis averages out in a string that turns.
+    gravity2 = k[K_GRAVITY] * k[K_GRAVITY]
+    off = max(x[N_DOWN] ** 2 - P[DOWN, DOWN] - k[K_GRAVITY_SIGMA] ** 2, 0.0)
+    floor = k[K_FLOOR] * k[K_FLOOR] + off / gravity2
+    turn2 = st[TURNING] * st[TURNING]
+    left = 1.0 / (1.0 + turn2 / (TURNING_FROM * TURNING_FROM))
+    # Tilt that stands still in a tool that turns: gyros out of line, and the bias across the axis over the rate.
+    bias2 = BIAS_SHARE * 0.5 * (P[BIAS + 1, BIAS + 1] + P[BIAS + 2, BIAS + 2])
+    askew = (1.0 - left) * (k[K_ASKEW] * k[K_ASKEW] + bias2 / max(turn2, 0.01))
+    # The pull of the circle that the sensor runs is across the axis it turns about; to accelerometers out of square, or
+    # by gyros out of line, a share of it lies along the hole.
+    pull2 = turn2 * turn2 * (x[N_LEVER + 1] ** 2 + x[N_LEVER + 2] ** 2) / gravity2
+    # On its way along a curve the tool is accelerated across the hole; faster turns are none of a hole.
+    ax, ay = C[0, 0], C[1, 0]
+    bx, by = (ax - st[SLOW_AXIS]) / CURVE_TIME, (ay - st[SLOW_AXIS + 1]) / CURVE_TIME
+    share = ((bx * bx + by * by) / CURVE_MOST**2) ** 2
+    share = k[K_TRAVEL] * k[K_TRAVEL] / (gravity2 * max(ax * ax + ay * ay, 1e-6) * (1.0 + share))
     # The axis' own error is inclination's by the sine, the cross axes' by the cosine.
     upright2 = min(C[2, 0] * C[2, 0], 1.0)
-    askew = (1.0 - left) * k[K_ASKEW] * k[K_ASKEW]
-    return floor * (1.0 - upright2 * (1.0 - left)) + askew, left * floor + askew * upright2
+    along = floor * (1.0 - upright2 * (1.0 - left)) + askew + (SQUARE_SHARE * floor + askew) * pull2
+    aside = left * floor + askew * upright2
+    return along + share * (bx * ax + by * ay) ** 2, aside + share * (bx * ay - by * ax) ** 2
 
 
 @compiled

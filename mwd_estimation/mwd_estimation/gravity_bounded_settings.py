@@ -20,8 +20,8 @@ from mwd_sensors.settings import setting
     K_ALIAS_NOISE, K_SHOCK_AT, K_SHOCK_NOISE, K_SHOCK_GATE, K_GYRO_RANGE, K_ACCEL_RANGE,
     K_CLIP_JERK, K_CLIP_SLOPE, K_BIAS_0, K_SCALE_0, K_LEVER_0, K_DOWN_0, K_FLOOR, K_CONING,
     K_CLIP_TURN, K_LEAN_TIME, K_LEAN_GAIN, K_LEAN_FROM, K_CLIP_BRIDGE, K_CLIP_CURVE, K_LOST, K_RESERVE, K_ASKEW,
-    SETTINGS,
-) = range(39)  # fmt: skip
+    K_GRAVITY_SIGMA, K_TRAVEL, SETTINGS,
+) = range(41)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,13 +105,19 @@ class Params:
         0.05, "error of gravity's magnitude as the sensor shows it", unit="m/s^2", low=1e-6, high=1.0
     )
     calibration_sigma: float = setting(
-        0.0002, "tilt that calibration errors of the accelerometer leave", unit="rad", low=0.0, high=0.5
+        0.00017, "tilt that calibration errors of the accelerometer leave", unit="rad", low=0.0, high=0.5
     )
     turning_sigma: float = setting(
         0.0003, "tilt fixed in a turning tool: gyros out of line with the accelerometers", unit="rad", low=0.0, high=0.5
     )
+    gravity_sigma: float = setting(
+        0.02, "how well `gravity` is known; the spread of latitudes by default", unit="m/s^2", low=1e-5, high=0.5
+    )
+    travel: float = setting(
+        0.5, "usual speed along the hole, which in a curve is an acceleration", unit="m/s", low=0.0, high=10.0
+    )
     sigma_reserve: float = setting(
-        1.3, "variance published, as a multiple of what the lean of the innovations shows", low=0.1, high=100.0
+        1.15, "variance published, as a multiple of what the lean of the innovations shows", low=0.1, high=100.0
     )
 
 
@@ -126,5 +132,6 @@ def constants(params: Params) -> Array:
             p.clip_jerk, p.clip_slope, p.bias_sigma, p.scale_sigma, p.lever_sigma, p.down_sigma,
             p.calibration_sigma, p.coning, p.clip_turn, p.lean_time, p.lean_gain, p.lean_from,
             p.clip_bridge, p.clip_curve, p.lost, p.sigma_reserve, p.turning_sigma,
+            p.gravity_sigma, p.travel,
         ]
     )  # fmt: skip

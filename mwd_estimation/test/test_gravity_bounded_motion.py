@@ -121,7 +121,7 @@ def test_the_scale_of_the_covariance_is_the_power_of_the_innovations(factor):
     scales = []
     for _ in range(20000):
         i0, i1 = np.sqrt(factor) * rng.standard_normal(2)
-        follow.follow_innovations(K, P, st, np.eye(3), 0.04, 1e-7, i0, i1, factor)
+        follow.follow_innovations(K, P, st, np.eye(3), 0.04, 1e-7, i0, i1, 0.0, factor)
         scales.append((st[follow.SCALE_ALONG], st[follow.SCALE_ACROSS]))
     assert np.mean(scales[2000:], axis=0) == pytest.approx([factor, factor], rel=0.12)
 
@@ -133,7 +133,7 @@ def test_lean_along_the_hole_is_of_inclination_and_lean_across_it_of_toolface():
     # A horizontal tool along level x; it rocks along itself more than the filter knows.
     for _ in range(5000):
         i0, i1 = 3.0 * rng.standard_normal(), 0.3 * rng.standard_normal()
-        follow.follow_innovations(K, P, st, np.eye(3), 0.04, 1e-7, i0, i1, 1.0)
+        follow.follow_innovations(K, P, st, np.eye(3), 0.04, 1e-7, i0, i1, 0.0, 1.0)
     inclination, toolface = published(x, P, st)
     assert inclination > 4.0 * toolface
 
@@ -143,9 +143,77 @@ def test_an_accelerometer_that_shows_too_much_gravity_is_not_believed_across_it_
     good = published(x, P, st)
     x[model.N_DOWN] = 0.06
     bad = published(x, P, st)
-    assert bad[0] == pytest.approx(np.sqrt(good[0] ** 2 + (0.06**2 - follow.LATITUDE**2) / STANDARD_GRAVITY**2))
+    assert bad[0] == pytest.approx(
+        np.sqrt(good[0] ** 2 + (0.06**2 - settings.Params().gravity_sigma ** 2) / STANDARD_GRAVITY**2)
+    )
     # What is fixed in a string that turns averages out across it; along it, it does not.
-    st[follow.TURNING] = 15.0
+    st[follow.TURNING], st[follow.SLOW_AXIS] = 15.0, 1.0
     turning = published(x, P, st)
     assert turning[0] == pytest.approx(bad[0], rel=0.01)
     assert turning[1] < 0.3 * bad[1]
+
+
+def fixed_in_a_turning_tool(**learnt: float) -> tuple[float, float]:
+    """Sigmas of a horizontal tool at 143 r/min; learnt: variance of the bias across the axis, lever arm across it."""
+    x, P, st = blank()
+    P[:2, :2] = 0.0
+    st[follow.TURNING], st[follow.SLOW_AXIS] = 15.0, 1.0
+    P[model.BIAS + 1, model.BIAS + 1] = P[model.BIAS + 2, model.BIAS + 2] = learnt.get("bias", 0.0)
+    x[model.N_LEVER + 1] = learnt.get("lever", 0.0)
+    return published(x, P, st)
+
+
+def test_a_bias_across_the_axis_that_turning_hides_is_a_tilt_fixed_in_the_tool():
+    known, hidden = fixed_in_a_turning_tool(), fixed_in_a_turning_tool(bias=0.005**2)
+    # 20 % of the variance of 5 mrad/s over 15 rad/s.
+    expected = follow.BIAS_SHARE * (0.005 / 15.0) ** 2 / (1.0 + (follow.TURNING_FROM / 15.0) ** 2)
+    assert hidden[0] ** 2 - known[0] ** 2 == pytest.approx(expected, rel=0.05)
+    assert hidden[1] == pytest.approx(known[1])
+
+
+def test_the_pull_of_the_circle_a_sensor_runs_leans_on_the_axis_by_the_calibration():
+    on_axis, off_axis = fixed_in_a_turning_tool(), fixed_in_a_turning_tool(lever=0.05)
+    pull = 15.0**2 * 0.05 / STANDARD_GRAVITY
+    p = settings.Params()
+    turning = p.turning_sigma**2 / (1.0 + (follow.TURNING_FROM / 15.0) ** 2)
+    expected = pull**2 * (follow.SQUARE_SHARE * p.calibration_sigma**2 + turning)
+    assert off_axis[0] ** 2 - on_axis[0] ** 2 == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize(("rate", "share"), [(0.002, 1.0), (0.2, 0.01)])
+def test_travel_along_a_curve_is_an_acceleration_as_long_as_a_hole_can_turn_that_fast(rate, share):
+    x, P, st = blank()
+    P[:2, :2] = 0.0
+    st[follow.SLOW_AXIS] = 1.0
+    straight = published(x, P, st)
+    # Turning to the side: the axis is ahead of its slow mean by rate times time, across itself.
+    st[follow.SLOW_AXIS + 1] = -rate * follow.CURVE_TIME
+    curved = published(x, P, st)
+    pushed = settings.Params().travel * rate / STANDARD_GRAVITY
+    assert curved[0] == pytest.approx(straight[0], rel=1e-6)
+    assert curved[1] ** 2 - straight[1] ** 2 == pytest.approx(share * pushed**2, rel=0.05, abs=0.01 * pushed**2)
+
+
+def test_a_vertical_that_does_not_stand_still_speaks_against_the_accelerometer():
+    rng = np.random.default_rng(5)
+    _, P, st = blank()
+    P[:2, :2] = 4e-6 * np.eye(2)
+    for power, low, high in ((0.05, 0.0, 0.0), (2.0, 0.8, 3.5)):
+        excess = []
+        for _ in range(10000):
+            quiet = 0.1 * rng.standard_normal(2)
+            down = np.sqrt(power) * rng.standard_normal()
+            follow.follow_innovations(K, P, st, np.eye(3), 0.04, 1e-7, quiet[0], quiet[1], down, 1.0)
+            excess.append(follow.vertical_excess(st))
+        assert low <= np.mean(excess[2000:]) <= high
+
+
+def test_a_scale_learnt_after_a_start_forgets_the_start_in_its_own_time():
+    rng = np.random.default_rng(6)
+    _, P, st = blank()
+    P[:2, :2] = 4e-6 * np.eye(2)
+    for i in range(1000):
+        # What a start has to find out goes on for 3 s; then all is 30 times quieter than the noises say.
+        i0, i1 = (1.0 if i < 75 else 0.18) * rng.standard_normal(2)
+        follow.follow_innovations(K, P, st, np.eye(3), 0.04, 1e-7, i0, i1, 0.0, 1.0)
+    assert 0.01 < st[follow.SCALE_ALONG] < 0.1
