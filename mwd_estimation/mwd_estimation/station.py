@@ -244,7 +244,7 @@ def station(
 
     findings = _Findings()
     doubted: tuple[str, ...] = ()
-    north, turn_north = _north(reference, settings.north, findings)
+    north, turn_north = _north(reference, settings.north, findings, has_field)
     alignment = settings.errors.alignment(inc)
     jacobian = magnetics.angle_jacobian(f_h, b_h)
     correction, refused, hidden = None, "", False
@@ -463,12 +463,15 @@ def _shows(correction: magnetics.AxialCorrection, expected: float) -> bool:
     return abs(float(correction.interference)) > _SIGNIFICANT * sigma
 
 
-def _north(reference: Reference | None, wanted: str, findings: _Findings) -> tuple[str, float]:
+def _north(reference: Reference | None, wanted: str, findings: _Findings, has_field: bool) -> tuple[str, float]:
     """Name of the north and what to add to a magnetic azimuth, rad; magnetic, with a reason, if unknown."""
     north = best_north(reference) if wanted == "best" else wanted
     turn = north_correction(reference, north)
     if turn is not None:
         return north, turn
+    if north == "true" and not has_field:
+        # A gyro finds it without a declination, and there is nothing else to refer to it.
+        return north, 0.0
     missing = "declination and convergence" if north == "grid" else "declination"
     findings.add(DOUBTFUL, f"{north} azimuth needs the {missing}: azimuth is magnetic")
     return "magnetic", 0.0

@@ -348,3 +348,9 @@ def test_better_sensors_give_smaller_sigmas():
     f_t, b_t = readings(50, 70, 130)
     good = StationSettings(errors=SensorErrors(magnetometer_bias_nt=10.0, axial_interference_nt=10.0))
     assert station(f_t, b_t, REFERENCE, good).sigma_azimuth < station(f_t, b_t, REFERENCE).sigma_azimuth
+
+
+def test_without_a_magnetometer_true_north_needs_no_declination():
+    told = StationSettings(north="true")
+    assert station([-6.0, 1.0, 7.7], [math.nan] * 3, None, told).north == "true"
+    assert station([-6.0, 1.0, 7.7], [2e-5, 1e-5, 4e-5], None, told).north == "magnetic"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from typing import Annotated
 
 import typer
 
@@ -32,6 +33,23 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Measurement while drilling on ROS 2: run, record, replay and reprocess.",
 )
+
+
+def _versions(wanted: bool) -> None:
+    if wanted:
+        version()
+        raise typer.Exit
+
+
+@app.callback()
+def _top(
+    _told: Annotated[
+        bool, typer.Option("--version", help="Say the versions and end.", is_eager=True, callback=_versions)
+    ] = False,
+) -> None:
+    """Options of `mwd` itself."""
+
+
 _LIVE, _RECORDINGS, _MACHINE = "Live", "Recordings", "This machine"
 app.command(rich_help_panel=_LIVE)(run)
 app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(replay)

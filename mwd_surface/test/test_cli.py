@@ -67,6 +67,13 @@ def test_every_command_has_an_example(command):
     assert f"mwd {command}" in done.stdout
 
 
+def test_the_version_is_told_by_command_and_by_option():
+    asked, option = mwd("version"), mwd("--version")
+    assert option.returncode == 0
+    assert option.stdout == asked.stdout
+    assert asked.stdout.startswith("mwd ")
+
+
 def test_help_needs_no_heavy_package():
     code = (
         "import sys, mwd_surface.cli\n"

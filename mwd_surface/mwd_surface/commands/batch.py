@@ -50,7 +50,7 @@ def batch(
     """
     from mwd_sensors import settings
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.reference_options import place_changes, placed_settings
+    from mwd_surface.commands.reference_options import placed_settings, recording_changes
     from mwd_surface.runs.bag_input import InputSettings
 
     try:
@@ -61,7 +61,7 @@ def batch(
     from mwd_surface.fleet.fleet_dataset import FAILED
     from mwd_surface.fleet.fleet_task import Outcome
 
-    estimator = placed_settings(config, changes, place_changes(lat, lon, date, field), method)
+    estimator = placed_settings(config, changes, recording_changes(lat, lon, date, field), method)
     found = fleet_run.find_bags(bags)
     given = settings.from_mapping(InputSettings, {"partial": partial})
     began = time.monotonic()

@@ -94,6 +94,7 @@ def process(
       mwd process bags/run_7 -o out
       mwd process bags/run_7 -o out --lat 58.44 --lon 1.88 --date 2026-03-01
       mwd process bags/run_7 -o out --field 50360,71.63,-2.2 --method s3
+      mwd process bags/run_7 -o out --field 50360,71.63,-2.2 --lat 58.44
       mwd process bags/run_7 -o out --format parquet --rate 10
       mwd process bags/run_7 -o out --format mcap --smooth
       mwd process bags/two_wells -o out --imu-topic /well_2/imu/data_raw
@@ -103,13 +104,13 @@ def process(
     from mwd_sensors.compensation import Compensation
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.reference_options import place_changes, placed_settings
+    from mwd_surface.commands.reference_options import placed_settings, recording_changes
     from mwd_surface.runs import calibration_run
     from mwd_surface.runs import process as batch
     from mwd_surface.runs.bag_input import InputSettings
     from mwd_surface.runs.run_output import OutputSettings
 
-    estimator = placed_settings(config, changes, place_changes(lat, lon, date, field), method, north)
+    estimator = placed_settings(config, changes, recording_changes(lat, lon, date, field), method, north)
     asked = {
         "imu_topic": imu_topic,
         "mag_topic": mag_topic,
@@ -125,6 +126,8 @@ def process(
         "same_axes": same_axes,
         "partial": partial,
     }
+    if start is not None and end is not None and end <= start:
+        raise ValueError(f"--end {end:g}: not after --start {start:g}")
     given = settings.from_mapping(InputSettings, {k: v for k, v in asked.items() if v is not None})
     asked = {"format": form, "rate_hz": rate, "smooth": smooth}
     wanted = settings.from_mapping(OutputSettings, {k: v for k, v in asked.items() if v is not None})

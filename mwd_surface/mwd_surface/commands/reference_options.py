@@ -163,3 +163,19 @@ def place_changes(
         changes = {"reference.source": "fixed", "reference.total_nt": total, "reference.dip_deg": dip}
         return changes | {"reference.declination_deg": known or 0.0}
     return {}
+
+
+def recording_changes(lat: float | None, lon: float | None, date: str | None, field: str | None) -> dict[str, Any]:
+    """
+    As `place_changes`, of a recording: a gyro needs no more than the latitude, which may stand alone or beside a field.
+
+    Raises
+    ------
+    ValueError
+        A longitude or a date without what gives it a meaning; figures of a field that cannot be read.
+    """
+    if lat is None or (lon is not None and field is None):
+        return place_changes(lat, lon, date, field)
+    if date is not None:
+        raise ValueError("--date: means nothing without both --lat and --lon, or beside --field")
+    return place_changes(None, None, None, field) | {"gyro.latitude_source": "fixed", "gyro.latitude_deg": lat}
