@@ -131,7 +131,7 @@ class Multistation:
     azimuth_raw, sigma_raw : ndarray, shape (n,)
         Uncorrected, and with the prior's sigma.
     by_gyro : ndarray, shape (n,)
-        What 1 sigma of the error common to the gyro's azimuths does to the corrected azimuth, rad.
+        How far the corrected azimuth follows a turn of all the gyro's azimuths together: 0 not at all, 1 wholly.
     used : ndarray of bool, shape (n,)
         False for stations left out as outliers; they are corrected all the same.
     chi_square, degrees, probability : float, int, float
@@ -263,7 +263,7 @@ def analyse(
         toolface=gravity_toolface(f_c),
         azimuth_raw=magnetics.raw_azimuth(f, b),
         sigma_raw=sigma_raw,
-        by_gyro=np.einsum("ni,ni->n", jacobian[:, 1], problem.by_common_error(solution, covariance_x, used)),
+        by_gyro=np.einsum("ni,ni->n", jacobian[:, 1], problem.by_gyro(solution, covariance_x, used)),
         used=used,
         chi_square=chi_square,
         degrees=degrees,
@@ -494,13 +494,12 @@ class _Problem:
         slope[:, :_SENSORS] = np.einsum("ni,nij->nj", magnetics.angle_jacobian(f, b)[:, 1, :], self._by_errors()[seen])
         return np.asarray(self._gyro_white(seen) @ slope @ self.scale)
 
-    def by_common_error(self, x: Array, covariance: Array, used: np.ndarray) -> Array:
-        """Shift of the readings, shape (n, 6), by 1 sigma of the gyro's common error; covariance of x, (15, 15)."""
+    def by_gyro(self, x: Array, covariance: Array, used: np.ndarray) -> Array:
+        """Slope of the corrected readings, shape (n, 6), by a turn of all gyro azimuths; covariance of x, (15, 15)."""
         seen = self._seen(used)
         if self.gyro is None or not seen.any():
             return np.zeros((len(self.f), 6))
-        common = np.broadcast_to(self.gyro.common, seen.shape)[seen]
-        shift = covariance @ self._gyro_slope(x, used).T @ self._gyro_white(seen) @ common
+        shift = covariance @ self._gyro_slope(x, used).T @ self._gyro_white(seen).sum(axis=1)
         return np.asarray(self._by_errors() @ (self.scale @ shift)[:_SENSORS])
 
     def misfit(self, x: Array) -> Array:

@@ -232,10 +232,11 @@ def fused(
     doubted : bool
         Whether the station has doubts of others' making.
     aided : float
-        What 1 sigma of the gyro's lasting error does to the multi-station azimuth, which holds what the gyro found at
-        the stations before, rad.
+        How far the multi-station azimuth follows what the gyro found at the stations before, as `Multistation.by_gyro`.
     """
-    group, reasons = _magnetic(alone, together)
+    aided = min(max(aided, 0.0), 1.0)
+    together = _declination_once(together, aided)
+    group, reasons = _magnetic(alone, together, aided)
     weighed = fusion.fuse(fusion.same_sensors(group), settings)
     names = [one.method for one in together.azimuths]
     weights = dict(zip(names, weighed.weights, strict=True))
@@ -254,12 +255,15 @@ def fused(
     sound = all(not group[k].doubt for k, name in enumerate(together.azimuths) if weights[name.method] > 0.0)
     in_both = {}
     if math.isfinite(weighed.sigma):
-        in_both["declination"] = min(declination_sigma(together), weighed.sigma)
-        rest = math.sqrt(max(weighed.sigma**2 - in_both["declination"] ** 2, 0.0))
-        in_both["gyro"] = max(-rest, min(weights.get(MSA, 0.0) * aided, rest))
-        if aided and isinstance(gyro, Solution):
-            left = math.sqrt(max(found.sigma**2 - sum(v * v for v in shared.values()), 0.0))
-            shared["gyro"] = min(gyro_for_run(together, gyro)[2], left)
+        follows = weights.get(MSA, 0.0) * aided
+        in_both["declination"] = min((1.0 - follows) * declination_sigma(together), weighed.sigma)
+        if follows and isinstance(gyro, Solution):
+            rest, left = (
+                math.sqrt(max(sigma**2 - sum(v * v for v in terms.values()), 0.0))
+                for sigma, terms in ((weighed.sigma, in_both), (found.sigma, shared))
+            )
+            lasting = math.sqrt(gyro.sigma**2 - min(gyro.limit, gyro.sigma) ** 2)
+            in_both["gyro"], shared["gyro"] = min(follows * lasting, rest), min(lasting, left)
     magnetic = fusion.Candidate(
         weighed.method if weighed.method != "fused" else fusion.MAGNETIC,
         weighed.azimuth,
@@ -284,22 +288,38 @@ def fused(
     return Fused(station_, weights, reasons, both.alarm if compared else None)
 
 
-def _magnetic(alone: Station, together: Station) -> tuple[list[fusion.Candidate], dict[str, str]]:
+def _declination_once(together: Station, aided: float) -> Station:
+    """
+    The station with the sigma of a multi-station azimuth that follows the gyro.
+
+    So far as it does, it follows true north: the declination that led from there to magnetic north leads back again.
+    The analysis has its error in the gyro's part, the station once more: twice the share too much.
+    """
+    declination, azimuths = declination_sigma(together), []
+    for one in together.azimuths:
+        if one.method == MSA and math.isfinite(one.sigma):
+            own = one.sigma**2 - 2.0 * aided * declination**2
+            one = dataclasses.replace(one, sigma=math.sqrt(max(own, ((1.0 - aided) * declination) ** 2, 1e-12)))
+        azimuths.append(one)
+    return dataclasses.replace(together, azimuths=tuple(azimuths))
+
+
+def _magnetic(alone: Station, together: Station, aided: float) -> tuple[list[fusion.Candidate], dict[str, str]]:
     """The magnetic azimuths as candidates, and why some of them must not be used."""
     declination = declination_sigma(together)
     candidates, reasons = [], {}
     for one in together.azimuths:
         if one.method == MSA:
-            judged, refused = together, one.refused
+            judged, refused, shared = together, one.refused, (1.0 - aided) * declination
         else:
-            judged, refused = alone, _not_chosen(one, alone)
+            judged, refused, shared = alone, _not_chosen(one, alone), declination
         reasons[one.method] = refused
         candidates.append(
             fusion.Candidate(
                 _RANKED.get(one.method, one.method),
                 one.azimuth,
                 one.sigma,
-                shared={"declination": min(declination, one.sigma)} if math.isfinite(one.sigma) else {},
+                shared={"declination": min(shared, one.sigma)} if math.isfinite(one.sigma) else {},
                 doubt="" if judged.verdict == ACCEPT else "; ".join(judged.azimuth_doubts or judged.reasons),
                 refused=refused,
             )

@@ -123,9 +123,13 @@ def test_a_station_without_magnetometer_takes_the_gyro_azimuth():
 
 def test_a_multi_station_azimuth_that_holds_the_gyro_s_lasting_error_is_not_taken_for_a_second_opinion():
     alone = shot()
-    own = MethodAzimuth("msa", 40.0 * DEG, 0.53 * DEG, "")
+    own = MethodAzimuth("msa", 40.0 * DEG, 0.75 * DEG, "")
     together = dataclasses.replace(alone, azimuths=(*alone.azimuths, own), azimuth=own.azimuth, method="msa")
-    apart = fused(alone, together, gyro(40.2, 0.5))
-    tied = fused(alone, together, gyro(40.2, 0.5), aided=0.2 * DEG)
-    assert tied.station.sigma_azimuth > apart.station.sigma_azimuth
-    assert tied.alarm == apart.alarm == ""
+    tied = fused(alone, together, gyro(40.2, 0.5), aided=1.0)
+    # The declination, which was in it twice, is in it no more; what it errs by the gyro errs by: no average of the two.
+    sigma = math.sqrt(0.75**2 - 2.0 * 0.453**2) * DEG
+    assert tied.station.by_method("msa").sigma == pytest.approx(sigma, rel=1e-3)
+    assert tied.station.sigma_azimuth == pytest.approx(math.hypot(sigma, math.sqrt(alone.alignment[1, 1])), rel=0.03)
+    assert tied.weights["msa"] > 0.75
+    assert tied.weights["gyro"] == 0.0
+    assert tied.alarm == ""
