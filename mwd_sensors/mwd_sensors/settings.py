@@ -225,10 +225,12 @@ def _checked_scalar(value: Any, kind: Any, rule: Rule, where: str) -> Any:
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         unit = f" {rule.unit}" if rule.unit else ""
         if rule.low is not None and value < rule.low:
-            raise SettingsError(f"{where}: {value:g}{unit} is below the lowest allowed, {rule.low:g}{unit}; {rule.doc}")
+            raise SettingsError(
+                f"{where}: {_figure(value)}{unit} is below the lowest allowed, {_figure(rule.low)}{unit}; {rule.doc}"
+            )
         if rule.high is not None and value > rule.high:
             raise SettingsError(
-                f"{where}: {value:g}{unit} is above the highest allowed, {rule.high:g}{unit}; {rule.doc}"
+                f"{where}: {_figure(value)}{unit} is above the highest allowed, {_figure(rule.high)}{unit}; {rule.doc}"
             )
     if rule.choices and isinstance(value, str) and value not in rule.choices:
         near = difflib.get_close_matches(value, rule.choices, n=1, cutoff=0.5)
@@ -248,4 +250,9 @@ def _plain(value: Any) -> Any:
 
 
 def _bound(value: float | None) -> str:
-    return "any" if value is None else f"{value:g}"
+    return "any" if value is None else _figure(value)
+
+
+def _figure(value: float) -> str:
+    """A number as people write it: whole ones with all their digits."""
+    return f"{value:.0f}" if float(value).is_integer() and abs(value) < 1e15 else f"{value:g}"

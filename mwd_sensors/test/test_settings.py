@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from mwd_sensors.settings import SettingsError, changed, flat, from_mapping, setting, to_mapping
+from mwd_sensors.settings import SettingsError, changed, flat, from_mapping, rule_of, setting, to_mapping
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,3 +99,16 @@ def test_instances_do_not_share_their_lists():
     first = Node()
     first.names.append("b")
     assert Node().names == ["a"]
+
+
+def test_bounds_are_said_to_the_last_digit():
+    @dataclasses.dataclass(frozen=True)
+    class Seeds:
+        seed: int = setting(1, "seed", low=-1, high=2_147_483_647)
+        share: float = setting(0.5, "share", low=0.0, high=2.5)
+
+    assert rule_of(dataclasses.fields(Seeds)[0]).text() == "seed (-1 to 2147483647)"
+    with pytest.raises(SettingsError, match="seed: 2147483648 is above the highest allowed, 2147483647;"):
+        from_mapping(Seeds, {"seed": 2_147_483_648})
+    with pytest.raises(SettingsError, match=r"share: 2.75 is above the highest allowed, 2.5;"):
+        from_mapping(Seeds, {"share": 2.75})
