@@ -103,3 +103,17 @@ def test_a_sheet_goes_on_where_an_earlier_one_ended():
     sheet = SlideSheet(earlier=earlier)
     drilled(sheet, 9.0, 12.0, STILL, 0.1)
     assert [(s.mode, s.from_depth) for s in sheet.stretches] == [(SLIDE, 1.0), (ROTATE, 2.0), (SLIDE, 9.0)]
+
+
+def test_a_sheet_that_is_finished_keeps_what_was_at_hand_and_goes_on_from_there():
+    sheet = SlideSheet()
+    assert sheet.finish() is None
+    drilled(sheet, 100.0, 110.0, STILL, 0.5)
+    drilled(sheet, 110.1, 110.3, FAST, start_s=1000)
+    ended = sheet.finish()
+    assert (ended.mode, ended.to_depth) == (SLIDE, pytest.approx(110.3))
+    assert ended.toolface == pytest.approx(0.5)
+    assert sheet.finish() is None
+    again = SlideSheet(earlier=sheet.stretches)
+    drilled(again, 110.4, 112.0, FAST)
+    assert sum(s.length for s in again.stretches) == pytest.approx(12.0)

@@ -78,13 +78,21 @@ class SteeringDesk:
             reading.angle if reading is not None and known else None,
             magnetic=reading is not None and reading.mode == msg.Toolface.MAGNETIC,
         )
-        if stretch is not None:
-            try:
-                append_stretch(self._file, stretch)
-            except OSError as error:
-                self._journal.alarm("slides.unsaved", Severity.WARNING, f"slide sheet not saved: {error}")
-            else:
-                self._journal.clear("slides.unsaved")
+        self._keep(stretch)
+
+    def close(self) -> None:
+        """Put the stretch at hand into the file: the next start goes on from its end."""
+        self._keep(self._sheet.finish())
+
+    def _keep(self, stretch: Stretch | None) -> None:
+        if stretch is None:
+            return
+        try:
+            append_stretch(self._file, stretch)
+        except OSError as error:
+            self._journal.alarm("slides.unsaved", Severity.WARNING, f"slide sheet not saved: {error}")
+        else:
+            self._journal.clear("slides.unsaved")
 
     def on_quill(self, data: bytes) -> None:
         """Angle of the quill, serialised sensor_msgs/JointState: its first joint."""

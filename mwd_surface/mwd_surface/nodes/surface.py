@@ -131,6 +131,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._plan.read(settings.plan, settings.well.north_reference)
         well = self._plan.along_plan(settings.well)
         self._steering = SteeringDesk(folder / "surveys", settings.slides, live, journal)
+        self._closed_at_end(self._steering)
         self._surveys = self._closed_at_end(
             SurveyDesk(
                 self, folder, well, settings.rules, settings.leg, settings.depth,

@@ -166,7 +166,7 @@ class SlideSheet:
         if self._depth is None or hole_depth - self._depth > _LONGEST_STEP:
             # The first word of the rig, or hole that somebody else made: it is nobody's slide.
             self._depth = hole_depth
-            return self._finish()
+            return self.finish()
         made = hole_depth - self._depth
         if made <= 0.0:
             return None
@@ -199,9 +199,13 @@ class SlideSheet:
         """All of them, the one at hand last."""
         return (*self._done, *([self._open.closed()] if self._open is not None else []))
 
-    def _finish(self) -> Stretch | None:
+    def finish(self) -> Stretch | None:
+        """End the stretch at hand, as where nobody will look on any longer; it comes back where it has a length."""
         if self._open is None:
             return None
+        if self._next is not None:
+            # A moment of the other way that nobody saw the end of.
+            self._grow(self._open, self._next.end_ns, self._next.to_depth, self._next.turns, None, False)
         ended = self._open.closed()
         self._open = self._next = None
         if ended.length <= 0.0:
