@@ -234,5 +234,13 @@ def errors(found: Calibration) -> list[tuple[str, str, list[str]]]:
             ("scale, ppm", gain, 1e6 * np.diag(triad.sigma_matrix)),
             ("scale over temperature, ppm/°C", 1e6 * triad.scale_per_c, 1e6 * triad.sigma_scale_per_c),
         ):
-            rows.append((name, words, [f"{v:.4g} ± {s:.2g}" for v, s in zip(value, sigma, strict=True)]))
+            rows.append((name, words, [_figure(v, s) for v, s in zip(value, sigma, strict=True)]))
     return rows
+
+
+def _figure(value: float, sigma: float) -> str:
+    """Value and 1 sigma, both to the second digit of the sigma."""
+    if not sigma > 0.0:
+        return f"{value:.4g}"
+    decimals = max(0, 1 - math.floor(math.log10(sigma)))
+    return f"{value:.{decimals}f} ± {sigma:.{decimals}f}"
