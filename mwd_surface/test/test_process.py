@@ -22,6 +22,7 @@ from mwd_surface.runs import process
 from mwd_surface.runs.bag_input import InputSettings
 from mwd_surface.runs.run_config import read_config
 from mwd_surface.runs.run_output import OutputSettings
+from mwd_surface.surveys.survey_source import surveys_of
 
 ROOT = Path(__file__).resolve().parents[2]
 BROAD = ROOT.parent / "shared" / "data" / "bags" / "broad_27"
@@ -76,7 +77,7 @@ def test_one_line_for_every_imu_message_in_order(tmp_path):
     imu, _ = recording(tmp_path / "bag")
     summary = run(tmp_path / "bag", tmp_path / "out")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
-        "attitude.csv", "config.yaml", "faults.csv", "surveys.csv",
+        "attitude.csv", "config.yaml", "faults.csv", "surveys.csv", "surveys.json",
     ]  # fmt: skip
     assert (tmp_path / "out" / "attitude.csv").read_text().splitlines()[0] == (
         "stamp_ns,inclination_deg,azimuth_deg,toolface_deg,sigma_inclination_deg,sigma_azimuth_deg,sigma_toolface_deg,"
@@ -123,7 +124,7 @@ def test_a_row_in_ten_may_be_enough_and_parquet_holds_the_same(tmp_path):
         wanted = OutputSettings(format="parquet", rate_hz=10.0)
         summary = process.process(bag, tmp_path / "few", S3, wanted=wanted)
     assert summary.rows == len(imu)
-    assert summary.files == ["attitude.parquet", "surveys.csv", "faults.csv", "config.yaml"]
+    assert summary.files == ["attitude.parquet", "surveys.csv", "surveys.json", "faults.csv", "config.yaml"]
     assert "# rate_hz: 10.0" in (tmp_path / "few" / "config.yaml").read_text()
     table = pq.read_table(tmp_path / "few" / "attitude.parquet").to_pylist()
     lines = attitude(tmp_path / "out")[::10]
@@ -139,7 +140,7 @@ def test_estimates_merged_beside_the_messages_are_those_of_the_csv(tmp_path):
         with Bag(tmp_path / "bag") as bag:
             wanted = OutputSettings(format="mcap")
             summary = process.process(bag, tmp_path / "merged", S3, InputSettings(start_s=2.0), wanted=wanted)
-    assert summary.files == ["merged", "surveys.csv", "faults.csv", "config.yaml"]
+    assert summary.files == ["merged", "surveys.csv", "surveys.json", "faults.csv", "config.yaml"]
     run(tmp_path / "bag", tmp_path / "out", start_s=2.0)
     lines = attitude(tmp_path / "out")
     with Bag(tmp_path / "merged" / "merged") as bag:
@@ -201,6 +202,30 @@ def test_a_still_interval_becomes_a_survey_with_its_depth(tmp_path):
     assert float(line["azimuth_deg"]) == pytest.approx(75.0, abs=0.2)
     assert (line["azimuth_reference"], line["verdict"], line["md_m"]) == ("true", "accept", "490.000")
     assert START < int(line["stamp_ns"]) < START + 20_000_000_000
+
+
+def test_the_survey_list_of_the_run_can_be_exported(tmp_path):
+    recording(tmp_path / "bag", namespace="/pad/well_3/")
+    told = settings.changed(
+        S3,
+        {
+            "reference.source": "fixed",
+            "reference.total_nt": 47707.0,
+            "reference.dip_deg": 56.98,
+            "station.north": "magnetic",
+        },
+    )
+    run(tmp_path / "bag", tmp_path / "out", told)
+    listed, notes = surveys_of(tmp_path / "out")
+    assert notes == ()
+    assert (listed.well.name, listed.well.north_reference) == ("pad/well_3", "magnetic")
+    (record,) = listed.records
+    (line,) = surveys(tmp_path / "out")
+    assert record.in_use
+    assert line["verdict"] == "accept"
+    assert record.measured_depth == pytest.approx(float(line["md_m"]))
+    assert math.degrees(record.survey.inclination) == pytest.approx(float(line["inclination_deg"]), abs=0.005)
+    assert record.survey.uuid == line["uuid"]
 
 
 def test_the_configuration_written_gives_the_same_results_again(tmp_path):

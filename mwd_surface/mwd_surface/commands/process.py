@@ -84,10 +84,11 @@ def process(
     """
     Work out attitude and surveys of a recording.
 
-    Writes DIR/attitude.csv (one line per IMU message), DIR/surveys.csv, DIR/faults.csv (what was found wrong with a
-    sensor, and when) and DIR/config.yaml (the settings in force). Needs no middleware; the results equal those of the
-    live graph. --format parquet writes DIR/attitude.parquet, --format mcap a copy of the recording with the estimates
-    beside its messages, DIR/merged, for Foxglove.
+    Writes DIR/attitude.csv (one line per IMU message), DIR/surveys.csv, DIR/surveys.json (for `mwd export DIR` and
+    `mwd report DIR`), DIR/faults.csv (what was found wrong with a sensor, and when) and DIR/config.yaml (the settings
+    in force). Needs no middleware; the results equal those of the live graph. --format parquet writes
+    DIR/attitude.parquet, --format mcap a copy of the recording with the estimates beside its messages, DIR/merged,
+    for Foxglove.
 
     \b
     Examples:
@@ -170,8 +171,10 @@ def _show(summary: Summary, estimator: EstimatorSettings, folder: Path, elapsed:
     for warning in summary.warnings:
         terminal.warn(warning)
     for fault in summary.faults:
+        if fault.kind == "absent" and fault.sensor == "magnetometer" and summary.topics.mag is None:
+            continue  # the recording has none, as the table below says
         # Relative to the first sample, as --start and --end count.
-        moment = (fault.cleared_ns or fault.since_ns) - summary.start_ns
+        moment = max((fault.cleared_ns or fault.since_ns) - summary.start_ns, 0)
         terminal.warn(f"{moment * 1e-9:.1f} s: {fault.message}" + (f"; {fault.remedy}" if fault.remedy else ""))
     rate = (summary.rows - 1) / summary.seconds if summary.seconds > 0.0 else 0.0
     lines = [
@@ -189,6 +192,10 @@ def _show(summary: Summary, estimator: EstimatorSettings, folder: Path, elapsed:
         console.print(f"{name:>13}  {value}", markup=False)
     if summary.surveys:
         show_surveys(console, [(survey.station, depth) for survey, depth in summary.surveys])
+        # Where the hole comes from to the first of them a recording does not say.
+        for record in summary.listed.records[1:]:
+            for flag in record.flags:
+                terminal.warn(f"survey {record.survey.sequence}: {flag}")
     else:
         console.print(f"{'surveys':>13}  none: the tool never kept still for long enough", markup=False)
     console.print(f"{'written':>13}  {', '.join(str(folder / name) for name in summary.files)}", markup=False)

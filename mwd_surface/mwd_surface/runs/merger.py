@@ -27,6 +27,13 @@ _SURVEY, _SURVEY_TYPE, _AZIMUTH_TYPE = "survey", "mwd_msgs/msg/Survey", "mwd_msg
 _IMU = "imu/data_raw"
 
 
+def end_rows(output: Output) -> NDArray[np.int64]:
+    """Row of the attitude, of at least one, with which the interval of each survey ends; the last where none does."""
+    newest = np.maximum.accumulate(output.attitude["stamp_ns"])
+    ends = [survey.stamp_ns + round(0.5e9 * survey.duration) for survey in output.surveys]
+    return np.searchsorted(newest, ends).clip(max=len(newest) - 1)
+
+
 class Merger:
     """
     Writes the copy while the estimator runs.
@@ -90,8 +97,7 @@ class Merger:
                 at = np.minimum(np.searchsorted(newest, samples["stamp_ns"]), len(newest) - 1)
                 self._add(relative, samples, np.maximum.accumulate(log_ns[at]))
             # With the sample that ends the interval, or the first one after it that is not written yet.
-            ends = [survey.stamp_ns + round(0.5e9 * survey.duration) for survey in output.surveys]
-            for survey, at in zip(output.surveys, np.searchsorted(newest, ends).clip(max=len(newest) - 1), strict=True):
+            for survey, at in zip(output.surveys, end_rows(output), strict=True):
                 self._tell(survey, int(output.attitude["status"][at]), int(log_ns[at]))
             self._status = int(output.attitude["status"][-1])
         elif output is not None:

@@ -19,10 +19,13 @@ from mwd_estimation.health_words import Finding
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
 from mwd_estimation.status import Status
 from mwd_estimation.survey import Survey
+from mwd_estimation.survey_fields import survey_fields
 from mwd_sensors import wire
 from mwd_sensors.compensation import Compensation
 from mwd_surface.bags.bag_reader import Bag, BagError, Block, Originals
 from mwd_surface.runs.bag_input import (
+    IMU,
+    IMU_BURST,
     InputSettings,
     Topics,
     check_imu,
@@ -36,11 +39,15 @@ from mwd_surface.runs.bag_input import (
     worth_saying,
 )
 from mwd_surface.runs.imu_queue import ImuQueue
-from mwd_surface.runs.merger import Merger
+from mwd_surface.runs.merger import Merger, end_rows
 from mwd_surface.runs.overlap import ahead, behind
 from mwd_surface.runs.run_config import config_text
 from mwd_surface.runs.run_output import OutputSettings, destination, drafts, fault_text, survey_text
 from mwd_surface.surveys.depth import DepthTrack
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_message import survey_of_fields
+from mwd_surface.surveys.survey_store import encoded
+from mwd_surface.surveys.well import Well
 
 # All else of these messages is most of their bytes, and is not read.
 _FIELDS = {
@@ -49,7 +56,7 @@ _FIELDS = {
     wire.TEMPERATURE.type_name: ("temperature",),
     wire.RIG_STATE.type_name: ("bit_depth", "valid"),
 }
-_AFTER = ("surveys.csv", "faults.csv", "config.yaml")  # files named after the attitude
+_AFTER = ("surveys.csv", "surveys.json", "faults.csv", "config.yaml")  # files named after the attitude
 _MANY_REFUSED = 0.1  # share of the samples that is worth a warning
 _BIT_DEPTH = 1  # RigState.VALID bit of bit_depth
 
@@ -72,6 +79,8 @@ class Summary:
     north, reference : str
         North of the azimuth, and where the field comes from.
     surveys : list of (Survey, measured depth in m or nan)
+    listed : SurveyList
+        The same as the surface node would keep them: accepted ones in the path, the rest waiting for a person.
     faults : list of Finding
         Faults of sensors, as they were found, narrowed down or cleared.
     warnings : list of str
@@ -92,6 +101,7 @@ class Summary:
     north: str = "magnetic"
     reference: str = "none"
     surveys: list[tuple[Survey, float]] = dataclasses.field(default_factory=list)
+    listed: SurveyList = dataclasses.field(default_factory=SurveyList)
     faults: list[Finding] = dataclasses.field(default_factory=list)
     warnings: list[str] = dataclasses.field(default_factory=list)
     files: list[str] = dataclasses.field(default_factory=list)
@@ -112,7 +122,9 @@ def process(
     wanted: OutputSettings | None = None,
 ) -> Summary:
     """
-    Write the attitude (by default attitude.csv), surveys.csv, faults.csv and config.yaml of a bag.
+    Write the attitude (by default attitude.csv), surveys.csv, surveys.json, faults.csv and config.yaml of a bag.
+
+    surveys.json is the survey list as the surface node keeps it: `mwd export` and `mwd report` take the folder.
 
     Parameters
     ----------
@@ -141,6 +153,7 @@ def process(
         with destination(draft, bag, wanted, given) as (sink, merger):
             summary = estimate(bag, estimator, given, sink, progress, compensation, wanted.smooth, merger)
         (draft / "surveys.csv").write_text(survey_text(summary.surveys), encoding="utf-8")
+        (draft / "surveys.json").write_bytes(encoded(summary.listed))
         (draft / "faults.csv").write_text(fault_text(summary.faults), encoding="utf-8")
         config = config_text(estimator, given, wanted, summary.topics)
         (draft / "config.yaml").write_text(config, encoding="utf-8")
@@ -231,9 +244,17 @@ def _estimate(
     pipeline = Pipeline(estimator)
     depth = DepthTrack()
 
-    def sensor_depth(stamp_ns: int) -> float:
-        reading = depth.sensor_depth(stamp_ns, given.sensor_to_bit_m)
-        return reading.measured_depth if reading.measured_depth >= 0.0 else math.nan
+    def keep(survey: Survey, status: int) -> None:
+        reading = depth.sensor_depth(survey.stamp_ns, given.sensor_to_bit_m)
+        md = reading.measured_depth
+        summary.surveys.append((survey, md if md >= 0.0 else math.nan))
+        listed = survey_of_fields(survey_fields(survey, status), survey.stamp_ns)
+        if not summary.listed.records:
+            summary.listed = SurveyList(well=_well(topics, estimator, given, survey))
+        try:
+            summary.listed = summary.listed.add(listed, md, reading.depth_age, comment=reading.reason)
+        except ValueError as error:
+            summary.warnings.append(f"survey {survey.sequence} is not in the survey list: {error}")
 
     start_ns = bag.start_ns + round(given.start_s * 1e9)
     end_ns = bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
@@ -295,11 +316,15 @@ def _estimate(
             sink(one.output)
             _count(one.output, summary)
 
+    last_status = 0
     with behind(put_away) as give:
         for one in found():
             if one.output is not None:
-                surveys = one.output.surveys
-                summary.surveys += [(survey, sensor_depth(survey.stamp_ns)) for survey in surveys]
+                attitude = one.output.attitude
+                rows = end_rows(one.output) if len(attitude) else [-1] * len(one.output.surveys)
+                for survey, row in zip(one.output.surveys, rows, strict=True):
+                    keep(survey, int(attitude["status"][row]) if len(attitude) else last_status)
+                last_status = int(attitude["status"][-1]) if len(attitude) else last_status
                 summary.faults += one.output.health
             give(one)
     if merger is not None:
@@ -321,6 +346,20 @@ def _estimate(
             f"{pipeline.counters.late_mag} magnetic samples came later than azimuth.mag_lag_s allows: raise it"
         )
     return summary
+
+
+def _well(topics: Topics, estimator: EstimatorSettings, given: InputSettings, first: Survey) -> Well:
+    """What the recording and the settings tell of the well."""
+    reference, station = estimator.reference, first.station
+    place = (reference.lat_deg, reference.lon_deg) if reference.source == "model" else (0.0, 0.0)
+    return Well(
+        name=topics.imu.removesuffix(IMU).removesuffix(IMU_BURST).strip("/") or Well().name,
+        latitude_deg=place[0],
+        longitude_deg=place[1],
+        north_reference=station.north,
+        sensor_to_bit=given.sensor_to_bit_m,
+        geomagnetic_model=station.reference.source if station.reference is not None else "",
+    )
 
 
 def _compensate(compensation: Compensation, samples: dict[str | None, wire.Samples], topics: Topics) -> None:

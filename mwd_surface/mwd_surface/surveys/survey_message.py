@@ -8,7 +8,7 @@ messages to be filled. Both sides carry the same SI numbers, so nothing is conve
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from mwd_surface.surveys.survey_list import SurveyList
@@ -44,6 +44,13 @@ def survey_of(message: Any) -> Survey:
         for a in message.azimuths
     )
     return Survey(**values)
+
+
+def survey_of_fields(fields: Mapping[str, Any], stamp_ns: int) -> Survey:
+    """The Survey of the fields of such a message, by name, as the estimator's `survey_fields` gives them."""
+    values = {name: _plain(value) for name, value in fields.items() if name not in _OWN_WAY}
+    azimuths = tuple(AzimuthEstimate(**one) for one in fields["azimuths"])
+    return Survey(stamp_ns=stamp_ns, azimuths=azimuths, **values)
 
 
 def fill_survey(message: Any, survey: Survey, new_azimuth: Callable[[], Any]) -> None:
