@@ -20,7 +20,7 @@ async function main(endpoint, namespace, well, ...names) {
     found.push({
       value: value.value.value,
       status: value.statusCode.name,
-      source: value.sourceTimestamp.getTime(),
+      source: value.sourceTimestamp ? value.sourceTimestamp.getTime() : null,
       unit: unit.value.value.displayName.text,
     });
   }
