@@ -28,9 +28,10 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from mwd_estimation import magnetics
+from mwd_estimation.magnetic_choice import RAW
 from mwd_estimation.reference import STANDARD_GRAVITY, Reference
 from mwd_estimation.sensor_errors import SensorErrors
-from mwd_estimation.station import RAW, Station, StationSettings, station
+from mwd_estimation.station import Station, StationSettings, station
 from mwd_sensors.frames import Array, gravity_toolface, inclination, wrap_pi
 from mwd_sensors.settings import setting
 

@@ -11,10 +11,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mwd_estimation import magnetics, quality
+from mwd_estimation import magnetic_choice, magnetics, quality
+from mwd_estimation.magnetic_choice import CORRECTED, RAW
 from mwd_estimation.quality import ACCEPT, DOUBTFUL, REJECT, Deviations, QualitySettings
-from mwd_estimation.reference import STANDARD_GRAVITY, Reference, best_north, north_correction, to_north
+from mwd_estimation.reference import Reference, best_north, north_correction, to_north
 from mwd_estimation.sensor_errors import SensorErrors
+from mwd_estimation.station_deviations import deviations, gross_faults
 from mwd_sensors.frames import (
     Array,
     gravity_toolface,
@@ -27,15 +29,8 @@ from mwd_sensors.frames import (
 )
 from mwd_sensors.settings import setting
 
-RAW, CORRECTED = "raw", "corrected"
 # What a station without a magnetic azimuth is left with.
 NO_AZIMUTH = ": inclination and toolface only"
-# An axial field this many times what is expected, with its own sigma, is no accident.
-_SIGNIFICANT = 2.0
-# Variance of the corrected over the raw azimuth from which on the correction needs no sign of interference.
-_CLEARLY_BETTER = 0.5
-# An attitude that leaves unseen as much interference as would turn the azimuth by this many of its sigmas hides it.
-_HIDES = 2.0
 # What an unknown angle of the azimuth's kind is said to be known to.
 _UNKNOWN_SIGMA = math.pi
 # With a smaller share of the field horizontal there is no azimuth at all.
@@ -43,8 +38,6 @@ _LEVEL = 1e-6
 # Less is no reading, T, m/s^2.
 _NO_FIELD = 1e-12
 _NO_GRAVITY = 1e-3
-# Gravity at sea level lies within this of standard gravity everywhere, m/s^2.
-_GRAVITY_RANGE = 0.04
 
 
 @dataclass(frozen=True)
@@ -248,15 +241,26 @@ def station(
     alignment = settings.errors.alignment(inc)
     jacobian = magnetics.angle_jacobian(f_h, b_h)
     correction, refused, hidden = None, "", False
+    expected, plausible = settings.errors.axial_interference_nt * 1e-9, settings.plausible_interference_nt * 1e-9
     if has_field:
         if reference is not None and reference.has_field:
-            correction = _correction(f_h, b_h, reference, covariance_s, settings)
+            correction = magnetics.axial_correction(
+                f_h,
+                b_h,
+                reference.horizontal,
+                reference.vertical,
+                covariance_s,
+                reference.covariance,
+                plausible=plausible,
+            )
             refused = quality.correction_refusal(correction, inc, settings.quality)
-        hidden = correction is not None and _hidden(correction, jacobian, covariance_s, settings)
-        methods = [_raw(f_h, b_h, jacobian, covariance_s, settings, correction)]
+        hidden = correction is not None and magnetic_choice.hidden(
+            correction, jacobian, covariance_s, expected, plausible
+        )
+        methods = [magnetic_choice.raw(f_h, b_h, jacobian, covariance_s, expected, plausible, correction)]
         if correction is not None and math.isfinite(float(correction.azimuth)):
-            methods.append(_corrected(correction, jacobian, covariance_s))
-        chosen = _choose(settings.azimuth_method, methods, correction, refused, settings.errors)
+            methods.append(magnetic_choice.corrected(correction, jacobian, covariance_s))
+        chosen = magnetic_choice.choose(settings.azimuth_method, methods, correction, refused, expected)
         azimuth = to_north(chosen.azimuth, turn_north)
         north_variance = _north_variance(reference, north, horizontal)
         covariance = chosen.covariance + alignment
@@ -273,15 +277,15 @@ def station(
     corrected = chosen is not None and chosen.name == CORRECTED
     interference = float(correction.interference) if correction is not None else math.nan
     sigma_interference = float(correction.sigma_interference) if correction is not None else math.nan
-    deviations = _deviations(
+    apart = deviations(
         f_h, b_h, reference, covariance_s, settings.errors, interference if corrected else 0.0, has_field
     )
-    judgement = quality.judge(deviations, settings.quality.limits)
-    g_limit, b_limit, dip_limit = quality.bounds(deviations, settings.quality.limits).tolist()
+    judgement = quality.judge(apart, settings.quality.limits)
+    g_limit, b_limit, dip_limit = quality.bounds(apart, settings.quality.limits).tolist()
     findings.add(judgement.verdict, *judgement.reasons)
     b_earth = b_h - np.array([interference if corrected else 0.0, 0.0, 0.0])
     earth = (float(np.linalg.norm(b_earth)), float(magnetics.dip(f_h, b_earth))) if has_field else (b_total, dip)
-    findings.add(REJECT, *_gross_faults(g_total, *earth, reference))
+    findings.add(REJECT, *gross_faults(g_total, *earth, reference))
     if has_field:
         _judge_field(findings, settings, reference, north, horizontal)
         _judge_interference(findings, settings, correction, corrected, refused)
@@ -294,7 +298,7 @@ def station(
         findings.add(REJECT, *doubted)
     findings.add(DOUBTFUL, *doubts)
     findings.add(REJECT, *faults)
-    held_against = quality.within(deviations, settings.quality.limits) if findings.verdict == ACCEPT else ""
+    held_against = quality.within(apart, settings.quality.limits) if findings.verdict == ACCEPT else ""
 
     offset = math.radians(settings.toolface_offset_deg)
     sag = math.radians(settings.sag_correction_deg) * math.sin(inc)
@@ -326,7 +330,7 @@ def station(
         interference_chi_square=float(correction.chi_square) if correction is not None else math.nan,
         covariance=covariance,
         alignment=alignment,
-        deviations=deviations,
+        deviations=apart,
         verdict=findings.verdict,
         reasons=tuple(text for text in (*findings.reasons, held_against, *findings.remarks) if text),
         reference=reference,
@@ -355,112 +359,6 @@ class _Findings:
     def remark(self, text: str) -> None:
         """Something to know that is no reason."""
         self.remarks.append(text)
-
-
-@dataclass(frozen=True)
-class _Method:
-    """Magnetic azimuth of one method, rad, and covariance (3, 3) of (inclination, it, toolface) by the sensors."""
-
-    name: str
-    azimuth: float
-    covariance: Array
-
-
-def _raw(
-    f_h: Array,
-    b_h: Array,
-    jacobian: Array,
-    covariance_s: Array,
-    settings: StationSettings,
-    correction: magnetics.AxialCorrection | None,
-) -> _Method:
-    """The plain azimuth: axial interference is one of its errors, as expected or as it shows."""
-    variance = (settings.errors.axial_interference_nt * 1e-9) ** 2
-    if correction is not None:
-        variance = _shown_variance(correction, variance, (settings.plausible_interference_nt * 1e-9) ** 2)
-    covariance = covariance_s.copy()
-    covariance[3, 3] += variance
-    return _Method(RAW, float(magnetics.raw_azimuth(f_h, b_h)), jacobian @ covariance @ jacobian.T)
-
-
-def _shown_variance(correction: magnetics.AxialCorrection, expected: float, plausible: float) -> float:
-    """
-    Mean square axial interference, T^2, given what the correction shows of it.
-
-    expected, plausible: variances, T^2. The string is as expected, or something is wrong with it and the scale of its
-    interference lies anywhere up to the plausible; the estimate and its sigma decide between the scales.
-    """
-    shown, noise = float(correction.interference), float(correction.sigma_interference) ** 2
-    if not math.isfinite(shown + noise) or plausible <= expected:
-        return expected
-    floor = max(expected, 1e-4 * plausible)
-    scales = floor * (plausible / floor) ** np.linspace(0.0, 1.0, 5)
-    misfit = shown**2 / (scales + noise)
-    evidence = np.exp(-0.5 * (misfit - misfit.min())) / np.sqrt(scales + noise)
-    share = scales / (scales + noise)
-    square = (share * shown) ** 2 + share * noise
-    # The expected counts in full: what a reference off by its sigma shows by chance is no news of the string.
-    square[0] = expected
-    return max(float(evidence @ square / evidence.sum()), expected)
-
-
-def _hidden(
-    correction: magnetics.AxialCorrection, jacobian: Array, covariance_s: Array, settings: StationSettings
-) -> bool:
-    """Whether interference that this attitude does not show could turn the azimuth far beyond its sigma."""
-    expected, plausible = settings.errors.axial_interference_nt * 1e-9, settings.plausible_interference_nt * 1e-9
-    unseen = plausible * float(correction.sigma_interference) / math.hypot(plausible, correction.sigma_interference)
-    covariance = covariance_s.copy()
-    covariance[3, 3] += expected**2
-    sigma = math.sqrt(float(jacobian[1] @ covariance @ jacobian[1]))
-    return bool(abs(jacobian[1, 3]) * unseen > _HIDES * sigma)
-
-
-def _correction(
-    f_h: Array, b_h: Array, reference: Reference, covariance_s: Array, settings: StationSettings
-) -> magnetics.AxialCorrection:
-    return magnetics.axial_correction(
-        f_h,
-        b_h,
-        reference.horizontal,
-        reference.vertical,
-        covariance_s,
-        reference.covariance,
-        plausible=settings.plausible_interference_nt * 1e-9,
-    )
-
-
-def _corrected(correction: magnetics.AxialCorrection, jacobian: Array, covariance_s: Array) -> _Method:
-    """The corrected azimuth: with inclination and toolface it shares the sensors' errors, not the reference's."""
-    slopes = jacobian.copy()
-    slopes[1] = correction.sensitivity
-    covariance = slopes @ covariance_s @ slopes.T
-    covariance[1, 1] = float(correction.sigma_azimuth) ** 2
-    return _Method(CORRECTED, float(correction.azimuth), covariance)
-
-
-def _choose(
-    wanted: str,
-    methods: list[_Method],
-    correction: magnetics.AxialCorrection | None,
-    refused: str,
-    errors: SensorErrors,
-) -> _Method:
-    raw, corrected = methods[0], methods[-1]
-    if correction is None or corrected is raw or refused or wanted == RAW:
-        return raw
-    if wanted == CORRECTED:
-        return corrected
-    gain = corrected.covariance[1, 1] / raw.covariance[1, 1]
-    # Where both are about as good the raw one is kept: everyone can check it.
-    shows = _shows(correction, errors.axial_interference_nt * 1e-9)
-    return corrected if gain < _CLEARLY_BETTER or (gain < 1.0 and shows) else raw
-
-
-def _shows(correction: magnetics.AxialCorrection, expected: float) -> bool:
-    """Whether there is more axial interference than expected, T, with the estimate's sigma."""
-    sigma = math.hypot(expected, float(correction.sigma_interference))
-    return abs(float(correction.interference)) > _SIGNIFICANT * sigma
 
 
 def _north(reference: Reference | None, wanted: str, findings: _Findings, has_field: bool) -> tuple[str, float]:
@@ -503,7 +401,7 @@ def _judge_interference(
     expected_nt = settings.errors.axial_interference_nt
     if correction is None:
         return
-    if not (corrected or _shows(correction, expected_nt * 1e-9)):
+    if not (corrected or magnetic_choice.shows(correction, expected_nt * 1e-9)):
         return
     nt, sigma_nt = float(correction.interference) * 1e9, float(correction.sigma_interference) * 1e9
     text = f"axial interference {nt:+.0f} +- {sigma_nt:.0f} nT"
@@ -529,105 +427,6 @@ def _judge_hidden(findings: _Findings, slope: float, hidden: bool) -> tuple[str,
     )
     findings.add(DOUBTFUL, text)
     return (text,)
-
-
-def deviation_covariance(
-    f_t: ArrayLike, b_t: ArrayLike, reference: Reference | None, covariance_s: ArrayLike, axial_sigma: float
-) -> Array:
-    """
-    Covariance of the totals against the reference, shape (3, 3): of (total gravity, total field, dip).
-
-    Parameters
-    ----------
-    f_t, b_t : array_like, shape (3,)
-        m/s^2 and T.
-    reference : Reference or None
-        Adds its own sigmas.
-    covariance_s : array_like, shape (6, 6)
-        Of (f_t, b_t).
-    axial_sigma : float
-        Axial interference expected, T.
-    """
-    f_t, b_t = np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float)
-    cov = np.array(covariance_s, dtype=float)
-    cov[3, 3] += axial_sigma**2
-    jacobian = totals_jacobian(f_t, b_t)
-    total = jacobian @ cov @ jacobian.T
-    if reference is not None:
-        total += np.diag([reference.sigma_gravity**2, reference.sigma_total**2, reference.sigma_dip**2])
-    return np.asarray(total)
-
-
-def totals_jacobian(f_t: ArrayLike, b_t: ArrayLike) -> Array:
-    """
-    Derivatives of (total gravity, total field, dip) by (f_t, b_t).
-
-    f_t, b_t, shape (3,), m/s^2 and T, not parallel. Returns shape (3, 6).
-    """
-    f_t, b_t = np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float)
-    g, b = np.linalg.norm(f_t), np.linalg.norm(b_t)
-    up, along = f_t / g, b_t / b
-    sine = -float(up @ along)
-    cosine = math.sqrt(max(1.0 - sine * sine, 1e-12))
-    jacobian = np.zeros((3, 6))
-    jacobian[0, :3], jacobian[1, 3:] = up, along
-    jacobian[2, :3] = -(along + sine * up) / (g * cosine)
-    jacobian[2, 3:] = -(up + sine * along) / (b * cosine)
-    return jacobian
-
-
-def _deviations(
-    f_h: Array,
-    b_h: Array,
-    reference: Reference | None,
-    covariance_s: Array,
-    errors: SensorErrors,
-    interference: float,
-    has_field: bool,
-) -> Deviations:
-    g_total = float(np.linalg.norm(f_h))
-    delta_g = math.nan
-    if reference is not None and reference.gravity is not None:
-        delta_g = g_total - reference.gravity
-    elif abs(g_total - STANDARD_GRAVITY) > _GRAVITY_RANGE:
-        # Gravity is not known here, but nowhere on Earth is it that.
-        delta_g = g_total - STANDARD_GRAVITY
-    b_earth = b_h - np.array([interference, 0.0, 0.0])
-    covariance = deviation_covariance(
-        f_h,
-        b_earth if has_field else np.array([1e-5, 2e-5, 3e-5]),
-        reference,
-        covariance_s,
-        errors.axial_interference_nt * 1e-9,
-    )
-    if reference is None or reference.total is None or reference.dip is None or not has_field:
-        return Deviations(delta_g, math.nan, math.nan, covariance)
-    delta_b = float(np.linalg.norm(b_earth)) - reference.total
-    return Deviations(delta_g, delta_b, float(magnetics.dip(f_h, b_earth)) - reference.dip, covariance)
-
-
-def _gross_faults(g_total: float, b_total: float, dip: float, reference: Reference | None) -> list[str]:
-    """What a wrong unit, a dead sensor or a flipped sign looks like, in words."""
-    texts = []
-    if not 9.0 < g_total < 10.6:
-        hint = ": a reading in g?" if 0.9 < g_total < 1.1 else ""
-        texts.append(f"total gravity {g_total:.4g} m/s^2 is not the Earth's{hint}")
-    if math.isfinite(b_total) and not 1.5e-5 < b_total < 1e-4:
-        units = ((1e-9, "nT"), (1e-6, "uT"), (1e-4, "G"))
-        hint = next((f": a reading in {unit}?" for factor, unit in units if 2e-5 < b_total * factor < 7e-5), "")
-        size = f"{b_total:.4g} T" if hint else f"{b_total * 1e9:.0f} nT"
-        texts.append(f"total field {size} is not the Earth's{hint}")
-    if (
-        reference is not None
-        and reference.dip is not None
-        and abs(reference.dip) > 0.2
-        and abs(dip + reference.dip) < 0.1
-    ):
-        texts.append(
-            f"dip {math.degrees(dip):.1f} deg has the opposite sign of the reference: accelerometers or magnetometers "
-            "are connected with a flipped sign"
-        )
-    return texts
 
 
 def _north_variance(reference: Reference | None, north: str, horizontal: float) -> float:

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation import fusion
+from mwd_estimation.magnetic_choice import CORRECTED
 from mwd_estimation.multistation import MSA, Multistation
 from mwd_estimation.north_seek import Solution
 from mwd_estimation.quality import ACCEPT, DOUBTFUL, worse
 from mwd_estimation.reference import Reference
-from mwd_estimation.station import CORRECTED, NO_AZIMUTH, MethodAzimuth, Station, StationSettings, station
+from mwd_estimation.station import NO_AZIMUTH, MethodAzimuth, Station, StationSettings, station
 from mwd_estimation.station_run import StationRun
 from mwd_estimation.still_survey import StillAverage
 from mwd_sensors.frames import magnetic_toolface, mat_nt, wrap_pi, wrap_tau

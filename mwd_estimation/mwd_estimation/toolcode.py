@@ -21,7 +21,8 @@ from numpy.typing import ArrayLike
 
 from mwd_estimation.reference import STANDARD_GRAVITY, Reference
 from mwd_estimation.sensor_errors import SensorErrors
-from mwd_estimation.station import StationSettings, deviation_covariance
+from mwd_estimation.station import StationSettings
+from mwd_estimation.station_deviations import deviation_covariance
 from mwd_sensors.frames import Array
 
 # Errors of depth and of the hole's course between stations are not the station's.

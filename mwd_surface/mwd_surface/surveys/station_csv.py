@@ -13,8 +13,9 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from mwd_estimation.magnetic_choice import CORRECTED, RAW
 from mwd_estimation.reference import Reference
-from mwd_estimation.station import CORRECTED, RAW, Station
+from mwd_estimation.station import Station
 
 COLUMNS = (
     "md_m",

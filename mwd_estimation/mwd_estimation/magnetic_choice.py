@@ -1,0 +1,137 @@
+"""
+The magnetic azimuths of one station, raw and freed of axial interference: how far each errs, and which to take.
+
+What a station shows of the string's own field decides how far its raw azimuth is believed; what its attitude hides, how
+far any.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mwd_estimation import magnetics
+from mwd_sensors.frames import Array
+
+RAW, CORRECTED = "raw", "corrected"
+# An axial field this many times what is expected, with its own sigma, is no accident.
+_SIGNIFICANT = 2.0
+# Variance of the corrected over the raw azimuth from which on the correction needs no sign of interference.
+_CLEARLY_BETTER = 0.5
+# An attitude that leaves unseen as much interference as would turn the azimuth by this many of its sigmas hides it.
+_HIDES = 2.0
+
+
+@dataclass(frozen=True)
+class Method:
+    """Magnetic azimuth of one method, rad, and covariance (3, 3) of (inclination, it, toolface) by the sensors."""
+
+    name: str
+    azimuth: float
+    covariance: Array
+
+
+def raw(
+    f_h: Array,
+    b_h: Array,
+    jacobian: Array,
+    covariance_s: Array,
+    expected: float,
+    plausible: float,
+    correction: magnetics.AxialCorrection | None,
+) -> Method:
+    """
+    The plain azimuth: axial interference is one of its errors, as expected or as it shows.
+
+    Parameters
+    ----------
+    f_h, b_h : ndarray, shape (3,)
+        Specific force, m/s^2, and field, T, in hole axes.
+    jacobian : ndarray, shape (3, 6)
+        Slopes of inclination, azimuth and toolface by them.
+    covariance_s : ndarray, shape (6, 6)
+        Of both, by the sensors.
+    expected, plausible : float
+        1 sigma of axial interference, T: of a sound string, and the most that is thought of.
+    correction : magnetics.AxialCorrection, optional
+        What the station shows of it.
+    """
+    variance = expected**2
+    if correction is not None:
+        variance = shown_variance(correction, variance, plausible**2)
+    covariance = covariance_s.copy()
+    covariance[3, 3] += variance
+    return Method(RAW, float(magnetics.raw_azimuth(f_h, b_h)), jacobian @ covariance @ jacobian.T)
+
+
+def shown_variance(correction: magnetics.AxialCorrection, expected: float, plausible: float) -> float:
+    """
+    Mean square axial interference, T^2, given what the correction shows of it.
+
+    expected, plausible: variances, T^2. The string is as expected, or something is wrong with it and the scale of its
+    interference lies anywhere up to the plausible; the estimate and its sigma decide between the scales.
+    """
+    shown, noise = float(correction.interference), float(correction.sigma_interference) ** 2
+    if not math.isfinite(shown + noise) or plausible <= expected:
+        return expected
+    floor = max(expected, 1e-4 * plausible)
+    scales = floor * (plausible / floor) ** np.linspace(0.0, 1.0, 5)
+    misfit = shown**2 / (scales + noise)
+    evidence = np.exp(-0.5 * (misfit - misfit.min())) / np.sqrt(scales + noise)
+    share = scales / (scales + noise)
+    square = (share * shown) ** 2 + share * noise
+    # The expected counts in full: what a reference off by its sigma shows by chance is no news of the string.
+    square[0] = expected
+    return max(float(evidence @ square / evidence.sum()), expected)
+
+
+def hidden(
+    correction: magnetics.AxialCorrection, jacobian: Array, covariance_s: Array, expected: float, plausible: float
+) -> bool:
+    """Whether interference that this attitude does not show could turn the azimuth far beyond its sigma; as `raw`."""
+    unseen = plausible * float(correction.sigma_interference) / math.hypot(plausible, correction.sigma_interference)
+    covariance = covariance_s.copy()
+    covariance[3, 3] += expected**2
+    sigma = math.sqrt(float(jacobian[1] @ covariance @ jacobian[1]))
+    return bool(abs(jacobian[1, 3]) * unseen > _HIDES * sigma)
+
+
+def corrected(correction: magnetics.AxialCorrection, jacobian: Array, covariance_s: Array) -> Method:
+    """The corrected azimuth: with inclination and toolface it shares the sensors' errors, not the reference's."""
+    slopes = jacobian.copy()
+    slopes[1] = correction.sensitivity
+    covariance = slopes @ covariance_s @ slopes.T
+    covariance[1, 1] = float(correction.sigma_azimuth) ** 2
+    return Method(CORRECTED, float(correction.azimuth), covariance)
+
+
+def choose(
+    wanted: str,
+    methods: list[Method],
+    correction: magnetics.AxialCorrection | None,
+    refused: str,
+    expected: float,
+) -> Method:
+    """
+    The azimuth that is the station's own.
+
+    wanted: auto, RAW or CORRECTED; methods: raw first; refused: why the corrected one must not be used; expected: as
+    `raw`.
+    """
+    plain, freed = methods[0], methods[-1]
+    if correction is None or freed is plain or refused or wanted == RAW:
+        return plain
+    if wanted == CORRECTED:
+        return freed
+    gain = freed.covariance[1, 1] / plain.covariance[1, 1]
+    # Where both are about as good the raw one is kept: everyone can check it.
+    better = gain < _CLEARLY_BETTER or (gain < 1.0 and shows(correction, expected))
+    return freed if better else plain
+
+
+def shows(correction: magnetics.AxialCorrection, expected: float) -> bool:
+    """Whether there is more axial interference than expected, T, with the estimate's sigma."""
+    sigma = math.hypot(expected, float(correction.sigma_interference))
+    return abs(float(correction.interference)) > _SIGNIFICANT * sigma
