@@ -159,6 +159,7 @@ class GyroStation:
         self.settings = settings
         self.params = None if latitude_deg is None else params_of(settings, latitude_deg, gravity)
         self.heard = False
+        self._refusal = ""
         self._gravity = gravity
         self._seek: north_methods.Seeker | None = None
         self._axis = math.nan
@@ -169,6 +170,17 @@ class GyroStation:
         self._rest: list[tuple[Stamps, Array]] = []
         # Time of the seek, s, at which it was asked what it waits for, and its answer.
         self._waited = (-math.inf, "")
+
+    def refuse(self, reason: str, forget: bool) -> None:
+        """
+        Give no azimuth from now on, with this reason; empty: as before.
+
+        forget : what the unit has told so far was wrong already, and what it tells meanwhile is not to be added.
+        """
+        self._refusal = reason
+        if forget:
+            self._seek = self._found = None
+            self._rest = []
 
     def add(self, imu: Bin, bin_s: float, settled: bool, still: bool, samples: tuple[Stamps, Array]) -> None:
         """
@@ -234,6 +246,8 @@ class GyroStation:
         """What was found so far, or in words why nothing is sought; None where there is no precision unit."""
         if not self.heard:
             return None
+        if self._refusal:
+            return self._refusal
         if self.params is None:
             return "the latitude is not known: set gyro.latitude_source, or a reference by place"
         if self._seek is None:
@@ -246,7 +260,7 @@ class GyroStation:
 
         An automatic survey that is taken before then has no gyro azimuth, or one that gets better by waiting.
         """
-        if not self.heard or self.params is None or self._seek is None:
+        if not self.heard or self.params is None or self._seek is None or self._refusal:
             return ""
         if abs(self.params.latitude_deg) > 85.0:
             return ""

@@ -158,10 +158,7 @@ class Pipeline:
         self._gravity_params = getattr(settings, settings.method)
         self._gravity = GuardedGravity(self.method, self._gravity_params)
         self._health = sensor_health.initial(settings.health)
-        gyro = settings.gyro
-        self._precision_health = PrecisionHealth(
-            PrecisionSettings(math.radians(gyro.range_dps), math.radians(gyro.bias_deg_h) / 3600.0)
-        )
+        self._precision_health = PrecisionHealth(PrecisionSettings(math.radians(settings.gyro.bias_deg_h) / 3600.0))
         self._faults = Record()
         self._unusable, self._misled = 0, False
         self._attitude = self._attitude_stream()

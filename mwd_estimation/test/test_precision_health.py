@@ -1,0 +1,173 @@
+"""Health of the precision unit: held against the conventional one, and what remains of the estimate without it."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mwd_estimation.gyro_station import GyroSettings
+from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline, ReferenceSettings
+from mwd_estimation.precision_health import PRECISION, PrecisionHealth, Settings
+from mwd_sensors import faults, scenario
+from mwd_sensors.faults import Fault
+from mwd_sensors.sonde import Sonde
+
+SCENARIO = Path(__file__).resolve().parents[2] / "bags" / "scenarios" / "bench" / "drillvib.yaml"
+BIN = 500_000_000
+START_S = 12.1
+SCHEDULES = {
+    "drilling": [{"kind": "drill", "seconds": 24.0, "rpm": 100.0, "rop_m_h": 0.0}],
+    "still": [{"kind": "still", "seconds": 60.0, "pumps": False}],
+}
+
+
+@functools.cache
+def sent(schedule):
+    changes = {"schedule": SCHEDULES[schedule], "precision": {"grade": "tactical_north"}, "faults": []}
+    sonde = Sonde(scenario.read(SCENARIO, changes))
+    blocks = list(sonde.blocks(10.0))
+    topics = ("imu/mag", "gyro/data_raw", "imu/data_raw", "truth")
+    return {topic: np.concatenate([block[topic] for block in blocks]) for topic in topics}, sonde
+
+
+def spoilt(schedule, component, word, axis="all", start_s=START_S):
+    streams, _ = sent(schedule)
+    samples = streams["gyro/data_raw"]
+    state = faults.start([Fault(component, word, axis, start_s=start_s)], np.random.default_rng(1))
+    t = (samples["stamp_ns"] - streams["truth"]["stamp_ns"][0]) * 1e-9
+    return {**streams, "gyro/data_raw": faults.spoil(state, "gyro/data_raw", samples, t)[0]}
+
+
+def judged(streams, still=False):
+    """Changes, with the seconds after which they were known, and whether the unit was ever in doubt."""
+    health = PrecisionHealth(Settings(np.radians(5.0) / 3600.0))
+    imu, fine = streams["imu/data_raw"], streams["gyro/data_raw"]
+    values = np.hstack([fine["angular_velocity"], fine["linear_acceleration"]])
+    begin = int(imu["stamp_ns"][0])
+    changes, doubts = [], 0
+    for k in range(begin // BIN + 1, int(imu["stamp_ns"][-1]) // BIN):
+        a, b = np.searchsorted(imu["stamp_ns"], [k * BIN, (k + 1) * BIN])
+        c, d = np.searchsorted(fine["stamp_ns"], [k * BIN, (k + 1) * BIN])
+        fresh = slice(a + 1, b + 1)
+        health.beside(imu["stamp_ns"][fresh], imu["angular_velocity"][fresh], imu["linear_acceleration"][fresh])
+        found = health.judge((k + 1) * BIN, still, (fine["stamp_ns"][c:d].copy(), values[c:d]))
+        changes += [(((k + 1) * BIN - begin) * 1e-9, one) for one in found]
+        doubts += health.suspect
+    return changes, doubts, health
+
+
+@pytest.mark.parametrize("schedule", SCHEDULES)
+def test_a_healthy_unit_is_left_in_peace(schedule):
+    changes, doubts, health = judged(sent(schedule)[0], schedule == "still")
+    assert (changes, doubts, health.refusal) == ([], 0, "")
+
+
+@pytest.mark.parametrize(
+    ("schedule", "component", "word", "axis", "kind", "named"),
+    [
+        ("drilling", "precision_gyro", "stuck", "y", "stuck", "y"),
+        ("drilling", "precision_gyro", "off", "all", "dead", "all"),
+        ("drilling", "precision_gyro", "nan", "all", "invalid", "x/y/z"),
+        ("drilling", "precision_gyro", "saturated", "y", "saturated", "y"),
+        ("drilling", "precision_gyro", "in_deg_s", "all", "unit", "all"),
+        ("drilling", "precision_gyro", "swapped", "xy", "swapped", "xy"),
+        ("drilling", "precision_gyro", "swapped", "yz", "swapped", "yz"),
+        ("drilling", "precision_gyro", "flipped", "x", "flipped", "x"),
+        ("drilling", "precision_gyro", "flipped", "z", "flipped", "z"),
+        ("drilling", "precision_gyro", "turned", "x", "frame", "yz"),
+        ("drilling", "precision_gyro", "repeated_stamps", "all", "stamps", ""),
+        ("drilling", "precision_accel", "in_g", "all", "unit", "all"),
+        ("drilling", "precision_accel", "swapped", "xz", "swapped", "xz"),
+        ("drilling", "precision_accel", "flipped", "all", "flipped", "all"),
+        ("still", "precision_gyro", "off", "all", "dead", "all"),
+        ("still", "precision_gyro", "stuck", "z", "stuck", "z"),
+        ("still", "precision_gyro", "in_deg_s", "all", "unit", "y/z"),
+        ("still", "precision_accel", "swapped", "xy", "swapped", "xy"),
+        ("still", "precision_accel", "flipped", "x", "flipped", "x"),
+        ("still", "precision_accel", "in_g", "all", "unit", "all"),
+    ],
+)
+def test_a_fault_is_named_within_ten_seconds(schedule, component, word, axis, kind, named):
+    changes, _, health = judged(spoilt(schedule, component, word, axis), schedule == "still")
+    after, first = changes[0]
+    assert START_S < after <= START_S + 10.0
+    assert (first.kind, first.axis) == (kind, named)
+    assert "precision" in first.sensor
+    assert first.unusable == PRECISION
+    assert first.remedy
+    assert health.refusal
+
+
+def test_a_unit_that_falls_silent_is_named_and_one_that_was_never_heard_is_not():
+    streams = sent("drilling")[0]
+    fine = streams["gyro/data_raw"]
+    part = fine[fine["stamp_ns"] < fine["stamp_ns"][0] + 10 * 10**9]
+    changes, _, health = judged({**streams, "gyro/data_raw": part})
+    assert [(one.kind, one.sensor) for _, one in changes] == [("absent", "precision unit")]
+    assert "silent" in health.refusal
+    assert judged({**streams, "gyro/data_raw": fine[:0]})[0] == []
+
+
+def test_a_fault_that_has_gone_is_cleared():
+    streams = sent("drilling")[0]
+    fine = streams["gyro/data_raw"].copy()
+    t = (fine["stamp_ns"] - fine["stamp_ns"][0]) * 1e-9
+    fine["angular_velocity"][(t > 6.0) & (t < 12.0), 1] *= -1.0
+    changes, _, health = judged({**streams, "gyro/data_raw": fine})
+    assert [(one.kind, bool(one.cleared_ns)) for _, one in changes] == [("flipped", False), ("flipped", True)]
+    assert 12.0 < changes[1][0] < 16.0
+    assert health.refusal == ""
+
+
+def estimated(streams, cut=10**9):
+    _, sonde = sent("still")
+    field = sonde.reference
+    settings = EstimatorSettings(
+        reference=ReferenceSettings(
+            source="fixed", total_nt=field.total * 1e9, dip_deg=np.degrees(field.dip), gravity_mps2=field.gravity,
+            declination_deg=np.degrees(field.declination),
+        ),
+        gyro=GyroSettings(latitude_source="fixed", latitude_deg=38.0),
+    )  # fmt: skip
+    pipeline, output = Pipeline(settings), Output.empty(0)
+    imu = streams["imu/data_raw"]
+    pipeline.push_mag(streams["imu/mag"])
+    pipeline.push_precision(streams["gyro/data_raw"])
+    for start in range(0, len(imu), cut):
+        output = output.joined(pipeline.push_imu(imu[start : start + cut]))
+    return output.joined(pipeline.finish()), pipeline
+
+
+def test_without_the_unit_the_gyro_azimuth_is_refused_in_words_and_the_magnetic_one_goes_on():
+    healthy, _ = estimated(sent("still")[0])
+    assert healthy.health == []
+    assert "precision" not in healthy.surveys[0].azimuth_reasons.get("gyro", "")
+    for component, word, axis, says in (
+        ("precision_gyro", "off", "all", "only zeros"),
+        ("precision_accel", "swapped", "xy", "x and y exchanged"),
+    ):
+        output, pipeline = estimated(spoilt("still", component, word, axis, 0.0))
+        (survey,) = output.surveys
+        assert says in survey.azimuth_reasons["gyro"]
+        assert survey.weights["gyro"] == 0.0
+        assert np.isfinite(survey.station.azimuth)
+        assert survey.station.verdict == healthy.surveys[0].station.verdict
+        assert any(one.unusable == PRECISION for one in pipeline.sensor_faults)
+
+
+def test_any_cut_gives_the_same_and_a_seek_that_was_asked_for_ends_with_the_reason():
+    streams = spoilt("still", "precision_gyro", "off", start_s=20.0)
+    whole, cut = estimated(streams)[0], estimated(streams, 37)[0]
+    assert cut.attitude.tobytes() == whole.attitude.tobytes()
+    assert cut.health == whole.health
+    assert [s.uuid for s in cut.surveys] == [s.uuid for s in whole.surveys]
+    _, pipeline = estimated({name: samples[:500] for name, samples in streams.items()})
+    pipeline.request_north(60.0)
+    pipeline.push_mag(streams["imu/mag"][500:])
+    pipeline.push_precision(streams["gyro/data_raw"][500:])
+    (ended,) = pipeline.push_imu(streams["imu/data_raw"][500:]).north
+    assert not ended.success
+    assert "only zeros" in ended.reason
