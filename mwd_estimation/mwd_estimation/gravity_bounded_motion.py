@@ -80,6 +80,7 @@ NEVER = 1e30  # gate that nothing passes
 NEAR_LEAST, NEAR_MOST = 0.3, 12.0  # s, limits of the filter's own time, over which its innovations are summed
 NEAR_AGE = 0.15  # the most of it per time since the start, which had more to find out than what is steady
 SCALE_TIME = 8.0  # s, memory of the power of that sum, and twice the filter's own time more
+HEAVE = 0.015  # m^2, swing along the hole of a string that heaves
 DOWN_TIME, DOWN_FROM = 3.0, 0.3  # s; power of the vertical innovations that noises with reserve leave room for
 SCALE_YOUNG, SCALE_AGE = 2.0, 0.25  # s and share: after a start it is no longer than these allow
 BIAS_SHARE = 0.2  # of the variance of a cross-axis bias that cannot be learnt: the first one has reserve
@@ -310,6 +311,9 @@ def follow_innovations(
     # Tilt is disturbed by what the updates put into it. Summed over the time in which the tilt's variance grows by half
     # of itself they have that variance if all is white as assumed, and are the error itself if it is vibration.
     near = (P[TILT, TILT] + P[TILT + 1, TILT + 1]) * T / turn
+    # Heave along the hole slows the filter beyond the longest sum; what is summed then is between the two.
+    heaves = st[SWING_X] > max(HEAVE, 4.0 * st[SWING_C])
+    colour = math.pow(NEAR_MOST / max(near, NEAR_MOST), 1.0 / 3.0) if heaves else 1.0
     near = min(max(near, NEAR_LEAST), NEAR_LEAST + NEAR_AGE * st[SETTLED], NEAR_MOST)
     share = min(1.0, T / near)
     st[NEAR_LEAN] += share * (i0 - st[NEAR_LEAN])
@@ -319,7 +323,7 @@ def follow_innovations(
         # An acceleration along the hole is the tilt that inclination sees, one across it the tilt of the toolface.
         ax, ay = C[0, 0], C[1, 0]
         across2 = max(ax * ax + ay * ay, 1e-9)
-        along = 2.0 / share * (ax * st[NEAR_LEAN] + ay * st[NEAR_LEAN + 1]) ** 2 / across2
+        along = colour * 2.0 / share * (ax * st[NEAR_LEAN] + ay * st[NEAR_LEAN + 1]) ** 2 / across2
         across = 2.0 / share * (ay * st[NEAR_LEAN] - ax * st[NEAR_LEAN + 1]) ** 2 / across2
         share = T / min(SCALE_TIME + 2.0 * near, SCALE_YOUNG + SCALE_AGE * st[SETTLED])
         st[SCALE_ALONG] += share * (along - st[SCALE_ALONG])

@@ -217,3 +217,20 @@ def test_a_scale_learnt_after_a_start_forgets_the_start_in_its_own_time():
         i0, i1 = (1.0 if i < 75 else 0.18) * rng.standard_normal(2)
         follow.follow_innovations(K, P, st, np.eye(3), 0.04, 1e-7, i0, i1, 0.0, 1.0)
     assert 0.01 < st[follow.SCALE_ALONG] < 0.1
+
+
+def test_heave_along_the_hole_that_slows_the_filter_counts_for_less_than_if_it_were_white():
+    scales = []
+    for swing in (0.0, 0.06):
+        rng = np.random.default_rng(7)
+        _, P, st = blank()
+        # Tilt that answers within 80 s: beyond the longest sum.
+        P[:2, :2] = 1e-4 * np.eye(2)
+        st[follow.SWING_X] = swing
+        for _ in range(5000):
+            i0, i1 = rng.standard_normal(2)
+            follow.follow_innovations(K, P, st, np.eye(3), 0.04, 1e-7, i0, i1, 0.0, 1.0)
+        scales.append((st[follow.SCALE_ALONG], st[follow.SCALE_ACROSS]))
+    white, heaving = scales
+    assert heaving[0] == pytest.approx(white[0] * (follow.NEAR_MOST / 80.0) ** (1.0 / 3.0))
+    assert heaving[1] == white[1]
