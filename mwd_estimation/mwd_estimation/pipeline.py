@@ -24,6 +24,7 @@ from mwd_estimation import (
     dynamics_summary,
     gravity,
     sensor_health,
+    spike_gate,
     survey,
 )
 from mwd_estimation.attitude_stream import AttitudeStream, Block, Mark
@@ -122,6 +123,7 @@ class Counters:
     precision: int = 0
     rejected: int = 0
     late_mag: int = 0
+    spikes: int = 0
     set_back: int = 0
 
 
@@ -158,6 +160,7 @@ class Pipeline:
         self._gravity_params = getattr(settings, settings.method)
         self._gravity = GuardedGravity(self.method, self._gravity_params)
         self._health = sensor_health.initial(settings.health)
+        self._spikes = spike_gate.initial()
         self._precision_health = PrecisionHealth(PrecisionSettings(math.radians(settings.gyro.bias_deg_h) / 3600.0))
         self._faults = Record()
         self._unusable, self._misled = 0, False
@@ -298,6 +301,9 @@ class Pipeline:
         usable = (np.abs(b_t) < _STRONGEST).all(axis=1)
         stamps, b_t = np.ascontiguousarray(stamps[usable]), np.ascontiguousarray(b_t[usable])
         self.counters.rejected += int(len(usable) - len(stamps))
+        sound = spike_gate.run(self._spikes, stamps, b_t)
+        self.counters.spikes += int(len(sound) - np.count_nonzero(sound))
+        stamps, b_t = stamps[sound], b_t[sound]
         self.counters.late_mag += int((stamps <= self._last_imu_ns - self._lag_ns).sum())
         self._keep("mag", self._binners["mag"].add(stamps, b_t))
         self._attitude.take_mag(stamps, b_t)

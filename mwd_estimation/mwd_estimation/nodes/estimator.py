@@ -291,7 +291,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
                     "publish both in one frame",
                 )
             )
-        dropped = counters.rejected + counters.late_mag + self._unreadable
+        dropped = counters.rejected + counters.late_mag + counters.spikes + self._unreadable
         found.append(
             Finding(
                 "samples",
@@ -301,6 +301,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
                 (
                     ("rejected", str(counters.rejected)),
                     ("late magnetic", str(counters.late_mag)),
+                    ("magnetic spikes", str(counters.spikes)),
                     ("unreadable", str(self._unreadable)),
                     ("time went back", str(counters.set_back)),
                 ),

@@ -193,7 +193,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, folder: Path, elapsed:
     if summary.surveys:
         show_surveys(console, [(survey.station, depth) for survey, depth in summary.surveys])
         # Where the hole comes from to the first of them a recording does not say.
-        for record in summary.listed.records[1:]:
+        for record in summary.listed.records[1:] if summary.topics.rig is not None else ():
             for flag in record.flags:
                 terminal.warn(f"survey {record.survey.sequence}: {flag}")
     else:

@@ -341,6 +341,10 @@ def _estimate(
             f"{summary.rejected} of {summary.rows} IMU samples were refused: times that do not advance, or values that "
             "are not finite or beyond reason"
         )
+    if pipeline.counters.spikes:
+        summary.warnings.append(
+            f"{pipeline.counters.spikes} magnetic samples jumped away from those around them: not used"
+        )
     if pipeline.counters.late_mag:
         summary.warnings.append(
             f"{pipeline.counters.late_mag} magnetic samples came later than azimuth.mag_lag_s allows: raise it"
