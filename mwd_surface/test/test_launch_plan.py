@@ -1,6 +1,9 @@
 """What `mwd run` starts: arguments ROS understands, and nothing two runs could share by accident."""
 
+import os
 import socket
+import sys
+import types
 from pathlib import Path
 
 import pytest
@@ -10,6 +13,7 @@ from mwd_estimation.pipeline import EstimatorSettings, reference_of
 from mwd_sensors import settings
 from mwd_sensors.scenario import parse
 from mwd_sensors.sonde import Sonde
+from mwd_surface.commands.node import node_main
 from mwd_surface.runs import launch_plan
 
 
@@ -106,3 +110,13 @@ def test_nodes_are_heard_on_this_machine_only_unless_told_otherwise(tmp_path):
     own = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "FASTRTPS_DEFAULT_PROFILES_FILE": "mine.xml"}
     told = launch_plan.graph_environment(own, 5, tmp_path)
     assert {name: told[name] for name in own} == own
+
+
+def test_a_node_started_alone_has_the_same_middleware_unless_it_is_told_another(monkeypatch):
+    monkeypatch.setitem(sys.modules, "some_node", types.SimpleNamespace(main=int))
+    monkeypatch.setenv(launch_plan.PROFILES, "mine.xml")
+    assert node_main("some_node") is int
+    assert os.environ[launch_plan.PROFILES] == "mine.xml"
+    monkeypatch.delenv(launch_plan.PROFILES)
+    node_main("some_node")
+    assert os.environ[launch_plan.PROFILES] == str(launch_plan.MIDDLEWARE)

@@ -46,7 +46,7 @@ def node(context: typer.Context, name: Node) -> None:
 
 def node_main(module: str) -> Callable[[Sequence[str]], int]:
     """
-    The main function of a node.
+    The main function of a node; its middleware is set up for streams unless somebody set it up already.
 
     Raises
     ------
@@ -54,7 +54,11 @@ def node_main(module: str) -> Callable[[Sequence[str]], int]:
         ROS is not installed for this Python.
     """
     import importlib
+    import os
 
+    from mwd_surface.runs.launch_plan import MIDDLEWARE, PROFILES
+
+    os.environ.setdefault(PROFILES, str(MIDDLEWARE))
     try:
         main: Callable[[Sequence[str]], int] = importlib.import_module(module).main
     except ModuleNotFoundError as error:

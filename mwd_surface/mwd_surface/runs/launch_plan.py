@@ -23,6 +23,7 @@ from mwd_sensors.scenario import Scenario, parse_date
 FIRST_PORT = 8080
 # How the middleware is set up for streams; a profile of the caller's own comes first.
 MIDDLEWARE = Path(__file__).with_name("fastdds.xml")
+PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 # Interfaces to the rig: their usual port, and the package they need.
 _RIG_PORTS = {"wits0_server": (8686, ""), "opcua": (4840, "asyncua"), "modbus": (5020, "pymodbus")}
 _RIG_WORDS = {
@@ -174,7 +175,7 @@ def graph_environment(environment: Mapping[str, str], domain: int, log_folder: P
     return {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "AMENT_PREFIX_PATH": sys.prefix,
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(MIDDLEWARE),
+        PROFILES: str(MIDDLEWARE),
         "RCUTILS_COLORIZED_OUTPUT": "0",
         "PYTHONUNBUFFERED": "1",
         **environment,
