@@ -42,6 +42,9 @@ _CONTRADICTED = 4.0
 # After a disturbed sample the field has to be in order for so long before it is believed again: on the way out of a
 # casing it passes through values that a steel string could explain.
 _SETTLED_NS = 3_000_000_000
+# Steel that was seen a moment ago still turns the azimuth by what its field may have across the two directions that are
+# checked, T, and goes on to for about so long.
+_STEEL, _STEEL_NS = 300e-9, 60_000_000_000
 # With a vertical less certain than this a magnetic sample says nothing of the tool's own field, rad.
 _LEVEL = 0.1
 
@@ -371,7 +374,8 @@ class AttitudeStream:
         afresh[0] |= self._withdrawn
         self._withdrawn = False
         white = np.full(n, _MAG_NOISE / state.field[0])
-        held = np.sqrt(np.maximum(learnt.sigma_azimuth**2 - learnt.sigma_own**2 - white**2, 0.0))
+        near = _STEEL / state.field[0] * np.exp(-(pairs.stamp_ns - bad) / _STEEL_NS)
+        held = np.sqrt(np.maximum(learnt.sigma_azimuth**2 - learnt.sigma_own**2 - white**2, 0.0) + near**2)
         return _Magnetic(
             pairs.place + start,
             pairs.stamp_ns,
