@@ -1,18 +1,20 @@
 """
-Sensor health: alarms on healthy tools, and how long each fault takes to be named, as Markdown.
+Sensor health: alarms on healthy tools, and how long each fault takes to be doubted and named, as Markdown.
 
     nice -n 10 python tests/bench_health.py
 
 Healthy: every scenario of the project (its first four minutes, without its own faults), with and without a reference
 field, and the BROAD recordings if they lie beside the repository. Faults: each word of the simulator on each sensor,
-from three moments within a window of three seconds; the slowest counts. "-": never named in 30 s, because that motion
+from two moments within a window of three seconds; the slower counts. "-": never named in 30 s, because that motion
 does not show it (or hides it); a sensor named wrongly is an error and shown as such.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation import sensor_health as health
-from mwd_sensors import faults, scenario
+from mwd_estimation.health_samples import BIN_NS
+from mwd_estimation.health_words import Finding
+from mwd_estimation.precision_health import PrecisionHealth, Settings
+from mwd_sensors import faults, scenario, wire
 from mwd_sensors.faults import Fault
 from mwd_sensors.sonde import Sonde
 
@@ -28,8 +33,12 @@ ROOT = Path(__file__).resolve().parents[1]
 SCENARIOS = ROOT / "bags" / "scenarios"
 BROAD = ROOT.parent / "shared" / "data" / "broad"
 SECONDS = 240.0
-STARTS = (30.1, 31.1, 32.1)
-SENSOR = {"gyro": "gyro", "accel": "accelerometer", "mag": "magnetometer"}
+STARTS = (30.1, 31.6)
+SENSOR = {
+    "gyro": "gyro", "accel": "accelerometer", "mag": "magnetometer", "precision_gyro": "precision",
+    "precision_accel": "precision",
+}  # fmt: skip
+CONVENTIONAL = ("gyro", "accel", "mag")
 # What the clips of these two scenarios are: rotation beyond the gyro's range, which is no false alarm.
 CLIPPING = ("bench/gyroclip", "stick_slip_hell")
 STILL_THEN_DRILL = {
@@ -38,7 +47,9 @@ STILL_THEN_DRILL = {
         {"kind": "drill", "seconds": 40.0, "rpm": 100.0, "rop_m_h": 0.0},
     ]
 }
-CASES: tuple[tuple[str, str, dict[str, Any]], ...] = (
+PRECISION = {"precision": {"grade": "tactical_north"}}
+Cases = tuple[tuple[str, str, dict[str, Any]], ...]
+CASES: Cases = (
     ("build", "bench/build", {}),
     ("drillvib", "bench/drillvib", {}),
     ("stickslip", "bench/stickslip", {}),
@@ -46,21 +57,48 @@ CASES: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("offaxis", "bench/offaxis", {}),
     ("still, then drilling", "bench/drillvib", STILL_THEN_DRILL),
 )
+FINE_CASES: Cases = (
+    ("drillvib", "bench/drillvib", PRECISION),
+    ("stickslip", "bench/stickslip", PRECISION),
+    ("sliding", "sliding", PRECISION),
+    ("still", "bench/drillvib", {"schedule": [{"kind": "still", "seconds": 70.0, "pumps": False}], **PRECISION}),
+)
+# By the bits of what cannot be used.
+REMAINS = {
+    0: "everything",
+    1: "inclination, toolface by the accelerometer; magnetic azimuth",
+    2: "nothing of attitude; surveys are rejected",
+    4: "inclination, toolface; azimuth if gyros carry it",
+    6: "nothing of attitude; surveys are rejected",
+    8: "everything but the gyro azimuth",
+}
 FAULTS = (
-    *((c, "stuck", a) for c in SENSOR for a in ("x", "z", "all")),
-    *((c, "nan", "all") for c in SENSOR),
+    *((c, "stuck", a) for c in CONVENTIONAL for a in ("x", "z", "all")),
+    *((c, "nan", "all") for c in CONVENTIONAL),
     ("gyro", "off", "all"),
     ("mag", "off", "all"),
     ("accel", "saturated", "y"),
     ("accel", "in_g", "all"),
     ("gyro", "in_deg_s", "all"),
     *(("mag", unit, "all") for unit in ("in_ut", "in_mt", "in_gauss", "in_nt")),
-    *((c, "swapped", a) for c in SENSOR for a in ("xy", "yz", "xz")),
-    *((c, "flipped", a) for c in SENSOR for a in ("x", "y", "z", "all")),
+    *((c, "swapped", a) for c in CONVENTIONAL for a in ("xy", "yz", "xz")),
+    *((c, "flipped", a) for c in CONVENTIONAL for a in ("x", "y", "z", "all")),
     *(("mag", "turned", a) for a in "xyz"),
     ("gyro", "slow", "all"),
     ("gyro", "repeated_stamps", "all"),
 )
+FINE_FAULTS = (
+    *(("precision_gyro", word, a) for word, a in (
+        ("stuck", "y"), ("stuck", "all"), ("off", "all"), ("nan", "all"), ("saturated", "y"), ("in_deg_s", "all"),
+        ("swapped", "xy"), ("swapped", "yz"), ("swapped", "xz"), ("flipped", "x"), ("flipped", "y"), ("flipped", "z"),
+        ("flipped", "all"), ("turned", "x"), ("repeated_stamps", "all"),
+    )),
+    *(("precision_accel", word, a) for word, a in (
+        ("stuck", "x"), ("stuck", "all"), ("in_g", "all"), ("swapped", "xy"), ("swapped", "yz"), ("flipped", "x"),
+        ("flipped", "all"), ("turned", "x"),
+    )),
+)  # fmt: skip
+TOPICS = ("imu/data_raw", "imu/mag", "gyro/data_raw")
 Streams = dict[str, NDArray[np.void]]
 
 
@@ -82,7 +120,7 @@ def sent(name: str, changes: dict[str, Any], seconds: float) -> Run:
             break
     field = sonde.reference
     return Run(
-        {topic: np.concatenate([block[topic] for block in blocks]) for topic in ("imu/data_raw", "imu/mag")},
+        {topic: np.concatenate([block[topic] for block in blocks]) for topic in TOPICS},
         (field.gravity, field.total, field.dip),
     )
 
@@ -100,29 +138,77 @@ def judged(streams: Streams, reference: tuple[float | None, ...]) -> tuple[healt
     return step, (time.process_time() - begun) * 1e9 / len(imu)
 
 
+@dataclasses.dataclass
+class Watched:
+    """What was said of a run: changes and the seconds after which, and the seconds from which on there was doubt."""
+
+    changes: list[tuple[float, Finding]]
+    doubts: NDArray[np.float64]
+
+
+def watched(streams: Streams, reference: tuple[float | None, ...]) -> Watched:
+    """The conventional unit and the magnetometer over a run."""
+    step, _ = judged(streams, reference)
+    t = (streams["imu/data_raw"]["stamp_ns"] - streams["imu/data_raw"]["stamp_ns"][0]) * 1e-9
+    return Watched([(t[at], one) for one, at in zip(step.changes, step.places, strict=True)], t[step.suspect > 0])
+
+
+def fine_watched(streams: Streams, _: tuple[float | None, ...]) -> Watched:
+    """The precision unit over a run, bin by bin as the estimator does it."""
+    health_of = PrecisionHealth(Settings(math.radians(5.0) / 3600.0))
+    imu, fine = streams["imu/data_raw"], streams["gyro/data_raw"]
+    beside = np.hstack([imu["angular_velocity"], imu["linear_acceleration"]])
+    values = np.hstack([fine["angular_velocity"], fine["linear_acceleration"]])
+    begin, found = int(imu["stamp_ns"][0]), Watched([], np.zeros(0))
+    for k in range(begin // BIN_NS + 1, int(imu["stamp_ns"][-1]) // BIN_NS):
+        a, b = np.searchsorted(imu["stamp_ns"], [k * BIN_NS, (k + 1) * BIN_NS])
+        c, d = np.searchsorted(fine["stamp_ns"], [k * BIN_NS, (k + 1) * BIN_NS])
+        if a == b:
+            continue
+        here = beside[a:b]
+        still = bool((np.abs(here[:, :3].mean(axis=0)) < 0.03).all() and here[:, 3:].std(axis=0).max() < 0.25)
+        health_of.beside(imu["stamp_ns"][a + 1 : b + 1], beside[a + 1 : b + 1, :3], beside[a + 1 : b + 1, 3:])
+        now = ((k + 1) * BIN_NS - begin) * 1e-9
+        said = health_of.judge((k + 1) * BIN_NS, still, (fine["stamp_ns"][c:d].copy(), values[c:d]))
+        found.changes += [(now, one) for one in said]
+        if health_of.suspect:
+            found.doubts = np.append(found.doubts, now)
+    return found
+
+
 def healthy() -> list[str]:
     """Table of alarms on healthy tools."""
-    rows, alarms, speeds = [], 0, []
+    rows, speeds, counts = [], [], {"scenarios": [0, 0, 0.0], "precision units": [0, 0, 0.0], "BROAD": [0, 0, 0.0]}
+
+    def count(kind: str, name: str, said: Watched, every: float) -> None:
+        false = [one for _, one in said.changes if not (name in CLIPPING and one.kind == "saturated")]
+        counts[kind][0] += 1
+        counts[kind][1] += len(false)
+        counts[kind][2] += every * len(said.doubts)
+        rows.extend(f"- `{name}`: {one.message}" for one in false)
+
     for path in sorted(SCENARIOS.rglob("*.yaml")):
         name = str(path.relative_to(SCENARIOS).with_suffix(""))
         run = sent(name, {}, SECONDS)
         for reference in (run.reference, (None, None, None)):
-            step, nanoseconds = judged(run.streams, reference)
-            speeds.append(nanoseconds)
-            false = [one for one in step.changes if not (name in CLIPPING and one.kind == "saturated")]
-            alarms += len(false)
-            rows += [f"- `{name}`: {one.message}" for one in false]
-    trials = sorted(BROAD.glob("*.npz"))
-    for file in trials:
+            speeds.append(judged(run.streams, reference)[1])
+            count("scenarios", name, watched(run.streams, reference), 0.01)
+        if len(run.streams["gyro/data_raw"]):
+            count("precision units", name, fine_watched(run.streams, run.reference), 0.5)
+    for file in sorted(BROAD.glob("*.npz")):
         data = np.load(file)
         stamps = np.round(np.arange(len(data["gyr"])) * 1e9 / float(data["fs"])).astype(np.int64)
-        state = health.initial(health.Params())
-        health.push_mag(state, stamps, data["mag"].astype(float) * 1e-6)
-        step = health.run(health.Params(), state, stamps, data["gyr"].astype(float), data["acc"].astype(float))
-        alarms += len(step.changes)
-        rows += [f"- `{file.stem}`: {one.message}" for one in step.changes]
+        imu, mag = wire.IMU.empty(len(stamps)), wire.MAG.empty(len(stamps))
+        imu["stamp_ns"] = mag["stamp_ns"] = stamps
+        imu["angular_velocity"], imu["linear_acceleration"] = data["gyr"], data["acc"]
+        mag["magnetic_field"] = data["mag"] * 1e-6
+        said = watched({"imu/data_raw": imu, "imu/mag": mag}, (None, None, None))
+        count("BROAD", file.stem, said, 1.0 / float(data["fs"]))
     return [
-        f"Healthy tools: {alarms} false alarms in {len(speeds)} runs of scenarios and {len(trials)} BROAD recordings.",
+        "| healthy | runs | false alarms | in doubt, s |",
+        "|---|---|---|---|",
+        *(f"| {kind} | {runs} | {alarms} | {seconds:.1f} |" for kind, (runs, alarms, seconds) in counts.items()),
+        "",
         f"{np.median(speeds):.0f} ns a sample (median of the runs, 100 Hz).",
         "",
         *rows,
@@ -139,33 +225,46 @@ def spoilt(run: Run, fault: Fault) -> Streams:
     return {**run.streams, topic: faults.spoil(state, topic, samples, t)[0]}
 
 
-def named_after(run: Run, component: str, word: str, axis: str) -> str:
-    """Seconds from the fault to its name, the slowest of three; who else was named."""
-    slowest = 0.0
-    for start in STARTS:
-        streams = spoilt(run, Fault(component, word, axis, start_s=start))
-        step, _ = judged(streams, run.reference)
-        stamps = streams["imu/data_raw"]["stamp_ns"]
-        wrong = [one for one in step.changes if SENSOR[component] not in one.sensor]
-        if wrong:
-            return f"wrong: {wrong[0].sensor}"
-        right = [at for one, at in zip(step.changes, step.places, strict=True) if not one.cleared_ns]
-        if not right:
-            return "-"
-        slowest = max(slowest, (stamps[right[0]] - stamps[0]) * 1e-9 - start)
-    return f"{slowest:.1f}"
+def row(runs: list[Run], component: str, word: str, axis: str, watch: Callable[..., Watched]) -> str:
+    """A fault's row: what it is named, by the motion how long it takes to be doubted and named, and what remains."""
+    cells, names, bits = [], [], 0
+    for run in runs:
+        doubted, named, wrong = 0.0, 0.0, ""
+        for start in STARTS:
+            said = watch(spoilt(run, Fault(component, word, axis, start_s=start)), run.reference)
+            right = [(at - start, one) for at, one in said.changes if not one.cleared_ns]
+            wrong = next((one.sensor for _, one in right if SENSOR[component] not in one.sensor), wrong)
+            if not right:
+                named = math.inf
+                break
+            later = said.doubts[said.doubts >= start]
+            first = float(later[0]) - start if len(later) else math.inf
+            doubted, named = max(doubted, min(first, right[0][0])), max(named, right[0][0])
+            names += [f"{one.kind} {one.axis}".strip() for _, one in right[:1]]
+            bits = bits or right[-1][1].unusable
+        cells.append(f"wrong: {wrong}" if wrong else "-" if named == math.inf else f"{doubted:.1f}, {named:.1f}")
+    name = max(names, key=names.count) if names else "-"
+    remains = REMAINS[bits] if names else ""
+    return f"| {component.replace('_', ' ')} {word} {axis} | {name} | " + " | ".join(cells) + f" | {remains} |"
+
+
+def table(cases: Cases, faulty: Sequence[tuple[str, str, str]], watch: Callable[..., Watched]) -> None:
+    """Print the faults of one unit."""
+    runs = [sent(name, changes, 62.0) for _, name, changes in cases]
+    print("| fault | named | " + " | ".join(title for title, *_ in cases) + " | what remains |")
+    print("|---|---|" + "---|" * len(cases) + "---|")
+    for component, word, axis in faulty:
+        print(row(runs, component, word, axis, watch), flush=True)
+    print()
 
 
 def main() -> None:
-    """Both tables."""
+    """All tables."""
     print("\n".join(healthy()))
-    runs = [sent(name, changes, 62.0) for _, name, changes in CASES]
-    print("Seconds from a fault to its name, the slowest of three moments:\n")
-    print("| fault | " + " | ".join(title for title, *_ in CASES) + " |")
-    print("|---|" + "---|" * len(CASES))
-    for component, word, axis in FAULTS:
-        cells = [named_after(run, component, word, axis) for run in runs]
-        print(f"| {SENSOR[component]} {word} {axis} | " + " | ".join(cells) + " |", flush=True)
+    print("Seconds from a fault until the sensor is in doubt, and until it is named; the slower of two moments.\n")
+    table(CASES, FAULTS, watched)
+    print("The precision unit, held against the conventional one:\n")
+    table(FINE_CASES, FINE_FAULTS, fine_watched)
 
 
 if __name__ == "__main__":

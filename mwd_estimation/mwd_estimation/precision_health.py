@@ -45,7 +45,7 @@ from mwd_estimation.health_evidence import (
     note,
     weigh,
 )
-from mwd_estimation.health_samples import BIN_NS
+from mwd_estimation.health_samples import BIN_NS, CONST, LAST
 from mwd_estimation.health_words import CABLE, Finding
 from mwd_estimation.north_ekf import EARTH_RATE
 from mwd_estimation.reference import STANDARD_GRAVITY
@@ -65,7 +65,7 @@ _NOT_OURS = [*range(STUCK + 6, STUCK + 9), *range(SATURATED + 6, SATURATED + 9),
 FIRST_CHECK = 100
 
 _WINDOW = 3  # bins
-_SILENT_BINS = 4
+_SILENT_BINS, _HELD_BINS = 4, 4
 # Of an axis: samples, those at its greatest value, its sum and square; and with each axis of the conventional unit,
 # cut to that greatest value as in SI and as in the other unit: product, that one's sum and square.
 _N, _AT_MOST, _SUM, _OWN, _WITH, _OTHER, _OTHER2, _UNIT = 0, 1, 2, 3, 4, 7, 10, 9
@@ -304,6 +304,12 @@ class PrecisionHealth:
         limits = np.full(3, math.inf)
         doubtful = health_samples.close_bin(began, self._channels, self._counts, self._notes, limits, 0.0, False)
         self._notes[_NOT_OURS, SEEN] = NOTHING
+        for k in range(3):
+            held = int(self._channels[k, CONST])
+            if held >= _HELD_BINS and not still and not self._channels[:3, CONST].all():
+                # Also where the x gyro is at the end of its range and cannot tell.
+                since = end_ns - held * BIN_NS
+                note(self._notes, STUCK + k, FOR, since, int(self._channels[k, LAST] == 0.0), 0, 0)
         self._sums = [*self._sums, sums][-_WINDOW:]
         self._whole = self._sums[0] if len(self._sums) == 1 else sum(self._sums[1:], self._sums[0])
         self._note_silence(began, len(stamps))
