@@ -91,6 +91,7 @@ from mwd_estimation.gravity_bounded_settings import (
     K_GYRO_RANGE,
     K_LEVER_0,
     K_RESERVE,
+    K_SAMPLED,
     K_SCALE_0,
     K_START,
     K_SWING_MEMORY,
@@ -417,12 +418,13 @@ def _sample(
     c = k[K_CONING] / 12.0 * dt * dt
     nx, ny, nz = c * (lwy * wz - lwz * wy), c * (lwz * wx - lwx * wz), c * (lwx * wy - lwy * wx)
     st[TURNING] += dt / (10.0 + dt) * (abs(wx) - st[TURNING])
-    if st[ALIAS] > 0.5 and dt > 0.0:
-        # Rates may still be means where forces are point samples; only a string that turns for long, whose speed may
-        # swing by tens of rad/s, has more to lose by the rectangle than by half a sample of delay.
-        if st[TURNING] > TURNING_FROM:
-            nx += 0.5 * (lwx - wx) * dt
+    aliased = st[ALIAS] > 0.5 and dt > 0.0
+    if aliased:
         bits |= _ALIASED
+    # Rates may still be means where forces are point samples; only a string that turns for long, whose speed may swing
+    # by tens of rad/s, has more to lose by the rectangle than by half a sample of delay.
+    if (aliased and st[TURNING] > TURNING_FROM) or (k[K_SAMPLED] > 0.5 and dt > 0.0):
+        nx += 0.5 * (lwx - wx) * dt
     # Roughness: spectral density of the forces at the top of the band, were they white.
     da = (fx - st[LAST_A]) ** 2 + (fy - st[LAST_A + 1]) ** 2 + (fz - st[LAST_A + 2]) ** 2
     st[LAST_A], st[LAST_A + 1], st[LAST_A + 2] = fx, fy, fz

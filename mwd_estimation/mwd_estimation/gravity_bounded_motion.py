@@ -85,6 +85,7 @@ DOWN_TIME, DOWN_FROM = 3.0, 0.3  # s; power of the vertical innovations that noi
 SCALE_YOUNG, SCALE_AGE = 2.0, 0.25  # s and share: after a start it is no longer than these allow
 BIAS_SHARE = 0.2  # of the variance of a cross-axis bias that cannot be learnt: the first one has reserve
 SQUARE_SHARE = 0.25  # of the variance of calibration that grows with the force: scale and squareness, not bias
+HOLE_ROOM = 0.15  # m, swing across the hole that nothing in a hole has
 CURVE_TIME, CURVE_MOST = 5.0, 0.01  # s, memory of the axis; rad/s, rate of its turning that no hole asks for
 
 
@@ -372,6 +373,9 @@ def floors(k: Array, x: Array, P: Array, st: Array, C: Array) -> tuple[float, fl
     upright2 = min(C[2, 0] * C[2, 0], 1.0)
     along = floor * (1.0 - upright2 * (1.0 - left)) + askew + (SQUARE_SHARE * floor + askew) * pull2
     aside = left * floor + askew * upright2
+    # A hole has no room for a wide swing across it: in a string that turns that is roll out of step with the force.
+    wide2 = max(st[SWING_C] - HOLE_ROOM * HOLE_ROOM, 0.0)
+    aside += (1.0 - left) * wide2 / (gravity2 * k[K_SWING_TIME] ** 4)
     return along + share * (bx * ax + by * ay) ** 2, aside + share * (bx * ay - by * ax) ** 2
 
 

@@ -20,8 +20,8 @@ from mwd_sensors.settings import setting
     K_ALIAS_NOISE, K_SHOCK_AT, K_SHOCK_NOISE, K_SHOCK_GATE, K_GYRO_RANGE, K_ACCEL_RANGE,
     K_CLIP_JERK, K_CLIP_SLOPE, K_BIAS_0, K_SCALE_0, K_LEVER_0, K_DOWN_0, K_FLOOR, K_CONING,
     K_CLIP_TURN, K_LEAN_TIME, K_LEAN_GAIN, K_LEAN_FROM, K_CLIP_BRIDGE, K_CLIP_CURVE, K_LOST, K_RESERVE, K_ASKEW,
-    K_GRAVITY_SIGMA, K_TRAVEL, SETTINGS,
-) = range(41)  # fmt: skip
+    K_GRAVITY_SIGMA, K_TRAVEL, K_SAMPLED, SETTINGS,
+) = range(42)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,6 +37,9 @@ class Params:
         "share of the 1/12 coning term: 1 for mean rates, 0 where the sensor strapdown-integrates",
         low=0.0,
         high=1.0,
+    )
+    sampled: bool = setting(
+        False, "rates are point samples, not means; found out without it where vibration folds down"
     )
     gyro_noise: float = setting(0.00071, "gyro white noise with reserve", unit="rad/s/sqrt(Hz)", low=1e-7, high=0.1)
     rate_noise: float = setting(0.0012, "noise per rate across the axis (scale, misalignment)", low=0.0, high=0.1)
@@ -132,6 +135,6 @@ def constants(params: Params) -> Array:
             p.clip_jerk, p.clip_slope, p.bias_sigma, p.scale_sigma, p.lever_sigma, p.down_sigma,
             p.calibration_sigma, p.coning, p.clip_turn, p.lean_time, p.lean_gain, p.lean_from,
             p.clip_bridge, p.clip_curve, p.lost, p.sigma_reserve, p.turning_sigma,
-            p.gravity_sigma, p.travel,
+            p.gravity_sigma, p.travel, float(p.sampled),
         ]
     )  # fmt: skip

@@ -176,3 +176,21 @@ def test_real_recordings_are_followed_within_0_6_deg_on_average_and_sigma_is_of_
         nees.append(np.mean(np.radians(error) ** 2 / (2.0 * got.sigma_inclination[scored] ** 2)))
     assert np.mean(errors) <= 0.60
     assert 0.3 < np.mean(nees) < 3.0
+
+
+def test_point_samples_of_a_swinging_speed_are_followed_without_delay_by_who_says_that_they_are():
+    n, rate_hz = 6000, 100.0
+    t = np.arange(n) / rate_hz
+    omega = 2 * np.pi * 0.2
+    speed = 15.0 * (1.0 - 0.9 * np.cos(omega * t))
+    roll = 15.0 * (t - 0.9 * np.sin(omega * t) / omega)
+    mat = frames.mat_nt(np.radians(60.0), 0.3, roll)
+    down = mat[:, 2, :]
+    gyro = np.stack([speed, np.zeros(n), np.zeros(n)], axis=-1)
+    accel = -G0 * down + 0.02 * np.random.default_rng(3).standard_normal((n, 3))
+    stamps = np.round(t * 1e9).astype(np.int64)
+    late = {}
+    for sampled in (False, True):
+        p = bounded.Params(sampled=sampled)
+        late[sampled] = rms(error_deg(bounded.run(p, bounded.initial(p), stamps, gyro, accel), down)[2000:])
+    assert late[True] < 0.1 * late[False]

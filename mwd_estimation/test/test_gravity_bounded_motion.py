@@ -234,3 +234,15 @@ def test_heave_along_the_hole_that_slows_the_filter_counts_for_less_than_if_it_w
     white, heaving = scales
     assert heaving[0] == pytest.approx(white[0] * (follow.NEAR_MOST / 80.0) ** (1.0 / 3.0))
     assert heaving[1] == white[1]
+
+
+def test_a_swing_that_no_hole_has_room_for_is_roll_out_of_step():
+    x, P, st = blank()
+    st[follow.TURNING], st[follow.SLOW_AXIS] = 15.0, 1.0
+    st[follow.SWING_C] = follow.HOLE_ROOM**2
+    narrow = published(x, P, st)
+    st[follow.SWING_C] += 0.04
+    wide = published(x, P, st)
+    lag = 0.2 / (STANDARD_GRAVITY * settings.Params().swing_time ** 2)
+    assert wide[0] == narrow[0]
+    assert np.sqrt(wide[1] ** 2 - narrow[1] ** 2) == pytest.approx(lag, rel=0.03)
