@@ -60,7 +60,7 @@ def test_big_endian_words_are_those_of_ieee_754():
         (StatusBit.INTERFERENCE_CORRECTED, values()),
         (StatusBit.RECORDING, values()),
         (StatusBit.GRAVITY_MODE, values()),
-        (StatusBit.MAGNETIC_MODE, values(sample=attitude(inclination=0.01))),
+        (StatusBit.MAGNETIC_MODE, values(sample=attitude(Status.NEAR_VERTICAL, inclination=0.01))),
         (StatusBit.ROTATING, values(sample=attitude(Status.ROTATING))),
         (StatusBit.SIMULATED, values(simulated=True)),
     ],
