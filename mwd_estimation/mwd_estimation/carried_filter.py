@@ -42,9 +42,10 @@ AZIMUTH, ERROR, CONSTANT, ANCHOR, BIAS, LEAK, DRIFT, LAG, STATES = 0, 1, 2, 3, 4
 # which good ones have been gated out; last innovation ratio; counts of gated, failed and taken-up-again azimuths; bits
 # of the last magnetic azimuth; last bin taken in, and the carried turn at its end; sigma of the last magnetic azimuth;
 # whether the azimuth rests on a north seek and the gyros alone; whether a station is carried on, what its azimuth errs
-# by that every magnetic azimuth does, rad, and whether the last one that came did not agree with it.
+# by that every magnetic azimuth does, rad, and whether the last one that came did not agree with it; mean of the last
+# innovation ratios of good magnetic azimuths.
 HAVE, SINCE_USED, SINCE_SEEN, REFUSING, RATIO, GATED, FAILED, TAKEN_UP, BITS, LAST_BIN = range(10)
-LAST_CARRIED, LAST_SIGMA, SOUGHT, ANCHORED, ANCHOR_LASTING, ANCHOR_OFF, MEMORY = 10, 11, 12, 13, 14, 15, 16
+LAST_CARRIED, LAST_SIGMA, SOUGHT, ANCHORED, ANCHOR_LASTING, ANCHOR_OFF, LEAN, MEMORY = 10, 11, 12, 13, 14, 15, 16, 17
 # Settings handed to the kernel; the gyros' noise, bias and walk stand twice, conventional then precision.
 K_NORTH, K_DOWN, K_OFTEN, K_TAU, K_GATE, K_PATIENCE, K_TIMEOUT, K_VERTICAL, K_GAP_RATE, K_TILT_MEMORY = range(10)
 K_NOISE, K_BIAS, K_WALK, K_LEAK, K_DRIFT, K_LAG, K_RANGE, K_WIDEST, SETTINGS = 10, 12, 14, 16, 18, 20, 22, 23, 24
@@ -53,6 +54,10 @@ K_NOISE, K_BIAS, K_WALK, K_LEAK, K_DRIFT, K_LAG, K_RANGE, K_WIDEST, SETTINGS = 1
 _TURNS, _ACROSS = 0.5, math.radians(0.05)
 # A station farther than so many sigma from the one carried on disagrees with it.
 _DISAGREES = 3.0
+
+# Good magnetic azimuths that lean to one side by so many sigma over this time, s, speak of a gyro whose bias moves (one
+# that warms up): its walk is then that of one which may lose all that is known of it in the same time.
+_LEANS, _LEAN_TIME = 1.5, 5.0
 
 _DISTURBED = int(Status.MAG_DISTURBED)
 
@@ -110,8 +115,8 @@ def correct(
     s = ph[AZIMUTH] + slow * ph[ERROR] + lasting * ph[CONSTANT] + r2
     innovation = azimuth - x[AZIMUTH] - slow * x[ERROR] - lasting * x[CONSTANT]
     innovation = (innovation + math.pi) % (2.0 * math.pi) - math.pi
-    m[RATIO] = abs(innovation) / math.sqrt(s)
-    if m[RATIO] > k[K_GATE]:
+    m[RATIO] = innovation / math.sqrt(s)
+    if abs(m[RATIO]) > k[K_GATE]:
         return False
     _take_in(x, P, ph, innovation, s + more)
     return True
@@ -201,6 +206,17 @@ def spun(k: Array, x: Array, P: Array, sums: Array, unit: int) -> None:
 
 
 @compiled
+def _lean(k: Array, P: Array, m: Array, time: float) -> None:
+    """Follow to which side good magnetic azimuths lean, and let the biases move where they do; time since the last."""
+    gate = k[K_GATE]
+    m[LEAN] += min(time / _LEAN_TIME, 1.0) * (min(max(m[RATIO], -gate), gate) - m[LEAN])
+    if abs(m[LEAN]) > _LEANS:
+        for unit in range(2):
+            for i in range(BIAS + 2 * unit, BIAS + 2 * unit + 2):
+                P[i, i] = min(P[i, i] + k[K_BIAS + unit] ** 2 * time / _LEAN_TIME, k[K_BIAS + unit] ** 2)
+
+
+@compiled
 def magnetic(k: Array, x: Array, P: Array, m: Array, azimuth: float, sigma: Array, good: bool, afresh: bool) -> None:
     """
     Take in one magnetic azimuth.
@@ -212,7 +228,7 @@ def magnetic(k: Array, x: Array, P: Array, m: Array, azimuth: float, sigma: Arra
     fast2, more = held * held + white * white, held * held * (k[K_OFTEN] - 1.0)
     m[BITS] = _DISTURBED
     if afresh:
-        m[HAVE] = m[ANCHORED] = 0.0
+        m[HAVE] = m[ANCHORED] = m[LEAN] = 0.0
     if good and m[HAVE] != 0.0 and m[LAST_SIGMA] > 0.0 and slow > 0.0:
         # Who learns errs less and less: of the error of before this share is left in it, in units of the sigma of now.
         fade(x, P, min(slow / m[LAST_SIGMA], m[LAST_SIGMA] / slow))
@@ -223,6 +239,7 @@ def magnetic(k: Array, x: Array, P: Array, m: Array, azimuth: float, sigma: Arra
         m[REFUSING] = 0.0
     elif m[HAVE] == 0.0:
         begin(k, x, P, m)
+        m[LEAN] = 0.0
         x[AZIMUTH] = azimuth % (2.0 * math.pi)
         # azimuth read = azimuth + slow * error + lasting * constant + noise: the first estimate errs by minus these.
         P[AZIMUTH, AZIMUTH] = slow * slow + fast2 + lasting * lasting
@@ -243,6 +260,8 @@ def magnetic(k: Array, x: Array, P: Array, m: Array, azimuth: float, sigma: Arra
             P[AZIMUTH, AZIMUTH] += innovation * innovation
             correct(k, x, P, m, slow, lasting, azimuth, fast2, more)
             m[BITS] = 0.0
+    if good:
+        _lean(k, P, m, min(m[SINCE_SEEN], k[K_TIMEOUT]))
     m[SINCE_SEEN] = 0.0
     if m[BITS] == 0.0:
         m[SOUGHT] = 0.0

@@ -80,7 +80,7 @@ def test_beyond_the_gate_nothing_changes() -> None:
     assert not carried_filter.correct(k, x, P, memory, 0.0, 0.0, 1.0, 1e-6, 0.0)
     assert_allclose(x, 0.0)
     assert_allclose(P, np.eye(STATES) * 1e-6)
-    assert memory[carried_filter.RATIO] > 4.0
+    assert abs(memory[carried_filter.RATIO]) > 4.0
 
 
 def test_a_share_of_the_slow_error_fades_to_its_own_spread() -> None:
@@ -152,3 +152,29 @@ def test_a_station_that_disagrees_is_carried_on_only_if_a_gyro_or_the_next_one_s
         return float(x[ANCHOR])
 
     assert (carried(False), carried(True), carried(False, False)) == (1.0, 1.2, 1.2)
+
+
+@pytest.mark.parametrize(("grade", "follows"), [(400.0, True), (1.0, False)])
+def test_good_azimuths_that_lean_to_one_side_open_the_biases_as_far_as_the_gyro_s_grade_allows(grade, follows) -> None:
+    bias = grade * math.radians(1.0) / 3600.0
+    k = np.zeros(carried_filter.SETTINGS)
+    k[carried_filter.K_GATE], k[carried_filter.K_PATIENCE], k[carried_filter.K_TIMEOUT] = 4.0, 1e9, 2.0
+    k[carried_filter.K_BIAS] = k[carried_filter.K_BIAS + 1] = bias
+    k[carried_filter.K_OFTEN], k[carried_filter.K_TAU] = 1.0, 1e9
+    k[carried_filter.K_NOISE] = k[carried_filter.K_NOISE + 1] = 1e-5
+    x, P, m = np.zeros(STATES), np.zeros((STATES, STATES)), np.zeros(carried_filter.MEMORY)
+    sums = np.zeros(axis_turn.SUMS)
+    dt, drift, sigma = 0.2, math.radians(0.003), np.array([0.0, 0.0, math.radians(0.5), 0.0])
+    sums[axis_turn.S_TIME], sums[axis_turn.S_Y], sums[axis_turn.S_NOISE] = dt, dt, dt
+    rng, off = np.random.default_rng(3), []
+    for step in range(600):
+        # A minute of a bias that stands still, another of one that runs away; the tool does not turn.
+        running = drift * max(step * dt - 60.0, 0.0)
+        sums[axis_turn.S_TURN] = running * dt
+        carried_filter.propagate(k, x, P, sums, 0)
+        m[carried_filter.SINCE_SEEN] = m[carried_filter.SINCE_USED] = dt
+        carried_filter.magnetic(k, x, P, m, rng.normal(scale=sigma[2]), sigma, True, False)
+        off.append(math.degrees((x[AZIMUTH] + math.pi) % math.tau - math.pi))
+        if step == 299:
+            assert abs(m[carried_filter.LEAN]) < 1.5
+    assert (abs(off[-1]) < 3.0) == follows
