@@ -242,11 +242,13 @@ def run(
     if tilt.shape != (n,):
         raise ValueError(f"sigma_tilt: expected shape ({n},), got {tilt.shape}")
     rows = Rows(np.empty(n), np.empty(n), np.zeros(n, dtype=np.uint32), np.full((len(steps.place), 3), np.nan))
+    # One layout, and so one compilation: of a few columns, a single row is contiguous and several are not.
+    fine_t = np.ascontiguousarray(steps.precision_t)
     used = _run(
         k, bin_ns, gap_ns, state.clock, state.x, state.P, state.memory, state.sums, state.carried, state.ring_ns,
         state.ring, stamps, gyro, down, tilt, steps.place, steps.bin, steps.seek_azimuth, steps.seek_sigma,
         steps.station, steps.mag_ns, steps.mag_azimuth, steps.mag_sigma, steps.mag_good, steps.mag_afresh,
-        steps.precision_ns, steps.precision_t, rows.azimuth, rows.sigma, rows.status, rows.anchor,
+        steps.precision_ns, fine_t, rows.azimuth, rows.sigma, rows.status, rows.anchor,
     )  # fmt: skip
     return rows, used
 
