@@ -124,6 +124,9 @@ HELD_OUT: dict[str, Changes] = {
 }
 
 
+_MADE: dict[str, Data] = {}  # several tables ask for the same run; about 1 MB each
+
+
 def drilled(path: Path, changes: Changes, calibrated: bool = False) -> Data:
     """
     Stamps, rates, forces and true down of a scenario.
@@ -131,6 +134,9 @@ def drilled(path: Path, changes: Changes, calibrated: bool = False) -> Data:
     calibrated takes the true accelerometer matrix and biases and the true misalignment of the gyros out of the samples:
     what is left is what a filter can do something about (gyro bias and scale, noise, motion).
     """
+    key = repr((path, changes, calibrated))
+    if key in _MADE:
+        return _MADE[key]
     imu, truth = [], []
     sonde = Sonde(scenario.read(path, changes))
     for block in sonde.blocks(5.0):
@@ -143,7 +149,8 @@ def drilled(path: Path, changes: Changes, calibrated: bool = False) -> Data:
         gyro = sonde.ahrs.gyro.matrix
         w = w @ np.linalg.inv(gyro / np.diag(gyro)[:, None]).T
         f = (f - known["accel_bias"]) @ np.linalg.inv(sonde.ahrs.accelerometer.matrix).T
-    return felt["stamp_ns"], w, f, known["gravity"]
+    _MADE[key] = felt["stamp_ns"], w, f, known["gravity"]
+    return _MADE[key]
 
 
 def broad() -> dict[str, tuple[Data, NDArray[np.bool_]]]:
@@ -444,7 +451,7 @@ def main(seeds: int = 3) -> list[str]:
     rows = methods()
     default = gravity.method(gravity.DEFAULT)
     params = default.Params()
-    bench = {case: (SCENARIOS / "bench" / f"{case}.yaml", {}) for case in CASES}
+    bench: dict[str, tuple[Path, Changes]] = {case: (SCENARIOS / "bench" / f"{case}.yaml", {}) for case in CASES}
     others = {case: (SCENARIOS / "bench" / "rot155.yaml", changes) for case, changes in HELD_OUT.items()}
     own = {name: rows[name] for name in list(rows)[-2:]}
     once, again, fresh = range(1, 2 * seeds + 1), range(101, 2 * seeds + 101), range(201, 2 * seeds + 201)
