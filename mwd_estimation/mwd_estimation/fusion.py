@@ -40,6 +40,13 @@ class Settings:
         high=10.0,
     )
     widest_deg: float = setting(45.0, "an azimuth less certain than this is left out", unit="deg", low=1.0, high=90.0)
+    open_sigmas: float = setting(
+        1.5, "A gyro too uncertain to contradict, but so far away, makes a station doubtful", low=0.5, high=20.0
+    )
+    open_deg: float = setting(8.0, "As long as it is also farther away than this", unit="deg", low=0.0, high=180.0)
+    alone_deg: float = setting(
+        4.0, "A station that the gyro carries alone is doubtful with a larger sigma", unit="deg", low=0.1, high=180.0
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -307,6 +314,32 @@ def _settle(
         alarms.append(text)
         use.remove(lose)
     return use, widening
+
+
+def left_open(magnetic: Candidate, gyro: Candidate, result: Fused, settings: Settings) -> str:
+    """
+    What a gyro that is not certain enough leaves open of a station, in words; empty where nothing.
+
+    It is no alarm: one sound station in eight is 1.5 sigma away. But steel that turns the field by tens of
+    degrees and keeps its total and dip shows in nothing else.
+    """
+    if result.alarm or not math.isfinite(gyro.azimuth) or gyro.refused:
+        return ""
+    if not math.isfinite(magnetic.azimuth):
+        if gyro.sigma <= math.radians(settings.alone_deg):
+            return ""
+        return (
+            f"azimuth by the gyro alone, good to {math.degrees(gyro.sigma):.1f} deg, limit {settings.alone_deg:.1f} deg"
+            ": let the tool rest longer, or turn it between two rests"
+        )
+    apart = float(wrap_pi(gyro.azimuth - magnetic.azimuth))
+    ratio = abs(apart) / math.hypot(gyro.sigma, magnetic.sigma)
+    if ratio <= settings.open_sigmas or abs(apart) <= math.radians(settings.open_deg):
+        return ""
+    return (
+        f"{GYRO} azimuth is {math.degrees(apart):+.1f} deg ({ratio:.1f} sigma) from {magnetic.method}, not certain"
+        " enough to say which is right: let the tool rest longer, or turn it between two rests, and survey again"
+    )
 
 
 def unconfirmed(missing: str, last_alarm: str) -> tuple[str, str]:

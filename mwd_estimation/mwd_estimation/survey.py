@@ -276,7 +276,8 @@ def fused(
     if last_alarm:
         # Steel has been found in this run: no magnetic azimuth outlasts the gyro on the strength of its sigma.
         strict = dataclasses.replace(strict, steel_sigmas=strict.disagreement_sigmas)
-    both = fusion.fuse([magnetic, fusion.Candidate(GYRO, found.azimuth, found.sigma, fusion.GYRO, shared)], strict)
+    by_gyro = fusion.Candidate(GYRO, found.azimuth, found.sigma, fusion.GYRO, shared)
+    both = fusion.fuse([magnetic, by_gyro], strict)
     share = both.weights[0]
     reasons = {
         name: reason or (both.reasons[0] if weights[name] > 0.0 and share == 0.0 else "")
@@ -285,7 +286,8 @@ def fused(
     weights = {name: weight * share for name, weight in weights.items()}
     weights[GYRO], reasons[GYRO] = both.weights[1], both.reasons[1]
     compared = all(math.isfinite(c) for c in (magnetic.azimuth, found.azimuth))
-    station_ = _carried_by(base, both, weights, both.alarm, weights[GYRO] > 0.0, doubted)
+    doubt = both.alarm or fusion.left_open(magnetic, by_gyro, both, strict)
+    station_ = _carried_by(base, both, weights, doubt, weights[GYRO] > 0.0, doubted)
     return Fused(station_, weights, reasons, both.alarm if compared else None)
 
 

@@ -133,3 +133,22 @@ def test_a_multi_station_azimuth_that_holds_the_gyro_s_lasting_error_is_not_take
     assert tied.weights["msa"] > 0.75
     assert tied.weights["gyro"] == 0.0
     assert tied.alarm == ""
+
+
+def test_a_gyro_too_uncertain_to_contradict_leaves_a_far_azimuth_open():
+    alone = shot()
+    far, near, certain = (
+        fused(alone, alone, gyro(azimuth, sigma)) for azimuth, sigma in ((65, 11), (55, 11), (41, 0.6))
+    )
+    assert far.station.verdict == "doubtful"
+    assert "not certain enough to say which is right" in far.station.reasons[0]
+    assert far.alarm == ""
+    assert near.station.verdict == certain.station.verdict == "accept"
+
+
+def test_a_station_that_an_uncertain_gyro_carries_alone_is_doubtful():
+    alone = station([-6.0, 1.0, 7.7], [np.nan] * 3, REFERENCE)
+    found = fused(alone, alone, gyro(40.0, 11.5))
+    assert found.station.verdict == "doubtful"
+    assert "good to 11.5 deg, limit 4.0 deg" in found.station.reasons[0]
+    assert fused(alone, alone, gyro(40.0, 3.0)).station.verdict == "accept"
