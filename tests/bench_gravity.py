@@ -61,8 +61,8 @@ def slides(seconds: float = 140.0) -> Changes:
     return {"kind": "slide", "seconds": seconds, "rop_m_h": 0.0, "toolface_deg": 40.0}
 
 
-# Other speeds, dips, vibrations, sampling rates and levers than the benchmark's; only the rule for heave was settled with the upper
-# ten in view.
+# Other speeds, dips, vibrations, sampling rates and levers than the benchmark's; of all that was tuned, only the rule
+# for heave had the upper ten in view.
 HELD_OUT: dict[str, Changes] = {
     "40 r/min": held(40.0, turning(40.0), {"rms": 9.0}),
     "220 r/min, 200 Hz": held(82.0, turning(220.0), {"rms": 18.0}, 200),
