@@ -32,8 +32,7 @@ def handed_on(taken: Survey) -> tuple[float, float, float, float]:
     station = taken.station
     if taken.kind != STATIC or station.verdict != ACCEPT or not math.isfinite(station.azimuth):
         return (math.nan,) * 4
-    gyro = taken.weights.get(GYRO, 0.0)
-    return station.azimuth, _own_sigma(station), _lasting(taken), float(gyro > 0.0)
+    return station.azimuth, _own_sigma(station), _lasting(taken), float(_by_gyro(taken))
 
 
 def held_against(taken: Survey, anchor: Array, settings: Settings) -> Survey:
@@ -68,7 +67,7 @@ def held_against(taken: Survey, anchor: Array, settings: Settings) -> Survey:
     own = _own_sigma(station) if known else 0.0
     variance = max(sigma**2 + own**2 - 2.0 * lasting * _lasting(taken), 1e-4 * sigma**2)
     ratio = abs(apart) / math.sqrt(variance)
-    gyro = taken.weights.get(GYRO, 0.0) > 0.0
+    gyro = _by_gyro(taken)
     text = ""
     if ratio > settings.disagreement_sigmas:
         text = (
@@ -111,6 +110,11 @@ def held_against(taken: Survey, anchor: Array, settings: Settings) -> Survey:
         reasons=(text + "; let the tool rest for the gyro, or survey again", *station.reasons),
     )
     return _with(taken, listed, text, text)
+
+
+def _by_gyro(taken: Survey) -> bool:
+    """Whether it is the gyro that vouches for the azimuth: one that hardly weighs does not."""
+    return taken.weights.get(GYRO, 0.0) > 0.5
 
 
 def _with(taken: Survey, station: Station, reason: str, alarm: str = "") -> Survey:

@@ -77,9 +77,12 @@ _LEAST_RATE, _LEAST_FORCE, _SHAKEN = 0.005, 0.3, 15.0
 # Misfit, from 0 (the same) by 1 (nothing in common) to 2 (reversed), that is still this axis, and that is not.
 _SAME, _OTHERWISE = 0.3, 0.6
 _UNITS = np.array([math.degrees(1.0), 1.0 / STANDARD_GRAVITY])
-# A rate at rest is too much beyond so many sigma of the bias and twice the Earth's.
-_BIASES = 40.0
+# A rate at rest is too much beyond so many sigma of the bias, twice the Earth's, and what a string turns that is pulled
+# steadily through a bend, which is rest to every other sensor: 10 deg in 30 m at 1 m/s, rad/s.
+_BIASES, _PULLED = 40.0, math.radians(10.0 / 30.0)
 _REST_BINS = 4
+# And only where it stays for so many bins, within this share of it.
+_STEADY_BINS, _STEADY = 6, 1.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -272,6 +275,7 @@ class PrecisionHealth:
         self._beside_ns = np.zeros(0, dtype=np.int64)
         self._beside = np.zeros((0, 6))
         self._silent = self._still = 0
+        self._resting: list[Array] = []
         # Mappings that the axes of gyro and accelerometer show; 0 where they are right.
         self._wrong = [0, 0]
 
@@ -301,6 +305,7 @@ class PrecisionHealth:
             self._channels, sums,
         )  # fmt: skip
         self._still = self._still + 1 if still else 0
+        self._resting = self._resting if still else []
         limits = np.full(3, math.inf)
         doubtful = health_samples.close_bin(began, self._channels, self._counts, self._notes, limits, 0.0, False)
         self._notes[_NOT_OURS, SEEN] = NOTHING
@@ -376,8 +381,14 @@ class PrecisionHealth:
         if self._still <= _REST_BINS or np.count_nonzero(usable) < _FEW // 2:
             return
         # About its own axis a string may creep while it unwinds; across it nothing in a hole turns.
-        across = float(np.abs(values[usable, 1:3].mean(axis=0)).max())
-        seen = FOR if across > 2.0 * EARTH_RATE + _BIASES * self.settings.bias else AGAINST
+        mean = values[usable, 1:3].mean(axis=0)
+        across, limit = float(np.abs(mean).max()), 2.0 * EARTH_RATE + _BIASES * self.settings.bias + _PULLED
+        self._resting = [*self._resting, mean][-_STEADY_BINS:]
+        spread = float(np.ptp(self._resting, axis=0).max())
+        if across > limit and (len(self._resting) < _STEADY_BINS or spread > _STEADY * across):
+            # A tool that comes to rest still turns a little, less and less.
+            return
+        seen = FOR if across > limit else AGAINST
         note(self._notes, TOO_MUCH, seen, began, round(math.degrees(across) * 3600.0), 0, 0)
 
 

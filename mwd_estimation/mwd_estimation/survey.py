@@ -287,6 +287,10 @@ def fused(
     weights[GYRO], reasons[GYRO] = both.weights[1], both.reasons[1]
     compared = all(math.isfinite(c) for c in (magnetic.azimuth, found.azimuth))
     doubt = both.alarm or fusion.left_open(magnetic, by_gyro, both, strict)
+    if not doubt and compared and found.sigma > math.radians(strict.alone_deg):
+        doubt = (
+            fusion.unconfirmed(f"good to {math.degrees(found.sigma):.0f} deg only", last_alarm)[0] if last_alarm else ""
+        )
     station_ = _carried_by(base, both, weights, doubt, weights[GYRO] > 0.0, doubted)
     return Fused(station_, weights, reasons, both.alarm if compared else None)
 

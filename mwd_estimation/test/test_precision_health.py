@@ -84,7 +84,6 @@ def test_a_healthy_unit_is_left_in_peace(schedule):
         ("drilling", "precision_accel", "flipped", "all", "flipped", "all"),
         ("still", "precision_gyro", "off", "all", "dead", "all"),
         ("still", "precision_gyro", "stuck", "z", "stuck", "z"),
-        ("still", "precision_gyro", "in_deg_s", "all", "unit", "y/z"),
         ("still", "precision_accel", "swapped", "xy", "swapped", "xy"),
         ("still", "precision_accel", "flipped", "x", "flipped", "x"),
         ("still", "precision_accel", "in_g", "all", "unit", "all"),
@@ -99,6 +98,27 @@ def test_a_fault_is_named_within_ten_seconds(schedule, component, word, axis, ki
     assert first.unusable == PRECISION
     assert first.remedy
     assert health.refusal
+
+
+def test_a_rate_at_rest_is_too_much_only_beyond_what_a_string_pulled_through_a_bend_turns():
+    streams = sent("still")[0]
+
+    def turned(name, rate_deg_h):
+        samples = streams[name].copy()
+        t = (samples["stamp_ns"] - samples["stamp_ns"][0]) * 1e-9 - START_S
+        samples["angular_velocity"][:, 1] += np.radians(rate_deg_h(np.maximum(t, 0.0)) / 3600.0) * (t > 0.0)
+        return samples
+
+    # In the last case only the precision unit reads it, and less than the comparison of the two units resolves.
+    for rate_deg_h, of_both, told in (
+        (lambda t: np.full_like(t, 700.0), True, []),
+        (lambda t: 9000.0 * np.exp(-t / 3.0), True, []),
+        (lambda t: np.full_like(t, 950.0), False, []),
+        (lambda t: np.full_like(t, 1600.0), True, ["y/z"]),
+    ):
+        units = {name: turned(name, rate_deg_h) for name in ("imu/data_raw", "gyro/data_raw")[not of_both :]}
+        changes, _, _ = judged({**streams, **units}, True)
+        assert [one.axis for _, one in changes] == told
 
 
 def test_a_unit_that_falls_silent_is_named_and_one_that_was_never_heard_is_not():
