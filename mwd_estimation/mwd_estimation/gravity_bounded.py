@@ -105,6 +105,7 @@ from mwd_sensors.compiled import compiled
 
 __all__ = ["Log", "Params", "State", "initial", "run", "run_logged"]
 
+_LIKE_GRAVITY = 0.5  # m/s^2, what the mean force of a few seconds may be longer or shorter than gravity and still be it
 _REJECTED, _GAP, _INITIALISING = int(Status.REJECTED), int(Status.GAP), int(Status.INITIALISING)
 _CLIPPED, _NEAR_VERTICAL, _ALIASED = int(Status.CLIPPED), int(Status.NEAR_VERTICAL), int(Status.ALIASED)
 
@@ -484,13 +485,24 @@ def _sample(
             _forget(k, x, P, st)
             _begin(x, P, s, st)
             model.rotation(x, C)
-        elif st[DRIFT] ** 2 + st[DRIFT + 1] ** 2 + st[DRIFT + 2] ** 2 > 25.0 + 9.0 * st[ROUGH]:
-            # Half of gravity for seconds where there should be none: the attitude is lost.
+        elif _attitude_lost(k, st):
             _begin(x, P, s, st)
             model.rotation(x, C)
         else:
             _publish(k, x, P, st, C)
     return bits
+
+
+@compiled
+def _attitude_lost(k: Array, st: Array) -> bool:
+    """
+    Whether there is half of gravity for seconds where there should be none, and gravity somewhere else.
+
+    A mean force that is not as long as gravity is one of the tool: vibration that point samples fold down to zero.
+    """
+    level = st[DRIFT] ** 2 + st[DRIFT + 1] ** 2
+    size = math.sqrt(level + (st[DRIFT + 2] - k[K_GRAVITY]) ** 2)
+    return level + st[DRIFT + 2] ** 2 > 25.0 + 9.0 * st[ROUGH] and abs(size - k[K_GRAVITY]) < _LIKE_GRAVITY
 
 
 @compiled
