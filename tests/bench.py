@@ -20,7 +20,7 @@ OUTPUT = HERE / "BENCHMARKS.md"
 # Name, title, program and its arguments, whether it prints Markdown.
 SECTIONS = (
     ("gravity", "Gravity while drilling", ["bench_gravity.py", "3"], True),
-    ("north", "North seeking", ["bench_north.py", "200"], True),
+    ("north", "North seeking", ["bench_north.py"], True),
     ("magnetics", "Magnetics and fusion", ["bench_magnetics.py"], True),
     ("health", "Sensor health", ["bench_health.py"], True),
     ("bags", "Bags and reprocessing", ["bench_bags.py"], False),
