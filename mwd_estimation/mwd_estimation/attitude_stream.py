@@ -74,6 +74,8 @@ class Lesson:
         From magnetic north, rad, by a gyro; nan where there is none.
     accepted : bool
         Whether the station passed its checks.
+    axial : tuple of float
+        Axial interference that it was corrected for, and 1 sigma, T.
     """
 
     own: tuple[Array, Array] | None
@@ -82,6 +84,7 @@ class Lesson:
     azimuth: float = math.nan
     sigma: float = math.nan
     accepted: bool = False
+    axial: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -320,8 +323,9 @@ class AttitudeStream:
         if lesson is None or state is None or self._reference is None:
             return
         if lesson.accepted and self._contradicts(state, lesson):
-            # A station that passes its checks, in a field that is no longer the one that was learnt.
-            self._field_state = state = tool_field.initial(self._field, self._reference, self._errors)
+            # A station that passes its checks, in a field that is no longer the one that was learnt, or that is beyond
+            # what the prior thinks possible.
+            self._field_state = state = tool_field.initial(self._field, self._reference, self._errors, lesson.axial)
             self._withdrawn = True
         if lesson.own is not None and lesson.own[1][0, 0] < state.covariance[0, 0]:
             # The same field, seen at rest and from more attitudes: it takes the place of what was learnt on the way.
@@ -342,7 +346,7 @@ class AttitudeStream:
             noise,
             np.zeros(1, dtype=np.bool_),
         )
-        return bool(held.ratio[0] > _CONTRADICTED)
+        return bool(held.ratio[0] > (_CONTRADICTED if state.learnt_s[0] > 0.0 else 1.0))
 
     def _read(self, pairs: Pairs, reading: Reading, start: int) -> _Magnetic:
         """What the pairs of a stretch say of the azimuth, by the tool's own field where a reference shows it."""

@@ -68,7 +68,8 @@ class FieldReader:
         lesson, accepted = None, station.verdict == ACCEPT
         if own is not None or math.isfinite(azimuth) or accepted:
             down = -station.f_t / np.linalg.norm(station.f_t)
-            lesson = Lesson(own, down, station.b_t, azimuth, sigma, accepted)
+            axial = (station.interference, station.sigma_interference) if station.corrected else (0.0, 0.0)
+            lesson = Lesson(own, down, station.b_t, azimuth, sigma, accepted, axial)
         # Where the gyro was believed against the magnetometer, it is until they agree again.
         steel = self._steel if taken.alarm is None else bool(taken.alarm) and counts
         if station.corrected or lesson is not None or steel != self._steel:

@@ -85,8 +85,9 @@ class State:
     ----------
     x, covariance : ndarray, shape (8,), (8, 8)
         T and plain numbers, as in the module's head.
+    start : ndarray, shape (8,)
     prior : ndarray, shape (8, 8)
-        Covariance to start from again.
+        State and covariance to start from again.
     field : ndarray, shape (2,)
         Reference (H, V), T.
     stamp_ns : ndarray, shape (1,)
@@ -97,6 +98,7 @@ class State:
 
     x: Array
     covariance: Array
+    start: Array
     prior: Array
     field: Array
     stamp_ns: NDArray[np.int64]
@@ -149,21 +151,44 @@ class Interference:
     restarted: NDArray[np.bool_]
 
 
-def initial(params: Params, reference: Reference, errors: SensorErrors | None = None) -> State:
+def initial(
+    params: Params,
+    reference: Reference,
+    errors: SensorErrors | None = None,
+    axial: tuple[float, float] = (0.0, 0.0),
+) -> State:
     """
     State before the first sample.
 
-    errors: sensor part of the priors, added in squares. Raises ValueError where the reference has no field.
+    Parameters
+    ----------
+    params : Params
+    reference : Reference
+    errors : SensorErrors, optional
+        Sensor part of the priors, added in squares.
+    axial : tuple of float
+        Axial interference to start from and 1 sigma, T, where a station has shown one beyond what the prior thinks
+        possible. The prior's sigma stays at least: samples are held against the same reference as the station was,
+        whose error must not be averaged away.
+
+    Raises
+    ------
+    ValueError
+        The reference has no field.
     """
     bias = (0.0 if errors is None else errors.magnetometer_bias_nt) * 1e-9
     scale = params.scale if errors is None else errors.magnetometer_scale
     prior = np.zeros((SIZE, SIZE))
-    axial, cross = math.hypot(params.axial_nt * 1e-9, bias), math.hypot(params.cross_axial_nt * 1e-9, bias)
-    prior[range(6), range(6)] = np.array([axial, cross, cross, scale, scale, scale]) ** 2
+    along = max(math.hypot(params.axial_nt * 1e-9, bias), axial[1])
+    cross = math.hypot(params.cross_axial_nt * 1e-9, bias)
+    prior[range(6), range(6)] = np.array([along, cross, cross, scale, scale, scale]) ** 2
     prior[6:, 6:] = reference.covariance
+    start = np.zeros(SIZE)
+    start[0] = axial[0]
     return State(
-        x=np.zeros(SIZE),
+        x=start.copy(),
         covariance=prior.copy(),
+        start=start,
         prior=prior,
         field=np.array([reference.horizontal, reference.vertical]),
         stamp_ns=np.array([-1], dtype=np.int64),
@@ -233,6 +258,7 @@ def run(
         constants,
         state.x,
         state.covariance,
+        state.start,
         state.prior,
         state.field,
         state.stamp_ns,
@@ -356,6 +382,7 @@ def _run(
     constants: Array,
     x: Array,
     cov: Array,
+    start: Array,
     prior: Array,
     field: Array,
     last: NDArray[np.int64],
@@ -462,7 +489,7 @@ def _run(
                 if disturbed[0] > min(max(learning[0], least_patience), patience):
                     restarted[k] = 0.0 < learning[0] < _YOUNG
                     for i in range(8):
-                        x[i] = 0.0
+                        x[i] = start[i]
                         for j in range(8):
                             cov[i, j] = prior[i, j]
                     disturbed[0], learning[0] = 0.0, 0.0

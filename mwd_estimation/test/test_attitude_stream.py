@@ -115,6 +115,25 @@ def test_what_many_stations_found_is_gone_on_from():
     assert abs(wrap_pi(attitude["azimuth"][-1] - math.pi / 2)) < 0.03
 
 
+def test_interference_beyond_the_prior_gives_no_azimuth_until_an_accepted_station_tells_it():
+    n, axial = 6000, 4e-5
+    errors, sigmas = [], []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        block, b_t = samples(n, 1.17, azimuth=0.7 + seed, own=(axial, 0.0, 0.0))
+        b_t = b_t + 5e-8 * rng.normal(size=b_t.shape)
+        told = Lesson(None, block.track.g_t[0], b_t[0], accepted=True, axial=(axial + 2.2e-7 * rng.normal(), 2.2e-7))
+        attitude, *_ = follow(stream(), block, b_t, lessons=[(3000, told)])
+        assert (attitude["sigma_azimuth"][:3000] < 0.0).all()
+        assert (attitude["status"][1000:3000] & int(Status.MAG_DISTURBED) != 0).all()
+        late = attitude[-1]
+        assert not late["status"] & int(Status.MAG_DISTURBED)
+        errors.append(wrap_pi(late["azimuth"] - 0.7 - seed))
+        sigmas.append(late["sigma_azimuth"])
+    assert max(sigmas) < math.radians(3.0)
+    assert np.abs(np.array(errors) / sigmas).max() < 3.0
+
+
 def test_beside_steel_that_a_gyro_has_shown_the_gyros_carry_the_azimuth_alone():
     block, b_t = samples(3000, 0.9, azimuth=1.0)
     b_t = b_t + np.array([0.0, 3e-6, 0.0])

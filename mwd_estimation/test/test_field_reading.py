@@ -54,6 +54,7 @@ def test_a_corrected_station_takes_its_interference_off_from_then_on_until_the_r
     assert reader.reading.corrected
     assert reader.interference[0] == pytest.approx(2e-6, abs=3.0 * reader.interference[1])
     assert reader.reading.model.interference[0] == reader.interference[0]
+    assert reader.reading.lesson.axial == reader.interference
     reader.set_reference(dataclasses.replace(REFERENCE, total=4.9e-5))
     assert reader.interference is None
     assert not reader.reading.corrected

@@ -144,6 +144,25 @@ def test_casing_is_not_learnt_and_a_new_assembly_is_after_patience():
     assert abs(wrap_pi(got.azimuth[-1] - truth[-1])) < 4 * got.sigma_azimuth[-1]
 
 
+def test_from_the_interference_a_station_showed_it_starts_and_after_casing_starts_again():
+    params = Params(axial_nt=900.0, cross_axial_nt=150.0, patience_s=20.0)
+    (stamps, g_t, b_t, sigma_g, sigma_b), reference, truth, bias = drilled(2, [30], [60], 60, 120)
+    strong = 4e-5
+    b_t = b_t + np.array([strong, 0, 0])
+    hopeless = run(params, initial(params, reference), stamps, g_t, b_t, sigma_g, sigma_b)
+    assert not hopeless.learnt.any()
+    state = initial(params, reference, axial=(strong + bias[0] + 3e-7, 2e-7))
+    assert state.axial[1] == pytest.approx(900e-9)
+    b_t[200:700] += np.array([9e-6, 5e-6, 0])
+    got = run(params, state, stamps, g_t, b_t, sigma_g, sigma_b)
+    assert not got.learnt[250:650].any()
+    for k in (199, -1):
+        assert got.learnt[k]
+        assert abs(got.bias[k, 0] - strong - bias[0]) < 3 * got.sigma[k, 0]
+        assert abs(wrap_pi(got.azimuth[k] - truth[k])) < 3 * got.sigma_azimuth[k]
+    assert initial(params, reference, axial=(strong, 3e-6)).axial == (strong, pytest.approx(3e-6))
+
+
 def test_samples_said_unusable_or_not_finite_or_repeated_are_not_learnt():
     samples, reference, *_ = drilled(4, [30], [60], 60, 10)
     stamps, g_t, b_t, sigma_g, sigma_b = samples
