@@ -387,6 +387,29 @@ def test_that_many_samples_were_refused_is_said(tmp_path):
     assert warning.startswith("80 of 400 IMU samples were refused")
 
 
+def test_a_string_magnetised_beyond_the_prior_is_said_and_the_first_accepted_survey_gives_the_azimuth(tmp_path):
+    imu, mag = recording(tmp_path / "bag", seconds=30.0)
+    mag["magnetic_field"][:, 0] += 2e-5
+    imu["angular_velocity"][2000:, 0] += np.where(np.arange(1000) < 100, 0.2, 0.0)  # the survey ends
+    with BagWriter(tmp_path / "strong") as bag:
+        for name, layout, rows in (("/imu/data_raw", wire.IMU, imu), ("/imu/mag", wire.MAG, mag)):
+            bag.write_rows(bag.topic(name, layout.type_name), layout.encode(rows, "sonde_link"), rows["stamp_ns"])
+    total, dip = float(np.linalg.norm(FIELD_N)), math.atan2(FIELD_N[2], FIELD_N[0])
+    known = {
+        "reference.source": "fixed",
+        "reference.total_nt": 1e9 * total,
+        "reference.dip_deg": math.degrees(dip),
+    }
+    summary = run(tmp_path / "strong", tmp_path / "out", settings.changed(S3, known))
+    (warning,) = summary.warnings
+    assert warning.startswith(f"{summary.disturbed} of 3000 rows have no azimuth because the magnetic field is not")
+    assert "beyond interference.axial_nt (2,000 nT)" in warning
+    assert abs(summary.total_off) > 1e-6
+    assert summary.surveys[0][0].station.verdict == "accept"
+    last = attitude(tmp_path / "out")[-1]
+    assert float(last["azimuth_deg"]) == pytest.approx(70.0, abs=3.0 * float(last["sigma_azimuth_deg"]))
+
+
 def test_a_part_of_the_time_can_be_chosen(tmp_path):
     recording(tmp_path / "bag", seconds=10.0)
     summary = run(tmp_path / "bag", tmp_path / "out", start_s=2.0, end_s=5.0)

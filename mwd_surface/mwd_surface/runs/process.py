@@ -58,6 +58,7 @@ _FIELDS = {
 }
 _AFTER = ("surveys.csv", "surveys.json", "faults.csv", "config.yaml")  # files named after the attitude
 _MANY_REFUSED = 0.1  # share of the samples that is worth a warning
+_MANY_DISTURBED = 0.05
 _BIT_DEPTH = 1  # RigState.VALID bit of bit_depth
 
 
@@ -74,6 +75,10 @@ class Summary:
         Stamps of the first and the last of them.
     rejected, gaps, without_gravity, without_azimuth : int
         Rows with that flag or lack.
+    disturbed : int
+        Rows without an azimuth because the magnetic field was not in order.
+    total_off, dip_off : float
+        Furthest of the field's total and dip from the reference's about those, T, rad.
     lowest, highest : float
         Inclination met, rad; nan where there is none.
     north, reference : str
@@ -96,6 +101,9 @@ class Summary:
     gaps: int = 0
     without_gravity: int = 0
     without_azimuth: int = 0
+    disturbed: int = 0
+    total_off: float = 0.0
+    dip_off: float = 0.0
     lowest: float = math.nan
     highest: float = math.nan
     north: str = "magnetic"
@@ -341,6 +349,13 @@ def _estimate(
             f"{summary.rejected} of {summary.rows} IMU samples were refused: times that do not advance, or values that "
             "are not finite or beyond reason"
         )
+    if summary.disturbed > _MANY_DISTURBED * summary.rows:
+        summary.warnings.append(
+            f"{summary.disturbed} of {summary.rows} rows have no azimuth because the magnetic field is not the "
+            f"reference's (up to {summary.total_off * 1e9:+,.0f} nT and {math.degrees(summary.dip_off):+.1f} deg of dip "
+            "off): steel nearby, or a string magnetised beyond interference.axial_nt "
+            f"({estimator.interference.axial_nt:,.0f} nT), which the first survey that is accepted tells"
+        )
     if pipeline.counters.spikes:
         summary.warnings.append(
             f"{pipeline.counters.spikes} magnetic samples jumped away from those around them: not used"
@@ -388,7 +403,14 @@ def _count(output: Output, summary: Summary) -> None:
     summary.gaps += int(np.count_nonzero(status & int(Status.GAP)))
     known = attitude["sigma_inclination"] >= 0.0
     summary.without_gravity += int(len(attitude) - np.count_nonzero(known))
-    summary.without_azimuth += int(np.count_nonzero(attitude["sigma_azimuth"] < 0.0))
+    unknown = attitude["sigma_azimuth"] < 0.0
+    summary.without_azimuth += int(np.count_nonzero(unknown))
+    withheld = int(np.count_nonzero(unknown & (status & int(Status.MAG_DISTURBED) != 0)))
+    if withheld and len(output.interference):
+        total, dip = output.interference["total_residual"], output.interference["dip_residual"]
+        summary.total_off = max(float(total.min()), float(total.max()), summary.total_off, key=abs)
+        summary.dip_off = max(float(dip.min()), float(dip.max()), summary.dip_off, key=abs)
+    summary.disturbed += withheld
     inclination = attitude["inclination"][known]
     if len(inclination):
         summary.lowest = float(np.fmin(summary.lowest, inclination.min()))
