@@ -70,21 +70,8 @@ class BagFiles:
 
     Attributes
     ----------
-    topics : dict of str to TopicInfo
-    start_ns, end_ns : int
-        Log time of the first and of the last message; both 0 when there is none.
-    notes : list of str
-        What was unusual or damaged, one sentence each.
-    files : list of Path
-        As they lie on the disk.
-    size_bytes : int
-        Of these files.
-    storage : str
-        ``mcap`` or ``sqlite3``.
-    custom : dict of str
-        ``custom_data`` of metadata.yaml.
-    complete : bool
-        False for a recording that was cut off or is damaged, as far as known.
+    topics, start_ns, end_ns, notes, files, size_bytes, storage, custom, complete
+        As `bag_reader.Bag` has them.
     message_compression : bool
         Each message of it is compressed by itself.
     mcap : list of (McapFile, Contents)

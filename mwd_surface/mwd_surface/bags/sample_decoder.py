@@ -47,14 +47,7 @@ class SampleDecoder:
         self._definitions: Definitions | None = None
 
     def decode(self, topic: str, data: bytes) -> Any:
-        """
-        A message as an object with the fields of its type.
-
-        Raises
-        ------
-        BagError
-            The type is unknown here and in the bag, or the bytes are not of it.
-        """
+        """As `bag_reader.Bag.decode`."""
         about = self._topics[topic]
         try:
             store = self._knowing(about).typestore
