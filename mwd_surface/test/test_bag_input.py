@@ -78,7 +78,7 @@ def test_the_only_sensors_of_a_recording_are_taken_under_any_name_and_that_is_sa
 
 def test_what_could_be_either_is_asked_for_with_the_option_that_tells(tmp_path):
     path = written(tmp_path / "two", ("/imu", IMU), ("/fog", IMU), ("/a/mag", MAG), ("/b/mag", MAG))
-    with pytest.raises(BagError, match=r"2 topics that may be the AHRS: /imu, /fog.*--imu-topic"):
+    with pytest.raises(BagError, match=r"2 topics that may be the IMU: /imu, /fog.*--imu-topic"):
         found(path)
     given = InputSettings(imu_topic="/imu")
     with Bag(path) as bag:

@@ -31,11 +31,11 @@ _SAME_AT_LEAST = 10  # messages of one and the same time, before it is believed 
 class InputSettings:
     """What to take from a bag, and how it is to be read."""
 
-    imu_topic: str = setting("", "Topic of the AHRS; empty: the one that ends in imu/data_raw, or the only one")
+    imu_topic: str = setting("", "Topic of the IMU; empty: the one that ends in imu/data_raw, or the only one")
     mag_topic: str = setting("", "Topic of its magnetometer; empty: imu/mag beside it, or the only one")
-    gyro_topic: str = setting("", "Topic of the precision unit; empty: gyro/data_raw beside the AHRS")
-    temperature_topic: str = setting("", "Topic of the AHRS's temperature; empty: imu/temperature beside it")
-    rig_topic: str = setting("", "Topic of the rig state; empty: rig/state beside the AHRS, or the only one")
+    gyro_topic: str = setting("", "Topic of the precision unit; empty: gyro/data_raw beside the IMU")
+    temperature_topic: str = setting("", "Topic of the IMU's temperature; empty: imu/temperature beside it")
+    rig_topic: str = setting("", "Topic of the rig state; empty: rig/state beside the IMU, or the only one")
     accel_unit: str = setting("m/s2", "Unit of the specific force", choices=tuple(units.FACTORS["acceleration"]))
     gyro_unit: str = setting("rad/s", "Unit of the angular rate", choices=tuple(units.FACTORS["rate"]))
     mag_unit: str = setting("T", "Unit of the magnetic field", choices=tuple(units.FACTORS["field"]))
@@ -100,7 +100,7 @@ def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
     """What of the choice of topics its user should know: taken under an unusual name, or left out for it."""
     remarks = []
     for taken, named, usual, what in (
-        (topics.imu, given.imu_topic, (IMU, IMU_BURST), "AHRS"),
+        (topics.imu, given.imu_topic, (IMU, IMU_BURST), "IMU"),
         (topics.mag, given.mag_topic, (MAG,), "magnetometer"),
     ):
         if taken is not None and not named and not taken.endswith(usual):
@@ -232,7 +232,7 @@ def _named(bag: Bag, name: str, layout: wire.Layout) -> str | None:
 
 
 def _imu_of(bag: Bag) -> str:
-    """The AHRS: as single messages or, where there are none, in bursts; under any name where it is the only one."""
+    """The IMU: as single messages or, where there are none, in bursts; under any name where it is the only one."""
     here = [topic for topic in bag.topics.values() if topic.type_name == wire.IMU.type_name]
     usual = [topic.name for topic in here if topic.name.endswith(IMU)]
     if not usual and any(topic.type_name == burst.TYPE_NAME for topic in bag.topics.values()):
@@ -241,7 +241,7 @@ def _imu_of(bag: Bag) -> str:
     if len(candidates) == 1:
         return candidates[0]
     if candidates:
-        which = f"end in {IMU!r}" if usual else "may be the AHRS"
+        which = f"end in {IMU!r}" if usual else "may be the IMU"
         raise BagError(
             f"{bag.path} has {len(candidates)} topics that {which}: {', '.join(candidates)}",
             "name the one you mean with --imu-topic",

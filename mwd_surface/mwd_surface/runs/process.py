@@ -352,8 +352,8 @@ def _estimate(
     if summary.disturbed > _MANY_DISTURBED * summary.rows:
         summary.warnings.append(
             f"{summary.disturbed} of {summary.rows} rows have no azimuth because the magnetic field is not the "
-            f"reference's (up to {summary.total_off * 1e9:+,.0f} nT and {math.degrees(summary.dip_off):+.1f} deg of dip "
-            "off): steel nearby, or a string magnetised beyond interference.axial_nt "
+            f"reference's (up to {summary.total_off * 1e9:+,.0f} nT and {math.degrees(summary.dip_off):+.1f} deg of "
+            "dip off): steel nearby, or a string magnetised beyond interference.axial_nt "
             f"({estimator.interference.axial_nt:,.0f} nT), which the first survey that is accepted tells"
         )
     if pipeline.counters.spikes:
