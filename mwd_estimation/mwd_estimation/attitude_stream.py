@@ -1,10 +1,11 @@
 """
 From gravity and magnetic samples to the attitude of every IMU sample, the tool's own field, and the azimuth carried.
 
-A block goes through in four steps, each compiled over all its samples: magnetic samples are paired with gravity at
-their own stamps (`attitude_track`); the tool's own field is learnt from one pair in each interval (`tool_field`), which
-frees the azimuth of it; the azimuth is carried by the gyros and corrected by those (`continuous_azimuth`); the rows of
-the wire are written. Where no azimuth can be carried (at the start, near vertical) the plain magnetic one stands.
+A block goes through in five steps, each compiled over all its samples: gravity of samples that were not used is carried
+to their stamps (`refused_rows`); magnetic samples are paired with gravity at their own stamps (`attitude_track`); the
+tool's own field is learnt from one pair in each interval (`tool_field`), which frees the azimuth of it; the azimuth is
+carried by the gyros and corrected by those (`continuous_azimuth`); the rows of the wire are written. Where no azimuth
+can be carried (at the start, near vertical) the plain magnetic one stands.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation import attitude_track, continuous_azimuth, tool_field
+from mwd_estimation import attitude_track, continuous_azimuth, refused_rows, tool_field
 from mwd_estimation.attitude_track import FieldModel, Pairs
 from mwd_estimation.continuous_azimuth import Precision, Steps
 from mwd_estimation.reference import Reference
@@ -199,6 +200,7 @@ class AttitudeStream:
         self._gap_ns = round(carry.gap_s * 1e9)
         self._track_state = attitude_track.initial()
         self._carry_state = continuous_azimuth.initial()
+        self._refused = refused_rows.initial()
         self._field_state: tool_field.State | None = None
         self._reference: Reference | None = None
         self._mag_ns = np.zeros(0, dtype=np.int64)
@@ -276,6 +278,7 @@ class AttitudeStream:
         stretches = [(slice(start, stop), reading) for (start, reading), stop in zip(readings, stops, strict=True)]
         before = attitude_track.last_totals(self._track_state) or (math.nan, math.nan)
         rows, pairs, raw = [], _no_pairs(), []
+        carried_on = refused_rows.run(self._refused, block.stamps, block.gyro, block.track)
         for k, (part, reading) in enumerate(stretches):
             if k > 0:
                 attitude_track.begin_smoothing(self._track_state)
@@ -287,8 +290,8 @@ class AttitudeStream:
                 reading.model,
                 block.stamps[part],
                 track.g_t[part],
-                np.ascontiguousarray(block.gyro[part, 0]),
-                track.sigma_inclination[part],
+                carried_on.rate_x[part],
+                carried_on.sigma_down[part],
                 self._mag_ns,
                 self._mag_t,
             )
@@ -310,7 +313,8 @@ class AttitudeStream:
                 found.inclination, found.azimuth, found.gravity_toolface, found.magnetic_toolface, found.sigma_azimuth,
                 found.sigma_magnetic_toolface, found.status, carried.azimuth[part], carried.sigma[part],
                 carried.status[part], pairs.place[here] - part.start, pairs.bits[here], sigma[here], self._bits,
-                self._sigma, reading.north, 0 if self._field_state is not None else _NO_REFERENCE,
+                self._sigma, carried_on.sigma_down[part], carried_on.turned[part], reading.north,
+                0 if self._field_state is not None else _NO_REFERENCE,
             )  # fmt: skip
         interference = self._interference(marks, pairs, rows, before)
         if len(pairs.place):
@@ -446,7 +450,7 @@ def _write(
     gravity_toolface: Array, magnetic_toolface: Array, sigma_azimuth: Array, sigma_magnetic_toolface: Array,
     row_status: NDArray[np.uint32], carried: Array, sigma_carried: Array, carried_status: NDArray[np.uint32],
     pair_place: Stamps, pair_bits: NDArray[np.uint32], pair_sigma: Array, last_bits: NDArray[np.uint32],
-    last_sigma: Array, north: int, bits: int,
+    last_sigma: Array, sigma_down: Array, turned: Array, north: int, bits: int,
 ) -> int:  # fmt: skip
     """Fill the samples of a stretch, unknown values 0 with a sigma of -1; returns how many were rejected."""
     rejected, pair = 0, 0
@@ -479,27 +483,32 @@ def _write(
         elif sigma_carried[i] == math.inf and has_plain and status & _DISTURBED == 0:
             angle, has_azimuth = azimuth[i], True
             sigma = max(sigma_azimuth[i], last_sigma[0])
-        has_north = has_azimuth or (has_plain and near_vertical)
+        # Of a refused sample: how far the tool may have turned by its stamp.
+        has_turn = turned[i] < math.inf
+        has_north = (has_azimuth or (has_plain and near_vertical)) and has_turn
+        has_high_side = has_gravity and has_turn
+        if turned[i] > 0.0:
+            sigma_north_toolface = min(math.hypot(sigma_north_toolface, turned[i]), math.pi)
         if has_azimuth:
             status |= np.int64(last_bits[0]) & ~_DISTURBED
         rejected += status & _REJECTED != 0
         row["stamp_ns"] = stamps[i]
         row["inclination"] = inclination[i] if has_gravity else 0.0
         row["azimuth"] = angle
-        row["gravity_toolface"] = gravity_toolface[i] if has_gravity else 0.0
+        row["gravity_toolface"] = gravity_toolface[i] if has_high_side else 0.0
         row["magnetic_toolface"] = toolface if has_north else 0.0
         row["sigma_inclination"] = sigma_inclination[i] if has_gravity else -1.0
         row["sigma_azimuth"] = (math.pi if near_vertical else sigma) if has_azimuth else -1.0
-        row["sigma_gravity_toolface"] = (math.pi if near_vertical else sigma_toolface[i]) if has_gravity else -1.0
+        row["sigma_gravity_toolface"] = (math.pi if near_vertical else sigma_toolface[i]) if has_high_side else -1.0
         row["sigma_magnetic_toolface"] = sigma_north_toolface if has_north else -1.0
         row["status"] = status
         row["north"] = north
-        known = math.isfinite(g_t[i, 0] + g_t[i, 1] + g_t[i, 2])
+        known = math.isfinite(g_t[i, 0] + g_t[i, 1] + g_t[i, 2]) and has_turn
         vector = down["gravity"]
         for c in range(3):
             vector[c] = g_t[i, c] if known else 0.0
         down["stamp_ns"] = stamps[i]
-        down["sigma"] = sigma_inclination[i] if known else -1.0
+        down["sigma"] = sigma_down[i] if known else -1.0
         down["non_gravity"] = non_gravity[i] if math.isfinite(non_gravity[i]) else 0.0
         down["rotary_speed"] = rotary_speed[i] if math.isfinite(rotary_speed[i]) else 0.0
         down["status"] = status

@@ -437,7 +437,12 @@ def _run(
             out[1, i] = values[_AZIMUTH]
             if vertical[0] == 1:
                 spin = 1.0 if d_x > 0.0 else -1.0
-                out[3, i] = _wrap(values[_MTF] + spin * (values[_TURN] + turned))
+                turn = values[_TURN]
+                if step < 0.0 and math.isfinite(rate_x[i]):
+                    # Of a time that has been passed already.
+                    earlier, later, share = _find(stamps, counters, stamp)
+                    turn = (1.0 - share) * ring[earlier, 3] + share * ring[later, 3]
+                out[3, i] = _wrap(values[_MTF] + spin * (turn + turned))
             else:
                 out[3, i] = _wrap(values[_AZIMUTH] + math.atan2(-d_y / across, -d_z / across * d_x))
             level, down, tilt = values[_LEVEL], values[_DOWN], sigma_tilt[i]
