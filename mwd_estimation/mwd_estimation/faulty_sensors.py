@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mwd_estimation import gravity, gravity_raw
 from mwd_estimation.health_evidence import ACCEL, GYRO, MAG, SENSORS
-from mwd_estimation.health_words import Finding
+from mwd_estimation.health_words import ENDED, Finding
 from mwd_estimation.quality import DOUBTFUL, REJECT, worse
 from mwd_estimation.status import Status
 from mwd_estimation.still_survey import StillAverage
@@ -166,11 +166,7 @@ class Record:
         rests_on = AZIMUTH & ~MAG if by_gyro else AZIMUTH
         half = round(0.5e9 * survey.duration)
         begin, end = survey.stamp_ns - half, survey.stamp_ns + half
-        reasons = tuple(
-            f"{one.message}; {one.remedy}" if one.remedy else one.message
-            for one in self._lately(begin)
-            if one.unusable & rests_on
-        )
+        reasons = tuple(_reason(one, begin) for one in self._lately(begin) if one.unusable & rests_on)
         if reasons:
             return _with(survey, REJECT, reasons)
         # A doubt begins some seconds after what raised it.
@@ -180,6 +176,14 @@ class Record:
             if last >= begin and first <= end + _EVIDENCE_NS and not (by_gyro and 1 << s == MAG)
         )
         return _with(survey, worse(survey.station.verdict, DOUBTFUL), doubts) if doubts else survey
+
+
+def _reason(fault: Finding, begin: int) -> str:
+    """Why a survey that began at this stamp, ns, is not to be used."""
+    if fault.cleared_ns:
+        until = f"until {1e-9 * (fault.cleared_ns - begin):.1f} s after this survey began"
+        return f"{fault.message.removesuffix(ENDED)}, {until}: take it again"
+    return f"{fault.message}; {fault.remedy}" if fault.remedy else fault.message
 
 
 def _with(survey: Survey, verdict: str, reasons: tuple[str, ...]) -> Survey:

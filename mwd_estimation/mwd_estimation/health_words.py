@@ -92,6 +92,8 @@ _UNITS = (
 )
 _SI = ("rad/s", "m/s^2", "T")
 CABLE = "check its plug and cable; if it stays, change the probe"
+# Behind the message of a fault that is over.
+ENDED = " (has ended)"
 _IMU = "gyro/accelerometer"
 
 
@@ -112,7 +114,7 @@ def finding(row: Sequence[int]) -> Finding:
     gone = condition != FAULT
     return Finding(
         fault.kind, fault.sensor, fault.axis, fault.severity, fault.confidence,
-        f"{fault.message}: gone" if gone else fault.message, "" if gone else fault.remedy, since, now if gone else 0,
+        fault.message + ENDED if gone else fault.message, "" if gone else fault.remedy, since, now if gone else 0,
         fault.unusable, k,
     )  # fmt: skip
 

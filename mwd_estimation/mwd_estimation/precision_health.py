@@ -416,7 +416,7 @@ def _words(row: NDArray[np.int64]) -> Finding:
         gone = int(row[2]) != FAULT
         message = f"{sensor} {says}"
         return Finding(
-            kind, sensor, axis, "error", 0.9, f"{message}: gone" if gone else message, "" if gone else remedy,
+            kind, sensor, axis, "error", 0.9, message + health_words.ENDED if gone else message, "" if gone else remedy,
             int(row[3]), int(row[0]) if gone else 0, PRECISION, FIRST_CHECK + k,
         )  # fmt: skip
     plain = health_words.finding([int(v) for v in row])

@@ -172,6 +172,19 @@ def test_a_failed_magnetometer_is_no_reading_and_does_not_touch_a_gyro_azimuth()
     assert record.judge(by_gyro).station.verdict == "reject"
 
 
+def test_a_fault_that_ended_during_a_survey_is_told_with_how_long_it_lasted():
+    survey = estimated(sent("temperature", "ok"))[0].surveys[0]
+    begin = survey.stamp_ns - round(0.5e9 * survey.duration)
+    ended = "accelerometer is dead: it sends only zeros (has ended)"
+    record = Record()
+    record.note(Finding("dead", "accelerometer", "all", "error", 0.99, ended, "", begin, begin + 25 * 10**8, ACCEL, 5))
+    station = record.judge(survey).station
+    assert station.verdict == "reject"
+    assert station.reasons[0] == (
+        "accelerometer is dead: it sends only zeros, until 2.5 s after this survey began: take it again"
+    )
+
+
 def test_a_field_that_no_tool_meets_is_not_used_and_stops_nothing():
     output, pipeline = estimated(sent("mag", "in_nt"))
     assert pipeline.counters.rejected >= 6000

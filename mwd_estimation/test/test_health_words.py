@@ -19,7 +19,7 @@ def test_every_check_has_words_a_remedy_and_its_end(check):
     assert 0.0 < found.confidence <= 1.0
     assert (found.since_ns, found.cleared_ns, found.check) == (40, 0, check)
     gone = finding([90, check, ev.OK, 40, *details])
-    assert gone.message == f"{found.message}: gone"
+    assert gone.message == f"{found.message} (has ended)"
     assert (gone.remedy, gone.cleared_ns) == ("", 90)
 
 
