@@ -237,11 +237,15 @@ class AttitudeStream:
         self._mag_ns = np.concatenate([self._mag_ns, stamps])
         self._mag_t = np.concatenate([self._mag_t, b_t])
 
-    def leave_out_mag(self, stamps: Stamps) -> None:
-        """Of the samples that wait, those of the time of these IMU samples, ns, are not to be used."""
-        if len(stamps):
-            last = int(stamps.max()) - round(self._azimuth.mag_lag_s * 1e9)
-            self._mag_t[self._mag_ns <= last] = math.nan
+    def leave_out_mag(self, stamps: Stamps, out: NDArray[np.bool_]) -> None:
+        """Of the samples that wait, those whose turn comes at one of these IMU samples, ns, that is `out`."""
+        if not out.any():
+            return
+        lag = round(self._azimuth.mag_lag_s * 1e9)
+        turn = np.searchsorted(np.maximum.accumulate(stamps), np.maximum.accumulate(self._mag_ns) + lag)
+        left = turn < len(stamps)
+        left[left] = out[turn[left]]
+        self._mag_t[left] = math.nan
 
     def follow(
         self,

@@ -31,6 +31,10 @@ Samples = wire.Samples
 
 # Kinds of fault that fed no wrong value to the estimate before they were named.
 _HARMLESS = ("absent", "invalid")
+# Kinds whose evidence shows from when on the values were wrong.
+_REPEATS = ("stuck", "dead")
+# Such a magnetometer did no harm where the azimuth had had a sound one for so long, ns, and it was in doubt so soon.
+_SOUND_NS, _IN_TIME_NS = 10_000_000_000, 1_000_000_000
 _ANGLES = ("azimuth", "magnetic_toolface")
 # Bits of the sensors that an azimuth rests on.
 AZIMUTH = ACCEL | MAG
@@ -91,11 +95,6 @@ def without_faulty(bits: int, gyro: Array) -> Array:
     return np.full_like(gyro, np.nan) if bits & GYRO else gyro
 
 
-def misleads(changes: Iterable[Finding]) -> bool:
-    """Whether a fault was named that has fed wrong values of gravity or field to the azimuth up to now."""
-    return any(not one.cleared_ns and one.unusable & AZIMUTH and one.kind not in _HARMLESS for one in changes)
-
-
 def mark(bits: int, misled: bool, suspect: NDArray[np.uint8], attitude: Samples, gravity_rows: Samples) -> None:
     """
     Say that a sensor is faulty, and withhold an azimuth that hangs on it (misled: was fed its wrong values).
@@ -150,6 +149,27 @@ class Record:
                 first, last = self._doubts.get(s, (0, -_EVIDENCE_NS))
                 goes_on = hit[0] - last <= _EVIDENCE_NS
                 self._doubts[s] = first if goes_on else int(hit[0]), int(hit[-1])
+
+    def misleads(self, changes: Iterable[Finding], fed_ns: int) -> bool:
+        """
+        Whether a fault was named that has fed wrong values of gravity or field to the azimuth up to now.
+
+        fed_ns : stamp from which on the field was taken in.
+        """
+        return any(
+            not one.cleared_ns
+            and one.unusable & AZIMUTH
+            and one.kind not in _HARMLESS
+            and not self._left_out_in_time(one, fed_ns)
+            for one in changes
+        )
+
+    def _left_out_in_time(self, fault: Finding, fed_ns: int) -> bool:
+        """Whether a magnetometer that had been sound was in doubt, and so left out, as soon as it repeated itself."""
+        if fault.unusable != MAG or fault.kind not in _REPEATS or fault.since_ns - fed_ns < _SOUND_NS:
+            return False
+        first, last = self._doubts.get(SENSORS.index("magnetometer"), (0, 0))
+        return first - fault.since_ns < _IN_TIME_NS and last >= fault.since_ns
 
     def readable(self, still: StillAverage) -> StillAverage:
         """The average without the magnetometer where that was faulty in its time: it is no reading."""

@@ -32,7 +32,7 @@ from mwd_estimation.binning import Bin, Binner
 from mwd_estimation.carried_witness import handed_on, held_against
 from mwd_estimation.clocks import Clocks
 from mwd_estimation.estimator_settings import EstimatorSettings, ReferenceSettings, latitude_of, reference_of
-from mwd_estimation.faulty_sensors import AZIMUTH, GuardedGravity, Record, mark, misleads, without_faulty
+from mwd_estimation.faulty_sensors import AZIMUTH, GuardedGravity, Record, mark, without_faulty
 from mwd_estimation.field_reading import NORTH_CODES, FieldReader
 from mwd_estimation.gyro_station import GyroStation
 from mwd_estimation.health_evidence import ACCEL, MAG
@@ -164,6 +164,8 @@ class Pipeline:
         self._precision_health = PrecisionHealth(PrecisionSettings(math.radians(settings.gyro.bias_deg_h) / 3600.0))
         self._faults = Record()
         self._unusable, self._misled = 0, False
+        # Since when the magnetometer, as far as is known a sound one, has been taken in.
+        self._fed_ns = np.iinfo(np.int64).max
         self._attitude = self._attitude_stream()
         self._dynamics_state = dynamics_summary.initial(settings.dynamics)
         self._binners = {
@@ -297,14 +299,16 @@ class Pipeline:
     def _take_mag(self, samples: Samples) -> None:
         stamps, b_t = samples["stamp_ns"], samples["magnetic_field"]
         sensor_health.push_mag(self._health, stamps, b_t)
-        # A field that no tool meets is another unit; the health of the sensors names it.
-        usable = (np.abs(b_t) < _STRONGEST).all(axis=1)
+        # A field that no tool meets is another unit, none at all is no reading; the health of the sensors names it.
+        usable = (np.abs(b_t) < _STRONGEST).all(axis=1) & b_t.any(axis=1)
         stamps, b_t = np.ascontiguousarray(stamps[usable]), np.ascontiguousarray(b_t[usable])
         self.counters.rejected += int(len(usable) - len(stamps))
         sound = spike_gate.run(self._spikes, stamps, b_t)
         self.counters.spikes += int(len(sound) - np.count_nonzero(sound))
         stamps, b_t = stamps[sound], b_t[sound]
         self.counters.late_mag += int((stamps <= self._last_imu_ns - self._lag_ns).sum())
+        if len(stamps):
+            self._fed_ns = min(self._fed_ns, int(stamps[0]))
         self._keep("mag", self._binners["mag"].add(stamps, b_t))
         self._attitude.take_mag(stamps, b_t)
 
@@ -388,10 +392,11 @@ class Pipeline:
             for change in changes:
                 self._faults.note(change)
             self._unusable = int(found.unusable[start])
-            if misleads(changes):
+            if self._faults.misleads(changes, self._fed_ns):
                 self._attitude.set_reference(self.reference)
                 self._misled = True
-            self._misled = self._misled and self._unusable & AZIMUTH != 0
+            if self._misled and self._unusable & AZIMUTH == 0:
+                self._misled, self._fed_ns = False, int(stamps[start])
             given = followed.part(part) if followed is not None else None
             piece = self._estimate(stamps[part], gyro[part], accel[part], found.suspect[part], given)
             piece.health = changes + piece.health
@@ -424,8 +429,7 @@ class Pipeline:
                     readings.append((place, self._field.reading))
         self._faults.doubt(stamps[doubted:], suspect[doubted:])
         gyro = without_faulty(self._unusable, gyro)
-        if self._unusable & MAG:
-            self._attitude.leave_out_mag(stamps)
+        self._attitude.leave_out_mag(stamps, (suspect | np.uint8(self._unusable)) & MAG != 0)
         output.interference, rejected = self._attitude.follow(
             Block(stamps, gyro, accel, track),
             readings,

@@ -206,8 +206,48 @@ def test_when_a_fault_has_gone_the_estimate_begins_anew_and_is_right():
     assert all(one.station.verdict != "reject" or "stuck" not in one.station.reasons[0] for one in output.surveys)
 
 
+def spoilt(how, start):
+    """Streams of a sound tool whose magnetometer gives out at an IMU sample while it turns; the reference."""
+    streams, field = sent("temperature", "ok")
+    mag = streams["imu/mag"].copy()
+    after = mag["stamp_ns"] >= streams["imu/data_raw"]["stamp_ns"][start]
+    last = mag["magnetic_field"][int(np.argmax(after))].copy()
+    values = {"no numbers": np.nan, "zeros": 0.0, "frozen": last}
+    if how == "one axis":
+        mag["magnetic_field"][after, 1] = last[1]
+    else:
+        mag["magnetic_field"][after] = values[how]
+    return {**streams, "imu/mag": mag}, field
+
+
+@pytest.mark.parametrize("how", ["no numbers", "zeros", "frozen", "one axis"])
+def test_a_magnetometer_that_gives_out_leaves_the_azimuth_to_the_gyros(how):
+    case = spoilt(how, 2000)
+    output, pipeline = estimated(case)
+    assert any(one.unusable == MAG for one in pipeline.sensor_faults)
+    rows, truth = output.attitude, case[0]["truth"]
+    named = np.flatnonzero(rows["status"] & FAULT != 0)
+    assert named[0] < 2500
+    assert np.all(rows["sigma_azimuth"][named] > 0.0)
+    off = np.angle(np.exp(1j * (rows["azimuth"] - truth["azimuth"][: len(rows)])))[named]
+    assert np.all(np.abs(off) < 3.0 * rows["sigma_azimuth"][named])
+    assert np.all(rows["sigma_azimuth"][named] < np.radians(8.0))
+    assert np.all(rows["status"][named[500:]] & int(Status.GYRO_AIDED) != 0)
+
+
+def test_one_that_gave_out_before_the_azimuth_had_a_sound_one_takes_it_along():
+    rows = estimated(spoilt("one axis", 300))[0].attitude
+    named = rows["status"] & FAULT != 0
+    assert named.any()
+    assert np.all(rows["sigma_azimuth"][named] == -1.0)
+
+
 def test_the_same_bits_come_out_however_the_samples_are_cut():
-    case = sent("gyro", "flipped", "x")
+    for case in (sent("gyro", "flipped", "x"), spoilt("one axis", 1400)):
+        _cut_and_compare(case)
+
+
+def _cut_and_compare(case):
     whole, _ = estimated(case)
     for cut in (1, 37):
         streams = {topic: samples[:2400] for topic, samples in case[0].items()}
