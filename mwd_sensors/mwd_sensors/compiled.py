@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import enum
 import functools
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
@@ -14,6 +15,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 try:
     from numba import njit as _njit
+    from numba.core import event as _event
     from numba.core.types.misc import unliteral as _unliteral
 except ImportError:
     HAVE_NUMBA = False
@@ -46,6 +48,26 @@ def compiled(function: F) -> F:
         tuple(map(_unliteral, args)), {name: _unliteral(kind) for name, kind in keywords.items()}
     )
     return kernel  # type: ignore[no-any-return]
+
+
+@contextlib.contextmanager
+def when_compiling(tell: Callable[[], None]) -> Iterator[None]:
+    """Within this, call `tell` before the first kernel that is in no cache and has to be compiled; then no more."""
+    if not HAVE_NUMBA:
+        yield
+        return
+    waiting = [tell]
+
+    class First(_event.Listener):  # type: ignore[misc]
+        def on_start(self, _: object) -> None:
+            if waiting:
+                waiting.pop()()
+
+        def on_end(self, _: object) -> None:
+            """Of no interest."""
+
+    with _event.install_listener("numba:compile", First()):
+        yield
 
 
 @functools.cache

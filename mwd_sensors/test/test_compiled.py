@@ -55,3 +55,17 @@ def test_a_callee_is_compiled_once_for_a_type_whatever_the_numbers_in_the_call(t
     command = [sys.executable, "mwd_powers.py"]
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["44", "1"]
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
+def test_that_kernels_are_being_compiled_is_told_once_and_not_where_they_come_from_the_cache(tmp_path):
+    (tmp_path / "mwd_sums.py").write_text(
+        "from mwd_sensors.compiled import compiled, when_compiling\n\n"
+        "@compiled\ndef total(n):\n    return n + 1\n\n"
+        "with when_compiling(lambda: print('compiling')):\n    print(total(1), total(1.0))\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    command = [sys.executable, "mwd_sums.py"]
+    for expected in (["compiling", "2", "2.0"], ["2", "2.0"]):
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+        assert done.stdout.split() == expected

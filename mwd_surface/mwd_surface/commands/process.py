@@ -103,6 +103,7 @@ def process(
     """
     from mwd_sensors import settings
     from mwd_sensors.compensation import Compensation
+    from mwd_sensors.compiled import when_compiling
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
     from mwd_surface.commands.reference_options import placed_settings, recording_changes
@@ -134,7 +135,11 @@ def process(
     wanted = settings.from_mapping(OutputSettings, {k: v for k, v in asked.items() if v is not None})
     compensation = Compensation(calibration_run.read(calibration)) if calibration is not None else None
     began = time.monotonic()
-    with Bag(bag) as opened, terminal.progress(f"processing {bag.name}") as progress:
+    with (
+        Bag(bag) as opened,
+        terminal.progress(f"processing {bag.name}") as progress,
+        when_compiling(lambda: terminal.remark("compiling filters that are new here, which may take minutes, once")),
+    ):
         estimator, remark = _with_a_model(opened, estimator)
         summary = batch.process(opened, output, estimator, given, progress, compensation, wanted)
     if remark:

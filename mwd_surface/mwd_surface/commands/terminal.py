@@ -26,6 +26,11 @@ def warn(sentence: str) -> None:
     remarks().print(Text.assemble(("warning: ", "yellow"), sentence))
 
 
+def remark(sentence: str) -> None:
+    """What is no warning but worth a line."""
+    remarks().print(sentence, markup=False)
+
+
 @contextlib.contextmanager
 def progress(words: str) -> Iterator[Callable[[float], None]]:
     """A bar with the time left on a terminal, nothing elsewhere; the block is handed a function to tell the share."""
