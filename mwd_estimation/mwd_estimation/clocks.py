@@ -32,6 +32,8 @@ class Clocks:
     ----------
     dropped : int
         Samples of other streams that were of no time in use.
+    went_back : list of (int, int)
+        The leader's latest stamp before time went back and its first one after that, ns, each time.
     """
 
     def __init__(self) -> None:
@@ -41,6 +43,7 @@ class Clocks:
         self._ahead: dict[str, list[Samples]] = {}
         self._behind: set[str] = set()
         self.dropped = 0
+        self.went_back: list[tuple[int, int]] = []
 
     def lead(self, samples: Samples) -> list[tuple[Samples, Samples | None]]:
         """
@@ -69,7 +72,9 @@ class Clocks:
                 self._back = []
             self._back.append(samples[i : i + 1].copy())
             if len(self._back) == BELIEVED:
-                pieces.append((samples[start : i + 1], np.concatenate(self._back)))
+                begun = np.concatenate(self._back)
+                pieces.append((samples[start : i + 1], begun))
+                self.went_back.append((self._lead_ns, int(begun["stamp_ns"][0])))
                 self._lead_ns, self._back, start = stamp, [], i + 1
                 self._behind = set(self._last) - set(self._ahead)
         pieces.append((samples[start:], None))

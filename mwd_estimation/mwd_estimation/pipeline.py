@@ -208,6 +208,11 @@ class Pipeline:
         return self._field.reference
 
     @property
+    def went_back(self) -> list[tuple[int, int]]:
+        """Each time that time went back since the last reset: the latest stamp before that and the first after, ns."""
+        return self._clocks.went_back
+
+    @property
     def north(self) -> str:
         """The north that azimuths count from."""
         return self._field.north
@@ -343,11 +348,11 @@ class Pipeline:
         (first, new), *rest = self._clocks.lead(samples)
         if new is None:
             return self._take_imu(first, followed)
-        # Followed gravity, a smoother's, is of one time only and cannot be cut.
-        output = self._take_imu(first)
-        for part, begun in [(None, new), *rest]:
-            if part is not None:
-                output = output.joined(self._take_imu(part))
+        output, place = Output.empty(0), 0
+        for part, begun in [(first, new), *rest]:
+            given = followed.part(slice(place, place + len(part))) if followed is not None else None
+            place += len(part)
+            output = output.joined(self._take_imu(part, given))
             if begun is not None:
                 self._set_back(begun, output)
         return output

@@ -20,12 +20,14 @@ from mwd_estimation.status import Status
 from mwd_estimation.track import Array, Stamps, Track, turn
 from mwd_sensors.compiled import compiled
 
-_REJECTED, _GAP, _CLIPPED = int(Status.REJECTED), int(Status.GAP), int(Status.CLIPPED)
+_REJECTED, _GAP = int(Status.REJECTED), int(Status.GAP)
+# From a sample at its limit, or before there is an estimate, nothing is carried.
+_UNSURE = int(Status.CLIPPED | Status.INITIALISING)
 _RING = 512  # samples used that are kept: 0.1 s at 5 kHz
 _NEAR_NS = 100_000_000  # farther from the last sample used nothing is carried
 _MEMORY = 1.0  # s, over which changes of the rate are remembered
-# Row of the ring: unit vector down, rates, how fast the rate about the axis and across it changes, rad/s^2 (infinite at
-# a limit), and the interval before, s.
+# Row of the ring: unit vector down, rates, how fast the rate about the axis and across it changes, rad/s^2 (infinite
+# where nothing is carried from it), and the interval before, s.
 _G, _W, _ALONG, _ACROSS, _STEP, _ROW = 0, 3, 6, 7, 8, 9
 _HEAD, _LENGTH = 0, 1
 
@@ -129,7 +131,7 @@ def _keep(
     # That which was just seen, or the usual, whichever is more; not a number where neither is known.
     row[_ALONG] = max(along, math.sqrt(changes[0])) if along >= 0.0 else math.sqrt(changes[0])
     row[_ACROSS] = max(across, math.sqrt(changes[1])) if across >= 0.0 else math.sqrt(changes[1])
-    if bits & _CLIPPED != 0:
+    if bits & _UNSURE != 0:
         row[_ALONG] = math.inf
     row[_STEP] = step
     times[head] = stamp

@@ -45,6 +45,7 @@ def test_time_goes_back_after_three_in_a_row_however_they_are_cut():
         new = [begun for _, begun in pieces if begun is not None]
         assert [seconds(begun) for begun in new] == [[20, 21, 22]]
         assert sum(len(part) for part, _ in pieces) == 7
+        assert clocks.went_back == [(101 * SECOND, 20 * SECOND)]
         # All that follows is of the new time.
         at = next(i for i, (_, begun) in enumerate(pieces) if begun is not None)
         assert [s for part, _ in pieces[at + 1 :] for s in seconds(part)] == [23, 24]

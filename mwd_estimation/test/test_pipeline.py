@@ -12,6 +12,7 @@ from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_estimation.reference import Reference
 from mwd_estimation.status import Status
 from mwd_estimation.still_survey import Params as StillParams
+from mwd_estimation.track import Track
 from mwd_sensors import wire
 from mwd_sensors.frames import mat_nt, wrap_pi
 from mwd_sensors.settings import changed
@@ -243,6 +244,25 @@ def test_time_that_goes_back_begins_the_estimate_anew_with_the_numbers_of_a_fres
         # The same readings of the same time are the same survey, whatever its number.
         assert surveys[0].uuid == surveys[1].uuid
         assert pipeline.counters.set_back == 1
+
+
+def test_gravity_that_a_smoother_followed_is_kept_where_time_goes_back():
+    imu, mag = _samples(seconds=8.0)
+    followed = gravity.method("bounded")
+    one = followed.run(
+        followed.Params(),
+        followed.initial(followed.Params()),
+        imu["stamp_ns"],
+        imu["angular_velocity"],
+        imu["linear_acceleration"],
+    )
+    both = Track(*(np.concatenate([getattr(one, f.name)] * 2) for f in dataclasses.fields(Track)))
+    both.g_t[900:] = [0.6, 0.0, 0.8]
+    pipeline = Pipeline(EstimatorSettings(), REFERENCE)
+    pipeline.push_mag(np.concatenate([mag, mag]))
+    output = pipeline.push_imu(np.concatenate([imu, imu]), both)
+    assert pipeline.went_back == [(int(imu["stamp_ns"][-1]), int(imu["stamp_ns"][0]))]
+    assert np.array_equal(output.gravity["gravity"][900:], both.g_t[900:])
 
 
 def test_numbering_goes_on_after_what_others_remember():

@@ -387,6 +387,19 @@ def test_that_many_samples_were_refused_is_said(tmp_path):
     assert warning.startswith("80 of 400 IMU samples were refused")
 
 
+def test_that_time_went_back_is_said_once_and_the_estimate_goes_on(tmp_path):
+    imu, _ = recording(tmp_path / "bag", seconds=8.0)
+    logged = imu["stamp_ns"].copy()
+    imu["stamp_ns"][400:] -= 3_000_000_000
+    with BagWriter(tmp_path / "set_back") as bag:
+        channel = bag.topic("/imu/data_raw", wire.IMU.type_name)
+        bag.write_rows(channel, wire.IMU.encode(imu, "sonde_link"), logged)
+    summary = run(tmp_path / "set_back", tmp_path / "out")
+    (warning,) = summary.warnings
+    assert warning == "time went back once, by 3.0 s, 4.0 s after the start: the estimate began anew"
+    assert summary.rejected == 3
+
+
 def test_a_string_magnetised_beyond_the_prior_is_said_and_the_first_accepted_survey_gives_the_azimuth(tmp_path):
     imu, mag = recording(tmp_path / "bag", seconds=30.0)
     mag["magnetic_field"][:, 0] += 2e-5

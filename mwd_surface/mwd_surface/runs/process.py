@@ -356,6 +356,13 @@ def _estimate(
             "dip off): steel nearby, or a string magnetised beyond interference.axial_nt "
             f"({estimator.interference.axial_nt:,.0f} nT), which the first survey that is accepted tells"
         )
+    if pipeline.went_back:
+        often, (left_ns, begun_ns) = len(pipeline.went_back), pipeline.went_back[0]
+        times = "once," if often == 1 else f"{often} times, the first"
+        summary.warnings.append(
+            f"time went back {times} by {(left_ns - begun_ns) * 1e-9:.1f} s, {(left_ns - summary.start_ns) * 1e-9:.1f} s "
+            "after the start: the estimate began anew"
+        )
     if pipeline.counters.spikes:
         summary.warnings.append(
             f"{pipeline.counters.spikes} magnetic samples jumped away from those around them: not used"
