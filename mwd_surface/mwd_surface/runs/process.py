@@ -359,9 +359,9 @@ def _estimate(
     if pipeline.went_back:
         often, (left_ns, begun_ns) = len(pipeline.went_back), pipeline.went_back[0]
         times = "once," if often == 1 else f"{often} times, the first"
+        by_s, at_s = (left_ns - begun_ns) * 1e-9, (left_ns - summary.start_ns) * 1e-9
         summary.warnings.append(
-            f"time went back {times} by {(left_ns - begun_ns) * 1e-9:.1f} s, {(left_ns - summary.start_ns) * 1e-9:.1f} s "
-            "after the start: the estimate began anew"
+            f"time went back {times} by {by_s:.1f} s, {at_s:.1f} s after the start: the estimate began anew"
         )
     if pipeline.counters.spikes:
         summary.warnings.append(
