@@ -58,6 +58,7 @@ from mwd_estimation.gravity_bounded_motion import (
     LAST_A,
     LAST_W,
     LEAN_DOWN,
+    LEARNS,
     MEAN,
     MEAN_POWER,
     NON_GRAVITY,
@@ -105,6 +106,8 @@ from mwd_sensors.compiled import compiled
 
 __all__ = ["Log", "Params", "State", "initial", "run", "run_logged"]
 
+_LEARNS_FROM = 0.02  # rad^2, variance of tilt from which on lever arm and scale are looked for
+_UNTIL_THEN = 0.02  # share of their sigmas until then
 _LIKE_GRAVITY = 0.5  # m/s^2, what the mean force of a few seconds may be longer or shorter than gravity and still be it
 _REJECTED, _GAP, _INITIALISING = int(Status.REJECTED), int(Status.GAP), int(Status.INITIALISING)
 _CLIPPED, _NEAR_VERTICAL, _ALIASED = int(Status.CLIPPED), int(Status.NEAR_VERTICAL), int(Status.ALIASED)
@@ -242,8 +245,8 @@ def _forget(k: Array, x: Array, P: Array, st: Array) -> None:
             P[j, m] = 0.0
     for j in range(3):
         P[BIAS + j, BIAS + j] = k[K_BIAS_0] ** 2
-        P[LEVER + j, LEVER + j] = k[K_LEVER_0] ** 2
-    P[SCALE, SCALE] = k[K_SCALE_0] ** 2
+        P[LEVER + j, LEVER + j] = (_UNTIL_THEN * k[K_LEVER_0]) ** 2
+    P[SCALE, SCALE] = (_UNTIL_THEN * k[K_SCALE_0]) ** 2
     P[DOWN, DOWN] = k[K_DOWN_0] ** 2
     for j in range(STATISTICS):
         if (j < DIRECTION or j >= DIRECTION + 3) and j != EPOCH:
@@ -525,6 +528,13 @@ def _step_covariance(
         P[POS + j, POS + j] += wander
         P[BIAS + j, BIAS + j] += walk
     P[SCALE, SCALE] += 1e-12 * T
+    if st[LEARNS] == 0.0 and P[TILT, TILT] + P[TILT + 1, TILT + 1] < _LEARNS_FROM:
+        # Lever arm and scale act in proportion to sines of the attitude: with tens of degrees to find they would be
+        # made to fit instead of it, and stay wrong.
+        st[LEARNS] = 1.0
+        P[SCALE, SCALE] += k[K_SCALE_0] ** 2
+        for j in range(3):
+            P[LEVER + j, LEVER + j] += k[K_LEVER_0] ** 2
     P[DOWN, DOWN] += 1e-8 * T
     if size == ERRORS:
         P[SLOPE, SLOPE] += k[K_CLIP_JERK] ** 2 * T

@@ -194,3 +194,18 @@ def test_point_samples_of_a_swinging_speed_are_followed_without_delay_by_who_say
         p = bounded.Params(sampled=sampled)
         late[sampled] = rms(error_deg(bounded.run(p, bounded.initial(p), stamps, gyro, accel), down)[2000:])
     assert late[True] < 0.1 * late[False]
+
+
+def test_a_lever_arm_is_not_made_to_fit_while_the_attitude_is_unknown():
+    t, spin, inclination = np.arange(200) / 100.0, 4.0 * np.pi, np.radians(30.0)
+    level = np.sin(inclination) * np.column_stack([np.sin(spin * t), np.cos(spin * t)])
+    down = np.column_stack([np.full(len(t), np.cos(inclination)), level])
+    rates = np.column_stack([np.full(len(t), spin), np.zeros((len(t), 2))])
+    found = []
+    for seed in range(4):
+        # White forces in point samples: after two seconds tilt is known to tens of degrees.
+        forces = -G0 * down + np.random.default_rng(seed).normal(scale=30.0, size=(len(t), 3))
+        state = bounded.initial(bounded.Params())
+        bounded.run(bounded.Params(), state, (t * 1e9).astype(np.int64), rates, forces)
+        found.append(np.abs(state.nominal[model.N_LEVER : model.N_LEVER + 3]).max())
+    assert np.mean(found) < 0.06
