@@ -505,7 +505,8 @@ def _attitude_lost(k: Array, st: Array) -> bool:
     """
     level = st[DRIFT] ** 2 + st[DRIFT + 1] ** 2
     size = math.sqrt(level + (st[DRIFT + 2] - k[K_GRAVITY]) ** 2)
-    return level + st[DRIFT + 2] ** 2 > 25.0 + 9.0 * st[ROUGH] and abs(size - k[K_GRAVITY]) < _LIKE_GRAVITY
+    much: bool = level + st[DRIFT + 2] ** 2 > 25.0 + 9.0 * st[ROUGH]
+    return much and bool(abs(size - k[K_GRAVITY]) < _LIKE_GRAVITY)
 
 
 @compiled
