@@ -79,7 +79,7 @@ def test_no_toolface_goes_out_while_the_string_turns_unless_asked_for():
 
 
 def test_a_magnetic_toolface_has_its_own_item():
-    steep = attitude(inclination=0.01, magnetic_toolface=math.radians(359.999))
+    steep = attitude(Status.NEAR_VERTICAL, inclination=0.01, magnetic_toolface=math.radians(359.999))
     items = dict(RecordWriter(Wits0Format()).toolface(values(sample=steep)))
     assert items[716] == "0.00"
     assert 717 not in items
