@@ -71,4 +71,4 @@ def test_an_injected_fault_is_named_in_diagnostics_and_goes_when_it_is_taken_bac
     assert said["cleared"]
     assert said["well"][0] == 0
     assert "x and z exchanged; correct the axes" in log
-    assert "gone" in log
+    assert "(has ended)" in log
