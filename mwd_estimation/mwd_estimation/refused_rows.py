@@ -26,8 +26,8 @@ _UNSURE = int(Status.CLIPPED | Status.INITIALISING)
 _RING = 512  # samples used that are kept: 0.1 s at 5 kHz
 _NEAR_NS = 100_000_000  # farther from the last sample used nothing is carried
 _MEMORY = 1.0  # s, over which changes of the rate are remembered
-# Row of the ring: unit vector down, rates, how fast the rate about the axis and across it changes, rad/s^2 (infinite
-# where nothing is carried from it), and the interval before, s.
+# Row of the ring: unit vector down, rates, how fast the rate about the axis and across it changes, squared, (rad/s^2)^2
+# (infinite where nothing is carried from it), and the interval before, s.
 _G, _W, _ALONG, _ACROSS, _STEP, _ROW = 0, 3, 6, 7, 8, 9
 _HEAD, _LENGTH = 0, 1
 
@@ -118,19 +118,21 @@ def _keep(
         last = ring[before]
         step = (stamp - times[before]) * 1e-9
         if step > 0.0:
-            along = abs(gyro[i, 0] - last[_W]) / step
-            across = math.hypot(gyro[i, 1] - last[_W + 1], gyro[i, 2] - last[_W + 2]) / step
+            inverse = 1.0 / step
+            x = (gyro[i, 0] - last[_W]) * inverse
+            y, z = (gyro[i, 1] - last[_W + 1]) * inverse, (gyro[i, 2] - last[_W + 2]) * inverse
+            along, across = x * x, y * y + z * z
             share = step / (_MEMORY + step)
             for k, change in ((0, along), (1, across)):
                 if not math.isfinite(changes[k]):
-                    changes[k] = change * change
+                    changes[k] = change
                 elif math.isfinite(change):
-                    changes[k] += share * (change * change - changes[k])
+                    changes[k] += share * (change - changes[k])
     for k in range(3):
         row[_G + k], row[_W + k] = g_t[i, k], gyro[i, k]
     # That which was just seen, or the usual, whichever is more; not a number where neither is known.
-    row[_ALONG] = max(along, math.sqrt(changes[0])) if along >= 0.0 else math.sqrt(changes[0])
-    row[_ACROSS] = max(across, math.sqrt(changes[1])) if across >= 0.0 else math.sqrt(changes[1])
+    row[_ALONG] = max(along, changes[0]) if along >= 0.0 else changes[0]
+    row[_ACROSS] = max(across, changes[1]) if across >= 0.0 else changes[1]
     if bits & _UNSURE != 0:
         row[_ALONG] = math.inf
     row[_STEP] = step
@@ -174,7 +176,7 @@ def _run(
         )  # fmt: skip
         # A rate may be the mean of the interval before it: half of that comes on top on the way on.
         grown = 0.5 * abs(dt) * (near[_STEP] + max(dt, 0.0))
-        along, across = near[_ALONG] * grown, near[_ACROSS] * grown
+        along, across = math.sqrt(near[_ALONG]) * grown, math.sqrt(near[_ACROSS]) * grown
         size, side = math.sqrt(gx * gx + gy * gy + gz * gz), math.hypot(gy, gz)
         if not (math.isfinite(along + across + size) and side > 0.0):
             continue
