@@ -528,6 +528,8 @@ class Pipeline:
         for change in unit.judge(end_ns, still, samples):
             self._faults.note(change)
             output.health.append(change)
+        if not unit.heard:
+            return False
         faulty = any(one.unusable for one in unit.findings)
         self._gyro.refuse(unit.refusal, faulty)
         if faulty:
