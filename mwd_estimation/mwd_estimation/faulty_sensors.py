@@ -143,7 +143,7 @@ class Record:
 
     def doubt(self, stamps: Stamps, suspect: NDArray[np.uint8]) -> None:
         """Take which sensors are in doubt at these samples."""
-        for s in range(3) if suspect.any() else ():
+        for s in range(3):
             hit = stamps[suspect >> s & 1 != 0]
             if len(hit):
                 first, last = self._doubts.get(s, (0, -_EVIDENCE_NS))

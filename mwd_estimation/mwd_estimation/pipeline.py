@@ -416,23 +416,26 @@ class Pipeline:
         track = self._gravity.run(self._unusable, stamps, gyro, accel, followed)
         if self._north is not None:
             self._ahrs = np.concatenate([self._ahrs[0], stamps]), np.concatenate([self._ahrs[1], gyro])
-        sure = (suspect | np.uint8(self._unusable)) & (GYRO_BIT | ACCEL) == 0
-        usable = np.where(sure[:, None], gyro, np.nan), np.where(sure[:, None], accel, np.nan)
-        self._precision_health.beside(stamps, *usable)
+        values = np.hstack([gyro, accel])
+        if self.settings.health.watch:
+            unsure = (suspect | np.uint8(self._unusable)) & (GYRO_BIT | ACCEL) != 0
+            self._precision_health.beside(stamps, np.where(unsure[:, None], np.nan, values) if unsure.any() else values)
         readings, marks, held = [(0, self._field.reading)], [], []
-        doubted = 0
-        for closed, place in self._binners["imu"].add_placed(stamps, np.hstack([gyro, accel])):
+        doubted, doubtful = 0, bool(suspect.any())
+        for closed, place in self._binners["imu"].add_placed(stamps, values):
             self._waiting.append(closed)
             # One bin late, so that the other streams of its time are there.
             if len(self._waiting) > 1:
                 before = len(output.surveys)
-                self._faults.doubt(stamps[doubted:place], suspect[doubted:place])
-                doubted = place
+                if doubtful:
+                    self._faults.doubt(stamps[doubted:place], suspect[doubted:place])
+                    doubted = place
                 marks.append(self._judge(self._waiting.pop(0), place, output))
                 held += [(len(marks) - 1, at) for at in range(before, len(output.surveys))]
                 if self._field.reading is not readings[-1][1]:
                     readings.append((place, self._field.reading))
-        self._faults.doubt(stamps[doubted:], suspect[doubted:])
+        if doubtful:
+            self._faults.doubt(stamps[doubted:], suspect[doubted:])
         gyro = without_faulty(self._unusable, gyro)
         self._attitude.leave_out_mag(stamps, (suspect | np.uint8(self._unusable)) & MAG != 0)
         output.interference, rejected = self._attitude.follow(
@@ -493,12 +496,13 @@ class Pipeline:
     def _judge(self, imu: Bin, place: int, output: Output) -> Mark:
         """Everything that is done once for a bin, in the order of bins; its results hold from the sample at `place`."""
         end_ns = (imu.index + 1) * BIN_NS
-        for name in self._closed:
+        found: dict[str, Bin | None] = {}
+        for name, bins in self._closed.items():
             self._keep(name, self._binners[name].flush(end_ns))
-        found = {name: bins.pop(imu.index, None) for name, bins in self._closed.items()}
-        for bins in self._closed.values():
-            for index in [k for k in bins if k < imu.index]:
-                del bins[index]
+            found[name] = bins.pop(imu.index, None)
+            # A stream's bins close in order.
+            while bins and next(iter(bins)) < imu.index:
+                del bins[next(iter(bins))]
         wait = self._gyro.pending() if self._still.complete else ""
         result = self._still.add(BinSet(imu, found["mag"], found["precision"], found["temperature"]), wait)
         # What the gyro had found before this bin, which ended the interval.

@@ -272,17 +272,16 @@ class PrecisionHealth:
         self._checks, self._notes, self._tally, self._events = health_evidence.blank()
         self._channels, self._counts = health_samples.blank()
         self._sums: list[Array] = []
-        self._beside_ns = np.zeros(0, dtype=np.int64)
-        self._beside = np.zeros((0, 6))
+        # Samples of the conventional unit, in pieces as they came: most runs have no precision unit that needs them.
+        self._beside: list[tuple[Stamps, Array]] = []
         self._silent = self._still = 0
         self._resting: list[Array] = []
         # Mappings that the axes of gyro and accelerometer show; 0 where they are right.
         self._wrong = [0, 0]
 
-    def beside(self, stamps: Stamps, gyro: Array, accel: Array) -> None:
-        """Samples of the conventional unit, rad/s and m/s^2; not a number where it cannot be used."""
-        self._beside_ns = np.concatenate([self._beside_ns, stamps])
-        self._beside = np.concatenate([self._beside, np.hstack([gyro, accel])])
+    def beside(self, stamps: Stamps, values: Array) -> None:
+        """Samples of the conventional unit, shape (n, 6), rad/s and m/s^2; not a number where it cannot be used."""
+        self._beside.append((stamps, values))
 
     def judge(self, end_ns: int, still: bool, samples: tuple[Stamps, Array]) -> list[Finding]:
         """
@@ -291,13 +290,19 @@ class PrecisionHealth:
         still : whether the conventional unit finds the tool at rest; samples : stamps (n,), ns, and values (n, 6).
         """
         stamps, values = samples
-        # Of those beside, one before the next half second is kept, to interpolate from.
-        beside_ns, beside = self._beside_ns, self._beside
-        kept = max(int(np.searchsorted(beside_ns, end_ns)) - 1, 0)
-        self._beside_ns, self._beside = beside_ns[kept:], beside[kept:]
         self.heard = self.heard or len(stamps) > 0
         if not self.heard:
+            # The last piece that began before the next half second holds the sample to interpolate from.
+            while len(self._beside) > 1 and self._beside[1][0][0] < end_ns:
+                del self._beside[0]
             return []
+        beside_ns, beside = self._beside[0]
+        if len(self._beside) > 1:
+            beside_ns = np.concatenate([part[0] for part in self._beside])
+            beside = np.concatenate([part[1] for part in self._beside])
+        # Of those beside, one before the next half second is kept.
+        kept = max(int(np.searchsorted(beside_ns, end_ns)) - 1, 0)
+        self._beside = [(beside_ns[kept:], beside[kept:])]
         began = end_ns - BIN_NS
         sums = np.zeros((6, _SIZE))
         back = compare(

@@ -25,21 +25,19 @@ _REJECTED, _GAP = int(Status.REJECTED), int(Status.GAP)
 _UNSURE = int(Status.CLIPPED | Status.INITIALISING)
 _RING = 512  # samples used that are kept: 0.1 s at 5 kHz
 _NEAR_NS = 100_000_000  # farther from the last sample used nothing is carried
-_MEMORY = 1.0  # s, over which changes of the rate are remembered
-# Row of the ring: unit vector down, rates, how fast the rate about the axis and across it changes, squared, (rad/s^2)^2
-# (infinite where nothing is carried from it), and the interval before, s.
-_G, _W, _ALONG, _ACROSS, _STEP, _ROW = 0, 3, 6, 7, 8, 9
+_MEMORY_NS = 1_000_000_000  # over which the usual change of a rate is taken, as far as the samples kept reach
+# Row of the ring: unit vector down, rates, and whether nothing is carried from it.
+_G, _W, _UNSAFE, _ROW = 0, 3, 6, 7
 _HEAD, _LENGTH = 0, 1
 
 
 @dataclasses.dataclass
 class State:
-    """Samples used of the last tenth of a second, and the mean squares of their rates' changes, (rad/s^2)^2."""
+    """Samples used last."""
 
     stamps: Stamps
     ring: Array
     place: Stamps
-    changes: Array
 
     def copy(self) -> State:
         """Independent copy."""
@@ -69,9 +67,7 @@ class Carried:
 
 def initial() -> State:
     """State before the first sample."""
-    return State(
-        np.zeros(_RING, dtype=np.int64), np.zeros((_RING, _ROW)), np.zeros(2, dtype=np.int64), np.full(2, np.nan)
-    )
+    return State(np.zeros(_RING, dtype=np.int64), np.zeros((_RING, _ROW)), np.zeros(2, dtype=np.int64))
 
 
 def run(state: State, stamps: Stamps, gyro: Array, track: Track) -> Carried:
@@ -89,7 +85,7 @@ def run(state: State, stamps: Stamps, gyro: Array, track: Track) -> Carried:
     n = len(stamps)
     carried = Carried(np.empty(n), np.empty(n), np.empty(n))
     _run(
-        state.stamps, state.ring, state.place, state.changes, stamps, gyro, track.g_t, track.sigma_inclination,
+        state.stamps, state.ring, state.place, stamps, gyro, track.g_t, track.sigma_inclination,
         track.sigma_toolface, track.status, carried.rate_x, carried.sigma_down, carried.turned,
     )  # fmt: skip
     return carried
@@ -97,61 +93,65 @@ def run(state: State, stamps: Stamps, gyro: Array, track: Track) -> Carried:
 
 @compiled
 def _keep(
-    times: Stamps,
-    ring: Array,
-    place: Stamps,
-    changes: Array,
-    stamp: int,
-    gyro: Array,
-    g_t: Array,
-    i: int,
-    bits: np.int64,
+    times: Stamps, ring: Array, place: Stamps, stamp: int, gyro: Array, g_t: Array, i: int, bits: np.int64
 ) -> None:
     """Take a sample that was used."""
     if bits & _GAP != 0:
         place[_LENGTH] = 0
     head = place[_HEAD]
-    row = ring[head]
-    along, across, step = math.nan, math.nan, 0.0
-    if place[_LENGTH] > 0:
-        before = (head - 1) % _RING
-        last = ring[before]
-        step = (stamp - times[before]) * 1e-9
-        if step > 0.0:
-            inverse = 1.0 / step
-            x = (gyro[i, 0] - last[_W]) * inverse
-            y, z = (gyro[i, 1] - last[_W + 1]) * inverse, (gyro[i, 2] - last[_W + 2]) * inverse
-            along, across = x * x, y * y + z * z
-            share = step / (_MEMORY + step)
-            for k, change in ((0, along), (1, across)):
-                if not math.isfinite(changes[k]):
-                    changes[k] = change
-                elif math.isfinite(change):
-                    changes[k] += share * (change - changes[k])
     for k in range(3):
-        row[_G + k], row[_W + k] = g_t[i, k], gyro[i, k]
-    # That which was just seen, or the usual, whichever is more; not a number where neither is known.
-    row[_ALONG] = max(along, changes[0]) if along >= 0.0 else changes[0]
-    row[_ACROSS] = max(across, changes[1]) if across >= 0.0 else changes[1]
-    if bits & _UNSURE != 0:
-        row[_ALONG] = math.inf
-    row[_STEP] = step
+        ring[head, _G + k], ring[head, _W + k] = g_t[i, k], gyro[i, k]
+    ring[head, _UNSAFE] = 1.0 if bits & _UNSURE != 0 else 0.0
     times[head] = stamp
     place[_HEAD] = (head + 1) % _RING
     place[_LENGTH] = min(place[_LENGTH] + 1, _RING)
 
 
 @compiled
+def _changes(times: Stamps, ring: Array, place: Stamps, near: int) -> tuple[float, float]:
+    """
+    How fast the rates about the axis and across it change, squared, (rad/s^2)^2; not a number where that is unknown.
+
+    That which was just seen at the sample `near`, or the usual, whichever is more.
+    """
+    along, across, count = 0.0, 0.0, 0
+    seen_along, seen_across = 0.0, 0.0
+    newest = (place[_HEAD] - 1) % _RING
+    later = newest
+    for _ in range(place[_LENGTH] - 1):
+        earlier = (later - 1) % _RING
+        step = (times[later] - times[earlier]) * 1e-9
+        inverse = 1.0 / step if step > 0.0 else math.nan
+        x = (ring[later, _W] - ring[earlier, _W]) * inverse
+        y = (ring[later, _W + 1] - ring[earlier, _W + 1]) * inverse
+        z = (ring[later, _W + 2] - ring[earlier, _W + 2]) * inverse
+        change_along, change_across = x * x, y * y + z * z
+        if math.isfinite(change_along + change_across):
+            along, across, count = along + change_along, across + change_across, count + 1
+            if later == near:
+                seen_along, seen_across = change_along, change_across
+        if times[newest] - times[earlier] > _MEMORY_NS:
+            break
+        later = earlier
+    if count == 0:
+        return math.nan, math.nan
+    return max(along / count, seen_along), max(across / count, seen_across)
+
+
+@compiled
 def _run(
-    times: Stamps, ring: Array, place: Stamps, changes: Array, stamps: Stamps, gyro: Array, g_t: Array,
-    sigma_inclination: Array, sigma_toolface: Array, status: NDArray[np.uint32], rate_x: Array, sigma_down: Array,
-    turned: Array,
+    times: Stamps, ring: Array, place: Stamps, stamps: Stamps, gyro: Array, g_t: Array, sigma_inclination: Array,
+    sigma_toolface: Array, status: NDArray[np.uint32], rate_x: Array, sigma_down: Array, turned: Array,
 ) -> None:  # fmt: skip
-    for i in range(len(stamps)):
-        stamp, bits = stamps[i], np.int64(status[i])
+    n, refused = len(stamps), False
+    for i in range(n):
         turned[i], sigma_down[i], rate_x[i] = 0.0, sigma_inclination[i], gyro[i, 0]
+        refused = refused or np.int64(status[i]) & _REJECTED != 0
+    # Where all are used, only the last ones are ever looked at again.
+    for i in range(0 if refused else max(n - _RING, 0), n):
+        stamp, bits = stamps[i], np.int64(status[i])
         if bits & _REJECTED == 0:
-            _keep(times, ring, place, changes, stamp, gyro, g_t, i, bits)
+            _keep(times, ring, place, stamp, gyro, g_t, i, bits)
             continue
         rate_x[i] = math.nan
         if not math.isfinite(g_t[i, 0] + g_t[i, 1] + g_t[i, 2]):
@@ -164,19 +164,24 @@ def _run(
         turned[i], sigma_down[i] = math.inf, math.pi
         if place[_LENGTH] == 0 or abs(away) > _NEAR_NS:
             continue
+        before = 0.0
         for back in range(2, place[_LENGTH] + 1):
             earlier = (place[_HEAD] - back) % _RING
+            before = (times[at] - times[earlier]) * 1e-9
             if times[earlier] < stamp:
                 break
-            at = earlier
+            at, before = earlier, 0.0
+        along, across = _changes(times, ring, place, at)
         near = ring[at]
+        if near[_UNSAFE] != 0.0:
+            continue
         dt = (stamp - times[at]) * 1e-9
         gx, gy, gz = turn(
             near[_G], near[_G + 1], near[_G + 2], near[_W] * dt, near[_W + 1] * dt, near[_W + 2] * dt
         )  # fmt: skip
         # A rate may be the mean of the interval before it: half of that comes on top on the way on.
-        grown = 0.5 * abs(dt) * (near[_STEP] + max(dt, 0.0))
-        along, across = math.sqrt(near[_ALONG]) * grown, math.sqrt(near[_ACROSS]) * grown
+        grown = 0.5 * abs(dt) * (before + max(dt, 0.0))
+        along, across = math.sqrt(along) * grown, math.sqrt(across) * grown
         size, side = math.sqrt(gx * gx + gy * gy + gz * gz), math.hypot(gy, gz)
         if not (math.isfinite(along + across + size) and side > 0.0):
             continue

@@ -104,6 +104,7 @@ class StillSurvey:
 
     def __init__(self, params: Params) -> None:
         self.params = params
+        self._settles, self._lasts = _bins(params.settle_s, least=0), _bins(params.duration_s)
         self.still_bins = 0
         self._run: list[BinSet] = []
         self._taken = False
@@ -144,13 +145,13 @@ class StillSurvey:
         motion = self._motion(bins.imu, last)
         if motion:
             refused = Refusal((bins.imu.index + 1) * BIN_NS, motion) if self._requested_bins else None
-            held, waited = self._run[_bins(self.params.settle_s, least=0) :], self.waits_for
+            held, waited = self._run[self._settles :], self.waits_for
             self.still_bins, self._run, self._taken, self._requested_bins = 0, [], False, 0
             self.waits_for = ""
             return dataclasses.replace(_averaged(held, False), moved=True) if waited else refused
         self.still_bins += 1
         self._run.append(bins)
-        settle = 0 if self._requested_bins else _bins(self.params.settle_s, least=0)
+        settle = 0 if self._requested_bins else self._settles
         needed = self._needed()
         if self._requested_bins == 0 and (self._taken or not self.params.automatic):
             self._run = self._run[-1:]
@@ -169,14 +170,14 @@ class StillSurvey:
         """The average that waits for something, when nothing more comes; it counts as taken."""
         if not self.waits_for:
             return None
-        held, self.waits_for, self._taken = self._run[_bins(self.params.settle_s, least=0) :], "", True
+        held, self.waits_for, self._taken = self._run[self._settles :], "", True
         self._run = self._run[-1:]
         return _averaged(held, False)
 
     def _needed(self) -> int:
         if self._requested_bins:
             return self._requested_bins
-        return _bins(self.params.settle_s, least=0) + _bins(self.params.duration_s)
+        return self._settles + self._lasts
 
     def _motion(self, imu: Bin, last: Bin | None) -> str:
         """What moves, in words with value and limit; empty when nothing does."""

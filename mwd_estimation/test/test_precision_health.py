@@ -46,13 +46,14 @@ def judged(streams, still=False):
     health = PrecisionHealth(Settings(np.radians(5.0) / 3600.0))
     imu, fine = streams["imu/data_raw"], streams["gyro/data_raw"]
     values = np.hstack([fine["angular_velocity"], fine["linear_acceleration"]])
+    beside = np.hstack([imu["angular_velocity"], imu["linear_acceleration"]])
     begin = int(imu["stamp_ns"][0])
     changes, doubts = [], 0
     for k in range(begin // BIN + 1, int(imu["stamp_ns"][-1]) // BIN):
         a, b = np.searchsorted(imu["stamp_ns"], [k * BIN, (k + 1) * BIN])
         c, d = np.searchsorted(fine["stamp_ns"], [k * BIN, (k + 1) * BIN])
         fresh = slice(a + 1, b + 1)
-        health.beside(imu["stamp_ns"][fresh], imu["angular_velocity"][fresh], imu["linear_acceleration"][fresh])
+        health.beside(imu["stamp_ns"][fresh], beside[fresh])
         found = health.judge((k + 1) * BIN, still, (fine["stamp_ns"][c:d].copy(), values[c:d]))
         changes += [(((k + 1) * BIN - begin) * 1e-9, one) for one in found]
         doubts += health.suspect

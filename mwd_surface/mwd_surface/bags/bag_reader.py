@@ -1,9 +1,9 @@
 """
 A bag as arrays: blocks of samples in time order, in constant memory, at the speed of decompression.
 
-Chunks of MCAP files are decompressed ahead in a thread and their messages gathered as rows without touching them one by
-one. What that way cannot read (sqlite3 storage, messages compressed singly, big-endian or odd messages) goes through
-`rosbags` by itself, and `Bag.notes` says so.
+Chunks of MCAP files are decompressed and decoded ahead in a thread, their messages gathered as rows without touching
+them one by one. What that way cannot read (sqlite3 storage, messages compressed singly, big-endian or odd messages)
+goes through `rosbags` by itself, and `Bag.notes` says so.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from __future__ import annotations
 import concurrent.futures
 import dataclasses
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +24,14 @@ from mwd_surface.bags import mcap_format
 from mwd_surface.bags.bag_files import BagError, BagFiles, TopicInfo
 from mwd_surface.bags.mcap_format import Attachment, FormatError
 from mwd_surface.bags.mcap_index import Span
-from mwd_surface.bags.message_parts import NEVER, Block, Originals, Part, Stamps, blocks_of, part_of
+from mwd_surface.bags.message_parts import NEVER, Block, Decoded, Originals, Part, Stamps, blocks_of, part_of
 from mwd_surface.bags.sample_decoder import Fields, SampleDecoder
 
 # What a reader of bags needs, from one place.
 __all__ = ["Bag", "BagError", "Block", "Message", "Originals", "TopicInfo"]
 
 Message = tuple[int, str, str, bytes]
+M = TypeVar("M", Part, Decoded)
 
 _AHEAD = 4
 _AHEAD_BYTES = 64 * 1024 * 1024
@@ -158,11 +159,15 @@ class Bag:
         wanted = self._checked(topics)
         pieces: dict[str, list[tuple[Stamps, Any]]] = {}
         count = 0
-        for group in self._groups(wanted, start_ns, end_ns):
-            for part in group:
-                for name, log_ns, samples in self._decoder.samples(part, self._part_names(part), fields or {}):
+
+        def decoded(part: Part) -> Decoded:
+            return Decoded(part.rank, list(self._decoder.samples(part, self._part_names(part), fields or {})))
+
+        for group in self._groups(wanted, start_ns, end_ns, decoded):
+            for one in group:
+                for name, log_ns, samples in one.samples:
                     pieces.setdefault(name, []).append((log_ns, samples))
-                    count += len(log_ns)
+                count += len(one)
             if count >= block_messages:
                 yield from blocks_of(pieces, block_messages)
                 pieces, count = {}, 0
@@ -186,7 +191,7 @@ class Bag:
         pieces: dict[str, list[tuple[Stamps, Any]]] = {}
         originals: list[Originals] = []
         count = 0
-        for group in self._groups(list(self.topics), start_ns, end_ns):
+        for group in self._groups(list(self.topics), start_ns, end_ns, lambda part: part):
             for part in group:
                 for name, log_ns, samples in self._decoder.samples(part, self._part_names(part), fields or {}, wanted):
                     pieces.setdefault(name, []).append((log_ns, samples))
@@ -207,7 +212,7 @@ class Bag:
         Messages with the same log time come in the order of the file. Arguments and errors as `blocks`.
         """
         wanted = self._checked(topics)
-        for group in self._groups(wanted, start_ns, end_ns):
+        for group in self._groups(wanted, start_ns, end_ns, lambda part: part):
             yield from self._in_order(group)
 
     def decode(self, topic: str, data: bytes) -> Any:
@@ -249,11 +254,14 @@ class Bag:
                 raise BagError(f"{self.path} has no topic {name}", f"it has {', '.join(self.topics)}")
         return list(topics)
 
-    def _groups(self, topics: list[str], start_ns: int | None, end_ns: int | None) -> Iterator[list[Part]]:
-        """Groups of parts: everything in one is logged no later than everything in the next."""
+    def _groups(
+        self, topics: list[str], start_ns: int | None, end_ns: int | None, made: Callable[[Part], M]
+    ) -> Iterator[list[M]]:
+        """Groups of what is made of each part: everything in one is logged no later than everything in the next."""
         start, end = start_ns or 0, NEVER if end_ns is None else end_ns
         if self._opened.rosbags is not None:
-            yield from self._rosbags_groups(self._opened.rosbags, topics, start, end)
+            for part in self._rosbags_parts(self._opened.rosbags, topics, start, end):
+                yield [made(part)]
             return
         chosen: list[tuple[int, Span]] = []
         for number, (_, contents) in enumerate(self._opened.mcap):
@@ -263,25 +271,27 @@ class Bag:
                 if inside and (span.channels is None or not channels.isdisjoint(span.channels)):
                     chosen.append((number, span))
         chosen.sort(key=lambda item: (item[1].start_ns, item[0], item[1].offset))
-        pending: list[Part] = []
-        for k, part in enumerate(self._ahead(chosen, topics, start, end)):
-            if part is not None:
-                pending.append(part)
+        pending: list[M] = []
+        for k, one in enumerate(self._ahead(chosen, topics, start, end, made)):
+            if one is not None:
+                pending.append(one)
             mark = chosen[k + 1][1].start_ns if k + 1 < len(chosen) else NEVER
             released, kept = [], []
             for waiting in pending:
                 early, late = waiting.split(mark)
-                if len(early.log_ns):
+                if len(early):
                     released.append(early)
-                if len(late.log_ns):
+                if len(late):
                     kept.append(late)
             pending = kept
             if released:
                 yield sorted(released, key=lambda one: one.rank)
 
-    def _ahead(self, chosen: list[tuple[int, Span]], topics: list[str], start: int, end: int) -> Iterator[Part | None]:
-        """Parts of the chosen spans, loaded by a thread a few spans ahead of their use."""
-        waiting: deque[tuple[concurrent.futures.Future[Part], int]] = deque()
+    def _ahead(
+        self, chosen: list[tuple[int, Span]], topics: list[str], start: int, end: int, made: Callable[[Part], M]
+    ) -> Iterator[M | None]:
+        """What is made of the parts of the chosen spans, loaded by a thread a few spans ahead of their use."""
+        waiting: deque[tuple[concurrent.futures.Future[M], int]] = deque()
         wanted = []
         for names in self._opened.names:
             mask = np.zeros(65536, dtype=np.bool_)
@@ -290,14 +300,17 @@ class Bag:
         # One thread: it keeps ahead of any consumer, and a second one costs more in contended memory than it brings.
         pool = concurrent.futures.ThreadPoolExecutor(1, thread_name_prefix="bag")
         decompress = mcap_format.Decompressor()
+
+        def load(number: int, span: Span) -> M:
+            # While its bytes are at hand: later they would have to come from memory once more.
+            return made(self._load(decompress, number, span, wanted[number], start, end))
+
         try:
             position, held = 0, 0
             while position < len(chosen) or waiting:
                 while position < len(chosen) and len(waiting) < _AHEAD and (not waiting or held < _AHEAD_BYTES):
                     number, span = chosen[position]
-                    waiting.append(
-                        (pool.submit(self._load, decompress, number, span, wanted[number], start, end), span.size)
-                    )
+                    waiting.append((pool.submit(load, number, span), span.size))
                     held += span.size
                     position += 1
                 future, size = waiting.popleft()
@@ -374,7 +387,7 @@ class Bag:
         framed = self._opened.rosbags is None and not self._opened.message_compression
         return Originals(part.data, part.log_ns, part.offset, part.size, table[part.channel], framed)
 
-    def _rosbags_groups(self, reader: RosbagsReader, topics: list[str], start: int, end: int) -> Iterator[list[Part]]:
+    def _rosbags_parts(self, reader: RosbagsReader, topics: list[str], start: int, end: int) -> Iterator[Part]:
         numbers = {name: number for number, name in enumerate(self.topics)}
         connections = [one for one in reader.connections if one.topic in topics]
         rows: list[tuple[int, int, bytes]] = []
@@ -382,13 +395,13 @@ class Bag:
             for connection, log_ns, data in reader.messages(connections, start or None, end if end < NEVER else None):
                 rows.append((log_ns, numbers[connection.topic], bytes(data)))
                 if len(rows) >= 4096:
-                    yield [part_of(rows)]
+                    yield part_of(rows)
                     rows = []
         except Exception as error:  # noqa: BLE001  (sqlite, rosbags and zstd each raise their own kinds)
             self.complete = False
             self.notes.append(f"reading stopped early: {error}")
         if rows:
-            yield [part_of(rows)]
+            yield part_of(rows)
 
     def _extra(self, kind: str, opcode: int) -> Iterator[bytes]:
         for file, contents in self._opened.mcap:

@@ -67,6 +67,9 @@ class Part:
     size: NDArray[np.int64]
     channel: NDArray[np.uint16]
 
+    def __len__(self) -> int:
+        return len(self.log_ns)
+
     def split(self, mark: int) -> tuple[Part, Part]:
         """Messages before and from a time on."""
         cut = int(np.searchsorted(self.log_ns, mark))
@@ -83,6 +86,37 @@ class Part:
             self.size[where],
             self.channel[where],
         )
+
+
+@dataclasses.dataclass
+class Decoded:
+    """
+    Samples of the messages of one span of a file.
+
+    Attributes
+    ----------
+    rank : (int, int)
+        As of `Part`.
+    samples : list of (topic, log_ns, samples)
+        In order of log time each; samples as an array or a list.
+    """
+
+    rank: tuple[int, int]
+    samples: list[tuple[str, Stamps, Any]]
+
+    def __len__(self) -> int:
+        return sum(len(log_ns) for _, log_ns, _ in self.samples)
+
+    def split(self, mark: int) -> tuple[Decoded, Decoded]:
+        """Samples before and from a time on."""
+        early, late = Decoded(self.rank, []), Decoded(self.rank, [])
+        for name, log_ns, samples in self.samples:
+            cut = int(np.searchsorted(log_ns, mark))
+            if cut > 0:
+                early.samples.append((name, log_ns[:cut], samples[:cut]))
+            if cut < len(log_ns):
+                late.samples.append((name, log_ns[cut:], samples[cut:]))
+        return early, late
 
 
 def blocks_of(pieces: dict[str, list[tuple[Stamps, Any]]], block_messages: int) -> Iterator[Block]:
