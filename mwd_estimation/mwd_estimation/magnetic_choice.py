@@ -13,11 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from mwd_estimation import magnetics
-from mwd_sensors.frames import Array
+from mwd_estimation.quality import CHI1_LIMIT
+from mwd_sensors.frames import Array, wrap_pi
 
 RAW, CORRECTED = "raw", "corrected"
 # An axial field this many times what is expected, with its own sigma, is no accident.
 _SIGNIFICANT = 2.0
+# One this many times them is there: how far it turns the azimuth is worked out, not taken from the slope.
+_PLAIN = 3.0
+# Odds of a scale ten times the plausible against one of those up to it.
+_BEYOND, _BEYOND_ODDS = 10.0, 0.03
 # Variance of the corrected over the raw azimuth from which on the correction needs no sign of interference.
 _CLEARLY_BETTER = 0.5
 # An attitude that leaves unseen as much interference as would turn the azimuth by this many of its sigmas hides it.
@@ -58,12 +63,36 @@ def raw(
     correction : magnetics.AxialCorrection, optional
         What the station shows of it.
     """
-    variance = expected**2
-    if correction is not None:
+    azimuth, variance, turned = float(magnetics.raw_azimuth(f_h, b_h)), expected**2, 0.0
+    if correction is not None and math.isfinite(float(correction.azimuth)):
         variance = shown_variance(correction, variance, plausible**2)
+        turned = turned_variance(correction, azimuth, expected, plausible, variance)
     covariance = covariance_s.copy()
     covariance[3, 3] += variance
-    return Method(RAW, float(magnetics.raw_azimuth(f_h, b_h)), jacobian @ covariance @ jacobian.T)
+    whole = jacobian @ covariance @ jacobian.T
+    whole[1, 1] += max(turned - jacobian[1, 3] ** 2 * variance, 0.0)
+    return Method(RAW, azimuth, whole)
+
+
+def turned_variance(
+    correction: magnetics.AxialCorrection, azimuth: float, expected: float, plausible: float, variance: float
+) -> float:
+    """
+    Mean square by which interference turns a raw azimuth, rad^2, where it is no small part of the horizontal field.
+
+    There the slope of the azimuth says too little (none where the field of the string lies along that of the Earth and
+    turns it right round): the corrected azimuth says how far, the mean square interference how much of it to believe.
+    azimuth: the raw one, rad; expected, plausible: 1 sigma, T; variance: as `shown_variance` gives it, T^2.
+    """
+    shown, sigma = float(correction.interference), math.hypot(expected, float(correction.sigma_interference))
+    if plausible <= expected:
+        return 0.0
+    share, turned = float(correction.share), 0.0
+    if abs(shown) > _PLAIN * sigma or (share > 0.0 and abs(shown) > plausible):
+        turned = float(wrap_pi(azimuth - correction.azimuth)) ** 2 * min(variance / shown**2, 1.0)
+    if share > 0.0:
+        turned = (1.0 - share) * turned + share * float(wrap_pi(azimuth - correction.both[1])) ** 2
+    return turned
 
 
 def shown_variance(correction: magnetics.AxialCorrection, expected: float, plausible: float) -> float:
@@ -77,9 +106,10 @@ def shown_variance(correction: magnetics.AxialCorrection, expected: float, plaus
     if not math.isfinite(shown + noise) or plausible <= expected:
         return expected
     floor = max(expected, 1e-4 * plausible)
-    scales = floor * (plausible / floor) ** np.linspace(0.0, 1.0, 5)
+    scales = np.append(floor * (plausible / floor) ** np.linspace(0.0, 1.0, 5), _BEYOND**2 * plausible)
     misfit = shown**2 / (scales + noise)
     evidence = np.exp(-0.5 * (misfit - misfit.min())) / np.sqrt(scales + noise)
+    evidence[-1] *= _BEYOND_ODDS
     share = scales / (scales + noise)
     square = (share * shown) ** 2 + share * noise
     # The expected counts in full: what a reference off by its sigma shows by chance is no news of the string.
@@ -113,16 +143,21 @@ def choose(
     correction: magnetics.AxialCorrection | None,
     refused: str,
     expected: float,
+    plausible: float,
 ) -> Method:
     """
     The azimuth that is the station's own.
 
     wanted: auto, RAW or CORRECTED; methods: raw first; refused: why the corrected one must not be used; expected: as
-    `raw`.
+    `raw`; plausible: interference beyond which a refused correction is still the better guess, T.
     """
     plain, freed = methods[0], methods[-1]
-    if correction is None or freed is plain or refused or wanted == RAW:
+    if correction is None or freed is plain or wanted == RAW:
         return plain
+    if refused:
+        # Too uncertain to be trusted, and still the better of the two where the raw one is far off.
+        loose = correction.chi_square <= CHI1_LIMIT and abs(float(correction.interference)) > plausible
+        return freed if loose and freed.covariance[1, 1] < _CLEARLY_BETTER * plain.covariance[1, 1] else plain
     if wanted == CORRECTED:
         return freed
     gain = freed.covariance[1, 1] / plain.covariance[1, 1]

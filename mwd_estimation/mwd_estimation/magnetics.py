@@ -29,6 +29,12 @@ from mwd_sensors.frames import Array, wrap_pi, wrap_tau
 _GRID = 360
 # A grid of one degree describes a posterior wider than this; below, the curvature at the peak does.
 _WIDE = np.radians(1.5)
+# Interference imaginable is spread as Student's t of five degrees of freedom, strings unheard of included: they come
+# with small odds and no scale.
+_FREEDOM, _TAIL = 5.0, 0.005
+# A second azimuth with a smaller share of the probability is none. Where both ask for more than so many times the
+# plausible interference, the limit is lower and the two share evenly: there nothing tells them apart.
+_MIRROR, _MIRROR_BEYOND, _BEYOND = 3e-3, 3e-4, 2.0
 
 
 def total_field(b_t: ArrayLike) -> Array:
@@ -153,8 +159,8 @@ class AxialCorrection:
     Attributes
     ----------
     azimuth, sigma_azimuth : ndarray
-        Magnetic azimuth, rad in [0, 2 pi), and 1 sigma, rad. Where the geometry is singular sigma is that of the whole
-        posterior, second solution included, up to pi / sqrt(3) = an angle of which nothing is known.
+        Magnetic azimuth, rad in [0, 2 pi), and 1 sigma, rad. Where the geometry is singular they are those of the
+        whole posterior, second solution included, up to pi / sqrt(3) = an angle of which nothing is known.
     interference, sigma_interference : ndarray
         Axial field not of the Earth, T, positive down-hole, and 1 sigma.
     chi_square : ndarray
@@ -162,6 +168,10 @@ class AxialCorrection:
         the disturbance is not axial, or that the reference is not this place's.
     mirror : ndarray of bool
         A second azimuth explains the readings nearly as well (a horizontal hole seen without the axial magnetometer).
+    both : ndarray, shape (..., 2)
+        The better of the two and the other, rad; nan where there is no mirror.
+    share : ndarray
+        Of the other, in the probability; 0 where there is none.
     sensitivity : ndarray, shape (..., 6)
         Derivative of the azimuth by (f_t, b_t), rad per m/s^2 and per T, for covariances with other angles.
     """
@@ -172,6 +182,8 @@ class AxialCorrection:
     sigma_interference: Array
     chi_square: Array
     mirror: np.ndarray
+    both: Array
+    share: Array
     sensitivity: Array
 
 
@@ -202,8 +214,9 @@ def axial_correction(
         What interference is expected beforehand, 1 sigma, T. Infinite: the axial magnetometer is not used at all (S0,
         the short-collar method). A few hundred nT: an ordinary survey, the three directions weighed together.
     plausible : float
-        Interference imaginable at all, 1 sigma, T. It only decides between two azimuths that fit alike (a horizontal
-        hole without the axial magnetometer has a mirror) and pulls at neither.
+        Interference imaginable at all, 1 sigma, T; of more there is a small chance that has no scale. It only decides
+        between azimuths that fit alike (a horizontal hole without the axial magnetometer has a mirror, an east-west one
+        fits a range of them) and pulls at none that the readings tell.
 
     Returns
     -------
@@ -232,30 +245,40 @@ def axial_correction(
     station = _Stations(f, b, h, v, cov_s, cov_r, interference_sigma, plausible)
 
     angles = np.linspace(0.0, 2.0 * np.pi, _GRID, endpoint=False)
-    cost = station.cost(np.broadcast_to(angles, (n, _GRID)))
-    basin = (cost <= np.roll(cost, 1, axis=1)) & (cost < np.roll(cost, -1, axis=1))
-    ranked = np.argsort(np.where(basin, cost, np.inf), axis=1)[:, :2]
+    around = np.broadcast_to(angles, (n, _GRID))
+    misfit = station.misfit(around)[0]
+    cost = station.cost(around)
+    # Basins are those of the misfit alone: the interference imaginable would move them, far from what it imagines most.
+    basin = (misfit <= np.roll(misfit, 1, axis=1)) & (misfit < np.roll(misfit, -1, axis=1))
+    ranked = np.argsort(np.where(basin, misfit, np.inf), axis=1)[:, :2]
     two = np.take_along_axis(basin, ranked, axis=1)[:, 1]
     candidates = station.polish(angles[ranked])
     first, second = candidates[:, 0], candidates[:, 1]
     costs = station.cost(candidates)
     cost_1, cost_2 = costs[:, 0], np.where(two, costs[:, 1], np.inf)
-    azimuth = np.where(cost_2 < cost_1, second, first)
-    other = np.where(cost_2 < cost_1, first, second)
+    best_at, other = np.where(cost_2 < cost_1, (second, first), (first, second))
     best, next_best = np.minimum(cost_1, cost_2), np.maximum(cost_1, cost_2)
-    away = np.abs(wrap_pi(other - azimuth))
-
-    fit = station.fit(azimuth)
-    misfit, _, interference = station.misfit(azimuth[:, None])
-    variance = fit.variance_azimuth
-    # The mirror's share of the probability, by the height of its peak.
-    share = np.where(
-        two & (away > np.radians(1.0)), 1.0 / (1.0 + np.exp(np.minimum(0.5 * (next_best - best), 700.0))), 0.0
-    )
+    away = np.abs(wrap_pi(other - best_at))
+    local = station.fit(best_at).variance_azimuth
+    # Where no curvature tells, the posterior's mean errs least; its bottom may lie anywhere on a flat.
+    wide = local > _WIDE**2
     with np.errstate(over="ignore"):
         density = np.exp(-0.5 * (cost - cost.min(axis=1, keepdims=True)))
-    spread = np.sum(density * wrap_pi(angles - azimuth[:, None]) ** 2, axis=1) / density.sum(axis=1)
-    sigma = np.sqrt(np.where(variance > _WIDE**2, spread, variance + share * away**2))
+    density /= density.sum(axis=1, keepdims=True)
+    from_best = wrap_pi(angles - best_at[:, None])
+    mean = np.sum(density * from_best, axis=1)
+    azimuth = np.where(wide, best_at + mean, best_at)
+
+    fit = station.fit(azimuth)
+    interference = station.misfit(azimuth[:, None])[2]
+    variance = fit.variance_azimuth
+    # The mirror's share of the probability, by the height of its peak.
+    share = 1.0 / (1.0 + np.exp(np.minimum(0.5 * (next_best - best), 700.0)))
+    unheard = np.abs(station.misfit(best_at[:, None])[2][:, 0]) > _BEYOND * plausible
+    mirror = two & (away > np.radians(1.0)) & (share > np.where(unheard, _MIRROR_BEYOND, _MIRROR))
+    share = np.where(mirror, np.where(unheard, 0.5, share), 0.0)
+    spread = np.sum(density * from_best**2, axis=1) - mean**2
+    sigma = np.sqrt(np.where(wide, spread, variance + share * away**2))
     sigma = np.minimum(sigma, np.pi / np.sqrt(3.0))
     # The interference follows the azimuth through the field along the axis.
     slope = h * fit.sin_inc * np.sin(azimuth)
@@ -269,8 +292,12 @@ def axial_correction(
         sigma_azimuth=shaped(sigma),
         interference=shaped(interference[:, 0]),
         sigma_interference=shaped(sigma_e),
-        chi_square=shaped(misfit[:, 0]),
-        mirror=((share > 1e-3) & (away > np.radians(1.0)) & ~vertical_hole).reshape(lead),
+        chi_square=shaped(station.misfit(best_at[:, None])[0][:, 0]),
+        mirror=(mirror & ~vertical_hole).reshape(lead),
+        both=np.where((mirror & ~vertical_hole)[:, None], wrap_tau(np.stack([best_at, other], axis=1)), np.nan).reshape(
+            *lead, 2
+        ),
+        share=np.where(vertical_hole, 0.0, share).reshape(lead),
         sensitivity=np.where(vertical_hole[:, None], np.nan, fit.sensitivity).reshape(*lead, 6),
     )
 
@@ -392,7 +419,9 @@ class _Stations:
     def cost(self, azimuth: Array) -> Array:
         """Minus twice the log probability of azimuths, shape (n, m), counting implausible interference against them."""
         misfit, log, interference = self.misfit(azimuth)
-        return np.asarray(misfit + log + interference**2 * self.information_plausible)
+        square = interference**2 * self.information_plausible
+        imaginable = (1.0 + square / _FREEDOM) ** (-0.5 * (_FREEDOM + 1.0)) + _TAIL / (1.0 + square)
+        return np.asarray(misfit + log - 2.0 * np.log(imaginable))
 
     def polish(self, azimuth: Array) -> Array:
         """Azimuths, shape (n, m), at the bottom of their basins, by ever smaller windows around the least misfit."""

@@ -58,6 +58,8 @@ _SENSORS = 12
 _GRAVITY_RANGE = 0.02
 # Stations from which on their scatter is worth an estimate.
 _MANY = 8
+# Axial interference of a tool that is freed of it, expected and imaginable, nT.
+_NONE_NT = 1.0
 
 
 @dataclass(frozen=True)
@@ -310,10 +312,10 @@ def corrected_stations(
         accelerometer_scale=0.0,
         magnetometer_bias_nt=0.0,
         magnetometer_scale=0.0,
-        axial_interference_nt=0.0,
+        axial_interference_nt=_NONE_NT,
     )
     # What is left of the interference is in the readings' covariance.
-    settings = replace(settings, errors=aligned, azimuth_method=RAW, plausible_interference_nt=1.0)
+    settings = replace(settings, errors=aligned, azimuth_method=RAW, plausible_interference_nt=_NONE_NT)
     done = []
     for k, old in enumerate(stations):
         f_t, b_t = analysis.corrected(old.f_t, old.b_t)

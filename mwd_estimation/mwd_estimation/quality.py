@@ -184,7 +184,11 @@ def correction_refusal(correction: AxialCorrection, inclination: float, settings
             "or the reference is not this place's"
         )
     if correction.mirror:
-        return "two azimuths fit the readings equally well without the axial magnetometer: horizontal hole, take a gyro"
+        both = " and ".join(f"{math.degrees(float(angle)):.1f}" for angle in correction.both)
+        return (
+            f"two azimuths, {both} deg from magnetic north, fit the readings without the axial magnetometer: "
+            "horizontal hole, take a gyro"
+        )
     sigma = float(correction.sigma_azimuth)
     if not sigma <= math.radians(settings.max_correction_sigma_deg):
         from_horizontal = abs(0.5 * math.pi - inclination)

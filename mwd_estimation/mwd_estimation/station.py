@@ -260,7 +260,7 @@ def station(
         methods = [magnetic_choice.raw(f_h, b_h, jacobian, covariance_s, expected, plausible, correction)]
         if correction is not None and math.isfinite(float(correction.azimuth)):
             methods.append(magnetic_choice.corrected(correction, jacobian, covariance_s))
-        chosen = magnetic_choice.choose(settings.azimuth_method, methods, correction, refused, expected)
+        chosen = magnetic_choice.choose(settings.azimuth_method, methods, correction, refused, expected, plausible)
         azimuth = to_north(chosen.azimuth, turn_north)
         north_variance = _north_variance(reference, north, horizontal)
         covariance = chosen.covariance + alignment
@@ -288,8 +288,8 @@ def station(
     findings.add(REJECT, *gross_faults(g_total, *earth, reference))
     if has_field:
         _judge_field(findings, settings, reference, north, horizontal)
-        _judge_interference(findings, settings, correction, corrected, refused)
-        doubted = _judge_hidden(findings, float(jacobian[1, 3]), hidden)
+        doubted = _judge_interference(findings, settings, correction, corrected, refused)
+        doubted += _judge_hidden(findings, float(jacobian[1, 3]), hidden)
         if math.sin(inc) < math.sin(math.radians(settings.quality.min_azimuth_inclination_deg)):
             findings.remark("near vertical: azimuth and high side are loose, use magnetic toolface")
     else:
@@ -395,22 +395,28 @@ def _judge_interference(
     correction: magnetics.AxialCorrection | None,
     corrected: bool,
     refused: str,
-) -> None:
+) -> tuple[str, ...]:
+    """Say what shows; returned is what doubts nothing but the magnetic azimuth."""
     if settings.azimuth_method == CORRECTED and not corrected:
         findings.add(DOUBTFUL, "azimuth not corrected for axial interference: " + (refused or "no reference field"))
     expected_nt = settings.errors.axial_interference_nt
     if correction is None:
-        return
+        return ()
     if not (corrected or magnetic_choice.shows(correction, expected_nt * 1e-9)):
-        return
+        return ()
     nt, sigma_nt = float(correction.interference) * 1e9, float(correction.sigma_interference) * 1e9
     text = f"axial interference {nt:+.0f} +- {sigma_nt:.0f} nT"
+    if corrected and refused:
+        doubt = f"{text} corrected as well as it can be: {refused}"
+        findings.add(DOUBTFUL, doubt)
+        return (doubt,)
     if corrected:
         findings.remark(f"{text} corrected")
     elif settings.azimuth_method == RAW:
         findings.add(DOUBTFUL, f"{text} seen, azimuth uncorrected as asked")
     elif refused and settings.azimuth_method != CORRECTED:
         findings.remark(f"{text} not corrected: {refused}")
+    return ()
 
 
 def _judge_hidden(findings: _Findings, slope: float, hidden: bool) -> tuple[str, ...]:

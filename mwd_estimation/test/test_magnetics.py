@@ -136,6 +136,31 @@ def test_sigma_stays_honest_where_the_geometry_is_singular():
     assert np.max(np.abs(error / done.sigma_azimuth)) < 6.0
 
 
+@pytest.mark.parametrize("axial", [-20e-6, 20e-6, 40e-6])
+@pytest.mark.parametrize(("inc", "azi"), [(80, 88), (85, 272), (89, 90), (90, 90), (100, 268)])
+def test_sigma_stays_honest_there_with_interference_as_strong_as_the_field(inc, azi, axial):
+    error, done = monte_carlo(inc * DEG, azi * DEG, 100, 13, axial, plausible=3e-6)
+    # Due east the mean of the posterior is right by symmetry.
+    assert np.mean((error / done.sigma_azimuth) ** 2) < 1.8
+    assert np.percentile(np.abs(error / done.sigma_azimuth), 95) < 2.5
+    off = (done.interference - axial) / done.sigma_interference
+    assert np.mean(off**2) < 1.8
+
+
+@pytest.mark.parametrize(("azi", "axial"), [(0, -40e-6), (60, -40e-6), (135, 22e-6), (180, 40e-6), (225, 22e-6)])
+def test_a_mirror_is_told_where_neither_interference_is_imaginable(azi, axial):
+    # Exactly horizontal, 50 uT at 60 deg dip: the mirror asks for several times the plausible interference too.
+    h, v = 25e-6, 43.3e-6
+    f_t, b_t = readings(90 * DEG, azi * DEG, 0.7, h, v, axial)
+    done = magnetics.axial_correction(f_t, b_t, h, v, SENSORS, reference_covariance(50e-6, 60 * DEG), plausible=3e-6)
+    assert done.mirror
+    assert done.share == 0.5
+    two = done.both
+    assert np.min(np.abs(wrap_pi(two - azi * DEG))) < 0.01 * DEG
+    assert np.min(np.abs(wrap_pi(two - (180 - azi) * DEG))) < 0.01 * DEG
+    assert done.sigma_azimuth == pytest.approx(min(abs(wrap_pi(two[1] - two[0])) * math.sqrt(0.5), 1.82), rel=0.02)
+
+
 def test_sigma_explodes_towards_the_horizontal_east_west_hole_and_not_elsewhere():
     def sigma(inc, azi):
         f_t, b_t = readings(inc * DEG, azi * DEG, 0.7)

@@ -86,7 +86,15 @@ def test_the_graver_verdict_wins():
 
 
 GOOD = AxialCorrection(
-    np.array(1.0), np.array(0.5 * DEG), np.array(1e-6), np.array(1e-7), np.array(0.5), np.array(False), np.zeros(6)
+    azimuth=np.array(1.0),
+    sigma_azimuth=np.array(0.5 * DEG),
+    interference=np.array(1e-6),
+    sigma_interference=np.array(1e-7),
+    chi_square=np.array(0.5),
+    mirror=np.array(False),
+    both=np.full(2, np.nan),
+    share=np.array(0.0),
+    sensitivity=np.zeros(6),
 )
 
 
@@ -97,7 +105,7 @@ GOOD = AxialCorrection(
         ({}, 0.5, "only 0.50 deg from vertical"),
         ({}, 179.5, "only 0.50 deg from vertical"),
         ({"chi_square": np.array(80.0)}, 40.0, "not axial"),
-        ({"mirror": np.array(True)}, 90.0, "two azimuths"),
+        ({"mirror": np.array(True), "both": np.array([1.0, 2.0])}, 90.0, "two azimuths, 57.3 and 114.6 deg"),
         (
             {"sigma_azimuth": np.array(9.8 * DEG), "azimuth": np.array(88 * DEG)},
             87.0,

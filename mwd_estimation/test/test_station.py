@@ -181,6 +181,19 @@ def test_an_attitude_that_hides_interference_makes_the_azimuth_doubtful(inc, azi
     assert shot.sigma_azimuth > 8.0 * DEG or shot.corrected
 
 
+@pytest.mark.parametrize("axial", [-40e-6, 20e-6, 40e-6])
+@pytest.mark.parametrize(("inc", "azi"), [(85, 88), (89, 90), (90, 272)])
+def test_a_strongly_magnetised_string_east_west_is_corrected_as_well_as_it_can_be_and_doubtful(inc, azi, axial):
+    shot = station(*readings(inc, azi, 40, axial), REFERENCE)
+    assert shot.method == "corrected"
+    assert shot.verdict == "doubtful"
+    assert abs(wrap_pi(shot.azimuth - (azi + 2) * DEG)) < 1.5 * shot.sigma_azimuth
+    assert shot.sigma_azimuth > 3.0 * DEG
+    assert shot.azimuth_doubts[0].startswith("axial interference")
+    assert "corrected as well as it can be" in shot.azimuth_doubts[0]
+    assert set(shot.azimuth_doubts) <= set(shot.reasons)
+
+
 def test_who_trusts_his_collar_gets_the_sigma_of_the_tool_code_and_no_doubt():
     shot = station(*readings(88, 90, 40), REFERENCE, StationSettings(plausible_interference_nt=220.0))
     assert shot.verdict == "accept"
