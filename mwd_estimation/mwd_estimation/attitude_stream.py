@@ -105,6 +105,8 @@ class Reading:
     steel : bool
         A gyro has shown that the magnetic azimuth is wrong though its field is in order: it is not used until a gyro
         shows otherwise.
+    left_open : float
+        How far a gyro that is too uncertain to contradict is from the magnetic azimuth, rad; in the model's sigma.
     """
 
     model: FieldModel
@@ -112,6 +114,7 @@ class Reading:
     corrected: bool
     lesson: Lesson | None = None
     steel: bool = False
+    left_open: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -287,6 +290,8 @@ class AttitudeStream:
             if k > 0:
                 attitude_track.begin_smoothing(self._track_state)
                 self._learn(reading.lesson)
+                # What was sure before is so no longer.
+                self._withdrawn |= reading.left_open > stretches[k - 1][1].left_open
             track = block.track
             found, handed, used = attitude_track.run(
                 self._azimuth,
@@ -367,8 +372,8 @@ class AttitudeStream:
             rest = np.sqrt(np.maximum(pairs.sigma**2 - parts[:, 3] ** 2, 0.0))
             parts[:, 0], parts[:, 2] = self._share * rest, math.sqrt(1.0 - self._share**2) * rest
             return _Magnetic(
-                pairs.place + start, pairs.stamp_ns, pairs.azimuth, parts, np.zeros(n, dtype=np.bool_), bits,
-                np.zeros((n, 3)), unknown,
+                pairs.place + start, pairs.stamp_ns, pairs.azimuth, parts, self._afresh(np.zeros(n, dtype=np.bool_)),
+                bits, np.zeros((n, 3)), unknown,
             )  # fmt: skip
         state = self._field_state
         learnt = tool_field.run(
@@ -382,9 +387,7 @@ class AttitudeStream:
         bad = np.maximum.accumulate(np.where(learnt.ratio <= 1.0, self._bad_ns, pairs.stamp_ns))
         self._bad_ns = int(bad[-1])
         bits |= np.where((pairs.stamp_ns - bad > _SETTLED_NS) & (not reading.steel), 0, _DISTURBED)
-        afresh = learnt.restarted
-        afresh[0] |= self._withdrawn
-        self._withdrawn = False
+        afresh = self._afresh(learnt.restarted)
         white = np.full(n, _MAG_NOISE / state.field[0])
         near = _STEEL / state.field[0] * np.exp(-(pairs.stamp_ns - bad) / _STEEL_NS)
         held = np.sqrt(np.maximum(learnt.sigma_azimuth**2 - learnt.sigma_own**2 - white**2, 0.0) + near**2)
@@ -398,6 +401,12 @@ class AttitudeStream:
             np.where(shown, learnt.bias, 0.0),
             np.where(shown, learnt.sigma, -1.0),
         )
+
+    def _afresh(self, restarted: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """From which pairs on the azimuth begins anew; what was withdrawn counts once."""
+        restarted[0] |= self._withdrawn
+        self._withdrawn = False
+        return restarted
 
     def _carry_on(
         self, block: Block, marks: list[Mark], pairs: _Magnetic, precision: tuple[Stamps, Array]

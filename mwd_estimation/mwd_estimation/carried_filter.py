@@ -52,7 +52,7 @@ K_NOISE, K_BIAS, K_WALK, K_LEAK, K_DRIFT, K_LAG, K_RANGE, K_WIDEST, SETTINGS = 1
 # Fewer turns in a bin do not tell the leakage; the true rate across the axis of which a turn leaves what is left of a
 # part of one, rad/s: a curve drilled fast, whirl.
 _TURNS, _ACROSS = 0.5, math.radians(0.05)
-# A station farther than so many sigma from the one carried on disagrees with it.
+# An azimuth of a station or a gyro farther than so many sigma from the one carried on disagrees with it.
 _DISAGREES = 3.0
 
 # Good magnetic azimuths that lean to one side by so many sigma over this time, s, speak of a gyro whose bias moves (one
@@ -272,7 +272,7 @@ def magnetic(k: Array, x: Array, P: Array, m: Array, azimuth: float, sigma: Arra
 @compiled
 def seek(k: Array, x: Array, P: Array, m: Array, azimuth: float, sigma: float) -> None:
     """
-    Take in an azimuth that owes nothing to the magnetometer; one beyond the gate is begun anew from.
+    Take in an azimuth that owes nothing to the magnetometer; one that disagrees is begun anew from.
 
     Seeks of one gyro err alike: where the azimuth rests on an earlier one, the better of both stands, not their mean.
     """
@@ -283,10 +283,10 @@ def seek(k: Array, x: Array, P: Array, m: Array, azimuth: float, sigma: float) -
     alone = m[SOUGHT] != 0.0
     m[SOUGHT] = 1.0
     away = (azimuth - x[AZIMUTH] + math.pi) % (2.0 * math.pi) - math.pi
-    agrees = away * away <= k[K_GATE] ** 2 * (P[AZIMUTH, AZIMUTH] + sigma * sigma)
+    agrees = away * away <= _DISAGREES**2 * (P[AZIMUTH, AZIMUTH] + sigma * sigma)
     if alone and agrees and sigma * sigma >= P[AZIMUTH, AZIMUTH]:
         return
-    if alone or not correct(k, x, P, m, 0.0, 0.0, azimuth, sigma * sigma, 0.0):
+    if alone or not agrees or not correct(k, x, P, m, 0.0, 0.0, azimuth, sigma * sigma, 0.0):
         m[TAKEN_UP] += 0.0 if agrees else 1.0
         x[AZIMUTH] = azimuth % (2.0 * math.pi)
         for i in range(STATES):

@@ -1,7 +1,8 @@
 """
 How the magnetic field is read, and what stations teach of it.
 
-The north in use, the tool's own axial field, and whether a gyro has shown that steel turns a field that looks in order.
+The north in use, the tool's own axial field, and whether a gyro has shown that steel turns a field that looks in order,
+or left open whether it does.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class FieldReader:
 
     def __init__(self, settings: StationSettings, reference: Reference | None) -> None:
         self._settings = settings
-        self._steel = False
+        self._steel, self._left_open = False, 0.0
         self.set_reference(reference)
 
     def set_reference(self, reference: Reference | None) -> None:
@@ -72,8 +73,10 @@ class FieldReader:
             lesson = Lesson(own, down, station.b_t, azimuth, sigma, accepted, axial)
         # Where the gyro was believed against the magnetometer, it is until they agree again.
         steel = self._steel if taken.alarm is None else bool(taken.alarm) and counts
-        if station.corrected or lesson is not None or steel != self._steel:
-            self._steel = steel
+        # Where it was too uncertain to say, either may be right until they are compared again.
+        left_open = self._left_open if taken.alarm is None else taken.left_open
+        if station.corrected or lesson is not None or steel != self._steel or left_open != self._left_open:
+            self._steel, self._left_open = steel, left_open
             self.reading = self._read(lesson)
 
     def _read(self, lesson: Lesson | None = None) -> Reading:
@@ -92,6 +95,7 @@ class FieldReader:
             sigma_axial=sigma_axial,
             sigma_cross=settings.errors.magnetometer_bias_nt * 1e-9,
             north_correction=correction,
-            sigma_north=math.sqrt(variance),
+            sigma_north=math.hypot(math.sqrt(variance), self._left_open),
         )
-        return Reading(model, NORTH_CODES[self.north], self.interference is not None, lesson, self._steel)
+        corrected = self.interference is not None
+        return Reading(model, NORTH_CODES[self.north], corrected, lesson, self._steel, self._left_open)

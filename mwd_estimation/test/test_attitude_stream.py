@@ -50,7 +50,7 @@ def samples(n, inclination, azimuth=1.0, rate=0.0, own=(0.0, 0.0, 0.0), sigma_ti
     return Block(stamps, gyro, -9.81 * down, track), b_t
 
 
-def follow(made, block, b_t, lessons=(), seeks=(), steel_from=None):
+def follow(made, block, b_t, lessons=(), seeks=(), steel_from=None, open_from=None):
     """All samples as one block; marks as the bins close, one bin late."""
     n = len(block.stamps)
     made.take_mag(block.stamps, b_t)
@@ -62,6 +62,9 @@ def follow(made, block, b_t, lessons=(), seeks=(), steel_from=None):
     ]
     if steel_from is not None:
         readings.append((steel_from, Reading(model, 2, False, None, steel=True)))
+    if open_from is not None:
+        unsure = FieldModel(np.zeros(3), 2e-7, 7e-8, sigma_north=0.4)
+        readings.append((open_from, Reading(unsure, 2, False, None, left_open=0.4)))
     marks = [
         Mark(place, START // BIN_NS + place // 50 - 2, START + (place - 50) * 10**7, *dict(seeks).get(place, ()))
         for place in range(100, n, 50)
@@ -144,6 +147,19 @@ def test_beside_steel_that_a_gyro_has_shown_the_gyros_carry_the_azimuth_alone():
     assert (attitude["status"][2000:] & Status.GYRO_AIDED > 0).all()
     assert np.abs(wrap_pi(attitude["azimuth"][1550:] - 1.0)).max() < math.radians(0.5)
     assert attitude["sigma_azimuth"][-1] >= math.radians(1.0)
+
+
+@pytest.mark.parametrize("reference", [REFERENCE, None])
+def test_an_azimuth_that_a_gyro_left_open_says_so_and_gives_way_to_a_better_gyro(reference):
+    block, b_t = samples(3000, 0.9, azimuth=1.0)
+    seek = [(2000, (1.4, math.radians(4.0)))]
+    attitude, _, _, _ = follow(stream(reference), block, b_t, seeks=seek, open_from=1000)
+    assert attitude["sigma_azimuth"][990] < math.radians(3.0)
+    assert attitude["sigma_azimuth"][1900] == pytest.approx(0.4, abs=0.03)
+    assert abs(wrap_pi(attitude["azimuth"][1900] - 1.0)) < 0.02
+    # It is the better one, and 0.4 rad would not be far from what was left open.
+    assert abs(wrap_pi(attitude["azimuth"][2150] - 1.4)) < math.radians(2.0)
+    assert attitude["sigma_azimuth"][2150] < math.radians(4.2)
 
 
 def test_near_vertical_the_magnetic_toolface_stands_and_the_azimuth_is_unknown():

@@ -257,7 +257,7 @@ def test_good_azimuths_that_stay_away_are_taken_up_again_after_the_patience() ->
     assert np.abs(wrap_pi(rows.azimuth[-1] - well.azimuth[-1])) < 3.0 * rows.sigma[-1]
 
 
-def test_a_north_seek_tells_the_magnetic_error_and_one_beyond_the_gate_is_begun_anew_from() -> None:
+def test_a_north_seek_tells_the_magnetic_error_and_one_that_disagrees_is_begun_anew_from() -> None:
     well = drilling(400.0, 60.0)
     mag = magnetic(well, np.random.default_rng(7))[:4000]
     without, plain = go(well, mag, well.gyro)

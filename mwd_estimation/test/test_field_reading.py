@@ -44,6 +44,19 @@ def test_without_a_reference_the_field_is_read_from_magnetic_north():
     assert not reader.reading.corrected
 
 
+def test_what_an_uncertain_gyro_left_open_is_in_the_sigma_until_the_two_are_compared_again():
+    reader = FieldReader(StationSettings(), REFERENCE)
+    one, _ = taken(0.0)
+    usual = reader.reading.model.sigma_north
+    reader.learn(dataclasses.replace(one, alarm="", left_open=0.4), None)
+    assert reader.reading.left_open == 0.4
+    assert reader.reading.model.sigma_north == pytest.approx(math.hypot(usual, 0.4))
+    reader.learn(one, None)
+    assert reader.reading.left_open == 0.4
+    reader.learn(dataclasses.replace(one, alarm=""), None)
+    assert (reader.reading.left_open, reader.reading.model.sigma_north) == (0.0, usual)
+
+
 def test_a_corrected_station_takes_its_interference_off_from_then_on_until_the_reference_changes():
     reader = FieldReader(StationSettings(), REFERENCE)
     before = reader.reading
