@@ -47,6 +47,11 @@ class Settings:
     alone_deg: float = setting(
         4.0, "A station that the gyro carries alone is doubtful with a larger sigma", unit="deg", low=0.1, high=180.0
     )
+    unwitnessed: str = setting(
+        "doubtful",
+        "Verdict at best of a magnetic azimuth that the gyro could witness after half a turn of the tool",
+        choices=("doubtful", "accept"),
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -342,13 +347,14 @@ def left_open(magnetic: Candidate, gyro: Candidate, result: Fused, settings: Set
     )
 
 
-def unconfirmed(missing: str, last_alarm: str) -> tuple[str, str]:
+def unconfirmed(missing: str, last_alarm: str, could: bool = False) -> tuple[str, str]:
     """
     What a station is worth whose magnetic azimuth the gyro has not confirmed: a doubt and a remark, either may be "".
 
     Steel that turns the field and leaves total and dip in order shows in nothing but a gyro. Where the gyro has said at
     the last station that there is such steel, an azimuth it has not seen is doubtful; where it has said nothing yet, or
-    agreed, the station is worth what its own checks make of it, and says that it was not compared.
+    agreed, the station is worth what its own checks make of it, and says that it was not compared. Where half a
+    turn is all the gyro lacks to speak, that is a doubt too: it costs minutes, and nothing else on board knows.
 
     Parameters
     ----------
@@ -356,10 +362,13 @@ def unconfirmed(missing: str, last_alarm: str) -> tuple[str, str]:
         Why there is no gyro azimuth here, in words; empty where there is one, or no gyro in the tool.
     last_alarm : str
         `Fused.alarm` of the last station at which both were compared; empty where they agreed or none was compared.
+    could : bool
+        Whether a second position would make the gyro certain enough.
     """
     if not missing:
         return "", ""
     if last_alarm:
         doubt = f"magnetic azimuth not confirmed by the gyro ({missing}); at the last station compared: {last_alarm}"
         return doubt + "; let the tool rest and survey again", ""
-    return "", f"magnetic azimuth not compared with the gyro: {missing}"
+    text = f"magnetic azimuth not compared with the gyro: {missing}"
+    return (text, "") if could else ("", text)

@@ -26,6 +26,8 @@ from mwd_sensors.frames import wrap_tau
 from mwd_sensors.settings import setting
 
 MODES = ("auto", "still", "two_position", "rotating", "continuous")
+# How the refusals begin that a second position, or more time there, lifts.
+BIAS_UNKNOWN, TWO_FIT = "the gyro bias is known only to", "two azimuths fit equally"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -461,8 +463,8 @@ def _refusal(
     if several and sigma > math.radians(params.worst_sigma_deg) / 4.0:
         fits = " and ".join(f"{math.degrees(angle):.1f}" for angle in several)
         return (
-            f"azimuths {fits} deg fit equally: turned about its axis, a tool this near the horizontal does not tell "
-            "north from south of east-west; give the expected azimuth"
+            f"{TWO_FIT}, {fits} deg: turned about its axis, a tool this near the horizontal does not tell north from "
+            "south of east-west; give the expected azimuth, or seek longer"
         )
     if misfit > 16.0:
         return (
@@ -473,7 +475,7 @@ def _refusal(
         noise = params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR / math.sqrt(elapsed)
         if params.gyro_bias_deg_h * DEG_PER_HOUR > 2.0 * noise and method == "still":
             return (
-                f"the gyro bias is known only to {params.gyro_bias_deg_h:.2g} deg/h, which leaves the azimuth "
+                f"{BIAS_UNKNOWN} {params.gyro_bias_deg_h:.2g} deg/h, which leaves the azimuth "
                 f"uncertain by {math.degrees(sigma):.0f} deg: turn the tool half a turn about its axis and wait again"
             )
         return f"not certain enough: {math.degrees(sigma):.0f} deg after {elapsed:.0f} s; wait longer"
