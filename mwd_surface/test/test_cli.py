@@ -10,8 +10,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from rich.console import Console
 
 from mwd_surface import cli
+from mwd_surface.commands.survey_table import show_surveys
 
 ROOT = Path(__file__).resolve().parents[2]
 VOLVE = ROOT.parent / "shared" / "data" / "volve" / "volve_F5_raw_sixaxis.csv"
@@ -118,6 +120,17 @@ def test_the_options_are_the_reference_where_the_table_has_none(tmp_path):
         assert line["azimuth_reference"] == north
         assert float(line["azimuth_deg"]) == pytest.approx(azimuth, abs=0.01)
         assert line["verdict"] == ("doubtful" if north == "magnetic" else "accept")
+
+
+def test_the_widest_figures_of_a_station_fit_a_plain_terminal():
+    screen = io.StringIO()
+    station = SimpleNamespace(
+        inclination=2.0, sigma_inclination=0.005, azimuth=6.28, sigma_azimuth=0.2, north="magnetic",
+        gravity_toolface=6.0, b_total=51234.4e-9, dip=-1.2, verdict="doubtful", reasons=("no reference field",),
+    )  # fmt: skip
+    show_surveys(Console(file=screen, width=80), [(station, 12345.6)] * 120)
+    row = screen.getvalue().splitlines()[2]
+    assert row.split() == "109 12345.6 114.59 ±0.29 359.8 ±11.5 magnetic 343.8 51234 -68.75 doubtful".split()
 
 
 def test_a_table_that_cannot_be_used_is_refused_in_one_sentence(tmp_path):

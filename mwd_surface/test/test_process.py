@@ -284,6 +284,12 @@ def test_a_bag_without_imu_is_refused(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_start_beyond_the_end_of_a_bag_is_told(tmp_path):
+    recording(tmp_path / "bag", seconds=5.0)
+    with pytest.raises(BagError, match=r"ends after 5\.0 s, before --start 60"):
+        run(tmp_path / "bag", tmp_path / "out", start_s=60.0)
+
+
 def test_a_field_in_another_unit_is_not_used_until_its_unit_is_said(tmp_path):
     recording(tmp_path / "bag", mag_scale=1e6)
     summary = run(tmp_path / "bag", tmp_path / "out")

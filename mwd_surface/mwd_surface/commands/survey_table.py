@@ -23,7 +23,8 @@ def show_surveys(console: Console, stations: Sequence[tuple[Station, float]]) ->
     title = ("1 survey" if len(stations) == 1 else f"{len(stations)} surveys") + (
         f", the last {_MOST}" if first else ""
     )
-    table = Table(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0), header_style="dim")
+    # With the widest figures it just fits the 80 columns of a plain terminal.
+    table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0), header_style="dim")
     for name in ("no", "depth m", "inclination", "azimuth", "", "toolface", "nT", "dip"):
         table.add_column(name, justify="left" if not name else "right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)

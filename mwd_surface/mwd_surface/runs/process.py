@@ -199,6 +199,8 @@ def estimate(
     summary = _estimate(bag, topics, estimator, given, compensation, sink, progress, smooth, merger)
     refuse_damaged(bag, given)
     if summary.rows == 0:
+        if given.start_s > (long := (bag.end_ns - bag.start_ns) * 1e-9) > 0.0:
+            raise BagError(f"{bag.path} ends after {long:.1f} s, before --start {given.start_s:g}")
         raise BagError(f"{bag.path} has no IMU sample in {topics.imu}", "look at it with `mwd bag info`")
     summary.warnings += worth_saying(bag)
     return summary
