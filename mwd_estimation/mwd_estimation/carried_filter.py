@@ -59,6 +59,9 @@ _DISAGREES = 3.0
 # that warms up): its walk is then that of one which may lose all that is known of it in the same time.
 _LEANS, _LEAN_TIME = 1.5, 5.0
 
+# A sigma of the magnetic azimuth within this share of the last is the same error.
+_SAME = 0.9
+
 _DISTURBED = int(Status.MAG_DISTURBED)
 
 
@@ -229,11 +232,17 @@ def magnetic(k: Array, x: Array, P: Array, m: Array, azimuth: float, sigma: Arra
     m[BITS] = _DISTURBED
     if afresh:
         m[HAVE] = m[ANCHORED] = m[LEAN] = 0.0
-    if good and m[HAVE] != 0.0 and m[LAST_SIGMA] > 0.0 and slow > 0.0:
-        # Who learns errs less and less: of the error of before this share is left in it, in units of the sigma of now.
-        fade(x, P, min(slow / m[LAST_SIGMA], m[LAST_SIGMA] / slow))
-    if good:
+    kept = m[HAVE] != 0.0 and m[LAST_SIGMA] > 0.0 and slow > 0.0
+    share = min(slow / m[LAST_SIGMA], m[LAST_SIGMA] / slow) if kept else 0.0
+    if good and share < _SAME:
+        if kept:
+            # Who learns errs less and less: of the error of before this share is left in it, in units of the sigma of
+            # now. A sigma that only flickers has learnt nothing.
+            fade(x, P, share)
         m[LAST_SIGMA] = slow
+    if kept:
+        # As it was when the error was found: by noise in it the filter would tell error and azimuth apart.
+        slow = m[LAST_SIGMA]
     if not good:
         m[FAILED] += 1.0
         m[REFUSING] = 0.0

@@ -259,7 +259,7 @@ def kernel_settings(
     """
     Settings in SI, in the order of the K_ names, shape (SETTINGS,).
 
-    latitude_deg: None where unknown; what the Earth's rotation does to the azimuth then counts as gyro bias.
+    latitude_deg: None where unknown; what the Earth's rotation does to the azimuth then counts as drift.
     interval_s: between magnetic azimuths.
     """
     k = np.zeros(cf.SETTINGS)
@@ -274,11 +274,11 @@ def kernel_settings(
     )  # fmt: skip
     for at, unit in enumerate((conventional, fine)):
         k[cf.K_NOISE + at] = unit.noise_deg_rth * DEG_PER_ROOT_HOUR
-        k[cf.K_BIAS + at] = math.hypot(unit.bias_deg_h * DEG_PER_HOUR, unknown)
+        k[cf.K_BIAS + at] = unit.bias_deg_h * DEG_PER_HOUR
         k[cf.K_WALK + at] = unit.walk_deg_h_rth * DEG_PER_HOUR / 60.0
         k[cf.K_LEAK + at], k[cf.K_LAG + at] = unit.leak_urad * 1e-6, unit.lag_ms * 1e-3
-        # Of the sensitivity of y to y and of z to z their mean is felt whatever the toolface.
-        k[cf.K_DRIFT + at] = unit.g_sensitivity_deg_h_g * DEG_PER_HOUR * math.sqrt(0.5)
+        # The mean of the sensitivities of y to y and of z to z is felt whatever the toolface, and so is the Earth's turn.
+        k[cf.K_DRIFT + at] = math.hypot(unit.g_sensitivity_deg_h_g * DEG_PER_HOUR * math.sqrt(0.5), unknown)
     k[cf.K_RANGE] = 0.98 * math.radians(fine.range_dps)
     k[cf.K_OFTEN] = max(2.0 * params.magnetic_held_s / interval_s, 1.0)
     k[cf.K_TAU], k[cf.K_GATE] = params.magnetic_memory_s, params.gate_sigmas

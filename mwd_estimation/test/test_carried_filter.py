@@ -57,6 +57,24 @@ def test_noise_moves_azimuth_and_anchor_together() -> None:
     assert_allclose(P[np.ix_([AZIMUTH, ANCHOR], [AZIMUTH, ANCHOR])], noise, rtol=1e-12)
 
 
+def test_a_sigma_that_flickers_with_the_noise_neither_averages_its_error_down_nor_moves_the_azimuth() -> None:
+    k, rng = settings(), np.random.default_rng(4)
+    k[[carried_filter.K_NORTH, carried_filter.K_DOWN]] = 0.0
+    x, P = np.zeros(STATES), np.zeros((STATES, STATES))
+    memory = np.zeros(carried_filter.MEMORY)
+    slow, white = math.radians(0.4), math.radians(0.2)
+    sums = np.zeros(axis_turn.SUMS)
+    sums[axis_turn.S_TIME] = 0.2
+    for _ in range(3000):
+        noise = rng.standard_normal()
+        sigma = np.array([slow * (1.0 + 0.01 * noise), 0.0, white, 0.0])
+        carried_filter.magnetic(k, x, P, memory, 1.0 + white * noise, sigma, True, False)
+        carried_filter.propagate(k, x, P, sums, 0)
+    assert P[ERROR, ERROR] > 0.9
+    assert math.sqrt(P[AZIMUTH, AZIMUTH]) > 0.9 * slow
+    assert abs(x[AZIMUTH] - 1.0) < 0.1 * slow
+
+
 def test_a_magnetic_azimuth_leaves_the_anchor_alone_and_its_covariance_is_joseph_s() -> None:
     k = settings()
     memory = np.zeros(carried_filter.MEMORY)

@@ -325,10 +325,11 @@ def test_the_axis_is_carried_as_it_turns() -> None:
     assert_allclose(wrap_pi(rows.azimuth[30:] - well.azimuth[30:]), 0.0, atol=0.1 * DEG)
 
 
-def test_an_unknown_latitude_counts_as_gyro_bias() -> None:
+def test_an_unknown_latitude_counts_as_drift_which_turns_with_nothing() -> None:
     known, unknown = (continuous.kernel_settings(TACTICAL, latitude) for latitude in (60.0, None))
     assert unknown[carried_filter.K_NORTH] == 0.0
-    assert unknown[carried_filter.K_BIAS] > 5.0 * known[carried_filter.K_BIAS]
+    assert unknown[carried_filter.K_BIAS] == known[carried_filter.K_BIAS]
+    assert unknown[carried_filter.K_DRIFT] == pytest.approx(np.hypot(known[carried_filter.K_DRIFT], 7.292e-5), rel=1e-3)
 
 
 def test_blocks_of_any_length_bad_samples_and_gaps_give_the_same_bits() -> None:
