@@ -167,7 +167,7 @@ def fine_watched(streams: Streams, _: tuple[float | None, ...]) -> Watched:
             continue
         here = beside[a:b]
         still = bool((np.abs(here[:, :3].mean(axis=0)) < 0.03).all() and here[:, 3:].std(axis=0).max() < 0.25)
-        health_of.beside(imu["stamp_ns"][a + 1 : b + 1], beside[a + 1 : b + 1, :3], beside[a + 1 : b + 1, 3:])
+        health_of.beside(imu["stamp_ns"][a + 1 : b + 1], beside[a + 1 : b + 1])
         now = ((k + 1) * BIN_NS - begin) * 1e-9
         said = health_of.judge((k + 1) * BIN_NS, still, (fine["stamp_ns"][c:d].copy(), values[c:d]))
         found.changes += [(now, one) for one in said]

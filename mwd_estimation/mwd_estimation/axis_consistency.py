@@ -31,10 +31,15 @@ STEP_ANGLE2 = 0.2  # rad^2: turned this far, the sums of a step are carried into
 STEP_NS = 100_000_000
 # Layout of the sums: attitudes of +w, -w, w/57.3 (scalar first); turn, force, field and counts of the step; then the
 # window's.
-_Q, _TURN, _F, _NF, _B, _NB = 0, 12, 15, 18, 19, 22
+_Q, TURN, _F, _NF, FIELD, N_FIELD = 0, 12, 15, 18, 19, 22
 _TF, _TB, _DF, _DB, _C, _F2, _B2, _WF, _WB, _WC, _PATH = 23, 77, 131, 134, 137, 146, 147, 148, 149, 150, 151
-_RF, _RB, _RATE, _HALF, _HALF_WF = 152, 155, 158, 161, 215
-SIZE = 216
+_RF, _RB, _RATE = 152, 155, 158
+# Of the step: sum over the samples of the field of what had been turned about y and z by then.
+SEEN_TURN = 161
+# Parts of the window: how many, and the carried force and its count at the end of each.
+PARTS = 6
+_PARTS, _PART = 163, 164
+SIZE = _PART + 55 * PARTS
 
 GYRO, ACCEL, MAG = 0, 1, 2
 
@@ -100,10 +105,10 @@ def begin(sums: Array) -> None:
 @compiled
 def add_rate(sums: Array, dt: float, x: float, y: float, z: float) -> float:
     """Add a rate, rad/s, over dt, s; return the square of the turn since the last `carry`, rad^2."""
-    sums[_TURN] += x * dt
-    sums[_TURN + 1] += y * dt
-    sums[_TURN + 2] += z * dt
-    return float(sums[_TURN] ** 2 + sums[_TURN + 1] ** 2 + sums[_TURN + 2] ** 2)
+    sums[TURN] += x * dt
+    sums[TURN + 1] += y * dt
+    sums[TURN + 2] += z * dt
+    return float(sums[TURN] ** 2 + sums[TURN + 1] ** 2 + sums[TURN + 2] ** 2)
 
 
 @compiled
@@ -119,24 +124,26 @@ def add_force(sums: Array, x: float, y: float, z: float) -> None:
 @compiled
 def add_field(sums: Array, x: float, y: float, z: float) -> None:
     """Add a magnetic field, in the magnetometer's unit."""
-    sums[_B] += x
-    sums[_B + 1] += y
-    sums[_B + 2] += z
-    sums[_NB] += 1.0
+    sums[FIELD] += x
+    sums[FIELD + 1] += y
+    sums[FIELD + 2] += z
+    sums[N_FIELD] += 1.0
+    sums[SEEN_TURN] += sums[TURN + 1]
+    sums[SEEN_TURN + 1] += sums[TURN + 2]
     sums[_B2] += x * x + y * y + z * z
 
 
 @compiled
 def carry(sums: Array) -> None:
     """Carry the step's sums into the window's axes and turn these on by the step's turn."""
-    nf, nb = sums[_NF], sums[_NB]
+    nf, nb = sums[_NF], sums[N_FIELD]
     for half in range(2):
         w, x, y, z = sums[4 * half], sums[4 * half + 1], sums[4 * half + 2], sums[4 * half + 3]
         r00, r01, r02 = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
         r10, r11, r12 = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
         r20, r21, r22 = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
         for part in range(2 if nb > 0.0 else 1):
-            source, target = (_F, _TF) if part == 0 else (_B, _TB)
+            source, target = (_F, _TF) if part == 0 else (FIELD, _TB)
             for j in range(3):
                 v = sums[source + j]
                 at = target + 27 * half + 9 * j
@@ -151,7 +158,7 @@ def carry(sums: Array) -> None:
                 sums[at + 8] += r22 * v
     w, x, y, z = sums[8], sums[9], sums[10], sums[11]
     for part in range(2):
-        source, target = (_F, _DF) if part == 0 else (_B, _DB)
+        source, target = (_F, _DF) if part == 0 else (FIELD, _DB)
         a, b, c = sums[source], sums[source + 1], sums[source + 2]
         t0, t1, t2 = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
         sums[target] += a + w * t0 + y * t2 - z * t1
@@ -160,13 +167,13 @@ def carry(sums: Array) -> None:
     if nf > 0.0 and nb > 0.0:
         for i in range(3):
             for j in range(3):
-                sums[_C + 3 * i + j] += sums[_F + i] * sums[_B + j] / nb
+                sums[_C + 3 * i + j] += sums[_F + i] * sums[FIELD + j] / nb
         sums[_WC] += nf
-    tx, ty, tz = sums[_TURN], sums[_TURN + 1], sums[_TURN + 2]
+    tx, ty, tz = sums[TURN], sums[TURN + 1], sums[TURN + 2]
     for k in range(3):
         sums[_RF + k] += sums[_F + k]
-        sums[_RB + k] += sums[_B + k]
-        sums[_RATE + k] += sums[_TURN + k]
+        sums[_RB + k] += sums[FIELD + k]
+        sums[_RATE + k] += sums[TURN + k]
     angle2 = tx * tx + ty * ty + tz * tz
     sums[_PATH] += math.sqrt(angle2)
     for which in range(3):
@@ -185,12 +192,13 @@ def carry(sums: Array) -> None:
         sums[at + 1] = w * p + x * cosine + y * r - z * q
         sums[at + 2] = w * q - x * r + y * cosine + z * p
         sums[at + 3] = w * r + x * q - y * p + z * cosine
-    for k in range(_TURN, _NB + 1):
+    for k in range(TURN, N_FIELD + 1):
         if k == _NF:
             sums[_WF] += nf
-        elif k == _NB:
+        elif k == N_FIELD:
             sums[_WB] += nb
         sums[k] = 0.0
+    sums[SEEN_TURN] = sums[SEEN_TURN + 1] = 0.0
 
 
 @compiled
@@ -220,36 +228,44 @@ def lengths(ways: Whole, sums: Array, field: bool, out: Array) -> int:
 
 
 @compiled
-def halve(sums: Array) -> None:
-    """Mark the middle of the window: what its halves differ by is noise."""
-    for k in range(54):
-        sums[_HALF + k] = sums[_TF + k]
-    sums[_HALF_WF] = sums[_WF]
+def mark(sums: Array) -> None:
+    """Mark the end of a part of the window: what its parts differ by is noise."""
+    part = int(sums[_PARTS])
+    if part < PARTS:
+        for k in range(54):
+            sums[_PART + 55 * part + k] = sums[_TF + k]
+        sums[_PART + 55 * part + 54] = sums[_WF]
+        sums[_PARTS] += 1.0
 
 
 @compiled
-def force_noise(ways: Whole, sums: Array) -> float:
+def force_noise(ways: Whole, sums: Array, k: int) -> float:
     """
-    1 sigma of the mean carried force along one axis, from the two halves, in the accelerometer's unit.
+    1 sigma of the mean force carried along by way k, along one axis, in the accelerometer's unit; inf: not known.
 
-    Of the way that makes them most alike: of the true one and its equals the difference is noise only.
+    From what the means of the marked parts of the window differ by: what pushes for some seconds is noise too.
     """
-    first, second = sums[_HALF_WF], sums[_WF] - sums[_HALF_WF]
-    if first < 1.0 or second < 1.0:
+    parts = int(sums[_PARTS])
+    if parts < 2:
         return math.inf
-    least = math.inf
-    for k in range(48):
-        base = 0 if ways[k, 0] > 0 else 27
-        square = 0.0
-        for a in range(3):
-            early, whole = 0.0, 0.0
+    base = 0 if ways[k, 0] > 0 else 27
+    square = 0.0
+    for a in range(3):
+        total, total2, before, count = 0.0, 0.0, 0.0, 0.0
+        for part in range(parts):
+            start = _PART + 55 * part
+            there = 0.0
             for b in range(3):
-                at = base + 9 * ways[k, 1 + b] + 3 * a + b
-                early += ways[k, 4 + b] * sums[_HALF + at]
-                whole += ways[k, 4 + b] * sums[_TF + at]
-            square += (early / first - (whole - early) / second) ** 2
-        least = min(least, square)
-    return math.sqrt(least / 12.0)
+                there += ways[k, 4 + b] * sums[start + base + 9 * ways[k, 1 + b] + 3 * a + b]
+            n = sums[start + 54] - count
+            if n < 1.0:
+                return math.inf
+            mean = (there - before) / n
+            before, count = there, sums[start + 54]
+            total += mean
+            total2 += mean * mean
+        square += max(total2 - total * total / parts, 0.0)
+    return math.sqrt(square / (3.0 * (parts - 1) * parts))
 
 
 @compiled

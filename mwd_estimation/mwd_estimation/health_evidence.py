@@ -20,16 +20,17 @@ GYRO, ACCEL, MAG = 1, 2, 4  # bits of what cannot be used
 SENSORS = ("gyro", "accelerometer", "magnetometer")
 
 # Checks: first index of each; per axis (9), per sensor (3) or single.
-STUCK, SATURATED, INVALID, DEAD, UNIT, AXES, SIGN, FRAME, ABSENT, RATE, STAMPS, HELD, MISMATCH = (
-    0, 9, 18, 21, 24, 27, 28, 29, 30, 31, 32, 33, 35,
+STUCK, SATURATED, INVALID, DEAD, UNIT, AXES, SIGN, FRAME, ABSENT, RATE, STAMPS, HELD, MISMATCH, CROSS, LENGTH = (
+    0, 9, 18, 21, 24, 27, 28, 29, 30, 31, 32, 33, 35, 36, 37,
 )  # fmt: skip
-CHECKS = 36
+CHECKS = 38
 
 # Of a check: state, observations for and against in a row, since, three details.
 STATE, UP, DOWN, FROM, D0, D1, D2 = range(7)
 # Of a note: what was seen, since when, three details; and what can have been seen.
 SEEN, BEGAN = 0, 1
-NOTHING, AGAINST, FOR = -1, 0, 1
+# STRONGLY counts as two observations for it.
+NOTHING, AGAINST, FOR, STRONGLY = -1, 0, 1, 2
 # Of the tally: events, sensors not to be used, place in the block of the sample that brings the judgement, sensors in
 # doubt; half seconds for which each sensor (3) stays so.
 EVENTS, UNUSABLE, PLACE, SUSPECT, _DOUBT, _TALLY = 0, 1, 2, 3, 4, 7
@@ -43,7 +44,7 @@ OFTEN, ALWAYS = 25, 95
 def _by_check(one: int, **others: int) -> Whole:
     """Shape (CHECKS,): the same figure for every check but those named."""
     first = {"saturated": SATURATED, "dead": DEAD, "unit": UNIT, "absent": ABSENT, "rate": RATE, "stamps": STAMPS,
-             "held": HELD, "mismatch": MISMATCH}  # fmt: skip
+             "held": HELD, "mismatch": MISMATCH, "cross": CROSS, "length": LENGTH}  # fmt: skip
     edges = sorted((*first.values(), STUCK, INVALID, AXES, SIGN, FRAME, CHECKS))
     figures = np.full(CHECKS, one, dtype=np.int64)
     for name, figure in others.items():
@@ -52,12 +53,12 @@ def _by_check(one: int, **others: int) -> Whole:
 
 
 # Observations in a row for a fault, and against it for its end.
-_NEED = _by_check(2, saturated=4, dead=1, absent=1, rate=5, stamps=1, held=8, mismatch=3)
+_NEED = _by_check(2, saturated=4, dead=1, absent=1, rate=5, stamps=1, held=8, mismatch=3, length=4)
 _CLEAR = np.where(np.arange(CHECKS) < UNIT, 4, 2) + _by_check(0, saturated=8, rate=2, stamps=-1, held=6)
 # Observations against it wipe those for it only when there are enough of them.
 _KEEPS = _by_check(0, saturated=1) == 1
 # A fault that stands and is narrowed down is told anew.
-_NARROWS = (np.arange(CHECKS) == AXES) | (np.arange(CHECKS) == FRAME)
+_NARROWS = np.isin(np.arange(CHECKS), (AXES, FRAME, CROSS))
 
 
 def blank() -> tuple[Whole, Whole, Whole, Whole]:
@@ -73,7 +74,7 @@ def blank() -> tuple[Whole, Whole, Whole, Whole]:
 
 @compiled
 def note(notes: Whole, k: int, seen: int, began: int, d0: int, d1: int, d2: int) -> None:
-    """Note an observation of a check: FOR a fault since `began`, ns, AGAINST it, or NOTHING."""
+    """Note an observation of a check: FOR a fault since `began`, ns, STRONGLY, AGAINST it, or NOTHING."""
     row = notes[k]
     row[0], row[1], row[2], row[3], row[4] = seen, began, d0, d1, d2
 
@@ -86,10 +87,10 @@ def weigh(checks: Whole, notes: Whole, tally: Whole, events: Whole, now: int) ->
         seen, row, details = notes[k, SEEN], checks[k], notes[k, 2:]
         notes[k, SEEN] = NOTHING
         changed = False
-        if seen == FOR:
+        if seen >= FOR:
             if row[UP] == 0:
                 row[FROM] = notes[k, BEGAN]
-            row[UP] += 1
+            row[UP] += seen
             row[DOWN] = 0
             enough = row[UP] >= _NEED[k]
             if row[STATE] != FAULT:
@@ -145,7 +146,9 @@ def _against(k: int, d0: int, d1: int, d2: int) -> int:
         return MAG | (ACCEL if d1 != 0 and _ones(d1) + _ones(d2) <= 4 else 0)
     if k == ABSENT:
         return MAG if d0 == 1 else 0
-    return GYRO if k == MISMATCH else 0
+    if k == LENGTH:
+        return ACCEL
+    return GYRO if k in (MISMATCH, CROSS) else 0
 
 
 @compiled
@@ -163,7 +166,7 @@ def suspected(checks: Whole, notes: Whole) -> int:
     """Bits of the sensors that these notes speak against, without those of faults that stand."""
     bits = 0
     for k in range(CHECKS):
-        if notes[k, SEEN] == FOR and checks[k, STATE] != FAULT:
+        if notes[k, SEEN] >= (STRONGLY if k == LENGTH else FOR) and checks[k, STATE] != FAULT:
             bits |= _against(k, notes[k, 2], notes[k, 3], notes[k, 4])
     return bits
 

@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation import axis_consistency as axes
+from mwd_estimation import health_cross_axes
 from mwd_estimation.health_evidence import (
     ACCEL,
     AGAINST,
     AXES,
+    CROSS,
     D0,
     D1,
     D2,
@@ -24,11 +26,14 @@ from mwd_estimation.health_evidence import (
     FAULT,
     FOR,
     FRAME,
+    LENGTH,
     MAG,
     MISMATCH,
     NOTHING,
+    OK,
     SIGN,
     STATE,
+    STRONGLY,
     UNIT,
     UP,
     note,
@@ -42,6 +47,8 @@ Whole = NDArray[np.int64]
 # Samples below which a window says nothing; time below which a dip counts only of a tool that is this quiet: variance
 # of the force in the tool's own axes as a share of its square.
 _FEW, _ENOUGH_S, _QUIET = 10, 3.0, 1e-3
+# Turn from one sample of the field to the next beyond which they do not tell how it went, rad.
+_UNSEEN = 0.6
 # Reference gravity, m/s^2, total, T, and dip, rad; nan unknown.
 GRAVITY, TOTAL, DIP = range(3)
 # Units an accelerometer and a magnetometer may come in, beside SI, in the order their findings are numbered in.
@@ -55,6 +62,13 @@ _FORCE, _FIELD = 0, 1
 _ORDERS = np.array([[*np.argmax(np.abs(m), axis=1), *m.sum(axis=1)] for m in axes.MAPPINGS], dtype=np.int64)
 _WAYS, _MISTAKES, _WEIGHTS = axes.TABLE_WAYS, axes.MISTAKES, axes.WEIGHTS
 _HEAVIEST = 99
+# 1 sigma of the direction of the mean force, rad, up to which the dip is judged.
+_DIP_NOISE = 0.12
+# Rotation, rad/s, that throws a sensor outwards.
+_TURNS = 6.0
+# Gravity is not in a mean force that is off by this share of it and that many variances of the noise; turn of a window
+# up to which the tool is still, rad. What a sensor off the axis feels of the rotation needs a while to average out.
+_OFF, _VARIANCES, _STILL, _SOON_S = 0.35, 6.0, 1.0, 1.5
 
 
 @compiled
@@ -94,18 +108,31 @@ def _field_unit(field2: float, total: float) -> int:
 
 
 @compiled
-def _by_gravity(
-    sums: Array, lengths: Array, force2: float, count: int, length: float, okay: NDArray[np.bool_],
-    said: NDArray[np.bool_],
-) -> None:  # fmt: skip
-    """Which ways carry the force to a mean of length `length`, and what that says."""
-    best = 0.0
+def _noise(sums: Array, lengths: Array, force2: float, count: int, spins: bool) -> float:
+    """
+    1 sigma of the mean force along one axis, in its unit.
+
+    spins : the sensor is off the axis of a tool that turns fast.
+    """
+    best = 0
     for k in range(axes.WAYS):
-        best = max(best, lengths[k])
-    # White noise at most; vibration that was integrated by the sensor leaves far less.
-    sigma = math.sqrt(max(force2 - best, 0.0) / (3.0 * count)) / length
-    sigma = max(min(sigma, 1.5 * axes.force_noise(_WAYS, sums) / length), 0.004)
-    if sigma >= 0.08:
+        best = k if lengths[k] > lengths[best] else best
+    # Vibration that was integrated by the sensor leaves far less of the mean than white noise; an alias far more. Right
+    # axes leave the least, of those as they are and those that carry the force best.
+    own = min(axes.force_noise(_WAYS, sums, 0), axes.force_noise(_WAYS, sums, best))
+    # What it feels of the rotation is left of a turn that half a second did not complete, and averages out.
+    if spins or not math.isfinite(own):
+        own = math.sqrt(max(force2 - lengths[best], 0.0) / (3.0 * count))
+    return max(1.2 * own, 0.004 * math.sqrt(lengths[best]))
+
+
+@compiled
+def _by_gravity(
+    lengths: Array, length: float, sigma: float, spins: bool, okay: NDArray[np.bool_], said: NDArray[np.bool_],
+) -> None:  # fmt: skip
+    """Which ways carry the force to a mean of length `length`, known to a share of sigma, and what that says."""
+    # Wrong axes smear gravity; only what a sensor off the axis feels of the rotation can become longer by them.
+    if sigma >= 0.08 or (not spins and math.sqrt(lengths[0]) / length - 1.0 > 0.12 + 6.0 * sigma):
         return
     all_of, top, own = True, 0.0, 0.0
     for k in range(axes.WAYS):
@@ -222,10 +249,12 @@ def _wrong_frame(
 
 @compiled
 def _signs(
-    reference: Array, sums: Array, began: int, seconds: float, field2: float, length: float, known: bool,
+    reference: Array, sums: Array, began: int, seconds: float, field2: float, length: float, sigma: float, known: bool,
     okay: NDArray[np.bool_], said: NDArray[np.bool_], checks: Whole, notes: Whole,
 ) -> None:  # fmt: skip
     """Signs and frames: by the dip where the reference is known, else by which way a turning string points."""
+    if sigma > _DIP_NOISE:
+        return
     up = axes.mean_force(sums, 0) / length
     inclination = math.acos(min(max(-up, -1.0), 1.0))
     expected = reference[DIP]
@@ -239,11 +268,11 @@ def _signs(
     scale = length * math.sqrt(field2)
     dip = _dip(sums, 0, True, scale)
     off = abs(dip - expected)
-    flipped = abs(dip + expected) < 0.21 and off > 0.52
+    flipped = abs(dip + expected) < 0.21 and off > 0.52 + 5.0 * sigma
     who = ACCEL if inclination > 1.75 else (MAG if inclination < 1.4 else ACCEL | MAG)
     note(notes, SIGN, FOR if flipped else (AGAINST if off < 0.26 else NOTHING), began, who, 0, 0)
     close = abs(math.sqrt(field2) / reference[TOTAL] - 1.0) < 0.05
-    seen = FOR if off > 0.26 and not flipped and close else (AGAINST if off < 0.2 else NOTHING)
+    seen = FOR if off > 0.26 + 5.0 * sigma and not flipped and close else (AGAINST if off < 0.2 else NOTHING)
     masks = np.zeros(3, dtype=np.int64)
     if seen == FOR:
         _wrong_frame(sums, okay, said, expected, scale, length, up, masks)
@@ -258,9 +287,51 @@ def _signs(
 
 
 @compiled
+def _no_gravity(
+    sums: Array, lengths: Array, force2: float, field2: float, count: int, gravity: float, pushed: bool, sure: bool,
+    said: NDArray[np.bool_],
+) -> tuple[int, float]:  # fmt: skip
+    """
+    Whether the force carried along has a mean that gravity cannot be in, and its length.
+
+    Nothing in a hole is pushed one way for seconds; that holds as seen from gyros that are still, or which the field
+    confirms. sure : the axes are known to be right; without, any of them may explain it.
+    """
+    most, least, steady = 0.0, math.inf, 0.0
+    for k in range(axes.WAYS):
+        steady = max(steady, lengths[1, k])
+        if k == 0 or not sure:
+            most, least = max(most, lengths[0, k]), min(least, lengths[0, k])
+    mean = math.sqrt(most)
+    still = axes.path(sums) < _STILL and not (field2 > 0.0 and steady < 0.9 * field2)
+    by_field = said[_FIELD, _JUDGED] and not said[_FIELD, _BAD] and lengths[1, 0] > 0.9 * field2
+    if not still and not by_field:
+        return NOTHING, mean
+    variance = max(force2 - most, 0.0) / (3.0 * count)
+    # Less: by the likelihood of no gravity against gravity, or plainly. A push of half a second may be an alias.
+    short, over = gravity - mean, math.sqrt(max(least - 3.0 * variance, 0.0)) - gravity
+    less = not pushed and gravity * (gravity - 2.0 * mean) > 2.0 * _VARIANCES * variance
+    off = max(short, over)
+    if less or (off > _OFF * gravity and off * off > 4.0 * _VARIANCES * variance):
+        return (FOR if pushed else STRONGLY), mean
+    return (AGAINST if off < 0.2 * gravity + 2.0 * math.sqrt(variance) else NOTHING), mean
+
+
+@compiled
+def _cross_axes(cross: Array, rotates: bool, began: int, checks: Whole, notes: Whole) -> None:
+    """The gyro's y and z, by the field along the tool's axis."""
+    found = np.zeros(1, dtype=np.int64)
+    seen, row = health_cross_axes.judge(cross, rotates, found), checks[CROSS]
+    if seen == FOR and row[UP] > 0 and found[0] & row[D0] != 0:
+        found[0] &= row[D0]
+    note(notes, CROSS, seen, began, found[0], 0, 0)
+
+
+@compiled
 def judge(
-    reference: Array, sums: Array, lengths: Array, spoilt: Whole, checks: Whole, notes: Whole, now: int, seconds: float
-) -> None:
+    reference: Array, sums: Array, cross: Array, lengths: Array, spoilt: Whole, checks: Whole, notes: Whole, now: int,
+    seconds: float,
+) -> None:  # fmt: skip
     """
     Judge what the last seconds of motion, up to `now`, ns, show of units, axes and signs, and note it.
 
@@ -270,10 +341,13 @@ def judge(
         GRAVITY, TOTAL, DIP.
     sums : ndarray
         Of `axis_consistency`.
+    cross : ndarray
+        Of `health_cross_axes`.
     lengths : ndarray, shape (2, 50)
         Room.
-    spoilt : ndarray of int64, shape (3,)
-        Bins of each sensor that were clipped (below BROKEN) or broken.
+    spoilt : ndarray of int64, shape (5,)
+        Bins of each sensor that were clipped (below BROKEN) or broken, those in which a steady force pushed, and those
+        with samples missing.
     checks, notes : ndarray of int64
         Of `health_evidence`.
     """
@@ -297,10 +371,23 @@ def judge(
     elif accel_unit == 2:
         length = gravity * _MILLI_G
     usable_gyro = spoilt[0] == 0 and checks[DEAD, STATE] != FAULT
-    if usable_gyro and spoilt[1] == 0 and count_f >= 4 * _FEW and accel_unit >= 0:
-        _by_gravity(sums, lengths[0], force2, count_f, length, okay[_FORCE], said[_FORCE])
-    if usable_gyro and spoilt[2] == 0 and count_b >= 10 and field2 > 0.0:
+    # A push in every half second of it is no alias.
+    sigma, spins = 1.0, abs(axes.turned(sums, 0)) > _TURNS * seconds and 2.0 * seconds < spoilt[3] + 0.5
+    if spoilt[1] == 0 and count_f >= 4 * _FEW and accel_unit >= 0:
+        sigma = _noise(sums, lengths[0], force2, count_f, spins) / length
+        if usable_gyro:
+            _by_gravity(lengths[0], length, sigma, spins, okay[_FORCE], said[_FORCE])
+    if usable_gyro and spoilt[2] == 0 and count_b >= 10 and path < _UNSEEN * count_b and field2 > 0.0:
         _by_field(lengths[1], field2, okay[_FIELD], said[_FIELD])
+    lost = NOTHING
+    if seconds >= _SOON_S and usable_gyro and spoilt[1] < BROKEN and count_f >= 4 * _FEW and accel_unit <= 0:
+        lost, mean = AGAINST, 0.0
+        if not said[_FORCE, _SOME]:
+            sure = checks[AXES, STATE] == OK
+            lost, mean = _no_gravity(sums, lengths, force2, field2, count_f, gravity, spoilt[3] > 0, sure, said)
+        note(notes, LENGTH, lost, began, int(100.0 * mean + 0.5), int(100.0 * gravity + 0.5), 0)
+        if lost >= FOR:
+            said[_FORCE] = False
     tells = said[_FORCE, _TELLS] or said[_FIELD, _TELLS]
     # Gyros in deg/s: no string turns that fast, or it turns 57 times less than they say.
     too_fast = path / seconds > 50.0
@@ -330,6 +417,8 @@ def judge(
         for s in range(3):
             masks[s] &= row[D0 + s]
     note(notes, AXES, seen, began, masks[0], masks[1], masks[2])
+    if seconds >= _ENOUGH_S and seen != FOR and row[STATE] == OK and spoilt[0] + spoilt[2] + spoilt[4] == 0:
+        _cross_axes(cross, abs(axes.turned(sums, 0)) > seconds, began, checks, notes)
     # Nothing explains it.
     puzzled = seen == NOTHING and said[_FORCE, _BAD] and said[_FIELD, _BAD]
     puzzled = puzzled and (unit == AGAINST or checks[UNIT, UP] == 0)
@@ -337,6 +426,6 @@ def judge(
     usable = spoilt[0] < BROKEN and spoilt[1] == 0 and count_f >= 4 * _FEW and accel_unit >= 0
     # What a string that surges or sticks does to a shorter mean is no other dip.
     usable = usable and (seconds >= _ENOUGH_S or force2 - lengths[0, 49] < _QUIET * force2)
-    if usable and seen != FOR and checks[AXES, STATE] != FAULT:
+    if usable and lost < FOR and seen != FOR and checks[AXES, STATE] != FAULT:
         known = right_strength and spoilt[2] == 0 and count_b >= 3
-        _signs(reference, sums, began, seconds, field2, length, known, okay, said, checks, notes)
+        _signs(reference, sums, began, seconds, field2, length, sigma, known, okay, said, checks, notes)

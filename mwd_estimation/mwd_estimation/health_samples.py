@@ -44,10 +44,12 @@ _TRUSTED = 6.0  # bins at rest in which an axis must have varied before its sile
 # Per channel: last value, samples, not finite, repeats, first value, sums about it, at the limit, least step, bins that
 # were constant up to now, balance of bins at rest in which it varied, bins in a row that were wholly at the limit.
 LAST, _N, _BAD, _SAME, _FIRST, _S1, _S2, _CLIP, _STEP, CONST, _LIVELY, _WHOLE, _ROW = range(13)
-# Counts: steps of time, those long and short, samples of the bin; values held (2); magnetic bins missing and seen; bins
-# spoilt for the window, by sensor (3).
-STEPS, LONG, SHORT, IMU, HOLDS, _MAG_SILENT, _MAG_EVER, SPOILT = 0, 1, 2, 3, 4, 6, 7, 8
-_COUNTS = 11
+# Counts: steps of time, those long and short, samples of the bin; values held (2); magnetic bins missing and seen; of
+# the window: bins spoilt, by sensor (3), those in which a steady force pushed, and those with samples missing.
+STEPS, LONG, SHORT, IMU, HOLDS, _MAG_SILENT, _MAG_EVER, SPOILT, _PUSHED, _GAPS = 0, 1, 2, 3, 4, 6, 7, 8, 11, 12
+_COUNTS = 13
+# m/s^2 along an axis, mean of half a second: more than gravity and than what noise leaves of a mean.
+_PUSH = 15.0
 
 
 def blank() -> tuple[Array, Whole]:
@@ -58,28 +60,36 @@ def blank() -> tuple[Array, Whole]:
 
 
 @compiled
-def count(channels: Array, c: int, v: float, limit: float) -> None:
-    """Count one value of one channel."""
-    # No view of the row: a million times an hour it would cost as much as the counting.
-    size = abs(v)
-    if not size < ABSURD:
-        channels[c, _BAD] += 1.0
-        return
-    away = abs(v - channels[c, LAST])
-    if away == 0.0:
-        channels[c, _SAME] += 1.0
-    elif away < channels[c, _STEP]:
-        channels[c, _STEP] = away
-    channels[c, LAST] = v
-    if channels[c, _N] == 0.0:
-        channels[c, _FIRST] = v
-    channels[c, _N] += 1.0
-    away = v - channels[c, _FIRST]
-    channels[c, _S1] += away
-    channels[c, _S2] += away * away
-    # Far beyond the range is another unit, not the end of the range.
-    if limit <= size <= 1.02 * limit:
-        channels[c, _CLIP] += 1.0
+def count(channels: Array, c: int, values: Array, k: int, start: int, stop: int, limit: float) -> None:
+    """Count column k of the rows from start to stop as values of channel c."""
+    # One channel at a time and nothing but numbers in the loop: these are most of what the watch costs.
+    last, n, bad, same = channels[c, LAST], channels[c, _N], channels[c, _BAD], channels[c, _SAME]
+    first, s1, s2 = channels[c, _FIRST], channels[c, _S1], channels[c, _S2]
+    clip, least = channels[c, _CLIP], channels[c, _STEP]
+    for i in range(start, stop):
+        v = values[i, k]
+        size = abs(v)
+        if not size < ABSURD:
+            bad += 1.0
+            continue
+        away = abs(v - last)
+        if away == 0.0:
+            same += 1.0
+        elif away < least:
+            least = away
+        last = v
+        if n == 0.0:
+            first = v
+        n += 1.0
+        away = v - first
+        s1 += away
+        s2 += away * away
+        # Far beyond the range is another unit, not the end of the range.
+        if limit <= size <= 1.02 * limit:
+            clip += 1.0
+    channels[c, LAST], channels[c, _N], channels[c, _BAD], channels[c, _SAME] = last, n, bad, same
+    channels[c, _FIRST], channels[c, _S1], channels[c, _S2] = first, s1, s2
+    channels[c, _CLIP], channels[c, _STEP] = clip, least
 
 
 @compiled
@@ -109,7 +119,7 @@ def close_bin(
     doubtful = 0
     now = began + BIN_NS
     spreads = np.zeros(9)
-    gyro_moves, shakes = False, False
+    gyro_moves, shakes, pushed = False, False, False
     field2, worst = 0.0, 0.0
     for c in range(9):
         row = channels[c]
@@ -119,6 +129,8 @@ def close_bin(
         mean = _mean(row)
         if c >= 6:
             field2 += mean * mean
+        elif c >= 3:
+            pushed = pushed or abs(mean) > _PUSH
         if row[CONST] == 0.0:
             if c < 3:
                 gyro_moves = gyro_moves or spreads[c] > 0.02 or abs(mean) > 0.1
@@ -126,6 +138,7 @@ def close_bin(
                 shakes = shakes or spreads[c] > 0.3
             else:
                 worst = max(worst, spreads[c])
+    counts[_PUSHED] += int(pushed)
     field_turns = worst > 0.01 * math.sqrt(field2)
     any_motion = gyro_moves or shakes or field_turns
     for s in range(3):
@@ -212,6 +225,7 @@ def _note_stream(
     if period > 0.0 and steps >= 2:
         seen = FOR if odd > 0.6 * steps else (AGAINST if odd < 0.2 * steps else NOTHING)
         note(notes, RATE, seen, began, int(counts[LONG] > counts[SHORT]), int(1000.0 / period), 0)
+    counts[_GAPS] += int(counts[LONG] > 0.02 * steps)
     late = period > 0.0 and steps >= 2 and counts[LONG] > 0.6 * steps
     for s in range(2):
         n, lively, step = channels[3 * s, _N], 0.0, 0.0

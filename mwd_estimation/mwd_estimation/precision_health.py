@@ -3,9 +3,12 @@ Health of the precision unit: its own samples, and what the conventional unit be
 
 Two units on one tool read the same vectors, so that no motion needs to be followed: over a second and a half each axis
 of the precision unit is held against each of the conventional one, sample by sample at the same time. It should be its
-own axis, one to one; reversed, another axis or 57 times as much are mistakes with a name. What moves too little to tell
-(the cross axes of a gyro in a smoothly turning string, all of a gyro at rest) stays unknown, but for what no gyro at
-rest can read: much more than the Earth turns. Fault and end of a fault are weighed by `health_evidence`.
+own axis, one to one; reversed, another axis or 57 times as much are mistakes with a name. Which of the two is wrong a
+third sensor must say: first both are named, and the precision unit alone where the tool has moved on for some seconds
+and nothing has spoken against the conventional one; y and z of its gyros seldom show themselves so. What moves too
+little to tell (the cross axes of a gyro in a smoothly turning string, all of a gyro at rest) stays unknown, but for
+what no gyro at rest can read: much more than the Earth turns. Fault and end of a fault are weighed by
+`health_evidence`.
 """
 
 from __future__ import annotations
@@ -65,6 +68,10 @@ _NOT_OURS = [*range(STUCK + 6, STUCK + 9), *range(SATURATED + 6, SATURATED + 9),
 FIRST_CHECK = 100
 
 _WINDOW = 3  # bins
+# Bins of motion after which the conventional unit would be in doubt if the mistake were its own.
+_WITNESS_BINS = 12
+# Mappings of y and z among themselves.
+_ACROSS = [k for k, m in enumerate(axes.MAPPINGS) if m[0, 0] == 1]
 _SILENT_BINS, _HELD_BINS = 4, 4
 # Of an axis: samples, those at its greatest value, its sum and square; and with each axis of the conventional unit,
 # cut to that greatest value as in SI and as in the other unit: product, that one's sum and square.
@@ -117,7 +124,7 @@ def compare(
     int
         Steps of time that did not advance.
     """
-    most = np.zeros(6)
+    most, one = np.zeros(6), np.zeros((1, 1))
     for i in range(len(stamps)):
         for row in range(6):
             if abs(values[i, row]) < health_samples.ABSURD:
@@ -128,6 +135,8 @@ def compare(
         while at + 1 < len(beside_ns) and beside_ns[at + 1] < stamps[i]:
             at += 1
         known = at + 1 < len(beside_ns) and beside_ns[at] <= stamps[i] and beside_ns[at + 1] - beside_ns[at] < BIN_NS
+        for c in range(6 if known else 0):
+            known = known and abs(beside[at, c]) + abs(beside[at + 1, c]) < health_samples.ABSURD
         share = (stamps[i] - beside_ns[at]) / (beside_ns[at + 1] - beside_ns[at]) if known else 0.0
         for row in range(6):
             v, first = values[i, row], 3 * (row // 3)
@@ -135,10 +144,11 @@ def compare(
             own = (1.0 - share) * beside[at, row] + share * beside[at + 1, row] if known else 0.0
             # A gyro may be at the end of its range while the string turns faster: that is not stuck.
             if not (row < 3 and at_most and abs(own) > 1.02 * abs(v) > 0.5):
-                health_samples.count(channels, row, v, math.inf)
+                health_samples.count(channels, row, values, row, i, i + 1, math.inf)
             if known and row >= 3:
                 # The third sensor of the count only says whether the tool moves.
-                health_samples.count(channels, 3 + row, own, math.inf)
+                one[0, 0] = own
+                health_samples.count(channels, 3 + row, one, 0, 0, 1, math.inf)
             if not known or not abs(v) < health_samples.ABSURD:
                 continue
             sums[row, _N] += 1.0
@@ -276,8 +286,9 @@ class PrecisionHealth:
         self._beside: list[tuple[Stamps, Array]] = []
         self._silent = self._still = 0
         self._resting: list[Array] = []
-        # Mappings that the axes of gyro and accelerometer show; 0 where they are right.
+        # Mappings that the axes of gyro and accelerometer show, 0 where they are right; and for how many bins.
         self._wrong = [0, 0]
+        self._differ = 0
 
     def beside(self, stamps: Stamps, values: Array) -> None:
         """Samples of the conventional unit, shape (n, 6), rad/s and m/s^2; not a number where it cannot be used."""
@@ -320,14 +331,17 @@ class PrecisionHealth:
                 # Also where the x gyro is at the end of its range and cannot tell.
                 since = end_ns - held * BIN_NS
                 note(self._notes, STUCK + k, FOR, since, int(self._channels[k, LAST] == 0.0), 0, 0)
+        sound = bool(2 * np.count_nonzero(np.isfinite(beside).all(axis=1)) > len(beside))
+        if not sound:
+            # The conventional unit cannot be used, and what was held against it is open.
+            self._sums, self._wrong = [], [0, 0]
         self._sums = [*self._sums, sums][-_WINDOW:]
         self._whole = self._sums[0] if len(self._sums) == 1 else sum(self._sums[1:], self._sums[0])
         self._note_silence(began, len(stamps))
         note(self._notes, STAMPS, FOR if 3 * back > len(stamps) else AGAINST, began, 0, 0, 0)
         for s in range(2):
             self._note_axes(began, s)
-        wrong = bool(self._wrong[0] or self._wrong[1])
-        note(self._notes, AXES, FOR if wrong else AGAINST, began, self._wrong[0], self._wrong[1], 0)
+        self._note_wrong(began, still, sound)
         self._note_rest(began, values)
         self.suspect = bool((health_evidence.suspected(self._checks, self._notes) | doubtful) & (GYRO | ACCEL)) or any(
             self._notes[k, SEEN] == FOR for k in (SILENT, STAMPS, FORCES, RATES, TOO_MUCH)
@@ -381,6 +395,16 @@ class PrecisionHealth:
         disagrees = RATES if s == 0 else FORCES
         note(self._notes, disagrees, FOR if strange else (AGAINST if known else NOTHING), began, 0, 0, 0)
 
+    def _note_wrong(self, began: int, still: bool, sound: bool) -> None:
+        row = self._checks[AXES]
+        proved = bool(row[STATE] == FAULT and not row[D2])
+        wrong = bool(self._wrong[0] or self._wrong[1])
+        across = any(self._wrong[0] >> k & 1 for k in _ACROSS) and not self._wrong[1]
+        self._differ = self._differ + int(not still) if wrong else 0
+        proved = proved or (self._differ > _WITNESS_BINS and not across)
+        seen = FOR if wrong else (NOTHING if proved and not sound else AGAINST)
+        note(self._notes, AXES, seen, began, self._wrong[0], self._wrong[1], int(not proved))
+
     def _note_rest(self, began: int, values: Array) -> None:
         usable = np.isfinite(values).all(axis=1) if len(values) else np.zeros(0, dtype=np.bool_)
         if self._still <= _REST_BINS or np.count_nonzero(usable) < _FEW // 2:
@@ -418,13 +442,22 @@ def _words(row: NDArray[np.int64]) -> Finding:
     }  # fmt: skip
     if k in own:
         kind, sensor, axis, says, remedy = own[k]
-        gone = int(row[2]) != FAULT
-        message = f"{sensor} {says}"
-        return Finding(
-            kind, sensor, axis, "error", 0.9, message + health_words.ENDED if gone else message, "" if gone else remedy,
-            int(row[3]), int(row[0]) if gone else 0, PRECISION, FIRST_CHECK + k,
-        )  # fmt: skip
-    plain = health_words.finding([int(v) for v in row])
+        fault = Finding(
+            kind, sensor, axis, "error", 0.9, f"{sensor} {says}", remedy, int(row[3]), 0, PRECISION, FIRST_CHECK + k
+        )
+        return fault if int(row[2]) == FAULT else health_words.over(fault, int(row[0]))
+    either = k == AXES and details[2] != 0
+    plain = health_words.finding([int(v) for v in row[:6]] + [0 if k == AXES else int(details[2])])
+    if either:
+        names = plain.sensor.split("/")
+        return dataclasses.replace(
+            plain,
+            sensor="/".join([*names, *(f"precision {name}" for name in names)]),
+            message=f"one of the two units: {plain.message}",
+            confidence=0.5 * plain.confidence,
+            unusable=PRECISION,
+            check=FIRST_CHECK + k,
+        )
     return dataclasses.replace(
         plain,
         sensor="/".join(f"precision {name}" for name in plain.sensor.split("/")),

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation import axis_consistency as axes
-from mwd_estimation import health_evidence, health_motion, health_samples, health_words
+from mwd_estimation import health_cross_axes, health_evidence, health_motion, health_samples, health_words
 from mwd_estimation.health_evidence import (
     AGAINST,
     CHECKS,
@@ -42,7 +42,7 @@ from mwd_estimation.health_evidence import (
     weigh,
 )
 from mwd_estimation.health_motion import DIP, GRAVITY, TOTAL
-from mwd_estimation.health_samples import BIN_NS, HOLDS, IMU, LAST, LONG, SHORT, SPOILT, STEPS
+from mwd_estimation.health_samples import BIN_NS, HOLDS, IMU, LONG, SHORT, SPOILT, STEPS
 from mwd_estimation.health_words import Finding
 from mwd_estimation.reference import STANDARD_GRAVITY
 from mwd_sensors.compiled import compiled
@@ -51,14 +51,16 @@ from mwd_sensors.settings import setting
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
-_WINDOW = 6  # bins
+_WINDOW = axes.PARTS  # bins
 _RING = 4096  # samples waiting for the magnetometer's of the same time
+_COUNTED = 256  # samples that are counted together
 
 # Integers: ring head and length, magnetic samples used, bin and whether one is open, last stamps taken, carried and
 # come, whether one came, bins of the window, score of the stamps.
 _HEAD, _LEN, _MHEAD, _BIN, _OPEN, _LAST_NS, _CARRY_NS, _NEWEST, _HAVE, _BINS, _STAMP_SCORE, _INTS = range(12)
-# Reals: reference; period, s, and the steps and time it is learned from.
-_PERIOD, _LEARNED, _SPAN, _REALS = 3, 4, 5, 6
+# Reals: reference; period, s, how many steps of time it is learned from, and these: the middle one, as some are lost.
+_PERIOD, _LEARNED, _FROM_STEPS, _LEARN = 3, 4, 5, 64
+_REALS = _FROM_STEPS + _LEARN
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,6 +97,7 @@ class State:
     channels: Array
     counts: Whole
     sums: Array
+    cross: Array
     lengths: Array
     checks: Whole
     notes: Whole
@@ -147,6 +150,7 @@ def initial(
         channels=channels,
         counts=counts,
         sums=np.zeros(axes.SIZE),
+        cross=np.zeros(health_cross_axes.SIZE),
         lengths=np.zeros((2, 50)),
         checks=checks,
         notes=notes,
@@ -218,8 +222,9 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
         state.tally[EVENTS] = 0
         done = _run(
             state.ring_ns, state.ring, state.mag_ns, state.mag, state.ints, state.reals, state.channels, state.counts,
-            state.sums, state.lengths, state.checks, state.notes, state.glimpses, state.tally, state.events, limits,
-            params.rate_hz, params.mag_expected, lag, stamps, gyro, accel, done, unusable, suspect,
+            state.sums, state.cross, state.lengths, state.checks, state.notes, state.glimpses, state.tally,
+            state.events, limits, params.rate_hz, params.mag_expected, lag, stamps, gyro, accel, done, unusable,
+            suspect,
         )  # fmt: skip
         for row in state.events[: state.tally[EVENTS]]:
             changes.append(health_words.finding(row))
@@ -265,8 +270,9 @@ def _judge_stamp(ints: Whole, checks: Whole, notes: Whole, tally: Whole, events:
 
 @compiled
 def _close(
-    at: int, ints: Whole, reals: Array, channels: Array, counts: Whole, sums: Array, lengths: Array, checks: Whole,
-    notes: Whole, glimpses: Whole, tally: Whole, events: Whole, limits: Array, expects_mag: bool,
+    at: int, step_ns: int, ints: Whole, reals: Array, channels: Array, counts: Whole, sums: Array, cross: Array,
+    lengths: Array, checks: Whole, notes: Whole, glimpses: Whole, tally: Whole, events: Whole, limits: Array,
+    expects_mag: bool,
 ) -> None:  # fmt: skip
     """Close the half second before `at`, ns, and with enough of them the window, and open the next."""
     began = ints[_BIN] * BIN_NS
@@ -275,12 +281,14 @@ def _close(
     ints[_BINS] += 1
     broken = at // BIN_NS != ints[_BIN] + 1
     full = ints[_BINS] == _WINDOW
+    health_cross_axes.add(cross, sums, 1e-9 * step_ns)
     axes.carry(sums)
+    axes.mark(sums)
     if not broken:
         # What a part of the window shows does not count as evidence, but as a reason to doubt.
         glimpses[:, SEEN] = NOTHING
         health_motion.judge(
-            reals, sums, lengths, counts[SPOILT:], checks, glimpses, began + BIN_NS, 1e-9 * ints[_BINS] * BIN_NS
+            reals, sums, cross, lengths, counts[SPOILT:], checks, glimpses, began + BIN_NS, 1e-9 * ints[_BINS] * BIN_NS
         )
         doubtful |= suspected(checks, glimpses)
         if full:
@@ -288,27 +296,41 @@ def _close(
     if checks[STAMPS, STATE] == FAULT:
         doubtful |= GYRO
     doubt(checks, tally, doubtful)
-    if ints[_BINS] == 1 or ints[_BINS] == _WINDOW // 2:
-        axes.halve(sums)
     if full or broken:
         axes.begin(sums)
+        health_cross_axes.begin(cross)
         ints[_BINS] = 0
         counts[SPOILT:] = 0
     ints[_BIN] = at // BIN_NS
 
 
 @compiled
+def _count(
+    channels: Array, ring: Array, mag: Array, head: int, waiting: int, counted: int, used: int, limits: Array
+) -> None:
+    """Count the samples that wait for it: of the ring those before its head, and magnetic ones."""
+    first = (head - waiting) & (_RING - 1)
+    stop = min(first + waiting, _RING)
+    for c in range(6):
+        health_samples.count(channels, c, ring, c, first, stop, limits[c // 3])
+        health_samples.count(channels, c, ring, c, 0, first + waiting - stop, limits[c // 3])
+    for c in range(3):
+        health_samples.count(channels, 6 + c, mag, c, counted, used, limits[2])
+
+
+@compiled
 def _run(
     ring_ns: Whole, ring: Array, mag_ns: Whole, mag: Array, ints: Whole, reals: Array, channels: Array, counts: Whole,
-    sums: Array, lengths: Array, checks: Whole, notes: Whole, glimpses: Whole, tally: Whole, events: Whole,
-    limits: Array,    rate_hz: float, expects_mag: bool, lag: int, stamps: Whole, gyro: Array, accel: Array, start: int,
-    unusable: NDArray[np.uint8], suspect: NDArray[np.uint8],
+    sums: Array, cross: Array, lengths: Array, checks: Whole, notes: Whole, glimpses: Whole, tally: Whole,
+    events: Whole, limits: Array, rate_hz: float, expects_mag: bool, lag: int, stamps: Whole, gyro: Array, accel: Array,
+    start: int, unusable: NDArray[np.uint8], suspect: NDArray[np.uint8],
 ) -> int:  # fmt: skip
     head, length, used = ints[_HEAD], ints[_LEN], ints[_MHEAD]
     last_ns, carry_ns, newest = ints[_LAST_NS], ints[_CARRY_NS], ints[_NEWEST]
     begins, ends = ints[_BIN] * BIN_NS, (ints[_BIN] + 1) * BIN_NS
     steps, long, short, count = counts[STEPS], counts[LONG], counts[SHORT], counts[IMU]
     held_g, held_a = counts[HOLDS], counts[HOLDS + 1]
+    waiting, counted = 0, used
     full = False
     if rate_hz > 0.0:
         reals[_PERIOD] = 1.0 / rate_hz
@@ -337,11 +359,14 @@ def _run(
                 ints[_BIN] = at // BIN_NS
                 begins, ends = ints[_BIN] * BIN_NS, (ints[_BIN] + 1) * BIN_NS
             elif at >= ends or at < begins - 2 * BIN_NS:
+                _count(channels, ring, mag, head, waiting, counted, used, limits)
+                waiting, counted = 0, used
                 counts[STEPS], counts[LONG], counts[SHORT], counts[IMU] = steps, long, short, count
                 counts[HOLDS], counts[HOLDS + 1] = held_g, held_a
                 steps = long = short = count = held_g = held_a = 0
-                _close(at, ints, reals, channels, counts, sums, lengths, checks, notes, glimpses, tally,
-                       events, limits, expects_mag)  # fmt: skip
+                _close(at, max(last_ns - carry_ns, 0), ints, reals, channels, counts, sums, cross, lengths, checks,
+                       notes, glimpses, tally, events, limits, expects_mag)  # fmt: skip
+                carry_ns = last_ns
                 begins, ends = ints[_BIN] * BIN_NS, (ints[_BIN] + 1) * BIN_NS
                 full = tally[EVENTS] > len(events) // 2
             step = at - last_ns
@@ -354,10 +379,10 @@ def _run(
                         long += int(seconds > 1.4 * period)
                         short += int(seconds < 0.7 * period)
                     else:
-                        reals[_SPAN] += seconds
+                        reals[_FROM_STEPS + int(reals[_LEARNED])] = seconds
                         reals[_LEARNED] += 1.0
-                        if reals[_LEARNED] == 64.0:
-                            period = reals[_PERIOD] = reals[_SPAN] / 64.0
+                        if reals[_LEARNED] == _LEARN:
+                            period = reals[_PERIOD] = np.sort(reals[_FROM_STEPS:])[_LEARN // 2]
                 if seconds <= 0.25:
                     dt = seconds
                 last_ns = at
@@ -366,11 +391,10 @@ def _run(
             count += 1
             w_x, w_y, w_z = ring[head, 0], ring[head, 1], ring[head, 2]
             f_x, f_y, f_z = ring[head, 3], ring[head, 4], ring[head, 5]
-            held_g += int(w_x == channels[0, LAST] and w_y == channels[1, LAST] and w_z == channels[2, LAST])
-            held_a += int(f_x == channels[3, LAST] and f_y == channels[4, LAST] and f_z == channels[5, LAST])
-            for c in range(3):
-                health_samples.count(channels, c, ring[head, c], limits[0])
-                health_samples.count(channels, 3 + c, ring[head, 3 + c], limits[1])
+            before = (head - 1) & (_RING - 1)
+            held_g += int(w_x == ring[before, 0] and w_y == ring[before, 1] and w_z == ring[before, 2])
+            held_a += int(f_x == ring[before, 3] and f_y == ring[before, 4] and f_z == ring[before, 5])
+            waiting += 1
             turned2 = 0.0
             if abs(w_x) + abs(w_y) + abs(w_z) < health_samples.ABSURD:
                 turned2 = axes.add_rate(sums, dt, w_x, w_y, w_z)
@@ -378,18 +402,21 @@ def _run(
                 axes.add_force(sums, f_x, f_y, f_z)
             while used < len(mag_ns) and mag_ns[used] <= at:
                 size = abs(mag[used, 0]) + abs(mag[used, 1]) + abs(mag[used, 2])
-                for c in range(3):
-                    health_samples.count(channels, 6 + c, mag[used, c], limits[2])
                 if at - mag_ns[used] < 250_000_000 and size < health_samples.ABSURD:
                     axes.add_field(sums, mag[used, 0], mag[used, 1], mag[used, 2])
                 used += 1
             if turned2 > axes.STEP_ANGLE2 or at - carry_ns >= axes.STEP_NS or at < carry_ns:
+                health_cross_axes.add(cross, sums, max(1e-9 * (at - carry_ns), 0.0))
                 axes.carry(sums)
                 carry_ns = at
             head = (head + 1) & (_RING - 1)
             length -= 1
+            if waiting == _COUNTED:
+                _count(channels, ring, mag, head, waiting, counted, used, limits)
+                waiting, counted = 0, used
         unusable[i], suspect[i] = tally[UNUSABLE], tally[SUSPECT]
         i += 1
+    _count(channels, ring, mag, head, waiting, counted, used, limits)
     ints[_HEAD], ints[_LEN], ints[_MHEAD] = head, length, used
     ints[_LAST_NS], ints[_CARRY_NS], ints[_NEWEST] = last_ns, carry_ns, newest
     counts[STEPS], counts[LONG], counts[SHORT], counts[IMU] = steps, long, short, count

@@ -34,8 +34,6 @@ def window(rate, gyro=IDENTITY, accel=IDENTITY, mag=IDENTITY, seconds=3.0, hz=10
         if turned2 > axes.STEP_ANGLE2 or since >= hz // 10:
             axes.carry(sums)
             since = 0
-        if k == round(seconds * hz) // 2:
-            axes.halve(sums)
     axes.carry(sums)
     return sums
 
@@ -95,18 +93,35 @@ def test_rates_in_degrees_are_recognised_and_a_vector_fixed_in_the_tool_too():
     assert axes.turned(sums, 0) == pytest.approx(6.0 * 180.0 / math.pi)
 
 
-def test_noise_is_what_the_halves_differ_by():
+def parted(push):
+    """Sums of a still window whose force is pushed by `push`(k), of six parts."""
     rng = np.random.default_rng(1)
     sums = np.zeros(axes.SIZE)
     axes.begin(sums)
     for k in range(300):
         axes.add_rate(sums, 0.01, 0.0, 0.0, 0.0)
-        axes.add_force(sums, *(F + rng.standard_normal(3)))
+        axes.add_force(sums, *(F + rng.standard_normal(3) + push(k)))
         axes.carry(sums)
-        if k == 149:
-            axes.halve(sums)
-    assert 0.2 / math.sqrt(300.0) < axes.force_noise(axes.TABLE_WAYS, sums) < 3.0 / math.sqrt(300.0)
+        if k % 50 == 49:
+            axes.mark(sums)
+    return sums
+
+
+def test_noise_is_what_the_parts_of_a_window_differ_by():
+    sums = parted(lambda _: 0.0)
+    assert 0.6 / math.sqrt(300.0) < axes.force_noise(axes.TABLE_WAYS, sums, 0) < 1.5 / math.sqrt(300.0)
     assert axes.mean_force(sums, 2) == pytest.approx(F[2], abs=0.3)
+    # What pushes for a second is noise of the mean too.
+    assert axes.force_noise(axes.TABLE_WAYS, parted(lambda k: 10.0 * (100 <= k < 200)), 0) > 1.5
+
+
+def test_a_window_of_one_part_tells_no_noise():
+    sums = np.zeros(axes.SIZE)
+    axes.begin(sums)
+    axes.add_force(sums, *F)
+    axes.carry(sums)
+    axes.mark(sums)
+    assert axes.force_noise(axes.TABLE_WAYS, sums, 0) == math.inf
 
 
 def test_products_give_the_dip():

@@ -25,7 +25,7 @@ class Book:
     [
         (ev.STUCK + 4, 2, 4), (ev.SATURATED + 8, 4, 12), (ev.INVALID, 2, 4), (ev.DEAD + 2, 1, 4), (ev.UNIT + 1, 2, 2),
         (ev.AXES, 2, 2), (ev.SIGN, 2, 2), (ev.FRAME, 2, 2), (ev.ABSENT, 1, 2), (ev.RATE, 5, 4), (ev.STAMPS, 1, 1),
-        (ev.HELD + 1, 8, 8), (ev.MISMATCH, 3, 2),
+        (ev.HELD + 1, 8, 8), (ev.MISMATCH, 3, 2), (ev.CROSS, 2, 2), (ev.LENGTH, 4, 2),
     ],
 )  # fmt: skip
 def test_each_check_needs_its_number_of_observations_in_a_row_and_as_many_to_go(check, need, clear):
@@ -42,6 +42,18 @@ def test_an_observation_against_wipes_those_for_a_fault_but_not_of_a_range():
     book = Book()
     assert book.see(ev.UNIT, ev.FOR, ev.AGAINST, ev.FOR) == ev.OK
     assert book.see(ev.SATURATED, ev.FOR, ev.FOR, ev.AGAINST, ev.FOR, ev.FOR) == ev.FAULT
+
+
+def test_what_is_seen_strongly_counts_twice_and_of_a_force_only_that_makes_doubtful():
+    book = Book()
+    assert book.see(ev.LENGTH, ev.STRONGLY) != ev.FAULT
+    assert book.see(ev.LENGTH, ev.STRONGLY) == ev.FAULT
+    assert book.tally[ev.UNUSABLE] == ev.ACCEL
+    book = Book()
+    ev.note(book.notes, ev.LENGTH, ev.FOR, 0, 0, 0, 0)
+    assert ev.suspected(book.checks, book.notes) == 0
+    ev.note(book.notes, ev.LENGTH, ev.STRONGLY, 0, 0, 0, 0)
+    assert ev.suspected(book.checks, book.notes) == ev.ACCEL
 
 
 def test_what_shows_nothing_changes_nothing():

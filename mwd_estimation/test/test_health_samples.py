@@ -27,9 +27,8 @@ class Tool:
         values = means + spreads * self.rng.standard_normal((n, 9))
         if change is not None:
             change(values)
-        for row in values:
-            for c in range(9 if mag else 6):
-                samples.count(self.channels, c, row[c], LIMITS[c // 3])
+        for c in range(9 if mag else 6):
+            samples.count(self.channels, c, values, c, 0, n, LIMITS[c // 3])
         self.counts[samples.IMU] = n
         self.doubtful = samples.close_bin(
             self.bins * samples.BIN_NS, self.channels, self.counts, self.notes, LIMITS, 0.01, expects_mag
@@ -108,3 +107,25 @@ def test_what_has_just_begun_to_stick_makes_the_sensor_doubtful():
     assert tool.doubtful == ev.MAG
     tool.half_second(lambda v: v.__setitem__((slice(None), 3), LIMITS[1]))
     assert tool.doubtful == ev.ACCEL
+
+
+def test_samples_counted_one_by_one_or_together_give_the_same():
+    values = np.random.default_rng(3).standard_normal((20, 2))
+    values[4, 1] = math.nan
+    values[7, 1] = values[6, 1]
+    together, single = samples.blank()[0], samples.blank()[0]
+    samples.count(together, 5, values, 1, 0, 20, 1.0)
+    for i in range(20):
+        samples.count(single, 5, values, 1, i, i + 1, 1.0)
+    assert np.array_equal(together, single, equal_nan=True)
+
+
+def test_half_seconds_with_a_steady_push_and_with_samples_missing_are_counted_for_the_window():
+    tool = Tool()
+    tool.half_second()
+    assert tool.counts[samples.SPOILT :].tolist() == [0, 0, 0, 0, 0]
+    tool.half_second(lambda v: v.__setitem__((slice(None), 4), 16.0 + v[:, 4]))
+    assert tool.counts[samples.SPOILT :].tolist() == [0, 0, 0, 1, 0]
+    tool.counts[samples.STEPS], tool.counts[samples.LONG] = N, 5
+    tool.half_second()
+    assert tool.counts[samples.SPOILT :].tolist() == [0, 0, 0, 1, 1]

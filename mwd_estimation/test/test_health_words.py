@@ -50,3 +50,10 @@ def test_explanations_that_remain_share_the_confidence_and_are_all_named():
 
 def test_what_is_not_yet_known_is_said():
     assert set(known(ev.blank()[0]).values()) == {"not yet known"}
+
+
+def test_a_force_without_gravity_is_said_with_both_figures():
+    none = finding([0, ev.LENGTH, ev.FAULT, 0, 180, 981, 0])
+    assert none.message == "accelerometer reads no gravity: the mean force is 1.8 m/s^2, expected 9.8"
+    assert "more than gravity" in finding([0, ev.LENGTH, ev.FAULT, 0, 1962, 981, 0]).message
+    assert (none.kind, none.unusable) == ("gravity", ev.ACCEL)

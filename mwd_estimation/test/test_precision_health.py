@@ -35,10 +35,11 @@ def sent(schedule):
 
 def spoilt(schedule, component, word, axis="all", start_s=START_S):
     streams, _ = sent(schedule)
-    samples = streams["gyro/data_raw"]
+    topic = faults.COMPONENTS[component][0]
+    samples = streams[topic]
     state = faults.start([Fault(component, word, axis, start_s=start_s)], np.random.default_rng(1))
     t = (samples["stamp_ns"] - streams["truth"]["stamp_ns"][0]) * 1e-9
-    return {**streams, "gyro/data_raw": faults.spoil(state, "gyro/data_raw", samples, t)[0]}
+    return {**streams, topic: faults.spoil(state, topic, samples, t)[0]}
 
 
 def judged(streams, still=False):
@@ -99,6 +100,32 @@ def test_a_fault_is_named_within_ten_seconds(schedule, component, word, axis, ki
     assert first.unusable == PRECISION
     assert first.remedy
     assert health.refusal
+
+
+@pytest.mark.parametrize("component", ["gyro", "precision_gyro"])
+def test_y_and_z_of_two_gyros_that_differ_are_held_against_both(component):
+    changes, _, health = judged(spoilt("drilling", component, "flipped", "y"))
+    assert [(one.sensor, one.axis, one.unusable) for _, one in changes] == [("gyro/precision gyro", "y", PRECISION)]
+    assert "one of the two" in health.refusal
+
+
+def test_what_moves_on_without_a_doubt_of_the_first_unit_is_the_precision_units_own_mistake():
+    changes, _, _ = judged(spoilt("drilling", "precision_gyro", "swapped", "xy"))
+    assert [one.sensor for _, one in changes] == ["gyro/precision gyro", "precision gyro"]
+    assert changes[1][0] - changes[0][0] < 6.0
+    at_rest, _, _ = judged(spoilt("still", "precision_accel", "swapped", "xy"), True)
+    assert [one.sensor for _, one in at_rest] == ["accelerometer/precision accelerometer"]
+
+
+def test_what_was_held_against_both_is_dropped_when_the_first_unit_is_left_out():
+    streams = spoilt("drilling", "gyro", "flipped", "x")
+    imu = streams["imu/data_raw"].copy()
+    imu["angular_velocity"][(imu["stamp_ns"] - imu["stamp_ns"][0]) * 1e-9 > START_S + 4.0] = np.nan
+    changes, _, health = judged({**streams, "imu/data_raw": imu})
+    assert [(one.sensor, bool(one.cleared_ns)) for _, one in changes] == [
+        ("gyro/precision gyro", False), ("gyro/precision gyro", True),
+    ]  # fmt: skip
+    assert health.refusal == ""
 
 
 def test_a_rate_at_rest_is_too_much_only_beyond_what_a_string_pulled_through_a_bend_turns():
@@ -175,7 +202,8 @@ def test_without_the_unit_the_gyro_azimuth_is_refused_in_words_and_the_magnetic_
         assert says in survey.azimuth_reasons["gyro"]
         assert survey.weights["gyro"] == 0.0
         assert np.isfinite(survey.station.azimuth)
-        assert survey.station.verdict == healthy.surveys[0].station.verdict
+        # A sound gyro that half a turn could make a witness raises a doubt that one refused does not.
+        assert survey.station.verdict == "accept"
         assert any(one.unusable == PRECISION for one in pipeline.sensor_faults)
 
 
