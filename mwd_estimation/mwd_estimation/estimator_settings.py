@@ -50,7 +50,7 @@ class ReferenceSettings:
     dip_deg: float = setting(60.0, "Dip of the fixed field, below the horizontal", unit="deg", low=-90.0, high=90.0)
     declination_deg: float = setting(0.0, "Magnetic from true north, east positive", unit="deg", low=-180.0, high=180.0)
     convergence_deg: float = setting(0.0, "Grid from true north, east positive", unit="deg", low=-180.0, high=180.0)
-    gravity_mps2: float = setting(9.80665, "Local gravity", unit="m/s^2", low=9.76, high=9.84)
+    gravity_mps2: float = setting(0.0, "Gravity beside the fixed field; 0: not known", unit="m/s^2", low=0.0, high=9.84)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,7 +97,7 @@ def reference_of(settings: ReferenceSettings, first_ns: int) -> Reference | None
             dip=math.radians(settings.dip_deg),
             declination=math.radians(settings.declination_deg),
             convergence=math.radians(settings.convergence_deg),
-            gravity=settings.gravity_mps2,
+            gravity=settings.gravity_mps2 or None,
             source="configured",
         )
     if settings.date:

@@ -76,12 +76,15 @@ class Deviations:
         m/s^2, T, rad; nan where the reference does not say.
     covariance : ndarray, shape (3, 3)
         Of the three, from sensors, interference expected and reference.
+    standard : bool
+        Gravity is held against standard gravity, which it fits better than that of the place.
     """
 
     gravity: float
     field: float
     dip: float
     covariance: Array
+    standard: bool = False
 
 
 @dataclass(frozen=True)
@@ -141,9 +144,8 @@ def judge(deviations: Deviations, limits: str) -> Judgement:
         if not known[k] or abs(values[k]) <= doubtful[k]:
             continue
         verdict = worse(verdict, REJECT if abs(values[k]) > reject[k] else DOUBTFUL)
-        reasons.append(
-            f"{_NAMES[k]} {_words(k, values[k])} off the reference, limit {_limit(k, doubtful[k])}{_CAUSES[k]}"
-        )
+        off = f"{_words(k, values[k])} off {_against(deviations, k)}"
+        reasons.append(f"{_NAMES[k]} {off}, limit {_limit(k, doubtful[k])}{_CAUSES[k]}")
     if limits == "toolcode" and known.all() and verdict == ACCEPT:
         chi = float(values @ np.linalg.solve(deviations.covariance, values))
         if chi > _CHI3_DOUBTFUL:
@@ -162,6 +164,8 @@ def within(deviations: Deviations, limits: str) -> str:
     parts = [
         f"{_NAMES[k]} {_words(k, values[k])} (limit {_limit(k, limit[k])})" for k in range(3) if np.isfinite(values[k])
     ]
+    if deviations.standard:
+        parts[0] += f" off {_against(deviations, 0)}"
     return "within limits: " + ", ".join(parts) if parts else ""
 
 
@@ -206,6 +210,10 @@ def worse(a: str, b: str) -> str:
     """The graver of two verdicts."""
     order = (ACCEPT, DOUBTFUL, REJECT)
     return order[max(order.index(a), order.index(b))]
+
+
+def _against(deviations: Deviations, k: int) -> str:
+    return "standard gravity (nearer than the place's)" if k == 0 and deviations.standard else "the reference"
 
 
 _NAMES = ("total gravity", "total field", "dip")

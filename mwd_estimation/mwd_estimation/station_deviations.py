@@ -15,6 +15,8 @@ from mwd_sensors.frames import Array
 
 # Gravity at sea level lies within this of standard gravity everywhere, m/s^2.
 _GRAVITY_RANGE = 0.04
+# So many sigma off local gravity is more than a tool shows that was calibrated by it.
+_NOT_LOCAL = 2.0
 
 
 def deviation_covariance(
@@ -91,10 +93,25 @@ def deviations(
         covariance_s,
         errors.axial_interference_nt * 1e-9,
     )
+    local = delta_g
+    if abs(local) > _NOT_LOCAL * math.sqrt(covariance[0, 0]):
+        delta_g = _by_standard(local, g_total - STANDARD_GRAVITY)
+    standard = delta_g != local and not math.isnan(local)
     if reference is None or reference.total is None or reference.dip is None or not has_field:
-        return Deviations(delta_g, math.nan, math.nan, covariance)
+        return Deviations(delta_g, math.nan, math.nan, covariance, standard)
     delta_b = float(np.linalg.norm(b_earth)) - reference.total
-    return Deviations(delta_g, delta_b, float(magnetics.dip(f_h, b_earth)) - reference.dip, covariance)
+    return Deviations(delta_g, delta_b, float(magnetics.dip(f_h, b_earth)) - reference.dip, covariance, standard)
+
+
+def _by_standard(local: float, standard: float) -> float:
+    """
+    Deviation from standard gravity where that is nearer than local gravity; none between the two.
+
+    What a tool called one g when it was calibrated may have been either, and then all its stations are off alike.
+    """
+    if local * standard < 0.0:
+        return 0.0
+    return local if abs(local) <= abs(standard) else standard
 
 
 def gross_faults(g_total: float, b_total: float, dip: float, reference: Reference | None) -> list[str]:

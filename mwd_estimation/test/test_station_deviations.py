@@ -1,11 +1,13 @@
 """Totals against the reference: slopes, deviations, and what a gross fault looks like."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
 from mwd_estimation.magnetics import dip
+from mwd_estimation.quality import within
 from mwd_estimation.reference import Reference
 from mwd_estimation.sensor_errors import BENCH
 from mwd_estimation.station_deviations import deviation_covariance, deviations, gross_faults, totals_jacobian
@@ -77,3 +79,16 @@ def test_a_wrong_unit_or_sign_is_named(g_total, b_total, dip_, words):
 
 def test_sound_totals_are_no_fault():
     assert gross_faults(9.81, 5e-5, 72 * DEG, REFERENCE) == []
+
+
+@pytest.mark.parametrize(
+    ("reads", "deviates", "standard"),
+    [(9.7803, 0.0, False), (9.7903, 0.01, False), (9.80665, 0.0, True), (9.8, 0.0, True), (9.83665, 0.03, True)],
+)
+def test_a_tool_that_calls_standard_gravity_one_g_is_held_against_that_where_it_is_nearer(reads, deviates, standard):
+    equator = dataclasses.replace(REFERENCE, gravity=9.7803)
+    f_t, b_t = readings(60, 40, 10)
+    found = deviations(f_t * reads / 9.81, b_t, equator, np.zeros((6, 6)), BENCH, 0.0, True)
+    assert found.gravity == pytest.approx(deviates, abs=1e-9)
+    assert found.standard == standard
+    assert ("standard gravity" in within(found, "toolcode")) == standard

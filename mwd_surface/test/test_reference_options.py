@@ -24,8 +24,8 @@ def test_a_place_is_the_model_s_and_a_known_field_stands_for_itself():
 
 def test_the_gyro_of_a_recording_needs_no_more_than_the_latitude():
     assert recording_changes(58.4, None, None, None) == GYRO
-    assert recording_changes(58.4, None, None, "50360,71.6,-2.2") == FIELD | GYRO
-    assert recording_changes(58.4, 1.9, None, "50360,71.6,-2.2") == FIELD | GYRO
+    assert recording_changes(58.4, None, None, "50360,71.6,-2.2") == FIELD | GYRO | {"reference.gravity_mps2": 9.8179}
+    assert recording_changes(58.4, 1.9, None, "50360,71.6,-2.2") == FIELD | GYRO | {"reference.gravity_mps2": 9.8179}
 
 
 @pytest.mark.parametrize(

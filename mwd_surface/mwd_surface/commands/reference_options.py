@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -178,4 +179,9 @@ def recording_changes(lat: float | None, lon: float | None, date: str | None, fi
         return place_changes(lat, lon, date, field)
     if date is not None:
         raise ValueError("--date: means nothing without both --lat and --lon, or beside --field")
-    return place_changes(None, None, None, field) | {"gyro.latitude_source": "fixed", "gyro.latitude_deg": lat}
+    changes = place_changes(None, None, None, field) | {"gyro.latitude_source": "fixed", "gyro.latitude_deg": lat}
+    if field is None:
+        return changes
+    from mwd_sensors import earth
+
+    return changes | {"reference.gravity_mps2": round(earth.gravity(math.radians(lat), 0.0), 5)}
