@@ -5,12 +5,14 @@ Limits: N / (We cos(latitude) sqrt(T)) for a still tool with known bias, the sam
 for one that rests in two positions or turns about its axis, N / sqrt(We cos(latitude)) for one that turns for hours. T
 counts from the end of levelling (3 s) and not while the tool is turned over. Every error that the settings state is
 drawn: biases, leakage, lag, lead, scale. Only answers count: a run that is refused gives no azimuth.
-``nice -n 10 python tests/bench_north.py [RUNS]``: three minutes on one core as it comes (30 runs, 6 of each case from
-raw samples); more runs, in proportion longer.
+``nice -n 10 python tests/bench_north.py [RUNS] [--full]``: four minutes on one core as it comes (30 runs, 6 of each
+case from raw samples); more runs, in proportion longer. ``--full``: 200 runs of the cells and of six hours' turning,
+twenty minutes more.
 """
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import math
 import sys
@@ -37,6 +39,8 @@ NOISES, LATITUDES, TIMES = (0.003, 0.01, 0.05, 0.15), (0.0, 34.0, 44.0, 60.0), (
 INCLINATION, AZIMUTH = math.radians(60.0), math.radians(40.0)
 LEVELLING, RATE = 3.2, 50.0
 S1_HEAD = "| case | stations | rms deg | mean deg | sigma deg | NEES | within 2 deg | magnetic off by deg |"
+HOURS_HEAD = "| N deg/rt h | latitude | limit deg | error over it | sigma over it | NEES | sigma after 24 h over it |"
+FULL = 200
 HEAD = "| tool | N deg/rt h | latitude | " + " | ".join(f"{seconds:g} s" for seconds in TIMES) + " | refused |"
 
 
@@ -304,9 +308,13 @@ def s1_rows(seeds: int) -> list[str]:
 
 
 def main() -> None:
-    """Print the tables; the first argument is the number of runs."""
-    runs = int(sys.argv[1]) if len(sys.argv) > 1 else 30
-    few = max(runs // 5, 2)
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[1])
+    parser.add_argument("runs", nargs="?", type=int, default=30, help="of each cell")
+    parser.add_argument("--full", action="store_true", help=f"{FULL} runs of each cell")
+    asked = parser.parse_args()
+    few = max(asked.runs // 5, 2)
+    runs = FULL if asked.full else asked.runs
 
     def say(*lines: str) -> None:
         print("\n".join(lines), flush=True)
@@ -330,13 +338,15 @@ def main() -> None:
     head("S1's own filter, still, bias known, the same", HEAD)
     for number, noise in enumerate(NOISES):
         say(row(s1(noise, 34.0, max(runs // 2, 2), 300 + number)))
-    head("Turning for six hours", "| N deg/rt h | latitude | limit deg | error over it | sigma over it | NEES |")
-    for noise, lat in ((0.05, 34.0), (0.05, 60.0), (0.01, 34.0)):
-        one = turning_for_hours(noise, lat, max(runs // 10, 2), 6.0, 400)
+    head(f"Turning for six hours, {max(runs, 2)} runs a row", HOURS_HEAD)
+    for number, (noise, lat) in enumerate(((0.05, 34.0), (0.05, 60.0), (0.01, 34.0))):
+        one = turning_for_hours(noise, lat, max(runs, 2), 6.0, 400 + number)
         error, sigma, nees = one.shares
-        say(f"| {noise:g} | {lat:g} | {math.degrees(one.limit):.3f} | {error:.2f} | {sigma:.2f} | {nees:.2f} |")
+        settled = turning_for_hours(noise, lat, 1, 24.0, 410 + number).shares[1]
+        limit = math.degrees(one.limit)
+        say(f"| {noise:g} | {lat:g} | {limit:.3f} | {error:.2f} | {sigma:.2f} | {nees:.2f} | {settled:.2f} |")
     head("S1, from raw samples to the fused azimuth", S1_HEAD)
-    say(*s1_rows(max(runs // 20, 1)))
+    say(*s1_rows(max(asked.runs // 20, 1)))
     low, high = chi2.ppf([0.025, 0.975], few) / few
     head(
         f"Azimuth carried while drilling, {few} runs a row; 95 % band of NEES {low:.2f} to {high:.2f}",
