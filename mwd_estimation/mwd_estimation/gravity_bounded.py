@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation import gravity_bounded_model as model
 from mwd_estimation import gravity_bounded_motion as follow
+from mwd_estimation import gravity_bounded_white as white
 from mwd_estimation import track
 from mwd_estimation.gravity_bounded_model import (
     BIAS,
@@ -46,6 +47,8 @@ from mwd_estimation.gravity_bounded_model import (
 from mwd_estimation.gravity_bounded_motion import (
     AGE,
     ALIAS,
+    BLOCK,
+    BLOCK_TIME,
     BOOST,
     CLIP_TILT,
     CLIPPING,
@@ -70,6 +73,7 @@ from mwd_estimation.gravity_bounded_motion import (
     SIGMA_INCLINATION,
     SIGMA_TOOLFACE,
     SLOW_AXIS,
+    SLOW_ROUGH,
     STARTED,
     STATISTICS,
     STRONG,
@@ -77,6 +81,7 @@ from mwd_estimation.gravity_bounded_motion import (
     SWING_X,
     TURNING,
     TURNING_FROM,
+    UNSETTLED,
     USUAL,
 )  # fmt: skip
 from mwd_estimation.gravity_bounded_settings import (
@@ -91,7 +96,6 @@ from mwd_estimation.gravity_bounded_settings import (
     K_GYRO_NOISE,
     K_GYRO_RANGE,
     K_LEVER_0,
-    K_RESERVE,
     K_SAMPLED,
     K_SCALE_0,
     K_START,
@@ -108,6 +112,8 @@ __all__ = ["Log", "Params", "State", "initial", "run", "run_logged"]
 
 _LEARNS_FROM = 0.02  # rad^2, variance of tilt from which on lever arm and scale are looked for
 _UNTIL_THEN = 0.02  # share of their sigmas until then
+_START_TILT, _START_MOST = 0.17, 4.0  # rad, s: a mean of white forces goes on until it is known that well, or so long
+_JUDGED = 3.0  # s since a start, before which samples are not called aliased
 _LIKE_GRAVITY = 0.5  # m/s^2, what the mean force of a few seconds may be longer or shorter than gravity and still be it
 _REJECTED, _GAP, _INITIALISING = int(Status.REJECTED), int(Status.GAP), int(Status.INITIALISING)
 _CLIPPED, _NEAR_VERTICAL, _ALIASED = int(Status.CLIPPED), int(Status.NEAR_VERTICAL), int(Status.ALIASED)
@@ -254,6 +260,7 @@ def _forget(k: Array, x: Array, P: Array, st: Array) -> None:
     st[SWING_X] = 0.01
     st[SWING_C] = 0.01
     st[USUAL] = 1.0
+    st[ALIAS] = 1.0
 
 
 @compiled
@@ -286,6 +293,11 @@ def _begin(x: Array, P: Array, s: Array, st: Array) -> None:
     st[LEAN_DOWN] = 0.0
     st[SCALE_DOWN] = 0.0
     st[SETTLED] = 0.0
+    st[SLOW_ROUGH] = st[ROUGH]
+    st[UNSETTLED] = 1.0
+    st[BLOCK_TIME] = 0.0
+    for j in range(3):
+        st[BLOCK + j] = 0.0
     st[CLIP_TILT] = 0.0
     st[KEPT_TILT] = 0.0
     st[EPOCH] += 1.0
@@ -295,16 +307,15 @@ def _begin(x: Array, P: Array, s: Array, st: Array) -> None:
 def _publish(k: Array, x: Array, P: Array, st: Array, C: Array) -> None:
     """Sigmas as they are until the covariance changes again."""
     floor, aside = follow.floors(k, x, P, st, C)
-    apart = follow.vertical_excess(st)
+    along, across = follow.believed(k, st)
     st[SIGMA_INCLINATION], st[SIGMA_TOOLFACE] = follow.sigmas(
-        C[0, 0], C[1, 0], P[TILT, TILT], P[TILT, TILT + 1], P[TILT + 1, TILT + 1],
-        k[K_RESERVE] * (st[SCALE_ALONG] + apart), k[K_RESERVE] * (st[SCALE_ACROSS] + apart),
-        floor + k[K_RESERVE] * (st[SCALE_ALONG] + apart) * st[CLIP_TILT], aside,
+        C[0, 0], C[1, 0], P[TILT, TILT], P[TILT, TILT + 1], P[TILT + 1, TILT + 1], along, across,
+        floor + along * st[CLIP_TILT], aside,
     )  # fmt: skip
 
 
 @compiled
-def _start(x: Array, P: Array, st: Array, k: Array, wx: float, g: Array) -> None:
+def _start(x: Array, P: Array, st: Array, k: Array, dt: float, wx: float, g: Array) -> None:
     """First attitude from the mean force `g` (down, tool axes, unit) and what its scatter says of its error."""
     age = st[AGE]
     mx, my, mz = st[MEAN] / age, st[MEAN + 1] / age, st[MEAN + 2] / age
@@ -312,7 +323,12 @@ def _start(x: Array, P: Array, st: Array, k: Array, wx: float, g: Array) -> None
     turned = 0.5 * age * (math.sqrt(P[BIAS, BIAS]) + math.sqrt(P[SCALE, SCALE]) * abs(wx))
     # A mean that is not one g long holds an acceleration that did not average out, likely across gravity as well.
     off = math.sqrt(mx * mx + my * my + mz * mz) / k[K_GRAVITY] - 1.0
-    tilt = min(scatter * 0.05 / age + 0.06 * 0.06 + off * off + turned * turned, 1.0)
+    # Scatter is taken to last for 50 ms, unless neighbours differ as much as samples do: then it is white.
+    spread = scatter * 0.05 / age
+    rough = st[ROUGH] / (k[K_GRAVITY] * k[K_GRAVITY])
+    if 3.0 * rough > 0.5 * scatter * dt:
+        spread = min(spread, 1.5 * rough / age)
+    tilt = min(spread + 0.06 * 0.06 + off * off + turned * turned, 1.0)
     if st[KEPT_TILT] > 0.0:
         # Two inclinations, that of the mean and the one kept, by their variances.
         sine = max(math.sqrt(g[1] * g[1] + g[2] * g[2]), 1e-9)
@@ -422,7 +438,7 @@ def _sample(
     c = k[K_CONING] / 12.0 * dt * dt
     nx, ny, nz = c * (lwy * wz - lwz * wy), c * (lwz * wx - lwx * wz), c * (lwx * wy - lwy * wx)
     st[TURNING] += dt / (10.0 + dt) * (abs(wx) - st[TURNING])
-    aliased = st[ALIAS] > 0.5 and dt > 0.0
+    aliased = st[ALIAS] > 0.5 and st[SETTLED] > _JUDGED and dt > 0.0
     if aliased:
         bits |= _ALIASED
     # Rates may still be means where forces are point samples; only a string that turns for long, whose speed may swing
@@ -432,8 +448,9 @@ def _sample(
     # Roughness: spectral density of the forces at the top of the band, were they white.
     da = (fx - st[LAST_A]) ** 2 + (fy - st[LAST_A + 1]) ** 2 + (fz - st[LAST_A + 2]) ** 2
     st[LAST_A], st[LAST_A + 1], st[LAST_A + 2] = fx, fy, fz
-    share = dt / (k[K_SWING_MEMORY] + dt)
-    st[ROUGH] += share * (da / 6.0 * dt - st[ROUGH])
+    if dt > 0.0:
+        share = dt / (min(k[K_SWING_MEMORY], st[AGE] + st[SETTLED]) + dt)
+        st[ROUGH] += share * (da / 6.0 * dt - st[ROUGH])
 
     if st[STARTED] == 0.0:
         st[AGE] += dt
@@ -444,12 +461,14 @@ def _sample(
         st[MEAN + 1] += step * ay
         st[MEAN + 2] += step * (az - x[N_DOWN])
         st[MEAN_POWER] += step * (ax * ax + ay * ay + az * az)
-        if dt > 0.0 and st[AGE] >= k[K_START]:
+        # White forces leave a mean of that long a tilt; while it is large the start goes on.
+        vague = st[ROUGH] / (k[K_GRAVITY] * k[K_GRAVITY] * max(st[AGE], 1e-3)) > _START_TILT * _START_TILT
+        if dt > 0.0 and st[AGE] >= k[K_START] and not (vague and st[AGE] < _START_MOST):
             mx, my, mz = -st[MEAN], -st[MEAN + 1], -st[MEAN + 2]
             norm = max(math.sqrt(mx * mx + my * my + mz * mz), 1e-9)
             for j in range(3):
                 g[j] = (C[0, j] * mx + C[1, j] * my + C[2, j] * mz) / norm
-            _start(x, P, st, k, wx, g)
+            _start(x, P, st, k, dt, wx, g)
             model.rotation(x, C)
             st[SLOW_AXIS], st[SLOW_AXIS + 1] = C[0, 0], C[1, 0]
             _publish(k, x, P, st, C)
@@ -518,11 +537,13 @@ def _step_covariance(
     """Carry the covariance over the sums, add noise, measure, and empty the sums."""
     size = ERRORS if st[CLIPPING] != 0.0 else STEADY
     T = s[S_TIME]
+    swing, density = white.follow_white(k, x, s, st)
+    white.leave_out_noise(k, s, density)
     model.propagate(P, s, size)
     turn = k[K_GYRO_NOISE] ** 2 * T + s[S_TURN]
     P[TILT, TILT] += turn
     P[TILT + 1, TILT + 1] += turn
-    force, wander, play = follow.noises(k, s, st)
+    force, wander, play = follow.noises(k, s, st, swing, density)
     walk = min(k[K_BIAS_WALK] ** 2 * (1.0 + st[BOOST]), k[K_BIAS_FAST] ** 2) * T
     for j in range(3):
         P[VEL + j, VEL + j] += force

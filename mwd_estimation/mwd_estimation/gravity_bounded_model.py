@@ -141,11 +141,18 @@ def measurement(x: Array, C: Array, axis: int, h: Array) -> float:
 
     The row has one more entry, -1 on the lever arm along that axis.
     """
-    # Tilt enters through the axis the position is measured along.
+    # Tilt enters through the axis the position is measured along, times the position there truly is: the lever arm, not
+    # the position as it is carried, whose noise would count as knowledge of the tilt.
+    if axis == 0:
+        lx, ly, lz = 0.0, -x[N_LEVER + 2], x[N_LEVER + 1]
+    elif axis == 1:
+        lx, ly, lz = x[N_LEVER + 2], 0.0, -x[N_LEVER]
+    else:
+        lx, ly, lz = -x[N_LEVER + 1], x[N_LEVER], 0.0
+    h[0] = C[0, 0] * lx + C[0, 1] * ly + C[0, 2] * lz
+    h[1] = C[1, 0] * lx + C[1, 1] * ly + C[1, 2] * lz
     ux, uy, uz = C[0, axis], C[1, axis], C[2, axis]
     dx, dy, dz = x[N_POS], x[N_POS + 1], x[N_POS + 2]
-    h[0] = uy * dz - uz * dy
-    h[1] = uz * dx - ux * dz
     h[2], h[3], h[4] = ux, uy, uz
     along: float = x[N_LEVER + axis] - (ux * dx + uy * dy + uz * dz)
     return along

@@ -28,7 +28,6 @@ from mwd_estimation.gravity_bounded_model import (
 from mwd_estimation.gravity_bounded_settings import (
     K_ACCEL_NOISE,
     K_ACCEL_RANGE,
-    K_ALIAS_NOISE,
     K_ANCHOR,
     K_ANCHOR_SWING,
     K_ASKEW,
@@ -46,6 +45,7 @@ from mwd_estimation.gravity_bounded_settings import (
     K_PLAY,
     K_PLAY_SWING,
     K_RATE_NOISE,
+    K_RESERVE,
     K_ROTARY_NOISE,
     K_SHOCK_AT,
     K_SHOCK_GATE,
@@ -63,14 +63,16 @@ from mwd_sensors.compiled import compiled
     SWING_X, SWING_C, SWING_Z, SETTLED, ROUGH, STRONG, SHOCKS, SINCE_SHOCK, TURNING, PERIOD, NON_GRAVITY, DIRECTION,
     CLIPPING, CLIP_TIME, RATE_SLOPE, RATE_CURVE, LEAN, BOOST, USUAL, NEAR_LEAN, SCALE_ALONG, SCALE_ACROSS, ALIAS, EPOCH,
     CLIP_TILT, KEPT_DOWN, KEPT_TILT, SIGMA_INCLINATION, SIGMA_TOOLFACE, SLOW_AXIS, LEAN_DOWN, SCALE_DOWN,
-    LEARNS, STATISTICS,
+    LEARNS, BLOCK, BLOCK_TIME, LAST_BLOCK, SLOW_ROUGH, UNSETTLED, STATISTICS,
 ) = (
     0, 1, 2, 5, 6, 9, 12, 15, 18, 21, 24, 27, 30,
     33, 34, 35, 36, 37, 38, 39, 40, 41, 42, 43, 44,
     47, 48, 49, 50, 51, 53, 54, 55, 57, 58, 59, 60,
     61, 62, 63, 64, 65, 66, 68, 69,
-    70, 71,
+    70, 71, 74, 75, 78, 79, 80,
 )  # fmt: skip
+ALIAS_SCALE = 0.25  # least power of the innovations where forces are white for sure
+ALIAS_LEAN = 4.0  # added to the lean from which a bias moves where forces are white: they lean by chance
 SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # s, low-passes of the slope of the x rate and of its curvature
 TURNING_FROM = 3.0  # rad/s, mean rate about the axis that makes a tool one on a string that turns
 HIDDEN = 0.0014  # s of clipping that a sample must be able to show before it counts as a shock
@@ -142,7 +144,7 @@ def follow_shocks(
     shown = k[K_ACCEL_RANGE] * min(HIDDEN / max(dt, 1e-4), 0.9)
     unusual = power > k[K_SHOCK_AT] ** 2 * st[STRONG] + 100.0 and st[STRONG] > 0.0
     if clipped or (unusual and power > shown * shown):
-        if st[SINCE_SHOCK] > 0.1:
+        if unusual and st[SINCE_SHOCK] > 0.1:
             st[SHOCKS] += 1.0
         st[SINCE_SHOCK] = 0.0
         lost = (k[K_SHOCK_NOISE] * dt) ** 2
@@ -262,24 +264,15 @@ def follow_slope(st: Array, dt: float, wx: float) -> None:
 
 
 @compiled
-def explained_swing(k: Array, st: Array) -> float:
-    """Swing, m^2, that forces would leave that are as white as neighbouring samples say (`docs`: roughness)."""
-    # White force of density one leaves the variance time^3 / 16 after the high-pass and the two leaky integrations.
-    return k[K_SWING_TIME] ** 3 / 16.0 * st[ROUGH]  # type: ignore[no-any-return]
+def noises(k: Array, s: Array, st: Array, white: float, density: float) -> tuple[float, float, float]:
+    """
+    Variances of an interval that follow the motion: velocity, wander of the point, and its play.
 
-
-@compiled
-def noises(k: Array, s: Array, st: Array) -> tuple[float, float, float]:
-    """Variances of an interval that follow the motion: velocity, wander of the point, and its play."""
+    white, density: swing, m^2, and density, (m/s^2)^2 s, of white force (`gravity_bounded_white`).
+    """
     T = s[S_TIME]
-    explained = explained_swing(k, st)
-    # As much of the swing as roughness can explain is white (aliased) force; the rest is motion. The vertical shows it:
-    # tilt errors, which swing too, do not reach it to first order. Until the high-pass has settled nothing is known,
-    # and all roughness is taken for white.
-    unsettled = math.exp(-st[SETTLED] / k[K_SWING_TIME])
-    white = max(min(st[SWING_Z], explained), unsettled * explained)
     motion = max(max(st[SWING_X], st[SWING_C]) - white, 0.0)
-    force = (k[K_ACCEL_NOISE] ** 2 + k[K_ALIAS_NOISE] ** 2 * white * 16.0 / k[K_SWING_TIME] ** 3) * T + s[S_JUMP] / 3.0
+    force = (k[K_ACCEL_NOISE] ** 2 + density) * T + s[S_JUMP] / 3.0
     wander = (k[K_ANCHOR] ** 2 + k[K_ANCHOR_SWING] ** 2 * motion) * T
     play = k[K_PLAY] ** 2 + k[K_PLAY_SWING] ** 2 * motion
     return force, wander, play
@@ -302,13 +295,14 @@ def follow_innovations(
     over the filter's own time, along the hole and across it, 1 expected; NaN while the x gyro clips.
     """
     st[SETTLED] += T
+    st[UNSETTLED] -= T / k[K_SWING_TIME] * st[UNSETTLED]
     st[USUAL] += T / 10.0 * (min(square, 9.0 * st[USUAL] + 0.001) - st[USUAL])
     # Those that lean one way for long are a bias on the move; white ones leave this mean at T / time.
     share = T / k[K_LEAN_TIME]
     st[LEAN] += share * (i0 - st[LEAN])
     st[LEAN + 1] += share * (i1 - st[LEAN + 1])
     lean = (st[LEAN] ** 2 + st[LEAN + 1] ** 2) / share
-    st[BOOST] = k[K_LEAN_GAIN] * max(0.0, lean - k[K_LEAN_FROM])
+    st[BOOST] = k[K_LEAN_GAIN] * max(0.0, lean - k[K_LEAN_FROM] - ALIAS_LEAN * st[ALIAS])
     # Tilt is disturbed by what the updates put into it. Summed over the time in which the tilt's variance grows by half
     # of itself they have that variance if all is white as assumed, and are the error itself if it is vibration.
     near = (P[TILT, TILT] + P[TILT + 1, TILT + 1]) * T / turn
@@ -331,9 +325,6 @@ def follow_innovations(
         st[SCALE_ACROSS] += share * (across - st[SCALE_ACROSS])
     st[LEAN_DOWN] += T / DOWN_TIME * (i2 - st[LEAN_DOWN])
     st[SCALE_DOWN] += T / SCALE_TIME * (2.0 * DOWN_TIME / T * st[LEAN_DOWN] ** 2 - st[SCALE_DOWN])
-    explained = explained_swing(k, st)
-    aliased = 0.25 * explained < st[SWING_Z] < 4.0 * explained and st[ROUGH] > 0.02
-    st[ALIAS] += T / 3.0 * ((1.0 if aliased else 0.0) - st[ALIAS])
     return along, across
 
 
@@ -346,6 +337,16 @@ def vertical_excess(st: Array) -> float:
     of square from one attitude to the next, and the horizontal, where the tilt makes up for it, does not show it.
     """
     return max(0.0, st[SCALE_DOWN] - DOWN_FROM)  # type: ignore[no-any-return]
+
+
+@compiled
+def believed(k: Array, st: Array) -> tuple[float, float]:
+    """Factors of the covariance, along the hole and across it, with reserve."""
+    apart = vertical_excess(st)
+    # White forces have the power they are taken to have; that a few seconds showed less was chance.
+    least = ALIAS_SCALE * st[ALIAS]
+    reserve = k[K_RESERVE]
+    return reserve * (max(st[SCALE_ALONG], least) + apart), reserve * (max(st[SCALE_ACROSS], least) + apart)
 
 
 @compiled

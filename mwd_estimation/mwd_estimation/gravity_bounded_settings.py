@@ -102,7 +102,7 @@ class Params:
         3.0, "missing rate at the end of clipping that shows roll astray", unit="rad/s", low=0.01, high=100.0
     )
     bias_sigma: float = setting(0.005, "gyro bias at switch-on", unit="rad/s", low=1e-6, high=0.2)
-    scale_sigma: float = setting(0.005, "scale error of the x gyro at switch-on", low=1e-6, high=0.2)
+    scale_sigma: float = setting(0.003, "scale error of the x gyro at switch-on", low=1e-6, high=0.2)
     lever_sigma: float = setting(0.1, "lever arm of the sensor from the point that stays", unit="m", low=1e-4, high=5.0)
     down_sigma: float = setting(
         0.05, "error of gravity's magnitude as the sensor shows it", unit="m/s^2", low=1e-6, high=1.0

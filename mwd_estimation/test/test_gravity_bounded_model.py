@@ -78,6 +78,9 @@ def test_transition_of_the_errors_matches_finite_differences_of_the_mechanisatio
 def test_measurement_row_matches_finite_differences(axis):
     rng = np.random.default_rng(7 + axis)
     x, mat, row = nominal(rng), np.zeros((3, 3)), np.zeros(5)
+    # Where the position is that of the lever arm; what it is beside that is noise and must not count.
+    model.rotation(x, mat)
+    x[model.N_POS : model.N_POS + 3] = mat @ x[model.N_LEVER : model.N_LEVER + 3]
 
     def innovation(at: np.ndarray) -> float:
         model.rotation(at, mat)
