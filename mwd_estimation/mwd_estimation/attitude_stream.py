@@ -212,7 +212,7 @@ class AttitudeStream:
         # Magnetic samples with gravity at their own stamps, of the last block.
         self.handed_on = Pairs.joined([])
         # At each mark of the last block, the last station's azimuth carried on: as `continuous_azimuth.Rows.anchor`.
-        self.anchors = np.zeros((0, 3))
+        self.anchors = np.zeros((0, 5))
         self._withdrawn = False
         self._bad_ns = -_SETTLED_NS
         # Of the last pair: bits, sigma of its azimuth; and the tool's field with sigma.

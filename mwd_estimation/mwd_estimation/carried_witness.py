@@ -1,11 +1,15 @@
 """
-The azimuth that the gyros carried on from the last accepted station, as a witness at the next one.
+The azimuths that were carried to a station, as witnesses there: that of the last accepted station, by the gyros alone,
+and that of the samples up to here.
 
-It owes nothing to the magnetic field between the two stations nor at the second, and so shows steel that keeps total
-field and dip in order where no gyro sought north. But it *is* the last station's azimuth: an error both stations share
-(declination, the tool's own field) is in both. So it is never averaged into an azimuth that passes its checks: it
+The first owes nothing to the magnetic field between the two stations nor at the second, and so shows steel that keeps
+total field and dip in order where no gyro sought north. But it *is* the last station's azimuth: an error both stations
+share (declination, the tool's own field) is in both. So it is never averaged into an azimuth that passes its checks: it
 agrees and changes nothing, or it disagrees, and that is an alarm. Only where the station has no azimuth of its own that
-holds does it stand in. The rule and its reasons: ``docs/fusion.md``.
+holds does it stand in.
+
+The second reads the same magnetometer, but knows of it what turning the tool has shown: biases and scales across the
+axis, which one station does not show. The rule and its reasons: ``docs/fusion.md``.
 """
 
 from __future__ import annotations
@@ -21,6 +25,9 @@ from mwd_estimation.track import Array
 from mwd_sensors.frames import wrap_pi, wrap_tau
 
 CARRIED = "carried"
+# A smaller difference, rad, is not worth another survey, however many sigma it is: the analysis of many stations
+# changes its mind by as much while it learns.
+_LEAST = math.radians(1.0)
 
 
 def handed_on(taken: Survey) -> tuple[float, float, float, float]:
@@ -37,14 +44,13 @@ def handed_on(taken: Survey) -> tuple[float, float, float, float]:
 
 def held_against(taken: Survey, anchor: Array, settings: Settings) -> Survey:
     """
-    A survey held against the azimuth carried on to it.
+    A survey held against the azimuths carried on to it.
 
     Parameters
     ----------
     taken : Survey
-    anchor : ndarray, shape (3,)
-        Azimuth from the station's north, its sigma and the part of that which every magnetic azimuth errs by, rad; nan
-        where none is carried.
+    anchor : ndarray, shape (5,)
+        As `continuous_azimuth.Rows.anchor`, from the station's north.
     settings : fusion.Settings
         When azimuths disagree, and which are too uncertain to compare.
 
@@ -53,11 +59,18 @@ def held_against(taken: Survey, anchor: Array, settings: Settings) -> Survey:
     Survey
         With the method "carried". Where the azimuths disagree: with the alarm, and unless a gyro found north here,
         doubtful and its sigma widened by the difference. Where the station has no azimuth, or one that its own check
-        doubts: with the carried one, doubtful still.
+        doubts: with the carried one, doubtful still. Doubtful and widened as well where it is far from that of the
+        samples.
     """
-    azimuth, sigma, lasting = (float(value) for value in anchor)
+    if taken.kind != STATIC:
+        return taken
+    return _held_against_samples(_held_against_station(taken, anchor, settings), anchor, settings)
+
+
+def _held_against_station(taken: Survey, anchor: Array, settings: Settings) -> Survey:
+    azimuth, sigma, lasting = (float(value) for value in anchor[:3])
     station = taken.station
-    if not (math.isfinite(azimuth) and sigma > 0.0) or taken.kind != STATIC:
+    if not (math.isfinite(azimuth) and sigma > 0.0):
         return taken
     listed = dataclasses.replace(station, azimuths=(*station.azimuths, MethodAzimuth(CARRIED, azimuth, sigma, "")))
     if sigma > math.radians(settings.widest_deg):
@@ -69,7 +82,7 @@ def held_against(taken: Survey, anchor: Array, settings: Settings) -> Survey:
     ratio = abs(apart) / math.sqrt(variance)
     gyro = _by_gyro(taken)
     text = ""
-    if ratio > settings.disagreement_sigmas:
+    if ratio > settings.disagreement_sigmas and abs(apart) > _LEAST:
         text = (
             f"{station.method} azimuth is {math.degrees(apart):+.1f} deg ({ratio:.1f} sigma) from the one that the "
             "gyros carried on from the last accepted station"
@@ -100,16 +113,41 @@ def held_against(taken: Survey, anchor: Array, settings: Settings) -> Survey:
         # The gyro found north here: it is the station before, or the way from it, that was wrong.
         listed = dataclasses.replace(listed, reasons=(*station.reasons, text))
         return _with(taken, listed, text, text)
-    covariance = listed.covariance.copy()
+    listed = _widened(listed, apart, text + "; let the tool rest for the gyro, or survey again")
+    return _with(taken, listed, text, text)
+
+
+def _held_against_samples(taken: Survey, anchor: Array, settings: Settings) -> Survey:
+    """A magnetic station held against the azimuth of the samples up to it: which errs less, nothing here says."""
+    station, azimuth, sigma = taken.station, float(anchor[3]), float(anchor[4])
+    known = math.isfinite(azimuth + station.azimuth) and 0.0 < sigma <= math.radians(settings.widest_deg)
+    said = taken.alarm or taken.left_open or station.method == CARRIED or station.verdict == REJECT
+    if not known or said or _by_gyro(taken):
+        return taken
+    apart = float(wrap_pi(station.azimuth - azimuth))
+    # The declination is in both.
+    shared = min(declination_sigma(station), sigma) * _lasting(taken)
+    ratio = abs(apart) / math.sqrt(max(sigma**2 + _own_sigma(station) ** 2 - 2.0 * shared, 1e-4 * sigma**2))
+    if ratio <= settings.disagreement_sigmas or abs(apart) <= _LEAST:
+        return taken
+    reason = (
+        f"{station.method} azimuth is {math.degrees(apart):+.1f} deg ({ratio:.1f} sigma) from that of the samples up "
+        "to here, which know the magnetometer by the tool's turning: calibrate it, or survey again at another toolface"
+    )
+    return dataclasses.replace(taken, station=_widened(station, apart, reason))
+
+
+def _widened(station: Station, apart: float, reason: str) -> Station:
+    """The station, doubtful for a reason, with a difference in its sigma."""
+    covariance = station.covariance.copy()
     covariance[1, 1] = min(covariance[1, 1] + apart**2, math.pi**2)
-    listed = dataclasses.replace(
-        listed,
+    return dataclasses.replace(
+        station,
         covariance=covariance,
         sigma_azimuth=math.sqrt(covariance[1, 1]),
         verdict=worse(station.verdict, DOUBTFUL),
-        reasons=(text + "; let the tool rest for the gyro, or survey again", *station.reasons),
+        reasons=(reason, *station.reasons),
     )
-    return _with(taken, listed, text, text)
 
 
 def _by_gyro(taken: Survey) -> bool:

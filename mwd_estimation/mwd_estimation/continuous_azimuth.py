@@ -160,9 +160,10 @@ class Rows:
         One sigma, rad, at most pi; infinite where none is carried, because none was ever known or the hole is vertical.
     status : ndarray of uint32, shape (n,)
         GYRO_AIDED: carried by the gyros alone. MAG_DISTURBED: the last magnetic azimuth was not used.
-    anchor : ndarray, shape (m, 3)
+    anchor : ndarray, shape (m, 5)
         At each of the m bins, the azimuth that the last accepted station gave, carried on by the gyros alone; its sigma
-        and the part of that which every magnetic azimuth errs by, rad; NaN where there is none.
+        and the part of that which every magnetic azimuth errs by; and the azimuth of these rows and its sigma, rad; NaN
+        where there is none.
     """
 
     azimuth: Array
@@ -190,8 +191,8 @@ def initial() -> State:
 
 
 def anchor_of(state: State) -> Array:
-    """What is carried on of the last accepted station, shape (3,): as `Rows.anchor`, of the last bin taken in."""
-    anchor = np.full(3, np.nan)
+    """What is carried on, shape (5,): as `Rows.anchor`, of the last bin taken in."""
+    anchor = np.full(5, np.nan)
     _tell_anchor(state.x, state.P, state.memory, anchor)
     return anchor
 
@@ -241,7 +242,7 @@ def run(
     tilt = np.ascontiguousarray(sigma_tilt, dtype=np.float64)
     if tilt.shape != (n,):
         raise ValueError(f"sigma_tilt: expected shape ({n},), got {tilt.shape}")
-    rows = Rows(np.empty(n), np.empty(n), np.zeros(n, dtype=np.uint32), np.full((len(steps.place), 3), np.nan))
+    rows = Rows(np.empty(n), np.empty(n), np.zeros(n, dtype=np.uint32), np.full((len(steps.place), 5), np.nan))
     # One layout, and so one compilation: of a few columns, a single row is contiguous and several are not.
     fine_t = np.ascontiguousarray(steps.precision_t)
     used = _run(
@@ -277,7 +278,7 @@ def kernel_settings(
         k[cf.K_BIAS + at] = unit.bias_deg_h * DEG_PER_HOUR
         k[cf.K_WALK + at] = unit.walk_deg_h_rth * DEG_PER_HOUR / 60.0
         k[cf.K_LEAK + at], k[cf.K_LAG + at] = unit.leak_urad * 1e-6, unit.lag_ms * 1e-3
-        # The mean of the sensitivities of y to y and of z to z is felt whatever the toolface, and so is the Earth's turn.
+        # The mean of the sensitivities of y to y and of z to z is felt whatever the toolface, and the Earth's turn.
         k[cf.K_DRIFT + at] = math.hypot(unit.g_sensitivity_deg_h_g * DEG_PER_HOUR * math.sqrt(0.5), unknown)
     k[cf.K_RANGE] = 0.98 * math.radians(fine.range_dps)
     k[cf.K_OFTEN] = max(2.0 * params.magnetic_held_s / interval_s, 1.0)
@@ -294,6 +295,8 @@ def _tell_anchor(x: Array, P: Array, m: Array, anchor: Array) -> None:
     if m[cf.ANCHORED] != 0.0:
         anchor[0], anchor[2] = x[cf.ANCHOR], m[cf.ANCHOR_LASTING]
         anchor[1] = math.sqrt(max(P[cf.ANCHOR, cf.ANCHOR], 0.0))
+    if m[cf.HAVE] != 0.0:
+        anchor[3], anchor[4] = x[cf.AZIMUTH], math.sqrt(max(P[cf.AZIMUTH, cf.AZIMUTH], 0.0))
 
 
 @compiled

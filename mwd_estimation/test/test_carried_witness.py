@@ -19,7 +19,7 @@ from mwd_sensors.frames import mat_nt
 DEG = math.radians(1.0)
 REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.1, gravity=9.81, source="test")
 FIELD_N = 5e-5 * np.array([math.cos(1.1) * math.cos(0.1), math.cos(1.1) * math.sin(0.1), math.sin(1.1)])
-NOTHING = np.full(3, np.nan)
+NOTHING = np.full(5, np.nan)
 # A declination of .37 + .22 deg in squares is in every magnetic azimuth.
 LASTING = 0.4 * DEG
 
@@ -35,7 +35,7 @@ def taken(azimuth_deg: float = 40.0, weights: dict[str, float] | None = None, **
 
 
 def carried(azimuth_deg: float, sigma_deg: float = 0.6) -> np.ndarray:
-    return np.array([azimuth_deg * DEG, sigma_deg * DEG, LASTING])
+    return np.array([azimuth_deg * DEG, sigma_deg * DEG, LASTING, np.nan, np.nan])
 
 
 def test_where_nothing_is_carried_the_survey_stays_as_it_is() -> None:
@@ -66,10 +66,15 @@ def test_steel_that_came_since_the_last_station_is_an_alarm_and_makes_the_statio
     assert 6.0 * DEG < found.station.sigma_azimuth < 6.2 * DEG
 
 
+def test_a_difference_of_less_than_a_degree_is_no_alarm_however_certain_both_are() -> None:
+    one = taken(azimuth_deg=40.8)
+    assert not held_against(one, np.array([40.0 * DEG, 0.05 * DEG, 0.05 * DEG, np.nan, np.nan]), Settings()).alarm
+
+
 def test_what_both_errors_share_makes_a_difference_tell_more() -> None:
     one = taken(azimuth_deg=42.2)
     assert held_against(one, carried(40.0), Settings()).alarm
-    assert not held_against(one, carried(40.0) * [1.0, 1.0, 0.0], Settings()).alarm
+    assert not held_against(one, carried(40.0) * [1.0, 1.0, 0.0, 1.0, 1.0], Settings()).alarm
 
 
 def test_where_a_gyro_found_north_the_station_stands_and_the_difference_is_said() -> None:
@@ -113,3 +118,19 @@ def test_only_an_accepted_station_is_carried_on_with_its_own_sigma_and_what_it_s
     assert by_gyro[2:] == (0.0, 1.0)
     for other in (taken(verdict=DOUBTFUL), dataclasses.replace(one, kind=ROTARY)):
         assert np.isnan(handed_on(other)).all()
+
+
+def test_a_station_far_from_the_samples_up_to_it_is_doubtful_and_its_sigma_holds_the_difference() -> None:
+    def up_to(azimuth_deg: float, sigma_deg: float = 0.6) -> np.ndarray:
+        return np.array([np.nan, np.nan, np.nan, azimuth_deg * DEG, sigma_deg * DEG])
+
+    one = taken()
+    far = held_against(one, up_to(36.0), Settings())
+    assert far.station.verdict == DOUBTFUL
+    assert "+4.0 deg" in far.station.reasons[0]
+    assert far.station.azimuth == one.station.azimuth
+    assert 4.0 * DEG < far.station.sigma_azimuth < 4.2 * DEG
+    assert held_against(one, up_to(39.2), Settings()) is one
+    assert held_against(one, up_to(36.0, 60.0), Settings()) is one
+    by_gyro = taken(weights={"raw": 0.0, "gyro": 1.0})
+    assert held_against(by_gyro, up_to(36.0), Settings()) is by_gyro
