@@ -69,6 +69,8 @@ _TURNS = 6.0
 # Gravity is not in a mean force that is off by this share of it and that many variances of the noise; turn of a window
 # up to which the tool is still, rad. What a sensor off the axis feels of the rotation needs a while to average out.
 _OFF, _VARIANCES, _STILL, _SOON_S = 0.35, 6.0, 1.0, 1.5
+# And is known to be there where the mean is known to this share of it.
+_KNOWN = 0.15
 
 
 @compiled
@@ -314,7 +316,8 @@ def _no_gravity(
     off = max(short, over)
     if less or (off > _OFF * gravity and off * off > 4.0 * _VARIANCES * variance):
         return (FOR if pushed else STRONGLY), mean
-    return (AGAINST if off < 0.2 * gravity + 2.0 * math.sqrt(variance) else NOTHING), mean
+    found = off < 0.2 * gravity + 2.0 * math.sqrt(variance) and variance < (_KNOWN * gravity) ** 2
+    return (AGAINST if found else NOTHING), mean
 
 
 @compiled
@@ -345,9 +348,9 @@ def judge(
         Of `health_cross_axes`.
     lengths : ndarray, shape (2, 50)
         Room.
-    spoilt : ndarray of int64, shape (5,)
-        Bins of each sensor that were clipped (below BROKEN) or broken, those in which a steady force pushed, and those
-        with samples missing.
+    spoilt : ndarray of int64, shape (6,)
+        Bins of each sensor that were clipped (below BROKEN) or broken, those in which a steady force pushed, those with
+        samples missing, and those in which the force was noise.
     checks, notes : ndarray of int64
         Of `health_evidence`.
     """
@@ -380,7 +383,11 @@ def judge(
     if usable_gyro and spoilt[2] == 0 and count_b >= 10 and path < _UNSEEN * count_b and field2 > 0.0:
         _by_field(lengths[1], field2, okay[_FIELD], said[_FIELD])
     lost = NOTHING
-    if seconds >= _SOON_S and usable_gyro and spoilt[1] < BROKEN and count_f >= 4 * _FEW and accel_unit <= 0:
+    if seconds >= _SOON_S and spoilt[1] < BROKEN and spoilt[5] > 2.0 * seconds - 0.5:
+        lost = STRONGLY
+        note(notes, LENGTH, lost, began, int(100.0 * math.sqrt(force2 / 3.0)), int(100.0 * gravity + 0.5), 1)
+        said[_FORCE] = False
+    elif seconds >= _SOON_S and usable_gyro and spoilt[1] < BROKEN and count_f >= 4 * _FEW and accel_unit <= 0:
         lost, mean = AGAINST, 0.0
         if not said[_FORCE, _SOME]:
             sure = checks[AXES, STATE] == OK

@@ -42,14 +42,21 @@ _SOME = 3.0  # samples below which half a second says nothing: a magnetometer ma
 _TRUSTED = 6.0  # bins at rest in which an axis must have varied before its silence at rest counts
 
 # Per channel: last value, samples, not finite, repeats, first value, sums about it, at the limit, least step, bins that
-# were constant up to now, balance of bins at rest in which it varied, bins in a row that were wholly at the limit.
-LAST, _N, _BAD, _SAME, _FIRST, _S1, _S2, _CLIP, _STEP, CONST, _LIVELY, _WHOLE, _ROW = range(13)
+# were constant up to now, balance of bins at rest in which it varied, bins in a row that were wholly at the limit, sum
+# of the squares of its steps.
+LAST, _N, _BAD, _SAME, _FIRST, _S1, _S2, _CLIP, _STEP, CONST, _LIVELY, _WHOLE, _D2, _ROW = range(14)
 # Counts: steps of time, those long and short, samples of the bin; values held (2); magnetic bins missing and seen; of
-# the window: bins spoilt, by sensor (3), those in which a steady force pushed, and those with samples missing.
-STEPS, LONG, SHORT, IMU, HOLDS, _MAG_SILENT, _MAG_EVER, SPOILT, _PUSHED, _GAPS = 0, 1, 2, 3, 4, 6, 7, 8, 11, 12
-_COUNTS = 13
+# the window: bins spoilt, by sensor (3), those in which a steady force pushed, those with samples missing, and those in
+# which the force was noise.
+STEPS, LONG, SHORT, IMU, HOLDS, _MAG_SILENT, _MAG_EVER, SPOILT, _PUSHED, _GAPS, _NOISY = (
+    0, 1, 2, 3, 4, 6, 7, 8, 11, 12, 13,
+)  # fmt: skip
+_COUNTS = 14
 # m/s^2 along an axis, mean of half a second: more than gravity and than what noise leaves of a mean.
 _PUSH = 15.0
+# m/s^2 that white noise leaves of such a mean, which no motion in a hole does; and mean square of a step of what is
+# white, in variances: 2 but for chance.
+_NOISE, _WHITE = 8.0, 1.4
 
 
 def blank() -> tuple[Array, Whole]:
@@ -65,7 +72,7 @@ def count(channels: Array, c: int, values: Array, k: int, start: int, stop: int,
     # One channel at a time and nothing but numbers in the loop: these are most of what the watch costs.
     last, n, bad, same = channels[c, LAST], channels[c, _N], channels[c, _BAD], channels[c, _SAME]
     first, s1, s2 = channels[c, _FIRST], channels[c, _S1], channels[c, _S2]
-    clip, least = channels[c, _CLIP], channels[c, _STEP]
+    clip, least, steps2 = channels[c, _CLIP], channels[c, _STEP], channels[c, _D2]
     for i in range(start, stop):
         v = values[i, k]
         size = abs(v)
@@ -75,8 +82,9 @@ def count(channels: Array, c: int, values: Array, k: int, start: int, stop: int,
         away = abs(v - last)
         if away == 0.0:
             same += 1.0
-        elif away < least:
-            least = away
+        elif away > 0.0:
+            least = min(least, away)
+            steps2 += away * away
         last = v
         if n == 0.0:
             first = v
@@ -89,7 +97,7 @@ def count(channels: Array, c: int, values: Array, k: int, start: int, stop: int,
             clip += 1.0
     channels[c, LAST], channels[c, _N], channels[c, _BAD], channels[c, _SAME] = last, n, bad, same
     channels[c, _FIRST], channels[c, _S1], channels[c, _S2] = first, s1, s2
-    channels[c, _CLIP], channels[c, _STEP] = clip, least
+    channels[c, _CLIP], channels[c, _STEP], channels[c, _D2] = clip, least, steps2
 
 
 @compiled
@@ -119,7 +127,7 @@ def close_bin(
     doubtful = 0
     now = began + BIN_NS
     spreads = np.zeros(9)
-    gyro_moves, shakes, pushed = False, False, False
+    gyro_moves, shakes, pushed, noisy = False, False, False, False
     field2, worst = 0.0, 0.0
     for c in range(9):
         row = channels[c]
@@ -130,7 +138,9 @@ def close_bin(
         if c >= 6:
             field2 += mean * mean
         elif c >= 3:
+            n, variance = row[_N], spreads[c] ** 2
             pushed = pushed or abs(mean) > _PUSH
+            noisy = noisy or (n >= _FEW and variance > n * _NOISE**2 and row[_D2] > _WHITE * n * variance)
         if row[CONST] == 0.0:
             if c < 3:
                 gyro_moves = gyro_moves or spreads[c] > 0.02 or abs(mean) > 0.1
@@ -139,6 +149,7 @@ def close_bin(
             else:
                 worst = max(worst, spreads[c])
     counts[_PUSHED] += int(pushed)
+    counts[_NOISY] += int(noisy)
     field_turns = worst > 0.01 * math.sqrt(field2)
     any_motion = gyro_moves or shakes or field_turns
     for s in range(3):
@@ -199,7 +210,7 @@ def close_bin(
         # What the gyros turned between samples that did not come is not known.
         doubtful |= GYRO
     for c in range(9):
-        for k in (_N, _BAD, _SAME, _S1, _S2, _CLIP):
+        for k in (_N, _BAD, _SAME, _S1, _S2, _CLIP, _D2):
             channels[c, k] = 0.0
     for k in range(_MAG_SILENT):
         counts[k] = 0

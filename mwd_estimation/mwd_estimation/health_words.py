@@ -126,7 +126,7 @@ def _described(k: int, details: list[int]) -> Finding:
     if k == CROSS:
         return _axes([details[0], 0, 0])
     if k == LENGTH:
-        return _length(0.01 * details[0], 0.01 * details[1])
+        return _length(0.01 * details[0], 0.01 * details[1], details[2] != 0)
     if k == SIGN:
         return _sign(details[0], details[1] != 0)
     if k == FRAME:
@@ -202,9 +202,12 @@ def _sign(bits: int, points_up: bool) -> Finding:
     return _fault("flipped", sensor, "all", "error", confidence, message, remedy, bits)
 
 
-def _length(mean: float, gravity: float) -> Finding:
-    says = "reads no gravity" if mean < gravity else "reads more than gravity"
-    message = f"accelerometer {says}: the mean force is {mean:.1f} m/s^2, expected {gravity:.1f}"
+def _length(force: float, gravity: float, noise: bool) -> Finding:
+    if noise:
+        message = f"accelerometer reads noise of {force:.0f} m/s^2 on each axis: gravity is lost in it"
+    else:
+        says = "reads no gravity" if force < gravity else "reads more than gravity"
+        message = f"accelerometer {says}: the mean force is {force:.1f} m/s^2, expected {gravity:.1f}"
     return _fault("gravity", "accelerometer", "all", "error", 0.9, message, f"{CABLE}; check its range setting", ACCEL)
 
 

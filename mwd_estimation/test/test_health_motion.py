@@ -17,8 +17,8 @@ SECONDS, RATE = 3.0, 100
 
 
 def noted(
-    gyro=None, accel=None, mag=None, reference=REFERENCE, spoilt=(0, 0, 0, 0, 0), turning=True, shake=0.05, push=None,
-    known=False,
+    gyro=None, accel=None, mag=None, reference=REFERENCE, spoilt=(0, 0, 0, 0, 0, 0), turning=True, shake=0.05,
+    push=None, known=False,
 ):  # fmt: skip
     """
     Notes of a window of a tool that turns about its axis and wobbles, each sensor mapped by a matrix.
@@ -114,7 +114,7 @@ def test_a_reversed_magnetometer_shows_in_the_dip_only():
 
 def test_spoilt_windows_judge_no_axes():
     assert ev.AXES in faults(noted(accel=np.diag([1, -1, 1])))
-    assert ev.AXES not in faults(noted(accel=np.diag([1, -1, 1]), spoilt=(1, 0, 0, 0, 0)))
+    assert ev.AXES not in faults(noted(accel=np.diag([1, -1, 1]), spoilt=(1, 0, 0, 0, 0, 0)))
 
 
 @pytest.mark.parametrize("turning", [True, False])
@@ -125,7 +125,7 @@ def test_a_force_that_gravity_cannot_be_in_is_noted_strongly(turning, shake, mea
     assert faults(notes) == {ev.LENGTH}
 
 
-def noisy(turning, shake, push, spoilt=(0, 0, 0, 0, 0)):
+def noisy(turning, shake, push, spoilt=(0, 0, 0, 0, 0, 0)):
     """Notes of an accelerometer that reads noise and `push` instead of the tool's forces."""
     gravity = mat_nt(math.radians(40.0), 0.7, 0.0).T @ np.array([0.0, 0.0, 9.81])
     if turning:
@@ -146,9 +146,9 @@ class _Instead:
 
 
 def test_a_pushed_window_is_weaker_evidence_and_never_that_gravity_is_missing_in_noise():
-    notes = noisy(False, 2.0, lambda _: np.full(3, 12.0), (0, 0, 0, 2, 0))
+    notes = noisy(False, 2.0, lambda _: np.full(3, 12.0), (0, 0, 0, 2, 0, 0))
     assert notes[ev.LENGTH, ev.SEEN] == ev.FOR
-    assert noisy(False, 20.0, lambda _: np.zeros(3), (0, 0, 0, 2, 0))[ev.LENGTH, ev.SEEN] != ev.STRONGLY
+    assert noisy(False, 20.0, lambda _: np.zeros(3), (0, 0, 0, 2, 0, 0))[ev.LENGTH, ev.SEEN] != ev.STRONGLY
 
 
 def test_gravity_under_white_noise_or_an_alias_is_neither_missing_nor_of_another_dip_or_axis():
@@ -160,11 +160,19 @@ def test_gravity_under_white_noise_or_an_alias_is_neither_missing_nor_of_another
         return np.array([0.0, 0.0, 50.0 * math.cos(0.84 * math.pi * (t - 1.0) ** 2)])
 
     for turning in (True, False):
-        assert not faults(noted(push=alias, known=True, turning=turning, spoilt=(0, 0, 0, 2, 0))) - {ev.LENGTH}
+        assert not faults(noted(push=alias, known=True, turning=turning, spoilt=(0, 0, 0, 2, 0, 0))) - {ev.LENGTH}
 
 
 def test_the_cross_axes_of_the_gyro_are_judged_once_the_others_are_known():
     assert noted(known=True)[ev.CROSS, ev.SEEN] == ev.AGAINST
     assert noted()[ev.CROSS, ev.SEEN] == ev.NOTHING
     # Missing samples leave turns unknown.
-    assert noted(known=True, spoilt=(0, 0, 0, 0, 1))[ev.CROSS, ev.SEEN] == ev.NOTHING
+    assert noted(known=True, spoilt=(0, 0, 0, 0, 1, 0))[ev.CROSS, ev.SEEN] == ev.NOTHING
+
+
+def test_a_window_whose_every_half_second_is_noise_is_noted_as_such():
+    notes = noted(shake=90.0, spoilt=(0, 0, 0, 6, 0, 6))
+    assert notes[ev.LENGTH, ev.SEEN] == ev.STRONGLY
+    assert notes[ev.LENGTH, 4] == 1
+    assert notes[ev.LENGTH, 2] == pytest.approx(9000.0, rel=0.05)
+    assert noted(shake=90.0, spoilt=(0, 0, 0, 6, 0, 5))[ev.LENGTH, ev.SEEN] < ev.FOR

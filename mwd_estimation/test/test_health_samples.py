@@ -120,12 +120,17 @@ def test_samples_counted_one_by_one_or_together_give_the_same():
     assert np.array_equal(together, single, equal_nan=True)
 
 
-def test_half_seconds_with_a_steady_push_and_with_samples_missing_are_counted_for_the_window():
+def test_half_seconds_with_a_push_with_samples_missing_and_of_noise_are_counted_for_the_window():
     tool = Tool()
     tool.half_second()
-    assert tool.counts[samples.SPOILT :].tolist() == [0, 0, 0, 0, 0]
+    assert tool.counts[samples.SPOILT :].tolist() == [0] * 6
     tool.half_second(lambda v: v.__setitem__((slice(None), 4), 16.0 + v[:, 4]))
-    assert tool.counts[samples.SPOILT :].tolist() == [0, 0, 0, 1, 0]
+    assert tool.counts[samples.SPOILT :].tolist() == [0, 0, 0, 1, 0, 0]
     tool.counts[samples.STEPS], tool.counts[samples.LONG] = N, 5
     tool.half_second()
-    assert tool.counts[samples.SPOILT :].tolist() == [0, 0, 0, 1, 1]
+    assert tool.counts[samples.SPOILT :].tolist() == [0, 0, 0, 1, 1, 0]
+    noise = tool.rng.normal(0.0, 90.0, (N, 3))
+    tool.half_second(lambda v: v.__setitem__((slice(None), slice(3, 6)), noise))
+    # A tone of the same size steps less.
+    tool.half_second(lambda v: v.__setitem__((slice(None), 3), 130.0 * np.sin(0.3 * np.arange(N))))
+    assert tool.counts[samples.SPOILT + 5] == 1

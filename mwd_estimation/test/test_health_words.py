@@ -56,4 +56,5 @@ def test_a_force_without_gravity_is_said_with_both_figures():
     none = finding([0, ev.LENGTH, ev.FAULT, 0, 180, 981, 0])
     assert none.message == "accelerometer reads no gravity: the mean force is 1.8 m/s^2, expected 9.8"
     assert "more than gravity" in finding([0, ev.LENGTH, ev.FAULT, 0, 1962, 981, 0]).message
+    assert "noise of 90 m/s^2" in finding([0, ev.LENGTH, ev.FAULT, 0, 9000, 981, 1]).message
     assert (none.kind, none.unusable) == ("gravity", ev.ACCEL)

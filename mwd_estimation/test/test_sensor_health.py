@@ -141,6 +141,7 @@ FAULTS = {
     "magnetometer turned to the accelerometer": (MAG, mapped([[0, -1, 0], [1, 0, 0], [0, 0, 1]]), "frame", "xy"),
     "gyro not a number": (GYRO, held([0, 1, 2], np.nan), "invalid", "x/y/z"),
     "accelerometer reads noise": (ACCEL, noise(20.0), "gravity", "all"),
+    "accelerometer reads noise over its range": (ACCEL, noise(90.0), "gravity", "all"),
     "accelerometer set to half its range": (ACCEL, scaled(2.0), "gravity", "all"),
     "accelerometer not a number": (ACCEL, held([1], np.nan), "invalid", "y"),
     "magnetometer not a number": (MAG, held([0, 1, 2], np.nan), "invalid", "x/y/z"),
