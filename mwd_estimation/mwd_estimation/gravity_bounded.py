@@ -73,9 +73,12 @@ from mwd_estimation.gravity_bounded_motion import (
     SIGMA_INCLINATION,
     SIGMA_TOOLFACE,
     SLOW_AXIS,
+    SLOW_LEAN,
     SLOW_ROUGH,
     STARTED,
     STATISTICS,
+    STEADY_ACROSS,
+    STEADY_ALONG,
     STRONG,
     SWING_C,
     SWING_X,
@@ -292,6 +295,8 @@ def _begin(x: Array, P: Array, s: Array, st: Array) -> None:
     st[SCALE_ACROSS] = 1.0
     st[LEAN_DOWN] = 0.0
     st[SCALE_DOWN] = 0.0
+    st[SLOW_LEAN], st[SLOW_LEAN + 1] = 0.0, 0.0
+    st[STEADY_ALONG], st[STEADY_ACROSS] = 0.0, 0.0
     st[SETTLED] = 0.0
     st[SLOW_ROUGH] = st[ROUGH]
     st[UNSETTLED] = 1.0
@@ -582,7 +587,8 @@ def _step_covariance(
     along, across = follow.follow_innovations(k, P, st, C, T, turn, i0, i1, i2, square)
     if logged:
         apart = follow.vertical_excess(st)
-        log_lean[entry, 0], log_lean[entry, 1] = along + apart, across + apart
+        share_along, share_across = follow.error_shares(st)
+        log_lean[entry, 0], log_lean[entry, 1] = share_along * along + apart, share_across * across + apart
         log_lean[entry, 2], log_lean[entry, 3] = follow.floors(k, x, P, st, C)
     for j in range(SUMS):
         s[j] = 0.0

@@ -63,15 +63,16 @@ from mwd_sensors.compiled import compiled
     SWING_X, SWING_C, SWING_Z, SETTLED, ROUGH, STRONG, SHOCKS, SINCE_SHOCK, TURNING, PERIOD, NON_GRAVITY, DIRECTION,
     CLIPPING, CLIP_TIME, RATE_SLOPE, RATE_CURVE, LEAN, BOOST, USUAL, NEAR_LEAN, SCALE_ALONG, SCALE_ACROSS, ALIAS, EPOCH,
     CLIP_TILT, KEPT_DOWN, KEPT_TILT, SIGMA_INCLINATION, SIGMA_TOOLFACE, SLOW_AXIS, LEAN_DOWN, SCALE_DOWN,
-    LEARNS, BLOCK, BLOCK_TIME, LAST_BLOCK, SLOW_ROUGH, UNSETTLED, STATISTICS,
+    LEARNS, BLOCK, BLOCK_TIME, LAST_BLOCK, SLOW_ROUGH, UNSETTLED, SLOW_LEAN, STEADY_ALONG, STEADY_ACROSS, STATISTICS,
 ) = (
     0, 1, 2, 5, 6, 9, 12, 15, 18, 21, 24, 27, 30,
     33, 34, 35, 36, 37, 38, 39, 40, 41, 42, 43, 44,
     47, 48, 49, 50, 51, 53, 54, 55, 57, 58, 59, 60,
     61, 62, 63, 64, 65, 66, 68, 69,
-    70, 71, 74, 75, 78, 79, 80,
+    70, 71, 74, 75, 78, 79, 80, 82, 83, 84,
 )  # fmt: skip
-ALIAS_SCALE = 0.25  # least power of the innovations where forces are white for sure
+STEADY_TIME, STEADY_AGE = 40.0, 20.0  # s, memory of innovations of one sign; time since a start that half trusts it
+TWICE = 0.75  # of the power of a sum that is twice the error: the part that is not error
 ALIAS_LEAN = 4.0  # added to the lean from which a bias moves where forces are white: they lean by chance
 SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # s, low-passes of the slope of the x rate and of its curvature
 TURNING_FROM = 3.0  # rad/s, mean rate about the axis that makes a tool one on a string that turns
@@ -323,9 +324,27 @@ def follow_innovations(
         share = T / min(SCALE_TIME + 2.0 * near, SCALE_YOUNG + SCALE_AGE * st[SETTLED])
         st[SCALE_ALONG] += share * (along - st[SCALE_ALONG])
         st[SCALE_ACROSS] += share * (across - st[SCALE_ACROSS])
+        _follow_steady(st, C, T, near, colour, i0, i1)
     st[LEAN_DOWN] += T / DOWN_TIME * (i2 - st[LEAN_DOWN])
     st[SCALE_DOWN] += T / SCALE_TIME * (2.0 * DOWN_TIME / T * st[LEAN_DOWN] ** 2 - st[SCALE_DOWN])
     return along, across
+
+
+@compiled
+def _follow_steady(st: Array, C: Array, T: float, near: float, colour: float, i0: float, i1: float) -> None:
+    """Power, in units of that of the innovations, that those of one sign for long have; T, near: as there."""
+    memory = min(STEADY_TIME, 0.5 * st[SETTLED])
+    for j in range(2):
+        st[SLOW_LEAN + j] += T / memory * ((i0 if j == 0 else i1) - st[SLOW_LEAN + j])
+    ax, ay = C[0, 0], C[1, 0]
+    power = 2.0 * near / T / max(ax * ax + ay * ay, 1e-9)
+    # Those that are of one sign by chance have their part of it; soon after a start nothing is known to be steady.
+    chance = near / memory
+    known = st[SETTLED] / (STEADY_AGE + st[SETTLED]) / max(1.0 - chance, 0.1)
+    along = colour * power * (ax * st[SLOW_LEAN] + ay * st[SLOW_LEAN + 1]) ** 2
+    across = power * (ay * st[SLOW_LEAN] - ax * st[SLOW_LEAN + 1]) ** 2
+    st[STEADY_ALONG] = min(known * max(along - chance * st[SCALE_ALONG], 0.0), st[SCALE_ALONG])
+    st[STEADY_ACROSS] = min(known * max(across - chance * st[SCALE_ACROSS], 0.0), st[SCALE_ACROSS])
 
 
 @compiled
@@ -336,17 +355,31 @@ def vertical_excess(st: Array) -> float:
     Neither tilt nor gyros have a say in the vertical: what runs there is the accelerometer itself, out of scale or out
     of square from one attitude to the next, and the horizontal, where the tilt makes up for it, does not show it.
     """
-    return max(0.0, st[SCALE_DOWN] - DOWN_FROM)  # type: ignore[no-any-return]
+    # White forces run there as well, and need no accelerometer out of scale.
+    return (1.0 - st[ALIAS]) * max(0.0, st[SCALE_DOWN] - DOWN_FROM)  # type: ignore[no-any-return]
+
+
+@compiled
+def error_shares(st: Array) -> tuple[float, float]:
+    """
+    Shares of the power of the innovations, along the hole and across it, that are error.
+
+    Innovations of one sign for long tell of a bias on the move: their sum is twice the tilt that lags behind it. White
+    forces have such innovations by chance.
+    """
+    part = TWICE * (1.0 - st[ALIAS])
+    return (
+        1.0 - part * st[STEADY_ALONG] / max(st[SCALE_ALONG], 1e-12),
+        1.0 - part * st[STEADY_ACROSS] / max(st[SCALE_ACROSS], 1e-12),
+    )
 
 
 @compiled
 def believed(k: Array, st: Array) -> tuple[float, float]:
     """Factors of the covariance, along the hole and across it, with reserve."""
     apart = vertical_excess(st)
-    # White forces have the power they are taken to have; that a few seconds showed less was chance.
-    least = ALIAS_SCALE * st[ALIAS]
-    reserve = k[K_RESERVE]
-    return reserve * (max(st[SCALE_ALONG], least) + apart), reserve * (max(st[SCALE_ACROSS], least) + apart)
+    along, across = error_shares(st)
+    return k[K_RESERVE] * (along * st[SCALE_ALONG] + apart), k[K_RESERVE] * (across * st[SCALE_ACROSS] + apart)
 
 
 @compiled

@@ -219,6 +219,24 @@ def test_a_scale_learnt_after_a_start_forgets_the_start_in_its_own_time():
     assert 0.01 < st[follow.SCALE_ALONG] < 0.1
 
 
+def test_innovations_of_one_sign_for_long_count_for_a_quarter_and_white_ones_in_full():
+    shares = []
+    for steady, alias in ((1.0, 0.0), (0.0, 0.0), (1.0, 1.0)):
+        rng = np.random.default_rng(8)
+        _, P, st = blank()
+        P[:2, :2] = 4e-6 * np.eye(2)
+        st[follow.ALIAS] = alias
+        for _ in range(6000):
+            i0, i1 = 0.05 * rng.standard_normal(2)
+            follow.follow_innovations(K, P, st, np.eye(3), 0.04, 1e-7, steady + i0, i1, 0.0, 1.0)
+        shares.append(follow.error_shares(st))
+    biased, white, aliased = shares
+    assert biased[0] == pytest.approx(1.0 - follow.TWICE, abs=0.1)
+    assert biased[1] > 0.7
+    assert min(white) > 0.7
+    assert aliased == (1.0, 1.0)
+
+
 def test_heave_along_the_hole_that_slows_the_filter_counts_for_less_than_if_it_were_white():
     scales = []
     for swing in (0.0, 0.06):
