@@ -29,9 +29,9 @@ from mwd_sensors.frames import Array, wrap_pi, wrap_tau
 _GRID = 360
 # A grid of one degree describes a posterior wider than this; below, the curvature at the peak does.
 _WIDE = np.radians(1.5)
-# Interference imaginable is spread as Student's t of five degrees of freedom, strings unheard of included: they come
+# Interference imaginable is spread as Student's t of seven degrees of freedom, strings unheard of included: they come
 # with small odds and no scale.
-_FREEDOM, _TAIL = 5.0, 0.005
+_FREEDOM, _TAIL = 7.0, 0.005
 # A second azimuth with a smaller share of the probability is none. Where both ask for more than so many times the
 # plausible interference, the limit is lower and the two share evenly: there nothing tells them apart.
 _MIRROR, _MIRROR_BEYOND, _BEYOND = 3e-3, 3e-4, 2.0

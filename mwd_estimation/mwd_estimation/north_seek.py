@@ -121,6 +121,8 @@ class Solution:
         Rate along the force across the tool, a quarter turn from it, and the stretch and shear between the two; the
         first two stand still in the hole like the Earth rate does, the last two turn and average out.
     bias_deg_h, sigma_bias_deg_h : tuple of three floats
+    choices : tuple of (float, float)
+        Azimuths and sigmas, rad, of which only one can be right, where that is why it was refused.
     """
 
     success: bool
@@ -136,6 +138,7 @@ class Solution:
     sigma_g_deg_h_g: tuple[float, ...]
     bias_deg_h: tuple[float, ...]
     sigma_bias_deg_h: tuple[float, ...]
+    choices: tuple[tuple[float, float], ...] = ()
 
 
 def initial() -> State:
@@ -269,9 +272,9 @@ def solution(params: Params, state: State) -> Solution:
     else:
         right[nf.AXIS + 1] = 1.0 / across
     expected = params.expected_azimuth_deg
-    expected = params.expected_azimuth_deg
+    parts = _parts(params, k, x, P, right)
     on_circle = north_circle.posterior(
-        _parts(params, k, x, P, right),
+        parts,
         float(k[nf.K_HORIZONTAL]),
         None if expected is None else math.radians(expected) - heading,
     )
@@ -284,8 +287,13 @@ def solution(params: Params, state: State) -> Solution:
     limit = k[nf.K_N] / (k[nf.K_HORIZONTAL] * max(factor, 1e-3) * math.sqrt(max(elapsed, 1e-3)))
     if method == "continuous":
         limit = max(limit, k[nf.K_N] / math.sqrt(k[nf.K_HORIZONTAL] * max(factor, 1e-3)))
-    choices = tuple(float(wrap_tau(angle + heading)) for angle in several)
-    reason = _refusal(params, state, method, azimuth, sigma, inclination, factor, misfit, choices)
+    fitting = tuple(float(wrap_tau(angle + heading)) for angle in several)
+    reason = _refusal(params, state, method, azimuth, sigma, inclination, factor, misfit, fitting)
+    choices: tuple[tuple[float, float], ...] = ()
+    if reason.startswith(TWO_FIT):
+        each = [north_circle.posterior(parts, float(k[nf.K_HORIZONTAL]), angle) for angle in several]
+        if all(one.sigma <= math.radians(params.worst_sigma_deg) for one in each):
+            choices = tuple((float(wrap_tau(one.mean + heading)), one.sigma) for one in each)
     per_g = track.STANDARD_GRAVITY / DEG_PER_HOUR
     spread = np.sqrt(np.maximum(np.diag(P), 0.0))
     return Solution(
@@ -302,6 +310,7 @@ def solution(params: Params, state: State) -> Solution:
         tuple(float(v) for v in spread[nf.GSENS : nf.GSENS + 4] * per_g),
         tuple(float(v) for v in x[nf.BIAS : nf.BIAS + 3] / DEG_PER_HOUR),
         tuple(float(v) for v in spread[nf.BIAS : nf.BIAS + 3] / DEG_PER_HOUR),
+        choices,
     )
 
 
@@ -450,6 +459,9 @@ def _refusal(
         return f"the tool shakes: its axis swings by {math.degrees(shake):.2f} deg; a still shot needs pumps off"
     if math.degrees(inclination) < 3.0 or math.degrees(inclination) > 177.0:
         return f"inclination {math.degrees(inclination):.1f} deg: a vertical hole has no azimuth; use the scribe line's"
+    if several:
+        # The mean of two that fit is neither.
+        factor = max(math.sqrt(max(1.0 - (math.sin(inclination) * math.sin(angle)) ** 2, 0.0)) for angle in several)
     if factor < 0.17 and method in ("rotating", "two_position") and sigma > math.radians(params.worst_sigma_deg) / 4.0:
         off = math.degrees(math.asin(min(1.0, factor)))
         return (

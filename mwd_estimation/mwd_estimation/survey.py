@@ -29,6 +29,10 @@ _BY_GYRO_ALONE = ": azimuth by the gyro alone"
 # What `fusion` calls the methods that it ranks.
 _RANKED = {CORRECTED: "axial", MSA: "multistation"}
 
+# A gyro's choice between azimuths is left to the magnetometer where one lies within the first of its azimuth and all
+# others beyond the second: no steel that leaves total and dip in order turns a field so far.
+_NEAR, _FAR = math.radians(60.0), math.radians(90.0)
+
 # Names a survey by its time and readings, so that a replay names it alike whatever its number (RFC 4122, version 5).
 _SURVEYS = uuid.UUID("6b0d4f5e-6f0e-5c1b-9a55-3a5d2c1b7e10")
 
@@ -140,6 +144,7 @@ def from_average(
         doubts=doubts,
         faults=faults,
     )
+    gyro = chosen_by_field(gyro, alone)
     analysis = None
     together = alone
     # What others doubt or reject is no station to learn from.
@@ -305,6 +310,34 @@ def fused(
     return Fused(station_, weights, reasons, both.alarm if compared else None, apart)
 
 
+def chosen_by_field(gyro: Solution | str | None, alone: Station) -> Solution | str | None:
+    """
+    The gyro's answer; of azimuths that fit equally, the one that the magnetometer can tell from the others.
+
+    gyro : as `from_average` takes it; alone: the station by its magnetometer.
+    """
+    if not isinstance(gyro, Solution) or not gyro.choices or not math.isfinite(alone.azimuth):
+        return gyro
+    turn = _from_true(alone)
+    if turn is None:
+        return gyro
+    ranked = sorted(gyro.choices, key=lambda one: abs(float(wrap_pi(one[0] - turn - alone.azimuth))))
+    away = [abs(float(wrap_pi(azimuth - turn - alone.azimuth))) for azimuth, _ in ranked]
+    if away[0] > _NEAR or min(away[1:]) < _FAR:
+        return gyro
+    return dataclasses.replace(gyro, success=True, reason="", azimuth=ranked[0][0], sigma=ranked[0][1], choices=())
+
+
+def _from_true(magnetic: Station) -> float | None:
+    """What to take off an azimuth from true north for one from the station's, rad; None where that is not known."""
+    reference = magnetic.reference
+    if magnetic.north == "grid":
+        return reference.convergence if reference is not None else None
+    if magnetic.north == "magnetic":
+        return reference.declination if reference is not None else None
+    return 0.0
+
+
 def _could_witness(gyro: Solution | str, settings: fusion.Settings | None) -> bool:
     """Whether a second position, or time, is all the gyro lacks to judge the azimuth, and the settings care."""
     strict = fusion.Settings() if settings is None else settings
@@ -340,7 +373,7 @@ def _magnetic(alone: Station, together: Station, aided: float) -> tuple[list[fus
         if one.method == MSA:
             judged, refused, shared = together, one.refused, (1.0 - aided) * declination
         else:
-            judged, refused, shared = alone, _not_chosen(one, alone), declination
+            judged, refused, shared = alone, _notchosen_by_field(one, alone), declination
         reasons[one.method] = refused
         candidates.append(
             fusion.Candidate(
@@ -404,7 +437,7 @@ def declination_sigma(station_: Station) -> float:
     return math.sqrt(reference.declination_variance(_horizontal(reference)))
 
 
-def _not_chosen(one: MethodAzimuth, magnetic: Station) -> str:
+def _notchosen_by_field(one: MethodAzimuth, magnetic: Station) -> str:
     if one.method == magnetic.method:
         return ""
     return one.refused or f"the {magnetic.method} azimuth of the same reading is used"
@@ -436,14 +469,9 @@ def _gyro_azimuth(gyro: Solution | str, magnetic: Station) -> tuple[MethodAzimut
         return MethodAzimuth(GYRO, math.nan, math.nan, gyro), {}
     if not math.isfinite(gyro.azimuth):
         return MethodAzimuth(GYRO, math.nan, math.nan, gyro.reason), {}
-    reference, variance = magnetic.reference, 0.0
-    turn: float | None = 0.0
-    if magnetic.north == "grid":
-        turn = reference.convergence if reference is not None else None
-    elif magnetic.north == "magnetic":
-        turn = reference.declination if reference is not None else None
-        if turn is not None and reference is not None:
-            variance = reference.declination_variance(_horizontal(reference))
+    reference, variance, turn = magnetic.reference, 0.0, _from_true(magnetic)
+    if magnetic.north == "magnetic" and turn is not None and reference is not None:
+        variance = reference.declination_variance(_horizontal(reference))
     if turn is None:
         why = f"the gyro finds true north and what {magnetic.north} north is from there is not known"
         return MethodAzimuth(GYRO, math.nan, math.nan, why), {}

@@ -123,8 +123,9 @@ def test_without_a_precision_unit_there_is_no_gyro_azimuth_and_no_word_of_it():
 
 
 def test_a_turn_that_takes_too_long_begins_the_seek_anew():
-    survey = _surveys(_samples(turn_rate=TURN), _settings(longest_turn_s=2.0))[-1]
-    assert survey.weights["gyro"] == 0.0 or _gyro(survey).sigma > math.radians(5.0)
+    quick, slow = (_surveys(_samples(turn_rate=TURN), _settings(**told))[-1] for told in ({}, {"longest_turn_s": 2.0}))
+    assert slow.weights["gyro"] < quick.weights["gyro"]
+    assert _gyro(slow).sigma > 1.5 * _gyro(quick).sigma
 
 
 def test_near_the_pole_the_gyro_is_refused_with_the_reason():

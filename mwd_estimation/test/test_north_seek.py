@@ -216,10 +216,16 @@ def test_a_horizontal_hole_turned_about_its_axis_has_two_answers_until_one_is_ex
     north_seek.run(params, state, clean.stamp_ns, gyro, accel)
     found = north_seek.solution(params, state)
     assert not found.success
+    assert found.reason.startswith(north_seek.TWO_FIT)
+    choices = sorted(found.choices)
     told = dataclasses.replace(params, expected_azimuth_deg=50.0)
     found = north_seek.solution(told, state)
     assert found.success, found.reason
+    assert found.choices == ()
     assert abs(wrap_pi(found.azimuth - 20.0 * DEG)) < 3.0 * found.sigma
+    # Both are told, each as if it had been expected.
+    assert choices[0] == pytest.approx((found.azimuth, found.sigma), rel=1e-6)
+    assert abs(wrap_pi(choices[1][0] - 160.0 * DEG)) < 3.0 * choices[1][1]
 
 
 def refusal(params: Params, clean: Motion, clip: float = math.inf) -> str:

@@ -10,7 +10,7 @@ from mwd_estimation import fusion
 from mwd_estimation.north_seek import BIAS_UNKNOWN, TWO_FIT, Solution
 from mwd_estimation.reference import Reference
 from mwd_estimation.station import MethodAzimuth, StationSettings, station
-from mwd_estimation.survey import fused
+from mwd_estimation.survey import chosen_by_field, fused
 from mwd_sensors.frames import magnetic_toolface, mat_nt, wrap_pi
 
 DEG = math.radians(1.0)
@@ -94,6 +94,21 @@ def test_an_azimuth_that_half_a_turn_would_let_the_gyro_judge_is_doubtful_unless
     ):
         assert other.station.verdict == "accept"
         assert found.station.reasons[0] in other.station.reasons
+
+
+def test_the_magnetometer_tells_which_of_two_azimuths_that_fit_the_gyro_is_meant_where_it_can():
+    alone = shot(turned_deg=22.0)
+    magnetic = math.degrees(alone.azimuth)
+    two = dataclasses.replace(gyro(magnetic + 90.0, 60.0, TWO_FIT), choices=((40.0 * DEG, 0.03), (225.0 * DEG, 0.04)))
+    one = chosen_by_field(two, alone)
+    assert (one.success, one.reason, one.azimuth, one.sigma) == (True, "", 40.0 * DEG, 0.03)
+    # It chooses, and is then judged by what it has chosen.
+    assert "gyro is used" in fused(alone, alone, one).alarm
+    for choices in (((20.0 * DEG, 0.03), (100.0 * DEG, 0.03)), ((150.0 * DEG, 0.03), (300.0 * DEG, 0.03)), ()):
+        near = dataclasses.replace(two, choices=choices)
+        assert chosen_by_field(near, alone) is near
+    assert chosen_by_field("too short", alone) == "too short"
+    assert chosen_by_field(None, alone) is None
 
 
 def test_a_multi_station_azimuth_is_weighed_with_the_one_of_the_same_reading():
