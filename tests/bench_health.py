@@ -4,9 +4,10 @@ Sensor health: alarms on healthy tools, and how long each fault takes to be doub
     nice -n 10 python tests/bench_health.py
 
 Healthy: every scenario of the project (its first four minutes, without its own faults), with and without a reference
-field, and the BROAD recordings if they lie beside the repository. Faults: each word of the simulator on each sensor,
-from two moments within a window of three seconds; the slower counts. "-": never named in 30 s, because that motion
-does not show it (or hides it); a sensor named wrongly is an error and shown as such.
+field, and with what a poor link or point samples do to it: a third of the IMU's samples lost, white noise on each
+force, S3's sweep that passes the sample rate; and the BROAD recordings if they lie beside the repository. Faults: each
+word of the simulator on each sensor, from two moments within a window of three seconds; the slower counts. "-": never
+named in 30 s, because that motion does not show it (or hides it); a sensor named wrongly is an error and shown as such.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation import sensor_health as health
+from mwd_estimation.health_evidence import ACCEL, GYRO
 from mwd_estimation.health_samples import BIN_NS
 from mwd_estimation.health_words import Finding
 from mwd_estimation.precision_health import PrecisionHealth, Settings
@@ -41,6 +43,15 @@ SENSOR = {
 CONVENTIONAL = ("gyro", "accel", "mag")
 # What the clips of these two scenarios are: rotation beyond the gyro's range, which is no false alarm.
 CLIPPING = ("bench/gyroclip", "stick_slip_hell")
+# The string wobbles by 1 deg/s across its axis, slower than 2 Hz.
+WOBBLE = {
+    "vibration": {
+        "random": [
+            {"band_hz": [8.0, 300.0], "acceleration_mps2": [10.0, 10.0, 10.0]},
+            {"band_hz": [0.2, 2.0], "acceleration_mps2": [0.5, 0.5, 0.5], "rate_deg_s": [0.0, 1.0, 1.0]},
+        ]
+    }
+}
 STILL_THEN_DRILL = {
     "schedule": [
         {"kind": "still", "seconds": 33.0, "pumps": False},
@@ -55,6 +66,7 @@ CASES: Cases = (
     ("stickslip", "bench/stickslip", {}),
     ("whirl", "bench/whirl", {}),
     ("offaxis", "bench/offaxis", {}),
+    ("wobble", "bench/drillvib", WOBBLE),
     ("still, then drilling", "bench/drillvib", STILL_THEN_DRILL),
 )
 FINE_CASES: Cases = (
@@ -78,6 +90,8 @@ FAULTS = (
     ("gyro", "off", "all"),
     ("mag", "off", "all"),
     ("accel", "saturated", "y"),
+    ("accel", "garbage", "all"),
+    ("accel", "garbage", "x"),
     ("accel", "in_g", "all"),
     ("gyro", "in_deg_s", "all"),
     *(("mag", unit, "all") for unit in ("in_ut", "in_mt", "in_gauss", "in_nt")),
@@ -87,6 +101,11 @@ FAULTS = (
     ("gyro", "slow", "all"),
     ("gyro", "repeated_stamps", "all"),
 )
+# Of the conventional unit, held against the precision one.
+BOTH_FAULTS = (("gyro", "swapped", "yz"), ("gyro", "flipped", "y"), ("gyro", "flipped", "z"))
+# Cross-axis turn, deg/s rms, in bands, Hz, of which the gyro's y and z are asked for.
+ACROSS = ((0.2, 2.0), (2.0, 5.0), (5.0, 10.0))
+TURNS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 FINE_FAULTS = (
     *(("precision_gyro", word, a) for word, a in (
         ("stuck", "y"), ("stuck", "all"), ("off", "all"), ("nan", "all"), ("saturated", "y"), ("in_deg_s", "all"),
@@ -153,11 +172,14 @@ def watched(streams: Streams, reference: tuple[float | None, ...]) -> Watched:
     return Watched([(t[at], one) for one, at in zip(step.changes, step.places, strict=True)], t[step.suspect > 0])
 
 
-def fine_watched(streams: Streams, _: tuple[float | None, ...]) -> Watched:
-    """The precision unit over a run, bin by bin as the estimator does it."""
+def fine_watched(streams: Streams, reference: tuple[float | None, ...]) -> Watched:
+    """The precision unit over a run, bin by bin as the estimator does it: without a conventional unit in doubt."""
+    step, _ = judged(streams, reference)
     health_of = PrecisionHealth(Settings(math.radians(5.0) / 3600.0))
     imu, fine = streams["imu/data_raw"], streams["gyro/data_raw"]
     beside = np.hstack([imu["angular_velocity"], imu["linear_acceleration"]])
+    felt = beside.copy()
+    beside[(step.suspect | step.unusable) & (GYRO | ACCEL) > 0] = np.nan
     values = np.hstack([fine["angular_velocity"], fine["linear_acceleration"]])
     begin, found = int(imu["stamp_ns"][0]), Watched([], np.zeros(0))
     for k in range(begin // BIN_NS + 1, int(imu["stamp_ns"][-1]) // BIN_NS):
@@ -165,7 +187,7 @@ def fine_watched(streams: Streams, _: tuple[float | None, ...]) -> Watched:
         c, d = np.searchsorted(fine["stamp_ns"], [k * BIN_NS, (k + 1) * BIN_NS])
         if a == b:
             continue
-        here = beside[a:b]
+        here = felt[a:b]
         still = bool((np.abs(here[:, :3].mean(axis=0)) < 0.03).all() and here[:, 3:].std(axis=0).max() < 0.25)
         health_of.beside(imu["stamp_ns"][a + 1 : b + 1], beside[a + 1 : b + 1])
         now = ((k + 1) * BIN_NS - begin) * 1e-9
@@ -178,21 +200,27 @@ def fine_watched(streams: Streams, _: tuple[float | None, ...]) -> Watched:
 
 def healthy() -> list[str]:
     """Table of alarms on healthy tools."""
-    rows, speeds, counts = [], [], {"scenarios": [0, 0, 0.0], "precision units": [0, 0, 0.0], "BROAD": [0, 0, 0.0]}
+    rows, speeds = [], []
+    counts: dict[str, list[float]] = {}
 
     def count(kind: str, name: str, said: Watched, every: float) -> None:
-        false = [one for _, one in said.changes if not (name in CLIPPING and one.kind == "saturated")]
-        counts[kind][0] += 1
-        counts[kind][1] += len(false)
-        counts[kind][2] += every * len(said.doubts)
+        false = [one for _, one in said.changes if not (name.split(",")[0] in CLIPPING and one.kind == "saturated")]
+        sums = counts.setdefault(kind, [0, 0, 0.0])
+        sums[0] += 1
+        sums[1] += len(false)
+        sums[2] += every * len(said.doubts)
         rows.extend(f"- `{name}`: {one.message}" for one in false)
 
-    for path in sorted(SCENARIOS.rglob("*.yaml")):
+    for seed, path in enumerate(sorted(SCENARIOS.rglob("*.yaml"))):
         name = str(path.relative_to(SCENARIOS).with_suffix(""))
         run = sent(name, {}, SECONDS)
         for reference in (run.reference, (None, None, None)):
             speeds.append(judged(run.streams, reference)[1])
             count("scenarios", name, watched(run.streams, reference), 0.01)
+        for what, streams in disturbed(run.streams, seed):
+            # Without any noise of its own a sensor that another is added to seems stuck.
+            if name != "s0_table":
+                count(what, f"{name}, {what}", watched(streams, run.reference), 0.01)
         if len(run.streams["gyro/data_raw"]):
             count("precision units", name, fine_watched(run.streams, run.reference), 0.5)
     for file in sorted(BROAD.glob("*.npz")):
@@ -216,6 +244,24 @@ def healthy() -> list[str]:
     ]
 
 
+def disturbed(streams: Streams, seed: int) -> Iterator[tuple[str, Streams]]:
+    """What becomes of a run on a poor link, and by point samples of vibration."""
+    rng = np.random.default_rng(seed)
+    imu = streams["imu/data_raw"]
+    yield "a third of the samples lost", {**streams, "imu/data_raw": imu[rng.random(len(imu)) > 0.33]}
+    t = (imu["stamp_ns"] - imu["stamp_ns"][0]) * 1e-9
+    # 50 m/s^2 from 10 to 150 Hz in 166 s: while it passes 100 Hz it is an alias near zero.
+    sweep = 50.0 * np.cos(0.84 * np.pi * (t - 0.5 * t[-1]) ** 2)
+    for what, added in (
+        ("white 10 m/s^2", 10.0 * rng.standard_normal((len(imu), 3))),
+        ("white 30 m/s^2", 30.0 * rng.standard_normal((len(imu), 3))),
+        ("sweep of 50 m/s^2", sweep[:, None] * [0.0, 0.0, 1.0]),
+    ):
+        changed = imu.copy()
+        changed["linear_acceleration"] += added
+        yield what, {**streams, "imu/data_raw": changed}
+
+
 def spoilt(run: Run, fault: Fault) -> Streams:
     """The run with a fault done to it by the simulator's own code."""
     topic = faults.COMPONENTS[fault.component][0]
@@ -232,7 +278,7 @@ def row(runs: list[Run], component: str, word: str, axis: str, watch: Callable[.
         doubted, named, wrong = 0.0, 0.0, ""
         for start in STARTS:
             said = watch(spoilt(run, Fault(component, word, axis, start_s=start)), run.reference)
-            right = [(at - start, one) for at, one in said.changes if not one.cleared_ns]
+            right = [(at - start, one) for at, one in said.changes if not one.cleared_ns and at >= start]
             wrong = next((one.sensor for _, one in right if SENSOR[component] not in one.sensor), wrong)
             if not right:
                 named = math.inf
@@ -246,6 +292,22 @@ def row(runs: list[Run], component: str, word: str, axis: str, watch: Callable[.
     name = max(names, key=names.count) if names else "-"
     remains = REMAINS[bits] if names else ""
     return f"| {component.replace('_', ' ')} {word} {axis} | {name} | " + " | ".join(cells) + f" | {remains} |"
+
+
+def turns_across() -> list[str]:
+    """How much a rotating tool must turn across its axis for y and z of the gyro to be judged: seconds until named."""
+    lines = [
+        "| cross-axis turn, deg/s rms | " + " | ".join(f"{low:g} to {high:g} Hz" for low, high in ACROSS) + " |",
+        "|---|" + "---|" * len(ACROSS),
+    ]
+    for rate in TURNS:
+        cells = []
+        for band in ACROSS:
+            noise = {"band_hz": list(band), "acceleration_mps2": [3.0, 3.0, 3.0], "rate_deg_s": [0.0, rate, rate]}
+            run = sent("bench/drillvib", {"vibration": {"random": [noise]}}, 62.0)
+            cells.append(row([run], "gyro", "flipped", "y", watched).split("|")[3].strip())
+        lines.append(f"| {rate:g} | " + " | ".join(cells) + " |")
+    return [*lines, ""]
 
 
 def table(cases: Cases, faulty: Sequence[tuple[str, str, str]], watch: Callable[..., Watched]) -> None:
@@ -263,8 +325,15 @@ def main() -> None:
     print("\n".join(healthy()))
     print("Seconds from a fault until the sensor is in doubt, and until it is named; the slower of two moments.\n")
     table(CASES, FAULTS, watched)
+    print(
+        "y and z of the conventional gyro, reversed: not seen where the string turns less than this across its axis,\n"
+    )
+    print("seconds from the fault until in doubt, and until named, at 120 r/min:\n")
+    print("\n".join(turns_across()))
     print("The precision unit, held against the conventional one:\n")
     table(FINE_CASES, FINE_FAULTS, fine_watched)
+    print("y and z of the conventional gyro, held against the precision one (both are named):\n")
+    table(FINE_CASES, BOTH_FAULTS, fine_watched)
 
 
 if __name__ == "__main__":
