@@ -92,6 +92,7 @@ FAULTS = (
     ("accel", "saturated", "y"),
     ("accel", "garbage", "all"),
     ("accel", "garbage", "x"),
+    ("mag", "garbage", "all"),
     ("accel", "in_g", "all"),
     ("gyro", "in_deg_s", "all"),
     *(("mag", unit, "all") for unit in ("in_ut", "in_mt", "in_gauss", "in_nt")),
@@ -200,7 +201,8 @@ def fine_watched(streams: Streams, reference: tuple[float | None, ...]) -> Watch
 
 def healthy() -> list[str]:
     """Table of alarms on healthy tools."""
-    rows, speeds = [], []
+    rows: list[str] = []
+    speeds: list[float] = []
     counts: dict[str, list[float]] = {}
 
     def count(kind: str, name: str, said: Watched, every: float) -> None:

@@ -20,10 +20,10 @@ GYRO, ACCEL, MAG = 1, 2, 4  # bits of what cannot be used
 SENSORS = ("gyro", "accelerometer", "magnetometer")
 
 # Checks: first index of each; per axis (9), per sensor (3) or single.
-STUCK, SATURATED, INVALID, DEAD, UNIT, AXES, SIGN, FRAME, ABSENT, RATE, STAMPS, HELD, MISMATCH, CROSS, LENGTH = (
-    0, 9, 18, 21, 24, 27, 28, 29, 30, 31, 32, 33, 35, 36, 37,
+STUCK, SATURATED, INVALID, DEAD, UNIT, AXES, SIGN, FRAME, ABSENT, RATE, STAMPS, HELD, MISMATCH, CROSS, LENGTH, NOISE = (
+    0, 9, 18, 21, 24, 27, 28, 29, 30, 31, 32, 33, 35, 36, 37, 38,
 )  # fmt: skip
-CHECKS = 38
+CHECKS = 39
 
 # Of a check: state, observations for and against in a row, since, three details.
 STATE, UP, DOWN, FROM, D0, D1, D2 = range(7)
@@ -44,7 +44,7 @@ OFTEN, ALWAYS = 25, 95
 def _by_check(one: int, **others: int) -> Whole:
     """Shape (CHECKS,): the same figure for every check but those named."""
     first = {"saturated": SATURATED, "dead": DEAD, "unit": UNIT, "absent": ABSENT, "rate": RATE, "stamps": STAMPS,
-             "held": HELD, "mismatch": MISMATCH, "cross": CROSS, "length": LENGTH}  # fmt: skip
+             "held": HELD, "mismatch": MISMATCH, "cross": CROSS, "length": LENGTH, "noise": NOISE}  # fmt: skip
     edges = sorted((*first.values(), STUCK, INVALID, AXES, SIGN, FRAME, CHECKS))
     figures = np.full(CHECKS, one, dtype=np.int64)
     for name, figure in others.items():
@@ -53,8 +53,8 @@ def _by_check(one: int, **others: int) -> Whole:
 
 
 # Observations in a row for a fault, and against it for its end.
-_NEED = _by_check(2, saturated=4, dead=1, absent=1, rate=5, stamps=1, held=8, mismatch=3, length=4)
-_CLEAR = np.where(np.arange(CHECKS) < UNIT, 4, 2) + _by_check(0, saturated=8, rate=2, stamps=-1, held=6)
+_NEED = _by_check(2, saturated=4, dead=1, absent=1, rate=5, stamps=1, held=8, mismatch=3, length=4, noise=4)
+_CLEAR = np.where(np.arange(CHECKS) < UNIT, 4, 2) + _by_check(0, saturated=8, rate=2, stamps=-1, held=6, noise=2)
 # Observations against it wipe those for it only when there are enough of them.
 _KEEPS = _by_check(0, saturated=1) == 1
 # A fault that stands and is narrowed down is told anew.
@@ -148,6 +148,8 @@ def _against(k: int, d0: int, d1: int, d2: int) -> int:
         return MAG if d0 == 1 else 0
     if k == LENGTH:
         return ACCEL
+    if k == NOISE:
+        return MAG
     return GYRO if k in (MISMATCH, CROSS) else 0
 
 

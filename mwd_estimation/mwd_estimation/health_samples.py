@@ -21,6 +21,8 @@ from mwd_estimation.health_evidence import (
     GYRO,
     HELD,
     INVALID,
+    MAG,
+    NOISE,
     NOTHING,
     OFTEN,
     RATE,
@@ -57,6 +59,8 @@ _PUSH = 15.0
 # m/s^2 that white noise leaves of such a mean, which no motion in a hole does; and mean square of a step of what is
 # white, in variances: 2 but for chance.
 _NOISE, _WHITE = 8.0, 1.4
+# T; a field that jumps so much from sample to sample is none, and one that jumps more is in another unit.
+_FIELD_NOISE, _NO_TESLA = 1e-4, 3e-3
 
 
 def blank() -> tuple[Array, Whole]:
@@ -128,19 +132,24 @@ def close_bin(
     now = began + BIN_NS
     spreads = np.zeros(9)
     gyro_moves, shakes, pushed, noisy = False, False, False, False
-    field2, worst = 0.0, 0.0
+    field2, worst, noise, jumps, strong = 0.0, 0.0, 0.0, False, 0
     for c in range(9):
         row = channels[c]
         if row[_N] >= _SOME:
             row[CONST] = row[CONST] + 1.0 if row[_SAME] >= row[_N] else 0.0
         spreads[c] = _spread(row)
         mean = _mean(row)
+        n, variance = row[_N], spreads[c] ** 2
+        white = n >= _FEW and row[_D2] > _WHITE * n * variance
         if c >= 6:
             field2 += mean * mean
+            if _FIELD_NOISE < spreads[c] < _NO_TESLA:
+                jumps = jumps or white
+                strong |= 1 << (c - 6)
+                noise = max(noise, spreads[c])
         elif c >= 3:
-            n, variance = row[_N], spreads[c] ** 2
             pushed = pushed or abs(mean) > _PUSH
-            noisy = noisy or (n >= _FEW and variance > n * _NOISE**2 and row[_D2] > _WHITE * n * variance)
+            noisy = noisy or (white and variance > n * _NOISE**2)
         if row[CONST] == 0.0:
             if c < 3:
                 gyro_moves = gyro_moves or spreads[c] > 0.02 or abs(mean) > 0.1
@@ -148,6 +157,11 @@ def close_bin(
                 shakes = shakes or spreads[c] > 0.3
             else:
                 worst = max(worst, spreads[c])
+    if jumps:
+        doubtful |= MAG
+        note(notes, NOISE, FOR, began, int(1e6 * noise + 0.5), strong, 0)
+    elif channels[6, _N] >= _FEW:
+        note(notes, NOISE, AGAINST, began, 0, 0, 0)
     counts[_PUSHED] += int(pushed)
     counts[_NOISY] += int(noisy)
     field_turns = worst > 0.01 * math.sqrt(field2)
@@ -237,7 +251,7 @@ def _note_stream(
         seen = FOR if odd > 0.6 * steps else (AGAINST if odd < 0.2 * steps else NOTHING)
         note(notes, RATE, seen, began, int(counts[LONG] > counts[SHORT]), int(1000.0 / period), 0)
     counts[_GAPS] += int(counts[LONG] > 0.02 * steps)
-    late = period > 0.0 and steps >= 2 and counts[LONG] > 0.6 * steps
+    late = period > 0.0 and steps >= 2 and counts[LONG] > 0.75 * steps
     for s in range(2):
         n, lively, step = channels[3 * s, _N], 0.0, 0.0
         for c in range(3 * s, 3 * s + 3):

@@ -23,6 +23,7 @@ from mwd_estimation.health_evidence import (
     LENGTH,
     MAG,
     MISMATCH,
+    NOISE,
     RATE,
     SATURATED,
     SENSORS,
@@ -42,7 +43,8 @@ class Finding:
     Attributes
     ----------
     kind : str
-        stuck, saturated, invalid, dead, unit, swapped, flipped, frame, absent, rate, stamps, held, mismatch or gravity.
+        stuck, saturated, invalid, dead, unit, swapped, flipped, frame, absent, rate, stamps, held, mismatch, gravity or
+        noise.
     sensor, axis : str
         Which; several possible ones are joined by "/" ("" where no single axis is meant).
     severity : str
@@ -125,6 +127,10 @@ def _described(k: int, details: list[int]) -> Finding:
         return _axes(details)
     if k == CROSS:
         return _axes([details[0], 0, 0])
+    if k == NOISE:
+        axis = "/".join(a for n, a in enumerate("xyz") if details[1] >> n & 1)
+        message = f"magnetometer reads noise: it jumps by {details[0]} uT from sample to sample"
+        return _fault("noise", "magnetometer", axis, "error", 0.95, message, CABLE, MAG)
     if k == LENGTH:
         return _length(0.01 * details[0], 0.01 * details[1], details[2] != 0)
     if k == SIGN:

@@ -37,6 +37,7 @@ from mwd_estimation.health_evidence import (
     GYRO,
     HELD,
     INVALID,
+    NOISE,
     NOTHING,
     RATE,
     SATURATED,
@@ -63,7 +64,7 @@ PRECISION = 8
 # accelerometers agree with no axis of the first; it reads more at rest than the Earth turns.
 SILENT, RATES, FORCES, TOO_MUCH = ABSENT, HELD, HELD + 1, RATE
 # Those of a magnetometer, which this unit has not.
-_NOT_OURS = [*range(STUCK + 6, STUCK + 9), *range(SATURATED + 6, SATURATED + 9), INVALID + 2, DEAD + 2]
+_NOT_OURS = [*range(STUCK + 6, STUCK + 9), *range(SATURATED + 6, SATURATED + 9), INVALID + 2, DEAD + 2, NOISE]
 # Numbers of these checks among all, behind those of the conventional unit.
 FIRST_CHECK = 100
 

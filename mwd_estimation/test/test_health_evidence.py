@@ -25,7 +25,7 @@ class Book:
     [
         (ev.STUCK + 4, 2, 4), (ev.SATURATED + 8, 4, 12), (ev.INVALID, 2, 4), (ev.DEAD + 2, 1, 4), (ev.UNIT + 1, 2, 2),
         (ev.AXES, 2, 2), (ev.SIGN, 2, 2), (ev.FRAME, 2, 2), (ev.ABSENT, 1, 2), (ev.RATE, 5, 4), (ev.STAMPS, 1, 1),
-        (ev.HELD + 1, 8, 8), (ev.MISMATCH, 3, 2), (ev.CROSS, 2, 2), (ev.LENGTH, 4, 2),
+        (ev.HELD + 1, 8, 8), (ev.MISMATCH, 3, 2), (ev.CROSS, 2, 2), (ev.LENGTH, 4, 2), (ev.NOISE, 4, 4),
     ],
 )  # fmt: skip
 def test_each_check_needs_its_number_of_observations_in_a_row_and_as_many_to_go(check, need, clear):

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 
 from mwd_estimation import health_evidence as ev
 from mwd_estimation import health_samples as samples
@@ -134,3 +135,18 @@ def test_half_seconds_with_a_push_with_samples_missing_and_of_noise_are_counted_
     # A tone of the same size steps less.
     tool.half_second(lambda v: v.__setitem__((slice(None), 3), 130.0 * np.sin(0.3 * np.arange(N))))
     assert tool.counts[samples.SPOILT + 5] == 1
+
+
+def test_a_field_that_jumps_from_sample_to_sample_is_noise_and_one_that_turns_fast_or_in_another_unit_is_not():
+    tool = Tool()
+    tool.half_second()
+    assert tool.notes[ev.NOISE, ev.SEEN] == ev.AGAINST
+    garbage = tool.rng.uniform(-8e-4, 8e-4, (N, 3))
+    found = tool.half_second(lambda v: v.__setitem__((slice(None), slice(6, 9)), garbage))
+    assert found[ev.NOISE][3] == 0b111
+    assert found[ev.NOISE][2] == pytest.approx(462, rel=0.1)
+    assert tool.doubtful == ev.MAG
+    turn = 31.0 * 0.01 * np.arange(N)
+    for scale, field in ((1.0, garbage[:, 0] * 0.1), (1.0, 5e-4 * np.cos(turn)), (1e6, 5e-5 * np.cos(turn))):
+        found = tool.half_second(lambda v, b=scale * field: v.__setitem__((slice(None), 7), b))
+        assert ev.NOISE not in found

@@ -144,6 +144,7 @@ FAULTS = {
     "accelerometer reads noise over its range": (ACCEL, noise(90.0), "gravity", "all"),
     "accelerometer set to half its range": (ACCEL, scaled(2.0), "gravity", "all"),
     "accelerometer not a number": (ACCEL, held([1], np.nan), "invalid", "y"),
+    "magnetometer reads noise": (MAG, noise(4e-4), "noise", "x/y/z"),
     "magnetometer not a number": (MAG, held([0, 1, 2], np.nan), "invalid", "x/y/z"),
 }
 
