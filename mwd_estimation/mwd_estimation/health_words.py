@@ -31,6 +31,7 @@ from mwd_estimation.health_evidence import (
     STAMPS,
     STATE,
     UNIT,
+    UNKNOWN,
     Whole,
 )
 
@@ -88,13 +89,18 @@ _IMU = "gyro/accelerometer"
 
 
 def known(checks: Whole) -> dict[str, str]:
-    """What is ok, a fault, or not yet known: units, axes and signs, by the words a panel shows."""
+    """
+    What is ok, a fault, or not yet known: units, axes and signs, by the words a panel shows.
+
+    y and z of the gyro are listed once they are known: a string that rotates smoothly never shows them, and is healthy.
+    """
     words = ("not yet known", "ok", "fault")
     names = {
         "gyro unit": UNIT, "accelerometer unit": UNIT + 1, "magnetometer unit": UNIT + 2, "axes": AXES,
-        "y and z of the gyro": CROSS,
         "signs of accelerometer and magnetometer": SIGN,
     }  # fmt: skip
+    if checks[CROSS, STATE] != UNKNOWN:
+        names["y and z of the gyro"] = CROSS
     return {name: words[int(checks[k, STATE])] for name, k in names.items()}
 
 

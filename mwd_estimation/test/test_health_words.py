@@ -49,7 +49,12 @@ def test_explanations_that_remain_share_the_confidence_and_are_all_named():
 
 
 def test_what_is_not_yet_known_is_said():
-    assert set(known(ev.blank()[0]).values()) == {"not yet known"}
+    checks = ev.blank()[0]
+    assert set(known(checks).values()) == {"not yet known"}
+    # What a string seldom shows is listed once it has.
+    assert "y and z of the gyro" not in known(checks)
+    checks[ev.CROSS, ev.STATE] = ev.OK
+    assert known(checks)["y and z of the gyro"] == "ok"
 
 
 def test_a_force_without_gravity_is_said_with_both_figures():
