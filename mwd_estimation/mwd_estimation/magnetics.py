@@ -32,9 +32,9 @@ _WIDE = np.radians(1.5)
 # Interference imaginable is spread as Student's t of seven degrees of freedom, strings unheard of included: they come
 # with small odds and no scale.
 _FREEDOM, _TAIL = 7.0, 0.005
-# A second azimuth with a smaller share of the probability is none. Where both ask for more than so many times the
-# plausible interference, the limit is lower and the two share evenly: there nothing tells them apart.
-_MIRROR, _MIRROR_BEYOND, _BEYOND = 3e-3, 3e-4, 2.0
+# A second azimuth with a smaller share of the probability is none; the limit is lower where the first asks for more than
+# the plausible interference too. From so many times it on the two share evenly: there nothing tells them apart.
+_MIRROR, _MIRROR_LOUD, _BEYOND = 3e-3, 3e-4, 2.0
 
 
 def total_field(b_t: ArrayLike) -> Array:
@@ -274,9 +274,9 @@ def axial_correction(
     variance = fit.variance_azimuth
     # The mirror's share of the probability, by the height of its peak.
     share = 1.0 / (1.0 + np.exp(np.minimum(0.5 * (next_best - best), 700.0)))
-    unheard = np.abs(station.misfit(best_at[:, None])[2][:, 0]) > _BEYOND * plausible
-    mirror = two & (away > np.radians(1.0)) & (share > np.where(unheard, _MIRROR_BEYOND, _MIRROR))
-    share = np.where(mirror, np.where(unheard, 0.5, share), 0.0)
+    loud = np.abs(station.misfit(best_at[:, None])[2][:, 0]) / plausible
+    mirror = two & (away > np.radians(1.0)) & (share > np.where(loud > 1.0, _MIRROR_LOUD, _MIRROR))
+    share = np.where(mirror, np.where(loud > _BEYOND, 0.5, share), 0.0)
     spread = np.sum(density * from_best**2, axis=1) - mean**2
     sigma = np.sqrt(np.where(wide, spread, variance + share * away**2))
     sigma = np.minimum(sigma, np.pi / np.sqrt(3.0))
