@@ -32,8 +32,8 @@ _WIDE = np.radians(1.5)
 # Interference imaginable is spread as Student's t of seven degrees of freedom, strings unheard of included: they come
 # with small odds and no scale.
 _FREEDOM, _TAIL = 7.0, 0.005
-# A second azimuth with a smaller share of the probability is none; the limit is lower where the first asks for more than
-# the plausible interference too. From so many times it on the two share evenly: there nothing tells them apart.
+# A second azimuth with a smaller share of the probability is none; the limit is lower where the first asks for more
+# than the plausible interference too. From so many times it on the two share evenly: there nothing tells them apart.
 _MIRROR, _MIRROR_LOUD, _BEYOND = 3e-3, 3e-4, 2.0
 
 
