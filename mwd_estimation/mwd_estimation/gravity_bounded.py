@@ -18,6 +18,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mwd_estimation import gravity_bounded_gap as gap
 from mwd_estimation import gravity_bounded_model as model
 from mwd_estimation import gravity_bounded_motion as follow
 from mwd_estimation import gravity_bounded_white as white
@@ -92,6 +93,7 @@ from mwd_estimation.gravity_bounded_settings import (
     K_BIAS_0,
     K_BIAS_FAST,
     K_BIAS_WALK,
+    K_BRIDGE,
     K_CLIP_JERK,
     K_CONING,
     K_DOWN_0,
@@ -116,6 +118,7 @@ __all__ = ["Log", "Params", "State", "initial", "run", "run_logged"]
 _LEARNS_FROM = 0.02  # rad^2, variance of tilt from which on lever arm and scale are looked for
 _UNTIL_THEN = 0.02  # share of their sigmas until then
 _START_TILT, _START_MOST = 0.17, 4.0  # rad, s: a mean of white forces goes on until it is known that well, or so long
+_KEPT = 0.05  # rad, added to the sigma of an inclination that is only kept
 _JUDGED = 3.0  # s since a start, before which samples are not called aliased
 _LIKE_GRAVITY = 0.5  # m/s^2, what the mean force of a few seconds may be longer or shorter than gravity and still be it
 _REJECTED, _GAP, _INITIALISING = int(Status.REJECTED), int(Status.GAP), int(Status.INITIALISING)
@@ -309,6 +312,15 @@ def _begin(x: Array, P: Array, s: Array, st: Array) -> None:
 
 
 @compiled
+def _begin_roll(x: Array, P: Array, s: Array, st: Array, C: Array) -> None:
+    """As `_begin` where only the roll is lost: the cross-axis rates tell the inclination all the time."""
+    down, tilt = C[2, 0], follow.split_tilt(P, C[0, 0], C[1, 0])
+    _begin(x, P, s, st)
+    st[KEPT_DOWN], st[KEPT_TILT] = down, tilt
+    model.rotation(x, C)
+
+
+@compiled
 def _publish(k: Array, x: Array, P: Array, st: Array, C: Array) -> None:
     """Sigmas as they are until the covariance changes again."""
     floor, aside = follow.floors(k, x, P, st, C)
@@ -383,11 +395,25 @@ def _run(
             bits = _REJECTED
         else:
             dt = 1e-9 * (stamps[i] - before)
+            if verdict == track.NEXT and 2e9 * dt > gap_ns and gap.stands_out(st, dt):
+                verdict = track.AFTER_GAP
             if verdict != track.NEXT:
-                dt = 0.0
-                _begin(x, P, s, st)
                 if verdict == track.AFTER_GAP:
                     bits |= _GAP
+                if verdict == track.FIRST or not 0.0 < dt < k[K_BRIDGE] or st[STARTED] == 0.0 or st[CLIPPING] != 0.0:
+                    _begin(x, P, s, st)
+                else:
+                    if s[S_TIME] > 0.0:
+                        _step_covariance(
+                            k, x, P, s, st, C, e, i, log_count, log_sample, log_epoch, log_sums, log_correction,
+                            log_before, log_after, log_lean,
+                        )  # fmt: skip
+                    if gap.bridge(k, x, P, s, st, C, dt, wx, wy, wz) and model.sound(x, P):
+                        model.rotation(x, C)
+                        _publish(k, x, P, st, C)
+                    else:
+                        _begin_roll(x, P, s, st, C)
+                dt = 0.0
             bits |= _sample(
                 k, motion, x, P, s, st, kept, C, e, g, dt, wx, wy, wz, fx, fy, fz, i,
                 log_count, log_sample, log_epoch, log_sums, log_correction, log_before, log_after, log_lean,
@@ -406,6 +432,12 @@ def _run(
             norm = math.sqrt(mx * mx + my * my + mz * mz)
             for j in range(3):
                 g[j] = (C[0, j] * mx + C[1, j] * my + C[2, j] * mz) / norm
+            if st[KEPT_TILT] > 0.0:
+                # Only the roll is sought.
+                g[0] = min(max(st[KEPT_DOWN], -1.0), 1.0)
+                side = math.sqrt((1.0 - g[0] * g[0]) / max(g[1] * g[1] + g[2] * g[2], 1e-18))
+                g[1], g[2] = side * g[1], side * g[2]
+                inclination_sigma = math.sqrt(min(st[KEPT_TILT], 1.0)) + _KEPT
             bits |= _INITIALISING
         else:
             for j in range(3):
@@ -492,14 +524,11 @@ def _sample(
     follow.follow_swing(k, x, P, st, C, dt, ax, ay, az)
     follow.follow_shocks(k, P, st, dt, ax, ay, az, power, clip_force)
     follow.follow_rates(k, s, st, dt, wx, wy, wz, clip_cross)
+    gap.follow_changes(st, dt, wx, wy, wz)
     if not (clip_x or st[CLIPPING] != 0.0):
         follow.follow_slope(st, dt, wx)
     elif follow.follow_clipping(k, x, P, st, kept, C, dt, wx, clip_x):
-        # Roll is lost, inclination is not: the cross-axis gyros were there all the time.
-        down, tilt = C[2, 0], follow.split_tilt(P, C[0, 0], C[1, 0])
-        _begin(x, P, s, st)
-        st[KEPT_DOWN], st[KEPT_TILT] = down, tilt
-        model.rotation(x, C)
+        _begin_roll(x, P, s, st, C)
         return bits
 
     if s[S_TIME] >= k[K_UPDATE] - 1e-6:

@@ -63,13 +63,14 @@ from mwd_sensors.compiled import compiled
     SWING_X, SWING_C, SWING_Z, SETTLED, ROUGH, STRONG, SHOCKS, SINCE_SHOCK, TURNING, PERIOD, NON_GRAVITY, DIRECTION,
     CLIPPING, CLIP_TIME, RATE_SLOPE, RATE_CURVE, LEAN, BOOST, USUAL, NEAR_LEAN, SCALE_ALONG, SCALE_ACROSS, ALIAS, EPOCH,
     CLIP_TILT, KEPT_DOWN, KEPT_TILT, SIGMA_INCLINATION, SIGMA_TOOLFACE, SLOW_AXIS, LEAN_DOWN, SCALE_DOWN,
-    LEARNS, BLOCK, BLOCK_TIME, LAST_BLOCK, SLOW_ROUGH, UNSETTLED, SLOW_LEAN, STEADY_ALONG, STEADY_ACROSS, STATISTICS,
+    LEARNS, BLOCK, BLOCK_TIME, LAST_BLOCK, SLOW_ROUGH, UNSETTLED, SLOW_LEAN, STEADY_ALONG, STEADY_ACROSS,
+    WALK_ALONG, WALK_ACROSS, STATISTICS,
 ) = (
     0, 1, 2, 5, 6, 9, 12, 15, 18, 21, 24, 27, 30,
     33, 34, 35, 36, 37, 38, 39, 40, 41, 42, 43, 44,
     47, 48, 49, 50, 51, 53, 54, 55, 57, 58, 59, 60,
     61, 62, 63, 64, 65, 66, 68, 69,
-    70, 71, 74, 75, 78, 79, 80, 82, 83, 84,
+    70, 71, 74, 75, 78, 79, 80, 82, 83, 84, 85, 86,
 )  # fmt: skip
 STEADY_TIME, STEADY_AGE = 40.0, 20.0  # s, memory of innovations of one sign; time since a start that half trusts it
 TWICE = 0.75  # of the power of a sum that is twice the error: the part that is not error
@@ -122,7 +123,7 @@ def follow_swing(
         upright = d
     # A young mean forgets faster: the lever arm has to be found first.
     memory = min(3.0 * k[K_SWING_MEMORY], 0.3 * st[SETTLED])
-    st[SWING_Z] += dt / (memory + dt) * (upright * upright - st[SWING_Z])
+    st[SWING_Z] += dt / (memory + max(dt, 1e-9)) * (upright * upright - st[SWING_Z])
     # Tilt not yet found swings the position as well; the tool's own swing is learnt when tilt is known.
     if st[CLIPPING] == 0.0 and P[TILT, TILT] + P[TILT + 1, TILT + 1] < 0.0025:
         share = dt / (k[K_SWING_MEMORY] + dt)

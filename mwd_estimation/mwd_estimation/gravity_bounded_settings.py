@@ -20,8 +20,8 @@ from mwd_sensors.settings import setting
     K_ALIAS_NOISE, K_SHOCK_AT, K_SHOCK_NOISE, K_SHOCK_GATE, K_GYRO_RANGE, K_ACCEL_RANGE,
     K_CLIP_JERK, K_CLIP_SLOPE, K_BIAS_0, K_SCALE_0, K_LEVER_0, K_DOWN_0, K_FLOOR, K_CONING,
     K_CLIP_TURN, K_LEAN_TIME, K_LEAN_GAIN, K_LEAN_FROM, K_CLIP_BRIDGE, K_CLIP_CURVE, K_LOST, K_RESERVE, K_ASKEW,
-    K_GRAVITY_SIGMA, K_TRAVEL, K_SAMPLED, SETTINGS,
-) = range(42)  # fmt: skip
+    K_GRAVITY_SIGMA, K_TRAVEL, K_SAMPLED, K_BRIDGE, SETTINGS,
+) = range(43)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,7 +30,10 @@ class Params:
 
     gravity: float = setting(track.STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
     start: float = setting(0.3, "mean in gyro axes that makes the first estimate", unit="s", low=0.02, high=10.0)
-    gap: float = setting(0.25, "a longer silence starts the attitude anew", unit="s", low=0.01, high=10.0)
+    gap: float = setting(
+        0.25, "a silence as long, or half that and four times the usual step, is bridged", unit="s", low=0.01, high=10.0
+    )
+    bridge: float = setting(10.0, "one as long as this starts the attitude anew", unit="s", low=0.0, high=600.0)
     update: float = setting(0.04, "time between updates of the covariance", unit="s", low=0.001, high=0.2)
     coning: float = setting(
         0.0,
@@ -135,6 +138,6 @@ def constants(params: Params) -> Array:
             p.clip_jerk, p.clip_slope, p.bias_sigma, p.scale_sigma, p.lever_sigma, p.down_sigma,
             p.calibration_sigma, p.coning, p.clip_turn, p.lean_time, p.lean_gain, p.lean_from,
             p.clip_bridge, p.clip_curve, p.lost, p.sigma_reserve, p.turning_sigma,
-            p.gravity_sigma, p.travel, float(p.sampled),
+            p.gravity_sigma, p.travel, float(p.sampled), p.bridge,
         ]
     )  # fmt: skip
