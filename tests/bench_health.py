@@ -327,10 +327,7 @@ def main() -> None:
     print("\n".join(healthy()))
     print("Seconds from a fault until the sensor is in doubt, and until it is named; the slower of two moments.\n")
     table(CASES, FAULTS, watched)
-    print(
-        "y and z of the conventional gyro, reversed: not seen where the string turns less than this across its axis,\n"
-    )
-    print("seconds from the fault until in doubt, and until named, at 120 r/min:\n")
+    print("y of the conventional gyro reversed, at 120 r/min: what the string must turn across its axis to show it.\n")
     print("\n".join(turns_across()))
     print("The precision unit, held against the conventional one:\n")
     table(FINE_CASES, FINE_FAULTS, fine_watched)

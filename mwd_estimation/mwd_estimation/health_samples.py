@@ -59,7 +59,7 @@ _PUSH = 15.0
 # m/s^2 that white noise leaves of such a mean, which no motion in a hole does; and mean square of a step of what is
 # white, in variances: 2 but for chance.
 _NOISE, _WHITE = 8.0, 1.4
-# T; a field that jumps so much from sample to sample is none, and one that jumps more is in another unit.
+# T; a field that jumps so much from sample to sample is none, and one that is so large is in another unit.
 _FIELD_NOISE, _NO_TESLA = 1e-4, 3e-3
 
 
@@ -132,7 +132,7 @@ def close_bin(
     now = began + BIN_NS
     spreads = np.zeros(9)
     gyro_moves, shakes, pushed, noisy = False, False, False, False
-    field2, worst, noise, jumps, strong = 0.0, 0.0, 0.0, False, 0
+    field2, size2, worst, noise, jumps, strong = 0.0, 0.0, 0.0, 0.0, False, 0
     for c in range(9):
         row = channels[c]
         if row[_N] >= _SOME:
@@ -143,7 +143,8 @@ def close_bin(
         white = n >= _FEW and row[_D2] > _WHITE * n * variance
         if c >= 6:
             field2 += mean * mean
-            if _FIELD_NOISE < spreads[c] < _NO_TESLA:
+            size2 += mean * mean + variance
+            if spreads[c] > _FIELD_NOISE:
                 jumps = jumps or white
                 strong |= 1 << (c - 6)
                 noise = max(noise, spreads[c])
@@ -157,7 +158,7 @@ def close_bin(
                 shakes = shakes or spreads[c] > 0.3
             else:
                 worst = max(worst, spreads[c])
-    if jumps:
+    if jumps and size2 < _NO_TESLA**2:
         doubtful |= MAG
         note(notes, NOISE, FOR, began, int(1e6 * noise + 0.5), strong, 0)
     elif channels[6, _N] >= _FEW:
