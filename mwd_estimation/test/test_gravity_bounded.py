@@ -7,6 +7,7 @@ import pytest
 
 from mwd_estimation import gravity_bounded as bounded
 from mwd_estimation import gravity_bounded_model as model
+from mwd_estimation import gravity_s3
 from mwd_estimation.status import Status
 from mwd_estimation.track import STANDARD_GRAVITY, Track
 from mwd_sensors import frames, scenario
@@ -209,3 +210,24 @@ def test_a_lever_arm_is_not_made_to_fit_while_the_attitude_is_unknown():
         bounded.run(bounded.Params(), state, (t * 1e9).astype(np.int64), rates, forces)
         found.append(np.abs(state.nominal[model.N_LEVER : model.N_LEVER + 3]).max())
     assert np.mean(found) < 0.06
+
+
+@pytest.mark.parametrize("spin", [0.0, 4.0 * np.pi])
+def test_white_forces_of_three_g_are_averaged_no_worse_than_by_a_filter_of_low_gain_and_sigma_says_so(spin):
+    t, inclination, ours, theirs, nees = np.arange(1, 8001) / 100.0, np.radians(30.0), [], [], []
+    side = np.sin(inclination) * np.column_stack([np.sin(spin * t + 1.0), np.cos(spin * t + 1.0)])
+    down = np.column_stack([np.full(len(t), np.cos(inclination)), side])
+    stamps, late = np.round(t * 1e9).astype(np.int64), t > 10.0
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        rates = np.column_stack([np.full(len(t), spin), np.zeros((len(t), 2))]) + 3e-4 * rng.standard_normal(3)
+        forces = -G0 * down + rng.normal(scale=30.0, size=(len(t), 3))
+        p = bounded.Params()
+        got = bounded.run(p, bounded.initial(p), stamps, rates, forces)
+        other = gravity_s3.run(gravity_s3.Params(), gravity_s3.initial(gravity_s3.Params()), stamps, rates, forces)
+        ours.append(rms(error_deg(got, down)[late]))
+        theirs.append(rms(error_deg(other, down)[late]))
+        nees.append(np.mean(((got.inclination - inclination) / got.sigma_inclination)[late] ** 2))
+        assert ((got.status[late] & int(Status.ALIASED)) != 0).mean() > 0.8
+    assert rms(np.array(ours)) < rms(np.array(theirs))
+    assert 0.2 < np.mean(nees) < 3.0
