@@ -73,35 +73,36 @@ def blank() -> tuple[Array, Whole]:
 @compiled
 def count(channels: Array, c: int, values: Array, k: int, start: int, stop: int, limit: float) -> None:
     """Count column k of the rows from start to stop as values of channel c."""
-    # One channel at a time and nothing but numbers in the loop: these are most of what the watch costs.
-    last, n, bad, same = channels[c, LAST], channels[c, _N], channels[c, _BAD], channels[c, _SAME]
-    first, s1, s2 = channels[c, _FIRST], channels[c, _S1], channels[c, _S2]
-    clip, least, steps2 = channels[c, _CLIP], channels[c, _STEP], channels[c, _D2]
+    # One channel at a time, whole numbers as such and no view of the row: this is most of what the watch costs.
+    last, first, fresh = channels[c, LAST], channels[c, _FIRST], channels[c, _N] == 0.0
+    s1, s2, least, steps2 = channels[c, _S1], channels[c, _S2], channels[c, _STEP], channels[c, _D2]
+    bad, same, clip = 0, 0, 0
     for i in range(start, stop):
         v = values[i, k]
         size = abs(v)
         if not size < ABSURD:
-            bad += 1.0
+            bad += 1
             continue
+        if fresh:
+            first, fresh = v, False
         away = abs(v - last)
-        if away == 0.0:
-            same += 1.0
-        elif away > 0.0:
+        same += int(away == 0.0)
+        if away > 0.0:
             least = min(least, away)
             steps2 += away * away
         last = v
-        if n == 0.0:
-            first = v
-        n += 1.0
         away = v - first
         s1 += away
         s2 += away * away
         # Far beyond the range is another unit, not the end of the range.
-        if limit <= size <= 1.02 * limit:
-            clip += 1.0
-    channels[c, LAST], channels[c, _N], channels[c, _BAD], channels[c, _SAME] = last, n, bad, same
-    channels[c, _FIRST], channels[c, _S1], channels[c, _S2] = first, s1, s2
-    channels[c, _CLIP], channels[c, _STEP], channels[c, _D2] = clip, least, steps2
+        if size >= limit:
+            clip += int(size <= 1.02 * limit)
+    channels[c, LAST], channels[c, _FIRST], channels[c, _STEP] = last, first, least
+    channels[c, _S1], channels[c, _S2], channels[c, _D2] = s1, s2, steps2
+    channels[c, _N] += stop - start - bad
+    channels[c, _BAD] += bad
+    channels[c, _SAME] += same
+    channels[c, _CLIP] += clip
 
 
 @compiled
