@@ -84,6 +84,8 @@ _FEW = 20
 _LEAST_RATE, _LEAST_FORCE, _SHAKEN = 0.005, 0.3, 15.0
 # Misfit, from 0 (the same) by 1 (nothing in common) to 2 (reversed), that is still this axis, and that is not.
 _SAME, _OTHERWISE = 0.3, 0.6
+# Share of the mean in the mean square of what is one value all the time.
+_ONE_VALUE = 0.8
 _UNITS = np.array([math.degrees(1.0), 1.0 / STANDARD_GRAVITY])
 # A rate at rest is too much beyond so many sigma of the bias, twice the Earth's, and what a string turns that is pulled
 # steadily through a bend, which is rest to every other sensor: 10 deg in 30 m at 1 m/s, rad/s.
@@ -192,6 +194,9 @@ def _best(row: Array, k: int, centred: bool, least: float, factor: float) -> int
             if unit == 0 and c == k:
                 itself_size = size
             if size < least:
+                continue
+            # The other's bias, cut to one value, is as good as what is felt of a slow turn.
+            if unit == 1 and least < _LEAST_FORCE and row[_OTHER + j] ** 2 > _ONE_VALUE * n * row[_OTHER2 + j]:
                 continue
             for way in range(2):
                 sign = 1.0 if way == 0 else -1.0

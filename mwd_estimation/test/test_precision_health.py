@@ -11,7 +11,7 @@ import pytest
 from mwd_estimation.gyro_station import GyroSettings
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline, ReferenceSettings
 from mwd_estimation.precision_health import PRECISION, PrecisionHealth, Settings
-from mwd_sensors import faults, scenario
+from mwd_sensors import faults, scenario, wire
 from mwd_sensors.faults import Fault
 from mwd_sensors.sonde import Sonde
 
@@ -220,3 +220,23 @@ def test_any_cut_gives_the_same_and_a_seek_that_was_asked_for_ends_with_the_reas
     (ended,) = pipeline.push_imu(streams["imu/data_raw"][500:]).north
     assert not ended.success
     assert "only zeros" in ended.reason
+
+
+@pytest.mark.parametrize("slew", [0.006, 0.01])
+def test_a_slow_turn_between_two_stations_is_no_other_unit(slew):
+    """Of its cross-axis rates the conventional unit, cut to one part in 57 of its range, shows a constant: its bias."""
+    n, rng = 4000, np.random.default_rng(0)
+    rate = np.zeros((n, 3))
+    rate[1000:3000, 0] = np.radians(18.0)
+    turned = np.cumsum(rate[:, 0]) * 0.01
+    rate[1000:3000, 1], rate[1000:3000, 2] = slew * np.cos(turned[1000:3000]), -slew * np.sin(turned[1000:3000])
+    force = 9.81 * np.stack([np.full(n, -0.45), 0.89 * np.sin(turned), 0.89 * np.cos(turned)], axis=1)
+    streams = {}
+    for topic, bias, noise in (("imu/data_raw", np.radians(0.2), 1e-3), ("gyro/data_raw", 5e-6, 2e-4)):
+        samples = wire.IMU.empty(n)
+        samples["stamp_ns"] = 1_700_000_000 * 10**9 + np.arange(n) * 10**7
+        samples["angular_velocity"] = rate + bias * np.array([1.0, -1.0, 1.0]) + noise * rng.normal(size=(n, 3))
+        samples["linear_acceleration"] = force + 5e-3 * rng.normal(size=(n, 3))
+        streams[topic] = samples
+    changes, doubts, _ = judged(streams)
+    assert (changes, doubts) == ([], 0)
