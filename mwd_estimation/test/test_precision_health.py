@@ -238,5 +238,5 @@ def test_a_slow_turn_between_two_stations_is_no_other_unit(slew):
         samples["angular_velocity"] = rate + bias * np.array([1.0, -1.0, 1.0]) + noise * rng.normal(size=(n, 3))
         samples["linear_acceleration"] = force + 5e-3 * rng.normal(size=(n, 3))
         streams[topic] = samples
-    changes, doubts, _ = judged(streams)
-    assert (changes, doubts) == ([], 0)
+    changes, _, health = judged(streams)
+    assert (changes, health.refusal) == ([], "")
