@@ -117,7 +117,7 @@ class Params:
         0.0003, "tilt fixed in a turning tool: gyros out of line with the accelerometers", unit="rad", low=0.0, high=0.5
     )
     gravity_sigma: float = setting(
-        0.02, "how well `gravity` is known; the spread of latitudes by default", unit="m/s^2", low=1e-5, high=0.5
+        0.03, "how well `gravity` is known; the spread of latitudes by default", unit="m/s^2", low=1e-5, high=0.5
     )
     travel: float = setting(
         0.5, "usual speed along the hole, which in a curve is an acceleration", unit="m/s", low=0.0, high=10.0
