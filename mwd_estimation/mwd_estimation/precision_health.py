@@ -399,7 +399,10 @@ class PrecisionHealth:
             if mapping or len(known) > 1 or not self._wrong[s]:
                 self._wrong[s] = 1 << mapping if mapping else 0
         disagrees = RATES if s == 0 else FORCES
-        note(self._notes, disagrees, FOR if strange else (AGAINST if known else NOTHING), began, 0, 0, 0)
+        # That the fast axis agrees says nothing of the two that north is sought with.
+        shown = found[1:] if self._checks[disagrees, STATE] == FAULT else found
+        agrees = any(one >= 0 for one in shown)
+        note(self._notes, disagrees, FOR if strange else (AGAINST if agrees else NOTHING), began, 0, 0, 0)
 
     def _note_wrong(self, began: int, still: bool, sound: bool) -> None:
         row = self._checks[AXES]

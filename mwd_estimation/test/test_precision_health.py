@@ -222,21 +222,46 @@ def test_any_cut_gives_the_same_and_a_seek_that_was_asked_for_ends_with_the_reas
     assert "only zeros" in ended.reason
 
 
+def both_units(rate, seen=None):
+    """Both units on a tool that turns by `rate`, rad/s, shape (n, 3); the precision one by `seen`, if that is other."""
+    n, rng = len(rate), np.random.default_rng(0)
+    turned = np.cumsum(rate[:, 0]) * 0.01
+    force = 9.81 * np.stack([np.full(n, -0.45), 0.89 * np.sin(turned), 0.89 * np.cos(turned)], axis=1)
+    streams = {}
+    for topic, what, bias, noise in (
+        ("imu/data_raw", rate, np.radians(0.2), 1e-3),
+        ("gyro/data_raw", rate if seen is None else seen, 5e-6, 2e-4),
+    ):
+        samples = wire.IMU.empty(n)
+        samples["stamp_ns"] = 1_700_000_000 * 10**9 + np.arange(n) * 10**7
+        samples["angular_velocity"] = what + bias * np.array([1.0, -1.0, 1.0]) + noise * rng.normal(size=(n, 3))
+        samples["linear_acceleration"] = force + 5e-3 * rng.normal(size=(n, 3))
+        streams[topic] = samples
+    return streams
+
+
 @pytest.mark.parametrize("slew", [0.006, 0.01])
 def test_a_slow_turn_between_two_stations_is_no_other_unit(slew):
     """Of its cross-axis rates the conventional unit, cut to one part in 57 of its range, shows a constant: its bias."""
-    n, rng = 4000, np.random.default_rng(0)
-    rate = np.zeros((n, 3))
+    rate = np.zeros((4000, 3))
     rate[1000:3000, 0] = np.radians(18.0)
-    turned = np.cumsum(rate[:, 0]) * 0.01
-    rate[1000:3000, 1], rate[1000:3000, 2] = slew * np.cos(turned[1000:3000]), -slew * np.sin(turned[1000:3000])
-    force = 9.81 * np.stack([np.full(n, -0.45), 0.89 * np.sin(turned), 0.89 * np.cos(turned)], axis=1)
-    streams = {}
-    for topic, bias, noise in (("imu/data_raw", np.radians(0.2), 1e-3), ("gyro/data_raw", 5e-6, 2e-4)):
-        samples = wire.IMU.empty(n)
-        samples["stamp_ns"] = 1_700_000_000 * 10**9 + np.arange(n) * 10**7
-        samples["angular_velocity"] = rate + bias * np.array([1.0, -1.0, 1.0]) + noise * rng.normal(size=(n, 3))
-        samples["linear_acceleration"] = force + 5e-3 * rng.normal(size=(n, 3))
-        streams[topic] = samples
-    changes, _, health = judged(streams)
+    turned = np.cumsum(rate[1000:3000, 0]) * 0.01
+    rate[1000:3000, 1], rate[1000:3000, 2] = slew * np.cos(turned), -slew * np.sin(turned)
+    changes, _, health = judged(both_units(rate))
     assert (changes, health.refusal) == ([], "")
+
+
+def test_cross_axes_that_were_wrong_are_not_right_because_the_fast_axis_is():
+    rate, t = np.zeros((6000, 3)), np.arange(6000) * 0.01
+    rate[1000:2000, 1], rate[1000:2000, 2] = 0.1 * np.sin(3.0 * t[1000:2000]), 0.1 * np.cos(2.0 * t[1000:2000])
+    seen = rate.copy()
+    seen[1000:2000, 1:] = 0.1 * np.random.default_rng(5).normal(size=(1000, 2))
+    rate[3000:5000, 0] = seen[3000:5000, 0] = 1.0
+    changes, _, health = judged(both_units(rate, seen))
+    assert [one.kind for _, one in changes] == ["mismatch"]
+    assert "agrees with no axis" in health.refusal
+    # Until they are seen to be right.
+    rate[5200:6000, 1] = seen[5200:6000, 1] = 0.1 * np.sin(3.0 * t[5200:6000])
+    changes, _, health = judged(both_units(rate, seen))
+    assert [bool(one.cleared_ns) for _, one in changes] == [False, True]
+    assert health.refusal == ""
