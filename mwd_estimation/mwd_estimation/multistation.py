@@ -305,6 +305,11 @@ def corrected_stations(
     """
     if len(stations) != len(analysis.azimuth):
         raise ValueError(f"stations: {len(stations)} given, {len(analysis.azimuth)} analysed")
+    return [corrected_station(one, k, analysis, settings) for k, one in enumerate(stations)]
+
+
+def corrected_station(old: Station, k: int, analysis: Multistation, settings: StationSettings | None = None) -> Station:
+    """As `corrected_stations`, of the one at place `k` of the analysis."""
     settings = StationSettings() if settings is None else settings
     aligned = replace(
         settings.errors,
@@ -316,41 +321,32 @@ def corrected_stations(
     )
     # What is left of the interference is in the readings' covariance.
     settings = replace(settings, errors=aligned, azimuth_method=RAW, plausible_interference_nt=_NONE_NT)
-    done = []
-    for k, old in enumerate(stations):
-        f_t, b_t = analysis.corrected(old.f_t, old.b_t)
-        covariance = analysis.readings_covariance[k]
-        new = station(
-            f_t, b_t, old.reference, settings, covariance_f=covariance[:3, :3], covariance_b=covariance[3:, 3:]
-        )
-        refused = analysis.refused or ("" if analysis.used[k] else "left out of the analysis as an outlier")
-        method = replace(new.azimuths[0], method=MSA, refused=refused)
-        if refused:
-            done.append(replace(old, azimuths=(*old.azimuths, method)))
-            continue
-        text = (
-            f"corrected by {int(analysis.used.sum())} stations: axial {analysis.estimate[0] * 1e9:+.0f} +- "
-            f"{analysis.sigma[0] * 1e9:.0f} nT"
-        )
-        reasons = (*new.reasons, text)
-        done.append(
-            replace(
-                new,
-                method=MSA,
-                corrected=True,
-                azimuths=(*old.azimuths, method),
-                interference=float(analysis.estimate[0]),
-                sigma_interference=float(analysis.sigma[0]),
-                interference_chi_square=math.nan,
-                g_total=old.g_total,
-                b_total=old.b_total,
-                dip=old.dip,
-                f_t=old.f_t,
-                b_t=old.b_t,
-                reasons=reasons,
-            )
-        )
-    return done
+    f_t, b_t = analysis.corrected(old.f_t, old.b_t)
+    covariance = analysis.readings_covariance[k]
+    new = station(f_t, b_t, old.reference, settings, covariance_f=covariance[:3, :3], covariance_b=covariance[3:, 3:])
+    refused = analysis.refused or ("" if analysis.used[k] else "left out of the analysis as an outlier")
+    method = replace(new.azimuths[0], method=MSA, refused=refused)
+    if refused:
+        return replace(old, azimuths=(*old.azimuths, method))
+    text = (
+        f"corrected by {int(analysis.used.sum())} stations: axial {analysis.estimate[0] * 1e9:+.0f} +- "
+        f"{analysis.sigma[0] * 1e9:.0f} nT"
+    )
+    return replace(
+        new,
+        method=MSA,
+        corrected=True,
+        azimuths=(*old.azimuths, method),
+        interference=float(analysis.estimate[0]),
+        sigma_interference=float(analysis.sigma[0]),
+        interference_chi_square=math.nan,
+        g_total=old.g_total,
+        b_total=old.b_total,
+        dip=old.dip,
+        f_t=old.f_t,
+        b_t=old.b_t,
+        reasons=(*new.reasons, text),
+    )
 
 
 class _Problem:

@@ -90,9 +90,7 @@ class StationRun:
         azimuth, own, common = np.array(self._gyro).T
         gyro = GyroAzimuths(azimuth, own, common) if np.isfinite(azimuth).any() else None
         analysis = multistation.analyse(f_t, b_t, reference, settings.errors, self.params.analysis, gyro)
-        # Stations from before a change of the reference are held against the one now in force.
-        now = [dataclasses.replace(s, reference=reference) for s in self._stations]
-        corrected = multistation.corrected_stations(now, analysis, settings)[-1]
+        corrected = multistation.corrected_station(station, n - 1, analysis, settings)
         return corrected, None if analysis.refused else analysis
 
 

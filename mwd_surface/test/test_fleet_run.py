@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -144,3 +145,10 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(tmp_path):
     uuids = parquet.read_table(tmp_path / "fleet" / "surveys").column("uuid").to_pylist()
     assert len(uuids) == 10
     assert not list((tmp_path / "fleet").rglob("*.unfinished"))
+
+
+def test_two_clusters_side_by_side_have_nothing_to_warn_of():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        with fleet_run.cluster("threads", 1) as one, fleet_run.cluster("threads", 1) as other:
+            assert one.submit(int, 4).result() + other.submit(int, 5).result() == 9

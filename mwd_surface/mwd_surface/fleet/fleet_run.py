@@ -81,7 +81,8 @@ def cluster(scheduler: str, workers: int = 0) -> Iterator[distributed.Client]:
             threads_per_worker=1 if processes else cores,
             processes=processes,
             host="127.0.0.1" if processes else None,
-            dashboard_address=None,
+            # Any port that is free: two fleets may run side by side.
+            dashboard_address="127.0.0.1:0",
             silence_logs=50,
         ) as made,
         distributed.Client(made) as client,
