@@ -19,7 +19,6 @@ An error the run's attitudes do not show keeps its prior sigma; it is named, and
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -278,38 +277,26 @@ def analyse(
     )
 
 
-def corrected_stations(
-    stations: Sequence[Station], analysis: Multistation, settings: StationSettings | None = None
-) -> list[Station]:
+def corrected_station(old: Station, k: int, analysis: Multistation, settings: StationSettings | None = None) -> Station:
     """
-    The stations again, each from its corrected readings, with the method "msa" added and, unless refused, chosen.
+    A station again, from its corrected readings, with the method "msa" added and, unless refused, chosen.
 
     Parameters
     ----------
-    stations : sequence of Station
-        Those analysed, in the same order, as `station` made them.
+    old : Station
+        As `station` made it.
+    k : int
+        Its place among those analysed.
     analysis : Multistation
     settings : StationSettings, optional
-        Those the stations were made with; alignment, north and limits are kept, the sensors' errors come from the
+        Those the station was made with; alignment, north and limits are kept, the sensors' errors come from the
         analysis.
 
     Returns
     -------
-    list of Station
+    Station
         Where the analysis was refused, or the station left out of it, the station as it was, with "msa" refused.
-
-    Raises
-    ------
-    ValueError
-        Another number of stations than was analysed.
     """
-    if len(stations) != len(analysis.azimuth):
-        raise ValueError(f"stations: {len(stations)} given, {len(analysis.azimuth)} analysed")
-    return [corrected_station(one, k, analysis, settings) for k, one in enumerate(stations)]
-
-
-def corrected_station(old: Station, k: int, analysis: Multistation, settings: StationSettings | None = None) -> Station:
-    """As `corrected_stations`, of the one at place `k` of the analysis."""
     settings = StationSettings() if settings is None else settings
     aligned = replace(
         settings.errors,
