@@ -58,11 +58,6 @@ def bridge(
 
     The sums must be empty. Inclination is carried either way.
     """
-    for j in range(6):
-        x[N_VEL + j] = 0.0
-    for j in range(VEL, POS + 3):
-        for m in range(ERRORS):
-            P[j, m] = P[m, j] = 0.0
     mean_x, mean_y, mean_z = 0.5 * (wx + st[LAST_W]), 0.5 * (wy + st[LAST_W + 1]), 0.5 * (wz + st[LAST_W + 2])
     model.mechanise(x, s, C, -x[N_DOWN], T, mean_x, mean_y, mean_z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     model.propagate(P, s, STEADY)

@@ -373,7 +373,7 @@ def _magnetic(alone: Station, together: Station, aided: float) -> tuple[list[fus
         if one.method == MSA:
             judged, refused, shared = together, one.refused, (1.0 - aided) * declination
         else:
-            judged, refused, shared = alone, _notchosen_by_field(one, alone), declination
+            judged, refused, shared = alone, _not_chosen(one, alone), declination
         reasons[one.method] = refused
         candidates.append(
             fusion.Candidate(
@@ -437,7 +437,7 @@ def declination_sigma(station_: Station) -> float:
     return math.sqrt(reference.declination_variance(_horizontal(reference)))
 
 
-def _notchosen_by_field(one: MethodAzimuth, magnetic: Station) -> str:
+def _not_chosen(one: MethodAzimuth, magnetic: Station) -> str:
     if one.method == magnetic.method:
         return ""
     return one.refused or f"the {magnetic.method} azimuth of the same reading is used"
