@@ -22,10 +22,10 @@ lint: setup
 test: lint
 	@$(CLEAN) $(BIN)/python -m pytest
 
-# Accuracy and speed against the papers and the peers, in one run; writes tests/BENCHMARKS.md.
+# Accuracy and speed against the papers and the peers, in one run; writes tests/benchmarks/BENCHMARKS.md.
 bench: setup
 	@$(BIN)/python -m pip install -q --no-deps --disable-pip-version-check -r .ci/bench.lock
-	@$(CLEAN) $(BIN)/python tests/bench.py
+	@$(CLEAN) $(BIN)/python tests/benchmarks/bench.py
 
 config: setup
 	@$(BIN)/python .ci/config

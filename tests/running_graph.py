@@ -62,7 +62,7 @@ def _compiled() -> None:
     """Have the nodes' filters in the cache: how long compiling takes is no part of any test."""
     from mwd_estimation.nodes.estimator import warm_up
     from mwd_estimation.pipeline import EstimatorSettings
-    from mwd_sensors.settings import changed
+    from mwd_sensors.core.settings import changed
 
     warm_up(changed(EstimatorSettings(), PLACE))
 

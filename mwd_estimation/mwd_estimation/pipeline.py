@@ -19,40 +19,37 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation import (
-    continuous_azimuth,
-    dynamics_summary,
-    gravity,
-    sensor_health,
-    spike_gate,
-    survey,
-)
-from mwd_estimation.attitude_stream import AttitudeStream, Block, Mark
-from mwd_estimation.binning import Bin, Binner
-from mwd_estimation.carried_witness import handed_on, held_against
-from mwd_estimation.clocks import Clocks
-from mwd_estimation.estimator_settings import EstimatorSettings, ReferenceSettings, latitude_of, reference_of
-from mwd_estimation.faulty_sensors import AZIMUTH, GuardedGravity, Record, mark, without_faulty
-from mwd_estimation.field_reading import NORTH_CODES, FieldReader
-from mwd_estimation.gyro_station import GyroStation
-from mwd_estimation.health_evidence import ACCEL, MAG
-from mwd_estimation.health_evidence import GYRO as GYRO_BIT
-from mwd_estimation.health_words import Finding
-from mwd_estimation.north_run import NorthRun
-from mwd_estimation.north_run import Progress as NorthProgress
-from mwd_estimation.north_seek import Solution
-from mwd_estimation.precision_health import PrecisionHealth
-from mwd_estimation.precision_health import Settings as PrecisionSettings
-from mwd_estimation.reference import Reference
-from mwd_estimation.rotary_survey import Progress as RotaryProgress
-from mwd_estimation.rotary_survey import RotarySurvey
-from mwd_estimation.station_run import StationRun
-from mwd_estimation.still_survey import BIN_NS, BinSet, Refusal, StillAverage, StillSurvey
-from mwd_estimation.survey import GYRO, Survey
-from mwd_estimation.track import Track
-from mwd_estimation.track import samples as arrays_of
-from mwd_sensors import wire
-from mwd_sensors.compiled import compiled
+from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth
+from mwd_estimation.attitude.continuous_attitude import AttitudeStream, Block, Mark
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.samples import Track
+from mwd_estimation.core.samples import samples as arrays_of
+from mwd_estimation.core.time_bins import Bin, Binner
+from mwd_estimation.core.time_jumps import Clocks
+from mwd_estimation.gravity import methods as gravity
+from mwd_estimation.gyrocompass.seek import Solution
+from mwd_estimation.gyrocompass.session import NorthRun
+from mwd_estimation.gyrocompass.session import Progress as NorthProgress
+from mwd_estimation.gyrocompass.station import GyroStation
+from mwd_estimation.health import monitor
+from mwd_estimation.health.fault_debounce import ACCEL, MAG
+from mwd_estimation.health.fault_debounce import GYRO as GYRO_BIT
+from mwd_estimation.health.fault_messages import Finding
+from mwd_estimation.health.unit_comparison import PrecisionHealth
+from mwd_estimation.health.unit_comparison import Settings as PrecisionSettings
+from mwd_estimation.magnetic import spike_filter
+from mwd_estimation.settings import EstimatorSettings, ReferenceSettings, latitude_of, reference_of
+from mwd_estimation.survey import survey
+from mwd_estimation.survey.continuity_check import handed_on, held_against
+from mwd_estimation.survey.fault_history import AZIMUTH, GuardedGravity, Record, mark, without_faulty
+from mwd_estimation.survey.magnetic_feedback import NORTH_CODES, FieldReader
+from mwd_estimation.survey.rotary_survey import Progress as RotaryProgress
+from mwd_estimation.survey.rotary_survey import RotarySurvey
+from mwd_estimation.survey.run_history import StationRun
+from mwd_estimation.survey.static_survey import BIN_NS, BinSet, Refusal, StillAverage, StillSurvey
+from mwd_estimation.survey.survey import GYRO, Survey
+from mwd_sensors.core import wire
+from mwd_sensors.core.compiled import compiled
 
 # Who runs the estimator finds here all that goes with it.
 __all__ = [
@@ -159,15 +156,15 @@ class Pipeline:
         self.method = gravity.method(settings.method)
         self._gravity_params = getattr(settings, settings.method)
         self._gravity = GuardedGravity(self.method, self._gravity_params)
-        self._health = sensor_health.initial(settings.health)
-        self._spikes = spike_gate.initial()
+        self._health = monitor.initial(settings.health)
+        self._spikes = spike_filter.initial()
         self._precision_health = PrecisionHealth(PrecisionSettings(math.radians(settings.gyro.bias_deg_h) / 3600.0))
         self._faults = Record()
         self._unusable, self._misled = 0, False
         # Since when the magnetometer, as far as is known a sound one, has been taken in.
         self._fed_ns = np.iinfo(np.int64).max
         self._attitude = self._attitude_stream()
-        self._dynamics_state = dynamics_summary.initial(settings.dynamics)
+        self._dynamics_state = drilling_dynamics.initial(settings.dynamics)
         self._binners = {
             "imu": Binner(6, BIN_NS),
             "mag": Binner(3, BIN_NS),
@@ -200,7 +197,7 @@ class Pipeline:
 
     def _judge_sensors_by(self, reference: Reference | None) -> None:
         known = (reference.gravity, reference.total, reference.dip) if reference is not None else (None, None, None)
-        sensor_health.set_reference(self._health, *known)
+        monitor.set_reference(self._health, *known)
 
     @property
     def reference(self) -> Reference | None:
@@ -225,12 +222,12 @@ class Pipeline:
     @property
     def sensor_faults(self) -> list[Finding]:
         """Faults of the sensors that stand now."""
-        return sensor_health.findings(self._health) + self._precision_health.findings
+        return monitor.findings(self._health) + self._precision_health.findings
 
     @property
     def sensors_known(self) -> dict[str, str]:
         """What of units, axes and signs is ok, a fault or not yet known."""
-        return sensor_health.known(self._health)
+        return monitor.known(self._health)
 
     def request_survey(self, duration_s: float = 0.0) -> None:
         """Take a survey from the next half second on; `duration_s` 0 means as configured."""
@@ -303,12 +300,12 @@ class Pipeline:
 
     def _take_mag(self, samples: Samples) -> None:
         stamps, b_t = samples["stamp_ns"], samples["magnetic_field"]
-        sensor_health.push_mag(self._health, stamps, b_t)
+        monitor.push_mag(self._health, stamps, b_t)
         # A field that no tool meets is another unit, none at all is no reading; the health of the sensors names it.
         usable = (np.abs(b_t) < _STRONGEST).all(axis=1) & b_t.any(axis=1)
         stamps, b_t = np.ascontiguousarray(stamps[usable]), np.ascontiguousarray(b_t[usable])
         self.counters.rejected += int(len(usable) - len(stamps))
-        sound = spike_gate.run(self._spikes, stamps, b_t)
+        sound = spike_filter.run(self._spikes, stamps, b_t)
         self.counters.spikes += int(len(sound) - np.count_nonzero(sound))
         stamps, b_t = stamps[sound], b_t[sound]
         self.counters.late_mag += int((stamps <= self._last_imu_ns - self._lag_ns).sum())
@@ -387,7 +384,7 @@ class Pipeline:
         stamps, gyro, accel = arrays_of(
             samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"]
         )
-        found = sensor_health.run(self.settings.health, self._health, stamps, gyro, accel)
+        found = monitor.run(self.settings.health, self._health, stamps, gyro, accel)
         output = None
         # Cut where the health of a sensor changes, which is rare: from there on the estimate does without it, or anew.
         edges = sorted({0, *found.places, n})
@@ -453,7 +450,7 @@ class Pipeline:
         if self._rotary is not None:
             self._turn_on(self._rotary, Block(stamps, gyro, accel, track), output)
         self.counters.rejected += rejected
-        output.dynamics = dynamics_summary.run(
+        output.dynamics = drilling_dynamics.run(
             self.settings.dynamics, self._dynamics_state, stamps, gyro, accel, track.g_t, output.attitude["status"]
         )
         self._last_imu_ns = int(stamps[-1])
@@ -475,7 +472,7 @@ class Pipeline:
 
     def _attitude_stream(self) -> AttitudeStream:
         settings, gyro = self.settings, self.settings.gyro
-        fine = continuous_azimuth.Precision(
+        fine = gyro_azimuth.Precision(
             gyro.noise_deg_rth or _FINE_NOISE,
             gyro.bias_deg_h,
             gyro.walk_deg_h_rth,

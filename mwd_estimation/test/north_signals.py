@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mwd_sensors.frames import mat_nt
+from mwd_sensors.core.frames import mat_nt
 
 Array = NDArray[np.float64]
 EARTH_RATE = 7.292115e-5

@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mwd_estimation import gravity
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.samples import Track
+from mwd_estimation.core.status import Status
+from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
-from mwd_estimation.reference import Reference
-from mwd_estimation.status import Status
-from mwd_estimation.still_survey import Params as StillParams
-from mwd_estimation.track import Track
-from mwd_sensors import wire
-from mwd_sensors.frames import mat_nt, wrap_pi
-from mwd_sensors.settings import changed
+from mwd_estimation.survey.static_survey import Params as StillParams
+from mwd_sensors.core import wire
+from mwd_sensors.core.frames import mat_nt, wrap_pi
+from mwd_sensors.core.settings import changed
 
 START = 1_700_000_000 * 10**9
 REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, convergence=0.01, gravity=9.81, source="test")

@@ -1,7 +1,7 @@
 """Start the sonde node of one well."""
 
 from launch import LaunchDescription
-from mwd_sensors.nodes.launching import single_node
+from mwd_sensors.ros.launch_files import single_node
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -1,6 +1,6 @@
 """Samples as they stream to the page, with the figures a test gives them."""
 
-from mwd_sensors import wire
+from mwd_sensors.core import wire
 
 
 def attitude(inclination=0.8, azimuth=1.0, toolface=0.5, sigma=0.01, status=0, north=3, n=1, **more):

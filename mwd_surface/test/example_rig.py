@@ -6,11 +6,11 @@ import time
 
 from example_surveys import START, S, surveys
 
-from mwd_estimation.status import Status
-from mwd_sensors import wire
-from mwd_surface.page.live_state import LiveState
-from mwd_surface.rig.rig_survey import accepted_surveys
-from mwd_surface.rig.rig_values import rig_values
+from mwd_estimation.core.status import Status
+from mwd_sensors.core import wire
+from mwd_surface.live.well_state import LiveState
+from mwd_surface.rig.survey import accepted_surveys
+from mwd_surface.rig.values import rig_values
 
 NOW = 5000.0
 NOW_NS = START + 95_000 * S

@@ -6,10 +6,12 @@ import example_surveys as example
 import numpy as np
 
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
-from mwd_sensors import scenario, settings, wire
-from mwd_sensors.sonde import Sonde
+from mwd_sensors.core import settings, wire
+from mwd_sensors.simulator import scenario
+from mwd_sensors.simulator.sonde import Sonde
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.surveys import survey_message
+from mwd_surface.surveys.survey_source import LIST_TYPE, PATH_TYPE
 
 RUN = """
 name: plotted
@@ -82,3 +84,40 @@ def record(path, topics=tuple(wire.SONDE_TOPICS), estimate=True, surveys=True, n
             for k, row in enumerate(survey_rows(bag.definitions)):
                 bag.write(channel, row, sonde.epoch_ns + k * wire.NANOSECONDS, sonde.epoch_ns + k * wire.NANOSECONDS)
     return sonde
+
+
+def arrays(message):
+    """The typestore takes arrays, a node takes lists."""
+    for field in dataclasses.fields(message):
+        value = getattr(message, field.name)
+        if isinstance(value, list) and value and isinstance(value[0], float):
+            setattr(message, field.name, np.array(value))
+        for part in value if isinstance(value, list) else [value]:
+            if dataclasses.is_dataclass(part):
+                arrays(part)
+    return message
+
+
+def recorded(path, lists, trajectory=True):
+    """A bag of survey lists and their paths, as the surface node publishes them."""
+    with BagWriter(path) as bag:
+        definitions = bag.definitions
+        for kind in (LIST_TYPE, PATH_TYPE):
+            definitions.load(kind)
+        store = definitions.typestore
+        channels = [bag.topic("/w1/surveys", LIST_TYPE), bag.topic("/w1/trajectory", PATH_TYPE)]
+        for k, surveys in enumerate(lists):
+            table = blank(store, LIST_TYPE)
+            survey_message.fill_list(
+                table,
+                surveys,
+                lambda: blank(store, "mwd_msgs/msg/SurveyRecord"),
+                lambda: blank(store, "mwd_msgs/msg/AzimuthEstimate"),
+            )
+            way = blank(store, PATH_TYPE)
+            survey_message.fill_trajectory(way, surveys.definitive(), surveys.changed_ns)
+            for channel, kind, message in zip(channels, (LIST_TYPE, PATH_TYPE), (table, way), strict=True):
+                if kind == LIST_TYPE or trajectory:
+                    data = bytes(store.serialize_cdr(arrays(message), kind))
+                    bag.write(channel, data, example.START + k, example.START + k)
+    return path

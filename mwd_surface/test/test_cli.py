@@ -6,7 +6,6 @@ import io
 import subprocess
 import sys
 import time
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -14,9 +13,9 @@ from rich.console import Console
 
 from mwd_surface import cli
 from mwd_surface.commands.survey_table import show_surveys
+from project import REFERENCE_DATA
 
-ROOT = Path(__file__).resolve().parents[2]
-VOLVE = ROOT.parent / "shared" / "data" / "volve" / "volve_F5_raw_sixaxis.csv"
+VOLVE = REFERENCE_DATA / "volve" / "volve_F5_raw_sixaxis.csv"
 
 
 def mwd(*words):

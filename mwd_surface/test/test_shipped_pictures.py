@@ -9,7 +9,7 @@ import yaml
 
 pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 
-from mwd_surface.nodes.contract import TOPICS
+from mwd_surface.ros.topics import TOPICS
 
 PACKAGE = Path(__file__).resolve().parents[1]
 LAYOUT = json.loads((PACKAGE / "config" / "foxglove.json").read_text())

@@ -17,18 +17,18 @@ from sensor_msgs.msg import Imu, MagneticField, Temperature
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
-from mwd_estimation import north_seek
-from mwd_estimation.nodes.errands import PERIOD, Errands
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.status import Status, words
+from mwd_estimation.gyrocompass import seek as north_seek
+from mwd_estimation.nodes.action_servers import PERIOD, Errands
 from mwd_estimation.nodes.messages import stamp, survey_message
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
-from mwd_estimation.reference import Reference
-from mwd_estimation.status import Status, words
-from mwd_estimation.still_survey import Refusal
-from mwd_estimation.survey import Survey
-from mwd_sensors import burst, frames, wire
-from mwd_sensors.nodes import profiles
-from mwd_sensors.nodes.graph_node import ERROR, OK, WARN, Finding, GraphNode, Later, run_node
-from mwd_sensors.nodes.inbox import decoded, publish_rows
+from mwd_estimation.survey.static_survey import Refusal
+from mwd_estimation.survey.survey import Survey
+from mwd_sensors.core import burst, frames, wire
+from mwd_sensors.ros import qos
+from mwd_sensors.ros.lifecycle_node import ERROR, OK, WARN, Finding, GraphNode, Later, run_node
+from mwd_sensors.ros.message_buffer import decoded, publish_rows
 
 _SILENT_AFTER = 2.0  # s without a message before a topic counts as silent
 _BLOCK_S = 0.002  # how long a sample may wait for others before it is estimated
@@ -61,19 +61,17 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         warm_up(self.settings)
         self.get_logger().info("the filters are ready")
         self._begin()
-        self._attitude = self.publish_on(Attitude, "attitude", profiles.WATCHED_STREAM)
-        self._gravity = self.publish_on(Gravity, "gravity", profiles.WATCHED_STREAM)
-        self._imu = self.publish_on(Imu, "imu/data", profiles.STREAM)
-        self._interference = self.publish_on(Interference, "interference", profiles.STATE)
-        self._dynamics = self.publish_on(Dynamics, "dynamics", profiles.STATE)
-        self._survey = self.publish_on(SurveyMessage, "survey", profiles.EVENT)
-        self._tf = self.publish_on(TFMessage, "/tf", profiles.STATE)
-        self._inputs = {
-            topic: self.collect(kind, topic, profiles.deep(profiles.STREAM)) for topic, kind in _INPUTS.items()
-        }
+        self._attitude = self.publish_on(Attitude, "attitude", qos.WATCHED_STREAM)
+        self._gravity = self.publish_on(Gravity, "gravity", qos.WATCHED_STREAM)
+        self._imu = self.publish_on(Imu, "imu/data", qos.STREAM)
+        self._interference = self.publish_on(Interference, "interference", qos.STATE)
+        self._dynamics = self.publish_on(Dynamics, "dynamics", qos.STATE)
+        self._survey = self.publish_on(SurveyMessage, "survey", qos.EVENT)
+        self._tf = self.publish_on(TFMessage, "/tf", qos.STATE)
+        self._inputs = {topic: self.collect(kind, topic, qos.deep(qos.STREAM)) for topic, kind in _INPUTS.items()}
         self.every(_BLOCK_S, self._take_block)
         self.every(PERIOD, self._errands.tell)
-        self.listen(SurveyList, "surveys", self._on_surveys, profiles.LATCHED)
+        self.listen(SurveyList, "surveys", self._on_surveys, qos.LATCHED)
         self.serve(TakeSurvey, "take_survey", self._take_survey)
         self.serve(SetReferenceField, "set_reference_field", self._set_reference_field)
         self.serve(Trigger, "reset_estimator", self._reset_estimator)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from mwd_msgs.msg import AzimuthEstimate
 from mwd_msgs.msg import Survey as SurveyMessage
 
-from mwd_estimation.survey import Survey
-from mwd_estimation.survey_fields import known, survey_fields
-from mwd_sensors.nodes.stamps import stamp
+from mwd_estimation.survey.survey import Survey
+from mwd_estimation.survey.survey_message import known, survey_fields
+from mwd_sensors.ros.time_stamps import stamp
 
 __all__ = ["known", "stamp", "survey_message"]
 

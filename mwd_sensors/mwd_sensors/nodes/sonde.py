@@ -11,14 +11,15 @@ from mwd_msgs.msg import ImuBurst, RigCommand, RigState, Truth
 from mwd_msgs.srv import InjectFault
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 
-from mwd_sensors import burst, scenario_files, steering, wire
-from mwd_sensors.faults import Fault
-from mwd_sensors.nodes import profiles
-from mwd_sensors.nodes.graph_node import ERROR, OK, WARN, Finding, GraphNode, run_node
-from mwd_sensors.nodes.listeners import Listeners
-from mwd_sensors.scenario import read
-from mwd_sensors.settings import from_mapping, setting
-from mwd_sensors.sonde import Sonde
+from mwd_sensors.core import burst, wire
+from mwd_sensors.core.settings import from_mapping, setting
+from mwd_sensors.ros import qos
+from mwd_sensors.ros.discovery import Listeners
+from mwd_sensors.ros.lifecycle_node import ERROR, OK, WARN, Finding, GraphNode, run_node
+from mwd_sensors.simulator import scenario_files, steering
+from mwd_sensors.simulator.faults import Fault
+from mwd_sensors.simulator.scenario import read
+from mwd_sensors.simulator.sonde import Sonde
 
 _BLOCK_S = 0.1  # of the run, simulated at a time
 _TICK_S = 0.005
@@ -82,13 +83,13 @@ class SondeNode(GraphNode[SondeSettings]):
         # Compiles the simulator, so that the run does not begin late.
         next(Sonde(self._scenario).blocks(_BLOCK_S))
         self._out = {
-            topic: self.publish_on(_TYPES[topic], topic, profiles.EVENT if topic == "rig/state" else profiles.STREAM)
+            topic: self.publish_on(_TYPES[topic], topic, qos.EVENT if topic == "rig/state" else qos.STREAM)
             for topic in _ORDER
         }
         if self.settings.burst:
-            self._out |= {topic: self.publish_on(ImuBurst, topic, profiles.STREAM) for topic in burst.TOPICS}
+            self._out |= {topic: self.publish_on(ImuBurst, topic, qos.STREAM) for topic in burst.TOPICS}
         self.serve(InjectFault, "inject_fault", self._inject_fault)
-        self.listen(RigCommand, "rig/command", self._on_command, profiles.STATE)
+        self.listen(RigCommand, "rig/command", self._on_command, qos.STATE)
         self.every(_TICK_S, self._tick)
 
     def start(self) -> None:

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.rosbag2 import Reader as RosbagsReader
 
-from mwd_surface.bags import mcap_format
 from mwd_surface.bags.bag_files import BagError, BagFiles, TopicInfo
-from mwd_surface.bags.mcap_format import Attachment, FormatError
-from mwd_surface.bags.mcap_index import Span
+from mwd_surface.bags.mcap import format as mcap_format
+from mwd_surface.bags.mcap.format import Attachment, FormatError
+from mwd_surface.bags.mcap.index import Span
 from mwd_surface.bags.message_parts import NEVER, Block, Decoded, Originals, Part, Stamps, blocks_of, part_of
 from mwd_surface.bags.sample_decoder import Fields, SampleDecoder
 

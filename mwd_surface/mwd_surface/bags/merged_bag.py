@@ -14,11 +14,11 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_sensors.compiled import compiled
-from mwd_surface.bags import mcap_format
+from mwd_sensors.core.compiled import compiled
 from mwd_surface.bags.bag_reader import Bag, Originals
 from mwd_surface.bags.bag_writer import ROSBAG2_RECORD, BagWriter
 from mwd_surface.bags.definitions import Definitions
+from mwd_surface.bags.mcap import format as mcap_format
 
 Bytes = NDArray[np.uint8]
 Numbers = NDArray[np.int64]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_sensors import wire
+from mwd_sensors.core import wire
 
 Stamps = NDArray[np.int64]
 Block = dict[str, tuple[Stamps, Any]]

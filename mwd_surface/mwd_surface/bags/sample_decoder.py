@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import zstandard
 
-from mwd_sensors import burst, wire
+from mwd_sensors.core import burst, wire
 from mwd_surface.bags.bag_files import BagError, TopicInfo
 from mwd_surface.bags.definitions import DefinitionError, Definitions
 from mwd_surface.bags.message_parts import Part, Stamps, merged, rows_at

@@ -59,7 +59,7 @@ def recover(
       mwd recover bags/run_7
       mwd recover run_7_0.mcap -o saved.mcap
     """
-    from mwd_surface.bags import recovery
+    from mwd_surface.bags.mcap import recovery
     from mwd_surface.commands import terminal
 
     console = terminal.output()

@@ -48,7 +48,7 @@ def batch(
       mwd batch '/data/**/*.mcap' -o /data/fleet --scheduler tcp://10.0.0.5:8786
       duckdb -c "select bag, count(*) from 'fleet/surveys/*.parquet' where verdict = 'accept' group by bag"
     """
-    from mwd_sensors import settings
+    from mwd_sensors.core import settings
     from mwd_surface.commands import terminal
     from mwd_surface.commands.reference_options import placed_settings, recording_changes
     from mwd_surface.runs.bag_input import InputSettings

@@ -40,7 +40,7 @@ def calibrate(
     """
     from rich.table import Table
 
-    from mwd_sensors.settings import SettingsError, unknown_key
+    from mwd_sensors.core.settings import SettingsError, unknown_key
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
     from mwd_surface.runs import calibration_run
@@ -93,8 +93,8 @@ def calibrate(
 def _scenario(name: str, unit: str, grade: str | None, seed: int | None) -> Any:
     import dataclasses
 
-    from mwd_sensors import scenario_files
-    from mwd_sensors.scenario import Unit, read
+    from mwd_sensors.simulator import scenario_files
+    from mwd_sensors.simulator.scenario import Unit, read
 
     scenario = read(scenario_files.find(name), {} if seed is None else {"seed": seed})
     if grade is None:
@@ -112,7 +112,7 @@ def _place(
     import datetime
     import math
 
-    from mwd_sensors import earth
+    from mwd_sensors.core import earth
 
     if field is not None and lat is None:
         total, dip, _ = field_figures(field)

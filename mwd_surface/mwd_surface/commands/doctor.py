@@ -24,7 +24,7 @@ def doctor(
 
     from rich.table import Table
 
-    from mwd_estimation import gravity
+    from mwd_estimation.gravity import methods as gravity
     from mwd_surface.commands import terminal
     from mwd_surface.runs.doctor import Level, examine
 

@@ -125,7 +125,7 @@ def _table(
 ) -> SurveyTable:
     import time
 
-    from mwd_sensors import settings
+    from mwd_sensors.core import settings
     from mwd_surface import __version__
     from mwd_surface.commands import terminal
     from mwd_surface.commands.reference_options import assignments

@@ -101,9 +101,9 @@ def process(
       mwd process bags/two_wells -o out --imu-topic /well_2/imu/data_raw
       mwd process bags/other_names -o out --imu-topic /tool/imu --gyro-topic /tool/fog
     """
-    from mwd_sensors import settings
-    from mwd_sensors.compensation import Compensation
-    from mwd_sensors.compiled import when_compiling
+    from mwd_sensors.calibration.compensation import Compensation
+    from mwd_sensors.core import settings
+    from mwd_sensors.core.compiled import when_compiling
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
     from mwd_surface.commands.reference_options import placed_settings, recording_changes
@@ -150,7 +150,7 @@ def process(
 def _with_a_model(bag: Bag, estimator: EstimatorSettings) -> tuple[EstimatorSettings, str]:
     """An older recording's field comes from the IGRF where the newer model does not reach back to its day."""
     from mwd_estimation.pipeline import reference_of
-    from mwd_sensors import settings
+    from mwd_sensors.core import settings
 
     try:
         reference_of(estimator.reference, bag.start_ns)

@@ -87,7 +87,7 @@ def estimator_settings(
         An unknown name (with its near misses) or a value that is not allowed.
     """
     from mwd_estimation.pipeline import EstimatorSettings
-    from mwd_sensors import settings
+    from mwd_sensors.core import settings
     from mwd_surface.runs.run_config import read_config
 
     start = settings.from_mapping(EstimatorSettings, read_config(config)) if config else EstimatorSettings()
@@ -105,7 +105,7 @@ def assignments(changes: Sequence[str] | None) -> dict[str, Any]:
     """
     import yaml
 
-    from mwd_sensors.settings import SettingsError
+    from mwd_sensors.core.settings import SettingsError
 
     table = {}
     for change in changes or []:
@@ -182,6 +182,6 @@ def recording_changes(lat: float | None, lon: float | None, date: str | None, fi
     changes = place_changes(None, None, None, field) | {"gyro.latitude_source": "fixed", "gyro.latitude_deg": lat}
     if field is None:
         return changes
-    from mwd_sensors import earth
+    from mwd_sensors.core import earth
 
     return changes | {"reference.gravity_mps2": round(earth.gravity(math.radians(lat), 0.0), 5)}

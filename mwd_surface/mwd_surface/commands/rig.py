@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from mwd_surface.rig.rig_status import RigStatus
+    from mwd_surface.rig.status import RigStatus
 
 rig = typer.Typer(help="Interfaces to the rig: WITS, OPC UA, Modbus, WITSML.", no_args_is_help=True)
 
@@ -41,7 +41,7 @@ def status(
     import time
 
     from mwd_surface.commands import terminal
-    from mwd_surface.rig.rig_status import RigStatusError, read_status, status_files, status_lines
+    from mwd_surface.rig.status import RigStatusError, read_status, status_files, status_lines
 
     places = folders or [Path("out"), Path("~/mwd_data").expanduser()]
     now, console = time.time(), terminal.output()

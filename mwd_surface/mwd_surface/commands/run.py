@@ -51,8 +51,8 @@ def run(
     import contextlib
     import os
 
-    from mwd_sensors import scenario_files
-    from mwd_sensors.scenario import read
+    from mwd_sensors.simulator import scenario_files
+    from mwd_sensors.simulator.scenario import read
     from mwd_surface.commands import terminal
     from mwd_surface.runs import launch_plan
     from mwd_surface.runs.supervise import Order, Supervisor, SupervisorError
@@ -191,7 +191,7 @@ def _play(supervisor: Supervisor, interrupts: _Interrupts, address: str, name: s
     import time
 
     from mwd_surface.commands import terminal
-    from mwd_surface.page.live_words import live_words
+    from mwd_surface.live.words import live_words
 
     said = 0.0
     over: float | None = None

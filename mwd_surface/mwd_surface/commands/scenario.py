@@ -21,8 +21,8 @@ def list_() -> None:
     """
     from rich.table import Table
 
-    from mwd_sensors import scenario_files
-    from mwd_sensors.scenario import read
+    from mwd_sensors.simulator import scenario_files
+    from mwd_sensors.simulator.scenario import read
     from mwd_surface.commands import terminal
 
     table = Table()
@@ -49,8 +49,8 @@ def simulate(
       mwd simulate default -o bags/default
       mwd simulate my_well.yaml -o bags/my_well --seed 7
     """
-    from mwd_sensors import scenario_files
-    from mwd_sensors.scenario import read
+    from mwd_sensors.simulator import scenario_files
+    from mwd_sensors.simulator.scenario import read
     from mwd_surface.commands import terminal
     from mwd_surface.runs.simulate import record
 

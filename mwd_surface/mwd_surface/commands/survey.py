@@ -10,7 +10,7 @@ import typer
 from mwd_surface.commands.reference_options import FIELD_PANEL, Changes, Config, Date, Field, Lat, Lon
 
 if TYPE_CHECKING:
-    from mwd_estimation.reference import Reference
+    from mwd_estimation.core.reference_field import Reference
 
 
 def survey(
@@ -45,7 +45,7 @@ def survey(
       mwd survey stations.csv -o surveys.csv --field 50360,71.63 --declination -2.2 --convergence -0.95
       mwd survey stations.csv --lat 58.44 --lon 1.88 --date 2026-03-01 --axial z
     """
-    from mwd_estimation.station_table import stations as work_out
+    from mwd_estimation.survey.six_axis_table import stations as work_out
     from mwd_surface.bags import bag_metadata
     from mwd_surface.commands import terminal
     from mwd_surface.commands.reference_options import estimator_settings
@@ -81,9 +81,9 @@ def _reference(
     import datetime
     import math
 
+    from mwd_estimation.core.reference_field import Reference
     from mwd_estimation.pipeline import EstimatorSettings, reference_of
-    from mwd_estimation.reference import Reference
-    from mwd_sensors import settings
+    from mwd_sensors.core import settings
     from mwd_surface.commands.reference_options import field_figures, place_changes
 
     known: dict[str, Any] = {}

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from mwd_estimation.station import Station
+    from mwd_estimation.survey.station import Station
 
 COLOURS = {"accept": "green", "doubtful": "yellow", "reject": "red"}
 _MOST = 12

@@ -11,9 +11,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.status import words
-from mwd_sensors import wire
-from mwd_sensors.compiled import compiled
+from mwd_estimation.core.status import words
+from mwd_sensors.core import wire
+from mwd_sensors.core.compiled import compiled
 
 HEADER = (
     "stamp_ns,inclination_deg,azimuth_deg,toolface_deg,sigma_inclination_deg,sigma_azimuth_deg,sigma_toolface_deg,"

@@ -12,9 +12,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from mwd_estimation.core.status import words
 from mwd_estimation.pipeline import NORTH_CODES
-from mwd_estimation.status import words
-from mwd_sensors import wire
+from mwd_sensors.core import wire
 
 _DEG = 180.0 / math.pi
 _ANGLES = (

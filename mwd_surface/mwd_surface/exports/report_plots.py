@@ -143,7 +143,7 @@ def _path_line(ax: Any, table: SurveyTable, axes: Any) -> None:
 
 
 def _dense(table: SurveyTable) -> np.ndarray[Any, np.dtype[np.float64]]:
-    from mwd_sensors import minimum_curvature as mc
+    from mwd_sensors.core import minimum_curvature as mc
 
     path = table.path
     if path.md.size < 2:

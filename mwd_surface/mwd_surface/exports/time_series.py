@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_sensors import wire
+from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.exports.survey_table import fixed, utc
 

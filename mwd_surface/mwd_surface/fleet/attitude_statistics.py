@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.status import Status
-from mwd_sensors import wire
+from mwd_estimation.core.status import Status
+from mwd_sensors.core import wire
 
 BIN_NS = 10_000_000_000
 FLAGS = (

@@ -18,7 +18,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as parquet
 
-from mwd_estimation.status import Status
+from mwd_estimation.core.status import Status
 from mwd_surface.fleet.attitude_statistics import FLAGS
 from mwd_surface.surveys import station_csv
 

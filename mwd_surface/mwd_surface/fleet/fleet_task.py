@@ -13,9 +13,9 @@ from typing import Any
 import yaml
 
 from mwd_estimation.pipeline import EstimatorSettings, Output
-from mwd_estimation.survey import Survey
-from mwd_sensors import settings as settings_of
-from mwd_sensors import wire
+from mwd_estimation.survey.survey import Survey
+from mwd_sensors.core import settings as settings_of
+from mwd_sensors.core import wire
 from mwd_surface import __version__
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.fleet import fleet_dataset

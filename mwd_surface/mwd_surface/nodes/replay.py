@@ -15,11 +15,11 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from mwd_estimation.nodes.messages import stamp
-from mwd_sensors import wire
-from mwd_sensors.nodes.graph_node import OK, WARN, Finding, GraphNode, Later, run_node
-from mwd_sensors.nodes.listeners import Listeners
-from mwd_sensors.nodes.profiles import STATE, STREAM
-from mwd_sensors.settings import setting
+from mwd_sensors.core import wire
+from mwd_sensors.core.settings import setting
+from mwd_sensors.ros.discovery import Listeners
+from mwd_sensors.ros.lifecycle_node import OK, WARN, Finding, GraphNode, Later, run_node
+from mwd_sensors.ros.qos import STATE, STREAM
 from mwd_surface.bags.bag_metadata import parse_qos
 from mwd_surface.bags.bag_reader import Bag, BagError, Message
 from mwd_surface.bags.pace import Pace

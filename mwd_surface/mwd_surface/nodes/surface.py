@@ -17,34 +17,34 @@ from mwd_msgs.action import NorthSeek, RotarySurvey
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
-from mwd_sensors import wire
-from mwd_sensors.nodes.graph_node import WARN, Finding, GraphNode, run_node
-from mwd_sensors.nodes.inbox import Inbox
-from mwd_sensors.nodes.profiles import STATE, deep
-from mwd_sensors.settings import setting
+from mwd_sensors.core import wire
+from mwd_sensors.core.settings import setting
+from mwd_sensors.ros.lifecycle_node import WARN, Finding, GraphNode, run_node
+from mwd_sensors.ros.message_buffer import Inbox
+from mwd_sensors.ros.qos import STATE, deep
 from mwd_surface import __version__
-from mwd_surface.bags.recorder import RecorderError
-from mwd_surface.bags.recorder_settings import RecorderSettings
-from mwd_surface.nodes.contract import TOPICS, profile_yaml, type_name
-from mwd_surface.nodes.foxglove_door import FoxgloveDoor
-from mwd_surface.nodes.health_desk import HealthDesk
-from mwd_surface.nodes.journal import Journal
-from mwd_surface.nodes.live_feed import LiveFeed
-from mwd_surface.nodes.page_door import PageDoor, Services, called
-from mwd_surface.nodes.parameter_tables import ParameterTables
-from mwd_surface.nodes.plan_desk import AdvisorySettings, PlanDesk, PlanSettings
-from mwd_surface.nodes.recording import RecordingDesk, RecordSettings
-from mwd_surface.nodes.rig_door import RigDoor
-from mwd_surface.nodes.steering_desk import SteeringDesk
-from mwd_surface.nodes.survey_desk import SurveyDesk
-from mwd_surface.nodes.threads import Answer, Beside, Requests
-from mwd_surface.page.alarms import Severity
+from mwd_surface.bags.recorder.recorder import RecorderError
+from mwd_surface.bags.recorder.settings import RecorderSettings
+from mwd_surface.live.alarms import Severity
+from mwd_surface.live.settings import LiveSettings
+from mwd_surface.live.well_state import LiveState
+from mwd_surface.nodes.diagnostics_monitor import HealthDesk
+from mwd_surface.nodes.foxglove_bridge import FoxgloveDoor
+from mwd_surface.nodes.page_bridge import PageDoor, Services, called
+from mwd_surface.nodes.plan_server import AdvisorySettings, PlanDesk, PlanSettings
+from mwd_surface.nodes.recording_server import RecordingDesk, RecordSettings
+from mwd_surface.nodes.rig_bridge import RigDoor
+from mwd_surface.nodes.slide_recorder import SteeringDesk
+from mwd_surface.nodes.stream_decoder import LiveFeed
+from mwd_surface.nodes.survey_list_server import SurveyDesk
 from mwd_surface.page.foxglove_server import FoxgloveError, FoxgloveSettings
-from mwd_surface.page.live_settings import LiveSettings
-from mwd_surface.page.live_state import LiveState
 from mwd_surface.page.page_server import PageSettings
-from mwd_surface.rig.rig_interface import InterfaceError
-from mwd_surface.rig.rig_port import RigSettings
+from mwd_surface.rig.interface import InterfaceError
+from mwd_surface.rig.port import RigSettings
+from mwd_surface.ros.alarm_log import Journal
+from mwd_surface.ros.parameter_tables import ParameterTables
+from mwd_surface.ros.topics import TOPICS, profile_yaml, type_name
+from mwd_surface.ros.worker import Answer, Beside, Requests
 from mwd_surface.surveys.depth import DepthRules
 from mwd_surface.surveys.leg_settings import LegSettings
 from mwd_surface.surveys.slide_sheet import SlideRules

@@ -12,7 +12,7 @@ import importlib
 import threading
 from typing import Any
 
-from mwd_sensors.settings import setting
+from mwd_sensors.core.settings import setting
 from mwd_surface.bags.definitions import DefinitionError, Definitions, installed
 from mwd_surface.loopback import is_loopback
 

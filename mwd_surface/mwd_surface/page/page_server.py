@@ -29,7 +29,7 @@ from typing import Any
 
 from aiohttp import WSMsgType, web
 
-from mwd_sensors.settings import setting
+from mwd_sensors.core.settings import setting
 from mwd_surface.loopback import is_loopback
 
 Command = Callable[[str, dict[str, Any]], tuple[bool, str]]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mwd_sensors.allan import figures
+from mwd_sensors.calibration.allan import figures
 from mwd_surface.plots.plot_data import AllanOf, Panel, PlotData, SpectrumOf
 from mwd_surface.plots.traces import NORTHS, WHAT
 from mwd_surface.surveys.survey_record import Survey

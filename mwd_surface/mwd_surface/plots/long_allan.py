@@ -2,7 +2,8 @@
 Allan deviation of a record of any length, in constant memory.
 
 The first part is kept as it is and tells of short averaging times, where it holds averages enough; the whole is kept
-as means of ever more samples and tells of long ones. A record that fits gives exactly `mwd_sensors.allan.allan`.
+as means of ever more samples and tells of long ones. A record that
+fits gives exactly `mwd_sensors.calibration.allan.allan`.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_sensors.allan import AllanCurve, allan
+from mwd_sensors.calibration.allan import AllanCurve, allan
 
 Array = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_sensors import wire
-from mwd_sensors.allan import AllanCurve
-from mwd_sensors.wire import Samples
+from mwd_sensors.calibration.allan import AllanCurve
+from mwd_sensors.core import wire
+from mwd_sensors.core.wire import Samples
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.plots.envelope import Envelope
 from mwd_surface.plots.long_allan import LongAllan

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_sensors import wire
-from mwd_sensors.wire import Samples
+from mwd_sensors.core import wire
+from mwd_sensors.core.wire import Samples
 
 Array = NDArray[np.float64]
 

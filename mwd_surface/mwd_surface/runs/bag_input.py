@@ -15,11 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation import units
-from mwd_sensors import burst, wire
-from mwd_sensors.settings import setting
+from mwd_sensors.core import burst, units, wire
+from mwd_sensors.core.settings import setting
 from mwd_surface.bags.bag_reader import Bag, BagError, Block
-from mwd_surface.bags.mcap_format import MAGIC
+from mwd_surface.bags.mcap.format import MAGIC
 
 IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
 IMU_BURST, PRECISION_BURST = burst.TOPICS

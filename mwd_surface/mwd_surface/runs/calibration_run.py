@@ -12,12 +12,13 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from mwd_sensors import calibration, wire
-from mwd_sensors.calibration import Calibration
-from mwd_sensors.scenario import Scenario, parse
-from mwd_sensors.settings import SettingsError
-from mwd_sensors.sonde import Sonde, reference_of
-from mwd_sensors.wire import Samples
+from mwd_sensors.calibration import tumble
+from mwd_sensors.calibration.tumble import Calibration
+from mwd_sensors.core import wire
+from mwd_sensors.core.settings import SettingsError
+from mwd_sensors.core.wire import Samples
+from mwd_sensors.simulator.scenario import Scenario, parse
+from mwd_sensors.simulator.sonde import Sonde, reference_of
 from mwd_surface.bags.bag_reader import Bag, BagError
 
 Array = NDArray[np.float64]
@@ -127,7 +128,7 @@ def calibrated(run: Run, gravity: float, field: tuple[float, float] | None) -> C
     """
     imu = run.imu
     mag = run.mag if run.unit == "ahrs" and field is not None else None
-    return calibration.calibrate(
+    return tumble.calibrate(
         imu["angular_velocity"], imu["linear_acceleration"], mag, run.celsius, run.rate, gravity, field
     )
 
@@ -141,7 +142,7 @@ def write(path: Path, found: Calibration, about: Mapping[str, Any]) -> None:
     OSError
         It cannot be written.
     """
-    table = {"about": dict(about), "calibration": calibration.as_table(found)}
+    table = {"about": dict(about), "calibration": tumble.as_table(found)}
     head = "# Made by `mwd calibrate`. SI units: rad/s, m/s^2, T, degC. Corrected = matrix @ ((reading - bias\n"
     head += "# - bias_per_c * warm) / (1 + scale_per_c * warm)), warm = temperature - reference_c.\n"
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -170,7 +171,7 @@ def read(path: Path, unit: str = "ahrs") -> Calibration:
     if made_for != unit:
         raise SettingsError(f"{path} is a calibration of the unit {made_for!r}, not of {unit!r}")
     try:
-        return calibration.from_table(table["calibration"])
+        return tumble.from_table(table["calibration"])
     except ValueError as error:
         raise SettingsError(f"{path}: {error}") from error
 

@@ -12,10 +12,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation import gravity_smoother
-from mwd_estimation.gravity_bounded import Params
-from mwd_estimation.track import Track
-from mwd_sensors import wire
+from mwd_estimation.core.samples import Track
+from mwd_estimation.gravity import smoother as gravity_smoother
+from mwd_estimation.gravity.bounded.filter import Params
+from mwd_sensors.core import wire
 
 Stamps = NDArray[np.int64]
 

@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
-from mwd_sensors.scenario import Scenario, parse_date
+from mwd_sensors.simulator.scenario import Scenario, parse_date
 
 FIRST_PORT = 8080
 # How the middleware is set up for streams; a profile of the caller's own comes first.

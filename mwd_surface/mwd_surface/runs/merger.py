@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.pipeline import Output
-from mwd_estimation.survey import Survey
-from mwd_estimation.survey_fields import survey_fields
-from mwd_sensors import wire
+from mwd_estimation.survey.survey import Survey
+from mwd_estimation.survey.survey_message import survey_fields
+from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag, Originals
 from mwd_surface.bags.merged_bag import MergedBag
 from mwd_surface.exports.thinner import Thinner

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.health_words import Finding
+from mwd_estimation.core.status import Status
+from mwd_estimation.health.fault_messages import Finding
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
-from mwd_estimation.status import Status
-from mwd_estimation.survey import Survey
-from mwd_estimation.survey_fields import survey_fields
-from mwd_sensors import wire
-from mwd_sensors.compensation import Compensation
+from mwd_estimation.survey.survey import Survey
+from mwd_estimation.survey.survey_message import survey_fields
+from mwd_sensors.calibration.compensation import Compensation
+from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag, BagError, Block, Originals
 from mwd_surface.runs.bag_input import (
     IMU,

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from mwd_estimation.pipeline import EstimatorSettings
-from mwd_sensors import settings as settings_of
+from mwd_sensors.core import settings as settings_of
 from mwd_surface.runs.bag_input import InputSettings, Topics
 from mwd_surface.runs.run_output import OutputSettings
 

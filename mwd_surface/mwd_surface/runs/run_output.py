@@ -10,10 +10,10 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from mwd_estimation.health_words import Finding
+from mwd_estimation.health.fault_messages import Finding
 from mwd_estimation.pipeline import Output
-from mwd_estimation.survey import Survey
-from mwd_sensors.settings import setting
+from mwd_estimation.survey.survey import Survey
+from mwd_sensors.core.settings import setting
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.exports import attitude_csv
 from mwd_surface.exports.thinner import Thinner

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from mwd_sensors import wire
-from mwd_sensors.scenario import Scenario
-from mwd_sensors.sonde import Sonde
+from mwd_sensors.core import wire
+from mwd_sensors.simulator.scenario import Scenario
+from mwd_sensors.simulator.sonde import Sonde
 from mwd_surface.bags.bag_metadata import qos_profile
 from mwd_surface.bags.bag_writer import BagWriter
 
 _BLOCK_S = 1.0
-# As `mwd_sensors.nodes.profiles` names them: STREAM, and EVENT for the rig.
+# As `mwd_sensors.ros.qos` names them: STREAM, and EVENT for the rig.
 _STREAM = qos_profile(reliability="best_effort", depth=200)
 _EVENT = qos_profile(durability="transient_local", depth=100)
 

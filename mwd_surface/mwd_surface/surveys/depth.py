@@ -12,7 +12,7 @@ import bisect
 import dataclasses
 import math
 
-from mwd_sensors.settings import setting
+from mwd_sensors.core.settings import setting
 
 NS = 1e-9
 

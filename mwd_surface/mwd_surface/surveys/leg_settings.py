@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from mwd_sensors.settings import setting
+from mwd_sensors.core.settings import setting
 from mwd_surface.surveys.survey_list import MAIN, SurveyList, TieOn
 
 

@@ -13,8 +13,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mwd_sensors import minimum_curvature as mc
-from mwd_sensors.frames import Array, mat_nt, wrap_tau
+from mwd_sensors.core import minimum_curvature as mc
+from mwd_sensors.core.frames import Array, mat_nt, wrap_tau
 
 
 @dataclasses.dataclass(frozen=True)

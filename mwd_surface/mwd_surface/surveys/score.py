@@ -12,8 +12,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_sensors import wire
-from mwd_sensors.frames import wrap_pi
+from mwd_sensors.core import wire
+from mwd_sensors.core.frames import wrap_pi
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.surveys.survey_message import survey_of
 from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, Verdict

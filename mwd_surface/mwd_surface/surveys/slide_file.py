@@ -6,7 +6,7 @@ import json
 import os
 from pathlib import Path
 
-from mwd_sensors import settings
+from mwd_sensors.core import settings
 from mwd_surface.surveys.slide_sheet import Stretch
 
 NAME = "slides.jsonl"

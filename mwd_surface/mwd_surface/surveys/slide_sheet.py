@@ -12,7 +12,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 
-from mwd_sensors.settings import setting
+from mwd_sensors.core.settings import setting
 from mwd_surface.surveys.well_path import Definitive
 
 SLIDE, ROTATE = "slide", "rotate"

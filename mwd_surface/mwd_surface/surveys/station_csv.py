@@ -13,9 +13,9 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from mwd_estimation.magnetic_choice import CORRECTED, RAW
-from mwd_estimation.reference import Reference
-from mwd_estimation.station import Station
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.survey.azimuth_selection import CORRECTED, RAW
+from mwd_estimation.survey.station import Station
 
 COLUMNS = (
     "md_m",

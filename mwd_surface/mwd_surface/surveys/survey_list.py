@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from mwd_sensors import minimum_curvature as mc
-from mwd_sensors import settings
-from mwd_sensors.settings import setting
+from mwd_sensors.core import minimum_curvature as mc
+from mwd_sensors.core import settings
+from mwd_sensors.core.settings import setting
 from mwd_surface.surveys.survey_record import Judgement, North, Survey, SurveyRecord, Verdict, checked_survey
 from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_path import Definitive, path_of, projected

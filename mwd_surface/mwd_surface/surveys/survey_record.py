@@ -11,7 +11,7 @@ import dataclasses
 import enum
 import math
 
-from mwd_sensors import settings
+from mwd_sensors.core import settings
 
 Three = tuple[float, float, float]
 Nine = tuple[float, float, float, float, float, float, float, float, float]

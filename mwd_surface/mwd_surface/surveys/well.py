@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from mwd_sensors.settings import setting
+from mwd_sensors.core.settings import setting
 
 NORTHS = ("magnetic", "true", "grid")
 

@@ -1,0 +1,1 @@
+"""Attitude of every sample between and during surveys."""

@@ -1,0 +1,1 @@
+"""What every estimator room builds on: samples, time bins, time jumps, status, error model, reference field."""

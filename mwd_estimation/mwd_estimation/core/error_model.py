@@ -1,0 +1,80 @@
+"""
+What calibration leaves in the six axes of a survey tool, and how the tool lies in its hole: figures and their
+covariance.
+
+The defaults are the sensor and alignment terms of the ISCWSA / OWSG tool code for ordinary MWD (A001Mc rev 5.1: ABXY,
+ABZ, ASXY, ASZ, MBXY, MBZ, MSXY, MSZ, AMIL, SAGE, XYM1 to XYM4E), the sensors' per axis, so that they propagate
+through any attitude and any method alike. `BENCH` is a tool whose own axis is wanted, not the hole's: no alignment
+terms.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mwd_sensors.core.frames import Array
+from mwd_sensors.core.settings import setting
+
+
+@dataclass(frozen=True)
+class SensorErrors:
+    """1 sigma of the errors that do not average out within one station."""
+
+    accelerometer_bias_mps2: float = setting(0.004, "Accelerometer bias of each axis", unit="m/s^2", low=0.0, high=1.0)
+    accelerometer_scale: float = setting(0.0005, "Accelerometer scale error of each axis", low=0.0, high=0.1)
+    magnetometer_bias_nt: float = setting(70.0, "Magnetometer bias of each axis", unit="nT", low=0.0, high=10000.0)
+    magnetometer_scale: float = setting(0.0016, "Magnetometer scale error of each axis", low=0.0, high=0.1)
+    axial_interference_nt: float = setting(
+        220.0,
+        "Axial field of the steel above and below, expected with a proper collar",
+        unit="nT",
+        low=0.0,
+        high=50000.0,
+    )
+    misalignment_deg: float = setting(
+        0.1, "Tool axis against hole axis, each way, the same all along (XYM1, XYM2)", unit="deg", low=0.0, high=5.0
+    )
+    course_misalignment_deg: float = setting(
+        0.3,
+        "Hole axis at the station against the mean hole, other at each station (XYM3E, XYM4E)",
+        unit="deg",
+        low=0.0,
+        high=5.0,
+    )
+    sag_deg: float = setting(
+        0.2, "Sag of the assembly in a horizontal hole, uncorrected (SAGE)", unit="deg", low=0.0, high=5.0
+    )
+
+    def covariance(self, f_t: ArrayLike, b_t: ArrayLike) -> Array:
+        """
+        Covariance of (f_t, b_t) from bias and scale of every axis, interference left out.
+
+        f_t, b_t, shape (..., 3), m/s^2 and T. Returns shape (..., 6, 6), (m/s^2)^2 and T^2, diagonal.
+        """
+        f_t, b_t = np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float)
+        variance_f = self.accelerometer_bias_mps2**2 + (self.accelerometer_scale * f_t) ** 2
+        variance_b = (self.magnetometer_bias_nt * 1e-9) ** 2 + (self.magnetometer_scale * b_t) ** 2
+        return np.concatenate([variance_f, variance_b], axis=-1)[..., None] * np.eye(6)
+
+    def alignment(self, inclination: float) -> Array:
+        """
+        Covariance of (inclination, azimuth, toolface) because the tool does not lie along the hole; shape (3, 3),
+        rad^2.
+
+        inclination: rad. The azimuth term grows as 1 / sin(inclination) towards the vertical, as the angle itself
+        loses meaning.
+        """
+        sine, cosine = abs(math.sin(inclination)), math.cos(inclination)
+        same, course, sag = (
+            math.radians(angle) for angle in (self.misalignment_deg, self.course_misalignment_deg, self.sag_deg)
+        )
+        variance_inclination = (same * sine) ** 2 + (course * cosine) ** 2 + (sag * sine**0.25) ** 2
+        variance_azimuth = same**2 + (course * cosine / max(sine, 1e-9)) ** 2
+        return np.diag([variance_inclination, variance_azimuth, 0.0])
+
+
+BENCH = SensorErrors(misalignment_deg=0.0, course_misalignment_deg=0.0, sag_deg=0.0)

@@ -1,0 +1,256 @@
+"""
+The reference a magnetic survey is judged and corrected by: local field, gravity, and the way to a named north.
+
+It comes from a geomagnetic model (S0 section 4, "by table") or from a measurement made beforehand where nothing
+disturbs the field (same section), or from a settings file. Every figure carries its own sigma, because an axial
+correction is only as good as the field it leans on.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mwd_estimation.magnetic import axial_correction
+from mwd_sensors.core.frames import Array, wrap_tau
+
+STANDARD_GRAVITY = 9.80665
+NORTHS = ("magnetic", "true", "grid")
+
+# Standard-resolution model, one station, all its parts added in squares: OWSG A001Mc rev 5.1, terms MFI, MDI, DEC, DBH.
+SIGMA_TOTAL = 143e-9
+SIGMA_DIP = math.radians(0.218)
+SIGMA_DECLINATION = math.radians(0.373)
+# Declination error of a crust or storm field is that field's east part over the horizontal field, rad T.
+SIGMA_DECLINATION_FIELD = math.radians(5831e-9)
+# Models know gravity to 3e-4 m/s^2; but what a tool called one g when it was calibrated may have been standard gravity,
+# or that of the workshop.
+SIGMA_GRAVITY = 6e-3
+
+
+class Field(Protocol):
+    """What a geomagnetic and gravity model hands over (`mwd_sensors.core.earth.ReferenceField`)."""
+
+    @property
+    def total(self) -> float: ...
+    @property
+    def dip(self) -> float: ...
+    @property
+    def declination(self) -> float: ...
+    @property
+    def convergence(self) -> float: ...
+    @property
+    def gravity(self) -> float: ...
+    @property
+    def source(self) -> str: ...
+
+
+@dataclass(frozen=True)
+class Reference:
+    """
+    Local field, gravity and north; what is not known is None.
+
+    Attributes
+    ----------
+    total, dip : float or None
+        Field strength, T, and its angle below the horizontal, rad. Given together or not at all.
+    declination, convergence : float or None
+        True north to magnetic north, rad, east positive; true north to grid north, rad, east positive (S0 note: true =
+        magnetic + declination; grid = true - convergence).
+    gravity : float or None
+        Local gravity, m/s^2.
+    source : str
+        Where it comes from, in words.
+    sigma_total, sigma_dip, sigma_declination, sigma_gravity : float
+        1 sigma, T, rad, rad, m/s^2. `sigma_declination` leaves out the part that grows with a weak horizontal field.
+    sigma_declination_field : float
+        That part, rad T: divided by the horizontal field it adds in squares to `sigma_declination`.
+    """
+
+    total: float | None = None
+    dip: float | None = None
+    declination: float | None = None
+    convergence: float | None = None
+    gravity: float | None = None
+    source: str = "none"
+    sigma_total: float = SIGMA_TOTAL
+    sigma_dip: float = SIGMA_DIP
+    sigma_declination: float = SIGMA_DECLINATION
+    sigma_declination_field: float = SIGMA_DECLINATION_FIELD
+    sigma_gravity: float = SIGMA_GRAVITY
+
+    def __post_init__(self) -> None:
+        for name in ("total", "dip", "declination", "convergence", "gravity"):
+            value = getattr(self, name)
+            if value is not None and not math.isfinite(value):
+                raise ValueError(f"reference {name}: must be a finite number, got {value!r}")
+        for name in ("sigma_total", "sigma_dip", "sigma_declination", "sigma_declination_field", "sigma_gravity"):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f"reference {name}: must be zero or more, got {getattr(self, name)!r}")
+        if (self.total is None) != (self.dip is None):
+            known, missing = ("total", "dip") if self.dip is None else ("dip", "total")
+            raise ValueError(f"reference {known} is given without {missing}: a field needs both")
+        if self.total is not None and not 5e-6 <= self.total <= 2e-4:
+            raise ValueError(
+                f"reference total: {self.total:g} T is no Earth field (2e-5 to 7e-5 T){_scaled(self.total)}"
+            )
+        for name in ("dip", "declination", "convergence"):
+            value, bound = getattr(self, name), 0.5 * math.pi if name == "dip" else math.pi
+            if value is not None and abs(value) > bound:
+                raise ValueError(
+                    f"reference {name}: {value:g} rad is beyond {bound:.4g} rad; {value:g} deg would be "
+                    f"{math.radians(value):.6g} rad"
+                )
+        if self.gravity is not None and not 9.7 <= self.gravity <= 9.9:
+            raise ValueError(f"reference gravity: {self.gravity:g} m/s^2 is not the Earth's (9.76 to 9.84 m/s^2)")
+
+    @property
+    def has_field(self) -> bool:
+        """Whether strength and dip are known, without which no correction and no field check is possible."""
+        return self.total is not None
+
+    @property
+    def horizontal(self) -> float:
+        """Horizontal field, T. ValueError where the field is unknown."""
+        total, dip = self._field()
+        return total * math.cos(dip)
+
+    @property
+    def vertical(self) -> float:
+        """Downward field, T. ValueError where the field is unknown."""
+        total, dip = self._field()
+        return total * math.sin(dip)
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of (horizontal, vertical), shape (2, 2), T^2, from the sigmas of strength and dip."""
+        total, dip = self._field()
+        jacobian = np.array([[math.cos(dip), -total * math.sin(dip)], [math.sin(dip), total * math.cos(dip)]])
+        return np.asarray(jacobian @ np.diag([self.sigma_total**2, self.sigma_dip**2]) @ jacobian.T)
+
+    def declination_variance(self, horizontal: float) -> float:
+        """Variance of the declination, rad^2, where the horizontal field is that many T."""
+        return self.sigma_declination**2 + (self.sigma_declination_field / max(horizontal, 1e-9)) ** 2
+
+    def _field(self) -> tuple[float, float]:
+        if self.total is None or self.dip is None:
+            raise ValueError("the reference has no field: give its strength and dip, or a place and date for a model")
+        return self.total, self.dip
+
+
+def from_field(field: Field, **changes: float) -> Reference:
+    """Reference of a model's field; `changes` are other fields of `Reference`, such as better sigmas."""
+    reference = Reference(
+        total=field.total,
+        dip=field.dip,
+        declination=field.declination,
+        convergence=field.convergence,
+        gravity=field.gravity,
+        source=field.source,
+    )
+    return replace(reference, **changes)  # type: ignore[arg-type]
+
+
+def measured(
+    f_t: ArrayLike,
+    b_t: ArrayLike,
+    *,
+    declination: float | None = None,
+    convergence: float | None = None,
+    sigma_total: float = 40e-9,
+    sigma_dip: float = math.radians(0.1),
+) -> Reference:
+    """
+    Reference measured beforehand with the tool itself, away from any steel (S0 section 4).
+
+    Parameters
+    ----------
+    f_t, b_t : array_like, shape (n, 3) or (3,)
+        Specific force, m/s^2, and field, T, in tool axes at one place in one or more attitudes: turning the tool
+        averages its own biases out.
+    declination, convergence : float, optional
+        rad; a measurement of field and gravity alone cannot know them.
+    sigma_total, sigma_dip : float
+        Floor of the sigmas, T and rad: what the sensors get wrong in every attitude alike. The scatter over the
+        attitudes is added in squares.
+
+    Returns
+    -------
+    Reference
+        Mean strength, dip and gravity.
+
+    Raises
+    ------
+    ValueError
+        Shapes that differ, a field that is not an Earth field, or readings that scatter by more than 2 % of the field
+        (the place is disturbed or the tool was moving).
+    """
+    f_t, b_t = np.atleast_2d(np.asarray(f_t, dtype=float)), np.atleast_2d(np.asarray(b_t, dtype=float))
+    if f_t.shape != b_t.shape or f_t.shape[-1] != 3 or not len(f_t):
+        raise ValueError(f"f_t and b_t: expected the same shape (n, 3), got {f_t.shape} and {b_t.shape}")
+    totals, dips = axial_correction.total_field(b_t), axial_correction.dip(f_t, b_t)
+    total, dip = float(totals.mean()), float(dips.mean())
+    scatter = np.array([totals.std(), dips.std() * total])
+    if not (scatter <= 0.02 * total).all():
+        raise ValueError(
+            f"b_t: readings scatter by {scatter.max() * 1e9:.0f} nT, over 2 % of {total * 1e9:.0f} nT: "
+            "measure the reference at rest and away from steel"
+        )
+    shots = math.sqrt(len(f_t))
+    return Reference(
+        total=total,
+        dip=dip,
+        declination=declination,
+        convergence=convergence,
+        gravity=float(np.linalg.norm(f_t, axis=1).mean()),
+        source=f"measured beforehand, {len(f_t)} attitudes",
+        sigma_total=math.hypot(sigma_total, scatter[0] / shots),
+        sigma_dip=math.hypot(sigma_dip, scatter[1] / total / shots),
+        sigma_gravity=2e-3,
+    )
+
+
+def best_north(reference: Reference | None) -> str:
+    """The most useful north the reference allows: grid, else true, else magnetic."""
+    for north in ("grid", "true"):
+        if north_correction(reference, north) is not None:
+            return north
+    return "magnetic"
+
+
+def north_correction(reference: Reference | None, north: str) -> float | None:
+    """
+    What to add to a magnetic azimuth to refer it to the named north, rad; None where the reference does not know.
+
+    Raises
+    ------
+    ValueError
+        A north other than magnetic, true, grid.
+    """
+    if north not in NORTHS:
+        raise ValueError(f"north: {north!r} is not one of {', '.join(NORTHS)}")
+    if north == "magnetic":
+        return 0.0
+    if reference is None or reference.declination is None:
+        return None
+    if north == "true":
+        return reference.declination
+    if reference.convergence is None:
+        return None
+    return reference.declination - reference.convergence
+
+
+def to_north(azimuth_magnetic: float, correction: float) -> float:
+    """Azimuth of a named north, rad in [0, 2 pi), from the magnetic one and its correction, rad."""
+    return float(wrap_tau(azimuth_magnetic + correction))
+
+
+def _scaled(total: float) -> str:
+    for factor, unit in ((1e-9, "nT"), (1e-6, "uT"), (1e-4, "G")):
+        if 2e-5 <= total * factor <= 7e-5:
+            return f"; {total:g} {unit} would be {total * factor:g} T"
+    return ""

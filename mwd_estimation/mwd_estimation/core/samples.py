@@ -1,0 +1,176 @@
+"""
+Track: what every gravity method publishes, sample by sample, and the checks every sample passes first.
+
+A sample is admitted, admitted after a gap, or rejected (not finite, or its stamp does not advance). Rejected samples
+leave the filter as it was and repeat the last estimate with a flag; nothing not finite ever reaches a filter.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mwd_estimation.core.status import Status
+from mwd_sensors.core.compiled import compiled
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+STANDARD_GRAVITY = 9.80665
+ROTATING_ABOVE = 0.5  # rad/s, low-passed rate about the tool axis (4.8 r/min)
+STILL_RATE = 0.05  # rad/s, held peak of the angular rate
+STILL_NON_GRAVITY = 0.5  # m/s^2, held peak of the non-gravity acceleration
+STILL_HOLD = 1.0  # s, time constant with which a peak is forgotten
+ROTARY_LAG = 0.5  # s, time constant of the rotary speed
+NEAR_VERTICAL_BELOW = math.radians(3.0)  # where the high side is too short to name a toolface
+BACKWARD_LIMIT = 50  # samples whose stamps advance again, after which a clock that jumped back is believed
+RATE_WITHIN = 200.0  # rad/s: beyond it a value is garbage, not motion
+FORCE_WITHIN = 4000.0  # m/s^2
+
+FIRST, NEXT, AFTER_GAP, REJECTED = 0, 1, 2, 3
+# Layout of the integer and the real part of the common state.
+LAST_NS, HAVE_LAST, BACKWARD_NS, BACKWARD_COUNT, CLOCK_SIZE = 0, 1, 2, 3, 4
+ROTARY, PEAK_RATE, PEAK_FORCE, MOTION_SIZE = 0, 1, 2, 3
+
+# Ratios of the terms of sin(a) / a and of (1 - cos(a)) / a^2.
+_S1, _S2, _S3, _S4 = 1.0 / 6.0, 1.0 / 20.0, 1.0 / 42.0, 1.0 / 72.0
+_C1, _C2, _C3, _C4 = 1.0 / 24.0, 1.0 / 30.0, 1.0 / 56.0, 1.0 / 90.0
+_STILL, _SLIDING, _ROTATING = int(Status.STILL), int(Status.SLIDING), int(Status.ROTATING)
+
+
+@dataclasses.dataclass(frozen=True)
+class Track:
+    """
+    Gravity followed through n samples.
+
+    Attributes
+    ----------
+    g_t : ndarray, shape (n, 3)
+        Unit vector down, in tool axes. NaN until a first estimate exists.
+    sigma_inclination, sigma_toolface : ndarray, shape (n,)
+        One sigma, rad, at most pi.
+    non_gravity : ndarray, shape (n,)
+        Largest magnitude of the specific force that is not gravity, forgotten over about a second, m/s^2.
+    rotary_speed : ndarray, shape (n,)
+        Low-passed rate about the tool axis, rad/s, positive clockwise looking down-hole.
+    status : ndarray of uint32, shape (n,)
+        Bits of `mwd_estimation.core.status.Status`.
+    """
+
+    g_t: Array
+    sigma_inclination: Array
+    sigma_toolface: Array
+    non_gravity: Array
+    rotary_speed: Array
+    status: NDArray[np.uint32]
+
+    @classmethod
+    def empty(cls, n: int) -> Track:
+        """Room for n samples, to be filled by a kernel."""
+        one = (n,)
+        return cls(
+            np.empty((n, 3)), np.empty(one), np.empty(one), np.empty(one), np.empty(one), np.zeros(one, dtype=np.uint32)
+        )
+
+    def part(self, samples: slice) -> Track:
+        """Some of the samples."""
+        return Track(*(getattr(self, field.name)[samples] for field in dataclasses.fields(self)))
+
+    @property
+    def inclination(self) -> Array:
+        """Angle of the tool axis from the vertical, shape (n,), rad."""
+        return np.asarray(np.arctan2(np.hypot(self.g_t[:, 1], self.g_t[:, 2]), self.g_t[:, 0]))
+
+
+def samples(stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> tuple[Stamps, Array, Array]:
+    """
+    Arrays of one block, checked for shape and laid out for a kernel.
+
+    Raises
+    ------
+    ValueError
+        Stamps not of shape (n,), or rates or forces not of shape (n, 3).
+    """
+    stamps = np.ascontiguousarray(stamp_ns, dtype=np.int64)
+    gyro = np.ascontiguousarray(gyro_t, dtype=np.float64)
+    accel = np.ascontiguousarray(accel_t, dtype=np.float64)
+    if stamps.ndim != 1:
+        raise ValueError(f"stamp_ns: expected shape (n,), got {stamps.shape}")
+    for name, block in (("gyro_t", gyro), ("accel_t", accel)):
+        if block.shape != (len(stamps), 3):
+            raise ValueError(f"{name}: expected shape ({len(stamps)}, 3), got {block.shape}")
+    return stamps, gyro, accel
+
+
+@compiled
+def admit(
+    clock: Stamps, stamp: int, wx: float, wy: float, wz: float, fx: float, fy: float, fz: float, gap_ns: int
+) -> int:
+    """
+    Judge one sample and move the clock: FIRST, NEXT, AFTER_GAP or REJECTED.
+
+    A stamp that does not advance is rejected. When the stamps after a backward jump advance among themselves for
+    BACKWARD_LIMIT samples the new clock is believed (AFTER_GAP), so that a clock set back does not end the estimate.
+    """
+    finite = math.isfinite(wx + wy + wz + fx + fy + fz)
+    rate = max(abs(wx), abs(wy), abs(wz))
+    force = max(abs(fx), abs(fy), abs(fz))
+    if not finite or rate > RATE_WITHIN or force > FORCE_WITHIN:
+        return REJECTED
+    if clock[HAVE_LAST] == 0:
+        clock[HAVE_LAST] = 1
+        clock[LAST_NS] = stamp
+        return FIRST
+    step = stamp - clock[LAST_NS]
+    if step > 0:
+        clock[LAST_NS] = stamp
+        clock[BACKWARD_COUNT] = 0
+        return NEXT if step <= gap_ns else AFTER_GAP
+    if clock[BACKWARD_COUNT] == 0 or stamp > clock[BACKWARD_NS]:
+        clock[BACKWARD_COUNT] += 1
+    clock[BACKWARD_NS] = stamp
+    if clock[BACKWARD_COUNT] > BACKWARD_LIMIT:
+        clock[BACKWARD_COUNT] = 0
+        clock[LAST_NS] = stamp
+        return AFTER_GAP
+    return REJECTED
+
+
+@compiled
+def follow_motion(motion: Array, dt: float, wx: float, wy: float, wz: float, non_gravity: float) -> int:
+    """Rotary speed (S3 eq 11 with the previous output in its second term) and STILL, SLIDING or ROTATING."""
+    share = dt / (ROTARY_LAG + dt)
+    motion[ROTARY] += share * (wx - motion[ROTARY])
+    forget = math.exp(-dt / STILL_HOLD)
+    motion[PEAK_RATE] = max(motion[PEAK_RATE] * forget, math.sqrt(wx * wx + wy * wy + wz * wz))
+    motion[PEAK_FORCE] = max(motion[PEAK_FORCE] * forget, non_gravity)
+    if abs(motion[ROTARY]) > ROTATING_ABOVE:
+        return _ROTATING
+    if motion[PEAK_RATE] < STILL_RATE and motion[PEAK_FORCE] < STILL_NON_GRAVITY:
+        return _STILL
+    return _SLIDING
+
+
+@compiled
+def turn(gx: float, gy: float, gz: float, px: float, py: float, pz: float) -> tuple[float, float, float]:
+    """Vector fixed in space seen from axes turned by the rotation vector p, rad: exp(-[p x]) g, exact (Rodrigues)."""
+    angle2 = px * px + py * py + pz * pz
+    if angle2 < 0.01:
+        # Series, whose first term left out is below 1e-17: cheaper than sine and cosine, and nothing cancels.
+        s = 1.0 - angle2 * _S1 * (1.0 - angle2 * _S2 * (1.0 - angle2 * _S3 * (1.0 - angle2 * _S4)))
+        c = 0.5 - angle2 * _C1 * (1.0 - angle2 * _C2 * (1.0 - angle2 * _C3 * (1.0 - angle2 * _C4)))
+    else:
+        angle = math.sqrt(angle2)
+        s = math.sin(angle) / angle
+        c = (1.0 - math.cos(angle)) / angle2
+    ax = gy * pz - gz * py
+    ay = gz * px - gx * pz
+    az = gx * py - gy * px
+    return (
+        gx + s * ax + c * (ay * pz - az * py),
+        gy + s * ay + c * (az * px - ax * pz),
+        gz + s * az + c * (ax * py - ay * px),
+    )

@@ -1,0 +1,127 @@
+"""
+Stamps that go back: a recording that loops or is wound back, a clock that was set; and single stamps that are garbage.
+
+The leading stream (the AHRS) decides. One of its samples more than a second before the last is not believed; when a few
+in a row advance from there, time has gone back, and whoever listens begins anew with exactly those samples. The other
+streams may hear of it earlier or later: what is already of the new time waits for the leader, what is still of the old
+time is dropped.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.core.wire import Samples
+
+Stamps = NDArray[np.int64]
+
+BACK_NS = 1_000_000_000
+# Samples in a row that make a new time believed.
+BELIEVED = 3
+# Held samples of a stream that ran ahead of the leader; more means that the leader never followed.
+_MOST_HELD = 100_000
+_NONE = np.iinfo(np.int64).min
+
+
+class Clocks:
+    """
+    The time of one leading stream and of those beside it.
+
+    Attributes
+    ----------
+    dropped : int
+        Samples of other streams that were of no time in use.
+    went_back : list of (int, int)
+        The leader's latest stamp before time went back and its first one after that, ns, each time.
+    """
+
+    def __init__(self) -> None:
+        self._lead_ns = _NONE
+        self._back: list[Samples] = []
+        self._last: dict[str, int] = {}
+        self._ahead: dict[str, list[Samples]] = {}
+        self._behind: set[str] = set()
+        self.dropped = 0
+        self.went_back: list[tuple[int, int]] = []
+
+    def lead(self, samples: Samples) -> list[tuple[Samples, Samples | None]]:
+        """
+        Cut a block of the leading stream where time goes back.
+
+        Returns
+        -------
+        list of (samples, new)
+            `samples` belong to the time so far (those not believed among them); where `new` is not None, time goes back
+            behind them, and begins anew with `new`: their last few, which were not believed before.
+        """
+        stamps = samples["stamp_ns"]
+        if not len(stamps):
+            return [(samples, None)]
+        if not self._back and stamps[0] > self._lead_ns - BACK_NS and not (np.diff(stamps) < -BACK_NS).any():
+            self._lead_ns = max(self._lead_ns, int(stamps.max()))
+            return [(samples, None)]
+        pieces: list[tuple[Samples, Samples | None]] = []
+        start = 0
+        for i, stamp in enumerate(stamps.tolist()):
+            if stamp > self._lead_ns - BACK_NS:
+                self._back = []
+                self._lead_ns = max(self._lead_ns, stamp)
+                continue
+            if self._back and stamp <= int(self._back[-1]["stamp_ns"][0]):
+                self._back = []
+            self._back.append(samples[i : i + 1].copy())
+            if len(self._back) == BELIEVED:
+                begun = np.concatenate(self._back)
+                pieces.append((samples[start : i + 1], begun))
+                self.went_back.append((self._lead_ns, int(begun["stamp_ns"][0])))
+                self._lead_ns, self._back, start = stamp, [], i + 1
+                self._behind = set(self._last) - set(self._ahead)
+        pieces.append((samples[start:], None))
+        return pieces
+
+    def beside(self, name: str, samples: Samples) -> Samples:
+        """The samples of another stream that belong to the leader's time; the rest waits or is dropped."""
+        stamps = samples["stamp_ns"]
+        if not len(stamps):
+            return samples
+        last = self._last.get(name, _NONE)
+        usual = name not in self._ahead and name not in self._behind
+        if usual and stamps[0] > last - BACK_NS and not (np.diff(stamps) < -BACK_NS).any():
+            self._last[name] = max(last, int(stamps.max()))
+            return samples
+        keep = np.zeros(len(stamps), dtype=bool)
+        for i, stamp in enumerate(stamps.tolist()):
+            keep[i] = self._belongs(name, stamp, samples[i : i + 1])
+        return samples[keep]
+
+    def _belongs(self, name: str, stamp: int, sample: Samples) -> bool:
+        if name in self._behind:
+            # Still of the time before; one near the leader is of its time, even if it went on from a silence.
+            if stamp > self._lead_ns + BACK_NS and stamp > self._last[name] - BACK_NS:
+                self._last[name] = max(self._last[name], stamp)
+                self.dropped += 1
+                return False
+            self._behind.discard(name)
+            self._last[name] = stamp
+            return True
+        last = self._last.get(name, _NONE)
+        if stamp > last - BACK_NS and len(self._ahead.get(name, [])) < BELIEVED:
+            # Stamps that were garbage, or no news at all.
+            self._ahead.pop(name, None)
+            self._last[name] = max(last, stamp)
+            return True
+        held = self._ahead.setdefault(name, [])
+        if len(held) < _MOST_HELD:
+            held.append(sample.copy())
+        else:
+            self.dropped += 1
+        return False
+
+    def release(self) -> dict[str, Samples]:
+        """Samples of each stream that waited for the leader to go back; called once it has."""
+        waiting = {name: np.concatenate(held) for name, held in self._ahead.items() if held}
+        self._ahead = {}
+        for name, samples in waiting.items():
+            self._last[name] = int(samples["stamp_ns"].max())
+        return waiting

@@ -1,0 +1,1 @@
+"""The default gravity method: an error-state filter bounded by the tool's small velocity."""

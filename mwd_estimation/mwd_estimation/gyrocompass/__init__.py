@@ -1,0 +1,1 @@
+"""Azimuth from the Earth rate: seeks, filters and their posterior."""

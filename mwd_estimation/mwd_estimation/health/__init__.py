@@ -1,0 +1,1 @@
+"""Sensor health: which unit or axis reads wrongly, and why."""

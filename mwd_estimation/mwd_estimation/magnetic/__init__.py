@@ -1,0 +1,1 @@
+"""The magnetic field: corrections, spikes, the string's own field."""

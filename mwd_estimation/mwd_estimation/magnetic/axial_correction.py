@@ -1,0 +1,435 @@
+"""
+Azimuth from gravity and the magnetic field, and its correction for the steel above and below the tool.
+
+Source S0 (accelerometer and magnetometer attitude). Its symbols against ours: theta = inclination - 90 deg, phi =
+toolface - 180 deg, G = -f_t, psi = magnetic azimuth. A station's field is seen in three directions fixed by gravity
+alone: along the *axis*, towards the *high* side, towards the *right* side (axis x high). With horizontal field H,
+downward field V:
+
+    axis  =  H sin(I) cos(A) + V cos(I) + E      S0 (13), (16)
+    high  =  H cos(I) cos(A) - V sin(I)          S0 (19), sign of `high` turned
+    right = -H sin(A)                            S0 (20)
+
+E is the axial interference. The correction estimates azimuth A and E together by maximum likelihood from the three,
+so that S0's division by sin(theta) = -cos(I) is replaced by a weight that goes to zero there, and the sigma grows
+instead of the error.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.frames import Array, wrap_pi, wrap_tau
+
+_GRID = 360
+# A grid of one degree describes a posterior wider than this; below, the curvature at the peak does.
+_WIDE = np.radians(1.5)
+# Interference imaginable is spread as Student's t of seven degrees of freedom, strings unheard of included: they come
+# with small odds and no scale.
+_FREEDOM, _TAIL = 7.0, 0.005
+# A second azimuth with a smaller share of the probability is none; the limit is lower where the first asks for more
+# than the plausible interference too. From so many times it on the two share evenly: there nothing tells them apart.
+_MIRROR, _MIRROR_LOUD, _BEYOND = 3e-3, 3e-4, 2.0
+
+
+def total_field(b_t: ArrayLike) -> Array:
+    """Strength of the field, T. b_t, shape (..., 3), T, any axes. Returns shape (...)."""
+    return np.asarray(np.linalg.norm(np.asarray(b_t, dtype=float), axis=-1))
+
+
+def dip(f_t: ArrayLike, b_t: ArrayLike) -> Array:
+    """
+    Angle of the field below the horizontal.
+
+    f_t, b_t, shape (..., 3): specific force, m/s^2, and field, T, in the same axes. Returns shape (...), rad in
+    [-pi/2, pi/2].
+    """
+    f_t, b_t = np.broadcast_arrays(np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float))
+    across = np.linalg.norm(np.cross(f_t, b_t), axis=-1)
+    return np.asarray(np.arctan2(-np.sum(f_t * b_t, axis=-1), across))
+
+
+def raw_azimuth(f_t: ArrayLike, b_t: ArrayLike) -> Array:
+    """
+    Magnetic azimuth of the hole axis, nothing corrected (S0 eq 10, with G = -f_t).
+
+    f_t, b_t, shape (..., 3): specific force, m/s^2, and field, T, in tool axes. Returns shape (...), rad in [0, 2 pi).
+    Undefined in a vertical hole and where the field is vertical.
+    """
+    g_t = -np.asarray(f_t, dtype=float)
+    b_t = np.asarray(b_t, dtype=float)
+    g_x, g_y, g_z = g_t[..., 0], g_t[..., 1], g_t[..., 2]
+    b_x, b_y, b_z = b_t[..., 0], b_t[..., 1], b_t[..., 2]
+    g = np.sqrt(g_x * g_x + g_y * g_y + g_z * g_z)
+    east = g * (b_z * g_y - b_y * g_z)
+    north = b_x * (g_y * g_y + g_z * g_z) - g_x * (b_y * g_y + b_z * g_z)
+    return wrap_tau(np.arctan2(east, north))
+
+
+@compiled
+def raw_azimuth_sample(f_x: float, f_y: float, f_z: float, b_x: float, b_y: float, b_z: float) -> float:
+    """Magnetic azimuth of one sample, rad in [0, 2 pi): `raw_azimuth` for compiled loops (S0 eq 10)."""
+    g = math.sqrt(f_x * f_x + f_y * f_y + f_z * f_z)
+    east = g * (b_y * f_z - b_z * f_y)
+    north = b_x * (f_y * f_y + f_z * f_z) - f_x * (b_y * f_y + b_z * f_z)
+    azimuth = math.atan2(east, north)
+    return azimuth + 2.0 * math.pi if azimuth < 0.0 else azimuth
+
+
+@compiled
+def corrected_azimuth_sample(f_x: float, f_y: float, f_z: float, b_y: float, b_z: float, vertical: float) -> float:
+    """
+    Magnetic azimuth of one sample without the axial magnetometer, rad in [0, 2 pi) (S0 eqs 19 and 20, solved apart).
+
+    vertical: downward reference field, T. The cosine from (19) and the sine from (20) go to the arctangent each with
+    its own sign, so all four quadrants hold. No sigma: use `axial_correction` for a survey. nan in a horizontal hole,
+    where (19) says nothing of the cosine, and in a vertical one.
+    """
+    across = math.sqrt(f_y * f_y + f_z * f_z)
+    g = math.sqrt(across * across + f_x * f_x)
+    if across < 1e-9 * g or abs(f_x) < 1e-9 * g:
+        return math.nan
+    high = (b_y * f_y + b_z * f_z) / across
+    right = (b_z * f_y - b_y * f_z) / across
+    azimuth = math.atan2(-right, (high + vertical * across / g) / (-f_x / g))
+    return azimuth + 2.0 * math.pi if azimuth < 0.0 else azimuth
+
+
+def hole_components(f_t: ArrayLike, b_t: ArrayLike) -> Array:
+    """
+    Field along the axis, towards the high side and towards the right side, T.
+
+    f_t, b_t, shape (..., 3), in tool axes. Returns shape (..., 3). Undefined (nan) in an exactly vertical hole.
+    """
+    f_t, b_t = np.broadcast_arrays(np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float))
+    across = np.hypot(f_t[..., 1], f_t[..., 2])
+    across = np.where(across > 0.0, across, np.nan)
+    s, c = f_t[..., 1] / across, f_t[..., 2] / across
+    return np.stack([b_t[..., 0], b_t[..., 1] * s + b_t[..., 2] * c, b_t[..., 2] * s - b_t[..., 1] * c], axis=-1)
+
+
+def angle_jacobian(f_t: ArrayLike, b_t: ArrayLike) -> Array:
+    """
+    Derivatives of (inclination, raw magnetic azimuth, gravity toolface) by (f_t, b_t).
+
+    f_t, b_t, shape (..., 3). Returns shape (..., 3, 6), rad per m/s^2 and rad per T. Azimuth and toolface rows grow
+    as 1 / sin(inclination) towards the vertical. The field must not be vertical.
+    """
+    f_t, b_t = np.broadcast_arrays(np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float))
+    g = np.linalg.norm(f_t, axis=-1)
+    # An exactly vertical hole is taken as tilted by 1e-7 rad, where all slopes are large and finite.
+    upright = np.hypot(f_t[..., 1], f_t[..., 2]) < 1e-7 * g
+    f_t = np.where(upright[..., None], f_t + 1e-7 * g[..., None] * np.array([0.0, 0.0, 1.0]), f_t)
+    down = -f_t / g[..., None]
+    across = np.hypot(f_t[..., 1], f_t[..., 2])
+    s, c = f_t[..., 1] / across, f_t[..., 2] / across
+    jac = np.zeros((*g.shape, 3, 6))
+    jac[..., 0, 0] = across / g**2
+    jac[..., 0, 1] = -f_t[..., 0] * s / g**2
+    jac[..., 0, 2] = -f_t[..., 0] * c / g**2
+    jac[..., 2, 1] = c / across
+    jac[..., 2, 2] = -s / across
+    along = np.sum(b_t * down, axis=-1)
+    east = down[..., 1] * b_t[..., 2] - down[..., 2] * b_t[..., 1]
+    north = b_t[..., 0] - along * down[..., 0]
+    east_b = np.stack([np.zeros_like(g), -down[..., 2], down[..., 1]], axis=-1)
+    east_d = np.stack([np.zeros_like(g), b_t[..., 2], -b_t[..., 1]], axis=-1)
+    axis = np.array([1.0, 0.0, 0.0])
+    north_b = axis - down[..., :1] * down
+    north_d = -b_t * down[..., :1] - along[..., None] * axis
+    square = (north**2 + east**2)[..., None]
+    azimuth_b = (north[..., None] * east_b - east[..., None] * north_b) / square
+    azimuth_d = (north[..., None] * east_d - east[..., None] * north_d) / square
+    # A change of f along itself does not turn the vertical.
+    azimuth_f = -(azimuth_d - np.sum(azimuth_d * down, axis=-1, keepdims=True) * down) / g[..., None]
+    jac[..., 1, :3], jac[..., 1, 3:] = azimuth_f, azimuth_b
+    return jac
+
+
+@dataclass(frozen=True)
+class AxialCorrection:
+    """
+    Azimuth freed of axial interference, and the interference itself; every array of the input's leading shape.
+
+    Attributes
+    ----------
+    azimuth, sigma_azimuth : ndarray
+        Magnetic azimuth, rad in [0, 2 pi), and 1 sigma, rad. Where the geometry is singular they are those of the
+        whole posterior, second solution included, up to pi / sqrt(3) = an angle of which nothing is known.
+    interference, sigma_interference : ndarray
+        Axial field not of the Earth, T, positive down-hole, and 1 sigma.
+    chi_square : ndarray
+        Misfit of the field against the reference, one degree of freedom (two with a finite prior): large means that
+        the disturbance is not axial, or that the reference is not this place's.
+    mirror : ndarray of bool
+        A second azimuth explains the readings nearly as well (a horizontal hole seen without the axial magnetometer).
+    both : ndarray, shape (..., 2)
+        The better of the two and the other, rad; nan where there is no mirror.
+    share : ndarray
+        Of the other, in the probability; 0 where there is none.
+    sensitivity : ndarray, shape (..., 6)
+        Derivative of the azimuth by (f_t, b_t), rad per m/s^2 and per T, for covariances with other angles.
+    """
+
+    azimuth: Array
+    sigma_azimuth: Array
+    interference: Array
+    sigma_interference: Array
+    chi_square: Array
+    mirror: np.ndarray
+    both: Array
+    share: Array
+    sensitivity: Array
+
+
+def axial_correction(
+    f_t: ArrayLike,
+    b_t: ArrayLike,
+    horizontal: ArrayLike,
+    vertical: ArrayLike,
+    sensor_covariance: ArrayLike,
+    reference_covariance: ArrayLike,
+    interference_sigma: float = math.inf,
+    plausible: float = math.inf,
+) -> AxialCorrection:
+    """
+    Azimuth and axial interference by maximum likelihood (S0 eqs 12-21 with every equation weighted by its worth).
+
+    Parameters
+    ----------
+    f_t, b_t : array_like, shape (..., 3)
+        Specific force, m/s^2, and field, T, in tool axes.
+    horizontal, vertical : array_like, shape (...) or ()
+        Reference field, horizontal and down, T.
+    sensor_covariance : array_like, shape (..., 6, 6) or (6, 6)
+        Of (f_t, b_t), (m/s^2)^2 and T^2: noise of the averages and what calibration left.
+    reference_covariance : array_like, shape (..., 2, 2) or (2, 2)
+        Of (horizontal, vertical), T^2.
+    interference_sigma : float
+        What interference is expected beforehand, 1 sigma, T. Infinite: the axial magnetometer is not used at all (S0,
+        the short-collar method). A few hundred nT: an ordinary survey, the three directions weighed together.
+    plausible : float
+        Interference imaginable at all, 1 sigma, T; of more there is a small chance that has no scale. It only decides
+        between azimuths that fit alike (a horizontal hole without the axial magnetometer has a mirror, an east-west one
+        fits a range of them) and pulls at none that the readings tell.
+
+    Returns
+    -------
+    AxialCorrection
+        nan where the hole is exactly vertical.
+
+    Raises
+    ------
+    ValueError
+        An `interference_sigma` or `plausible` that is not positive, or shapes that do not fit together.
+    """
+    for name, value in (("interference_sigma", interference_sigma), ("plausible", plausible)):
+        if not value > 0.0:
+            raise ValueError(f"{name}: must be positive, got {value!r} T")
+    f_t, b_t = np.broadcast_arrays(np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float))
+    lead = f_t.shape[:-1]
+    n = math.prod(lead)
+    f, b = f_t.reshape(n, 3), b_t.reshape(n, 3)
+    h = np.broadcast_to(np.asarray(horizontal, dtype=float), lead).reshape(n)
+    v = np.broadcast_to(np.asarray(vertical, dtype=float), lead).reshape(n)
+    cov_s = np.broadcast_to(np.asarray(sensor_covariance, dtype=float), (*lead, 6, 6)).reshape(n, 6, 6)
+    cov_r = np.broadcast_to(np.asarray(reference_covariance, dtype=float), (*lead, 2, 2)).reshape(n, 2, 2)
+    # An exactly vertical hole has no azimuth: worked through with a stand-in attitude, then withheld.
+    vertical_hole = ~(np.hypot(f[:, 1], f[:, 2]) > 1e-12 * np.linalg.norm(f, axis=1))
+    f = np.where(vertical_hole[:, None], np.array([-1.0, 0.0, 1.0]), f)
+    station = _Stations(f, b, h, v, cov_s, cov_r, interference_sigma, plausible)
+
+    angles = np.linspace(0.0, 2.0 * np.pi, _GRID, endpoint=False)
+    around = np.broadcast_to(angles, (n, _GRID))
+    misfit = station.misfit(around)[0]
+    cost = station.cost(around)
+    # Basins are those of the misfit alone: the interference imaginable would move them, far from what it imagines most.
+    basin = (misfit <= np.roll(misfit, 1, axis=1)) & (misfit < np.roll(misfit, -1, axis=1))
+    ranked = np.argsort(np.where(basin, misfit, np.inf), axis=1)[:, :2]
+    two = np.take_along_axis(basin, ranked, axis=1)[:, 1]
+    candidates = station.polish(angles[ranked])
+    first, second = candidates[:, 0], candidates[:, 1]
+    costs = station.cost(candidates)
+    cost_1, cost_2 = costs[:, 0], np.where(two, costs[:, 1], np.inf)
+    best_at, other = np.where(cost_2 < cost_1, (second, first), (first, second))
+    best, next_best = np.minimum(cost_1, cost_2), np.maximum(cost_1, cost_2)
+    away = np.abs(wrap_pi(other - best_at))
+    local = station.fit(best_at).variance_azimuth
+    # Where no curvature tells, the posterior's mean errs least; its bottom may lie anywhere on a flat.
+    wide = local > _WIDE**2
+    with np.errstate(over="ignore"):
+        density = np.exp(-0.5 * (cost - cost.min(axis=1, keepdims=True)))
+    density /= density.sum(axis=1, keepdims=True)
+    from_best = wrap_pi(angles - best_at[:, None])
+    mean = np.sum(density * from_best, axis=1)
+    azimuth = np.where(wide, best_at + mean, best_at)
+
+    fit = station.fit(azimuth)
+    interference = station.misfit(azimuth[:, None])[2]
+    variance = fit.variance_azimuth
+    # The mirror's share of the probability, by the height of its peak.
+    share = 1.0 / (1.0 + np.exp(np.minimum(0.5 * (next_best - best), 700.0)))
+    loud = np.abs(station.misfit(best_at[:, None])[2][:, 0]) / plausible
+    mirror = two & (away > np.radians(1.0)) & (share > np.where(loud > 1.0, _MIRROR_LOUD, _MIRROR))
+    share = np.where(mirror, np.where(loud > _BEYOND, 0.5, share), 0.0)
+    spread = np.sum(density * from_best**2, axis=1) - mean**2
+    sigma = np.sqrt(np.where(wide, spread, variance + share * away**2))
+    sigma = np.minimum(sigma, np.pi / np.sqrt(3.0))
+    # The interference follows the azimuth through the field along the axis.
+    slope = h * fit.sin_inc * np.sin(azimuth)
+    sigma_e = np.sqrt(np.maximum(fit.variance_interference + slope**2 * (sigma**2 - variance), fit.variance_along))
+
+    def shaped(values: Array) -> Array:
+        return np.where(vertical_hole, np.nan, values).reshape(lead)
+
+    return AxialCorrection(
+        azimuth=shaped(wrap_tau(azimuth)),
+        sigma_azimuth=shaped(sigma),
+        interference=shaped(interference[:, 0]),
+        sigma_interference=shaped(sigma_e),
+        chi_square=shaped(station.misfit(best_at[:, None])[0][:, 0]),
+        mirror=(mirror & ~vertical_hole).reshape(lead),
+        both=np.where((mirror & ~vertical_hole)[:, None], wrap_tau(np.stack([best_at, other], axis=1)), np.nan).reshape(
+            *lead, 2
+        ),
+        share=np.where(vertical_hole, 0.0, share).reshape(lead),
+        sensitivity=np.where(vertical_hole[:, None], np.nan, fit.sensitivity).reshape(*lead, 6),
+    )
+
+
+@dataclass(frozen=True)
+class _Fit:
+    variance_azimuth: Array
+    variance_interference: Array
+    variance_along: Array
+    sensitivity: Array
+    sin_inc: Array
+
+
+class _Stations:
+    """Readings of n stations and their reference, with the misfit of any azimuth."""
+
+    def __init__(
+        self, f: Array, b: Array, h: Array, v: Array, cov_s: Array, cov_r: Array, sigma_e: float, plausible: float
+    ) -> None:
+        self.h, self.v, self.cov_r = h, v, cov_r
+        self.information_e, self.information_plausible = 1.0 / sigma_e**2, 1.0 / plausible**2
+        self.seen = hole_components(f, b)
+        across, g = np.hypot(f[:, 1], f[:, 2]), np.linalg.norm(f, axis=1)
+        self.sin, self.cos = across / g, -f[:, 0] / g
+        s, c = f[:, 1] / across, f[:, 2] / across
+        n, zero = len(f), np.zeros(len(f))
+        # Derivatives of the three components by (f, b): the high side turns with the toolface.
+        toolface_f = np.stack([zero, c / across, -s / across], axis=1)
+        self.inclination_f = np.stack([across / g**2, -f[:, 0] * s / g**2, -f[:, 0] * c / g**2], axis=1)
+        seen_in = np.zeros((n, 3, 6))
+        seen_in[:, 0, 3] = 1.0
+        seen_in[:, 1, :3], seen_in[:, 2, :3] = -self.seen[:, 2:] * toolface_f, self.seen[:, 1:2] * toolface_f
+        seen_in[:, 1, 4], seen_in[:, 1, 5] = s, c
+        seen_in[:, 2, 4], seen_in[:, 2, 5] = -c, s
+        self.seen_in = seen_in
+        # Covariances of the three components, of them with the inclination, and of the inclination.
+        self.cov_seen = seen_in @ cov_s @ np.swapaxes(seen_in, 1, 2)
+        self.cov_both = np.squeeze(seen_in @ cov_s[:, :, :3] @ self.inclination_f[:, :, None], 2)
+        self.var_inc = np.squeeze(
+            self.inclination_f[:, None, :] @ cov_s[:, :3, :3] @ self.inclination_f[:, :, None], (1, 2)
+        )
+
+    def _linear(self, azimuth: Array) -> tuple[Array, Array, Array]:
+        """
+        Misfit of azimuths of shape (n, m), its covariance, and the model's slope by inclination.
+
+        Returns shapes (n, m, 3), (n, m, 3, 3), (n, m, 3).
+        """
+        h, v, s, c = (x[:, None] for x in (self.h, self.v, self.sin, self.cos))
+        s_a, c_a = np.sin(azimuth), np.cos(azimuth)
+        zero = np.zeros_like(s_a)
+        high = h * c * c_a - v * s
+        axis = h * s * c_a + v * c
+        misfit = self.seen[:, None, :] - np.stack([axis, high, -h * s_a], axis=2)
+        slope = np.stack([high, -axis, zero], axis=2)
+        cross = slope[..., :, None] * self.cov_both[:, None, None, :]
+        into = np.stack([s * c_a, c + zero, c * c_a, -s + zero, -s_a, zero], axis=2).reshape(*s_a.shape, 3, 2)
+        cov = (
+            self.cov_seen[:, None]
+            - cross
+            - np.swapaxes(cross, 2, 3)
+            + slope[..., :, None] * slope[..., None, :] * self.var_inc[:, None, None, None]
+            + into @ self.cov_r[:, None] @ np.swapaxes(into, 2, 3)
+        )
+        return misfit, cov, slope
+
+    def misfit(self, azimuth: Array) -> tuple[Array, Array, Array]:
+        """
+        Weighted square misfit of azimuths, the log of its covariance, and the interference each would mean.
+
+        azimuth, shape (n, m). Three arrays of that shape. The first two together are minus twice the log likelihood,
+        the interference being at its best; the first alone has its minimum exactly at the truth for readings without
+        error.
+        """
+        misfit, cov, _ = self._linear(azimuth)
+        a, b, d = cov[..., 1, 1], cov[..., 1, 2], cov[..., 2, 2]
+        det = a * d - b * b
+        y, z = misfit[..., 1], misfit[..., 2]
+        across = (d * y * y - 2.0 * b * y * z + a * z * z) / det
+        # What is left of the axial reading once the across-axis misfit has predicted its share.
+        p, q = cov[..., 0, 1], cov[..., 0, 2]
+        k_y, k_z = (d * p - b * q) / det, (a * q - b * p) / det
+        left = misfit[..., 0] - k_y * y - k_z * z
+        variance = cov[..., 0, 0] - k_y * p - k_z * q
+        kept = 1.0 / (1.0 + self.information_e * variance)
+        # Up to a constant log(variance + sigma_e^2), finite also for an infinite prior.
+        log = np.log(det) + np.log1p(self.information_e * variance)
+        return np.asarray(across + left**2 * self.information_e * kept), np.asarray(log), np.asarray(left * kept)
+
+    def fit(self, azimuth: Array) -> _Fit:
+        """Variances of azimuth and interference at an azimuth, shape (n,), and how the azimuth follows the readings."""
+        _, covs, slopes = self._linear(azimuth[:, None])
+        cov, by_inclination = covs[:, 0], slopes[:, 0]
+        into = self.seen_in.copy()
+        into[:, :, :3] -= by_inclination[:, :, None] * self.inclination_f[:, None, :]
+        s_a, c_a = np.sin(azimuth), np.cos(azimuth)
+        slope = np.stack([-self.h * self.sin * s_a, -self.h * self.cos * s_a, -self.h * c_a], axis=1)
+        unit = np.zeros_like(slope)
+        unit[:, 0] = 1.0
+        design = np.stack([slope, unit], axis=2)
+        # Scaled to the field, so that angles and tesla invert alike.
+        scale = np.stack([np.ones_like(self.h), self.h], axis=1)
+        weighted = np.swapaxes(np.linalg.solve(cov, design * scale[:, None, :]), 1, 2)
+        information = weighted @ (design * scale[:, None, :])
+        information[:, 1, 1] += self.information_e * self.h**2
+        # At the exact east-west horizontal the azimuth has no information of its own: keep the inverse finite.
+        information[:, 0, 0] += 1e-6
+        inverse = np.linalg.inv(information)
+        gain = (inverse @ weighted) * scale[:, :, None]
+        covariance = inverse * scale[:, :, None] * scale[:, None, :]
+        return _Fit(
+            variance_azimuth=covariance[:, 0, 0],
+            variance_interference=covariance[:, 1, 1],
+            variance_along=self.h**2 / information[:, 1, 1],
+            sensitivity=np.squeeze(gain[:, :1, :] @ into, 1),
+            sin_inc=self.sin,
+        )
+
+    def cost(self, azimuth: Array) -> Array:
+        """Minus twice the log probability of azimuths, shape (n, m), counting implausible interference against them."""
+        misfit, log, interference = self.misfit(azimuth)
+        square = interference**2 * self.information_plausible
+        imaginable = (1.0 + square / _FREEDOM) ** (-0.5 * (_FREEDOM + 1.0)) + _TAIL / (1.0 + square)
+        return np.asarray(misfit + log - 2.0 * np.log(imaginable))
+
+    def polish(self, azimuth: Array) -> Array:
+        """Azimuths, shape (n, m), at the bottom of their basins, by ever smaller windows around the least misfit."""
+        window = np.linspace(-1.0, 1.0, 17)
+        width = 2.0 * np.pi / _GRID
+        for _ in range(9):
+            tried = azimuth[:, :, None] + width * window
+            misfit = self.misfit(tried.reshape(len(tried), -1))[0].reshape(tried.shape)
+            azimuth = np.take_along_axis(tried, np.argmin(misfit, axis=2)[:, :, None], axis=2)[:, :, 0]
+            width /= 8.0
+        return azimuth

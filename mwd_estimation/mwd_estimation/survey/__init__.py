@@ -1,0 +1,1 @@
+"""Stations and surveys: averages, corrections, fusion, verdict."""

@@ -1,0 +1,101 @@
+"""
+How the magnetic field is read, and what stations teach of it.
+
+The north in use, the tool's own axial field, and whether a gyro has shown that steel turns a field that looks in order,
+or left open whether it does.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mwd_estimation.attitude.continuous_attitude import Lesson, Reading
+from mwd_estimation.attitude.time_alignment import FieldModel
+from mwd_estimation.core.reference_field import Reference, best_north, north_correction
+from mwd_estimation.magnetic import interference_filter
+from mwd_estimation.survey.acceptance import ACCEPT
+from mwd_estimation.survey.multi_station_analysis import MSA, Multistation
+from mwd_estimation.survey.station import StationSettings
+from mwd_estimation.survey.survey import GYRO, Survey
+
+NORTH_CODES = {"unknown": 0, "magnetic": 1, "true": 2, "grid": 3}
+
+
+class FieldReader:
+    """
+    The reading of the field in force, and what it is made from.
+
+    Attributes
+    ----------
+    reading : Reading
+        In force now; a new object where it changes.
+    reference : Reference or None
+    interference : tuple of float or None
+        Axial, and 1 sigma, T, as the last corrected station showed it.
+    north : str
+        What azimuths count from.
+    """
+
+    def __init__(self, settings: StationSettings, reference: Reference | None) -> None:
+        self._settings = settings
+        self._steel, self._left_open = False, 0.0
+        self.set_reference(reference)
+
+    def set_reference(self, reference: Reference | None) -> None:
+        """Read the field against this from now on; the interference is estimated anew."""
+        self.reference = reference
+        self.interference: tuple[float, float] | None = None
+        self.reading = self._read()
+
+    def learn(self, taken: Survey, analysis: Multistation | None) -> None:
+        """Read the field from here on as the station says, or the stations of the run together."""
+        station = taken.station
+        if station.corrected:
+            self.interference = (station.interference, station.sigma_interference)
+        found = station.by_method(GYRO)
+        reference = station.reference
+        azimuth = sigma = math.nan
+        counts = taken.weights.get(GYRO, 0.0) > 0.0
+        if found is not None and counts and reference is not None and reference.has_field:
+            north = math.sqrt(reference.declination_variance(reference.horizontal))
+            azimuth = found.azimuth - station.north_correction
+            sigma = math.hypot(found.sigma, north) if station.north != "magnetic" else found.sigma
+        own = None
+        if analysis is not None and taken.weights.get(MSA, 0.0) > 0.0:
+            at = interference_filter.OF_STATIONS
+            own = analysis.estimate[at], analysis.covariance[np.ix_(at, at)]
+        lesson, accepted = None, station.verdict == ACCEPT
+        if own is not None or math.isfinite(azimuth) or accepted:
+            down = -station.f_t / np.linalg.norm(station.f_t)
+            axial = (station.interference, station.sigma_interference) if station.corrected else (0.0, 0.0)
+            lesson = Lesson(own, down, station.b_t, azimuth, sigma, accepted, axial)
+        # Where the gyro was believed against the magnetometer, it is until they agree again.
+        steel = self._steel if taken.alarm is None else bool(taken.alarm) and counts
+        # Where it was too uncertain to say, either may be right until they are compared again.
+        left_open = self._left_open if taken.alarm is None else taken.left_open
+        if station.corrected or lesson is not None or steel != self._steel or left_open != self._left_open:
+            self._steel, self._left_open = steel, left_open
+            self.reading = self._read(lesson)
+
+    def _read(self, lesson: Lesson | None = None) -> Reading:
+        reference, settings = self.reference, self._settings
+        self.north = best_north(reference) if settings.north == "best" else settings.north
+        correction = north_correction(reference, self.north)
+        if correction is None:
+            self.north, correction = "magnetic", 0.0
+        axial, sigma_axial = self.interference or (0.0, settings.errors.axial_interference_nt * 1e-9)
+        known = reference is not None and reference.has_field
+        variance = 0.0
+        if reference is not None and known and self.north != "magnetic":
+            variance = reference.declination_variance(reference.horizontal)
+        model = FieldModel(
+            interference=np.array([axial, 0.0, 0.0]),
+            sigma_axial=sigma_axial,
+            sigma_cross=settings.errors.magnetometer_bias_nt * 1e-9,
+            north_correction=correction,
+            sigma_north=math.hypot(math.sqrt(variance), self._left_open),
+        )
+        corrected = self.interference is not None
+        return Reading(model, NORTH_CODES[self.north], corrected, lesson, self._steel, self._left_open)

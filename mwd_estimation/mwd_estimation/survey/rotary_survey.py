@@ -1,0 +1,143 @@
+"""
+A survey while the string turns: gravity and field averaged in axes that do not turn with it.
+
+The axes are those of the tool turned back about the hole by its toolface, so that the high side is along z: cross-axial
+errors of the sensors average out there. Gravity's direction is the gravity method's, which vibration does not move; its
+size is the mean force along it. The toolface itself means nothing in such a survey.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_estimation.attitude.time_alignment import Pairs
+from mwd_estimation.core.samples import ROTATING_ABOVE, Array, Stamps, Track
+from mwd_estimation.core.time_bins import Average
+from mwd_estimation.survey.static_survey import Refusal, StillAverage
+from mwd_sensors.core.settings import setting
+
+# Share of the samples in which the string may not turn.
+_STOPS = 0.2
+_FEWEST = 20
+
+
+@dataclasses.dataclass(frozen=True)
+class Params:
+    """A survey taken while the string turns."""
+
+    duration_s: float = setting(30.0, "Averaging time where the request names none", unit="s", low=5.0, high=3600.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Progress:
+    """How far a survey is: s, s, samples, and in words."""
+
+    elapsed: float
+    remaining: float
+    samples: int
+    state: str
+
+
+class RotarySurvey:
+    """
+    One survey.
+
+    Parameters
+    ----------
+    params : Params
+    duration_s : float
+        0: as configured.
+
+    Raises
+    ------
+    ValueError
+        A duration that is negative, not finite, or shorter than 5 s.
+    """
+
+    def __init__(self, params: Params, duration_s: float = 0.0) -> None:
+        if not (math.isfinite(duration_s) and (duration_s == 0.0 or duration_s >= 5.0)):
+            raise ValueError(f"duration: must be 0 or at least 5 s, got {duration_s:g}")
+        self.duration = duration_s or params.duration_s
+        self._begin: int | None = None
+        self._last = 0
+        self._down: list[Array] = []
+        self._along: list[Array] = []
+        self._field: list[Array] = []
+        self._sigma: list[Array] = []
+        self._rates: list[Array] = []
+        self._turning = 0
+        self._samples = 0
+
+    @property
+    def rotary_speed(self) -> float:
+        """Mean, rad/s; nan before the first sample."""
+        return float(np.concatenate(self._rates)[:, 0].mean()) if self._rates else math.nan
+
+    def progress(self) -> Progress:
+        """How far it is."""
+        elapsed = (self._last - self._begin) * 1e-9 if self._begin is not None else 0.0
+        turns = self._turning >= (1.0 - _STOPS) * self._samples
+        words = "averaging" if turns else "the string hardly turns"
+        return Progress(elapsed, max(self.duration - elapsed, 0.0), self._samples, words)
+
+    def add(
+        self, stamps: Stamps, gyro: Array, accel: Array, track: Track, pairs: Pairs
+    ) -> StillAverage | Refusal | None:
+        """
+        Take a block of samples, and the magnetic ones paired with gravity in its time.
+
+        Returns
+        -------
+        StillAverage or Refusal or None
+            The average, or why there is none, with the sample that ends the time.
+        """
+        if self._begin is None:
+            self._begin = int(stamps[0])
+        end_ns = self._begin + round(self.duration * 1e9)
+        known = np.isfinite(track.g_t).all(axis=1) & np.isfinite(accel).all(axis=1) & np.isfinite(gyro).all(axis=1)
+        use = known & (stamps < end_ns)
+        down = track.g_t[use]
+        self._down.append(_turned_back(down, down))
+        self._along.append(-np.einsum("ij,ij->i", accel[use], down))
+        self._sigma.append(track.sigma_inclination[use])
+        self._rates.append(gyro[use])
+        self._samples += int(use.sum())
+        self._turning += int((np.abs(track.rotary_speed[use]) > ROTATING_ABOVE).sum())
+        if len(pairs.stamp_ns):
+            within = pairs.stamp_ns < end_ns
+            self._field.append(_turned_back(pairs.b_t[within], pairs.g_t[within]))
+        self._last = int(min(stamps[-1], end_ns))
+        return self._ended(end_ns) if stamps[-1] >= end_ns else None
+
+    def _ended(self, end_ns: int) -> StillAverage | Refusal:
+        if self._samples < _FEWEST:
+            return Refusal(end_ns, "too few samples with a known gravity")
+        if self._turning < (1.0 - _STOPS) * self._samples:
+            return Refusal(end_ns, "the string does not turn: take a survey at rest")
+        down, along = np.concatenate(self._down), np.concatenate(self._along)
+        mean = down.mean(axis=0)
+        mean /= np.linalg.norm(mean)
+        size = float(along.mean())
+        tilt = float(np.concatenate(self._sigma).mean())
+        # The direction is only as good as the method says; the size averages over seconds, not samples.
+        spread = along.var() / max(self.duration, 1.0)
+        covariance = (tilt * size) ** 2 * (np.eye(3) - np.outer(mean, mean)) + spread * np.outer(mean, mean)
+        rates = np.concatenate(self._rates)
+        whole = np.zeros((6, 6))
+        whole[:3, :3], whole[3:, 3:] = np.cov(rates.T) / len(rates), covariance
+        imu = Average(np.concatenate([rates.mean(axis=0), -size * mean]), whole, self._samples)
+        field = np.concatenate(self._field) if self._field else np.zeros((0, 3))
+        mag = Average(field.mean(axis=0), np.cov(field.T) / len(field), len(field)) if len(field) >= _FEWEST else None
+        begin = self._begin if self._begin is not None else end_ns
+        return StillAverage(begin, end_ns, imu, mag, None, None, requested=True)
+
+
+def _turned_back(vectors: Array, down: Array) -> Array:
+    """Vectors, shape (n, 3), in axes whose z is the high side of gravity's direction `down`, shape (n, 3)."""
+    across = np.maximum(np.hypot(down[:, 1], down[:, 2]), 1e-12)
+    sine, cosine = -down[:, 1] / across, -down[:, 2] / across
+    y, z = vectors[:, 1], vectors[:, 2]
+    return np.stack([vectors[:, 0], cosine * y - sine * z, sine * y + cosine * z], axis=1)

@@ -1,0 +1,230 @@
+"""
+Surveys in still intervals: find that the tool keeps still, average, and hand over one survey per interval.
+
+The tool is judged bin by bin (half a second); a survey needs a run of still bins, the first of which let the string
+settle. Bins are cut at fixed times, so a replay takes the same survey from the same samples.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_estimation.core.time_bins import Average, Bin, average
+from mwd_sensors.core.settings import setting
+
+Array = NDArray[np.float64]
+
+BIN_NS = 500_000_000
+_BIN_S = BIN_NS * 1e-9
+
+
+@dataclasses.dataclass(frozen=True)
+class Params:
+    """When a tool counts as still and how long it is averaged."""
+
+    automatic: bool = setting(True, "Take a survey by itself in each still interval")
+    settle_s: float = setting(2.0, "Time to let the string settle before averaging", unit="s", low=0.0, high=120.0)
+    duration_s: float = setting(8.0, "Averaging time of a survey", unit="s", low=1.0, high=600.0)
+    wait_for_gyro_s: float = setting(
+        120.0,
+        "A survey taken by itself waits so long for the gyro azimuth while the tool keeps still, and averages on",
+        unit="s",
+        low=0.0,
+        high=3600.0,
+    )
+    max_rate: float = setting(0.03, "Mean angular rate above which the tool turns", unit="rad/s", low=1e-4, high=1.0)
+    max_rate_noise: float = setting(
+        0.03, "Standard deviation of the angular rate above which it moves", unit="rad/s", low=1e-4, high=1.0
+    )
+    max_force_noise: float = setting(
+        0.25, "Standard deviation of the specific force above which it shakes", unit="m/s^2", low=1e-3, high=10.0
+    )
+    max_force_step: float = setting(
+        0.1, "Change of the mean specific force between bins above which it shifts", unit="m/s^2", low=1e-3, high=10.0
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class StillAverage:
+    """
+    What the sensors said while the tool kept still.
+
+    Attributes
+    ----------
+    start_ns, end_ns : int
+        Of the averaging interval.
+    imu : Average
+        Channels: rate x y z, rad/s, specific force x y z, m/s^2.
+    mag : Average or None
+        T; None without usable magnetometer.
+    precision : Average or None
+        As `imu`, of the precision unit.
+    temperature : float or None
+        degC.
+    requested : bool
+        Asked for, not taken by itself.
+    moved : bool
+        The tool has moved since, which ended the interval.
+    """
+
+    start_ns: int
+    end_ns: int
+    imu: Average
+    mag: Average | None
+    precision: Average | None
+    temperature: float | None
+    requested: bool
+    moved: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Refusal:
+    """Why a requested survey was not taken."""
+
+    stamp_ns: int
+    reason: str
+
+
+@dataclasses.dataclass(frozen=True)
+class BinSet:
+    """The bins of all streams for one index; streams that were silent are None."""
+
+    imu: Bin
+    mag: Bin | None = None
+    precision: Bin | None = None
+    temperature: Bin | None = None
+
+
+class StillSurvey:
+    """State machine over bins; one average per still interval, more on request."""
+
+    def __init__(self, params: Params) -> None:
+        self.params = params
+        self._settles, self._lasts = _bins(params.settle_s, least=0), _bins(params.duration_s)
+        self.still_bins = 0
+        self._run: list[BinSet] = []
+        self._taken = False
+        self._requested_bins = 0
+        self.waits_for = ""
+
+    def request(self, duration_s: float = 0.0) -> None:
+        """Ask for a survey that starts with the next bin; `duration_s` 0 means as configured."""
+        self._requested_bins = _bins(duration_s if duration_s > 0.0 else self.params.duration_s)
+        self._run, self.waits_for = [], ""
+
+    @property
+    def requested(self) -> bool:
+        """Whether somebody waits for a survey."""
+        return self._requested_bins > 0
+
+    @property
+    def progress(self) -> float:
+        """Share of the survey under way, 0 to 1; 0 while the tool moves, 1 once taken."""
+        if self._taken and not self._requested_bins:
+            return 1.0
+        share = min(len(self._run) / self._needed(), 1.0)
+        return share if not self.waits_for else min(share, 0.99)
+
+    @property
+    def complete(self) -> bool:
+        """Whether a survey taken by itself has all it needs: it may wait for something, and is given when that ends."""
+        unasked = self.params.automatic and not self._taken and self._requested_bins == 0
+        return unasked and len(self._run) >= self._needed() - 1
+
+    def add(self, bins: BinSet, wait: str = "") -> StillAverage | Refusal | None:
+        """
+        Take the next closed bin, in order; give the average that it completes, or the refusal it causes.
+
+        wait: what a survey taken by itself should wait for, in words; what is averaged until then is one survey.
+        """
+        last = self._run[-1].imu if self._run else None
+        motion = self._motion(bins.imu, last)
+        if motion:
+            refused = Refusal((bins.imu.index + 1) * BIN_NS, motion) if self._requested_bins else None
+            held, waited = self._run[self._settles :], self.waits_for
+            self.still_bins, self._run, self._taken, self._requested_bins = 0, [], False, 0
+            self.waits_for = ""
+            return dataclasses.replace(_averaged(held, False), moved=True) if waited else refused
+        self.still_bins += 1
+        self._run.append(bins)
+        settle = 0 if self._requested_bins else self._settles
+        needed = self._needed()
+        if self._requested_bins == 0 and (self._taken or not self.params.automatic):
+            self._run = self._run[-1:]
+            return None
+        if len(self._run) < needed:
+            return None
+        over = len(self._run) - needed >= _bins(self.params.wait_for_gyro_s, least=0)
+        self.waits_for = "" if self._requested_bins or over else wait
+        if self.waits_for:
+            return None
+        requested, self._requested_bins, self._taken = self._requested_bins > 0, 0, True
+        chosen, self._run = self._run[settle:], self._run[-1:]
+        return _averaged(chosen, requested)
+
+    def finish(self) -> StillAverage | None:
+        """The average that waits for something, when nothing more comes; it counts as taken."""
+        if not self.waits_for:
+            return None
+        held, self.waits_for, self._taken = self._run[self._settles :], "", True
+        self._run = self._run[-1:]
+        return _averaged(held, False)
+
+    def _needed(self) -> int:
+        if self._requested_bins:
+            return self._requested_bins
+        return self._settles + self._lasts
+
+    def _motion(self, imu: Bin, last: Bin | None) -> str:
+        """What moves, in words with value and limit; empty when nothing does."""
+        if imu.count < 3:
+            return "too few samples to tell whether the tool keeps still"
+        if last is not None and imu.index != last.index + 1:
+            return "samples are missing"
+        # Python's own numbers: for six of them arrays cost ten times as much.
+        mean, limits = imu.mean.tolist(), self.params
+        rate = max(abs(value) for value in mean[:3])
+        if rate > limits.max_rate:
+            return f"the tool turns: {rate:.3f} rad/s, limit {limits.max_rate:.3f}"
+        variance = [max(value, 0.0) / (imu.count - 1) for value in imu.scatter.diagonal().tolist()]
+        rate_noise, force_noise = math.sqrt(max(variance[:3])), math.sqrt(max(variance[3:]))
+        if rate_noise > limits.max_rate_noise:
+            return f"the tool moves: angular rate varies by {rate_noise:.3f} rad/s, limit {limits.max_rate_noise:.3f}"
+        if force_noise > limits.max_force_noise:
+            return f"the tool shakes: {force_noise:.2f} m/s^2, limit {limits.max_force_noise:.2f}"
+        if last is not None:
+            step = max(abs(now - before) for now, before in zip(mean[3:], last.mean.tolist()[3:], strict=True))
+            if step > limits.max_force_step:
+                return f"the tool shifts: {step:.2f} m/s^2 in {_BIN_S:g} s, limit {limits.max_force_step:.2f}"
+        return ""
+
+
+def _bins(seconds: float, least: int = 1) -> int:
+    return max(least, round(seconds / _BIN_S))
+
+
+def _averaged(chosen: list[BinSet], requested: bool) -> StillAverage:
+    def of(name: str) -> Average | None:
+        found = [b for b in (getattr(bins, name) for bins in chosen) if b is not None]
+        # A stream that was silent for part of the interval is not averaged: what it missed is not known.
+        if len(found) < len(chosen) or sum(b.count for b in found) < 2:
+            return None
+        return average(found)
+
+    imu = of("imu")
+    if imu is None:
+        raise ValueError("chosen: the bins hold too few samples to average")
+    temperatures = [bins.temperature.mean[0] for bins in chosen if bins.temperature is not None]
+    return StillAverage(
+        start_ns=chosen[0].imu.index * BIN_NS,
+        end_ns=(chosen[-1].imu.index + 1) * BIN_NS,
+        imu=imu,
+        mag=of("mag"),
+        precision=of("precision"),
+        temperature=float(np.mean(temperatures)) if temperatures else None,
+        requested=requested,
+    )

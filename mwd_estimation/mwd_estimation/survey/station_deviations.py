@@ -1,0 +1,138 @@
+"""How far a station's totals (gravity, field, dip) are from the reference, and how far they may be."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.core.reference_field import STANDARD_GRAVITY, Reference
+from mwd_estimation.magnetic import axial_correction
+from mwd_estimation.survey.acceptance import Deviations
+from mwd_sensors.core.frames import Array
+
+# Gravity at sea level lies within this of standard gravity everywhere, m/s^2.
+_GRAVITY_RANGE = 0.04
+# So many sigma off local gravity is more than a tool shows that was calibrated by it.
+_NOT_LOCAL = 2.0
+
+
+def deviation_covariance(
+    f_t: ArrayLike, b_t: ArrayLike, reference: Reference | None, covariance_s: ArrayLike, axial_sigma: float
+) -> Array:
+    """
+    Covariance of the totals against the reference, shape (3, 3): of (total gravity, total field, dip).
+
+    Parameters
+    ----------
+    f_t, b_t : array_like, shape (3,)
+        m/s^2 and T.
+    reference : Reference or None
+        Adds its own sigmas.
+    covariance_s : array_like, shape (6, 6)
+        Of (f_t, b_t).
+    axial_sigma : float
+        Axial interference expected, T.
+    """
+    f_t, b_t = np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float)
+    cov = np.array(covariance_s, dtype=float)
+    cov[3, 3] += axial_sigma**2
+    jacobian = totals_jacobian(f_t, b_t)
+    total = jacobian @ cov @ jacobian.T
+    if reference is not None:
+        total += np.diag([reference.sigma_gravity**2, reference.sigma_total**2, reference.sigma_dip**2])
+    return np.asarray(total)
+
+
+def totals_jacobian(f_t: ArrayLike, b_t: ArrayLike) -> Array:
+    """
+    Derivatives of (total gravity, total field, dip) by (f_t, b_t).
+
+    f_t, b_t, shape (3,), m/s^2 and T, not parallel. Returns shape (3, 6).
+    """
+    f_t, b_t = np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float)
+    g, b = np.linalg.norm(f_t), np.linalg.norm(b_t)
+    up, along = f_t / g, b_t / b
+    sine = -float(up @ along)
+    cosine = math.sqrt(max(1.0 - sine * sine, 1e-12))
+    jacobian = np.zeros((3, 6))
+    jacobian[0, :3], jacobian[1, 3:] = up, along
+    jacobian[2, :3] = -(along + sine * up) / (g * cosine)
+    jacobian[2, 3:] = -(up + sine * along) / (b * cosine)
+    return jacobian
+
+
+def deviations(
+    f_h: Array,
+    b_h: Array,
+    reference: Reference | None,
+    covariance_s: Array,
+    errors: SensorErrors,
+    interference: float,
+    has_field: bool,
+) -> Deviations:
+    """
+    How far a station's totals are from the reference; nan where one of both is not known.
+
+    f_h, b_h, shape (3,), m/s^2 and T; covariance_s, shape (6, 6), of both; interference: axial field to take off, T.
+    """
+    g_total = float(np.linalg.norm(f_h))
+    delta_g = math.nan
+    if reference is not None and reference.gravity is not None:
+        delta_g = g_total - reference.gravity
+    elif abs(g_total - STANDARD_GRAVITY) > _GRAVITY_RANGE:
+        # Gravity is not known here, but nowhere on Earth is it that.
+        delta_g = g_total - STANDARD_GRAVITY
+    b_earth = b_h - np.array([interference, 0.0, 0.0])
+    covariance = deviation_covariance(
+        f_h,
+        b_earth if has_field else np.array([1e-5, 2e-5, 3e-5]),
+        reference,
+        covariance_s,
+        errors.axial_interference_nt * 1e-9,
+    )
+    local = delta_g
+    if abs(local) > _NOT_LOCAL * math.sqrt(covariance[0, 0]):
+        delta_g = _by_standard(local, g_total - STANDARD_GRAVITY)
+    standard = delta_g != local and not math.isnan(local)
+    if reference is None or reference.total is None or reference.dip is None or not has_field:
+        return Deviations(delta_g, math.nan, math.nan, covariance, standard)
+    delta_b = float(np.linalg.norm(b_earth)) - reference.total
+    return Deviations(delta_g, delta_b, float(axial_correction.dip(f_h, b_earth)) - reference.dip, covariance, standard)
+
+
+def _by_standard(local: float, standard: float) -> float:
+    """
+    Deviation from standard gravity where that is nearer than local gravity; none between the two.
+
+    What a tool called one g when it was calibrated may have been either, and then all its stations are off alike.
+    """
+    if local * standard < 0.0:
+        return 0.0
+    return local if abs(local) <= abs(standard) else standard
+
+
+def gross_faults(g_total: float, b_total: float, dip: float, reference: Reference | None) -> list[str]:
+    """What a wrong unit, a dead sensor or a flipped sign looks like, in words."""
+    texts = []
+    if not 9.0 < g_total < 10.6:
+        hint = ": a reading in g?" if 0.9 < g_total < 1.1 else ""
+        texts.append(f"total gravity {g_total:.4g} m/s^2 is not the Earth's{hint}")
+    if math.isfinite(b_total) and not 1.5e-5 < b_total < 1e-4:
+        units = ((1e-9, "nT"), (1e-6, "uT"), (1e-4, "G"))
+        hint = next((f": a reading in {unit}?" for factor, unit in units if 2e-5 < b_total * factor < 7e-5), "")
+        size = f"{b_total:.4g} T" if hint else f"{b_total * 1e9:.0f} nT"
+        texts.append(f"total field {size} is not the Earth's{hint}")
+    if (
+        reference is not None
+        and reference.dip is not None
+        and abs(reference.dip) > 0.2
+        and abs(dip + reference.dip) < 0.1
+    ):
+        texts.append(
+            f"dip {math.degrees(dip):.1f} deg has the opposite sign of the reference: accelerometers or magnetometers "
+            "are connected with a flipped sign"
+        )
+    return texts

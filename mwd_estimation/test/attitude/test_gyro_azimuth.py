@@ -1,0 +1,355 @@
+"""Continuous azimuth: truthful through drop-outs, spikes and interference, gyro-carried, never a default."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+import math
+
+import numpy as np
+import pytest
+from north_signals import DEG_H, Motion, felt, motion, steady
+from numpy.testing import assert_allclose, assert_array_equal
+from numpy.typing import NDArray
+
+from mwd_estimation.attitude import gyro_azimuth as continuous
+from mwd_estimation.attitude import gyro_azimuth_filter
+from mwd_estimation.attitude.gyro_azimuth import Params, Precision, Rows, State, Steps
+from mwd_estimation.attitude.gyro_azimuth_filter import ERROR
+from mwd_estimation.core.status import Status
+from mwd_sensors.core.frames import mat_nt, wrap_pi
+
+DEG = math.radians(1.0)
+Array = NDArray[np.float64]
+LATITUDE = 60.0 * DEG
+RATE = 20.0
+BIN_NS = 500_000_000
+GAP_NS = 500_000_000
+MAG_SIGMA = 1.0 * DEG
+# Of the magnetic sigma, what stays from sample to sample.
+SHARE = 0.9
+# A tactical unit; the bias is known to 2 deg/h.
+TACTICAL = Params(gyro_noise_deg_rth=0.05, gyro_bias_deg_h=2.0, gyro_walk_deg_h_rth=0.0, magnetic_memory_s=1800.0)
+POOR = dataclasses.replace(TACTICAL, gyro_noise_deg_rth=0.42, gyro_bias_deg_h=36.0)
+
+
+@dataclasses.dataclass
+class Drilling:
+    stamps: NDArray[np.int64]
+    gyro: Array
+    down: Array
+    azimuth: Array
+
+
+@functools.cache
+def drilling(seconds: float, rpm: float) -> Drilling:
+    """Build and turn through north by 3 deg a minute while the string turns."""
+
+    def azimuth(t: Array) -> Array:
+        return np.asarray((358.0 + 0.05 * np.asarray(t)) * DEG)
+
+    def inclination(t: Array) -> Array:
+        return np.asarray((40.0 + 0.02 * np.asarray(t)) * DEG)
+
+    clean = motion(seconds, LATITUDE, inclination, azimuth, steady(rpm), RATE)
+    t = (clean.stamp_ns - 10**9) * 1e-9 - 0.5 / RATE
+    down = mat_nt(inclination(t), azimuth(t), steady(rpm)(t))[:, 2, :]
+    return Drilling(clean.stamp_ns, clean.gyro_t, down, clean.azimuth)
+
+
+def magnetic(well: Drilling, rng: np.random.Generator, memory: float = 1800.0) -> Array:
+    """Magnetic azimuth at 2 Hz, NaN between, with a slow Gauss-Markov error and a fast one."""
+    n, fade = len(well.stamps), math.exp(-1.0 / RATE / memory)
+    slow = np.empty(n)
+    slow[0] = rng.standard_normal()
+    kick = rng.standard_normal(n) * math.sqrt(1.0 - fade * fade)
+    for i in range(1, n):
+        slow[i] = fade * slow[i - 1] + kick[i]
+    fast = rng.standard_normal(n) * math.sqrt(1.0 - SHARE**2)
+    mag = well.azimuth + MAG_SIGMA * (SHARE * slow + fast)
+    mag[np.arange(n) % 10 != 0] = np.nan
+    return mag
+
+
+def steps_of(stamps, mag, good, start, stop, mag_from, seek=None, fine=None, constant=0.0, anew=(), station=None):
+    """The bins that the samples from start to stop close, one bin late, and what was measured from `mag_from` on."""
+    index = stamps // BIN_NS
+    opens = np.flatnonzero(np.diff(index, prepend=index[0]) > 0)
+    places, bins = [], []
+    for before, place in itertools.pairwise(opens):
+        if start <= place < stop:
+            places.append(place - start)
+            bins.append(index[before - 1])
+    seeks, told = np.full((2, len(bins)), np.nan), np.full((len(bins), 4), np.nan)
+    if station is not None:
+        for at, *azimuth in station:
+            told[[k for k, b in enumerate(bins) if b == index[at]]] = azimuth
+    if seek is not None:
+        for at, azimuth, sigma in seek:
+            seeks[:, [k for k, b in enumerate(bins) if b == index[at]]] = [[azimuth], [sigma]]
+    seen = np.flatnonzero(np.isfinite(mag[mag_from:stop])) + mag_from
+    afresh = np.isin(np.arange(len(mag)), anew)
+    rates = np.zeros((0, 3)) if fine is None else fine[:stop]
+    return Steps(
+        np.array(places, dtype=np.int64), np.array(bins, dtype=np.int64), *seeks, told, stamps[seen], mag[seen],
+        np.tile([SHARE * MAG_SIGMA, 0.0, math.sqrt(1.0 - SHARE**2) * MAG_SIGMA, constant], (len(seen), 1)), good[seen],
+        afresh[seen], stamps[: len(rates)], rates,
+    ), seen  # fmt: skip
+
+
+def go(
+    well: Drilling, mag: Array, gyro: Array, params: Params = TACTICAL, good: Array | None = None, cuts=(), seek=None,
+    fine=None, precision=None, stamps=None, constant=0.0, anew=(), station=None,
+) -> tuple[Rows, State]:  # fmt: skip
+    n = len(mag)
+    stamps = well.stamps[:n] if stamps is None else stamps
+    ok = np.ones(n, dtype=bool) if good is None else good
+    state = continuous.initial()
+    k = continuous.kernel_settings(params, 60.0, precision)
+    parts, mag_from = [], 0
+    for start, stop in zip((0, *cuts), (*cuts, n), strict=True):
+        state = state.copy()
+        steps, seen = steps_of(stamps, mag, ok, start, stop, mag_from, seek, fine, constant, anew, station)
+        rows, used = continuous.run(
+            k, BIN_NS, GAP_NS, state, stamps[start:stop], gyro[start:stop], well.down[start:stop],
+            np.zeros(stop - start), steps,
+        )  # fmt: skip
+        mag_from = seen[used] if used < len(seen) else stop
+        parts.append(rows)
+    fields = [
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("azimuth", "sigma", "status", "anchor")
+    ]
+    return Rows(*fields), state
+
+
+def noisy(well: Drilling, rng: np.random.Generator) -> Array:
+    return felt(motion_like(well), rng, 0.05, 0.42, bias=rng.standard_normal(3) * 2.0 * DEG_H)[0]
+
+
+def motion_like(well: Drilling) -> Motion:
+    return Motion(well.stamps, well.gyro, np.zeros_like(well.gyro), well.azimuth, well.azimuth)
+
+
+@pytest.mark.parametrize("rpm", [0.0, 60.0])
+def test_sigma_is_truthful_with_mag_without_it_and_after_it_comes_back(rpm: float) -> None:
+    well = drilling(400.0, rpm)
+    rng = np.random.default_rng(2)
+    at = np.array([200, 2000, 3900, 5500, 7900])
+    ratios = []
+    for _ in range(60):
+        mag = magnetic(well, rng)
+        mag[4000:5600] = np.nan
+        rows, _ = go(well, mag, noisy(well, rng))
+        ratios.append(wrap_pi(rows.azimuth[at] - well.azimuth[at]) / rows.sigma[at])
+    nees = np.mean(np.square(ratios), axis=0)
+    # Chi-square, 60 degrees of freedom: 99 % band.
+    assert ((nees > 0.59) & (nees < 1.53)).all(), nees
+
+
+def test_a_precision_unit_carries_better_and_its_sigma_is_truthful_too() -> None:
+    well = drilling(400.0, 60.0)
+    rng = np.random.default_rng(12)
+    unit = Precision(0.05, 2.0, 0.0, 100.0)
+    ratios, wide = [], []
+    for _ in range(30):
+        mag = magnetic(well, rng)
+        mag[2000:] = np.nan
+        poor = felt(motion_like(well), rng, 0.42, bias=rng.standard_normal(3) * 36.0 * DEG_H)[0]
+        fine = noisy(well, rng)
+        rows, _ = go(well, mag, poor, POOR, fine=fine, precision=unit)
+        alone, _ = go(well, mag, poor, POOR)
+        ratios.append(wrap_pi(rows.azimuth[-1] - well.azimuth[-1]) / rows.sigma[-1])
+        wide.append(alone.sigma[-1] - rows.sigma[-1])
+    assert 0.45 < np.mean(np.square(ratios)) < 1.79
+    assert min(wide) > 0.0
+
+
+def test_the_magnetic_error_does_not_average_out() -> None:
+    well = drilling(400.0, 60.0)
+    rows, _ = go(well, magnetic(well, np.random.default_rng(0)), well.gyro)
+    assert rows.sigma[-1] > 0.75 * MAG_SIGMA
+    assert rows.sigma[-1] < MAG_SIGMA
+
+
+def test_the_declination_s_error_never_averages_out() -> None:
+    well = drilling(400.0, 60.0)
+    quick = dataclasses.replace(TACTICAL, magnetic_memory_s=1.0)
+    mag = magnetic(well, np.random.default_rng(0), memory=1.0)
+    rows, _ = go(well, mag + 0.5 * DEG, well.gyro, quick, constant=0.5 * DEG)
+    assert 0.5 * DEG < rows.sigma[-1] < 0.55 * DEG
+    assert abs(wrap_pi(rows.azimuth[-1] - well.azimuth[-1])) < 2.0 * rows.sigma[-1]
+
+
+def test_a_magnetic_azimuth_that_is_withdrawn_lets_the_azimuth_begin_anew() -> None:
+    well = drilling(400.0, 60.0)
+    mag = magnetic(well, np.random.default_rng(6))
+    mag[:1000] += 30.0 * DEG
+    rows, state = go(well, mag, well.gyro, anew=(1000,))
+    assert np.abs(wrap_pi(rows.azimuth[1030:] - well.azimuth[1030:])).max() < 4.0 * MAG_SIGMA
+    assert state.memory[gyro_azimuth_filter.TAKEN_UP] == 0.0
+
+
+def test_without_mag_from_the_start_there_is_no_azimuth_until_the_gyro_gives_one() -> None:
+    well = drilling(400.0, 60.0)
+    none = np.full(2000, np.nan)
+    rows, _ = go(well, none, well.gyro)
+    assert np.isnan(rows.azimuth).all()
+    assert (rows.sigma == math.inf).all()
+    # A north seek in the bin of sample 500, told one bin later.
+    rows, _ = go(well, none, well.gyro, seek=[(500, float(well.azimuth[509]), 0.5 * DEG)])
+    began = int(np.flatnonzero(np.isfinite(rows.azimuth))[0])
+    assert 510 < began <= 530
+    assert rows.status[-1] == int(Status.GYRO_AIDED)
+    assert np.abs(wrap_pi(rows.azimuth - well.azimuth[:2000])[began:]).max() < 0.1 * DEG
+    assert 0.49 * DEG < rows.sigma[-1] < 0.51 * DEG
+
+
+@pytest.mark.parametrize("seconds", [5, 60])
+def test_unplugged_mag_lets_sigma_grow_and_comes_back_without_a_flip(seconds: int) -> None:
+    well = drilling(400.0, 60.0)
+    rng = np.random.default_rng(3)
+    mag = magnetic(well, rng)
+    out = slice(3000, 3000 + seconds * round(RATE))
+    mag[out] = np.nan
+    gyro = felt(motion_like(well), rng, 0.42, bias=rng.standard_normal(3) * 36.0 * DEG_H)[0]
+    rows, state = go(well, mag, gyro, POOR)
+    assert rows.status[out][-1] & Status.GYRO_AIDED
+    assert rows.sigma[out][-1] > rows.sigma[out][0]
+    assert np.abs(wrap_pi(np.diff(rows.azimuth[2900:]))).max() < 0.5 * DEG
+    assert state.memory[gyro_azimuth_filter.TAKEN_UP] == 0.0
+    error = np.abs(wrap_pi(rows.azimuth - well.azimuth))[200:]
+    assert (error < 4.0 * rows.sigma[200:]).all()
+
+
+def test_a_passing_tool_joint_is_gated_out() -> None:
+    well = drilling(400.0, 60.0)
+    mag = magnetic(well, np.random.default_rng(4))
+    mag[3000:3200] += 25.0 * DEG
+    rows, state = go(well, mag, well.gyro)
+    assert (rows.status[3025:3200] & Status.MAG_DISTURBED).all()
+    assert np.abs(wrap_pi(rows.azimuth[3000:3200] - well.azimuth[3000:3200])).max() < 3.0 * MAG_SIGMA
+    assert rows.status[3195] & Status.GYRO_AIDED
+    assert not rows.status[3300] & Status.GYRO_AIDED
+    assert state.memory[gyro_azimuth_filter.GATED] == 20.0
+
+
+def test_a_field_that_fails_its_check_is_never_used_however_long() -> None:
+    well = drilling(400.0, 60.0)
+    mag = magnetic(well, np.random.default_rng(5))
+    mag[3000:] += 8.0 * DEG
+    good = np.ones(len(mag), dtype=bool)
+    good[3000:] = False
+    rows, state = go(well, mag, well.gyro, good=good)
+    assert abs(wrap_pi(rows.azimuth[-1] - well.azimuth[-1])) < 3.0 * MAG_SIGMA
+    assert state.memory[gyro_azimuth_filter.FAILED] > 490.0
+    assert state.memory[gyro_azimuth_filter.TAKEN_UP] == 0.0
+
+
+def test_good_azimuths_that_stay_away_are_taken_up_again_after_the_patience() -> None:
+    well = drilling(400.0, 60.0)
+    mag = magnetic(well, np.random.default_rng(6))
+    # It began next to a fish: 30 deg off, and nothing said so.
+    mag[:1000] += 30.0 * DEG
+    rows, state = go(well, mag, well.gyro)
+    assert state.memory[gyro_azimuth_filter.TAKEN_UP] == 1.0
+    assert np.abs(wrap_pi(rows.azimuth[2000] - well.azimuth[2000])) > 20.0 * DEG
+    assert np.abs(wrap_pi(rows.azimuth[-1] - well.azimuth[-1])) < 3.0 * rows.sigma[-1]
+
+
+def test_a_north_seek_tells_the_magnetic_error_and_one_that_disagrees_is_begun_anew_from() -> None:
+    well = drilling(400.0, 60.0)
+    mag = magnetic(well, np.random.default_rng(7))[:4000]
+    without, plain = go(well, mag, well.gyro)
+    rows, state = go(well, mag, well.gyro, seek=[(3900, float(well.azimuth[3909]), 0.3 * DEG)])
+    assert rows.sigma[-1] < 0.45 * DEG < without.sigma[-1]
+    assert state.P[ERROR, ERROR] < 0.5 * plain.P[ERROR, ERROR]
+    away = float(well.azimuth[3909]) + 20.0 * DEG
+    rows, state = go(well, mag, well.gyro, seek=[(3900, away, 0.3 * DEG)])
+    assert state.memory[gyro_azimuth_filter.TAKEN_UP] == 1.0
+    assert abs(wrap_pi(rows.azimuth[3930] - away)) < 0.2 * DEG
+
+
+def test_seeks_of_one_gyro_do_not_average_but_the_better_one_stands() -> None:
+    well = drilling(400.0, 60.0)
+    none = np.full(4000, np.nan)
+    at = {k: float(well.azimuth[k + 9]) for k in (500, 1500, 2500)}
+    seeks = [
+        (500, at[500] + 0.5 * DEG, 1.0 * DEG),
+        (1500, at[1500] - 0.5 * DEG, 1.2 * DEG),
+        (2500, at[2500], 0.5 * DEG),
+    ]
+    rows, state = go(well, none, well.gyro, seek=seeks)
+    error = wrap_pi(rows.azimuth - well.azimuth[:4000]) / DEG
+    assert_allclose(error[[1400, 2400]], 0.5, atol=0.05)
+    assert (rows.sigma[[1400, 2400]] > 0.99 * DEG).all()
+    assert_allclose(error[3400], 0.0, atol=0.05)
+    assert rows.sigma[3400] == pytest.approx(0.5 * DEG, rel=0.01)
+    assert state.memory[gyro_azimuth_filter.TAKEN_UP] == 0.0
+
+
+def test_a_station_is_carried_on_by_the_gyros_alone_and_its_sigma_is_truthful() -> None:
+    """Steel that turns later magnetic azimuths by up to 6 deg drags the carried azimuth along, not the station's."""
+    well = drilling(400.0, 60.0)
+    rng = np.random.default_rng(21)
+    ratios = []
+    for _ in range(40):
+        mag = magnetic(well, rng)
+        mag += np.maximum(np.arange(len(mag)) - 2000, 0) * 1e-3 * DEG
+        off = 0.5 * DEG * rng.standard_normal()
+        told = [(1000, float(well.azimuth[1009]) + off, 0.5 * DEG, 0.2 * DEG, 0.0)]
+        rows, _ = go(well, mag, noisy(well, rng), station=told)
+        assert np.isnan(rows.anchor[:100, :3]).all()
+        ratios.append(wrap_pi(rows.anchor[-1, 0] - well.azimuth[-11]) / rows.anchor[-1, 1])
+    assert (rows.anchor[103:, 2] == 0.2 * DEG).all()
+    assert abs(wrap_pi(rows.azimuth[-1] - well.azimuth[-1])) > 2.0 * DEG
+    assert rows.anchor[-1, 1] < 0.8 * DEG
+    # Chi-square, 40 degrees of freedom: 99 % band.
+    assert 0.52 < np.mean(np.square(ratios)) < 1.67
+
+
+def test_a_vertical_hole_has_no_azimuth() -> None:
+    n = 400
+    well = drilling(400.0, 60.0)
+    vertical = dataclasses.replace(well, down=np.tile([1.0, 0.01, 0.0], (n, 1)))
+    rows, _ = go(vertical, magnetic(well, np.random.default_rng(1))[:n], np.zeros((n, 3)))
+    assert np.isnan(rows.azimuth).all()
+
+
+def test_the_axis_is_carried_as_it_turns() -> None:
+    """Noise-free gyros and one good azimuth at the start: 20 deg of turn later it still holds."""
+    well = drilling(400.0, 60.0)
+    mag = np.full(len(well.stamps), np.nan)
+    mag[10] = well.azimuth[10]
+    rows, _ = go(well, mag, well.gyro)
+    assert_allclose(wrap_pi(rows.azimuth[30:] - well.azimuth[30:]), 0.0, atol=0.1 * DEG)
+
+
+def test_an_unknown_latitude_counts_as_drift_which_turns_with_nothing() -> None:
+    known, unknown = (continuous.kernel_settings(TACTICAL, latitude) for latitude in (60.0, None))
+    assert unknown[gyro_azimuth_filter.K_NORTH] == 0.0
+    assert unknown[gyro_azimuth_filter.K_BIAS] == known[gyro_azimuth_filter.K_BIAS]
+    assert unknown[gyro_azimuth_filter.K_DRIFT] == pytest.approx(
+        np.hypot(known[gyro_azimuth_filter.K_DRIFT], 7.292e-5), rel=1e-3
+    )
+
+
+def test_blocks_of_any_length_bad_samples_and_gaps_give_the_same_bits() -> None:
+    well = drilling(400.0, 60.0)
+    rng = np.random.default_rng(9)
+    n = 1500
+    mag, gyro, stamps = magnetic(well, rng)[:n], noisy(well, rng)[:n], well.stamps[:n].copy()
+    gyro[500] = np.nan
+    stamps[1000:] += 3 * 10**9
+    fine = noisy(well, rng)[:n]
+    fine[300:320, 1] = 9.0
+    told = [(200, 0.1, 0.01, 0.005, 0.0)]
+    whole, _ = go(well, mag, gyro, stamps=stamps, fine=fine, station=told)
+    pieces, _ = go(well, mag, gyro, stamps=stamps, fine=fine, cuts=(1, 499, 501, 1000, 1001, 1003), station=told)
+    for name in ("azimuth", "sigma", "status", "anchor"):
+        assert_array_equal(getattr(pieces, name), getattr(whole, name))
+    assert whole.sigma[995] < whole.sigma[1025]
+    steps, _ = steps_of(stamps, mag, np.ones(n, dtype=bool), 0, n, 0)
+    k = continuous.kernel_settings(TACTICAL, 60.0)
+    with pytest.raises(ValueError, match="sigma_tilt"):
+        continuous.run(k, BIN_NS, GAP_NS, continuous.initial(), stamps, gyro, well.down[:n], np.zeros(3), steps)

@@ -1,0 +1,140 @@
+"""The row of a sample that was not used: the attitude at its own stamp, with a sigma that covers it, or none."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.status import Status
+from mwd_estimation.gravity import methods as gravity
+from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_sensors.core import wire
+from mwd_sensors.core.frames import mat_nt, wrap_pi
+
+START = 1_700_000_000 * 10**9
+REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.0, convergence=0.0, gravity=9.81, source="test")
+STEP = 0.01
+
+
+def turning(speed, seconds=12.0, inclination=0.9, seed=3):
+    """A tool that turns as `speed(t)`, rad/s, says; samples and true toolface."""
+    n = round(seconds / STEP)
+    fine = 20
+    t = np.arange(n * fine) * STEP / fine
+    angle = np.concatenate([[0.0], np.cumsum(speed(t + 0.5 * STEP / fine)) * STEP / fine])[::fine][:n]
+    rng = np.random.default_rng(seed)
+    imu, mag = wire.IMU.empty(n), wire.MAG.empty(n)
+    imu["stamp_ns"] = mag["stamp_ns"] = START + np.round(np.arange(n) * STEP * 1e9).astype(np.int64)
+    imu["angular_velocity"][1:, 0] = np.diff(angle) / STEP
+    imu["angular_velocity"] += 1e-3 * rng.normal(size=(n, 3))
+    mat = mat_nt(inclination, np.full(n, 0.7), angle)
+    imu["linear_acceleration"] = np.einsum("kji,j->ki", mat, [0, 0, -9.81]) + 5e-3 * rng.normal(size=(n, 3))
+    field = 5e-5 * np.array([np.cos(1.1), 0.0, np.sin(1.1)])
+    mag["magnetic_field"] = np.einsum("kji,j->ki", mat, field) + 5e-8 * rng.normal(size=(n, 3))
+    return imu, mag, np.mod(angle, 2.0 * np.pi), np.einsum("kji,j->ki", mat, [0.0, 0.0, 1.0])
+
+
+def estimated(imu, mag, method="bounded", cuts=()):
+    pipeline = Pipeline(dataclasses.replace(EstimatorSettings(), method=method), REFERENCE)
+    pipeline.push_mag(mag)
+    outputs = [pipeline.push_imu(part) for part in np.split(imu, list(cuts))]
+    return tuple(np.concatenate([getattr(one, name) for one in outputs]) for name in ("attitude", "gravity"))
+
+
+def steady(t):
+    return np.full_like(t, 4.0 * np.pi)
+
+
+def stick_slip(t):
+    return 8.0 + 8.0 * np.sin(4.0 * t)
+
+
+def with_bad_values(imu):
+    bad = np.arange(450, len(imu), 37)
+    imu["angular_velocity"][bad[::3], 0] = np.nan
+    imu["linear_acceleration"][bad[1::3], 2] = np.inf
+    imu["angular_velocity"][bad[2::3], 0] = 300.0
+    return bad, np.arange(len(imu))
+
+
+def with_late_ones(imu):
+    order = np.arange(len(imu))
+    for k in range(450, len(imu) - 8, 37):
+        order[[k, k + 3]] = order[[k + 3, k]]
+    imu[:] = imu[order]
+    return np.flatnonzero(np.diff(np.maximum.accumulate(order), prepend=-1) == 0), order
+
+
+@pytest.mark.parametrize("method", sorted(gravity.METHODS))
+@pytest.mark.parametrize("speed", [steady, stick_slip])
+@pytest.mark.parametrize("spoil", [with_bad_values, with_late_ones])
+def test_a_refused_sample_of_a_turning_tool_is_given_the_toolface_of_its_own_stamp(spoil, speed, method):
+    imu, mag, truth, down = turning(speed)
+    refused, order = spoil(imu)
+    attitude, gravity_rows = estimated(imu, mag, method)
+    rejected = attitude["status"] & int(Status.REJECTED) != 0
+    assert np.array_equal(np.flatnonzero(rejected), refused)
+    off = wrap_pi(attitude["gravity_toolface"] - truth[order])
+    sigma = attitude["sigma_gravity_toolface"]
+    used = ~rejected & (np.arange(len(imu)) > 400)
+    # As good as its neighbours, but for what the rate changed.
+    assert np.max(np.abs(off[refused])) < np.max(np.abs(off[used])) + np.radians(0.5)
+    assert np.all(sigma[refused] >= 0.9 * np.min(sigma[used]))
+    square = off**2 / sigma**2
+    assert np.mean(square[refused]) < max(1.5 * np.mean(square[used]), 1.5)
+    angle = np.arccos(np.clip(np.sum(gravity_rows["gravity"] * down[order], axis=1), -1.0, 1.0))
+    assert np.max(angle[refused]) < np.max(angle[used]) + np.radians(0.5)
+    magnetic = wrap_pi(attitude["magnetic_toolface"][1:] - attitude["gravity_toolface"][1:])
+    assert np.ptp(np.unwrap(magnetic[500:])) < np.ptp(np.unwrap(magnetic[500:][used[501:]])) + np.radians(0.5)
+
+
+def test_rows_of_used_samples_and_of_repeated_stamps_are_as_they_were():
+    imu, mag, _, _ = turning(steady, seconds=6.0)
+    twice = np.repeat(np.arange(len(imu)), np.where(np.arange(len(imu)) % 50 == 7, 2, 1))
+    plain, _ = estimated(imu, mag)
+    attitude, _ = estimated(imu[twice], mag)
+    again = np.flatnonzero(np.diff(twice, prepend=-1) == 0)
+    assert (attitude["status"][again] & int(Status.REJECTED) != 0).all()
+    assert np.delete(attitude, again).tobytes() == plain.tobytes()
+    for name in ("gravity_toolface", "sigma_gravity_toolface", "inclination", "magnetic_toolface"):
+        assert np.array_equal(attitude[name][again], attitude[name][again - 1])
+
+
+def test_far_from_any_sample_used_the_toolface_is_withheld_and_the_inclination_stays():
+    imu, mag, _, _ = turning(steady, seconds=6.0)
+    imu["linear_acceleration"][500:520] = np.nan
+    attitude, gravity_rows = estimated(imu, mag)
+    # A sample of long ago.
+    imu["stamp_ns"][550] -= 700_000_000
+    late, _ = estimated(imu, mag)
+    assert (attitude["sigma_gravity_toolface"][500:510] > 0.0).all()
+    assert (np.diff(attitude["sigma_gravity_toolface"][500:510]) > 0.0).all()
+    for rows, lost in ((attitude, slice(510, 520)), (late, slice(550, 551))):
+        assert (rows["sigma_gravity_toolface"][lost] == -1.0).all()
+        assert (rows["sigma_magnetic_toolface"][lost] == -1.0).all()
+        assert (rows["gravity_toolface"][lost] == 0.0).all()
+        assert (rows["sigma_inclination"][lost] > 0.0).all()
+        assert (np.abs(rows["inclination"][lost] - 0.9) < 0.01).all()
+    assert (gravity_rows["sigma"][510:520] == -1.0).all()
+    assert (gravity_rows["gravity"][510:520] == 0.0).all()
+
+
+def test_near_vertical_the_magnetic_toolface_is_that_of_the_row_s_own_stamp():
+    for spoil in (with_bad_values, with_late_ones):
+        imu, mag, truth, _ = turning(steady, inclination=0.01)
+        refused, order = spoil(imu)
+        attitude, _ = estimated(imu, mag)
+        off = wrap_pi(attitude["magnetic_toolface"] - truth[order] - 0.7)
+        used = np.setdiff1d(np.arange(400, len(imu)), refused)
+        assert np.max(np.abs(off[refused])) < np.max(np.abs(off[used])) + np.radians(0.5)
+
+
+@pytest.mark.parametrize("spoil", [with_bad_values, with_late_ones])
+def test_any_cut_gives_the_same_bits(spoil):
+    imu, mag, _, _ = turning(stick_slip, seconds=8.0)
+    spoil(imu)
+    whole = estimated(imu, mag)
+    for cuts in (range(1, 800), (451, 452, 453, 454, 487)):
+        for one, other in zip(estimated(imu, mag, cuts=cuts), whole, strict=True):
+            assert one.tobytes() == other.tobytes()

@@ -1,0 +1,93 @@
+"""What a track is, which samples are admitted, and when a tool counts as still, sliding or rotating."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mwd_estimation.core import samples as track
+from mwd_estimation.core.status import Status
+from mwd_sensors.core import frames
+
+GOOD = (0.1, 0.0, 0.0, 0.0, 0.0, 9.8)
+
+
+def clock() -> np.ndarray:
+    return np.zeros(track.CLOCK_SIZE, dtype=np.int64)
+
+
+def test_samples_are_first_then_next_then_after_a_gap():
+    c = clock()
+    assert track.admit(c, 5, *GOOD, 100) == track.FIRST
+    assert track.admit(c, 105, *GOOD, 100) == track.NEXT
+    assert track.admit(c, 206, *GOOD, 100) == track.AFTER_GAP
+    assert c[track.LAST_NS] == 206
+
+
+@pytest.mark.parametrize("place", range(6))
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e9])
+def test_a_value_that_is_no_measurement_is_rejected_and_does_not_move_the_clock(place, bad):
+    c = clock()
+    track.admit(c, 5, *GOOD, 100)
+    values = list(GOOD)
+    values[place] = bad
+    assert track.admit(c, 50, *values, 100) == track.REJECTED
+    assert c[track.LAST_NS] == 5
+
+
+def test_one_stamp_from_the_future_does_not_end_the_estimate():
+    c = clock()
+    track.admit(c, 0, *GOOD, 100)
+    assert track.admit(c, 10**18, *GOOD, 100) == track.AFTER_GAP
+    verdicts = [track.admit(c, 10 * k, *GOOD, 100) for k in range(1, 61)]
+    assert verdicts[: track.BACKWARD_LIMIT] == [track.REJECTED] * track.BACKWARD_LIMIT
+    assert verdicts[track.BACKWARD_LIMIT] == track.AFTER_GAP
+    assert verdicts[-1] == track.NEXT
+
+
+def test_a_stamp_that_is_stuck_is_never_believed():
+    c = clock()
+    track.admit(c, 1000, *GOOD, 100)
+    assert {track.admit(c, 500, *GOOD, 100) for _ in range(200)} == {track.REJECTED}
+
+
+@pytest.mark.parametrize(
+    ("rate", "non_gravity", "expected"),
+    [
+        ((0.0, 0.001, 0.0), 0.01, Status.STILL),
+        ((0.0, 0.2, 0.0), 0.01, Status.SLIDING),
+        ((0.0, 0.001, 0.0), 5.0, Status.SLIDING),
+        ((6.0, 0.0, 0.0), 5.0, Status.ROTATING),
+        ((-6.0, 0.0, 0.0), 0.0, Status.ROTATING),
+    ],
+)
+def test_still_sliding_and_rotating_are_told_apart(rate, non_gravity, expected):
+    motion = np.zeros(track.MOTION_SIZE)
+    for _ in range(500):
+        bits = track.follow_motion(motion, 0.01, *rate, non_gravity)
+    assert bits == int(expected)
+
+
+def test_rotary_speed_is_a_first_order_low_pass_of_its_own_output():
+    motion = np.zeros(track.MOTION_SIZE)
+    dt, out = 0.01, []
+    for _ in range(100):
+        track.follow_motion(motion, dt, 10.0, 0.0, 0.0, 0.0)
+        out.append(motion[track.ROTARY])
+    share = dt / (track.ROTARY_LAG + dt)
+    assert out == pytest.approx(10.0 * (1.0 - (1.0 - share) ** np.arange(1, 101)))
+
+
+def test_inclination_of_a_track_is_the_one_of_frames():
+    rng = np.random.default_rng(0)
+    got = track.Track.empty(50)
+    g = rng.standard_normal((50, 3))
+    got.g_t[:] = g / np.linalg.norm(g, axis=1, keepdims=True)
+    assert got.inclination == pytest.approx(frames.inclination(-got.g_t))
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.0121, 0.0999, 0.1001, 1.0, 3.0])
+def test_a_turned_vector_is_the_rotated_one_at_every_angle(angle):
+    axis, vector = np.array([0.6, -0.48, 0.64]), np.array([0.2, 0.9, -0.4])
+    turned = track.turn(*vector, *(angle * axis))
+    rotation = Rotation.from_rotvec(-angle * axis)
+    np.testing.assert_allclose(turned, rotation.apply(vector), rtol=0.0, atol=4e-16)

@@ -1,0 +1,115 @@
+"""Silences: attitude goes on by the rates on either side, with a sigma that covers it, and begins anew only beyond."""
+
+import numpy as np
+import pytest
+
+from mwd_estimation.core.status import Status
+from mwd_estimation.gravity.bounded import filter as gravity_bounded
+from mwd_estimation.gravity.bounded.filter import Params
+from mwd_sensors.core.frames import mat_nt, wrap_pi
+
+STEP = 0.01
+START = 1_700_000_000 * 10**9
+FINE = 20
+
+
+def turning(speed, seconds=40.0, seed=3):
+    """Samples and true toolface of a tool at 50 deg that turns as `speed(t)`, rad/s, says, on 2 m/s^2 of shaking."""
+    n = round(seconds / STEP)
+    t = np.arange(n * FINE) * STEP / FINE
+    angle = np.concatenate([[0.0], np.cumsum(speed(t + 0.5 * STEP / FINE)) * STEP / FINE])[::FINE][:n]
+    rng = np.random.default_rng(seed)
+    gyro = 1e-3 * rng.normal(size=(n, 3))
+    gyro[1:, 0] += np.diff(angle) / STEP
+    gyro[0, 0] += speed(np.zeros(1))[0]
+    mat = mat_nt(np.radians(50.0), np.zeros(n), angle)
+    shaking = rng.normal(size=(n + 1, 3))
+    accel = np.einsum("kji,j->ki", mat, [0.0, 0.0, -9.81]) + 2.0 * np.diff(shaking, axis=0) / np.sqrt(2.0)
+    return START + np.round(np.arange(n) * STEP * 1e9).astype(np.int64), gyro, accel, angle
+
+
+def steady(t):
+    return np.full(len(t), 6.0)
+
+
+def resting(t):
+    return np.zeros(len(t))
+
+
+def sticking(t):
+    return 8.0 * (1.0 - np.cos(2.0 * np.pi * 0.3 * t))
+
+
+def without(data, silences):
+    stamps, gyro, accel, angle = data
+    t = (stamps - START) * 1e-9
+    kept = np.all([(t < a) | (t >= b) for a, b in silences], axis=0)
+    return stamps[kept], gyro[kept], accel[kept], angle[kept]
+
+
+def followed(data, params=None):
+    params = Params() if params is None else params
+    return gravity_bounded.run(params, gravity_bounded.initial(params), *data[:3])
+
+
+def toolface_error(track, angle):
+    return wrap_pi(np.arctan2(-track.g_t[:, 1], -track.g_t[:, 2]) - angle)
+
+
+@pytest.mark.parametrize(("speed", "silence"), [(steady, 1.0), (resting, 5.0), (sticking, 0.2)])
+def test_a_silence_does_not_begin_the_attitude_anew(speed, silence):
+    data = without(turning(speed), [(20.0, 20.0 + silence)])
+    track = followed(data)
+    after = int(np.searchsorted(data[0], START + 19_990_000_000, side="right"))
+    assert track.status[after] & Status.GAP
+    assert not (track.status[after:] & Status.INITIALISING).any()
+    assert np.abs(toolface_error(track, data[3])[after:]).max() < np.radians(12.0)
+    # Soon as good as before.
+    assert np.abs(toolface_error(track, data[3])[-500:]).max() < np.radians(0.5)
+
+
+def test_sigma_covers_what_turned_during_the_silence():
+    ratios = []
+    for seed in range(4):
+        for speed in (steady, sticking):
+            data = without(turning(speed, seed=seed), [(k, k + 0.15 + 0.05 * (k % 3)) for k in range(15, 38, 4)])
+            track = followed(data)
+            first = np.flatnonzero(track.status & Status.GAP)
+            known = first[track.sigma_toolface[first] < 0.5]
+            ratios += list(toolface_error(track, data[3])[known] / track.sigma_toolface[known])
+    assert len(ratios) > 20
+    assert np.sqrt(np.mean(np.square(ratios))) < 2.0
+
+
+def test_where_the_speed_may_have_been_anything_only_the_roll_begins_anew():
+    data = without(turning(sticking), [(20.0, 21.5)])
+    track = followed(data)
+    after = int(np.flatnonzero(track.status & Status.GAP)[0])
+    sought = np.flatnonzero(track.status[after:] & Status.INITIALISING) + after
+    assert len(sought)
+    assert (track.sigma_toolface[sought] == np.pi).all()
+    inclination = np.arccos(-track.g_t[:, 0])
+    assert np.abs(np.pi - inclination[sought] - np.radians(50.0)).max() < np.radians(3.0)
+    assert np.abs(toolface_error(track, data[3])[-500:]).max() < np.radians(0.7)
+
+
+def test_a_silence_beyond_the_bridge_begins_anew():
+    data = without(turning(resting), [(20.0, 24.0)])
+    track = followed(data, Params(bridge=3.0))
+    after = int(np.flatnonzero(track.status & Status.GAP)[0])
+    assert track.status[after] & Status.INITIALISING
+
+
+def test_slow_samples_are_no_silences_and_blocks_of_any_length_give_the_same_bits():
+    stamps, gyro, accel, _ = turning(resting)
+    slow = followed((stamps[::20], gyro[::20], accel[::20]))
+    assert not (slow.status & Status.GAP).any()
+    data = without((stamps, gyro, accel, stamps), [(k, k + 0.3) for k in range(10, 38, 3)])
+    whole = followed(data)
+    params, pieces = Params(), []
+    state = gravity_bounded.initial(params)
+    for k in range(0, len(data[0]), 37):
+        part = slice(k, k + 37)
+        pieces.append(gravity_bounded.run(params, state, data[0][part], data[1][part], data[2][part]))
+    assert np.concatenate([piece.g_t for piece in pieces]).tobytes() == whole.g_t.tobytes()
+    assert np.concatenate([piece.status for piece in pieces]).tobytes() == whole.status.tobytes()

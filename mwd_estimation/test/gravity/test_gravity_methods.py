@@ -1,0 +1,172 @@
+"""What every gravity method owes: the same track for any partition, and no sample, however bad, that ends it."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mwd_estimation.core.samples import STANDARD_GRAVITY, Track
+from mwd_estimation.core.status import Status
+from mwd_estimation.gravity import methods as gravity
+
+FIELDS = ("g_t", "sigma_inclination", "sigma_toolface", "non_gravity", "rotary_speed", "status")
+every_method = pytest.mark.parametrize("name", list(gravity.METHODS))
+
+
+def recording(seed: int, n: int, rate_hz: float = 100.0) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Stamps, rates, forces and true down of a tool turning at 120 r/min, dip 40 deg, shaken by 3 m/s^2."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(n) / rate_hz
+    turn = 4 * np.pi
+    down = np.stack([np.full(n, 0.64), 0.768 * np.sin(turn * t), 0.768 * np.cos(turn * t)], axis=-1)
+    down /= np.linalg.norm(down, axis=1, keepdims=True)
+    gyro = np.tile([turn, 0.0, 0.0], (n, 1)) + 0.002 * rng.standard_normal((n, 3))
+    accel = -STANDARD_GRAVITY * down + 3.0 * rng.standard_normal((n, 3))
+    return np.round(t * 1e9).astype(np.int64), gyro, accel, down
+
+
+def error_deg(track: Track, down: np.ndarray) -> np.ndarray:
+    cross = np.linalg.norm(np.cross(track.g_t, down), axis=1)
+    return np.degrees(np.arctan2(cross, np.sum(track.g_t * down, axis=1)))
+
+
+def joined(tracks: list[Track]) -> dict[str, np.ndarray]:
+    return {field: np.concatenate([getattr(track, field) for track in tracks]) for field in FIELDS}
+
+
+@every_method
+@settings(max_examples=8, deadline=None)
+@given(seed=st.integers(0, 1000), cuts=st.lists(st.integers(0, 400), max_size=6))
+def test_a_block_gives_the_same_bits_as_any_partition_of_it(name, seed, cuts):
+    method = gravity.method(name)
+    params = method.Params()
+    stamps, gyro, accel, _ = recording(seed, 400)
+    gyro[50] = np.nan
+    accel[60, 1] = np.inf
+    accel[70:73] = 160.0
+    stamps[80] = stamps[79]
+    stamps[200:] += 3_000_000_000
+    whole = joined([method.run(params, method.initial(params), stamps, gyro, accel)])
+    state = method.initial(params)
+    parts = []
+    for part in np.split(np.arange(400), sorted(cuts)):
+        parts.append(method.run(params, state, stamps[part], gyro[part], accel[part]))
+        # A state saved and resumed is the same state.
+        state = state.copy()
+    for field, got in joined(parts).items():
+        assert np.array_equal(got, whole[field], equal_nan=True), field
+
+
+@every_method
+def test_one_sample_at_a_time_is_the_block(name):
+    method = gravity.method(name)
+    params = method.Params()
+    stamps, gyro, accel, _ = recording(1, 300)
+    whole = joined([method.run(params, method.initial(params), stamps, gyro, accel)])
+    state = method.initial(params)
+    ones = joined([method.run(params, state, stamps[k : k + 1], gyro[k : k + 1], accel[k : k + 1]) for k in range(300)])
+    for field in FIELDS:
+        assert np.array_equal(ones[field], whole[field]), field
+
+
+@every_method
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e30])
+def test_a_value_that_is_no_measurement_is_rejected_and_flagged_and_changes_nothing(name, bad):
+    method = gravity.method(name)
+    params = method.Params()
+    stamps, gyro, accel, _ = recording(2, 500)
+    clean = method.run(params, method.initial(params), stamps, gyro, accel)
+    for block in (gyro, accel):
+        spoilt = {id(gyro): gyro, id(accel): accel}
+        spoilt[id(block)] = block.copy()
+        spoilt[id(block)][300, 2] = bad
+        got = method.run(params, method.initial(params), stamps, spoilt[id(gyro)], spoilt[id(accel)])
+        assert Status(int(got.status[300])) & Status.REJECTED
+        assert np.array_equal(got.g_t[300], got.g_t[299])
+        assert np.isfinite(got.g_t).all()
+        # One rate sample is bridged by its neighbour; steady turning loses nothing.
+        assert np.abs(got.g_t[-1] - clean.g_t[-1]).max() < 0.02
+
+
+@every_method
+def test_stamps_that_do_not_advance_are_rejected_until_the_clock_has_plainly_been_set_back(name):
+    method = gravity.method(name)
+    params = method.Params()
+    stamps, gyro, accel, _ = recording(3, 600)
+    stamps[100] = stamps[99]
+    stamps[101] = stamps[90]
+    stamps[300:] -= 200_000_000_000
+    got = method.run(params, method.initial(params), stamps, gyro, accel)
+    rejected = (got.status & int(Status.REJECTED)) != 0
+    assert rejected[100]
+    assert rejected[101]
+    assert not rejected[102:300].any()
+    assert rejected[300:340].all()
+    assert not rejected[360:].any()
+    assert np.isfinite(got.g_t).all()
+
+
+@every_method
+def test_a_gap_is_flagged_and_survived(name):
+    method = gravity.method(name)
+    params = method.Params()
+    stamps, gyro, accel, down = recording(4, 4000)
+    stamps[2000:] += 7_000_000_000
+    got = method.run(params, method.initial(params), stamps, gyro, accel)
+    assert Status(int(got.status[2000])) & Status.GAP
+    assert not (got.status[2001:] & int(Status.GAP)).all()
+    if name != "raw":
+        assert np.sqrt(np.mean(error_deg(got, down)[3000:] ** 2)) < 3.0
+
+
+@every_method
+@pytest.mark.parametrize("rate_hz", [50.0, 96.2, 285.7, 1000.0])
+def test_any_rate_from_50_to_1000_hz_is_followed_from_a_start_in_motion(name, rate_hz):
+    method = gravity.method(name)
+    params = method.Params()
+    n, nees = int(40 * rate_hz), []
+    for seed in (5, 6, 7):
+        stamps, gyro, accel, down = recording(seed, n, rate_hz)
+        got = method.run(params, method.initial(params), stamps, gyro, accel)
+        error = error_deg(got, down)[n // 2 :]
+        if name != "raw":
+            assert np.sqrt(np.mean(error**2)) < 3.0
+        assert (got.status[n // 2 :] & int(Status.ROTATING)).all()
+        assert got.rotary_speed[-1] == pytest.approx(4 * np.pi, rel=0.01)
+        nees.append(np.mean(np.radians(error) ** 2 / (2 * got.sigma_inclination[n // 2 :] ** 2)))
+    # Sigma is neither a promise nor an alibi; in forces as white as these 20 s are one independent sample.
+    least = 0.0 if name == "kalman" else 0.01  # that one's noise is a round figure on the safe side
+    assert least < np.mean(nees) < 6.0
+
+
+@every_method
+def test_no_samples_give_no_track_and_no_error(name):
+    method = gravity.method(name)
+    params = method.Params()
+    got = method.run(params, method.initial(params), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
+    assert got.g_t.shape == (0, 3)
+
+
+@every_method
+def test_a_first_sample_that_is_bad_leaves_no_estimate_and_says_so(name):
+    method = gravity.method(name)
+    params = method.Params()
+    got = method.run(params, method.initial(params), [0], [[np.nan, 0, 0]], [[0, 0, 9.8]])
+    assert np.isnan(got.g_t).all()
+    assert got.sigma_inclination[0] == pytest.approx(np.pi)
+    assert Status(int(got.status[0])) & Status.REJECTED
+    assert Status(int(got.status[0])) & Status.INITIALISING
+
+
+def test_blocks_of_the_wrong_shape_are_named():
+    method = gravity.method("s3")
+    params = method.Params()
+    with pytest.raises(ValueError, match=r"gyro_t: expected shape \(3, 3\), got \(2, 3\)"):
+        method.run(params, method.initial(params), [1, 2, 3], np.zeros((2, 3)), np.zeros((3, 3)))
+    with pytest.raises(ValueError, match="stamp_ns"):
+        method.run(params, method.initial(params), [[1]], np.zeros((1, 3)), np.zeros((1, 3)))
+
+
+def test_an_unknown_method_is_an_error_that_lists_the_known():
+    with pytest.raises(ValueError, match=r"no gravity method 'madgwick'; known: .*s3"):
+        gravity.method("madgwick")

@@ -1,0 +1,64 @@
+"""Linear Kalman extraction: its scalar covariance is the full six-state filter, and it follows a real recording."""
+
+import numpy as np
+import pytest
+
+from mwd_estimation.core.samples import STANDARD_GRAVITY
+from mwd_estimation.gravity import ligorio_kalman as kalman
+from project import REFERENCE_DATA
+
+BROAD = REFERENCE_DATA / "broad" / "27_disturbed_phone_vibration_B.npz"
+G0 = STANDARD_GRAVITY
+
+
+def test_three_numbers_carry_the_covariance_of_the_full_six_state_filter():
+    rng = np.random.default_rng(4)
+    n, dt = 50, 0.01
+    stamps = np.arange(n, dtype=np.int64) * 10_000_000
+    gyro, accel = rng.standard_normal((n, 3)), -G0 * np.array([0.0, 0.6, 0.8]) + rng.standard_normal((n, 3))
+    p = kalman.Params(rate_noise=0.0, bias_gain=0.0)
+    state = kalman.initial(p)
+    kalman.run(p, state, stamps, gyro, accel)
+    P = np.diag([(0.5 * G0) ** 2] * 3 + [p.motion**2] * 3)
+    H = np.hstack([-np.eye(3), np.eye(3)])
+    keep = np.exp(-dt / p.memory)
+    for k in range(n):
+        F = np.eye(6)
+        Q = np.zeros((6, 6))
+        if k:
+            angle = np.linalg.norm(gyro[k] * dt)
+            u = gyro[k] / np.linalg.norm(gyro[k])
+            K = np.cross(np.eye(3), u)
+            F[:3, :3] = (np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K).T
+            F[3:, 3:] = keep * F[:3, :3]
+            Q[:3, :3] = np.eye(3) * (G0 * p.gyro_noise) ** 2 * dt
+            Q[3:, 3:] = np.eye(3) * (1 - keep**2) * p.motion**2
+        P = F @ P @ F.T + Q
+        gain = P @ H.T @ np.linalg.inv(H @ P @ H.T + np.eye(3) * p.accel_noise**2)
+        P = P - gain @ H @ P
+    assert np.diag(P)[:3] == pytest.approx(state.reals[kalman.PGG], rel=1e-9)
+    assert np.diag(P)[3:] == pytest.approx(state.reals[kalman.PAA], rel=1e-9)
+
+
+def test_a_still_tool_is_exact():
+    p = kalman.Params()
+    n = 2000
+    down = np.array([0.6, 0.0, 0.8])
+    got = kalman.run(
+        p, kalman.initial(p), np.arange(n, dtype=np.int64) * 10_000_000, np.zeros((n, 3)), np.tile(-G0 * down, (n, 1))
+    )
+    assert got.g_t[-1] == pytest.approx(down, abs=1e-12)
+
+
+@pytest.mark.skipif(not BROAD.exists(), reason="the shared recordings are not beside this repository")
+def test_real_recording_is_followed_within_three_degrees():
+    data = np.load(BROAD)
+    w, x, y, z = data["quat"].astype(float).T
+    down = -np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1)
+    p = kalman.Params()
+    stamps = np.round(np.arange(len(down)) * 1e9 / float(data["fs"])).astype(np.int64)
+    got = kalman.run(p, kalman.initial(p), stamps, data["gyr"], data["acc"])
+    scored = data["movement"] & np.isfinite(down[:, 0])
+    cross = np.linalg.norm(np.cross(got.g_t, down), axis=1)
+    error = np.degrees(np.arctan2(cross, np.sum(got.g_t * down, axis=1)))[scored]
+    assert np.sqrt(np.mean(error**2)) < 3.0

@@ -1,0 +1,68 @@
+"""Both seekers of a station behind one face: same north, each its own limits."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from north_signals import DEG_H, felt, motion, steady, still
+
+from mwd_estimation.gyrocompass import methods as north_methods
+from mwd_estimation.gyrocompass import seek as north_seek
+from mwd_sensors.core.frames import wrap_pi
+
+DEG = math.radians(1.0)
+PARAMS = north_seek.Params(
+    latitude_deg=44.0, gyro_noise_deg_rth=0.01, gyro_x_noise_deg_rth=0.01, gyro_bias_deg_h=0.02, gyro_x_bias_deg_h=0.02,
+    gyro_walk_deg_h_rth=0.0, scale_x_ppm=300.0,
+)  # fmt: skip
+
+
+def fed(seeker: north_methods.Seeker, seconds: float = 63.5, bias: float = 0.02, roll=still) -> north_methods.Seeker:
+    clean = motion(seconds, 44.0 * DEG, 1.0, 2.2, roll, 50.0)
+    gyro, accel = felt(clean, np.random.default_rng(1), 0.01, None, 30.0, np.array([0.0, bias, -bias]) * DEG_H)
+    for block in np.array_split(np.arange(len(gyro)), 7):
+        seeker.run(clean.stamp_ns[block], np.hstack([gyro[block], accel[block]]))
+    return seeker
+
+
+@pytest.mark.parametrize("kind", [north_methods.BestSeek, north_methods.S1Seek])
+def test_a_still_tool_finds_the_same_north_by_either(kind) -> None:
+    seeker = fed(kind(PARAMS))
+    found = seeker.solution()
+    assert found.success, found.reason
+    assert seeker.elapsed == pytest.approx(61.0, abs=3.0)
+    assert not seeker.moved
+    assert abs(float(wrap_pi(found.azimuth - 2.2))) < 3.0 * found.sigma
+    assert found.sigma == pytest.approx(found.limit, rel=0.2)
+    assert found.inclination == pytest.approx(1.0, abs=1e-3)
+    # The scribe line, 0.4 rad clockwise from high side: its level part along the heading and to the right of it.
+    scribe = 2.2 + math.atan2(math.sin(0.4), math.cos(0.4) * math.cos(1.0))
+    assert abs(float(wrap_pi(found.toolface - scribe))) < 0.02
+
+
+def test_only_the_best_takes_a_turn_and_what_an_earlier_seek_found() -> None:
+    assert north_methods.BestSeek.turns
+    assert not north_methods.S1Seek.turns
+    wide = dataclasses.replace(PARAMS, gyro_bias_deg_h=5.0, gyro_x_bias_deg_h=5.0)
+    first = north_methods.BestSeek(wide)
+    fed(first, roll=lambda t: 0.4 + math.pi * np.clip((t - 29.0) / 6.0, 0.0, 1.0), bias=3.0)
+    carried = fed(north_methods.BestSeek(wide, (first.state, 0.0)), bias=3.0).solution()
+    assert carried.success, carried.reason
+    assert abs(float(wrap_pi(carried.azimuth - 2.2))) < 3.0 * carried.sigma
+    assert not fed(north_methods.BestSeek(wide), bias=3.0).solution().success
+
+
+def test_s1_refuses_in_words_what_it_cannot_measure() -> None:
+    def reason(seconds: float = 63.5, roll=still, **changes: float) -> str:
+        found = fed(north_methods.S1Seek(dataclasses.replace(PARAMS, **changes)), seconds, roll=roll).solution()
+        assert not found.success
+        return found.reason
+
+    assert "too short" in reason(10.0)
+    assert "pole" in reason(latitude_deg=88.0)
+    assert "bias is known only to 10 deg/h" in reason(gyro_bias_deg_h=10.0)
+    assert "moved" in reason(roll=steady(1.0))
+    assert "too short: 0 s" in north_methods.S1Seek(PARAMS).solution().reason

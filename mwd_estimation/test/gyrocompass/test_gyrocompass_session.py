@@ -1,0 +1,71 @@
+"""North on request: the time asked for, progress that narrows, either unit's x gyro, and reasons for no answer."""
+
+import math
+
+import numpy as np
+import pytest
+from north_signals import felt, motion, steady
+
+from mwd_estimation.gyrocompass.session import NorthRun, Params
+from mwd_estimation.gyrocompass.station import GyroSettings
+from mwd_sensors.core.frames import wrap_pi
+
+DEG = math.radians(1.0)
+LATITUDE = 50.0
+GYRO = GyroSettings(noise_deg_rth=0.02, bias_deg_h=0.02, walk_deg_h_rth=0.0, shortest_s=20.0)
+RATE = 50.0
+
+
+def bins(seconds, rpm=0.0, seed=1):
+    """Half-second bins of both units on a tool at inclination 40, azimuth 100 deg."""
+    tool = motion(seconds, LATITUDE * DEG, lambda t: 40.0 * DEG + 0.0 * t, lambda t: 100.0 * DEG + 0.0 * t,
+                  steady(rpm), RATE)  # fmt: skip
+    rng = np.random.default_rng(seed)
+    gyro, accel = felt(tool, rng, 0.02, 0.02)
+    ahrs = tool.gyro_t.copy()
+    values = np.hstack([gyro, accel])
+    if rpm:
+        limit = math.radians(GYRO.range_dps)
+        values[:, 0] = np.clip(values[:, 0], -limit, limit)
+    step = int(RATE / 2)
+    for k in range(0, len(values) - step + 1, step):
+        part = slice(k, k + step)
+        yield 0.5, (tool.stamp_ns[part], values[part]), (tool.stamp_ns[part], ahrs[part])
+
+
+@pytest.mark.parametrize(("rpm", "method"), [(0.0, "still"), (60.0, "rotating")])
+def test_north_is_found_in_the_time_asked_for_at_rest_and_turning(rpm, method):
+    run = NorthRun(Params(), GYRO, LATITUDE, None, 60.0, "")
+    told = []
+    for one in bins(90.0, rpm):
+        assert not run.done
+        run.add(*one)
+        told.append(run.progress())
+        if run.done:
+            break
+    assert len(told) == 120
+    assert (told[0].elapsed, told[0].remaining) == (0.5, 59.5)
+    assert math.isnan(told[0].azimuth)
+    found = run.solution()
+    assert found.success, found.reason
+    assert found.method == method
+    assert abs(wrap_pi(found.azimuth - 100.0 * DEG)) < 3.0 * found.sigma < 8.0 * DEG
+    assert told[-1].sigma < told[60].sigma
+
+
+def test_without_a_precision_unit_there_is_a_reason_instead_of_an_azimuth():
+    run = NorthRun(Params(duration_s=20.0), GYRO, LATITUDE, None, 0.0, "still")
+    nothing = np.zeros(0, dtype=np.int64)
+    for _ in range(40):
+        run.add(0.5, (nothing, np.zeros((0, 6))), (nothing, np.zeros((0, 3))))
+    assert run.done
+    assert not run.solution().success
+    assert "nothing is heard of the precision unit" in run.solution().reason
+
+
+@pytest.mark.parametrize(
+    ("duration", "mode", "words"), [(60.0, "sideways", "mode"), (-1.0, "", "duration"), (5.0, "", "at least 20 s")]
+)
+def test_what_cannot_be_sought_is_refused_before_it_begins(duration, mode, words):
+    with pytest.raises(ValueError, match=words):
+        NorthRun(Params(), GYRO, LATITUDE, None, duration, mode)

@@ -1,0 +1,231 @@
+"""A gyro azimuth of a station: two positions show the bias, what cannot be said is refused, cuts change nothing."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.time_bins import Binner
+from mwd_estimation.gyrocompass.station import GyroSettings, GyroStation, white_noise
+from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_estimation.survey.static_survey import BIN_NS
+from mwd_sensors.core import wire
+from mwd_sensors.core.frames import mat_nt, wrap_pi
+
+START = 1_700_000_000 * 10**9
+RATE = 100
+DEG_H = math.radians(1.0) / 3600.0
+REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, gravity=9.81, source="test")
+TURN = math.radians(18.0)  # rad/s
+
+
+def _samples(
+    azimuth=2.2, inclination=1.0, rest=60.0, turn_rate=TURN, bias=4.0, steel=0.0, seed=1, latitude=44.0, noise=0.02
+):
+    """Rest, half a turn about the axis, rest again, with a biased gyro; `steel` turns the horizontal field, rad."""
+    rng = np.random.default_rng(seed)
+    turning = round(math.pi / turn_rate * RATE)
+    rates = np.concatenate([np.zeros(round(rest * RATE)), np.full(turning, math.pi / turning * RATE)])
+    rates = np.concatenate([rates, np.zeros(round(rest * RATE))])
+    n = len(rates)
+    mat = mat_nt(inclination, np.full(n, azimuth), np.cumsum(rates) / RATE)
+    phi = math.radians(latitude)
+    earth_n = 7.292115e-5 * np.array([math.cos(phi), 0.0, -math.sin(phi)])
+    direction = 0.05 + steel
+    field_n = 5e-5 * np.array([np.cos(1.1) * np.cos(direction), np.cos(1.1) * np.sin(direction), np.sin(1.1)])
+    force = np.einsum("kji,j->ki", mat, [0, 0, -9.81])
+    imu, precision, mag = wire.IMU.empty(n), wire.IMU.empty(n), wire.MAG.empty(n)
+    for samples in (imu, precision, mag):
+        samples["stamp_ns"] = START + np.arange(n) * (10**9 // RATE)
+    white = math.radians(noise) / 60.0 * math.sqrt(RATE)
+    precision["angular_velocity"] = np.einsum("kji,j->ki", mat, earth_n) + np.array([0.0, bias, -bias]) * DEG_H
+    precision["angular_velocity"] += white * rng.normal(size=(n, 3))
+    precision["angular_velocity"][:, 0] += rates
+    precision["linear_acceleration"] = force + 3e-3 * rng.normal(size=(n, 3))
+    imu["angular_velocity"] = 1e-3 * rng.normal(size=(n, 3))
+    imu["angular_velocity"][:, 0] += rates
+    imu["linear_acceleration"] = force + 5e-3 * rng.normal(size=(n, 3))
+    mag["magnetic_field"] = np.einsum("kji,j->ki", mat, field_n) + 5e-8 * rng.normal(size=(n, 3))
+    return imu, precision, mag
+
+
+def _settings(**changes):
+    gyro = {"latitude_source": "fixed", "latitude_deg": 44.0, "noise_deg_rth": 0.02, "g_sensitivity_deg_h_g": 0.1}
+    return EstimatorSettings(gyro=GyroSettings(**{**gyro, **changes}))
+
+
+def _surveys(streams, settings, cuts=(), duration=50.0):
+    """Surveys that were asked for as the tool came to rest in its second position."""
+    imu, precision, mag = streams
+    pipeline, surveys = Pipeline(settings, REFERENCE), []
+    ask = len(imu) - 54 * RATE
+    for block in np.split(np.arange(len(imu)), sorted({*cuts, ask})):
+        if len(block) and block[0] == ask:
+            pipeline.request_survey(duration)
+        pipeline.push_mag(mag[block])
+        pipeline.push_precision(precision[block])
+        surveys += pipeline.push_imu(imu[block]).surveys
+    return surveys
+
+
+def _gyro(survey):
+    return survey.station.by_method("gyro")
+
+
+def test_two_positions_find_north_that_one_refuses():
+    first, second = _surveys(_samples(), _settings())
+    assert "half a turn" in first.azimuth_reasons["gyro"]
+    assert first.weights["gyro"] == 0.0
+    found = _gyro(second)
+    assert second.azimuth_reasons["gyro"] == ""
+    assert found.sigma < math.radians(2.0)
+    assert abs(wrap_pi(found.azimuth - 2.2)) < 3.0 * found.sigma
+    assert 0.0 < second.weights["gyro"] < 1.0
+    assert sum(second.weights.values()) == pytest.approx(1.0)
+    assert second.station.method == "fused"
+    assert abs(wrap_pi(second.station.azimuth - 2.2)) < 3.0 * second.station.sigma_azimuth
+
+
+def test_steel_that_turns_the_field_is_an_alarm_and_the_gyro_is_used():
+    survey = _surveys(_samples(steel=math.radians(22.0)), _settings())[-1]
+    assert survey.station.method == "gyro"
+    assert survey.station.verdict == "doubtful"
+    assert "steel can turn the field" in survey.station.reasons[0]
+    assert abs(wrap_pi(survey.station.azimuth - 2.2)) < math.radians(3.0)
+
+
+def test_any_cut_into_blocks_gives_the_same_gyro_azimuth():
+    streams = _samples()
+    whole = _surveys(streams, _settings())
+    pieces = _surveys(streams, _settings(), cuts=range(37, len(streams[0]), 251))
+    for one, other in zip(whole, pieces, strict=True):
+        assert one.station.azimuth == other.station.azimuth
+        assert one.weights == other.weights
+        assert one.azimuth_reasons == other.azimuth_reasons
+    assert _gyro(whole[-1]) == _gyro(pieces[-1])
+
+
+def test_an_unknown_latitude_is_said_and_costs_nothing_else():
+    survey = _surveys(_samples(), _settings(latitude_source="unknown"))[-1]
+    assert "latitude is not known" in survey.azimuth_reasons["gyro"]
+    assert survey.station.method in ("raw", "corrected")
+    assert survey.station.verdict == "accept"
+
+
+def test_without_a_precision_unit_there_is_no_gyro_azimuth_and_no_word_of_it():
+    imu, _, mag = _samples()
+    pipeline = Pipeline(_settings(), REFERENCE)
+    pipeline.push_mag(mag)
+    (survey, *_) = pipeline.push_imu(imu).surveys
+    assert _gyro(survey) is None
+    assert "gyro" not in survey.weights
+
+
+def test_a_turn_that_takes_too_long_begins_the_seek_anew():
+    quick, slow = (_surveys(_samples(turn_rate=TURN), _settings(**told))[-1] for told in ({}, {"longest_turn_s": 2.0}))
+    assert slow.weights["gyro"] < quick.weights["gyro"]
+    assert _gyro(slow).sigma > 1.5 * _gyro(quick).sigma
+
+
+def test_near_the_pole_the_gyro_is_refused_with_the_reason():
+    survey = _surveys(_samples(latitude=88.0), _settings(latitude_deg=88.0))[-1]
+    assert "pole" in survey.azimuth_reasons["gyro"]
+
+
+def test_the_noise_is_read_off_a_tool_at_rest_whatever_the_pumps_do():
+    rng, n = np.random.default_rng(2), 400
+    stamps = START + np.arange(n) * (10**9 // RATE)
+    unit = math.radians(1.0) / 60.0 * math.sqrt(RATE)
+    quiet = 0.02 * unit * rng.normal(size=(n, 3)) + 1e-4
+    assert white_noise(stamps, quiet) == pytest.approx(0.02, rel=0.1)
+    # 37 Hz of pump, twenty times the noise of a sample, mostly averages out over a tenth of a second.
+    shaken = quiet + 0.4 * unit * np.sin(2.0 * math.pi * 37.0 * np.arange(n) / RATE)[:, None]
+    assert white_noise(stamps, shaken) < 0.1
+    spoiled = quiet.copy()
+    spoiled[7] = np.nan
+    assert white_noise(stamps, spoiled) == pytest.approx(0.02, rel=0.1)
+    assert white_noise(stamps[:20], quiet[:20]) is None
+
+
+def _feed(station, streams, start_s=0.0, settled_s=2.0):
+    """Samples of a tool that rests or turns quietly to a gyro station, bin by bin, from a given time on."""
+    imu, precision = streams[0], streams[1]
+    stamps = imu["stamp_ns"] + round(start_s * 1e9)
+    values = np.hstack([imu["angular_velocity"], imu["linear_acceleration"]])
+    felt = np.hstack([precision["angular_velocity"], precision["linear_acceleration"]])
+    rest = 0.0
+    for closed in Binner(6, BIN_NS).add(stamps, values):
+        inside = stamps // BIN_NS == closed.index
+        still = bool(abs(closed.mean[0]) < 0.03)
+        rest = rest + 0.5 if still else 0.0
+        station.add(closed, 0.5, rest > settled_s, still, (stamps[inside], felt[inside]))
+
+
+def _rest(station, seconds, bias, noise=0.02, start_s=0.0, settled_s=2.0, azimuth=2.2, seed=3):
+    """A tool that rests at one toolface; bias of y and of z the other way, deg/h."""
+    streams = _samples(azimuth=azimuth, rest=seconds, bias=bias, seed=seed, noise=noise)
+    first = tuple(stream[: round(seconds * RATE)] for stream in streams)
+    _feed(station, first, start_s, settled_s)
+
+
+def _station(**changes):
+    settings = GyroSettings(**{"g_sensitivity_deg_h_g": 0.0, **changes})
+    return GyroStation(settings, 44.0, 9.81)
+
+
+def test_a_gyro_that_fits_the_latitude_finds_north_in_one_position_and_says_how_well():
+    station = _station()
+    _rest(station, 122.0, 0.02, noise=0.01)
+    found = station.solution()
+    assert found.success, found.reason
+    assert found.method == "still"
+    assert abs(wrap_pi(found.azimuth - 2.2)) < math.radians(0.5)
+    assert math.radians(0.25) < found.sigma < math.radians(2.0)
+    stated = _station(bias_scale="stated")
+    _rest(stated, 122.0, 0.02, noise=0.01)
+    assert "turn the tool half a turn" in stated.solution().reason
+
+
+def test_a_gyro_with_a_bias_gets_no_credit_for_fitting_the_latitude():
+    station = _station()
+    _rest(station, 122.0, 4.0, noise=0.01)
+    assert not station.solution().success
+
+
+def test_the_bias_that_two_positions_showed_serves_the_next_station_while_the_tool_stays_on():
+    station, streams = _station(), _samples(bias=4.0)
+    _feed(station, streams)
+    assert station.solution().success
+    end_s = len(streams[0]) / RATE
+    shaken = _samples(rest=2.0, bias=4.0, turn_rate=0.5)
+    shaken[0]["linear_acceleration"] += 3.0 * np.random.default_rng(1).normal(size=(len(shaken[0]), 3))
+    shaken[0]["angular_velocity"][:, 0] += 1.0
+    _feed(station, shaken, end_s)
+    assert station.solution() == "the tool has not kept still"
+    end_s += len(shaken[0]) / RATE
+    _rest(station, 42.0, 4.0, start_s=end_s, azimuth=1.0)
+    found = station.solution()
+    assert found.success, found.reason
+    assert found.method == "still"
+    assert found.sigma < math.radians(3.0)
+    assert abs(wrap_pi(found.azimuth - 1.0)) < 3.0 * found.sigma
+    # Switched off meanwhile: nothing of it is known any more.
+    _rest(station, 42.0, 4.0, start_s=end_s + 100.0, azimuth=1.0)
+    assert not station.solution().success
+
+
+def test_what_the_gyro_waits_for_is_said_until_waiting_brings_nothing():
+    station = _station(bias_deg_h=0.05, bias_scale="stated")
+    assert station.pending() == ""
+    _rest(station, 10.0, 0.0)
+    assert "too short" in station.pending()
+    _rest(station, 60.0, 0.0, start_s=10.0, settled_s=0.0)
+    assert "good to" in station.pending()
+    precise = _station(noise_deg_rth=0.003, bias_deg_h=0.01, bias_scale="stated")
+    _rest(precise, 60.0, 0.0, noise=0.003)
+    assert precise.pending() == ""
+    assert precise.solution().success
+    blind = GyroStation(GyroSettings(), None, 9.81)
+    _rest(blind, 10.0, 0.0)
+    assert blind.pending() == ""

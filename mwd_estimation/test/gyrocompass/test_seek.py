@@ -1,0 +1,307 @@
+"""North seeking still, in two positions and turning: limits, honest sigma, what is observable and what is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from north_signals import DEG_H, G0, Motion, felt, motion, steady, still
+from numpy.testing import assert_allclose, assert_array_equal
+
+from mwd_estimation.gyrocompass import seek as north_seek
+from mwd_estimation.gyrocompass.seek import Params
+from mwd_sensors.core.frames import wrap_pi
+
+DEG = math.radians(1.0)
+RATE = 50.0
+PRECISION_X = {"gyro_x_bias_deg_h": 0.01, "gyro_bias_deg_h": 0.01, "scale_x_ppm": 300.0}
+
+
+def settings(mode: str, noise: float, latitude_deg: float, **more: object) -> Params:
+    x = {"gyro_x_noise_deg_rth": noise, **PRECISION_X} if mode == "still" else {}
+    more = {"lead_sigma_ms": 0.05, **more}
+    return Params(mode=mode, gyro_noise_deg_rth=noise, latitude_deg=latitude_deg, gyro_walk_deg_h_rth=0.0, **x, **more)
+
+
+def spin_up(rpm: float, wobble: float = 0.0) -> Callable[[np.ndarray], np.ndarray]:
+    """At rest for 5 s, up to speed in 5 s, then steady with a once-per-turn wobble of the speed."""
+    speed = rpm * math.tau / 60.0
+
+    def roll(t: np.ndarray) -> np.ndarray:
+        turned = speed * (np.clip(t - 5.0, 0.0, 5.0) ** 2 / 10.0 + np.clip(t - 10.0, 0.0, None))
+        return np.asarray(0.4 + turned + wobble * np.sin(turned))
+
+    return roll
+
+
+def two_positions(t: np.ndarray) -> np.ndarray:
+    """Half a turn in 6 s, half way through a minute."""
+    return np.asarray(0.4 + math.pi * np.clip((t - 29.0) / 6.0, 0.0, 1.0))
+
+
+def monte_carlo(
+    params: Params, clean: Motion, runs: int = 60, seed: int = 5, **errors: float
+) -> tuple[np.ndarray, np.ndarray, north_seek.Solution]:
+    """Errors and sigmas, rad, of `runs` runs with biases and errors drawn from the stated sigmas; the last answer."""
+    rng = np.random.default_rng(seed)
+    error, sigma = np.empty(runs), np.empty(runs)
+    for r in range(runs):
+        bias = rng.standard_normal(3) * DEG_H
+        bias *= [params.gyro_x_bias_deg_h, params.gyro_bias_deg_h, params.gyro_bias_deg_h]
+        gyro, accel = felt(
+            clean,
+            rng,
+            params.gyro_noise_deg_rth,
+            params.gyro_x_noise_deg_rth,
+            params.accel_noise_ug_rthz,
+            bias,
+            rng.standard_normal(3) * params.accel_bias_ug * 1e-6 * G0,
+            scale_x=errors.get("scale_x", 0.0) * rng.standard_normal(),
+            leak=errors.get("leak", 0.0) * rng.standard_normal(2),
+        )
+        state = north_seek.initial()
+        north_seek.run(params, state, clean.stamp_ns, gyro, accel)
+        found = north_seek.solution(params, state)
+        error[r], sigma[r] = wrap_pi(found.azimuth - clean.azimuth[-1]), found.sigma
+    return error, sigma, found
+
+
+def assert_at_limit(error: np.ndarray, sigma: np.ndarray, limit: float) -> None:
+    assert np.sqrt(np.mean(error**2)) < 1.2 * limit
+    assert sigma.mean() < 1.2 * limit
+    # Chi-square, 60 degrees of freedom: 99 % band 0.59 to 1.53.
+    assert 0.59 < np.mean((error / sigma) ** 2) < 1.53
+
+
+@pytest.mark.parametrize(("noise", "latitude_deg"), [(0.003, 0.0), (0.05, 44.0), (0.15, -60.0)])
+def test_a_still_tool_with_known_bias_reaches_the_noise_limit(noise: float, latitude_deg: float) -> None:
+    params = dataclasses.replace(
+        settings("still", noise, latitude_deg), gyro_bias_deg_h=noise / 50.0, gyro_x_bias_deg_h=noise / 50.0
+    )
+    params = dataclasses.replace(params, accel_bias_ug=20.0)
+    clean = motion(63.5, latitude_deg * DEG, 1.0, 1.2, still, RATE)
+    error, sigma, found = monte_carlo(params, clean)
+    assert found.success, found.reason
+    assert found.method == "still"
+    assert_at_limit(error, sigma, found.limit)
+
+
+@pytest.mark.parametrize(("noise", "latitude_deg"), [(0.003, 60.0), (0.05, 34.0), (0.15, 0.0)])
+def test_a_turning_tool_reaches_the_limit_without_knowing_its_biases(noise: float, latitude_deg: float) -> None:
+    params = dataclasses.replace(settings("rotating", noise, latitude_deg), accel_bias_ug=20.0)
+    clean = motion(63.5, latitude_deg * DEG, 1.0, 0.5, steady(60.0), RATE)
+    error, sigma, found = monte_carlo(params, clean, scale_x=0.003)
+    assert found.success, found.reason
+    assert_at_limit(error, sigma, found.limit)
+
+
+def test_half_a_turn_cancels_a_bias_that_hides_north_from_a_still_tool() -> None:
+    params = settings("auto", 0.05, 34.0, gyro_bias_deg_h=10.0)
+    flipped = motion(67.5, 34.0 * DEG, 1.0, 0.5, two_positions, RATE)
+    error, sigma, found = monte_carlo(params, flipped)
+    assert found.method == "two_position"
+    assert found.success, found.reason
+    # The half turn itself shows little: the limit is that of the time at rest, 9 % less.
+    assert_at_limit(error, sigma, 1.05 * found.limit)
+    alone = motion(67.5, 34.0 * DEG, 1.0, 0.5, still, RATE)
+    found = monte_carlo(params, alone, runs=1)[2]
+    assert not found.success
+    assert "bias is known only to 10 deg/h" in found.reason
+    assert "half a turn" in found.reason
+
+
+def test_x_leakage_times_speed_wobble_is_regressed_out() -> None:
+    # 500 urad of leakage and 1 % wobble at 60 r/min are 31 urad/s locked to the turn: half the Earth rate.
+    params = settings("rotating", 0.01, 34.0)
+    clean = motion(67.5, 34.0 * DEG, 1.0, 0.5, spin_up(60.0, 0.01), RATE)
+    error, sigma, found = monte_carlo(params, clean, leak=5e-4)
+    assert_at_limit(error, sigma, 1.1 * found.limit)
+
+
+def test_a_known_lag_of_one_millisecond_is_undone() -> None:
+    clean = motion(123.5, 34.0 * DEG, 1.0, 0.5, steady(120.0), RATE, lag=0.001)
+    told = settings("rotating", 0.003, 34.0, lag_ms=1.0, lag_sigma_ms=0.01)
+    error, sigma, _ = monte_carlo(told, clean, runs=20)
+    assert abs(error.mean()) < 0.05 * DEG
+    untold = dataclasses.replace(told, lag_ms=0.0)
+    error, sigma, _ = monte_carlo(untold, clean, runs=5)
+    assert abs(error.mean()) > 0.4 * DEG
+    honest = dataclasses.replace(told, lag_ms=0.0, lag_sigma_ms=1.0)
+    error, sigma, _ = monte_carlo(honest, clean, runs=5)
+    assert np.abs(error / sigma).max() < 3.0
+
+
+def test_an_accelerometer_ahead_of_the_gyros_shows_in_the_spin_up() -> None:
+    late = motion(67.5, 34.0 * DEG, 1.0, 0.5, lambda t: spin_up(60.0)(t - 0.002), RATE)
+    now = motion(67.5, 34.0 * DEG, 1.0, 0.5, spin_up(60.0), RATE)
+    clean = dataclasses.replace(late, accel_t=now.accel_t)
+    params = settings("rotating", 0.01, 34.0, lead_sigma_ms=5.0)
+    error, sigma, found = monte_carlo(params, clean, runs=20)
+    assert found.success, found.reason
+    assert np.abs(error / sigma).max() < 3.5
+    assert np.sqrt(np.mean(error**2)) < 1.4 * found.limit
+
+
+def test_g_sensitivity_is_admitted_and_then_calibrated_away() -> None:
+    g_matrix = np.array([[3.0, -1.5], [2.5, 4.0]]) * DEG_H / G0
+    params = settings("rotating", 0.01, 34.0, g_sensitivity_deg_h_g=3.6)
+    rng = np.random.default_rng(2)
+
+    def shot(params: Params, inclination: float, azimuth: float, seconds: float) -> tuple[north_seek.State, float]:
+        clean = motion(seconds, 34.0 * DEG, inclination, azimuth, steady(60.0), RATE)
+        gyro, accel = felt(clean, rng, 0.01, 0.42, 30.0, g_sensitivity=g_matrix)
+        state = north_seek.initial()
+        north_seek.run(params, state, clean.stamp_ns, gyro, accel)
+        return state, float(wrap_pi(north_seek.solution(params, state).azimuth - azimuth))
+
+    state, error = shot(params, 1.0, 0.5, 120.0)
+    found = north_seek.solution(params, state)
+    assert abs(error) > 5.0 * DEG
+    assert abs(error) < 3.0 * found.sigma
+    surface, _ = shot(params, 1.4, 2.5, 600.0)
+    known = north_seek.calibrated(params, surface, 2.5, 0.05 * DEG)
+    # Half the sum of the diagonal, half the difference across it: (3 + 4) / 2 and (-1.5 - 2.5) / 2.
+    assert_allclose(known.g_calibration_deg_h_g[:2], (3.5, -2.0), atol=4.0 * known.g_locked_deg_h_g)
+    assert known.g_locked_deg_h_g < 0.1
+    errors = [shot(known, 1.0, 0.5, 120.0) for _ in range(3)]
+    sigma = north_seek.solution(known, errors[0][0]).sigma
+    assert sigma < 1.6 * north_seek.solution(known, errors[0][0]).limit
+    assert max(abs(e) for _, e in errors) < 3.0 * sigma
+
+
+def test_a_wobbling_axis_costs_little_and_sigma_knows() -> None:
+    def inclination(t: np.ndarray) -> np.ndarray:
+        return np.asarray(1.0 + 0.005 * np.cos(steady(60.0)(t)))
+
+    params = settings("rotating", 0.05, 34.0)
+    clean = motion(63.5, 34.0 * DEG, inclination, 0.5, steady(60.0), RATE)
+    rng = np.random.default_rng(1)
+    errors, sigmas = [], []
+    for _ in range(30):
+        gyro, accel = felt(clean, rng, 0.05, 0.42, 30.0)
+        state = north_seek.initial()
+        north_seek.run(params, state, clean.stamp_ns, gyro, accel)
+        found = north_seek.solution(params, state)
+        errors.append(wrap_pi(found.azimuth - 0.5))
+        sigmas.append(found.sigma)
+    assert found.success, found.reason
+    assert np.sqrt(np.mean(np.square(errors))) < 1.4 * found.limit
+    assert np.mean(sigmas) < 1.2 * found.limit
+
+
+def test_a_filter_that_turns_for_hours_comes_near_its_steady_state() -> None:
+    params = settings("continuous", 0.05, 34.0, axis_walk_deg_rth=0.5, expected_azimuth_deg=30.0, block_seconds=0.4)
+    clean = motion(3.5 * 3600.0, 34.0 * DEG, 1.3, 0.4, steady(12.0), 5.0)
+    errors = []
+    rng = np.random.default_rng(9)
+    for _ in range(3):
+        gyro, accel = felt(clean, rng, 0.05, 0.42, 30.0, bias=rng.standard_normal(3) * DEG_H)
+        state = north_seek.initial()
+        north_seek.run(params, state, clean.stamp_ns, gyro, accel)
+        found = north_seek.solution(params, state)
+        errors.append(abs(float(wrap_pi(found.azimuth - 0.4))))
+    assert found.success, found.reason
+    assert found.sigma < 1.5 * 0.107 * DEG
+    assert max(errors) < 3.0 * found.sigma
+
+
+def test_a_horizontal_hole_turned_about_its_axis_has_two_answers_until_one_is_expected() -> None:
+    params = settings("rotating", 0.05, 34.0)
+    clean = motion(63.5, 34.0 * DEG, 0.5 * math.pi, 20.0 * DEG, steady(60.0), RATE)
+    gyro, accel = felt(clean, np.random.default_rng(4), 0.05, 0.42, 30.0)
+    state = north_seek.initial()
+    north_seek.run(params, state, clean.stamp_ns, gyro, accel)
+    found = north_seek.solution(params, state)
+    assert not found.success
+    assert found.reason.startswith(north_seek.TWO_FIT)
+    choices = sorted(found.choices)
+    told = dataclasses.replace(params, expected_azimuth_deg=50.0)
+    found = north_seek.solution(told, state)
+    assert found.success, found.reason
+    assert found.choices == ()
+    assert abs(wrap_pi(found.azimuth - 20.0 * DEG)) < 3.0 * found.sigma
+    # Both are told, each as if it had been expected.
+    assert choices[0] == pytest.approx((found.azimuth, found.sigma), rel=1e-6)
+    assert abs(wrap_pi(choices[1][0] - 160.0 * DEG)) < 3.0 * choices[1][1]
+
+
+def refusal(params: Params, clean: Motion, clip: float = math.inf) -> str:
+    state = north_seek.initial()
+    north_seek.run(params, state, clean.stamp_ns, np.clip(clean.gyro_t, -clip, clip), clean.accel_t)
+    found = north_seek.solution(params, state)
+    assert not found.success
+    return found.reason
+
+
+def test_what_cannot_be_measured_is_refused_in_a_drillers_words() -> None:
+    lat = 34.0 * DEG
+    still_hole, turning = motion(40.0, lat, 1.0, 1.0, still, RATE), motion(40.0, lat, 1.0, 1.0, steady(60.0), RATE)
+    east_west = motion(40.0, lat, 0.5 * math.pi, 91.0 * DEG, steady(60.0), RATE)
+    vertical = motion(40.0, lat, 0.01, 1.0, still, RATE)
+    short = motion(12.0, lat, 1.0, 1.0, still, RATE)
+    moved = motion(60.0, lat, 1.0, lambda t: 1.0 + 0.1 * np.clip((t - 30.0) / 2.0, 0.0, 1.0), still, RATE)
+    quiet = settings("still", 0.05, 34.0)
+    assert "too near the pole" in refusal(settings("still", 0.05, 86.0), short)
+    assert refusal(quiet, short).startswith("too short")
+    assert "needs the string at rest" in refusal(quiet, turning)
+    assert "keep the string turning" in refusal(settings("rotating", 0.05, 34.0), still_hole)
+    assert "second position" in refusal(settings("two_position", 0.05, 34.0), still_hole)
+    assert "horizontal east-west" in refusal(settings("rotating", 0.05, 34.0), east_west)
+    assert "vertical hole" in refusal(quiet, vertical)
+    assert "moved" in refusal(quiet, moved)
+    assert "clipped" in refusal(settings("auto", 0.05, 34.0, gyro_range_dps=1.0), moved, 0.0174)
+    assert "does not fit latitude" in refusal(dataclasses.replace(quiet, latitude_deg=80.0), still_hole)
+
+
+def test_blocks_of_any_length_and_a_resumed_state_give_the_same_bits() -> None:
+    params = settings("rotating", 0.05, 34.0)
+    clean = motion(12.0, 34.0 * DEG, 1.0, 0.5, steady(60.0), RATE)
+    gyro, accel = felt(clean, np.random.default_rng(1), 0.05, 0.42, 30.0)
+    whole = north_seek.initial()
+    north_seek.run(params, whole, clean.stamp_ns, gyro, accel)
+    parts = north_seek.initial()
+    for a, b in [(0, 1), (1, 97), (97, 98), (98, 600)]:
+        parts = parts.copy()
+        north_seek.run(params, parts, clean.stamp_ns[a:b], gyro[a:b], accel[a:b])
+    for name in ("mat", "x", "P", "sums", "memory"):
+        assert_array_equal(getattr(parts, name), getattr(whole, name))
+
+
+def test_bad_samples_are_passed_over_and_a_gap_begins_anew() -> None:
+    params = settings("still", 0.05, 34.0)
+    clean = motion(80.0, 34.0 * DEG, 1.0, 0.5, still, RATE)
+    gyro, stamps = clean.gyro_t.copy(), clean.stamp_ns.copy()
+    gyro[500] = np.inf
+    stamps[2000:] += 10 * 10**9
+    state = north_seek.initial()
+    north_seek.run(params, state, stamps, gyro, clean.accel_t)
+    found = north_seek.solution(params, state)
+    assert found.success, found.reason
+    assert found.elapsed < 40.0
+    assert found.azimuth == pytest.approx(0.5, abs=0.2 * found.sigma)
+
+
+def test_the_conventional_x_gyro_stands_in_for_a_precision_x_gyro_that_clips() -> None:
+    stamps = np.arange(10) * 10**7
+    precision = np.full((10, 3), 7.0)
+    ahrs = np.stack([np.linspace(16.0, 17.0, 10), np.zeros(10), np.zeros(10)], axis=-1)
+    merged = north_seek.dual_unit(stamps, precision, stamps + 5 * 10**6, ahrs, 7.0)
+    assert_allclose(merged[1:, 0], ahrs[1:, 0] - 0.5 / 9.0)
+    assert_array_equal(merged[:, 1:], precision[:, 1:])
+    slow = np.full((10, 3), 0.1)
+    assert_array_equal(north_seek.dual_unit(stamps, slow, stamps, 0.0 * ahrs, 7.0), slow)
+    with pytest.raises(ValueError, match="no sample"):
+        north_seek.dual_unit(stamps, precision, [], np.zeros((0, 3)), 7.0)
+
+
+def test_a_gyro_far_from_its_statement_is_named() -> None:
+    clean = motion(40.0, 34.0 * DEG, 1.0, 1.0, still, RATE)
+    params, state = settings("still", 0.05, 34.0), north_seek.initial()
+    gyro = clean.gyro_t + np.array([30.0, 0.0, 0.0]) * DEG_H
+    north_seek.run(params, state, clean.stamp_ns, gyro, clean.accel_t)
+    found = north_seek.solution(params, state)
+    assert not found.success
+    assert "gyro bias comes out at" in found.reason or "does not fit latitude" in found.reason

@@ -1,0 +1,226 @@
+"""Magnetic azimuth and its axial correction: S0's table, inverse pairs, sigma against error, slopes."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis.strategies import floats
+
+from mwd_estimation.magnetic import axial_correction
+from mwd_sensors.core.frames import mat_nt, wrap_pi
+
+DEG = math.pi / 180.0
+TOTAL, DIP = 50e-6, 72.0 * DEG
+HORIZONTAL, VERTICAL = TOTAL * math.cos(DIP), TOTAL * math.sin(DIP)
+SENSORS = np.diag([0.004**2] * 3 + [70e-9**2] * 3)
+
+
+def reference_covariance(total=TOTAL, dip=DIP, sigma_total=145e-9, sigma_dip=0.218 * DEG):
+    jac = np.array([[np.cos(dip), -total * np.sin(dip)], [np.sin(dip), total * np.cos(dip)]])
+    return jac @ np.diag([sigma_total**2, sigma_dip**2]) @ jac.T
+
+
+def readings(inc, azi, toolface, horizontal=HORIZONTAL, vertical=VERTICAL, axial=0.0):
+    mat_tn = np.swapaxes(mat_nt(inc, azi, toolface), -1, -2)
+    b_t = mat_tn @ np.array([horizontal, 0.0, vertical])
+    b_t[..., 0] += axial
+    return mat_tn @ np.array([0.0, 0.0, -9.81]), b_t
+
+
+@pytest.mark.parametrize(
+    ("axial", "b_x", "raw"), [(2e-5, 5.0014, 28.87), (4e-5, 7.0014, 21.67), (8e-5, 11.0014, 14.30)]
+)
+def test_table_1_of_s0_is_reproduced_to_a_hundredth_of_a_degree(axial, b_x, raw):
+    h, v = 4e-5 * np.cos(12 * DEG), 4e-5 * np.sin(12 * DEG)
+    # theta = -23 and phi = -68 deg in the paper's angles.
+    f_t, b_t = readings(67 * DEG, 42 * DEG, 112 * DEG, h, v, axial)
+    assert b_t * 1e5 == pytest.approx([b_x, -0.6372, -2.5662], abs=6e-5)
+    assert axial_correction.raw_azimuth(f_t, b_t) / DEG == pytest.approx(raw, abs=0.01)
+    done = axial_correction.axial_correction(f_t, b_t, h, v, SENSORS, reference_covariance(4e-5, 12 * DEG))
+    assert done.azimuth / DEG == pytest.approx(42.0, abs=0.01)
+    assert done.interference == pytest.approx(axial, abs=1e-9)
+    assert axial_correction.corrected_azimuth_sample(*f_t, b_t[1], b_t[2], v) / DEG == pytest.approx(42.0, abs=1e-6)
+
+
+ANY_INC = floats(0.05, math.pi - 0.05)
+ANY_ANGLE = floats(0.0, 2.0 * math.pi)
+
+
+@given(inc=ANY_INC, azi=ANY_ANGLE, toolface=ANY_ANGLE, dip=floats(-1.3, 1.3))
+def test_raw_azimuth_undoes_the_attitude_in_every_quadrant(inc, azi, toolface, dip):
+    f_t, b_t = readings(inc, azi, toolface, TOTAL * math.cos(dip), TOTAL * math.sin(dip))
+    assert wrap_pi(axial_correction.raw_azimuth(f_t, b_t) - azi) == pytest.approx(0.0, abs=1e-9)
+    assert wrap_pi(axial_correction.raw_azimuth_sample(*f_t, *b_t) - azi) == pytest.approx(0.0, abs=1e-9)
+    assert axial_correction.dip(f_t, b_t) == pytest.approx(dip, abs=1e-9)
+    assert axial_correction.total_field(b_t) == pytest.approx(TOTAL, rel=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(azi=ANY_ANGLE, toolface=ANY_ANGLE, axial=floats(-2e-5, 2e-5), dip=floats(-1.2, 1.2))
+@pytest.mark.parametrize("inc", [0.2, 1.0, 2.0, 3.0])
+def test_correction_finds_azimuth_and_interference_in_every_quadrant_and_hemisphere(inc, azi, toolface, axial, dip):
+    h, v = TOTAL * math.cos(dip), TOTAL * math.sin(dip)
+    f_t, b_t = readings(inc, azi, toolface, h, v, axial)
+    done = axial_correction.axial_correction(f_t, b_t, h, v, SENSORS, reference_covariance(dip=dip))
+    assert wrap_pi(done.azimuth - azi) == pytest.approx(0.0, abs=1e-6)
+    assert done.interference == pytest.approx(axial, abs=1e-10)
+    assert wrap_pi(axial_correction.corrected_azimuth_sample(*f_t, b_t[1], b_t[2], v) - azi) == pytest.approx(
+        0.0, abs=1e-8
+    )
+
+
+def test_slopes_of_the_angles_agree_with_finite_differences():
+    rng = np.random.default_rng(3)
+    f_t, b_t = readings(rng.uniform(0.1, 3.0, 20), rng.uniform(0, 6.28, 20), rng.uniform(0, 6.28, 20))
+    x = np.concatenate([f_t, b_t + rng.normal(0, 1e-6, (20, 3))], axis=1)
+
+    def angles(x):
+        from mwd_sensors.core.frames import gravity_toolface, inclination
+
+        f, b = x[:, :3], x[:, 3:]
+        return np.stack([inclination(f), axial_correction.raw_azimuth(f, b), gravity_toolface(f)], axis=1)
+
+    jac = axial_correction.angle_jacobian(x[:, :3], x[:, 3:])
+    for k, step in enumerate([1e-5] * 3 + [1e-11] * 3):
+        change = np.zeros(6)
+        change[k] = step
+        slope = wrap_pi(angles(x + change) - angles(x - change)) / (2.0 * step)
+        assert jac[:, :, k] * step == pytest.approx(slope * step, rel=1e-5, abs=1e-11)
+
+
+def test_sensitivity_of_the_correction_agrees_with_finite_differences():
+    f_t, b_t = readings(np.array([0.5, 1.2, 2.0]), np.array([0.3, 2.0, 4.5]), np.array([0.1, 3.0, 5.0]), axial=9e-7)
+    cov = reference_covariance()
+
+    def solve(f, b):
+        return axial_correction.axial_correction(f, b, HORIZONTAL, VERTICAL, SENSORS, cov)
+
+    sensitivity = solve(f_t, b_t).sensitivity
+    for k, step in enumerate([1e-4] * 3 + [1e-9] * 3):
+        df, db = np.zeros(3), np.zeros(3)
+        (df if k < 3 else db)[k % 3] = step
+        slope = wrap_pi(solve(f_t + df, b_t + db).azimuth - solve(f_t - df, b_t - db).azimuth) / (2.0 * step)
+        assert sensitivity[:, k] * step == pytest.approx(slope * step, rel=2e-3, abs=1e-9)
+
+
+def monte_carlo(inc, azi, runs, seed, axial=900e-9, **priors):
+    """Errors of azimuth and interference over their sigmas, for `runs` noisy stations at random toolface."""
+    rng = np.random.default_rng(seed)
+    inc, azi = np.full(runs, inc), np.full(runs, azi) if np.isscalar(azi) else azi
+    total, dip = TOTAL + rng.normal(0, 145e-9, runs), DIP + rng.normal(0, 0.218 * DEG, runs)
+    f_t, b_t = readings(inc, azi, rng.uniform(0, 6.28, runs), axial=axial)
+    f_t = f_t + rng.normal(0, 0.004, f_t.shape)
+    b_t = b_t + rng.normal(0, 70e-9, b_t.shape)
+    covs = np.stack([reference_covariance(t, d) for t, d in zip(total, dip, strict=True)])
+    done = axial_correction.axial_correction(
+        f_t, b_t, total * np.cos(dip), total * np.sin(dip), SENSORS, covs, **priors
+    )
+    return wrap_pi(done.azimuth - azi), done
+
+
+# 400 runs: the mean of a squared unit normal lies within 1 +- 0.14 in 95 of 100 cases; 1 +- 0.2 in 99.5.
+@pytest.mark.parametrize(
+    ("inc", "azi"), [(3, 30), (30, 0), (30, 90), (60, 90), (75, 70), (45, 200), (120, 300), (88, 20)]
+)
+def test_corrected_azimuth_and_interference_err_by_their_sigma(inc, azi):
+    error, done = monte_carlo(inc * DEG, azi * DEG, 400, 11, plausible=3e-6)
+    assert np.mean((error / done.sigma_azimuth) ** 2) == pytest.approx(1.0, abs=0.2)
+    assert np.mean(((done.interference - 900e-9) / done.sigma_interference) ** 2) == pytest.approx(1.0, abs=0.2)
+    # One degree of freedom left.
+    assert np.mean(done.chi_square) == pytest.approx(1.0, abs=0.3)
+
+
+def test_sigma_stays_honest_where_the_geometry_is_singular():
+    # A horizontal hole around east: a posterior is right over its prior, so azimuth and interference are drawn.
+    rng = np.random.default_rng(5)
+    azi, axial = rng.uniform(0.0, math.pi, 400), rng.normal(0.0, 3e-6, 400)
+    error, done = monte_carlo(89.5 * DEG, azi, 400, 12, axial, plausible=3e-6)
+    assert np.mean((error / done.sigma_azimuth) ** 2) == pytest.approx(1.0, abs=0.3)
+    assert np.max(np.abs(error / done.sigma_azimuth)) < 6.0
+
+
+@pytest.mark.parametrize("axial", [-20e-6, 20e-6, 40e-6])
+@pytest.mark.parametrize(("inc", "azi"), [(80, 88), (85, 272), (89, 90), (90, 90), (100, 268)])
+def test_sigma_stays_honest_there_with_interference_as_strong_as_the_field(inc, azi, axial):
+    error, done = monte_carlo(inc * DEG, azi * DEG, 100, 13, axial, plausible=3e-6)
+    # Due east the mean of the posterior is right by symmetry.
+    assert np.mean((error / done.sigma_azimuth) ** 2) < 1.8
+    assert np.percentile(np.abs(error / done.sigma_azimuth), 95) < 2.5
+    off = (done.interference - axial) / done.sigma_interference
+    assert np.mean(off**2) < 1.8
+
+
+@pytest.mark.parametrize(("azi", "axial"), [(0, -40e-6), (60, -40e-6), (135, 22e-6), (180, 40e-6), (225, 22e-6)])
+def test_a_mirror_is_told_where_neither_interference_is_imaginable(azi, axial):
+    # Exactly horizontal, 50 uT at 60 deg dip: the mirror asks for several times the plausible interference too.
+    h, v = 25e-6, 43.3e-6
+    f_t, b_t = readings(90 * DEG, azi * DEG, 0.7, h, v, axial)
+    done = axial_correction.axial_correction(
+        f_t, b_t, h, v, SENSORS, reference_covariance(50e-6, 60 * DEG), plausible=3e-6
+    )
+    assert done.mirror
+    assert done.share == 0.5
+    two = done.both
+    assert np.min(np.abs(wrap_pi(two - azi * DEG))) < 0.01 * DEG
+    assert np.min(np.abs(wrap_pi(two - (180 - azi) * DEG))) < 0.01 * DEG
+    assert done.sigma_azimuth == pytest.approx(min(abs(wrap_pi(two[1] - two[0])) * math.sqrt(0.5), 1.82), rel=0.02)
+
+
+def test_sigma_explodes_towards_the_horizontal_east_west_hole_and_not_elsewhere():
+    def sigma(inc, azi):
+        f_t, b_t = readings(inc * DEG, azi * DEG, 0.7)
+        cov = reference_covariance()
+        done = axial_correction.axial_correction(f_t, b_t, HORIZONTAL, VERTICAL, SENSORS, cov, plausible=3e-6)
+        return done.sigma_azimuth / DEG
+
+    assert sigma(30, 90) < sigma(60, 90) < sigma(80, 90) < sigma(88, 90)
+    assert sigma(88, 90) > 5.0
+    assert sigma(90, 90) > 5.0
+    assert sigma(90, 10) < 2.0
+    assert sigma(0.1, 0) > 5.0
+
+
+def test_a_horizontal_hole_has_a_mirror_solution_unless_the_interference_is_bounded():
+    f_t, b_t = readings(90 * DEG, 20 * DEG, 1.0, axial=900e-9)
+    free = axial_correction.axial_correction(f_t, b_t, HORIZONTAL, VERTICAL, SENSORS, reference_covariance())
+    assert free.mirror
+    assert free.sigma_azimuth > 90 * DEG
+    bound = axial_correction.axial_correction(
+        f_t, b_t, HORIZONTAL, VERTICAL, SENSORS, reference_covariance(), plausible=3e-6
+    )
+    assert not bound.mirror
+    assert bound.azimuth / DEG == pytest.approx(20.0, abs=1e-6)
+
+
+def test_cross_axial_interference_shows_as_misfit_and_is_not_taken_for_axial():
+    f_t, b_t = readings(40 * DEG, 130 * DEG, 1.0)
+    # Along the field seen across the axis: the cross-axis field is longer than any azimuth allows.
+    done = axial_correction.axial_correction(
+        f_t, b_t + np.array([0.0, 3e-6, 3e-6]), HORIZONTAL, VERTICAL, SENSORS, reference_covariance()
+    )
+    assert done.chi_square > 10.83
+
+
+def test_a_tight_prior_on_the_interference_turns_the_correction_into_the_plain_survey():
+    f_t, b_t = readings(60 * DEG, 80 * DEG, 1.0)
+    done = axial_correction.axial_correction(f_t, b_t, HORIZONTAL, VERTICAL, SENSORS, reference_covariance(), 1e-12)
+    assert done.interference == pytest.approx(0.0, abs=1e-13)
+    jac = axial_correction.angle_jacobian(f_t, b_t)[1]
+    # The reference helps, so it is at least as good as the three magnetometers alone.
+    assert done.sigma_azimuth <= math.sqrt(jac @ SENSORS @ jac) + 1e-9
+
+
+def test_a_vertical_hole_gives_nan_beside_good_stations():
+    f_t, b_t = readings(np.array([0.0, 0.8]), np.array([0.0, 2.0]), 0.5)
+    f_t[0] = [-9.81, 0.0, 0.0]
+    done = axial_correction.axial_correction(f_t, b_t, HORIZONTAL, VERTICAL, SENSORS, reference_covariance())
+    assert np.isnan(done.azimuth[0])
+    assert done.azimuth[1] == pytest.approx(2.0, abs=1e-9)
+    assert math.isnan(axial_correction.corrected_azimuth_sample(-9.81, 0.0, 0.0, 1e-5, 1e-5, VERTICAL))
+
+
+def test_a_prior_that_is_not_positive_is_refused():
+    f_t, b_t = readings(0.5, 0.5, 0.5)
+    with pytest.raises(ValueError, match="interference_sigma"):
+        axial_correction.axial_correction(f_t, b_t, HORIZONTAL, VERTICAL, SENSORS, reference_covariance(), 0.0)

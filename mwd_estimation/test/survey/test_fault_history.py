@@ -1,0 +1,262 @@
+"""Faulty sensors: the estimate that remains is right, and nothing wrong carries a small sigma once a fault is named."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+
+from mwd_estimation.core.status import Status
+from mwd_estimation.core.time_bins import Average
+from mwd_estimation.health.fault_debounce import ACCEL, GYRO, MAG
+from mwd_estimation.health.fault_messages import Finding
+from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline, ReferenceSettings
+from mwd_estimation.survey.fault_history import Record
+from mwd_estimation.survey.static_survey import StillAverage
+from mwd_sensors.simulator import scenario
+from mwd_sensors.simulator.sonde import Sonde
+from project import SCENARIOS
+
+SCENARIO = SCENARIOS / "bench" / "drillvib.yaml"
+TOPICS = ("imu/mag", "imu/data_raw", "truth")
+SCHEDULE = [
+    {"kind": "drill", "seconds": 34.0, "rpm": 100.0, "rop_m_h": 0.0},
+    {"kind": "still", "seconds": 32.0, "pumps": False},
+]
+FAULT = int(Status.SENSOR_FAULT)
+
+
+@functools.cache
+def sent(component, word, axis="all", start_s=0.0, seconds=1e9):
+    fault = {"component": component, "fault": word, "axis": axis, "start_s": start_s, "seconds": seconds}
+    sonde = Sonde(scenario.read(SCENARIO, {"schedule": SCHEDULE, "faults": [fault]}))
+    blocks = list(sonde.blocks(10.0))
+    return {topic: np.concatenate([block[topic] for block in blocks]) for topic in TOPICS}, sonde.reference
+
+
+def estimated(case, cut=10**9):
+    streams, field = case
+    settings = EstimatorSettings(
+        reference=ReferenceSettings(
+            source="fixed",
+            total_nt=field.total * 1e9,
+            dip_deg=np.degrees(field.dip),
+            declination_deg=np.degrees(field.declination),
+            gravity_mps2=field.gravity,
+        )
+    )
+    pipeline = Pipeline(settings)
+    output = Output.empty(0)
+    imu, mag = streams["imu/data_raw"], streams["imu/mag"]
+    place = 0
+    for start in range(0, len(imu), cut):
+        block = imu[start : start + cut]
+        stop = int(np.searchsorted(mag["stamp_ns"], block["stamp_ns"][-1], side="right"))
+        pipeline.push_mag(mag[place:stop])
+        place = stop
+        output = output.joined(pipeline.push_imu(block))
+    return output, pipeline
+
+
+def tilt_errors(output, streams):
+    """Of inclination, rad, where a sigma is given, after the fault was named; and those sigmas."""
+    truth = streams["truth"]
+    rows = output.attitude
+    named = rows["status"] & FAULT != 0
+    given = named & (rows["sigma_inclination"] >= 0.0)
+    return rows["inclination"][given] - truth["inclination"][given], rows["sigma_inclination"][given], named
+
+
+@pytest.mark.parametrize(
+    ("component", "word", "axis", "bit"),
+    [
+        ("gyro", "flipped", "x", GYRO),
+        ("gyro", "in_deg_s", "all", GYRO),
+        ("gyro", "off", "all", GYRO),
+        ("accel", "swapped", "xy", ACCEL),
+        ("accel", "in_g", "all", ACCEL),
+        ("accel", "flipped", "all", ACCEL),
+        ("mag", "swapped", "xy", MAG),
+        ("mag", "in_gauss", "all", MAG),
+        ("mag", "stuck", "all", MAG),
+    ],
+)
+def test_once_named_a_fault_withholds_what_hangs_on_it_and_leaves_the_rest(component, word, axis, bit):
+    case = sent(component, word, axis)
+    output, pipeline = estimated(case)
+    errors, sigmas, named = tilt_errors(output, case[0])
+    assert np.argmax(named) < 1100
+    assert named[1100:].all()
+    assert any(one.unusable & bit for one in pipeline.sensor_faults)
+    rows = output.attitude[1100:]
+    if bit == ACCEL:
+        assert np.all(rows["sigma_inclination"] == -1.0)
+        assert np.all(rows["sigma_gravity_toolface"] == -1.0)
+    else:
+        assert len(errors)
+        assert np.mean(np.abs(errors) < 3.0 * sigmas) > 0.97
+        still = output.attitude[-1000:]
+        assert np.all(still["sigma_inclination"] < np.radians(1.0))
+    if bit in (ACCEL, MAG):
+        assert np.all(rows["sigma_azimuth"] == -1.0)
+        assert output.surveys
+        assert all(one.station.verdict == "reject" for one in output.surveys)
+        assert any("axes" in r or "looks like" in r or "dead" in r or "signs" in r or "reads" in r
+                   for r in output.surveys[-1].station.reasons)  # fmt: skip
+    else:
+        truth = case[0]["truth"][-500:]
+        known = output.attitude[-500:]
+        assert np.all(known["sigma_azimuth"] > 0.0)
+        off = np.abs(np.angle(np.exp(1j * (known["azimuth"] - truth["azimuth"]))))
+        assert np.mean(off < 3.0 * known["sigma_azimuth"]) > 0.97
+
+
+@pytest.mark.parametrize(
+    ("component", "word", "axis", "start_s"),
+    [("gyro", "swapped", "xy", 0.0), ("accel", "in_g", "all", 0.0), ("accel", "stuck", "all", 12.1),
+     ("gyro", "in_deg_s", "all", 12.1), ("mag", "in_nt", "all", 12.1)],
+)  # fmt: skip
+def test_before_a_fault_is_named_its_numbers_are_not_called_certain_for_long(component, word, axis, start_s):
+    case = sent(component, word, axis, start_s)
+    rows, truth = estimated(case)[0].attitude, case[0]["truth"]
+    named = int(np.argmax(rows["status"] & FAULT != 0))
+    doubted = rows["status"] & int(Status.SENSOR_SUSPECT) != 0
+    assert doubted[:named].any()
+    assert not doubted[: round(100.0 * start_s)].any()
+    for name in ("inclination", "gravity_toolface", "azimuth"):
+        off = np.abs(np.angle(np.exp(1j * (rows[name] - truth[name][: len(rows)]))))
+        wrong = (off > np.maximum(4.0 * rows[f"sigma_{name}"], 0.02)) & (rows[f"sigma_{name}"] >= 0.0)
+        assert np.count_nonzero(wrong[:named]) <= 100, name
+    level = doubted if component != "mag" else np.zeros_like(doubted)
+    known = rows["sigma_inclination"] >= 0.0
+    assert np.all(rows["sigma_inclination"][level & known] == np.pi)
+    assert np.all(rows["sigma_azimuth"][doubted & (rows["sigma_azimuth"] >= 0.0)] == np.pi)
+
+
+def test_a_survey_whose_time_a_doubt_touches_is_doubtful_with_the_reason():
+    record = Record()
+    stamps = np.arange(400) * 10_000_000
+    survey = estimated(sent("temperature", "ok"))[0].surveys[0]
+    at = dataclasses.replace(survey, stamp_ns=10_000_000_000, duration=8.0)
+    assert record.judge(at) is at
+    suspect = np.where(stamps >= 3_000_000_000, ACCEL, 0).astype(np.uint8)
+    for shift, touched in ((0, False), (4, True), (13, True), (18, False)):
+        record = Record()
+        record.doubt(stamps + shift * 10**9, suspect)
+        judged = record.judge(at)
+        assert (judged.station.verdict == "doubtful") == touched, shift
+        if touched:
+            assert "accelerometer" in judged.station.reasons[0]
+
+
+def test_a_failed_magnetometer_is_no_reading_and_does_not_touch_a_gyro_azimuth():
+    survey = estimated(sent("temperature", "ok"))[0].surveys[0]
+    half = round(0.5e9 * survey.duration)
+    imu = Average(np.zeros(6), np.eye(6), 400)
+    still = StillAverage(survey.stamp_ns - half, survey.stamp_ns + half, imu, Average(np.ones(3), np.eye(3), 400),
+                         None, None, requested=False)  # fmt: skip
+    failed = Finding("stuck", "magnetometer", "x", "error", 0.99, "x is stuck", "", survey.stamp_ns, 0, MAG, 7)
+    gone = dataclasses.replace(failed, cleared_ns=survey.stamp_ns - half)
+    by_gyro = dataclasses.replace(survey, weights={"raw": 0.0, "gyro": 1.0})
+    shared = dataclasses.replace(survey, weights={"raw": 0.3, "gyro": 0.7})
+    for change, reads in ((failed, False), (gone, True)):
+        record = Record()
+        record.note(change)
+        assert (record.readable(still).mag is not None) == reads
+        assert record.judge(by_gyro) is by_gyro
+        for rests_on_it in (survey, shared):
+            assert (record.judge(rests_on_it).station.verdict == "reject") != reads
+    record.note(dataclasses.replace(failed, sensor="accelerometer", unusable=ACCEL, check=5))
+    assert record.judge(by_gyro).station.verdict == "reject"
+
+
+def test_a_fault_that_ended_during_a_survey_is_told_with_how_long_it_lasted():
+    survey = estimated(sent("temperature", "ok"))[0].surveys[0]
+    begin = survey.stamp_ns - round(0.5e9 * survey.duration)
+    ended = "accelerometer is dead: it sends only zeros (has ended)"
+    record = Record()
+    record.note(Finding("dead", "accelerometer", "all", "error", 0.99, ended, "", begin, begin + 25 * 10**8, ACCEL, 5))
+    station = record.judge(survey).station
+    assert station.verdict == "reject"
+    assert station.reasons[0] == (
+        "accelerometer is dead: it sends only zeros, until 2.5 s after this survey began: take it again"
+    )
+
+
+def test_a_field_that_no_tool_meets_is_not_used_and_stops_nothing():
+    output, pipeline = estimated(sent("mag", "in_nt"))
+    assert pipeline.counters.rejected >= 6000
+    assert len(output.attitude)
+    assert any(one.kind == "unit" for one in pipeline.sensor_faults)
+
+
+def test_when_a_fault_has_gone_the_estimate_begins_anew_and_is_right():
+    case = sent("accel", "stuck", "y", 10.0, 10.0)
+    output, pipeline = estimated(case)
+    assert [one.kind for one in output.health] == ["stuck", "stuck"]
+    assert pipeline.sensor_faults == []
+    rows, truth = output.attitude, case[0]["truth"]
+    named = rows["status"] & FAULT != 0
+    assert 1200 < np.argmax(named) < 1400
+    assert not named[2400:].any()
+    error = np.abs(rows["inclination"] - truth["inclination"])[3000:]
+    assert np.all(error < 3.5 * rows["sigma_inclination"][3000:])
+    assert all(one.station.verdict != "reject" or "stuck" not in one.station.reasons[0] for one in output.surveys)
+
+
+def spoilt(how, start):
+    """Streams of a sound tool whose magnetometer gives out at an IMU sample while it turns; the reference."""
+    streams, field = sent("temperature", "ok")
+    mag = streams["imu/mag"].copy()
+    after = mag["stamp_ns"] >= streams["imu/data_raw"]["stamp_ns"][start]
+    last = mag["magnetic_field"][int(np.argmax(after))].copy()
+    values = {"no numbers": np.nan, "zeros": 0.0, "frozen": last}
+    if how == "one axis":
+        mag["magnetic_field"][after, 1] = last[1]
+    else:
+        mag["magnetic_field"][after] = values[how]
+    return {**streams, "imu/mag": mag}, field
+
+
+@pytest.mark.parametrize("how", ["no numbers", "zeros", "frozen", "one axis"])
+def test_a_magnetometer_that_gives_out_leaves_the_azimuth_to_the_gyros(how):
+    case = spoilt(how, 2000)
+    output, pipeline = estimated(case)
+    assert any(one.unusable == MAG for one in pipeline.sensor_faults)
+    rows, truth = output.attitude, case[0]["truth"]
+    named = np.flatnonzero(rows["status"] & FAULT != 0)
+    assert named[0] < 2500
+    assert np.all(rows["sigma_azimuth"][named] > 0.0)
+    off = np.angle(np.exp(1j * (rows["azimuth"] - truth["azimuth"][: len(rows)])))[named]
+    assert np.all(np.abs(off) < 3.0 * rows["sigma_azimuth"][named])
+    assert np.all(rows["sigma_azimuth"][named] < np.radians(8.0))
+    assert np.all(rows["status"][named[500:]] & int(Status.GYRO_AIDED) != 0)
+
+
+def test_one_that_gave_out_before_the_azimuth_had_a_sound_one_takes_it_along():
+    rows = estimated(spoilt("one axis", 300))[0].attitude
+    named = rows["status"] & FAULT != 0
+    assert named.any()
+    assert np.all(rows["sigma_azimuth"][named] == -1.0)
+
+
+def test_the_same_bits_come_out_however_the_samples_are_cut():
+    for case in (sent("gyro", "flipped", "x"), spoilt("one axis", 1400)):
+        _cut_and_compare(case)
+
+
+def _cut_and_compare(case):
+    whole, _ = estimated(case)
+    for cut in (1, 37):
+        streams = {topic: samples[:2400] for topic, samples in case[0].items()}
+        parts, _ = estimated((streams, case[1]), cut)
+        assert parts.attitude.tobytes() == whole.attitude[:2400].tobytes()
+        assert parts.gravity.tobytes() == whole.gravity[:2400].tobytes()
+        assert parts.health == [one for one in whole.health if one.since_ns < streams["truth"]["stamp_ns"][-1]]
+    case = sent("mag", "swapped", "xy")
+    whole, _ = estimated(case)
+    parts, _ = estimated(case, 53)
+    assert parts.attitude.tobytes() == whole.attitude.tobytes()
+    assert [one.station.reasons for one in parts.surveys] == [one.station.reasons for one in whole.surveys]

@@ -1,0 +1,93 @@
+"""How the field is read, and what changes the reading."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.time_bins import Binner
+from mwd_estimation.survey import survey
+from mwd_estimation.survey.azimuth_fusion import Settings as FusionSettings
+from mwd_estimation.survey.magnetic_feedback import NORTH_CODES, FieldReader
+from mwd_estimation.survey.static_survey import BIN_NS, BinSet, StillSurvey
+from mwd_estimation.survey.static_survey import Params as StillParams
+from mwd_estimation.survey.station import StationSettings
+from mwd_sensors.core.frames import mat_nt
+
+REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, convergence=0.01, gravity=9.81, source="test")
+
+
+def taken(axial=2e-6):
+    """A survey of a tool at rest whose string is magnetised along its axis."""
+    rng = np.random.default_rng(3)
+    n = 1600
+    stamps = 1_700_000_000 * 10**9 + np.arange(n) * 10**7
+    mat = mat_nt(0.8, 1.9, 0.3)
+    field_n = 5e-5 * np.array([np.cos(1.1) * np.cos(0.05), np.cos(1.1) * np.sin(0.05), np.sin(1.1)])
+    force = mat.T @ [0.0, 0.0, -9.81] + 5e-3 * rng.normal(size=(n, 3))
+    field = mat.T @ field_n + [axial, 0.0, 0.0] + 5e-8 * rng.normal(size=(n, 3))
+    imu = Binner(6, BIN_NS).add(stamps, np.hstack([1e-3 * rng.normal(size=(n, 3)), force]))
+    mag = Binner(3, BIN_NS).add(stamps, field)
+    still = StillSurvey(StillParams())
+    for one, beside in zip(imu, mag, strict=True):
+        average = still.add(BinSet(one, beside))
+        if average is not None:
+            return survey.from_average(average, 1, REFERENCE, StationSettings(), None, FusionSettings())
+    raise AssertionError("no survey was taken")
+
+
+def test_without_a_reference_the_field_is_read_from_magnetic_north():
+    reader = FieldReader(StationSettings(), None)
+    assert (reader.north, reader.reading.north, reader.interference) == ("magnetic", NORTH_CODES["magnetic"], None)
+    assert not reader.reading.corrected
+
+
+def test_what_an_uncertain_gyro_left_open_is_in_the_sigma_until_the_two_are_compared_again():
+    reader = FieldReader(StationSettings(), REFERENCE)
+    one, _ = taken(0.0)
+    usual = reader.reading.model.sigma_north
+    reader.learn(dataclasses.replace(one, alarm="", left_open=0.4), None)
+    assert reader.reading.left_open == 0.4
+    assert reader.reading.model.sigma_north == pytest.approx(math.hypot(usual, 0.4))
+    reader.learn(one, None)
+    assert reader.reading.left_open == 0.4
+    reader.learn(dataclasses.replace(one, alarm=""), None)
+    assert (reader.reading.left_open, reader.reading.model.sigma_north) == (0.0, usual)
+
+
+def test_a_corrected_station_takes_its_interference_off_from_then_on_until_the_reference_changes():
+    reader = FieldReader(StationSettings(), REFERENCE)
+    before = reader.reading
+    assert reader.north == "grid"
+    one, analysis = taken()
+    reader.learn(one, analysis)
+    assert reader.reading is not before
+    assert reader.reading.corrected
+    assert reader.interference[0] == pytest.approx(2e-6, abs=3.0 * reader.interference[1])
+    assert reader.reading.model.interference[0] == reader.interference[0]
+    assert reader.reading.lesson.axial == reader.interference
+    reader.set_reference(dataclasses.replace(REFERENCE, total=4.9e-5))
+    assert reader.interference is None
+    assert not reader.reading.corrected
+
+
+def test_a_gyro_that_was_believed_against_the_field_makes_it_suspect_until_they_agree():
+    reader = FieldReader(StationSettings(), REFERENCE)
+    one, analysis = taken()
+    alarmed = dataclasses.replace(one, alarm="steel nearby", weights={survey.GYRO: 1.0})
+    reader.learn(alarmed, analysis)
+    assert reader.reading.steel
+    reader.learn(dataclasses.replace(one, alarm=None), analysis)
+    assert reader.reading.steel
+    reader.learn(dataclasses.replace(one, alarm=""), analysis)
+    assert not reader.reading.steel
+
+
+def test_the_uncertainty_of_the_declination_is_in_the_reading():
+    sure = FieldReader(StationSettings(north="magnetic"), REFERENCE).reading.model
+    true = FieldReader(StationSettings(north="true"), REFERENCE).reading.model
+    assert sure.sigma_north == 0.0
+    assert true.sigma_north == pytest.approx(math.sqrt(REFERENCE.declination_variance(REFERENCE.horizontal)))
+    assert true.north_correction == pytest.approx(0.05)

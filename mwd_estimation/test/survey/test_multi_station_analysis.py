@@ -1,0 +1,248 @@
+"""Multi-station analysis on drawn runs: accuracy, honest sigma, slopes, refusals where nothing can be seen."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mwd_estimation.core.error_model import BENCH, SensorErrors
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.survey.multi_station_analysis import (
+    NAMES,
+    GyroAzimuths,
+    MultistationSettings,
+    _Problem,
+    analyse,
+    corrected_station,
+)
+from mwd_estimation.survey.station import StationSettings, station
+from mwd_sensors.core.frames import mat_nt, wrap_pi
+
+DEG = math.pi / 180.0
+TOTAL, DIP, GRAVITY = 50e-6, 71.3 * DEG, 9.81
+QUIET = {
+    "vary": 0.15, "bias": 25e-9, "scale": 0.0003, "f_bias": 0.001, "f_scale": 0.0001, "sigma_total": 40e-9,
+    "sigma_dip": 0.05 * DEG, "noise": 15e-9, "f_noise": 0.0015,
+}  # fmt: skip
+
+
+def drawn_run(
+    kind, seed, n=40, noise=20e-9, f_noise=0.002, bias=70e-9, scale=0.0016, f_bias=0.004, f_scale=0.0005,
+    sigma_total=143e-9, sigma_dip=0.218 * DEG, vary=1.0, axial=None,
+):  # fmt: skip
+    """A build to near horizontal with 650 nT axial, or an east-west horizontal with 900 nT, errors drawn."""
+    rng, k = np.random.default_rng(seed), np.arange(n)
+    if kind == "build":
+        inc, azi, axial = (
+            np.linspace(5, 85, n) * DEG,
+            (70 + 3 * np.sin(k / 5)) * DEG,
+            650e-9 if axial is None else axial,
+        )
+    else:
+        inc, azi, axial = (90 + 1.5 * np.sin(k / 4)) * DEG, (90 + 4 * np.sin(k / 7)) * DEG, 900e-9
+    mat_tn = np.swapaxes(mat_nt(inc, azi, rng.uniform(0, 2 * np.pi, n)), 1, 2)
+    total, dip = TOTAL + rng.normal(0, 60e-9 * vary, n), DIP + rng.normal(0, 0.08 * DEG * vary, n)
+    b_n = np.stack([total * np.cos(dip), 0 * dip, total * np.sin(dip)], axis=1)
+    b_t, f_t = np.einsum("nij,nj->ni", mat_tn, b_n), mat_tn @ np.array([0, 0, -GRAVITY])
+    biases, scales = rng.normal(0, bias, 3) + np.array([axial, 0, 0]), rng.normal(0, scale, 3)
+    b_t = b_t * (1 + scales) + biases + rng.normal(0, noise, (n, 3))
+    f_t = f_t * (1 + rng.normal(0, f_scale, 3)) + rng.normal(0, f_bias, 3) + rng.normal(0, f_noise, (n, 3))
+    reference = Reference(
+        TOTAL + rng.normal(0, sigma_total),
+        DIP + rng.normal(0, sigma_dip),
+        gravity=GRAVITY + rng.normal(0, 3e-4),
+        sigma_total=sigma_total,
+        sigma_dip=sigma_dip,
+    )
+    return f_t, b_t, reference, inc, azi, biases, scales
+
+
+def rms_deg(values):
+    return float(np.degrees(np.sqrt(np.mean(np.square(values)))))
+
+
+@pytest.mark.parametrize(("kind", "raw", "to_beat"), [("build", 1.5, 0.089), ("east-west", 3.2, 0.290)])
+def test_the_azimuth_beats_the_figures_of_the_tool_compared_with(kind, raw, to_beat):
+    errors, before = [], []
+    for seed in range(25):
+        f_t, b_t, reference, _, azi, _, _ = drawn_run(kind, seed, **QUIET)
+        done = analyse(f_t, b_t, reference)
+        assert done.refused == ""
+        errors.append(wrap_pi(done.azimuth - azi))
+        before.append(wrap_pi(done.azimuth_raw - azi))
+    assert rms_deg(before) == pytest.approx(raw, abs=0.15)
+    assert rms_deg(errors) < to_beat
+
+
+@pytest.mark.parametrize("kind", ["build", "east-west"])
+def test_azimuth_inclination_and_every_estimated_error_err_by_their_sigma(kind):
+    settings = MultistationSettings(cross_axial_bias_nt=1.0)
+    azimuth, inclination, estimates, chi = [], [], [], []
+    for seed in range(40):
+        f_t, b_t, reference, inc, azi, biases, scales = drawn_run(kind, seed)
+        done = analyse(f_t, b_t, reference, settings=settings)
+        azimuth.append(np.mean((wrap_pi(done.azimuth - azi) / done.sigma_azimuth) ** 2))
+        inclination.append(np.mean(((done.inclination - inc) / done.sigma_inclination) ** 2))
+        estimates.append((done.estimate[:6] - np.r_[biases, scales]) / done.sigma[:6])
+        chi.append(done.chi_square / done.degrees)
+    # Stations of one run err together: 40 runs are about 40 degrees of freedom, 95 % band 1 -+ 0.44.
+    assert 0.6 < np.mean(azimuth) < 1.48
+    assert 0.6 < np.mean(inclination) < 1.48
+    spread = np.mean(np.square(estimates), axis=0)
+    # The axial prior is 2000 nT, so its error is all posterior; scales hardly observed keep their prior.
+    assert (spread[:3] > 0.5).all()
+    assert (spread < 1.6).all()
+    assert np.mean(chi) == pytest.approx(1.0, abs=0.06)
+
+
+def test_interference_is_found_with_its_sigma_and_the_readings_corrected():
+    f_t, b_t, reference, _, _, biases, _ = drawn_run("build", 3, axial=2e-6)
+    done = analyse(f_t, b_t, reference)
+    assert abs(done.estimate[0] - biases[0]) < 3 * done.sigma[0]
+    assert done.sigma[0] < 200e-9
+    assert done.observable[:3].all()
+    _, b_c = done.corrected(f_t, b_t)
+    assert np.std(np.linalg.norm(b_c, axis=1)) < np.std(np.linalg.norm(b_t, axis=1))
+
+
+@pytest.mark.parametrize("gyro", [False, True])
+def test_slope_of_the_residuals_agrees_with_finite_differences(gyro):
+    f_t, b_t, reference, _, azi, *_ = drawn_run("build", 1, n=6)
+    seen = GyroAzimuths(np.where(np.arange(6) % 2, azi, np.nan), np.full(6, 0.02), 0.01) if gyro else None
+    problem = _Problem(f_t, b_t, reference, SensorErrors(), MultistationSettings(), seen)
+    used = np.ones(6, dtype=bool)
+    x = np.random.default_rng(2).normal(0, 1, 15)
+    slope = problem.slope(x, used)
+    for k in range(15):
+        change = np.zeros(15)
+        change[k] = 1e-4
+        numeric = (problem.residual(x + change, used) - problem.residual(x - change, used)) / 2e-4
+        assert slope[:, k] == pytest.approx(numeric, rel=1e-5, abs=1e-6), NAMES[k]
+
+
+def test_a_gyro_at_some_stations_shows_the_interference_of_an_east_west_hole():
+    alone, aided, sigmas, nees = [], [], [], []
+    for seed in range(25):
+        f_t, b_t, reference, _, azi, _, _ = drawn_run("east-west", seed)
+        rng = np.random.default_rng(seed + 1000)
+        seen = np.full(len(azi), np.nan)
+        common = rng.normal(0, 0.2 * DEG)
+        seen[::4] = azi[::4] + rng.normal(0, 1.3 * DEG, len(azi[::4])) + common
+        done = analyse(f_t, b_t, reference, gyro=GyroAzimuths(seen, np.full(len(azi), 1.3 * DEG), 0.2 * DEG))
+        assert done.refused == ""
+        assert done.degrees == 130
+        aided.append(wrap_pi(done.azimuth - azi))
+        alone.append(wrap_pi(analyse(f_t, b_t, reference).azimuth - azi))
+        sigmas.append(np.mean(done.sigma_azimuth))
+        nees.append(np.mean((aided[-1] / done.sigma_azimuth) ** 2))
+    assert rms_deg(aided) < 0.65 * rms_deg(alone)
+    assert rms_deg(aided) < 0.5
+    assert np.degrees(np.mean(sigmas)) == pytest.approx(rms_deg(aided), rel=0.3)
+    # 25 runs whose stations err together: 95 % band 1 -+ 0.55.
+    assert 0.45 < np.mean(nees) < 1.55
+    with pytest.raises(ValueError, match="for each of 40 stations"):
+        analyse(f_t, b_t, reference, gyro=GyroAzimuths(seen[:3], seen[:3]))
+
+
+def test_how_far_azimuths_follow_the_gyro_is_the_difference_that_turning_it_makes():
+    f_t, b_t, reference, _, azi, *_ = drawn_run("east-west", 7, n=8)
+    own, common = np.full(8, 1.0 * DEG), np.linspace(0.2, 0.4, 8) * DEG
+    settings = MultistationSettings(adapt_noise=False)
+    done = [
+        analyse(f_t, b_t, reference, settings=settings, gyro=GyroAzimuths(azi + turn, own, common))
+        for turn in (-1e-5, 1e-5)
+    ]
+    numeric = wrap_pi(done[1].azimuth - done[0].azimuth) / 2e-5
+    assert done[0].by_gyro == pytest.approx(numeric, rel=0.02)
+    assert (done[0].by_gyro > 0.3).all()
+    assert (analyse(f_t, b_t, reference).by_gyro == 0.0).all()
+
+
+def test_what_the_attitudes_do_not_show_is_named_and_keeps_its_prior():
+    # One attitude over and over, toolface fixed: nothing moves but noise.
+    mat_tn = mat_nt(89 * DEG, 90 * DEG, 1.0).T
+    reference = Reference(TOTAL, DIP, gravity=GRAVITY)
+    b_t = np.tile(mat_tn @ np.array([reference.horizontal, 0, reference.vertical]) + [9e-7, 0, 0], (12, 1))
+    f_t = np.tile(mat_tn @ np.array([0, 0, -GRAVITY]), (12, 1))
+    done = analyse(f_t, b_t, reference)
+    assert not done.observable[0]
+    assert done.sigma[0] == pytest.approx(done.prior[0], rel=0.1)
+    assert "axial interference" in done.remarks[0]
+    assert "gyro" in done.refused
+    assert (done.sigma_azimuth > 5 * DEG).all()
+
+
+def test_a_station_beside_casing_is_left_out_and_said():
+    f_t, b_t, reference, _, azi, _, _ = drawn_run("build", 4, **QUIET)
+    b_t[7] += [0.5e-6, -2e-6, 1.5e-6]
+    done = analyse(f_t, b_t, reference)
+    assert not done.used[7]
+    assert done.used.sum() == 39
+    assert any("station 8 of 40" in remark for remark in done.remarks)
+    good = done.used
+    assert rms_deg(wrap_pi(done.azimuth - azi)[good]) < 0.15
+    assert done.refused == ""
+
+
+def test_a_disturbance_that_changes_along_the_run_is_refused():
+    f_t, b_t, reference, *_ = drawn_run("build", 5, **QUIET)
+    b_t[20:, 1] += np.linspace(0, 6e-6, 20)
+    done = analyse(f_t, b_t, reference)
+    assert "do not fit one set of errors" in done.refused
+
+
+def test_a_wrong_reference_beyond_its_sigma_is_refused_by_chi_square():
+    f_t, b_t, reference, *_ = drawn_run("build", 6, **QUIET)
+    wrong = replace(reference, dip=reference.dip - 2 * DEG)
+    assert "chi-square" in analyse(f_t, b_t, wrong, settings=MultistationSettings(outlier_sigma=100.0)).refused
+
+
+def test_few_stations_still_give_a_sigma_and_no_false_confidence():
+    f_t, b_t, reference, _, azi, _, _ = drawn_run("build", 7, n=3)
+    done = analyse(f_t, b_t, reference)
+    assert (np.abs(wrap_pi(done.azimuth - azi)) < 4 * done.sigma_azimuth).all()
+
+
+def test_stations_made_again_carry_the_azimuth_of_the_run_and_its_sigma():
+    f_t, b_t, reference, _, azi, _, _ = drawn_run("build", 10, **QUIET)
+    settings = StationSettings(errors=replace(BENCH, axial_interference_nt=1000.0), north="magnetic")
+    before = [station(f, b, reference, settings) for f, b in zip(f_t, b_t, strict=True)]
+    analysis = analyse(f_t, b_t, reference)
+    after = [corrected_station(one, k, analysis, settings) for k, one in enumerate(before)]
+    assert {shot.method for shot in after} == {"msa"}
+    assert [shot.azimuth for shot in after] == pytest.approx(list(analysis.azimuth))
+    assert [shot.sigma_azimuth for shot in after[5:]] == pytest.approx(list(analysis.sigma_azimuth[5:]), rel=0.15)
+    assert [a.method for a in after[-1].azimuths] == ["raw", "corrected", "msa"]
+    assert after[-1].b_total == before[-1].b_total
+    # Limits of two sigma on three totals: one in ten is doubtful by chance.
+    assert sum(shot.verdict == "accept" for shot in after) >= 35
+    assert not any(shot.verdict == "reject" for shot in after)
+    assert rms_deg(wrap_pi(np.array([shot.azimuth for shot in after]) - azi)) < 0.12
+    refused = [corrected_station(one, k, replace(analysis, refused="no"), settings) for k, one in enumerate(before)]
+    assert [shot.method for shot in refused] == [shot.method for shot in before]
+    assert refused[3].by_method("msa").refused == "no"
+
+
+def test_a_vertical_station_among_others_gives_finite_sigmas():
+    f_t, b_t, reference, *_ = drawn_run("build", 9, n=10)
+    f_t[0] = [-GRAVITY, 0.0, 0.0]
+    done = analyse(f_t, b_t, reference)
+    assert np.isfinite(done.sigma_azimuth).all()
+    assert done.sigma_raw[0] > 90 * DEG
+    assert done.sigma_azimuth[0] > 10 * DEG
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda f, b, r: (f[:1], b[:1], r), "two stations"),
+        (lambda f, b, r: (f[:, :2], b, r), "same shape"),
+        (lambda f, b, r: (np.where(f > 9, np.nan, f), np.full_like(b, np.nan), r), "finite"),
+        (lambda f, b, _: (f, b, Reference()), "strength and dip"),
+    ],
+)
+def test_input_that_cannot_be_analysed_is_refused(spoil, words):
+    f_t, b_t, reference, *_ = drawn_run("build", 8, n=4)
+    with pytest.raises(ValueError, match=words):
+        analyse(*spoil(f_t, b_t, reference))

@@ -1,0 +1,137 @@
+"""Surveys in still intervals: one each, after settling, on request at once, and refusals that say why."""
+
+import numpy as np
+import pytest
+
+from mwd_estimation.core.time_bins import Bin, Binner
+from mwd_estimation.survey.static_survey import BIN_NS, BinSet, Params, Refusal, StillAverage, StillSurvey
+
+RATE = 100
+
+
+def _bins(seconds, force=(-6.0, 0.0, 7.75), rate=(0.0, 0.0, 0.0), *, noise=1e-3, start=10**18, seed=0):
+    """Closed bins of a tool that keeps still (or turns, or shakes)."""
+    rng = np.random.default_rng(seed)
+    n = int(seconds * RATE) + 1
+    stamps = start + np.arange(n) * (10**9 // RATE)
+    values = np.hstack([np.tile(rate, (n, 1)), np.tile(force, (n, 1))]) + noise * rng.normal(size=(n, 6))
+    return Binner(6, BIN_NS).add(stamps, values)
+
+
+def _outcomes(survey, bins):
+    return [result for one in bins if (result := survey.add(BinSet(one))) is not None]
+
+
+def test_one_survey_is_taken_per_still_interval_after_settling():
+    survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0))
+    found = _outcomes(survey, _bins(30.0))
+    assert len(found) == 1
+    (average,) = found
+    assert isinstance(average, StillAverage)
+    assert average.start_ns == 10**18 + 2 * 10**9
+    assert average.end_ns - average.start_ns == 5 * 10**9
+    assert average.imu.count == 500
+    assert not average.requested
+    assert survey.progress == 1.0
+    np.testing.assert_allclose(average.imu.mean[3:], (-6.0, 0.0, 7.75), atol=3e-4)
+
+
+def test_moving_in_between_allows_the_next_survey():
+    survey = StillSurvey(Params(settle_s=1.0, duration_s=2.0))
+    still = _bins(5.0)
+    turning = _bins(2.0, rate=(5.0, 0.0, 0.0), start=10**18 + 5 * 10**9)
+    again = _bins(5.0, start=10**18 + 7 * 10**9)
+    assert len(_outcomes(survey, still + turning + again)) == 2
+
+
+@pytest.mark.parametrize(
+    ("moving", "words"),
+    [
+        ({"rate": (0.5, 0.0, 0.0)}, "turns"),
+        ({"noise": 0.06}, "moves"),
+        ({"force": (-5.0, 0.0, 8.0)}, "shifts"),
+    ],
+)
+def test_a_requested_survey_is_refused_in_words_when_the_tool_moves(moving, words):
+    survey = StillSurvey(Params())
+    _outcomes(survey, _bins(1.0))
+    survey.request(4.0)
+    survey.add(BinSet(_bins(0.5, start=10**18 + 10**9)[0]))
+    (refused,) = _outcomes(survey, _bins(0.6, start=10**18 + 15 * 10**8, **moving))
+    assert isinstance(refused, Refusal)
+    assert words in refused.reason
+    assert "limit" in refused.reason
+
+
+def test_a_requested_survey_starts_at_once_without_settling():
+    survey = StillSurvey(Params(automatic=False, settle_s=10.0))
+    bins = _bins(20.0)
+    assert _outcomes(survey, bins[:6]) == []
+    survey.request(3.0)
+    (average,) = _outcomes(survey, bins[6:])
+    assert average.requested
+    assert average.start_ns == bins[6].index * BIN_NS
+    assert average.end_ns - average.start_ns == 3 * 10**9
+
+
+def test_a_gap_between_bins_ends_the_interval():
+    survey = StillSurvey(Params(settle_s=0.0, duration_s=4.0))
+    bins = _bins(8.0)
+    assert _outcomes(survey, bins[:6] + bins[8:12]) == []
+
+
+def test_a_bin_with_hardly_any_samples_is_not_called_still():
+    survey = StillSurvey(Params())
+    survey.request()
+    one = _bins(0.5)[0]
+    (refused,) = _outcomes(survey, [Bin(one.index, 2, one.mean, one.scatter, one.low, one.high)])
+    assert "too few samples" in refused.reason
+
+
+def test_a_stream_that_was_silent_for_part_of_the_time_is_not_averaged():
+    survey = StillSurvey(Params(settle_s=0.0, duration_s=2.0))
+    bins = _bins(2.5)
+    mag = Binner(3, BIN_NS).add(10**18 + np.arange(251) * 10**7, np.full((251, 3), 1e-5))
+    sets = [BinSet(imu, mag=field) for imu, field in zip(bins, [*mag[:2], None, *mag[3:]], strict=True)]
+    results = [result for one in sets if (result := survey.add(one)) is not None]
+    assert results[0].mag is None
+
+
+def test_a_survey_taken_by_itself_waits_while_told_what_for_and_averages_all_of_it():
+    survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=30.0))
+    bins = _bins(30.0)
+    results = [survey.add(BinSet(one), "the gyro" if k < 40 else "") for k, one in enumerate(bins)]
+    assert [k for k, result in enumerate(results) if result is not None] == [40]
+    assert results[40].end_ns - results[40].start_ns == (41 - 4) * BIN_NS
+    assert not results[40].moved
+
+
+def test_waiting_has_an_end_and_motion_gives_what_was_held():
+    survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=10.0))
+    bins = _bins(30.0)
+    results = [survey.add(BinSet(one), "the gyro") for one in bins]
+    assert [k for k, result in enumerate(results) if result is not None] == [4 + 10 + 20 - 1]
+    survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=100.0))
+    turning = _bins(2.0, rate=(5.0, 0.0, 0.0), start=10**18 + 30 * 10**9)
+    results = [survey.add(BinSet(one), "the gyro") for one in (*bins, *turning)]
+    (held,) = [result for result in results if result is not None]
+    assert results.index(held) == len(bins)
+    assert held.moved
+    assert held.end_ns - held.start_ns == (len(bins) - 4) * BIN_NS
+
+
+def test_a_requested_survey_does_not_wait():
+    survey = StillSurvey(Params(automatic=False))
+    survey.request(3.0)
+    results = [survey.add(BinSet(one), "the gyro") for one in _bins(5.0)]
+    assert [k for k, result in enumerate(results) if result is not None] == [5]
+
+
+def test_when_nothing_more_comes_what_was_held_is_given_once():
+    survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0))
+    bins = _bins(20.0)
+    assert [survey.add(BinSet(one), "the gyro") for one in bins] == [None] * len(bins)
+    held = survey.finish()
+    assert held.end_ns - held.start_ns == (len(bins) - 4) * BIN_NS
+    assert survey.finish() is None
+    assert survey.progress == 1.0

@@ -1,0 +1,59 @@
+"""The fields of a survey against its message's definition and its own numbers."""
+
+import re
+
+import numpy as np
+import pytest
+
+from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_estimation.survey import survey_message
+from mwd_sensors.core import wire
+from project import MESSAGES
+
+START = 1_700_000_000 * 10**9
+
+
+def _survey(with_mag):
+    imu = wire.IMU.empty(1600)
+    imu["stamp_ns"] = START + np.arange(1600) * 10_000_000
+    imu["linear_acceleration"] = np.random.default_rng(1).normal([-6.0, 0.0, -7.7], 5e-3, (1600, 3))
+    imu["angular_velocity"] = np.random.default_rng(2).normal(0.0, 1e-3, (1600, 3))
+    pipeline = Pipeline(EstimatorSettings(method="s3"))
+    if with_mag:
+        mag = wire.MAG.empty(1600)
+        mag["stamp_ns"] = imu["stamp_ns"]
+        mag["magnetic_field"] = np.random.default_rng(3).normal([2e-5, 1e-5, 4e-5], 1e-8, (1600, 3))
+        pipeline.push_mag(mag)
+    return pipeline.push_imu(imu).surveys[0]
+
+
+def _declared(name):
+    text = (MESSAGES / f"{name}.msg").read_text()
+    constants = {m[1]: int(m[2]) for m in re.finditer(r"^uint8 ([A-Z_]+)=(\d+)", text, re.MULTILINE)}
+    fields = re.findall(r"^[A-Za-z]\S* ([a-z]\w*)", text, re.MULTILINE)
+    return fields, constants
+
+
+def test_the_fields_and_codes_are_those_of_the_message():
+    fields, constants = _declared("Survey")
+    found = survey_message.survey_fields(_survey(with_mag=True), 5)
+    assert ["header", *found] == fields
+    assert {name.upper(): code for name, code in (survey_message.KINDS | survey_message.VERDICTS).items()} == constants
+    names, _ = _declared("AzimuthEstimate")
+    assert [list(one) for one in found["azimuths"]] == [names] * len(found["azimuths"])
+    assert found["status"] == 5
+
+
+@pytest.mark.parametrize("with_mag", [True, False])
+def test_unknown_is_said_as_the_message_says_it_and_nothing_is_not_a_number(with_mag):
+    found = survey_message.survey_fields(_survey(with_mag), 0)
+    assert (found["magnetic_field_covariance"][0] == -1.0) == (not with_mag)
+    assert (found["b_total"] == -1.0) == (not with_mag)
+    assert (found["covariance"][4] == -1.0) == (not with_mag)
+    assert found["temperature"] == -300.0
+    # Without a reference only gravity is judged, against the standard one.
+    assert (found["b_limit"], found["dip_limit"]) == (-1.0, -1.0)
+    assert found["g_limit"] > 0.0
+    for value in found.values():
+        if isinstance(value, (float, np.ndarray)):
+            assert np.isfinite(value).all()

@@ -1,0 +1,1 @@
+"""Calibration of a tool: Allan variance, tumble fit, compensation of a stream."""

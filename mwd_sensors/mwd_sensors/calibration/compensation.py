@@ -1,0 +1,75 @@
+"""
+A calibration applied to a stream of samples, temperature by temperature (S0's compensation).
+
+Samples are corrected with the newest temperature that was measured before them, so that live and replay give the same
+bits whatever the blocks; until there is one, with that of the calibration itself.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.calibration.tumble import Calibration, TriadCalibration
+from mwd_sensors.core.wire import Samples
+
+Array = NDArray[np.float64]
+
+# Temperatures remembered: samples that come late still find theirs.
+_KEPT = 4096
+
+
+class Compensation:
+    """
+    Corrects the samples of one unit.
+
+    Parameters
+    ----------
+    calibration : Calibration
+
+    Attributes
+    ----------
+    without_temperature : int
+        IMU samples corrected before any temperature was known.
+    """
+
+    def __init__(self, calibration: Calibration) -> None:
+        self.calibration = calibration
+        self.without_temperature = 0
+        self._stamps: NDArray[np.int64] = np.empty(0, dtype=np.int64)
+        self._celsius: Array = np.empty(0)
+
+    def push_temperature(self, samples: Samples) -> None:
+        """Take samples of the layout `wire.TEMPERATURE`; what is not finite is left out."""
+        good = samples[np.isfinite(samples["temperature"])]
+        stamps = np.concatenate([self._stamps, good["stamp_ns"]])
+        order = np.argsort(stamps, kind="stable")[-_KEPT:]
+        self._stamps = stamps[order]
+        self._celsius = np.concatenate([self._celsius, good["temperature"]])[order]
+
+    def imu(self, samples: Samples) -> Samples:
+        """Samples of the layout `wire.IMU`, gyros and accelerometers corrected; the others are left as they are."""
+        out = samples.copy()
+        known = self._known(samples["stamp_ns"])
+        self.without_temperature += int(np.count_nonzero(~known))
+        out["angular_velocity"] = self._corrected(self.calibration.gyro, samples, "angular_velocity")
+        out["linear_acceleration"] = self._corrected(self.calibration.accelerometer, samples, "linear_acceleration")
+        return out
+
+    def mag(self, samples: Samples) -> Samples:
+        """Samples of the layout `wire.MAG`, corrected; as they are where the calibration has no magnetometer."""
+        if self.calibration.magnetometer is None:
+            return samples
+        out = samples.copy()
+        out["magnetic_field"] = self._corrected(self.calibration.magnetometer, samples, "magnetic_field")
+        return out
+
+    def _known(self, stamp_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+        return np.asarray(np.searchsorted(self._stamps, stamp_ns, side="left") > 0)
+
+    def _corrected(self, triad: TriadCalibration, samples: Samples, field: str) -> Array:
+        # Strictly before: which of two messages of one stamp comes first is chance.
+        index = np.searchsorted(self._stamps, samples["stamp_ns"], side="left") - 1
+        celsius = np.full(len(samples), triad.reference_c)
+        celsius[index >= 0] = self._celsius[index[index >= 0]]
+        return triad(samples[field], celsius)

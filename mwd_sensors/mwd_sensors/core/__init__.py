@@ -1,0 +1,1 @@
+"""What every package builds on: units, frames, Earth models, the wire, compiled kernels, settings."""

@@ -1,0 +1,231 @@
+"""
+The well path between survey stations: circular arcs by the minimum curvature method.
+
+Two stations and the measured depth between them fix one arc in space whose ends have the surveyed directions. All
+angles are rad, all lengths m, positions are north, east, down (`n`) from the point where the path starts.
+
+Sources: S. J. Sawaryn and J. L. Thorogood, "A Compendium of Directional Calculations Based on the Minimum Curvature
+Method", SPE Drilling & Completion 20 (2005): arc, interpolation and ratio factor. The dogleg is written here as a sum
+of positive terms for the half angle, which keeps all its digits from 0 to 180 deg.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mwd_sensors.core.frames import Array, wrap_pi, wrap_tau
+
+# Closer to 180 deg than this (rad) the plane of the arc, and so the path, is not determined by the two directions.
+REVERSAL = 1e-6
+
+
+def tangent(inclination: ArrayLike, azimuth: ArrayLike) -> Array:
+    """Unit vector down-hole, north-east-down, shape (..., 3), of inclination and azimuth, rad, broadcast to (...)."""
+    inc, azi = np.broadcast_arrays(np.asarray(inclination, dtype=float), np.asarray(azimuth, dtype=float))
+    s_i = np.sin(inc)
+    return np.stack([s_i * np.cos(azi), s_i * np.sin(azi), np.cos(inc)], axis=-1)
+
+
+def dogleg(inclination_1: ArrayLike, azimuth_1: ArrayLike, inclination_2: ArrayLike, azimuth_2: ArrayLike) -> Array:
+    """
+    Angle between two directions.
+
+    All arguments rad, broadcast to shape (...). Returns shape (...), rad in [0, pi], with full relative precision for
+    the smallest angles and near 180 deg (the arccos of the textbooks loses half the digits at both ends).
+    """
+    inc_1, inc_2 = np.asarray(inclination_1, dtype=float), np.asarray(inclination_2, dtype=float)
+    half_build, half_sum = 0.5 * (inc_2 - inc_1), 0.5 * (inc_2 + inc_1)
+    half_turn = 0.5 * (np.asarray(azimuth_2, dtype=float) - np.asarray(azimuth_1, dtype=float))
+    s_turn, c_turn = np.sin(half_turn), np.cos(half_turn)
+    s_half = np.hypot(np.sin(half_build) * c_turn, np.sin(half_sum) * s_turn)
+    c_half = np.hypot(np.cos(half_build) * c_turn, np.cos(half_sum) * s_turn)
+    return np.asarray(2.0 * np.arctan2(s_half, c_half))
+
+
+def path(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, start: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
+    """
+    Positions of the stations.
+
+    Parameters
+    ----------
+    md : array_like, shape (n,)
+        Measured depth, m, strictly increasing.
+    inclination, azimuth : array_like, shape (n,)
+        From the vertical and from the north of the axes, rad.
+    start : array_like, shape (3,)
+        Position of the first station (the tie-on), m.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        North, east, down, m.
+
+    Raises
+    ------
+    ValueError
+        Lengths differ, a value is not finite, depth does not increase, or two neighbours point opposite ways.
+    """
+    depth, inc, azi = checked_stations(md, inclination, azimuth)
+    origin = np.asarray(start, dtype=float)
+    if origin.shape != (3,) or not np.all(np.isfinite(origin)):
+        raise ValueError(f"start: expected three finite numbers (north, east, down in m), got {start!r}")
+    angle = dogleg(inc[:-1], azi[:-1], inc[1:], azi[1:])
+    _refuse_reversals(angle, depth)
+    direction = tangent(inc, azi)
+    # tan(D/2) / (D/2), written so that it is exactly one at zero.
+    ratio = np.sinc(angle / (2.0 * np.pi)) / np.cos(0.5 * angle)
+    step = 0.5 * (np.diff(depth) * ratio)[:, None] * (direction[:-1] + direction[1:])
+    return np.asarray(origin + np.concatenate([np.zeros((1, 3)), np.cumsum(step, axis=0)]))
+
+
+def interpolate(
+    md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, positions: ArrayLike, at: ArrayLike
+) -> tuple[Array, Array, Array]:
+    """
+    Attitude and position on the arcs between the stations.
+
+    Parameters
+    ----------
+    md, inclination, azimuth : array_like, shape (n,)
+        The stations, as for `path`.
+    positions : array_like, shape (n, 3)
+        What `path` returned for them, m.
+    at : array_like, shape (...)
+        Measured depths, m, anywhere from the first station to the last.
+
+    Returns
+    -------
+    inclination, azimuth : ndarray, shape (...)
+        rad; at a station exactly as given there, with azimuth brought to [0, 2 pi). Between two vertical stations the
+        azimuth of the upper one is kept.
+    position : ndarray, shape (..., 3)
+        North, east, down, m.
+
+    Raises
+    ------
+    ValueError
+        As `path`, or a depth outside the stations.
+    """
+    depth, inc, azi = checked_stations(md, inclination, azimuth)
+    points = np.asarray(positions, dtype=float)
+    if points.shape != (depth.size, 3):
+        raise ValueError(f"positions: expected shape ({depth.size}, 3) for {depth.size} stations, got {points.shape}")
+    wanted = np.asarray(at, dtype=float)
+    outside = ~((wanted >= depth[0]) & (wanted <= depth[-1]))
+    if np.any(outside):
+        worst = wanted[outside].flat[0]
+        raise ValueError(f"at: {worst} m is outside the stations, {depth[0]} to {depth[-1]} m")
+    if depth.size == 1:
+        shape = wanted.shape
+        return np.full(shape, inc[0]), np.full(shape, wrap_tau(azi[0])), np.broadcast_to(points[0], (*shape, 3)).copy()
+    angle = dogleg(inc[:-1], azi[:-1], inc[1:], azi[1:])
+    _refuse_reversals(angle, depth)
+    direction = tangent(inc, azi)
+
+    k = np.clip(np.searchsorted(depth, wanted, side="right") - 1, 0, depth.size - 2)
+    length = depth[k + 1] - depth[k]
+    share = (wanted - depth[k]) / length
+    full, part = angle[k], share * angle[k]
+    sinc_full = np.sinc(full / np.pi)
+    # The arc in the plane of the two tangents: coefficients of the upper and lower one, all regular at zero dogleg.
+    lower = share * np.sinc(part / np.pi) / sinc_full
+    upper = np.cos(part) - lower * np.cos(full)
+    reach_lower = 0.5 * (share * np.sinc(part / (2.0 * np.pi))) ** 2 / sinc_full
+    reach_upper = share * np.sinc(part / np.pi) - reach_lower * np.cos(full)
+    heading = upper[..., None] * direction[k] + lower[..., None] * direction[k + 1]
+    offset = length[..., None] * (reach_upper[..., None] * direction[k] + reach_lower[..., None] * direction[k + 1])
+
+    across = np.hypot(heading[..., 0], heading[..., 1])
+    inc_at = np.arctan2(across, heading[..., 2])
+    azi_at = np.where(across < 1e-15, azi[k], np.arctan2(heading[..., 1], heading[..., 0]))
+    position_at = points[k] + offset
+    # A station gives itself back to the last bit, whatever the rounding of the arc.
+    for station in (k, k + 1):
+        there = wanted == depth[station]
+        inc_at, azi_at = np.where(there, inc[station], inc_at), np.where(there, azi[station], azi_at)
+        position_at = np.where(there[..., None], points[station], position_at)
+    return np.asarray(inc_at), wrap_tau(azi_at), np.asarray(position_at)
+
+
+def dogleg_severity(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, per: float = 30.0) -> Array:
+    """
+    Change of direction on the interval that ends at each station, rad per `per` metres, shape (n,); first 0.
+
+    Arguments and errors as `path`, except that a reversal has a dogleg too.
+    """
+    depth, inc, azi = checked_stations(md, inclination, azimuth)
+    return _rate(depth, dogleg(inc[:-1], azi[:-1], inc[1:], azi[1:]), per)
+
+
+def build_rate(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, per: float = 30.0) -> Array:
+    """Change of inclination on the interval that ends at each station, rad per `per` metres, shape (n,); first 0."""
+    depth, inc, _ = checked_stations(md, inclination, azimuth)
+    return _rate(depth, np.diff(inc), per)
+
+
+def turn_rate(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, per: float = 30.0) -> Array:
+    """
+    Change of azimuth on the interval that ends at each station, rad per `per` metres, shape (n,); first 0.
+
+    The short way round. An interval that starts or ends vertical, where azimuth has no meaning, has turn 0.
+    """
+    depth, inc, azi = checked_stations(md, inclination, azimuth)
+    vertical = np.sin(inc) < 1e-9
+    turn = np.where(vertical[:-1] | vertical[1:], 0.0, wrap_pi(np.diff(azi)))
+    return _rate(depth, turn, per)
+
+
+def vertical_section(positions: ArrayLike, azimuth: float, origin: ArrayLike = (0.0, 0.0)) -> Array:
+    """
+    Horizontal distance along one azimuth.
+
+    positions, shape (..., 2 or 3): north, east(, down), m. azimuth: of the section, rad. origin, shape (2,): north and
+    east where it is zero, m. Returns shape (...), m.
+    """
+    points, zero = np.asarray(positions, dtype=float), np.asarray(origin, dtype=float)
+    north, east = points[..., 0] - zero[0], points[..., 1] - zero[1]
+    return np.asarray(north * np.cos(azimuth) + east * np.sin(azimuth))
+
+
+def checked_stations(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike) -> tuple[Array, Array, Array]:
+    """
+    The three columns as float arrays of shape (n,), n >= 1.
+
+    Raises
+    ------
+    ValueError
+        Lengths differ, nothing is given, a value is not finite, inclination is outside [0, pi], or measured depth
+        does not increase; the message names the first station at fault, counted from 0.
+    """
+    depth, inc, azi = (np.atleast_1d(np.asarray(v, dtype=float)) for v in (md, inclination, azimuth))
+    if depth.ndim != 1 or depth.size == 0 or not depth.shape == inc.shape == azi.shape:
+        raise ValueError(
+            "md, inclination, azimuth: expected three lists of one length, at least 1,"
+            f" got shapes {depth.shape}, {inc.shape}, {azi.shape}"
+        )
+    for name, values in (("md", depth), ("inclination", inc), ("azimuth", azi)):
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise ValueError(f"{name}: must be finite, got {values[bad[0]]} at station {bad[0]}")
+    bad = np.flatnonzero((inc < 0.0) | (inc > np.pi))
+    if bad.size:
+        raise ValueError(f"inclination: must be within 0 and pi rad, got {inc[bad[0]]} at station {bad[0]}")
+    bad = np.flatnonzero(np.diff(depth) <= 0.0)
+    if bad.size:
+        k = int(bad[0])
+        raise ValueError(f"md: must increase, got {depth[k + 1]} m at station {k + 1} after {depth[k]} m")
+    return depth, inc, azi
+
+
+def _rate(depth: Array, change: Array, per: float) -> Array:
+    return np.concatenate([[0.0], change / np.diff(depth) * per])
+
+
+def _refuse_reversals(angle: Array, depth: Array) -> None:
+    bad = np.flatnonzero(angle > np.pi - REVERSAL)
+    if bad.size:
+        k = int(bad[0])
+        raise ValueError(
+            f"stations at {depth[k]} and {depth[k + 1]} m point opposite ways: no single arc joins them; check azimuth"
+        )

@@ -1,0 +1,49 @@
+"""A settings dataclass as the commented parameter file of its node: every default, with meaning, unit and bounds."""
+
+from __future__ import annotations
+
+import dataclasses
+import textwrap
+from typing import Any
+
+import yaml
+
+from mwd_sensors.core.settings import rule_of
+
+_WIDTH = 118
+
+
+def parameter_file(node: str, settings: Any) -> str:
+    """
+    YAML of a node's parameters, ready for ``--params-file``; one comment for each.
+
+    node: name without namespace; the file holds for any namespace.
+    """
+    lines = [
+        f"# Parameters of the {node} node with their defaults. Copy what you change into a file of your own and lay it",
+        "# on top with --params-file: an unknown name or a value out of bounds is refused with a sentence.",
+        "/**:",
+        f"  {node}:",
+        "    ros__parameters:",
+        "      # Configure and activate at start; false: wait for the lifecycle services.",
+        "      autostart: true",
+    ]
+    return "\n".join(lines + _lines(settings, 6)) + "\n"
+
+
+def _lines(settings: Any, indent: int) -> list[str]:
+    lines = []
+    for field in dataclasses.fields(settings):
+        value, space = getattr(settings, field.name), " " * indent
+        comment = textwrap.wrap(rule_of(field).text(), _WIDTH - indent - 2)
+        lines += [f"{space}# {line}" for line in comment]
+        if dataclasses.is_dataclass(value) and not isinstance(value, type):
+            lines += [f"{space}{field.name}:", *_lines(value, indent + 2)]
+        else:
+            # A parameter file has no empty list; one empty text stands for it.
+            plain = (list(value) or [""]) if isinstance(value, (list, tuple)) else value
+            text = yaml.safe_dump(plain, default_flow_style=True, width=10**6, allow_unicode=True)
+            # A bare scalar ends with a document mark.
+            scalar = text.removesuffix("...\n").strip()
+            lines.append(f"{space}{field.name}: {scalar}")
+    return lines

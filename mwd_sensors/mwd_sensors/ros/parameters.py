@@ -1,0 +1,100 @@
+"""Settings as ROS parameters: described, ranged, and changed all or nothing."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any, Generic, TypeVar
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from mwd_sensors.core import settings
+from mwd_sensors.core.settings import Rule, SettingsError
+
+T = TypeVar("T")
+
+
+class SettingsParameters(Generic[T]):
+    """
+    The settings of a node, kept equal to its ROS parameters.
+
+    Every leaf of the dataclass is declared under its dotted name with meaning, unit, range and read-only flag. A
+    change is checked as a whole by the rules of a configuration file; a refused one leaves everything as it was.
+    `live` says which names a running node can take; the others are read-only.
+
+    Raises
+    ------
+    SettingsError
+        A value given at start is not allowed, or a name given at start does not exist (its near misses are named).
+    """
+
+    def __init__(self, node: Node, default: T, changed: Callable[[T], None], live: Callable[[str], bool]) -> None:
+        self.value = default
+        self._changed = changed
+        self._names = settings.flat(default)
+        self._given = node._parameter_overrides  # rclpy offers no public way to see what was given at start
+        self._refuse_unknown(node)
+        start = {}
+        for name, (value, rule) in self._names.items():
+            start[name] = self._declare(
+                node, name, value, rule if live(name) else dataclasses.replace(rule, fixed=True)
+            )
+        self.value = settings.changed(default, start)
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._apply)
+
+    def _refuse_unknown(self, node: Node) -> None:
+        for name in self._given:
+            if name not in self._names and not node.has_parameter(name) and not name.startswith("qos_overrides."):
+                raise SettingsError(settings.unknown_key(name, self._names, ""))
+
+    def _declare(self, node: Node, name: str, value: Any, rule: Rule) -> Any:
+        descriptor = describe(name, value, rule)
+        # Lists of nothing have no type of their own; sequences go on the wire as lists.
+        plain = list(value) if isinstance(value, (list, tuple)) else value
+        try:
+            if plain == []:
+                given = self._given.get(name)
+                node.declare_parameter(name, (given.value if given else None) or [""], descriptor)
+                return [item for item in node.get_parameter(name).value if item != ""]
+            return node.declare_parameter(name, plain, descriptor).value
+        except (InvalidParameterValueException, InvalidParameterTypeException) as error:
+            given = self._given[name].value
+            settings.changed(self.value, {name: given})  # says it better where it can
+            raise SettingsError(f"{name}: {given!r} is not allowed; {rule.text()}") from error
+
+    def _collect(self, parameters: Sequence[Parameter]) -> dict[str, Any]:
+        return {p.name: p.value for p in parameters if p.name in self._names}
+
+    def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        try:
+            settings.changed(self.value, self._collect(parameters))
+        except SettingsError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply(self, parameters: Sequence[Parameter]) -> None:
+        changes = self._collect(parameters)
+        if changes:
+            self.value = settings.changed(self.value, changes)
+            self._changed(self.value)
+
+
+def describe(name: str, value: Any, rule: Rule) -> ParameterDescriptor:
+    """Descriptor with meaning, unit and range; an open end of a range is the largest number there is."""
+    descriptor = ParameterDescriptor(name=name, description=rule.text(), read_only=rule.fixed)
+    if rule.low is None and rule.high is None:
+        return descriptor
+    if isinstance(value, float):
+        low = -sys.float_info.max if rule.low is None else float(rule.low)
+        high = sys.float_info.max if rule.high is None else float(rule.high)
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
+    elif isinstance(value, int) and not isinstance(value, bool):
+        low_int = -(2**62) if rule.low is None else int(rule.low)
+        high_int = 2**62 if rule.high is None else int(rule.high)
+        descriptor.integer_range = [IntegerRange(from_value=low_int, to_value=high_int, step=1)]
+    return descriptor

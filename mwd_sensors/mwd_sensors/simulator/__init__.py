@@ -1,0 +1,1 @@
+"""The simulated sonde: scenario, motion, vibration, instruments, interference, faults."""

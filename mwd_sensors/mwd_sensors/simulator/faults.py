@@ -1,0 +1,303 @@
+"""
+Faults of sensors and of the link, named as PX4's failure injection names them.
+
+ok: as normal; off: nothing is published (of one axis: it reads zero and its covariance says "not reported"); stuck:
+the last value for ever; garbage: random numbers over the whole range; wrong: plausible but false (scaled and shifted);
+slow: a tenth of the rate; delayed: old values; intermittent: comes and goes. To PX4's words come those of a tool put
+together wrongly (MOUNTING): axes swapped, flipped or turned, another unit; and what electronics do (nan, saturated,
+repeated stamps). Beside them, what a link does: loss, duplicates, reordering, a jump of the clock.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.core.settings import setting
+from mwd_sensors.core.wire import Samples
+
+PX4 = ("ok", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
+# Axes of the sensor exchanged (xy, yz, xz), reversed, turned by a quarter about an axis; see `_UNITS` for the units.
+MOUNTING = ("swapped", "flipped", "turned", "in_g", "in_deg_s", "in_ut", "in_mt", "in_gauss", "in_nt")
+ELECTRONICS = ("nan", "saturated", "repeated_stamps")
+WORDS = (*PX4, *MOUNTING, *ELECTRONICS)
+# Component -> (topic, field).
+COMPONENTS = {
+    "gyro": ("imu/data_raw", "angular_velocity"),
+    "accel": ("imu/data_raw", "linear_acceleration"),
+    "mag": ("imu/mag", "magnetic_field"),
+    "precision_gyro": ("gyro/data_raw", "angular_velocity"),
+    "precision_accel": ("gyro/data_raw", "linear_acceleration"),
+    "temperature": ("imu/temperature", "temperature"),
+}
+AXES = ("all", "x", "y", "z", "xy", "yz", "xz")
+# Faults of a whole message, whatever the axis.
+_OF_MESSAGES = ("slow", "delayed", "intermittent", "repeated_stamps")
+# Word -> (field it can befall, what the SI value is multiplied by).
+_UNITS = {
+    "in_g": ("linear_acceleration", 1.0 / 9.80665),
+    "in_deg_s": ("angular_velocity", math.degrees(1.0)),
+    "in_ut": ("magnetic_field", 1e6),
+    "in_mt": ("magnetic_field", 1e3),
+    "in_gauss": ("magnetic_field", 1e4),
+    "in_nt": ("magnetic_field", 1e9),
+}
+_GARBAGE = {
+    "angular_velocity": 35.0,
+    "linear_acceleration": 160.0,
+    "magnetic_field": 8e-4,
+    "temperature": 200.0,
+}
+# Ends of the usual ranges: 2000 deg/s, 16 g, 800 uT, 125 degC.
+_LIMIT = {
+    "angular_velocity": math.radians(2000.0),
+    "linear_acceleration": 16.0 * 9.80665,
+    "magnetic_field": 8e-4,
+    "temperature": 125.0,
+}
+_WRONG = {
+    "angular_velocity": (1.05, 0.05),
+    "linear_acceleration": (1.02, 0.2),
+    "magnetic_field": (1.03, 2e-6),
+    "temperature": (1.0, 30.0),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Fault:
+    """One fault of one component."""
+
+    component: str = setting(doc="what fails", choices=tuple(COMPONENTS))
+    fault: str = setting(doc="how it fails", choices=WORDS)
+    axis: str = setting("all", "which axis", choices=AXES)
+    start_s: float = setting(0.0, "from this time of the run", unit="s", low=0.0, high=1e9)
+    seconds: float = setting(1e9, "for so long", unit="s", low=0.0, high=1e9)
+    delay_s: float = setting(0.5, "age of delayed values", unit="s", low=0.0, high=30.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Link:
+    """What happens to messages between sensor and log."""
+
+    loss: float = setting(0.0, "share of samples lost", low=0.0, high=1.0)
+    burst_every_s: float = setting(0.0, "mean time between bursts of loss; 0: none", unit="s", low=0.0, high=1e6)
+    burst_s: float = setting(0.5, "length of a burst", unit="s", low=0.0, high=600.0)
+    duplicates: float = setting(0.0, "share of samples sent twice", low=0.0, high=1.0)
+    reorder: float = setting(0.0, "share of samples that change places with the next", low=0.0, high=1.0)
+    clock_jump_at_s: float = setting(0.0, "time of a jump of the sonde's clock", unit="s", low=0.0, high=1e9)
+    clock_jump_s: float = setting(0.0, "size of the jump; 0: none", unit="s", low=-1e9, high=1e9)
+
+
+def check(fault: Fault) -> None:
+    """
+    Refuse what cannot be.
+
+    Raises
+    ------
+    ValueError
+        A fault of a whole message, or of a sensor without axes, asked for one axis only; a unit of another quantity;
+        two axes for anything but a swap, or a swap or turn that does not say of which axes.
+    """
+    if fault.axis != "all" and fault.component == "temperature":
+        raise ValueError(f"the temperature sensor has no axes: axis must be 'all', not {fault.axis!r}")
+    if fault.axis != "all" and fault.fault in _OF_MESSAGES:
+        raise ValueError(f"fault {fault.fault!r} concerns whole messages: axis must be 'all', not {fault.axis!r}")
+    if fault.component == "temperature" and fault.fault in MOUNTING:
+        raise ValueError(f"fault {fault.fault!r}: a temperature sensor has no axes and no other unit")
+    field = COMPONENTS[fault.component][1]
+    if fault.fault in _UNITS and _UNITS[fault.fault][0] != field:
+        fitting = [word for word, (its_field, _) in _UNITS.items() if its_field == field]
+        raise ValueError(f"fault {fault.fault!r} is no unit of component {fault.component!r}; use {', '.join(fitting)}")
+    if fault.fault in _UNITS and fault.axis != "all":
+        raise ValueError(f"fault {fault.fault!r} concerns all axes: axis must be 'all', not {fault.axis!r}")
+    if (fault.fault == "swapped") != (len(fault.axis) == 2):
+        raise ValueError(f"fault {fault.fault!r}: two axes (xy, yz, xz) go with 'swapped' and only with it")
+    if fault.fault == "turned" and fault.axis == "all":
+        raise ValueError("fault 'turned': axis must say about which axis, x, y or z")
+
+
+@dataclasses.dataclass
+class FaultState:
+    """Faults in force and what they remember."""
+
+    faults: list[Fault]
+    rngs: dict[str, np.random.Generator]
+    held: dict[tuple[str, str], NDArray[np.float64]] = dataclasses.field(default_factory=dict)
+    seen: dict[str, int] = dataclasses.field(default_factory=dict)
+    past: dict[tuple[str, str], NDArray[np.float64]] = dataclasses.field(default_factory=dict)
+
+
+def start(faults: Iterable[Fault], rng: np.random.Generator) -> FaultState:
+    """State at time zero; each topic gets its own stream of random numbers, so that one does not touch the other."""
+    topics = sorted({topic for topic, _ in COMPONENTS.values()})
+    return FaultState(list(faults), dict(zip(topics, rng.spawn(len(topics)), strict=True)))
+
+
+def spoil(
+    state: FaultState, topic: str, samples: Samples, t: NDArray[np.float64]
+) -> tuple[Samples, NDArray[np.float64]]:
+    """
+    Samples of one topic with the faults in force done to them, and their times.
+
+    t, shape (n,): time of the run of each sample, s. Samples at any block length come out the same.
+    """
+    count = state.seen.get(topic, 0)
+    state.seen[topic] = count + len(samples)
+    keep = np.ones(len(samples), dtype=bool)
+    index = count + np.arange(len(samples))
+    copied = False
+    for fault in state.faults:
+        its_topic, field = COMPONENTS[fault.component]
+        if its_topic != topic or fault.fault == "ok":
+            continue
+        hit = (t >= fault.start_s) & (t < fault.start_s + fault.seconds)
+        remember = fault.fault in ("stuck", "delayed", "repeated_stamps")
+        if not hit.any() and not remember:
+            continue
+        if not copied:
+            samples, copied = samples.copy(), True
+        values = samples[field].reshape(len(samples), -1)
+        at = "xyz".find(fault.axis[0])
+        axes = slice(at, at + 1) if len(fault.axis) == 1 else slice(None)
+        if fault.fault == "off":
+            if fault.axis == "all" and field not in ("angular_velocity", "linear_acceleration"):
+                keep &= ~hit
+            else:
+                values[hit, axes] = 0.0
+                samples[field + "_covariance"][hit, 0] = -1.0
+        elif fault.fault == "stuck":
+            _stick(state, fault, values, axes, hit)
+        elif fault.fault == "garbage":
+            draw = state.rngs[topic].uniform(-1.0, 1.0, size=values[hit, axes].shape)
+            values[hit, axes] = _GARBAGE[field] * draw
+        elif fault.fault == "wrong":
+            factor, shift = _WRONG[field]
+            values[hit, axes] = factor * values[hit, axes] + shift
+        elif fault.fault in MOUNTING:
+            values[hit] = values[hit] @ mounting(fault).T
+        elif fault.fault == "nan":
+            values[hit, axes] = math.nan
+        elif fault.fault == "saturated":
+            values[hit, axes] = np.copysign(_LIMIT[field], values[hit, axes])
+        elif fault.fault == "repeated_stamps":
+            _repeat(state, fault, samples, hit)
+        elif fault.fault == "slow":
+            keep &= ~hit | (index % 10 == 0)
+        elif fault.fault == "delayed":
+            _delay(state, fault, values, t, hit)
+        else:
+            # Half a second there, half a second away, with an irregular beat.
+            keep &= ~hit | (np.sin(2.0 * math.pi * t) + np.sin(2.0 * math.pi * 0.37 * t) > 0.0)
+        samples[field] = values.reshape(samples[field].shape)
+    return (samples, t) if keep.all() else (samples[keep], t[keep])
+
+
+def mounting(fault: Fault) -> NDArray[np.float64]:
+    """What a fault of MOUNTING does to a vector, shape (3, 3): reported = matrix @ true."""
+    matrix = np.eye(3)
+    at = "xyz".find(fault.axis[0])
+    if fault.fault == "swapped":
+        pair = ["xyz".index(axis) for axis in fault.axis]
+        matrix[pair] = matrix[pair[::-1]]
+    elif fault.fault == "flipped":
+        matrix *= -1.0 if fault.axis == "all" else np.where(np.arange(3) == at, -1.0, 1.0)[:, None]
+    elif fault.fault == "turned":
+        # By a quarter, right-handed: the next axis goes to the one after it.
+        first, second = (at + 1) % 3, (at + 2) % 3
+        matrix[first, first] = matrix[second, second] = 0.0
+        matrix[second, first], matrix[first, second] = 1.0, -1.0
+    else:
+        matrix *= _UNITS[fault.fault][1]
+    return matrix
+
+
+def _repeat(state: FaultState, fault: Fault, samples: Samples, hit: NDArray[np.bool_]) -> None:
+    """Every stamp twice: the second of each two samples keeps the stamp of the first."""
+    key = (fault.component, f"stamp{fault.start_s}")
+    for k in range(len(samples)):
+        held = state.held.get(key)
+        if hit[k] and held is not None:
+            samples["stamp_ns"][k] = np.int64(held[0]) * 1_000_000_000 + np.int64(held[1])
+            del state.held[key]
+        elif hit[k]:
+            # Seconds and nanoseconds apart: a double does not hold a stamp.
+            state.held[key] = np.array(divmod(int(samples["stamp_ns"][k]), 1_000_000_000), dtype=np.float64)
+
+
+def _stick(state: FaultState, fault: Fault, values: NDArray[np.float64], axes: slice, hit: NDArray[np.bool_]) -> None:
+    key = (fault.component, f"{fault.axis}{fault.start_s}")
+    for k in range(len(values)):
+        if hit[k] and key in state.held:
+            values[k, axes] = state.held[key]
+        elif not hit[k] or key not in state.held:
+            state.held[key] = values[k, axes].copy()
+
+
+def _delay(
+    state: FaultState, fault: Fault, values: NDArray[np.float64], t: NDArray[np.float64], hit: NDArray[np.bool_]
+) -> None:
+    key = (fault.component, f"{fault.start_s}")
+    fresh = np.column_stack([t, values])
+    past = np.vstack([state.past[key], fresh]) if key in state.past else fresh
+    # The value of the newest sample that is old enough; before there is one, the oldest.
+    rows = np.searchsorted(past[:, 0], t - fault.delay_s + 1e-9, side="right") - 1
+    values[hit] = past[np.maximum(rows, 0)][hit, 1:]
+    state.past[key] = past[past[:, 0] > t[-1] - fault.delay_s - 1.0] if len(t) else past
+
+
+@dataclasses.dataclass
+class LinkState:
+    """What the link remembers of one topic."""
+
+    link: Link
+    rng: np.random.Generator
+    burst_start: float = math.inf
+    waiting: Samples | None = None
+
+
+def start_link(link: Link, rng: np.random.Generator) -> LinkState:
+    """State of one topic's link at time zero."""
+    first = float(rng.exponential(link.burst_every_s)) if link.burst_every_s else math.inf
+    return LinkState(link, rng, first)
+
+
+def carry(state: LinkState, samples: Samples, t: NDArray[np.float64]) -> tuple[Samples, NDArray[np.float64]]:
+    """
+    Samples as they arrive (lost, twice, out of order) and the times of arrival. t, shape (n,): time of the run, s.
+
+    Each sample draws its own fate, so that blocks of any length give the same stream.
+    """
+    link = state.link
+    if not (link.loss or link.burst_every_s or link.duplicates or link.reorder):
+        return samples, t
+    out: list[Samples] = []
+    when: list[float] = []
+    for k in range(len(samples)):
+        one = samples[k : k + 1]
+        fate = state.rng.random(3)
+        while t[k] >= state.burst_start + link.burst_s:
+            state.burst_start += link.burst_s + float(state.rng.exponential(link.burst_every_s))
+        if fate[0] < link.loss or t[k] >= state.burst_start:
+            continue
+        if state.waiting is None and fate[2] < link.reorder:
+            state.waiting = one
+            continue
+        arrived = [one, one] if fate[1] < link.duplicates else [one]
+        if state.waiting is not None:
+            arrived.append(state.waiting)
+            state.waiting = None
+        out.extend(arrived)
+        when.extend([float(t[k])] * len(arrived))
+    return (np.concatenate(out) if out else samples[:0]), np.array(when)
+
+
+def jumped(link: Link, stamp_ns: NDArray[np.int64], t: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Stamps, ns, shape (n,), with the jump of the clock; t, shape (n,): time of the run, s."""
+    if not link.clock_jump_s:
+        return stamp_ns
+    jump = np.int64(round(link.clock_jump_s * 1e9))
+    return np.where(t >= link.clock_jump_at_s, stamp_ns + jump, stamp_ns)

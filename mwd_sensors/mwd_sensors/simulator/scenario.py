@@ -1,0 +1,183 @@
+"""
+A scenario: one run of a sonde, told in the words of people, checked word by word.
+
+Where and when, the hole, the schedule, what shakes it, which instruments, what disturbs and what fails, and the seed
+from which every random number comes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import pathlib
+from collections.abc import Mapping
+from typing import Any
+
+import yaml
+
+from mwd_sensors.core.settings import SettingsError, from_mapping, setting
+from mwd_sensors.simulator.faults import Fault, Link, check
+from mwd_sensors.simulator.instrument import grade
+from mwd_sensors.simulator.interference import Interference
+from mwd_sensors.simulator.schedule import Phase, Rig
+from mwd_sensors.simulator.steering import Steering
+from mwd_sensors.simulator.vibration import Vibrations
+
+
+@dataclasses.dataclass(frozen=True)
+class Place:
+    """Where the well is."""
+
+    latitude_deg: float = setting(38.0, "north positive", unit="deg", low=-90.0, high=90.0)
+    longitude_deg: float = setting(109.0, "east positive", unit="deg", low=-180.0, high=360.0)
+    height_m: float = setting(1100.0, "of the wellhead above the ellipsoid", unit="m", low=-1000.0, high=9000.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Well:
+    """The hole and where the run starts in it."""
+
+    stations: tuple[tuple[float, float, float], ...] = setting(
+        ((0.0, 30.0, 45.0),), "rows of measured depth (m), inclination (deg), azimuth from true north (deg)"
+    )
+    bit_m: float = setting(30.0, "measured depth of the bit at the start", unit="m", low=0.0, high=20000.0)
+    sensor_to_bit_m: float = setting(3.0, "sonde behind the bit", unit="m", low=0.0, high=100.0)
+    toolface_deg: float = setting(0.0, "gravity toolface at the start", unit="deg", low=-360.0, high=360.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Unit:
+    """One measuring unit of the sonde."""
+
+    grade: str = setting("mti3_calibrated", "named grade of instrument")
+    changes: dict[str, Any] = setting({}, "figures of the grade to replace, as in its file")
+    lever_mm: tuple[float, float, float] = setting(
+        (0.0, 0.0, 0.0), "position on the tool: x down-hole, y, z", unit="mm", low=-10000.0, high=10000.0
+    )
+    output: str = setting(
+        "integrated", "strapdown-integrated or point-sampled output", choices=("integrated", "sampled")
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Temperature:
+    """Temperature of the sensors."""
+
+    surface_c: float = setting(20.0, "at the wellhead", unit="degC", low=-60.0, high=80.0)
+    gradient_c_km: float = setting(30.0, "of the rock", unit="degC/km", low=0.0, high=300.0)
+    warm_up_c: float = setting(0.0, "of the electronics after switch-on", unit="degC", low=-100.0, high=150.0)
+    warm_up_s: float = setting(120.0, "time constant of the warm-up", unit="s", low=1.0, high=1e5)
+
+
+@dataclasses.dataclass(frozen=True)
+class Clock:
+    """Clock of the sonde against that of the rig."""
+
+    drift_ppm: float = setting(0.0, "runs fast", unit="ppm", low=-1000.0, high=1000.0)
+    jitter_us: float = setting(0.0, "of a stamp, 1 sigma", unit="us", low=0.0, high=1e5)
+
+
+@dataclasses.dataclass(frozen=True)
+class Scenario:
+    """One run."""
+
+    name: str = setting("unnamed", "one word")
+    about: str = setting("", "what it shows, in one sentence")
+    seed: int = setting(1, "of every random number", low=0, high=2**62)
+    date: str = setting("2026-03-01", "start, universal time: 2026-03-01 or 2026-03-01T06:00:00")
+    model: str = setting("wmm2025", "magnetic field model", choices=("wmm2025", "igrf"))
+    field_override: tuple[float, float, float] | None = setting(
+        None, "instead of the model: total (nT), dip (deg), declination (deg)", low=-1e6, high=1e6
+    )
+    place: Place = setting(Place, "where")
+    well: Well = setting(Well, "the hole")
+    schedule: tuple[Phase, ...] = setting((Phase(),), "what the rig does")
+    cycles: int = setting(1, "the whole schedule so many times", low=1, high=10000)
+    rig: Rig = setting(Rig, "how it does it")
+    vibration: Vibrations = setting(Vibrations, "what shakes the sonde")
+    steering: Steering | None = setting(None, "the top drive obeys commands; the string winds up, sticks and slips")
+    ahrs: Unit = setting(Unit, "conventional unit: gyros, accelerometers, magnetometers")
+    precision: Unit | None = setting(Unit(grade="tactical_north"), "high-precision unit: gyros, accelerometers")
+    temperature: Temperature = setting(Temperature, "of the sensors")
+    clock: Clock = setting(Clock, "of the sonde")
+    interference: Interference = setting(Interference, "what disturbs the field")
+    faults: tuple[Fault, ...] = setting((), "what fails and when")
+    link: Link = setting(Link, "what the link does to samples")
+    rate_hz: int = setting(100, "output of both units", unit="Hz", low=1, high=10000)
+    rig_hz: int = setting(5, "output of the rig's gauges", unit="Hz", low=1, high=100)
+    kinematics_hz: int = setting(2000, "instants at which the motion is evaluated", unit="Hz", low=100, high=32000)
+
+    def __post_init__(self) -> None:
+        parse_date(self.date)
+        if not self.schedule:
+            raise ValueError("schedule: at least one phase is needed")
+        for fault in self.faults:
+            check(fault)
+        if self.steering is not None and (self.vibration.stick_slip or self.vibration.hunting):
+            raise ValueError(
+                "steering: its string sticks, slips and wanders by itself; leave stick_slip and hunting out"
+            )
+        if self.rate_hz % self.rig_hz:
+            raise ValueError(f"rate_hz {self.rate_hz} must be a multiple of rig_hz {self.rig_hz}")
+        for unit in (self.ahrs, self.precision):
+            if unit is not None:
+                adc = grade(unit.grade, unit.changes).adc_hz
+                if adc % self.rate_hz or self.kinematics_hz % (2 * adc):
+                    raise ValueError(
+                        f"rates must nest: kinematics_hz {self.kinematics_hz} a multiple of twice the converter's "
+                        f"{adc}, that a multiple of rate_hz {self.rate_hz}"
+                    )
+
+
+def parse_date(text: str) -> datetime.datetime:
+    """
+    Start of a run, universal time.
+
+    Raises
+    ------
+    ValueError
+        The text is not a date of the form 2026-03-01 or 2026-03-01T06:00:00.
+    """
+    try:
+        date = datetime.datetime.fromisoformat(text)
+    except ValueError as error:
+        raise ValueError(f"date {text!r} must look like 2026-03-01 or 2026-03-01T06:00:00") from error
+    return date.replace(tzinfo=datetime.UTC) if date.tzinfo is None else date.astimezone(datetime.UTC)
+
+
+def parse(text: str, changes: Mapping[str, Any] | None = None) -> Scenario:
+    """
+    Scenario from YAML text.
+
+    changes replaces top-level entries (for example ``{"seed": 2}``).
+
+    Raises
+    ------
+    SettingsError
+        Not a table, an unknown key (with its near misses), a value of the wrong type or out of bounds.
+    """
+    try:
+        given = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise SettingsError(f"scenario: not readable as YAML: {error}") from error
+    if not isinstance(given, dict):
+        raise SettingsError("scenario: expected a table of settings")
+    return from_mapping(Scenario, _plain_dates({**given, **(changes or {})}))
+
+
+def read(path: str | pathlib.Path, changes: Mapping[str, Any] | None = None) -> Scenario:
+    """Scenario from a YAML file; errors name the file, otherwise as `parse`."""
+    path = pathlib.Path(path)
+    try:
+        return parse(path.read_text(encoding="utf-8"), changes)
+    except SettingsError as error:
+        raise SettingsError(f"{path.name}: {error}") from error
+
+
+def _plain_dates(value: Any) -> Any:
+    # YAML reads 2026-03-01 as a date; people may write it with or without quotes.
+    if isinstance(value, dict):
+        return {key: _plain_dates(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_plain_dates(item) for item in value]
+    return value.isoformat() if isinstance(value, datetime.date) else value

@@ -1,0 +1,330 @@
+"""
+The rig's day: phases of drilling, sliding and connections, laid out as profiles of depth, rotation, pumps and hook.
+
+The sonde's motion and the rig's own gauges come from the same profiles, so that depth pairs with surveys.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.core.settings import setting
+from mwd_sensors.simulator.profile import Profile, ProfileBuilder
+from mwd_sensors.simulator.vibration import ENVELOPES
+
+Array = NDArray[np.float64]
+
+KINDS = ("drill", "slide", "circulate", "still", "connection", "move")
+# As in mwd_msgs/Truth.
+STILL, SLIDING, ROTATING, TRIPPING = range(4)
+
+
+@dataclasses.dataclass(frozen=True)
+class Phase:
+    """One entry of the schedule."""
+
+    kind: str = setting("drill", "what is done", choices=KINDS)
+    seconds: float = setting(10.0, "how long; of a connection: standing still", unit="s", low=0.5, high=360000.0)
+    rpm: float = setting(120.0, "rotary speed while drilling or circulating", unit="r/min", low=-600.0, high=600.0)
+    rop_m_h: float = setting(
+        30.0, "rate of penetration, or speed of a move (up is negative)", unit="m/h", low=-36000.0, high=36000.0
+    )
+    toolface_deg: float | None = setting(None, "of a slide; left out, as it stands", unit="deg", low=-360.0, high=360.0)
+    vibration: float = setting(1.0, "factor on everything felt while drilling", low=0.0, high=10.0)
+    pumps: bool = setting(True, "flow while still or moving")
+    repeat: int = setting(1, "so many times", low=1, high=10000)
+
+
+@dataclasses.dataclass(frozen=True)
+class Rig:
+    """How the rig does it."""
+
+    ramp_s: float = setting(3.0, "to bring rotation or feed up or down", unit="s", low=0.0, high=60.0)
+    pump_ramp_s: float = setting(2.0, "to bring the pumps up or down", unit="s", low=0.1, high=120.0)
+    running_start: bool = setting(False, "the first phase is under way at time zero, instead of starting from rest")
+    pick_up_m: float = setting(0.5, "off bottom before a connection", unit="m", low=0.0, high=30.0)
+    stand_m: float = setting(9.0, "length added by a connection", unit="m", low=0.5, high=40.0)
+    flow_lpm: float = setting(1200.0, "drilling flow", unit="l/min", low=0.0, high=6000.0)
+    pressure_bar: float = setting(110.0, "standpipe pressure at drilling flow", unit="bar", low=0.0, high=600.0)
+    string_kn: float = setting(450.0, "hookload with the string hanging free", unit="kN", low=1.0, high=5000.0)
+    block_kn: float = setting(60.0, "hookload of the empty hook", unit="kN", low=0.0, high=1000.0)
+    weight_on_bit_kn: float = setting(60.0, "while drilling", unit="kN", low=0.0, high=1000.0)
+    torque_knm: float = setting(8.0, "while drilling with rotation", unit="kN m", low=0.0, high=200.0)
+    bottom_block_m: float = setting(2.0, "block height at a connection", unit="m", low=0.0, high=50.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Timeline:
+    """
+    Everything the schedule decides, as functions of time.
+
+    Attributes
+    ----------
+    bit : Profile
+        Measured depth of the bit, m.
+    angle : Profile
+        Angle turned by the string, rad, before any vibration.
+    envelopes : tuple of Profile
+        One for each name of `vibration.ENVELOPES`.
+    hole : Profile
+        Greatest depth the bit has been at, m.
+    block, hookload, weight, torque, flow : Profile
+        m, N, N, N m, m^3/s.
+    slips, activity : Profile
+        0 or 1; `STILL`, `SLIDING`, `ROTATING` or `TRIPPING`.
+    still : list of (float, float)
+        Intervals without any motion, s.
+    seconds : float
+        Length of the schedule.
+    """
+
+    bit: Profile
+    angle: Profile
+    envelopes: tuple[Profile, ...]
+    hole: Profile
+    block: Profile
+    hookload: Profile
+    weight: Profile
+    torque: Profile
+    flow: Profile
+    slips: Profile
+    activity: Profile
+    still: list[tuple[float, float]]
+    seconds: float
+
+    def active(self, when: str) -> list[tuple[float, float]]:
+        """Intervals, s, in which an envelope holds steadily above zero."""
+        profile = self.envelopes[ENVELOPES.index(when)]
+        ends = np.append(profile.starts[1:], self.seconds)
+        steady = (profile.terms[:, 0] > 0.5) & (np.abs(profile.terms[:, 1:]).max(axis=1) == 0.0)
+        merged: list[tuple[float, float]] = []
+        for start, end in zip(profile.starts[steady], ends[steady], strict=True):
+            if merged and merged[-1][1] == start:
+                merged[-1] = (merged[-1][0], float(end))
+            elif end > start:
+                merged.append((float(start), float(end)))
+        return merged
+
+
+# Lanes that change their value smoothly; that switch; that follow the bit.
+_SMOOTH = ("weight", "torque", "flow", "hookload", *("e_" + name for name in ENVELOPES))
+_SWITCHED = ("slips", "activity")
+Targets = dict[str, float]
+
+
+class _Lanes:
+    """
+    All profiles under construction, kept at one time.
+
+    A step brings lanes to the values named in its targets ("bit_rate" and "angle_rate": to rates); the others stay.
+    """
+
+    def __init__(self, bit_m: float, rig: Rig, angle: float) -> None:
+        self.bit, self.angle = ProfileBuilder(bit_m), ProfileBuilder(angle)
+        self.hole, self.block = ProfileBuilder(bit_m), ProfileBuilder(rig.bottom_block_m + rig.stand_m)
+        self.lanes = {name: ProfileBuilder() for name in (*_SMOOTH, *_SWITCHED)}
+        self.lanes["hookload"] = ProfileBuilder(rig.string_kn * 1e3)
+        self.lanes["e_always"] = ProfileBuilder(1.0)
+        self.still: list[tuple[float, float]] = []
+
+    @property
+    def time(self) -> float:
+        return self.bit.time
+
+    @property
+    def moving(self) -> bool:
+        return self.bit.rate != 0.0 or self.angle.rate != 0.0
+
+    def jump(self, targets: Targets) -> None:
+        """Be at the targets at once: a run that starts in the middle of its work."""
+        for name, value in targets.items():
+            if name in ("bit_rate", "angle_rate"):
+                (self.bit if name == "bit_rate" else self.angle).rate = value
+            elif name == "angle":
+                self.angle.value = value
+            else:
+                self.lanes[name].value = value
+
+    def step(self, seconds: float, targets: Targets) -> None:
+        """Go to the targets within a time, s."""
+        if seconds <= 0.0:
+            self.jump(targets)
+            return
+        start, bit, angle = self.time, self.bit.value, self.angle.value
+        for name, lane in (("bit", self.bit), ("angle", self.angle)):
+            if name in targets:
+                lane.to_value(targets[name], seconds)
+            else:
+                lane.to_rate(targets.get(name + "_rate", lane.rate), seconds)
+        for name in _SMOOTH:
+            self.lanes[name].to_value(targets.get(name, self.lanes[name].value), seconds)
+        for name in _SWITCHED:
+            self.lanes[name].value = targets.get(name, self.lanes[name].value)
+            self.lanes[name].hold(seconds)
+        if self.bit.value > self.hole.value and bit > self.hole.value - 1e-6:
+            # On bottom the hole deepens with the bit.
+            self.hole.follow(self.bit)
+        else:
+            self.hole.to_value(max(self.hole.value, self.bit.value), seconds)
+        if "block" in targets:
+            self.block.to_value(targets["block"], seconds)
+        else:
+            self.block.follow(self.bit, -1.0)
+        if not self.moving and self.bit.value == bit and self.angle.value == angle:
+            if self.still and self.still[-1][1] == start:
+                start = self.still.pop()[0]
+            self.still.append((start, self.time))
+
+
+def timeline(
+    phases: tuple[Phase, ...],
+    rig: Rig,
+    bit_m: float,
+    whirl: tuple[tuple[tuple[float, float], tuple[float, float]], ...],
+    rng: np.random.Generator,
+    toolface: float = 0.0,
+) -> Timeline:
+    """
+    Lay out a schedule.
+
+    Parameters
+    ----------
+    phases, rig
+        What is done and how.
+    bit_m : float
+        Measured depth of the bit at time zero, m.
+    whirl : tuple of ((float, float), (float, float))
+        Shortest and longest burst and pause of each whirl, s; the first one sets the bursts.
+    rng : Generator
+        Draws the whirl bursts.
+    toolface : float
+        Angle of the string at time zero, rad.
+    """
+    lanes = _Lanes(bit_m, rig, toolface)
+    first = True
+    for phase in phases:
+        for _ in range(phase.repeat):
+            _lay(lanes, phase, rig, under_way=first and rig.running_start)
+            first = False
+    built = {name: lane.build() for name, lane in lanes.lanes.items()}
+    envelopes = [built["e_" + name] for name in ENVELOPES]
+    line = Timeline(
+        bit=lanes.bit.build(),
+        angle=lanes.angle.build(),
+        envelopes=tuple(envelopes),
+        hole=lanes.hole.build(),
+        block=lanes.block.build(),
+        hookload=built["hookload"],
+        weight=built["weight"],
+        torque=built["torque"],
+        flow=built["flow"],
+        slips=built["slips"],
+        activity=built["activity"],
+        still=lanes.still,
+        seconds=lanes.time,
+    )
+    if whirl:
+        envelopes[ENVELOPES.index("burst")] = _bursts(line.active("rotating"), whirl[0], rng)
+    return dataclasses.replace(line, envelopes=tuple(envelopes))
+
+
+def _lay(lanes: _Lanes, phase: Phase, rig: Rig, *, under_way: bool) -> None:
+    if phase.kind in ("drill", "slide", "circulate"):
+        _work(lanes, phase, rig, under_way=under_way)
+        return
+    if lanes.moving:
+        lanes.step(rig.ramp_s, _at_rest(rig))
+    if phase.kind == "connection":
+        _connect(lanes, phase, rig)
+    elif phase.kind == "still":
+        pumps = _pumps(rig, on=phase.pumps) | {"activity": float(STILL)}
+        if under_way:
+            lanes.jump(pumps)
+        elif (lanes.lanes["flow"].value > 0.0) != phase.pumps:
+            lanes.step(rig.pump_ramp_s, pumps)
+        lanes.step(phase.seconds, {"activity": float(STILL)})
+    else:
+        ramp = min(rig.ramp_s, 0.4 * phase.seconds)
+        speed = {"bit_rate": phase.rop_m_h / 3600.0, "activity": float(TRIPPING)}
+        lanes.step(ramp, speed | _pumps(rig, on=phase.pumps))
+        lanes.step(phase.seconds - 2.0 * ramp, {})
+        lanes.step(ramp, {"bit_rate": 0.0})
+
+
+def _at_rest(rig: Rig) -> Targets:
+    quiet = dict.fromkeys(("e_rotating", "e_sliding", "e_drilling", "e_stick_slip", "weight", "torque"), 0.0)
+    return quiet | {"bit_rate": 0.0, "angle_rate": 0.0, "hookload": rig.string_kn * 1e3}
+
+
+def _pumps(rig: Rig, *, on: bool) -> Targets:
+    return {"flow": rig.flow_lpm * 1e-3 / 60.0 if on else 0.0, "e_pumping": 1.0 if on else 0.0}
+
+
+def _connect(lanes: _Lanes, phase: Phase, rig: Rig) -> None:
+    bottom = lanes.bit.value
+    if rig.pick_up_m:
+        lanes.step(rig.ramp_s, {"bit": bottom - rig.pick_up_m, "activity": float(TRIPPING)})
+    lanes.step(rig.pump_ramp_s, _pumps(rig, on=False) | {"activity": float(STILL)})
+    hang = min(1.0, 0.1 * phase.seconds)
+    lanes.step(hang, {"slips": 1.0, "hookload": rig.block_kn * 1e3})
+    lanes.step(phase.seconds - 2.0 * hang, {"block": lanes.block.value + rig.stand_m})
+    lanes.step(hang, {"slips": 0.0, "hookload": rig.string_kn * 1e3})
+    lanes.step(rig.pump_ramp_s, _pumps(rig, on=True))
+    if rig.pick_up_m:
+        lanes.step(rig.ramp_s, {"bit": bottom, "activity": float(TRIPPING)})
+
+
+def _work(lanes: _Lanes, phase: Phase, rig: Rig, *, under_way: bool) -> None:
+    if phase.seconds <= rig.ramp_s:
+        raise ValueError(f"schedule: a phase of {phase.seconds:g} s is shorter than the rig's ramp, {rig.ramp_s:g} s")
+    turning, on_bottom = phase.kind != "slide", phase.kind != "circulate"
+    spin = phase.rpm * 2.0 * math.pi / 60.0 if turning else 0.0
+    weight = rig.weight_on_bit_kn * 1e3 if on_bottom else 0.0
+    targets: Targets = {
+        "bit_rate": phase.rop_m_h / 3600.0 if on_bottom else 0.0,
+        "angle_rate": spin,
+        "weight": weight,
+        "torque": rig.torque_knm * 1e3 if on_bottom and turning else 0.0,
+        "hookload": rig.string_kn * 1e3 - weight,
+        "e_rotating": phase.vibration if spin else 0.0,
+        "e_sliding": 0.0 if turning else phase.vibration,
+        "e_drilling": phase.vibration if on_bottom else 0.0,
+        "e_stick_slip": phase.vibration * spin if on_bottom else 0.0,
+        "activity": float(ROTATING if spin else SLIDING),
+        **_pumps(rig, on=True),
+    }
+    if not turning and phase.toolface_deg is not None:
+        if lanes.angle.rate and not under_way:
+            lanes.step(rig.ramp_s, {"angle_rate": 0.0})
+        turn = (math.radians(phase.toolface_deg) - lanes.angle.value + math.pi) % (2.0 * math.pi) - math.pi
+        targets["angle"] = lanes.angle.value + turn
+        del targets["angle_rate"]
+    if under_way:
+        lanes.jump(targets)
+        lanes.step(phase.seconds, {})
+    else:
+        lanes.step(rig.ramp_s, targets)
+        lanes.step(phase.seconds - rig.ramp_s, {})
+
+
+def _bursts(
+    active: list[tuple[float, float]], ranges: tuple[tuple[float, float], tuple[float, float]], rng: np.random.Generator
+) -> Profile:
+    burst, pause = ranges
+    lane = ProfileBuilder()
+    for start, end in active:
+        lane.hold(start - lane.time)
+        while True:
+            lane.hold(rng.uniform(*pause))
+            length = rng.uniform(*burst)
+            edge = min(0.5, 0.3 * length)
+            if lane.time + length >= end:
+                break
+            lane.to_value(1.0, edge)
+            lane.hold(length - 2.0 * edge)
+            lane.to_value(0.0, edge)
+    return lane.build()

@@ -1,0 +1,513 @@
+"""
+The simulated sonde: a scenario in, the samples of every topic out, block by block in constant memory.
+
+The same scenario gives the same bytes, whatever the length of the blocks asked for: inside, everything runs in steps
+of a fixed number of samples, and each source of randomness has its own stream.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.core import earth, frames, wire
+from mwd_sensors.core.wire import Samples
+from mwd_sensors.simulator import faults, instrument, interference, motion, steering
+from mwd_sensors.simulator.scenario import Scenario, Unit, parse_date
+from mwd_sensors.simulator.schedule import ROTATING, SLIDING, timeline
+from mwd_sensors.simulator.vibration import hits, lines
+
+Array = NDArray[np.float64]
+
+# Streams of random numbers, in this order for ever: a new one goes to the end, so that old seeds keep their meaning.
+_STREAMS = (
+    "timeline",
+    "lines",
+    "hits",
+    "interference",
+    "ahrs_draw",
+    "ahrs_run",
+    "precision_draw",
+    "precision_run",
+    "mag_draw",
+    "mag_run",
+    "temperature",
+    "clock",
+    "faults",
+    "link",
+    "steering",
+)
+_RIG_VALID = 2047
+_TURNING = 0.5  # rad/s of the top drive; slower is sliding
+
+
+class Sonde:
+    """
+    A sonde in a hole, simulated.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What happens.
+    epoch_ns : int, optional
+        Stamp of time zero, ns; by default the date of the scenario.
+
+    Attributes
+    ----------
+    reference : ReferenceField
+        Of the place and date (or as the scenario overrides it): what a survey would be told.
+    duration : float
+        Length of the run, s.
+    motion : Motion
+        Exact motion.
+    string : String or None
+        Top drive and string, where the scenario lets commands steer.
+    """
+
+    def __init__(self, scenario: Scenario, epoch_ns: int | None = None) -> None:
+        self.scenario = scenario
+        seeds = np.random.SeedSequence(scenario.seed).spawn(len(_STREAMS))
+        self._rng = {name: np.random.Generator(np.random.PCG64(s)) for name, s in zip(_STREAMS, seeds, strict=True)}
+        start = parse_date(scenario.date)
+        self.epoch_ns = epoch_ns if epoch_ns is not None else round(start.timestamp()) * wire.NANOSECONDS
+        self._day_s = start.hour * 3600.0 + start.minute * 60.0 + start.second
+        self.reference = reference_of(scenario)
+        self.motion = _motion(scenario, self._rng)
+        self.duration = self.motion.timeline.seconds
+        self.string = (
+            steering.String(
+                scenario.steering,
+                self.motion.timeline,
+                math.radians(scenario.well.toolface_deg),
+                scenario.kinematics_hz,
+                self._rng["steering"],
+            )
+            if scenario.steering is not None
+            else None
+        )
+        latitude = math.radians(scenario.place.latitude_deg)
+        self._earth_rate_n = earth.earth_rate_n(latitude)
+        self._gradient = earth.gravity_gradient(latitude)
+        self.interference = interference.disturbance(
+            scenario.interference, self.reference.total, self._rng["interference"]
+        )
+        rate, step = scenario.rate_hz, scenario.kinematics_hz
+        self._outputs = max(1, rate // 10)
+        self._per_output = step // rate
+        self.ahrs = _UnitRun(scenario.ahrs, step, rate, self._rng["ahrs_draw"], self._rng["ahrs_run"])
+        self.precision = (
+            _UnitRun(scenario.precision, step, rate, self._rng["precision_draw"], self._rng["precision_run"])
+            if scenario.precision is not None
+            else None
+        )
+        self._units = [unit for unit in (self.ahrs, self.precision) if unit is not None]
+        self._margin = max(unit.margin for unit in self._units)
+        self.magnetometer = instrument.magnetometer_triad(self.ahrs.grade.magnetometer, self._rng["mag_draw"])
+        self._temperature_error = self.ahrs.grade.temperature_c * float(self._rng["temperature"].standard_normal())
+        self.faults = faults.start(scenario.faults, self._rng["faults"])
+        names = sorted(topic for topic in wire.SONDE_TOPICS if topic not in ("truth", "rig/state"))
+        self._links = {
+            topic: faults.start_link(scenario.link, rng)
+            for topic, rng in zip(names, self._rng["link"].spawn(len(names)), strict=True)
+        }
+        self._felt: _Felt | None = None
+        self._step = 0
+        self._given = 0.0
+        self._kept: dict[str, list[tuple[Samples, Array]]] = {topic: [] for topic in wire.SONDE_TOPICS}
+
+    @property
+    def time(self) -> float:
+        """Time of the run up to which samples have been made, s; at most 0.1 s (one step) ahead of the blocks."""
+        return self._step * self._outputs / self.scenario.rate_hz
+
+    def inject(self, fault: faults.Fault) -> None:
+        """
+        Add a fault from now on (its start counts from now); "ok" ends all faults of that component.
+
+        Raises
+        ------
+        ValueError
+            A fault that cannot be (see `faults.check`).
+        """
+        faults.check(fault)
+        if fault.fault == "ok":
+            self.faults.faults = [old for old in self.faults.faults if old.component != fault.component]
+        else:
+            self.faults.faults.append(dataclasses.replace(fault, start_s=self.time + fault.start_s))
+
+    def command(self, command: steering.Command) -> None:
+        """
+        Let the top drive obey, at most 0.2 s (a step and the sensors' delay) after `time`.
+
+        Raises
+        ------
+        ValueError
+            The scenario has no steering, or the rig cannot do that (see `steering.check`).
+        """
+        if self.string is None:
+            raise ValueError("the rig of this scenario takes no commands; they need an entry `steering: {}` in it")
+        self.string.command(command)
+
+    def blocks(self, seconds: float = 1.0) -> Iterator[dict[str, Samples]]:
+        """
+        Samples of every topic, in blocks of that length of the run, to the end of the schedule.
+
+        Each block holds, for each topic of `wire.SONDE_TOPICS`, the samples that arrive in it, perhaps none. Asked
+        again, the sonde goes on where the last block ended.
+
+        Raises
+        ------
+        ValueError
+            A length that is not positive.
+        """
+        if not seconds > 0.0:
+            raise ValueError(f"seconds must be positive, got {seconds!r}")
+        end = math.floor(self.duration * self.scenario.rate_hz + 1e-6) / self.scenario.rate_hz
+        start, count = self._given, 1
+        while self._given < end:
+            self._given = min(start + count * seconds, end)
+            until = self._given + 1e-9
+            while self.time < self._given - 1e-9:
+                for topic, arrived in self._advance().items():
+                    self._kept[topic].append(arrived)
+            yield {topic: self._take(topic, until) for topic in wire.SONDE_TOPICS}
+            count += 1
+
+    def _take(self, topic: str, until: float) -> Samples:
+        parts = self._kept[topic]
+        if not parts:
+            return wire.SONDE_TOPICS[topic].empty(0)
+        samples, t = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+        # Arrival times ascend, so that a block is a slice.
+        cut = int(np.searchsorted(t, until))
+        parts[:] = [(samples[cut:], t[cut:])]
+        return np.asarray(samples[:cut])
+
+    def _advance(self) -> dict[str, tuple[Samples, Array]]:
+        """One step: samples and arrival times of every topic."""
+        scenario, rate = self.scenario, self.scenario.rate_hz
+        felt = self._feel()
+        index = self._step * self._outputs + 1 + np.arange(self._outputs, dtype=np.int64)
+        t = index / rate
+        self._step += 1
+        at = self._margin + self._per_output * np.arange(1, self._outputs + 1)
+        mat_nt, position, md = felt.mat_nt[at], felt.position_n[at], felt.md[at]
+        celsius = self._celsius(t, position)
+        warm = float(celsius[0]) - self.ahrs.grade.calibrated_at_c
+        gravity = self._gravity(float(position[0, 2]))
+        stamps = self._stamps(index)
+        out: dict[str, tuple[Samples, Array]] = {}
+        for name, unit, f_t in zip(("imu/data_raw", "gyro/data_raw"), self._units, felt.f_t, strict=False):
+            out[name] = (unit.samples(felt.rate_it, f_t, self._margin, stamps, warm, gravity), t)
+        if self.precision is None:
+            out["gyro/data_raw"] = (wire.IMU.empty(0), t[:0])
+        earth_n = self.reference.field_n + self.interference.daily(self._day_s + t)
+        earth_t = interference.to_tool(mat_nt, earth_n)
+        disturbing_t = self.interference.at(mat_nt, earth_n, position, md)
+        out["imu/mag"] = (self._mag(stamps, earth_t + disturbing_t, warm), t)
+        whole = index % rate == 0
+        out["imu/temperature"] = (self._temperature(stamps[whole], celsius[whole]), t[whole])
+        for topic, link in self._links.items():
+            out[topic] = faults.carry(link, *faults.spoil(self.faults, topic, *out[topic]))
+        truth = wire.TRUTH.empty(self._outputs)
+        truth["stamp_ns"] = stamps
+        truth["orientation"] = frames.orientation_et(mat_nt)
+        truth["angular_velocity"] = felt.rate_t[at]
+        truth["specific_force"] = felt.f_t[0][at]
+        truth["gravity"] = mat_nt[:, 2, :]
+        truth["position"], truth["velocity"] = position, felt.velocity_n[at]
+        truth["magnetic_field"], truth["interference"] = earth_t, disturbing_t
+        truth["gyro_bias"], truth["accel_bias"] = self.ahrs.gyro_bias, self.ahrs.accel_bias
+        if self.precision is not None:
+            truth["precision_gyro_bias"] = self.precision.gyro_bias
+            truth["precision_accel_bias"] = self.precision.accel_bias
+        truth["inclination"], truth["azimuth"], truth["gravity_toolface"] = frames.hole_angles(mat_nt)
+        truth["measured_depth"], truth["temperature"] = md, celsius
+        activity = np.round(self.motion.timeline.activity(t)[0]).astype(np.uint32)
+        drive = felt.drive[at]
+        if self.string is not None:
+            turning = np.where(np.abs(drive[:, 0]) > _TURNING, ROTATING, SLIDING)
+            activity = np.where((activity == SLIDING) | (activity == ROTATING), turning, activity)
+        truth["activity"] = activity
+        out["truth"] = (truth, t)
+        gauge = index % (rate // scenario.rig_hz) == 0
+        out["rig/state"] = (self._rig(index[gauge], t[gauge], drive[gauge]), t[gauge])
+        return out
+
+    def _feel(self) -> _Felt:
+        """Kinematics of one step with the margins that the low-passes need on both sides."""
+        n = self._outputs * self._per_output
+        first = self._step * n
+        if self._felt is None:
+            old = self._felt_at(first - self._margin, 2 * self._margin + 1)
+        else:
+            old = self._felt.tail(2 * self._margin + 1)
+        self._felt = old.joined(self._felt_at(first + self._margin + 1, n))
+        return self._felt
+
+    def _felt_at(self, first: int, count: int) -> _Felt:
+        rate = self.scenario.kinematics_hz
+        turn, drive = None, np.empty((count, 0))
+        if self.string is not None:
+            turn, drive = self.string.advance(first, count)
+        k = self.motion.at(first, count, float(rate), turn)
+        f_t, rate_it = [], np.empty((count, 3))
+        for unit in self._units:
+            f = np.empty((count, 3))
+            motion.sensed(
+                k.mat_nt,
+                k.rate_t,
+                k.rate_dot_t,
+                k.velocity_n,
+                k.acceleration_n,
+                np.ascontiguousarray(k.position_n[:, 2]),
+                unit.lever_t,
+                self._earth_rate_n,
+                self.reference.gravity,
+                self._gradient,
+                rate_it,
+                f,
+            )
+            f_t.append(f)
+        return _Felt(k.mat_nt, k.rate_t, rate_it, k.position_n, k.velocity_n, k.md, f_t, drive)
+
+    def _gravity(self, down: float) -> float:
+        return self.reference.gravity + self._gradient * down
+
+    def _celsius(self, t: Array, position: Array) -> Array:
+        item = self.scenario.temperature
+        warm_up = item.warm_up_c * (1.0 - np.exp(-t / item.warm_up_s))
+        return np.asarray(item.surface_c + item.gradient_c_km * 1e-3 * position[:, 2] + warm_up)
+
+    def _stamps(self, index: NDArray[np.int64]) -> NDArray[np.int64]:
+        scenario = self.scenario
+        nominal = index * wire.NANOSECONDS // scenario.rate_hz
+        drift = np.round(nominal * (scenario.clock.drift_ppm * 1e-6)).astype(np.int64)
+        jitter = np.zeros(len(index), dtype=np.int64)
+        if scenario.clock.jitter_us:
+            jitter = np.round(scenario.clock.jitter_us * 1e3 * self._rng["clock"].standard_normal(len(index))).astype(
+                np.int64
+            )
+        stamps = self.epoch_ns + nominal + drift + jitter
+        return faults.jumped(scenario.link, stamps, index / scenario.rate_hz)
+
+    def _mag(self, stamps: NDArray[np.int64], b_t: Array, warm: float) -> Samples:
+        triad = self.magnetometer
+        noise = triad.noise * self._rng["mag_run"].standard_normal(b_t.shape)
+        read = np.empty_like(b_t)
+        instrument.convert(
+            b_t,
+            np.zeros_like(b_t),
+            triad.matrix,
+            triad.bias + triad.bias_per_c * warm,
+            triad.g_matrix,
+            triad.g2,
+            0.0,
+            noise,
+            triad.limit,
+            triad.step,
+            read,
+        )
+        samples = wire.MAG.empty(len(stamps))
+        samples["stamp_ns"], samples["magnetic_field"] = stamps, read
+        samples["magnetic_field_covariance"][:, ::4] = triad.noise**2 + triad.step**2 / 12.0
+        return samples
+
+    def _temperature(self, stamps: NDArray[np.int64], celsius: Array) -> Samples:
+        samples = wire.TEMPERATURE.empty(len(stamps))
+        samples["stamp_ns"], samples["temperature"] = stamps, celsius + self._temperature_error
+        samples["variance"] = self.ahrs.grade.temperature_c**2
+        return samples
+
+    def _rig(self, index: NDArray[np.int64], t: Array, drive: Array) -> Samples:
+        # The rig has its own, true clock: depth pairs with surveys across the drift of the sonde's.
+        samples = wire.RIG_STATE.empty(len(t))
+        if len(t) == 0:
+            return samples
+        line, rig = self.motion.timeline, self.scenario.rig
+        bit = line.bit(t)
+        flow = line.flow(t)[0]
+        samples["stamp_ns"] = self.epoch_ns + index * wire.NANOSECONDS // self.scenario.rate_hz
+        samples["bit_depth"], samples["hole_depth"] = bit[0], np.maximum(line.hole(t)[0], bit[0])
+        samples["block_position"] = line.block(t)[0]
+        samples["hookload"], samples["weight_on_bit"] = line.hookload(t)[0], line.weight(t)[0]
+        if self.string is not None:
+            samples["rotary_speed"], samples["torque"] = drive[:, 0], drive[:, 1]
+        else:
+            samples["torque"], samples["rotary_speed"] = line.torque(t)[0], line.angle(t)[1]
+        samples["flow_rate"] = flow
+        full = max(rig.flow_lpm, 1e-9) * 1e-3 / 60.0
+        samples["pressure"] = rig.pressure_bar * 1e5 * (flow / full) ** 2
+        samples["rate_of_penetration"] = np.where(bit[0] >= line.hole(t)[0] - 1e-6, np.maximum(bit[1], 0.0), 0.0)
+        samples["valid"] = _RIG_VALID
+        samples["in_slips"] = line.slips(t)[0] > 0.5
+        return samples
+
+
+@dataclasses.dataclass(frozen=True)
+class _Felt:
+    """
+    Kinematics of one step and its margins.
+
+    f_t: specific force at each unit. drive, shape (n, 2): speed and torque of a top drive that obeys; (n, 0) without.
+    """
+
+    mat_nt: Array
+    rate_t: Array
+    rate_it: Array
+    position_n: Array
+    velocity_n: Array
+    md: Array
+    f_t: list[Array]
+    drive: Array
+
+    def tail(self, count: int) -> _Felt:
+        """The last samples."""
+        return _Felt(
+            self.mat_nt[-count:],
+            self.rate_t[-count:],
+            self.rate_it[-count:],
+            self.position_n[-count:],
+            self.velocity_n[-count:],
+            self.md[-count:],
+            [f[-count:] for f in self.f_t],
+            self.drive[-count:],
+        )
+
+    def joined(self, new: _Felt) -> _Felt:
+        """These samples and then the new ones."""
+        return _Felt(
+            np.concatenate([self.mat_nt, new.mat_nt]),
+            np.concatenate([self.rate_t, new.rate_t]),
+            np.concatenate([self.rate_it, new.rate_it]),
+            np.concatenate([self.position_n, new.position_n]),
+            np.concatenate([self.velocity_n, new.velocity_n]),
+            np.concatenate([self.md, new.md]),
+            [np.concatenate(pair) for pair in zip(self.f_t, new.f_t, strict=True)],
+            np.concatenate([self.drive, new.drive]),
+        )
+
+
+class _UnitRun:
+    """One measuring unit: its drawn errors and their state."""
+
+    def __init__(self, unit: Unit, step: int, rate: int, draw: np.random.Generator, run: np.random.Generator) -> None:
+        self.grade = instrument.grade(unit.grade, unit.changes)
+        self.lever_t = np.array(unit.lever_mm) * 1e-3
+        self.gyro = instrument.gyro_triad(self.grade.gyro, draw)
+        self.accelerometer = instrument.accelerometer_triad(self.grade.accelerometer, draw)
+        gyro, accelerometer = self.grade.gyro, self.grade.accelerometer
+        self._gyro_weights = instrument.low_pass(gyro.bandwidth_hz, gyro.delay_ms * 1e-3, step)
+        self._accel_weights = instrument.low_pass(accelerometer.bandwidth_hz, accelerometer.delay_ms * 1e-3, step)
+        self.margin = max(len(self._gyro_weights), len(self._accel_weights)) // 2
+        self._integrated = unit.output == "integrated"
+        # A lone sample holds the noise of the sensor's own band; white noise to be integrated fills the converter's.
+        full = float(self.grade.adc_hz)
+        self._gyro_band = full if self._integrated else instrument.noise_band(gyro.bandwidth_hz, full)
+        self._accel_band = full if self._integrated else instrument.noise_band(accelerometer.bandwidth_hz, full)
+        self._stride = step // self.grade.adc_hz
+        self._ratio = self.grade.adc_hz // rate
+        self._rate = rate
+        self._run = run
+        self._gyro_state = instrument.initial(self.gyro, run)
+        self._accel_state = instrument.initial(self.accelerometer, run)
+        self.gyro_bias = instrument.slow_bias(self.gyro, self._gyro_state, 0.0)
+        self.accel_bias = instrument.slow_bias(self.accelerometer, self._accel_state, 0.0)
+
+    def samples(
+        self, rate_it: Array, f_t: Array, margin: int, stamps: NDArray[np.int64], warm: float, gravity: float
+    ) -> Samples:
+        """Output of one step; rate_it, f_t with margins; warm: degC above calibration; gravity: m/s^2."""
+        outputs = len(stamps)
+        count = outputs * self._ratio
+        first = margin + (self._stride // 2 if self._integrated else self._stride)
+        rate, force = np.empty((count, 3)), np.empty((count, 3))
+        instrument.filtered(rate_it, self._gyro_weights, first, self._stride, rate)
+        instrument.filtered(f_t, self._accel_weights, first, self._stride, force)
+        seconds = outputs / self._rate
+        instrument.advance(self.gyro, self._gyro_state, seconds, self._run)
+        instrument.advance(self.accelerometer, self._accel_state, seconds, self._run)
+        self.gyro_bias = instrument.slow_bias(self.gyro, self._gyro_state, warm)
+        self.accel_bias = instrument.slow_bias(self.accelerometer, self._accel_state, warm)
+        rate_read = self._convert(self.gyro, rate, force, self.gyro_bias, warm, gravity, self._gyro_band)
+        force_read = self._convert(self.accelerometer, force, force, self.accel_bias, warm, gravity, self._accel_band)
+        if self._integrated:
+            rate_out, force_out = np.empty((outputs, 3)), np.empty((outputs, 3))
+            instrument.strapdown(rate_read, force_read, self._ratio, 1.0 / self.grade.adc_hz, rate_out, force_out)
+            gyro_band = accel_band = float(self._rate)
+        else:
+            gyro_band, accel_band = self._gyro_band, self._accel_band
+            rate_out, force_out = rate_read[self._ratio - 1 :: self._ratio], force_read[self._ratio - 1 :: self._ratio]
+        samples = wire.IMU.empty(outputs)
+        samples["stamp_ns"] = stamps
+        # No orientation is measured (REP-145).
+        samples["orientation_covariance"][:, 0] = -1.0
+        samples["angular_velocity"], samples["linear_acceleration"] = rate_out, force_out
+        samples["angular_velocity_covariance"][:, ::4] = self.gyro.noise**2 * gyro_band + self.gyro.step**2 / 12.0
+        accel = self.accelerometer
+        samples["linear_acceleration_covariance"][:, ::4] = accel.noise**2 * accel_band + accel.step**2 / 12.0
+        return samples
+
+    def _convert(
+        self,
+        triad: instrument.Triad,
+        x: Array,
+        force: Array,
+        bias: Array,
+        warm: float,
+        gravity: float,
+        band: float,
+    ) -> Array:
+        matrix = triad.matrix.copy()
+        for axis in range(3):
+            matrix[axis, axis] += triad.scale_per_c[axis] * warm
+        noise = triad.noise * math.sqrt(band) * self._run.standard_normal(x.shape)
+        out = np.empty_like(x)
+        instrument.convert(
+            x, force, matrix, bias, triad.g_matrix, triad.g2, gravity, noise, triad.limit, triad.step, out
+        )
+        return out
+
+
+def reference_of(scenario: Scenario) -> earth.ReferenceField:
+    """Reference field of a scenario's place and date, or as it overrides it."""
+    place = scenario.place
+    lat, lon = math.radians(place.latitude_deg), math.radians(place.longitude_deg)
+    date = parse_date(scenario.date).date()
+    if scenario.field_override is None:
+        return earth.reference_field(lat, lon, place.height_m, date, scenario.model)
+    total_nt, dip_deg, declination_deg = scenario.field_override
+    return earth.ReferenceField(
+        total=total_nt * 1e-9,
+        dip=math.radians(dip_deg),
+        declination=math.radians(declination_deg),
+        convergence=earth.grid_convergence(lat, lon),
+        gravity=earth.gravity(lat, place.height_m),
+        source="configured",
+    )
+
+
+def _motion(scenario: Scenario, rng: dict[str, np.random.Generator]) -> motion.Motion:
+    well, vibration = scenario.well, scenario.vibration
+    table = np.array(well.stations, dtype=float)
+    line = timeline(
+        scenario.schedule * scenario.cycles,
+        scenario.rig,
+        well.bit_m,
+        tuple((item.burst_s, item.pause_s) for item in vibration.whirl),
+        rng["timeline"],
+        math.radians(well.toolface_deg),
+    )
+    active = {when: line.active(when) for when in {item.when for item in vibration.shocks}}
+    return motion.Motion(
+        path=motion.well_path(table[:, 0], np.radians(table[:, 1]), np.radians(table[:, 2])),
+        timeline=line,
+        sensor_to_bit=well.sensor_to_bit_m,
+        vibrations=vibration,
+        lines=lines(vibration, rng["lines"]),
+        hits=hits(vibration.shocks, active, rng["hits"]),
+    )

@@ -1,0 +1,237 @@
+"""
+A top drive that obeys commands and the string below it, which winds up, sticks and slips.
+
+The string is a torsional spring with a lump of inertia at its end; the defaults of both and of the damping are those
+of Jansen and van den Steen, Journal of Sound and Vibration 179 (1995). Friction on the wall falls with speed, which is
+what makes stick-slip. It acts against the direction in which the pipe moves over the wall, so that a string that slides
+along gives way slowly to any torque, and one that does not sticks. A mud motor's reactive torque turns the string to
+the left (counter-clockwise looking down-hole). Angles and speeds count clockwise.
+
+Unlike the rest of the motion this has no closed form: it is integrated at the instants of the kinematics, one after the
+other, so that the same commands at the same steps give the same bits.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.settings import setting
+from mwd_sensors.simulator.schedule import Timeline
+
+Array = NDArray[np.float64]
+
+# As in mwd_msgs/RigCommand; before the first command the top drive does what the schedule says.
+HOLD, ROTATE, ORIENT = range(3)
+_SCHEDULE = -1
+_RPM = math.pi / 30.0
+_LINES = 24  # sines of the motor's unsteady torque
+_LEAST_SLIDE = 1e-5  # rad/s; below this a string that does not slide along stands still
+# What changes: top drive's angle and speed, string end's angle and speed, and the command in force.
+_DRIVE, _DRIVE_RATE, _END, _END_RATE, _MODE, _SPEED, _TARGET, _LEFT = range(8)
+
+
+@dataclasses.dataclass(frozen=True)
+class Steering:
+    """A rig that obeys commands."""
+
+    stiffness_nm_rad: float = setting(473.0, "of the string in torsion", unit="N m/rad", low=10.0, high=1e5)
+    inertia_kgm2: float = setting(374.0, "at its end", unit="kg m^2", low=1.0, high=1e5)
+    damping_nms: float = setting(23.0, "between top drive and end", unit="N m s/rad", low=0.0, high=1e4)
+    static_nm: float = setting(2200.0, "friction on the wall at standstill", unit="N m", low=0.0, high=1e5)
+    kinetic_nm: float = setting(1000.0, "friction on the wall at speed", unit="N m", low=0.0, high=1e5)
+    decay_rpm: float = setting(48.0, "speed over which it falls", unit="r/min", low=0.1, high=500.0)
+    pipe_radius_m: float = setting(0.1, "of the pipe on the wall", unit="m", low=0.01, high=1.0)
+    motor_nm: float = setting(
+        800.0, "reactive torque of the motor at the drilling weight", unit="N m", low=0.0, high=1e5
+    )
+    motor_unsteady: float = setting(0.1, "root mean square of its changes", unit="of it", low=0.0, high=1.0)
+    motor_band_hz: tuple[float, float] = setting(
+        (0.02, 0.3), "lowest and highest frequency of them", unit="Hz", low=0.001, high=20.0
+    )
+    most_rpm: float = setting(200.0, "fastest the top drive turns", unit="r/min", low=1.0, high=600.0)
+    orient_rpm: float = setting(10.0, "fastest it turns to an angle", unit="r/min", low=0.1, high=60.0)
+    ramp_rpm_s: float = setting(20.0, "its change of speed in a second", unit="r/min/s", low=0.1, high=1000.0)
+    most_turn_deg: float = setting(720.0, "largest turn it takes at once", unit="deg", low=1.0, high=36000.0)
+
+    def __post_init__(self) -> None:
+        if self.kinetic_nm > self.static_nm:
+            raise ValueError(f"kinetic_nm {self.kinetic_nm:g} must not be above static_nm {self.static_nm:g}")
+        if self.motor_band_hz[0] >= self.motor_band_hz[1]:
+            raise ValueError(f"motor_band_hz {self.motor_band_hz}: the lowest frequency must be below the highest")
+
+
+@dataclasses.dataclass(frozen=True)
+class Command:
+    """
+    What is asked of the top drive.
+
+    mode: `HOLD`, `ROTATE` at rotary_speed, rad/s, or `ORIENT`: by turn, rad, from where the top drive stands (where it
+    will have come to rest, if it turns). valid_for, s: with no newer command within this time the top drive holds.
+    """
+
+    mode: int
+    rotary_speed: float = 0.0
+    turn: float = 0.0
+    valid_for: float = 10.0
+
+
+def check(command: Command, steering: Steering) -> None:
+    """
+    Whether the top drive can do that.
+
+    Raises
+    ------
+    ValueError
+        An unknown mode, a number that is not finite or out of the rig's limits, or a time that is not positive.
+    """
+    if command.mode not in (HOLD, ROTATE, ORIENT):
+        raise ValueError(f"mode: must be 0 (hold), 1 (rotate) or 2 (orient), got {command.mode}")
+    for name, limit in (("rotary_speed", steering.most_rpm * _RPM), ("turn", math.radians(steering.most_turn_deg))):
+        value = getattr(command, name)
+        if not math.isfinite(value) or abs(value) > limit * (1.0 + 1e-9):
+            raise ValueError(f"{name}: must be within {limit:.4g} of zero, got {value:g}")
+    if not (math.isfinite(command.valid_for) and command.valid_for > 0.0):
+        raise ValueError(f"valid_for: must be above zero and finite, got {command.valid_for:g}")
+
+
+class String:
+    """
+    Top drive, string and motor of one run.
+
+    Parameters
+    ----------
+    steering : Steering
+    timeline : Timeline
+        Depth, weight and pumps; also the rotation until the first command.
+    toolface : float
+        Of the string's end at the beginning, rad.
+    rate : int
+        Of the instants, Hz.
+    rng : Generator
+        Draws the motor's unsteadiness.
+    """
+
+    def __init__(
+        self, steering: Steering, timeline: Timeline, toolface: float, rate: int, rng: np.random.Generator
+    ) -> None:
+        self.steering = steering
+        self._rate = float(rate)
+        self._timeline = timeline
+        low, high = steering.motor_band_hz
+        self._frequency = low + (high - low) / _LINES * (np.arange(_LINES) + rng.random(_LINES))
+        self._phase = 2.0 * math.pi * rng.random(_LINES)
+        self._full_weight = max(float(timeline.weight.terms[:, 0].max()), 1e-9)
+        self._params = np.array(
+            [
+                steering.stiffness_nm_rad,
+                steering.inertia_kgm2,
+                steering.damping_nms,
+                steering.kinetic_nm,
+                steering.static_nm - steering.kinetic_nm,
+                steering.decay_rpm * _RPM,
+                steering.orient_rpm * _RPM,
+                steering.ramp_rpm_s * _RPM,
+            ]
+        )
+        # A run that starts under way starts wound up.
+        start = np.zeros(1)
+        speed, motor = float(timeline.angle(start)[1, 0]), float(self._motor(start)[0])
+        fall = math.exp(-abs(speed) / (steering.decay_rpm * _RPM))
+        drag = steering.kinetic_nm + (steering.static_nm - steering.kinetic_nm) * fall
+        wound = (motor + math.copysign(drag, speed) * (speed != 0.0)) / steering.stiffness_nm_rad
+        self._state = np.array([toolface + wound, speed, toolface, speed, _SCHEDULE, 0.0, 0.0, 0.0])
+
+    def command(self, command: Command) -> None:
+        """
+        Obey from the next instant on.
+
+        Raises
+        ------
+        ValueError
+            As `check`.
+        """
+        check(command, self.steering)
+        state = self._state
+        speed = state[_DRIVE_RATE]
+        rest = state[_DRIVE] + 0.5 * speed * abs(speed) / (self.steering.ramp_rpm_s * _RPM)
+        state[_MODE], state[_SPEED], state[_LEFT] = command.mode, command.rotary_speed, command.valid_for
+        state[_TARGET] = rest + command.turn
+
+    @property
+    def obeys(self) -> int | None:
+        """Mode of the command in force; None before the first."""
+        mode = int(self._state[_MODE])
+        return None if mode == _SCHEDULE else mode
+
+    def advance(self, first: int, count: int) -> tuple[Array, Array]:
+        """
+        The instants (first + k) / rate, s, k = 0 .. count - 1, which follow on those of the call before.
+
+        Returns
+        -------
+        turn : ndarray, shape (3, n)
+            Angle of the string's end, its rate and acceleration, rad, rad/s, rad/s^2.
+        drive : ndarray, shape (n, 2)
+            Speed of the top drive, rad/s, and the torque it gives, N m.
+        """
+        t = (first + np.arange(count)) / self._rate
+        turn, drive = np.empty((3, count)), np.empty((count, 2))
+        slide = np.abs(self._timeline.bit(t)[1]) / self.steering.pipe_radius_m
+        scheduled = np.ascontiguousarray(self._timeline.angle(t)[1])
+        advance(self._params, self._state, slide, scheduled, self._motor(t), 1.0 / self._rate, turn, drive)
+        return turn, drive
+
+    def _motor(self, t: Array) -> Array:
+        """Reactive torque, N m, shape (n,)."""
+        item, line = self.steering, self._timeline
+        working = line.weight(t)[0] / self._full_weight * (line.flow(t)[0] > 0.0)
+        waves = np.cos(2.0 * math.pi * self._frequency[:, None] * t + self._phase[:, None]).sum(axis=0)
+        return np.asarray(item.motor_nm * working * (1.0 + item.motor_unsteady * math.sqrt(2.0 / _LINES) * waves))
+
+
+@compiled
+def advance(
+    params: Array, state: Array, slide: Array, scheduled: Array, motor: Array, dt: float, turn: Array, drive: Array
+) -> None:
+    """
+    Integrate over n instants dt apart; state is changed, turn and drive are filled.
+
+    slide, shape (n,): speed along the hole over the radius, rad/s. scheduled, rad/s, and motor, N m, shape (n,).
+    """
+    stiffness, inertia, damping, kinetic, more, decay, fastest, ramp = params
+    for i in range(len(slide)):
+        if state[_MODE] >= 0.0 and state[_MODE] != 0.0:
+            state[_LEFT] -= dt
+            if state[_LEFT] <= 0.0:
+                state[_MODE] = 0.0
+        # Speed the top drive is to have.
+        wanted = 0.0
+        if state[_MODE] < 0.0:
+            wanted = scheduled[i]
+        elif state[_MODE] == 1.0:
+            wanted = state[_SPEED]
+        elif state[_MODE] == 2.0:
+            rest = state[_TARGET] - state[_DRIVE]
+            # As fast as it can still be stopped in time; slower at the very end.
+            wanted = min(fastest, math.sqrt(1.6 * ramp * abs(rest)), 10.0 * abs(rest))
+            if rest < 0.0:
+                wanted = -wanted
+        before = wanted if state[_MODE] < 0.0 else state[_DRIVE_RATE]
+        speed, end = before + min(max(wanted - before, -ramp * dt), ramp * dt), state[_END_RATE]
+        torque = stiffness * (state[_DRIVE] - state[_END]) + damping * (before - end)
+        # Friction over speed, taken at the speed before; its part of the step is implicit, so that sticking is stable.
+        drag = kinetic + more * math.exp(-abs(end) / decay)
+        viscous = drag / math.hypot(end, max(slide[i], _LEAST_SLIDE))
+        push = stiffness * (state[_DRIVE] - state[_END]) + damping * before - motor[i]
+        after = (end + dt / inertia * push) / (1.0 + dt / inertia * (viscous + damping))
+        turn[0, i], turn[1, i] = state[_END], end
+        turn[2, i] = (after - end) / dt
+        drive[i, 0], drive[i, 1] = before, torque
+        state[_DRIVE] += 0.5 * dt * (before + speed)
+        state[_END] += 0.5 * dt * (end + after)
+        state[_DRIVE_RATE], state[_END_RATE] = speed, after

@@ -1,0 +1,188 @@
+"""Calibration: a tumble gives back the drawn errors, applied it removes them, and a poor run is refused."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+import yaml
+from numpy.testing import assert_allclose
+
+from mwd_sensors.calibration import tumble
+from mwd_sensors.simulator import scenario
+from mwd_sensors.simulator.sonde import Sonde
+from project import SCENARIOS
+
+
+@functools.cache
+def tumbled():
+    sonde = Sonde(scenario.read(SCENARIOS / "tumble.yaml"))
+    blocks = list(sonde.blocks(10.0))
+    out = {topic: np.concatenate([block[topic] for block in blocks]) for topic in blocks[0]}
+    stamps = [out[topic]["stamp_ns"].astype(float) for topic in ("imu/data_raw", "imu/temperature")]
+    celsius = np.interp(stamps[0], stamps[1], out["imu/temperature"]["temperature"])
+    imu = out["imu/data_raw"]
+    readings = imu["angular_velocity"], imu["linear_acceleration"], out["imu/mag"]["magnetic_field"], celsius
+    field = sonde.reference.total, sonde.reference.dip
+    return sonde, out, readings, tumble.calibrate(*readings, 100.0, sonde.reference.gravity, field)
+
+
+def test_the_rests_of_a_tumble_are_found():
+    _, out, readings, _ = tumbled()
+    found = tumble.rests(*readings, 100.0)
+    assert len(found.first) == 60
+    for first, last in zip(found.first, found.last, strict=True):
+        assert np.abs(out["truth"]["angular_velocity"][first:last]).max() < 1e-9
+
+
+def test_temperature_and_bias_of_every_triad_come_back():
+    sonde, out, readings, got = tumbled()
+    found = tumble.rests(*readings, 100.0)
+    still = np.concatenate([np.arange(a, z) for a, z in zip(found.first, found.last, strict=True)])
+    warm = got.gyro.reference_c - sonde._temperature_error - 25.0
+    fixed = sonde.magnetometer.bias + warm * sonde.magnetometer.bias_per_c
+    # Bias of the run, what wandered included; the tolerances are about 4 sigma of 24 seeds.
+    for fitted, triad, bias, tolerance, per_c in (
+        (got.accelerometer, sonde.ahrs.accelerometer, out["truth"]["accel_bias"][still].mean(axis=0), 1e-3, 8e-5),
+        (got.gyro, sonde.ahrs.gyro, out["truth"]["gyro_bias"][still].mean(axis=0), 6e-5, 1.2e-5),
+        (got.magnetometer, sonde.magnetometer, fixed, 2.5e-8, 1.5e-9),
+    ):
+        assert fitted.poses >= 59
+        assert_allclose(fitted.bias, bias, atol=tolerance)
+        assert_allclose(fitted.bias_per_c, triad.bias_per_c, atol=per_c)
+
+
+def test_scale_over_temperature_comes_back():
+    sonde, _, _, got = tumbled()
+    assert_allclose(got.accelerometer.scale_per_c, sonde.ahrs.accelerometer.scale_per_c, atol=4e-6)
+    assert_allclose(got.magnetometer.scale_per_c, 0.0, atol=2e-5)
+
+
+@pytest.mark.parametrize("triad", ["accelerometer", "gyro", "magnetometer"])
+def test_errors_are_as_large_as_their_sigmas_say(triad):
+    sonde, out, readings, got = tumbled()
+    found = tumble.rests(*readings, 100.0)
+    still = np.concatenate([np.arange(a, z) for a, z in zip(found.first, found.last, strict=True)])
+    warm = got.gyro.reference_c - sonde._temperature_error - 25.0
+    fitted = getattr(got, triad)
+    drawn = sonde.magnetometer if triad == "magnetometer" else getattr(sonde.ahrs, triad)
+    bias = {
+        "accelerometer": out["truth"]["accel_bias"][still].mean(axis=0),
+        "gyro": out["truth"]["gyro_bias"][still].mean(axis=0),
+        "magnetometer": drawn.bias + warm * drawn.bias_per_c,
+    }[triad]
+    ratios = np.concatenate(
+        [
+            (fitted.bias - bias) / fitted.sigma_bias,
+            (fitted.bias_per_c - drawn.bias_per_c) / fitted.sigma_bias_per_c,
+            (fitted.scale_per_c - drawn.scale_per_c) / fitted.sigma_scale_per_c,
+        ]
+    )
+    assert np.abs(ratios).max() < 4.0
+    assert 0.1 < np.sqrt(np.mean(ratios**2)) < 2.0
+
+
+def test_sigmas_grow_with_the_noise_and_agree_with_the_spread_of_many_fits():
+    rng = np.random.default_rng(5)
+    truth = rng.standard_normal((60, 3))
+    truth *= 9.8 / np.linalg.norm(truth, axis=1, keepdims=True)
+    celsius = rng.uniform(10.0, 60.0, 60)
+    fits = [tumble.fit_stand(truth + 1e-3 * rng.standard_normal((60, 3)), truth, celsius) for _ in range(100)]
+    for name in ("bias", "bias_per_c", "scale_per_c", "matrix"):
+        spread = np.std([getattr(fit, name) for fit in fits], axis=0)
+        stated = np.mean([getattr(fit, f"sigma_{name}") for fit in fits], axis=0)
+        assert_allclose(stated / spread, 1.0, atol=0.35)
+
+
+def test_residuals_fall_to_the_noise():
+    _, _, _, got = tumbled()
+    assert got.accelerometer.after < 0.05 * got.accelerometer.before
+    assert got.accelerometer.after < 6e-4
+    assert got.magnetometer.after < 0.05 * got.magnetometer.before
+    assert got.gyro.after < 0.3 * got.gyro.before
+
+
+def test_applied_to_readings_the_correction_brings_strength_and_dip_back():
+    sonde, out, readings, got = tumbled()
+    found = tumble.rests(*readings, 100.0)
+    still = (found.first + found.last) // 2
+    celsius = readings[3][still]
+    f_t, b_t = got.accelerometer(found.accel, celsius), got.magnetometer(found.mag, celsius)
+    assert_allclose(np.linalg.norm(f_t, axis=1), sonde.reference.gravity, atol=3e-3)
+    assert_allclose(np.linalg.norm(b_t, axis=1), sonde.reference.total, rtol=5e-4)
+    down = -f_t / np.linalg.norm(f_t, axis=1, keepdims=True)
+    dip = np.arcsin(np.sum(b_t * down, axis=1) / np.linalg.norm(b_t, axis=1))
+    assert_allclose(dip, sonde.reference.dip, atol=5e-4)
+    assert out["truth"].shape[0] == len(readings[3])
+
+
+def test_a_stand_that_knows_its_attitude_gives_all_figures():
+    rng = np.random.default_rng(1)
+    truth = rng.standard_normal((40, 3))
+    truth *= 9.8 / np.linalg.norm(truth, axis=1, keepdims=True)
+    celsius = rng.uniform(10.0, 90.0, 40)
+    matrix = np.eye(3) + 0.01 * rng.standard_normal((3, 3))
+    bias, per_c = np.array([0.1, -0.2, 0.3]), np.array([1e-3, 0.0, -2e-3])
+    warm = (celsius - celsius.mean())[:, None]
+    reading = truth @ matrix.T + bias + per_c * warm
+    got = tumble.fit_stand(reading, truth, celsius)
+    assert_allclose(got.matrix, np.linalg.inv(matrix), atol=1e-12)
+    assert_allclose(got.bias, bias, atol=1e-12)
+    assert_allclose(got.bias_per_c, per_c, atol=1e-13)
+    assert_allclose(got(reading, celsius), truth, atol=1e-11)
+    assert got.before > 0.1
+    assert got.after < 1e-11
+
+
+def test_strength_alone_gives_everything_but_a_rotation():
+    rng = np.random.default_rng(2)
+    truth = rng.standard_normal((60, 3))
+    truth *= 9.8 / np.linalg.norm(truth, axis=1, keepdims=True)
+    draw = 0.003 * rng.standard_normal((3, 3))
+    matrix = np.eye(3) + draw + draw.T
+    bias = np.array([0.05, -0.02, 0.03])
+    reading = truth @ matrix.T + bias
+    got = tumble.fit_strength(reading, 9.8, np.full(60, 25.0))
+    assert_allclose(got.matrix, np.linalg.inv(matrix), atol=1e-9)
+    assert_allclose(got.bias, bias, atol=1e-8)
+    assert np.all(got.bias_per_c == 0.0)
+
+
+def test_runs_that_cannot_carry_a_calibration_are_refused():
+    still = np.tile([0.0, 0.0, 9.8], (3000, 1))
+    with pytest.raises(ValueError, match="at least 12"):
+        tumble.rests(np.zeros((3000, 3)), still, None, np.zeros(3000), 100.0)
+    one_way = np.tile([0.0, 0.0, 9.8], (20, 1))
+    with pytest.raises(ValueError, match="turn the probe further"):
+        tumble.fit_stand(one_way, one_way, np.full(20, 25.0))
+    with pytest.raises(ValueError, match="turn the probe further"):
+        tumble.fit_strength(one_way, 9.8, np.full(20, 25.0))
+
+
+def test_a_calibration_is_written_and_read_back_exactly():
+    _, _, readings, got = tumbled()
+    text = yaml.safe_dump(tumble.as_table(got))
+    back = tumble.from_table(yaml.safe_load(text))
+    for name in ("gyro", "accelerometer", "magnetometer"):
+        first, second = getattr(got, name), getattr(back, name)
+        assert np.array_equal(first(readings[1], readings[3]), second(readings[1], readings[3]))
+        assert (first.after, first.poses) == (second.after, second.poses)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "match"),
+    [
+        (lambda table: table.pop("gyro"), "gyro is missing"),
+        (lambda table: table["gyro"].pop("bias"), r"gyro\.bias is missing"),
+        (lambda table: table["gyro"].update(bias=[0.0, 1.0]), "shape"),
+        (lambda table: table["gyro"].update(bias=[0.0, 1.0, float("nan")]), "finite"),
+        (lambda table: table["accelerometer"].update(matrix=[[9.8, 0, 0], [0, 9.8, 0], [0, 0, 9.8]]), "identity"),
+        (lambda table: table.update(compass={}), "compass"),
+    ],
+)
+def test_a_spoilt_table_is_refused_with_its_reason(spoil, match):
+    table = tumble.as_table(tumbled()[3])
+    spoil(table)
+    with pytest.raises(ValueError, match=match):
+        tumble.from_table(table)

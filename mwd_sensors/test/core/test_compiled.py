@@ -1,0 +1,71 @@
+"""Compiled kernels: what was cached of a callee that has changed since is not used."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from mwd_sensors.core.compiled import HAVE_NUMBA, compiled
+
+
+@compiled
+def _sum(n):
+    total = 0
+    for k in range(n):
+        total += k
+    return total
+
+
+def test_a_kernel_gives_what_the_function_gives():
+    assert _sum(1000) == 499500
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
+def test_a_changed_callee_in_another_module_is_compiled_anew(tmp_path):
+    callee = "from mwd_sensors.core.compiled import compiled\n\n@compiled\ndef step(x):\n    return x + {}\n"
+    (tmp_path / "mwd_callee.py").write_text(callee.format(1))
+    (tmp_path / "mwd_caller.py").write_text(
+        "import mwd_callee\nfrom mwd_sensors.core.compiled import compiled\n\n"
+        "@compiled\ndef run(x):\n    return 10 * mwd_callee.step(x)\n\n"
+        "print(run(1), len(run.stats.cache_hits))\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def run():
+        command = [sys.executable, "mwd_caller.py"]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+        return done.stdout.split()
+
+    assert run() == ["20", "0"]
+    assert run() == ["20", "1"]
+    (tmp_path / "mwd_callee.py").write_text(callee.format(22))
+    assert run() == ["230", "0"]
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
+def test_a_callee_is_compiled_once_for_a_type_whatever_the_numbers_in_the_call(tmp_path):
+    (tmp_path / "mwd_powers.py").write_text(
+        "from mwd_sensors.core.compiled import compiled\n\n"
+        "@compiled\ndef power(base, exponent):\n    return base**exponent\n\n"
+        "@compiled\ndef powers(base):\n    return power(base, 2) + power(base, 3) + power(2, base)\n\n"
+        "print(powers(3), len(power.signatures))\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    command = [sys.executable, "mwd_powers.py"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["44", "1"]
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
+def test_that_kernels_are_being_compiled_is_told_once_and_not_where_they_come_from_the_cache(tmp_path):
+    (tmp_path / "mwd_sums.py").write_text(
+        "from mwd_sensors.core.compiled import compiled, when_compiling\n\n"
+        "@compiled\ndef total(n):\n    return n + 1\n\n"
+        "with when_compiling(lambda: print('compiling')):\n    print(total(1), total(1.0))\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    command = [sys.executable, "mwd_sums.py"]
+    for expected in (["compiling", "2", "2.0"], ["2", "2.0"]):
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+        assert done.stdout.split() == expected

@@ -1,0 +1,97 @@
+"""Messages taken in one go, decoded in one go, published in one go: nothing lost, nothing out of order."""
+
+import contextlib
+
+import numpy as np
+import pytest
+
+from mwd_sensors.core import wire
+
+pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
+
+from sensor_msgs.msg import Imu
+
+from mwd_sensors.ros import qos
+from mwd_sensors.ros.message_buffer import Inbox, decoded, publish_rows
+
+
+class Handle(contextlib.nullcontext):
+    """What rclpy gives access to: a reader's queue and a writer's end."""
+
+    def __init__(self, waiting=()):
+        super().__init__()
+        self.waiting = [(data, {"received_timestamp": 1000 + k}) for k, data in enumerate(waiting)]
+        self.published = []
+
+    def take_message(self, _kind, raw):
+        assert raw
+        return self.waiting.pop(0) if self.waiting else None
+
+    def publish_raw(self, data):
+        self.published.append(data)
+
+
+class Entity:
+    """A subscription or a publisher."""
+
+    msg_type = Imu
+
+    def __init__(self, waiting=(), activated=True):
+        self.handle = Handle(waiting)
+        self.is_activated = activated
+
+
+def samples(count):
+    imu = wire.IMU.empty(count)
+    imu["stamp_ns"] = 10**18 + np.arange(count) * 10**6
+    imu["angular_velocity"] = np.arange(3 * count).reshape(count, 3)
+    return imu
+
+
+def messages(count, frame="sonde_link"):
+    return [row.tobytes() for row in wire.IMU.encode(samples(count), frame)]
+
+
+def test_everything_that_waits_is_taken_oldest_first_with_its_time_of_arrival():
+    inbox = Inbox(Entity([b"first", b"second", b"third"]))
+    assert inbox.take() == [(b"first", 1000), (b"second", 1001), (b"third", 1002)]
+    assert inbox.take() == []
+
+
+def test_messages_decoded_together_are_those_decoded_one_by_one():
+    together, errors = decoded(wire.IMU, messages(5))
+    assert errors == []
+    assert together.tobytes() == samples(5).tobytes()
+    assert len(decoded(wire.IMU, [])[0]) == 0
+
+
+def test_a_message_that_cannot_be_read_costs_only_itself():
+    good = messages(4)
+    big_endian = b"\0\0\0\0" + good[1][4:]
+    for bad in (big_endian, good[1][:100], b"", good[1] + bytes(8)):
+        found, errors = decoded(wire.IMU, [good[0], bad, *good[2:]])
+        assert found["stamp_ns"].tolist() == [samples(4)["stamp_ns"][k] for k in (0, 2, 3)]
+        assert len(errors) == 1
+
+
+def test_messages_of_two_frames_are_read_together():
+    found, errors = decoded(wire.IMU, [messages(2)[0], messages(2, "another_longer_frame")[1]])
+    assert errors == []
+    assert found.tobytes() == samples(2).tobytes()
+
+
+def test_rows_leave_as_messages_in_their_order_and_not_while_the_publisher_is_silent():
+    rows = wire.IMU.encode(samples(5), "sonde_link")
+    publisher = Entity()
+    publish_rows(publisher, rows)
+    publish_rows(publisher, rows[:0])
+    assert publisher.handle.published == messages(5)
+    silent = Entity(activated=False)
+    publish_rows(silent, rows)
+    assert silent.handle.published == []
+
+
+def test_a_deep_profile_differs_in_nothing_but_its_depth():
+    deep = qos.deep(qos.EVENT)
+    assert deep.depth > qos.EVENT.depth
+    assert (deep.reliability, deep.durability) == (qos.EVENT.reliability, qos.EVENT.durability)

@@ -1,0 +1,156 @@
+"""Steering: a string that winds up, sticks and slips under a top drive that obeys, with the same bits each time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from mwd_sensors.simulator import steering
+from mwd_sensors.simulator.schedule import Phase, Rig, timeline
+from mwd_sensors.simulator.steering import HOLD, ORIENT, ROTATE, Command, Steering, String
+
+RATE = 2000
+RPM = math.pi / 30.0
+EASY = Steering(static_nm=50.0, kinetic_nm=50.0, motor_nm=0.0, damping_nms=100.0)
+
+
+class Played:
+    """A string and everything it did."""
+
+    def __init__(self, settings=EASY, rpm=0.0, rop=15.0, kind="drill", **rig):
+        phase = Phase(kind=kind, seconds=300.0, rpm=rpm, rop_m_h=rop)
+        line = timeline((phase,), Rig(**rig), 1000.0, (), np.random.default_rng(1))
+        self.string = String(settings, line, 0.3, RATE, np.random.default_rng(2))
+        self.count = 0
+        self.turn, self.drive = np.empty((3, 0)), np.empty((0, 2))
+
+    def play(self, seconds, block=1000):
+        for _ in range(round(seconds * RATE / block)):
+            turn, drive = self.string.advance(self.count, block)
+            self.count += block
+            self.turn, self.drive = np.hstack([self.turn, turn]), np.vstack([self.drive, drive])
+        return self
+
+
+def test_without_commands_the_top_drive_does_what_the_schedule_says():
+    played = Played(rpm=90.0).play(10.0)
+    scheduled = played.string._timeline.angle(np.arange(played.count) / RATE)[1]
+    assert_allclose(played.drive[:, 0], scheduled, atol=1e-12)
+    assert played.string.obeys is None
+
+
+def test_rate_and_acceleration_are_the_derivatives_of_the_angle():
+    turn = Played(Steering(), rpm=60.0).play(20.0).turn
+    assert_allclose(np.diff(turn[0]), 0.5 * (turn[1, 1:] + turn[1, :-1]) / RATE, atol=1e-12)
+    assert_allclose(np.diff(turn[1]), turn[2, :-1] / RATE, atol=1e-12)
+
+
+def test_the_spring_twists_by_torque_over_stiffness():
+    played = Played(rpm=120.0).play(90.0)
+    steady = played.drive[-RATE:, 1].mean()
+    assert steady == pytest.approx(EASY.static_nm, rel=0.02)
+    wound = played.string._state[0] - played.string._state[2]
+    assert wound == pytest.approx(steady / EASY.stiffness_nm_rad, rel=0.01)
+
+
+def test_the_motor_turns_the_string_to_the_left():
+    held = Played(Steering(motor_unsteady=0.0, static_nm=100.0, kinetic_nm=100.0), rop=60.0)
+    held.string.command(Command(HOLD, valid_for=1e6))
+    held.play(120.0)
+    assert held.turn[0, -1] == pytest.approx(0.3 - 800.0 / 473.0, abs=0.05)
+
+
+def test_a_heavy_friction_sticks_and_slips_at_low_speed_only():
+    slow = Played(Steering(), rpm=60.0).play(60.0).turn[1, -20 * RATE :]
+    assert slow.min() < 0.5 * RPM
+    assert 90.0 * RPM < slow.max() < 180.0 * RPM
+    smooth = Played(Steering(damping_nms=300.0), rpm=180.0).play(60.0).turn[1, -20 * RATE :]
+    assert smooth.max() - smooth.min() < 10.0 * RPM
+
+
+def test_a_string_that_does_not_slide_along_stands_still_under_torque():
+    played = Played(Steering(), kind="circulate", rpm=0.0)
+    played.string.command(Command(ORIENT, turn=1.0, valid_for=1e6))
+    played.play(60.0)
+    assert abs(played.turn[0, -1] - 0.3) < 1e-3
+
+
+def test_a_string_that_slides_along_creeps_to_where_it_is_turned():
+    played = Played(Steering(motor_nm=0.0, static_nm=200.0, kinetic_nm=200.0), rop=60.0)
+    played.string.command(Command(ORIENT, turn=1.0, valid_for=1e6))
+    played.play(60.0)
+    assert played.turn[0, -1] == pytest.approx(1.3, abs=0.05)
+
+
+def test_a_turn_ends_where_it_should_within_the_limits_of_the_top_drive():
+    played = Played()
+    played.string.command(Command(ORIENT, turn=-2.0, valid_for=60.0))
+    played.play(10.0)
+    angle = np.cumsum(played.drive[:, 0]) / RATE
+    assert angle[-1] == pytest.approx(-2.0, abs=0.01)
+    assert angle.min() > -2.01
+    assert np.abs(played.drive[:, 0]).max() <= EASY.orient_rpm * RPM + 1e-9
+    assert np.abs(np.diff(played.drive[:, 0])).max() * RATE <= EASY.ramp_rpm_s * RPM * (1.0 + 1e-9)
+
+
+def test_a_turn_asked_for_while_it_rotates_counts_from_where_it_comes_to_rest():
+    played = Played()
+    played.string.command(Command(ROTATE, rotary_speed=60.0 * RPM, valid_for=60.0))
+    played.play(5.0)
+    stands = played.string._state[0] + 0.5 * (60.0 * RPM) ** 2 / (20.0 * RPM)
+    played.string.command(Command(ORIENT, turn=0.5, valid_for=60.0))
+    played.play(15.0)
+    assert played.string._state[0] == pytest.approx(stands + 0.5, abs=0.01)
+
+
+def test_when_commands_stop_the_top_drive_does():
+    played = Played()
+    played.string.command(Command(ROTATE, rotary_speed=60.0 * RPM, valid_for=4.0))
+    played.play(3.5)
+    assert played.drive[-1, 0] == pytest.approx(60.0 * RPM)
+    played.play(5.0)
+    assert played.drive[-1, 0] == 0.0
+    assert played.string.obeys == HOLD
+
+
+def test_the_same_commands_give_the_same_bits_whatever_the_block():
+    def run(block):
+        played = Played(Steering(), rpm=60.0).play(10.0, block)
+        played.string.command(Command(ORIENT, turn=1.0, valid_for=5.0))
+        return played.play(10.0, block).turn.tobytes()
+
+    assert run(2000) == run(400)
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (Command(7), "mode"),
+        (Command(ROTATE, rotary_speed=math.nan), "rotary_speed"),
+        (Command(ROTATE, rotary_speed=201.0 * RPM), "rotary_speed"),
+        (Command(ORIENT, turn=13.0), "turn"),
+        (Command(HOLD, valid_for=0.0), "valid_for"),
+        (Command(HOLD, valid_for=math.inf), "valid_for"),
+    ],
+)
+def test_what_the_top_drive_cannot_do_is_refused_and_changes_nothing(command, words):
+    played = Played()
+    with pytest.raises(ValueError, match=words):
+        played.string.command(command)
+    assert played.string.obeys is None
+
+
+def test_settings_that_cannot_be_are_refused():
+    with pytest.raises(ValueError, match="kinetic_nm"):
+        steering.Steering(static_nm=1.0, kinetic_nm=2.0)
+    with pytest.raises(ValueError, match="motor_band_hz"):
+        steering.Steering(motor_band_hz=(1.0, 0.5))
+
+
+def test_a_run_that_starts_under_way_starts_wound_up_and_turning():
+    played = Played(Steering(motor_unsteady=0.0), rpm=150.0, running_start=True).play(0.5)
+    assert played.turn[0, 0] == 0.3
+    assert abs(played.turn[2, 0]) < 0.05

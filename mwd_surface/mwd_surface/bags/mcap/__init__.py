@@ -1,0 +1,1 @@
+"""MCAP files: format, index, writer, recovery."""

@@ -1,0 +1,309 @@
+"""
+One MCAP file as it grows: chunks of messages with CRC and index, attachments, and a summary at its end.
+
+A chunk is the unit that survives a crash: everything before the last complete chunk can be read without the summary.
+Schemas and channels are therefore written twice: in the clear, where a reader finds them without decompressing, and in
+the next chunk, where its CRC guards them; and all of them again in every `REPEAT`-th chunk, so that damage in one place
+cannot take the names of all that follows.
+"""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_surface import __version__
+from mwd_surface.bags.mcap import format as mcap_format
+from mwd_surface.bags.mcap.format import Attachment, Channel, ChunkHead, ChunkIndex, Schema, Statistics
+
+LIBRARY = f"mwd_surface {__version__}"
+REPEAT = 16
+_U32 = 0xFFFFFFFF
+
+
+class McapWriter:
+    """
+    Writes one MCAP file.
+
+    Parameters
+    ----------
+    path : Path
+        Must not exist yet.
+    compression : {"zstd", "lz4", ""}
+    level : int
+        Of zstd.
+    chunk_bytes : int
+        A chunk is closed when its records reach this size; before compression.
+
+    Raises
+    ------
+    OSError
+        From every method that writes. The chunk at hand is then kept in memory and the file ends after the last
+        complete record, so that the call may be repeated or the file finished.
+    """
+
+    def __init__(self, path: Path, compression: str = "zstd", level: int = 1, chunk_bytes: int = 1024 * 1024) -> None:
+        self.path = path
+        self.chunk_bytes = chunk_bytes
+        self.size = 0
+        self.counts: dict[int, int] = {}
+        self.start_ns: int | None = None
+        self.end_ns = 0
+        self.channels: dict[int, Channel] = {}
+        self._compress = mcap_format.Compressor(compression, level)
+        self._schemas: dict[int, Schema] = {}
+        self._chunks: list[ChunkIndex] = []
+        self._attachment_index: list[bytes] = []
+        self._metadata_index: list[bytes] = []
+        self._crc = 0
+        self._parts: list[bytes] = []
+        self._pending = 0
+        self._declarations = b""
+        self._index: dict[int, list[NDArray[np.void] | tuple[int, int]]] = {}
+        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        try:
+            self._append(mcap_format.MAGIC + mcap_format.header_record(LIBRARY))
+        except OSError:
+            os.close(self._file)
+            raise
+
+    @property
+    def messages(self) -> int:
+        """Messages taken so far, the chunk at hand included."""
+        return sum(self.counts.values())
+
+    def add_schema(self, schema: Schema) -> None:
+        """Write a definition; the id must be new and not 0."""
+        record = mcap_format.schema_record(schema)
+        self._append(record)
+        self._declarations += record
+        self._schemas[schema.id] = schema
+
+    def add_channel(self, channel: Channel) -> None:
+        """Write a topic's declaration; the id must be new, its schema written before (or 0: none)."""
+        record = mcap_format.channel_record(channel)
+        self._append(record)
+        self._declarations += record
+        self.channels[channel.id] = channel
+        self.counts[channel.id] = 0
+
+    def write(self, channel: int, data: bytes, log_ns: int, publish_ns: int) -> None:
+        """Put one message into the chunk at hand, closing it when it is full."""
+        self._declare()
+        sequence = self.counts[channel] + 1
+        head = mcap_format.message_prefix(channel, sequence & _U32, log_ns, publish_ns, len(data))
+        self._index.setdefault(channel, []).append((log_ns, self._pending))
+        self._parts += (head, data)
+        self._pending += len(head) + len(data)
+        self._count(channel, 1, log_ns, log_ns)
+        if self._pending >= self.chunk_bytes:
+            self.close_chunk()
+
+    def write_rows(
+        self, channel: int, rows: NDArray[np.uint8], log_ns: NDArray[np.int64], publish_ns: NDArray[np.int64]
+    ) -> None:
+        """Put many messages of one size, shape (n, size), into chunks; stamps of shape (n,)."""
+        size = rows.shape[1]
+        dtype = np.dtype([*mcap_format.MESSAGE_FIELDS, ("data", "u1", (size,))])
+        done = 0
+        while done < len(rows):
+            self._declare()
+            count = max(1, -(-(self.chunk_bytes - self._pending) // dtype.itemsize))
+            part = slice(done, min(done + count, len(rows)))
+            records = np.empty(part.stop - part.start, dtype=dtype)
+            records["opcode"] = mcap_format.MESSAGE
+            records["length"] = mcap_format.MESSAGE_HEAD + size
+            records["channel"] = channel
+            first = self.counts[channel] + 1
+            records["sequence"] = np.arange(first, first + len(records), dtype=np.int64) & _U32
+            records["log_ns"] = log_ns[part]
+            records["publish_ns"] = publish_ns[part]
+            records["data"] = rows[part]
+            entries = np.empty(len(records), dtype=mcap_format.INDEX_ENTRY)
+            entries["log_ns"] = log_ns[part]
+            entries["offset"] = self._pending + np.arange(len(records)) * dtype.itemsize
+            self._index.setdefault(channel, []).append(entries)
+            self._parts.append(records.tobytes())
+            self._pending += records.nbytes
+            self._count(channel, len(records), int(log_ns[part].min()), int(log_ns[part].max()))
+            done = part.stop
+            if self._pending >= self.chunk_bytes:
+                self.close_chunk()
+
+    def write_records(
+        self,
+        records: NDArray[np.uint8],
+        offset: NDArray[np.int64],
+        channel: NDArray[np.uint16],
+        log_ns: NDArray[np.int64],
+    ) -> None:
+        """Put finished message records, which follow one another from offset[0] = 0 on, into chunks in their order."""
+        ends = np.append(offset[1:], len(records))
+        done = 0
+        while done < len(offset):
+            self._declare()
+            begin = int(offset[done])
+            stop = int(np.searchsorted(ends, begin + self.chunk_bytes - self._pending)) + 1
+            stop = min(max(stop, done + 1), len(offset))
+            part = slice(done, stop)
+            for number in np.unique(channel[part]).tolist():
+                mine = np.flatnonzero(channel[part] == number) + done
+                entries = np.empty(len(mine), dtype=mcap_format.INDEX_ENTRY)
+                entries["log_ns"] = log_ns[mine]
+                entries["offset"] = self._pending + offset[mine] - begin
+                self._index.setdefault(number, []).append(entries)
+                self._count(number, len(mine), int(log_ns[mine].min()), int(log_ns[mine].max()))
+            end = int(ends[stop - 1])
+            self._parts.append(records[begin:end].tobytes())
+            self._pending += end - begin
+            done = stop
+            if self._pending >= self.chunk_bytes:
+                self.close_chunk()
+
+    def close_chunk(self) -> None:
+        """Write the chunk at hand, if there is one, and its message indexes."""
+        if not self._pending:
+            return
+        plain = b"".join(self._parts)
+        # One piece from now on: if the disk refuses it, the next attempt need not join again.
+        self._parts = [plain]
+        indexes = {channel: _entries(items) for channel, items in self._index.items()}
+        start = min(int(entries["log_ns"].min()) for entries in indexes.values())
+        end = max(int(entries["log_ns"].max()) for entries in indexes.values())
+        data = self._compress(plain)
+        head = ChunkHead(start, end, len(plain), zlib.crc32(plain), self._compress.compression, len(data), 0)
+        self.add_chunk(head, data, indexes)
+        self._parts, self._pending, self._index = [], 0, {}
+
+    def add_chunk(self, head: ChunkHead, data: bytes, indexes: Mapping[int, NDArray[np.void]]) -> None:
+        """Write a chunk that is compressed already; the messages in it are not counted here."""
+        prefix = mcap_format.chunk_prefix(head)
+        offset, length = self.size, len(prefix) + len(data)
+        tail, offsets = b"", {}
+        for channel, entries in indexes.items():
+            offsets[channel] = offset + length + len(tail)
+            tail += mcap_format.message_index_record(channel, entries)
+        self._append(prefix + data + tail)
+        self._chunks.append(
+            ChunkIndex(
+                head.start_ns, head.end_ns, offset, length, offsets, len(tail), head.compression, len(data), head.size
+            )
+        )
+
+    def copy_chunk(self, head: ChunkHead, data: bytes, indexes: Mapping[int, NDArray[np.void]]) -> None:
+        """Write a chunk taken from another file as it is, and count its messages by their indexes."""
+        self.add_chunk(head, data, indexes)
+        for channel, entries in indexes.items():
+            self._count(channel, len(entries), int(entries["log_ns"].min()), int(entries["log_ns"].max()))
+
+    def attach(self, item: Attachment) -> None:
+        """Keep a file inside this one; the chunk at hand is closed first."""
+        self.close_chunk()
+        data, offset = mcap_format.attachment_record(item), self.size
+        self._append(data)
+        self._attachment_index.append(mcap_format.attachment_index_record(item, offset, len(data)))
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Write a named table of strings; the chunk at hand is closed first."""
+        self.close_chunk()
+        data, offset = mcap_format.metadata_record(name, values), self.size
+        self._append(data)
+        self._metadata_index.append(mcap_format.metadata_index_record(name, offset, len(data)))
+
+    def sync(self) -> None:
+        """Make the disk hold what was written so far (not the chunk at hand)."""
+        os.fdatasync(self._file)
+
+    def finish(self, sync: bool = False) -> None:
+        """Write the chunk at hand, summary and footer, and close the file."""
+        self.close_chunk()
+        data_end = mcap_format.record(mcap_format.DATA_END, self._crc.to_bytes(4, "little"))
+        self._append(data_end + mcap_format.summary(self._groups(), self.size + len(data_end)))
+        if sync:
+            os.fsync(self._file)
+        self.close()
+
+    def discard_pending(self) -> int:
+        """Give up the chunk at hand, for a disk that has no room for it; returns the messages lost."""
+        before = self.messages
+        for channel, items in self._index.items():
+            self.counts[channel] -= len(_entries(items))
+        self._parts, self._pending, self._index = [], 0, {}
+        self.start_ns = min((chunk.start_ns for chunk in self._chunks), default=None)
+        self.end_ns = max((chunk.end_ns for chunk in self._chunks), default=0)
+        return before - self.messages
+
+    def close(self) -> None:
+        """Close the file as it is; without `finish` it stays an unfinished recording."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+    def _groups(self) -> list[tuple[int, bytes]]:
+        totals = Statistics(
+            self.messages,
+            len(self._schemas),
+            len(self.channels),
+            len(self._attachment_index),
+            len(self._metadata_index),
+            len(self._chunks),
+            self.start_ns or 0,
+            self.end_ns,
+            self.counts,
+        )
+        return [
+            (mcap_format.SCHEMA, b"".join(map(mcap_format.schema_record, self._schemas.values()))),
+            (mcap_format.CHANNEL, b"".join(map(mcap_format.channel_record, self.channels.values()))),
+            (mcap_format.STATISTICS, mcap_format.statistics_record(totals)),
+            (mcap_format.CHUNK_INDEX, b"".join(map(mcap_format.chunk_index_record, self._chunks))),
+            (mcap_format.ATTACHMENT_INDEX, b"".join(self._attachment_index)),
+            (mcap_format.METADATA_INDEX, b"".join(self._metadata_index)),
+        ]
+
+    def _declare(self) -> None:
+        if not self._pending and self._chunks and len(self._chunks) % REPEAT == 0:
+            self._declarations = b"".join(map(mcap_format.schema_record, self._schemas.values()))
+            self._declarations += b"".join(map(mcap_format.channel_record, self.channels.values()))
+        if self._declarations:
+            self._parts.append(self._declarations)
+            self._pending += len(self._declarations)
+            self._declarations = b""
+
+    def _count(self, channel: int, count: int, first_ns: int, last_ns: int) -> None:
+        self.counts[channel] += count
+        self.start_ns = first_ns if self.start_ns is None else min(self.start_ns, first_ns)
+        self.end_ns = max(self.end_ns, last_ns)
+
+    def _append(self, data: bytes) -> None:
+        view, written = memoryview(data), 0
+        try:
+            while written < len(view):
+                written += os.write(self._file, view[written:])
+        except OSError:
+            # Half a record would hide everything written after it.
+            os.ftruncate(self._file, self.size)
+            os.lseek(self._file, self.size, os.SEEK_SET)
+            raise
+        self._crc = zlib.crc32(data, self._crc)
+        self.size += len(data)
+
+
+def _entries(items: list[NDArray[np.void] | tuple[int, int]]) -> NDArray[np.void]:
+    arrays: list[NDArray[np.void]] = []
+    singles: list[tuple[int, int]] = []
+    for item in items:
+        if isinstance(item, tuple):
+            singles.append(item)
+            continue
+        if singles:
+            arrays.append(np.array(singles, dtype=mcap_format.INDEX_ENTRY))
+            singles = []
+        arrays.append(item)
+    if singles:
+        arrays.append(np.array(singles, dtype=mcap_format.INDEX_ENTRY))
+    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)

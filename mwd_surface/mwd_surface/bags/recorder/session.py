@@ -1,0 +1,374 @@
+"""
+A recording at hand: messages and events into files, chunks and splits by time and size, pauses of a full disk.
+
+Used by one thread. What a disk refuses pauses the recording with as whole a file as it gives, and is tried again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import enum
+import errno
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from mwd_surface.bags import bag_metadata
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.bags.definitions import Definitions
+from mwd_surface.bags.recorder.settings import RecorderSettings
+
+EVENT_TYPE = "rcl_interfaces/msg/Log"
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_LOOK = 0.5  # s between looks at the disk's free space
+_LOOK_BYTES = 8 * 1024 * 1024  # or after so many bytes
+
+# Topic, type, bytes, time of logging and of publishing (ns), profiles as YAML, type hash.
+Item = tuple[str, str, bytes, int, int, str, str]
+OVERHEAD = 128  # what a waiting message costs beyond its bytes
+Tables = Callable[[], Mapping[str, Mapping[str, str]]]
+
+
+class State(enum.IntEnum):
+    """As in mwd_msgs/RecorderStatus."""
+
+    STOPPED = 0
+    RECORDING = 1
+    PAUSED_DISK_FULL = 2
+    FAILED = 3
+
+
+class Level(enum.IntEnum):
+    """Severity of an event, as in rcl_interfaces/Log."""
+
+    INFO = 20
+    WARNING = 30
+    ERROR = 40
+
+
+@dataclasses.dataclass(frozen=True)
+class Event:
+    """Something the recorder did or suffered; stamp_ns in ns since the epoch."""
+
+    stamp_ns: int
+    level: Level
+    text: str
+
+
+class Session:
+    """
+    One recording, from its first file to its last.
+
+    Parameters
+    ----------
+    writer : BagWriter
+        In place, its first file begun.
+    folder : Path
+        Whose disk is watched.
+    settings : RecorderSettings
+    definitions : Definitions
+    event_topic : str
+        Under which events are recorded.
+    tables : callable
+        Named tables of strings that are put into every file.
+    space : callable
+        Bytes free for a folder.
+    refused : callable
+        Messages of this recording that the queue did not take.
+    tell : callable
+        Called with level and text of what happens; hands an Event back to `record`.
+
+    Attributes
+    ----------
+    state : State
+    reason : str
+        Of a pause or failure.
+    writing : bool
+        False while the disk is full or failing.
+    dropped : int
+        Taken from the queue but not written.
+    free : int
+        Bytes free on the disk at the last look; -1 unknown.
+    began : float
+        Steady time, s.
+    unsaved_since : float or None
+        Steady time of the oldest message not yet forced to the disk.
+    """
+
+    def __init__(
+        self,
+        writer: BagWriter,
+        folder: Path,
+        settings: RecorderSettings,
+        definitions: Definitions,
+        *,
+        event_topic: str,
+        tables: Tables,
+        space: Callable[[Path], int],
+        refused: Callable[[], int],
+        tell: Callable[[Level, str], None],
+    ) -> None:
+        self.writer = writer
+        self.state, self.reason = State.RECORDING, ""
+        self.writing = True
+        self.dropped = 0
+        self.free = -1
+        self.began = time.monotonic()
+        self.unsaved_since: float | None = None
+        self._folder, self._settings, self._definitions = folder, settings, definitions
+        self._event_topic, self._tables, self._space = event_topic, tables, space
+        self._refused, self._tell = refused, tell
+        self._channels: dict[tuple[str, str], int] = {}
+        self._file_began = self.began
+        self._chunk_began: float | None = None
+        self._last_ns = 0
+        self._dropped_told = 0
+        self._pause_began = 0
+        self._retry_at = 0.0
+        self._checked_at = -1e9
+        self._unchecked = 0
+        self._odd: set[str] = set()
+        self._early: list[Event] = []
+        self._put_tables()
+
+    def take(self, item: Item) -> None:
+        """Write a message; what cannot be written is counted and told."""
+        if not self.writing:
+            self.dropped += 1
+            return
+        before = self.writer.messages
+        try:
+            self._write(item)
+        except OSError as error:
+            # A message that reached the chunk at hand is not lost yet: it goes with the chunk.
+            self.dropped += self.writer.messages == before
+            self.disk_failed(error)
+        except Exception as error:  # noqa: BLE001  (one odd message must not end the recording of the others)
+            self.dropped += 1
+            if item[0] not in self._odd:
+                self._odd.add(item[0])
+                self._tell(Level.WARNING, f"messages of {item[0]} cannot be recorded: {error}")
+
+    def periodic(self) -> None:
+        """What is due by time: chunk, sync, split, disk, drops."""
+        now = time.monotonic()
+        if now - self._checked_at >= _LOOK or not self.writing:
+            self._watch_disk()
+        if not self.writing:
+            return
+        self._by_time()
+        waiting = self.unsaved_since
+        if waiting is not None and now - waiting >= self._settings.sync_seconds:
+            # The chunk at hand goes too: else a quiet topic's message could wait for a chunk and then for a sync.
+            self.writer.file.close_chunk()
+            self._chunk_began = None
+            self.writer.file.sync()
+            self.unsaved_since = None
+        if self._settings.split_seconds and now - self._file_began >= self._settings.split_seconds:
+            self._new_file()
+        count = self.lost - self._dropped_told
+        if count > 0:
+            self._dropped_told += count
+            self._tell(Level.ERROR, f"{count} messages were lost: the disk is slower than the data")
+
+    @property
+    def lost(self) -> int:
+        """Messages of this recording that are not in it."""
+        return self._refused() + self.dropped
+
+    def _write(self, item: Item) -> None:
+        topic, type_name, data, log_ns, publish_ns, qos, type_hash = item
+        if log_ns < 0:
+            raise ValueError(f"its stamp {log_ns} lies before 1970")
+        channel = self._channels.get((topic, type_name))
+        if channel is None:
+            channel = self._declare(topic, type_name, qos, type_hash)
+        jump = self._settings.time_jump_seconds * 1e9
+        if jump and self._last_ns and abs(log_ns - self._last_ns) > jump:
+            text = f"the clock jumped by {(log_ns - self._last_ns) * 1e-9:+.0f} s; a new file was begun"
+            self._last_ns = log_ns
+            self._new_file()
+            if not self.writing:
+                self.dropped += 1
+                return
+            self._tell(Level.WARNING, text)
+        self._last_ns = log_ns
+        if self._early:
+            self._record_early()
+        size_before = self.writer.file.size
+        self.writer.write(channel, data, log_ns, publish_ns)
+        self._unchecked += len(data)
+        now = time.monotonic()
+        if self.unsaved_since is None:
+            self.unsaved_since = now
+        if self.writer.file.size != size_before:
+            self._chunk_began = None
+            self._after_chunk()
+        elif self._chunk_began is None:
+            self._chunk_began = now
+
+    def _declare(self, topic: str, type_name: str, qos: str, type_hash: str) -> int:
+        try:
+            profiles = bag_metadata.parse_qos(qos)
+        except ValueError as error:
+            profiles = []
+            self._tell(Level.WARNING, f"{topic}: recorded without its quality of service: {error}")
+        channel = self.writer.topic(topic, type_name, profiles, type_hash, need_definition=False)
+        self._channels[topic, type_name] = channel
+        if not self.writer.has_definition(channel):
+            self._tell(Level.WARNING, f"{topic}: recorded without a definition, for {type_name} is unknown here")
+        return channel
+
+    def _by_time(self) -> None:
+        """Close a chunk that is old enough."""
+        if self._chunk_began is not None and time.monotonic() - self._chunk_began >= self._settings.chunk_seconds:
+            self.writer.file.close_chunk()
+            self._chunk_began = None
+            self._after_chunk()
+
+    def _after_chunk(self) -> None:
+        limit = self._settings.split_bytes
+        if limit and self.writer.file.size >= limit:
+            self._new_file()
+        if self._unchecked > _LOOK_BYTES:
+            self._watch_disk()
+
+    def _watch_disk(self) -> None:
+        self._checked_at, self._unchecked = time.monotonic(), 0
+        try:
+            self.free = self._space(self._folder)
+        except OSError as error:
+            self.free = -1
+            if self.writing:
+                self.disk_failed(error)
+            return
+        low = self._settings.min_free_bytes
+        if self.writing and self.free < low:
+            reason = f"{self.free / 1e6:.0f} MB free on the disk of {self._folder}, {low / 1e6:.0f} MB must stay free"
+            self._pause_writing(State.PAUSED_DISK_FULL, reason)
+        elif not self.writing and self.free >= low + low // 8 and time.monotonic() >= self._retry_at:
+            self._resume()
+
+    def _pause_writing(self, state: State, reason: str) -> None:
+        self._tell(Level.ERROR, f"recording paused: {reason}")
+        self.writing = False
+        self._pause_began = time.time_ns()
+        self._retry_at = time.monotonic() + self._settings.retry_seconds
+        self.unsaved_since = self._chunk_began = None
+        try:
+            self.writer.finish_file(sync=True)
+        except OSError:
+            # No room even for the chunk at hand or for the summary: without the chunk there may be.
+            self.dropped += self.writer.file.discard_pending()
+            try:
+                self.writer.finish_file(sync=True)
+            except OSError:
+                self.dropped += self.writer.give_up_file()
+                self._tell(Level.ERROR, f"{self.writer.file.path.name} has no end; the next start recovers it")
+        # Only now: whoever sees the pause may rely on the file.
+        self.state, self.reason = state, reason
+
+    def disk_failed(self, error: OSError) -> None:
+        """Pause, with as whole a file as the disk gives."""
+        full = error.errno in _FULL
+        reason = self._words(error)
+        self._pause_writing(State.PAUSED_DISK_FULL if full else State.FAILED, reason)
+
+    def _resume(self) -> None:
+        self._retry_at = time.monotonic() + self._settings.retry_seconds
+        try:
+            self.writer.begin_file()
+        except OSError as error:
+            self.reason = self._words(error)
+            return
+        self.writing, self._file_began = True, time.monotonic()
+        self.state, self.reason = State.RECORDING, ""
+        lost = self.lost - self._dropped_told
+        self._dropped_told += lost
+        seconds = (time.time_ns() - self._pause_began) * 1e-9
+        self._put_tables()
+        self._tell(Level.WARNING, f"recording goes on after a pause of {seconds:.0f} s; {lost} messages were lost")
+
+    def split(self) -> Path:
+        """Go on in a new file; the finished one comes back."""
+        done = self.writer.file.path
+        self._new_file()
+        return done
+
+    def finish(self) -> None:
+        """End the recording; the disk's refusal ends it as far as it goes."""
+        try:
+            if self.writing:
+                self._record_early()
+                self.writer.close(sync=True)
+        except OSError as error:
+            self.disk_failed(error)
+
+    def record(self, event: Event) -> None:
+        """Put an event into the recording; before the first message it waits, for only then its time is known."""
+        if not self.writing:
+            return
+        if not self._last_ns:
+            self._early.append(event)
+            return
+        # A disk that refuses the event is about to be met, and handled, by the messages themselves.
+        with contextlib.suppress(OSError):
+            self._record_event(event)
+
+    def _new_file(self) -> None:
+        self.writer.finish_file(sync=True)
+        self._chunk_began = self.unsaved_since = None
+        try:
+            self.writer.begin_file()
+        except OSError as error:
+            self.writing = False
+            self._pause_began = time.time_ns()
+            self._retry_at = time.monotonic() + self._settings.retry_seconds
+            full = error.errno in _FULL
+            self.state = State.PAUSED_DISK_FULL if full else State.FAILED
+            self.reason = self._words(error)
+            self._tell(Level.ERROR, f"recording paused: {self.reason}")
+            return
+        self._file_began = time.monotonic()
+        self._put_tables()
+
+    def _put_tables(self) -> None:
+        for name, values in self._tables().items():
+            self.writer.add_metadata(name, values)
+
+    def _record_early(self) -> None:
+        """Events from before the first message: only now is the recording's own time known."""
+        early, self._early = self._early, []
+        for event in early:
+            self._record_event(event)
+
+    def _record_event(self, event: Event) -> None:
+        self._definitions.load(EVENT_TYPE)
+        types = self._definitions.typestore.types
+        sec, nanosec = divmod(event.stamp_ns, 1_000_000_000)
+        message = types[EVENT_TYPE](
+            types["builtin_interfaces/msg/Time"](sec, nanosec), int(event.level), "recorder", event.text, "", "", 0
+        )
+        data = bytes(self._definitions.typestore.serialize_cdr(message, EVENT_TYPE))
+        channel = self.writer.topic(self._event_topic, EVENT_TYPE)
+        # In the recording's own time, which may be a simulation's.
+        self.writer.write(channel, data, self._last_ns or event.stamp_ns)
+        if self._chunk_began is None:
+            self._chunk_began = time.monotonic()
+        if self.unsaved_since is None:
+            self.unsaved_since = time.monotonic()
+
+    def _words(self, error: OSError) -> str:
+        return words_of(error, self._folder)
+
+
+def words_of(error: OSError, folder: Path) -> str:
+    """What a disk refused, with its path."""
+    return f"{error.filename or folder}: {error.strerror or error}"
+
+
+def free_bytes(folder: Path) -> int:
+    """Bytes free on the disk of a folder."""
+    return shutil.disk_usage(folder).free

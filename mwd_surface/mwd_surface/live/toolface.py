@@ -1,0 +1,61 @@
+"""
+The toolface a driller steers by: from the high side, or from north where the hole is too near vertical for one.
+
+Which of the two, the estimator says (status NEAR_VERTICAL, with its hysteresis), so that the dial does not flip while
+the inclination hovers, and never shows a high side that the estimator calls undefined.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_estimation.core.status import Status
+from mwd_sensors.core.wire import Samples
+
+GRAVITY, MAGNETIC = 0, 1
+
+
+@dataclasses.dataclass(frozen=True)
+class ToolfaceReading:
+    """As the Toolface message: mode GRAVITY or MAGNETIC, angle and sigma in rad (sigma -1: not available), rad/s."""
+
+    stamp_ns: int
+    mode: int
+    angle: float
+    sigma: float
+    rotating: bool = False
+    rotary_speed: float = 0.0
+
+
+class ToolfaceSelector:
+    """
+    Picks gravity or magnetic toolface sample by sample; all that changes is the mode in force.
+
+    Before the first inclination the mode is gravity.
+    """
+
+    def __init__(self) -> None:
+        self.mode = GRAVITY
+
+    def update(self, samples: Samples, rotary_speed: float = 0.0) -> ToolfaceReading | None:
+        """
+        Reading of the last of some attitude samples; None where there are none.
+
+        samples, shape (n,): `wire.ATTITUDE`. rotary_speed: rad/s, passed through. A toolface that is not available
+        has angle 0 and sigma -1.
+        """
+        if len(samples) == 0:
+            return None
+        known = samples[np.isfinite(samples["inclination"]) & (samples["sigma_inclination"] >= 0.0)]
+        if len(known):
+            self.mode = MAGNETIC if int(known["status"][-1]) & Status.NEAR_VERTICAL else GRAVITY
+        last = samples[-1]
+        kind = "gravity_toolface" if self.mode == GRAVITY else "magnetic_toolface"
+        angle, sigma = float(last[kind]), float(last["sigma_" + kind])
+        if not (math.isfinite(angle) and math.isfinite(sigma) and sigma >= 0.0):
+            angle, sigma = 0.0, -1.0
+        rotating = bool(int(last["status"]) & Status.ROTATING)
+        return ToolfaceReading(int(last["stamp_ns"]), self.mode, angle % math.tau, sigma, rotating, rotary_speed)

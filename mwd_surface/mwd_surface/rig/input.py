@@ -1,0 +1,128 @@
+"""
+What the rig tells us, before anybody believes it: placeholders out, impossible values out, jumps only when confirmed.
+
+Readings come in SI with the names of RigState; samples go out with a bit for each value that may be used. A depth that
+leaps is held back until the readings after it agree, since a survey would take its depth from it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+from mwd_sensors.core import wire
+from mwd_sensors.core.settings import setting
+from mwd_sensors.core.wire import NANOSECONDS, Samples
+from mwd_surface.surveys.depth import DepthRules, DepthTrack
+
+# Order of the bits of RigState.valid.
+FIELDS = (
+    "bit_depth", "hole_depth", "block_position", "hookload", "weight_on_bit", "torque", "rotary_speed", "flow_rate",
+    "pressure", "rate_of_penetration",
+)  # fmt: skip
+SLIPS_BIT = 1 << len(FIELDS)
+# What a rig can have at all, SI.
+PLAUSIBLE: dict[str, tuple[float, float]] = {
+    "block_position": (-20.0, 80.0),
+    "hookload": (0.0, 2e7),
+    "weight_on_bit": (-1e6, 2e6),
+    "torque": (-2e5, 2e5),
+    "rotary_speed": (-60.0, 60.0),
+    "flow_rate": (0.0, 0.5),
+    "pressure": (-1e6, 1.5e8),
+    "rate_of_penetration": (0.0, 0.5),
+}
+_DEPTHS = ("bit_depth", "hole_depth")
+
+
+@dataclasses.dataclass(frozen=True)
+class RigInputSettings:
+    """What is believed of the rig's data."""
+
+    accept: bool = setting(False, "take rig data that peers send", fixed=True)
+    fastest: float = setting(5.0, "speed that a string cannot exceed", unit="m/s", low=0.1, fixed=True)
+    slack: float = setting(2.0, "step of a depth that is no jump", unit="m", low=0.0, fixed=True)
+    confirm: int = setting(3, "readings in a row that make a jump the truth", low=1, fixed=True)
+    deepest: float = setting(15000.0, "depth beyond which a reading is nonsense", unit="m", low=1.0, fixed=True)
+    slips_hookload: float = setting(
+        0.0, "below this hookload the string hangs in the slips; 0: not known", unit="N", low=0.0, fixed=True
+    )
+    max_rate: float = setting(20.0, "readings taken per second at most", unit="Hz", low=0.1, high=100.0, fixed=True)
+
+
+@dataclasses.dataclass
+class RigInputCounts:
+    """taken: samples given on; refused: impossible values; held: depths to be confirmed yet; hurried: too fast."""
+
+    taken: int = 0
+    refused: int = 0
+    held: int = 0
+    hurried: int = 0
+
+
+class RigInput:
+    """Readings to samples; state: the last believed depths."""
+
+    def __init__(self, settings: RigInputSettings | None = None) -> None:
+        self.settings = settings or RigInputSettings()
+        self.counts = RigInputCounts()
+        rules = DepthRules(
+            fastest=self.settings.fastest,
+            slack=self.settings.slack,
+            confirm=self.settings.confirm,
+            deepest=self.settings.deepest,
+            history=10,
+        )
+        self._tracks = {name: DepthTrack(rules) for name in _DEPTHS}
+        self._last_ns: int | None = None
+
+    def take(self, readings: Mapping[str, float], stamp_ns: int) -> Samples | None:
+        """
+        One sample, `wire.RIG_STATE`, shape (1,), of readings taken together; None where nothing of them is believed.
+
+        A stamp not after the last one is counted and left out, as is a reading too soon after it.
+        """
+        if self._last_ns is not None and stamp_ns - self._last_ns < NANOSECONDS / self.settings.max_rate:
+            self.counts.hurried += 1
+            return None
+        good = {name: value for name, value in readings.items() if self._believed(name, value, stamp_ns)}
+        if good:
+            self._last_ns = stamp_ns
+        if (
+            "bit_depth" in good
+            and "hole_depth" in good
+            and good["bit_depth"] > good["hole_depth"] + self.settings.slack
+        ):
+            # The bit cannot be below the bottom: one of the two is wrong, and nobody knows which.
+            self.counts.refused += 2
+            del good["bit_depth"], good["hole_depth"]
+        if not good:
+            return None
+        sample = wire.RIG_STATE.empty(1)
+        sample["stamp_ns"] = stamp_ns
+        valid = 0
+        for k, name in enumerate(FIELDS):
+            if name in good:
+                sample[name] = good[name]
+                valid |= 1 << k
+        if self.settings.slips_hookload > 0.0 and "hookload" in good:
+            sample["in_slips"] = good["hookload"] < self.settings.slips_hookload
+            valid |= SLIPS_BIT
+        sample["valid"] = valid
+        self.counts.taken += 1
+        return sample
+
+    def _believed(self, name: str, value: float, stamp_ns: int) -> bool:
+        if name in self._tracks:
+            track = self._tracks[name]
+            nonsense = track.refused_null
+            believed = track.update(stamp_ns, value)
+            self.counts.refused += track.refused_null - nonsense
+            self.counts.held += not believed and track.refused_null == nonsense
+            return believed
+        low, high = PLAUSIBLE.get(name, (math.inf, -math.inf))
+        if not (math.isfinite(value) and low <= value <= high):
+            self.counts.refused += 1
+            return False
+        return True

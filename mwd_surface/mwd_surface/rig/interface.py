@@ -1,0 +1,276 @@
+"""
+What every rig interface is: it starts, is told values without ever blocking the teller, tells its state, and stops.
+
+An interface lives in a thread of its own with an event loop; it may hand rig data or a command back through callbacks,
+which are called in that thread.
+"""
+
+from __future__ import annotations
+
+import abc
+import asyncio
+import concurrent.futures
+import dataclasses
+import errno
+import importlib
+import socket
+import threading
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+from mwd_sensors.core.wire import Samples
+from mwd_surface.loopback import is_loopback
+from mwd_surface.rig.values import RigValues
+
+OnRigState = Callable[[Samples], None]
+OnCommand = Callable[[str, dict[str, Any]], tuple[bool, str]]
+LISTENING, CONNECTED, CONNECTING, DOWN, STOPPED = "listening", "connected", "connecting", "down", "stopped"
+
+
+class InterfaceError(RuntimeError):
+    """An interface cannot run; the message says why and what to do."""
+
+
+class MissingPackageError(InterfaceError):
+    """An optional package is not installed; the message says how to install it."""
+
+
+@dataclasses.dataclass(frozen=True)
+class PeerStatus:
+    """One connection. Counts since it began; rate: of what was sent to it, per second; last: what came or went last."""
+
+    address: str
+    since: float
+    sent: int = 0
+    received: int = 0
+    dropped: int = 0
+    rate: float = 0.0
+    last: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class InterfaceStatus:
+    """
+    State of one interface: one of the words above, where it is, and why it is not up.
+
+    sent, received, dropped, refused: messages out and in, messages a slow peer did not get, connections turned away.
+    counts: further counters by name. last: last values out, name and text.
+    """
+
+    name: str
+    state: str
+    address: str = ""
+    reason: str = ""
+    peers: tuple[PeerStatus, ...] = ()
+    sent: int = 0
+    received: int = 0
+    dropped: int = 0
+    refused: int = 0
+    counts: tuple[tuple[str, int], ...] = ()
+    last: tuple[tuple[str, str], ...] = ()
+
+
+class RigInterface(abc.ABC):
+    """One way out to the rig, and perhaps in from it."""
+
+    name: str
+
+    @abc.abstractmethod
+    def start(self) -> None:
+        """
+        Begin.
+
+        Raises
+        ------
+        InterfaceError
+            A package, the port or the device is not to be had.
+        """
+
+    @abc.abstractmethod
+    def publish(self, values: RigValues) -> None:
+        """The newest values; never blocks, the last one wins."""
+
+    @abc.abstractmethod
+    def status(self) -> InterfaceStatus:
+        """How it goes, from any thread."""
+
+    @abc.abstractmethod
+    def stop(self) -> None:
+        """End within two seconds; nothing happens if it is not running."""
+
+
+class LoopInterface(RigInterface):
+    """
+    An interface whose work is one coroutine in a thread of its own.
+
+    Subclasses write `serve(ready, stop)`: call `ready(address)` once it runs, return when `stop` is set; `wake` is set
+    whenever there are new values in `values`, and when it is to stop.
+    """
+
+    start_timeout = 30.0
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.values: RigValues | None = None
+        self.address = ""
+        self._thread: threading.Thread | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._stop: asyncio.Event | None = None
+        self._wake: asyncio.Event | None = None
+        self._started: concurrent.futures.Future[str] = concurrent.futures.Future()
+        self._failure = ""
+
+    @abc.abstractmethod
+    async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
+        """Work until `stop` is set."""
+
+    @property
+    def wake(self) -> asyncio.Event:
+        """Set when values came or the end did; the coroutine clears it."""
+        if self._wake is None:
+            raise RuntimeError(f"{self.name} is not running")
+        return self._wake
+
+    @property
+    def running(self) -> bool:
+        """True from a successful start until it stops or fails."""
+        return self._thread is not None and self._thread.is_alive() and bool(self.address)
+
+    @property
+    def failure(self) -> str:
+        """Why it ended by itself; empty otherwise."""
+        return self._failure
+
+    def start(self) -> None:
+        """Start the thread and wait until it serves, or says why not."""
+        if self._thread is not None and self._thread.is_alive():
+            raise InterfaceError(f"{self.name} is running already")
+        self._failure, self.address = "", ""
+        self._started = concurrent.futures.Future()
+        self._thread = threading.Thread(target=self._run, name=f"rig-{self.name}", daemon=True)
+        self._thread.start()
+        try:
+            self.address = self._started.result(timeout=self.start_timeout)
+        except TimeoutError as error:
+            self.stop()
+            raise InterfaceError(f"{self.name} did not start within {self.start_timeout:.0f} s") from error
+        except InterfaceError:
+            self._thread.join(timeout=1.0)
+            self._thread = None
+            raise
+
+    def publish(self, values: RigValues) -> None:
+        """The newest values; the loop is woken."""
+        self.values = values
+        self.rouse()
+
+    def rouse(self) -> None:
+        """Wake the coroutine, from any thread; nothing happens where none runs."""
+        loop, wake = self._loop, self._wake
+        if loop is not None and wake is not None:
+            try:
+                loop.call_soon_threadsafe(wake.set)
+            except RuntimeError:
+                # The loop closed between the two lines: there is nobody left to tell.
+                return
+
+    def stop(self) -> None:
+        """Ask the coroutine to end and wait for the thread."""
+        thread, loop, stop, wake = self._thread, self._loop, self._stop, self._wake
+        self._thread, self.address = None, ""
+        if thread is None:
+            return
+        if loop is not None and stop is not None and wake is not None:
+            try:
+                loop.call_soon_threadsafe(stop.set)
+                loop.call_soon_threadsafe(wake.set)
+            except RuntimeError:
+                # It ended by itself just now.
+                self._loop = None
+        thread.join(timeout=2.0)
+
+    def _run(self) -> None:
+        try:
+            asyncio.run(self._main())
+        except (InterfaceError, OSError, ValueError) as error:
+            failure = error if isinstance(error, InterfaceError) else InterfaceError(f"{self.name}: {error}")
+            if self._started.done():
+                self._failure = str(failure)
+            else:
+                self._started.set_exception(failure)
+        finally:
+            self._loop = None
+            if not self._started.done():
+                self._started.set_exception(InterfaceError(f"{self.name} ended before it served"))
+
+    async def _main(self) -> None:
+        self._loop, self._stop, self._wake = asyncio.get_running_loop(), asyncio.Event(), asyncio.Event()
+        await self.serve(self._ready, self._stop)
+
+    def _ready(self, address: str) -> None:
+        if not self._started.done():
+            self._started.set_result(address)
+
+
+def optional(module: str, package: str, what: str) -> ModuleType:
+    """
+    Import of an optional package.
+
+    Raises
+    ------
+    MissingPackageError
+        It is not installed; the message gives the command that installs it.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise MissingPackageError(
+            f"{what} needs the package {package}, which is not installed: pip install {package}"
+        ) from error
+
+
+def checked_host(host: str, allow_network: bool) -> str:
+    """
+    The address to listen on.
+
+    Raises
+    ------
+    InterfaceError
+        Other machines can reach it and nobody said they may.
+    """
+    if not allow_network and not is_loopback(host):
+        raise InterfaceError(f"host: {host} can be reached from other machines; set allow_network if that is meant")
+    return host
+
+
+def probe_port(host: str, port: int) -> None:
+    """
+    Try a port before a library does that would only say that it cannot have it.
+
+    Raises
+    ------
+    InterfaceError
+        It cannot be had; the message says why.
+    """
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address)
+    except OSError as error:
+        raise port_error(error, host, port) from error
+
+
+def port_error(error: OSError, host: str, port: int) -> InterfaceError:
+    """What to say of a port that could not be had."""
+    where = f"{host} port {port}"
+    if error.errno == errno.EADDRINUSE:
+        text = f"{where} is taken (`ss -ltnp 'sport = :{port}'` names the program); stop that or set another port"
+    elif error.errno in (errno.EACCES, errno.EPERM):
+        text = f"{where} is not allowed to this user; set a port of 1024 or more"
+    elif error.errno == errno.EADDRNOTAVAIL or "getaddrinfo" in str(error) or error.errno is None or error.errno < 0:
+        text = f"{where} is no address of this machine; set 127.0.0.1, or the address of one of its networks"
+    else:
+        text = f"{where}: {error.strerror or error}"
+    return InterfaceError(text)

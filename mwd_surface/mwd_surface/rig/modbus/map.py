@@ -1,0 +1,132 @@
+"""
+The Modbus register map: 38 input registers that are swapped as one block, so that no reader sees half of a change.
+
+No standard map exists for MWD. Addresses count from 0; tools that count from 1 add one. Units are those of people on a
+rig: deg, m, nT, standard gravities, r/min, degC.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import struct
+
+from mwd_sensors.core.settings import setting
+from mwd_sensors.core.wire import NANOSECONDS
+from mwd_surface.live.toolface import GRAVITY
+from mwd_surface.rig.values import RigValues
+from mwd_surface.surveys.survey_record import Verdict
+
+VERSION = 1
+COUNT = 38
+WRITABLE, WRITABLE_COUNT = 100, 2
+WORD_ORDERS = ("ABCD", "CDAB")
+# An age that was never reached: there is no toolface yet.
+NEVER = 1e9  # s
+_DEG = 180.0 / math.pi
+_RPM = 30.0 / math.pi
+_LARGEST = 3.4e38
+_NAN: tuple[int, ...] = (0x7FC0, 0x0000)
+# Address of a float: the value it holds, factor to its unit, and where it turns over.
+FLOATS: dict[int, tuple[str, float, float]] = {
+    4: ("gravity_toolface", _DEG, 360.0),
+    6: ("magnetic_toolface", _DEG, 360.0),
+    10: ("survey_inclination", _DEG, 0.0),
+    12: ("survey_azimuth", _DEG, 360.0),
+    14: ("survey_depth", 1.0, 0.0),
+    16: ("survey_gravity", 1.0 / 9.80665, 0.0),
+    18: ("survey_field", 1e9, 0.0),
+    20: ("survey_dip", _DEG, 0.0),
+    22: ("survey_sigma_inclination", _DEG, 0.0),
+    24: ("survey_sigma_azimuth", _DEG, 0.0),
+    26: ("inclination", _DEG, 0.0),
+    28: ("survey_interference", 1e9, 0.0),
+    30: ("rotary_speed", _RPM, 0.0),
+    32: ("temperature", 1.0, 0.0),
+}
+_AGE, _TIME = 8, 34
+
+
+class StatusBit:
+    """Numbers of the bits of register 2."""
+
+    ACTIVE = 0
+    SONDE_LINK = 1
+    TOOLFACE_FRESH = 2
+    SURVEY_ACCEPTED = 3
+    QUALITY_DOUBTFUL = 4
+    QUALITY_BAD = 5
+    INTERFERENCE_CORRECTED = 6
+    RECORDING = 7
+    MAGNETIC_MODE = 8
+    GRAVITY_MODE = 9
+    ROTATING = 10
+    SIMULATED = 15
+
+
+@dataclasses.dataclass(frozen=True)
+class ModbusForm:
+    """How numbers are laid into registers."""
+
+    word_order: str = setting("ABCD", "order of the words of long numbers", choices=WORD_ORDERS, fixed=True)
+    nan_invalid: bool = setting(
+        False, "a value not to be used is a quiet NaN; otherwise the last one is held", fixed=True
+    )
+
+
+def registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:
+    """Registers 0 to 37 of a moment, each 0 to 65535."""
+    block = [0] * COUNT
+    survey = values.survey
+    block[0] = VERSION
+    block[1] = values.heartbeat & 0xFFFF
+    block[2] = status_bits(values)
+    block[3] = survey.sequence & 0xFFFF if survey is not None else 0
+    for address, (name, factor, wrap) in FLOATS.items():
+        value = values.values[name]
+        invalid = form.nan_invalid and not value.condition.usable
+        words = _NAN if invalid else _float_words(value.value * factor, wrap)
+        block[address : address + 2] = _ordered(words, form)
+    age = values.toolface.age
+    block[_AGE : _AGE + 2] = _ordered(_float_words(NEVER if age is None else age, 0.0), form)
+    milliseconds = survey.stamp_ns * 1000 // NANOSECONDS if survey is not None else 0
+    time_words = struct.unpack(">4H", struct.pack(">Q", milliseconds))
+    block[_TIME : _TIME + 4] = _ordered(time_words, form)
+    return tuple(block)
+
+
+def status_bits(values: RigValues) -> int:
+    """Register 2. A toolface of a turning string is no fresh one: it cannot be steered by."""
+    survey = values.survey
+    usable = values.toolface.condition.usable
+    bits = {
+        StatusBit.ACTIVE: values.active,
+        StatusBit.SONDE_LINK: values.sonde_link,
+        StatusBit.TOOLFACE_FRESH: usable and not values.rotating,
+        StatusBit.SURVEY_ACCEPTED: survey is not None,
+        StatusBit.QUALITY_DOUBTFUL: survey is not None and survey.verdict == Verdict.DOUBTFUL,
+        StatusBit.QUALITY_BAD: survey is not None and survey.verdict == Verdict.REJECT,
+        StatusBit.INTERFERENCE_CORRECTED: survey is not None and survey.corrected,
+        StatusBit.RECORDING: values.recording,
+        StatusBit.MAGNETIC_MODE: values.mode != GRAVITY,
+        StatusBit.GRAVITY_MODE: values.mode == GRAVITY,
+        StatusBit.ROTATING: values.rotating,
+        StatusBit.SIMULATED: values.simulated,
+    }
+    return sum(1 << bit for bit, on in bits.items() if on)
+
+
+def float_of(words: tuple[int, int] | list[int], form: ModbusForm) -> float:
+    """The number in two registers."""
+    return float(struct.unpack(">f", struct.pack(">2H", *_ordered(tuple(words), form)))[0])
+
+
+def _float_words(value: float, wrap: float) -> tuple[int, ...]:
+    packed = struct.pack(">f", max(-_LARGEST, min(_LARGEST, value)))
+    if wrap and struct.unpack(">f", packed)[0] >= wrap:
+        packed = struct.pack(">f", 0.0)
+    return struct.unpack(">2H", packed)
+
+
+def _ordered(words: tuple[int, ...], form: ModbusForm) -> tuple[int, ...]:
+    return words if form.word_order == "ABCD" else words[::-1]

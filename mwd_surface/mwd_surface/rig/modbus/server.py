@@ -1,0 +1,408 @@
+"""
+Modbus TCP and RTU: controllers and collectors read the register map; nothing can be written unless allowed.
+
+The protocol itself is pymodbus. Registers 0 to 37 are answered to function 4 from one block that is swapped whole.
+What is not on the map is refused with the exception that the protocol has for it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import dataclasses
+import math
+import struct
+import time
+from collections.abc import Callable
+from typing import Any
+
+from mwd_sensors.core.settings import setting
+from mwd_surface import __version__
+from mwd_surface.rig.input import RigInput, RigInputSettings
+from mwd_surface.rig.interface import (
+    LISTENING,
+    STOPPED,
+    InterfaceError,
+    InterfaceStatus,
+    LoopInterface,
+    OnRigState,
+    PeerStatus,
+    checked_host,
+    optional,
+    probe_port,
+)
+from mwd_surface.rig.modbus.map import COUNT, WRITABLE, WRITABLE_COUNT, ModbusForm, float_of, registers
+from mwd_surface.rig.values import nothing_yet
+
+_READ_INPUT, _READ_HOLDING, _WRITE_MULTIPLE = 4, 3, 16
+# The most bits or registers that one request may ask for (Modbus application protocol 1.1b3, section 6).
+_MOST_READ = {1: 2000, 2: 2000, 3: 125, 4: 125}
+_WRITES = (5, 6, 15, 16, 22, 23)
+_LOOK = 1.0  # s between looks for idle connections
+
+
+@dataclasses.dataclass(frozen=True)
+class ModbusSettings:
+    """Where registers are served, and what may be written."""
+
+    enabled: bool = setting(False, "serve Modbus TCP", fixed=True)
+    host: str = setting("127.0.0.1", "address to listen on", fixed=True)
+    port: int = setting(5020, "TCP port; 0: any that is free; 502 needs privileges", low=0, high=65535, fixed=True)
+    allow_network: bool = setting(False, "listen on an address that other machines can reach", fixed=True)
+    unit: int = setting(1, "unit identifier", low=1, high=247, fixed=True)
+    form: ModbusForm = setting(ModbusForm, "How numbers are laid into registers")
+    allow_writes: bool = setting(False, "take the bit depth, float, m, from holding registers 100 and 101", fixed=True)
+    rig: RigInputSettings = setting(RigInputSettings, "What is believed of a depth that is written")
+    max_clients: int = setting(16, "connections at a time", low=1, high=200, fixed=True)
+    idle_timeout: float = setting(
+        300.0, "a connection that asks nothing for so long is closed", unit="s", low=0.2, high=86400.0, fixed=True
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class ModbusSerialSettings:
+    """The line of Modbus RTU; unit, form and writing are those of Modbus TCP."""
+
+    enabled: bool = setting(False, "serve Modbus RTU over a serial line", fixed=True)
+    device: str = setting("/dev/ttyS0", "serial device", fixed=True)
+    baud: int = setting(19200, "bits per second", low=300, high=921600, fixed=True)
+    parity: str = setting("none", "parity bit", choices=("none", "even", "odd"), fixed=True)
+    stop_bits: int = setting(1, "stop bits", low=1, high=2, fixed=True)
+
+
+@dataclasses.dataclass
+class _Connection:
+    transport: Any
+    address: str
+    since: float
+    heard: float
+    requests: int = 0
+
+
+class ModbusServer(LoopInterface):
+    """
+    The register map of one well.
+
+    Parameters
+    ----------
+    settings : ModbusSettings
+    on_rig_state : callable, optional
+        Gets the bit depth that a client wrote, `wire.RIG_STATE`, where writing is allowed.
+    clock, wall : callable
+        Steady seconds, and ns since the epoch.
+    """
+
+    _called, _what = "modbus", "Modbus TCP"
+
+    def __init__(
+        self,
+        settings: ModbusSettings,
+        on_rig_state: OnRigState | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        wall: Callable[[], int] = time.time_ns,
+    ) -> None:
+        super().__init__(self._called)
+        self.settings = settings
+        self.refused = 0
+        self.reads = 0
+        self.denied = 0
+        self._clock, self._wall = clock, wall
+        self._on_rig_state = on_rig_state
+        self._input = RigInput(settings.rig)
+        self._block = registers(nothing_yet(), settings.form)
+        self._connections: dict[int, _Connection] = {}
+        self._gone = 0
+        self._written = (0, 0)
+
+    @property
+    def port(self) -> int:
+        """The port it listens on; 0 while it does not run."""
+        return int(self.address.rpartition(":")[2]) if self.address else 0
+
+    def start(self) -> None:
+        """
+        Begin to serve.
+
+        Raises
+        ------
+        InterfaceError
+            pymodbus is missing, or the address or port is not to be had.
+        """
+        self._server = optional("pymodbus.server", "pymodbus", self._what)
+        self._simulator = optional("pymodbus.simulator", "pymodbus", self._what)
+        self._codes = optional("pymodbus.constants", "pymodbus", self._what).ExcCodes
+        self._identity = optional("pymodbus", "pymodbus", self._what).ModbusDeviceIdentification
+        super().start()
+
+    async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
+        """Listen until `stop`."""
+        host, port = checked_host(self.settings.host, self.settings.allow_network), self.settings.port
+        probe_port(host, port)
+        server = self._server.ModbusTcpServer(self._devices(), address=(host, port), identity=self._named())
+        make = server.callback_new_connection
+        server.callback_new_connection = lambda: self._watched(make())
+        try:
+            await server.serve_forever(background=True)
+        except RuntimeError as error:
+            raise InterfaceError(f"{host} port {port}: {error}") from error
+        try:
+            bound = server.transport.sockets[0].getsockname()
+            ready(f"{bound[0]}:{bound[1]}")
+            await self._follow(stop)
+        finally:
+            await server.shutdown()
+            for connection in list(self._connections.values()):
+                connection.transport.abort()
+
+    async def _follow(self, stop: asyncio.Event) -> None:
+        """Swap the block as values come; look after the connections."""
+        while not stop.is_set():
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_LOOK):
+                    await self.wake.wait()
+            self.wake.clear()
+            if self.values is not None:
+                self._block = registers(self.values, self.settings.form)
+            self._look_after()
+
+    def _look_after(self) -> None:
+        """Close connections that only hold a place."""
+        now = self._clock()
+        for connection in list(self._connections.values()):
+            if now - connection.heard > self.settings.idle_timeout:
+                connection.transport.close()
+
+    def _devices(self) -> list[Any]:
+        data, kinds = self._simulator.SimData, self._simulator.DataType
+        blocks = [data(0, values=[0] * COUNT, datatype=kinds.REGISTERS)]
+        if self.settings.allow_writes:
+            blocks.append(data(WRITABLE, values=[0] * WRITABLE_COUNT, datatype=kinds.REGISTERS))
+        ours = self._simulator.SimDevice(id=self.settings.unit, simdata=blocks, action=self._answer)
+        # Every other unit: no register of it exists.
+        others = self._simulator.SimDevice(
+            id=0, simdata=[data(0, values=[0], datatype=kinds.REGISTERS)], action=self._deny
+        )
+        return [ours, others]
+
+    def _named(self) -> Any:
+        return self._identity(
+            info_name={
+                "VendorName": "MWD telemetry",
+                "ProductCode": "mwd",
+                "ProductName": "MWD surface",
+                "ModelName": f"register map {self._block[0]}",
+                "MajorMinorRevision": __version__,
+            }
+        )
+
+    async def _answer(
+        self, function: int, _start: int, address: int, count: int, current: list[int], wanted: list[Any] | None
+    ) -> Any:
+        """One request to our unit; between this and the answer nothing else runs, so that a block is never torn."""
+        if function == _READ_INPUT and address + count <= COUNT:
+            current[:COUNT] = self._block
+            self.reads += 1
+            return None
+        if self.settings.allow_writes and address >= WRITABLE:
+            if function == _READ_HOLDING:
+                current[WRITABLE : WRITABLE + WRITABLE_COUNT] = self._written
+                self.reads += 1
+                return None
+            if function in _WRITES:
+                return self._write(function, address, wanted)
+        self.denied += 1
+        return self._codes.ILLEGAL_FUNCTION if address + count <= COUNT else self._codes.ILLEGAL_ADDRESS
+
+    async def _deny(self, *_request: Any) -> Any:
+        self.denied += 1
+        return self._codes.ILLEGAL_ADDRESS
+
+    def _write(self, function: int, address: int, wanted: list[Any] | None) -> Any:
+        if function != _WRITE_MULTIPLE or address != WRITABLE or wanted is None or len(wanted) != WRITABLE_COUNT:
+            # Half a float would be another depth.
+            self.denied += 1
+            return self._codes.ILLEGAL_VALUE
+        words = (int(wanted[0]), int(wanted[1]))
+        depth = float_of(words, self.settings.form)
+        if not (math.isfinite(depth) and 0.0 <= depth <= self.settings.rig.deepest):
+            self.denied += 1
+            return self._codes.ILLEGAL_VALUE
+        self._written = words
+        sample = self._input.take({"bit_depth": depth}, self._wall())
+        if sample is not None and self._on_rig_state is not None:
+            self._on_rig_state(sample)
+        return None
+
+    def _watched(self, handler: Any) -> Any:
+        """A connection of pymodbus that is counted, limited in number and known by its last request."""
+        made, lost, received = handler.connection_made, handler.connection_lost, handler.data_received
+        number = id(handler)
+
+        def connection_made(transport: asyncio.Transport) -> None:
+            if len(self._connections) >= self.settings.max_clients:
+                self.refused += 1
+                handler.listener.active_connections.pop(handler.unique_id, None)
+                transport.close()
+                return
+            peer = transport.get_extra_info("peername") or ("unknown", 0)
+            now = self._clock()
+            self._connections[number] = _Connection(transport, self._peer(peer), now, now)
+            made(transport)
+
+        def data_received(data: bytes) -> None:
+            connection = self._connections.get(number)
+            if connection is not None:
+                connection.heard = self._clock()
+                connection.requests += 1
+                answer = self._at_once(data)
+                if answer is None:
+                    received(data)
+                else:
+                    self.denied += 1
+                    connection.transport.write(answer)
+
+        def connection_lost(error: Exception | None) -> None:
+            connection = self._connections.pop(number, None)
+            if connection is not None:
+                self._gone += connection.requests
+                lost(error)
+
+        handler.connection_made, handler.data_received = connection_made, data_received
+        handler.connection_lost = connection_lost
+        return handler
+
+    def _peer(self, name: Any) -> str:
+        return f"{name[0]}:{name[1]}"
+
+    def _at_once(self, data: bytes) -> bytes | None:
+        return _refused_count(data)
+
+    def status(self) -> InterfaceStatus:
+        """How it goes."""
+        now = self._clock()
+        connections = list(self._connections.values())
+        peers = tuple(
+            PeerStatus(
+                c.address,
+                c.since,
+                sent=c.requests,
+                received=c.requests,
+                rate=c.requests / (now - c.since) if now > c.since else 0.0,
+            )
+            for c in connections
+        )
+        requests = self._gone + sum(c.requests for c in connections)
+        block = self._block
+        return InterfaceStatus(
+            self.name,
+            LISTENING if self.running else STOPPED,
+            self.address,
+            self.failure,
+            peers,
+            sent=self.reads,
+            received=requests,
+            refused=self.refused,
+            counts=(("denied", self.denied), ("rig_samples", self._input.counts.taken)),
+            last=(("heartbeat", str(block[1])), ("status", f"{block[2]:016b}"), ("survey", str(block[3]))),
+        )
+
+
+class ModbusSerial(ModbusServer):
+    """
+    The same map over a serial line, where other units answer for themselves: requests to them are left alone.
+
+    line : ModbusSerialSettings
+        The other arguments are those of `ModbusServer`.
+    """
+
+    _called, _what = "modbus_serial", "Modbus RTU"
+
+    def __init__(
+        self,
+        line: ModbusSerialSettings,
+        settings: ModbusSettings,
+        on_rig_state: OnRigState | None = None,
+        **clocks: Callable[[], Any],
+    ) -> None:
+        super().__init__(settings, on_rig_state, **clocks)
+        self.line = line
+        self._seen = False
+
+    def start(self) -> None:
+        """
+        Begin to serve.
+
+        Raises
+        ------
+        InterfaceError
+            pymodbus or pyserial is missing, or the device is not to be had.
+        """
+        self._serial = optional("serial", "pyserial", self._what)
+        super().start()
+
+    async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
+        """Answer until `stop`, or until the device is gone."""
+        line, self._seen = self.line, False
+        try:
+            # pymodbus does not say why it cannot open a device.
+            self._serial.Serial(line.device, line.baud, timeout=0, exclusive=True).close()
+        except OSError as error:
+            raise InterfaceError(f"{line.device}: {error.strerror or error}") from error
+        server = self._server.ModbusSerialServer(
+            self._devices(),
+            port=line.device,
+            baudrate=line.baud,
+            parity=line.parity[0].upper(),
+            stopbits=line.stop_bits,
+            identity=self._named(),
+        )
+        make = server.callback_new_connection
+        server.callback_new_connection = lambda: self._watched(self._for_us(make()))
+        try:
+            await server.serve_forever(background=True)
+        except RuntimeError as error:
+            raise InterfaceError(f"{line.device}: {error}") from error
+        try:
+            ready(line.device)
+            await self._follow(stop)
+        finally:
+            await server.shutdown()
+            for connection in list(self._connections.values()):
+                connection.transport.abort()
+
+    def _for_us(self, handler: Any) -> Any:
+        send = handler.server_send
+
+        def server_send(answer: Any, address: Any) -> None:
+            if answer is not None and answer.dev_id == self.settings.unit:
+                send(answer, address)
+
+        handler.server_send = server_send
+        return handler
+
+    def _look_after(self) -> None:
+        """A line may be silent for ever; one that is gone is opened anew by whoever started this."""
+        if self._seen and not self._connections:
+            raise InterfaceError(f"{self.line.device} is gone")
+        self._seen = bool(self._connections)
+
+    def _peer(self, _name: Any) -> str:
+        return self.line.device
+
+    def _at_once(self, _data: bytes) -> bytes | None:
+        return None
+
+
+def _refused_count(data: bytes) -> bytes | None:
+    """
+    The answer to a request for no register or too many; None for any other.
+
+    The protocol wants exception 3 of the asked function; pymodbus 3.16 answers exception 1 of function 0.
+    """
+    if len(data) != 12:
+        return None
+    transaction, protocol, length, unit, function, _address, count = struct.unpack(">HHHBBHH", data)
+    most = _MOST_READ.get(function)
+    if protocol != 0 or length != 6 or most is None or 1 <= count <= most:
+        return None
+    return struct.pack(">HHHBBB", transaction, 0, 3, unit, function | 0x80, 3)

@@ -1,0 +1,147 @@
+"""
+The OPC UA variables of a well: names, units and status codes of each moment, without any server.
+
+Names and namespace follow the drilling convention of D-WIS (one manifest of signals, found by name and unit, never by a
+node number). Values are SI and rad; every variable says its unit.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+from mwd_surface.live.toolface import GRAVITY
+from mwd_surface.rig.values import QUANTITIES, Condition, RigValues
+
+MANIFEST = "MWDSurveyManifest"
+NAMESPACE = f"http://ddhub.no/{MANIFEST}/Variables/"
+UNITS_NAMESPACE = "http://www.opcfoundation.org/UA/units/un/cefact"
+# Unit: its UNECE common code and the name in full.
+UNITS: dict[str, tuple[str, str]] = {
+    "rad": ("C81", "radian"),
+    "rad/m": ("C84", "radian per metre"),
+    "rad/s": ("2A", "radian per second"),
+    "m": ("MTR", "metre"),
+    "m/s^2": ("MSK", "metre per second squared"),
+    "T": ("D33", "tesla"),
+    "degC": ("CEL", "degree Celsius"),
+    "s": ("SEC", "second"),
+}
+# OPC 10000-4, annex A, by what we say of a value.
+STATUS_CODES: dict[Condition, int] = {
+    Condition.GOOD: 0x00000000,
+    Condition.OVERRIDE: 0x00960000,  # GoodLocalOverride
+    Condition.DOUBTFUL: 0x40930000,  # UncertainSensorNotAccurate
+    Condition.STALE: 0x40900000,  # UncertainLastUsableValue
+    Condition.WAITING: 0x80320000,  # BadWaitingForInitialData
+    Condition.FAULT: 0x808C0000,  # BadSensorFailure
+    Condition.NO_LINK: 0x80310000,  # BadNoCommunication
+    Condition.INACTIVE: 0x808D0000,  # BadOutOfService
+}
+# Variables that are a quantity: name, and the quantity.
+NUMBERS: dict[str, str] = {
+    "Inclination": "survey_inclination",
+    "Azimuth": "survey_azimuth",
+    "SurveyMeasuredDepth": "survey_depth",
+    "SurveyTrueVerticalDepth": "survey_vertical_depth",
+    "SurveyNorth": "survey_north",
+    "SurveyEast": "survey_east",
+    "DogLegSeverity": "survey_dogleg",
+    "TotalGravity": "survey_gravity",
+    "TotalMagneticField": "survey_field",
+    "MagneticDip": "survey_dip",
+    "InclinationSigma": "survey_sigma_inclination",
+    "AzimuthSigma": "survey_sigma_azimuth",
+    "AxialInterference": "survey_interference",
+    "GravityToolface": "gravity_toolface",
+    "MagneticToolface": "magnetic_toolface",
+    "ContinuousInclination": "inclination",
+    "ContinuousAzimuth": "azimuth",
+    "DownholeRotarySpeed": "rotary_speed",
+    "Vibration": "vibration",
+    "ToolTemperature": "temperature",
+    "ContinuousAxialInterference": "axial_interference",
+    "BitMeasuredDepth": "bit_depth",
+    "HoleMeasuredDepth": "hole_depth",
+    "ProjectedInclination": "projected_inclination",
+    "ProjectedAzimuth": "projected_azimuth",
+    "DistanceToPlan": "plan_distance",
+    "AbovePlan": "plan_up",
+    "RightOfPlan": "plan_right",
+    "ToolfaceToPlan": "plan_toolface",
+    "DogLegSeverityToTarget": "target_dogleg",
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Variable:
+    """One variable: kind "Double", "UInt32", "Boolean" or "String"; unit empty where it has none."""
+
+    name: str
+    kind: str
+    unit: str
+    description: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Reading:
+    """What a variable holds now: value, status code, and the time of the measurement, ns, or 0."""
+
+    value: float | int | bool | str
+    status: int
+    stamp_ns: int
+
+
+VARIABLES: tuple[Variable, ...] = (
+    *(Variable(name, "Double", *QUANTITIES[quantity]) for name, quantity in NUMBERS.items()),
+    Variable("ToolfaceMode", "String", "", "toolface in force: gravity or magnetic"),
+    Variable("ToolfaceAge", "Double", "s", "age of the toolface in force"),
+    Variable("Rotating", "Boolean", "", "the string turns: a toolface is a snapshot"),
+    Variable("SurveySequence", "UInt32", "", "number of the last accepted survey"),
+    Variable("SurveyQuality", "UInt32", "", "verdict on the last accepted survey: 0 good, 1 doubtful, 2 bad"),
+    Variable("NorthReference", "String", "", "north of azimuths: magnetic, true or grid"),
+    Variable("SondeLink", "Boolean", "", "the sonde is heard"),
+    Variable("Circulating", "Boolean", "", "mud flows, so that telemetry can be valid"),
+    Variable("InSlips", "Boolean", "", "the string hangs in the slips"),
+    Variable("Recording", "Boolean", "", "everything is being recorded"),
+    Variable("Simulated", "Boolean", "", "the tool is a simulation"),
+    Variable("Heartbeat", "UInt32", "", "grows by one each second; standing still it says that nothing lives"),
+)
+
+
+def unit_id(unit: str) -> int:
+    """Number of a unit in EUInformation: the characters of its UNECE code (OPC 10000-8, section 5.6.3)."""
+    number = 0
+    for character in UNITS[unit][0]:
+        number = number << 8 | ord(character)
+    return number
+
+
+def readings(values: RigValues) -> dict[str, Reading]:
+    """What every variable holds at a moment."""
+    table = {
+        name: Reading(v.value, STATUS_CODES[v.condition], v.stamp_ns)
+        for name, v in ((name, values.values[quantity]) for name, quantity in NUMBERS.items())
+    }
+    toolface, survey = values.toolface, values.survey
+    state = STATUS_CODES[Condition.GOOD if values.active else Condition.INACTIVE]
+    waiting = STATUS_CODES[Condition.WAITING]
+    face = STATUS_CODES[toolface.condition]
+    taken = table["Inclination"].status
+    now = values.made_ns
+    mode = "gravity" if values.mode == GRAVITY else "magnetic"
+    table["ToolfaceMode"] = Reading(mode, face, toolface.stamp_ns)
+    # An age is a true statement however old the toolface is.
+    age_state = waiting if toolface.age is None else state
+    table["ToolfaceAge"] = Reading(0.0 if toolface.age is None else toolface.age, age_state, now)
+    table["Rotating"] = Reading(values.rotating, face, toolface.stamp_ns)
+    number, verdict, stamp = (0, 0, 0) if survey is None else (survey.sequence, int(survey.verdict), survey.stamp_ns)
+    table["SurveySequence"] = Reading(number, taken, stamp)
+    table["SurveyQuality"] = Reading(verdict, taken, stamp)
+    table["NorthReference"] = Reading(values.north, state, now)
+    table["SondeLink"] = Reading(values.sonde_link, state, now)
+    for name, fact in (("Circulating", values.circulating), ("InSlips", values.in_slips)):
+        table[name] = Reading(bool(fact), waiting if fact is None else state, now)
+    table["Recording"] = Reading(values.recording, state, now)
+    table["Simulated"] = Reading(values.simulated, state, now)
+    table["Heartbeat"] = Reading(values.heartbeat & 0xFFFFFFFF, state, now)
+    return table

@@ -1,0 +1,431 @@
+"""
+OPC UA: the values of a well as an object that is found by name, with status codes a controller can trust.
+
+On loopback anybody may read. From other machines, and for commands anywhere, a session must be signed and encrypted
+with a certificate that lies in the folder of trusted ones. Nothing can be written; commands are methods.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import dataclasses
+import datetime as dt
+import logging
+import socket
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from mwd_sensors.core.settings import setting
+from mwd_surface import __version__
+from mwd_surface.loopback import is_loopback
+from mwd_surface.rig.interface import (
+    LISTENING,
+    STOPPED,
+    InterfaceError,
+    InterfaceStatus,
+    LoopInterface,
+    OnCommand,
+    PeerStatus,
+    checked_host,
+    optional,
+    port_error,
+    probe_port,
+)
+from mwd_surface.rig.opcua.address_space import (
+    MANIFEST,
+    NAMESPACE,
+    UNITS,
+    UNITS_NAMESPACE,
+    VARIABLES,
+    Reading,
+    Variable,
+    readings,
+    unit_id,
+)
+from mwd_surface.rig.values import nothing_yet
+
+_APPLICATION = "urn:mwd:surface"
+_EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
+_REFUSALS = "asyncua.server.binary_server_asyncio"  # where asyncua tells of connections turned away
+_TICK = 1.0  # s
+_LARGEST_MESSAGE = 1 << 20
+# Methods: arguments (name, type, description) of each.
+METHODS: dict[str, tuple[tuple[str, str, str], ...]] = {
+    "take_survey": (("duration", "Double", "s to average over; 0: as configured"),),
+    "accept_survey": (
+        ("sequence", "UInt32", "number of the survey"),
+        ("operator_name", "String", "who decides"),
+        ("reason", "String", "why"),
+    ),
+    "reject_survey": (
+        ("sequence", "UInt32", "number of the survey"),
+        ("operator_name", "String", "who decides"),
+        ("reason", "String", "why"),
+    ),
+}
+_RESULTS = (("success", "Boolean", "it was done"), ("message", "String", "what was done, or why not"))
+
+
+@dataclasses.dataclass(frozen=True)
+class OpcuaSettings:
+    """Where the server is and who may do what."""
+
+    enabled: bool = setting(False, "serve OPC UA", fixed=True)
+    host: str = setting("127.0.0.1", "address to listen on", fixed=True)
+    port: int = setting(4840, "TCP port; 0: any that is free", low=0, high=65535, fixed=True)
+    allow_network: bool = setting(
+        False, "listen on an address that other machines can reach; certificates are then needed", fixed=True
+    )
+    anonymous: bool = setting(True, "let anybody on this machine read; never anybody from another", fixed=True)
+    allow_commands: bool = setting(False, "offer methods to clients with a trusted certificate", fixed=True)
+    certificates: str = setting(
+        "", "folder of own.der, own.pem and the folder trusted; empty: beside the surveys", fixed=True
+    )
+    max_clients: int = setting(16, "connections at a time", low=1, high=500, fixed=True)
+    max_subscriptions: int = setting(64, "subscriptions at a time", low=1, high=1000, fixed=True)
+
+
+class OpcuaServer(LoopInterface):
+    """
+    The server of one well.
+
+    Parameters
+    ----------
+    settings : OpcuaSettings
+    well : str
+        Name of the object that the variables belong to.
+    on_command : callable, optional
+        `on_command(name, arguments) -> (ok, message)` for the methods of `METHODS`, in a thread of the pool.
+    folder : Path, optional
+        Of the certificates where the settings name none.
+    clock : callable
+        Steady seconds.
+    """
+
+    def __init__(
+        self,
+        settings: OpcuaSettings,
+        well: str = "well",
+        on_command: OnCommand | None = None,
+        folder: Path | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        super().__init__("opcua")
+        self.settings, self.well = settings, well or "well"
+        self._on_command = on_command if settings.allow_commands else None
+        self._folder = Path(settings.certificates).expanduser() if settings.certificates else folder
+        self._clock = clock
+        self._server: Any = None
+        self._since: dict[Any, float] = {}
+        self._written = 0
+        self._commands = 0
+        self.refused = 0
+        self._last: dict[str, Reading] = {}
+        self._ids: dict[str, Any] = {}
+
+    @property
+    def port(self) -> int:
+        """The port it listens on; 0 while it does not run."""
+        return int(self.address.rpartition(":")[2].rstrip("/")) if self.address else 0
+
+    @property
+    def _anyone(self) -> bool:
+        """True where reading needs no certificate."""
+        return self.settings.anonymous and is_loopback(self.settings.host)
+
+    @property
+    def needs_certificates(self) -> bool:
+        """True where signed and encrypted sessions are offered."""
+        return self.settings.allow_commands or not self._anyone
+
+    def start(self) -> None:
+        """
+        Begin to serve.
+
+        Raises
+        ------
+        InterfaceError
+            asyncua is missing, the address or port is not to be had, or there is no folder for certificates.
+        """
+        self._asyncua = optional("asyncua", "asyncua", "OPC UA")
+        self._ua = self._asyncua.ua
+        super().start()
+
+    async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
+        """Listen until `stop`."""
+        host = checked_host(self.settings.host, self.settings.allow_network)
+        if self.needs_certificates and self._folder is None:
+            raise InterfaceError("certificates: name a folder for the certificates of OPC UA")
+        # Before the address space is loaded, which takes seconds.
+        probe_port(host, self.settings.port)
+        server = self._server = self._asyncua.Server(user_manager=_Users(self._user))
+        await server.init()
+        await server.set_application_uri(_APPLICATION)
+        server.set_server_name("MWD surface")
+        await server.set_build_info(_APPLICATION, "MWD telemetry", "mwd_surface", __version__, "0", _EPOCH)
+        server.set_endpoint(f"opc.tcp://{host}:{self.settings.port}/")
+        await self._secure(server)
+        self._limit(server)
+        await self._build(server)
+        refusals = logging.getLogger(_REFUSALS)
+        refusals.addFilter(self._count_refusal)
+        try:
+            await server.start()
+            server.bserver.set_policies(self._channels(server))
+        except OSError as error:
+            refusals.removeFilter(self._count_refusal)
+            raise port_error(error, host, self.settings.port) from error
+        try:
+            ready(f"opc.tcp://{server.bserver.hostname}:{server.bserver.port}/")
+            await self._follow(server, stop)
+        finally:
+            await server.stop()
+            refusals.removeFilter(self._count_refusal)
+            self._server = None
+
+    async def _secure(self, server: Any) -> None:
+        """Policies and certificates."""
+        policies = []
+        if self._anyone:
+            policies.append(self._ua.SecurityPolicyType.NoSecurity)
+        if self.needs_certificates:
+            policies.append(self._ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt)
+            if self._folder is not None:
+                await self._certify(server, self._folder)
+        # Until the channels get their own rules, just after the port opens, nothing is allowed.
+        server.set_security_policy(policies, permission_ruleset=self._rules(set()))
+        server.set_identity_tokens([self._ua.AnonymousIdentityToken])
+
+    def _channels(self, server: Any) -> list[Any]:
+        """
+        What a channel of each kind may ask for.
+
+        The channel decides, not the user alone: without encryption a client can show a certificate that is not its own.
+        """
+        policies = optional("asyncua.crypto.security_policies", "asyncua", "OPC UA")
+        rules = optional("asyncua.crypto.permission_rules", "asyncua", "OPC UA")
+        ids, modes = self._ua.ObjectIds, self._ua.MessageSecurityMode
+        call, write = ids.CallRequest_Encoding_DefaultBinary, ids.WriteRequest_Encoding_DefaultBinary
+        reading = {*rules.USER_TYPES, ids.BrowseNextRequest_Encoding_DefaultBinary} - {call, write}
+        in_clear = reading if self._anyone else set()
+        trusted = reading | {call}
+        kinds = [
+            policies.SecurityPolicyFactory(policies.SecurityPolicyNone, modes.None_, None, None, self._rules(in_clear))
+        ]
+        if self.needs_certificates:
+            secure = policies.SecurityPolicyBasic256Sha256
+            own = server.iserver.certificate, server.iserver.private_key
+            kinds.append(policies.SecurityPolicyFactory(secure, modes.SignAndEncrypt, *own, self._rules(trusted)))
+        return kinds
+
+    def _rules(self, types: set[int]) -> _Services:
+        return _Services({self._ua.NodeId(number) for number in types})
+
+    async def _certify(self, server: Any, folder: Path) -> None:
+        trusted = folder / "trusted"
+        trusted.mkdir(parents=True, exist_ok=True, mode=0o700)
+        generator = optional("asyncua.crypto.cert_gen", "asyncua", "OPC UA")
+        oids = optional("cryptography.x509.oid", "cryptography", "OPC UA").ExtendedKeyUsageOID
+        key, certificate = folder / "own.pem", folder / "own.der"
+        await generator.setup_self_signed_certificate(
+            key,
+            certificate,
+            _APPLICATION,
+            socket.gethostname(),
+            [oids.CLIENT_AUTH, oids.SERVER_AUTH],
+            {"commonName": "MWD surface", "organizationName": "MWD telemetry"},
+        )
+        key.chmod(0o600)
+        await server.load_certificate(certificate)
+        await server.load_private_key(key)
+
+    def _user(self, certificate: bytes | None) -> Any:
+        """The user of a session, by the certificate of its channel; None refuses it."""
+        rules = optional("asyncua.crypto.permission_rules", "asyncua", "OPC UA")
+        if not certificate:
+            return rules.User(role=rules.UserRole.Anonymous) if self._anyone else None
+        if self._folder is None or not self.needs_certificates:
+            return None
+        x509 = optional("cryptography.x509", "cryptography", "OPC UA")
+        shown, now = x509.load_der_x509_certificate(certificate), dt.datetime.now(dt.UTC)
+        # Looked up anew for each session: who is taken out of the folder stays out.
+        known = shown in _certificates(self._folder / "trusted", x509)
+        valid = shown.not_valid_before_utc <= now <= shown.not_valid_after_utc
+        return rules.User(role=rules.UserRole.User, name="trusted") if known and valid else None
+
+    def _count_refusal(self, record: logging.LogRecord) -> bool:
+        """asyncua turns away by itself and only logs it, each time: count instead."""
+        server = self._server
+        full = server is not None and len(server.bserver.clients) >= self.settings.max_clients
+        if not full or not str(record.msg).startswith("Refusing connection"):
+            return True
+        self.refused += 1
+        return False
+
+    def _limit(self, server: Any) -> None:
+        server.iserver.allow_remote_admin = False
+        server.iserver.max_connections = self.settings.max_clients
+        server.iserver.max_subscriptions = self.settings.max_subscriptions
+        server.iserver.max_monitored_item_queue_size = 1000
+        server.iserver.max_unacked_messages_per_subscription = 100
+        server.iserver.max_pending_messages_per_connection = 100
+        server.limits.max_message_size = _LARGEST_MESSAGE
+        server.limits.max_chunk_count = _LARGEST_MESSAGE // server.limits.max_recv_buffer + 1
+
+    async def _build(self, server: Any) -> None:
+        """The object of the well, its variables with their units, and its methods."""
+        ua = self._ua
+        index = await server.register_namespace(NAMESPACE)
+        well = await server.nodes.objects.add_object(ua.NodeId(f"{MANIFEST}", index), f"{index}:{self.well}")
+        now = readings(nothing_yet())
+        for variable in VARIABLES:
+            await self._add(well, index, variable, now[variable.name])
+        if self._on_command is None:
+            return
+        for name, arguments in METHODS.items():
+            inputs = [_argument(ua, *argument) for argument in arguments]
+            outputs = [
+                _argument(ua, "success", "Boolean", "it was done"),
+                _argument(ua, "message", "String", "or why not"),
+            ]
+            await well.add_method(
+                ua.NodeId(f"{MANIFEST}.{name}", index), f"{index}:{name}", self._method(name), inputs, outputs
+            )
+
+    async def _add(self, well: Any, index: int, variable: Variable, first: Reading) -> None:
+        ua = self._ua
+        kind = getattr(ua.VariantType, variable.kind)
+        node = await well.add_variable(
+            ua.NodeId(f"{MANIFEST}.{variable.name}", index), f"{index}:{variable.name}", ua.Variant(first.value, kind)
+        )
+        described = ua.DataValue(ua.Variant(ua.LocalizedText(variable.description), ua.VariantType.LocalizedText))
+        await node.write_attribute(ua.AttributeIds.Description, described)
+        if variable.unit:
+            unit = ua.EUInformation(
+                NamespaceUri=UNITS_NAMESPACE,
+                UnitId=unit_id(variable.unit),
+                DisplayName=ua.LocalizedText(variable.unit),
+                Description=ua.LocalizedText(UNITS[variable.unit][1]),
+            )
+            await node.add_property(0, "EngineeringUnits", unit)
+        self._ids[variable.name] = node.nodeid
+
+    async def _follow(self, server: Any, stop: asyncio.Event) -> None:
+        await self._write(server, readings(self.values or nothing_yet()))
+        while not stop.is_set():
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_TICK):
+                    await self.wake.wait()
+            self.wake.clear()
+            clients = {client for client in server.bserver.clients if client.peer_name}
+            self._since = {client: self._since.get(client, self._clock()) for client in clients}
+            if self.values is not None:
+                await self._write(server, readings(self.values))
+
+    async def _write(self, server: Any, table: dict[str, Reading]) -> None:
+        ua = self._ua
+        for variable in VARIABLES:
+            reading = table[variable.name]
+            if self._last.get(variable.name) == reading:
+                continue
+            value = ua.DataValue(
+                ua.Variant(reading.value, getattr(ua.VariantType, variable.kind)),
+                StatusCode=ua.StatusCode(reading.status),
+                SourceTimestamp=_EPOCH + dt.timedelta(microseconds=reading.stamp_ns // 1000)
+                if reading.stamp_ns
+                else None,
+                ServerTimestamp=dt.datetime.now(dt.UTC),
+            )
+            await server.write_attribute_value(self._ids[variable.name], value)
+            self._written += 1
+        self._last = table
+
+    def _method(self, name: str) -> Callable[..., Any]:
+        ua = self._ua
+        names = [argument for argument, _, _ in METHODS[name]]
+
+        def call(_parent: Any, *given: Any) -> Any:
+            # Called in the thread pool of the server: the node may take its time.
+            self._commands += 1
+            if len(given) != len(names):
+                return ua.StatusCode(ua.StatusCodes.BadArgumentsMissing)
+            arguments = {key: argument.Value for key, argument in zip(names, given, strict=True)}
+            if any(value is None for value in arguments.values()) or self._on_command is None:
+                return ua.StatusCode(ua.StatusCodes.BadInvalidArgument)
+            ok, message = self._on_command(name, arguments)
+            return [ua.Variant(ok, ua.VariantType.Boolean), ua.Variant(message, ua.VariantType.String)]
+
+        return call
+
+    def status(self) -> InterfaceStatus:
+        """How it goes."""
+        peers = tuple(
+            PeerStatus(f"{client.peer_name[0]}:{client.peer_name[1]}", since)
+            for client, since in list(self._since.items())
+        )
+        server = self._server
+        subscriptions = 0 if server is None else len(server.iserver.subscription_service.subscriptions)
+        last = tuple(
+            (name, f"{self._last[name].value} (0x{self._last[name].status:08X})")
+            for name in ("Inclination", "Azimuth", "GravityToolface", "Heartbeat")
+            if name in self._last
+        )
+        return InterfaceStatus(
+            self.name,
+            LISTENING if self.running else STOPPED,
+            self.address,
+            self.failure,
+            peers if self.running else (),
+            sent=self._written,
+            refused=self.refused,
+            counts=(("subscriptions", subscriptions), ("commands", self._commands)),
+            last=last,
+        )
+
+
+class _Services:
+    """Rules of asyncua: the services that a channel may ask for, whoever speaks on it."""
+
+    def __init__(self, allowed: set[Any]) -> None:
+        self._allowed = allowed
+
+    def check_validity(self, _user: Any, action_type_id: Any, _body: Any) -> bool:
+        """True where the service may be asked for."""
+        return action_type_id in self._allowed
+
+
+class _Users:
+    """User manager of asyncua: who a session is, by its certificate alone."""
+
+    def __init__(self, find: Callable[[bytes | None], Any]) -> None:
+        self._find = find
+
+    def get_user(
+        self, _server: Any, username: str | None = None, password: str | None = None, certificate: bytes | None = None
+    ) -> Any:
+        """The user; None refuses. Names and passwords are not offered."""
+        return None if username or password else self._find(certificate)
+
+
+def _certificates(folder: Path, x509: Any) -> list[Any]:
+    """The certificates in a folder, DER or PEM; what is neither is passed over."""
+    found = []
+    for path in sorted(folder.iterdir()):
+        data = path.read_bytes()
+        load = x509.load_pem_x509_certificate if data.startswith(b"-----") else x509.load_der_x509_certificate
+        with contextlib.suppress(ValueError):
+            found.append(load(data))
+    return found
+
+
+def _argument(ua: Any, name: str, kind: str, description: str) -> Any:
+    return ua.Argument(
+        Name=name,
+        DataType=ua.NodeId(getattr(ua.ObjectIds, kind)),
+        ValueRank=-1,
+        ArrayDimensions=[],
+        Description=ua.LocalizedText(description),
+    )

@@ -1,0 +1,226 @@
+"""
+The one door between the surface node and all rig interfaces: values in, everything out, rig data and commands back.
+
+Interfaces that are switched on are started, each by itself: one that cannot start says why and is tried again, the rest
+runs. When nobody publishes for a while every interface is told so, with the heartbeat standing still.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from mwd_sensors.core.settings import setting
+from mwd_surface.rig.interface import (
+    DOWN,
+    InterfaceError,
+    InterfaceStatus,
+    MissingPackageError,
+    OnCommand,
+    OnRigState,
+    RigInterface,
+)
+from mwd_surface.rig.modbus.server import ModbusSerial, ModbusSerialSettings, ModbusServer, ModbusSettings
+from mwd_surface.rig.opcua.server import OpcuaServer, OpcuaSettings
+from mwd_surface.rig.values import RigValues, silenced
+from mwd_surface.rig.wits.client import Wits0Client, Wits0ClientSettings, Wits0Serial, Wits0SerialSettings
+from mwd_surface.rig.wits.link import Wits0Settings
+from mwd_surface.rig.wits.server import Wits0Server, Wits0ServerSettings
+from mwd_surface.rig.witsml.store import WitsmlStore, WitsmlStoreSettings
+
+_LOOK = 0.5  # s
+
+
+@dataclasses.dataclass(frozen=True)
+class RigSettings:
+    """Every rig interface; all are off until switched on."""
+
+    wits0: Wits0Settings = setting(Wits0Settings, "What every WITS interface does alike")
+    wits0_server: Wits0ServerSettings = setting(Wits0ServerSettings, "WITS where recorders connect to us")
+    wits0_client: Wits0ClientSettings = setting(Wits0ClientSettings, "WITS where we connect to a recorder")
+    wits0_serial: Wits0SerialSettings = setting(Wits0SerialSettings, "WITS over a serial line")
+    opcua: OpcuaSettings = setting(OpcuaSettings, "OPC UA")
+    modbus: ModbusSettings = setting(ModbusSettings, "Modbus TCP")
+    modbus_serial: ModbusSerialSettings = setting(ModbusSerialSettings, "Modbus RTU")
+    witsml_store: WitsmlStoreSettings = setting(WitsmlStoreSettings, "WITSML store")
+    simulated: bool = setting(False, "tell the rig that the tool is a simulation", fixed=True)
+    strict: bool = setting(False, "do not start at all where an interface cannot", fixed=True)
+    retry_period: float = setting(
+        10.0, "time between attempts to start an interface that is down", unit="s", low=0.05, high=3600.0, fixed=True
+    )
+    silent_after: float = setting(
+        3.0,
+        "without new values for so long interfaces tell that nothing lives",
+        unit="s",
+        low=0.2,
+        high=60.0,
+        fixed=True,
+    )
+
+    @property
+    def takes_data(self) -> bool:
+        """True where rig data can come in, so that somebody must publish `rig/state`."""
+        talks = self.wits0_server.enabled or self.wits0_client.enabled or self.wits0_serial.enabled
+        registers = self.modbus.enabled or self.modbus_serial.enabled
+        return (talks and self.wits0.rig.accept) or (registers and self.modbus.allow_writes)
+
+
+class RigPort:
+    """
+    All interfaces of one well.
+
+    Parameters
+    ----------
+    settings : RigSettings
+    well : str
+        Name of the well.
+    on_rig_state : callable, optional
+        Gets `wire.RIG_STATE` samples from the rig, in a thread of an interface.
+    on_command : callable, optional
+        `on_command(name, arguments) -> (ok, message)`, in a thread of an interface.
+    folder : Path, optional
+        For certificates.
+    clock : callable
+        Steady seconds.
+    """
+
+    def __init__(
+        self,
+        settings: RigSettings,
+        well: str = "well",
+        on_rig_state: OnRigState | None = None,
+        on_command: OnCommand | None = None,
+        folder: Path | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.settings = settings
+        self._clock = clock
+        self._interfaces: list[RigInterface] = []
+        talk = settings.wits0
+        if settings.wits0_server.enabled:
+            self._interfaces.append(Wits0Server(settings.wits0_server, talk, on_rig_state))
+        if settings.wits0_client.enabled:
+            self._interfaces.append(Wits0Client(settings.wits0_client, talk, on_rig_state))
+        if settings.wits0_serial.enabled:
+            self._interfaces.append(Wits0Serial(settings.wits0_serial, talk, on_rig_state))
+        if settings.opcua.enabled:
+            self._interfaces.append(OpcuaServer(settings.opcua, well, on_command, folder))
+        if settings.modbus.enabled:
+            self._interfaces.append(ModbusServer(settings.modbus, on_rig_state))
+        if settings.modbus_serial.enabled:
+            self._interfaces.append(ModbusSerial(settings.modbus_serial, settings.modbus, on_rig_state))
+        self._store = WitsmlStore(settings.witsml_store) if settings.witsml_store.enabled else None
+        if self._store is not None:
+            self._interfaces.append(self._store)
+        self._down: dict[str, str] = {}
+        self._lock = threading.Lock()
+        self._values: RigValues | None = None
+        self._told_at = 0.0
+        self._silent = False
+        self._ended = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def enabled(self) -> bool:
+        """True where any interface is switched on."""
+        return bool(self._interfaces)
+
+    def start(self) -> dict[str, str]:
+        """
+        Start what is switched on.
+
+        Returns
+        -------
+        dict
+            Name and reason of every interface that could not start; it is tried again, unless a package is missing.
+
+        Raises
+        ------
+        InterfaceError
+            One could not start and `strict` is set; none runs then.
+        """
+        self._ended.clear()
+        for interface in self._interfaces:
+            self._try(interface)
+        if self._down and self.settings.strict:
+            self.stop()
+            raise InterfaceError("; ".join(f"{name}: {why}" for name, why in self._down.items()))
+        if self._interfaces:
+            self._thread = threading.Thread(target=self._watch, name="rig-port", daemon=True)
+            self._thread.start()
+        return dict(self._down)
+
+    def publish(self, values: RigValues) -> None:
+        """The newest values, to every interface; never blocks."""
+        with self._lock:
+            self._values, self._told_at, self._silent = values, self._clock(), False
+        for interface in self._interfaces:
+            interface.publish(values)
+
+    def publish_trajectory(self, document: str) -> None:
+        """The definitive survey as WITSML, to the store; never blocks."""
+        if self._store is not None:
+            self._store.push(document)
+
+    @property
+    def wants_trajectory(self) -> bool:
+        """True where a store is pushed to."""
+        return self._store is not None
+
+    def status(self) -> tuple[InterfaceStatus, ...]:
+        """How each interface goes."""
+        table = []
+        for interface in self._interfaces:
+            status = interface.status()
+            if interface.name in self._down:
+                status = dataclasses.replace(status, state=DOWN, reason=self._down[interface.name])
+            table.append(status)
+        return tuple(table)
+
+    def stop(self) -> None:
+        """End every interface; nothing happens if none runs."""
+        self._ended.set()
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            thread.join(timeout=5.0)
+        for interface in self._interfaces:
+            interface.stop()
+
+    def _try(self, interface: RigInterface) -> None:
+        try:
+            interface.start()
+        except MissingPackageError as error:
+            # Nothing changes until somebody installs it and starts anew.
+            self._down[interface.name] = str(error)
+        except InterfaceError as error:
+            self._down[interface.name] = str(error)
+        else:
+            self._down.pop(interface.name, None)
+            if self._values is not None:
+                interface.publish(self._values)
+
+    def _watch(self) -> None:
+        """Try again what is down; tell everybody when the values stop."""
+        tried = self._clock()
+        while not self._ended.wait(min(_LOOK, self.settings.retry_period)):
+            now = self._clock()
+            if now - tried >= self.settings.retry_period:
+                tried = now
+                for interface in self._interfaces:
+                    state = interface.status()
+                    if interface.name in self._down or (state.reason and state.state == "stopped"):
+                        self._try(interface)
+            self._tell_silence(now)
+
+    def _tell_silence(self, now: float) -> None:
+        with self._lock:
+            values, age = self._values, now - self._told_at
+            if values is None or self._silent or age < self.settings.silent_after:
+                return
+            self._silent = True
+        quiet = silenced(values, age, "the surface node is silent")
+        for interface in self._interfaces:
+            interface.publish(quiet)

@@ -1,0 +1,144 @@
+"""
+An accepted survey as every rig interface tells it: the numbers of the well path, once, in SI and rad.
+
+Inclination, azimuth and place are those of the definitive path, the same that the exports and the report print; what
+only the survey knows (totals, six axes, sigmas) stands beside them. None is "not known", never a stand-in.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+from mwd_estimation.core.status import Status
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import Judgement, North, Survey, SurveyRecord, Three, Verdict
+from mwd_surface.surveys.well_path import Definitive
+
+LAST = 32
+_CORRECTING = ("corrected", "msa", "gyro")
+_UNCORRECTED = Status.UNCORRECTED | Status.CORRECTION_REFUSED | Status.MAG_DISTURBED
+
+
+@dataclasses.dataclass(frozen=True)
+class AcceptedSurvey:
+    """
+    One station in use. m, rad, rad/m, m/s^2, T, degC; stamp_ns: of the measurement, decided_ns: when it came into use.
+
+    azimuth: from the north of the well. azimuth_uncorrected: magnetic, before correction for interference, or None.
+    corrected: an azimuth corrected for interference, or not magnetic, is used. overridden: in use on a person's word
+    against the automatic verdict. remark: why the azimuth deserves doubt, in words; empty otherwise.
+    """
+
+    sequence: int
+    uuid: str
+    stamp_ns: int
+    decided_ns: int
+    measured_depth: float
+    inclination: float
+    azimuth: float
+    north: North
+    vertical_depth: float
+    position_north: float
+    position_east: float
+    vertical_section: float
+    dogleg_severity: float
+    turn_rate: float
+    gravity_toolface: float
+    magnetic_toolface: float | None
+    azimuth_uncorrected: float | None
+    sigma_inclination: float | None
+    sigma_azimuth: float | None
+    g_total: float
+    b_total: float | None
+    dip: float | None
+    axial_interference: float | None
+    temperature: float | None
+    specific_force: Three
+    magnetic_field: Three | None
+    verdict: Verdict
+    overridden: bool
+    corrected: bool
+    method: str
+    remark: str = ""
+
+    @property
+    def key(self) -> tuple[str, int]:
+        """What makes it news: another survey, or the same one decided anew."""
+        return self.uuid, self.decided_ns
+
+
+def accepted_surveys(surveys: SurveyList, last: int = LAST) -> tuple[AcceptedSurvey, ...]:
+    """The stations in use on the current leg and its parents, oldest measurement first, at most so many of the last."""
+    path = surveys.definitive()
+    places = {sequence: k for k, sequence in enumerate(path.sequence) if sequence}
+    used = sorted(
+        (r for r in surveys.records if r.in_use and r.survey.sequence in places), key=lambda r: r.survey.stamp_ns
+    )
+    return tuple(_accepted(r, path, places[r.survey.sequence]) for r in used[-last:])
+
+
+def _accepted(record: SurveyRecord, path: Definitive, k: int) -> AcceptedSurvey:
+    s = record.survey
+    magnetic = s.magnetic_field_covariance[0] >= 0.0
+    n, e, d = (float(v) for v in path.positions[k])
+    return AcceptedSurvey(
+        sequence=s.sequence,
+        uuid=s.uuid,
+        stamp_ns=s.stamp_ns,
+        decided_ns=record.judged_ns or s.stamp_ns,
+        measured_depth=float(path.md[k]),
+        inclination=float(path.inclination[k]),
+        azimuth=float(path.azimuth[k]),
+        north=path.north,
+        vertical_depth=d,
+        position_north=n,
+        position_east=e,
+        vertical_section=float(path.vertical_section[k]),
+        dogleg_severity=float(path.dogleg_severity[k]),
+        turn_rate=float(path.turn_rate[k]),
+        gravity_toolface=s.gravity_toolface,
+        magnetic_toolface=s.magnetic_toolface if s.has_azimuth else None,
+        azimuth_uncorrected=_uncorrected(s),
+        sigma_inclination=_known(s.sigma_inclination),
+        sigma_azimuth=_known(s.sigma_azimuth),
+        g_total=s.g_total,
+        b_total=_known(s.b_total),
+        dip=s.dip if s.b_total >= 0.0 else None,
+        axial_interference=s.axial_interference if s.sigma_axial_interference >= 0.0 else None,
+        temperature=s.temperature if s.temperature > -273.15 else None,
+        specific_force=s.specific_force,
+        magnetic_field=s.magnetic_field if magnetic else None,
+        verdict=Verdict(s.verdict),
+        overridden=record.judgement == Judgement.ACCEPTED and s.verdict != Verdict.ACCEPT,
+        corrected=_is_corrected(s),
+        method=s.azimuth_method,
+        remark=_remark(s, path.north),
+    )
+
+
+def _uncorrected(s: Survey) -> float | None:
+    """Azimuth from magnetic north of the method without correction; that of the survey where no other was made."""
+    for estimate in s.azimuths:
+        if estimate.method == "raw" and estimate.north == North.MAGNETIC and estimate.sigma >= 0.0:
+            return estimate.azimuth
+    plain = s.has_azimuth and s.north == North.MAGNETIC and s.azimuth_method in ("", "raw")
+    return s.azimuth if plain else None
+
+
+def _is_corrected(s: Survey) -> bool:
+    if s.azimuth_method == "fused":
+        return any(a.method in _CORRECTING and a.weight > 0.0 for a in s.azimuths)
+    return s.azimuth_method in _CORRECTING
+
+
+def _remark(s: Survey, north: North) -> str:
+    if s.azimuth_from(north) is None:
+        return "no azimuth of its own: that of the station above is used"
+    doubt = Status(s.status) & _UNCORRECTED
+    if doubt and not _is_corrected(s):
+        return "the azimuth is not corrected for interference"
+    return ""
+
+
+def _known(value: float) -> float | None:
+    return value if value >= 0.0 else None

@@ -1,0 +1,235 @@
+"""
+WITS level 0 where we go to the peer: a recorder that listens on TCP, or one at the end of a serial line.
+
+Both try again for ever, with waits that double from one second to half a minute and differ by chance, so that a hundred
+tools do not come back at the same moment.
+"""
+
+from __future__ import annotations
+
+import abc
+import asyncio
+import contextlib
+import dataclasses
+import os
+import random
+from collections.abc import AsyncIterator, Callable
+from typing import Any
+
+from mwd_sensors.core.settings import setting
+from mwd_surface.rig.interface import (
+    CONNECTED,
+    CONNECTING,
+    STOPPED,
+    InterfaceError,
+    InterfaceStatus,
+    OnRigState,
+    optional,
+)
+from mwd_surface.rig.wits.link import StreamWriter, Wits0Link, Wits0Settings, Writer
+
+_STEADY = 10.0  # s a connection must have lasted to make the next wait short again
+
+
+@dataclasses.dataclass(frozen=True)
+class Backoff:
+    """Waits between attempts."""
+
+    first: float = setting(1.0, "wait after the first failure", unit="s", low=0.01, high=60.0, fixed=True)
+    longest: float = setting(30.0, "longest wait", unit="s", low=0.01, high=600.0, fixed=True)
+
+    def wait(self, failures: int, chance: float) -> float:
+        """Seconds after so many failures in a row; chance, 0 to 1, spreads it by half either way."""
+        return float(min(self.longest, self.first * 2.0 ** min(failures, 30)) * (0.5 + chance))
+
+
+@dataclasses.dataclass(frozen=True)
+class Wits0ClientSettings:
+    """Where the recorder listens."""
+
+    enabled: bool = setting(False, "connect to a WITS recorder over TCP", fixed=True)
+    host: str = setting("127.0.0.1", "address of the recorder", fixed=True)
+    port: int = setting(9872, "its TCP port", low=1, high=65535, fixed=True)
+    connect_timeout: float = setting(5.0, "longest wait for an answer", unit="s", low=0.1, high=60.0, fixed=True)
+    backoff: Backoff = setting(Backoff, "Waits between attempts")
+
+
+@dataclasses.dataclass(frozen=True)
+class Wits0SerialSettings:
+    """The serial line to the recorder."""
+
+    enabled: bool = setting(False, "talk WITS over a serial line", fixed=True)
+    device: str = setting("/dev/ttyS0", "serial device", fixed=True)
+    baud: int = setting(9600, "bits per second", low=300, high=921600, fixed=True)
+    backoff: Backoff = setting(Backoff, "Waits between attempts")
+
+
+class _Caller(Wits0Link, abc.ABC):
+    """Goes to one peer, again and again."""
+
+    def __init__(
+        self,
+        name: str,
+        where: str,
+        backoff: Backoff,
+        talk: Wits0Settings | None,
+        on_rig_state: OnRigState | None,
+        **clocks: Any,
+    ) -> None:
+        super().__init__(name, talk or Wits0Settings(), on_rig_state, **clocks)
+        self._where, self._backoff = where, backoff
+        self._chance = random.Random(where)  # noqa: S311 (spreads waits; nothing secret)
+        self.failures = 0
+        self.connections = 0
+        self._reason = ""
+
+    @abc.abstractmethod
+    def connection(self) -> contextlib.AbstractAsyncContextManager[tuple[asyncio.StreamReader, Writer]]:
+        """One connection; raises OSError where there is none to be had."""
+
+    async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
+        """Connect, talk, and begin again, until `stop`."""
+        ready(self._where)
+        tasks = [asyncio.ensure_future(work) for work in (self.tell(stop), self._call(), stop.wait())]
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in done:
+                task.result()
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _call(self) -> None:
+        while True:
+            try:
+                async with self.connection() as (reader, writer):
+                    began = self.clock()
+                    self.connections += 1
+                    self._reason = ""
+                    await self.converse(reader, writer, self._where)
+                self._reason = f"{self._where} ended the connection"
+                self.failures = 0 if self.clock() - began >= _STEADY else self.failures + 1
+            except (OSError, TimeoutError) as error:
+                self.failures += 1
+                self._reason = f"{self._where}: {error or 'no answer'}"
+            await asyncio.sleep(self._backoff.wait(self.failures - 1, self._chance.random()))
+
+    def status(self) -> InterfaceStatus:
+        """How it goes."""
+        if not self.running:
+            return self.status_as(STOPPED, self.failure)
+        status = self.status_as(CONNECTED if self.peers else CONNECTING, self._reason)
+        counts = (*status.counts, ("connections", self.connections), ("failures", self.failures))
+        return dataclasses.replace(status, counts=counts)
+
+
+class Wits0Client(_Caller):
+    """The calling side over TCP."""
+
+    def __init__(
+        self,
+        settings: Wits0ClientSettings,
+        talk: Wits0Settings | None = None,
+        on_rig_state: OnRigState | None = None,
+        **clocks: Any,
+    ) -> None:
+        where = f"{settings.host}:{settings.port}"
+        super().__init__("wits0_client", where, settings.backoff, talk, on_rig_state, **clocks)
+        self.settings = settings
+
+    @contextlib.asynccontextmanager
+    async def connection(self) -> AsyncIterator[tuple[asyncio.StreamReader, Writer]]:
+        """A TCP connection."""
+        async with asyncio.timeout(self.settings.connect_timeout):
+            reader, stream = await asyncio.open_connection(self.settings.host, self.settings.port, limit=16384)
+        try:
+            yield reader, StreamWriter(stream)
+        finally:
+            stream.transport.abort()
+
+
+class Wits0Serial(_Caller):
+    """A serial line, 8 data bits, no parity, 1 stop bit; POSIX terminals and pseudo-terminals."""
+
+    def __init__(
+        self,
+        settings: Wits0SerialSettings,
+        talk: Wits0Settings | None = None,
+        on_rig_state: OnRigState | None = None,
+        **clocks: Any,
+    ) -> None:
+        super().__init__("wits0_serial", settings.device, settings.backoff, talk, on_rig_state, **clocks)
+        self.settings = settings
+        self._serial: Any = None
+
+    def start(self) -> None:
+        """
+        Begin.
+
+        Raises
+        ------
+        InterfaceError
+            pyserial is not installed, or this is not a POSIX system.
+        """
+        self._serial = optional("serial", "pyserial", "WITS over a serial line")
+        if os.name != "posix":
+            raise InterfaceError("WITS over a serial line needs a POSIX system; use TCP and a serial server here")
+        super().start()
+
+    @contextlib.asynccontextmanager
+    async def connection(self) -> AsyncIterator[tuple[asyncio.StreamReader, Writer]]:
+        """The opened device."""
+        loop = asyncio.get_running_loop()
+        device = await loop.run_in_executor(
+            None, lambda: self._serial.Serial(self.settings.device, self.settings.baud, timeout=0, exclusive=True)
+        )
+        try:
+            # Streams close what they are given: each gets a descriptor of its own.
+            source, sink = os.fdopen(os.dup(device.fd), "rb", 0), os.fdopen(os.dup(device.fd), "wb", 0)
+            reader = asyncio.StreamReader(limit=16384)
+            incoming, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), source)
+            outgoing, protocol = await loop.connect_write_pipe(_Outgoing, sink)
+            try:
+                yield reader, _PipeWriter(outgoing, protocol)
+            finally:
+                incoming.close()
+                outgoing.abort()
+        finally:
+            device.close()
+
+
+class _Outgoing(asyncio.Protocol):
+    """Flow control of the writing half."""
+
+    def __init__(self) -> None:
+        self.room = asyncio.Event()
+        self.room.set()
+        self.lost = False
+
+    def pause_writing(self) -> None:
+        self.room.clear()
+
+    def resume_writing(self) -> None:
+        self.room.set()
+
+    def connection_lost(self, _error: Exception | None) -> None:
+        self.lost = True
+        self.room.set()
+
+
+class _PipeWriter:
+    def __init__(self, transport: asyncio.WriteTransport, protocol: _Outgoing) -> None:
+        self._transport, self._protocol = transport, protocol
+        transport.set_write_buffer_limits(high=2048)
+
+    def write(self, data: bytes) -> None:
+        self._transport.write(data)
+
+    async def drain(self) -> None:
+        await self._protocol.room.wait()
+        if self._protocol.lost:
+            raise BrokenPipeError("the serial line is gone")
+
+    def abort(self) -> None:
+        self._transport.abort()

@@ -1,0 +1,303 @@
+"""
+Conversations in WITS level 0, full duplex, with any number of peers at a time, whatever carries them.
+
+A peer that does not read gets the newest packets when it does and is cut off after a while; it never holds up another.
+What peers send is read by a bounded decoder; rig data among it goes through the plausibility of `rig_input`, from one
+peer at a time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import dataclasses
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Protocol
+
+from mwd_sensors.core.settings import setting
+from mwd_surface.rig.input import RigInput, RigInputSettings
+from mwd_surface.rig.interface import InterfaceStatus, LoopInterface, OnRigState, PeerStatus
+from mwd_surface.rig.wits.format import KEEP_ALIVE, Decoder, Frame
+from mwd_surface.rig.wits.records import Wits0Format, rig_readings, shown
+from mwd_surface.rig.wits.sender import Wits0Schedule, Wits0Sender
+
+_TICK = 0.5  # s
+_SOURCE_SILENT = 10.0  # s after which another peer may be the source of rig data
+
+
+@dataclasses.dataclass(frozen=True)
+class Wits0Settings:
+    """What every WITS interface does alike."""
+
+    form: Wits0Format = setting(Wits0Format, "How records are written")
+    schedule: Wits0Schedule = setting(Wits0Schedule, "How often what is sent")
+    rig: RigInputSettings = setting(RigInputSettings, "What is believed of the rig's data")
+    queue_bytes: int = setting(16384, "most that waits for a slow peer; then the oldest goes", low=1024, fixed=True)
+    send_timeout: float = setting(
+        15.0, "a peer that takes no byte for so long is cut off", unit="s", low=0.2, high=300.0, fixed=True
+    )
+
+
+class Writer(Protocol):
+    """What a conversation writes to."""
+
+    def write(self, data: bytes) -> None:
+        """Take bytes."""
+
+    async def drain(self) -> None:
+        """Wait until there is room again."""
+
+    def abort(self) -> None:
+        """Cut the connection."""
+
+
+class StreamWriter:
+    """An asyncio stream as a `Writer`."""
+
+    def __init__(self, stream: asyncio.StreamWriter) -> None:
+        self._stream = stream
+        stream.transport.set_write_buffer_limits(high=2048)
+
+    def write(self, data: bytes) -> None:
+        """Take bytes."""
+        self._stream.write(data)
+
+    async def drain(self) -> None:
+        """Wait until there is room again."""
+        await self._stream.drain()
+
+    def abort(self) -> None:
+        """Cut the connection."""
+        self._stream.transport.abort()
+
+
+class Peer:
+    """One conversation: what waits to be sent, what was read, and counts."""
+
+    def __init__(self, address: str, queue_bytes: int, since: float) -> None:
+        self.address, self.since = address, since
+        self.decoder = Decoder()
+        self.sent = self.received = self.dropped = 0
+        self.last = ""
+        self.greeted = False
+        self.end = asyncio.Event()
+        self.news = asyncio.Event()
+        self._queue: deque[bytes] = deque()
+        self._waiting = 0
+        self._limit = queue_bytes
+        self._times: deque[float] = deque(maxlen=32)
+
+    def put(self, packet: bytes) -> None:
+        """Send it when there is room; the oldest waiting packets go where there is none."""
+        self._queue.append(packet)
+        self._waiting += len(packet)
+        while self._waiting > self._limit and len(self._queue) > 1:
+            self._waiting -= len(self._queue.popleft())
+            self.dropped += 1
+        self.news.set()
+
+    def take(self) -> bytes | None:
+        """The next packet to send."""
+        if not self._queue:
+            self.news.clear()
+            return None
+        packet = self._queue.popleft()
+        self._waiting -= len(packet)
+        return packet
+
+    def was_sent(self, now: float) -> None:
+        """Count a packet."""
+        self.sent += 1
+        self._times.append(now)
+
+    def status(self, now: float) -> PeerStatus:
+        """Counts of now; the rate is that of the last packets, and falls while none go out."""
+        times = list(self._times)
+        rate = len(times) / max(now - times[0], 1.0) if times else 0.0
+        return PeerStatus(self.address, self.since, self.sent, self.received, self.dropped, rate, self.last)
+
+
+class Wits0Link(LoopInterface):
+    """
+    The part of every WITS interface that talks; subclasses find the peers.
+
+    Parameters
+    ----------
+    name : str
+        Of the interface.
+    settings : Wits0Settings
+    on_rig_state : callable, optional
+        Gets rig data, `wire.RIG_STATE`, in the thread of the interface.
+    clock, wall : callable
+        Steady seconds, and ns since the epoch.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        settings: Wits0Settings,
+        on_rig_state: OnRigState | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        wall: Callable[[], int] = time.time_ns,
+    ) -> None:
+        super().__init__(name)
+        self.talk = settings
+        self.refused = 0
+        self.cut_off = 0
+        self.clock = clock
+        self._wall = wall
+        self._on_rig_state = on_rig_state if settings.rig.accept else None
+        self._input = RigInput(settings.rig)
+        self._sender = Wits0Sender(settings.form, settings.schedule)
+        self._peers: set[Peer] = set()
+        self._source: tuple[Peer, float] | None = None
+        self._gone = PeerStatus("", 0.0)
+        self._strangers = 0
+        self._decoded = dict.fromkeys(("frames", "junk_bytes", "broken_frames", "bad_items", "nulls"), 0)
+
+    @property
+    def peers(self) -> int:
+        """Conversations now."""
+        return len(self._peers)
+
+    async def tell(self, stop: asyncio.Event) -> None:
+        """Send what is due to everybody until `stop`."""
+        while not stop.is_set():
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_TICK):
+                    await self.wake.wait()
+            self.wake.clear()
+            if self.values is None:
+                continue
+            for peer in self._peers:
+                self._greet(peer)
+            for packet in self._sender.due(self.values, self.clock()):
+                for peer in self._peers:
+                    peer.put(packet)
+
+    async def converse(self, reader: asyncio.StreamReader, writer: Writer, address: str) -> None:
+        """Talk with one peer until either side ends."""
+        peer = Peer(address, self.talk.queue_bytes, self.clock())
+        self._peers.add(peer)
+        self._greet(peer)
+        tasks = [
+            asyncio.ensure_future(work)
+            for work in (self._listen(reader, peer), self._speak(writer, peer), peer.end.wait())
+        ]
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            self._peers.discard(peer)
+            self._forget(peer)
+            writer.abort()
+
+    def end_all(self) -> None:
+        """End every conversation."""
+        for peer in self._peers:
+            peer.end.set()
+
+    def _greet(self, peer: Peer) -> None:
+        """What a peer gets first, as soon as there is anything to tell."""
+        if self.values is None or peer.greeted:
+            return
+        peer.greeted = True
+        for packet in self._sender.greeting(self.values):
+            peer.put(packet)
+
+    async def _listen(self, reader: asyncio.StreamReader, peer: Peer) -> None:
+        while True:
+            try:
+                data = await reader.read(4096)
+            except OSError:
+                return
+            if not data:
+                return
+            for frame in peer.decoder.feed(data):
+                peer.received += 1
+                self._take(peer, frame)
+
+    async def _speak(self, writer: Writer, peer: Peer) -> None:
+        while True:
+            await peer.news.wait()
+            packet = peer.take()
+            if packet is None:
+                continue
+            try:
+                writer.write(packet)
+                # Not wait_for: before Python 3.12 it can swallow the cancellation that ends this task.
+                async with asyncio.timeout(self.talk.send_timeout):
+                    await writer.drain()
+            except TimeoutError:
+                self.cut_off += 1
+                return
+            except OSError:
+                return
+            peer.was_sent(self.clock())
+            if packet != KEEP_ALIVE:
+                peer.last = packet.decode("ascii").splitlines()[-2]
+
+    def _take(self, peer: Peer, frame: Frame) -> None:
+        readings = rig_readings(frame, self.talk.form.units)
+        if self._on_rig_state is None or not readings:
+            return
+        now = self.clock()
+        if self._source is not None and self._source[0] is not peer and now - self._source[1] < _SOURCE_SILENT:
+            # Two rigs' depths taken in turn would be worse than none.
+            self._strangers += 1
+            return
+        self._source = (peer, now)
+        sample = self._input.take(readings, self._wall())
+        if sample is not None:
+            self._on_rig_state(sample)
+
+    def _forget(self, peer: Peer) -> None:
+        if self._source is not None and self._source[0] is peer:
+            self._source = None
+        s = self._gone
+        self._gone = dataclasses.replace(
+            s, sent=s.sent + peer.sent, received=s.received + peer.received, dropped=s.dropped + peer.dropped
+        )
+        for name in self._decoded:
+            self._decoded[name] += getattr(peer.decoder.counts, name)
+
+    def status_as(self, state: str, reason: str = "") -> InterfaceStatus:
+        """The state of the interface, with everything counted."""
+        now = self.clock()
+        peers = tuple(sorted((p.status(now) for p in tuple(self._peers)), key=lambda p: p.since))
+        counted = dict(self._decoded)
+        for peer in tuple(self._peers):
+            for name in counted:
+                counted[name] += getattr(peer.decoder.counts, name)
+        counts = {
+            **counted,
+            "cut_off": self.cut_off,
+            "rig_samples": self._input.counts.taken,
+            "rig_refused": self._input.counts.refused,
+            "rig_held": self._input.counts.held,
+            "rig_strangers": self._strangers,
+        }
+        last: tuple[tuple[str, str], ...] = ()
+        if self.values is not None:
+            survey = self.values.survey
+            last = (
+                ("toolface", shown(self.values.toolface)),
+                ("survey", "none" if survey is None else str(survey.sequence)),
+            )
+        return InterfaceStatus(
+            self.name,
+            state,
+            self.address,
+            reason,
+            peers,
+            self._gone.sent + sum(p.sent for p in peers),
+            self._gone.received + sum(p.received for p in peers),
+            self._gone.dropped + sum(p.dropped for p in peers),
+            self.refused,
+            tuple(counts.items()),
+            last,
+        )

@@ -1,0 +1,98 @@
+"""WITS level 0 over TCP where we listen: recorders and collectors connect, each gets every packet."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import socket
+from collections.abc import Callable
+from typing import Any
+
+from mwd_sensors.core.settings import setting
+from mwd_surface.rig.interface import (
+    LISTENING,
+    STOPPED,
+    InterfaceStatus,
+    OnRigState,
+    checked_host,
+    port_error,
+)
+from mwd_surface.rig.wits.link import StreamWriter, Wits0Link, Wits0Settings
+
+_KERNEL_BUFFER = 16384  # bytes; more would hide a peer that does not read behind old packets
+
+
+@dataclasses.dataclass(frozen=True)
+class Wits0ServerSettings:
+    """Where we listen."""
+
+    enabled: bool = setting(False, "serve WITS level 0 over TCP", fixed=True)
+    host: str = setting("127.0.0.1", "address to listen on", fixed=True)
+    port: int = setting(8686, "TCP port; 0: any that is free", low=0, high=65535, fixed=True)
+    allow_network: bool = setting(False, "listen on an address that other machines can reach", fixed=True)
+    max_clients: int = setting(16, "peers at a time", low=1, high=500, fixed=True)
+    max_per_peer: int = setting(8, "connections at a time from one address", low=1, high=500, fixed=True)
+
+
+class Wits0Server(Wits0Link):
+    """The listening side."""
+
+    def __init__(
+        self,
+        settings: Wits0ServerSettings,
+        talk: Wits0Settings | None = None,
+        on_rig_state: OnRigState | None = None,
+        **clocks: Any,
+    ) -> None:
+        super().__init__("wits0_server", talk or Wits0Settings(), on_rig_state, **clocks)
+        self.settings = settings
+        self._of_host: dict[str, int] = {}
+
+    @property
+    def port(self) -> int:
+        """The port it listens on; 0 while it does not run."""
+        return int(self.address.rpartition(":")[2]) if self.address else 0
+
+    async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
+        """Listen until `stop`."""
+        host = checked_host(self.settings.host, self.settings.allow_network)
+        try:
+            server = await asyncio.start_server(self._client, host, self.settings.port, limit=16384, backlog=64)
+        except OSError as error:
+            raise port_error(error, host, self.settings.port) from error
+        bound = server.sockets[0].getsockname()
+        ready(f"{bound[0]}:{bound[1]}")
+        self._conversations: set[asyncio.Task[None]] = set()
+        try:
+            await self.tell(stop)
+        finally:
+            server.close()
+            self.end_all()
+            await asyncio.gather(*self._conversations, return_exceptions=True)
+
+    async def _client(self, reader: asyncio.StreamReader, stream: asyncio.StreamWriter) -> None:
+        peername = stream.get_extra_info("peername") or ("unknown", 0)
+        host = str(peername[0])
+        if self.peers >= self.settings.max_clients or self._of_host.get(host, 0) >= self.settings.max_per_peer:
+            self.refused += 1
+            stream.close()
+            return
+        connection: socket.socket = stream.get_extra_info("socket")
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _KERNEL_BUFFER)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        self._of_host[host] = self._of_host.get(host, 0) + 1
+        task = asyncio.current_task()
+        if task is not None:
+            self._conversations.add(task)
+        try:
+            await self.converse(reader, StreamWriter(stream), f"{host}:{peername[1]}")
+        finally:
+            self._of_host[host] -= 1
+            if not self._of_host[host]:
+                del self._of_host[host]
+            if task is not None:
+                self._conversations.discard(task)
+
+    def status(self) -> InterfaceStatus:
+        """How it goes."""
+        return self.status_as(LISTENING if self.running else STOPPED, self.failure)

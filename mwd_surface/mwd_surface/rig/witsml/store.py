@@ -1,0 +1,293 @@
+"""
+Pushes the definitive survey to a WITSML 1.4.1.1 store: AddToStore the first time, UpdateInStore after that.
+
+An update leaves stations that are no longer in the survey where they are, so those are deleted by DeleteFromStore. The
+store interface is SOAP 1.1 over HTTP(S); only the text of a trajectory goes out, only a number and a message come back.
+Answers are read with entities refused, limited in size, and nothing is fetched because of them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import dataclasses
+import re
+import ssl
+import time
+import urllib.error
+import urllib.request
+import xml.parsers.expat
+from collections.abc import Callable
+from urllib.parse import urlsplit
+from xml.sax.saxutils import escape
+
+from mwd_sensors.core.settings import setting
+from mwd_surface.loopback import is_loopback
+from mwd_surface.rig.interface import (
+    CONNECTED,
+    CONNECTING,
+    STOPPED,
+    InterfaceError,
+    InterfaceStatus,
+    LoopInterface,
+    PeerStatus,
+)
+
+_NAMESPACE = "http://www.witsml.org/message/120"
+_ACTION = "http://www.witsml.org/action/120/Store."
+_LARGEST_ANSWER = 1 << 20
+SUCCESS, ALREADY_THERE, NOT_THERE = 1, -405, -433
+_SHOWN = 300
+
+
+class StoreRefusedError(RuntimeError):
+    """The store answered, but not with success; the message carries its number and words."""
+
+
+@dataclasses.dataclass(frozen=True)
+class WitsmlStoreSettings:
+    """The store, and how hard it is tried."""
+
+    enabled: bool = setting(False, "push the definitive survey to a WITSML store", fixed=True)
+    url: str = setting("", "address of the store's SOAP interface, http:// or https://", fixed=True)
+    user: str = setting("", "user name; empty: none is sent", fixed=True)
+    password_file: str = setting("", "file whose first line is the password", fixed=True)
+    allow_plain: bool = setting(False, "send a password over http to another machine", fixed=True)
+    timeout: float = setting(20.0, "longest wait for an answer", unit="s", low=0.5, high=300.0, fixed=True)
+    first_wait: float = setting(
+        2.0, "wait after a first failure, then doubled", unit="s", low=0.01, high=600.0, fixed=True
+    )
+    longest_wait: float = setting(120.0, "longest wait", unit="s", low=0.01, high=3600.0, fixed=True)
+
+
+class WitsmlStore(LoopInterface):
+    """
+    The pushing side.
+
+    Parameters
+    ----------
+    settings : WitsmlStoreSettings
+    clock : callable
+        Steady seconds.
+    """
+
+    def __init__(self, settings: WitsmlStoreSettings, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__("witsml_store")
+        self.settings = settings
+        self._clock = clock
+        self._document = ""
+        self._told = ""
+        # Of each trajectory that the store has from us: the stations in it.
+        self._stations_of: dict[str, set[str]] = {}
+        self._sent = self._failures = 0
+        self._reason = self._last = ""
+        self._since = 0.0
+        self._version = ""
+
+    def push(self, document: str) -> None:
+        """The newest trajectory (`export_witsml.witsml`); never blocks, the last one wins."""
+        self._document = document
+        # Where it ended just now the document waits for the next start.
+        self.rouse()
+
+    def start(self) -> None:
+        """
+        Begin to push.
+
+        Raises
+        ------
+        InterfaceError
+            The address is none, or the password would go out in clear text.
+        """
+        s, parts = self.settings, urlsplit(self.settings.url)
+        if parts.scheme not in ("http", "https") or not parts.hostname:
+            raise InterfaceError(f"url: {s.url!r} is no address of a store; it begins with https:// or http://")
+        exposed = s.user and parts.scheme == "http" and not is_loopback(parts.hostname)
+        if exposed and not s.allow_plain:
+            raise InterfaceError(f"url: {s.url} would carry the password in clear text; use https, or set allow_plain")
+        self._authorization = self._credentials()
+        super().start()
+
+    async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
+        """Push what is new until `stop`; after a failure wait and try again."""
+        ready(self.settings.url)
+        self._since, failed = self._clock(), 0
+        while not stop.is_set():
+            self.wake.clear()
+            document = self._document
+            if document and document != self._told:
+                try:
+                    await asyncio.to_thread(self._deliver, document)
+                except (OSError, StoreRefusedError, ValueError) as error:
+                    failed += 1
+                    self._failures += 1
+                    self._reason = str(error)[:_SHOWN]
+                else:
+                    failed, self._reason, self._told = 0, "", document
+                    self._sent += 1
+                    continue
+            wait = None
+            if failed:
+                wait = min(self.settings.longest_wait, self.settings.first_wait * 2.0 ** min(failed - 1, 20))
+            try:
+                async with asyncio.timeout(wait):
+                    await self.wake.wait()
+            except TimeoutError:
+                # The wait after a failure is over.
+                continue
+
+    def _credentials(self) -> str:
+        if not self.settings.user:
+            return ""
+        try:
+            with open(self.settings.password_file, encoding="utf-8") as file:  # noqa: PTH123
+                password = file.readline().rstrip("\r\n")
+        except OSError as error:
+            raise InterfaceError(f"password_file: {error}") from error
+        text = f"{self.settings.user}:{password}".encode()
+        return "Basic " + base64.b64encode(text).decode("ascii")
+
+    def _deliver(self, document: str) -> None:
+        if not self._version:
+            answer = self._ask("WMLS_GetVersion", {})
+            self._version = answer.get("Result", "")
+            if "1.4.1.1" not in self._version.split(","):
+                versions, self._version = self._version, ""
+                raise StoreRefusedError(f"the store speaks WITSML {versions or 'of no version'}, not 1.4.1.1")
+        uid, stations = _uid(document), _stations(document)
+        add, update = "WMLS_AddToStore", "WMLS_UpdateInStore"
+        arguments = {"WMLtypeIn": "trajectory", "XMLin": document, "OptionsIn": "", "CapabilitiesIn": ""}
+        first, second = (update, add) if uid in self._stations_of else (add, update)
+        result, said = self._order(first, arguments)
+        if result == (ALREADY_THERE if first == add else NOT_THERE):
+            first = second
+            result, said = self._order(second, arguments)
+        if result < SUCCESS:
+            raise StoreRefusedError(f"{first}: the store refused with {result}" + (f": {said}" if said else ""))
+        before = self._stations_of.get(uid, set())
+        self._stations_of[uid] = before | stations
+        gone = before - stations
+        if gone and first == update:
+            arguments = {
+                "WMLtypeIn": "trajectory",
+                "QueryIn": _without(document, gone),
+                "OptionsIn": "",
+                "CapabilitiesIn": "",
+            }
+            result, said = self._order("WMLS_DeleteFromStore", arguments)
+            if result < SUCCESS:
+                raise StoreRefusedError(f"WMLS_DeleteFromStore: the store refused with {result}: {said}")
+        self._stations_of[uid] = stations
+
+    def _order(self, order: str, arguments: dict[str, str]) -> tuple[int, str]:
+        """Result and words of the store."""
+        answer = self._ask(order, arguments)
+        try:
+            result = int(answer.get("Result", ""))
+        except ValueError as error:
+            raise StoreRefusedError(f"{order}: the store gave no result") from error
+        self._last = f"{order} {result}"
+        return result, answer.get("SuppMsgOut", "").strip()
+
+    def _ask(self, order: str, arguments: dict[str, str]) -> dict[str, str]:
+        """One SOAP call; the texts of the elements of its answer."""
+        inside = "".join(f"<{name}>{escape(text)}</{name}>" for name, text in arguments.items())
+        body = (
+            '<?xml version="1.0" encoding="UTF-8"?>'
+            '<soap:Envelope xmlns:soap="http://schemas.xmlsoap.org/soap/envelope/">'
+            f'<soap:Body><w:{order} xmlns:w="{_NAMESPACE}">{inside}</w:{order}></soap:Body></soap:Envelope>'
+        )
+        headers = {"Content-Type": "text/xml; charset=utf-8", "SOAPAction": f'"{_ACTION}{order}"'}
+        if self._authorization:
+            headers["Authorization"] = self._authorization
+        request = urllib.request.Request(self.settings.url, body.encode(), headers)  # noqa: S310 (checked in start)
+        opener = urllib.request.build_opener(
+            urllib.request.HTTPSHandler(context=ssl.create_default_context()), _NoRedirect()
+        )
+        try:
+            with opener.open(request, timeout=self.settings.timeout) as response:
+                answer = response.read(_LARGEST_ANSWER + 1)
+        except urllib.error.HTTPError as error:
+            with error:
+                text = answer_texts(error.read(_LARGEST_ANSWER)).get("faultstring", "") if error.code == 500 else ""
+            raise StoreRefusedError(f"{order}: HTTP {error.code} {text or error.reason}") from error
+        if len(answer) > _LARGEST_ANSWER:
+            raise StoreRefusedError(f"{order}: the answer is larger than {_LARGEST_ANSWER} bytes")
+        return answer_texts(answer)
+
+    def status(self) -> InterfaceStatus:
+        """How it goes."""
+        if not self.running:
+            return InterfaceStatus(self.name, STOPPED, reason=self.failure)
+        peers = (PeerStatus(self.settings.url, self._since, sent=self._sent, last=self._last),)
+        state = CONNECTED if self._sent and not self._reason else CONNECTING
+        return InterfaceStatus(
+            self.name,
+            state,
+            self.settings.url,
+            self._reason,
+            peers if self._sent else (),
+            sent=self._sent,
+            counts=(("failures", self._failures),),
+            last=(("last call", self._last or "none"),),
+        )
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    """A store that sends the survey and the password elsewhere is not followed."""
+
+    def redirect_request(self, *_about: object) -> None:
+        """Nowhere."""
+
+
+def answer_texts(answer: bytes) -> dict[str, str]:
+    """
+    Text of each element of an answer by its local name, the last one counting.
+
+    Raises
+    ------
+    ValueError
+        It is no XML, or it declares a document type, which no answer of a store needs.
+    """
+    texts: dict[str, str] = {}
+    path: list[tuple[str, list[str]]] = []
+
+    def refuse(*_about: object) -> None:
+        raise ValueError("the answer declares a document type")
+
+    def begin(name: str, _attributes: dict[str, str]) -> None:
+        path.append((name.rpartition(":")[2], []))
+
+    def text(data: str) -> None:
+        if path:
+            path[-1][1].append(data)
+
+    def end(_name: str) -> None:
+        name, parts = path.pop()
+        texts[name] = "".join(parts)
+
+    parser = xml.parsers.expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = refuse
+    parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = begin, end, text
+    try:
+        parser.Parse(answer, True)
+    except xml.parsers.expat.ExpatError as error:
+        raise ValueError(f"the answer is no XML: {error}") from error
+    return texts
+
+
+def _uid(document: str) -> str:
+    match = re.search(r"<trajectory\b[^>]*\suid=\"([^\"]*)\"", document)
+    return match[1] if match else ""
+
+
+def _stations(document: str) -> set[str]:
+    """Identifiers of the stations, as they stand in the document."""
+    return set(re.findall(r"<trajectoryStation\b[^>]*\suid=\"([^\"]*)\"", document))
+
+
+def _without(document: str, stations: set[str]) -> str:
+    """The query that names the stations to delete, with the head of the document."""
+    head = re.search(r"<trajectorys\b[^>]*>\s*<trajectory\b[^>]*>", document)
+    names = "".join(f'<trajectoryStation uid="{uid}"/>' for uid in sorted(stations))
+    return f"{head[0] if head else ''}{names}</trajectory></trajectorys>"

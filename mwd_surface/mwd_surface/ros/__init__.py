@@ -1,0 +1,1 @@
+"""ROS topics, messages, parameters and background work of the surface nodes."""

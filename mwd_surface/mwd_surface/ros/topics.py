@@ -1,0 +1,68 @@
+"""The topics of one well, with their types and profiles: what the surface node records and listens to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from mwd_msgs import msg
+from nav_msgs.msg import Path
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import Imu, JointState, MagneticField, Temperature
+from tf2_msgs.msg import TFMessage
+
+from mwd_sensors.ros.qos import EVENT, LATCHED, STATE, STREAM, WATCHED_STATE, WATCHED_STREAM
+
+TOPICS: dict[str, tuple[Any, QoSProfile]] = {
+    "imu/data_raw": (Imu, STREAM),
+    "imu/mag": (MagneticField, STREAM),
+    "gyro/data_raw": (Imu, STREAM),
+    "imu/burst": (msg.ImuBurst, STREAM),
+    "gyro/burst": (msg.ImuBurst, STREAM),
+    "imu/temperature": (Temperature, STREAM),
+    "truth": (msg.Truth, STREAM),
+    "rig/state": (msg.RigState, EVENT),
+    "rig/command": (msg.RigCommand, STATE),
+    "rig/quill": (JointState, STATE),
+    "gravity": (msg.Gravity, WATCHED_STREAM),
+    "attitude": (msg.Attitude, WATCHED_STREAM),
+    "imu/data": (Imu, STREAM),
+    "dynamics": (msg.Dynamics, STATE),
+    "interference": (msg.Interference, STATE),
+    "survey": (msg.Survey, EVENT),
+    "toolface": (msg.Toolface, WATCHED_STATE),
+    "survey/accepted": (msg.SurveyRecord, EVENT),
+    "surveys": (msg.SurveyList, LATCHED),
+    "trajectory": (msg.Trajectory, LATCHED),
+    "path": (Path, LATCHED),
+    "alarms": (msg.AlarmList, LATCHED),
+    "recorder": (msg.RecorderStatus, STATE),
+    "/tf": (TFMessage, STATE),
+    "/parameter_events": (ParameterEvent, STATE),
+    "/diagnostics": (DiagnosticArray, STATE),
+}
+
+
+def type_name(kind: Any) -> str:
+    """``package/msg/Name`` of a message class."""
+    package, _, _ = kind.__module__.partition(".")
+    return f"{package}/msg/{kind.__name__}"
+
+
+def profile_yaml(profile: QoSProfile) -> str:
+    """
+    A profile as rosbag2 writes it into ``offered_qos_profiles``: a list of one, in YAML.
+
+    Without deadline and lease: a replay may be slow or paused, and promises neither.
+    """
+    endless = "    sec: 9223372036\n    nsec: 854775807\n"
+    return (
+        f"- history: {profile.history.name.lower()}\n"
+        f"  depth: {profile.depth}\n"
+        f"  reliability: {profile.reliability.name.lower()}\n"
+        f"  durability: {profile.durability.name.lower()}\n"
+        f"  deadline:\n{endless}  lifespan:\n{endless}"
+        f"  liveliness: automatic\n  liveliness_lease_duration:\n{endless}"
+        "  avoid_ros_namespace_conventions: false"
+    )

@@ -1,0 +1,168 @@
+"""One file as it grows: what is on disk at every moment, and what a refusing disk does to it."""
+
+from __future__ import annotations
+
+import errno
+import os
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from mwd_surface.bags.mcap import format as mcap_format
+from mwd_surface.bags.mcap.format import Attachment, Channel, Schema
+from mwd_surface.bags.mcap.index import Chunk, McapFile, declarations
+from mwd_surface.bags.mcap.writer import McapWriter
+
+START = 1_700_000_000_000_000_000
+
+
+def opened(path, **options) -> McapWriter:
+    writer = McapWriter(path, **options)
+    writer.add_schema(Schema(1, "std_msgs/msg/String", "ros2msg", b"string data"))
+    writer.add_channel(Channel(1, 1, "/a", "cdr", {"offered_qos_profiles": ""}))
+    return writer
+
+
+def counts(path) -> int:
+    file = McapFile(path)
+    try:
+        return sum(file.contents().counts.values())
+    finally:
+        file.close()
+
+
+def test_every_closed_chunk_can_be_read_while_the_file_still_grows(tmp_path):
+    writer = opened(tmp_path / "a.mcap")
+    for k in range(5):
+        writer.write(1, b"hello", START + k, START + k)
+        writer.close_chunk()
+        writer.sync()
+        assert counts(tmp_path / "a.mcap") == k + 1
+    writer.finish(sync=True)
+    assert counts(tmp_path / "a.mcap") == 5
+
+
+def test_chunks_close_at_their_size_for_single_messages_and_for_rows(tmp_path):
+    writer = opened(tmp_path / "a.mcap", chunk_bytes=1000)
+    for k in range(100):
+        writer.write(1, bytes(69), START + k, START + k)
+    writer.write_rows(1, np.zeros((100, 69), np.uint8), START + np.arange(100), START + np.arange(100))
+    writer.finish()
+    with (tmp_path / "a.mcap").open("rb") as file:
+        summary = make_reader(file).get_summary()
+    sizes = [index.uncompressed_size for index in summary.chunk_indexes]
+    assert summary.statistics.message_count == 200
+    assert max(sizes) <= 1200
+    assert 18 <= len(sizes) <= 22
+
+
+def test_sequence_numbers_count_the_messages_of_a_channel(tmp_path):
+    writer = opened(tmp_path / "a.mcap")
+    writer.write(1, b"x", START, START)
+    writer.write_rows(1, np.zeros((3, 4), np.uint8), START + np.arange(3), START + np.arange(3))
+    writer.write(1, b"x", START + 9, START + 9)
+    writer.finish()
+    with (tmp_path / "a.mcap").open("rb") as file:
+        assert [m.sequence for _, _, m in make_reader(file).iter_messages()] == [1, 2, 3, 4, 5]
+
+
+def test_every_message_index_points_at_its_message(tmp_path):
+    writer = opened(tmp_path / "a.mcap", chunk_bytes=700)
+    for k in range(30):
+        writer.write(1, bytes([k]), START + k, START + k)
+        writer.write_rows(1, np.full((2, 3), k, np.uint8), START + np.array([k, k]), START + np.array([k, k]))
+    writer.finish()
+    data = (tmp_path / "a.mcap").read_bytes()
+    with (tmp_path / "a.mcap").open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    seen = 0
+    for chunk in chunks:
+        body = data[chunk.chunk_start_offset + 9 : chunk.chunk_start_offset + chunk.chunk_length]
+        head = mcap_format.parse_chunk_head(body, len(body))
+        plain = mcap_format.Decompressor()(head, body[head.data_at :])
+        at = chunk.message_index_offsets[1]
+        assert data[at] == mcap_format.MESSAGE_INDEX
+        entries = np.frombuffer(data[at + 15 : at + 9 + int.from_bytes(data[at + 1 : at + 9], "little")], "<u8")
+        for log_ns, offset in entries.reshape(-1, 2).tolist():
+            assert plain[offset] == mcap_format.MESSAGE
+            assert int.from_bytes(plain[offset + 15 : offset + 23], "little") == log_ns
+            seen += 1
+    assert seen == 90
+
+
+def test_declarations_come_again_in_every_sixteenth_chunk(tmp_path):
+    writer = opened(tmp_path / "a.mcap", chunk_bytes=1)
+    for k in range(40):
+        writer.write(1, b"x", START + k, START + k)
+    writer.finish()
+    file = McapFile(tmp_path / "a.mcap")
+    chunks = [piece for piece in file.scan() if isinstance(piece, Chunk)]
+    file.close()
+    assert [k for k, piece in enumerate(chunks) if declarations(piece)[1]] == [0, 16, 32]
+
+
+def test_stamps_of_attachments_and_order_of_time_are_kept(tmp_path):
+    writer = opened(tmp_path / "a.mcap")
+    writer.write(1, b"late", START + 50, START + 40)
+    writer.write(1, b"early", START + 10, START + 5)
+    writer.attach(Attachment(START, START - 1, "r.pdf", "application/pdf", b"%PDF"))
+    writer.finish()
+    with (tmp_path / "a.mcap").open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        statistics = reader.get_summary().statistics
+        assert (statistics.message_start_time, statistics.message_end_time) == (START + 10, START + 50)
+        assert [m.data for _, _, m in reader.iter_messages()] == [b"early", b"late"]
+        (item,) = reader.iter_attachments()
+    assert (item.log_time, item.create_time, item.data) == (START, START - 1, b"%PDF")
+
+
+def test_a_disk_that_takes_half_a_record_leaves_a_file_that_ends_after_the_last_whole_one(tmp_path, monkeypatch):
+    writer = opened(tmp_path / "a.mcap")
+    writer.write(1, b"first", START, START)
+    writer.close_chunk()
+    good = os.path.getsize(tmp_path / "a.mcap")  # noqa: PTH202
+    real = os.write
+    calls = []
+
+    def full(file, data):
+        calls.append(1)
+        if len(calls) == 1:
+            return real(file, data[:10])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "write", full)
+    writer.write(1, b"second", START + 1, START + 1)
+    with pytest.raises(OSError, match="No space"):
+        writer.close_chunk()
+    monkeypatch.setattr(os, "write", real)
+    assert (tmp_path / "a.mcap").stat().st_size == good
+    # The message is still held, and goes out once the disk takes it.
+    writer.finish()
+    assert counts(tmp_path / "a.mcap") == 2
+
+
+def test_messages_given_up_are_counted_and_the_rest_is_a_sound_file(tmp_path):
+    writer = opened(tmp_path / "a.mcap")
+    writer.write(1, b"first", START, START)
+    writer.close_chunk()
+    for k in range(3):
+        writer.write(1, b"more", START + 10 + k, START)
+    assert writer.discard_pending() == 3
+    writer.finish()
+    with (tmp_path / "a.mcap").open("rb") as file:
+        statistics = make_reader(file, validate_crcs=True).get_summary().statistics
+    assert (statistics.message_count, statistics.message_end_time) == (1, START)
+
+
+def test_an_existing_file_is_never_overwritten(tmp_path):
+    (tmp_path / "a.mcap").write_bytes(b"precious")
+    with pytest.raises(FileExistsError):
+        McapWriter(tmp_path / "a.mcap")
+    assert (tmp_path / "a.mcap").read_bytes() == b"precious"
+
+
+def test_a_file_without_any_message_is_sound(tmp_path):
+    opened(tmp_path / "a.mcap").finish()
+    with (tmp_path / "a.mcap").open("rb") as file:
+        assert make_reader(file, validate_crcs=True).get_summary().statistics.message_count == 0

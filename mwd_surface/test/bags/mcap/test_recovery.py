@@ -1,0 +1,262 @@
+"""Recordings cut, flipped and overwritten: every complete record comes back, and nothing that was never written."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from rosbags.rosbag2 import Reader
+
+from mwd_sensors.core import wire
+from mwd_surface.bags import bag_metadata
+from mwd_surface.bags.bag_files import BagFiles
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.bags.mcap import format as mcap_format
+from mwd_surface.bags.mcap import recovery
+
+START = 1_700_000_000_000_000_000
+IMU = "sensor_msgs/msg/Imu"
+
+
+def record(path: Path, count: int = 800, **options) -> BagWriter:
+    """A recording as the recorder leaves it when it is killed: every chunk on disk, no end."""
+    samples = wire.IMU.empty(count)
+    samples["stamp_ns"] = START + np.arange(count) * 1_000_000
+    samples["linear_acceleration"] = np.random.default_rng(1).normal(size=(count, 3))
+    writer = BagWriter(path, in_place=True, chunk_bytes=12_000, **options)
+    channel = writer.topic("/imu/data_raw", IMU, [bag_metadata.qos_profile("best_effort")])
+    writer.write_rows(channel, wire.IMU.encode(samples, "sonde_link"), samples["stamp_ns"])
+    note = writer.topic("/note", "std_msgs/msg/String")
+    writer.write(note, b"\0\1\0\0\2\0\0\0a\0", START)
+    writer.attach("scenario.yaml", "application/yaml", b"a: 1", START)
+    return writer
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("bags") / "bag"
+    record(path).close()
+    return path
+
+
+def messages(path: Path) -> list[tuple[str, int, bytes]]:
+    with path.open("rb") as file:
+        return [(c.topic, m.log_time, m.data) for _, c, m in make_reader(file, validate_crcs=True).iter_messages()]
+
+
+def chunk_ends(path: Path) -> list[tuple[int, int]]:
+    """(end of the chunk in the file, messages up to there)."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    counts = []
+    with path.open("rb") as file:
+        reader = make_reader(file)
+        for index in summary.chunk_indexes:
+            inside = reader.iter_messages(starting_at=index.message_start_time, ending_at=index.message_end_time)
+            counts.append((index.chunk_start_offset + index.chunk_length, sum(1 for _ in inside)))
+    return counts
+
+
+def test_a_file_cut_at_any_of_200_places_gives_back_every_complete_record_and_nothing_else(whole, tmp_path):
+    data = (whole / "bag_0.mcap").read_bytes()
+    everything = messages(whole / "bag_0.mcap")
+    with contextlib.closing(BagFiles(whole)) as bag:
+        spans = [span for _, contents in bag.mcap for span in contents.spans]
+    random = np.random.default_rng(7)
+    for cut in [0, 7, 8, 9, *random.integers(10, len(data), 195).tolist(), len(data)]:
+        source = tmp_path / "cut.mcap"
+        source.write_bytes(data[:cut])
+        target = tmp_path / "saved.mcap"
+        report = recovery.recover_file(source, target)
+        complete = [span for span in spans if span.offset + span.length <= cut]
+        if not complete:
+            assert report.messages == 0
+            assert not target.exists()
+            continue
+        saved = messages(target)
+        assert len(saved) == report.messages == sum(report.topics.values())
+        assert set(saved) <= set(everything)
+        last = max(span.end_ns for span in complete)
+        imu = [row for row in everything if row[0] == "/imu/data_raw" and row[1] <= last]
+        assert [row for row in saved if row[0] == "/imu/data_raw"] == imu
+        assert recovery.check(target).sound
+        target.unlink()
+    assert source.read_bytes() == data
+
+
+def test_bit_flips_and_overwritten_blocks_never_raise_and_never_invent_a_message(whole, tmp_path):
+    data = (whole / "bag_0.mcap").read_bytes()
+    everything = set(messages(whole / "bag_0.mcap"))
+    random = np.random.default_rng(11)
+    for turn in range(80):
+        broken = bytearray(data)
+        for _ in range(1 + turn % 3):
+            at = int(random.integers(len(data)))
+            if turn % 2:
+                broken[at] ^= 1 << int(random.integers(8))
+            else:
+                broken[at : at + 3000] = random.bytes(min(3000, len(data) - at))
+        (tmp_path / "x.mcap").write_bytes(broken)
+        report = recovery.recover_file(tmp_path / "x.mcap", tmp_path / "y.mcap")
+        if report.target:
+            saved = messages(report.target)
+            assert len(saved) == report.messages
+            assert set(saved) <= everything
+            # Each place of damage costs the chunk it is in, and the one it runs into.
+            assert len(saved) > 800 - 3 * 3 * 35
+            report.target.unlink()
+
+
+def test_a_killed_recording_becomes_a_whole_bag_with_the_original_beside_it(tmp_path):
+    writer = record(tmp_path / "bag", custom={"well": "F-4"})
+    written = writer.file.messages
+    writer.file.close()
+    original = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
+    assert recovery.is_unfinished(tmp_path / "bag")
+    (report,) = recovery.recover_bag(tmp_path / "bag")
+    assert report.messages == written
+    assert report.kept.read_bytes() == original
+    assert report.kept.name == "bag_0.mcap.damaged"
+    assert not recovery.is_unfinished(tmp_path / "bag")
+    with Reader(tmp_path / "bag") as reader:
+        assert reader.message_count == written
+        assert sum(1 for _ in reader.messages()) == written
+    with Bag(tmp_path / "bag") as bag:
+        assert bag.notes == []
+        assert [item.data for item in bag.attachments()] == [b"a: 1"]
+        assert bag.metadata()["mwd_recovery"]["messages"] == str(written)
+    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as file:
+        statistics = make_reader(file, validate_crcs=True).get_summary().statistics
+        assert (statistics.message_count, statistics.attachment_count) == (written, 1)
+
+
+def test_only_the_last_file_of_a_split_recording_is_touched_and_none_is_lost(tmp_path):
+    writer = record(tmp_path / "bag")
+    writer.split()
+    writer.write(1, b"\0\1\0\0", START + 10**10)
+    writer.file.close_chunk()
+    writer.file.close()
+    first = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
+    one, two = recovery.recover_bag(tmp_path / "bag")
+    assert one.sound
+    assert (two.messages, two.sound) == (1, False)
+    assert (tmp_path / "bag" / "bag_0.mcap").read_bytes() == first
+    about = bag_metadata.read(tmp_path / "bag")
+    assert [file.count for file in about.files] == [801, 1]
+
+
+def test_recovering_twice_changes_nothing_the_second_time(tmp_path):
+    record(tmp_path / "bag").file.close()
+    recovery.recover(tmp_path / "bag")
+    before = {path.name: path.read_bytes() for path in (tmp_path / "bag").iterdir()}
+    (report,) = recovery.recover(tmp_path / "bag")
+    assert report.sound
+    assert {path.name: path.read_bytes() for path in (tmp_path / "bag").iterdir()} == before
+
+
+def test_power_lost_between_the_two_names_leaves_a_bag_that_is_recovered_next_time(tmp_path, monkeypatch):
+    record(tmp_path / "bag").file.close()
+    written = 801
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "replace", stop)
+    with pytest.raises(KeyboardInterrupt):
+        recovery.recover_bag(tmp_path / "bag")
+    monkeypatch.undo()
+    (report,) = recovery.recover_bag(tmp_path / "bag")
+    assert report.messages == written
+    assert not list((tmp_path / "bag").glob("*recover*"))
+
+
+def test_a_disk_without_hard_links_keeps_the_original_too(tmp_path, monkeypatch):
+    record(tmp_path / "bag").file.close()
+
+    def refuse(*_):
+        raise OSError("not supported")
+
+    monkeypatch.setattr(os, "link", refuse)
+    (report,) = recovery.recover_bag(tmp_path / "bag")
+    assert report.kept.exists()
+    assert report.target.exists()
+
+
+def test_a_file_with_nothing_in_it_is_set_aside_and_said_so(tmp_path):
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "bag_0.mcap").write_bytes(b"")
+    (report,) = recovery.recover_bag(tmp_path / "bag")
+    assert report.target is None
+    assert report.sentence() == "bag_0.mcap: nothing could be saved; the file is empty"
+    assert [path.name for path in (tmp_path / "bag").iterdir()] == ["bag_0.mcap.damaged"]
+    assert not recovery.is_unfinished(tmp_path / "bag")
+
+
+def test_a_single_file_is_recovered_beside_the_original_which_stays(whole, tmp_path):
+    data = (whole / "bag_0.mcap").read_bytes()
+    (tmp_path / "a.mcap").write_bytes(data[: len(data) // 2])
+    (report,) = recovery.recover(tmp_path / "a.mcap")
+    assert report.target == tmp_path / "a.recovered.mcap"
+    assert report.kept is None
+    assert "saved" in report.sentence()
+    assert (tmp_path / "a.mcap").read_bytes() == data[: len(data) // 2]
+    with pytest.raises(ValueError, match="exists already"):
+        recovery.recover(tmp_path / "a.mcap")
+    with pytest.raises(ValueError, match="in place"):
+        recovery.recover(whole, tmp_path / "x")
+
+
+def test_a_stopped_recovery_leaves_no_trace(whole, tmp_path):
+    source = tmp_path / "a.mcap"
+    shutil.copy(whole / "bag_0.mcap", source)
+    with pytest.raises(InterruptedError):
+        recovery.recover_file(source, tmp_path / "b.mcap", lambda: False)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.mcap"]
+
+
+def test_a_check_sees_a_flipped_bit_in_a_chunk_and_one_in_an_index(whole, tmp_path):
+    data = bytearray((whole / "bag_0.mcap").read_bytes())
+    assert recovery.check(whole / "bag_0.mcap").sound
+    with contextlib.closing(BagFiles(whole)) as bag:
+        span = bag.mcap[0][1].spans[4]
+    for at, damages in ((span.offset + 300, 1), (span.offset + span.length + 40, 0)):
+        broken = bytearray(data)
+        broken[at] ^= 4
+        (tmp_path / "x.mcap").write_bytes(broken)
+        report = recovery.check(tmp_path / "x.mcap")
+        assert not report.sound
+        assert report.damages == damages
+        assert any("checksum" in note or "decompress" in note for note in report.notes)
+
+
+def test_messages_whose_topic_was_lost_are_counted_as_orphans(tmp_path):
+    path = tmp_path / "x.mcap"
+    body = mcap_format.channel_record(mcap_format.Channel(1, 0, "/a", "cdr", {}))
+    for number in (1, 2):
+        body += mcap_format.message_prefix(number, 1, START, START, 3) + b"abc"
+    path.write_bytes(mcap_format.MAGIC + mcap_format.header_record("x") + body)
+    report = recovery.recover_file(path, tmp_path / "y.mcap")
+    assert (report.messages, report.orphans) == (1, 1)
+    assert messages(tmp_path / "y.mcap") == [("/a", START, b"abc")]
+
+
+@pytest.mark.parametrize("size", [2**60, 2**31, 200_000_000])
+def test_hostile_lengths_are_passed_over_in_bounded_memory(whole, tmp_path, size):
+    data = (whole / "bag_0.mcap").read_bytes()
+    bad = mcap_format.chunk_prefix(mcap_format.ChunkHead(START, START, size, 0, "zstd", 16, 0)) + bytes(16)
+    worse = bytes([mcap_format.CHUNK]) + size.to_bytes(8, "little") + bytes(30)
+    at = data.index(b"\x06", 9000)
+    (tmp_path / "x.mcap").write_bytes(data[:at] + bad + worse + data[at:])
+    tracemalloc.start()
+    report = recovery.recover_file(tmp_path / "x.mcap", tmp_path / "y.mcap")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 50e6
+    assert report.messages > 600

@@ -1,0 +1,514 @@
+"""The recorder under load, on a slow, full or failing disk, killed, and asked for what it cannot do."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from rosbags.rosbag2 import Reader
+
+from mwd_sensors.core.settings import SettingsError, from_mapping
+from mwd_surface.bags import bag_metadata
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.bags.definitions import Definitions
+from mwd_surface.bags.mcap import recovery
+from mwd_surface.bags.recorder.recorder import Recorder, RecorderError
+from mwd_surface.bags.recorder.session import Level, State
+from mwd_surface.bags.recorder.settings import RecorderSettings
+
+START = 1_700_000_000_000_000_000
+STRING, IMU = "std_msgs/msg/String", "sensor_msgs/msg/Imu"
+EVENTS = "/recorder/events"
+QUICK = RecorderSettings(chunk_seconds=0.05, sync_seconds=0.05, min_free_bytes=0, retry_seconds=0.05)
+QOS = bag_metadata.qos_text([bag_metadata.qos_profile("best_effort", depth=5)])
+
+
+def until(condition: Callable[[], bool], timeout_s: float = 8.0) -> None:
+    end = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end, "it did not happen in time"
+        threading.Event().wait(0.005)
+
+
+def text(words: str) -> bytes:
+    data = words.encode() + b"\0"
+    return b"\0\1\0\0" + len(data).to_bytes(4, "little") + data
+
+
+def recorded(path: Path, topic: str | None = "/a") -> list[tuple[int, bytes]]:
+    with Bag(path) as bag:
+        assert bag.complete
+        return [(log_ns, data) for log_ns, name, _, data in bag.messages() if topic in (None, name)]
+
+
+def events(path: Path) -> list[str]:
+    with Bag(path) as bag:
+        return [bag.decode(EVENTS, data).msg for _, _, _, data in bag.messages([EVENTS])]
+
+
+def put(recorder: Recorder, first: int, count: int, size: int = 300) -> int:
+    return sum(recorder.put("/a", STRING, bytes(size), START + k * 1_000_000) for k in range(first, first + count))
+
+
+def test_everything_handed_over_is_in_the_bag_with_its_stamps_and_bytes(tmp_path):
+    with Recorder(tmp_path, QUICK) as recorder:
+        path = recorder.start("run")
+        for k in range(5000):
+            assert recorder.put("/well/a", STRING, text(f"a{k}"), START + k * 1_000_000, START + k * 1_000_000 - 7, QOS)
+            if k % 10 == 0:
+                assert recorder.put("/well/b", IMU, bytes(340), START + k * 1_000_000)
+        assert recorder.stop() == path == tmp_path / "run"
+        status = recorder.status()
+    assert (status.state, status.path) == (State.STOPPED, None)
+    with Reader(path) as reader:
+        found = [(c.topic, stamp, bytes(data)) for c, stamp, data in reader.messages()]
+        topics = reader.topics
+    assert [row for row in found if row[0] == "/well/a"] == [
+        ("/well/a", START + k * 1_000_000, text(f"a{k}")) for k in range(5000)
+    ]
+    assert topics["/well/b"].msgcount == 500
+    assert topics["/well/a"].connections[0].ext.offered_qos_profiles[0].depth == 5
+    assert topics["/well/a"].connections[0].digest.startswith("RIHS01_")
+    with (path / "run_0.mcap").open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert {m.log_time - m.publish_time for _, c, m in reader.iter_messages("/well/a")} == {7}
+    assert recovery.check(path / "run_0.mcap").sound
+
+
+def test_nothing_is_taken_while_nothing_is_recorded(tmp_path):
+    with Recorder(tmp_path, QUICK) as recorder:
+        assert put(recorder, 0, 3) == 0
+        recorder.start("a")
+        assert put(recorder, 0, 3) == 3
+        recorder.stop()
+        assert put(recorder, 0, 3) == 0
+        recorder.start("b")
+        assert recorder.status().dropped == 0
+    assert len(recorded(tmp_path / "a")) == 3
+
+
+def test_closing_finishes_the_file_in_three_seconds_with_a_queue_full_of_messages(tmp_path):
+    recorder = Recorder(tmp_path, RecorderSettings(min_free_bytes=0))
+    path = recorder.start("run")
+    taken = put(recorder, 0, 100_000)
+    began = time.monotonic()
+    assert recorder.close()
+    assert time.monotonic() - began < 3.0
+    assert taken == 100_000
+    assert len(recorded(path)) == taken
+    assert recorder.close()
+
+
+class Stall:
+    """A disk that does not answer until it is let go."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.free, self.met = threading.Event(), threading.Event()
+        real = os.write
+
+        def write(file: int, data: bytes) -> int:
+            if threading.current_thread().name == "recorder" and not self.free.is_set():
+                self.met.set()
+                self.free.wait(20)
+            return real(file, data)
+
+        monkeypatch.setattr(os, "write", write)
+
+
+def test_a_stalled_disk_never_holds_the_caller_up_and_what_is_lost_is_counted_and_recorded(tmp_path, monkeypatch):
+    settings = RecorderSettings(
+        chunk_seconds=0.05, sync_seconds=0.05, min_free_bytes=0, chunk_bytes=10_000, queue_bytes=100_000
+    )
+    with Recorder(tmp_path, settings) as recorder:
+        path = recorder.start("run")
+        put(recorder, 0, 10)
+        until(lambda: recorder.status().messages >= 11)
+        stall = Stall(monkeypatch)
+        put(recorder, 10, 100)
+        assert stall.met.wait(5)
+        began = time.monotonic()
+        taken = put(recorder, 110, 5000)
+        assert time.monotonic() - began < 1.0
+        status = recorder.status()
+        assert status.dropped == 5000 - taken > 4000
+        assert status.queued_bytes <= status.queue_limit == 100_000
+        stall.free.set()
+        until(lambda: recorder.status().queued_messages == 0)
+        until(lambda: any("disk is slower" in event.text for event in recorder.events))
+        recorder.stop()
+    assert len(recorded(path)) == 110 + taken
+    assert any(f"{5000 - taken} messages were lost" in line for line in events(path))
+
+
+def test_closing_does_not_wait_for_a_disk_that_stays_silent(tmp_path, monkeypatch):
+    recorder = Recorder(tmp_path, QUICK)
+    recorder.start("run")
+    stall = Stall(monkeypatch)
+    put(recorder, 0, 10)
+    assert stall.met.wait(5)
+    began = time.monotonic()
+    assert not recorder.close(timeout_s=0.5)
+    assert time.monotonic() - began < 1.5
+    stall.free.set()
+    until(lambda: not recorder._thread.is_alive())
+
+
+KILLED = """
+import sys, time
+from mwd_surface.bags.recorder.recorder import Recorder
+from mwd_surface.bags.recorder.settings import RecorderSettings
+recorder = Recorder(sys.argv[1], RecorderSettings(min_free_bytes=0))
+recorder.start("run")
+k = 0
+while True:
+    now = time.time_ns()
+    recorder.put("/a", "std_msgs/msg/String", k.to_bytes(8, "little") + bytes(300), now)
+    k += 1
+    if k % 50 == 0:
+        print(now, flush=True)
+    time.sleep(0.0005)
+"""
+
+
+def test_a_killed_recorder_loses_less_than_two_seconds_and_the_next_start_recovers_the_rest(tmp_path):
+    process = subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    first, last = 0, 0
+    for line in process.stdout:
+        last = int(line)
+        first = first or last
+        if last - first > 2.7e9:
+            break
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    with Recorder(tmp_path, QUICK) as recorder:
+        recorder.start("next")
+        until(lambda: any("recovered in run" in event.text for event in recorder.events))
+        (report,) = recorder.status().recovered
+        recorder.stop()
+    assert report.kept.exists()
+    rows = recorded(tmp_path / "run")
+    assert last - rows[-1][0] < 2.0e9
+    assert [int.from_bytes(data[:8], "little") for _, data in rows] == list(range(len(rows)))
+    assert any("recovered in run" in line for line in events(tmp_path / "next"))
+    with Reader(tmp_path / "run") as reader:
+        assert reader.topics["/a"].msgcount == len(rows)
+
+
+def test_quiet_topics_reach_the_disk_in_time_too(tmp_path):
+    recorder = Recorder(tmp_path, RecorderSettings(min_free_bytes=0, chunk_seconds=60.0, sync_seconds=0.2))
+    path = recorder.start("run")
+    recorder.put("/a", STRING, text("one"), START)
+    until(lambda: recorder.status().unsaved_s > 0)
+    until(lambda: recorder.status().unsaved_s == 0)
+    with Bag(path) as bag:
+        assert any(data == text("one") for *_, data in bag.messages())
+        assert not bag.complete
+    recorder.close()
+
+
+@pytest.mark.parametrize("how", ["size", "time", "asked"])
+def test_a_split_loses_no_message(tmp_path, how):
+    settings = RecorderSettings(
+        compression="none",
+        chunk_bytes=5000,
+        min_free_bytes=0,
+        split_bytes=50_000 if how == "size" else 0,
+        split_seconds=0.2 if how == "time" else 0.0,
+    )
+    with Recorder(tmp_path, settings) as recorder:
+        path, k = recorder.start("run"), 0
+        while recorder.status().files < 4:
+            k += put(recorder, k, 100)
+            until(lambda: recorder.status().queued_messages == 0)
+            if how == "asked":
+                assert recorder.split().exists()
+        recorder.stop()
+    assert [log_ns for log_ns, _ in recorded(path)] == [START + n * 1_000_000 for n in range(k)]
+    assert len(bag_metadata.read(path).files) >= 4
+    for file in path.glob("*.mcap"):
+        assert recovery.check(file).sound
+
+
+def test_a_full_disk_pauses_the_recording_with_a_whole_file_and_space_resumes_it(tmp_path):
+    space = [10**9]
+    settings = RecorderSettings(
+        chunk_seconds=0.05, sync_seconds=0.05, min_free_bytes=10**8, retry_seconds=0.05, split_bytes=0
+    )
+    with Recorder(tmp_path, settings, space=lambda _: space[0]) as recorder:
+        path = recorder.start("run")
+        put(recorder, 0, 100)
+        until(lambda: recorder.status().messages >= 101)
+        space[0] = 10**7
+        until(lambda: recorder.status().state == State.PAUSED_DISK_FULL)
+        assert "10 MB free" in recorder.status().reason
+        assert recovery.check(path / "run_0.mcap").sound
+        put(recorder, 100, 50)
+        until(lambda: recorder.status().dropped == 50)
+        with pytest.raises(RecorderError, match="paused"):
+            recorder.split()
+        space[0] = 10**9
+        until(lambda: recorder.status().state == State.RECORDING)
+        put(recorder, 150, 100)
+        recorder.stop()
+    stamps = [(log_ns - START) // 1_000_000 for log_ns, _ in recorded(path)]
+    assert stamps == [*range(100), *range(150, 250)]
+    lines = events(path)
+    assert any("recording paused" in line for line in lines)
+    assert any("50 messages were lost" in line for line in lines)
+    assert len(bag_metadata.read(path).files) == 2
+
+
+@pytest.mark.parametrize(("number", "state"), [(errno.ENOSPC, State.PAUSED_DISK_FULL), (errno.EIO, State.FAILED)])
+def test_a_disk_that_refuses_pauses_the_recording_and_only_what_was_refused_is_lost(
+    tmp_path, monkeypatch, number, state
+):
+    real, broken = os.write, threading.Event()
+
+    def write(file: int, data: bytes) -> int:
+        if broken.is_set() and len(data) > 2000:
+            raise OSError(number, os.strerror(number))
+        return real(file, data)
+
+    monkeypatch.setattr(os, "write", write)
+    settings = RecorderSettings(
+        compression="none", chunk_bytes=20_000, min_free_bytes=0, retry_seconds=0.05, split_bytes=0
+    )
+    with Recorder(tmp_path, settings) as recorder:
+        path = recorder.start("run")
+        put(recorder, 0, 100)
+        until(lambda: recorder.status().messages >= 101)
+        broken.set()
+        put(recorder, 100, 100)
+        until(lambda: recorder.status().state == state)
+        assert os.strerror(number) in recorder.status().reason
+        broken.clear()
+        until(lambda: recorder.status().state == State.RECORDING)
+        lost = recorder.status().dropped
+        put(recorder, 200, 100)
+        recorder.stop()
+    rows = recorded(path)
+    assert 0 < lost <= 200
+    assert len(rows) + lost - 300 in (0, 1, 2, 3)  # events of the recorder itself can be among the lost
+    for file in path.glob("*.mcap"):
+        assert recovery.check(file).sound
+
+
+def test_a_real_full_disk_of_eight_megabytes_never_runs_over(tmp_path):
+    mount = tmp_path / "small"
+    mount.mkdir()
+    made = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=8m", "tmpfs", str(mount)], capture_output=True, check=False
+    )
+    if made.returncode:
+        pytest.skip("this user may not mount a small disk")
+    try:
+        settings = RecorderSettings(
+            compression="none", chunk_bytes=50_000, min_free_bytes=2_000_000, retry_seconds=0.05, split_bytes=1_000_000
+        )
+        with Recorder(mount, settings) as recorder:
+            path, k = recorder.start("run"), 0
+            while recorder.status().state == State.RECORDING:
+                k += put(recorder, k, 200, 1000)
+                until(lambda: recorder.status().queued_messages == 0)
+            assert recorder.status().state == State.PAUSED_DISK_FULL
+            files = sorted(path.glob("*.mcap"))
+            assert len(files) >= 4
+            assert all(recovery.check(file).sound for file in files)
+            files[0].unlink()
+            files[1].unlink()
+            files[2].unlink()
+            until(lambda: recorder.status().state == State.RECORDING)
+            put(recorder, k, 10, 1000)
+            recorder.stop()
+        with Bag(path) as bag:
+            assert (START + k * 1_000_000) in {row[0] for row in bag.messages(["/a"])}
+    finally:
+        subprocess.run(["umount", str(mount)], check=True)
+
+
+def test_too_little_space_at_the_start_is_refused_with_both_numbers(tmp_path):
+    with (
+        Recorder(tmp_path, RecorderSettings(), space=lambda _: 10**8) as recorder,
+        pytest.raises(RecorderError, match=r"only 100 MB are free.*537 MB must stay free"),
+    ):
+        recorder.start()
+
+
+def test_two_recorders_cannot_share_a_folder(tmp_path):
+    with Recorder(tmp_path, QUICK), pytest.raises(RecorderError, match=f"process {os.getpid()}.*{tmp_path}"):
+        Recorder(tmp_path, QUICK)
+    Recorder(tmp_path, QUICK).close()
+
+
+def test_a_folder_that_cannot_be_written_is_refused_with_its_path_and_reason(tmp_path):
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(RecorderError, match=f"{tmp_path}/file.*File exists"):
+        Recorder(tmp_path / "file", QUICK)
+    with pytest.raises(RecorderError, match="Not a directory"):
+        Recorder(tmp_path / "file" / "below", QUICK)
+
+
+def test_too_many_open_files_are_an_error_in_words_and_the_recorder_lives_on(tmp_path, monkeypatch):
+    with Recorder(tmp_path, QUICK) as recorder:
+        real = os.open
+
+        def exhausted(path, *rest):
+            if str(path).endswith(".mcap"):
+                raise OSError(errno.EMFILE, os.strerror(errno.EMFILE), str(path))
+            return real(path, *rest)
+
+        monkeypatch.setattr(os, "open", exhausted)
+        with pytest.raises(RecorderError, match="Too many open files"):
+            recorder.start("one")
+        monkeypatch.undo()
+        recorder.start("two")
+        put(recorder, 0, 5)
+    assert len(recorded(tmp_path / "two")) == 5
+
+
+@pytest.mark.parametrize("name", ["../x", "a/b", ".hidden"])
+def test_a_name_that_leads_out_of_the_folder_is_refused(tmp_path, name):
+    with Recorder(tmp_path, QUICK) as recorder, pytest.raises(RecorderError, match="no plain name"):
+        recorder.start(name)
+
+
+def test_what_cannot_be_done_is_said(tmp_path):
+    with Recorder(tmp_path, QUICK) as recorder:
+        for ask in (recorder.stop, recorder.split, lambda: recorder.attach("a", "b", b"", START)):
+            with pytest.raises(RecorderError, match="no recording is running"):
+                ask()
+        with pytest.raises(RecorderError, match="snapshot_seconds is 0"):
+            recorder.snapshot()
+        path = recorder.start()
+        assert path.name.startswith("mwd_2")
+        with pytest.raises(RecorderError, match="running already"):
+            recorder.start()
+        recorder.stop()
+        with pytest.raises(RecorderError, match="exists already"):
+            recorder.start(path.name)
+    with pytest.raises(RecorderError, match="closed"):
+        recorder.start()
+
+
+def test_a_jump_of_the_clock_begins_a_new_file_and_is_recorded(tmp_path):
+    with Recorder(tmp_path, QUICK) as recorder:
+        path = recorder.start("run")
+        put(recorder, 0, 10)
+        years = 6 * 365 * 86_400_000
+        put(recorder, years, 10)
+        put(recorder, 10, 10)
+        recorder.stop()
+    assert len(recorded(path)) == 30
+    assert [file.count >= 10 for file in bag_metadata.read(path).files] == [True] * 3
+    assert sum("clock jumped" in line for line in events(path)) == 2
+
+
+def test_a_type_that_is_unknown_here_is_recorded_all_the_same(tmp_path):
+    with Recorder(tmp_path, QUICK, Definitions([])) as recorder:
+        path = recorder.start("run")
+        recorder.put("/a", "rig_msgs/msg/Pump", b"\0\1\0\0abcd", START, type_hash="RIHS01_77")
+        recorder.stop()
+        assert any("rig_msgs/msg/Pump is unknown here" in event.text for event in recorder.events)
+    assert recorded(path) == [(START, b"\0\1\0\0abcd")]
+    assert {topic.name: topic.type_hash for topic in bag_metadata.read(path).topics}["/a"] == "RIHS01_77"
+
+
+def test_a_message_that_cannot_be_recorded_is_counted_and_the_others_go_on(tmp_path):
+    with Recorder(tmp_path, QUICK) as recorder:
+        path = recorder.start("run")
+        for k in range(5):
+            recorder.put("/a", STRING, text("x"), -1)
+            recorder.put("/a", STRING, text("y"), START + k, None, "not: [qos")
+        until(lambda: recorder.status().queued_messages == 0)
+        until(lambda: recorder.status().dropped == 5)
+        recorder.stop()
+        assert sum("before 1970" in event.text for event in recorder.events) == 1
+        assert sum("quality of service" in event.text for event in recorder.events) == 1
+    assert len(recorded(path)) == 5
+
+
+def test_a_snapshot_holds_the_last_seconds_within_its_bounds(tmp_path):
+    settings = RecorderSettings(min_free_bytes=0, snapshot_seconds=30.0, snapshot_bytes=100_000)
+    with Recorder(tmp_path, settings) as recorder:
+        with pytest.raises(RecorderError, match="nothing was received"):
+            recorder.snapshot()
+        put(recorder, 0, 1000)
+        path = recorder.snapshot("kick")
+        assert not recorder.status().path
+    rows = recorded(path)
+    assert [(log_ns - START) // 1_000_000 for log_ns, _ in rows] == list(range(1000 - len(rows), 1000))
+    assert 200 < len(rows) < 400
+
+
+def test_tables_attachments_and_events_are_inside_every_file_of_the_recording(tmp_path):
+    seen = []
+    with Recorder(
+        tmp_path, QUICK, tables=lambda: {"versions": {"mwd_surface": "0.1.0"}}, on_event=seen.append
+    ) as recorder:
+        path = recorder.start("run", {"well": "F-4"})
+        put(recorder, 0, 5)
+        recorder.split()
+        recorder.attach("report.html", "text/html", b"<p>", START)
+        recorder.add_metadata("operator", {"name": "A. Driller"})
+        put(recorder, 5, 5)
+        recorder.stop()
+    with Bag(path) as bag:
+        assert bag.custom == {"well": "F-4"}
+        assert bag.metadata()["operator"] == {"name": "A. Driller"}
+        assert [item.name for item in bag.attachments()] == ["report.html"]
+    for number in range(2):
+        with (path / f"run_{number}.mcap").open("rb") as file:
+            reader = make_reader(file, validate_crcs=True)
+            names = [item.name for item in reader.iter_metadata()]
+            assert names.count("versions") == names.count("rosbag2") == 1
+            assert reader.get_summary().statistics.metadata_count == len(names)
+            assert reader.get_summary().statistics.attachment_count == number
+    assert [event.text for event in seen] == [event.text for event in recorder.events]
+    assert seen[0].level == Level.INFO
+    assert events(path)[0] == f"recording to {path}"
+
+
+def test_a_recording_without_any_message_still_tells_when_it_ran(tmp_path):
+    with Recorder(tmp_path, QUICK) as recorder:
+        path = recorder.start("run")
+    assert events(path) == [f"recording to {path}", f"recording of {path} stopped"]
+
+
+def test_a_listener_that_fails_does_not_end_the_recording(tmp_path):
+    def listener(_):
+        raise RuntimeError("page gone")
+
+    with Recorder(tmp_path, QUICK, on_event=listener) as recorder:
+        path = recorder.start("run")
+        put(recorder, 0, 5)
+    assert len(recorded(path)) == 5
+    assert any("page gone" in event.text for event in recorder.events)
+
+
+def test_every_event_is_taken_once_even_after_the_shown_ones_have_run_over(tmp_path):
+    with Recorder(tmp_path, QUICK) as recorder:
+        recorder.start("run")
+        assert [event.text for event in recorder.take_events()] == [f"recording to {tmp_path / 'run'}"]
+        assert recorder.take_events() == []
+        for k in range(250):
+            recorder.put(f"/odd{k}", STRING, b"x", -1)
+        until(lambda: recorder.status().dropped == 250)
+        assert sum("before 1970" in event.text for event in recorder.take_events()) == 250
+        assert len(recorder.events) == 200
+
+
+def test_settings_out_of_bounds_are_refused_by_name():
+    with pytest.raises(SettingsError, match="sync_seconds"):
+        from_mapping(RecorderSettings, {"sync_seconds": 0.0})
+    with pytest.raises(SettingsError, match=r"compression.*zstd"):
+        from_mapping(RecorderSettings, {"compression": "rar"})

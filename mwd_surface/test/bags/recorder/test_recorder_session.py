@@ -1,0 +1,265 @@
+"""A recording at hand, driven by a clock and a disk of the test's own: what is due when, and what a full disk costs."""
+
+from __future__ import annotations
+
+import errno
+import types
+
+import pytest
+
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.bags.definitions import Definitions
+from mwd_surface.bags.recorder import session as recording_session
+from mwd_surface.bags.recorder.session import Event, Level, Session, State
+from mwd_surface.bags.recorder.settings import RecorderSettings
+
+START = 1_700_000_000_000_000_000
+STRING = "std_msgs/msg/String"
+EVENTS = "/recorder/events"
+LOW = 8_000_000
+SETTINGS = RecorderSettings(
+    chunk_seconds=1.0, sync_seconds=2.0, split_seconds=60.0, split_bytes=0, min_free_bytes=LOW, retry_seconds=5.0
+)
+
+
+class Bench:
+    """A session, with its clock, its disk and what it told."""
+
+    def __init__(self, folder, monkeypatch, settings=SETTINGS):
+        self.now, self.free, self.refused = 100.0, 10 * LOW, 0
+        self.told: list[tuple[Level, str]] = []
+        clock = types.SimpleNamespace(monotonic=lambda: self.now, time_ns=lambda: START + round(self.now * 1e9))
+        monkeypatch.setattr(recording_session, "time", clock)
+        definitions = Definitions()
+        self.path = folder / "run"
+        self.session = Session(
+            BagWriter(self.path, definitions, in_place=True, chunk_bytes=settings.chunk_bytes),
+            folder,
+            settings,
+            definitions,
+            event_topic=EVENTS,
+            tables=lambda: {"versions": {"at": f"{self.now:.0f}"}},
+            space=self._space,
+            refused=lambda: self.refused,
+            tell=self._tell,
+        )
+
+    def _space(self, _folder):
+        if isinstance(self.free, OSError):
+            raise self.free
+        return self.free
+
+    def _tell(self, level, text):
+        self.told.append((level, text))
+        self.session.record(Event(START, level, text))
+
+    def take(self, k, topic="/a", log_ns=None, size=300, type_name=STRING, qos=""):
+        stamp = START + k * 1_000_000 if log_ns is None else log_ns
+        self.session.take((topic, type_name, bytes(size), stamp, stamp, qos, ""))
+
+    def later(self, seconds):
+        self.now += seconds
+        self.session.periodic()
+
+    @property
+    def file(self):
+        return self.session.writer.file
+
+    def recorded(self):
+        """(messages of /a, texts of events, tables of every file) of the finished bag."""
+        with Bag(self.path) as bag:
+            assert bag.complete
+            found = list(bag.messages())
+            texts = [bag.decode(EVENTS, data).msg for _, name, _, data in found if name == EVENTS]
+            return sum(name == "/a" for _, name, _, _ in found), texts, bag.metadata()
+
+
+@pytest.fixture
+def bench(tmp_path, monkeypatch):
+    return Bench(tmp_path, monkeypatch)
+
+
+def test_a_chunk_reaches_the_file_by_its_age_and_the_disk_by_its_own_time(bench, monkeypatch):
+    synced = []
+    monkeypatch.setattr(type(bench.file), "sync", lambda file: synced.append(file.size))
+    bench.take(0)
+    small = bench.file.size
+    bench.later(0.9)
+    assert (bench.file.size, bench.session.unsaved_since) == (small, 100.0)
+    bench.later(0.2)
+    assert bench.file.size > small
+    assert not synced
+    bench.later(1.0)
+    assert synced == [bench.file.size]
+    assert bench.session.unsaved_since is None
+
+
+def test_a_message_that_comes_just_before_a_sync_goes_with_it(bench):
+    bench.take(0)
+    bench.later(1.5)
+    bench.now += 0.4
+    bench.take(1)
+    before = bench.file.size
+    bench.later(0.2)
+    assert bench.file.size > before
+    assert bench.session.unsaved_since is None
+
+
+def test_a_new_file_is_begun_by_time_with_tables_and_topics_of_its_own(bench):
+    bench.take(0)
+    first = bench.file.path
+    bench.later(61.0)
+    assert bench.file.path != first
+    bench.take(1)
+    bench.session.finish()
+    messages, _, _ = bench.recorded()
+    assert messages == 2
+    for path, at in ((first, "100"), (bench.file.path, "161")):
+        with Bag(path) as bag:
+            assert bag.topics["/a"].count == 1
+            assert dict(bag.metadata())["versions"] == {"at": at}
+
+
+def test_a_new_file_is_begun_by_size(tmp_path, monkeypatch):
+    bench = Bench(tmp_path, monkeypatch, RecorderSettings(chunk_bytes=1024, split_bytes=1, min_free_bytes=0))
+    for k in range(20):
+        bench.take(k, size=200)
+    bench.session.finish()
+    assert len(list(bench.path.glob("*.mcap"))) > 2
+    assert bench.recorded()[0] == 20
+
+
+def test_split_gives_back_the_finished_file(bench):
+    bench.take(0)
+    first = bench.file.path
+    assert bench.session.split() == first
+    assert bench.file.path != first
+    with Bag(first) as bag:
+        assert bag.complete
+
+
+@pytest.mark.parametrize("jump_s", [-3600, 3600])
+def test_a_clock_that_jumps_begins_a_new_file_and_says_by_how_much(bench, jump_s):
+    bench.take(0)
+    bench.take(1, log_ns=START + jump_s * 10**9)
+    assert bench.told == [(Level.WARNING, f"the clock jumped by {jump_s:+d} s; a new file was begun")]
+    assert bench.file.path.name == "run_1.mcap"
+    bench.session.finish()
+    assert bench.recorded()[0] == 2
+
+
+def test_a_disk_about_to_be_full_pauses_with_a_whole_file_and_goes_on_when_there_is_room(bench):
+    bench.take(0)
+    bench.free = LOW - 1
+    bench.later(0.5)
+    session = bench.session
+    assert (session.state, session.writing) == (State.PAUSED_DISK_FULL, False)
+    assert "8 MB must stay free" in session.reason
+    with Bag(bench.path) as bag:
+        assert bag.complete
+    bench.take(1)
+    assert session.dropped == 1
+    # A little room is not enough: it would pause again at once.
+    bench.free = LOW + 1
+    bench.later(10.0)
+    assert not session.writing
+    bench.free = 2 * LOW
+    bench.later(1.0)
+    assert (session.state, session.reason) == (State.RECORDING, "")
+    assert bench.told[-1] == (Level.WARNING, "recording goes on after a pause of 11 s; 1 messages were lost")
+    bench.take(2)
+    session.finish()
+    messages, events, _ = bench.recorded()
+    assert messages == 2
+    assert events[-1].startswith("recording goes on after a pause")
+
+
+def test_writing_is_tried_again_no_sooner_than_asked(bench):
+    bench.free = LOW - 1
+    bench.later(0.5)
+    bench.free = 10 * LOW
+    bench.later(4.0)
+    assert not bench.session.writing
+    bench.later(1.5)
+    assert bench.session.writing
+
+
+@pytest.mark.parametrize(("number", "state"), [(errno.ENOSPC, State.PAUSED_DISK_FULL), (errno.EIO, State.FAILED)])
+def test_a_disk_that_refuses_a_write_pauses_as_full_or_failed(bench, monkeypatch, number, state):
+    bench.take(0)
+
+    def refuse(*_arguments):
+        raise OSError(number, "no", str(bench.file.path))
+
+    with monkeypatch.context() as refusing:
+        refusing.setattr(BagWriter, "write", refuse)
+        bench.take(1)
+    assert bench.session.state == state
+    assert bench.session.reason == f"{bench.file.path}: no"
+    assert bench.session.dropped == 1
+    bench.later(6.0)
+    assert bench.session.state == State.RECORDING
+    bench.session.finish()
+    assert bench.recorded()[0] == 1
+
+
+def test_a_disk_whose_room_cannot_be_told_pauses(bench):
+    bench.free = OSError(errno.EIO, "no answer")
+    bench.later(0.5)
+    assert (bench.session.state, bench.session.free) == (State.FAILED, -1)
+    assert bench.session.reason.endswith(": no answer")
+
+
+def test_one_odd_message_is_counted_and_told_once_and_the_others_go_on(bench):
+    for k in range(3):
+        bench.take(k, topic="/odd", log_ns=-1)
+        bench.take(k)
+    assert bench.session.dropped == 3
+    (told,) = bench.told
+    assert told[0] == Level.WARNING
+    assert "messages of /odd cannot be recorded: its stamp -1 lies before 1970" in told[1]
+    bench.session.finish()
+    assert bench.recorded()[0] == 3
+
+
+def test_what_the_queue_did_not_take_is_told_once_and_counts_as_lost(bench):
+    bench.take(0)
+    bench.refused = 7
+    bench.later(1.0)
+    bench.later(1.0)
+    assert bench.told == [(Level.ERROR, "7 messages were lost: the disk is slower than the data")]
+    assert bench.session.lost == 7
+
+
+def test_a_type_or_a_profile_that_is_not_known_is_recorded_and_said(bench):
+    bench.take(0, topic="/new", type_name="nobody_msgs/msg/New")
+    bench.take(1, qos="- [")
+    assert [text.split(":")[0] for _, text in bench.told] == ["/new", "/a"]
+    bench.session.finish()
+    with Bag(bench.path) as bag:
+        assert {name: about.count for name, about in bag.topics.items() if name != EVENTS} == {"/new": 1, "/a": 1}
+
+
+def test_an_event_waits_for_the_first_message_whose_time_it_takes(bench):
+    bench.session.record(Event(START - 10**9, Level.INFO, "begun"))
+    bench.take(5)
+    bench.session.finish()
+    with Bag(bench.path) as bag:
+        stamps = {name: log_ns for log_ns, name, _, _ in bag.messages()}
+    assert stamps[EVENTS] == stamps["/a"] == START + 5_000_000
+
+
+def test_a_disk_that_refuses_to_the_last_ends_the_recording_all_the_same(bench, monkeypatch):
+    bench.take(0)
+
+    def refuse(*_arguments, **_named):
+        raise OSError(errno.ENOSPC, "full")
+
+    monkeypatch.setattr(BagWriter, "close", refuse)
+    monkeypatch.setattr(BagWriter, "finish_file", refuse)
+    bench.session.finish()
+    assert bench.session.state == State.PAUSED_DISK_FULL
+    # The message, and the word of the pause that went the same way.
+    assert bench.session.dropped == 2
+    assert any("has no end; the next start recovers it" in text for _, text in bench.told)

@@ -1,0 +1,30 @@
+"""What is kept for a snapshot: the newest, within its bytes."""
+
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.bags.definitions import installed
+from mwd_surface.bags.recorder.session import OVERHEAD
+from mwd_surface.bags.recorder.snapshot import SnapshotRing
+
+TYPE = "sensor_msgs/msg/Temperature"
+
+
+def item(k, size=40):
+    return ("/t", TYPE, bytes([k]) * size, k, k, "", "")
+
+
+def test_the_oldest_go_when_the_bytes_are_used_up(tmp_path):
+    ring = SnapshotRing(60.0, 3 * (40 + OVERHEAD))
+    for k in range(10):
+        ring.keep(item(k))
+    assert len(ring) == 3
+    with BagWriter(tmp_path / "s", installed()) as writer:
+        ring.write(writer)
+    with Bag(tmp_path / "s") as bag:
+        assert [data[0] for _, _, _, data in bag.messages(["/t"])] == [7, 8, 9]
+
+
+def test_a_message_larger_than_all_room_is_not_kept():
+    ring = SnapshotRing(60.0, 100)
+    ring.keep(item(1))
+    assert len(ring) == 0

@@ -1,0 +1,152 @@
+"""The files of a bag, found and opened: what is there is used, what is not or is unusual is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import zstandard
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagsWriter
+from rosbags.typesys import Stores, get_typestore
+
+from mwd_surface.bags.bag_files import BagError, BagFiles
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.bags.mcap import format as mcap_format
+
+START = 1_700_000_000_000_000_000
+STRING, IMU = "std_msgs/msg/String", "sensor_msgs/msg/Imu"
+QOS = "- history: 1\n  depth: 7\n  reliability: 2\n  durability: 2\n"
+
+
+@pytest.fixture
+def opened():
+    """Opens a bag, and closes it when the test is over."""
+    there = []
+
+    def open_files(path: Path) -> BagFiles:
+        there.append(BagFiles(path))
+        return there[-1]
+
+    yield open_files
+    for files in there:
+        files.close()
+
+
+def written(path: Path, files: int = 1, **options) -> Path:
+    """Three messages of /a and two of /b in each file, a second apart, and a file a minute."""
+    with BagWriter(path, **options) as writer:
+        a, b = writer.topic("/a", STRING, QOS), writer.topic("/b", IMU)
+        for file in range(files):
+            if file:
+                writer.split()
+            for k, channel in enumerate((a, b, a, b, a)):
+                writer.write(channel, b"\0\1\0\0" + bytes(60), START + (60 * file + k) * 10**9)
+    return path
+
+
+def test_topics_counts_and_times_are_those_of_all_files_together(tmp_path, opened):
+    bag = opened(written(tmp_path / "bag", files=12, custom={"well": "F-4"}))
+    assert {name: (about.type_name, about.count) for name, about in bag.topics.items()} == {
+        "/a": (STRING, 36),
+        "/b": (IMU, 24),
+    }
+    assert (bag.start_ns, bag.end_ns) == (START, START + (60 * 11 + 4) * 10**9)
+    # By number, not by letter: 2 comes before 10.
+    assert [file.name for file in bag.files] == [f"bag_{k}.mcap" for k in range(12)]
+    assert bag.size_bytes == sum(file.stat().st_size for file in bag.files)
+    assert (bag.storage, bag.custom, bag.complete, bag.notes) == ("mcap", {"well": "F-4"}, True, [])
+
+
+def test_a_topic_carries_its_definition_hash_and_profiles(tmp_path, opened):
+    about = opened(written(tmp_path / "bag")).topics["/a"]
+    assert (about.schema_encoding, about.serialization) == ("ros2msg", "cdr")
+    assert "string data" in about.schema
+    assert about.type_hash.startswith("RIHS01_")
+    assert "depth: 7" in about.qos
+
+
+def test_a_bare_file_is_a_bag_too(tmp_path, opened):
+    bag = opened(written(tmp_path / "bag") / "bag_0.mcap")
+    assert bag.topics["/a"].count == 3
+
+
+def test_a_file_compressed_as_a_whole_is_unpacked_beside_nothing_of_the_users(tmp_path, opened):
+    plain = written(tmp_path / "bag") / "bag_0.mcap"
+    (tmp_path / "packed").mkdir()
+    packed = tmp_path / "packed" / "bag_0.mcap.zstd"
+    packed.write_bytes(zstandard.ZstdCompressor().compress(plain.read_bytes()))
+    bag = opened(packed)
+    assert bag.topics["/a"].count == 3
+    assert any("decompressed to a temporary file" in note for note in bag.notes)
+    assert list(packed.parent.iterdir()) == [packed]
+    scratch = Path(bag._scratch.name)
+    bag.close()
+    assert not scratch.exists()
+
+
+def test_sqlite_storage_is_opened_through_rosbags_and_says_so(tmp_path, opened):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with RosbagsWriter(tmp_path / "old", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        connection = writer.add_connection("/a", STRING, typestore=store)
+        for k in range(3):
+            writer.write(connection, START + k, b"\0\1\0\0\1\0\0\0\0")
+    bag = opened(tmp_path / "old")
+    assert bag.storage == "sqlite3"
+    assert bag.rosbags is not None
+    assert bag.topics["/a"].count == 3
+    assert (bag.start_ns, bag.end_ns) == (START, START + 2)
+    assert any("read through rosbags, which is slower" in note for note in bag.notes)
+
+
+def test_without_metadata_yaml_the_files_that_are_there_are_used(tmp_path, opened):
+    path = written(tmp_path / "bag", files=2)
+    (path / "metadata.yaml").unlink()
+    bag = opened(path)
+    assert bag.topics["/a"].count == 6
+    assert any("metadata.yaml cannot be read" in note for note in bag.notes)
+
+
+def test_a_file_that_is_missing_or_not_listed_is_named(tmp_path, opened):
+    path = written(tmp_path / "bag", files=3)
+    (path / "bag_1.mcap").rename(path / "bag_7.mcap")
+    bag = opened(path)
+    assert bag.topics["/a"].count == 9
+    assert not bag.complete
+    assert "missing: bag_1.mcap, named in metadata.yaml" in bag.notes
+    assert "bag_7.mcap read too, although not in metadata.yaml" in bag.notes
+
+
+def test_one_bad_file_of_several_is_skipped_and_named(tmp_path, opened):
+    path = written(tmp_path / "bag", files=2)
+    (path / "bag_0.mcap").write_bytes(b"not a bag at all")
+    bag = opened(path)
+    assert bag.topics["/a"].count == 3
+    assert not bag.complete
+    assert any(note.startswith("bag_0.mcap: ") and note.endswith("skipped") for note in bag.notes)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("x.mcap", b"", "empty"),
+        ("x.mcap", b"not a bag at all", "does not begin as an MCAP file"),
+        ("x.mcap", mcap_format.MAGIC, "holds no message"),
+        ("x.txt", b"hello", "is not a bag"),
+        ("x.db3", b"hello", "cannot be read"),
+        ("x.mcap.zstd", b"hello", "does not decompress"),
+    ],
+)
+def test_what_is_no_bag_is_refused_in_a_sentence(tmp_path, name, content, words):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(BagError, match=words) as caught:
+        BagFiles(tmp_path / name)
+    assert caught.value.hint
+    assert str(caught.value) == f"{caught.value.sentence}; {caught.value.hint}"
+
+
+def test_an_empty_folder_and_a_missing_path_are_refused_in_a_sentence(tmp_path):
+    with pytest.raises(BagError, match="holds no recording"):
+        BagFiles(tmp_path)
+    with pytest.raises(BagError, match="there is nothing at"):
+        BagFiles(tmp_path / "nowhere")

@@ -1,0 +1,418 @@
+"""Bags of every kind against the messages that went in, and against `rosbags` on a real recording."""
+
+from __future__ import annotations
+
+import itertools
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zstandard
+from mcap.writer import CompressionType, IndexType, Writer
+from rosbags.rosbag2 import Reader as RosbagsReader
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagsWriter
+from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
+from rosbags.typesys import Stores, get_typestore
+
+from mwd_sensors.core import wire
+from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.bags.mcap import format as mcap_format
+from project import REFERENCE_DATA
+
+BROAD = REFERENCE_DATA / "bags" / "broad_27"
+START = 1_700_000_000_000_000_000
+IMU, MAG = "sensor_msgs/msg/Imu", "sensor_msgs/msg/MagneticField"
+STORE = get_typestore(Stores.ROS2_JAZZY)
+
+
+def imu(count: int, step_ns: int = 1_000_000) -> np.ndarray:
+    samples = wire.IMU.empty(count)
+    samples["stamp_ns"] = START + np.arange(count) * step_ns
+    samples["angular_velocity"] = np.random.default_rng(1).normal(size=(count, 3))
+    samples["orientation_covariance"][:, 0] = -1
+    return samples
+
+
+def mag(count: int, step_ns: int = 10_000_000) -> np.ndarray:
+    samples = wire.MAG.empty(count)
+    samples["stamp_ns"] = START + np.arange(count) * step_ns
+    samples["magnetic_field"] = np.random.default_rng(2).normal(size=(count, 3)) * 5e-5
+    return samples
+
+
+def write_bag(path: Path, seconds: int = 5, **options) -> tuple[np.ndarray, np.ndarray]:
+    """Imu at 1 kHz and field at 100 Hz, written topic by topic for each second."""
+    a, b = imu(1000 * seconds), mag(100 * seconds)
+    with BagWriter(path, **options) as writer:
+        one, two = writer.topic("/well_7/imu/data_raw", IMU), writer.topic("/well_7/imu/mag", MAG)
+        for k in range(seconds):
+            for channel, layout, samples, rate in ((one, wire.IMU, a, 1000), (two, wire.MAG, b, 100)):
+                part = samples[k * rate : (k + 1) * rate]
+                writer.write_rows(channel, layout.encode(part, "sonde_link"), part["stamp_ns"])
+    return a, b
+
+
+def joined(bag: Bag, **options) -> dict[str, np.ndarray]:
+    parts: dict[str, list[np.ndarray]] = {}
+    for block in bag.blocks(**options):
+        for name, (log_ns, samples) in block.items():
+            assert (np.diff(log_ns) >= 0).all()
+            parts.setdefault(name, []).append(samples)
+    return {name: np.concatenate(some) for name, some in parts.items()}
+
+
+@pytest.fixture(scope="module")
+def bag_path(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("bags") / "bag"
+    write_bag(path, chunk_bytes=100_000)
+    return path
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4", ""])
+def test_samples_come_back_as_they_were_written(tmp_path, compression):
+    a, b = write_bag(tmp_path / "bag", compression=compression, chunk_bytes=70_000)
+    with Bag(tmp_path / "bag") as bag:
+        found = joined(bag)
+        assert bag.notes == []
+        assert bag.complete
+        assert (bag.start_ns, bag.end_ns) == (START, int(a["stamp_ns"][-1]))
+        assert bag.message_count == 5500
+    assert found["/well_7/imu/data_raw"].tobytes() == a.tobytes()
+    assert found["/well_7/imu/mag"].tobytes() == b.tobytes()
+
+
+def test_only_the_fields_asked_for_are_read_and_other_types_whole(bag_path):
+    with Bag(bag_path) as bag:
+        whole, some = joined(bag), joined(bag, fields={IMU: ("angular_velocity", "linear_acceleration")})
+    imu_whole, imu_some = whole["/well_7/imu/data_raw"], some["/well_7/imu/data_raw"]
+    assert imu_some.dtype.names == ("stamp_ns", "angular_velocity", "linear_acceleration")
+    for name in imu_some.dtype.names:
+        np.testing.assert_array_equal(imu_some[name], imu_whole[name])
+    assert some["/well_7/imu/mag"].tobytes() == whole["/well_7/imu/mag"].tobytes()
+
+
+def test_a_real_recording_reads_as_rosbags_reads_it():
+    if not BROAD.exists():
+        pytest.skip("the shared recordings are not beside this checkout")
+    with RosbagsReader(BROAD) as reader:
+        expected = [(stamp, c.topic, bytes(data)) for c, stamp, data in reader.messages()]
+    with Bag(BROAD) as bag:
+        found = [(stamp, topic, data) for stamp, topic, _, data in bag.messages()]
+        assert any("no checksums" in note for note in bag.notes)
+    key = lambda row: (row[0], row[1])  # noqa: E731
+    assert [row[0] for row in found] == [row[0] for row in expected]
+    assert sorted(found, key=key) == sorted(expected, key=key)
+    with Bag(BROAD) as bag:
+        blocks = joined(bag, topics=["/imu/data_raw"])
+    rows = [STORE.deserialize_cdr(data, IMU) for _, topic, data in expected[:3000] if topic == "/imu/data_raw"]
+    gyro = [[m.angular_velocity.x, m.angular_velocity.y, m.angular_velocity.z] for m in rows]
+    assert np.array_equal(blocks["/imu/data_raw"]["angular_velocity"][: len(rows)], gyro)
+    assert len(blocks["/imu/data_raw"]) == 54952
+
+
+def test_a_bare_file_reads_as_its_directory_does(bag_path):
+    with Bag(bag_path) as one, Bag(bag_path / "bag_0.mcap") as two:
+        assert list(one.messages()) == list(two.messages())
+
+
+def test_every_message_of_a_block_is_no_later_than_those_of_the_next(bag_path):
+    with Bag(bag_path) as bag:
+        blocks = list(bag.blocks(block_messages=300))
+    assert len(blocks) > 8
+    for before, after in itertools.pairwise(blocks):
+        last = max(log_ns[-1] for log_ns, _ in before.values())
+        assert last <= min(log_ns[0] for log_ns, _ in after.values())
+
+
+def test_a_block_stays_near_its_size_even_when_a_chunk_is_larger(tmp_path):
+    a, _ = write_bag(tmp_path / "bag", chunk_bytes=8_000_000)
+    with Bag(tmp_path / "bag") as bag:
+        sizes = [sum(len(log_ns) for log_ns, _ in block.values()) for block in bag.blocks(block_messages=500)]
+        assert sum(sizes) == 5500
+        assert max(sizes) <= 1000
+        assert joined(bag, block_messages=500)["/well_7/imu/data_raw"].tobytes() == a.tobytes()
+
+
+def test_messages_come_in_order_of_time_with_topic_type_and_bytes(bag_path):
+    with Bag(bag_path) as bag:
+        found = list(bag.messages())
+    assert len(found) == 5500
+    assert [row[0] for row in found] == sorted(row[0] for row in found)
+    assert {row[1:3] for row in found} == {("/well_7/imu/data_raw", IMU), ("/well_7/imu/mag", MAG)}
+    assert wire.MAG.decode(next(row[3] for row in found if row[2] == MAG))["stamp_ns"][0] == START
+
+
+def test_a_range_of_time_includes_its_start_and_excludes_its_end(bag_path):
+    first, last = START + 1_500_000_000, START + 2_500_000_000
+    with Bag(bag_path) as bag:
+        rows = [row[0] for row in bag.messages(start_ns=first, end_ns=last)]
+        found = joined(bag, start_ns=first, end_ns=last)
+    assert (rows[0], rows[-1], len(rows)) == (first, last - 1_000_000, 1100)
+    assert len(found["/well_7/imu/data_raw"]) == 1000
+
+
+def test_messages_out_of_order_in_the_file_are_put_in_order(tmp_path):
+    samples = imu(2000)
+    shuffled = np.random.default_rng(3).permutation(2000)
+    with BagWriter(tmp_path / "bag", chunk_bytes=30_000) as writer:
+        channel = writer.topic("/imu/data_raw", IMU)
+        rows = wire.IMU.encode(samples, "s")
+        for k in shuffled.tolist():
+            writer.write(channel, rows[k].tobytes(), int(samples["stamp_ns"][k]))
+    with Bag(tmp_path / "bag") as bag:
+        assert joined(bag, block_messages=100)["/imu/data_raw"].tobytes() == samples.tobytes()
+        assert [row[0] for row in bag.messages()] == samples["stamp_ns"].tolist()
+
+
+def test_a_topic_is_found_in_any_namespace(bag_path):
+    with Bag(bag_path) as bag:
+        assert bag.find_topic(IMU, "imu/data_raw") == "/well_7/imu/data_raw"
+        assert bag.find_topic(MAG) == "/well_7/imu/mag"
+        with pytest.raises(BagError, match=r"no topic of sensor_msgs/msg/Imu.*ends in 'data'.*/well_7/imu/data_raw"):
+            bag.find_topic(IMU, "data")
+        with pytest.raises(BagError, match=r"no topic of sensor_msgs/msg/Temperature.*it has"):
+            bag.find_topic("sensor_msgs/msg/Temperature")
+        with pytest.raises(BagError, match="has no topic /imu"):
+            next(bag.blocks(["/imu"]))
+
+
+def test_two_topics_that_fit_are_both_named(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        for name in ("/a/imu/data_raw", "/b/imu/data_raw"):
+            writer.write(writer.topic(name, IMU), b"\0\1\0\0", START)
+    with Bag(tmp_path / "bag") as bag, pytest.raises(BagError, match=r"2 topics.*/a/imu/data_raw, /b/imu/data_raw"):
+        bag.find_topic(IMU, "imu/data_raw")
+
+
+def test_frame_names_may_have_any_length_and_change_from_message_to_message(tmp_path):
+    samples = imu(300)
+    frames = ["", "s", "imu_link_of_a_very_long_name_é", "sonde"]
+    with BagWriter(tmp_path / "bag") as writer:
+        channel = writer.topic("/imu/data_raw", IMU)
+        for k in range(300):
+            row = wire.IMU.encode(samples[k : k + 1], frames[k % 4])[0]
+            writer.write(channel, row.tobytes(), int(samples["stamp_ns"][k]))
+    with Bag(tmp_path / "bag") as bag:
+        assert joined(bag)["/imu/data_raw"].tobytes() == samples.tobytes()
+        assert bag.notes == []
+
+
+def test_frame_names_of_different_length_but_equal_message_size_are_read_too(tmp_path):
+    samples = imu(40)
+    with BagWriter(tmp_path / "bag") as writer:
+        channel = writer.topic("/imu/data_raw", IMU)
+        for k in range(40):
+            row = wire.IMU.encode(samples[k : k + 1], "abcd"[: 2 + k % 2])[0]
+            writer.write(channel, row.tobytes(), int(samples["stamp_ns"][k]))
+    with Bag(tmp_path / "bag") as bag:
+        assert joined(bag)["/imu/data_raw"].tobytes() == samples.tobytes()
+
+
+def test_big_endian_messages_are_read_through_rosbags_and_it_says_so(tmp_path):
+    samples = imu(50)
+    with BagWriter(tmp_path / "bag") as writer:
+        channel = writer.topic("/imu/data_raw", IMU)
+        for k, row in enumerate(wire.IMU.encode(samples, "s")):
+            message = STORE.deserialize_cdr(row.tobytes(), IMU)
+            data = STORE.serialize_cdr(message, IMU, little_endian=False)
+            writer.write(channel, bytes(data), int(samples["stamp_ns"][k]))
+    with Bag(tmp_path / "bag") as bag:
+        assert joined(bag)["/imu/data_raw"].tobytes() == samples.tobytes()
+        assert any("rosbags" in note for note in bag.notes)
+        some = joined(bag, fields={IMU: ("angular_velocity",)})["/imu/data_raw"]
+        assert some.dtype.names == ("stamp_ns", "angular_velocity")
+        np.testing.assert_array_equal(some["angular_velocity"], samples["angular_velocity"])
+
+
+def test_a_message_that_is_not_of_its_type_is_counted_and_left_out(tmp_path):
+    samples = imu(10)
+    with BagWriter(tmp_path / "bag") as writer:
+        channel = writer.topic("/imu/data_raw", IMU)
+        for k, row in enumerate(wire.IMU.encode(samples, "s")):
+            data = row.tobytes() if k != 4 else b"\0\1\0\0junk"
+            writer.write(channel, data, int(samples["stamp_ns"][k]))
+    with Bag(tmp_path / "bag") as bag:
+        assert len(joined(bag)["/imu/data_raw"]) == 9
+        assert bag.damaged_messages == 1
+        assert any("cannot be decoded" in note for note in bag.notes)
+
+
+def test_a_type_without_a_fixed_layout_comes_as_bytes_and_can_be_decoded(tmp_path):
+    message = STORE.types["std_msgs/msg/String"]("pump on")
+    data = bytes(STORE.serialize_cdr(message, "std_msgs/msg/String"))
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.write(writer.topic("/note", "std_msgs/msg/String"), data, START)
+    with Bag(tmp_path / "bag") as bag:
+        (block,) = bag.blocks()
+        assert block["/note"][1] == [data]
+        assert bag.decode("/note", data).data == "pump on"
+        with pytest.raises(BagError, match="is not a std_msgs/msg/String"):
+            bag.decode("/note", b"\0\1\0\0\xff\xff\xff\xffx")
+
+
+def rosbags_bag(path: Path, storage: StoragePlugin, mode: CompressionMode | None = None) -> np.ndarray:
+    samples = imu(700)
+    writer = RosbagsWriter(path, version=9, storage_plugin=storage)
+    if mode is not None:
+        writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection("/imu/data_raw", IMU, typestore=STORE)
+        for stamp, row in zip(samples["stamp_ns"].tolist(), wire.IMU.encode(samples, "s"), strict=True):
+            writer.write(connection, stamp, row.tobytes())
+    return samples
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+@pytest.mark.parametrize("mode", [None, CompressionMode.FILE, CompressionMode.MESSAGE])
+def test_bags_of_rosbags_with_either_storage_and_any_compression_are_read(tmp_path, storage, mode):
+    samples = rosbags_bag(tmp_path / "bag", storage, mode)
+    with Bag(tmp_path / "bag") as bag:
+        assert joined(bag)["/imu/data_raw"].tobytes() == samples.tobytes()
+        assert [row[0] for row in bag.messages(start_ns=START + 5_000_000)] == samples["stamp_ns"].tolist()[5:]
+        assert any("rosbags" in note for note in bag.notes) == (storage == StoragePlugin.SQLITE3)
+        assert (bag.start_ns, bag.end_ns) == (START, int(samples["stamp_ns"][-1]))
+
+
+def test_a_bare_sqlite_file_is_read(tmp_path):
+    samples = rosbags_bag(tmp_path / "bag", StoragePlugin.SQLITE3)
+    (file,) = (tmp_path / "bag").glob("*.db3")
+    with Bag(file) as bag:
+        assert len(joined(bag)["/imu/data_raw"]) == len(samples)
+
+
+@pytest.mark.parametrize("chunking", [True, False])
+@pytest.mark.parametrize("index", [IndexType.ALL, IndexType.NONE])
+@pytest.mark.parametrize("summary", [True, False])
+def test_files_of_the_mcap_library_with_and_without_chunks_and_indexes_are_read(tmp_path, chunking, index, summary):
+    samples = imu(2500)
+    with (tmp_path / "x.mcap").open("wb") as file:
+        writer = Writer(
+            file,
+            chunk_size=20_000,
+            compression=CompressionType.ZSTD,
+            index_types=index,
+            use_chunking=chunking,
+            repeat_channels=summary,
+            repeat_schemas=summary,
+            use_statistics=summary,
+        )
+        writer.start("ros2")
+        channel = writer.register_channel("/imu/data_raw", "cdr", writer.register_schema(IMU, "ros2msg", b""))
+        for stamp, row in zip(samples["stamp_ns"].tolist(), wire.IMU.encode(samples, "s"), strict=True):
+            writer.add_message(channel, stamp, row.tobytes(), stamp)
+        writer.finish()
+    with Bag(tmp_path / "x.mcap") as bag:
+        assert joined(bag, block_messages=1000)["/imu/data_raw"].tobytes() == samples.tobytes()
+        assert bag.message_count == 2500
+
+
+def test_a_split_bag_is_read_as_one(tmp_path):
+    samples = imu(900)
+    with BagWriter(tmp_path / "bag") as writer:
+        channel = writer.topic("/imu/data_raw", IMU)
+        for k in range(3):
+            part = samples[300 * k : 300 * (k + 1)]
+            writer.write_rows(channel, wire.IMU.encode(part, "s"), part["stamp_ns"])
+            if k < 2:
+                writer.split()
+    with Bag(tmp_path / "bag") as bag:
+        assert joined(bag)["/imu/data_raw"].tobytes() == samples.tobytes()
+        assert [file.name for file in bag.files] == ["bag_0.mcap", "bag_1.mcap", "bag_2.mcap"]
+        assert bag.size_bytes == sum(file.stat().st_size for file in (tmp_path / "bag").glob("*.mcap"))
+        assert bag.storage == "mcap"
+    (tmp_path / "bag" / "bag_1.mcap").unlink()
+    with Bag(tmp_path / "bag") as bag:
+        assert len(joined(bag)["/imu/data_raw"]) == 600
+        assert any("missing: bag_1.mcap" in note for note in bag.notes)
+        assert not bag.complete
+
+
+def test_a_file_that_was_cut_off_is_read_to_its_last_good_chunk(bag_path, tmp_path):
+    data = (bag_path / "bag_0.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(data[: len(data) * 2 // 3])
+    with Bag(bag_path) as bag:
+        whole = [row[3] for row in bag.messages()]
+    with Bag(tmp_path / "cut.mcap") as bag:
+        rows = [row[3] for row in bag.messages()]
+        assert not bag.complete
+        assert any("interrupted" in note for note in bag.notes)
+        assert bag.message_count == len(rows)
+    assert 2500 < len(rows) < 5000
+    assert set(rows) <= set(whole)
+
+
+def test_no_single_flipped_bit_ever_returns_wrong_data(tmp_path):
+    write_bag(tmp_path / "bag", seconds=1, chunk_bytes=20_000)
+    path = tmp_path / "bag" / "bag_0.mcap"
+    data = path.read_bytes()
+    with Bag(path) as bag:
+        whole = set(bag.messages())
+    random = np.random.default_rng(5)
+    partial = 0
+    for at in random.integers(0, len(data), 150).tolist():
+        broken = bytearray(data)
+        broken[at] ^= 1 << int(random.integers(8))
+        (tmp_path / "broken.mcap").write_bytes(broken)
+        try:
+            with Bag(tmp_path / "broken.mcap") as bag:
+                found = set(bag.messages())
+                assert found <= whole
+                assert found == whole or not bag.complete
+                partial += found != whole
+        except BagError:
+            continue
+    assert partial > 50
+
+
+@pytest.mark.parametrize("at", [9, 60, 5000, -60])
+def test_a_hostile_length_is_refused_in_bounded_memory(bag_path, tmp_path, at):
+    data = bytearray((bag_path / "bag_0.mcap").read_bytes())
+    data[at : at + 8] = (2**60).to_bytes(8, "little")
+    (tmp_path / "evil.mcap").write_bytes(data)
+    tracemalloc.start()
+    try:
+        with Bag(tmp_path / "evil.mcap") as bag:
+            sum(1 for _ in bag.messages())
+    except BagError:
+        pass
+    finally:
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    assert peak < 100e6
+
+
+def test_a_decompression_bomb_is_refused(tmp_path):
+    bomb = zstandard.ZstdCompressor().compress(bytes(2**30))
+    head = mcap_format.ChunkHead(START, START, 2**30, 0, "zstd", len(bomb), 0)
+    (tmp_path / "bomb.mcap").write_bytes(
+        mcap_format.MAGIC + mcap_format.header_record("x") + mcap_format.chunk_prefix(head) + bomb
+    )
+    with pytest.raises(BagError, match="above the limit"):
+        Bag(tmp_path / "bomb.mcap")
+
+
+def test_memory_does_not_grow_with_the_bag(tmp_path):
+    write_bag(tmp_path / "bag", seconds=60, chunk_bytes=100_000)
+    peaks = []
+    for end in (15, 60):
+        with Bag(tmp_path / "bag") as bag:
+            tracemalloc.start()
+            for _ in bag.blocks(end_ns=START + end * 1_000_000_000, block_messages=4000):
+                pass
+            peaks.append(tracemalloc.get_traced_memory()[1])
+            tracemalloc.stop()
+    assert peaks[1] < 1.3 * peaks[0] < 10e6
+
+
+def test_attachments_and_tables_inside_the_bag_are_found(tmp_path):
+    with BagWriter(tmp_path / "bag", custom={"well": "F-4"}) as writer:
+        writer.write(writer.topic("/imu/data_raw", IMU), b"\0\1\0\0", START)
+        writer.attach("scenario.yaml", "application/yaml", b"a: 1", START)
+        writer.add_metadata("versions", {"mwd_surface": "0.1.0"})
+    with Bag(tmp_path / "bag") as bag:
+        assert [(item.name, item.data) for item in bag.attachments()] == [("scenario.yaml", b"a: 1")]
+        assert bag.metadata()["versions"] == {"mwd_surface": "0.1.0"}
+        assert bag.custom == {"well": "F-4"}

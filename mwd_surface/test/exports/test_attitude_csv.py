@@ -1,0 +1,102 @@
+"""Attitude as text: exact digits, empty cells for the unknown, the same bytes in one block or many."""
+
+import itertools
+import math
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mwd_estimation.core.status import Status
+from mwd_sensors.core import wire
+from mwd_surface.exports import attitude_csv
+
+
+def samples(n, seed=1):
+    rng = np.random.default_rng(seed)
+    attitude, gravity = wire.ATTITUDE.empty(n), wire.GRAVITY.empty(n)
+    attitude["stamp_ns"] = gravity["stamp_ns"] = 1_772_344_800_000_000_000 + np.arange(n) * 10_000_000
+    for name in ("inclination", "azimuth", "gravity_toolface"):
+        attitude[name] = rng.uniform(0.0, math.pi, n)
+    for name in ("sigma_inclination", "sigma_azimuth", "sigma_gravity_toolface"):
+        attitude[name] = rng.uniform(0.0, 0.1, n)
+    gravity["gravity"] = rng.normal(size=(n, 3)) / 2.0
+    attitude["status"] = rng.choice([0, 2, 66, 65664], n)
+    return attitude, gravity
+
+
+def cells(attitude, gravity):
+    return [line.split(",") for line in attitude_csv.rows(attitude, gravity).decode().splitlines()]
+
+
+def test_every_line_has_the_columns_of_the_header():
+    names = attitude_csv.HEADER.split(",")
+    assert all(len(line) == len(names) == 11 for line in cells(*samples(50)))
+
+
+def test_numbers_read_back_to_half_of_their_last_digit():
+    attitude, gravity = samples(300)
+    lines = cells(attitude, gravity)
+    assert [int(line[0]) for line in lines] == attitude["stamp_ns"].tolist()
+    for column, name in enumerate(
+        (
+            "inclination",
+            "azimuth",
+            "gravity_toolface",
+            "sigma_inclination",
+            "sigma_azimuth",
+            "sigma_gravity_toolface",
+        ),
+        1,
+    ):
+        read = np.array([float(line[column]) for line in lines])
+        np.testing.assert_allclose(read, np.degrees(attitude[name]), rtol=0.0, atol=0.51e-6)
+    read = np.array([[float(cell) for cell in line[7:10]] for line in lines])
+    np.testing.assert_allclose(read, gravity["gravity"], rtol=0.0, atol=0.51e-9)
+
+
+def test_blocks_give_the_bytes_of_the_whole():
+    attitude, gravity = samples(100)
+    whole = attitude_csv.rows(attitude, gravity)
+    cuts = [0, 1, 2, 40, 99, 100]
+    pieces = [attitude_csv.rows(attitude[a:b], gravity[a:b]) for a, b in itertools.pairwise(cuts)]
+    assert b"".join(pieces) == whole
+    assert attitude_csv.rows(attitude[:0], gravity[:0]) == b""
+
+
+def test_what_is_unknown_is_an_empty_cell():
+    attitude, gravity = samples(2)
+    attitude["sigma_azimuth"][0] = -1.0
+    for name in ("sigma_inclination", "sigma_gravity_toolface"):
+        attitude[name][1] = -1.0
+    gravity["sigma"][1] = -1.0
+    first, second = cells(attitude, gravity)
+    assert (first[2], first[5]) == ("", "")
+    assert "" not in (first[1], first[3], first[4])
+    assert [second[k] for k in (1, 3, 4, 6, 7, 8, 9)] == [""] * 7
+
+
+def test_status_is_words_joined_by_bars():
+    attitude, gravity = samples(3)
+    attitude["status"] = [0, int(Status.STILL), int(Status.STILL | Status.NO_MAG)]
+    assert [line[10] for line in cells(attitude, gravity)] == ["", "still", "still|no_mag"]
+
+
+def test_an_angle_that_rounds_to_the_full_circle_is_north():
+    attitude, gravity = samples(1)
+    attitude["azimuth"] = attitude["gravity_toolface"] = math.tau - 1e-12
+    attitude["inclination"] = math.pi
+    line = cells(attitude, gravity)[0]
+    assert line[1:4] == ["180.000000", "0.000000", "0.000000"]
+
+
+@given(
+    value=st.floats(-1.0, 1.0), stamp=st.integers(-(2**62) + 1, 2**62), angle=st.floats(0.0, math.tau, exclude_max=True)
+)
+def test_any_number_reads_back(value, stamp, angle):
+    attitude, gravity = samples(1)
+    attitude["stamp_ns"], attitude["inclination"], gravity["gravity"][0, 1] = stamp, angle / 2.0, value
+    line = cells(attitude, gravity)[0]
+    assert line[0] == str(stamp)
+    assert abs(float(line[1]) - math.degrees(angle / 2.0)) < 0.51e-6
+    assert abs(float(line[8]) - value) < 0.51e-9

@@ -1,0 +1,37 @@
+"""What people may choose of the live page: a period for every stream, and bounds that keep the page small."""
+
+import dataclasses
+
+import pytest
+
+from mwd_sensors.core.settings import SettingsError, from_mapping
+from mwd_surface.live.settings import LiveSettings
+from mwd_surface.live.streams import LiveStreams
+
+
+def test_every_stream_has_its_period_and_every_period_its_stream():
+    links, _ = LiveStreams().stream_sections(0.0)["links"]
+    periods = {f.name.removesuffix("_period") for f in dataclasses.fields(LiveSettings) if f.name.endswith("_period")}
+    assert periods == set(links)
+    for name, link in links.items():
+        assert link["stale_after"] == 2.0 * getattr(LiveSettings(), f"{name}_period")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"rig_period": 0.0}, "rig_period: 0 s is below the lowest allowed"),
+        ({"withheld_sigma_deg": 200.0}, "above the highest allowed, 180 deg"),
+        ({"history_seconds": 1e6}, "above the highest allowed, 7200 s"),
+        ({"max_rows": 1.0}, "expected a whole number"),
+        ({"rig_perod": 1.0}, "did you mean rig_period"),
+    ],
+)
+def test_what_is_not_allowed_is_refused_with_its_reason(given, message):
+    with pytest.raises(SettingsError, match=message):
+        from_mapping(LiveSettings, given)
+
+
+def test_groups_are_given_as_tables():
+    settings = from_mapping(LiveSettings, {"limits": {"dip_deg": 0.3}})
+    assert settings.limits.dip_deg == 0.3

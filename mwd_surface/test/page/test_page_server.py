@@ -1,0 +1,525 @@
+"""The page's server: what changed goes out, nothing unasked comes in, and nobody can hold it up."""
+
+import asyncio
+import contextlib
+import http.client
+import json
+import socket
+import struct
+import threading
+import time
+from urllib.parse import urlsplit
+
+import aiohttp
+import pytest
+from aiohttp import web
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mwd_sensors.core import wire
+from mwd_surface.live.well_state import LiveState
+from mwd_surface.page.page_server import COMMANDS, PageServer, PageSettings, checked_arguments
+
+TOKEN = "drill-baby-drill"  # noqa: S105
+JSON = {"Content-Type": "application/json"}
+
+
+@contextlib.contextmanager
+def running(on_command=None, **settings):
+    server = PageServer(PageSettings(port=0, **settings), on_command)
+    server.start()
+    try:
+        yield server
+    finally:
+        server.stop()
+
+
+def attitude(inclination):
+    samples = wire.ATTITUDE.empty(1)
+    samples["inclination"] = inclination
+    return samples
+
+
+def ask(server, path="/", method="GET", body=None, headers=None):
+    place = urlsplit(server.address)
+    connection = http.client.HTTPConnection(place.hostname, place.port, timeout=5)
+    try:
+        connection.request(method, path, body, headers or {})
+        answer = connection.getresponse()
+        return answer.status, answer.read(), dict(answer.getheaders())
+    finally:
+        connection.close()
+
+
+def order(server, name, arguments, token=TOKEN, **headers):
+    body = json.dumps(arguments) if not isinstance(arguments, (str, bytes)) else arguments
+    head = {**JSON, **({"Authorization": f"Bearer {token}"} if token else {}), **headers}
+    status, answer, _ = ask(server, f"/command/{name}", "POST", body, head)
+    return status, json.loads(answer)
+
+
+def watch(server, talk, **options):
+    """Run `await talk(socket)` against the live address."""
+
+    async def main():
+        place = server.address.replace("http", "ws") + "live"
+        async with aiohttp.ClientSession() as session, session.ws_connect(place, **options) as ws:
+            return await asyncio.wait_for(talk(ws), 10)
+
+    return asyncio.run(main())
+
+
+async def sections_until(ws, name):
+    while True:
+        message = json.loads((await ws.receive()).data)
+        if name in message["sections"]:
+            return message
+
+
+def until(condition, seconds=5.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen in time"
+        threading.Event().wait(0.01)
+
+
+def test_the_page_and_all_it_needs_come_from_here_under_a_strict_policy():
+    with running() as server:
+        status, body, headers = ask(server)
+        assert status == 200
+        assert headers["Content-Security-Policy"].startswith("default-src 'self';")
+        assert headers["X-Content-Type-Options"] == "nosniff"
+        text = body.decode()
+        assert "http://" not in text
+        assert "https://" not in text
+        for name in ("main.js", "page.css", "vendor/uPlot.iife.min.js", "vendor/uPlot-LICENSE.txt"):
+            assert ask(server, "/" + name)[0] == 200
+        assert ask(server, "/main.js")[2]["Content-Type"].startswith("text/javascript")
+
+
+def test_state_json_is_the_last_state_and_says_so_while_there_is_none():
+    with running() as server:
+        empty = json.loads(ask(server, "/state.json")[1])
+        assert (empty["sections"], empty["server"]["ready"]) == ({}, False)
+        state = LiveState()
+        state.on_attitude(attitude(0.7), 1.0)
+        server.push(state.snapshot(1.5))
+        full = json.loads(ask(server, "/state.json")[1])
+        assert full["sections"]["attitude"]["inclination"]["value"] == 0.7
+        assert full["sections"]["attitude"]["inclination"]["age"] == 0.5
+        assert full["server"] == {"controls": False, "clients": 0, "skipped": 0, "ready": True}
+
+
+def test_a_watcher_gets_all_first_then_only_what_changed_within_200_ms():
+    state = LiveState()
+    with running() as server:
+        server.push(state.snapshot(0.0))
+
+        async def talk(ws):
+            first = json.loads((await ws.receive()).data)
+            assert {"attitude", "surveys", "alarms"} <= set(first["sections"])
+            took = []
+            for k in range(5):
+                state.on_attitude(attitude(0.1 * (k + 1)), 0.0)
+                started = time.monotonic()
+                server.push(state.snapshot(0.0))
+                news = await sections_until(ws, "attitude")
+                took.append(time.monotonic() - started)
+                assert news["sections"]["attitude"]["inclination"]["value"] == pytest.approx(0.1 * (k + 1))
+                assert "surveys" not in news["sections"]
+            return took
+
+        assert sorted(watch(server, talk))[2] < 0.2
+
+
+def test_when_nothing_changes_there_is_a_beat_a_second_and_nothing_else():
+    with running() as server:
+        snapshot = LiveState().snapshot(0.0)
+        server.push(snapshot)
+
+        async def talk(ws):
+            await ws.receive()
+            started = time.monotonic()
+            for _ in range(20):
+                server.push(snapshot)
+            beat = json.loads((await ws.receive()).data)
+            return beat["sections"], time.monotonic() - started
+
+        sections, after = watch(server, talk)
+        assert sections == {}
+        assert 0.7 < after < 2.0
+
+
+def test_the_history_goes_out_whole_once_and_then_by_new_rows():
+    state = LiveState()
+    for k in range(5):
+        state.on_attitude(attitude(0.5), float(k))
+    with running() as server:
+        server.push(state.snapshot(4.0))
+
+        async def talk(ws):
+            first = await sections_until(ws, "history")
+            state.on_attitude(attitude(0.5), 5.0)
+            server.push(state.snapshot(5.0))
+            return first["sections"]["history"], (await sections_until(ws, "history"))["sections"]["history"]
+
+        whole, more = watch(server, talk)
+        assert (whole["whole"], len(whole["rows"])) == (True, 4)
+        assert (more["whole"], [row[0] for row in more["rows"]]) == (False, [5.0])
+
+
+def test_a_rate_that_nobody_can_read_is_thinned_to_the_rate_of_the_page():
+    state = LiveState()
+    with running(max_rate=10.0) as server:
+
+        async def talk(ws):
+            count, end = 0, time.monotonic() + 1.0
+            while time.monotonic() < end:
+                state.on_attitude(attitude(0.5), time.monotonic())
+                server.push(state.snapshot(time.monotonic()))
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(ws.receive(), 0.005)
+                    count += 1
+            return count
+
+        assert 3 <= watch(server, talk) <= 13
+
+
+def test_a_watcher_that_reads_nothing_is_dropped_without_memory_growing_or_others_waiting():
+    state = LiveState()
+    big = {"x" * 50: ["y" * 1000] * 400}
+    with running(send_timeout=0.3) as server:
+        server.push({"now": 0.0, "sections": {"a": big}, "revisions": {"a": 0}})
+        place = urlsplit(server.address)
+        lazy = socket.socket()
+        lazy.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        lazy.connect((place.hostname, place.port))
+        lazy.sendall(
+            f"GET /live HTTP/1.1\r\nHost: {place.netloc}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n".encode()
+        )
+        until(lambda: server.clients == 1)
+        revision = 0
+
+        def gone():
+            nonlocal revision
+            revision += 1
+            server.push({"now": 0.0, "sections": {"a": big}, "revisions": {"a": revision}})
+            return server.clients == 0
+
+        until(gone, 8.0)
+        lazy.close()
+        server.push(state.snapshot(0.0))
+        started = time.monotonic()
+        assert ask(server, "/state.json")[0] == 200
+        assert time.monotonic() - started < 1.0
+
+
+def test_watchers_beyond_the_limit_are_refused_politely():
+    with running(max_clients=1) as server:
+
+        async def talk(ws):
+            await ws.receive()
+            async with aiohttp.ClientSession() as session:
+                with pytest.raises(aiohttp.WSServerHandshakeError) as error:
+                    await session.ws_connect(server.address.replace("http", "ws") + "live")
+                return error.value.status
+
+        assert watch(server, talk) == 503
+
+
+def test_a_watcher_that_talks_is_shown_out():
+    with running() as server:
+
+        async def talk(ws):
+            await ws.send_str("let me in")
+            while True:
+                message = await ws.receive()
+                if message.type in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.CLOSING):
+                    return True
+
+        assert watch(server, talk)
+
+
+def test_one_address_cannot_take_all_connections():
+    with running(max_per_peer=6, max_connections=20) as server:
+        place = urlsplit(server.address)
+        crowd = [socket.create_connection((place.hostname, place.port)) for _ in range(30)]
+        until(lambda: server.refused >= 24)
+        refused = [s for s in crowd if answered(s)]
+        assert len(refused) >= 24
+        for s in crowd:
+            s.close()
+        until(lambda: accepts(server))
+
+
+def answered(s):
+    s.settimeout(0.02)
+    try:
+        return s.recv(12) == b"HTTP/1.1 503"
+    except OSError:
+        return False
+
+
+def accepts(server):
+    try:
+        return ask(server)[0] == 200
+    except OSError:
+        return False
+
+
+def test_a_request_that_never_ends_is_cut_while_others_are_served():
+    with running(request_timeout=0.3) as server:
+        place = urlsplit(server.address)
+        slow = socket.create_connection((place.hostname, place.port))
+        slow.sendall(b"GET / HTTP/1.1\r\nHost: ")
+        started = time.monotonic()
+        assert ask(server)[0] == 200
+        assert time.monotonic() - started < 1.0
+        slow.settimeout(3.0)
+        with contextlib.suppress(ConnectionResetError):
+            assert slow.recv(10) == b""
+        assert time.monotonic() - started < 3.0
+        slow.close()
+
+
+def test_a_command_whose_body_never_ends_is_cut():
+    with running(lambda _n, _a: (True, ""), token=TOKEN, request_timeout=0.3) as server:
+        place = urlsplit(server.address)
+        slow = socket.create_connection((place.hostname, place.port))
+        slow.sendall(
+            f"POST /command/stop_recording HTTP/1.1\r\nHost: {place.netloc}\r\nAuthorization: Bearer {TOKEN}\r\n"
+            "Content-Type: application/json\r\nContent-Length: 50\r\n\r\n{".encode()
+        )
+        slow.settimeout(3.0)
+        assert slow.recv(12) == b"HTTP/1.1 408"
+        slow.close()
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "", "[::1", "localhost.evil"]
+)
+def test_a_name_that_may_be_rebound_to_us_is_refused(host):
+    with running() as server:
+        assert ask(server, headers={"Host": host})[0] in (400, 421)
+
+
+def test_addresses_localhost_and_configured_names_are_answered():
+    with running(allowed_hosts=("rig12.local",)) as server:
+        for host in ("127.0.0.1", "localhost:99", "[::1]:80", "10.1.2.3:8080", "Rig12.local:8080"):
+            assert ask(server, headers={"Host": host})[0] == 200
+
+
+def test_another_site_can_neither_watch_nor_command():
+    calls = []
+    with running(lambda *a: (calls.append(a), (True, ""))[1], token=TOKEN) as server:
+        status, answer = order(server, "stop_recording", {}, Origin="http://evil.example")
+        assert status == 403
+        assert "other sites" in answer["message"]
+
+        async def talk(_ws):
+            return None
+
+        with pytest.raises(aiohttp.WSServerHandshakeError) as error:
+            watch(server, talk, headers={"Origin": "http://evil.example"})
+        assert error.value.status == 403
+        assert calls == []
+        own = server.address.rstrip("/")
+        assert order(server, "stop_recording", {}, Origin=own)[0] == 200
+
+
+@pytest.mark.parametrize(
+    "path", ["/../page_server.py", "/%2e%2e/page_server.py", "/vendor/..%2f..%2fwell.py", "//etc/passwd"]
+)
+def test_nothing_outside_the_page_can_be_asked_for(path):
+    with running() as server:
+        status, body, _ = ask(server, path)
+        assert status == 404
+        assert b"import" not in body
+
+
+def test_without_a_token_configured_every_command_is_refused():
+    with running(lambda _n, _a: (True, "")) as server:
+        status, answer = order(server, "stop_recording", {})
+        assert status == 403
+        assert "read-only" in answer["message"]
+
+
+@pytest.mark.parametrize("token", ["", "wrong", TOKEN + "x", TOKEN[:-1]])
+def test_a_missing_or_wrong_token_is_refused(token):
+    calls = []
+    with running(lambda *a: (calls.append(a), (True, ""))[1], token=TOKEN) as server:
+        assert order(server, "stop_recording", {}, token=token)[0] == 401
+        assert calls == []
+
+
+def test_a_command_with_the_token_reaches_the_node_and_its_answer_comes_back():
+    calls = []
+
+    def act(name, arguments):
+        calls.append((name, arguments))
+        return (name != "take_survey", f"{name} heard")
+
+    with running(act, token=TOKEN) as server:
+        given_ = {"sequence": 4, "operator_name": "A. Berg", "reason": "gyro agrees", "measured_depth": 1200}
+        assert order(server, "accept_survey", given_) == (200, {"ok": True, "message": "accept_survey heard"})
+        assert order(server, "take_survey", {}) == (409, {"ok": False, "message": "take_survey heard"})
+        assert calls == [("accept_survey", {**given_, "measured_depth": 1200.0}), ("take_survey", {})]
+
+
+def test_what_the_node_refuses_with_an_error_comes_back_as_its_sentence():
+    def act(_name, _arguments):
+        raise ValueError("survey 9 is not in the list")
+
+    with running(act, token=TOKEN) as server:
+        status, answer = order(server, "reject_survey", {"sequence": 9, "operator_name": "B"})
+        assert (status, answer["message"]) == (409, "survey 9 is not in the list")
+
+
+def test_a_node_that_does_not_answer_gives_the_browser_a_sentence_and_blocks_nobody_who_watches():
+    free = threading.Event()
+    with running(lambda _n, _a: (free.wait(5), "")[::1], token=TOKEN, command_timeout=0.5) as server:
+        status, answer = order(server, "take_survey", {})
+        assert status == 504
+        assert "still at work" in answer["message"]
+        assert ask(server)[0] == 200
+        free.set()
+
+
+@pytest.mark.parametrize(
+    ("name", "body", "status", "words"),
+    [
+        ("explode", "{}", 404, "no such command"),
+        ("accept_survey", "{", 400, "not JSON"),
+        ("accept_survey", "[" * 10_000, 400, "not JSON"),
+        ("accept_survey", "[]", 400, "object"),
+        ("accept_survey", '{"sequence": "4", "operator_name": "A"}', 400, "sequence: expected int"),
+        ("accept_survey", '{"sequence": true, "operator_name": "A"}', 400, "sequence: expected int"),
+        ("accept_survey", '{"sequence": -1, "operator_name": "A"}', 400, "sequence: must be within"),
+        ("accept_survey", '{"sequence": 4}', 400, "operator_name: must be given"),
+        ("accept_survey", '{"sequence": 4, "operator_name": "  "}', 400, "operator_name: must not be empty"),
+        ("accept_survey", '{"sequence": 4, "operator_name": "A", "measured_depth": NaN}', 400, "NaN is not a number"),
+        ("accept_survey", '{"sequence": 4, "operator_name": "A", "measured_depth": 1e999}', 400, "measured_depth"),
+        ("accept_survey", '{"sequence": 4, "operator_name": "A\\nB"}', 400, "operator_name"),
+        ("stop_recording", '{"path": "/etc"}', 400, "no arguments"),
+        ("take_survey", '{"duration": "' + "9" * 600 + '"}', 400, "duration: expected float"),
+        ("start_recording", '{"name": "' + "a" * 20_000 + '"}', 413, ""),
+        ("start_recording", b"\xff\xfe", 400, "not JSON"),
+    ],
+)
+def test_a_malformed_command_is_refused_with_the_field_and_never_reaches_the_node(name, body, status, words):
+    calls = []
+    with running(lambda *a: (calls.append(a), (True, ""))[1], token=TOKEN) as server:
+        got, answer = order(server, name, body)
+        assert got == status
+        assert words in answer["message"]
+        assert calls == []
+
+
+def test_a_command_as_a_form_or_by_get_is_refused():
+    with running(lambda _n, _a: (True, ""), token=TOKEN) as server:
+        head = {"Content-Type": "text/plain"}
+        assert order(server, "stop_recording", "{}", **head)[0] == 415
+        assert ask(server, "/command/stop_recording")[0] == 405
+
+
+@given(
+    st.sampled_from(sorted(COMMANDS)),
+    st.recursive(st.none() | st.booleans() | st.floats() | st.text(max_size=9), st.lists),
+)
+def test_any_json_gives_checked_arguments_or_a_refusal(name, value):
+    fields = COMMANDS[name]
+    body = json.dumps(dict.fromkeys(fields, value)).encode()
+    arguments = {}
+    with contextlib.suppress(web.HTTPBadRequest):
+        arguments = checked_arguments(name, body)
+    assert all(type(v) is fields[k][0] for k, v in arguments.items())
+
+
+def test_a_taken_port_is_named_and_the_first_page_lives_on():
+    with running() as server:
+        port = urlsplit(server.address).port
+        second = PageServer(PageSettings(port=port))
+        with pytest.raises(OSError, match=f"port {port} on 127.0.0.1 is taken"):
+            second.start()
+        second.stop()
+        assert ask(server)[0] == 200
+
+
+def test_an_address_of_another_machine_is_named():
+    server = PageServer(PageSettings(host="203.0.113.9", port=0, allow_network=True))
+    with pytest.raises(OSError, match=r"203\.0\.113\.9 is on an address this machine does not have"):
+        server.start()
+
+
+def test_other_machines_are_let_in_only_where_that_was_said():
+    with pytest.raises(ValueError, match="can be reached from other machines; set allow_network"):
+        PageServer(PageSettings(host="0.0.0.0"))  # noqa: S104
+    PageServer(PageSettings(host="0.0.0.0", allow_network=True))  # noqa: S104
+
+
+def test_a_token_that_is_no_secret_is_refused():
+    with pytest.raises(ValueError, match="at least 8 characters"):
+        PageServer(PageSettings(token="1234"))  # noqa: S106
+
+
+def test_it_stops_within_a_second_with_watchers_on_and_can_start_again():
+    server = PageServer(PageSettings(port=0))
+    server.start()
+
+    async def talk(ws):
+        await ws.receive()
+        started = time.monotonic()
+        stopping = asyncio.create_task(asyncio.to_thread(server.stop))
+        message = await ws.receive()
+        while message.type is aiohttp.WSMsgType.TEXT:
+            message = await ws.receive()
+        await stopping
+        return time.monotonic() - started, ws.close_code
+
+    took, code = watch(server, talk)
+    assert took < 1.2
+    assert code == 1001
+    with pytest.raises(RuntimeError, match="not running"):
+        _ = server.address
+    server.stop()
+    server.start()
+    assert ask(server)[0] == 200
+    server.stop()
+
+
+def test_pushing_is_cheap_safe_from_any_thread_and_allowed_before_start_and_after_stop():
+    server = PageServer(PageSettings(port=0))
+    server.push(LiveState().snapshot(0.0))
+    server.start()
+    snapshot = LiveState().snapshot(0.0)
+    threads = [threading.Thread(target=lambda: [server.push(snapshot) for _ in range(500)]) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert ask(server, "/state.json")[0] == 200
+    server.stop()
+    server.push(snapshot)
+
+
+def test_names_with_markup_travel_as_text():
+    state = LiveState()
+    state.on_diagnostics([{"name": "<script>alert(1)</script>", "level": 1, "message": "</script>"}], 0.0)
+    with running() as server:
+        server.push(state.snapshot(0.0))
+        status, body, headers = ask(server, "/state.json")
+        assert (status, headers["Content-Type"].split(";")[0]) == (200, "application/json")
+        assert json.loads(body)["sections"]["findings"]["rows"][0]["name"] == "<script>alert(1)</script>"
+
+
+def test_garbage_instead_of_http_and_half_closed_sockets_do_no_harm():
+    with running() as server:
+        place = urlsplit(server.address)
+        for rubbish in (b"\x00" * 100, b"GET\r\n\r\n", b"GET / HTTP/9.9\r\n\r\n", b"A" * 100_000):
+            s = socket.create_connection((place.hostname, place.port))
+            s.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            with contextlib.suppress(OSError):
+                s.sendall(rubbish)
+            s.close()
+        assert ask(server)[0] == 200

@@ -1,0 +1,359 @@
+"""Modbus TCP: what others' clients read, what is refused and how, and that no block is ever torn."""
+
+import contextlib
+import dataclasses
+import math
+import os
+import pty
+import select
+import shutil
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import tty
+from pathlib import Path
+
+import pytest
+from example_rig import eventually, started, values
+
+from mwd_surface.rig.interface import InterfaceError, MissingPackageError
+from mwd_surface.rig.modbus.map import COUNT, ModbusForm, float_of
+from mwd_surface.rig.modbus.server import ModbusSerial, ModbusSerialSettings, ModbusServer, ModbusSettings
+
+PEERS = Path(__file__).parents[2] / "peers"
+pytest.importorskip("pymodbus", reason="pymodbus is not installed: pip install pymodbus")
+
+
+def server(on_rig_state=None, **changes):
+    return ModbusServer(ModbusSettings(port=0, **changes), on_rig_state)
+
+
+@contextlib.contextmanager
+def serving(on_rig_state=None, **changes):
+    """A server that has its first values."""
+    with started(server(on_rig_state, **changes)) as s:
+        s.publish(values())
+        eventually(lambda: ask(s.port, 4, 3, 1)[2:] == b"\x00\x0c")
+        yield s
+
+
+def request(connection, function, address, count, unit=1, body=b""):
+    """One exchange of bytes by the book (Modbus application protocol 1.1b3); the answer from its function code on."""
+    pdu = struct.pack(">BHH", function, address, count) + body
+    connection.sendall(struct.pack(">HHHB", 7, 0, len(pdu) + 1, unit) + pdu)
+    head = b""
+    while len(head) < 7:
+        piece = connection.recv(7 - len(head))
+        assert piece, "the server ended the connection"
+        head += piece
+    (length,) = struct.unpack(">H", head[4:6])
+    answer = b""
+    while len(answer) < length - 1:
+        answer += connection.recv(length - 1 - len(answer))
+    return answer
+
+
+def ask(port, function, address, count, unit=1, body=b""):
+    with socket.create_connection(("127.0.0.1", port), 5.0) as connection:
+        return request(connection, function, address, count, unit, body)
+
+
+def test_the_whole_map_is_read_at_once():
+    with serving() as s:
+        answer = ask(s.port, 4, 0, COUNT)
+        block = struct.unpack(f">{COUNT}H", answer[2:])
+        assert block[0] == 1
+        assert float_of(block[10:12], ModbusForm()) == pytest.approx(40.0)
+
+
+@pytest.mark.parametrize(
+    ("function", "address", "count", "unit", "code"),
+    [
+        (4, 38, 1, 1, 2),
+        (4, 30, 9, 1, 2),
+        (4, 60000, 10, 1, 2),
+        (4, 0, 126, 1, 3),
+        (4, 0, 65535, 1, 3),
+        (4, 0, 0, 1, 3),
+        (4, 0, 2, 9, 2),
+        (3, 0, 2, 1, 1),
+        (1, 0, 2, 1, 1),
+        (3, 100, 2, 1, 2),
+        (6, 4, 99, 1, 1),
+        (6, 100, 99, 1, 2),
+    ],
+)
+def test_what_is_not_on_the_map_is_refused_with_the_exception_for_it(function, address, count, unit, code):
+    with serving() as s:
+        before = ask(s.port, 4, 2, 36)
+        assert ask(s.port, function, address, count, unit) == bytes([function | 0x80, code])
+        assert ask(s.port, 4, 2, 36) == before
+
+
+def test_a_write_of_many_registers_changes_nothing():
+    with serving() as s:
+        body = b"\x04" + struct.pack(">f", 1.0)
+        assert ask(s.port, 16, 4, 2, body=body)[0] == 0x90
+        assert ask(s.port, 16, 100, 2, body=body)[0] == 0x90
+        assert s.status().state == "listening"
+        assert dict(s.status().counts)["denied"] >= 1
+
+
+def test_a_bit_depth_is_taken_where_writing_is_allowed_and_only_a_whole_plausible_one():
+    taken = []
+    with serving(taken.append, allow_writes=True) as s:
+
+        def write(value):
+            return ask(s.port, 16, 100, 2, body=b"\x04" + struct.pack(">f", value))
+
+        assert write(1234.5)[0] == 16
+        eventually(lambda: taken)
+        assert (float(taken[0]["bit_depth"][0]), int(taken[0]["valid"][0])) == (1234.5, 1)
+        assert ask(s.port, 3, 100, 2)[2:] == struct.pack(">f", 1234.5)
+        for bad in (math.nan, math.inf, -5.0, 1e9):
+            assert write(bad) == b"\x90\x03"
+        assert ask(s.port, 6, 100, 7) == b"\x86\x03"
+        assert ask(s.port, 16, 100, 1, body=b"\x02\x00\x00") == b"\x90\x03"
+        assert ask(s.port, 4, 100, 2) == b"\x84\x02"
+        assert len(taken) == 1
+
+
+def test_no_reader_ever_sees_half_of_a_change():
+    with serving() as s:
+        one, two = values(), values(later=0.5)
+        two = dataclasses.replace(two, surveys=two.surveys[:-1], heartbeat=7)
+        ended = threading.Event()
+
+        def change():
+            while not ended.is_set():
+                s.publish(one)
+                s.publish(two)
+
+        writer = threading.Thread(target=change)
+        writer.start()
+        try:
+            with socket.create_connection(("127.0.0.1", s.port), 5.0) as connection:
+                seen = {request(connection, 4, 0, COUNT) for _ in range(400)}
+        finally:
+            ended.set()
+            writer.join()
+        numbers = {struct.unpack(f">{COUNT}H", a[2:])[3] for a in seen}
+        assert len(seen) <= 2
+        assert numbers <= {11, 12}
+
+
+def test_too_many_connections_are_turned_away_and_idle_ones_closed():
+    with serving(max_clients=3, idle_timeout=1.0) as s, contextlib.ExitStack() as stack:
+        eventually(lambda: not s.status().peers)
+        held = [stack.enter_context(socket.create_connection(("127.0.0.1", s.port), 5.0)) for _ in range(3)]
+        eventually(lambda: len(s.status().peers) == 3)
+        for _ in range(100):
+            with socket.create_connection(("127.0.0.1", s.port), 5.0) as extra:
+                assert extra.recv(10) == b""
+        assert s.refused == 100
+        for connection in held:
+            assert connection.recv(10) == b""
+        eventually(lambda: not s.status().peers)
+        assert ask(s.port, 4, 0, 1)[0] == 4
+
+
+def test_junk_on_a_connection_leaves_the_others_alone():
+    with serving() as s, socket.create_connection(("127.0.0.1", s.port), 5.0) as good:
+        with socket.create_connection(("127.0.0.1", s.port), 5.0) as bad:
+            bad.sendall(b"\xff" * 5000)
+            bad.sendall(b"GET / HTTP/1.1\r\n\r\n")
+        assert request(good, 4, 0, 1)[0] == 4
+
+
+def test_a_taken_port_and_a_foreign_address_are_named():
+    with socket.create_server(("127.0.0.1", 0)) as holder:
+        port = holder.getsockname()[1]
+        with pytest.raises(InterfaceError, match=f"port {port} is taken"):
+            ModbusServer(ModbusSettings(port=port)).start()
+    with pytest.raises(InterfaceError, match="allow_network"):
+        server(host="192.0.2.1").start()
+
+
+def test_without_pymodbus_the_message_says_how_to_install_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pymodbus.server", None)
+    with pytest.raises(MissingPackageError, match="pip install pymodbus"):
+        server().start()
+
+
+def test_it_starts_again_after_a_stop():
+    s = server()
+    for _ in range(2):
+        with started(s):
+            s.publish(values())
+            eventually(lambda: ask(s.port, 4, 3, 1)[2:] == b"\x00\x0c")
+
+
+def test_pymodbustcp_reads_the_same():
+    theirs = pytest.importorskip("pyModbusTCP.client", reason="pyModbusTCP is not installed")
+    with serving() as s:
+        client = theirs.ModbusClient(host="127.0.0.1", port=s.port, unit_id=1, auto_close=True)
+        block = client.read_input_registers(0, COUNT)
+        assert float_of(block[14:16], ModbusForm()) == pytest.approx(630.0)
+        assert client.read_input_registers(38, 1) is None
+        assert client.last_except == 2
+        client.close()
+
+
+def test_mbpoll_reads_the_same():
+    program = shutil.which("mbpoll")
+    if program is None:
+        pytest.skip("mbpoll is not installed: apt install mbpoll")
+    with serving() as s:
+        # It counts from 1, and its floats are big-endian words with -B.
+        command = [program, "-m", "tcp", "-p", str(s.port), "-a", "1", "-t", "3:float", "-B", "-r", "11", "-c", "2"]
+        done = subprocess.run([*command, "-1", "127.0.0.1"], capture_output=True, text=True, timeout=20, check=False)
+        assert done.returncode == 0, done.stderr
+        lines = [line.split() for line in done.stdout.splitlines() if line.startswith("[")]
+        assert [float(value) for _, value in lines] == pytest.approx([40.0, 79.8])
+
+
+def test_modbus_serial_of_node_reads_the_same():
+    node = shutil.which("node")
+    if node is None or not (PEERS / "node_modules" / "modbus-serial").exists():
+        pytest.skip("node or modbus-serial is not there: npm install --prefix mwd_surface/test/peers")
+    with serving() as s:
+        done = subprocess.run(
+            [node, str(PEERS / "modbus_read.js"), str(s.port)], capture_output=True, text=True, timeout=30, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        version, inclination, azimuth, depth, refused = done.stdout.split()
+        assert (int(version), int(refused)) == (1, 2)
+        assert [float(v) for v in (inclination, azimuth, depth)] == pytest.approx([40.0, 79.8, 630.0])
+
+
+@contextlib.contextmanager
+def on_a_line(on_rig_state=None, **changes):
+    """The serial server with its first values, and a descriptor of the line's other end."""
+    pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
+    theirs, ours = pty.openpty()
+    tty.setraw(theirs)
+    tty.setraw(ours)
+    line = ModbusSerialSettings(device=os.ttyname(ours))
+    try:
+        with started(ModbusSerial(line, ModbusSettings(**changes), on_rig_state)) as s:
+            s.publish(values())
+            eventually(lambda: rtu(theirs, 4, 3, 1)[2:] == b"\x00\x0c")
+            yield s, theirs
+    finally:
+        os.close(theirs)
+        os.close(ours)
+
+
+def crc(frame):
+    """Check of an RTU frame (Modbus over serial line 1.02, section 6.2.2), lowest byte first."""
+    check = 0xFFFF
+    for byte in frame:
+        check ^= byte
+        for _ in range(8):
+            check = (check >> 1) ^ (0xA001 if check & 1 else 0)
+    return struct.pack("<H", check)
+
+
+def rtu(line, function, address, count, unit=1, body=b"", within=5.0):
+    """One exchange over the line; the answer from its function code on, empty where none comes in time."""
+    frame = struct.pack(">BBHH", unit, function, address, count) + body
+    os.write(line, frame + crc(frame))
+    answer = b""
+    while select.select([line], [], [], within)[0]:
+        answer += os.read(line, 4096)
+        if len(answer) > 4 and crc(answer[:-2]) == answer[-2:]:
+            assert answer[0] == unit
+            return answer[1:-2]
+    assert answer == b""
+    return b""
+
+
+def test_over_a_serial_line_the_same_map_is_read_and_refused():
+    with on_a_line() as (s, line):
+        answer = rtu(line, 4, 0, COUNT)
+        assert answer[:2] == bytes((4, 2 * COUNT))
+        assert struct.unpack(f">{COUNT}H", answer[2:]) == s._block
+        assert rtu(line, 4, COUNT, 1) == b"\x84\x02"
+        assert rtu(line, 3, 0, 1) == b"\x83\x01"
+        assert s.status().peers[0].address == s.line.device
+
+
+def test_on_a_shared_line_requests_to_other_units_are_left_to_them():
+    with on_a_line() as (_, line):
+        assert rtu(line, 4, 0, 4, unit=2, within=0.3) == b""
+        assert rtu(line, 4, 3, 1)[2:] == b"\x00\x0c"
+
+
+def test_a_bit_depth_is_taken_over_the_line_where_writing_is_allowed():
+    taken = []
+    with on_a_line(taken.append, allow_writes=True) as (_, line):
+        assert rtu(line, 16, 100, 2, body=b"\x04" + struct.pack(">f", 1234.5))[0] == 16
+        eventually(lambda: taken)
+        assert float(taken[0]["bit_depth"][0]) == 1234.5
+
+
+def test_a_line_that_is_not_there_is_named():
+    pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
+    with pytest.raises(InterfaceError, match="no-such-line"):
+        ModbusSerial(ModbusSerialSettings(device="/dev/no-such-line"), ModbusSettings()).start()
+
+
+def test_a_line_that_goes_away_is_told_so_that_it_is_opened_anew():
+    pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
+    theirs, ours = pty.openpty()
+    with started(ModbusSerial(ModbusSerialSettings(device=os.ttyname(ours)), ModbusSettings())) as s:
+        eventually(lambda: s.status().peers)
+        eventually(lambda: s._seen)
+        os.close(ours)
+        os.close(theirs)
+        eventually(lambda: s.status().state == "stopped")
+        assert "is gone" in s.status().reason
+
+
+def test_mbpoll_reads_the_same_over_a_line():
+    mbpoll = shutil.which("mbpoll")
+    if mbpoll is None:
+        pytest.skip("mbpoll is not installed: apt install mbpoll")
+    with on_a_line() as (_, line):
+        far, near = pty.openpty()
+        tty.setraw(far)
+        tty.setraw(near)
+        ended = threading.Event()
+
+        def carry():
+            while not ended.is_set():
+                for end in select.select([line, far], [], [], 0.05)[0]:
+                    os.write(far if end == line else line, os.read(end, 4096))
+
+        wire = threading.Thread(target=carry)
+        wire.start()
+        words = [
+            "-m",
+            "rtu",
+            "-b",
+            "19200",
+            "-P",
+            "none",
+            "-a",
+            "1",
+            "-t",
+            "3:float",
+            "-B",
+            "-r",
+            "11",
+            "-c",
+            "2",
+            "-1",
+        ]
+        try:
+            done = subprocess.run(
+                [mbpoll, *words, os.ttyname(near)], capture_output=True, text=True, timeout=20, check=False
+            )
+        finally:
+            ended.set()
+            wire.join()
+            os.close(far)
+            os.close(near)
+        assert "[11]: \t40\n" in done.stdout, done.stdout + done.stderr

@@ -1,0 +1,78 @@
+"""OPC UA variables: names, units by their codes, and a status code for each condition."""
+
+import dataclasses
+
+import pytest
+from example_rig import NOW_NS, attitude, values
+from example_surveys import S
+
+from mwd_estimation.core.status import Status
+from mwd_surface.rig.opcua.address_space import NUMBERS, STATUS_CODES, UNITS, VARIABLES, readings, unit_id
+from mwd_surface.rig.values import QUANTITIES, Condition, nothing_yet
+
+ASKED = (
+    "Inclination", "Azimuth", "GravityToolface", "MagneticToolface", "ToolfaceMode", "TotalGravity",
+    "TotalMagneticField", "MagneticDip", "SurveyMeasuredDepth", "SurveySequence", "SurveyQuality", "InclinationSigma",
+    "AzimuthSigma", "ToolfaceAge", "AxialInterference", "ToolTemperature", "Heartbeat",
+)  # fmt: skip
+
+
+def test_every_variable_of_the_manifest_is_there_once_and_read_at_every_moment():
+    names = [v.name for v in VARIABLES]
+    assert set(ASKED) <= set(names)
+    assert len(set(names)) == len(names)
+    for table in (values(), values(later=100.0), values(active=False), nothing_yet()):
+        assert set(readings(table)) == set(names)
+
+
+def test_every_quantity_is_told():
+    assert set(NUMBERS.values()) == set(QUANTITIES)
+
+
+@pytest.mark.parametrize(("unit", "number"), [("rad", 4405297), ("m", 5067858), ("T", 4469555), ("degC", 4408652)])
+def test_a_unit_has_the_number_of_its_common_code(unit, number):
+    assert unit_id(unit) == number
+
+
+def test_every_unit_used_has_a_code():
+    assert {v.unit for v in VARIABLES if v.unit} <= set(UNITS)
+
+
+def test_every_condition_has_its_status_code():
+    assert set(STATUS_CODES) == set(Condition)
+    ua = pytest.importorskip("asyncua.ua", reason="asyncua is not installed: pip install asyncua")
+    names = {
+        Condition.GOOD: "Good", Condition.OVERRIDE: "GoodLocalOverride", Condition.WAITING: "BadWaitingForInitialData",
+        Condition.DOUBTFUL: "UncertainSensorNotAccurate", Condition.STALE: "UncertainLastUsableValue",
+        Condition.FAULT: "BadSensorFailure", Condition.NO_LINK: "BadNoCommunication",
+        Condition.INACTIVE: "BadOutOfService",
+    }  # fmt: skip
+    for condition, name in names.items():
+        assert getattr(ua.StatusCodes, name) == STATUS_CODES[condition]
+
+
+def test_values_carry_the_time_of_their_measurement():
+    table = values()
+    now = readings(table)
+    assert now["Inclination"].stamp_ns == table.survey.stamp_ns
+    assert now["GravityToolface"].stamp_ns == NOW_NS - S // 10
+    assert (now["Inclination"].value, now["Inclination"].status) == (table.survey.inclination, 0)
+
+
+def test_a_turning_string_makes_the_toolface_uncertain_and_says_so():
+    now = readings(values(sample=attitude(Status.ROTATING)))
+    assert now["GravityToolface"].status == STATUS_CODES[Condition.DOUBTFUL]
+    assert now["Rotating"].value is True
+
+
+def test_an_age_stays_good_while_the_toolface_grows_old():
+    now = readings(values(later=30.0))
+    assert now["GravityToolface"].status == STATUS_CODES[Condition.NO_LINK]
+    assert now["ToolfaceAge"].status == 0
+    assert now["ToolfaceAge"].value == pytest.approx(30.1)
+
+
+def test_what_the_rig_does_not_say_is_waiting_not_false():
+    table = dataclasses.replace(values(), circulating=None, in_slips=None)
+    now = readings(table)
+    assert {now[n].status for n in ("Circulating", "InSlips")} == {STATUS_CODES[Condition.WAITING]}

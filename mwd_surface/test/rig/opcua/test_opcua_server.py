@@ -1,0 +1,312 @@
+"""OPC UA as clients see it: found by name, units and times told, nothing to write, commands only for the trusted."""
+
+import asyncio
+import contextlib
+import dataclasses
+import itertools
+import json
+import shutil
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from example_rig import attitude, eventually, started, values
+
+from mwd_estimation.core.status import Status
+from mwd_surface.rig.interface import InterfaceError, MissingPackageError
+from mwd_surface.rig.opcua.address_space import NAMESPACE
+from mwd_surface.rig.opcua.server import OpcuaServer, OpcuaSettings
+
+PEERS = Path(__file__).parents[2] / "peers"
+asyncua = pytest.importorskip("asyncua", reason="asyncua is not installed: pip install asyncua")
+ua = asyncua.ua
+
+
+@pytest.fixture(scope="module")
+def served():
+    """One server for the tests that only read; its address space takes a second to load."""
+    with started(OpcuaServer(OpcuaSettings(port=0), "Well 1")) as server:
+        yield server
+
+
+BEATS = itertools.count(1)
+
+
+def tell(server, table):
+    """Publish with a heartbeat of its own, and wait until that is written."""
+    table = dataclasses.replace(table, heartbeat=next(BEATS))
+    server.publish(table)
+    eventually(lambda: any(v.startswith(f"{table.heartbeat} (") for k, v in server.status().last if k == "Heartbeat"))
+
+
+def run(work):
+    return asyncio.run(work)
+
+
+async def found(client, name):
+    """A variable by its names alone, as D-WIS wants it."""
+    index = await client.get_namespace_index(NAMESPACE)
+    return await client.nodes.objects.get_child([f"{index}:Well 1", f"{index}:{name}"])
+
+
+def test_a_variable_is_found_by_name_and_tells_value_unit_and_time(served):
+    table = values()
+    tell(served, table)
+
+    async def look():
+        async with asyncua.Client(served.address) as client:
+            node = await found(client, "Inclination")
+            value = await node.read_data_value()
+            unit = await (await node.get_child("0:EngineeringUnits")).read_value()
+            level = await node.get_access_level()
+            return value, unit, level
+
+    value, unit, level = run(look())
+    assert value.Value.Value == table.survey.inclination
+    assert value.StatusCode.is_good()
+    assert value.SourceTimestamp.timestamp() == pytest.approx(table.survey.stamp_ns * 1e-9, abs=1e-5)
+    assert (unit.UnitId, unit.DisplayName.Text) == (4405297, "rad")
+    assert level == {ua.AccessLevel.CurrentRead}
+
+
+def test_status_codes_follow_the_state(served):
+    async def codes(name):
+        async with asyncua.Client(served.address) as client:
+            return (await (await found(client, name)).read_data_value(False)).StatusCode.value
+
+    for table, name, code in (
+        (values(sample=attitude(Status.ROTATING)), "GravityToolface", ua.StatusCodes.UncertainSensorNotAccurate),
+        (values(later=2.0), "BitMeasuredDepth", ua.StatusCodes.UncertainLastUsableValue),
+        (values(later=60.0), "GravityToolface", ua.StatusCodes.BadNoCommunication),
+        (values(sample=attitude(Status.SENSOR_FAULT)), "ToolTemperature", ua.StatusCodes.BadSensorFailure),
+        (values(), "DistanceToPlan", ua.StatusCodes.BadWaitingForInitialData),
+        (values(active=False), "Inclination", ua.StatusCodes.BadOutOfService),
+    ):
+        tell(served, table)
+        assert run(codes(name)) == code
+
+
+def test_a_last_usable_value_is_still_told(served):
+    tell(served, values(later=2.0))
+
+    async def look():
+        async with asyncua.Client(served.address) as client:
+            return await (await found(client, "BitMeasuredDepth")).read_data_value(False)
+
+    got = run(look())
+    assert (got.Value.Value, got.StatusCode.value) == (650.25, ua.StatusCodes.UncertainLastUsableValue)
+
+
+def test_a_subscriber_is_told_of_changes(served):
+    tell(served, values())
+
+    async def watch():
+        got = asyncio.Queue()
+
+        class Handler:
+            def datachange_notification(self, _node, value, _data):
+                got.put_nowait(value)
+
+        async with asyncua.Client(served.address) as client:
+            subscription = await client.create_subscription(50, Handler())
+            await subscription.subscribe_data_change(await found(client, "Heartbeat"))
+            first = await asyncio.wait_for(got.get(), 10.0)
+            await asyncio.to_thread(tell, served, values(later=1.0))
+            second = await asyncio.wait_for(got.get(), 10.0)
+            await subscription.delete()
+        return first, second
+
+    first, second = run(watch())
+    assert second == first + 1
+
+
+def test_nothing_can_be_written_and_no_method_is_offered(served):
+    async def attempt():
+        async with asyncua.Client(served.address) as client:
+            node = await found(client, "Inclination")
+            with pytest.raises(ua.UaStatusCodeError) as error:
+                await node.write_value(1.0)
+            index = await client.get_namespace_index(NAMESPACE)
+            with pytest.raises(ua.UaStatusCodeError):
+                await client.nodes.objects.get_child([f"{index}:Well 1", f"{index}:take_survey"])
+            with pytest.raises(ua.UaStatusCodeError):
+                await client.nodes.objects.add_object(index, "intruder")
+            return error.value.code
+
+    assert run(attempt()) in (ua.StatusCodes.BadUserAccessDenied, ua.StatusCodes.BadNotWritable)
+
+
+def test_subscriptions_are_limited(served):
+    async def many():
+        async with asyncua.Client(served.address) as client:
+            made = 0
+            with contextlib.suppress(ua.UaStatusCodeError):
+                for _ in range(200):
+                    await client.create_subscription(1000, None)
+                    made += 1
+            return made
+
+    assert run(many()) <= 64
+    eventually(lambda: dict(served.status().counts)["subscriptions"] == 0)
+
+
+def test_junk_and_idle_connections_leave_the_others_alone(served):
+    with socket.create_connection(("127.0.0.1", served.port)) as bad:
+        bad.sendall(b"GET / HTTP/1.1\r\n\r\n" + b"\xff" * 5000)
+        tell(served, values())
+        test_a_variable_is_found_by_name_and_tells_value_unit_and_time(served)
+
+
+def test_five_hundred_connections_are_turned_away_counted_and_leave_those_that_are_served_alone():
+    with (
+        started(OpcuaServer(OpcuaSettings(port=0, max_clients=2), "Well 1")) as server,
+        contextlib.ExitStack() as stack,
+    ):
+        tell(server, values())
+
+        async def read_meanwhile():
+            async with asyncua.Client(server.address) as client:
+                variable = await found(client, "Inclination")
+                for _ in range(500):
+                    connection = socket.create_connection(("127.0.0.1", server.port), 5.0)
+                    stack.callback(connection.close)
+                return await variable.read_value()
+
+        assert run(read_meanwhile()) == values().survey.inclination
+        eventually(lambda: server.status().refused >= 499)
+
+
+def test_node_opcua_reads_the_same(served):
+    node = shutil.which("node")
+    if node is None or not (PEERS / "node_modules" / "node-opcua-client").exists():
+        pytest.skip("node or node-opcua-client is not there: npm install --prefix mwd_surface/test/peers")
+    tell(served, values(later=2.0))
+    done = subprocess.run(
+        [node, str(PEERS / "opcua_read.js"), served.address, NAMESPACE, "Well 1", "Inclination", "BitMeasuredDepth"],
+        capture_output=True, text=True, timeout=90, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    inclination, depth = json.loads(next(line for line in done.stdout.splitlines() if line.startswith("[{")))
+    table = values(later=2.0)
+    assert inclination["value"] == table.survey.inclination
+    assert inclination["status"] == "Good"
+    assert (inclination["unit"], depth["unit"]) == ("rad", "m")
+    assert (depth["value"], depth["status"]) == (650.25, "UncertainLastUsableValue")
+    assert inclination["source"] * 1_000_000 == pytest.approx(table.survey.stamp_ns, abs=1_000_000)
+
+
+async def certified(folder, name):
+    """A client's own certificate: the paths of it and of its key."""
+    from asyncua.crypto.cert_gen import setup_self_signed_certificate
+    from cryptography.x509.oid import ExtendedKeyUsageOID
+
+    key, certificate = folder / f"{name}.pem", folder / f"{name}.der"
+    uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
+    await setup_self_signed_certificate(key, certificate, f"urn:test:{name}", "localhost", uses, {"commonName": name})
+    return certificate, key
+
+
+@contextlib.asynccontextmanager
+async def secure(server, certificate, key, own, uri):
+    client = asyncua.Client(server.address)
+    client.application_uri = uri
+    await client.set_security(
+        asyncua.crypto.security_policies.SecurityPolicyBasic256Sha256, str(certificate), str(key),
+        server_certificate=str(own),
+    )  # fmt: skip
+    async with client:
+        yield client
+
+
+@pytest.mark.filterwarnings("ignore::cryptography.utils.CryptographyDeprecationWarning")
+def test_commands_need_a_trusted_certificate(tmp_path):
+    x509 = pytest.importorskip("cryptography.x509")
+    asked = []
+
+    def on_command(name, arguments):
+        asked.append((name, arguments))
+        return (False, "no such survey") if name == "reject_survey" else (True, "asked")
+
+    trusted = tmp_path / "trusted"
+    trusted.mkdir()
+    good = run(certified(tmp_path, "controller"))
+    bad = run(certified(tmp_path, "stranger"))
+    shutil.copy(good[0], trusted)
+    settings = OpcuaSettings(port=0, allow_commands=True)
+    with started(OpcuaServer(settings, "Well 1", on_command, tmp_path)) as server:
+        assert (tmp_path / "own.pem").stat().st_mode & 0o077 == 0
+
+        async def call(client, name, *arguments):
+            index = await client.get_namespace_index(NAMESPACE)
+            well = await client.nodes.objects.get_child([f"{index}:Well 1"])
+            return await well.call_method(f"{index}:{name}", *arguments)
+
+        async def as_trusted():
+            async with secure(server, *good, tmp_path / "own.der", "urn:test:controller") as client:
+                one = await call(client, "take_survey", ua.Variant(30.0, ua.VariantType.Double))
+                number = ua.Variant(7, ua.VariantType.UInt32)
+                two = await call(client, "reject_survey", number, "Bo", "casing")
+                with pytest.raises(ua.UaStatusCodeError):
+                    await call(client, "take_survey")
+                return one, two
+
+        async def as_anybody():
+            async with asyncua.Client(server.address) as client:
+                with pytest.raises(ua.UaStatusCodeError) as error:
+                    await call(client, "take_survey", ua.Variant(30.0, ua.VariantType.Double))
+                return error.value.code
+
+        async def as_impostor():
+            """Shows the trusted certificate, but on a channel that proves nothing."""
+            client = asyncua.Client(server.address)
+            shown = x509.load_der_x509_certificate(good[0].read_bytes())
+            client.security_policy = asyncua.crypto.security_policies.SecurityPolicyNone(host_cert=shown)
+            async with client:
+                with pytest.raises(ua.UaStatusCodeError) as error:
+                    await call(client, "take_survey", ua.Variant(30.0, ua.VariantType.Double))
+                return error.value.code
+
+        async def as_stranger():
+            with pytest.raises((ua.UaStatusCodeError, ConnectionError)):
+                async with secure(server, *bad, tmp_path / "own.der", "urn:test:stranger"):
+                    asked.append("a stranger came in")
+
+        assert run(as_trusted()) == ([True, "asked"], [False, "no such survey"])
+        assert run(as_anybody()) == ua.StatusCodes.BadUserAccessDenied
+        assert run(as_impostor()) == ua.StatusCodes.BadUserAccessDenied
+        run(as_stranger())
+    assert asked == [
+        ("take_survey", {"duration": 30.0}),
+        ("reject_survey", {"sequence": 7, "operator_name": "Bo", "reason": "casing"}),
+    ]
+
+
+def test_where_anonymous_reading_is_off_nobody_comes_in_without_a_certificate(tmp_path):
+    with started(OpcuaServer(OpcuaSettings(port=0, anonymous=False), "Well 1", folder=tmp_path)) as server:
+
+        async def attempt():
+            with pytest.raises((ua.UaError, ConnectionError, TimeoutError)):
+                async with asyncua.Client(server.address, timeout=3):
+                    return True
+            return False
+
+        assert run(attempt()) is False
+
+
+def test_a_taken_port_a_foreign_address_and_missing_certificates_are_named():
+    with socket.create_server(("127.0.0.1", 0)) as holder:
+        port = holder.getsockname()[1]
+        with pytest.raises(InterfaceError, match=f"port {port} is taken"):
+            OpcuaServer(OpcuaSettings(port=port)).start()
+    with pytest.raises(InterfaceError, match="allow_network"):
+        OpcuaServer(OpcuaSettings(port=0, host="192.0.2.1")).start()
+    with pytest.raises(InterfaceError, match="certificates"):
+        OpcuaServer(OpcuaSettings(port=0, anonymous=False)).start()
+
+
+def test_without_asyncua_the_message_says_how_to_install_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "asyncua", None)
+    with pytest.raises(MissingPackageError, match="pip install asyncua"):
+        OpcuaServer(OpcuaSettings(port=0)).start()

@@ -1,0 +1,73 @@
+"""What the rig says is believed only where it can be true; a depth that leaps must be confirmed."""
+
+import math
+
+import pytest
+from example_surveys import S
+
+from mwd_surface.rig.input import FIELDS, PLAUSIBLE, SLIPS_BIT, RigInput, RigInputSettings
+
+
+def feed(rig, readings, name="bit_depth"):
+    return [rig.take({name: v}, k * S) for k, v in enumerate(readings, 1)]
+
+
+def test_readings_become_a_sample_with_a_bit_for_each():
+    (sample,) = RigInput().take({"bit_depth": 2214.3, "hookload": 8e5}, 5 * S)
+    assert (sample["stamp_ns"], sample["bit_depth"], sample["hookload"], sample["valid"]) == (5 * S, 2214.3, 8e5, 9)
+
+
+@pytest.mark.parametrize("depth", [-9999.0, -1.0, 99999.0, math.nan, math.inf])
+def test_a_depth_that_cannot_be_is_counted_and_not_given_on(depth):
+    rig = RigInput()
+    assert rig.take({"bit_depth": depth}, S) is None
+    assert rig.counts.refused == 1
+
+
+def test_a_jump_of_depth_waits_for_confirmation():
+    rig = RigInput()
+    out = feed(rig, [1000.0, 1001.0, 2000.0, 1002.0, 2000.0, 2000.1, 2000.2])
+    believed = [None if s is None else float(s["bit_depth"][0]) for s in out]
+    assert believed == [1000.0, 1001.0, None, 1002.0, None, None, 2000.2]
+    assert rig.counts.held == 3
+
+
+def test_a_held_depth_does_not_hold_back_the_rest():
+    rig = RigInput()
+    rig.take({"bit_depth": 1000.0}, S)
+    (sample,) = rig.take({"bit_depth": 5000.0, "pressure": 1e7}, 2 * S)
+    assert sample["valid"] == 1 << FIELDS.index("pressure")
+
+
+@pytest.mark.parametrize("name", list(PLAUSIBLE))
+def test_every_other_value_has_bounds(name):
+    low, high = PLAUSIBLE[name]
+    rig = RigInput()
+    for k, bad in enumerate((low - 1.0, high + 1.0, math.nan), 1):
+        assert rig.take({name: bad}, k * S) is None
+    assert rig.take({name: (low + high) / 2.0}, 9 * S) is not None
+
+
+def test_a_bit_below_the_bottom_is_not_believed():
+    rig = RigInput()
+    (sample,) = rig.take({"bit_depth": 1010.0, "hole_depth": 1000.0, "pressure": 1e7}, S)
+    assert sample["valid"] == 1 << FIELDS.index("pressure")
+
+
+def test_readings_that_come_too_fast_are_counted():
+    rig = RigInput(RigInputSettings(max_rate=10.0))
+    taken = [rig.take({"pressure": 1e7}, S + k * S // 100) is not None for k in range(100)]
+    assert sum(taken) == 10
+    assert rig.counts.hurried == 90
+
+
+def test_slips_follow_from_the_hookload_where_its_limit_is_known():
+    rig = RigInput(RigInputSettings(slips_hookload=3e5))
+    (light,) = rig.take({"hookload": 1e5}, S)
+    (heavy,) = rig.take({"hookload": 9e5}, 2 * S)
+    assert (light["in_slips"], heavy["in_slips"]) == (True, False)
+    assert light["valid"] & SLIPS_BIT
+
+
+def test_a_name_that_is_not_known_is_not_given_on():
+    assert RigInput().take({"mood": 1.0}, S) is None

@@ -1,0 +1,144 @@
+"""The part that all rig interfaces share: a thread that starts or says why not, is woken, and ends."""
+
+import asyncio
+import errno
+import socket
+import threading
+
+import pytest
+from example_rig import eventually, started, values
+
+from mwd_surface.rig.interface import (
+    InterfaceError,
+    InterfaceStatus,
+    LoopInterface,
+    MissingPackageError,
+    checked_host,
+    optional,
+    port_error,
+    probe_port,
+)
+
+
+class Echo(LoopInterface):
+    """Counts how often it is woken with values."""
+
+    def __init__(self, failure=None):
+        super().__init__("echo")
+        self.seen = []
+        self.on_start = failure
+        self.later = None
+
+    async def serve(self, ready, stop):
+        if self.on_start is not None:
+            raise self.on_start
+        ready("here:1")
+        while not stop.is_set():
+            await self.wake.wait()
+            self.wake.clear()
+            if self.later is not None:
+                raise self.later
+            if self.values is not None:
+                self.seen.append(self.values.heartbeat)
+
+    def status(self):
+        return InterfaceStatus(self.name, "listening" if self.running else "stopped", self.address, self.failure)
+
+
+def test_it_runs_in_its_own_thread_and_is_woken_by_values():
+    echo = Echo()
+    echo.publish(values())
+    with started(echo):
+        assert echo.address == "here:1"
+        assert any(t.name == "rig-echo" for t in threading.enumerate())
+        echo.publish(values())
+        eventually(lambda: echo.seen)
+        with pytest.raises(InterfaceError, match="running already"):
+            echo.start()
+    assert not any(t.name == "rig-echo" for t in threading.enumerate())
+    assert not echo.running
+    echo.publish(values())
+    echo.stop()
+
+
+@pytest.mark.parametrize("failure", [InterfaceError("no"), OSError(5, "no"), ValueError("no")])
+def test_a_failure_at_the_start_is_raised_where_it_was_started(failure):
+    echo = Echo(failure)
+    with pytest.raises(InterfaceError, match="no"):
+        echo.start()
+    assert not echo.running
+    echo.on_start = None
+    with started(echo):
+        assert echo.running
+
+
+def test_a_start_that_takes_too_long_is_given_up():
+    class Slow(Echo):
+        start_timeout = 0.05
+
+        async def serve(self, _ready, stop):
+            await stop.wait()
+
+    slow = Slow()
+    with pytest.raises(InterfaceError, match="did not start"):
+        slow.start()
+    assert not slow.running
+
+
+def test_a_failure_later_is_kept_as_the_reason():
+    echo = Echo()
+    with started(echo):
+        echo.later = OSError(5, "the line is cut")
+        echo.publish(values())
+        eventually(lambda: not echo.running)
+        assert "the line is cut" in echo.status().reason
+
+
+def test_an_interface_that_does_not_run_has_nothing_to_wake():
+    with pytest.raises(RuntimeError, match="not running"):
+        asyncio.run(Echo().wake.wait())
+
+
+OWN = ("127.0.0.1", "127.8.9.1", "::1", "localhost")
+OTHERS = ("::", "10.0.0.5", "192.0.2.1", "rig.example")
+
+
+@pytest.mark.parametrize(("host", "own"), [(h, True) for h in OWN] + [(h, False) for h in OTHERS])
+def test_only_addresses_of_this_machine_alone_need_no_leave(host, own):
+    assert checked_host(host, allow_network=True) == host
+    if own:
+        assert checked_host(host, allow_network=False) == host
+    else:
+        with pytest.raises(InterfaceError, match="allow_network"):
+            checked_host(host, allow_network=False)
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (errno.EADDRINUSE, "taken"),
+        (errno.EACCES, "1024 or more"),
+        (errno.EADDRNOTAVAIL, "no address of this machine"),
+        (errno.ENETDOWN, "Network is down"),
+    ],
+)
+def test_what_hinders_a_port_is_said_in_words(number, words):
+    text = str(port_error(OSError(number, "Network is down"), "10.0.0.5", 502))
+    assert words in text
+    assert "10.0.0.5 port 502" in text
+
+
+def test_a_free_port_is_probed_without_being_kept():
+    with socket.create_server(("127.0.0.1", 0)) as holder:
+        number = holder.getsockname()[1]
+        with pytest.raises(InterfaceError, match="taken"):
+            probe_port("127.0.0.1", number)
+    probe_port("127.0.0.1", number)
+    with pytest.raises(InterfaceError, match="no address"):
+        probe_port("no such host.invalid", 1)
+
+
+def test_a_missing_package_is_named_with_the_command_that_installs_it():
+    assert optional("json", "json", "This").loads("1") == 1
+    with pytest.raises(MissingPackageError, match=r"This needs the package nowhere, .*pip install nowhere"):
+        optional("no_such_module", "nowhere", "This")

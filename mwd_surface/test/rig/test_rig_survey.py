@@ -1,0 +1,75 @@
+"""Accepted surveys carry the numbers of the path, and None where nothing is known."""
+
+import dataclasses
+import math
+
+import pytest
+from example_surveys import START, WELL, S, survey, surveys
+
+from mwd_estimation.core.status import Status
+from mwd_surface.rig.survey import accepted_surveys
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import Verdict
+
+
+def test_the_accepted_are_those_in_use_oldest_first_with_the_numbers_of_the_path():
+    whole = surveys()
+    path = whole.definitive()
+    accepted = accepted_surveys(whole)
+    assert [s.sequence for s in accepted] == [k for k in range(1, 13) if k != 6]
+    for s in accepted:
+        k = path.sequence.index(s.sequence)
+        assert (s.measured_depth, s.inclination, s.azimuth) == (path.md[k], path.inclination[k], path.azimuth[k])
+        assert (s.position_north, s.position_east, s.vertical_depth) == tuple(path.positions[k])
+
+
+def test_no_more_than_asked_are_kept_and_they_are_the_last():
+    assert [s.sequence for s in accepted_surveys(surveys(), last=3)] == [10, 11, 12]
+    assert accepted_surveys(SurveyList()) == ()
+
+
+def test_a_persons_word_against_the_verdict_is_told_and_makes_news():
+    before = next(s for s in accepted_surveys(surveys()) if s.sequence == 9)
+    assert before.overridden
+    assert before.verdict == Verdict.DOUBTFUL
+    again = surveys().accept(9, "Bo", "again", START + 91_000 * S)
+    after = next(s for s in accepted_surveys(again) if s.sequence == 9)
+    assert before.key != after.key
+    assert not next(s for s in accepted_surveys(surveys()) if s.sequence == 8).overridden
+
+
+def test_the_uncorrected_azimuth_is_the_magnetic_one_of_the_raw_method():
+    last = accepted_surveys(surveys())[-1]
+    assert math.degrees(last.azimuth_uncorrected) == pytest.approx(75.0 + 0.4 * 12 - 2.0 + 0.8)
+    assert last.corrected
+
+
+@pytest.mark.parametrize(
+    ("method", "status", "remark"),
+    [
+        ("raw", Status.UNCORRECTED, "not corrected"),
+        ("raw", Status.CORRECTION_REFUSED, "not corrected"),
+        ("corrected", Status.CORRECTED, ""),
+        ("gyro", Status.MAG_DISTURBED, ""),
+    ],
+)
+def test_an_azimuth_that_lacks_its_correction_is_remarked(method, status, remark):
+    one = survey(1, 30.0, 75.0, azimuth_method=method, status=int(status))
+    (accepted,) = accepted_surveys(SurveyList(well=WELL).add(one, 300.0, 0.0))
+    assert remark in accepted.remark
+    assert bool(accepted.remark) == bool(remark)
+
+
+def test_what_a_survey_does_not_know_is_none():
+    bare = survey(
+        1, 30.0, 75.0,
+        b_total=-1.0, b_reference=-1.0, temperature=-300.0, sigma_axial_interference=-1.0, azimuths=(),
+        magnetic_field_covariance=(-1.0, *(0.0,) * 8), azimuth_method="gyro", north=2,
+        covariance=(-1.0, *(0.0,) * 3, 1e-6, *(0.0,) * 4),
+    )  # fmt: skip
+    well = dataclasses.replace(WELL, north_reference="true")
+    (s,) = accepted_surveys(SurveyList(well=well).add(bare, 300.0, 0.0))
+    unknown = (s.b_total, s.dip, s.temperature, s.axial_interference, s.magnetic_field, s.azimuth_uncorrected)
+    assert unknown == (None,) * 6
+    assert s.sigma_inclination is None
+    assert s.sigma_azimuth == pytest.approx(1e-3)

@@ -1,0 +1,125 @@
+"""The calling side of WITS, over TCP and over a serial line: it comes back by itself, with waits that grow."""
+
+import contextlib
+import os
+import pty
+import socket
+import sys
+import tty
+
+import pytest
+from example_rig import eventually, started, values
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mwd_surface.rig.input import RigInputSettings
+from mwd_surface.rig.interface import MissingPackageError
+from mwd_surface.rig.wits.client import Backoff, Wits0Client, Wits0ClientSettings, Wits0Serial, Wits0SerialSettings
+from mwd_surface.rig.wits.format import Decoder
+from mwd_surface.rig.wits.link import Wits0Settings
+
+FAST = Backoff(first=0.01, longest=0.05)
+
+
+def frames_until(read, wanted):
+    decoder, frames = Decoder(), []
+    while not any(i.code == wanted for f in frames for i in f.items):
+        data = read()
+        assert data, "the other side ended"
+        frames += decoder.feed(data)
+    return frames
+
+
+@contextlib.contextmanager
+def recorder():
+    """A recorder that listens, on a port of its own."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        listener.settimeout(5.0)
+        yield listener
+
+
+@given(failures=st.integers(0, 10_000), chance=st.floats(0.0, 1.0))
+def test_waits_double_from_a_second_to_half_a_minute_and_spread_by_half(failures, chance):
+    wait = Backoff().wait(failures, chance)
+    middle = min(30.0, 2.0 ** min(failures, 30))
+    assert 0.5 * middle <= wait <= 1.5 * middle
+
+
+def test_it_connects_sends_and_takes_rig_data_back():
+    taken = []
+    talk = Wits0Settings(rig=RigInputSettings(accept=True))
+    with recorder() as listener:
+        port = listener.getsockname()[1]
+        with started(Wits0Client(Wits0ClientSettings(port=port, backoff=FAST), talk, taken.append)) as client:
+            connection, _ = listener.accept()
+            connection.settimeout(5.0)
+            with connection:
+                client.publish(values())
+                frames = frames_until(lambda: connection.recv(4096), 717)
+                assert any(f.number(713) == 40.0 for f in frames)
+                connection.sendall(b"&&\r\n01081234.5\r\n!!\r\n")
+                eventually(lambda: taken)
+                assert float(taken[0]["bit_depth"][0]) == 1234.5
+                assert client.status().state == "connected"
+
+
+def test_a_link_that_drops_again_and_again_is_taken_up_again_each_time():
+    with recorder() as listener:
+        port = listener.getsockname()[1]
+        with started(Wits0Client(Wits0ClientSettings(port=port, backoff=FAST))) as client:
+            client.publish(values())
+            for _ in range(5):
+                connection, _ = listener.accept()
+                frames_until(lambda connection=connection: connection.recv(4096), 713)
+                connection.close()
+            status = eventually(lambda: client.status() if client.status().sent >= 5 else None)
+            assert dict(status.counts)["connections"] >= 5
+
+
+def test_a_recorder_that_is_not_there_is_said_and_it_goes_on_trying():
+    with recorder() as listener:
+        port = listener.getsockname()[1]
+    with started(Wits0Client(Wits0ClientSettings(port=port, backoff=FAST))) as client:
+        eventually(lambda: client.failures >= 3)
+        status = client.status()
+        assert status.state == "connecting"
+        assert str(port) in status.reason
+        with socket.create_server(("127.0.0.1", port)) as listener:
+            listener.settimeout(5.0)
+            connection, _ = listener.accept()
+            connection.close()
+
+
+def test_a_serial_line_carries_the_same_both_ways():
+    pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
+    ours, theirs = pty.openpty()
+    tty.setraw(ours)
+    taken = []
+    talk = Wits0Settings(rig=RigInputSettings(accept=True))
+    settings = Wits0SerialSettings(device=os.ttyname(theirs), backoff=FAST)
+    try:
+        with started(Wits0Serial(settings, talk, taken.append)) as line:
+            line.publish(values())
+            frames = frames_until(lambda: os.read(ours, 4096), 717)
+            assert any(f.number(713) == 40.0 for f in frames)
+            os.write(ours, b"&&\r\n01081234.5\r\n0121150")
+            os.write(ours, b"00\r\n!!\r\n")
+            eventually(lambda: taken)
+            assert float(taken[0]["pressure"][0]) == 1.5e7
+            assert line.status().state == "connected"
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_a_serial_device_that_is_not_there_is_said_and_tried_again():
+    pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
+    with started(Wits0Serial(Wits0SerialSettings(device="/dev/no-such-line", backoff=FAST))) as line:
+        eventually(lambda: line.failures >= 2)
+        assert "/dev/no-such-line" in line.status().reason
+
+
+def test_without_pyserial_the_message_says_how_to_install_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "serial", None)
+    with pytest.raises(MissingPackageError, match="pip install pyserial"):
+        Wits0Serial(Wits0SerialSettings()).start()

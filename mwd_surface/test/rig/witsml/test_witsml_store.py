@@ -1,0 +1,199 @@
+"""The definitive survey goes to a store: added, then updated, tried again, never with a password in the clear."""
+
+import base64
+import contextlib
+import http.server
+import threading
+import xml.etree.ElementTree as ET
+from xml.sax.saxutils import escape
+
+import pytest
+from example_rig import eventually, started
+from example_surveys import MADE, surveys, table
+
+from mwd_surface.exports.export_witsml import witsml
+from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.rig.interface import InterfaceError
+from mwd_surface.rig.witsml.store import WitsmlStore, WitsmlStoreSettings, answer_texts
+
+ENVELOPE = '<s:Envelope xmlns:s="http://schemas.xmlsoap.org/soap/envelope/"><s:Body>{}</s:Body></s:Envelope>'
+DOCUMENT = witsml(table())
+
+
+class Stub(http.server.BaseHTTPRequestHandler):
+    """A small store: keeps trajectories by uid and answers as the interface says."""
+
+    def do_POST(self):
+        store = self.server
+        body = self.rfile.read(int(self.headers["Content-Length"]))
+        call = ET.fromstring(body)[0][0]  # noqa: S314
+        order = call.tag.rpartition("}")[2]
+        assert self.headers["SOAPAction"] == f'"http://www.witsml.org/action/120/Store.{order}"'
+        store.headers.append(dict(self.headers))
+        store.orders.append(order)
+        status, answer = store.answers.pop(0) if store.answers else (200, self.answer(order, call))
+        self.send_response(status)
+        if status == 302:
+            self.send_header("Location", "http://127.0.0.1:1/")
+        self.send_header("Content-Length", str(len(answer)))
+        self.end_headers()
+        self.wfile.write(answer)
+
+    def answer(self, order, call):
+        if order == "WMLS_GetVersion":
+            result = self.server.versions
+            return ENVELOPE.format(
+                f"<WMLS_GetVersionResponse><Result>{result}</Result></WMLS_GetVersionResponse>"
+            ).encode()
+        assert call.findtext("WMLtypeIn") == "trajectory"
+        document = call.findtext("QueryIn" if order == "WMLS_DeleteFromStore" else "XMLin")
+        (trajectory,) = ET.fromstring(document.encode())  # noqa: S314
+        uid, kept = trajectory.get("uid"), self.server.kept
+        there = uid in kept
+        code = {("WMLS_AddToStore", True): -405, ("WMLS_UpdateInStore", False): -433}.get((order, there), 1)
+        if order == "WMLS_DeleteFromStore":
+            self.server.deleted += [station.get("uid") for station in trajectory]
+        elif code == 1:
+            kept[uid] = document
+        said = escape("no such <object>" if code < 0 else "")
+        inside = f"<Result>{code}</Result><SuppMsgOut>{said}</SuppMsgOut>"
+        return ENVELOPE.format(f"<m:{order}Response xmlns:m='urn:x'>{inside}</m:{order}Response>").encode()
+
+    def log_message(self, *_about):
+        """Keep the test's output clean."""
+
+
+@contextlib.contextmanager
+def store(**changes):
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Stub)
+    server.orders, server.headers, server.kept, server.answers, server.deleted = [], [], {}, [], []
+    server.versions = "1.3.1.1,1.4.1.1"
+    for name, value in changes.items():
+        setattr(server, name, value)
+    thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+    thread.start()
+    try:
+        yield server
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+
+
+def client(server, **changes):
+    url = f"http://127.0.0.1:{server.server_address[1]}/store"
+    return WitsmlStore(WitsmlStoreSettings(url=url, first_wait=0.01, longest_wait=0.05, timeout=5.0, **changes))
+
+
+def test_a_trajectory_is_added_and_afterwards_updated_and_arrives_unchanged():
+    with store() as server, started(client(server)) as push:
+        push.push(DOCUMENT)
+        eventually(lambda: push.status().sent == 1)
+        assert list(server.kept.values()) == [DOCUMENT]
+        changed = DOCUMENT.replace("<definitive>true", "<definitive>false")
+        push.push(changed)
+        eventually(lambda: push.status().sent == 2)
+        assert list(server.kept.values()) == [changed]
+        assert server.orders == ["WMLS_GetVersion", "WMLS_AddToStore", "WMLS_UpdateInStore"]
+        status = push.status()
+        assert (status.state, status.peers[0].last) == ("connected", "WMLS_UpdateInStore 1")
+
+
+def test_a_trajectory_that_the_store_already_has_is_updated():
+    with store() as server:
+        for _ in range(2):
+            with started(client(server)) as push:
+                push.push(DOCUMENT)
+                eventually(lambda push=push: push.status().sent == 1)
+        assert server.orders[-3:] == ["WMLS_GetVersion", "WMLS_AddToStore", "WMLS_UpdateInStore"]
+
+
+def test_a_station_that_is_taken_out_of_the_survey_is_deleted_in_the_store():
+    whole = surveys()
+    less = survey_table(whole.reject(7, "Bo", "casing", MADE), MADE)
+    with store() as server, started(client(server)) as push:
+        push.push(DOCUMENT)
+        eventually(lambda: push.status().sent == 1)
+        push.push(witsml(less))
+        eventually(lambda: push.status().sent == 2)
+        assert server.deleted == [whole.find(7).survey.uuid]
+
+
+def test_the_same_document_is_sent_once():
+    with store() as server, started(client(server)) as push:
+        for _ in range(5):
+            push.push(DOCUMENT)
+            eventually(lambda: push.status().sent == 1)
+        assert server.orders.count("WMLS_AddToStore") == 1
+
+
+def test_after_failures_it_is_tried_again_until_it_goes_through():
+    fault = ENVELOPE.format("<s:Fault><faultstring>database is down</faultstring></s:Fault>").encode()
+    with (
+        store(answers=[(500, fault), (503, b""), (200, b"no xml"), (302, b"")]) as server,
+        started(client(server)) as push,
+    ):
+        push.push(DOCUMENT)
+        eventually(lambda: push.status().sent == 1)
+        assert dict(push.status().counts)["failures"] == 4
+        assert push.status().reason == ""
+
+
+@pytest.mark.parametrize(
+    ("answer", "reason"),
+    [
+        ((500, ENVELOPE.format("<s:Fault><faultstring>disk full</faultstring></s:Fault>").encode()), "disk full"),
+        ((401, b""), "HTTP 401"),
+        ((200, b"<a>" * 3), "no XML"),
+        ((200, b'<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>'), "document type"),
+        ((200, b"<a><Result>x</Result></a>"), "WITSML x, not 1.4.1.1"),
+        ((302, b""), "HTTP 302"),
+    ],
+)
+def test_the_reason_of_a_failure_is_told(answer, reason):
+    with store(answers=[answer] * 10_000) as server, started(client(server)) as push:
+        push.push(DOCUMENT)
+        eventually(lambda: reason in push.status().reason)
+        assert push.status().state == "connecting"
+
+
+def test_a_store_that_is_not_there_is_told_and_tried_again():
+    with store() as server:
+        push = client(server)
+    with started(push):
+        push.push(DOCUMENT)
+        eventually(lambda: dict(push.status().counts)["failures"] >= 2)
+        assert "refused" in push.status().reason
+
+
+def test_a_refusal_carries_the_number_and_words_of_the_store():
+    refusal = ENVELOPE.format("<r><Result>-401</Result><SuppMsgOut>not &lt;valid&gt;</SuppMsgOut></r>").encode()
+    version = ENVELOPE.format("<r><Result>1.4.1.1</Result></r>").encode()
+    with store(answers=[(200, version), *[(200, refusal)] * 1000]) as server, started(client(server)) as push:
+        push.push(DOCUMENT)
+        eventually(lambda: "refused with -401: not <valid>" in push.status().reason)
+
+
+def test_the_password_comes_from_a_file_and_never_goes_out_in_the_clear_to_another_machine(tmp_path):
+    secret = tmp_path / "password"
+    secret.write_text("hush\n")
+    with store() as server, started(client(server, user="bo", password_file=str(secret))) as push:
+        push.push(DOCUMENT)
+        eventually(lambda: push.status().sent == 1)
+        assert server.headers[0]["Authorization"] == "Basic " + base64.b64encode(b"bo:hush").decode()
+        assert "hush" not in repr(push.status())
+    exposed = WitsmlStoreSettings(url="http://store.example/", user="bo", password_file=str(secret))
+    with pytest.raises(InterfaceError, match="clear text"):
+        WitsmlStore(exposed).start()
+
+
+@pytest.mark.parametrize("url", ["", "file:///etc/passwd", "ftp://store.example/", "https://"])
+def test_what_is_no_address_of_a_store_is_refused(url):
+    with pytest.raises(InterfaceError, match="url"):
+        WitsmlStore(WitsmlStoreSettings(url=url)).start()
+
+
+def test_an_entity_bomb_is_refused_before_it_grows():
+    bomb = b'<!DOCTYPE a [<!ENTITY b "xxxxxxxxxx"><!ENTITY c "&b;&b;&b;">]><a>&c;</a>'
+    with pytest.raises(ValueError, match="document type"):
+        answer_texts(bomb)

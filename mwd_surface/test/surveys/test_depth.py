@@ -1,0 +1,132 @@
+"""Depth of a survey from what a rig reports: pairing by time, placeholders, jumps, silences, corrections by hand."""
+
+import csv
+import datetime as dt
+import gzip
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mwd_surface.surveys.depth import DepthRules, DepthTrack
+from project import REFERENCE_DATA
+
+S = 10**9
+F7 = REFERENCE_DATA / "volve" / "F-7_rig_surface_15s.csv.gz"
+
+
+def track(*readings, **rules):
+    got = DepthTrack(DepthRules(**rules))
+    for seconds, depth in readings:
+        got.update(int(seconds * S), depth)
+    return got
+
+
+def test_a_survey_between_two_readings_lies_on_the_line_and_carries_the_age_of_the_nearer():
+    got = track((0, 1000.0), (10, 1004.0)).sensor_depth(8 * S, 12.5)
+    assert got.bit_depth == pytest.approx(1003.2)
+    assert got.measured_depth == pytest.approx(990.7)
+    assert got.depth_age == pytest.approx(2.0)
+
+
+def test_a_survey_after_the_last_reading_takes_it_with_its_age():
+    got = track((0, 1000.0)).sensor_depth(45 * S, 10.0)
+    assert (got.measured_depth, got.depth_age) == (990.0, 45.0)
+
+
+def test_a_long_silence_is_not_bridged():
+    got = track((0, 1000.0), (600, 1030.0)).sensor_depth(590 * S, 0.0)
+    assert (got.measured_depth, got.depth_age) == (1000.0, 590.0)
+
+
+def test_before_the_first_reading_depth_is_taken_from_nearby_or_unknown():
+    got = track((100, 1000.0))
+    assert got.sensor_depth(95 * S, 0.0).measured_depth == 1000.0
+    far = got.sensor_depth(0, 0.0)
+    assert (far.measured_depth, far.depth_age) == (-1.0, -1.0)
+    assert far.reason == "the first depth reading came 100 s after the survey"
+    assert "no depth from the rig yet" in DepthTrack().sensor_depth(0, 0.0).reason
+
+
+@pytest.mark.parametrize("null", [-999.25, -9999.0, math.nan, math.inf, 1e30, -0.01])
+def test_a_placeholder_is_counted_and_not_used(null):
+    got = track((0, 1000.0))
+    assert not got.update(S, null)
+    assert not got.update(2 * S, 0.0, valid=False)
+    assert got.refused_null == 2
+    assert got.latest == (0, 1000.0)
+
+
+def test_a_spike_is_ignored_and_a_confirmed_jump_is_believed_from_its_first_reading():
+    got = track((0, 1000.0), (1, 0.0), (2, 1000.2))
+    assert got.refused_jump == 1
+    assert got.sensor_depth(S, 0.0).measured_depth == pytest.approx(1000.1)
+    got = track((0, 1000.0), (1, 1500.0), (2, 1500.1), (3, 1500.2))
+    assert got.latest == (3 * S, 1500.2)
+    assert got.sensor_depth(1 * S, 0.0).measured_depth == 1500.0
+
+
+def test_spikes_that_do_not_agree_confirm_nothing():
+    got = track((0, 1000.0), (1, 0.0), (2, 5000.0), (3, 200.0), (4, 1000.4))
+    assert got.latest == (4 * S, 1000.4)
+    assert got.refused_jump == 3
+
+
+def test_readings_out_of_order_are_counted():
+    got = track((10, 1000.0), (5, 999.0), (10, 1000.0))
+    assert got.refused_order == 2
+
+
+def test_a_person_sets_the_depth_against_what_the_rig_said():
+    got = track((0, 1000.0), (10, 1000.0), (20, 1000.0))
+    got.set_by_hand(15 * S, 1034.0)
+    assert got.sensor_depth(16 * S, 4.0).measured_depth == 1030.0
+    assert got.sensor_depth(16 * S, 4.0).by_hand
+    # No line is drawn from the old reading to the correction.
+    assert got.sensor_depth(14 * S, 0.0).measured_depth == 1000.0
+    assert not got.update(17 * S, 1000.0)
+    assert got.update(18 * S, 1034.1)
+    with pytest.raises(ValueError, match="bit_depth: must be within 0 and 15000 m, got -3"):
+        got.set_by_hand(0, -3.0)
+
+
+def test_a_sensor_above_the_datum_has_no_depth_and_says_why():
+    got = track((0, 5.0)).sensor_depth(0, 12.0)
+    assert got.measured_depth == -1.0
+    assert got.reason == "bit at 5.00 m: the sensor is still above the datum"
+    with pytest.raises(ValueError, match="sensor_to_bit"):
+        track((0, 5.0)).sensor_depth(0, math.nan)
+
+
+def test_history_is_bounded():
+    got = track(*((k, 1000.0 + 0.01 * k) for k in range(500)), history=100)
+    assert got.sensor_depth(499 * S, 0.0).measured_depth == pytest.approx(1004.99)
+    assert got.sensor_depth(0, 0.0).reason.startswith("the first depth reading came")
+
+
+@given(
+    st.lists(st.tuples(st.integers(-5, 200), st.floats()), max_size=40), st.integers(-100, 300), st.floats(0.0, 50.0)
+)
+def test_whatever_the_rig_sends_a_depth_is_finite_and_not_negative_or_unknown_with_a_reason(readings, at, offset):
+    got = track(*readings).sensor_depth(at * S, offset)
+    assert math.isfinite(got.measured_depth)
+    assert math.isfinite(got.depth_age)
+    assert (got.measured_depth >= 0.0) != bool(got.reason)
+
+
+def test_a_real_rigs_day_pairs_every_reading_with_itself():
+    """Volve 15/9-F-7, 15 s rig data; its bit depth dips below zero while the pipe is out of the hole."""
+    if not F7.exists():
+        pytest.skip(f"authority table not on this machine: {F7.name}")
+    got, believed = DepthTrack(), {}
+    with gzip.open(F7, "rt") as file:
+        for row in csv.DictReader(file):
+            at = dt.datetime.fromisoformat(row["Time[unitless]"])
+            stamp = int(at.timestamp()) * S
+            if got.update(stamp, float(row["BITDEP[m]"])):
+                believed[stamp] = float(row["BITDEP[m]"])
+    assert len(believed) > 9000
+    assert got.refused_jump < 10
+    for stamp, depth in list(believed.items())[::97]:
+        assert got.sensor_depth(stamp, 0.0).measured_depth == depth

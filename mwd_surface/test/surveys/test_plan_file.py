@@ -1,0 +1,167 @@
+"""Plan files as engineers send them, and the line number of what is wrong with the others."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mwd_surface.surveys import plan_file
+from mwd_surface.surveys.plan_file import PlanError, plan_from_table, plan_from_witsml, read_plan
+from project import REFERENCE_DATA
+
+SHARED = REFERENCE_DATA
+GOOD = "md_m,inclination_deg,azimuth_deg\n0,0,0\n500,0,45\n1000,30,45\n"
+
+
+def table(text):
+    return plan_from_table(text.encode(), "plan.csv")
+
+
+def test_a_plain_table_is_read():
+    got = table(GOOD)
+    assert got.md.tolist() == [0.0, 500.0, 1000.0]
+    assert math.degrees(got.inclination[-1]) == pytest.approx(30.0)
+    assert got.positions[-1][0] == pytest.approx(got.positions[-1][1])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# Plan 3\n# grid\nMD [m];Inc (deg);Azi Grid (deg)\n0,0;0,0;0,0\n500,0;0,0;45,0\n1000,0;30,0;45,0\n",
+        "MD\tINCL\tAZIM\nm\tdeg\tdeg\n0\t0\t0\n500\t0\t45\n1000\t30\t45\n",
+        "\ufeffmeasured depth (ft),inclination,azimuth\n0,0,0\n1640.419948,0,45\n3280.839895,30,45\n",
+        "name,azi_rad,md_m,inc_rad\na,0,0,0\nb,0.785398163397,500,0\nc,0.785398163397,1000,0.523598775598\n",
+    ],
+)
+def test_units_separators_and_orders_of_columns_are_understood(text):
+    got = table(text)
+    np.testing.assert_allclose(got.positions, table(GOOD).positions, atol=1e-5)
+
+
+def test_the_north_that_the_header_names_is_kept():
+    assert table(GOOD.replace("azimuth_deg", "azi_grid_deg")).north == "grid"
+    assert table(GOOD).north == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "plan.csv: empty"),
+        ("# only remarks\n", "plan.csv: empty"),
+        ("md_m,azimuth_deg\n0,0\n", "line 1: no column for inclination; expected a header such as md_m"),
+        ("0,0,0\n500,0,45\n", "line 1: no column for md"),
+        (GOOD.replace("md_m", "md"), "line 1: md has no unit; write md_m or md_ft"),
+        (GOOD.replace("md_m", "md (furlong)"), "line 1: no column for md"),
+        ("md,inc,azi\nkm,deg,deg\n0,0,0\n1,0,0\n", "line 1: md in 'km'; expected one of m"),
+        (GOOD.replace("500,0,45", "500,x,45"), "line 3: inclination: expected a finite number, got 'x'"),
+        (GOOD.replace("500,0,45", "500,nan,45"), "line 3: inclination: expected a finite number, got 'nan'"),
+        (GOOD.replace("500,0,45", "500"), "line 3: 1 fields, the header names inclination as number 2"),
+        (GOOD.replace("1000,30", "1000,300"), "line 4: inclination 300 deg is outside 0 to 180"),
+        (GOOD.replace("500,0,45", "500,0,400"), "line 3: azimuth 400 deg"),
+        (GOOD.replace("1000,30", "400,30"), "line 4: measured depth 400 m does not increase after 500 m"),
+        ("md_m,inc,azi\n10,0,0\n", "line 2: a plan needs at least two stations, got 1"),
+        (
+            "md_m,inc,azi,tvd_m\n0,0,0,0\n1000,0,0,3280\n",
+            "line 3: tvd 3280.00 m does not fit the angles, which give 1000.00 m",
+        ),
+        ("md_m,inc,azi\n0,90,0\n10,90,180\n", "point opposite ways"),
+        ("inc,azi,md_m\n0\n1,2,3\n", "line 2: 1 fields, the header names azimuth as number 2"),
+        (GOOD.replace("500,0,45", "500,0," + "9" * 200_000), "line 3: field larger than field limit"),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_line(text, says):
+    with pytest.raises(PlanError, match=r"plan\.csv") as error:
+        table(text)
+    assert says in str(error.value)
+
+
+def test_a_missing_or_huge_file_is_said(tmp_path, monkeypatch):
+    with pytest.raises(PlanError, match="No such file"):
+        read_plan(tmp_path / "none.csv")
+    (tmp_path / "big.csv").write_text(GOOD)
+    monkeypatch.setattr(plan_file, "LARGEST", 10)
+    with pytest.raises(PlanError, match="no plan of a well"):
+        read_plan(tmp_path / "big.csv")
+
+
+@given(st.binary(max_size=300))
+def test_no_bytes_raise_anything_but_a_plan_error(data):
+    for read in (plan_from_table, plan_from_witsml):
+        try:
+            read(data)
+        except PlanError:
+            continue
+
+
+@given(st.text(alphabet="md_inclaz,;0123456789.-\n\t ", max_size=200))
+def test_no_near_miss_of_a_table_raises_anything_but_a_plan_error(text):
+    try:
+        plan_from_table(("md_m,inc,azi\n" + text).encode())
+    except PlanError:
+        return
+
+
+def station(md, inc, azi, uom="m"):
+    return (
+        f'<trajectoryStation uid="{md}"><typeTrajStation>interpolated</typeTrajStation><md uom="{uom}">{md}</md>\n'
+        f'<incl uom="dega">{inc}</incl><azi uom="dega">{azi}</azi></trajectoryStation>\n'
+    )
+
+
+def document(*stations):
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        '<trajectorys xmlns="http://www.witsml.org/schemas/1series" version="1.4.1.1">\n'
+        "<trajectory><nameWell>w</nameWell><nameWellbore>b</nameWellbore><name>Plan 7</name>"
+        "<aziRef>grid north</aziRef>\n" + "".join(stations) + "</trajectory></trajectorys>"
+    ).encode()
+
+
+def test_a_witsml_trajectory_is_a_plan(tmp_path):
+    path = tmp_path / "plan.xml"
+    path.write_bytes(document(station(0, 0, 0), station(500, 0, 45), station(1000, 30, 45)))
+    got = read_plan(path)
+    np.testing.assert_array_equal(got.positions, table(GOOD).positions)
+    assert (got.north, got.name) == ("grid", "Plan 7")
+    feet = plan_from_witsml(document(station(0, 0, 0, "ft"), station(1000, 0, 0, "ft")))
+    assert feet.positions[-1][2] == pytest.approx(304.8)
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        (b"<a>", "not well-formed XML"),
+        (b"<a/>", "line 1: no trajectory of WITSML 1.4.1.1"),
+        (document(station(0, 0, 0)), "a plan needs at least two stations, got 1"),
+        (document(station(0, 0, 0), station("NaN", 0, 0)), "line 6: md: expected a finite number, got 'NaN'"),
+        (document(station(0, 0, 0), station(9, 0, 0, "furlong")), "md in 'furlong'"),
+        (document("<trajectoryStation/>"), "line 4: a station without md"),
+        (
+            b'<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/hostname">]><a>&x;</a>',
+            "no trajectory",
+        ),
+    ],
+)
+def test_what_is_wrong_with_an_xml_plan_is_said(data, says):
+    with pytest.raises(PlanError) as error:
+        plan_from_witsml(data, "plan.xml")
+    assert says in str(error.value)
+
+
+def test_the_example_trajectory_of_the_schemas_is_one_station_and_says_so():
+    example = SHARED / "witsml" / "trajectory_1411_valid.xml"
+    if not example.exists():
+        pytest.skip(f"authority file not on this machine: {example.name}")
+    with pytest.raises(PlanError, match="at least two stations, got 1"):
+        read_plan(example)
+
+
+def test_the_volve_f4_table_is_a_plan_whose_own_tvd_fits():
+    f4 = SHARED / "volve" / "F-4_gyro_ns_trajectory.csv"
+    if not f4.exists():
+        pytest.skip(f"authority table not on this machine: {f4.name}")
+    got = read_plan(f4)
+    assert got.md.size == 87
+    assert got.north == "true"

@@ -1,0 +1,50 @@
+"""A station as a line: the columns others rely on, empty where nothing is known."""
+
+import csv
+import io
+import math
+
+import numpy as np
+import pytest
+
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.survey.station import station
+from mwd_surface.surveys import station_csv
+
+F_T, B_T = np.array([-8.0, 1.0, 5.5]), np.array([3.0e-5, 1.0e-5, -3.5e-5])
+REFERENCE = Reference(total=4.72e-5, dip=1.2, declination=0.03, convergence=0.01, gravity=9.8)
+
+
+def test_the_promised_columns_come_first():
+    assert station_csv.COLUMNS[:10] == (
+        "md_m", "inclination_deg", "azimuth_deg", "azimuth_reference", "toolface_deg", "g_total_mps2", "b_total_nt",
+        "dip_deg", "verdict", "reasons",
+    )  # fmt: skip
+
+
+def test_a_line_says_what_the_station_says():
+    one = station(F_T, B_T, REFERENCE)
+    line = next(csv.DictReader(io.StringIO(station_csv.text(station_csv.COLUMNS, [station_csv.cells(one, 1234.5)]))))
+    assert line["md_m"] == "1234.500"
+    assert float(line["inclination_deg"]) == pytest.approx(math.degrees(one.inclination), abs=6e-5)
+    assert float(line["azimuth_deg"]) == pytest.approx(math.degrees(one.azimuth), abs=6e-5)
+    assert line["azimuth_reference"] == "grid"
+    assert float(line["b_total_nt"]) == pytest.approx(one.b_total * 1e9, abs=0.06)
+    assert line["verdict"] == one.verdict
+    assert line["reasons"] == "; ".join(one.reasons)
+    assert float(line["b_reference_nt"]) == 47200.0
+
+
+def test_what_is_unknown_is_empty():
+    line = station_csv.cells(station(F_T, np.full(3, np.nan)))
+    empty = ("md_m", "azimuth_deg", "azimuth_reference", "sigma_azimuth_deg", "b_total_nt", "dip_deg", "b_reference_nt")
+    assert [line[name] for name in empty] == [""] * len(empty)
+    assert line["verdict"] == "reject"
+    assert line["inclination_deg"] != ""
+
+
+def test_no_angle_is_written_as_360():
+    one = station(F_T, B_T, REFERENCE)
+    assert station_csv.cells(one)["toolface_deg"] != ""
+    assert station_csv._around(math.tau - 1e-9) == "0.0000"
+    assert station_csv.number(-1e-9, 2) == "0.00"

@@ -1,0 +1,292 @@
+"""The survey list: its order, its two judgements, its legs and its path."""
+
+import csv
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mwd_sensors.core import minimum_curvature as mc
+from mwd_surface.surveys.survey_list import ListRules, SurveyList, TieOn
+from mwd_surface.surveys.survey_record import Judgement, North, Survey, Verdict
+from mwd_surface.surveys.well import Well
+from project import REFERENCE_DATA
+
+COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 1e-4, 0.0, 0.0, 0.0, 1e-6)
+NO_AZIMUTH = (1e-6, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1e-6)
+S = 10**9
+
+
+def shot(sequence, inc_deg=10.0, azi_deg=40.0, **changes):
+    values = {
+        "stamp_ns": sequence * 600 * S,
+        "uuid": f"uuid-{sequence}",
+        "sequence": sequence,
+        "inclination": math.radians(inc_deg),
+        "azimuth": math.radians(azi_deg),
+        "north": int(North.TRUE),
+        "covariance": COVARIANCE,
+        "b_reference": 5e-5,
+    }
+    return Survey(**{**values, **changes})
+
+
+def filled(*stations, **kwargs):
+    whole = SurveyList(**kwargs)
+    for k, (md, inc, azi) in enumerate(stations, start=1):
+        whole = whole.add(shot(k, inc, azi), md, 0.0)
+    return whole
+
+
+CURVE = ((100.0, 0.5, 10.0), (130.0, 3.0, 30.0), (160.0, 6.0, 35.0), (190.0, 10.0, 40.0))
+
+
+def flags(whole, sequence):
+    return whole.find(sequence).flags
+
+
+def test_accepted_surveys_make_the_path_of_minimum_curvature():
+    whole = filled(*CURVE, well=Well(section_azimuth_deg=35.0))
+    md, inc, azi = (np.array(c) for c in zip((0.0, 0.0, 0.0), *CURVE, strict=True))
+    inc, azi = np.radians(inc), np.radians(azi)
+    want = mc.path(md, inc, azi)
+    path = whole.definitive()
+    np.testing.assert_allclose(path.positions, want, atol=1e-12)
+    last = whole.find(4)
+    assert (last.north, last.east, last.vertical_depth) == pytest.approx(tuple(want[-1]))
+    assert last.vertical_section == pytest.approx(
+        math.hypot(*want[-1, :2]) * math.cos(math.atan2(want[-1, 1], want[-1, 0]) - math.radians(35))
+    )
+    assert last.dogleg_severity * 30 == pytest.approx(mc.dogleg_severity(md, inc, azi)[-1])
+    assert path.kind == ("tie-on", "survey", "survey", "survey", "survey")
+    assert all(r.in_use and not r.flags for r in whole.records)
+
+
+def test_a_survey_that_comes_twice_is_one_survey():
+    whole = filled(*CURVE)
+    assert whole.add(shot(2, 80.0), 500.0, 0.0) is whole
+
+
+def test_a_tool_that_lost_its_count_gets_the_next_free_number():
+    whole = filled(*CURVE).add(shot(1, 12.0, uuid="after the restart"), 220.0, 0.0)
+    assert whole.find(5).comment == "numbered 1 by the tool"
+    assert whole.find(5).in_use
+
+
+def test_a_doubtful_or_rejected_survey_waits_for_a_person_and_both_judgements_are_kept():
+    doubtful = shot(5, 12.0, verdict=int(Verdict.REJECT), reasons=("dip +6.4 deg over 0.45",))
+    whole = filled(*CURVE).add(doubtful, 220.0, 0.0)
+    assert not whole.find(5).in_use
+    whole = whole.accept(5, "Aslaug", "casing collar, gyro agrees", 77)
+    record = whole.find(5)
+    assert record.in_use
+    assert record.survey.verdict == Verdict.REJECT
+    assert (record.judgement, record.operator_name, record.judged_ns) == (Judgement.ACCEPTED, "Aslaug", 77)
+    assert flags(whole, 5) == ("accepted by Aslaug against the automatic verdict reject",)
+    whole = whole.reject(5, "Bo", "second thoughts", 88)
+    assert not whole.find(5).in_use
+    assert whole.find(5).reason == "second thoughts"
+    assert whole.definitive().md[-1] == 190.0
+
+
+def test_a_judgement_without_a_name_or_a_survey_is_refused():
+    whole = filled(*CURVE)
+    with pytest.raises(ValueError, match="operator_name: must not be empty"):
+        whole.accept(1, " ", "", 0)
+    with pytest.raises(ValueError, match=r"survey 9 is not in the list; the last are \[1, 2, 3, 4\]"):
+        whole.reject(9, "Bo", "", 0)
+    with pytest.raises(ValueError, match="it is empty"):
+        SurveyList().find(1)
+
+
+def test_a_duplicate_depth_is_replaced_only_by_explicit_accept():
+    whole = filled(*CURVE).add(shot(5, 10.2), 190.2, 0.0)
+    assert not whole.find(5).in_use
+    assert flags(whole, 5) == ("duplicate depth: survey 4 is at 190.00 m",)
+    with pytest.raises(ValueError, match="needs an explicit replacement: duplicate depth: survey 4"):
+        whole.accept(5, "Aslaug", "", 1)
+    whole = whole.accept(5, "Aslaug", "better still", 1, replace=True)
+    assert whole.find(5).in_use
+    assert not whole.find(4).in_use
+    assert whole.find(4).judgement == Judgement.REJECTED
+    assert whole.find(4).reason == "replaced by survey 5: better still"
+    back = whole.accept(4, "Aslaug", "", 2, replace=True)
+    assert [r.in_use for r in back.records] == [True, True, True, True, False]
+
+
+def test_a_decreasing_depth_goes_between_the_others_only_by_explicit_accept():
+    whole = filled(*CURVE).add(shot(5, 4.0, 33.0), 145.0, 0.0)
+    assert flags(whole, 5) == ("decreasing depth: survey 4 is deeper, at 190.00 m",)
+    with pytest.raises(ValueError, match="decreasing depth"):
+        whole.accept(5, "Aslaug", "", 1)
+    whole = whole.accept(5, "Aslaug", "check shot", 1, replace=True)
+    assert whole.definitive().md.tolist() == [0.0, 100.0, 130.0, 145.0, 160.0, 190.0]
+
+
+def test_a_survey_judged_late_is_not_called_decreasing():
+    whole = SurveyList().add(shot(1, verdict=int(Verdict.DOUBTFUL)), 100.0, 0.0).add(shot(2), 130.0, 0.0)
+    assert whole.accept(1, "Aslaug", "", 1).definitive().md.tolist() == [0.0, 100.0, 130.0]
+
+
+def test_a_survey_with_stale_depth_waits_and_keeps_its_flag_when_accepted():
+    whole = filled(*CURVE).add(shot(5, 12.0), 220.0, 45.0)
+    assert not whole.find(5).in_use
+    assert flags(whole, 5) == ("depth age 45 s",)
+    whole = whole.accept(5, "Aslaug", "pipe tally agrees", 1)
+    assert whole.find(5).in_use
+    assert flags(whole, 5) == ("depth age 45 s",)
+
+
+def test_a_survey_without_depth_is_kept_and_takes_the_depth_a_person_gives():
+    whole = filled(*CURVE).add(shot(5, 12.0))
+    assert flags(whole, 5) == ("no measured depth",)
+    with pytest.raises(ValueError, match="cannot be used: no measured depth"):
+        whole.accept(5, "Aslaug", "", 1)
+    whole = whole.accept(5, "Aslaug", "", 1, measured_depth=220.0)
+    assert whole.find(5).measured_depth == 220.0
+    assert whole.find(5).comment == "depth 220.00 m given by hand"
+    with pytest.raises(ValueError, match="measured_depth: must be -1"):
+        whole.accept(5, "Aslaug", "", 1, measured_depth=math.nan)
+
+
+def test_gap_and_dogleg_are_pointed_out():
+    whole = filled(*CURVE).add(shot(5, 12.0), 690.0, 0.0).add(shot(6, 50.0), 720.0, 0.0)
+    assert flags(whole, 5) == ("gap 500 m is over 60",)
+    assert flags(whole, 6) == ("dogleg 38.0 deg/30 m is over 10",)
+    assert whole.find(6).in_use
+
+
+def test_a_station_that_points_the_opposite_way_stays_out_with_the_reason():
+    whole = filled((100.0, 90.0, 0.0)).add(shot(2, 90.0, 180.0), 130.0, 0.0)
+    assert not whole.find(2).in_use
+    assert "point opposite ways" in flags(whole, 2)[0]
+    with pytest.raises(ValueError, match="point opposite ways"):
+        whole.accept(2, "Aslaug", "", 1)
+
+
+def test_azimuths_are_turned_to_the_north_of_the_well_or_stay_out():
+    grid = Well(north_reference="grid")
+    turned = shot(
+        1, 30.0, 40.0, north=int(North.MAGNETIC), declination=math.radians(3.0), convergence=math.radians(1.0)
+    )
+    whole = SurveyList(well=grid).add(turned, 100.0, 0.0)
+    assert math.degrees(whole.definitive().azimuth[-1]) == pytest.approx(42.0)
+    bare = SurveyList(well=grid).add(shot(1, 30.0, north=int(North.MAGNETIC), b_reference=-1.0), 100.0, 0.0)
+    assert flags(bare, 1) == ("its azimuth is from magnetic north and nothing turns it to grid north",)
+    withheld = SurveyList().add(shot(1, 30.0, covariance=NO_AZIMUTH), 100.0, 0.0)
+    assert flags(withheld, 1) == ("no azimuth",)
+
+
+def test_a_vertical_station_without_azimuth_is_used_and_says_so():
+    whole = SurveyList().add(shot(1, 0.4, 0.0, covariance=NO_AZIMUTH), 100.0, 0.0)
+    assert whole.find(1).in_use
+    assert flags(whole, 1) == ("no azimuth: that of the station above is used",)
+
+
+def test_a_tie_on_moves_the_whole_leg_and_must_lie_above_it():
+    whole = filled(*CURVE)
+    moved = whole.tied_on(TieOn(50.0, 0.0, 0.0, 5.0, -3.0, 49.0, "gyro"))
+    np.testing.assert_allclose(moved.definitive().positions[0], [5.0, -3.0, 49.0])
+    md, inc, azi = zip((50.0, 0.0, 0.0), *CURVE, strict=True)
+    want = mc.path(md, np.radians(inc), np.radians(azi), (5.0, -3.0, 49.0))[-1]
+    assert (moved.find(4).north, moved.find(4).east, moved.find(4).vertical_depth) == pytest.approx(tuple(want))
+    with pytest.raises(ValueError, match=r"surveys \[1\] of leg 'main' lie at or above 100.0 m"):
+        whole.tied_on(TieOn(100.0))
+    with pytest.raises(ValueError, match="must be finite"):
+        whole.tied_on(TieOn(math.nan))
+    shallow = moved.add(shot(5), 40.0, 0.0)
+    assert "is not below the tie-on" in flags(shallow, 5)[0]
+
+
+def test_a_sidetrack_shares_the_path_above_its_tie_on_and_numbers_go_on():
+    whole = filled(*CURVE)
+    there = whole.definitive().at(145.0)
+    split = whole.sidetracked("ST1", 145.0)
+    assert split.leg == "ST1"
+    split = split.add(shot(5, 8.0, 90.0), 175.0, 0.0)
+    path = split.definitive()
+    assert path.md.tolist() == [0.0, 100.0, 130.0, 145.0, 175.0]
+    assert path.kind == ("tie-on", "survey", "survey", "tie-on", "survey")
+    assert path.sequence == (0, 1, 2, 0, 5)
+    np.testing.assert_allclose(path.positions[3], there[2])
+    assert split.definitive("main").md.tolist() == whole.definitive().md.tolist()
+    assert split.using(leg="main", tool="T2").add(shot(6, 12.0), 220.0, 0.0).find(6).tool == "T2"
+    with pytest.raises(ValueError, match="a new leg needs a name of its own"):
+        split.sidetracked("ST1", 120.0)
+    with pytest.raises(ValueError, match="outside the stations"):
+        whole.sidetracked("ST2", 500.0)
+    with pytest.raises(ValueError, match=r"there is no 'ST9'; there are 'main', 'ST1'"):
+        split.definitive("ST9")
+
+
+def test_another_north_is_refused_while_a_tie_on_or_station_has_none_from_there():
+    whole = filled(*CURVE)
+    grid = whole.configured(Well(north_reference="grid"), ListRules())
+    assert grid.north == North.GRID
+    tied = whole.tied_on(TieOn(50.0, 0.1, 0.2, 1.0, 1.0, 49.0))
+    with pytest.raises(ValueError, match="leg 'main' is tied on from true north"):
+        tied.configured(Well(north_reference="grid"), ListRules())
+    bare = SurveyList().add(shot(1, b_reference=-1.0), 100.0, 0.0)
+    with pytest.raises(ValueError, match="north_reference: survey 1: its azimuth is from true north"):
+        bare.configured(Well(north_reference="grid"), ListRules())
+
+
+def test_a_list_survives_json_and_says_what_does_not_belong():
+    whole = filled(*CURVE).sidetracked("ST1", 145.0).add(shot(5, 8.0), 175.0, 0.0).reject(5, "Bo", "why", 5)
+    table = json.loads(json.dumps(whole.to_mapping(), allow_nan=False))
+    assert SurveyList.from_mapping(table) == whole
+    table["records"][0]["depth"] = 3.0
+    with pytest.raises(ValueError, match=r"records\[0\].depth: no such setting; did you mean"):
+        SurveyList.from_mapping(table)
+    orphan = json.loads(json.dumps(whole.to_mapping()))
+    orphan["records"][0]["leg"] = "gone"
+    with pytest.raises(ValueError, match=r"legs \['gone'\] do not exist"):
+        SurveyList.from_mapping(orphan)
+
+
+def test_a_remark_changes_nothing_else():
+    whole = filled(*CURVE)
+    noted = whole.remark(2, "washout")
+    assert noted.find(2).comment == "washout"
+    np.testing.assert_array_equal(noted.definitive().positions, whole.definitive().positions)
+
+
+@given(st.lists(st.tuples(st.floats(1.0, 3000.0), st.floats(0.0, 90.0), st.floats(0.0, 360.0)), max_size=12))
+def test_whatever_comes_the_path_increases_and_is_finite_and_nothing_is_lost(stations):
+    whole = filled(*stations)
+    path = whole.definitive()
+    assert np.all(np.diff(path.md) > 0.0)
+    assert all(np.all(np.isfinite(v)) for v in (path.positions, path.dogleg_severity, path.turn_rate))
+    assert sorted(r.survey.sequence for r in whole.records) == list(range(1, len(stations) + 1))
+    assert all(r.in_use or r.flags for r in whole.records)
+
+
+def test_the_rules_say_how_the_path_goes_on_to_the_bit():
+    whole = filled(*CURVE)
+    assert whole.definitive(bit_depth=210.0).kind[-1] == "projected"
+    curve = dataclasses.replace(whole, rules=ListRules(projection="curve")).definitive(bit_depth=220.0)
+    assert curve.dogleg_severity[-1] == pytest.approx(curve.dogleg_severity[-2])
+
+
+def test_a_real_well_of_87_gyro_stations_comes_out_where_its_operator_put_it_to_a_micrometre():
+    f4 = REFERENCE_DATA / "volve" / "F-4_gyro_ns_trajectory.csv"
+    if not f4.is_file():
+        pytest.skip("the shared Volve data is not beside this checkout")
+    with f4.open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    # The operator kept single precision; his positions follow from those digits.
+    md, inc, azi = ([float(np.float32(row[name])) for row in rows] for name in ("md_m", "inc_deg", "azi_true_deg"))
+    rules = ListRules(gap_limit=1e4, same_depth=0.01, dogleg_limit_deg=90.0)
+    whole = SurveyList(rules=rules)
+    for k in range(1, len(rows)):
+        whole = whole.add(shot(k, inc[k], azi[k]), md[k], 0.0)
+    path = whole.definitive()
+    assert len(path.md) == len(rows)
+    want = np.array([[float(row[name]) for name in ("north_m", "east_m", "tvd_m")] for row in rows])
+    np.testing.assert_allclose(path.positions, want, rtol=0.0, atol=1e-6)
+    severities = np.degrees(path.dogleg_severity) * 30.0
+    np.testing.assert_allclose(severities, [float(row["dls_deg_per_30m"]) for row in rows], rtol=0.0, atol=1e-4)

@@ -1,0 +1,97 @@
+"""The same list from its file, the folder of a run and a recording; what cannot be told is refused with a sentence."""
+
+import dataclasses
+
+import example_surveys as example
+import plotted_bag
+import pytest
+from plotted_bag import recorded
+
+from mwd_surface.bags.bag_reader import BagError
+from mwd_surface.surveys.slide_file import NAME, append_stretch
+from mwd_surface.surveys.survey_list import SurveyList, TieOn
+from mwd_surface.surveys.survey_source import stretches_of, surveys_of
+from mwd_surface.surveys.survey_store import SurveyStore, encoded
+
+
+def without_well(surveys):
+    """What a recording can give back: all but the description of the well, and the tool for surveys to come."""
+    plain = dataclasses.replace(surveys.well, **{f.name: f.default for f in dataclasses.fields(surveys.well)})
+    well = dataclasses.replace(plain, name=surveys.well.name, north_reference=surveys.well.north_reference)
+    return dataclasses.replace(surveys.configured(well, surveys.rules), tool="")
+
+
+def test_a_file_a_folder_and_the_folder_of_a_run_give_the_same_list(tmp_path):
+    surveys = example.surveys()
+    with SurveyStore(tmp_path / "run" / "w1" / "surveys") as store:
+        store.save(surveys)
+        # Also while the node that keeps the list is running.
+        for path in ("run", "run/w1", "run/w1/surveys", "run/w1/surveys/surveys.json"):
+            assert surveys_of(tmp_path / path) == (surveys, ())
+
+
+def test_a_recording_gives_the_last_list_with_its_tie_on_and_its_north(tmp_path):
+    whole = example.surveys()
+    tied = whole.tied_on(TieOn(100.0, 0.02, 1.0, 1.0, 2.0, 99.0, "the recorded path"))
+    got, notes = surveys_of(recorded(tmp_path / "bag", [whole, tied]))
+    assert got == without_well(tied)
+    assert "description of the well" in notes[0]
+
+
+def test_a_recording_without_a_path_begins_at_the_wellhead(tmp_path):
+    well = dataclasses.replace(example.WELL, north_reference="true")
+    surveys = example.surveys(well)
+    got, _ = surveys_of(recorded(tmp_path / "bag", [surveys], trajectory=False))
+    assert got == without_well(surveys)
+
+
+def test_a_recorded_sidetrack_is_refused_for_its_tie_on_is_not_recorded(tmp_path):
+    surveys = example.surveys().sidetracked("st1", 400.0)
+    surveys = surveys.add(example.survey(20, 15.0, 80.0), 450.0, 0.4)
+    with pytest.raises(BagError, match="legs main, st1, and no recording says where they are tied on"):
+        surveys_of(recorded(tmp_path / "bag", [surveys]))
+
+
+def test_a_damaged_file_gives_way_to_the_one_before_and_says_so(tmp_path):
+    surveys = example.surveys()
+    (tmp_path / "surveys.json").write_bytes(encoded(surveys)[:-40])
+    with pytest.raises(ValueError, match=r"surveys\.json is not whole"):
+        surveys_of(tmp_path)
+    (tmp_path / "surveys.previous.json").write_bytes(encoded(surveys))
+    got, notes = surveys_of(tmp_path)
+    assert got == surveys
+    assert len(notes) == 2
+    assert "the last change may be missing" in notes[1]
+
+
+def test_two_wells_in_one_folder_must_be_named(tmp_path):
+    for well in ("w1", "w2"):
+        (tmp_path / well / "surveys").mkdir(parents=True)
+        (tmp_path / well / "surveys" / "surveys.json").write_bytes(encoded(SurveyList()))
+    with pytest.raises(ValueError, match="several wells"):
+        surveys_of(tmp_path)
+
+
+def test_a_bag_without_surveys_and_an_empty_folder_are_told_apart(tmp_path):
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(BagError, match="holds no recording"):
+        surveys_of(tmp_path / "empty")
+    plotted_bag.record(tmp_path / "bag", topics=("rig/state",), estimate=False, surveys=False)
+    with pytest.raises(BagError, match="SurveyList"):
+        surveys_of(tmp_path / "bag")
+
+
+def test_the_slide_sheet_lies_beside_the_list_and_a_recording_has_none(tmp_path):
+    folder = tmp_path / "run" / "well_1" / "surveys"
+    with SurveyStore(folder) as store:
+        store.save(example.surveys())
+    assert stretches_of(tmp_path / "run") == ((), ())
+    for stretch in example.stretches():
+        append_stretch(folder / NAME, stretch)
+    for path in (tmp_path / "run", folder, folder / "surveys.json"):
+        assert stretches_of(path) == (example.stretches(), ())
+    bag = recorded(tmp_path / "bag", [example.surveys()])
+    assert stretches_of(bag) == stretches_of(next(bag.glob("*.mcap"))) == ((), ())
+    with (folder / NAME).open("a") as file:
+        file.write("junk\n")
+    assert stretches_of(tmp_path / "run") == (example.stretches(), (f"1 lines of {folder / NAME} cannot be read",))

@@ -1,0 +1,488 @@
+"""
+Gravity while drilling: our methods, the papers' and the peers on the same data in one run, as Markdown.
+
+    nice -n 10 python tests/benchmarks/bench_gravity.py [SEEDS]
+
+Accuracy after 10 s on the eleven benchmark scenarios, as they are and with the errors of calibration taken out, on four
+BROAD trials (if the shared recordings lie beside the repository); honesty of sigma there and on scenarios held out from
+all tuning; speed per sample as a ratio to VQF's C++ in the same run, and the tables of S3, paper beside ours. Peers:
+vqf, imufusion, ahrs from PyPI; those that are not installed are left out by name.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import sys
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from mwd_estimation.gravity import fuzzy_mahony, smoother
+from mwd_estimation.gravity import methods as gravity
+from mwd_estimation.gravity.bounded import filter as gravity_bounded
+from mwd_sensors.simulator import scenario
+from mwd_sensors.simulator.sonde import Sonde
+from project import REFERENCE_DATA, ROOT
+
+Array = NDArray[np.float64]
+Follow = Callable[[NDArray[np.int64], Array, Array], Array]
+Data = tuple[NDArray[np.int64], Array, Array, Array]
+Changes = dict[str, Any]
+
+SCENARIOS = ROOT / "bags" / "scenarios"
+BROAD = REFERENCE_DATA / "broad"
+CASES = (
+    "rot155", "vib50", "drillvib", "stickslip", "whirl", "shocks", "build", "offaxis", "biasdrift", "gyroclip", "surge",
+)  # fmt: skip
+SKIP_NS = 10_000_000_000
+
+
+def held(inclination_deg: float, phase: Changes, vibration: Changes, rate_hz: int = 100, **more: Any) -> Changes:
+    """Another scenario, as changes to one: a schedule of one phase, random vibration (m/s^2 rms) and what is given."""
+    shaken = {name: value for name, value in vibration.items() if name != "rms"}
+    if "rms" in vibration:
+        random = {"band_hz": [8.0, 300.0], "acceleration_mps2": [vibration["rms"]] * 3}
+        shaken["random"] = [random, *shaken.get("random", [])]
+    stations = [[0.0, inclination_deg, 60.0]]
+    return {"well": {"stations": stations}, "schedule": [phase], "vibration": shaken, "rate_hz": rate_hz, **more}
+
+
+def turning(rpm: float, seconds: float = 120.0) -> Changes:
+    """A phase of rotary drilling."""
+    return {"kind": "drill", "seconds": seconds, "rpm": rpm, "rop_m_h": 0.0}
+
+
+def slides(seconds: float = 140.0) -> Changes:
+    """A phase of sliding."""
+    return {"kind": "slide", "seconds": seconds, "rop_m_h": 0.0, "toolface_deg": 40.0}
+
+
+# Other speeds, dips, vibrations, sampling rates and levers than the benchmark's; of all that was tuned, only the rule
+# for heave had the upper ten in view.
+HELD_OUT: dict[str, Changes] = {
+    "40 r/min": held(40.0, turning(40.0), {"rms": 9.0}),
+    "220 r/min, 200 Hz": held(82.0, turning(220.0), {"rms": 18.0}, 200),
+    "hunting, 50 Hz": held(35.0, slides(), {"rms": 14.0, "hunting": {"toolface_deg": 6.0, "band_hz": [0.03, 0.4]}}, 50),
+    "stick-slip .3 Hz, 500 Hz": held(
+        68.0, turning(90.0), {"rms": 7.0, "stick_slip": {"frequency_hz": 0.3, "depth": 0.9}}, 500
+    ),
+    "whirl 8 Hz": held(
+        30.0,
+        turning(150.0),
+        {
+            "rms": 6.0,
+            "whirl": [{"frequency_hz": 8.0, "acceleration_mps2": 20.0, "burst_s": [1.0, 6.0], "pause_s": [1.0, 3.0]}],
+        },
+    ),
+    "heave .2 Hz": held(
+        60.0,
+        turning(80.0),
+        {
+            "rms": 6.0,
+            "random": [{"band_hz": [0.1, 0.6], "acceleration_mps2": [0.5, 0.0, 0.0]}],
+            "tones": [{"frequency_hz": 0.22, "acceleration_mps2": [1.0, 0.0, 0.0]}],
+        },
+    ),
+    "horizontal slide": held(90.0, slides(), {"rms": 4.0}),
+    "near vertical, 1 kHz": held(1.5, turning(120.0), {"rms": 12.0}, 1000),
+    "curve, 40 m/h": held(
+        70.0,
+        {"kind": "drill", "seconds": 150.0, "rpm": 110.0, "rop_m_h": 40.0},
+        {"rms": 10.0},
+        well={"stations": [[0.0, 70.0, 30.0], [20.0, 72.5, 27.0]], "bit_m": 0.0, "sensor_to_bit_m": 0.0},
+    ),
+    "sweep 20 m/s2": held(
+        25.0,
+        {"kind": "still", "seconds": 140.0},
+        {
+            "sweeps": [
+                {
+                    "low_hz": 12.0,
+                    "high_hz": 120.0,
+                    "period_s": 140.0,
+                    "acceleration_mps2": [3.0, 20.0, 2.0],
+                    "rate_deg_s": [1.0, 0.0, 0.0],
+                }
+            ]
+        },
+        200,
+    ),
+    "still": held(50.0, {"kind": "still", "seconds": 120.0}, {}),
+    "sensor 35 mm off axis": held(
+        60.0, turning(140.0), {"rms": 6.0}, ahrs={"grade": "mti3_calibrated", "lever_mm": [0.0, 0.0, 35.0]}
+    ),
+    "point-sampled": held(
+        30.0,
+        turning(100.0),
+        {"rms": 6.0},
+        ahrs={"grade": "mti3_calibrated", "lever_mm": [20.0, 8.0, -6.0], "output": "sampled"},
+    ),
+    "uncalibrated": held(60.0, slides(), {"rms": 10.0}, ahrs={"grade": "mti3"}),
+}
+
+
+_MADE: dict[str, Data] = {}  # several tables ask for the same run; about 1 MB each
+
+
+def drilled(path: Path, changes: Changes, calibrated: bool = False) -> Data:
+    """
+    Stamps, rates, forces and true down of a scenario.
+
+    calibrated takes the true accelerometer matrix and biases and the true misalignment of the gyros out of the samples:
+    what is left is what a filter can do something about (gyro bias and scale, noise, motion).
+    """
+    key = repr((path, changes, calibrated))
+    if key in _MADE:
+        return _MADE[key]
+    imu, truth = [], []
+    sonde = Sonde(scenario.read(path, changes))
+    for block in sonde.blocks(5.0):
+        imu.append(block["imu/data_raw"])
+        truth.append(block["truth"])
+    felt, known = np.concatenate(imu), np.concatenate(truth)
+    known = known[np.searchsorted(known["stamp_ns"], felt["stamp_ns"])]
+    w, f = felt["angular_velocity"], felt["linear_acceleration"]
+    if calibrated:
+        gyro = sonde.ahrs.gyro.matrix
+        w = w @ np.linalg.inv(gyro / np.diag(gyro)[:, None]).T
+        f = (f - known["accel_bias"]) @ np.linalg.inv(sonde.ahrs.accelerometer.matrix).T
+    _MADE[key] = felt["stamp_ns"], w, f, known["gravity"]
+    return _MADE[key]
+
+
+def broad() -> dict[str, tuple[Data, NDArray[np.bool_]]]:
+    """Trials by number: data and which samples are scored."""
+    trials = {}
+    for file in sorted(BROAD.glob("*.npz")):
+        data = np.load(file)
+        w, x, y, z = data["quat"].astype(float).T
+        down = -np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1)
+        stamps = np.round(np.arange(len(down)) * 1e9 / float(data["fs"])).astype(np.int64)
+        scored = data["movement"] & np.isfinite(down[:, 0])
+        trials[file.name[:2]] = ((stamps, data["gyr"].astype(float), data["acc"].astype(float), down), scored)
+    return trials
+
+
+def angle(a: Array, b: Array) -> Array:
+    """Angle between unit vectors, deg."""
+    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
+
+
+def inclination(g: Array) -> Array:
+    """Of unit vectors down, deg."""
+    return np.degrees(np.arctan2(np.hypot(g[:, 1], g[:, 2]), g[:, 0]))
+
+
+def toolface(g: Array) -> Array:
+    """Gravity toolface of unit vectors down, deg."""
+    return np.degrees(np.arctan2(-g[:, 1], -g[:, 2]))
+
+
+def rms(values: Array | Iterable[float]) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(np.asarray(values)))))
+
+
+def ours(name: str, **settings: Any) -> Follow:
+    """A method of ours as a function of stamps, rates and forces."""
+    method = gravity.method(name)
+    params = method.Params(**settings)
+    return lambda t, w, f: method.run(params, method.initial(params), t, w, f).g_t
+
+
+def smoothed(t: NDArray[np.int64], w: Array, f: Array) -> Array:
+    """The smoother."""
+    return smoother.smooth(gravity_bounded.Params(), t, w, f).g_t
+
+
+def down_of(q_wxyz: Array) -> Array:
+    """Down in the sensor's axes of quaternions sensor to east-north-up or any frame with z up."""
+    w, x, y, z = q_wxyz.T
+    return -np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1)
+
+
+def period(t: NDArray[np.int64]) -> float:
+    """Mean sampling period, s."""
+    return float(t[-1] - t[0]) * 1e-9 / (len(t) - 1)
+
+
+def vqf(**settings: float) -> Follow:
+    """VQF (C++), 6-axis."""
+    from vqf import VQF
+
+    return lambda t, w, f: down_of(
+        VQF(period(t), **settings).updateBatch(np.ascontiguousarray(w), np.ascontiguousarray(f))["quat6D"]
+    )
+
+
+def imufusion(t: NDArray[np.int64], w: Array, f: Array) -> Array:
+    """x-io's Fusion (revised Madgwick), 6-axis, its own defaults."""
+    import imufusion as fusion
+
+    filtered = fusion.Ahrs()
+    filtered.set_sample_period(period(t))
+    out = np.empty((len(t), 4))
+    for k in range(len(t)):
+        filtered.update_no_magnetometer(np.degrees(w[k]), f[k] / 9.80665)
+        out[k] = filtered.get_quaternion()
+    return down_of(out)
+
+
+def madgwick(t: NDArray[np.int64], w: Array, f: Array) -> Array:
+    """Madgwick's filter of the `ahrs` package, 6-axis, its own defaults."""
+    from ahrs.common.orientation import acc2q
+    from ahrs.filters import Madgwick
+
+    filtered = Madgwick(frequency=1.0 / period(t))
+    out = np.empty((len(t), 4))
+    out[0] = acc2q(f[0])
+    for k in range(1, len(t)):
+        out[k] = filtered.updateIMU(out[k - 1], gyr=w[k], acc=f[k])
+    return down_of(out)
+
+
+def methods() -> dict[str, Follow]:
+    """Rows of the accuracy tables, those installed."""
+    rows: dict[str, Follow] = {
+        "raw accelerometer": ours("raw"),
+        "S3 (fuzzy Mahony)": ours("s3"),
+        "Mahony, fixed gains": ours("mahony"),
+        "Kalman (Ligorio type)": ours("kalman"),
+    }
+    if importlib.util.find_spec("ahrs"):
+        rows["Madgwick (ahrs)"] = madgwick
+    if importlib.util.find_spec("imufusion"):
+        rows["imufusion"] = imufusion
+    if importlib.util.find_spec("vqf"):
+        rows["VQF default"] = vqf()
+        rows["VQF tauAcc 2, biasSigmaMotion .02"] = vqf(tauAcc=2.0, biasSigmaMotion=0.02)
+    rows["**bounded (default)**"] = ours("bounded")
+    rows["smoother (offline)"] = smoothed
+    return rows
+
+
+def accuracy(title: str, rows: dict[str, Follow], seeds: int, calibrated: bool = False) -> list[str]:
+    """Inclination / gravity direction, deg rms after 10 s, eleven cases."""
+    data = {
+        case: [
+            drilled(SCENARIOS / "bench" / f"{case}.yaml", {"seed": seed}, calibrated) for seed in range(1, seeds + 1)
+        ]
+        for case in CASES
+    }
+    out = [f"| {title} | " + " | ".join(CASES) + " | mean* |", "|---" * (len(CASES) + 2) + "|"]
+    for name, follow in rows.items():
+        cells, directions = [], []
+        for case in CASES:
+            inc, way = [], []
+            for t, w, f, down in data[case]:
+                got, late = follow(t, w, f), t - t[0] > SKIP_NS
+                inc.append(rms((inclination(got) - inclination(down))[late]))
+                way.append(rms(angle(got, down)[late]))
+            cells.append(f"{rms(inc):.3f}/{rms(way):.3f}")
+            directions.append(rms(way))
+        mean = math.exp(float(np.mean(np.log(directions))))
+        out.append(f"| {name} | " + " | ".join(cells) + f" | {mean:.3f} |")
+    out.append("")
+    out.append(f"{seeds} seeds; * geometric mean of the direction.")
+    return out
+
+
+def samples_that_count(u: Array) -> float:
+    """
+    Number of independent samples in the squares of a normalised error u, a series of one run.
+
+    Squares of a Gaussian series correlate as the square of its autocorrelation r: n / (1 + 2 sum r^2). The mean is not
+    taken out: an error that stays all run, as of calibration, is one sample.
+    """
+    u = u[::10]
+    n = len(u)
+    power = np.fft.irfft(np.abs(np.fft.rfft(u, 2 * n)) ** 2)[:n] / n
+    r = power / power[0]
+    return max(1.0, n / float(1.0 + 2.0 * np.sum(r[1:] ** 2)))
+
+
+def honesty(name: str, run: Callable[..., Any], cases: dict[str, tuple[Path, Changes]], seeds: range) -> list[str]:
+    """
+    Squared error over published variance (NEES, 1 expected) of inclination and toolface, case by case.
+
+    The 95 % band is that of a chi-square of as many degrees of freedom as independent samples were seen, all seeds
+    together; a value outside it is marked: > bold, < cautious.
+    """
+    out = [f"| {name} | " + " | ".join(cases) + " | inside |", "|---" * (len(cases) + 2) + "|"]
+    rows: dict[str, list[str]] = {"NEES inclination": [], "NEES toolface": [], "sigma inclination, deg": []}
+    inside = {"NEES inclination": 0, "NEES toolface": 0}
+    for path, changes in cases.values():
+        squares: dict[str, list[tuple[float, float]]] = {row: [] for row in inside}
+        sigma = []
+        for seed in seeds:
+            t, w, f, down = drilled(path, {**changes, "seed": seed})
+            got, late = run(t, w, f), t - t[0] > SKIP_NS
+            errors = np.degrees(got.inclination) - inclination(down), toolface(got.g_t) - toolface(down)
+            published = got.sigma_inclination, got.sigma_toolface
+            for row, error, one in zip(squares, errors, published, strict=True):
+                u = (((error + 180.0) % 360.0 - 180.0) / np.degrees(one))[late]
+                squares[row].append((float(np.mean(u * u)), samples_that_count(u)))
+            sigma.append(rms(np.degrees(got.sigma_inclination[late])))
+        for row, values in squares.items():
+            nees, count = float(np.mean([v[0] for v in values])), sum(v[1] for v in values)
+            low, high = chi2.ppf([0.025, 0.975], count) / count
+            inside[row] += low <= nees <= high
+            mark = ">" if nees > high else "<" if nees < low else ""
+            rows[row].append(f"{mark}{nees:.2f} ({low:.2f}-{high:.2f})")
+        rows["sigma inclination, deg"].append(f"{rms(sigma):.3f}")
+    for row, cells in rows.items():
+        total = f"{inside[row]} of {len(cases)}" if row in inside else ""
+        out.append(f"| {row} | " + " | ".join(cells) + f" | {total} |")
+    out.append("")
+    out.append(f"{len(seeds)} seeds; (95 % band); > bolder, < more cautious than the band.")
+    return out
+
+
+def honest_on_broad() -> list[str]:
+    """Squared error of inclination and toolface over published variance, default method, BROAD."""
+    out = ["| default method on BROAD | NEES inclination | NEES toolface | sigma, deg |", "|---|---|---|---|"]
+    method = gravity.method(gravity.DEFAULT)
+    for trial, ((t, w, f, down), scored) in broad().items():
+        got = method.run(method.Params(), method.initial(method.Params()), t, w, f)
+        errors = np.degrees(got.inclination) - inclination(down), toolface(got.g_t) - toolface(down)
+        cells = []
+        for error, one in zip(errors, (got.sigma_inclination, got.sigma_toolface), strict=True):
+            u = (((error + 180.0) % 360.0 - 180.0) / np.degrees(one))[scored]
+            cells.append(f"{float(np.mean(u * u)):.2f}")
+        out.append(f"| {trial} | {' | '.join(cells)} | {rms(np.degrees(got.sigma_inclination[scored])):.3f} |")
+    return out
+
+
+def real(rows: dict[str, Follow]) -> list[str]:
+    """6-axis inclination error on BROAD, deg rms over the samples in motion."""
+    trials = broad()
+    if not trials:
+        return ["BROAD: the shared recordings are not beside this repository."]
+    out = ["| BROAD, deg | " + " | ".join(trials) + " | mean |", "|---" * (len(trials) + 2) + "|"]
+    for name, follow in rows.items():
+        errors = []
+        for (t, w, f, down), scored in trials.values():
+            errors.append(rms(angle(follow(t, w, f), down)[scored]))
+        out.append(f"| {name} | " + " | ".join(f"{e:.3f}" for e in errors) + f" | {np.mean(errors):.3f} |")
+    return out
+
+
+def speed() -> list[str]:
+    """Batch time per sample, best of five, and its ratio to VQF's C++ in the same run."""
+    t, w, f, _ = drilled(SCENARIOS / "bench" / "rot155.yaml", {})
+    rows = {name: ours(name) for name in ("bounded", "s3", "mahony", "kalman", "raw")}
+    if importlib.util.find_spec("vqf"):
+        rows = {"VQF C++": vqf(), **rows}
+    taken = {}
+    for name, follow in rows.items():
+        follow(t, w, f)
+        best = math.inf
+        for _ in range(5):
+            begin = time.perf_counter()
+            follow(t, w, f)
+            best = min(best, time.perf_counter() - begin)
+        taken[name] = best / len(t) * 1e9
+    unit = taken.get("VQF C++", math.nan)
+    out = ["| batch | ns per sample | ratio to VQF |", "|---|---|---|"]
+    out += [f"| {name} | {ns:.0f} | {ns / unit:.2f} |" for name, ns in taken.items()]
+    return out
+
+
+def paper_tables() -> list[str]:
+    """S3's tables 1 to 3 and its rotation experiment, paper beside ours."""
+    out = ["| S3 table 1, step of k_p at the corners | paper | ours |", "|---|---|---|"]
+    names = {-0.06: "NM", -0.03: "NS", 0.0: "Z", 0.03: "PS", 0.06: "PM"}
+    paper = (("PM", "PS", "NS"), ("Z", "Z", "NS"), ("Z", "NS", "NM"))
+    for i, rpm in enumerate((0.0, 100.0, 200.0)):
+        steps = [fuzzy_mahony.fuzzy_step(a, rpm, fuzzy_mahony.RULES) for a in (0.0, 25.0, 50.0)]
+        got = " ".join(names[round(step, 6) + 0.0] for step in steps)
+        out.append(f"| {rpm:.0f} r/min | {' '.join(paper[i])} | {got} |")
+    t, w, f, down = drilled(SCENARIOS / "s3_rotation.yaml", {})
+    turning = np.abs(w[:, 0]) > 10.0
+    out += ["", "| S3 rotation, inclination error, deg | paper | ours, rms | ours, largest |", "|---|---|---|---|"]
+    for label, name, said in (("raw", "raw", "3.5"), ("S3", "s3", "within 1.0"), ("bounded", "bounded", "")):
+        error = (inclination(ours(name)(t, w, f)) - inclination(down))[turning]
+        out.append(f"| {label} | {said} | {rms(error):.3f} | {np.abs(error).max():.3f} |")
+    # The paper's raw deviation shows how little of the 50 m/s^2 its sensor let through; its gyro had no bias to learn.
+    felt = {"low_hz": 10.0, "high_hz": 150.0, "period_s": 332.0, "acceleration_mps2": [0.13, 0.2, 3.35]}
+    matched: dict[str, Any] = {
+        "ahrs": {"grade": "mti3_calibrated", "changes": {"gyro": {"bias_deg_h": 0.0}}},
+        "vibration": {"sweeps": [{**felt, "rate_deg_s": [0.0, 0.2, 0.0]}]},
+    }
+    t, w, f, _ = drilled(SCENARIOS / "s3_vibration.yaml", {})
+    out += [
+        "",
+        f"| S3 table 2 ({len(t)} samples), mean / std, deg | paper | ours, all of it felt | ours, as much felt |",
+    ]
+    out.append("|---|---|---|---|")
+    for label, name, said in (
+        ("raw", "raw", "0.8269 / 0.6586"), ("S3", "s3", "0.0068 / 0.0379"), ("Kalman", "kalman", "0.0902 / 0.0485"),
+        ("bounded", "bounded", ""),
+    ):  # fmt: skip
+        cells = []
+        for changes in ({}, matched):
+            t, w, f, down = drilled(SCENARIOS / "s3_vibration.yaml", changes)
+            error = (inclination(ours(name)(t, w, f)) - inclination(down))[t - t[0] > SKIP_NS]
+            cells.append(f"{abs(error.mean()):.4f} / {error.std():.4f}")
+        out.append(f"| {label} | {said} | {' | '.join(cells)} |")
+    out += ["", "| S3 table 3, per update called alone, us | paper (MATLAB, PC) | ours |", "|---|---|---|"]
+    for label, name, said in (("S3", "s3", "38.3"), ("Kalman", "kalman", "56.3"), ("bounded", "bounded", "")):
+        out.append(f"| {label} | {said} | {alone(name, t, w, f):.1f} |")
+    return out
+
+
+def alone(name: str, t: NDArray[np.int64], w: Array, f: Array, count: int = 1000) -> float:
+    """Time of one call with one sample, us, mean over `count` calls as S3 did."""
+    method = gravity.method(name)
+    params = method.Params()
+    state = method.initial(params)
+    method.run(params, state, t[:1], w[:1], f[:1])
+    begin = time.perf_counter()
+    for k in range(1, count + 1):
+        method.run(params, state, t[k : k + 1], w[k : k + 1], f[k : k + 1])
+    return (time.perf_counter() - begin) / count * 1e6
+
+
+def main(seeds: int = 3) -> list[str]:
+    """Print all tables; returns their Markdown rows. Honesty takes twice the seeds."""
+    rows = methods()
+    default = gravity.method(gravity.DEFAULT)
+    params = default.Params()
+    bench: dict[str, tuple[Path, Changes]] = {case: (SCENARIOS / "bench" / f"{case}.yaml", {}) for case in CASES}
+    others = {case: (SCENARIOS / "bench" / "rot155.yaml", changes) for case, changes in HELD_OUT.items()}
+    own = {name: rows[name] for name in list(rows)[-2:]}
+    once, again, fresh = range(1, 2 * seeds + 1), range(101, 2 * seeds + 101), range(201, 2 * seeds + 201)
+
+    def follow(t: NDArray[np.int64], w: Array, f: Array) -> Any:
+        return default.run(params, default.initial(params), t, w, f)
+
+    def smooth(t: NDArray[np.int64], w: Array, f: Array) -> Any:
+        return smoother.smooth(params, t, w, f)
+
+    out: list[str] = []
+    for table in (
+        lambda: accuracy("inclination / direction, deg", rows, seeds),
+        lambda: accuracy("calibration errors taken out", own, seeds, calibrated=True),
+        lambda: honesty("default", follow, bench, once),
+        lambda: honesty("default, other seeds", follow, bench, again),
+        lambda: honesty("default, held out", follow, others, fresh),
+        lambda: honesty("smoother", smooth, bench, once),
+        lambda: real(rows),
+        honest_on_broad,
+        speed,
+        paper_tables,
+    ):
+        part = table()
+        print("\n".join(part), end="\n\n", flush=True)
+        out += [*part, ""]
+    return out
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 3)

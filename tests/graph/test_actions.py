@@ -1,0 +1,202 @@
+"""The estimator's actions with a real client on a real middleware: progress, results, refusals, cancelling."""
+
+import json
+import math
+import subprocess
+import sys
+
+import pytest
+
+import running_graph
+from running_graph import until
+
+pytestmark = pytest.mark.ros
+
+SETTINGS = {
+    "gyro__latitude_source": "fixed", "gyro__latitude_deg": 50.0, "gyro__noise_deg_rth": 0.01, "gyro__shortest_s": 10.0,
+    "gyro__bias_deg_h": 0.02, "gyro__g_sensitivity_deg_h_g": 0.0, "gyro__walk_deg_h_rth": 0.0,
+    "survey__automatic": False, "reference__source": "fixed", "reference__total_nt": 48000.0,
+    "reference__dip_deg": 66.0,
+}  # fmt: skip
+
+CLIENT = """
+import json, math, time
+import numpy as np, rclpy
+from rclpy.action import ActionClient
+from sensor_msgs.msg import Imu, MagneticField
+from mwd_msgs.action import NorthSeek, RotarySurvey
+from mwd_msgs.msg import Dynamics, Survey, SurveyList, SurveyRecord
+from mwd_msgs.srv import TakeSurvey
+from mwd_sensors import wire
+from mwd_sensors.core.frames import mat_nt
+from mwd_sensors.nodes import profiles
+
+LATITUDE, RATE = math.radians(50.0), 50
+EARTH = math.radians(15.041) / 3600.0 * np.array([math.cos(LATITUDE), 0.0, -math.sin(LATITUDE)])
+FIELD = 48e-6 * np.array([math.cos(math.radians(66.0)), 0.0, math.sin(math.radians(66.0))])
+rclpy.init(); node = rclpy.create_node("client"); said = {}
+rng = np.random.default_rng(1)
+deep = profiles.deep(profiles.STREAM)
+sinks = {name: node.create_publisher(kind, name, deep)
+         for name, kind in (("imu/data_raw", Imu), ("gyro/data_raw", Imu), ("imu/mag", MagneticField))}
+state = {"k": 0, "roll": 0.5, "rate": 0.0}
+
+def pump(count):
+    for _ in range(count):
+        state["k"] += 1
+        state["roll"] += state["rate"] / RATE
+        mat = mat_nt(math.radians(40.0), math.radians(100.0), state["roll"])
+        stamp = 1_700_000_000 * 10**9 + state["k"] * (10**9 // RATE)
+        imu, mag = wire.IMU.empty(1), wire.MAG.empty(1)
+        imu["stamp_ns"] = mag["stamp_ns"] = stamp
+        imu["linear_acceleration"] = -9.80665 * mat[2] + 1e-4 * rng.normal(size=3)
+        imu["angular_velocity"] = mat.T @ EARTH + [state["rate"], 0.0, 0.0] + 2e-7 * rng.normal(size=3)
+        mag["magnetic_field"] = mat.T @ FIELD + 2e-8 * rng.normal(size=3)
+        sinks["imu/mag"].publish(wire.MAG.encode(mag, "sonde_link")[0].tobytes())
+        sinks["gyro/data_raw"].publish(wire.IMU.encode(imu, "sonde_link")[0].tobytes())
+        sinks["imu/data_raw"].publish(wire.IMU.encode(imu, "sonde_link")[0].tobytes())
+
+def wait(future, feed=True, also=lambda: True, within=40.0):
+    end = time.monotonic() + within
+    while not (future.done() and also()):
+        assert time.monotonic() < end, "too late"
+        if feed: pump(5)
+        rclpy.spin_once(node, timeout_sec=0.01)
+    return future.result()
+
+def ask(client, goal, feed=True, cancel_after=None):
+    told = []
+    handle = wait(client.send_goal_async(goal, lambda m: told.append(m.feedback)), feed)
+    assert handle.accepted
+    if cancel_after is not None:
+        end = time.monotonic() + 20
+        while len(told) < cancel_after and time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
+        wait(handle.cancel_goal_async(), feed)
+    answer = wait(handle.get_result_async(), feed)
+    return answer.status, answer.result, told
+
+heard = []
+node.create_subscription(Dynamics, "dynamics", heard.append, profiles.STATE)
+north, rotary = ActionClient(node, NorthSeek, "north_seek"), ActionClient(node, RotarySurvey, "rotary_survey")
+assert north.wait_for_server(30.0) and rotary.wait_for_server(30.0)
+status, result, _ = ask(north, NorthSeek.Goal(), feed=False)
+said["silent"] = status, result.message
+end = time.monotonic() + 3
+while time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
+status, result, told = ask(north, NorthSeek.Goal(duration=30.0))
+said["north"] = status, result.success, result.azimuth, result.sigma, result.method, result.message
+said["progress"] = [(f.elapsed, f.remaining, f.sigma) for f in told]
+status, result, _ = ask(north, NorthSeek.Goal(duration=30.0, mode="sideways"))
+said["bad"] = status, result.message
+status, result, _ = ask(north, NorthSeek.Goal(duration=600.0), cancel_after=1)
+said["cancelled"] = status, result.message
+first = wait(north.send_goal_async(NorthSeek.Goal(duration=600.0)))
+status, result, _ = ask(north, NorthSeek.Goal(duration=30.0))
+said["second"] = status, result.message
+wait(first.cancel_goal_async())
+said["first"] = wait(first.get_result_async()).status
+status, result, _ = ask(rotary, RotarySurvey.Goal(duration=8.0))
+said["at rest"] = status, result.message
+state["rate"] = 6.0
+end = time.monotonic() + 2
+while time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
+status, result, told = ask(rotary, RotarySurvey.Goal(duration=12.0))
+s = result.survey
+said["rotary"] = status, result.message, s.kind, s.inclination, s.azimuth, s.covariance[8], len(told)
+said["dynamics"] = [(d.rotary_speed, d.samples, d.stick_slip_index) for d in heard][-1]
+
+# Another surface remembers seven surveys; then the recording that is fed begins again.
+table = node.create_publisher(SurveyList, "surveys", profiles.LATCHED)
+table.publish(SurveyList(records=[SurveyRecord(survey=Survey(sequence=n)) for n in (3, 17, 5)]))
+state["rate"] = 0.0
+asked = node.create_client(TakeSurvey, "take_survey")
+assert asked.wait_for_service(20.0)
+end = time.monotonic() + 2
+while time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
+answer = wait(asked.call_async(TakeSurvey.Request(duration=3.0)))
+said["numbered"] = answer.success, answer.sequence, answer.message
+state["k"] = 0
+end = time.monotonic() + 1
+while time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
+answer = wait(asked.call_async(TakeSurvey.Request(duration=3.0)))
+said["again"] = answer.success, answer.sequence, answer.message
+print(json.dumps(said))
+"""
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("actions")
+    with running_graph.graph(folder) as graph:
+        estimator = graph.start("estimator", **SETTINGS)
+        until(lambda: ": active" in graph.log(estimator), 90, "the estimator is active")
+        done = subprocess.run(
+            [sys.executable, "-c", CLIENT],
+            env=graph.environment,
+            capture_output=True,
+            text=True,
+            timeout=150,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr + graph.log(estimator)
+        assert graph.end(estimator)[0] == 0
+        log = graph.log(estimator)
+    return {**json.loads(done.stdout.splitlines()[-1]), "log": log}
+
+
+SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
+
+
+def test_a_north_seek_tells_its_progress_and_finds_north(said):
+    status, success, azimuth, sigma, method, message = said["north"]
+    assert (status, success) == (SUCCEEDED, True), message
+    assert abs(azimuth - math.radians(100.0)) < 4.0 * sigma < math.radians(8.0)
+    assert method == "still"
+    assert "from true north" in message
+    elapsed = [told[0] for told in said["progress"]]
+    assert elapsed == sorted(elapsed)
+    assert len(elapsed) >= 2
+    assert all(told[0] + told[1] == pytest.approx(30.0) for told in said["progress"])
+
+
+def test_what_cannot_be_done_is_ended_with_its_reason(said):
+    assert said["silent"] == [ABORTED, "no north found: no samples arrive from the sonde"]
+    assert said["bad"][0] == ABORTED
+    assert "mode: must be still" in said["bad"][1]
+    assert said["second"] == [ABORTED, "no north found: north is already being sought"]
+    assert said["at rest"][0] == ABORTED
+    assert "take a survey at rest" in said["at rest"][1]
+
+
+def test_a_seek_can_be_cancelled(said):
+    assert said["cancelled"] == [CANCELED, "no north found: cancelled"]
+    assert said["first"] == CANCELED
+
+
+def test_a_rotary_survey_gives_inclination_and_azimuth_and_no_toolface(said):
+    status, message, kind, inclination, azimuth, toolface_variance, _ = said["rotary"]
+    assert status == SUCCEEDED, message
+    assert kind == 1
+    assert math.degrees(inclination) == pytest.approx(40.0, abs=0.1)
+    assert math.degrees(azimuth) == pytest.approx(100.0, abs=0.3)
+    assert toolface_variance == pytest.approx(math.pi**2)
+
+
+def test_dynamics_are_published_while_it_turns(said):
+    speed, samples, index = said["dynamics"]
+    assert speed == pytest.approx(6.0, abs=0.2)
+    assert samples > 100
+    assert 0.0 <= index < 0.1
+
+
+def test_numbers_that_a_list_remembers_are_not_given_again(said):
+    success, sequence, message = said["numbered"]
+    assert success, message
+    assert sequence == 18
+
+
+def test_a_recording_that_begins_again_begins_the_estimate_again_and_the_numbers_go_on(said):
+    success, sequence, message = said["again"]
+    assert success, message
+    assert sequence == 19
+    assert said["log"].count("time went back by more than a second: the estimate began anew") == 1

@@ -1,0 +1,75 @@
+"""A fault injected into the running sonde is named by the running estimator, in its log and in /diagnostics."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import running_graph
+from project import SCENARIOS
+from running_graph import PLACE, until
+
+SCENARIO = SCENARIOS / "bench" / "drillvib.yaml"
+pytestmark = pytest.mark.ros
+
+TALK = """
+import json, time, rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from mwd_msgs.srv import InjectFault
+from project import SCENARIOS
+rclpy.init(); node = rclpy.create_node("talk"); said = {}
+client = node.create_client(InjectFault, "/w1/inject_fault")
+assert client.wait_for_service(30.0)
+def inject(**fields):
+    future = client.call_async(InjectFault.Request(**fields))
+    rclpy.spin_until_future_complete(node, future, timeout_sec=30.0)
+    return future.result()
+heard = []
+node.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
+def told(words, within):
+    end = time.monotonic() + within
+    while time.monotonic() < end:
+        rclpy.spin_once(node, timeout_sec=0.1)
+        for status in [one for array in heard for one in array.status]:
+            if "sensors" in status.name and words in status.message:
+                level = status.level
+                return [level[0] if isinstance(level, bytes) else int(level), status.message]
+        heard.clear()
+    return None
+said["healthy"] = told("healthy", 60.0)
+said["refused"] = inject(component="accel", fault="swapped").message
+said["injected"] = inject(component="accel", fault="swapped", axis="xz").success
+said["named"] = told("x and z exchanged", 30.0)
+said["cleared"] = inject(component="accel", fault="ok").success
+said["well"] = told("healthy", 40.0)
+print(json.dumps(said))
+"""
+
+
+def test_an_injected_fault_is_named_in_diagnostics_and_goes_when_it_is_taken_back(tmp_path):
+    with running_graph.graph(tmp_path) as graph:
+        estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
+        until(lambda: ": active" in graph.log(estimator), 90, "the estimator is active")
+        graph.start("sonde", "w1", scenario=SCENARIO, wait_for_listener_s=60.0, fault_injection=True, rate=2.0)
+        done = subprocess.run(
+            [sys.executable, "-c", TALK],
+            env=graph.environment,
+            capture_output=True,
+            text=True,
+            timeout=150,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        said = json.loads(done.stdout.splitlines()[-1])
+        log = graph.log(estimator)
+        graph.end(estimator)
+    assert said["healthy"][0] == 0
+    assert "two axes" in said["refused"]
+    assert said["injected"]
+    assert said["named"][0] == 2
+    assert "accelerometer" in said["named"][1]
+    assert said["cleared"]
+    assert said["well"][0] == 0
+    assert "x and z exchanged; correct the axes" in log
+    assert "(has ended)" in log

@@ -1,0 +1,343 @@
+"""Three real nodes on a real middleware: surveys, services, parameters, recording, clean ends, the same bits again."""
+
+import csv
+import json
+import math
+import signal
+import socket
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+import running_graph
+from mwd_estimation.core.status import words
+from mwd_sensors.core.frames import wrap_pi
+from running_graph import PLACE, samples_of, until
+
+SCENARIO = Path(__file__).parent / "scenarios" / "short.yaml"
+pytestmark = pytest.mark.ros
+
+
+class Talk:
+    """A node of the test on the graph's domain, in a process of its own because a process has one domain for good."""
+
+    def __init__(self, graph, script):
+        self.done = subprocess.run(
+            [sys.executable, "-c", script],
+            env=graph.environment,
+            capture_output=True,
+            text=True,
+            timeout=180,
+            check=False,
+        )
+        assert self.done.returncode == 0, self.done.stderr
+        self.said = json.loads(self.done.stdout.splitlines()[-1])
+
+
+TALK = """
+import json, math, time, rclpy
+from rclpy.parameter import Parameter
+from rcl_interfaces.srv import SetParametersAtomically, DescribeParameters
+from lifecycle_msgs.srv import GetState
+from mwd_msgs.msg import SurveyList
+from mwd_msgs.srv import JudgeSurvey, SetDepth, SetReferenceField, InjectFault, Export
+from mwd_sensors.nodes import profiles
+rclpy.init(); node = rclpy.create_node("talk"); said = {}
+def call(kind, name, **fields):
+    client = node.create_client(kind, name)
+    assert client.wait_for_service(30.0), name
+    # An answer is lost where the server knows the client's questions before its ears: asked again, then.
+    for _ in range(3):
+        future = client.call_async(kind.Request(**fields))
+        rclpy.spin_until_future_complete(node, future, timeout_sec=20.0)
+        if future.done(): return future.result()
+    raise AssertionError(f"{name} does not answer")
+"""
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory):
+    """A whole run of the short scenario with everything asked of it on the way."""
+    folder = tmp_path_factory.mktemp("graph")
+    with running_graph.graph(folder) as graph:
+        plan = folder / "plan.csv"
+        plan.write_text("md_m,inc_deg,azi_true_deg\n0,30,40\n60,36,47\n300,60,50\n")
+        settings = {"folder": folder / "data", "page__port": 0, "well__sensor_to_bit": 3.0, "record__name": "run"}
+        settings |= {"plan__file": plan, "advisory__toolface_deg": 30.0}
+        surface = graph.start("surface", "w1", **settings)
+        estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
+        for name in (surface, estimator):
+            until(lambda name=name: ": active" in graph.log(name), 90, f"{name} is active")
+        sonde = graph.start("sonde", "w1", scenario=SCENARIO, wait_for_listener_s=60.0, fault_injection=False)
+        facts = {}
+        address = graph.log(surface).split("page: ")[1].split()[0]
+
+        def state():
+            with urllib.request.urlopen(address + "state.json", timeout=5) as answer:  # noqa: S310  (loopback)
+                return json.loads(answer.read())
+
+        def taking():
+            table = state().get("sections", {}).get("survey_progress", {})
+            return table if table.get("active") else None
+
+        def page():
+            now = state()
+            return now if now["sections"]["surveys"]["rows"] else None
+
+        facts["taking"] = until(taking, 60, "a survey under way")
+        until(lambda: "survey 1 in use" in graph.log(surface), 90, "first survey")
+        facts["page"] = until(page, 10, "the survey is on the page")
+        progress = until(lambda: page()["sections"]["survey_progress"]["result"], 10, "what came of the survey")
+        facts["progress"] = progress
+        facts["said"] = Talk(
+            graph,
+            TALK
+            + """
+got = []
+node.create_subscription(SurveyList, "/w1/surveys", got.append, profiles.LATCHED)
+end = time.monotonic() + 10
+while not got and time.monotonic() < end: rclpy.spin_once(node, timeout_sec=0.1)
+said["late joiner sees"] = len(got[0].records)
+def set_all(target, **values):
+    parameters = [Parameter(k.replace("__", "."), value=v).to_parameter_msg() for k, v in values.items()]
+    result = call(SetParametersAtomically, f"/w1/{target}/set_parameters_atomically", parameters=parameters).result
+    return result.successful, result.reason
+said["good set"] = set_all("surface", rules__gap_limit=80.0, well__rig="Rig 7")
+said["bad plan"] = set_all("surface", plan__file="no/such.csv", advisory__toolface_deg=-1.0)
+said["bad set"] = set_all("estimator", survey__settle_s=1.0, survey__duration_s=1000.0)
+said["fixed set"] = set_all("sonde", rate=5.0)
+found = call(DescribeParameters, "/w1/estimator/describe_parameters", names=["survey.duration_s"]).descriptors[0]
+said["description"] = [found.description, found.floating_point_range[0].to_value]
+said["state"] = call(GetState, "/w1/estimator/get_state").current_state.label
+judged = dict(sequence=1, reason="looks odd", measured_depth=-1.0)
+said["nameless"] = call(JudgeSurvey, "/w1/reject_survey", **judged).message
+said["rejected"] = call(JudgeSurvey, "/w1/reject_survey", operator_name="Ann", **judged).success
+said["accepted"] = call(JudgeSurvey, "/w1/accept_survey", operator_name="Bob", **judged).success
+said["nan depth"] = call(SetDepth, "/w1/set_depth", bit_depth=math.nan, operator_name="Ann").message
+said["bad field"] = call(SetReferenceField, "/w1/set_reference_field", total=50000.0, dip=1.0, source="pad").message
+said["fault"] = call(InjectFault, "/w1/inject_fault", component="mag", fault="stuck").message
+said["export"] = call(Export, "/w1/export", format="csv").path
+print(json.dumps(said))
+""",
+        ).said
+        facts["page without plan"] = page()
+        until(lambda: "scenario is over" in graph.log(sonde), 90, "the scenario is over")
+        until(lambda: "survey: survey 2" in graph.log(surface), 30, "second survey")
+        facts["ends"] = {"sonde": graph.end(sonde), "estimator": graph.end(estimator, signal.SIGTERM)}
+        facts["ends"]["surface"] = graph.end(surface)
+        facts["logs"] = graph.log(surface) + graph.log(estimator) + graph.log(sonde)
+        facts["bag"] = folder / "data" / "w1" / "bags" / "run"
+        facts["folder"] = folder
+        yield facts
+
+
+def test_every_node_ends_in_order_and_in_time(played):
+    assert {status for status, _ in played["ends"].values()} == {0}
+    assert max(seconds for _, seconds in played["ends"].values()) < 3.0
+    assert "Traceback" not in played["logs"]
+
+
+def test_a_late_joiner_sees_the_survey_table_and_the_page_shows_it(played):
+    assert played["said"]["late joiner sees"] == 1
+    assert len(played["page"]["sections"]["surveys"]["rows"]) == 1
+    assert played["page"]["sections"]["attitude"]["inclination"]["state"] == "live"
+
+
+def test_the_page_shows_plan_offset_advice_reference_field_and_progress(played):
+    sections = played["page"]["sections"]
+    assert sections["plan"]["name"] == "plan.csv"
+    assert len(sections["plan"]["north"]) > 20
+    assert sections["offset"]["known"]
+    # The simulated hole starts at the wellhead of the plan; the list ties on at the vertical there.
+    assert sections["offset"]["distance"] < 20.0
+    assert sections["offset"]["dogleg_to_target"] > 0.0
+    assert math.degrees(sections["toolface"]["advisory"]["toolface"]) == pytest.approx(30.0)
+    assert math.degrees(sections["well"]["section_azimuth"]) == pytest.approx(49.0, abs=2.0)
+    assert 5.2e-5 < sections["well"]["field_total"] < 5.7e-5
+    assert "WMM" in sections["well"]["field_source"]
+    assert played["progress"] == "survey 1: accept"
+    assert played["taking"]["remaining"] > 0.0
+    assert played["taking"]["state"] in ("letting the string settle", "averaging")
+
+
+def test_a_plan_that_cannot_be_read_is_an_alarm_and_the_page_goes_on_without(played):
+    assert played["said"]["bad plan"][0]
+    sections = played["page without plan"]["sections"]
+    assert sections["plan"]["name"] == ""
+    assert not sections["offset"]["known"]
+    assert sections["toolface"]["advisory"] is None
+    assert any(a["id"] == "plan.file" and "no/such.csv" in a["text"] for a in sections["alarms"]["rows"])
+
+
+def test_a_taken_port_is_an_alarm_and_the_page_comes_once_it_is_free(tmp_path):
+    with running_graph.graph(tmp_path) as graph, socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        common = {"page__port": port, "record__enabled": False}
+        strict = graph.start("surface", "strict", folder=tmp_path / "strict", strict=True, **common)
+        until(lambda: "cannot configure" in graph.log(strict), 60, "a strict node refuses")
+        assert str(port) in graph.log(strict)
+        surface = graph.start("surface", "w1", folder=tmp_path / "data", **common)
+        until(lambda: ": active" in graph.log(surface), 60, "the node is active without its page")
+        assert "no live page" in graph.log(surface)
+        other.close()
+        until(lambda: f"page: http://127.0.0.1:{port}/" in graph.log(surface), 15, "the page")
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/state.json", timeout=5) as answer:
+            alarms = json.loads(answer.read())["sections"]["alarms"]["rows"]
+        assert [a["active"] for a in alarms if a["id"] == "page.port"] in ([], [False])
+        assert graph.end(surface)[0] == 0
+
+
+def test_parameters_are_described_and_changed_all_or_nothing(played):
+    said = played["said"]
+    assert said["good set"][0]
+    assert not said["bad set"][0]
+    assert not said["fixed set"][0]
+    assert said["description"][0].startswith("Averaging time of a survey [s]")
+    assert said["description"][1] == 600.0
+    assert said["state"] == "active"
+
+
+def test_services_say_why_not(played):
+    said = played["said"]
+    assert "operator_name" in said["nameless"]
+    assert said["rejected"]
+    assert said["accepted"]
+    assert "bit_depth" in said["nan depth"]
+    assert "nT would be" in said["bad field"]
+    assert "fault_injection" in said["fault"]
+    assert Path(said["export"]).read_text().count("\n") > 5
+
+
+def test_surveys_agree_with_the_simulated_truth(played):
+    surveys = _messages(played["bag"], "/w1/survey")
+    truth = samples_of(played["bag"], "/w1/truth")
+    assert len(surveys) == 2
+    for survey in surveys:
+        at = survey.header.stamp.sec * 10**9 + survey.header.stamp.nanosec
+        true = truth[np.argmin(np.abs(truth["stamp_ns"] - at))]
+        assert survey.north == 2
+        assert math.degrees(abs(survey.inclination - true["inclination"])) < 0.15
+        assert math.degrees(abs(wrap_pi(survey.azimuth - true["azimuth"]))) < 1.5
+        raw = next(one for one in survey.azimuths if one.method == "raw")
+        assert math.degrees(abs(wrap_pi(raw.azimuth - true["azimuth"]))) > 1.0
+        assert 2.0e-6 < survey.axial_interference < 3.0e-6
+
+
+def _messages(bag, topic):
+    from mwd_surface.bags.bag_reader import Bag
+
+    with Bag(bag) as opened:
+        return [opened.decode(topic, data) for _, name, _, data in opened.messages([topic]) if name == topic]
+
+
+def test_the_recording_opens_in_the_libraries_with_every_message(played):
+    with AnyReader([played["bag"]]) as reader:
+        counts = {}
+        for connection, _, _ in reader.messages():
+            counts[connection.topic] = counts.get(connection.topic, 0) + 1
+        assert counts == {c.topic: c.msgcount for c in reader.connections if c.msgcount}
+    (file,) = played["bag"].glob("*.mcap")
+    with file.open("rb") as stream:
+        read = make_reader(stream, validate_crcs=True)
+        assert sum(1 for _ in read.iter_messages()) == sum(counts.values())
+    assert counts["/w1/imu/data_raw"] >= 3300
+    assert counts["/w1/attitude"] > 3000
+    assert counts["/w1/gravity"] > 3000
+    assert counts["/w1/survey/accepted"] >= 2
+    assert "/diagnostics" in counts
+
+
+def test_processing_the_recording_gives_the_bits_that_were_published_live(played, tmp_path):
+    from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+    from mwd_sensors.core.settings import changed
+    from mwd_surface.bags.bag_reader import Bag
+
+    live = samples_of(played["bag"], "/w1/attitude")
+    pipeline = Pipeline(changed(EstimatorSettings(), PLACE))
+    pushes = {
+        "/w1/imu/mag": pipeline.push_mag,
+        "/w1/gyro/data_raw": pipeline.push_precision,
+        "/w1/imu/temperature": pipeline.push_temperature,
+        "/w1/imu/data_raw": pipeline.push_imu,
+    }
+    again = []
+    with Bag(played["bag"]) as bag:
+        for block in bag.blocks(list(pushes)):
+            for topic, push in pushes.items():
+                if topic in block:
+                    samples = block[topic][1]
+                    # On a busy machine the estimator may be found a moment after the recorder.
+                    output = push(samples[samples["stamp_ns"] >= live["stamp_ns"][0]])
+                    again += [output.attitude] if output is not None else []
+    processed = np.concatenate(again)
+    assert len(live) > 3000
+    assert len(processed) == len(live)
+    assert processed.tobytes() == live.tobytes()
+
+
+def test_replaying_the_recording_gives_the_same_bits_as_processing_it(played, tmp_path):
+    out = tmp_path / "processed"
+    mwd = [sys.executable, "-P", "-m", "mwd_surface.cli"]
+    subprocess.run([*mwd, "process", str(played["bag"]), "-o", str(out), "--set", "reference.source=model",
+                    "--lat", "38.3", "--lon", "109.6"], check=True, capture_output=True)  # fmt: skip
+    with running_graph.graph(tmp_path) as graph:
+        settings = {"folder": tmp_path / "data", "serve_page": False, "record__name": "again"}
+        surface = graph.start("surface", "w1", **settings)
+        estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
+        for name in (surface, estimator):
+            until(lambda name=name: ": active" in graph.log(name), 90, f"{name} is active")
+        topics = ["/w1/imu/data_raw", "/w1/imu/mag", "/w1/gyro/data_raw", "/w1/imu/temperature", "/w1/rig/state"]
+        chosen = [word for topic in topics for word in ("--topic", topic)]
+        done = subprocess.run(
+            [*mwd, "replay", str(played["bag"]), "--rate", "3", "--wait", "30", *chosen],
+            env=graph.environment,
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        until(lambda: "survey 2" in graph.log(estimator), 30, "second survey")
+        assert graph.end(estimator)[0] == 0
+        assert graph.end(surface)[0] == 0
+    replayed = samples_of(tmp_path / "data" / "w1" / "bags" / "again", "/w1/attitude")
+    with (out / "attitude.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(replayed) == len(rows)
+    for sample, row in zip(replayed, rows, strict=True):
+        assert int(row["stamp_ns"]) == sample["stamp_ns"]
+        assert row["status"] == words(int(sample["status"]))
+        for name in ("inclination", "azimuth"):
+            if row[f"{name}_deg"]:
+                assert float(row[f"{name}_deg"]) == pytest.approx(math.degrees(sample[name]), abs=1e-6)
+
+
+def test_two_wells_live_side_by_side_without_hearing_each_other(tmp_path):
+    with running_graph.graph(tmp_path) as graph:
+        surfaces = {}
+        for well, seed in (("a", 1), ("b", 2)):
+            surfaces[well] = graph.start("surface", well, folder=tmp_path, page__port=0, record__name="run")
+            estimator = graph.start("estimator", well, **{k.replace(".", "__"): v for k, v in PLACE.items()})
+            for name in (surfaces[well], estimator):
+                until(lambda name=name: ": active" in graph.log(name), 90, f"{name} is active")
+            graph.start("sonde", well, scenario=SCENARIO, seed=seed, rate=3.0, wait_for_listener_s=60.0)
+        for name in surfaces.values():
+            until(lambda name=name: "survey 1" in graph.log(name), 90, "a survey of each well")
+        pages = {name: graph.log(name).split("page: ")[1].split()[0] for name in surfaces.values()}
+        assert len(set(pages.values())) == 2
+        for name in list(graph.running):
+            assert graph.end(name)[0] == 0
+    values = {}
+    for well, other in (("a", "b"), ("b", "a")):
+        with AnyReader([tmp_path / well / "bags" / "run"]) as reader:
+            topics = {c.topic for c in reader.connections if c.msgcount}
+            assert f"/{well}/attitude" in topics
+            assert not any(topic.startswith(f"/{other}/") for topic in topics)
+        values[well] = samples_of(tmp_path / well / "bags" / "run", f"/{well}/imu/data_raw")["linear_acceleration"][50]
+    assert (values["a"] != values["b"]).any()

@@ -1,0 +1,93 @@
+"""A recording in a loop and sought backward, through the real estimator: each start gives a fresh one's numbers."""
+
+import itertools
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import running_graph
+from mwd_estimation.core.status import Status
+from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_sensors.core.settings import changed
+from mwd_sensors.simulator.scenario import read
+from mwd_surface.runs import simulate
+from running_graph import PLACE, samples_of, until
+
+pytestmark = pytest.mark.ros
+
+SCENARIO = """
+name: loop
+seed: 5
+date: 2026-03-01T06:00:00
+place: {latitude_deg: 38.3, longitude_deg: 109.6}
+well: {stations: [[0.0, 30.0, 40.0], [60.0, 36.0, 47.0]], bit_m: 33.0, sensor_to_bit_m: 3.0}
+schedule: [{kind: still, seconds: 2.0, pumps: false}, {kind: drill, seconds: 6.0, rpm: 120.0, rop_m_h: 2160.0}]
+vibration: {random: [{band_hz: [8.0, 300.0], acceleration_mps2: [6.0, 12.0, 12.0], when: drilling}]}
+interference: {axial_nt: 2500.0}
+"""
+SEEK = """
+import sys, rclpy
+from mwd_msgs.srv import SeekReplay
+rclpy.init(); node = rclpy.create_node("talk")
+client = node.create_client(SeekReplay, "/replay/seek")
+assert client.wait_for_service(30.0)
+for offset in sys.argv[1:]:
+    future = client.call_async(SeekReplay.Request(offset=float(offset)))
+    rclpy.spin_until_future_complete(node, future, timeout_sec=30.0)
+    assert future.result().success, future.result().message
+"""
+TOPICS = ("imu/mag", "gyro/data_raw", "imu/temperature", "imu/data_raw")
+# A stamp behind the last may be a stray one; the estimator waits for a few before it believes that time went back.
+DOUBTED = 3
+
+
+def estimated(bag, from_ns):
+    """Attitude by a fresh estimator over the samples from there on."""
+    pipeline = Pipeline(changed(EstimatorSettings(), PLACE))
+    for topic, push in zip(
+        TOPICS, (pipeline.push_mag, pipeline.push_precision, pipeline.push_temperature, pipeline.push_imu), strict=True
+    ):
+        samples = samples_of(bag, f"/w1/{topic}")
+        output = push(samples[samples["stamp_ns"] >= from_ns])
+    return output.attitude
+
+
+def test_each_round_of_a_loop_and_what_follows_a_seek_equal_a_fresh_start(tmp_path):
+    (tmp_path / "loop.yaml").write_text(SCENARIO)
+    bag = tmp_path / "bag"
+    simulate.record(read(tmp_path / "loop.yaml"), bag, "w1")
+    with running_graph.graph(tmp_path) as graph:
+        surface = graph.start("surface", "w1", folder=tmp_path / "data", serve_page=False, record__name="again")
+        estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
+        for name in (surface, estimator):
+            until(lambda name=name: ": active" in graph.log(name), 90, f"{name} is active")
+        words = ["--sensors", "--loop", "--rate", "2", "--wait", "60"]
+        said = tmp_path / "replay.log"
+        with said.open("w") as log:
+            replay = graph.running["replay"] = subprocess.Popen(
+                [sys.executable, "-P", "-m", "mwd_surface.cli", "replay", str(bag), *words],
+                env=graph.environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+            )  # fmt: skip
+        until(lambda: "round 2 is over" in said.read_text(), 120, "two rounds")
+        # To 7 s, forward or backward as it comes; then backward to 4 s.
+        subprocess.run([sys.executable, "-c", SEEK, "7", "4"], env=graph.environment, check=True, timeout=60)
+        rounds = said.read_text().count("is over")
+        until(lambda: said.read_text().count("is over") > rounds, 60, "the end of that round")
+        assert graph.end("replay")[0] == 0
+        assert replay.returncode == 0
+        for name in (estimator, surface):
+            assert graph.end(name)[0] == 0
+    attitude = samples_of(tmp_path / "data" / "w1" / "bags" / "again", "/w1/attitude")
+    starts = [0, *(np.flatnonzero(np.diff(attitude["stamp_ns"]) < 0) + 1).tolist(), len(attitude)]
+    rounds = [attitude[start:end] for start, end in itertools.pairwise(starts)]
+    first = samples_of(bag, "/w1/imu/data_raw")["stamp_ns"][0]
+    fresh = estimated(bag, first)
+    assert len(rounds) >= 4
+    assert rounds[0].tobytes() == fresh.tobytes()
+    assert rounds[1][DOUBTED:].tobytes() == fresh[DOUBTED:].tobytes()
+    assert (rounds[1]["status"][:DOUBTED] & Status.REJECTED > 0).all()
+    (sought,) = (one for one in rounds if one["stamp_ns"][0] == first + 4_000_000_000)
+    assert len(sought) == 400
+    assert sought[DOUBTED:].tobytes() == estimated(bag, sought["stamp_ns"][0])[DOUBTED:].tobytes()

@@ -1,0 +1,339 @@
+"""
+One accepted survey has the same numbers wherever it is told: every rig interface, every export, the report, the page.
+
+The tolerance is the rounding of each format; units change at the edge only.
+"""
+
+import asyncio
+import csv
+import io
+import math
+import socket
+import struct
+import time
+import xml.etree.ElementTree as ET
+from types import SimpleNamespace
+
+import pytest
+
+from mwd_estimation.core.status import Status
+from mwd_sensors.core import wire
+from mwd_surface.exports.export_csv import definitive_csv, raw_csv
+from mwd_surface.exports.export_las import las
+from mwd_surface.exports.export_witsml import NAMESPACE, witsml
+from mwd_surface.exports.report_content import content
+from mwd_surface.exports.report_html import report_html
+from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.live.well_state import LiveState
+from mwd_surface.rig.modbus.map import COUNT, ModbusForm, float_of
+from mwd_surface.rig.modbus.server import ModbusSettings
+from mwd_surface.rig.opcua.address_space import NAMESPACE as OPCUA_NAMESPACE
+from mwd_surface.rig.opcua.server import OpcuaSettings
+from mwd_surface.rig.port import RigPort, RigSettings
+from mwd_surface.rig.survey import accepted_surveys
+from mwd_surface.rig.values import rig_values
+from mwd_surface.rig.wits.format import Decoder
+from mwd_surface.rig.wits.link import Wits0Settings
+from mwd_surface.rig.wits.records import RecordWriter, Wits0Format
+from mwd_surface.rig.wits.server import Wits0ServerSettings
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey
+from mwd_surface.surveys.well import Well
+
+S = 10**9
+START = 1_778_767_020 * S
+LAST = 4
+# What is compared, in SI and rad.
+NAMES = ("md", "inclination", "azimuth", "tvd", "north", "east", "dogleg", "g_total", "b_total", "dip")
+
+
+def surveys(north):
+    """A build of four stations with numbers that no rounding leaves alone."""
+    well = Well(name="Well 1", north_reference=north, section_azimuth_deg=75.0, sensor_to_bit=12.5, error_model="")
+    whole = SurveyList(well=well)
+    for k in range(1, LAST + 1):
+        azimuth = math.radians(358.123456 + 0.7891 * k) % math.tau
+        survey = Survey(
+            stamp_ns=START + k * 1800 * S + 123_456_789,
+            uuid=f"00000000-0000-4000-8000-{k:012d}",
+            sequence=k,
+            inclination=math.radians(3.456789 * k),
+            azimuth=azimuth,
+            north=int(North.MAGNETIC),
+            specific_force=(-9.7, 0.31, 1.4),
+            magnetic_field=(3.1e-5, -1.2e-5, 3.65e-5),
+            magnetic_field_covariance=(1e-16, 0.0, 0.0, 0.0, 1e-16, 0.0, 0.0, 0.0, 1e-16),
+            covariance=(1e-6, 0.0, 0.0, 0.0, 4e-5, 0.0, 0.0, 0.0, 1e-6),
+            temperature=63.5,
+            azimuth_method="corrected",
+            azimuths=(AzimuthEstimate("raw", 1, azimuth + 0.01, 0.02),),
+            g_total=9.8191234,
+            b_total=5.0312345e-5,
+            dip=math.radians(72.123456),
+            g_reference=9.819,
+            b_reference=5.03e-5,
+            dip_reference=math.radians(72.1),
+            declination=math.radians(1.4321),
+            convergence=math.radians(-0.6543),
+            status=int(Status.CORRECTED),
+        )
+        whole = whole.add(survey, 1000.0 + 29.87654 * k, 0.4)
+    return whole
+
+
+def truth(whole):
+    """The numbers of the last station from the list itself."""
+    path, record = whole.definitive(), whole.find(LAST)
+    k = path.sequence.index(LAST)
+    n, e, d = path.positions[k]
+    s = record.survey
+    numbers = (
+        path.md[k],
+        s.inclination,
+        path.azimuth[k],
+        d,
+        n,
+        e,
+        path.dogleg_severity[k],
+        s.g_total,
+        s.b_total,
+        s.dip,
+    )
+    return dict(zip(NAMES, map(float, numbers), strict=True))
+
+
+@pytest.fixture(scope="module", params=["magnetic", "true", "grid"])
+def told(request):
+    """The survey as told by everything at once: name of the teller to (numbers, half of the last digit) in SI."""
+    pytest.importorskip("pymodbus", reason="pymodbus is not installed: pip install pymodbus")
+    pytest.importorskip("asyncua", reason="asyncua is not installed: pip install asyncua")
+    whole = surveys(request.param)
+    table = survey_table(whole, START + 10_000 * S)
+    live = LiveState()
+    live.on_well(whole.well, 100.0)
+    live.on_records(whole.records, 100.0)
+    live.on_trajectory(whole.definitive(), 100.0)
+    attitude = wire.ATTITUDE.empty(1)
+    attitude["stamp_ns"] = START + 9_999 * S
+    live.on_attitude(attitude, 100.0)
+    snapshot = live.snapshot(100.0)
+    values = rig_values(snapshot, accepted_surveys(whole), attitude, now_ns=START + 10_000 * S)
+    tellers = {
+        "CSV": definitive(definitive_csv(table)),
+        "raw CSV": raw(raw_csv(whole)),
+        "LAS": log(las(table)),
+        "WITSML": trajectory(witsml(table)),
+        "report": paper(content(table)),
+        "page": page(snapshot),
+    }
+    fps = Wits0Settings(form=Wits0Format(units="fps"))
+    for units, talk in (("metric", Wits0Settings()), ("fps", fps)):
+        settings = RigSettings(
+            wits0=talk,
+            wits0_server=Wits0ServerSettings(enabled=True, port=0),
+            modbus=ModbusSettings(enabled=units == "metric", port=0),
+            opcua=OpcuaSettings(enabled=units == "metric", port=0),
+        )
+        port = RigPort(settings, "Well 1")
+        try:
+            assert port.start() == {}
+            port.publish(values)
+            where = {s.name: s.address for s in port.status()}
+            tellers[f"WITS {units}"] = recorder(where["wits0_server"], units)
+            if units == "metric":
+                tellers["Modbus"] = registers(where["modbus"])
+                tellers["OPC UA"] = asyncio.run(variables(where["opcua"]))
+        finally:
+            port.stop()
+    return SimpleNamespace(whole=whole, table=table, truth=truth(whole), tellers=tellers)
+
+
+DEG = math.pi / 180.0
+CSV_UNITS = {
+    "md": ("md_m", 1.0, 3), "inclination": ("inclination_deg", DEG, 4), "azimuth": ("azimuth_deg", DEG, 4),
+    "tvd": ("tvd_m", 1.0, 3), "north": ("north_m", 1.0, 3), "east": ("east_m", 1.0, 3),
+    "dogleg": ("dls_deg_per_30m", DEG / 30.0, 4),
+}  # fmt: skip
+
+
+def digits(text, unit, decimals):
+    """A printed number in SI, and half of its last digit."""
+    assert len(text.partition(".")[2]) == decimals, text
+    return float(text) * unit, 0.5 * 10.0**-decimals * unit
+
+
+def row_of(text, wanted):
+    rows = list(csv.DictReader(io.StringIO("".join(x for x in text.splitlines(True) if not x.startswith("#")))))
+    return next(row for row in rows if row["survey"] == str(wanted))
+
+
+def definitive(text):
+    row = row_of(text, LAST)
+    return {name: digits(row[key], unit, decimals) for name, (key, unit, decimals) in CSV_UNITS.items()}
+
+
+def raw(text):
+    row = row_of(text, LAST)
+    return {
+        "md": digits(row["md_m"], 1.0, 3),
+        "inclination": digits(row["inclination_deg"], DEG, 4),
+        "g_total": digits(row["g_total_mps2"], 1.0, 6),
+        "b_total": digits(row["b_total_nt"], 1e-9, 1),
+        "dip": digits(row["dip_deg"], DEG, 4),
+    }
+
+
+def log(text):
+    lasio = pytest.importorskip("lasio", reason="lasio is not installed: pip install lasio")
+    read = lasio.read(text)
+    k = int(min(range(len(read.index)), key=lambda i: abs(read.index[i] - (1000.0 + 29.87654 * LAST))))
+    curves = {"md": (0, 1.0, 3), "inclination": (1, DEG, 4), "azimuth": (2, DEG, 4), "tvd": (3, 1.0, 3)}
+    return {
+        name: (float(read.curves[number].data[k]) * unit, 0.5 * 10.0**-decimals * unit)
+        for name, (number, unit, decimals) in curves.items()
+    }
+
+
+def trajectory(text):
+    ns = {"w": NAMESPACE}
+    uid = f"00000000-0000-4000-8000-{LAST:012d}"
+    station = ET.fromstring(text.encode()).find(f".//w:trajectoryStation[@uid='{uid}']", ns)  # noqa: S314
+    units = {"m": 1.0, "dega": DEG, "dega/30m": DEG / 30.0, "nT": 1e-9, "m/s2": 1.0}
+    wanted = {
+        "md": "md", "inclination": "incl", "azimuth": "azi", "tvd": "tvd", "north": "dispNs", "east": "dispEw",
+        "dogleg": "dls", "g_total": "valid/w:gravTotalFieldCalc", "b_total": "valid/w:magTotalFieldCalc",
+        "dip": "valid/w:magDipAngleCalc",
+    }  # fmt: skip
+    found = {}
+    for name, path in wanted.items():
+        element = station.find(f"w:{path}", ns)
+        found[name] = digits(element.text, units[element.get("uom")], len(element.text.partition(".")[2]))
+    return found
+
+
+def paper(said):
+    sheet, quality = said.definitive, said.quality
+    row = dict(zip(sheet.titles, next(r for r in sheet.rows if r[0] == str(LAST)), strict=True))
+    test = dict(zip(quality.titles, next(r for r in quality.rows if r[0] == str(LAST)), strict=True))
+    titles = {
+        "md": ("MD", 1.0), "inclination": ("Inc", DEG), "azimuth": ("Azi", DEG), "tvd": ("TVD", 1.0),
+        "north": ("N/S", 1.0), "east": ("E/W", 1.0), "dogleg": ("DLS", DEG / 30.0),
+    }  # fmt: skip
+    found = {name: digits(row[title], unit, 2) for name, (title, unit) in titles.items()}
+    found["g_total"] = digits(test["G total"], 1.0, 4)
+    found["b_total"] = digits(test["B total"], 1e-9, 0)
+    found["dip"] = digits(test["Dip"], DEG, 2)
+    return found
+
+
+def page(snapshot):
+    row = next(r for r in snapshot["sections"]["surveys"]["rows"] if r["sequence"] == LAST)
+    keys = ("measured_depth", "inclination", "azimuth", "vertical_depth", "north", "east", "dogleg_severity",
+            "g_total", "b_total", "dip")  # fmt: skip
+    return {name: (row[key], abs(row[key]) * 1e-9) for name, key in zip(NAMES, keys, strict=True)}
+
+
+def recorder(address, units):
+    host, number = address.rsplit(":", 1)
+    decoder, frames = Decoder(), []
+    with socket.create_connection((host, int(number)), 10.0) as connection:
+        while not any(f.number(713) is not None for f in frames):
+            frames += decoder.feed(connection.recv(4096))
+    frame = next(f for f in frames if f.number(713) is not None)
+    length = 1.0 if units == "metric" else 0.3048
+    dogleg = DEG / 30.0 if units == "metric" else DEG / 30.48
+    items = {
+        "md": (708, length, 2), "tvd": (709, length, 2), "inclination": (713, DEG, 2), "azimuth": (715, DEG, 2),
+        "north": (718, length, 2), "east": (719, length, 2), "dogleg": (720, dogleg, 2),
+        "g_total": (722, 9.80665, 4), "b_total": (723, 1e-9, 1), "dip": (724, DEG, 2),
+    }  # fmt: skip
+    texts = {item.code: item.text for item in frame.items}
+    return {name: digits(texts[code], unit, decimals) for name, (code, unit, decimals) in items.items()}
+
+
+def registers(address):
+    host, number = address.rsplit(":", 1)
+    end = time.monotonic() + 10.0
+    block = ()
+    with socket.create_connection((host, int(number)), 10.0) as connection:
+        while time.monotonic() < end and (not block or block[3] != LAST):
+            connection.sendall(struct.pack(">HHHBBHH", 1, 0, 6, 1, 4, 0, COUNT))
+            answer = b""
+            while len(answer) < 9 + 2 * COUNT:
+                answer += connection.recv(512)
+            block = struct.unpack(f">{COUNT}H", answer[9:])
+    assert block[3] == LAST
+    items = {
+        "inclination": (10, DEG), "azimuth": (12, DEG), "md": (14, 1.0), "g_total": (16, 9.80665),
+        "b_total": (18, 1e-9), "dip": (20, DEG),
+    }  # fmt: skip
+    found = {}
+    for name, (at, unit) in items.items():
+        number = float_of(block[at : at + 2], ModbusForm()) * unit
+        # A float of 32 bits has 24 of significance.
+        found[name] = (number, abs(number) * 2.0**-24)
+    return found
+
+
+async def variables(address):
+    import asyncua
+
+    names = {
+        "md": "SurveyMeasuredDepth", "inclination": "Inclination", "azimuth": "Azimuth",
+        "tvd": "SurveyTrueVerticalDepth", "north": "SurveyNorth", "east": "SurveyEast", "dogleg": "DogLegSeverity",
+        "g_total": "TotalGravity", "b_total": "TotalMagneticField", "dip": "MagneticDip",
+    }  # fmt: skip
+    async with asyncua.Client(address) as client:
+        index = await client.get_namespace_index(OPCUA_NAMESPACE)
+        well = await client.nodes.objects.get_child([f"{index}:Well 1"])
+        number = await well.get_child(f"{index}:SurveySequence")
+        while not (await number.read_data_value(False)).StatusCode.is_good():
+            await asyncio.sleep(0.005)
+        return {name: (await (await well.get_child(f"{index}:{key}")).read_value(), 0.0) for name, key in names.items()}
+
+
+def test_every_teller_tells_the_numbers_of_the_list_within_its_own_rounding(told):
+    assert len(told.tellers) == 10
+    for teller, numbers in told.tellers.items():
+        for name, (value, half) in numbers.items():
+            expected = told.truth[name]
+            assert abs(value - expected) <= half * (1.0 + 1e-6) + 1e-12, (teller, name, value, expected)
+
+
+def test_no_teller_leaves_out_depth_and_direction(told):
+    for teller, numbers in told.tellers.items():
+        assert {"md", "inclination"} <= set(numbers), teller
+    full = ("WITSML", "report", "page", "WITS metric", "WITS fps", "OPC UA")
+    assert all(set(told.tellers[teller]) == set(NAMES) for teller in full)
+
+
+def test_the_html_of_the_report_prints_the_texts_of_its_content(told):
+    html = report_html(told.table)
+    sheet = content(told.table).definitive
+    row = next(r for r in sheet.rows if r[0] == str(LAST))
+    for text in row[:8]:
+        assert text in html
+
+
+def test_the_ros_message_carries_the_numbers_of_the_list(told):
+    between = pytest.importorskip("mwd_surface.surveys.survey_message")
+    msg = pytest.importorskip("mwd_msgs.msg", reason="mwd_msgs is not built")
+    if not hasattr(msg, "SurveyRecord"):
+        pytest.skip("mwd_msgs is not built")
+    message = msg.SurveyRecord()
+    between.fill_record(message, told.whole.find(LAST), msg.AzimuthEstimate)
+    fields = ("measured_depth", None, None, "vertical_depth", "north", "east", "dogleg_severity")
+    for name, field in zip(NAMES, fields, strict=False):
+        if field is not None:
+            assert getattr(message, field) == told.truth[name]
+
+
+def test_units_are_turned_at_the_edge_only():
+    whole = surveys("true")
+    live = LiveState()
+    live.on_records(whole.records, 1.0)
+    table = rig_values(live.snapshot(1.0), accepted_surveys(whole), None, now_ns=START)
+    before = dict(table.values)
+    RecordWriter(Wits0Format(units="fps")).survey(table, table.survey)
+    assert table.values == before
+    assert table.survey.measured_depth == whole.find(LAST).measured_depth
