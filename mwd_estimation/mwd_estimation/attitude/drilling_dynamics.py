@@ -17,9 +17,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mwd_estimation.core.samples import STANDARD_GRAVITY
 from mwd_sensors.core import wire
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 
 Array = NDArray[np.float64]

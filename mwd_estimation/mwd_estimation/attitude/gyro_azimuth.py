@@ -27,8 +27,8 @@ from mwd_estimation.attitude import gyro_azimuth_filter as cf
 from mwd_estimation.core import samples as track
 from mwd_estimation.core.samples import Array, Stamps
 from mwd_estimation.core.status import Status
-from mwd_estimation.gyrocompass.static_ekf import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE
 from mwd_sensors.core.settings import setting
 
 _NONE = np.iinfo(np.int64).min

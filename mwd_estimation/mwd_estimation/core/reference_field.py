@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike
 from mwd_estimation.magnetic import axial_correction
 from mwd_sensors.core.frames import Array, wrap_tau
 
-STANDARD_GRAVITY = 9.80665
 NORTHS = ("magnetic", "true", "grid")
 
 # Standard-resolution model, one station, all its parts added in squares: OWSG A001Mc rev 5.1, terms MFI, MDI, DEC, DBH.

@@ -19,7 +19,6 @@ from mwd_sensors.core.compiled import compiled
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-STANDARD_GRAVITY = 9.80665
 ROTATING_ABOVE = 0.5  # rad/s, low-passed rate about the tool axis (4.8 r/min)
 STILL_RATE = 0.05  # rad/s, held peak of the angular rate
 STILL_NON_GRAVITY = 0.5  # m/s^2, held peak of the non-gravity acceleration

@@ -13,6 +13,7 @@ from mwd_estimation.core import samples as track
 from mwd_estimation.core.samples import Array, Stamps, Track
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 
 _REJECTED, _GAP, _CLIPPED = int(Status.REJECTED), int(Status.GAP), int(Status.CLIPPED)
@@ -25,7 +26,7 @@ G, NON_GRAVITY, POWER, REALS = 0, 3, 4, 5
 class Params:
     """Settings of the raw method."""
 
-    gravity: float = setting(track.STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
+    gravity: float = setting(STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
     gap: float = setting(0.5, "a longer silence is flagged", unit="s", low=0.01, high=60.0)
     memory: float = setting(2.0, "time over which the disturbance is averaged for sigma", unit="s", low=0.01, high=60.0)
     accel_range: float = setting(156.9, "force at which the accelerometer clips", unit="m/s^2", low=10.0, high=4000.0)

@@ -20,6 +20,7 @@ from mwd_estimation.core import samples as track
 from mwd_estimation.core.samples import Array, Stamps, Track
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 
 # S3 table 1 and eq (12): rows rotary speed S, M, L; columns non-gravity acceleration S, M, L; steps of the output.
@@ -54,7 +55,7 @@ class Params:
         low=0.0,
         high=1.0,
     )
-    gravity: float = setting(track.STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
+    gravity: float = setting(STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
     start_time: float = setting(2.0, "mean in gyro axes that makes the first estimate", unit="s", low=0.0, high=60.0)
     gap: float = setting(0.5, "a longer silence starts the estimate anew", unit="s", low=0.01, high=60.0)
     gyro_range: float = setting(34.9, "rate at which the gyro clips", unit="rad/s", low=0.1, high=200.0)

@@ -21,6 +21,7 @@ from mwd_estimation.core.samples import Array, Stamps, Track
 from mwd_estimation.core.status import Status
 from mwd_estimation.gravity.fuzzy_mahony import rotation_vector
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 
 _REJECTED, _GAP, _INITIALISING = int(Status.REJECTED), int(Status.GAP), int(Status.INITIALISING)
@@ -40,7 +41,7 @@ G, ACCELERATION, ANGLE_LAST, PGG, PGA, PAA, AGE, SQUARE, NON_GRAVITY, BIAS, REAL
 class Params:
     """Settings of the linear Kalman extraction."""
 
-    gravity: float = setting(track.STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
+    gravity: float = setting(STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
     gyro_noise: float = setting(0.01, "gyro white noise", unit="rad/s/sqrt(Hz)", low=1e-7, high=1.0)
     rate_noise: float = setting(0.005, "gyro noise per rate", low=0.0, high=0.1)
     accel_noise: float = setting(0.5, "accelerometer noise of a sample", unit="m/s^2", low=1e-4, high=100.0)

@@ -15,6 +15,7 @@ from mwd_estimation.core.samples import Array, Stamps
 from mwd_estimation.gyrocompass import seek as north_seek
 from mwd_estimation.gyrocompass import seek_filter, static_ekf
 from mwd_estimation.gyrocompass.seek import Solution
+from mwd_sensors.core.constants import DEG_PER_ROOT_HOUR, EARTH_RATE
 from mwd_sensors.core.frames import mat_nt
 
 SEEK, S1 = "seek", "s1"
@@ -119,8 +120,8 @@ class S1Seek:
         if last is not None:
             azimuth, sigma = float(last.azimuth[-1]), float(last.sigma_azimuth[-1])
             inclination, toolface = float(last.inclination[-1]), float(last.toolface[-1])
-        horizontal = static_ekf.EARTH_RATE * math.cos(math.radians(params.latitude_deg))
-        noise = params.gyro_noise_deg_rth * static_ekf.DEG_PER_ROOT_HOUR
+        horizontal = EARTH_RATE * math.cos(math.radians(params.latitude_deg))
+        noise = params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR
         limit = min(noise / (horizontal * math.sqrt(max(self.elapsed, 1e-3))), math.pi)
         reason = self._refusal(azimuth, sigma, inclination)
         scribe = mat_nt(inclination, azimuth, toolface)[:, 2]

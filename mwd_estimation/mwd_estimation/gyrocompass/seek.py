@@ -22,7 +22,7 @@ from mwd_estimation.core import samples as track
 from mwd_estimation.core.samples import Array, Stamps
 from mwd_estimation.gyrocompass import azimuth_posterior
 from mwd_estimation.gyrocompass import seek_filter as nf
-from mwd_estimation.gyrocompass.static_ekf import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G
+from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G, STANDARD_GRAVITY
 from mwd_sensors.core.frames import wrap_tau
 from mwd_sensors.core.settings import setting
 
@@ -36,7 +36,7 @@ class Params:
     """Settings of a north seek. Noise and calibration figures are one sigma; y and z belong to the precision unit."""
 
     latitude_deg: float = setting(34.0, "geodetic latitude, north positive", unit="deg", low=-90.0, high=90.0)
-    gravity: float = setting(track.STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
+    gravity: float = setting(STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
     mode: str = setting("auto", "what the tool does while it seeks", choices=MODES)
     shortest: float = setting(30.0, "no answer before", unit="s", low=1.0, high=3600.0)
     worst_sigma_deg: float = setting(20.0, "an azimuth less certain than this is refused", unit="deg", low=0.1, high=90)
@@ -223,14 +223,14 @@ def kernel_settings(params: Params) -> Array:
     k[nf.K_SCALE], k[nf.K_LEAK] = params.scale_x_ppm * 1e-6, params.leak_urad * 1e-6
     # Four elements of one sigma: along, across, stretch and shear are half sums of two.
     element = params.g_sensitivity_deg_h_g * math.sqrt(0.5)
-    k[nf.K_G] = element * DEG_PER_HOUR / track.STANDARD_GRAVITY
+    k[nf.K_G] = element * DEG_PER_HOUR / STANDARD_GRAVITY
     locked = element if params.g_locked_deg_h_g is None else params.g_locked_deg_h_g
-    k[nf.K_LOCKED] = locked * DEG_PER_HOUR / track.STANDARD_GRAVITY
+    k[nf.K_LOCKED] = locked * DEG_PER_HOUR / STANDARD_GRAVITY
     k[nf.K_LAG0], k[nf.K_LAG] = params.lag_ms * 1e-3, params.lag_sigma_ms * 1e-3
     k[nf.K_LEAD0], k[nf.K_LEAD] = params.lead_ms * 1e-3, params.lead_sigma_ms * 1e-3
     k[nf.K_VEL], k[nf.K_AXIS_WALK] = params.sigma_velocity, params.axis_walk_deg_rth * DEG_PER_ROOT_HOUR
     k[nf.K_FLOOR], k[nf.K_RANGE], k[nf.K_STILL] = 1e-6, 0.98 * math.radians(params.gyro_range_dps), 0.05
-    k[nf.K_G0 : nf.K_G0 + 4] = np.array(params.g_calibration_deg_h_g) * DEG_PER_HOUR / track.STANDARD_GRAVITY
+    k[nf.K_G0 : nf.K_G0 + 4] = np.array(params.g_calibration_deg_h_g) * DEG_PER_HOUR / STANDARD_GRAVITY
     if params.expected_azimuth_deg is not None:
         expected = math.radians(params.expected_azimuth_deg)
         k[nf.K_EXPECTED], k[nf.K_EXPECTED + 1] = (
@@ -295,7 +295,7 @@ def solution(params: Params, state: State) -> Solution:
         each = [azimuth_posterior.posterior(parts, float(k[nf.K_HORIZONTAL]), angle) for angle in several]
         if all(one.sigma <= math.radians(params.worst_sigma_deg) for one in each):
             choices = tuple((float(wrap_tau(one.mean + heading)), one.sigma) for one in each)
-    per_g = track.STANDARD_GRAVITY / DEG_PER_HOUR
+    per_g = STANDARD_GRAVITY / DEG_PER_HOUR
     spread = np.sqrt(np.maximum(np.diag(P), 0.0))
     return Solution(
         not reason,
@@ -357,7 +357,7 @@ def calibrated(params: Params, state: State, azimuth: float, sigma: float) -> Pa
     noise = np.eye(2) * (k[nf.K_HORIZONTAL] * max(sigma, 1e-6)) ** 2
     P, at, g = state.P, slice(nf.EARTH, nf.EARTH + 2), slice(nf.GSENS, nf.GSENS + 4)
     gain = P[g, at] @ np.linalg.inv(P[at, at] + noise)
-    per_g = track.STANDARD_GRAVITY / DEG_PER_HOUR
+    per_g = STANDARD_GRAVITY / DEG_PER_HOUR
     values = (state.x[g] + gain @ (wanted - state.x[at])) * per_g
     rest = np.sqrt(np.maximum(np.diag(P[g, g] - gain @ P[at, g]), 0.0)) * per_g
     return dataclasses.replace(

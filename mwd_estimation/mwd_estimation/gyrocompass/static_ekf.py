@@ -20,13 +20,9 @@ from mwd_estimation.core import samples as track
 from mwd_estimation.core.samples import Array, Stamps
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G, STANDARD_GRAVITY
 from mwd_sensors.core.frames import hole_angles, wrap_tau
 from mwd_sensors.core.settings import setting
-
-EARTH_RATE = 7.292115e-5  # rad/s, WGS 84
-DEG_PER_ROOT_HOUR = math.radians(1.0) / 60.0  # rad/sqrt(s)
-DEG_PER_HOUR = math.radians(1.0) / 3600.0  # rad/s
-MICRO_G = 1e-6 * track.STANDARD_GRAVITY  # m/s^2
 
 STATES = 15
 # Order of the error state (S1): what must be added to the estimate to give the truth.
@@ -52,7 +48,7 @@ class Params:
     """Settings of the S1 filter. Noise figures are one sigma and belong to the precision unit."""
 
     latitude_deg: float = setting(34.0, "geodetic latitude, north positive", unit="deg", low=-90.0, high=90.0)
-    gravity: float = setting(track.STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
+    gravity: float = setting(STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
     coarse_seconds: float = setting(20.0, "mean that starts the filter", unit="s", low=0.1, high=600.0)
     gyro_noise_deg_rth: float = setting(0.05, "gyro white noise", unit="deg/sqrt(h)", low=1e-5, high=10.0)
     accel_noise_ug_rthz: float = setting(30.0, "accelerometer white noise", unit="ug/sqrt(Hz)", low=0.01, high=1e4)

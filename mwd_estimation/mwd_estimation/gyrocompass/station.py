@@ -19,7 +19,7 @@ from mwd_estimation.core.time_bins import Bin
 from mwd_estimation.gyrocompass import methods as north_methods
 from mwd_estimation.gyrocompass import seek as north_seek
 from mwd_estimation.gyrocompass.seek import Solution
-from mwd_estimation.gyrocompass.static_ekf import DEG_PER_ROOT_HOUR
+from mwd_sensors.core.constants import DEG_PER_ROOT_HOUR
 from mwd_sensors.core.settings import setting
 
 Array = NDArray[np.float64]

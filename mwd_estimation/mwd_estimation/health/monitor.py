@@ -15,7 +15,6 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mwd_estimation.core.reference_field import STANDARD_GRAVITY
 from mwd_estimation.health import axis_consistency as axes
 from mwd_estimation.health import cross_axes, fault_debounce, fault_messages, motion_checks, signal_checks
 from mwd_estimation.health.fault_debounce import (
@@ -46,6 +45,7 @@ from mwd_estimation.health.fault_messages import Finding
 from mwd_estimation.health.motion_checks import DIP, GRAVITY, TOTAL
 from mwd_estimation.health.signal_checks import BIN_NS, HOLDS, IMU, LONG, SHORT, SPOILT, STEPS
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 
 Array = NDArray[np.float64]
@@ -211,7 +211,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
             raise ValueError(f"{name}: expected shape ({stamps.size}, 3) beside stamps (n,), got {block.shape}")
     unusable, suspect = np.zeros(len(stamps), dtype=np.uint8), np.zeros(len(stamps), dtype=np.uint8)
     limits = 0.9995 * np.array(
-        [math.radians(params.gyro_range_deg_s), params.accel_range_g * 9.80665, params.mag_range_ut * 1e-6]
+        [math.radians(params.gyro_range_deg_s), params.accel_range_g * STANDARD_GRAVITY, params.mag_range_ut * 1e-6]
     )
     limits[limits == 0.0] = math.inf
     lag = round(params.mag_lag_s * 1e9)

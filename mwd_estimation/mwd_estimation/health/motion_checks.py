@@ -40,6 +40,7 @@ from mwd_estimation.health.fault_debounce import (
 )
 from mwd_estimation.health.signal_checks import BROKEN
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -52,7 +53,7 @@ _UNSEEN = 0.6
 # Reference gravity, m/s^2, total, T, and dip, rad; nan unknown.
 GRAVITY, TOTAL, DIP = range(3)
 # Units an accelerometer and a magnetometer may come in, beside SI, in the order their findings are numbered in.
-_STANDARD_G, _MILLI_G, _FEET = 9.80665, 101.97, 3.2808
+_STANDARD_G, _MILLI_G, _FEET = STANDARD_GRAVITY, 101.97, 3.2808
 _FIELD_POWERS = np.array([3.0, 4.0, 6.0, 7.0, 9.0])
 # Of what a vector sensor says: can be judged, rejects the axes as they are, confirms them, some way fits, gyros in
 # deg/s fit.

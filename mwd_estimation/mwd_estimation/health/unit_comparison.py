@@ -19,8 +19,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.core.reference_field import STANDARD_GRAVITY
-from mwd_estimation.gyrocompass.static_ekf import EARTH_RATE
 from mwd_estimation.health import axis_consistency as axes
 from mwd_estimation.health import fault_debounce, fault_messages, signal_checks
 from mwd_estimation.health.fault_debounce import (
@@ -54,6 +52,7 @@ from mwd_estimation.health.fault_debounce import (
 from mwd_estimation.health.fault_messages import CABLE, Finding
 from mwd_estimation.health.signal_checks import BIN_NS, CONST, LAST
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.constants import EARTH_RATE, STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mwd_estimation.core.reference_field import STANDARD_GRAVITY
 from mwd_estimation.magnetic.axial_correction import AxialCorrection
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.frames import Array
 from mwd_sensors.core.settings import setting
 

@@ -17,10 +17,11 @@ import math
 
 import numpy as np
 
-from mwd_estimation.core.reference_field import STANDARD_GRAVITY, Reference
+from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey import multi_station_analysis
 from mwd_estimation.survey.multi_station_analysis import MSA, GyroAzimuths, Multistation, MultistationSettings
 from mwd_estimation.survey.station import MethodAzimuth, Station, StationSettings
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 
 # A station whose gravity is further off was not at rest, m/s^2.

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mwd_estimation.core.error_model import SensorErrors
-from mwd_estimation.core.reference_field import STANDARD_GRAVITY, Reference
+from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.magnetic import axial_correction
 from mwd_estimation.survey.acceptance import Deviations
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.frames import Array
 
 # Gravity at sea level lies within this of standard gravity everywhere, m/s^2.

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mwd_estimation.attitude import drilling_dynamics as dynamics
-from mwd_estimation.core.samples import STANDARD_GRAVITY
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 G0 = STANDARD_GRAVITY
 DOWN = np.array([0.6, 0.0, 0.8])

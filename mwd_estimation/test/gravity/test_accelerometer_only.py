@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from mwd_estimation.core.samples import STANDARD_GRAVITY
 from mwd_estimation.core.status import Status
 from mwd_estimation.gravity import accelerometer_only as raw
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 DOWN = np.array([0.6, 0.0, 0.8])
 STAMPS = np.arange(1000, dtype=np.int64) * 10_000_000

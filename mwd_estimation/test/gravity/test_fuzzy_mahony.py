@@ -6,10 +6,11 @@ import pytest
 from mwd_estimation.core import samples as track
 from mwd_estimation.gravity import fuzzy_mahony
 from mwd_sensors.core import frames
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from project import REFERENCE_DATA
 
 BROAD = REFERENCE_DATA / "broad" / "27_disturbed_phone_vibration_B.npz"
-G0 = track.STANDARD_GRAVITY
+G0 = STANDARD_GRAVITY
 
 
 def stamps_of(n: int, rate: float) -> np.ndarray:

@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mwd_estimation.core.samples import STANDARD_GRAVITY, Track
+from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
 from mwd_estimation.gravity import methods as gravity
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 FIELDS = ("g_t", "sigma_inclination", "sigma_toolface", "non_gravity", "rotary_speed", "status")
 every_method = pytest.mark.parametrize("name", list(gravity.METHODS))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mwd_estimation.core.samples import STANDARD_GRAVITY
 from mwd_estimation.gravity import ligorio_kalman as kalman
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from project import REFERENCE_DATA
 
 BROAD = REFERENCE_DATA / "broad" / "27_disturbed_phone_vibration_B.npz"

@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 import pytest
-from north_signals import EARTH_RATE, G0, felt, motion, still
+from north_signals import G0, felt, motion, still
 from numpy.testing import assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from mwd_estimation.core.status import Status
 from mwd_estimation.gyrocompass import static_ekf
-from mwd_estimation.gyrocompass.static_ekf import ATTITUDE, DEG_PER_HOUR, DEG_PER_ROOT_HOUR, MATRIX, N_GYRO_BIAS, Params
+from mwd_estimation.gyrocompass.static_ekf import ATTITUDE, MATRIX, N_GYRO_BIAS, Params
+from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
 DEG = math.radians(1.0)

@@ -15,10 +15,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_sensors.core.constants import EARTH_RATE
+
 Array = NDArray[np.float64]
 
 # WGS 84 (NIMA TR8350.2): rotation, rad/s; equatorial radius, m; flattening; GM, m^3/s^2; normal gravity, m/s^2.
-EARTH_RATE = 7.292115e-5
 _RADIUS = 6378137.0
 _FLATTENING = 1.0 / 298.257223563
 _GM = 3.986004418e14
@@ -27,7 +28,6 @@ _GRAVITY_POLE = 9.8321849378
 _ECCENTRICITY_2 = _FLATTENING * (2.0 - _FLATTENING)
 _POLAR_RADIUS = _RADIUS * (1.0 - _FLATTENING)
 _NEWTON = 6.6743e-11
-STANDARD_GRAVITY = 9.80665
 
 MODELS = ("wmm2025", "igrf")
 _YEARS = {"wmm2025": (2025.0, 2030.0), "igrf": (1900.0, 2030.0)}

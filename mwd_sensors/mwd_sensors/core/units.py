@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-STANDARD_GRAVITY = 9.80665
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 # Quantity -> unit -> factor to the SI unit, which comes first.
 FACTORS: dict[str, dict[str, float]] = {

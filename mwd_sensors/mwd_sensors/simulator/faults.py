@@ -17,6 +17,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import Samples
 
@@ -39,7 +40,7 @@ AXES = ("all", "x", "y", "z", "xy", "yz", "xz")
 _OF_MESSAGES = ("slow", "delayed", "intermittent", "repeated_stamps")
 # Word -> (field it can befall, what the SI value is multiplied by).
 _UNITS = {
-    "in_g": ("linear_acceleration", 1.0 / 9.80665),
+    "in_g": ("linear_acceleration", 1.0 / STANDARD_GRAVITY),
     "in_deg_s": ("angular_velocity", math.degrees(1.0)),
     "in_ut": ("magnetic_field", 1e6),
     "in_mt": ("magnetic_field", 1e3),
@@ -55,7 +56,7 @@ _GARBAGE = {
 # Ends of the usual ranges: 2000 deg/s, 16 g, 800 uT, 125 degC.
 _LIMIT = {
     "angular_velocity": math.radians(2000.0),
-    "linear_acceleration": 16.0 * 9.80665,
+    "linear_acceleration": 16.0 * STANDARD_GRAVITY,
     "magnetic_field": 8e-4,
     "temperature": 125.0,
 }

@@ -18,11 +18,10 @@ import yaml
 from numpy.typing import NDArray
 
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import SettingsError, from_mapping, setting, unknown_key
 
 Array = NDArray[np.float64]
-
-STANDARD_GRAVITY = 9.80665
 
 
 @dataclasses.dataclass(frozen=True)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 
 Array = NDArray[np.float64]
@@ -26,7 +27,6 @@ CHANNELS = 6
 WHEN = ("always", "rotating", "sliding", "drilling", "pumping")
 # Driven by the rotary speed of the phase, rad/s, and by whirl bursts: internal envelopes.
 ENVELOPES = (*WHEN, "stick_slip", "burst")
-_STANDARD_GRAVITY = 9.80665
 
 _AXES = "along the hole axes x (down-hole), y, z (high side)"
 _ANGLES = "about x (torsion), y, z (tilt)"
@@ -264,7 +264,7 @@ def hits(shocks: tuple[Shocks, ...], active: dict[str, list[tuple[float, float]]
         for start, end in active[item.when]:
             t = start + rng.uniform(0.2, 1.0) / item.rate_hz
             while t < end:
-                peak = rng.uniform(*item.peak_g) * _STANDARD_GRAVITY
+                peak = rng.uniform(*item.peak_g) * STANDARD_GRAVITY
                 width = rng.uniform(*item.width_ms) * 1e-3
                 direction = rng.standard_normal(3)
                 direction[0] *= item.axial_share

@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from mwd_sensors.core import earth
+from mwd_sensors.core.constants import EARTH_RATE
 from project import REFERENCE_DATA
 
 TABLE = REFERENCE_DATA / "authorities" / "WMM2025_TEST_VALUES.txt"
@@ -90,10 +91,10 @@ def test_gravity_falls_in_air_and_grows_below_ground():
 
 
 def test_earth_rate_points_north_and_down_by_the_latitude():
-    assert_allclose(earth.earth_rate_n(0.0), [earth.EARTH_RATE, 0.0, 0.0])
-    assert_allclose(earth.earth_rate_n(math.pi / 2), [0.0, 0.0, -earth.EARTH_RATE], atol=1e-20)
+    assert_allclose(earth.earth_rate_n(0.0), [EARTH_RATE, 0.0, 0.0])
+    assert_allclose(earth.earth_rate_n(math.pi / 2), [0.0, 0.0, -EARTH_RATE], atol=1e-20)
     sidereal_day = 86164.0905
-    assert 2.0 * math.pi / earth.EARTH_RATE == pytest.approx(sidereal_day, abs=0.2)
+    assert 2.0 * math.pi / EARTH_RATE == pytest.approx(sidereal_day, abs=0.2)
 
 
 def test_grid_north_leans_towards_the_central_meridian():

@@ -10,12 +10,13 @@ from __future__ import annotations
 import dataclasses
 import math
 
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.survey_table import SurveyTable, fixed, plain, utc
 from mwd_surface.surveys.slide_sheet import ROTATE, SLIDE, Stretch, yields
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord, Verdict
 
 _DEG = 180.0 / math.pi
-_MILLI_G = 1e3 / 9.80665
+_MILLI_G = 1e3 / STANDARD_GRAVITY
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.surveys.plan import interpolated
 from mwd_surface.surveys.position_covariance import ellipse, in_section
@@ -106,7 +107,7 @@ def _quality(table: SurveyTable) -> Figure:
         ("ΔG, mg", "ΔB, nT", "Δdip, deg"),
         (
             [
-                (r, (r.survey.g_total - r.survey.g_reference) / 9.80665e-3)
+                (r, (r.survey.g_total - r.survey.g_reference) / (1e-3 * STANDARD_GRAVITY))
                 for r in records
                 if r.survey.g_reference > 0.0
             ],

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mwd_sensors.calibration.allan import figures
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.plots.plot_data import AllanOf, Panel, PlotData, SpectrumOf
 from mwd_surface.plots.traces import NORTHS, WHAT
 from mwd_surface.surveys.survey_record import Survey
@@ -295,7 +296,7 @@ def _draw_waterfall(ax: Axes, data: PlotData, item: SpectrumOf) -> None:
 # Allan deviation
 
 _DEG_H = _DEG * 3600.0
-_UG = 1e6 / 9.80665
+_UG = 1e6 / STANDARD_GRAVITY
 
 
 def _draw_allan(ax: Axes, item: AllanOf) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.wire import Samples
 
 Array = NDArray[np.float64]
@@ -188,7 +189,7 @@ _TABLE: dict[str, tuple[Trace, ...]] = {
         Trace("truth", "specific force", "m/s²", _AXES, _vector("specific_force")),
         Trace("truth", "magnetic interference, tool axes", "nT", _AXES, _vector("interference", 1e9)),
         Trace("truth", "gyro bias", "deg/h", _AXES, _vector("gyro_bias", _DEG * 3600.0)),
-        Trace("truth", "accelerometer bias", "mg", _AXES, _vector("accel_bias", 1e3 / 9.80665)),
+        Trace("truth", "accelerometer bias", "mg", _AXES, _vector("accel_bias", 1e3 / STANDARD_GRAVITY)),
     ),
     wire.ATTITUDE.type_name: (
         Trace(

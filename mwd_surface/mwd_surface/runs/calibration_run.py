@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mwd_sensors.calibration import tumble
 from mwd_sensors.calibration.tumble import Calibration
 from mwd_sensors.core import wire
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.core.wire import Samples
 from mwd_sensors.simulator.scenario import Scenario, parse
@@ -207,7 +208,7 @@ def _interpolated(stamps: NDArray[np.int64], at: NDArray[np.int64], values: Arra
 
 def residuals(found: Calibration) -> list[tuple[str, int, float, float, str]]:
     """Rows for people: triad, rests or turns, residual before and after, unit."""
-    ug, nt, mrad = 1e6 / 9.80665, 1e9, 1e3
+    ug, nt, mrad = 1e6 / STANDARD_GRAVITY, 1e9, 1e3
     rows = [
         ("accelerometers", found.accelerometer, ug, "µg of gravity's strength"),
         ("gyros", found.gyro, mrad, "mrad of gravity's direction after a turn"),
@@ -220,7 +221,7 @@ def residuals(found: Calibration) -> list[tuple[str, int, float, float, str]]:
 def errors(found: Calibration) -> list[tuple[str, str, list[str]]]:
     """Rows for people: triad, figure with its unit, and the three axes as value and 1 sigma."""
     rows: list[tuple[str, str, list[str]]] = []
-    dph, ug = math.degrees(1.0) * 3600.0, 1e6 / 9.80665
+    dph, ug = math.degrees(1.0) * 3600.0, 1e6 / STANDARD_GRAVITY
     for name, triad, scale, unit in (
         ("accelerometers", found.accelerometer, ug, "µg"),
         ("gyros", found.gyro, dph, "deg/h"),

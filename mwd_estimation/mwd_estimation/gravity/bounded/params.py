@@ -10,8 +10,8 @@ import dataclasses
 
 import numpy as np
 
-from mwd_estimation.core import samples as track
 from mwd_estimation.core.samples import Array
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 
 (
@@ -28,7 +28,7 @@ from mwd_sensors.core.settings import setting
 class Params:
     """Settings of the bounded filter; none needs to be touched for a new tool, all may be."""
 
-    gravity: float = setting(track.STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
+    gravity: float = setting(STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
     start: float = setting(0.3, "mean in gyro axes that makes the first estimate", unit="s", low=0.02, high=10.0)
     gap: float = setting(
         0.25, "a silence as long, or half that and four times the usual step, is bridged", unit="s", low=0.01, high=10.0

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from mwd_estimation.core.samples import STANDARD_GRAVITY, Track
+from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
 from mwd_estimation.gravity import fuzzy_mahony
 from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_estimation.gravity.bounded import mechanisation as model
 from mwd_sensors.core import frames
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import REFERENCE_DATA, ROOT

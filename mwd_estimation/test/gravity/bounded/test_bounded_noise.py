@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from mwd_estimation.core.samples import STANDARD_GRAVITY
 from mwd_estimation.gravity.bounded import mechanisation as model
 from mwd_estimation.gravity.bounded import motion as follow
 from mwd_estimation.gravity.bounded import noise as white
 from mwd_estimation.gravity.bounded import params as settings
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 K = settings.constants(settings.Params())
 DT, EVERY = 0.01, 4

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from mwd_estimation.core.samples import STANDARD_GRAVITY
 from mwd_estimation.gravity.bounded import mechanisation as model
 from mwd_sensors.core import frames
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 G0 = STANDARD_GRAVITY
 

@@ -11,6 +11,7 @@ import dataclasses
 import math
 import struct
 
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.live.toolface import GRAVITY
@@ -34,7 +35,7 @@ FLOATS: dict[int, tuple[str, float, float]] = {
     10: ("survey_inclination", _DEG, 0.0),
     12: ("survey_azimuth", _DEG, 360.0),
     14: ("survey_depth", 1.0, 0.0),
-    16: ("survey_gravity", 1.0 / 9.80665, 0.0),
+    16: ("survey_gravity", 1.0 / STANDARD_GRAVITY, 0.0),
     18: ("survey_field", 1e9, 0.0),
     20: ("survey_dip", _DEG, 0.0),
     22: ("survey_sigma_inclination", _DEG, 0.0),

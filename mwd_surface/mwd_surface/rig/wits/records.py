@@ -13,6 +13,7 @@ import datetime as dt
 import math
 from collections.abc import Sequence
 
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.exports.survey_table import fixed
@@ -23,7 +24,6 @@ from mwd_surface.rig.wits.format import Frame, checked_text, number_text, plain_
 
 UNITS = ("metric", "fps")
 SPARES = ("totals", "mwdstd-raw6", "none")
-STANDARD_GRAVITY = 9.80665  # m/s^2
 _FOOT = 0.3048
 _DEG = 180.0 / math.pi
 _RPM = 30.0 / math.pi

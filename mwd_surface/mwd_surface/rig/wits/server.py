@@ -9,14 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from mwd_sensors.core.settings import setting
-from mwd_surface.rig.interface import (
-    LISTENING,
-    STOPPED,
-    InterfaceStatus,
-    OnRigState,
-    checked_host,
-    port_error,
-)
+from mwd_surface.rig.interface import LISTENING, STOPPED, InterfaceStatus, OnRigState, checked_host, port_error
 from mwd_surface.rig.wits.link import StreamWriter, Wits0Link, Wits0Settings
 
 _KERNEL_BUFFER = 16384  # bytes; more would hide a peer that does not read behind old packets

@@ -1,0 +1,16 @@
+"""Physical constants of every package, each once, with its source."""
+
+from __future__ import annotations
+
+import math
+
+# Standard acceleration of gravity, m/s^2 (CGPM 1901).
+STANDARD_GRAVITY = 9.80665
+# Rotation rate of the Earth, rad/s (WGS 84, NGA.STND.0036, table 3.1).
+EARTH_RATE = 7.292115e-5
+# One micro-g, m/s^2.
+MICRO_G = 1e-6 * STANDARD_GRAVITY
+# One degree per hour, rad/s: the unit of gyro bias.
+DEG_PER_HOUR = math.radians(1.0) / 3600.0
+# One degree per square root of an hour, rad/s/sqrt(Hz): the unit of gyro white noise.
+DEG_PER_ROOT_HOUR = math.radians(1.0) / 60.0
