@@ -8,7 +8,7 @@ from example_surveys import START, S, surveys
 
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
-from mwd_surface.live.well_state import LiveState
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.rig.survey import accepted_surveys
 from mwd_surface.rig.values import rig_values
 

@@ -14,7 +14,7 @@ import pytest
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import settings, wire
 from mwd_surface.live.alarms import AlarmBook, Severity
-from mwd_surface.live.well_state import LiveState
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.page.page_server import PageServer, PageSettings
 from mwd_surface.surveys.plan import plan_of
 from mwd_surface.surveys.slide_sheet import SlideSheet, yields

@@ -24,7 +24,7 @@ from mwd_surface.exports.export_witsml import NAMESPACE, witsml
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.report_html import report_html
 from mwd_surface.exports.survey_table import survey_table
-from mwd_surface.live.well_state import LiveState
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.rig.modbus.map import COUNT, ModbusForm, float_of
 from mwd_surface.rig.modbus.server import ModbusSettings
 from mwd_surface.rig.opcua.address_space import NAMESPACE as OPCUA_NAMESPACE

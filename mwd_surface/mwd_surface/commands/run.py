@@ -191,7 +191,7 @@ def _play(supervisor: Supervisor, interrupts: _Interrupts, address: str, name: s
     import time
 
     from mwd_surface.commands import terminal
-    from mwd_surface.live.words import live_words
+    from mwd_surface.page.summary_line import summary_line
 
     said = 0.0
     over: float | None = None
@@ -205,7 +205,7 @@ def _play(supervisor: Supervisor, interrupts: _Interrupts, address: str, name: s
                 return
             if now - said > 0.5:
                 said = now
-                show(f"{name}: {live_words(_state(address))}")
+                show(f"{name}: {summary_line(_state(address))}")
             time.sleep(_POLL)
 
 

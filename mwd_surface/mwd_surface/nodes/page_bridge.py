@@ -11,7 +11,7 @@ from mwd_msgs import srv
 
 from mwd_sensors.ros.lifecycle_node import ERROR, OK, Finding, GraphNode, Later
 from mwd_surface.live.alarms import Severity
-from mwd_surface.live.well_state import LiveState
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.page.page_server import Command, PageServer, PageSettings
 from mwd_surface.ros.alarm_log import Journal
 from mwd_surface.ros.worker import Answer

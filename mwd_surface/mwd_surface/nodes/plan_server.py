@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mwd_sensors.core.settings import setting
 from mwd_surface.live.alarms import Severity
-from mwd_surface.live.well_state import LiveState
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.ros.alarm_log import Journal
 from mwd_surface.surveys.plan import Plan, interpolated, offset_from, steering_to
 from mwd_surface.surveys.plan_file import PlanError, read_plan

@@ -19,7 +19,7 @@ from mwd_surface.bags.recorder.recorder import Recorder, RecorderError
 from mwd_surface.bags.recorder.session import Level, State
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.live.alarms import Severity
-from mwd_surface.live.well_state import LiveState
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.ros import messages
 from mwd_surface.ros.alarm_log import Journal
 from mwd_surface.ros.topics import TOPICS

@@ -15,7 +15,7 @@ from mwd_sensors.ros.lifecycle_node import OK, WARN, Finding, GraphNode
 from mwd_surface.exports.export_witsml import witsml
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.live.alarms import Severity
-from mwd_surface.live.well_state import LiveState
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.rig.interface import OnCommand
 from mwd_surface.rig.port import RigPort, RigSettings
 from mwd_surface.rig.status import FILE_NAME, RigStatus, dated, write_status

@@ -14,7 +14,7 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core import settings
 from mwd_sensors.core.wire import Samples
 from mwd_surface.live.alarms import Severity
-from mwd_surface.live.well_state import LiveState
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.ros.alarm_log import Journal
 from mwd_surface.surveys.slide_file import NAME, append_stretch, read_stretches
 from mwd_surface.surveys.slide_sheet import SlideRules, SlideSheet, Stretch, yields

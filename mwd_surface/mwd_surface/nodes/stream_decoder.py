@@ -12,7 +12,7 @@ from mwd_sensors.core import wire
 from mwd_sensors.ros.lifecycle_node import WARN, Finding, GraphNode
 from mwd_sensors.ros.qos import WATCHED_STATE
 from mwd_sensors.ros.time_stamps import stamp
-from mwd_surface.live.well_state import LiveState
+from mwd_surface.live.live_state import LiveState
 
 Act = Callable[[wire.Samples, float], None]
 

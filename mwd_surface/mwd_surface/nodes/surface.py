@@ -26,8 +26,8 @@ from mwd_surface import __version__
 from mwd_surface.bags.recorder.recorder import RecorderError
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.live.alarms import Severity
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.settings import LiveSettings
-from mwd_surface.live.well_state import LiveState
 from mwd_surface.nodes.diagnostics_monitor import HealthDesk
 from mwd_surface.nodes.foxglove_bridge import FoxgloveDoor
 from mwd_surface.nodes.page_bridge import PageDoor, Services, called

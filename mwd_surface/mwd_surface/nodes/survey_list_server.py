@@ -20,7 +20,7 @@ from mwd_sensors.ros.qos import EVENT, LATCHED
 from mwd_surface.exports.export import FORMATS, ExportError, export
 from mwd_surface.exports.survey_table import SurveyTable, survey_table, table_of
 from mwd_surface.live.alarms import Severity
-from mwd_surface.live.well_state import LiveState
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.nodes.plan_server import PlanDesk
 from mwd_surface.ros import messages
 from mwd_surface.ros.alarm_log import Journal

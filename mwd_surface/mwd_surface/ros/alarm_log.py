@@ -11,7 +11,7 @@ from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.qos import LATCHED
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.live.alarms import AlarmBook, Severity
-from mwd_surface.live.well_state import LiveState
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.ros import messages
 
 

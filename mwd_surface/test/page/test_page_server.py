@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors.core import wire
-from mwd_surface.live.well_state import LiveState
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.page.page_server import COMMANDS, PageServer, PageSettings, checked_arguments
 
 TOKEN = "drill-baby-drill"  # noqa: S105

@@ -8,8 +8,8 @@ from example_rig import NOW, NOW_NS, VALID, attitude, live, rig_state, values
 from example_surveys import START, S, survey, surveys
 
 from mwd_estimation.core.status import Status
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.toolface import GRAVITY, MAGNETIC
-from mwd_surface.live.well_state import LiveState
 from mwd_surface.rig.survey import accepted_surveys
 from mwd_surface.rig.values import (
     LIVE_QUANTITIES,

@@ -1,4 +1,4 @@
-"""The driller's page in one line of a terminal: angles, toolface, depth, surveys, recorder; silence is a dash."""
+"""One line of text for a terminal from the state of the live page: angles, toolface, depth, surveys, recorder."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 _RECORDER = {"recording": "rec"}
 
 
-def live_words(sections: Mapping[str, Any]) -> str:
+def summary_line(sections: Mapping[str, Any]) -> str:
     """
-    One line of what `LiveState.snapshot` holds.
+    Return one line of text for a snapshot of the page.
 
-    sections : its sections by name; missing ones read as silence. Values that are stale are marked with their age.
+    sections : its sections by name; a missing section reads "-". Stale values carry their age.
     """
     attitude, rig = sections.get("attitude", {}), sections.get("rig", {})
     toolface = sections.get("toolface", {})

@@ -1,8 +1,8 @@
-"""The page in one line; silence is a dash, age is said."""
+"""The state of the page in one line: a missing value is a dash, an old one carries its age."""
 
 import math
 
-from mwd_surface.live.words import live_words
+from mwd_surface.page.summary_line import summary_line
 
 
 def value(number, state="live", age=0.0):
@@ -17,11 +17,11 @@ def test_a_live_page_is_one_line():
         "surveys": {"rows": [{}, {}]},
         "recorder": {"state": "recording", "messages": 120},
     }
-    assert live_words(sections) == "incl 35.1  azi 50.0 grid  gtf 12  bit 74.8 m  2 surveys  rec 120"
+    assert summary_line(sections) == "incl 35.1  azi 50.0 grid  gtf 12  bit 74.8 m  2 surveys  rec 120"
 
 
-def test_silence_is_a_dash():
-    assert live_words({}) == "incl -  azi -  gtf -  bit - m  0 surveys  no recorder 0"
+def test_a_missing_value_is_a_dash():
+    assert summary_line({}) == "incl -  azi -  gtf -  bit - m  0 surveys  no recorder 0"
 
 
 def test_an_old_value_says_how_old_it_is():
@@ -31,7 +31,7 @@ def test_an_old_value_says_how_old_it_is():
         "surveys": {"rows": [{}]},
         "recorder": {"state": "paused: disk full", "messages": 3},
     }
-    words = live_words(sections)
+    words = summary_line(sections)
     assert "incl 57.3 (7 s old)" in words
     assert "mtf 29" in words
     assert "1 survey  paused: disk full 3" in words

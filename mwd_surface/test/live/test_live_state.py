@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from mwd_sensors.core import settings, wire
 from mwd_surface.live.alarms import AlarmBook, Severity
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.settings import LiveSettings
-from mwd_surface.live.well_state import LiveState
 from mwd_surface.surveys.plan import Offset, plan_of
 from mwd_surface.surveys.well import Well
 
