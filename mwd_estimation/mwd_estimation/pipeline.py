@@ -49,6 +49,7 @@ from mwd_estimation.survey.run_history import StationRun
 from mwd_estimation.survey.static_survey import BIN_NS, BinSet, Refusal, StillAverage, StillSurvey
 from mwd_estimation.survey.survey import GYRO, Survey
 from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
 
 # Who runs the estimator finds here all that goes with it.
@@ -63,9 +64,6 @@ __all__ = [
     "reference_of",
 ]
 
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
-Samples = wire.Samples
 
 _STRONGEST = 0.01  # T; a hundred times what a magnetised string adds
 _FINE_NOISE = 0.05  # deg/sqrt(h), of a precision unit whose noise nobody has said

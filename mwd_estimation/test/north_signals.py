@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import mat_nt
 
-Array = NDArray[np.float64]
 EARTH_RATE = 7.292115e-5
 G0 = 9.80665
 DEG_RTH = math.radians(1.0) / 60.0

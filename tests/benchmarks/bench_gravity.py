@@ -26,11 +26,11 @@ from scipy.stats import chi2
 from mwd_estimation.gravity import fuzzy_mahony, smoother
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.gravity.bounded import filter as gravity_bounded
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import REFERENCE_DATA, ROOT
 
-Array = NDArray[np.float64]
 Follow = Callable[[NDArray[np.int64], Array, Array], Array]
 Data = tuple[NDArray[np.int64], Array, Array, Array]
 Changes = dict[str, Any]

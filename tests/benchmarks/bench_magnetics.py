@@ -15,7 +15,6 @@ import sys
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from test_multi_station_analysis import QUIET, drawn_run
 
 from mwd_estimation.core.error_model import BENCH, SensorErrors
@@ -27,9 +26,9 @@ from mwd_estimation.survey.run_history import Params as RunParams
 from mwd_estimation.survey.run_history import StationRun
 from mwd_estimation.survey.station import Station, StationSettings, station
 from mwd_estimation.survey.survey import fused, gyro_for_run
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
-Array = NDArray[np.float64]
 DEG = math.radians(1.0)
 REFERENCE = Reference(50e-6, 72 * DEG, 3 * DEG, 1 * DEG, 9.81, "drawn")
 # Limit of a gyro of .05 deg/sqrt(h) after two minutes at 34 deg (DESIGN section 3).

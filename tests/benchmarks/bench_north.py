@@ -27,12 +27,12 @@ from mwd_estimation.gyrocompass import static_ekf
 from mwd_estimation.gyrocompass.station import GyroSettings
 from mwd_estimation.pipeline import Pipeline
 from mwd_estimation.settings import EstimatorSettings, ReferenceSettings
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import SCENARIOS
 
-Array = NDArray[np.float64]
 NOISES, LATITUDES, TIMES = (0.003, 0.01, 0.05, 0.15), (0.0, 34.0, 44.0, 60.0), (60.0, 120.0, 300.0)
 INCLINATION, AZIMUTH = math.radians(60.0), math.radians(40.0)
 LEVELLING, RATE = 3.2, 50.0

@@ -13,15 +13,13 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from mwd_estimation.pipeline import Pipeline
 from mwd_estimation.settings import EstimatorSettings, ReferenceSettings, reference_of
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
-
-Array = NDArray[np.float64]
 
 # Cases: stations of the hole (m, deg, deg), depth of the bit, phases, and what else is special.
 VIBRATION = {

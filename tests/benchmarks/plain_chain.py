@@ -22,6 +22,7 @@ from sensor_msgs.msg import Imu, MagneticField, Temperature
 from mwd_estimation.nodes.estimator import oriented_imu, warm_up
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import changed
 from mwd_sensors.ros import qos
 from mwd_sensors.simulator.scenario import read
@@ -56,7 +57,7 @@ def typed(layout: wire.Layout, kind: Any, sample: Any) -> Any:
     return message
 
 
-def sample_of(layout: wire.Layout, message: Any) -> wire.Samples:
+def sample_of(layout: wire.Layout, message: Any) -> Samples:
     """One sample with the message's fields."""
     sample = layout.empty(1)
     sample["stamp_ns"] = message.header.stamp.sec * wire.NANOSECONDS + message.header.stamp.nanosec

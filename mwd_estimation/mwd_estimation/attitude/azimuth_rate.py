@@ -10,7 +10,7 @@ that a filter needs to carry an azimuth and its covariance through it, and to fi
 
 from __future__ import annotations
 
-from mwd_estimation.core.samples import Array, Stamps
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 
 # Sums of a bin: its index; turn of the axis as the gyros say; integrals of d_y / across^2, d_z / across^2, time,

@@ -21,13 +21,12 @@ from mwd_estimation.attitude.gyro_azimuth import Precision, Steps
 from mwd_estimation.attitude.time_alignment import FieldModel, Pairs
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.core.samples import Array, Stamps, Track
+from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
 from mwd_estimation.magnetic import interference_filter
 from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
-
-Samples = wire.Samples
 
 _REJECTED, _NEAR_VERTICAL = int(Status.REJECTED), int(Status.NEAR_VERTICAL)
 _DISTURBED, _CORRECTED, _UNCORRECTED = int(Status.MAG_DISTURBED), int(Status.CORRECTED), int(Status.UNCORRECTED)

@@ -18,12 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
-
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
 
 _NONE = np.iinfo(np.int64).min
 # Integer state: open period and its samples, open slot, last stamp, last stamp beyond the threshold and whether the
@@ -95,7 +93,7 @@ def run(
     accel_t: ArrayLike,
     g_t: ArrayLike,
     status: ArrayLike,
-) -> wire.Samples:
+) -> Samples:
     """
     Take in a block of samples.
 
@@ -179,7 +177,7 @@ def _begin_period(counters: Stamps, sums: Array, speeds: Array, period: int) -> 
 
 @compiled
 def _summarise(
-    counters: Stamps, rows: Array, row_speeds: Array, period_ns: int, least_speed: float, row: wire.Samples
+    counters: Stamps, rows: Array, row_speeds: Array, period_ns: int, least_speed: float, row: Samples
 ) -> None:
     """Put the rows of the window that ends with the period now over into one output sample."""
     newest, periods = counters[_PERIOD], len(rows)
@@ -231,7 +229,7 @@ def _summarise(
 @compiled
 def _run(
     limits: Array, period_ns: int, counters: Stamps, sums: Array, speeds: Array, rows: Array, row_speeds: Array,
-    stamps: Stamps, gyro: Array, accel: Array, g: Array, status: NDArray[np.uint32], out: wire.Samples,
+    stamps: Stamps, gyro: Array, accel: Array, g: Array, status: NDArray[np.uint32], out: Samples,
 ) -> int:  # fmt: skip
     gravity, threshold2, separation, least_speed = limits[0], limits[1], limits[2], limits[3]
     slot_ns = period_ns // len(speeds)

@@ -25,8 +25,8 @@ from numpy.typing import ArrayLike, NDArray
 from mwd_estimation.attitude import azimuth_rate as ax
 from mwd_estimation.attitude import gyro_azimuth_filter as cf
 from mwd_estimation.core import samples as track
-from mwd_estimation.core.samples import Array, Stamps
 from mwd_estimation.core.status import Status
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE
 from mwd_sensors.core.settings import setting

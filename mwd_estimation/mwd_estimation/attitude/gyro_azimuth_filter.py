@@ -30,8 +30,8 @@ from mwd_estimation.attitude.azimuth_rate import (
     S_Y,
     S_Z,
 )
-from mwd_estimation.core.samples import Array
 from mwd_estimation.core.status import Status
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
 # States: azimuth, rad; slow and constant magnetic error, each in units of its own sigma; the last station's azimuth

@@ -16,8 +16,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.core.samples import Array, Stamps, Track, turn
+from mwd_estimation.core.samples import Track, turn
 from mwd_estimation.core.status import Status
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 
 _REJECTED, _GAP = int(Status.REJECTED), int(Status.GAP)

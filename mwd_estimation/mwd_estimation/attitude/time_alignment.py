@@ -17,11 +17,9 @@ from numpy.typing import NDArray
 
 from mwd_estimation.core.status import Status
 from mwd_estimation.magnetic.axial_correction import raw_azimuth_sample
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.settings import setting
-
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
 
 _RING = 1024  # samples of gravity kept for pairing: 0.2 s at 5 kHz
 _NO_MAG, _NEAR_VERTICAL = int(Status.NO_MAG), int(Status.NEAR_VERTICAL)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mwd_sensors.core.frames import Array
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
 
 

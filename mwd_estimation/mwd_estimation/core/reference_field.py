@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mwd_estimation.magnetic import axial_correction
-from mwd_sensors.core.frames import Array, wrap_tau
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.frames import wrap_tau
 
 NORTHS = ("magnetic", "true", "grid")
 

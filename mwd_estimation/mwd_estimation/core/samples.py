@@ -14,10 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation.core.status import Status
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
-
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
 
 ROTATING_ABOVE = 0.5  # rad/s, low-passed rate about the tool axis (4.8 r/min)
 STILL_RATE = 0.05  # rad/s, held peak of the angular rate

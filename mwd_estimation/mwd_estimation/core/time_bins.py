@@ -11,12 +11,9 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
-
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
 
 _NONE = np.iinfo(np.int64).min
 _ROOM = 64  # bins that one call of the kernel can close

@@ -10,11 +10,8 @@ time is dropped.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mwd_sensors.core.wire import Samples
-
-Stamps = NDArray[np.int64]
+from mwd_sensors.core.arrays import Samples
 
 BACK_NS = 1_000_000_000
 # Samples in a row that make a new time believed.

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation.core import samples as track
-from mwd_estimation.core.samples import Array, Stamps, Track
+from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting

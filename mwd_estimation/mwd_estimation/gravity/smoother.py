@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mwd_estimation.core import samples as track
-from mwd_estimation.core.samples import Array, Stamps, Track
+from mwd_estimation.core.samples import Track
 from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_estimation.gravity.bounded import mechanisation as model
 from mwd_estimation.gravity.bounded.filter import Log, Params
 from mwd_estimation.gravity.bounded.mechanisation import BIAS, DOWN, POS, SCALE, STEADY, TILT, VEL
 from mwd_estimation.gravity.bounded.motion import sigmas
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 
 SCALE_SPAN = 20.0  # s, over which the innovations say how far the covariance is to be believed

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mwd_estimation.core.samples import Array
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 
 

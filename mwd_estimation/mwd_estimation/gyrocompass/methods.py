@@ -11,10 +11,10 @@ from typing import Protocol
 
 import numpy as np
 
-from mwd_estimation.core.samples import Array, Stamps
 from mwd_estimation.gyrocompass import seek as north_seek
 from mwd_estimation.gyrocompass import seek_filter, static_ekf
 from mwd_estimation.gyrocompass.seek import Solution
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.constants import DEG_PER_ROOT_HOUR, EARTH_RATE
 from mwd_sensors.core.frames import mat_nt
 

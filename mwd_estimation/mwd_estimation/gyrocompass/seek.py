@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mwd_estimation.core import samples as track
-from mwd_estimation.core.samples import Array, Stamps
 from mwd_estimation.gyrocompass import azimuth_posterior
 from mwd_estimation.gyrocompass import seek_filter as nf
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G, STANDARD_GRAVITY
 from mwd_sensors.core.frames import wrap_tau
 from mwd_sensors.core.settings import setting

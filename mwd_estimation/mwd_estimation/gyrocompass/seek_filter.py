@@ -13,8 +13,8 @@ import math
 import numpy as np
 
 from mwd_estimation.core import samples as track
-from mwd_estimation.core.samples import Array, Stamps
 from mwd_estimation.gyrocompass.static_ekf import carry_covariance, rotate_by
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 
 # Order of the error state (truth minus estimate) and, from VEL on, of the linear part of the nominal state.

@@ -12,10 +12,10 @@ import math
 
 import numpy as np
 
-from mwd_estimation.core.samples import Array, Stamps
 from mwd_estimation.gyrocompass import seek as north_seek
 from mwd_estimation.gyrocompass.seek import Solution
 from mwd_estimation.gyrocompass.station import GyroSettings, params_of, white_noise
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.settings import setting
 
 # Bins that tell the unit's noise, and the rate below which a tool rests, rad/s.

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation.core import samples as track
-from mwd_estimation.core.samples import Array, Stamps
 from mwd_estimation.core.status import Status
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G, STANDARD_GRAVITY
 from mwd_sensors.core.frames import hole_angles, wrap_tau

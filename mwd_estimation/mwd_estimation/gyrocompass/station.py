@@ -13,17 +13,14 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mwd_estimation.core.time_bins import Bin
 from mwd_estimation.gyrocompass import methods as north_methods
 from mwd_estimation.gyrocompass import seek as north_seek
 from mwd_estimation.gyrocompass.seek import Solution
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.constants import DEG_PER_ROOT_HOUR
 from mwd_sensors.core.settings import setting
-
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
 
 _ACCEL_X = 3
 # White noise where neither the settings nor the tool tell, deg/sqrt(h), and the least that is believed.

@@ -20,9 +20,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 DEG = math.radians(1.0)

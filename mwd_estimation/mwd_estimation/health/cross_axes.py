@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.health import axis_consistency as axes
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 # The mistakes: elements of A by rows, and their mappings of `axis_consistency` with what they weigh there.

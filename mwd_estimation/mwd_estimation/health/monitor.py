@@ -44,11 +44,11 @@ from mwd_estimation.health.fault_debounce import (
 from mwd_estimation.health.fault_messages import Finding
 from mwd_estimation.health.motion_checks import DIP, GRAVITY, TOTAL
 from mwd_estimation.health.signal_checks import BIN_NS, HOLDS, IMU, LONG, SHORT, SPOILT, STEPS
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 _WINDOW = axes.PARTS  # bins

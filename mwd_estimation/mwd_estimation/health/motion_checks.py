@@ -39,10 +39,10 @@ from mwd_estimation.health.fault_debounce import (
     note,
 )
 from mwd_estimation.health.signal_checks import BROKEN
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 # Samples below which a window says nothing; time below which a dip counts only of a tool that is this quiet: variance

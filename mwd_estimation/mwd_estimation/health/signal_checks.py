@@ -30,9 +30,9 @@ from mwd_estimation.health.fault_debounce import (
     STUCK,
     note,
 )
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 BIN_NS = 500_000_000

@@ -51,11 +51,9 @@ from mwd_estimation.health.fault_debounce import (
 )
 from mwd_estimation.health.fault_messages import CABLE, Finding
 from mwd_estimation.health.signal_checks import BIN_NS, CONST, LAST
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import EARTH_RATE, STANDARD_GRAVITY
-
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
 
 # Bit of a finding: the precision unit cannot be used.
 PRECISION = 8

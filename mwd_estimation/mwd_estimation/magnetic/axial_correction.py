@@ -23,8 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
-from mwd_sensors.core.frames import Array, wrap_pi, wrap_tau
+from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 _GRID = 360
 # A grid of one degree describes a posterior wider than this; below, the curvature at the peak does.

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
-from mwd_sensors.core.frames import Array
 from mwd_sensors.core.settings import setting
 
 SIZE = 8

@@ -26,6 +26,7 @@ from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
 from mwd_estimation.survey.static_survey import Refusal
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import burst, frames, wire
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.lifecycle_node import ERROR, OK, WARN, Finding, GraphNode, Later, run_node
 from mwd_sensors.ros.message_buffer import decoded, publish_rows
@@ -116,7 +117,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         if len(imu):
             self._publish(imu, self._pipeline.push_imu(imu))
 
-    def _take(self, topic: str) -> wire.Samples:
+    def _take(self, topic: str) -> Samples:
         """Samples that wait on a topic; those of the bursts that stand for it too."""
         layout = wire.SONDE_TOPICS[topic]
         waiting = [arrival.data for arrival in self._inputs[topic].take()]
@@ -136,7 +137,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             self.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=10.0)
         return samples
 
-    def _push_mag(self, samples: wire.Samples) -> None:
+    def _push_mag(self, samples: Samples) -> None:
         if not self._frames_differ():
             self._pipeline.push_mag(samples)
 
@@ -146,7 +147,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     # Messages out.
 
-    def _publish(self, samples: wire.Samples, output: Output) -> None:
+    def _publish(self, samples: Samples, output: Output) -> None:
         frame = self._frames["imu/data_raw"]
         told = apart(samples["stamp_ns"], self._last_told_ns)
         if len(told):
@@ -398,7 +399,7 @@ def apart(stamps: NDArray[np.int64], last_ns: int) -> NDArray[np.int64]:
     return np.array(places, dtype=np.int64)
 
 
-def oriented_imu(samples: wire.Samples, attitude: wire.Samples) -> wire.Samples:
+def oriented_imu(samples: Samples, attitude: Samples) -> Samples:
     """
     The IMU samples with their orientation filled in, tool to east-north-up (REP-103, REP-145).
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mwd_estimation.magnetic.axial_correction import AxialCorrection
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.frames import Array
 from mwd_sensors.core.settings import setting
 
 ACCEPT, DOUBTFUL, REJECT = "accept", "doubtful", "reject"

@@ -14,12 +14,10 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 from mwd_sensors.core.settings import setting
-
-Array = NDArray[np.float64]
 
 MAGNETIC, GYRO = "magnetic", "gyro"
 # Within the magnetic family a method that removes more interference goes before one that removes less.

@@ -14,7 +14,8 @@ import numpy as np
 
 from mwd_estimation.magnetic import axial_correction
 from mwd_estimation.survey.acceptance import CHI1_LIMIT
-from mwd_sensors.core.frames import Array, wrap_pi
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.frames import wrap_pi
 
 RAW, CORRECTED = "raw", "corrected"
 # An axial field this many times what is expected, with its own sigma, is no accident.

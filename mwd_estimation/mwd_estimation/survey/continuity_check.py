@@ -17,11 +17,11 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from mwd_estimation.core.samples import Array
 from mwd_estimation.survey.acceptance import ACCEPT, DOUBTFUL, REJECT, worse
 from mwd_estimation.survey.azimuth_fusion import Settings
 from mwd_estimation.survey.station import MethodAzimuth, Station
 from mwd_estimation.survey.survey import GYRO, STATIC, Survey, declination_sigma
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 CARRIED = "carried"

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.core.samples import Array, Stamps, Track
+from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
 from mwd_estimation.gravity import accelerometer_only
 from mwd_estimation.gravity import methods as gravity
@@ -26,9 +26,7 @@ from mwd_estimation.survey.acceptance import DOUBTFUL, REJECT, worse
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.survey import GYRO as GYRO_AZIMUTH
 from mwd_estimation.survey.survey import Survey
-from mwd_sensors.core import wire
-
-Samples = wire.Samples
+from mwd_sensors.core.arrays import Array, Samples, Stamps
 
 # Kinds of fault that fed no wrong value to the estimate before they were named.
 _HARMLESS = ("absent", "invalid")

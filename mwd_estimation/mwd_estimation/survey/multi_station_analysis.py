@@ -31,8 +31,9 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.magnetic import axial_correction
 from mwd_estimation.survey.azimuth_selection import RAW
 from mwd_estimation.survey.station import Station, StationSettings, station
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.frames import Array, gravity_toolface, inclination, wrap_pi
+from mwd_sensors.core.frames import gravity_toolface, inclination, wrap_pi
 from mwd_sensors.core.settings import setting
 
 MSA = "msa"

@@ -14,9 +14,10 @@ import math
 import numpy as np
 
 from mwd_estimation.attitude.time_alignment import Pairs
-from mwd_estimation.core.samples import ROTATING_ABOVE, Array, Stamps, Track
+from mwd_estimation.core.samples import ROTATING_ABOVE, Track
 from mwd_estimation.core.time_bins import Average
 from mwd_estimation.survey.static_survey import Refusal, StillAverage
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.settings import setting
 
 # Share of the samples in which the string may not turn.

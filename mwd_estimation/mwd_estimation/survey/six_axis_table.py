@@ -19,8 +19,8 @@ import numpy as np
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.station import Station, StationSettings, station
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.frames import Array
 
 _AXES = ("axial", "tran1", "tran2")
 _ACCELERATION = {

@@ -11,12 +11,9 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mwd_estimation.core.time_bins import Average, Bin, average
 from mwd_sensors.core.settings import setting
-
-Array = NDArray[np.float64]
 
 BIN_NS = 500_000_000
 _BIN_S = BIN_NS * 1e-9

@@ -11,8 +11,8 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.magnetic import axial_correction
 from mwd_estimation.survey.acceptance import Deviations
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.frames import Array
 
 # Gravity at sea level lies within this of standard gravity everywhere, m/s^2.
 _GRAVITY_RANGE = 0.04

@@ -8,7 +8,6 @@ import uuid
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gyrocompass.seek import BIAS_UNKNOWN, TWO_FIT, Solution
@@ -19,9 +18,8 @@ from mwd_estimation.survey.multi_station_analysis import MSA, Multistation
 from mwd_estimation.survey.run_history import StationRun
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station import NO_AZIMUTH, MethodAzimuth, Station, StationSettings, station
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import magnetic_toolface, mat_nt, wrap_pi, wrap_tau
-
-Array = NDArray[np.float64]
 
 GYRO = "gyro"
 STATIC, ROTARY = "static", "rotary"

@@ -23,8 +23,8 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.station import StationSettings
 from mwd_estimation.survey.station_deviations import deviation_covariance
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.frames import Array
 
 # Errors of depth and of the hole's course between stations are not the station's.
 _NOT_THE_STATION = ("DRF", "DSF", "DST", "XCL")

@@ -18,10 +18,10 @@ from mwd_estimation.attitude import gyro_azimuth_filter
 from mwd_estimation.attitude.gyro_azimuth import Params, Precision, Rows, State, Steps
 from mwd_estimation.attitude.gyro_azimuth_filter import ERROR
 from mwd_estimation.core.status import Status
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
 DEG = math.radians(1.0)
-Array = NDArray[np.float64]
 LATITUDE = 60.0 * DEG
 RATE = 20.0
 BIN_NS = 500_000_000

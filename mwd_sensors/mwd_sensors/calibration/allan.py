@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from mwd_sensors.core.arrays import Array
 
 # Flicker floor of the Allan deviation over the bias instability coefficient B, sqrt(2 ln 2 / pi) (IEEE Std 952, C.1.3).
 FLICKER_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)

@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_sensors.calibration.tumble import Calibration, TriadCalibration
-from mwd_sensors.core.wire import Samples
-
-Array = NDArray[np.float64]
+from mwd_sensors.core.arrays import Array, Samples
 
 # Temperatures remembered: samples that come late still find theirs.
 _KEPT = 4096

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import mat_from_quat, quat_from_rotvec, quat_multiply
-
-Array = NDArray[np.float64]
 
 MIN_POSES = 12
 

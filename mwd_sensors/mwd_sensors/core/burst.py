@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from mwd_sensors.core import wire
-from mwd_sensors.core.wire import Samples, WireError
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.wire import WireError
 
 TYPE_NAME = "mwd_msgs/msg/ImuBurst"
 MOST = 1000  # samples of one burst, as the message bounds them

@@ -13,11 +13,9 @@ import functools
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import EARTH_RATE
-
-Array = NDArray[np.float64]
 
 # WGS 84 (NIMA TR8350.2): rotation, rad/s; equatorial radius, m; flattening; GM, m^3/s^2; normal gravity, m/s^2.
 _RADIUS = 6378137.0

@@ -15,9 +15,9 @@ high side to the scribe line (gravity) or from north to it (magnetic). All angle
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from mwd_sensors.core.arrays import Array
 
 TAU = 2.0 * np.pi
 # Rows: east, north, up of a vector given as north, east, down; its own inverse.

@@ -14,7 +14,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mwd_sensors.core.frames import Array, wrap_pi, wrap_tau
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 # Closer to 180 deg than this (rad) the plane of the arc, and so the path, is not determined by the two directions.
 REVERSAL = 1e-6

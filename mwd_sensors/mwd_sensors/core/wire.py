@@ -16,7 +16,8 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-Samples = NDArray[np.void]
+from mwd_sensors.core.arrays import Samples
+
 Rows = NDArray[np.uint8]
 
 NANOSECONDS = 1_000_000_000

@@ -12,6 +12,7 @@ from mwd_msgs.srv import InjectFault
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 
 from mwd_sensors.core import burst, wire
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import from_mapping, setting
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.discovery import Listeners
@@ -103,7 +104,7 @@ class SondeNode(GraphNode[SondeSettings]):
 
     def _begin(self) -> None:
         self._sonde = Sonde(self._scenario, epoch_ns=self.get_clock().now().nanoseconds)
-        self._blocks: Iterator[dict[str, wire.Samples]] = self._sonde.blocks(_BLOCK_S)
+        self._blocks: Iterator[dict[str, Samples]] = self._sonde.blocks(_BLOCK_S)
         self._made_until = 0.0
         self._seen = dict.fromkeys(_THINNED, 0)
         self._pending: list[tuple[float, int, str, bytes]] = []

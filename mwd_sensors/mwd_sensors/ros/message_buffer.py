@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
 
 _MOST = 10_000  # messages of one take; a writer faster than the reader must not hold it for good
 
@@ -47,7 +48,7 @@ class Inbox:
         return taken
 
 
-def decoded(layout: wire.Layout, messages: Sequence[bytes]) -> tuple[wire.Samples, list[wire.WireError]]:
+def decoded(layout: wire.Layout, messages: Sequence[bytes]) -> tuple[Samples, list[wire.WireError]]:
     """Samples of the messages that are of that layout, in their order, and what was wrong with the others."""
     if not messages:
         return layout.empty(0), []

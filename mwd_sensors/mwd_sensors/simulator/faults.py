@@ -17,9 +17,9 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
-from mwd_sensors.core.wire import Samples
 
 PX4 = ("ok", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
 # Axes of the sensor exchanged (xy, yz, xz), reversed, turned by a quarter about an axis; see `_UNITS` for the units.

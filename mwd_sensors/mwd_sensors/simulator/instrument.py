@@ -15,13 +15,11 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import SettingsError, from_mapping, setting, unknown_key
-
-Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)

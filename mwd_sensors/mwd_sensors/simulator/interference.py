@@ -10,11 +10,9 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
-
-Array = NDArray[np.float64]
 
 # A pole closer than this is felt as if it were this far, m: no sensor sits inside a pole.
 _CLOSEST = 0.3

@@ -12,8 +12,9 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.simulator.schedule import Timeline
 from mwd_sensors.simulator.vibration import (
@@ -27,9 +28,6 @@ from mwd_sensors.simulator.vibration import (
     add_per_turn,
     add_sweep,
 )
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @dataclasses.dataclass(frozen=True)

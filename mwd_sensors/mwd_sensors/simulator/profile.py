@@ -10,11 +10,9 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
-
-Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,13 +10,10 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mwd_sensors.core.settings import setting
 from mwd_sensors.simulator.profile import Profile, ProfileBuilder
 from mwd_sensors.simulator.vibration import ENVELOPES
-
-Array = NDArray[np.float64]
 
 KINDS = ("drill", "slide", "circulate", "still", "connection", "move")
 # As in mwd_msgs/Truth.

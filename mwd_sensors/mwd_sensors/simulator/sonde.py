@@ -15,13 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_sensors.core import earth, frames, wire
-from mwd_sensors.core.wire import Samples
+from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.simulator import faults, instrument, interference, motion, steering
 from mwd_sensors.simulator.scenario import Scenario, Unit, parse_date
 from mwd_sensors.simulator.schedule import ROTATING, SLIDING, timeline
 from mwd_sensors.simulator.vibration import hits, lines
-
-Array = NDArray[np.float64]
 
 # Streams of random numbers, in this order for ever: a new one goes to the end, so that old seeds keep their meaning.
 _STREAMS = (

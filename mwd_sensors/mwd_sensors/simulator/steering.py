@@ -17,13 +17,11 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.settings import setting
 from mwd_sensors.simulator.schedule import Timeline
-
-Array = NDArray[np.float64]
 
 # As in mwd_msgs/RigCommand; before the first command the top drive does what the schedule says.
 HOLD, ROTATE, ORIENT = range(3)

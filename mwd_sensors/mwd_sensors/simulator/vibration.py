@@ -13,14 +13,11 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 CHANNELS = 6
 # When a vibration is felt: an envelope of the schedule.

@@ -20,11 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.rosbag2 import Reader as RosbagsReader
 
+from mwd_sensors.core.arrays import Stamps
 from mwd_surface.bags.bag_files import BagError, BagFiles, TopicInfo
 from mwd_surface.bags.mcap import format as mcap_format
 from mwd_surface.bags.mcap.format import Attachment, FormatError
 from mwd_surface.bags.mcap.index import Span
-from mwd_surface.bags.message_parts import NEVER, Block, Decoded, Originals, Part, Stamps, blocks_of, part_of
+from mwd_surface.bags.message_parts import NEVER, Block, Decoded, Originals, Part, blocks_of, part_of
 from mwd_surface.bags.sample_decoder import Fields, SampleDecoder
 
 # What a reader of bags needs, from one place.

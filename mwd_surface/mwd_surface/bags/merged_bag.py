@@ -14,13 +14,13 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_sensors.core.arrays import Bytes
 from mwd_sensors.core.compiled import compiled
 from mwd_surface.bags.bag_reader import Bag, Originals
 from mwd_surface.bags.bag_writer import ROSBAG2_RECORD, BagWriter
 from mwd_surface.bags.definitions import Definitions
 from mwd_surface.bags.mcap import format as mcap_format
 
-Bytes = NDArray[np.uint8]
 Numbers = NDArray[np.int64]
 
 _PREFIX, _HEAD, _MESSAGE = mcap_format.MESSAGE_PREFIX, mcap_format.MESSAGE_HEAD, mcap_format.MESSAGE

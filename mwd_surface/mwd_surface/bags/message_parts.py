@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples, Stamps
 
-Stamps = NDArray[np.int64]
 Block = dict[str, tuple[Stamps, Any]]
 
 NEVER = 2**62  # ns, later than any stamp
@@ -152,7 +151,7 @@ def blocks_of(pieces: dict[str, list[tuple[Stamps, Any]]], block_messages: int) 
             yield block
 
 
-def merged(parts: list[tuple[Stamps, wire.Samples]]) -> tuple[Stamps, wire.Samples]:
+def merged(parts: list[tuple[Stamps, Samples]]) -> tuple[Stamps, Samples]:
     """(log_ns, samples) of one type put together, in order of their log time."""
     if len(parts) == 1:
         return parts[0]
@@ -161,7 +160,7 @@ def merged(parts: list[tuple[Stamps, wire.Samples]]) -> tuple[Stamps, wire.Sampl
     return log_ns[order], one_array([part[1] for part in parts])[order]
 
 
-def one_array(parts: list[wire.Samples]) -> wire.Samples:
+def one_array(parts: list[Samples]) -> Samples:
     """Samples of one type one after another; as bytes, because numpy joins records field by field."""
     joined: NDArray[np.uint8] = np.concatenate([part.view(np.uint8) for part in parts])
     return joined.view(parts[0].dtype)

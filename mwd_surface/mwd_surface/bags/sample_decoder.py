@@ -14,9 +14,10 @@ import numpy as np
 import zstandard
 
 from mwd_sensors.core import burst, wire
+from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_surface.bags.bag_files import BagError, TopicInfo
 from mwd_surface.bags.definitions import DefinitionError, Definitions
-from mwd_surface.bags.message_parts import Part, Stamps, merged, rows_at
+from mwd_surface.bags.message_parts import Part, merged, rows_at
 
 Fields = Mapping[str, tuple[str, ...]]
 
@@ -90,7 +91,7 @@ class SampleDecoder:
 
     def _from_rows(
         self, name: str, layout: wire.Layout, part: Part, some: tuple[str, ...] | None
-    ) -> tuple[Stamps, wire.Samples]:
+    ) -> tuple[Stamps, Samples]:
         """Samples of messages of one size."""
         size = int(part.size[0])
         rows = rows_at(part.data, part.offset, size)
@@ -107,7 +108,7 @@ class SampleDecoder:
         log_ns, samples = self._from_list(name, layout, part.log_ns, listed, some)
         return log_ns, samples
 
-    def _from_bursts(self, name: str, part: Part, some: tuple[str, ...] | None) -> tuple[Stamps, wire.Samples]:
+    def _from_bursts(self, name: str, part: Part, some: tuple[str, ...] | None) -> tuple[Stamps, Samples]:
         """The samples that bursts carry, each with the log time of its burst."""
         listed = [part.data[a : a + n].tobytes() for a, n in zip(part.offset, part.size, strict=True)]
         log_ns, listed = self._from_list(name, None, part.log_ns, listed, some)
@@ -181,7 +182,7 @@ class SampleDecoder:
         return self._definitions
 
 
-def _with_fields(samples: wire.Samples, layout: wire.Layout, some: tuple[str, ...] | None) -> wire.Samples:
+def _with_fields(samples: Samples, layout: wire.Layout, some: tuple[str, ...] | None) -> Samples:
     """Samples with some of their fields only; None: with all."""
     if some is None:
         return samples

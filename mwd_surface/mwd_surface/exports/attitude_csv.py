@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.core.status import words
-from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.compiled import compiled
 
 HEADER = (
@@ -29,7 +29,7 @@ _ROW_BYTES = 21 + 6 * 13 + 3 * 14 + 2
 _DIGITS = 48 + (np.arange(10000)[:, None] // np.array([1000, 100, 10, 1]) % 10).astype(np.uint8)
 
 
-def rows(attitude: wire.Samples, gravity: wire.Samples) -> bytes:
+def rows(attitude: Samples, gravity: Samples) -> bytes:
     """
     Lines of n samples, without the header.
 
@@ -52,7 +52,7 @@ class Lines:
     def __init__(self) -> None:
         self._buffer = np.empty(0, dtype=np.uint8)
 
-    def __call__(self, attitude: wire.Samples, gravity: wire.Samples) -> memoryview:
+    def __call__(self, attitude: Samples, gravity: Samples) -> memoryview:
         """As `rows`."""
         n = len(attitude)
         if len(gravity) != n:
@@ -152,8 +152,8 @@ def _component(buffer: NDArray[np.uint8], at: int, value: float) -> int:
 @compiled
 def _write(
     buffer: NDArray[np.uint8],
-    attitude: wire.Samples,
-    gravity: wire.Samples,
+    attitude: Samples,
+    gravity: Samples,
     index: NDArray[np.int64],
     text: NDArray[np.uint8],
     starts: NDArray[np.int64],

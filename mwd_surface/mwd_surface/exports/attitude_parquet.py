@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mwd_estimation.core.status import words
 from mwd_estimation.pipeline import NORTH_CODES
-from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
 
 _DEG = 180.0 / math.pi
 _ANGLES = (
@@ -62,7 +62,7 @@ class Writer:
         self._waiting: list[pa.RecordBatch] = []
         self._rows = 0
 
-    def write(self, attitude: wire.Samples, gravity: wire.Samples) -> None:
+    def write(self, attitude: Samples, gravity: Samples) -> None:
         """Rows of `wire.ATTITUDE` and `wire.GRAVITY` of the same stamps."""
         if not len(attitude):
             return

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from mwd_sensors.core.frames import Array
+from mwd_sensors.core.arrays import Array
 from mwd_surface.surveys.plan import Plan, offset_from
 from mwd_surface.surveys.position_covariance import CovarianceUnavailableError, ErrorReference, position_covariance
 from mwd_surface.surveys.slide_sheet import Stretch

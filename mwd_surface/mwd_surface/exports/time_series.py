@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.exports.survey_table import fixed, utc
 
@@ -208,12 +209,12 @@ def _write_parquet(path: Path, lines: Iterator[Row]) -> None:
         flush()
 
 
-def _rig(samples: wire.Samples, seconds: NDArray[np.int64], waiting: dict[int, Row]) -> None:
+def _rig(samples: Samples, seconds: NDArray[np.int64], waiting: dict[int, Row]) -> None:
     for bit, quantity in _RIG_QUANTITIES:
         _take(samples, seconds, (samples["valid"] & bit) != 0, (quantity,), waiting)
 
 
-def _attitude(samples: wire.Samples, seconds: NDArray[np.int64], waiting: dict[int, Row]) -> None:
+def _attitude(samples: Samples, seconds: NDArray[np.int64], waiting: dict[int, Row]) -> None:
     for (sigma, angle), (_, doubt) in zip(_ANGLES, _SIGMAS, strict=True):
         known = samples[sigma] >= 0.0
         which = _take(samples, seconds, known, (angle, doubt), waiting)
@@ -225,7 +226,7 @@ def _attitude(samples: wire.Samples, seconds: NDArray[np.int64], waiting: dict[i
 
 
 def _take(
-    samples: wire.Samples,
+    samples: Samples,
     seconds: NDArray[np.int64],
     known: NDArray[np.bool_],
     quantities: Sequence[Quantity],

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.core.status import Status
-from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
 
 BIN_NS = 10_000_000_000
 FLAGS = (
@@ -34,7 +34,7 @@ class AttitudeStatistics:
         self._sums: dict[int, NDArray[np.float64]] = {}
         self._range: dict[int, tuple[float, float]] = {}
 
-    def add(self, attitude: wire.Samples, gravity: wire.Samples) -> None:
+    def add(self, attitude: Samples, gravity: Samples) -> None:
         """Take samples, dtypes of `wire.ATTITUDE` and `wire.GRAVITY`, row by row of one time."""
         if not len(attitude):
             return

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from mwd_sensors.core import settings as settings_tables
-from mwd_sensors.core.frames import Array
+from mwd_sensors.core.arrays import Array
 from mwd_surface.live.alarms import Alarm, Event, plain_alarms, plain_events
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.streams import LiveStreams

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mwd_estimation.core.status import Status, words
-from mwd_sensors.core.wire import Samples
+from mwd_sensors.core.arrays import Samples
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.strip_history import StripHistory
 from mwd_surface.live.toolface import ToolfaceReading, ToolfaceSelector

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from mwd_estimation.core.status import Status
-from mwd_sensors.core.wire import Samples
+from mwd_sensors.core.arrays import Samples
 
 GRAVITY, MAGNETIC = 0, 1
 

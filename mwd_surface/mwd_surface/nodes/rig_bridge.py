@@ -11,6 +11,7 @@ from typing import Any
 from mwd_msgs import msg
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.ros.lifecycle_node import OK, WARN, Finding, GraphNode
 from mwd_surface.exports.export_witsml import witsml
 from mwd_surface.exports.survey_table import survey_table
@@ -56,11 +57,11 @@ class RigDoor:
         ask: OnCommand,
     ) -> None:
         self._node, self._settings, self._live, self._journal = node, settings, live, journal
-        self._in: queue.SimpleQueue[wire.Samples] = queue.SimpleQueue()
+        self._in: queue.SimpleQueue[Samples] = queue.SimpleQueue()
         self._surveys: tuple[AcceptedSurvey, ...] = ()
         self._values: RigValues | None = None
         self._told = 0.0
-        self._attitude: wire.Samples | None = None
+        self._attitude: Samples | None = None
         self._state: Any = None
         self._well, self._status_file = well, folder / FILE_NAME
         self._status_at, self._unwritten = 0.0, ""
@@ -78,7 +79,7 @@ class RigDoor:
         self._port.stop()
         self._status_file.unlink(missing_ok=True)
 
-    def on_attitude(self, samples: wire.Samples) -> None:
+    def on_attitude(self, samples: Samples) -> None:
         """Attitudes arrived, `wire.ATTITUDE`: the last goes out with what the page shows."""
         self._attitude = samples[-1:]
 

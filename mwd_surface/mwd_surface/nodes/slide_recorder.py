@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import settings
-from mwd_sensors.core.wire import Samples
+from mwd_sensors.core.arrays import Samples
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.ros.alarm_log import Journal

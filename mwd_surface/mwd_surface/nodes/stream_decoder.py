@@ -9,12 +9,13 @@ import numpy as np
 from mwd_msgs import msg
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.ros.lifecycle_node import WARN, Finding, GraphNode
 from mwd_sensors.ros.qos import WATCHED_STATE
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.live.live_state import LiveState
 
-Act = Callable[[wire.Samples, float], None]
+Act = Callable[[Samples, float], None]
 
 
 class LiveFeed:
@@ -35,8 +36,8 @@ class LiveFeed:
         node: GraphNode[Any],
         live: LiveState,
         *,
-        on_attitude: Callable[[wire.Samples], None],
-        on_rig_state: Callable[[wire.Samples], None],
+        on_attitude: Callable[[Samples], None],
+        on_rig_state: Callable[[Samples], None],
     ) -> None:
         self._node, self._live = node, live
         self._on_attitude, self._on_rig_state = on_attitude, on_rig_state
@@ -79,11 +80,11 @@ class LiveFeed:
             return
         act(samples, now)
 
-    def _take_rig_state(self, samples: wire.Samples, now: float) -> None:
+    def _take_rig_state(self, samples: Samples, now: float) -> None:
         self._on_rig_state(samples)
         self._live.on_rig_state(samples, now)
 
-    def _take_attitude(self, samples: wire.Samples, now: float) -> None:
+    def _take_attitude(self, samples: Samples, now: float) -> None:
         self._on_attitude(samples)
         self._live.on_attitude(samples, now)
         reading = self._live.toolface_reading

@@ -17,7 +17,7 @@ from mwd_msgs.action import NorthSeek, RotarySurvey
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
-from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import setting
 from mwd_sensors.ros.lifecycle_node import WARN, Finding, GraphNode, run_node
 from mwd_sensors.ros.message_buffer import Inbox
@@ -234,11 +234,11 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._rig.on_surveys(surveys)
         self._steering.on_surveys(surveys)
 
-    def _on_attitude(self, samples: wire.Samples) -> None:
+    def _on_attitude(self, samples: Samples) -> None:
         self._rig.on_attitude(samples)
         self._steering.on_attitude(samples)
 
-    def _on_rig_state(self, samples: wire.Samples) -> None:
+    def _on_rig_state(self, samples: Samples) -> None:
         believed = self._surveys.on_rig_state(samples)
         self._steering.on_rig_state(samples, believed)
 

@@ -14,7 +14,7 @@ from mwd_msgs import msg, srv
 from nav_msgs.msg import Path as PathMessage
 from rclpy.serialization import deserialize_message
 
-from mwd_sensors.core.wire import Samples
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.ros.lifecycle_node import ERROR, OK, Finding, GraphNode, Later
 from mwd_sensors.ros.qos import EVENT, LATCHED
 from mwd_surface.exports.export import FORMATS, ExportError, export

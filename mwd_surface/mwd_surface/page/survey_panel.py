@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mwd_estimation.magnetic import axial_correction
-from mwd_sensors.core.frames import Array
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.surveys.position_covariance import ellipse, in_section

@@ -10,10 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
+from mwd_sensors.core.arrays import Array, Stamps
 
 # A hole in the line wherever samples are further apart than this many times their usual distance.
 _GAP = 5.0

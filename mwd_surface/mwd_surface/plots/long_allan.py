@@ -9,11 +9,9 @@ fits gives exactly `mwd_sensors.calibration.allan.allan`.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mwd_sensors.calibration.allan import AllanCurve, allan
-
-Array = NDArray[np.float64]
+from mwd_sensors.core.arrays import Array
 
 # Averaging times below this many of the kept means are read off the first part.
 _FROM_MEANS = 16

@@ -9,11 +9,10 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mwd_sensors.calibration.allan import AllanCurve
 from mwd_sensors.core import wire
-from mwd_sensors.core.wire import Samples
+from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.plots.envelope import Envelope
 from mwd_surface.plots.long_allan import LongAllan
@@ -21,9 +20,6 @@ from mwd_surface.plots.spectrum import Spectrum
 from mwd_surface.plots.traces import NORTHS, WHAT, Trace, north_of, traces_of
 from mwd_surface.surveys.survey_message import record_of, survey_of
 from mwd_surface.surveys.survey_record import Survey, SurveyRecord
-
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
 
 _SURVEY, _RECORD = "mwd_msgs/msg/Survey", "mwd_msgs/msg/SurveyRecord"
 # A stamp further than this from the time of recording is of another clock: the time of recording is drawn.

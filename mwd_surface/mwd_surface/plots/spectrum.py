@@ -8,10 +8,8 @@ Electroacoustics 15 (1967): Hann window, segments that overlap by half, each wit
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
+from mwd_sensors.core.arrays import Array, Stamps
 
 
 class Spectrum:

@@ -6,13 +6,10 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.wire import Samples
-
-Array = NDArray[np.float64]
 
 WHAT = ("sensors", "rig", "truth", "attitude", "surveys", "spectra", "allan")
 NORTHS = {0: "unnamed", 1: "magnetic", 2: "true", 3: "grid"}

@@ -12,8 +12,9 @@ import math
 from collections.abc import Mapping
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import setting
-from mwd_sensors.core.wire import NANOSECONDS, Samples
+from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.surveys.depth import DepthRules, DepthTrack
 
 # Order of the bits of RigState.valid.

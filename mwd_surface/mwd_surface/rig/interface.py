@@ -19,7 +19,7 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
-from mwd_sensors.core.wire import Samples
+from mwd_sensors.core.arrays import Samples
 from mwd_surface.loopback import is_loopback
 from mwd_surface.rig.values import RigValues
 

@@ -13,7 +13,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mwd_sensors.core.wire import NANOSECONDS, Samples
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.live.toolface import GRAVITY, MAGNETIC
 from mwd_surface.live.values import LIVE, NO_DATA
 from mwd_surface.rig.survey import AcceptedSurvey

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_sensors.core import burst, units, wire
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import setting
 from mwd_surface.bags.bag_reader import Bag, BagError, Block
 from mwd_surface.bags.mcap.format import MAGIC
@@ -133,9 +134,9 @@ def _timeless(stamp_ns: NDArray[np.int64]) -> bool:
 
 def in_si(
     block: Block, topics: Topics, given: InputSettings, without_time: frozenset[str] = frozenset()
-) -> dict[str | None, wire.Samples]:
+) -> dict[str | None, Samples]:
     """Samples of a block in SI; those `without_time` of their own get that of their recording."""
-    samples: dict[str | None, wire.Samples] = {name: part[1] for name, part in block.items()}
+    samples: dict[str | None, Samples] = {name: part[1] for name, part in block.items()}
     for topic in without_time & block.keys():
         samples[topic]["stamp_ns"] = block[topic][0]
     for name, field, quantity, unit in (
@@ -149,7 +150,7 @@ def in_si(
     return samples
 
 
-def check_imu(topic: str, imu: wire.Samples) -> list[str]:
+def check_imu(topic: str, imu: Samples) -> list[str]:
     """Refuse an IMU that is not in SI; a warning where it is implausible in any unit."""
     warnings = []
     for field, quantity, option in (
@@ -164,7 +165,7 @@ def check_imu(topic: str, imu: wire.Samples) -> list[str]:
     return warnings
 
 
-def check_mag(topic: str | None, mag: wire.Samples) -> list[str]:
+def check_mag(topic: str | None, mag: Samples) -> list[str]:
     """Why a magnetometer cannot be used; empty where it can."""
     found = units.doubt("field", mag["magnetic_field"])
     if found is None:

@@ -15,14 +15,12 @@ from numpy.typing import NDArray
 from mwd_sensors.calibration import tumble
 from mwd_sensors.calibration.tumble import Calibration
 from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import SettingsError
-from mwd_sensors.core.wire import Samples
 from mwd_sensors.simulator.scenario import Scenario, parse
 from mwd_sensors.simulator.sonde import Sonde, reference_of
 from mwd_surface.bags.bag_reader import Bag, BagError
-
-Array = NDArray[np.float64]
 
 UNITS = {"ahrs": "imu/data_raw", "precision": "gyro/data_raw"}
 _MAG, _TEMPERATURE = "imu/mag", "imu/temperature"

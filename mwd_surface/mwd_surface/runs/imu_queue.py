@@ -10,14 +10,12 @@ import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mwd_estimation.core.samples import Track
 from mwd_estimation.gravity import smoother as gravity_smoother
 from mwd_estimation.gravity.bounded.filter import Params
 from mwd_sensors.core import wire
-
-Stamps = NDArray[np.int64]
+from mwd_sensors.core.arrays import Samples, Stamps
 
 # A smoother that hears nothing for so long waits no longer: what comes after such a gap says nothing of before.
 _SILENCE_NS = 60 * wire.NANOSECONDS
@@ -27,7 +25,7 @@ _SILENCE_NS = 60 * wire.NANOSECONDS
 class Imu:
     """Samples whose turn it is, when they were logged, and their gravity where a smoother followed it."""
 
-    samples: wire.Samples
+    samples: Samples
     log_ns: Stamps
     followed: Track | None
 
@@ -42,8 +40,8 @@ class ImuQueue:
     def __init__(self, smooth: Params | None = None) -> None:
         self._params = smooth
         self._smoother = gravity_smoother.Smoother(smooth) if smooth is not None else None
-        self._new: list[tuple[wire.Samples, Stamps]] = []
-        self._old: list[tuple[wire.Samples, Stamps]] = []
+        self._new: list[tuple[Samples, Stamps]] = []
+        self._old: list[tuple[Samples, Stamps]] = []
 
     @property
     def waiting(self) -> bool:
@@ -55,7 +53,7 @@ class ImuQueue:
         """Log time of the first sample that waits, ns; ask only if one does."""
         return int((self._old or self._new)[0][1][0])
 
-    def add(self, samples: wire.Samples, log_ns: Stamps) -> None:
+    def add(self, samples: Samples, log_ns: Stamps) -> None:
         """Hold the samples of a block."""
         if len(samples):
             self._new.append((samples, log_ns))
@@ -78,7 +76,7 @@ class ImuQueue:
         yield from self.done(last)
         yield from self._finished()
 
-    def _push(self, samples: wire.Samples) -> Track:
+    def _push(self, samples: Samples) -> Track:
         smoother = self._smoother
         if smoother is None:
             return Track.empty(0)

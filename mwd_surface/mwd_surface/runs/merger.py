@@ -12,6 +12,7 @@ from mwd_estimation.pipeline import Output
 from mwd_estimation.survey.survey import Survey
 from mwd_estimation.survey.survey_message import survey_fields
 from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
 from mwd_surface.bags.bag_reader import Bag, Originals
 from mwd_surface.bags.merged_bag import MergedBag
 from mwd_surface.exports.thinner import Thinner
@@ -107,7 +108,7 @@ class Merger:
         if until_ns is not None:
             self._merged.flush(until_ns)
 
-    def _add(self, relative: str, samples: wire.Samples, log_ns: NDArray[np.int64]) -> None:
+    def _add(self, relative: str, samples: Samples, log_ns: NDArray[np.int64]) -> None:
         if len(samples):
             self._merged.add_rows(self._channels[relative], _TOPICS[relative].encode(samples, self._frame), log_ns)
 

@@ -22,6 +22,7 @@ from mwd_estimation.survey.survey import Survey
 from mwd_estimation.survey.survey_message import survey_fields
 from mwd_sensors.calibration.compensation import Compensation
 from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
 from mwd_surface.bags.bag_reader import Bag, BagError, Block, Originals
 from mwd_surface.runs.bag_input import (
     IMU,
@@ -390,7 +391,7 @@ def _well(topics: Topics, estimator: EstimatorSettings, given: InputSettings, fi
     )
 
 
-def _compensate(compensation: Compensation, samples: dict[str | None, wire.Samples], topics: Topics) -> None:
+def _compensate(compensation: Compensation, samples: dict[str | None, Samples], topics: Topics) -> None:
     """Take the calibration off the AHRS samples of a block, in place."""
     if topics.temperature in samples:
         compensation.push_temperature(samples[topics.temperature])

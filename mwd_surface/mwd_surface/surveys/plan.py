@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mwd_sensors.core import minimum_curvature as mc
-from mwd_sensors.core.frames import Array, mat_nt, wrap_tau
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.frames import mat_nt, wrap_tau
 
 
 @dataclasses.dataclass(frozen=True)

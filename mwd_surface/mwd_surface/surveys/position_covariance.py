@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mwd_sensors.core import minimum_curvature as mc
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.frames import Array, wrap_tau
+from mwd_sensors.core.frames import wrap_tau
 from mwd_surface.surveys.survey_record import North
 
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from mwd_sensors.core import minimum_curvature as mc
-from mwd_sensors.core.frames import Array
+from mwd_sensors.core.arrays import Array
 from mwd_surface.surveys.survey_record import North
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation.core import samples as track
-from mwd_estimation.core.samples import Array, Stamps, Track
+from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
 from mwd_estimation.gravity.bounded import gaps as gap
 from mwd_estimation.gravity.bounded import mechanisation as model
@@ -111,6 +111,7 @@ from mwd_estimation.gravity.bounded.params import (
     Params,
     constants,
 )  # fmt: skip
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 
 __all__ = ["Log", "Params", "State", "initial", "run", "run_logged"]

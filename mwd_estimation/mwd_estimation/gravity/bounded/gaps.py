@@ -8,7 +8,6 @@ and position begin anew, attitude and all that was learnt of the sensors stay. D
 
 from __future__ import annotations
 
-from mwd_estimation.core.samples import Array
 from mwd_estimation.gravity.bounded import mechanisation as model
 from mwd_estimation.gravity.bounded.mechanisation import BIAS, ERRORS, N_DOWN, N_VEL, POS, STEADY, SUMS, TILT, VEL
 from mwd_estimation.gravity.bounded.motion import (
@@ -24,6 +23,7 @@ from mwd_estimation.gravity.bounded.motion import (
     WALK_ALONG,
 )
 from mwd_estimation.gravity.bounded.params import K_BIAS_WALK, K_GRAVITY, K_GYRO_NOISE
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
 _MEMORY = 5.0  # s, over which the changes of the rates are followed

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from mwd_estimation.core.samples import Array
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
 # Error states: tilt (level x, y), velocity, position (level), gyro bias (tool), scale of the x gyro, lever arm (tool),

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 
-from mwd_estimation.core.samples import Array
 from mwd_estimation.gravity.bounded.mechanisation import (
     BIAS,
     DOWN,
@@ -55,6 +54,7 @@ from mwd_estimation.gravity.bounded.params import (
     K_SWING_TIME,
     K_TRAVEL,
 )  # fmt: skip
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
 # Followed statistics and flags of the filter, and where each begins.

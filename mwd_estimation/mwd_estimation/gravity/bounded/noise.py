@@ -8,7 +8,6 @@ Hz) and the swing of the vertical (below) agree if it is white. Derivation: ``do
 
 from __future__ import annotations
 
-from mwd_estimation.core.samples import Array
 from mwd_estimation.gravity.bounded.mechanisation import N_LEVER, S_FORCE, S_TIME
 from mwd_estimation.gravity.bounded.motion import (
     ALIAS,
@@ -23,6 +22,7 @@ from mwd_estimation.gravity.bounded.motion import (
     UNSETTLED,
 )  # fmt: skip
 from mwd_estimation.gravity.bounded.params import K_ALIAS_NOISE, K_GRAVITY, K_SWING_TIME
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
 BLOCK_LENGTH, BLOCK_MEMORY = 0.15, 4.0  # s, of the means whose differences show the density at a few Hz

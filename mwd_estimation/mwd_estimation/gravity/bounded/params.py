@@ -10,7 +10,7 @@ import dataclasses
 
 import numpy as np
 
-from mwd_estimation.core.samples import Array
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 

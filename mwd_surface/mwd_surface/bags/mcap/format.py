@@ -18,9 +18,8 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from mwd_sensors.core.arrays import Bytes
 from mwd_sensors.core.compiled import HAVE_NUMBA, compiled
-
-Bytes = NDArray[np.uint8]
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)

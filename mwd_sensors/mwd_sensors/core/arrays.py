@@ -1,0 +1,19 @@
+"""The array types of all packages, so that a signature says what an array holds."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+"""Measurements, states, covariances; the docstring beside it names shape and unit."""
+
+Stamps = NDArray[np.int64]
+"""Times of measurement, ns since 1970."""
+
+Indices = NDArray[np.int64]
+"""Places in another array, or counts."""
+
+Bytes = NDArray[np.uint8]
+"""Raw bytes of messages or of a file."""
+
+Samples = NDArray[np.void]
+"""Structured array of samples: one named record for each, as laid out in `mwd_sensors.core.wire`."""
