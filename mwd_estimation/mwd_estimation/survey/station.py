@@ -19,8 +19,8 @@ from mwd_estimation.survey import azimuth_selection
 from mwd_estimation.survey.acceptance import ACCEPT, DOUBTFUL, REJECT, Deviations, QualitySettings
 from mwd_estimation.survey.azimuth_selection import CORRECTED, RAW
 from mwd_estimation.survey.station_deviations import deviations, gross_faults
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import (
-    Array,
     gravity_toolface,
     inclination,
     magnetic_toolface,
