@@ -16,10 +16,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.core.samples import Track, turn
+from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.kalman import in_turned_axes
 
 _REJECTED, _GAP = int(Status.REJECTED), int(Status.GAP)
 # From a sample at its limit, or before there is an estimate, nothing is carried.
@@ -177,7 +178,7 @@ def _run(
         if near[_UNSAFE] != 0.0:
             continue
         dt = (stamp - times[at]) * 1e-9
-        gx, gy, gz = turn(
+        gx, gy, gz = in_turned_axes(
             near[_G], near[_G + 1], near[_G + 2], near[_W] * dt, near[_W + 1] * dt, near[_W + 2] * dt
         )  # fmt: skip
         # A rate may be the mean of the interval before it: half of that comes on top on the way on.

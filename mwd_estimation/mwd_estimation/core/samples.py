@@ -32,9 +32,6 @@ FIRST, NEXT, AFTER_GAP, REJECTED = 0, 1, 2, 3
 LAST_NS, HAVE_LAST, BACKWARD_NS, BACKWARD_COUNT, CLOCK_SIZE = 0, 1, 2, 3, 4
 ROTARY, PEAK_RATE, PEAK_FORCE, MOTION_SIZE = 0, 1, 2, 3
 
-# Ratios of the terms of sin(a) / a and of (1 - cos(a)) / a^2.
-_S1, _S2, _S3, _S4 = 1.0 / 6.0, 1.0 / 20.0, 1.0 / 42.0, 1.0 / 72.0
-_C1, _C2, _C3, _C4 = 1.0 / 24.0, 1.0 / 30.0, 1.0 / 56.0, 1.0 / 90.0
 _STILL, _SLIDING, _ROTATING = int(Status.STILL), int(Status.SLIDING), int(Status.ROTATING)
 
 
@@ -149,25 +146,3 @@ def follow_motion(motion: Array, dt: float, wx: float, wy: float, wz: float, non
     if motion[PEAK_RATE] < STILL_RATE and motion[PEAK_FORCE] < STILL_NON_GRAVITY:
         return _STILL
     return _SLIDING
-
-
-@compiled
-def turn(gx: float, gy: float, gz: float, px: float, py: float, pz: float) -> tuple[float, float, float]:
-    """Vector fixed in space seen from axes turned by the rotation vector p, rad: exp(-[p x]) g, exact (Rodrigues)."""
-    angle2 = px * px + py * py + pz * pz
-    if angle2 < 0.01:
-        # Series, whose first term left out is below 1e-17: cheaper than sine and cosine, and nothing cancels.
-        s = 1.0 - angle2 * _S1 * (1.0 - angle2 * _S2 * (1.0 - angle2 * _S3 * (1.0 - angle2 * _S4)))
-        c = 0.5 - angle2 * _C1 * (1.0 - angle2 * _C2 * (1.0 - angle2 * _C3 * (1.0 - angle2 * _C4)))
-    else:
-        angle = math.sqrt(angle2)
-        s = math.sin(angle) / angle
-        c = (1.0 - math.cos(angle)) / angle2
-    ax = gy * pz - gz * py
-    ay = gz * px - gx * pz
-    az = gx * py - gy * px
-    return (
-        gx + s * ax + c * (ay * pz - az * py),
-        gy + s * ay + c * (az * px - ax * pz),
-        gz + s * az + c * (ax * py - ay * px),
-    )

@@ -22,6 +22,7 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.kalman import coning_rotation, in_turned_axes
 from mwd_sensors.core.settings import setting
 
 # S3 table 1 and eq (12): rows rotary speed S, M, L; columns non-gravity acceleration S, M, L; steps of the output.
@@ -169,15 +170,6 @@ def fuzzy_step(non_gravity: float, rotary_rpm: float, rules: Array) -> float:
 
 
 @compiled
-def rotation_vector(
-    ax: float, ay: float, az: float, bx: float, by: float, bz: float, coning: float
-) -> tuple[float, float, float]:
-    """Rotation vector of a sample, rad, from its angle b and the one before, a: b + coning/12 a x b (S3 eq 5)."""
-    c = coning / 12.0
-    return bx + c * (ay * bz - az * by), by + c * (az * bx - ax * bz), bz + c * (ax * by - ay * bx)
-
-
-@compiled
 def _run(
     k: Array,
     gap_ns: int,
@@ -229,13 +221,13 @@ def _run(
                 if verdict == track.AFTER_GAP:
                     bits |= _GAP
             bx, by, bz = wx * dt, wy * dt, wz * dt
-            px, py, pz = rotation_vector(s[ANGLE_LAST], s[ANGLE_LAST + 1], s[ANGLE_LAST + 2], bx, by, bz, k[CONING])
+            px, py, pz = coning_rotation(s[ANGLE_LAST], s[ANGLE_LAST + 1], s[ANGLE_LAST + 2], bx, by, bz, k[CONING])
             s[ANGLE_LAST], s[ANGLE_LAST + 1], s[ANGLE_LAST + 2] = bx, by, bz
             s[AGE] += dt
             if s[AGE] < k[START] or dt == 0.0:
                 # Mean force in axes that the gyro carries along: vibration averages out, rotation does not matter.
                 bits |= _INITIALISING
-                mx, my, mz = track.turn(s[MEAN], s[MEAN + 1], s[MEAN + 2], px, py, pz)
+                mx, my, mz = in_turned_axes(s[MEAN], s[MEAN + 1], s[MEAN + 2], px, py, pz)
                 step = max(dt, 1e-3)
                 mx += ux * step
                 my += uy * step
@@ -252,7 +244,7 @@ def _run(
                 s[NON_GRAVITY] = k[GRAVITY] * math.sqrt(ex * ex + ey * ey + ez * ez)
             else:
                 # Figure 4: the last filtered gravity carried by the raw gyro, and its error against the accelerometer.
-                hx, hy, hz = track.turn(s[G], s[G + 1], s[G + 2], px, py, pz)
+                hx, hy, hz = in_turned_axes(s[G], s[G + 1], s[G + 2], px, py, pz)
                 ex, ey, ez = uy * hz - uz * hy, uz * hx - ux * hz, ux * hy - uy * hx
                 dx, dy, dz = ux - hx, uy - hy, uz - hz
                 s[NON_GRAVITY] = k[GRAVITY] * math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -273,11 +265,11 @@ def _run(
                 cy = wy + gain * ey + s[INTEGRAL + 1]
                 cz = wz + gain * ez + s[INTEGRAL + 2]
                 ox, oy, oz = px + (cx - wx) * dt, py + (cy - wy) * dt, pz + (cz - wz) * dt
-                gx, gy, gz = track.turn(s[G], s[G + 1], s[G + 2], ox, oy, oz)
+                gx, gy, gz = in_turned_axes(s[G], s[G + 1], s[G + 2], ox, oy, oz)
                 norm = math.sqrt(gx * gx + gy * gy + gz * gz)
                 s[G], s[G + 1], s[G + 2] = gx / norm, gy / norm, gz / norm
                 # What the correction still has to do, seen at its own bandwidth, is the error it has not removed.
-                qx, qy, qz = track.turn(s[SLOW], s[SLOW + 1], s[SLOW + 2], px, py, pz)
+                qx, qy, qz = in_turned_axes(s[SLOW], s[SLOW + 1], s[SLOW + 2], px, py, pz)
                 share = min(1.0, max(gain, 0.02) * dt)
                 s[SLOW] = qx + share * (ex - qx)
                 s[SLOW + 1] = qy + share * (ey - qy)

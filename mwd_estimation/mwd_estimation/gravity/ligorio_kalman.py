@@ -19,10 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 from mwd_estimation.core import samples as track
 from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
-from mwd_estimation.gravity.fuzzy_mahony import rotation_vector
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.kalman import coning_rotation, in_turned_axes
 from mwd_sensors.core.settings import setting
 
 _REJECTED, _GAP, _INITIALISING = int(Status.REJECTED), int(Status.GAP), int(Status.INITIALISING)
@@ -141,15 +141,15 @@ def _run(
                     bits |= _GAP
             s[AGE] += dt
             bx, by, bz = (wx + s[BIAS]) * dt, (wy + s[BIAS + 1]) * dt, (wz + s[BIAS + 2]) * dt
-            px, py, pz = rotation_vector(s[ANGLE_LAST], s[ANGLE_LAST + 1], s[ANGLE_LAST + 2], bx, by, bz, k[CONING])
+            px, py, pz = coning_rotation(s[ANGLE_LAST], s[ANGLE_LAST + 1], s[ANGLE_LAST + 2], bx, by, bz, k[CONING])
             s[ANGLE_LAST], s[ANGLE_LAST + 1], s[ANGLE_LAST + 2] = bx, by, bz
-            gx, gy, gz = track.turn(s[G], s[G + 1], s[G + 2], px, py, pz)
+            gx, gy, gz = in_turned_axes(s[G], s[G + 1], s[G + 2], px, py, pz)
             keep = math.exp(-dt / k[MEMORY])
             rate2 = wx * wx + wy * wy + wz * wz
             s[PGG] += k[GRAVITY] ** 2 * (k[GYRO_NOISE] ** 2 + k[RATE_NOISE] ** 2 * rate2) * dt
             s[PGA] *= keep
             s[PAA] = keep * keep * s[PAA] + (1.0 - keep * keep) * k[MOTION] ** 2
-            ax, ay, az = track.turn(s[ACCELERATION], s[ACCELERATION + 1], s[ACCELERATION + 2], px, py, pz)
+            ax, ay, az = in_turned_axes(s[ACCELERATION], s[ACCELERATION + 1], s[ACCELERATION + 2], px, py, pz)
             ax, ay, az = keep * ax, keep * ay, keep * az
             # Integral of the force against carried gravity, as in Mahony's filter: the gyro bias, with its sign turned.
             step = k[BIAS_GAIN] * dt / k[GRAVITY] ** 2

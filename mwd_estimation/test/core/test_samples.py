@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from mwd_estimation.core import samples as track
 from mwd_estimation.core.status import Status
@@ -83,11 +82,3 @@ def test_inclination_of_a_track_is_the_one_of_frames():
     g = rng.standard_normal((50, 3))
     got.g_t[:] = g / np.linalg.norm(g, axis=1, keepdims=True)
     assert got.inclination == pytest.approx(frames.inclination(-got.g_t))
-
-
-@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.0121, 0.0999, 0.1001, 1.0, 3.0])
-def test_a_turned_vector_is_the_rotated_one_at_every_angle(angle):
-    axis, vector = np.array([0.6, -0.48, 0.64]), np.array([0.2, 0.9, -0.4])
-    turned = track.turn(*vector, *(angle * axis))
-    rotation = Rotation.from_rotvec(-angle * axis)
-    np.testing.assert_allclose(turned, rotation.apply(vector), rtol=0.0, atol=4e-16)

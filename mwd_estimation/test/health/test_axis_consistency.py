@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from mwd_estimation.core.samples import turn
 from mwd_estimation.health import axis_consistency as axes
+from mwd_sensors.core.kalman import in_turned_axes
 
 F = np.array([3.0, 2.0, -9.0])
 B = np.array([2.0e-5, -1.0e-5, 4.0e-5])
@@ -26,7 +26,7 @@ def window(rate, gyro=IDENTITY, accel=IDENTITY, mag=IDENTITY, seconds=3.0, hz=10
     f, b, dt, since = F.copy(), B.copy(), 1.0 / hz, 0
     for k in range(round(seconds * hz)):
         w = np.asarray(rate(k * dt), dtype=float)
-        f, b = (np.array(turn(*v, *(w * dt))) for v in (f, b))
+        f, b = (np.array(in_turned_axes(*v, *(w * dt))) for v in (f, b))
         turned2 = axes.add_rate(sums, dt, *(scale * gyro @ w))
         axes.add_force(sums, *(accel @ f))
         axes.add_field(sums, *(mag @ b))

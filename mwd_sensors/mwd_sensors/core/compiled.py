@@ -85,8 +85,8 @@ def _stamps(name: str) -> tuple[tuple[str, int, int], ...]:
             # A package's names are whatever has been imported of it so far.
             continue
         for value in list(vars(module).values()):
-            # What a kernel can use: modules, other kernels, and names of numbers.
-            usable = hasattr(value, "py_func") or (isinstance(value, type) and issubclass(value, enum.Enum))
+            # What a kernel can use: modules, other kernels, names of numbers, and tuples of settings with named fields.
+            usable = hasattr(value, "py_func") or (isinstance(value, type) and issubclass(value, (enum.Enum, tuple)))
             source = value.__name__ if isinstance(value, ModuleType) else value.__module__ if usable else ""
             if source.startswith(_OURS):
                 waiting.append(source)
