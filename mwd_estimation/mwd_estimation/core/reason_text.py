@@ -1,0 +1,182 @@
+"""
+The sentence of each reason, for messages, tables and logs. Nothing reads these sentences back.
+
+A sentence is a format string over the fields of `Reason`. A number is formatted with its unit, which also converts it
+from SI: ``{value:+.1f deg}`` prints the radians 0.1 as ``+5.7 deg``, ``{value:+.1f (deg)}`` as ``+5.7``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from mwd_estimation.core.reasons import Reason
+from mwd_estimation.core.reasons import ReasonCode as Code
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+
+# One SI unit in each unit that a sentence may use.
+UNITS = {
+    "deg": math.degrees(1.0),
+    "deg/h": math.degrees(3600.0),
+    "rad/s": 1.0,
+    "r/min": 30.0 / math.pi,
+    "nT": 1e9,
+    "uT": 1e6,
+    "T": 1.0,
+    "mG": 1e3 / STANDARD_GRAVITY,
+    "m/s^2": 1.0,
+    "sigma": 1.0,
+    "s": 1.0,
+}
+_REST = "let the tool rest longer, or turn it between two rests"
+_APART = "{names[0]} azimuth is {value:+.1f deg} ({values[0]:.1f sigma}) from "
+_AXIAL = "axial interference {value:+.0f (nT)} +- {values[0]:.0f nT}"
+
+WORDS: dict[Code, str] = {
+    Code.GRAVITY_OFF: "total gravity {value:+.1f mG} off the reference, limit {limit:.1f mG}: "
+    "tool moving, or an accelerometer off",
+    Code.GRAVITY_OFF_STANDARD: "total gravity {value:+.1f mG} off standard gravity (nearer than the place's), "
+    "limit {limit:.1f mG}: tool moving, or an accelerometer off",
+    Code.FIELD_OFF: "total field {value:+.0f nT} off the reference, limit {limit:.0f nT}: "
+    "external interference, or a magnetometer off",
+    Code.DIP_OFF: "dip {value:+.2f deg} off the reference, limit {limit:.2f deg}: "
+    "magnetic interference (casing or another well near), or a sensor off",
+    Code.TOTALS_OFF_TOGETHER: "total gravity, total field and dip together do not fit: "
+    "chi-square {value:.1f}, limit {limit:.1f}",
+    Code.WITHIN_LIMITS: "within limits: {causes_listed}",
+    Code.GRAVITY_WITHIN: "total gravity {value:+.1f mG} (limit {limit:.1f mG})",
+    Code.GRAVITY_WITHIN_STANDARD: "total gravity {value:+.1f mG} (limit {limit:.1f mG}) off standard gravity "
+    "(nearer than the place's)",
+    Code.FIELD_WITHIN: "total field {value:+.0f nT} (limit {limit:.0f nT})",
+    Code.DIP_WITHIN: "dip {value:+.2f deg} (limit {limit:.2f deg})",
+    Code.GRAVITY_NOT_EARTH: "total gravity {value:.4g m/s^2} is not the Earth's",
+    Code.GRAVITY_IN_G: "total gravity {value:.4g m/s^2} is not the Earth's: a reading in g?",
+    Code.FIELD_NOT_EARTH: "total field {value:.0f nT} is not the Earth's",
+    Code.FIELD_IN_OTHER_UNIT: "total field {value:.4g T} is not the Earth's: a reading in {names[0]}?",
+    Code.DIP_SIGN: "dip {value:.1f deg} has the opposite sign of the reference: accelerometers or magnetometers "
+    "are connected with a flipped sign",
+    Code.NO_ACCELEROMETER: "no accelerometer reading: nothing can be computed",
+    Code.NO_MAGNETOMETER: "no magnetometer reading",
+    Code.NO_HORIZONTAL_FIELD: "no horizontal field",
+    Code.INCLINATION_ONLY: "{causes}: inclination and toolface only",
+    Code.AZIMUTH_BY_GYRO_ONLY: "{causes}: azimuth by the gyro alone",
+    Code.NORTH_UNKNOWN: "{names[0]} azimuth needs the {names[1]}: azimuth is magnetic",
+    Code.NO_REFERENCE_FIELD: "no reference field: {names[0]} azimuth, uncorrected, total field and dip not judged",
+    Code.WEAK_HORIZONTAL_FIELD: "horizontal field only {value:.0f nT}, limit {limit:.0f nT}: "
+    "a compass is weak here, take a gyro",
+    Code.NEAR_VERTICAL: "near vertical: azimuth and high side are uncertain, use magnetic toolface",
+    Code.STRING_ROTATED: "taken while the string turned at {value:.0f r/min}: no toolface",
+    Code.NOT_CORRECTED: "azimuth not corrected for axial interference: {causes}",
+    Code.NO_FIELD_TO_CORRECT_BY: "no reference field",
+    Code.CORRECTION_NEAR_VERTICAL: "hole only {value:.2f deg} from vertical: axial interference hardly "
+    "turns the azimuth there and the toolface is too uncertain to correct it",
+    Code.CROSS_AXIAL_MISFIT: "across-axis field does not fit the reference (chi-square {value:.0f}, limit "
+    "{limit:.1f}): the disturbance is not axial (casing, nearby well, hot spot in the collar) "
+    "or the reference is not this place's",
+    Code.TWO_AZIMUTHS_FIT_FIELD: "two azimuths, {values[0]:.1f (deg)} and {values[1]:.1f deg} from magnetic north, fit "
+    "the readings without the axial magnetometer: horizontal hole, take a gyro",
+    Code.CORRECTION_UNCERTAIN: "hole {values[0]:.0f deg} from horizontal and {values[1]:.0f deg} from magnetic "
+    "east-west: corrected azimuth good only to {value:.1f deg}, limit {limit:.1f deg}; "
+    "use multi-station correction or a gyro",
+    Code.INTERFERENCE_CORRECTED: f"{_AXIAL} corrected",
+    Code.INTERFERENCE_CORRECTED_UNSURELY: f"{_AXIAL} corrected as well as it can be: {{causes}}",
+    Code.INTERFERENCE_LEFT_BY_SETTING: f"{_AXIAL} seen, azimuth uncorrected as asked",
+    Code.INTERFERENCE_NOT_CORRECTED: f"{_AXIAL} not corrected: {{causes}}",
+    Code.INTERFERENCE_HIDDEN: "axial interference can hardly be seen in this attitude, 1000 nT of it turn the azimuth "
+    "by {value:.1f deg}: use multi-station correction or a gyro",
+    Code.TOO_FEW_STATIONS: "too few stations in this run: {value:.0f} of {limit:.0f}",
+    Code.STATIONS_DO_NOT_FIT: "{value:.0f} of {values[0]:.0f} stations do not fit one set of errors: "
+    "the disturbance changes along the run (casing, other wells) or the tool was changed",
+    Code.STATIONS_IMPROBABLE: "the stations do not fit one set of errors and this reference: chi-square "
+    "{values[0]:.0f} of {values[1]:.0f} degrees of freedom, probability {value:.1g}, limit {limit:g}",
+    Code.MULTI_STATION_UNCERTAIN: "corrected azimuth good only to {value:.1f deg} (limit {limit:.1f deg}): "
+    "the attitudes do not show the axial interference; take stations at other azimuths or a gyro",
+    Code.MULTI_STATION_NO_BETTER: "corrected azimuth no better than the raw one "
+    "({value:.2f (deg)} against {limit:.2f deg})",
+    Code.OUTLIER_STATION: "left out of the analysis as an outlier",
+    Code.CORRECTED_BY_STATIONS: "corrected by {values[1]:.0f} stations: axial {value:+.0f (nT)} +- {values[0]:.0f nT}",
+    Code.NOT_OBSERVABLE: "not observable from these attitudes: {names_listed}",
+    Code.OUTLIERS_LEFT_OUT: "left out as outliers: station {names_listed} of {values[0]:.0f}",
+    Code.NO_AZIMUTH: "no azimuth",
+    Code.AZIMUTH_UNCERTAIN: "not certain enough: {value:.0f deg}",
+    Code.AZIMUTH_NOT_CHOSEN: "the {names[0]} azimuth of the same reading is used",
+    Code.AZIMUTH_ADDS_NOTHING: "agrees, but adds nothing to the more certain one it shares its errors with",
+    Code.CHECK_FAILED: "its check failed: {causes}",
+    Code.ONLY_AZIMUTH_CHECK_FAILED: "{names[0]}: its check failed: {causes}",
+    Code.DISAGREES_CHECK_FAILED: _APART + "{names[1]} and its check failed: {causes}; {names[1]} is used",
+    Code.DISAGREES_EXTERNAL_INTERFERENCE: _APART + "{names[1]}; {names[1]} is used, because external interference "
+    "can turn the field without changing its total or dip",
+    Code.DISAGREES_LESS_CORRECTED: _APART + "{names[1]}; {names[1]} is used, because it removes more interference",
+    Code.DISAGREES_LESS_CERTAIN: _APART + "{names[1]}; {names[1]} is used, the more certain, its sigma widened by the "
+    "difference: no check says which is wrong",
+    Code.GYRO_ONLY_UNCERTAIN: "azimuth by the gyro alone, good to {value:.1f deg}, limit {limit:.1f deg}: " + _REST,
+    Code.GYRO_UNDECIDED: _APART
+    + "{names[1]}, not certain enough to say which is right: "
+    + _REST
+    + ", and survey again",
+    Code.GYRO_TOO_UNCERTAIN: "good to {value:.0f deg} only",
+    Code.GYRO_NORTH_UNKNOWN: "the gyro finds true north and what {names[0]} north is from there is not known",
+    Code.NOT_CONFIRMED_BY_GYRO: "magnetic azimuth not confirmed by the gyro ({cause}); at the last station compared: "
+    "{others}; let the tool rest and survey again",
+    Code.NOT_COMPARED_WITH_GYRO: "magnetic azimuth not compared with the gyro: {causes}",
+    Code.PROPAGATED_AGREES: "agrees; it comes from the stations before and adds nothing of its own",
+    Code.PROPAGATED_DISAGREES: _APART + "the gyro-propagated azimuth of the last accepted station",
+    Code.PROPAGATED_DISAGREES_UNRESOLVED: _APART + "the gyro-propagated azimuth of the last accepted station; "
+    "let the tool rest for the gyro, or survey again",
+    Code.PROPAGATED_USED: "azimuth propagated by the gyros from the last accepted station, because: {causes}",
+    Code.NO_OTHER_AZIMUTH: "there is no other",
+    Code.SAMPLES_DISAGREE: _APART + "that of the samples up to here, for which the turning tool has shown the "
+    "magnetometer's errors: calibrate it, or survey again at another toolface",
+    Code.SENSOR_FAULT: "{causes}",
+    Code.SENSOR_FAULT_ENDED: "{cause}, until {value:.1f s} after this survey began: take it again",
+    Code.SENSOR_SUSPECT: "the {names[0]} was in doubt while this was averaged: take it again",
+    Code.TOO_FEW_SAMPLES: "too few samples to tell whether the tool keeps still",
+    Code.SAMPLES_MISSING: "samples are missing",
+    Code.TOOL_TURNS: "the tool turns: {value:.3f rad/s}, limit {limit:.3f}",
+    Code.TOOL_MOVES: "the tool moves: angular rate varies by {value:.3f rad/s}, limit {limit:.3f}",
+    Code.TOOL_SHAKES: "the tool shakes: {value:.2f m/s^2}, limit {limit:.2f}",
+    Code.TOOL_SHIFTS: "the tool shifts: {value:.2f m/s^2} in {values[0]:g s}, limit {limit:.2f}",
+    Code.STRING_DOES_NOT_TURN: "the string does not turn: take a survey at rest",
+    Code.TOO_FEW_WITH_GRAVITY: "too few samples with a known gravity",
+    Code.TIME_WENT_BACK: "time went back: the estimate begins anew",
+    Code.QUOTED: "{names[0]}",
+}
+
+
+class _Number(float):
+    """A number in SI that formats itself in the unit its format names; a unit in parentheses is not printed."""
+
+    def __format__(self, spec: str) -> str:
+        number, _, unit = spec.partition(" ")
+        if not unit:
+            return format(float(self), number)
+        converted = format(float(self) * UNITS[unit.strip("()")], number)
+        return converted if unit.startswith("(") else f"{converted} {unit}"
+
+
+def text(reason: Reason) -> str:
+    """The sentence of one reason."""
+    causes = [text(one) for one in reason.causes]
+    fields: dict[str, Any] = {
+        "value": None if reason.value is None else _Number(reason.value),
+        "limit": None if reason.limit is None else _Number(reason.limit),
+        "values": [_Number(one) for one in reason.values],
+        "names": reason.names,
+        "names_listed": ", ".join(reason.names),
+        "causes": "; ".join(causes),
+        "causes_listed": ", ".join(causes),
+        "cause": causes[0] if causes else "",
+        "others": "; ".join(causes[1:]),
+    }
+    return WORDS[reason.code].format(**fields)
+
+
+def texts(reasons: Iterable[Reason]) -> list[str]:
+    """The sentence of each reason, in order."""
+    return [text(one) for one in reasons]
+
+
+def joined(reasons: Iterable[Reason] | None) -> str:
+    """The sentences of all reasons as one text; empty where there is none."""
+    return "; ".join(texts(reasons or ()))

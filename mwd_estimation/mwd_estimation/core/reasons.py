@@ -1,0 +1,145 @@
+"""
+Reasons as data: why a survey, an azimuth or a sensor is doubted, refused or reported.
+
+Everything that decides an azimuth, its sigma or a verdict reads the code and the numbers of a reason, never its words.
+`core.reason_text` turns a reason into a sentence where a message, a table or a log is written.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum, unique
+
+
+@unique
+class ReasonCode(StrEnum):
+    """What a reason says; the numbers and names that belong to each code stand beside its words."""
+
+    # Totals against the reference (survey.acceptance, survey.station_deviations).
+    GRAVITY_OFF = "gravity_off"
+    GRAVITY_OFF_STANDARD = "gravity_off_standard"
+    FIELD_OFF = "field_off"
+    DIP_OFF = "dip_off"
+    TOTALS_OFF_TOGETHER = "totals_off_together"
+    WITHIN_LIMITS = "within_limits"
+    GRAVITY_WITHIN = "gravity_within"
+    GRAVITY_WITHIN_STANDARD = "gravity_within_standard"
+    FIELD_WITHIN = "field_within"
+    DIP_WITHIN = "dip_within"
+    GRAVITY_NOT_EARTH = "gravity_not_earth"
+    GRAVITY_IN_G = "gravity_in_g"
+    FIELD_NOT_EARTH = "field_not_earth"
+    FIELD_IN_OTHER_UNIT = "field_in_other_unit"
+    DIP_SIGN = "dip_sign"
+
+    # Readings and north of one station (survey.station).
+    NO_ACCELEROMETER = "no_accelerometer"
+    NO_MAGNETOMETER = "no_magnetometer"
+    NO_HORIZONTAL_FIELD = "no_horizontal_field"
+    INCLINATION_ONLY = "inclination_only"
+    AZIMUTH_BY_GYRO_ONLY = "azimuth_by_gyro_only"
+    NORTH_UNKNOWN = "north_unknown"
+    NO_REFERENCE_FIELD = "no_reference_field"
+    WEAK_HORIZONTAL_FIELD = "weak_horizontal_field"
+    NEAR_VERTICAL = "near_vertical"
+    STRING_ROTATED = "string_rotated"
+
+    # Drill-string interference and its single-station correction (survey.acceptance, survey.station).
+    NOT_CORRECTED = "not_corrected"
+    NO_FIELD_TO_CORRECT_BY = "no_field_to_correct_by"
+    CORRECTION_NEAR_VERTICAL = "correction_near_vertical"
+    CROSS_AXIAL_MISFIT = "cross_axial_misfit"
+    TWO_AZIMUTHS_FIT_FIELD = "two_azimuths_fit_field"
+    CORRECTION_UNCERTAIN = "correction_uncertain"
+    INTERFERENCE_CORRECTED = "interference_corrected"
+    INTERFERENCE_CORRECTED_UNSURELY = "interference_corrected_unsurely"
+    INTERFERENCE_LEFT_BY_SETTING = "interference_left_by_setting"
+    INTERFERENCE_NOT_CORRECTED = "interference_not_corrected"
+    INTERFERENCE_HIDDEN = "interference_hidden"
+
+    # Multi-station correction (survey.multi_station_analysis, survey.run_history).
+    TOO_FEW_STATIONS = "too_few_stations"
+    STATIONS_DO_NOT_FIT = "stations_do_not_fit"
+    STATIONS_IMPROBABLE = "stations_improbable"
+    MULTI_STATION_UNCERTAIN = "multi_station_uncertain"
+    MULTI_STATION_NO_BETTER = "multi_station_no_better"
+    OUTLIER_STATION = "outlier_station"
+    CORRECTED_BY_STATIONS = "corrected_by_stations"
+    NOT_OBSERVABLE = "not_observable"
+    OUTLIERS_LEFT_OUT = "outliers_left_out"
+
+    # Azimuths against each other (survey.azimuth_fusion, survey.decision).
+    NO_AZIMUTH = "no_azimuth"
+    AZIMUTH_UNCERTAIN = "azimuth_uncertain"
+    AZIMUTH_NOT_CHOSEN = "azimuth_not_chosen"
+    AZIMUTH_ADDS_NOTHING = "azimuth_adds_nothing"
+    CHECK_FAILED = "check_failed"
+    ONLY_AZIMUTH_CHECK_FAILED = "only_azimuth_check_failed"
+    DISAGREES_CHECK_FAILED = "disagrees_check_failed"
+    DISAGREES_EXTERNAL_INTERFERENCE = "disagrees_external_interference"
+    DISAGREES_LESS_CORRECTED = "disagrees_less_corrected"
+    DISAGREES_LESS_CERTAIN = "disagrees_less_certain"
+    GYRO_ONLY_UNCERTAIN = "gyro_only_uncertain"
+    GYRO_UNDECIDED = "gyro_undecided"
+    GYRO_TOO_UNCERTAIN = "gyro_too_uncertain"
+    GYRO_NORTH_UNKNOWN = "gyro_north_unknown"
+    NOT_CONFIRMED_BY_GYRO = "not_confirmed_by_gyro"
+    NOT_COMPARED_WITH_GYRO = "not_compared_with_gyro"
+
+    # Continuity with the stations and samples before (survey.continuity_check).
+    PROPAGATED_AGREES = "propagated_agrees"
+    PROPAGATED_DISAGREES = "propagated_disagrees"
+    PROPAGATED_DISAGREES_UNRESOLVED = "propagated_disagrees_unresolved"
+    PROPAGATED_USED = "propagated_used"
+    NO_OTHER_AZIMUTH = "no_other_azimuth"
+    SAMPLES_DISAGREE = "samples_disagree"
+
+    # Faults of sensors during a survey (survey.fault_history).
+    SENSOR_FAULT = "sensor_fault"
+    SENSOR_FAULT_ENDED = "sensor_fault_ended"
+    SENSOR_SUSPECT = "sensor_suspect"
+
+    # Why a survey is not taken (survey.static_survey, survey.rotary_survey, pipeline).
+    TOO_FEW_SAMPLES = "too_few_samples"
+    SAMPLES_MISSING = "samples_missing"
+    TOOL_TURNS = "tool_turns"
+    TOOL_MOVES = "tool_moves"
+    TOOL_SHAKES = "tool_shakes"
+    TOOL_SHIFTS = "tool_shifts"
+    STRING_DOES_NOT_TURN = "string_does_not_turn"
+    TOO_FEW_WITH_GRAVITY = "too_few_with_gravity"
+    TIME_WENT_BACK = "time_went_back"
+
+    # Words of others (a message received, a fault described elsewhere): nothing may be decided by them.
+    QUOTED = "quoted"
+
+
+@dataclass(frozen=True)
+class Reason:
+    """
+    One reason; its meaning is `code`, the rest are the numbers and names that its sentence states.
+
+    Attributes
+    ----------
+    code : ReasonCode
+    value, limit : float or None
+        What was found and the limit it was judged by, in SI units; None where the code has none.
+    values : tuple of float
+        Further numbers of the code, SI.
+    names : tuple of str
+        Sensors, methods, norths or units that the code is about.
+    causes : tuple of Reason
+        Reasons from which this one follows.
+    """
+
+    code: ReasonCode
+    value: float | None = None
+    limit: float | None = None
+    values: tuple[float, ...] = ()
+    names: tuple[str, ...] = ()
+    causes: tuple[Reason, ...] = ()
+
+
+def quoted(text: str) -> Reason:
+    """Words that come from elsewhere as a reason; it is shown as it is."""
+    return Reason(ReasonCode.QUOTED, names=(text,))
