@@ -1,10 +1,9 @@
-"""The law of the rooms: kernels know no ROS, dependencies run one way, every kernel has its test."""
+"""The dependency rules: kernels import no ROS, packages and rooms depend one way, every module says what it is for."""
 
 import ast
+import functools
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 LINE = ("mwd_msgs", "mwd_sensors", "mwd_estimation", "mwd_surface")
@@ -15,54 +14,119 @@ ROS = {
 }  # fmt: skip
 MODULES = [path for package in LINE[1:] for path in sorted((ROOT / package / package).rglob("*.py")) if path.is_file()]
 KERNELS = [path for path in MODULES if not {"nodes", "ros"} & set(path.parts)]
+# Rooms of mwd_estimation by rank: a room imports only rooms of a lower rank. Modules beside the rooms rank last.
+ROOMS = {"core": 0, "gravity": 1, "magnetic": 1, "gyrocompass": 1, "health": 1, "attitude": 2, "survey": 3}
+# Rooms that must not import each other, in either direction.
+APART = [("mwd_surface.page", "mwd_surface.rig")]
+# Modules outside the simulator that may use it: the node that plays it and the tools that record with it.
+SIMULATOR = "mwd_sensors.simulator"
+SIMULATOR_USERS = (SIMULATOR, "mwd_sensors.nodes.sonde", "mwd_surface.commands", "mwd_surface.runs")
 
 
+@functools.cache
 def _imports(path):
+    """Dotted names a file imports, each name of a `from` import also with its module in front."""
+    found = []
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            yield node.module
+            found += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return found
 
 
-def _name(path):
-    return str(path.relative_to(ROOT))
+def _module(path):
+    """Dotted name of a file."""
+    package = path.relative_to(ROOT).parts[0]
+    return ".".join(path.relative_to(ROOT / package).with_suffix("").parts)
+
+
+def _within(name, room):
+    return name == room or name.startswith(room + ".")
 
 
 def test_the_tree_is_there_to_be_checked():
     assert len(KERNELS) > 30
 
 
-@pytest.mark.parametrize("path", KERNELS, ids=_name)
-def test_a_kernel_imports_no_ros(path):
-    found = {name for name in _imports(path) if name.split(".")[0] in ROS or {"nodes", "ros"} & set(name.split("."))}
-    # The command's door may start a node, as `ros2 run` would.
-    if path.parent.name == "commands":
-        found = {name for name in found if not {"nodes", "ros"} & set(name.split("."))}
-    assert not found
+def test_kernels_import_no_ros():
+    # A command may start a node, as `ros2 run` would.
+    wrong = [
+        f"{_module(path)} imports {name}"
+        for path in KERNELS
+        for name in _imports(path)
+        if name.split(".")[0] in ROS or (path.parent.name != "commands" and {"nodes", "ros"} & set(name.split(".")))
+    ]
+    assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("path", MODULES, ids=_name)
-def test_dependencies_run_one_way(path):
-    own = LINE.index(path.relative_to(ROOT).parts[0])
-    assert not {name for name in _imports(path) if name.split(".")[0] in LINE[own + 1 :]}
+def test_packages_depend_one_way():
+    wrong = [
+        f"{_module(path)} imports {name}"
+        for path in MODULES
+        for name in _imports(path)
+        if name.split(".")[0] in LINE[LINE.index(_module(path).split(".")[0]) + 1 :]
+    ]
+    assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("path", MODULES, ids=_name)
-def test_every_module_says_what_it_is_for(path):
-    assert ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))
+def test_rooms_of_the_estimator_depend_one_way():
+    wrong = []
+    for path in MODULES:
+        own = _module(path).split(".")
+        if own[0] != "mwd_estimation" or own[1] not in ROOMS:
+            continue
+        for name in _imports(path):
+            parts = name.split(".")
+            if parts[0] != "mwd_estimation" or len(parts) < 2 or parts[1] == own[1]:
+                continue
+            if ROOMS.get(parts[1], len(ROOMS)) >= ROOMS[own[1]]:
+                wrong.append(f"{_module(path)} imports {name}")
+    assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("package", LINE)
-def test_package_xml_names_what_the_code_imports(package):
-    tree = ElementTree.parse(ROOT / package / "package.xml")  # noqa: S314
-    declared = {e.text for e in tree.getroot() if e.tag.endswith("depend")}
-    imported = {
-        name.split(".")[0] for path in MODULES if _name(path).startswith(package + "/") for name in _imports(path)
-    }
-    assert (imported & (ROS | set(LINE))) - {package} <= declared
+def test_rooms_that_are_apart_do_not_import_each_other():
+    pairs = [*APART, *(pair[::-1] for pair in APART)]
+    wrong = [
+        f"{_module(path)} imports {name}"
+        for path in MODULES
+        for name in _imports(path)
+        if any(_within(_module(path), one) and _within(name, other) for one, other in pairs)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_only_its_node_and_the_tools_import_the_simulator():
+    wrong = [
+        f"{_module(path)} imports {name}"
+        for path in MODULES
+        for name in _imports(path)
+        if _within(name, SIMULATOR) and not any(_within(_module(path), user) for user in SIMULATOR_USERS)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_every_module_says_what_it_is_for():
+    wrong = [_module(path) for path in MODULES if not ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_package_xml_names_what_the_code_imports():
+    wrong = []
+    for package in LINE:
+        tree = ElementTree.parse(ROOT / package / "package.xml")  # noqa: S314
+        declared = {e.text for e in tree.getroot() if e.tag.endswith("depend")}
+        used = {
+            name.split(".")[0]
+            for path in MODULES
+            if path.is_relative_to(ROOT / package / package)
+            for name in _imports(path)
+        }
+        wrong += [f"{package} imports {name}" for name in sorted((used & (ROS | set(LINE))) - {package} - declared)]
+    assert not wrong, "\n".join(wrong)
 
 
 def test_test_files_have_unique_names():
-    names = [path.name for path in ROOT.glob("*/test/test_*.py")] + [p.name for p in (ROOT / "tests").glob("test_*.py")]
-    assert len(names) == len(set(names))
+    names = [path.name for path in ROOT.glob("*/test/**/test_*.py")]
+    names += [path.name for path in (ROOT / "tests").rglob("test_*.py")]
+    assert len(names) == len(set(names)), sorted({name for name in names if names.count(name) > 1})

@@ -17,6 +17,7 @@ from collections.abc import Callable
 import numpy as np
 from test_multi_station_analysis import QUIET, drawn_run
 
+from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.error_model import BENCH, SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gyrocompass.seek import Solution
@@ -174,7 +175,7 @@ def s0_rows() -> list[str]:
             reference.covariance,
         )  # fmt: skip
         table.append(
-            f"| {axial_nt:g} | {paper:.2f} | {math.degrees(float(axial_correction.raw_azimuth(f_t, b_t))):.2f} "
+            f"| {axial_nt:g} | {paper:.2f} | {math.degrees(float(magnetic_geometry.raw_azimuth(f_t, b_t))):.2f} "
             "| 42.00 | "
             f"{math.degrees(float(done.azimuth)):.2f} | {math.degrees(float(done.sigma_azimuth)):.2f} |"
         )

@@ -15,8 +15,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_estimation.core.magnetic_geometry import raw_azimuth_sample
 from mwd_estimation.core.status import Status
-from mwd_estimation.magnetic.axial_correction import raw_azimuth_sample
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.settings import setting

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mwd_estimation.magnetic import axial_correction
+from mwd_estimation.core import magnetic_geometry
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_tau
 
@@ -192,7 +192,7 @@ def measured(
     f_t, b_t = np.atleast_2d(np.asarray(f_t, dtype=float)), np.atleast_2d(np.asarray(b_t, dtype=float))
     if f_t.shape != b_t.shape or f_t.shape[-1] != 3 or not len(f_t):
         raise ValueError(f"f_t and b_t: expected the same shape (n, 3), got {f_t.shape} and {b_t.shape}")
-    totals, dips = axial_correction.total_field(b_t), axial_correction.dip(f_t, b_t)
+    totals, dips = magnetic_geometry.total_field(b_t), magnetic_geometry.dip(f_t, b_t)
     total, dip = float(totals.mean()), float(dips.mean())
     scatter = np.array([totals.std(), dips.std() * total])
     if not (scatter <= 0.02 * total).all():

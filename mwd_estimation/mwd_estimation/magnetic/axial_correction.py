@@ -1,10 +1,9 @@
 """
-Azimuth from gravity and the magnetic field, and its correction for the steel above and below the tool.
+Single-station correction of the magnetic azimuth for axial drill-string interference.
 
-Source S0 (accelerometer and magnetometer attitude). Its symbols against ours: theta = inclination - 90 deg, phi =
-toolface - 180 deg, G = -f_t, psi = magnetic azimuth. A station's field is seen in three directions fixed by gravity
-alone: along the *axis*, towards the *high* side, towards the *right* side (axis x high). With horizontal field H,
-downward field V:
+Source S0; its symbols as in `core.magnetic_geometry`. The field of a station is resolved in three directions that
+gravity alone defines: along the *axis*, towards the *high* side, towards the *right* side (axis x high). With
+horizontal field H and downward field V:
 
     axis  =  H sin(I) cos(A) + V cos(I) + E      S0 (13), (16)
     high  =  H cos(I) cos(A) - V sin(I)          S0 (19), sign of `high` turned
@@ -24,7 +23,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 _GRID = 360
@@ -38,69 +36,6 @@ _FREEDOM, _TAIL = 7.0, 0.005
 _MIRROR, _MIRROR_LOUD, _BEYOND = 3e-3, 3e-4, 2.0
 
 
-def total_field(b_t: ArrayLike) -> Array:
-    """Strength of the field, T. b_t, shape (..., 3), T, any axes. Returns shape (...)."""
-    return np.asarray(np.linalg.norm(np.asarray(b_t, dtype=float), axis=-1))
-
-
-def dip(f_t: ArrayLike, b_t: ArrayLike) -> Array:
-    """
-    Angle of the field below the horizontal.
-
-    f_t, b_t, shape (..., 3): specific force, m/s^2, and field, T, in the same axes. Returns shape (...), rad in
-    [-pi/2, pi/2].
-    """
-    f_t, b_t = np.broadcast_arrays(np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float))
-    across = np.linalg.norm(np.cross(f_t, b_t), axis=-1)
-    return np.asarray(np.arctan2(-np.sum(f_t * b_t, axis=-1), across))
-
-
-def raw_azimuth(f_t: ArrayLike, b_t: ArrayLike) -> Array:
-    """
-    Magnetic azimuth of the hole axis, nothing corrected (S0 eq 10, with G = -f_t).
-
-    f_t, b_t, shape (..., 3): specific force, m/s^2, and field, T, in tool axes. Returns shape (...), rad in [0, 2 pi).
-    Undefined in a vertical hole and where the field is vertical.
-    """
-    g_t = -np.asarray(f_t, dtype=float)
-    b_t = np.asarray(b_t, dtype=float)
-    g_x, g_y, g_z = g_t[..., 0], g_t[..., 1], g_t[..., 2]
-    b_x, b_y, b_z = b_t[..., 0], b_t[..., 1], b_t[..., 2]
-    g = np.sqrt(g_x * g_x + g_y * g_y + g_z * g_z)
-    east = g * (b_z * g_y - b_y * g_z)
-    north = b_x * (g_y * g_y + g_z * g_z) - g_x * (b_y * g_y + b_z * g_z)
-    return wrap_tau(np.arctan2(east, north))
-
-
-@compiled
-def raw_azimuth_sample(f_x: float, f_y: float, f_z: float, b_x: float, b_y: float, b_z: float) -> float:
-    """Magnetic azimuth of one sample, rad in [0, 2 pi): `raw_azimuth` for compiled loops (S0 eq 10)."""
-    g = math.sqrt(f_x * f_x + f_y * f_y + f_z * f_z)
-    east = g * (b_y * f_z - b_z * f_y)
-    north = b_x * (f_y * f_y + f_z * f_z) - f_x * (b_y * f_y + b_z * f_z)
-    azimuth = math.atan2(east, north)
-    return azimuth + 2.0 * math.pi if azimuth < 0.0 else azimuth
-
-
-@compiled
-def corrected_azimuth_sample(f_x: float, f_y: float, f_z: float, b_y: float, b_z: float, vertical: float) -> float:
-    """
-    Magnetic azimuth of one sample without the axial magnetometer, rad in [0, 2 pi) (S0 eqs 19 and 20, solved apart).
-
-    vertical: downward reference field, T. The cosine from (19) and the sine from (20) go to the arctangent each with
-    its own sign, so all four quadrants hold. No sigma: use `axial_correction` for a survey. nan in a horizontal hole,
-    where (19) says nothing of the cosine, and in a vertical one.
-    """
-    across = math.sqrt(f_y * f_y + f_z * f_z)
-    g = math.sqrt(across * across + f_x * f_x)
-    if across < 1e-9 * g or abs(f_x) < 1e-9 * g:
-        return math.nan
-    high = (b_y * f_y + b_z * f_z) / across
-    right = (b_z * f_y - b_y * f_z) / across
-    azimuth = math.atan2(-right, (high + vertical * across / g) / (-f_x / g))
-    return azimuth + 2.0 * math.pi if azimuth < 0.0 else azimuth
-
-
 def hole_components(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     """
     Field along the axis, towards the high side and towards the right side, T.
@@ -112,44 +47,6 @@ def hole_components(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     across = np.where(across > 0.0, across, np.nan)
     s, c = f_t[..., 1] / across, f_t[..., 2] / across
     return np.stack([b_t[..., 0], b_t[..., 1] * s + b_t[..., 2] * c, b_t[..., 2] * s - b_t[..., 1] * c], axis=-1)
-
-
-def angle_jacobian(f_t: ArrayLike, b_t: ArrayLike) -> Array:
-    """
-    Derivatives of (inclination, raw magnetic azimuth, gravity toolface) by (f_t, b_t).
-
-    f_t, b_t, shape (..., 3). Returns shape (..., 3, 6), rad per m/s^2 and rad per T. Azimuth and toolface rows grow
-    as 1 / sin(inclination) towards the vertical. The field must not be vertical.
-    """
-    f_t, b_t = np.broadcast_arrays(np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float))
-    g = np.linalg.norm(f_t, axis=-1)
-    # An exactly vertical hole is taken as tilted by 1e-7 rad, where all slopes are large and finite.
-    upright = np.hypot(f_t[..., 1], f_t[..., 2]) < 1e-7 * g
-    f_t = np.where(upright[..., None], f_t + 1e-7 * g[..., None] * np.array([0.0, 0.0, 1.0]), f_t)
-    down = -f_t / g[..., None]
-    across = np.hypot(f_t[..., 1], f_t[..., 2])
-    s, c = f_t[..., 1] / across, f_t[..., 2] / across
-    jac = np.zeros((*g.shape, 3, 6))
-    jac[..., 0, 0] = across / g**2
-    jac[..., 0, 1] = -f_t[..., 0] * s / g**2
-    jac[..., 0, 2] = -f_t[..., 0] * c / g**2
-    jac[..., 2, 1] = c / across
-    jac[..., 2, 2] = -s / across
-    along = np.sum(b_t * down, axis=-1)
-    east = down[..., 1] * b_t[..., 2] - down[..., 2] * b_t[..., 1]
-    north = b_t[..., 0] - along * down[..., 0]
-    east_b = np.stack([np.zeros_like(g), -down[..., 2], down[..., 1]], axis=-1)
-    east_d = np.stack([np.zeros_like(g), b_t[..., 2], -b_t[..., 1]], axis=-1)
-    axis = np.array([1.0, 0.0, 0.0])
-    north_b = axis - down[..., :1] * down
-    north_d = -b_t * down[..., :1] - along[..., None] * axis
-    square = (north**2 + east**2)[..., None]
-    azimuth_b = (north[..., None] * east_b - east[..., None] * north_b) / square
-    azimuth_d = (north[..., None] * east_d - east[..., None] * north_d) / square
-    # A change of f along itself does not turn the vertical.
-    azimuth_f = -(azimuth_d - np.sum(azimuth_d * down, axis=-1, keepdims=True) * down) / g[..., None]
-    jac[..., 1, :3], jac[..., 1, 3:] = azimuth_f, azimuth_b
-    return jac
 
 
 @dataclass(frozen=True)

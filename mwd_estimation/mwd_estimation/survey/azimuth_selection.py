@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.magnetic import axial_correction
 from mwd_estimation.survey.acceptance import CHI1_LIMIT
 from mwd_sensors.core.arrays import Array
@@ -64,7 +65,7 @@ def raw(
     correction : axial_correction.AxialCorrection, optional
         What the station shows of it.
     """
-    azimuth, variance, turned = float(axial_correction.raw_azimuth(f_h, b_h)), expected**2, 0.0
+    azimuth, variance, turned = float(magnetic_geometry.raw_azimuth(f_h, b_h)), expected**2, 0.0
     if correction is not None and math.isfinite(float(correction.azimuth)):
         variance = shown_variance(correction, variance, plausible**2)
         turned = turned_variance(correction, azimuth, expected, plausible, variance)

@@ -26,9 +26,9 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
+from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.magnetic import axial_correction
 from mwd_estimation.survey.azimuth_selection import RAW
 from mwd_estimation.survey.station import Station, StationSettings, station
 from mwd_sensors.core.arrays import Array
@@ -246,11 +246,11 @@ def analyse(
     prior = np.sqrt(np.diagonal(problem.scale @ problem.scale.T))
     sigma = np.sqrt(np.diagonal(covariance))
     f_c, b_c = _corrected(f, b, estimate)
-    jacobian = axial_correction.angle_jacobian(f_c, b_c)
+    jacobian = magnetic_geometry.angle_jacobian(f_c, b_c)
     spread = problem.reading_covariance(solution, covariance, used)
     angles = jacobian @ spread @ np.swapaxes(jacobian, 1, 2)
     before = problem.reading_covariance(np.zeros(15), problem.scale @ problem.scale.T, np.zeros(len(f), dtype=bool))
-    jacobian_raw = axial_correction.angle_jacobian(f, b)
+    jacobian_raw = magnetic_geometry.angle_jacobian(f, b)
     raw = jacobian_raw @ before @ np.swapaxes(jacobian_raw, 1, 2)
     sigma_azimuth = np.minimum(np.sqrt(angles[:, 1, 1]), np.pi)
     sigma_raw = np.minimum(np.sqrt(raw[:, 1, 1]), np.pi)
@@ -260,12 +260,12 @@ def analyse(
         sigma=sigma,
         prior=prior,
         covariance=covariance,
-        azimuth=axial_correction.raw_azimuth(f_c, b_c),
+        azimuth=magnetic_geometry.raw_azimuth(f_c, b_c),
         sigma_azimuth=sigma_azimuth,
         inclination=inclination(f_c),
         sigma_inclination=np.sqrt(angles[:, 0, 0]),
         toolface=gravity_toolface(f_c),
-        azimuth_raw=axial_correction.raw_azimuth(f, b),
+        azimuth_raw=magnetic_geometry.raw_azimuth(f, b),
         sigma_raw=sigma_raw,
         by_gyro=np.einsum("ni,ni->n", jacobian[:, 1], problem.by_gyro(solution, covariance_x, used)),
         used=used,
@@ -460,7 +460,7 @@ class _Problem:
         """What whitens the differences from the gyro: each one's noise, the station's own, and the common error."""
         if self.gyro is None:
             return np.zeros((0, 0))
-        slope = axial_correction.angle_jacobian(self.f[seen], self.b[seen])[:, 1, :]
+        slope = magnetic_geometry.angle_jacobian(self.f[seen], self.b[seen])[:, 1, :]
         own = self.gyro.sigma[seen] ** 2 + np.einsum("ni,ij,nj->n", slope, self.noise, slope)
         common = np.broadcast_to(self.gyro.common, seen.shape)[seen]
         return np.linalg.inv(np.linalg.cholesky(np.diag(own) + np.outer(common, common)))
@@ -470,7 +470,7 @@ class _Problem:
         if self.gyro is None or not seen.any():
             return np.zeros(0)
         f, b = _corrected(self.f[seen], self.b[seen], self.scale @ x)
-        off = wrap_pi(axial_correction.raw_azimuth(f, b) - self.gyro.azimuth[seen])
+        off = wrap_pi(magnetic_geometry.raw_azimuth(f, b) - self.gyro.azimuth[seen])
         return np.asarray(self._gyro_white(seen) @ off)
 
     def _gyro_slope(self, x: Array, used: np.ndarray) -> Array:
@@ -480,7 +480,7 @@ class _Problem:
         f, b = _corrected(self.f[seen], self.b[seen], self.scale @ x)
         slope = np.zeros((int(seen.sum()), 15))
         slope[:, :_SENSORS] = np.einsum(
-            "ni,nij->nj", axial_correction.angle_jacobian(f, b)[:, 1, :], self._by_errors()[seen]
+            "ni,nij->nj", magnetic_geometry.angle_jacobian(f, b)[:, 1, :], self._by_errors()[seen]
         )
         return np.asarray(self._gyro_white(seen) @ slope @ self.scale)
 

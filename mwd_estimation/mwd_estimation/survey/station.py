@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference, best_north, north_correction, to_north
 from mwd_estimation.magnetic import axial_correction
@@ -227,12 +228,12 @@ def station(
         reasons = ("no accelerometer reading: nothing can be worked out", *faults, *doubts)
         return _blind(f_raw, b_raw, reference, reasons)
     has_field = bool(np.isfinite(b_raw).all()) and b_total > _NO_FIELD
-    has_field = has_field and math.cos(float(axial_correction.dip(f_raw, b_raw))) > _LEVEL
+    has_field = has_field and math.cos(float(magnetic_geometry.dip(f_raw, b_raw))) > _LEVEL
     # Without a horizontal field any field serves for the slopes of inclination and toolface.
     f_h, b_h = turn[:3, :3] @ f_raw, turn[:3, :3] @ (b_raw if has_field else np.array([1e-5, 2e-5, 3e-5]))
     covariance_s = turn @ noise @ turn.T + settings.errors.covariance(f_h, b_h)
     inc, toolface = float(inclination(f_h)), float(gravity_toolface(f_h))
-    dip = float(axial_correction.dip(f_h, b_h)) if has_field else math.nan
+    dip = float(magnetic_geometry.dip(f_h, b_h)) if has_field else math.nan
     horizontal = b_total * math.cos(dip)
     if reference is not None and reference.has_field:
         horizontal = reference.horizontal
@@ -241,7 +242,7 @@ def station(
     doubted: tuple[str, ...] = ()
     north, turn_north = _north(reference, settings.north, findings, has_field)
     alignment = settings.errors.alignment(inc)
-    jacobian = axial_correction.angle_jacobian(f_h, b_h)
+    jacobian = magnetic_geometry.angle_jacobian(f_h, b_h)
     correction, refused, hidden = None, "", False
     expected, plausible = settings.errors.axial_interference_nt * 1e-9, settings.plausible_interference_nt * 1e-9
     if has_field:
@@ -286,7 +287,9 @@ def station(
     g_limit, b_limit, dip_limit = quality.bounds(apart, settings.quality.limits).tolist()
     findings.add(judgement.verdict, *judgement.reasons)
     b_earth = b_h - np.array([interference if corrected else 0.0, 0.0, 0.0])
-    earth = (float(np.linalg.norm(b_earth)), float(axial_correction.dip(f_h, b_earth))) if has_field else (b_total, dip)
+    earth = (
+        (float(np.linalg.norm(b_earth)), float(magnetic_geometry.dip(f_h, b_earth))) if has_field else (b_total, dip)
+    )
     findings.add(REJECT, *gross_faults(g_total, *earth, reference))
     if has_field:
         _judge_field(findings, settings, reference, north, horizontal)

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.magnetic import axial_correction
 from mwd_estimation.survey.acceptance import Deviations
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -101,7 +101,9 @@ def deviations(
     if reference is None or reference.total is None or reference.dip is None or not has_field:
         return Deviations(delta_g, math.nan, math.nan, covariance, standard)
     delta_b = float(np.linalg.norm(b_earth)) - reference.total
-    return Deviations(delta_g, delta_b, float(axial_correction.dip(f_h, b_earth)) - reference.dip, covariance, standard)
+    return Deviations(
+        delta_g, delta_b, float(magnetic_geometry.dip(f_h, b_earth)) - reference.dip, covariance, standard
+    )
 
 
 def _by_standard(local: float, standard: float) -> float:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mwd_estimation.pipeline import NORTH_CODES
+from mwd_estimation.survey.magnetic_feedback import NORTH_CODES
 from mwd_estimation.survey.survey import ROTARY, STATIC, Survey
 
 KINDS = {STATIC: 0, ROTARY: 1}

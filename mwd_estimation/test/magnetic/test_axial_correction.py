@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis.strategies import floats
 
+from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.magnetic import axial_correction
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
@@ -36,24 +37,13 @@ def test_table_1_of_s0_is_reproduced_to_a_hundredth_of_a_degree(axial, b_x, raw)
     # theta = -23 and phi = -68 deg in the paper's angles.
     f_t, b_t = readings(67 * DEG, 42 * DEG, 112 * DEG, h, v, axial)
     assert b_t * 1e5 == pytest.approx([b_x, -0.6372, -2.5662], abs=6e-5)
-    assert axial_correction.raw_azimuth(f_t, b_t) / DEG == pytest.approx(raw, abs=0.01)
+    assert magnetic_geometry.raw_azimuth(f_t, b_t) / DEG == pytest.approx(raw, abs=0.01)
     done = axial_correction.axial_correction(f_t, b_t, h, v, SENSORS, reference_covariance(4e-5, 12 * DEG))
     assert done.azimuth / DEG == pytest.approx(42.0, abs=0.01)
     assert done.interference == pytest.approx(axial, abs=1e-9)
-    assert axial_correction.corrected_azimuth_sample(*f_t, b_t[1], b_t[2], v) / DEG == pytest.approx(42.0, abs=1e-6)
 
 
-ANY_INC = floats(0.05, math.pi - 0.05)
 ANY_ANGLE = floats(0.0, 2.0 * math.pi)
-
-
-@given(inc=ANY_INC, azi=ANY_ANGLE, toolface=ANY_ANGLE, dip=floats(-1.3, 1.3))
-def test_raw_azimuth_undoes_the_attitude_in_every_quadrant(inc, azi, toolface, dip):
-    f_t, b_t = readings(inc, azi, toolface, TOTAL * math.cos(dip), TOTAL * math.sin(dip))
-    assert wrap_pi(axial_correction.raw_azimuth(f_t, b_t) - azi) == pytest.approx(0.0, abs=1e-9)
-    assert wrap_pi(axial_correction.raw_azimuth_sample(*f_t, *b_t) - azi) == pytest.approx(0.0, abs=1e-9)
-    assert axial_correction.dip(f_t, b_t) == pytest.approx(dip, abs=1e-9)
-    assert axial_correction.total_field(b_t) == pytest.approx(TOTAL, rel=1e-12)
 
 
 @settings(max_examples=40, deadline=None)
@@ -65,28 +55,6 @@ def test_correction_finds_azimuth_and_interference_in_every_quadrant_and_hemisph
     done = axial_correction.axial_correction(f_t, b_t, h, v, SENSORS, reference_covariance(dip=dip))
     assert wrap_pi(done.azimuth - azi) == pytest.approx(0.0, abs=1e-6)
     assert done.interference == pytest.approx(axial, abs=1e-10)
-    assert wrap_pi(axial_correction.corrected_azimuth_sample(*f_t, b_t[1], b_t[2], v) - azi) == pytest.approx(
-        0.0, abs=1e-8
-    )
-
-
-def test_slopes_of_the_angles_agree_with_finite_differences():
-    rng = np.random.default_rng(3)
-    f_t, b_t = readings(rng.uniform(0.1, 3.0, 20), rng.uniform(0, 6.28, 20), rng.uniform(0, 6.28, 20))
-    x = np.concatenate([f_t, b_t + rng.normal(0, 1e-6, (20, 3))], axis=1)
-
-    def angles(x):
-        from mwd_sensors.core.frames import gravity_toolface, inclination
-
-        f, b = x[:, :3], x[:, 3:]
-        return np.stack([inclination(f), axial_correction.raw_azimuth(f, b), gravity_toolface(f)], axis=1)
-
-    jac = axial_correction.angle_jacobian(x[:, :3], x[:, 3:])
-    for k, step in enumerate([1e-5] * 3 + [1e-11] * 3):
-        change = np.zeros(6)
-        change[k] = step
-        slope = wrap_pi(angles(x + change) - angles(x - change)) / (2.0 * step)
-        assert jac[:, :, k] * step == pytest.approx(slope * step, rel=1e-5, abs=1e-11)
 
 
 def test_sensitivity_of_the_correction_agrees_with_finite_differences():
@@ -206,7 +174,7 @@ def test_a_tight_prior_on_the_interference_turns_the_correction_into_the_plain_s
     f_t, b_t = readings(60 * DEG, 80 * DEG, 1.0)
     done = axial_correction.axial_correction(f_t, b_t, HORIZONTAL, VERTICAL, SENSORS, reference_covariance(), 1e-12)
     assert done.interference == pytest.approx(0.0, abs=1e-13)
-    jac = axial_correction.angle_jacobian(f_t, b_t)[1]
+    jac = magnetic_geometry.angle_jacobian(f_t, b_t)[1]
     # The reference helps, so it is at least as good as the three magnetometers alone.
     assert done.sigma_azimuth <= math.sqrt(jac @ SENSORS @ jac) + 1e-9
 
@@ -217,7 +185,6 @@ def test_a_vertical_hole_gives_nan_beside_good_stations():
     done = axial_correction.axial_correction(f_t, b_t, HORIZONTAL, VERTICAL, SENSORS, reference_covariance())
     assert np.isnan(done.azimuth[0])
     assert done.azimuth[1] == pytest.approx(2.0, abs=1e-9)
-    assert math.isnan(axial_correction.corrected_azimuth_sample(-9.81, 0.0, 0.0, 1e-5, 1e-5, VERTICAL))
 
 
 def test_a_prior_that_is_not_positive_is_refused():

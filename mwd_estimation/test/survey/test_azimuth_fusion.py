@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from north_signals import DEG_H, felt, motion, still
 from numpy.testing import assert_allclose
 
+from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.gyrocompass import seek as north_seek
-from mwd_estimation.magnetic import axial_correction
 from mwd_estimation.survey import azimuth_fusion
 from mwd_estimation.survey.azimuth_fusion import GYRO, Candidate
 from mwd_sensors.core.frames import wrap_pi
@@ -257,7 +257,7 @@ def test_s1_field_scenario_from_raw_samples_to_the_fused_azimuth() -> None:
     assert north.success, north.reason
     assert north.method == "two_position"
     at_rest = slice(500, 5000)
-    read = axial_correction.raw_azimuth(
+    read = magnetic_geometry.raw_azimuth(
         ahrs["linear_acceleration"][at_rest].mean(axis=0), mag["magnetic_field"][at_rest].mean(axis=0)
     )
     steel = Candidate("raw", float(read) + sonde.reference.declination, 1.0 * DEG)

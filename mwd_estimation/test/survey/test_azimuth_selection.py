@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.error_model import BENCH
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.magnetic import axial_correction
@@ -34,7 +35,7 @@ def case(inc, azi, axial):
     found = axial_correction.axial_correction(
         f, b, REFERENCE.horizontal, REFERENCE.vertical, spread, REFERENCE.covariance, plausible=PLAUSIBLE
     )
-    jacobian = axial_correction.angle_jacobian(f, b)
+    jacobian = magnetic_geometry.angle_jacobian(f, b)
     methods = [raw(f, b, jacobian, spread, EXPECTED, PLAUSIBLE, found), corrected(found, jacobian, spread)]
     return found, methods, jacobian, spread
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mwd_estimation.core.error_model import BENCH
+from mwd_estimation.core.magnetic_geometry import dip
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.magnetic.axial_correction import dip
 from mwd_estimation.survey.acceptance import within
 from mwd_estimation.survey.station_deviations import deviation_covariance, deviations, gross_faults, totals_jacobian
 from mwd_sensors.core.frames import mat_nt

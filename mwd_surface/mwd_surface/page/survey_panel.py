@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mwd_estimation.magnetic import axial_correction
+from mwd_estimation.core import magnetic_geometry
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
 from mwd_surface.page.plain import number, numbers
@@ -142,7 +142,7 @@ def _earth_field(survey: Survey) -> tuple[float, float, bool]:
     if not corrected or survey.b_total < 0.0 or not any(survey.specific_force):
         return survey.b_total, survey.dip, False
     b_t = np.array(survey.magnetic_field) - np.array([survey.axial_interference, 0.0, 0.0])
-    return float(np.linalg.norm(b_t)), float(axial_correction.dip(np.array(survey.specific_force), b_t)), True
+    return float(np.linalg.norm(b_t)), float(magnetic_geometry.dip(np.array(survey.specific_force), b_t)), True
 
 
 def field_of(survey: Survey) -> dict[str, float | str]:
