@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
+from consistency import consistency
 from mwd_estimation.gravity import fuzzy_mahony, smoother
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.gravity.bounded import filter as gravity_bounded
@@ -293,20 +293,6 @@ def accuracy(title: str, rows: dict[str, Follow], seeds: int, calibrated: bool =
     return out
 
 
-def samples_that_count(u: Array) -> float:
-    """
-    Number of independent samples in the squares of a normalised error u, a series of one run.
-
-    Squares of a Gaussian series correlate as the square of its autocorrelation r: n / (1 + 2 sum r^2). The mean is not
-    taken out: an error that stays all run, as of calibration, is one sample.
-    """
-    u = u[::10]
-    n = len(u)
-    power = np.fft.irfft(np.abs(np.fft.rfft(u, 2 * n)) ** 2)[:n] / n
-    r = power / power[0]
-    return max(1.0, n / float(1.0 + 2.0 * np.sum(r[1:] ** 2)))
-
-
 def honesty(name: str, run: Callable[..., Any], cases: dict[str, tuple[Path, Changes]], seeds: range) -> list[str]:
     """
     Squared error over published variance (NEES, 1 expected) of inclination and toolface, case by case.
@@ -318,7 +304,7 @@ def honesty(name: str, run: Callable[..., Any], cases: dict[str, tuple[Path, Cha
     rows: dict[str, list[str]] = {"NEES inclination": [], "NEES toolface": [], "sigma inclination, deg": []}
     inside = {"NEES inclination": 0, "NEES toolface": 0}
     for path, changes in cases.values():
-        squares: dict[str, list[tuple[float, float]]] = {row: [] for row in inside}
+        squares: dict[str, list[tuple[Array, Array]]] = {row: [] for row in inside}
         sigma = []
         for seed in seeds:
             t, w, f, down = drilled(path, {**changes, "seed": seed})
@@ -326,15 +312,14 @@ def honesty(name: str, run: Callable[..., Any], cases: dict[str, tuple[Path, Cha
             errors = np.degrees(got.inclination) - inclination(down), toolface(got.g_t) - toolface(down)
             published = got.sigma_inclination, got.sigma_toolface
             for row, error, one in zip(squares, errors, published, strict=True):
-                u = (((error + 180.0) % 360.0 - 180.0) / np.degrees(one))[late]
-                squares[row].append((float(np.mean(u * u)), samples_that_count(u)))
+                wrapped = (error + 180.0) % 360.0 - 180.0
+                squares[row].append((wrapped[late], np.degrees(one)[late]))
             sigma.append(rms(np.degrees(got.sigma_inclination[late])))
         for row, values in squares.items():
-            nees, count = float(np.mean([v[0] for v in values])), sum(v[1] for v in values)
-            low, high = chi2.ppf([0.025, 0.975], count) / count
-            inside[row] += low <= nees <= high
-            mark = ">" if nees > high else "<" if nees < low else ""
-            rows[row].append(f"{mark}{nees:.2f} ({low:.2f}-{high:.2f})")
+            got = consistency(values)
+            inside[row] += got.inside
+            mark = ">" if got.nees > got.high else "<" if got.nees < got.low else ""
+            rows[row].append(f"{mark}{got.nees:.2f} ({got.low:.2f}-{got.high:.2f})")
         rows["sigma inclination, deg"].append(f"{rms(sigma):.3f}")
     for row, cells in rows.items():
         total = f"{inside[row]} of {len(cases)}" if row in inside else ""

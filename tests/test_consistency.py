@@ -1,0 +1,40 @@
+import numpy as np
+import pytest
+
+from consistency import assert_consistent, consistency, independent_samples
+
+RNG = np.random.default_rng(5)
+
+
+def test_white_errors_of_their_own_sigma_are_consistent():
+    assert_consistent(2.0 * RNG.standard_normal(500), 2.0)
+
+
+@pytest.mark.parametrize("wrong", [0.8, 1.25])
+def test_a_sigma_that_is_wrong_by_a_quarter_is_named(wrong):
+    with pytest.raises(AssertionError, match="inclination"):
+        assert_consistent(RNG.standard_normal(2000), wrong, name="inclination")
+
+
+def test_a_correlated_series_counts_as_few_samples():
+    n, memory = 20_000, 100.0
+    white, series = RNG.standard_normal(n), np.zeros(n)
+    keep = np.exp(-1.0 / memory)
+    for k in range(1, n):
+        series[k] = keep * series[k - 1] + np.sqrt(1.0 - keep * keep) * white[k]
+    # Squares of a first-order process decorrelate in half its memory: n / (1 + 2 sum exp(-2 k / memory)).
+    assert 0.3 * n / memory < independent_samples(series) < n / memory
+    assert_consistent(series, 1.0, correlated=True)
+
+
+def test_an_error_that_stays_all_run_is_one_sample_or_two():
+    got = consistency([(np.full(3000, 1.5), 1.0)])
+    assert 1.0 <= got.freedom < 2.0
+    assert got.inside
+
+
+def test_no_samples_or_a_sigma_of_zero_are_refused():
+    with pytest.raises(ValueError, match="positive sigma"):
+        assert_consistent([1.0], [0.0])
+    with pytest.raises(ValueError, match="samples"):
+        assert_consistent([], [])
