@@ -41,7 +41,7 @@ from mwd_estimation.magnetic import spike_filter
 from mwd_estimation.settings import EstimatorSettings, ReferenceSettings, latitude_of, reference_of
 from mwd_estimation.survey import survey
 from mwd_estimation.survey.continuity_check import handed_on, held_against
-from mwd_estimation.survey.fault_history import AZIMUTH, GuardedGravity, Record, mark, without_faulty
+from mwd_estimation.survey.fault_history import AZIMUTH, GuardedGravity, Record, without_faulty
 from mwd_estimation.survey.magnetic_feedback import NORTH_CODES, FieldReader
 from mwd_estimation.survey.rotary_survey import Progress as RotaryProgress
 from mwd_estimation.survey.rotary_survey import RotarySurvey
@@ -415,38 +415,39 @@ class Pipeline:
         if self.settings.health.watch:
             unsure = (suspect | np.uint8(self._unusable)) & (GYRO_BIT | ACCEL) != 0
             self._precision_health.beside(stamps, np.where(unsure[:, None], np.nan, values) if unsure.any() else values)
-        readings, marks, held = [(0, self._field.reading)], [], []
+        readings = [(0, self._field.reading)]
+        marks: list[Mark] = []
+        taken: list[tuple[int, Survey]] = []
         doubted, doubtful = 0, bool(suspect.any())
         for closed, place in self._binners["imu"].add_placed(stamps, values):
             self._waiting.append(closed)
             # One bin late, so that the other streams of its time are there.
             if len(self._waiting) > 1:
-                before = len(output.surveys)
                 if doubtful:
                     self._faults.doubt(stamps[doubted:place], suspect[doubted:place])
                     doubted = place
-                marks.append(self._judge(self._waiting.pop(0), place, output))
-                held += [(len(marks) - 1, at) for at in range(before, len(output.surveys))]
+                step, survey_ = self._judge(self._waiting.pop(0), place, output)
+                if survey_ is not None:
+                    taken.append((len(marks), survey_))
+                marks.append(step)
                 if self._field.reading is not readings[-1][1]:
                     readings.append((place, self._field.reading))
         if doubtful:
             self._faults.doubt(stamps[doubted:], suspect[doubted:])
         gyro = without_faulty(self._unusable, gyro)
         self._attitude.leave_out_mag(stamps, (suspect | np.uint8(self._unusable)) & MAG != 0)
+        block = Block(stamps, gyro, accel, track, suspect, self._unusable, self._misled)
         output.interference, rejected = self._attitude.follow(
-            Block(stamps, gyro, accel, track),
+            block,
             readings,
             marks,
             (self._precision_ns, self._precision_t[:, :3]),
             output.attitude,
             output.gravity,
         )
-        for bin_, at in held:
-            anchor = self._attitude.anchors[bin_]
-            output.surveys[at] = held_against(output.surveys[at], anchor, self.settings.fusion)
-        mark(self._unusable, self._misled, suspect, output.attitude, output.gravity)
+        output.surveys += [held_against(one, self._attitude.anchors[at], self.settings.fusion) for at, one in taken]
         if self._rotary is not None:
-            self._turn_on(self._rotary, Block(stamps, gyro, accel, track), output)
+            self._turn_on(self._rotary, block, output)
         self.counters.rejected += rejected
         output.dynamics = drilling_dynamics.run(
             self.settings.dynamics, self._dynamics_state, stamps, gyro, accel, track.g_t, output.attitude["status"]
@@ -488,8 +489,13 @@ class Pipeline:
             fine,
         )
 
-    def _judge(self, imu: Bin, place: int, output: Output) -> Mark:
-        """Everything that is done once for a bin, in the order of bins; its results hold from the sample at `place`."""
+    def _judge(self, imu: Bin, place: int, output: Output) -> tuple[Mark, Survey | None]:
+        """
+        Everything that is done once for a bin, in the order of bins; its results hold from the sample at `place`.
+
+        The survey of a still interval that ends with the bin is returned: it is checked against the azimuths carried
+        on to it before it is given out.
+        """
         end_ns = (imu.index + 1) * BIN_NS
         found: dict[str, Bin | None] = {}
         for name, bins in self._closed.items():
@@ -516,8 +522,9 @@ class Pipeline:
             output.refusals.append(result)
         elif isinstance(result, StillAverage):
             found_north = so_far if result.moved else self._gyro.solution()
-            return Mark(place, imu.index, end_ns, *self._work_out(result, found_north, output))
-        return Mark(place, imu.index, end_ns)
+            taken, given = self._work_out(result, found_north)
+            return Mark(place, imu.index, end_ns, *given), taken
+        return Mark(place, imu.index, end_ns), None
 
     def _judge_precision(self, end_ns: int, still: bool, samples: tuple[Stamps, Array], output: Output) -> bool:
         """Health of the precision unit in a bin: what is named, and whether it is left out from now on."""
@@ -548,14 +555,14 @@ class Pipeline:
         output = Output.empty(0)
         held = self._still.finish()
         if held is not None:
-            self._work_out(held, self._gyro.solution(), output)
-            output.surveys = [held_against(one, self._attitude.anchor, self.settings.fusion) for one in output.surveys]
+            taken, _ = self._work_out(held, self._gyro.solution())
+            output.surveys.append(held_against(taken, self._attitude.anchor, self.settings.fusion))
         return output
 
     def _work_out(
-        self, still: StillAverage, found: Solution | str | None, output: Output
-    ) -> tuple[float, float, tuple[float, float, float, float]]:
-        """The survey of a still interval, and what it teaches; returns what a `Mark` tells of it."""
+        self, still: StillAverage, found: Solution | str | None
+    ) -> tuple[Survey, tuple[float, float, tuple[float, float, float, float]]]:
+        """The survey of a still interval, and what it teaches: what a `Mark` tells of it."""
         self.sequence += 1
         taken, analysis = survey.from_average(
             self._faults.readable(still),
@@ -569,14 +576,13 @@ class Pipeline:
         )
         self._last_alarm = self._last_alarm if taken.alarm is None else taken.alarm
         judged = self._faults.judge(taken)
-        output.surveys.append(judged)
         if judged is not taken:
-            return math.nan, math.nan, (math.nan,) * 4
+            return judged, (math.nan, math.nan, (math.nan,) * 4)
         self._field.learn(taken, analysis)
         north = taken.station.by_method(GYRO)
         if north is not None and taken.weights.get(GYRO, 0.0) > 0.0:
-            return north.azimuth, north.sigma, handed_on(taken)
-        return math.nan, math.nan, handed_on(taken)
+            return judged, (north.azimuth, north.sigma, handed_on(taken))
+        return judged, (math.nan, math.nan, handed_on(taken))
 
     def _seek(self, run: NorthRun, end_ns: int, samples: tuple[Stamps, Array], output: Output) -> None:
         """A bin for the seek that was asked for, unless it began before that."""

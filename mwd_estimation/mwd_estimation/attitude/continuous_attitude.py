@@ -23,6 +23,7 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
+from mwd_estimation.health.fault_debounce import ACCEL, GYRO
 from mwd_estimation.magnetic import interference_filter
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps
@@ -31,6 +32,9 @@ from mwd_sensors.core.compiled import compiled
 _REJECTED, _NEAR_VERTICAL = int(Status.REJECTED), int(Status.NEAR_VERTICAL)
 _DISTURBED, _CORRECTED, _UNCORRECTED = int(Status.MAG_DISTURBED), int(Status.CORRECTED), int(Status.UNCORRECTED)
 _REFUSED, _NO_REFERENCE = int(Status.CORRECTION_REFUSED), int(Status.NO_REFERENCE)
+_FAULT, _SUSPECT, _AIDED = int(Status.SENSOR_FAULT), int(Status.SENSOR_SUSPECT), int(Status.GYRO_AIDED)
+# Sensors that inclination and toolface rest on.
+_LEVEL_SENSORS = GYRO | ACCEL
 # An error whose sigma is still this share of its prior is called not observable.
 _HIDDEN = 0.7
 # Beyond this the axial field that is not seen turns the azimuth too far to say nothing of it, rad.
@@ -52,12 +56,29 @@ _LEVEL = 0.1
 
 @dataclasses.dataclass(frozen=True)
 class Block:
-    """Samples of the AHRS, laid out for the kernels, and the gravity followed through them."""
+    """
+    Samples of the AHRS, laid out for the kernels, the gravity followed through them, and the state of the sensors.
+
+    Attributes
+    ----------
+    stamps, gyro, accel : ndarray, shapes (n,), (n, 3) and (n, 3)
+        ns, rad/s (nan where the gyros are unusable), m/s^2.
+    track : Track
+    suspect : ndarray of uint8, shape (n,)
+        Sensors in doubt at each sample, bits of `health.fault_debounce`.
+    unusable : int
+        Sensors known to be faulty throughout the block, as such bits.
+    contaminated : bool
+        Whether the azimuth has taken in wrong values of a faulty sensor.
+    """
 
     stamps: Stamps
     gyro: Array
     accel: Array
     track: Track
+    suspect: NDArray[np.uint8]
+    unusable: int = 0
+    contaminated: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -315,6 +336,10 @@ class AttitudeStream:
         self.handed_on = Pairs.joined(raw)
         carried, waiting = self._carry_on(block, marks, pairs, precision)
         rejected, sigma = 0, np.sqrt((pairs.sigma**2).sum(axis=1))
+        bits = 0 if self._field_state is not None else _NO_REFERENCE
+        bits |= _FAULT if block.unusable else 0
+        # Of an azimuth that rests on wrong values, what the gyros have carried on since the fault stands.
+        lost = block.contaminated or block.unusable & ACCEL != 0
         for (part, reading), found in zip(stretches, rows, strict=True):
             track = block.track
             here = slice(*np.searchsorted(pairs.place, [part.start, part.stop]))
@@ -324,8 +349,8 @@ class AttitudeStream:
                 found.inclination, found.azimuth, found.gravity_toolface, found.magnetic_toolface, found.sigma_azimuth,
                 found.sigma_magnetic_toolface, found.status, carried.azimuth[part], carried.sigma[part],
                 carried.status[part], pairs.place[here] - part.start, pairs.bits[here], sigma[here], self._bits,
-                self._sigma, carried_on.sigma_down[part], carried_on.turned[part], reading.north,
-                0 if self._field_state is not None else _NO_REFERENCE,
+                self._sigma, carried_on.sigma_down[part], carried_on.turned[part],
+                block.suspect[part], reading.north, bits, lost,
             )  # fmt: skip
         interference = self._interference(marks, pairs, rows, before)
         if len(pairs.place):
@@ -467,9 +492,13 @@ def _write(
     gravity_toolface: Array, magnetic_toolface: Array, sigma_azimuth: Array, sigma_magnetic_toolface: Array,
     row_status: NDArray[np.uint32], carried: Array, sigma_carried: Array, carried_status: NDArray[np.uint32],
     pair_place: Stamps, pair_bits: NDArray[np.uint32], pair_sigma: Array, last_bits: NDArray[np.uint32],
-    last_sigma: Array, sigma_down: Array, turned: Array, north: int, bits: int,
+    last_sigma: Array, sigma_down: Array, turned: Array, suspect: NDArray[np.uint8], north: int, bits: int, lost: bool,
 ) -> int:  # fmt: skip
-    """Fill the samples of a stretch, unknown values 0 with a sigma of -1; returns how many were rejected."""
+    """
+    Fill the samples of a stretch, unknown values 0 with a sigma of -1; returns how many were rejected.
+
+    What rests on a sensor in doubt has a sigma of pi; lost: no azimuth but one that the gyros alone have carried on.
+    """
     rejected, pair = 0, 0
     tau = 2.0 * math.pi
     for i in range(len(stamps)):
@@ -508,16 +537,23 @@ def _write(
             sigma_north_toolface = min(math.hypot(sigma_north_toolface, turned[i]), math.pi)
         if has_azimuth:
             status |= np.int64(last_bits[0]) & ~_DISTURBED
+        unsure, unsure_level = suspect[i] != 0, suspect[i] & _LEVEL_SENSORS != 0
+        if unsure:
+            status |= _SUSPECT
+        if lost and status & _AIDED == 0:
+            has_azimuth = has_north = False
+            angle = 0.0
         rejected += status & _REJECTED != 0
         row["stamp_ns"] = stamps[i]
         row["inclination"] = inclination[i] if has_gravity else 0.0
         row["azimuth"] = angle
         row["gravity_toolface"] = gravity_toolface[i] if has_high_side else 0.0
         row["magnetic_toolface"] = toolface if has_north else 0.0
-        row["sigma_inclination"] = sigma_inclination[i] if has_gravity else -1.0
-        row["sigma_azimuth"] = (math.pi if near_vertical else sigma) if has_azimuth else -1.0
-        row["sigma_gravity_toolface"] = (math.pi if near_vertical else sigma_toolface[i]) if has_high_side else -1.0
-        row["sigma_magnetic_toolface"] = sigma_north_toolface if has_north else -1.0
+        row["sigma_inclination"] = (math.pi if unsure_level else sigma_inclination[i]) if has_gravity else -1.0
+        row["sigma_azimuth"] = (math.pi if near_vertical or unsure else sigma) if has_azimuth else -1.0
+        loose = near_vertical or unsure_level
+        row["sigma_gravity_toolface"] = (math.pi if loose else sigma_toolface[i]) if has_high_side else -1.0
+        row["sigma_magnetic_toolface"] = (math.pi if unsure else sigma_north_toolface) if has_north else -1.0
         row["status"] = status
         row["north"] = north
         known = math.isfinite(g_t[i, 0] + g_t[i, 1] + g_t[i, 2]) and has_turn
@@ -525,7 +561,7 @@ def _write(
         for c in range(3):
             vector[c] = g_t[i, c] if known else 0.0
         down["stamp_ns"] = stamps[i]
-        down["sigma"] = sigma_down[i] if known else -1.0
+        down["sigma"] = (math.pi if unsure_level else sigma_down[i]) if known else -1.0
         down["non_gravity"] = non_gravity[i] if math.isfinite(non_gravity[i]) else 0.0
         down["rotary_speed"] = rotary_speed[i] if math.isfinite(rotary_speed[i]) else 0.0
         down["status"] = status

@@ -26,7 +26,7 @@ from mwd_estimation.survey.acceptance import DOUBTFUL, REJECT, worse
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.survey import GYRO as GYRO_AZIMUTH
 from mwd_estimation.survey.survey import Survey
-from mwd_sensors.core.arrays import Array, Samples, Stamps
+from mwd_sensors.core.arrays import Array, Stamps
 
 # Kinds of fault that fed no wrong value to the estimate before they were named.
 _HARMLESS = ("absent", "invalid")
@@ -34,7 +34,6 @@ _HARMLESS = ("absent", "invalid")
 _REPEATS = ("stuck", "dead")
 # Such a magnetometer did no harm where the azimuth had had a sound one for so long, ns, and it was in doubt so soon.
 _SOUND_NS, _IN_TIME_NS = 10_000_000_000, 1_000_000_000
-_ANGLES = ("azimuth", "magnetic_toolface")
 # Bits of the sensors that an azimuth rests on.
 AZIMUTH = ACCEL | MAG
 # A doubt rests on what was felt so long before, ns.
@@ -92,40 +91,6 @@ def _unknown(n: int) -> Track:
 def without_faulty(bits: int, gyro: Array) -> Array:
     """Rates for what follows gravity: not a number where the gyros are unusable."""
     return np.full_like(gyro, np.nan) if bits & GYRO else gyro
-
-
-def mark(bits: int, misled: bool, suspect: NDArray[np.uint8], attitude: Samples, gravity_rows: Samples) -> None:
-    """
-    Say that a sensor is faulty, and withhold an azimuth that hangs on it (misled: was fed its wrong values).
-
-    suspect, shape (n,): bits of the sensors in doubt at each sample; of what rests on one nothing is known (sigma pi).
-    """
-    if suspect.any():
-        _doubt(suspect, attitude, gravity_rows)
-    if not bits:
-        return
-    for rows in (attitude, gravity_rows):
-        rows["status"] |= np.uint32(Status.SENSOR_FAULT)
-    if misled or bits & ACCEL:
-        # What the gyros carry since the fault, from a north they found themselves, stands.
-        lost = attitude["status"] & np.uint32(Status.GYRO_AIDED) == 0
-        for name in _ANGLES:
-            attitude[name][lost] = 0.0
-            attitude[f"sigma_{name}"][lost] = -1.0
-
-
-def _doubt(suspect: NDArray[np.uint8], attitude: Samples, gravity_rows: Samples) -> None:
-    level = suspect & (GYRO | ACCEL) != 0
-    for rows, names, hit in (
-        (attitude, ("inclination", "gravity_toolface"), level),
-        (attitude, _ANGLES, suspect != 0),
-    ):
-        for name in names:
-            sigma = rows[f"sigma_{name}"]
-            sigma[hit & (sigma >= 0.0)] = np.pi
-    gravity_rows["sigma"][level & (gravity_rows["sigma"] >= 0.0)] = np.pi
-    for rows in (attitude, gravity_rows):
-        rows["status"][suspect != 0] |= np.uint32(Status.SENSOR_SUSPECT)
 
 
 class Record:

@@ -48,7 +48,7 @@ def samples(n, inclination, azimuth=1.0, rate=0.0, own=(0.0, 0.0, 0.0), sigma_ti
     one = np.full(n, sigma_tilt)
     track = Track(down, one, one, np.zeros(n), np.full(n, rate), np.full(n, int(Status.ROTATING), dtype=np.uint32))
     b_t = np.einsum("kji,j->ki", mat, FIELD_N) + own
-    return Block(stamps, gyro, -9.81 * down, track), b_t
+    return Block(stamps, gyro, -9.81 * down, track, np.zeros(n, dtype=np.uint8)), b_t
 
 
 def follow(made, block, b_t, lessons=(), seeks=(), steel_from=None, open_from=None):
