@@ -1,11 +1,16 @@
-# make run   plays the default scenario: three nodes, a live page, a recording, surveys against the truth
-# make test  lint, types, unit tests, nodes on a middleware domain of their own
+# make run    plays the default scenario: three nodes, a live page, a recording, surveys against the truth
+# make test   lint, types and every test: kernels, real nodes on middleware domains of their own, the page in a browser
+# make check  lint, types and the fast tests, before each commit
+# make bench  accuracy and speed against the papers and the peers; writes docs/benchmarks.md
+# make docs   the site, in docs/_build/html
 PYTHON ?= python3
 BIN := .venv/bin
 # What another sourced ROS would put in front of ours.
 CLEAN := env -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH -u ROS_DISTRO -u _ROS_WHEELS_BOOTSTRAP_COMPLETE
+# A file of tests stays with one worker: its fixtures are made once.
+PYTEST := $(CLEAN) $(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
-.PHONY: run test setup lint config lock bench clean
+.PHONY: run test check setup lint config docs lock bench clean
 
 setup:
 	@$(PYTHON) .ci/setup
@@ -19,13 +24,20 @@ lint: setup
 	@$(BIN)/mypy mwd_sensors/mwd_sensors mwd_estimation/mwd_estimation mwd_surface/mwd_surface
 	@$(BIN)/python .ci/config --check
 
-test: lint
-	@$(CLEAN) $(BIN)/python -m pytest
+check: lint
+	@$(PYTEST) -m "not slow"
 
-# Accuracy and speed against the papers and the peers, in one run; writes tests/benchmarks/BENCHMARKS.md.
+test: lint
+	@$(PYTEST)
+
 bench: setup
 	@$(BIN)/python -m pip install -q --no-deps --disable-pip-version-check -r .ci/bench.lock
-	@$(CLEAN) $(BIN)/python tests/benchmarks/bench.py
+	@$(CLEAN) $(BIN)/python tests/benchmarks/bench.py $(if $(ONLY),--only $(ONLY))
+
+docs: setup
+	@$(BIN)/python -m pip install -q --no-deps --disable-pip-version-check -r .ci/docs.lock
+	@$(CLEAN) $(BIN)/python -m sphinx -W -q -b html docs docs/_build/html
+	@echo "docs/_build/html/index.html"
 
 config: setup
 	@$(BIN)/python .ci/config
@@ -34,4 +46,4 @@ lock: setup
 	@$(BIN)/python .ci/lock
 
 clean:
-	rm -rf .venv .venv.turn
+	rm -rf .venv .venv.turn docs/_build

@@ -23,36 +23,63 @@ def setup(tmp_path, monkeypatch):
     (tmp_path / ".venv").mkdir()
     module.VENV, module.TURN, module.done = tmp_path / ".venv", tmp_path / ".venv.turn", []
     module.check_tools = module.find_python = lambda: ""
-    module.install_wheels = lambda _python: module.done.append("wheels")
-    module.build = lambda: module.done.append("build")
-    module.compile_filters = lambda: module.done.append("compile")
+    module.make_venv = lambda _python: module.done.append("venv")
+    module.install = lambda lock: module.done.append(lock.stem)
+    module.build_messages = lambda: module.done.append("messages")
+    module.link_packages = lambda: module.done.append("packages")
+    module.compile_kernels = lambda: module.done.append("kernels")
     return module
+
+
+BUILD = {"messages", "packages", "kernels"}
+
+
+def fail(setup, sentence):
+    raise setup.SetupError(sentence)
 
 
 def test_the_first_call_does_everything_and_the_second_nothing(setup):
     setup.main()
-    assert setup.done == ["wheels", "build", "compile"]
+    assert setup.done[0] == "venv"
+    assert sorted(setup.done[1:]) == sorted({"ros", "python"} | BUILD)
+    before = list(setup.done)
     setup.main()
-    assert setup.done == ["wheels", "build", "compile"]
+    assert setup.done == before
+
+
+def test_messages_wait_for_their_packages_and_kernels_for_all(setup):
+    setup.main()
+    place = {step: at for at, step in enumerate(setup.done)}
+    assert place["ros"] < place["messages"] < place["packages"]
+    assert max(place["ros"], place["python"]) < place["kernels"]
+
+
+def test_one_stale_lock_file_is_installed_alone(setup):
+    setup.main()
+    setup.done.clear()
+    (setup.VENV / ".python").write_text("other packages")
+    setup.main()
+    assert set(setup.done) == {"venv", "python"} | BUILD
 
 
 def test_other_sources_are_built_without_installing_again(setup, monkeypatch):
     setup.main()
     monkeypatch.setattr(setup, "sources", lambda: "others")
+    setup.done.clear()
     setup.main()
-    assert setup.done == ["wheels", "build", "compile", "build", "compile"]
+    assert set(setup.done) == BUILD
 
 
 def test_a_build_that_fails_is_done_again_even_where_the_sources_are_the_old_ones(setup, monkeypatch):
     setup.main()
     with monkeypatch.context() as other:
         other.setattr(setup, "sources", lambda: "others")
-        other.setattr(setup, "build", lambda: setup.stop("the packages did not build"))
+        other.setattr(setup, "build_messages", lambda: fail(setup, "the packages did not build"))
         with pytest.raises(SystemExit, match="setup: the packages did not build"):
             setup.main()
+    setup.done.clear()
     setup.main()
-    assert setup.done[-2:] == ["build", "compile"]
-    assert len(setup.done) == 5
+    assert set(setup.done) == BUILD
 
 
 def test_the_second_of_two_says_that_it_waits_and_then_has_nothing_to_do(setup, capsys, monkeypatch):
