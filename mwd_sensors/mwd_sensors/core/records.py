@@ -1,0 +1,52 @@
+"""
+Record types of compiled kernels, declared as annotated classes.
+
+The state of a kernel is one element of a structured array. Its class names every field once, with type and shape; the
+type checker sees the class, numba and numpy see the dtype made from it, and both spell a field `s.name`:
+
+    class Ring(...):                           RING = dtype_of(Ring)
+        head: int                              state = np.zeros(1, RING)
+        down: Annotated[Array, 512, 3]         step(params, state[0], ...)
+
+A record passed to a kernel is passed by reference. Copying, saving, comparing and resetting a state are those of the
+one-element array.
+"""
+
+from __future__ import annotations
+
+import typing
+from typing import Annotated, Any
+
+import numpy as np
+
+_SCALARS = {float: np.float64, int: np.int64, bool: np.bool_}
+
+
+def dtype_of(description: type) -> np.dtype[Any]:
+    """
+    Aligned record dtype with the fields of an annotated class, in their order.
+
+    Parameters
+    ----------
+    description : type
+        Class whose annotations are float (float64), int (int64), bool, a numpy scalar type, another such class, or
+        `Annotated[kind, *shape]` with `kind` an `NDArray` type or `Sequence` of another such class.
+
+    Returns
+    -------
+    numpy.dtype
+        Of `numpy.record`, so that `record.name` works without numba too.
+    """
+    fields: list[Any] = []
+    for name, hint in typing.get_type_hints(description, include_extras=True).items():
+        kind, shape = hint, ()
+        if typing.get_origin(hint) is Annotated:
+            kind, *lengths = typing.get_args(hint)
+            shape = tuple(lengths)
+            # NDArray[T] is ndarray[shape, dtype[T]], Sequence[T] has one argument.
+            kind = typing.get_args(kind)[-1]
+            kind = typing.get_args(kind)[0] if typing.get_origin(kind) is np.dtype else kind
+        scalar = _SCALARS.get(kind, kind)
+        element = scalar if issubclass(scalar, np.generic) else dtype_of(scalar)
+        fields.append((name, element, shape))
+    return np.dtype((np.record, np.dtype(fields, align=True)))
