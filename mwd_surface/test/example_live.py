@@ -1,6 +1,11 @@
 """Samples as they stream to the page, with the figures a test gives them."""
 
+from pathlib import Path
+
 from mwd_sensors.core import wire
+from mwd_surface.bags.recorder.status import RecorderState, RecorderStatus
+from mwd_surface.live.live_state import LiveState
+from mwd_surface.page.state_json import StateJson
 
 
 def attitude(inclination=0.8, azimuth=1.0, toolface=0.5, sigma=0.01, status=0, north=3, n=1, **more):
@@ -21,3 +26,19 @@ def rig(valid=2047, **values):
     for name, value in values.items():
         samples[name] = value
     return samples
+
+
+def recorder(state=RecorderState.RECORDING, path="bags/a", messages=5, duration_s=2.0, reason=""):
+    """Status of a recorder."""
+    return RecorderStatus(state, reason, Path(path), messages, 0, 0, 0, 0, 0, -1, duration_s, 1, 0.0, ())
+
+
+class ShownState(LiveState):
+    """A live state, and the tables of the page made of it."""
+
+    def __init__(self, settings=None):
+        super().__init__(settings)
+        self._tables = StateJson(settings)
+
+    def snapshot(self, now):
+        return self._tables.snapshot(self.at(now))

@@ -4,6 +4,7 @@ import contextlib
 import math
 import time
 
+from example_live import recorder
 from example_surveys import START, S, surveys
 
 from mwd_estimation.core.status import Status
@@ -73,17 +74,15 @@ def live(whole=None, sample=None, rig=None, now=NOW):
     state.on_rig_state(rig_state() if rig is None else rig, now - 1.0)
     state.on_records(whole.records, now)
     state.on_trajectory(whole.definitive(bit_depth=650.25), now)
-    state.on_recorder({"state": 1}, now)
+    state.on_recorder(recorder(), now)
     return state
 
 
 def values(whole=None, sample=None, rig=None, later=0.0, **changes):
     """RigValues of that moment, or some seconds later with nothing new."""
     whole = surveys() if whole is None else whole
-    sample = attitude() if sample is None else sample
-    snapshot = live(whole, sample, rig).snapshot(NOW + later)
-    now_ns = NOW_NS + round(later * S)
-    return rig_values(snapshot, accepted_surveys(whole), sample, now_ns=now_ns, **changes)
+    state = live(whole, sample, rig).at(NOW + later)
+    return rig_values(state, accepted_surveys(whole), now_ns=NOW_NS + round(later * S), **changes)
 
 
 def eventually(condition, timeout=10.0):

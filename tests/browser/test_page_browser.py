@@ -12,10 +12,13 @@ import numpy as np
 import pytest
 
 from mwd_estimation.core.status import Status
-from mwd_sensors.core import settings, wire
+from mwd_sensors.core import wire
+from mwd_surface.bags.recorder.status import RecorderState, RecorderStatus
 from mwd_surface.live.alarms import AlarmBook, Severity
 from mwd_surface.live.live_state import LiveState
+from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField
 from mwd_surface.page.page_server import PageServer, PageSettings
+from mwd_surface.page.state_json import StateJson
 from mwd_surface.surveys.plan import plan_of
 from mwd_surface.surveys.slide_sheet import SlideSheet, yields
 from mwd_surface.surveys.survey_list import SurveyList
@@ -57,11 +60,15 @@ def browser(tmp_path_factory):
     driver.quit()
 
 
+RECORDING = RecorderStatus(RecorderState.RECORDING, "", Path("bags/a"), 7, 0, 0, 0, 0, 0, -1, 61.0, 1, 0.0, ())
+
+
 class Rig:
     """A surface unit without a node: state, alarms, surveys and the page's server."""
 
     def __init__(self, token=TOKEN):
-        self.state, self.book, self.calls = LiveState(), AlarmBook(), []
+        self.state, self.tables = LiveState(), StateJson()
+        self.book, self.calls = AlarmBook(), []
         self.list = SurveyList(well=Well(name="Nordlys 7 H", north_reference="grid", section_azimuth_deg=60.0))
         self.server = PageServer(PageSettings(port=0, token=token), self.command)
 
@@ -86,7 +93,7 @@ class Rig:
 
     def tell(self):
         now = time.monotonic()
-        reference = {"declination": -0.014, "convergence": -0.0157, "source": "WMM2025"}
+        reference = ReferenceField(declination=-0.014, convergence=-0.0157, source="WMM2025")
         self.state.on_well(self.list.well, now, reference)
         self.state.on_records(self.list.records, now)
         path = self.list.definitive(bit_depth=1220.0)
@@ -94,7 +101,7 @@ class Rig:
         plan = plan_of([0.0, 600.0, 1800.0], [0.0, 0.3, 1.0], [1.0, 1.0, 1.0], name="C")
         self.state.on_plan(plan, now)
         self.state.on_alarms(self.book.alarms(), self.book.events(), now)
-        self.state.on_diagnostics([{"name": EVIL, "level": 1, "message": "slow", "remedy": "look"}], now)
+        self.state.on_diagnostics([NodeDiagnostic(EVIL, 1, "slow", "look")], now)
         self.push()
 
     def live(self, inclination_deg=44.62, toolface_deg=127.0, status=65536):
@@ -113,11 +120,11 @@ class Rig:
         r = wire.RIG_STATE.empty(1)
         r["bit_depth"], r["hole_depth"], r["valid"] = 1220.0, 1250.0, 3
         self.state.on_rig_state(r, now)
-        self.state.on_recorder({"state": 1, "path": "bags/a", "messages": 7, "duration": 61.0}, now)
+        self.state.on_recorder(RECORDING, now)
         self.push()
 
     def push(self):
-        self.server.push(self.state.snapshot(time.monotonic()))
+        self.server.push(self.tables.snapshot(self.state.at(time.monotonic())))
 
 
 def survey(sequence, **changes):
@@ -483,9 +490,7 @@ def steered(rig):
         d["stick_slip_index"], d["lateral_rms"], d["shocks"] = -1.0 if slide else 0.4, 9.0, k % 3
         rig.state.on_dynamics(d, now)
         rig.live(status=4 if k < 100 else 4 | 1024)
-    found = yields(sheet.stretches, rig.list.definitive())
-    rows = [{**settings.to_mapping(s), "length": s.length} for s in sheet.stretches]
-    rig.state.on_steering(rows, [{**settings.to_mapping(y), "motor": y.motor} for y in found], now)
+    rig.state.on_steering(sheet.stretches, yields(sheet.stretches, rig.list.definitive()), now)
     rig.push()
 
 

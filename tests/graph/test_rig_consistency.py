@@ -25,6 +25,7 @@ from mwd_surface.exports.report_content import content
 from mwd_surface.exports.report_html import report_html
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.live.live_state import LiveState
+from mwd_surface.page.state_json import StateJson
 from mwd_surface.rig.modbus.map import COUNT, ModbusForm, float_of
 from mwd_surface.rig.modbus.server import ModbusSettings
 from mwd_surface.rig.opcua.address_space import NAMESPACE as OPCUA_NAMESPACE
@@ -116,8 +117,9 @@ def told(request):
     attitude = wire.ATTITUDE.empty(1)
     attitude["stamp_ns"] = START + 9_999 * S
     live.on_attitude(attitude, 100.0)
-    snapshot = live.snapshot(100.0)
-    values = rig_values(snapshot, accepted_surveys(whole), attitude, now_ns=START + 10_000 * S)
+    state = live.at(100.0)
+    snapshot = StateJson().snapshot(state)
+    values = rig_values(state, accepted_surveys(whole), now_ns=START + 10_000 * S)
     tellers = {
         "CSV": definitive(definitive_csv(table)),
         "raw CSV": raw(raw_csv(whole)),
@@ -332,7 +334,7 @@ def test_units_are_turned_at_the_edge_only():
     whole = surveys("true")
     live = LiveState()
     live.on_records(whole.records, 1.0)
-    table = rig_values(live.snapshot(1.0), accepted_surveys(whole), None, now_ns=START)
+    table = rig_values(live.at(1.0), accepted_surveys(whole), now_ns=START)
     before = dict(table.values)
     RecordWriter(Wits0Format(units="fps")).survey(table, table.survey)
     assert table.values == before

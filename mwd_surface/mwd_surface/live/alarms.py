@@ -9,8 +9,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 from collections import deque
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Mapping
 
 
 class Severity(enum.IntEnum):
@@ -186,13 +185,3 @@ class AlarmBook:
             return False
         del self._alarms[gone.id]
         return True
-
-
-def plain_alarms(alarms: Iterable[Alarm]) -> list[dict[str, Any]]:
-    """Alarms as plain tables for a message or a page."""
-    return [{**dataclasses.asdict(a), "severity_word": Severity(a.severity).name.lower()} for a in alarms]
-
-
-def plain_events(events: Iterable[Event]) -> list[dict[str, Any]]:
-    """Events as plain tables for a message or a page."""
-    return [{**dataclasses.asdict(e), "severity_word": Severity(e.severity).name.lower()} for e in events]

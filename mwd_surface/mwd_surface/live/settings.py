@@ -5,7 +5,16 @@ from __future__ import annotations
 import dataclasses
 
 from mwd_sensors.core.settings import setting
-from mwd_surface.page.survey_panel import Limits
+
+
+@dataclasses.dataclass(frozen=True)
+class Limits:
+    """What totals may deviate from the reference, as the quality lights show it where a survey brings no limits."""
+
+    gravity: float = setting(0.0245, "total gravity", unit="m/s^2", low=0.0)
+    field_nt: float = setting(300.0, "total field", unit="nT", low=0.0)
+    dip_deg: float = setting(0.45, "dip", unit="deg", low=0.0)
+    reject_factor: float = setting(1.5, "beyond so many times a limit a station is rejected", low=1.0)
 
 
 @dataclasses.dataclass(frozen=True)

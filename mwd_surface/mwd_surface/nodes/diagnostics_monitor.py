@@ -11,13 +11,14 @@ from rclpy.serialization import deserialize_message
 
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
+from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField
 from mwd_surface.ros.alarm_log import Journal
 from mwd_surface.surveys.well import Well
 
 _SILENT_AFTER = 2.0  # s
 _WARN, _ERROR = DiagnosticStatus.WARN[0], DiagnosticStatus.ERROR[0]
 _REPORT_LASTS = 5.0  # s
-_FIELD = ("total", "dip", "declination", "convergence", "gravity")
+_REFERENCE = ("total", "dip", "declination", "convergence", "gravity")
 _WATCHED = (
     ("imu/data_raw", "sonde", Severity.CRITICAL),
     ("attitude", "estimator", Severity.CRITICAL),
@@ -34,12 +35,12 @@ class HealthDesk:
 
     Attributes
     ----------
-    field : dict or None
-        The reference field the estimator has in force, as `LiveState.on_well` takes it.
+    reference : ReferenceField or None
+        The reference field the estimator has in force.
     """
 
     def __init__(self, own: str, namespace: str, live: LiveState, journal: Journal) -> None:
-        self.field: dict[str, float | str] | None = None
+        self.reference: ReferenceField | None = None
         self._own, self._namespace, self._live, self._journal = own, namespace, live, journal
         self._well = Well()
         self._heard: dict[str, float] = {}
@@ -56,7 +57,7 @@ class HealthDesk:
     def show_well(self, well: Well) -> None:
         """Bring the well to the page, with the field in force."""
         self._well = well
-        self._live.on_well(well, time.monotonic(), self.field)
+        self._live.on_well(well, time.monotonic(), self.reference)
 
     def on_diagnostics(self, data: bytes) -> None:
         """What a node says of itself, serialised."""
@@ -103,11 +104,12 @@ class HealthDesk:
             self._live.on_survey_progress(active, self._progress_at, elapsed, remaining, state, self._result)
 
     def _on_reference(self, values: dict[str, str], source: str) -> None:
-        field: dict[str, float | str] | None = None
+        reference = None
         if "total" in values:
-            field = {name: float(values[name]) for name in _FIELD if name in values} | {"source": source}
-        if field != self.field:
-            self.field = field
+            numbers = {name: float(values[name]) for name in _REFERENCE if name in values}
+            reference = ReferenceField(**numbers, source=source)
+        if reference != self.reference:
+            self.reference = reference
             self.show_well(self._well)
 
     def tell(self, now: float) -> None:
@@ -123,7 +125,7 @@ class HealthDesk:
         if self._progress[0] and now - self._progress_at > _SILENT_AFTER + 1.0:
             self._show_progress(False)
         findings = [
-            {"name": s.name, "level": s.level, "message": s.message, "remedy": _remedy(s)}
+            NodeDiagnostic(s.name, s.level[0], s.message, _remedy(s))
             for heard, found in self._findings_of.values()
             if now - heard < _REPORT_LASTS
             for s in found

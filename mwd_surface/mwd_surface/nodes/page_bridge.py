@@ -13,6 +13,7 @@ from mwd_sensors.ros.lifecycle_node import ERROR, OK, Finding, GraphNode, Later
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.page.page_server import Command, PageServer, PageSettings
+from mwd_surface.page.state_json import StateJson
 from mwd_surface.ros.alarm_log import Journal
 from mwd_surface.ros.worker import Answer
 
@@ -46,6 +47,7 @@ class PageDoor:
     ) -> None:
         self._node, self._settings, self._live, self._journal, self._ask = node, settings, live, journal, ask
         self._serve, self._strict = serve, strict
+        self._tables = StateJson(live.settings)
         self._server: PageServer | None = None
         self._tried = -_RETRY
 
@@ -84,7 +86,7 @@ class PageDoor:
     def show(self, now: float, *, even_unwatched: bool = False) -> None:
         """Bring the page what is new; even_unwatched: also for one who asks without watching."""
         if self._server is not None and (even_unwatched or self._server.clients):
-            self._server.push(self._live.snapshot(now))
+            self._server.push(self._tables.snapshot(self._live.at(now)))
 
     def findings(self) -> list[Finding]:
         """How the page is."""

@@ -16,8 +16,8 @@ from mwd_sensors.ros.lifecycle_node import ERROR, OK, Finding, GraphNode
 from mwd_sensors.ros.qos import STATE
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.bags.recorder.recorder import Recorder, RecorderError
-from mwd_surface.bags.recorder.session import Level, State
 from mwd_surface.bags.recorder.settings import RecorderSettings
+from mwd_surface.bags.recorder.status import Level, RecorderState
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.ros import messages
@@ -112,7 +112,7 @@ class RecordingDesk:
     def halt(self) -> None:
         """Finish the recording."""
         self._wanted = False
-        if self._recorder.status().state == State.STOPPED:
+        if self._recorder.status().state == RecorderState.STOPPED:
             return
         self._enclose()
         try:
@@ -131,7 +131,7 @@ class RecordingDesk:
 
     def keep(self, tables: Mapping[str, Mapping[str, str]]) -> None:
         """Put tables into the recording at hand; one that begins later has them from the start."""
-        if self._recorder.status().state != State.RECORDING:
+        if self._recorder.status().state != RecorderState.RECORDING:
             return
         for name, values in tables.items():
             try:
@@ -151,7 +151,7 @@ class RecordingDesk:
 
     def stop(self, _request: Any, response: Any) -> Any:
         """End the recording."""
-        if self._recorder.status().state == State.RECORDING:
+        if self._recorder.status().state == RecorderState.RECORDING:
             self._enclose()
         return self._done(response, self._recorder.stop, "finished")
 
@@ -181,11 +181,10 @@ class RecordingDesk:
         """Publish and watch the recorder's state; begin what could not begin."""
         self._begin()
         status = self._recorder.status()
-        message = messages.recorder_message(status, stamp(self._journal.now_ns()))
-        self._status.publish(message)
-        self._live.on_recorder(message, now)
+        self._status.publish(messages.recorder_message(status, stamp(self._journal.now_ns())))
+        self._live.on_recorder(status, now)
         causes: dict[str, tuple[int, str, str]] = {}
-        if status.state in (State.PAUSED_DISK_FULL, State.FAILED):
+        if status.state in (RecorderState.PAUSED_DISK_FULL, RecorderState.FAILED):
             causes["recorder.state"] = (Severity.CRITICAL, status.reason, "free the disk; recording resumes by itself")
         if status.dropped:
             text = f"{status.dropped} messages were not recorded"
@@ -197,7 +196,7 @@ class RecordingDesk:
     def findings(self) -> list[Finding]:
         """How the recorder is."""
         status = self._recorder.status()
-        bad = status.state in (State.FAILED, State.PAUSED_DISK_FULL) or status.dropped > 0
+        bad = status.state in (RecorderState.FAILED, RecorderState.PAUSED_DISK_FULL) or status.dropped > 0
         text = status.reason or status.state.name.lower()
         values = (("messages", str(status.messages)), ("dropped", str(status.dropped)))
         return [Finding("recorder", ERROR if bad else OK, text, "free the disk" if bad else "", values)]

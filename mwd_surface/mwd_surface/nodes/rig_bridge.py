@@ -61,7 +61,6 @@ class RigDoor:
         self._surveys: tuple[AcceptedSurvey, ...] = ()
         self._values: RigValues | None = None
         self._told = 0.0
-        self._attitude: Samples | None = None
         self._state: Any = None
         self._well, self._status_file = well, folder / FILE_NAME
         self._status_at, self._unwritten = 0.0, ""
@@ -78,10 +77,6 @@ class RigDoor:
         """End the interfaces."""
         self._port.stop()
         self._status_file.unlink(missing_ok=True)
-
-    def on_attitude(self, samples: Samples) -> None:
-        """Attitudes arrived, `wire.ATTITUDE`: the last goes out with what the page shows."""
-        self._attitude = samples[-1:]
 
     def on_surveys(self, surveys: SurveyList) -> None:
         """The survey list changed."""
@@ -108,9 +103,8 @@ class RigDoor:
             return
         self._told = now
         self._values = rig_values(
-            self._live.snapshot(now),
+            self._live.at(now),
             self._surveys,
-            self._attitude,
             now_ns=self._journal.now_ns(),
             active=active,
             simulated=self._settings.simulated,

@@ -11,7 +11,6 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from mwd_estimation.core.status import Status
-from mwd_sensors.core import settings
 from mwd_sensors.core.arrays import Samples
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
@@ -108,5 +107,4 @@ class SteeringDesk:
             return
         self._told = state
         found = yields(stretches, self._surveys.definitive())
-        rows = [{**settings.to_mapping(s), "length": s.length} for s in stretches]
-        self._live.on_steering(rows, [{**settings.to_mapping(y), "motor": y.motor} for y in found], now)
+        self._live.on_steering(stretches, found, now)

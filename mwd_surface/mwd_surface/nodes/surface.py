@@ -235,7 +235,6 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._steering.on_surveys(surveys)
 
     def _on_attitude(self, samples: Samples) -> None:
-        self._rig.on_attitude(samples)
         self._steering.on_attitude(samples)
 
     def _on_rig_state(self, samples: Samples) -> None:

@@ -1,12 +1,11 @@
 """
-What the page shows of surveys: rows of the table, quality lights of the last one, the well path with its ellipses.
+Tables of the page about surveys: rows of the table, quality lights of the last one, the well path with ellipses.
 
-Plain tables ready for JSON; numbers are SI and rad, None is "no data".
+Plain tables ready for JSON; numbers are SI and rad, None is unknown.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Any
 
@@ -14,7 +13,7 @@ import numpy as np
 
 from mwd_estimation.core import magnetic_geometry
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.settings import setting
+from mwd_surface.live.settings import Limits
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.surveys.position_covariance import ellipse, in_section
 from mwd_surface.surveys.survey_record import Judgement, North, Survey, SurveyRecord, Verdict
@@ -28,18 +27,8 @@ _PLACED = (
 _CORRECTED_METHODS = ("corrected", "msa", "fused")
 
 
-@dataclasses.dataclass(frozen=True)
-class Limits:
-    """What totals may deviate from the reference, as the quality lights show it where a survey brings no limits."""
-
-    gravity: float = setting(0.0245, "total gravity", unit="m/s^2", low=0.0)
-    field_nt: float = setting(300.0, "total field", unit="nT", low=0.0)
-    dip_deg: float = setting(0.45, "dip", unit="deg", low=0.0)
-    reject_factor: float = setting(1.5, "beyond so many times a limit a station is rejected", low=1.0)
-
-
 def survey_row(record: SurveyRecord, north: North) -> dict[str, Any]:
-    """One row of the survey table; azimuth from `north` where it can be turned to it, else from its own, named."""
+    """Return one row of the survey table; the azimuth is from `north` where known, else from its own north."""
     s = record.survey
     azimuth = s.azimuth_from(north)
     if azimuth is not None:
@@ -78,7 +67,7 @@ def survey_row(record: SurveyRecord, north: North) -> dict[str, Any]:
 
 
 def _verdict(record: SurveyRecord) -> tuple[str, str]:
-    """Word for the line, and who said so."""
+    """Return the verdict in force and who gave it."""
     if record.judgement == Judgement.ACCEPTED:
         return "accepted", record.operator_name
     if record.judgement == Judgement.REJECTED:
@@ -94,7 +83,7 @@ def _known(value: float, low: float = 0.0) -> float | None:
 
 
 def quality_lights(record: SurveyRecord | None, limits: Limits) -> dict[str, Any]:
-    """Lights of a survey: totals against their references and the limits of its verdict; without those, the usual."""
+    """Return the quality lights of a survey; `limits` count where the survey brings none."""
     nothing = {"known": False, "lights": [], "verdict": "", "reasons": [], "sequence": None, "stamp_ns": None}
     if record is None:
         return nothing
@@ -135,27 +124,15 @@ def quality_lights(record: SurveyRecord | None, limits: Limits) -> dict[str, Any
 
 def _earth_field(survey: Survey) -> tuple[float, float, bool]:
     """
-    Total, T, and dip, rad, that the verdict is about: without the axial interference where the azimuth was corrected
-    for it, else as measured; and whether it was.
+    Return total field, T, and dip, rad, as the verdict takes them, and whether they are corrected.
+
+    Without the axial interference where the azimuth was corrected for it, else as measured.
     """
     corrected = survey.azimuth_method in _CORRECTED_METHODS and survey.sigma_axial_interference >= 0.0
     if not corrected or survey.b_total < 0.0 or not any(survey.specific_force):
         return survey.b_total, survey.dip, False
     b_t = np.array(survey.magnetic_field) - np.array([survey.axial_interference, 0.0, 0.0])
     return float(np.linalg.norm(b_t)), float(magnetic_geometry.dip(np.array(survey.specific_force), b_t)), True
-
-
-def field_of(survey: Survey) -> dict[str, float | str]:
-    """The reference field a survey was judged by, as `LiveState.on_well` takes it."""
-    gravity = {"gravity": survey.g_reference} if survey.g_reference > 0.0 else {}
-    return {
-        "total": survey.b_reference,
-        "dip": survey.dip_reference,
-        "declination": survey.declination,
-        "convergence": survey.convergence,
-        "source": f"as of survey {survey.sequence}",
-        **gravity,
-    }
 
 
 def _light(deviation: float | None, limit: float, reject_factor: float) -> str:
@@ -169,8 +146,10 @@ def _light(deviation: float | None, limit: float, reject_factor: float) -> str:
 
 def path_table(path: Definitive | None, section: float, covariance: Array | None, most: int) -> dict[str, Any]:
     """
-    The path as columns. section: azimuth of the vertical section, rad. covariance, shape (m, 3, 3): of the first m
-    positions, m^2, for the ellipses. most: stations sent; of more the last.
+    Return the path as columns.
+
+    section: azimuth of the vertical section, rad. covariance, shape (m, 3, 3): of the first m positions, m^2, for the
+    ellipses. most: number of stations kept, the last ones.
     """
     names = ("measured_depth", "inclination", "azimuth", "north", "east", "vertical_depth", "vertical_section",
              "dogleg_severity")  # fmt: skip
@@ -191,7 +170,7 @@ def path_table(path: Definitive | None, section: float, covariance: Array | None
 
 
 def _ellipses(covariance: Array, first: int, section: float) -> list[dict[str, Any]]:
-    """Two-sigma ellipses at up to ten stations: in the map (north, east) and in the section (along, down)."""
+    """Return two-sigma ellipses of up to ten stations: in the map (north, east) and in the section (along, down)."""
     rows = []
     stations = range(first, len(covariance))
     for k in list(stations)[:: max(1, -(-len(stations) // 10))]:

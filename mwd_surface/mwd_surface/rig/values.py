@@ -1,8 +1,8 @@
 """
-What rig control is told, in one frozen table: every value with its age, sigma and whether it may be acted upon.
+The values that the rig interfaces send, in one frozen table: each with its age, sigma and condition.
 
-A controller needs the truth about age more than speed. A value that is not good keeps the last number known and says
-why; none is ever NaN. Units are SI and rad; each interface turns them into its own at its own edge.
+A value that is not good keeps the last number known and gives the reason; none is ever NaN. Units are SI and rad; each
+interface converts them to its own.
 """
 
 from __future__ import annotations
@@ -11,12 +11,13 @@ import dataclasses
 import enum
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
-from mwd_sensors.core.arrays import Samples
+from mwd_estimation.core.status import Status
 from mwd_sensors.core.wire import NANOSECONDS
-from mwd_surface.live.toolface import GRAVITY, MAGNETIC
-from mwd_surface.live.values import LIVE, NO_DATA
+from mwd_surface.bags.recorder.status import RecorderState
+from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
+from mwd_surface.live.toolface import GRAVITY
+from mwd_surface.live.well_state import Angle, WellState
 from mwd_surface.rig.survey import AcceptedSurvey
 from mwd_surface.surveys.survey_record import Verdict
 
@@ -92,38 +93,25 @@ SURVEY_QUANTITIES: dict[str, tuple[str, str]] = {
 }
 QUANTITIES = {**LIVE_QUANTITIES, **SURVEY_QUANTITIES}
 
-# What the tool itself says, and which silences and faults of it therefore concern.
+# Quantities measured by the tool, which its silence and its faults affect.
 _FROM_TOOL = (
     "inclination", "azimuth", "gravity_toolface", "magnetic_toolface", "rotary_speed", "vibration", "temperature",
     "axial_interference",
 )  # fmt: skip
-_SECTIONS = {
-    "inclination": "attitude",
-    "azimuth": "attitude",
-    "rotary_speed": "drilling",
-    "vibration": "drilling",
-    "temperature": "drilling",
-    "axial_interference": "drilling",
-    "bit_depth": "rig",
-    "hole_depth": "rig",
-}
-_OFFSETS = {
-    "plan_distance": "distance",
-    "plan_up": "up",
-    "plan_right": "right",
-    "plan_toolface": "toolface",
-    "target_dogleg": "dogleg_to_target",
-}
-# Words of the estimator's status, what they throw doubt on, and how to say it.
-_DOUBTS: tuple[tuple[str, tuple[str, ...], str], ...] = (
-    ("rotating", ("gravity_toolface", "magnetic_toolface"), "the string turns: the toolface is a snapshot"),
-    ("mag_disturbed", ("azimuth", "magnetic_toolface"), "the field is off its reference"),
-    ("correction_refused", ("azimuth",), "interference cannot be corrected at this attitude"),
-    ("uncorrected", ("azimuth",), "not corrected for interference"),
-    ("aliased", ("inclination", "gravity_toolface"), "the samples look point-sampled under vibration"),
-    ("clipped", ("inclination", "gravity_toolface", "rotary_speed"), "a sensor is at its limit"),
+_FROM_PLAN = ("plan_distance", "plan_up", "plan_right", "plan_toolface", "target_dogleg")
+# Status bits of the estimator that make a quantity doubtful, and the reason to give.
+_DOUBTS: tuple[tuple[Status, tuple[str, ...], str], ...] = (
+    (
+        Status.ROTATING,
+        ("gravity_toolface", "magnetic_toolface"),
+        "the string rotates: the toolface is that of one moment",
+    ),
+    (Status.MAG_DISTURBED, ("azimuth", "magnetic_toolface"), "the magnetic field is off its reference"),
+    (Status.CORRECTION_REFUSED, ("azimuth",), "interference cannot be corrected at this attitude"),
+    (Status.UNCORRECTED, ("azimuth",), "not corrected for interference"),
+    (Status.ALIASED, ("inclination", "gravity_toolface"), "vibration aliases into the samples"),
+    (Status.CLIPPED, ("inclination", "gravity_toolface", "rotary_speed"), "a sensor is at its limit"),
 )
-_TOOLFACES = {"gravity_toolface": GRAVITY, "magnetic_toolface": MAGNETIC}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -164,9 +152,8 @@ class RigValues:
 
 
 def rig_values(
-    snapshot: Mapping[str, Any],
+    state: WellState,
     surveys: Sequence[AcceptedSurvey],
-    attitude: Samples | None,
     *,
     now_ns: int,
     active: bool = True,
@@ -174,60 +161,48 @@ def rig_values(
     previous: RigValues | None = None,
 ) -> RigValues:
     """
-    The table of a moment; nothing but the arguments enters it.
+    Return the values of a moment; they depend on the arguments alone.
 
     Parameters
     ----------
-    snapshot : mapping
-        Of `LiveState.snapshot`, so that rig and page cannot say different things.
+    state : WellState
+        What is known of the well; the page shows the same.
     surveys : sequence of AcceptedSurvey
-        `rig_survey.accepted_surveys` of the list in force.
-    attitude : samples, optional
-        The last attitude, `wire.ATTITUDE`, shape (1,): the page shows one toolface, machines get both.
+        `survey.accepted_surveys` of the list in force.
     now_ns : int
         Time of the node, ns.
     active, simulated : bool
         Whether the node is active, and whether the tool is a simulation.
     previous : RigValues, optional
-        The table before: a toolface that is not defined just now keeps its last value from it.
+        The values before: a toolface that is not defined at present keeps its last value from them.
     """
-    sections = snapshot["sections"]
-    words = tuple(sections["attitude"]["status"])
-    link, heard = _link(sections["links"])
-    mode = MAGNETIC if sections["toolface"]["mode"] == "magnetic" else GRAVITY
-    values: dict[str, RigValue] = {}
-    for name, section in _SECTIONS.items():
-        stamp = sections["attitude"]["stamp_ns"] if section == "attitude" else None
-        values[name] = _of_cell(sections[section][name], now_ns, stamp)
-    for name, kind in _TOOLFACES.items():
-        if kind == mode:
-            value = _of_cell(sections["toolface"]["angle"], now_ns, sections["toolface"]["stamp_ns"])
-        else:
-            value = _of_attitude(attitude, name, sections["links"]["estimator"], now_ns)
-        values[name] = _held(value, previous.values[name] if previous else None, now_ns)
+    values = _live_values(state, now_ns)
+    for name in ("gravity_toolface", "magnetic_toolface"):
+        values[name] = _held(values[name], previous.values[name] if previous else None, now_ns)
+    link, ever = _link(state.links)
     for name in _FROM_TOOL:
-        values[name] = _judged(name, values[name], words, link, heard)
-    values.update(_projection(sections, now_ns))
+        values[name] = _judged(name, values[name], state.attitude.status, lost=ever and not link)
+    values.update(_projection(state, now_ns))
     values.update(_of_survey(surveys[-1] if surveys else None, now_ns))
     if not active:
         values = {k: dataclasses.replace(v, condition=Condition.INACTIVE, reason="inactive") for k, v in values.items()}
-    flow, slips = sections["rig"]["flow_rate"], sections["rig"]["in_slips"]
+    flow = state.rig.flow_rate
     return RigValues(
         made_ns=now_ns,
-        heartbeat=int(snapshot["now"]),
+        heartbeat=int(state.now),
         values=values,
         surveys=tuple(surveys),
-        well=sections["well"]["name"],
-        wellbore=sections["well"]["wellbore"],
-        north=sections["well"]["north_reference"],
-        mode=mode,
-        rotating=bool(sections["toolface"]["rotating"]),
+        well=state.well.name,
+        wellbore=state.well.wellbore_name,
+        north=state.well.north_reference,
+        mode=state.toolface.mode,
+        rotating=state.toolface.rotating,
         active=active,
         sonde_link=link,
-        recording=sections["recorder"]["state"] == "recording",
+        recording=state.recorder is not None and state.recorder.state == RecorderState.RECORDING,
         simulated=simulated,
-        circulating=flow["value"] > 0.0 if flow["state"] == LIVE else None,
-        in_slips=slips,
+        circulating=flow.value > 0.0 if flow.state == Freshness.LIVE and flow.value is not None else None,
+        in_slips=state.rig.in_slips,
     )
 
 
@@ -250,42 +225,63 @@ def nothing_yet(now_ns: int = 0) -> RigValues:
     return RigValues(now_ns, 0, {name: RigValue() for name in QUANTITIES}, active=False)
 
 
-def _link(links: Mapping[str, Any]) -> tuple[bool, bool]:
-    """Whether the sonde is heard now, and whether it ever was."""
+def _live_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
+    attitude, drilling = state.attitude, state.drilling
+    in_force = _of_value(state.toolface.angle, now_ns, state.toolface.stamp_ns)
+    gravity, magnetic = (
+        _of_angle(angle, attitude.stamp_ns, state.links["estimator"], now_ns)
+        for angle in (attitude.gravity_toolface, attitude.magnetic_toolface)
+    )
+    return {
+        "inclination": _of_value(attitude.inclination, now_ns, attitude.stamp_ns),
+        "azimuth": _of_value(attitude.azimuth, now_ns, attitude.stamp_ns),
+        "gravity_toolface": in_force if state.toolface.mode == GRAVITY else gravity,
+        "magnetic_toolface": magnetic if state.toolface.mode == GRAVITY else in_force,
+        "rotary_speed": _of_value(drilling.rotary_speed, now_ns),
+        "vibration": _of_value(drilling.vibration, now_ns),
+        "temperature": _of_value(drilling.temperature, now_ns),
+        "axial_interference": _of_value(drilling.axial_interference, now_ns),
+        "bit_depth": _of_value(state.rig.bit_depth, now_ns),
+        "hole_depth": _of_value(state.rig.hole_depth, now_ns),
+    }
+
+
+def _link(links: Mapping[str, StreamState]) -> tuple[bool, bool]:
+    """Return whether data of the sonde arrives now, and whether any ever did."""
     for stream in ("sonde", "estimator"):
-        state = links[stream]["state"]
-        if state != NO_DATA:
-            return state == LIVE, True
+        state = links[stream].state
+        if state != Freshness.NO_DATA:
+            return state == Freshness.LIVE, True
     return False, False
 
 
-def _of_cell(cell: Mapping[str, Any], now_ns: int, stamp_ns: int | None = None) -> RigValue:
-    if cell["value"] is None:
-        return RigValue(reason=cell["reason"] or "none came yet")
-    age = float(cell["age"])
-    live = cell["state"] == LIVE
-    stamp = stamp_ns if live and stamp_ns else now_ns - round(age * NANOSECONDS)
-    reason = "" if live else cell["reason"] or f"the last came {age:.1f} s ago"
+def _of_value(value: LiveValue, now_ns: int, stamp_ns: int | None = None) -> RigValue:
+    if value.value is None or value.age is None:
+        return RigValue(reason=value.reason or "none came yet")
+    live = value.state == Freshness.LIVE
     return RigValue(
-        float(cell["value"]), Condition.GOOD if live else Condition.STALE, stamp, age, cell["sigma"], reason
+        value.value,
+        Condition.GOOD if live else Condition.STALE,
+        stamp_ns if live and stamp_ns else now_ns - round(value.age * NANOSECONDS),
+        value.age,
+        value.sigma,
+        "" if live else value.reason or f"the last came {value.age:.1f} s ago",
     )
 
 
-def _of_attitude(attitude: Samples | None, name: str, stream: Mapping[str, Any], now_ns: int) -> RigValue:
-    if attitude is None or len(attitude) == 0 or stream["age"] is None:
+def _of_angle(angle: Angle | None, stamp_ns: int | None, stream: StreamState, now_ns: int) -> RigValue:
+    if stamp_ns is None or stream.age is None:
         return RigValue(reason="none came yet")
-    last = attitude[-1]
-    value, sigma = float(last[name]), float(last["sigma_" + name])
-    if not (math.isfinite(value) and math.isfinite(sigma) and sigma >= 0.0):
+    if angle is None:
         return RigValue(reason="not defined at this attitude")
-    age, fresh = float(stream["age"]), stream["state"] == LIVE
+    live = stream.state == Freshness.LIVE
     return RigValue(
-        value % math.tau,
-        Condition.GOOD if fresh else Condition.STALE,
-        int(last["stamp_ns"]) if fresh else now_ns - round(age * NANOSECONDS),
-        age,
-        sigma,
-        "" if fresh else f"the last came {age:.1f} s ago",
+        angle.value,
+        Condition.GOOD if live else Condition.STALE,
+        stamp_ns if live else now_ns - round(stream.age * NANOSECONDS),
+        stream.age,
+        angle.sigma,
+        "" if live else f"the last came {stream.age:.1f} s ago",
     )
 
 
@@ -297,36 +293,47 @@ def _held(value: RigValue, before: RigValue | None, now_ns: int) -> RigValue:
     return dataclasses.replace(before, condition=Condition.STALE, age=age, reason=value.reason)
 
 
-def _judged(name: str, value: RigValue, words: tuple[str, ...], link: bool, heard: bool) -> RigValue:
-    if heard and not link:
+def _judged(name: str, value: RigValue, status: Status, *, lost: bool) -> RigValue:
+    """Return the value with the condition that the link to the sonde and the status of the estimator give it."""
+    if lost:
         return dataclasses.replace(value, condition=Condition.NO_LINK, reason="nothing comes from the sonde")
-    if "sensor_fault" in words:
+    if status & Status.SENSOR_FAULT:
         return dataclasses.replace(value, condition=Condition.FAULT, reason="a sensor is judged faulty")
     if value.condition != Condition.GOOD:
         return value
-    for word, names, reason in _DOUBTS:
-        aided = word == "uncorrected" and "gyro_aided" in words
-        if word in words and name in names and not aided:
+    for bit, names, reason in _DOUBTS:
+        # An azimuth aided by the gyro needs no correction for interference.
+        aided = bit == Status.UNCORRECTED and status & Status.GYRO_AIDED
+        if status & bit and name in names and not aided:
             return dataclasses.replace(value, condition=Condition.DOUBTFUL, reason=reason)
     return value
 
 
-def _projection(sections: Mapping[str, Any], now_ns: int) -> dict[str, RigValue]:
-    """What follows from path and plan; as old as the path itself."""
-    path, offset = sections["path"], sections["offset"]
-    values = {}
-    for name, column in (("projected_inclination", "inclination"), ("projected_azimuth", "azimuth")):
-        known = path["kind"] and path["kind"][-1] != "tie-on" and path[column][-1] is not None
-        values[name] = _derived(path[column][-1] if known else None, path["age"], now_ns)
-    for name, key in _OFFSETS.items():
-        values[name] = _derived(offset[key] if offset["known"] else None, offset["age"], now_ns)
+def _projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
+    """Return what follows from path and plan; as old as the path itself."""
+    path, offset, values = state.path, state.offset, {}
+    beyond = path is not None and len(path.kind) > 0 and path.kind[-1] != "tie-on"
+    for name in ("inclination", "azimuth"):
+        value = float(getattr(path, name)[-1]) if beyond else None
+        values[f"projected_{name}"] = _derived(value, state.age("path"), now_ns)
+    plan: dict[str, float | None] = dict.fromkeys(_FROM_PLAN)
+    if offset is not None:
+        plan = {
+            "plan_distance": offset.distance,
+            "plan_up": offset.up,
+            "plan_right": offset.right,
+            "plan_toolface": offset.toolface,
+            "target_dogleg": state.dogleg_to_target,
+        }
+    for name, number in plan.items():
+        values[name] = _derived(number, state.age("offset"), now_ns)
     return values
 
 
 def _derived(value: float | None, age: float | None, now_ns: int) -> RigValue:
-    if value is None or age is None:
+    if value is None or age is None or not math.isfinite(value):
         return RigValue(reason="no survey and plan to compute it from")
-    return RigValue(float(value), Condition.GOOD, now_ns - round(age * NANOSECONDS), float(age))
+    return RigValue(value, Condition.GOOD, now_ns - round(age * NANOSECONDS), age)
 
 
 def _of_survey(survey: AcceptedSurvey | None, now_ns: int) -> dict[str, RigValue]:

@@ -10,11 +10,11 @@ from mwd_surface.live.streams import LiveStreams
 
 
 def test_every_stream_has_its_period_and_every_period_its_stream():
-    links, _ = LiveStreams().stream_sections(0.0)["links"]
+    links = LiveStreams().links(0.0)
     periods = {f.name.removesuffix("_period") for f in dataclasses.fields(LiveSettings) if f.name.endswith("_period")}
     assert periods == set(links)
     for name, link in links.items():
-        assert link["stale_after"] == 2.0 * getattr(LiveSettings(), f"{name}_period")
+        assert link.stale_after == 2.0 * getattr(LiveSettings(), f"{name}_period")
 
 
 @pytest.mark.parametrize(

@@ -11,57 +11,53 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.streams import LiveStreams
-from mwd_surface.live.toolface import MAGNETIC, ToolfaceReading
-
-
-def sections(state, now=0.0):
-    return {name: table for name, (table, _) in state.stream_sections(now).items()}
+from mwd_surface.live.toolface import GRAVITY, MAGNETIC, ToolfaceReading
 
 
 def test_a_value_carries_sigma_unit_and_age_and_goes_stale_after_two_periods():
     state = LiveStreams(LiveSettings(estimator_period=0.5))
     state.on_attitude(attitude(inclination=0.8, sigma=0.01), 10.0)
-    cell = sections(state, 10.9)["attitude"]["inclination"]
-    assert (cell["value"], cell["sigma"], cell["unit"], cell["state"]) == (0.8, 0.01, "rad", "live")
-    assert cell["age"] == pytest.approx(0.9)
-    stale = sections(state, 11.1)["attitude"]["inclination"]
-    assert (stale["state"], stale["value"]) == ("stale", 0.8)
+    cell = state.attitude(10.9).inclination
+    assert (cell.value, cell.sigma, cell.unit, cell.state) == (0.8, 0.01, "rad", "live")
+    assert cell.age == pytest.approx(0.9)
+    stale = state.attitude(11.1).inclination
+    assert (stale.state, stale.value) == ("stale", 0.8)
 
 
 def test_an_angle_without_sigma_keeps_the_last_good_one_stale_and_says_why():
     state = LiveStreams()
     state.on_attitude(attitude(azimuth=1.5), 0.0)
     state.on_attitude(attitude(azimuth=0.0, sigma_azimuth=-1.0, status=int(Status.NEAR_VERTICAL)), 0.1)
-    cell = sections(state, 0.1)["attitude"]["azimuth"]
-    assert (cell["value"], cell["state"]) == (1.5, "stale")
-    assert "vertical" in cell["reason"]
-    assert sections(state, 0.1)["attitude"]["inclination"]["state"] == "live"
+    cell = state.attitude(0.1).azimuth
+    assert (cell.value, cell.state) == (1.5, "stale")
+    assert "vertical" in cell.reason
+    assert state.attitude(0.1).inclination.state == "live"
 
 
 def test_an_angle_that_was_never_known_is_no_data_with_the_reason():
     state = LiveStreams()
     state.on_attitude(attitude(sigma_azimuth=-1.0, status=int(Status.NO_MAG)), 0.0)
-    cell = sections(state)["attitude"]["azimuth"]
-    assert (cell["value"], cell["state"], cell["reason"]) == (None, "no data", "no usable magnetometer")
+    cell = state.attitude(0.0).azimuth
+    assert (cell.value, cell.state, cell.reason) == (None, "no data", "no usable magnetometer")
 
 
 def test_an_angle_whose_sigma_is_half_a_turn_is_not_shown_as_a_number():
     state = LiveStreams()
     state.on_attitude(attitude(sigma_azimuth=math.pi), 0.0)
-    cell = sections(state)["attitude"]["azimuth"]
-    assert (cell["value"], cell["reason"]) == (None, "sigma 180 deg")
+    cell = state.attitude(0.0).azimuth
+    assert (cell.value, cell.reason) == (None, "sigma 180 deg")
 
 
 def test_rig_values_count_only_while_their_bit_vouches_for_them():
     state = LiveStreams()
     state.on_rig_state(rig(valid=1 | 64, bit_depth=0.0, rotary_speed=12.0, hookload=5.0), 0.0)
-    got = sections(state)["rig"]
-    assert (got["bit_depth"]["value"], got["bit_depth"]["state"]) == (0.0, "live")
-    assert got["rig_rotary_speed"]["value"] == 12.0
-    assert got["hookload"]["value"] is None
-    assert got["in_slips"] is None
+    got = state.rig(0.0)
+    assert (got.bit_depth.value, got.bit_depth.state) == (0.0, "live")
+    assert got.rig_rotary_speed.value == 12.0
+    assert got.hookload.value is None
+    assert got.in_slips is None
     state.on_rig_state(rig(in_slips=True), 0.1)
-    assert sections(state)["rig"]["in_slips"] is True
+    assert state.rig(0.0).in_slips is True
 
 
 def test_interference_that_is_not_observable_is_no_data_and_not_zero():
@@ -69,52 +65,52 @@ def test_interference_that_is_not_observable_is_no_data_and_not_zero():
     i = wire.INTERFERENCE.empty(1)
     i["sigma_axial"], i["sigma_cross_axial"] = -1.0, -1.0
     state.on_interference(i, 0.0)
-    cell = sections(state)["drilling"]["axial_interference"]
-    assert (cell["value"], cell["state"], cell["reason"]) == (None, "no data", "not observable yet")
+    cell = state.drilling(0.0).axial_interference
+    assert (cell.value, cell.state, cell.reason) == (None, "no data", "not observable yet")
     i["axial"], i["sigma_axial"] = 6e-7, 1e-7
     state.on_interference(i, 0.0)
-    assert sections(state)["drilling"]["axial_interference"]["sigma"] == 1e-7
+    assert state.drilling(0.0).axial_interference.sigma == 1e-7
 
 
 def test_the_dial_keeps_the_last_readings_at_their_spacing_with_their_mode():
     state = LiveStreams(LiveSettings(readings=3, reading_spacing=1.0))
     for k in range(60):
         state.on_attitude(attitude(toolface=0.01 * k), k * 0.1)
-    toolface = sections(state, 5.9)["toolface"]
-    assert [r["at"] for r in toolface["readings"]] == pytest.approx([3.0, 4.0, 5.0])
-    assert {r["mode"] for r in toolface["readings"]} == {"gravity"}
-    assert toolface["angle"]["value"] == pytest.approx(0.59)
+    toolface = state.toolface(5.9)
+    assert [r.at for r in toolface.readings] == pytest.approx([3.0, 4.0, 5.0])
+    assert {r.mode for r in toolface.readings} == {GRAVITY}
+    assert toolface.angle.value == pytest.approx(0.59)
     assert state.toolface_reading.angle == pytest.approx(0.59)
 
 
 def test_a_toolface_from_another_source_is_shown_with_its_own_mode():
     state = LiveStreams()
     state.on_toolface(ToolfaceReading(1, MAGNETIC, 2.0, 0.1), 0.0)
-    toolface = sections(state)["toolface"]
-    assert (toolface["mode"], toolface["angle"]["value"]) == ("magnetic", 2.0)
+    toolface = state.toolface(0.0)
+    assert (toolface.mode, toolface.angle.value) == (MAGNETIC, 2.0)
 
 
 def test_the_advisory_knows_inside_and_outside_across_north_and_says_nothing_when_stale():
     state = LiveStreams()
     state.on_attitude(attitude(toolface=math.radians(355.0)), 0.0)
     state.on_advisory(math.radians(5.0), math.radians(15.0))
-    assert sections(state, 0.0)["toolface"]["advisory"]["inside"] is True
+    assert state.toolface(0.0).advisory.inside is True
     state.on_advisory(math.radians(30.0), math.radians(15.0))
-    assert sections(state, 0.0)["toolface"]["advisory"]["inside"] is False
-    assert sections(state, 9.0)["toolface"]["advisory"]["inside"] is None
+    assert state.toolface(0.0).advisory.inside is False
+    assert state.toolface(9.0).advisory.inside is None
     state.on_advisory(None, 0.1)
-    assert sections(state)["toolface"]["advisory"] is None
+    assert state.toolface(0.0).advisory is None
 
 
 def test_links_give_the_rate_of_whole_seconds_and_refuse_unknown_streams():
     state = LiveStreams()
     for k in range(60):
         state.on_stream("sonde", 10, 100.0 + k * 0.1, lost=1)
-    link = sections(state, 106.0)["links"]["sonde"]
-    assert link["rate"] == pytest.approx(100.0)
-    assert (link["count"], link["lost"], link["state"]) == (600, 60, "live")
-    assert sections(state, 120.0)["links"]["sonde"]["rate"] == 0.0
-    assert sections(state, 120.0)["links"]["rig"]["state"] == "no data"
+    link = state.links(106.0)["sonde"]
+    assert link.rate == pytest.approx(100.0)
+    assert (link.count, link.lost, link.state) == (600, 60, "live")
+    assert state.links(120.0)["sonde"].rate == 0.0
+    assert state.links(120.0)["rig"].state == "no data"
     with pytest.raises(ValueError, match="'sonda' is not one of sonde"):
         state.on_stream("sonda", 1, 0.0)
 
@@ -126,17 +122,17 @@ def test_the_history_is_bounded_and_has_no_value_for_a_silent_second():
     for k in range(100):
         if k != 90:
             state.on_gravity(g, k + 0.5)
-        state.strips(k + 0.9)
-    history = state.strips(100.0)["history"]
+        state.charts(k + 0.9)
+    history = state.charts(100.0)[0]
     column = history.columns.index("vibration")
-    assert len(history.rows()) == 30
-    assert [row[column] for row in history.rows()].count(None) == 1
+    assert len(history.rows) == 30
+    assert [row[column] for row in history.rows].count(None) == 1
 
 
 def test_a_clock_that_steps_back_gives_no_negative_age():
     state = LiveStreams()
     state.on_attitude(attitude(), 100.0)
-    assert sections(state, 99.0)["attitude"]["inclination"]["age"] == 0.0
+    assert state.attitude(99.0).inclination.age == 0.0
 
 
 def test_the_worst_of_a_block_is_charted_and_its_last_is_shown():
@@ -144,10 +140,10 @@ def test_the_worst_of_a_block_is_charted_and_its_last_is_shown():
     g = wire.GRAVITY.empty(3)
     g["sigma"], g["non_gravity"], g["rotary_speed"] = [0.01, -1.0, 0.01], [3.0, 99.0, 1.0], [1.0, 9.0, 2.0]
     state.on_gravity(g, 0.0)
-    drilling = sections(state)["drilling"]
+    drilling = state.drilling(0.0)
     # The second does not know its gravity, so what is left over means nothing.
-    assert drilling["vibration"]["value"] == 3.0
-    assert drilling["rotary_speed"]["value"] == 2.0
+    assert drilling.vibration.value == 3.0
+    assert drilling.rotary_speed.value == 2.0
 
 
 def test_a_tool_that_does_not_turn_has_no_stick_slip():
@@ -155,9 +151,9 @@ def test_a_tool_that_does_not_turn_has_no_stick_slip():
     d = wire.DYNAMICS.empty(1)
     d["stick_slip_index"], d["shocks"] = -1.0, 4
     state.on_dynamics(d, 0.0)
-    drilling = sections(state)["drilling"]
-    assert (drilling["stick_slip"]["value"], drilling["stick_slip"]["reason"]) == (None, "not turning")
-    assert drilling["shocks"]["value"] == 4.0
+    drilling = state.drilling(0.0)
+    assert (drilling.stick_slip.value, drilling.stick_slip.reason) == (None, "not turning")
+    assert drilling.shocks.value == 4.0
 
 
 def test_depth_tracks_grow_only_while_hole_is_made():
@@ -169,12 +165,12 @@ def test_depth_tracks_grow_only_while_hole_is_made():
     state.on_attitude(attitude(inclination=0.3), 2.0)
     state.on_log_depth(None)
     state.on_attitude(attitude(inclination=0.9), 3.0)
-    log = state.strips(4.0)["depth_log"]
+    log = state.charts(4.0)[1]
     column = log.columns.index("inclination")
-    assert {row[column] for row in log.rows()} <= {0.2, 0.3}
+    assert {row[column] for row in log.rows} <= {0.2, 0.3}
     state.on_log_depth(math.nan)
     state.on_log_depth(-5.0)
-    assert len(log.rows()) == len(state.strips(5.0)["depth_log"].rows())
+    assert len(log.rows) == len(state.charts(5.0)[1].rows)
 
 
 @given(st.lists(st.sampled_from([int(Status.SENSOR_FAULT), int(Status.REJECTED), 0]), min_size=1, max_size=5))
@@ -183,7 +179,7 @@ def test_the_doubt_of_a_block_is_that_of_its_worst_sample(statuses):
     samples = attitude(n=len(statuses))
     samples["status"] = statuses
     state.on_attitude(samples, 10.5)
-    history = state.strips(12.0)["history"]
+    history = state.charts(12.0)[0]
     column = history.columns.index("doubt")
-    shown = max(row[column] for row in history.rows() if row[column] is not None)
+    shown = max(row[column] for row in history.rows if row[column] is not None)
     assert shown == (2.0 if int(Status.SENSOR_FAULT) in statuses else 1.0 if any(statuses) else 0.0)

@@ -13,11 +13,12 @@ from urllib.parse import urlsplit
 import aiohttp
 import pytest
 from aiohttp import web
+from example_live import ShownState
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors.core import wire
-from mwd_surface.live.live_state import LiveState
+from mwd_surface.live.well_state import NodeDiagnostic
 from mwd_surface.page.page_server import COMMANDS, PageServer, PageSettings, checked_arguments
 
 TOKEN = "drill-baby-drill"  # noqa: S105
@@ -101,7 +102,7 @@ def test_state_json_is_the_last_state_and_says_so_while_there_is_none():
     with running() as server:
         empty = json.loads(ask(server, "/state.json")[1])
         assert (empty["sections"], empty["server"]["ready"]) == ({}, False)
-        state = LiveState()
+        state = ShownState()
         state.on_attitude(attitude(0.7), 1.0)
         server.push(state.snapshot(1.5))
         full = json.loads(ask(server, "/state.json")[1])
@@ -111,7 +112,7 @@ def test_state_json_is_the_last_state_and_says_so_while_there_is_none():
 
 
 def test_a_watcher_gets_all_first_then_only_what_changed_within_200_ms():
-    state = LiveState()
+    state = ShownState()
     with running() as server:
         server.push(state.snapshot(0.0))
 
@@ -134,7 +135,7 @@ def test_a_watcher_gets_all_first_then_only_what_changed_within_200_ms():
 
 def test_when_nothing_changes_there_is_a_beat_a_second_and_nothing_else():
     with running() as server:
-        snapshot = LiveState().snapshot(0.0)
+        snapshot = ShownState().snapshot(0.0)
         server.push(snapshot)
 
         async def talk(ws):
@@ -151,7 +152,7 @@ def test_when_nothing_changes_there_is_a_beat_a_second_and_nothing_else():
 
 
 def test_the_history_goes_out_whole_once_and_then_by_new_rows():
-    state = LiveState()
+    state = ShownState()
     for k in range(5):
         state.on_attitude(attitude(0.5), float(k))
     with running() as server:
@@ -169,7 +170,7 @@ def test_the_history_goes_out_whole_once_and_then_by_new_rows():
 
 
 def test_a_rate_that_nobody_can_read_is_thinned_to_the_rate_of_the_page():
-    state = LiveState()
+    state = ShownState()
     with running(max_rate=10.0) as server:
 
         async def talk(ws):
@@ -186,7 +187,7 @@ def test_a_rate_that_nobody_can_read_is_thinned_to_the_rate_of_the_page():
 
 
 def test_a_watcher_that_reads_nothing_is_dropped_without_memory_growing_or_others_waiting():
-    state = LiveState()
+    state = ShownState()
     big = {"x" * 50: ["y" * 1000] * 400}
     with running(send_timeout=0.3) as server:
         server.push({"now": 0.0, "sections": {"a": big}, "revisions": {"a": 0}})
@@ -490,9 +491,9 @@ def test_it_stops_within_a_second_with_watchers_on_and_can_start_again():
 
 def test_pushing_is_cheap_safe_from_any_thread_and_allowed_before_start_and_after_stop():
     server = PageServer(PageSettings(port=0))
-    server.push(LiveState().snapshot(0.0))
+    server.push(ShownState().snapshot(0.0))
     server.start()
-    snapshot = LiveState().snapshot(0.0)
+    snapshot = ShownState().snapshot(0.0)
     threads = [threading.Thread(target=lambda: [server.push(snapshot) for _ in range(500)]) for _ in range(4)]
     for thread in threads:
         thread.start()
@@ -504,8 +505,8 @@ def test_pushing_is_cheap_safe_from_any_thread_and_allowed_before_start_and_afte
 
 
 def test_names_with_markup_travel_as_text():
-    state = LiveState()
-    state.on_diagnostics([{"name": "<script>alert(1)</script>", "level": 1, "message": "</script>"}], 0.0)
+    state = ShownState()
+    state.on_diagnostics([NodeDiagnostic("<script>alert(1)</script>", 1, "</script>")], 0.0)
     with running() as server:
         server.push(state.snapshot(0.0))
         status, body, headers = ask(server, "/state.json")

@@ -42,7 +42,7 @@ def test_every_quantity_is_there_and_good_when_everything_came():
 
 
 def test_before_anything_came_everything_waits_with_a_reason():
-    table = rig_values(LiveState().snapshot(1.0), (), None, now_ns=NOW_NS)
+    table = rig_values(LiveState().at(1.0), (), now_ns=NOW_NS)
     assert {v.condition for v in table.values.values()} == {Condition.WAITING}
     assert all(v.reason and v.value == 0.0 and v.stamp_ns == 0 for v in table.values.values())
     assert table.survey is None
@@ -99,8 +99,8 @@ def test_a_toolface_that_is_not_defined_keeps_its_last_value_as_stale():
         Status.NEAR_VERTICAL, inclination=0.01, sigma_gravity_toolface=-1.0, gravity_toolface=0.0,
         stamp_ns=NOW_NS + 5 * S,
     )  # fmt: skip
-    snapshot = live(sample=steep).snapshot(NOW)
-    table = rig_values(snapshot, (), steep, now_ns=NOW_NS + 5 * S, previous=first)
+    state = live(sample=steep).at(NOW)
+    table = rig_values(state, (), now_ns=NOW_NS + 5 * S, previous=first)
     assert table.mode == MAGNETIC
     old = table.values["gravity_toolface"]
     assert (old.condition, old.value) == (Condition.STALE, first.values["gravity_toolface"].value)
@@ -138,8 +138,6 @@ def test_nothing_in_the_table_is_ever_a_nan():
 
 def test_the_same_arguments_give_the_same_table():
     whole = surveys()
-    snapshot = live(whole).snapshot(NOW)
+    state = live(whole).at(NOW)
     accepted = accepted_surveys(whole)
-    assert rig_values(snapshot, accepted, attitude(), now_ns=NOW_NS) == rig_values(
-        snapshot, accepted, attitude(), now_ns=NOW_NS
-    )
+    assert rig_values(state, accepted, now_ns=NOW_NS) == rig_values(state, accepted, now_ns=NOW_NS)

@@ -22,9 +22,10 @@ from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import Definitions, installed
 from mwd_surface.bags.folder_lock import FolderLock, FolderTakenError
 from mwd_surface.bags.mcap import recovery
-from mwd_surface.bags.recorder.session import OVERHEAD, Event, Item, Level, Session, State, free_bytes, words_of
+from mwd_surface.bags.recorder.session import OVERHEAD, Item, Session, free_bytes, words_of
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.bags.recorder.snapshot import SnapshotRing
+from mwd_surface.bags.recorder.status import Level, RecorderEvent, RecorderState, RecorderStatus
 
 LOCK_NAME = ".recorder.lock"
 _BATCH = 1000
@@ -33,52 +34,6 @@ _BATCHES = 20
 
 class RecorderError(Exception):
     """A recorder that cannot do what was asked; one sentence with path and reason."""
-
-
-@dataclasses.dataclass(frozen=True)
-class RecorderStatus:
-    """
-    What a display shows of the recorder.
-
-    Attributes
-    ----------
-    state : State
-    reason : str
-        Of a pause or failure, in words; empty otherwise.
-    path : Path or None
-        Folder of the recording at hand.
-    messages, bytes : int
-        Written in this recording; bytes on disk.
-    dropped : int
-        Received since the recording began, but not written: the queue was full, or the disk.
-    queued_messages, queued_bytes, queue_limit : int
-        Waiting to be written, and the most that may.
-    free_bytes : int
-        On the disk; -1 unknown.
-    duration_s : float
-        Since the recording began.
-    files : int
-        Of this recording.
-    unsaved_s : float
-        Age of the oldest data not yet forced to the disk: what a lost supply would cost now.
-    recovered : tuple of recovery.Report
-        Files of earlier recordings recovered at this start.
-    """
-
-    state: State
-    reason: str
-    path: Path | None
-    messages: int
-    bytes: int
-    dropped: int
-    queued_messages: int
-    queued_bytes: int
-    queue_limit: int
-    free_bytes: int
-    duration_s: float
-    files: int
-    unsaved_s: float
-    recovered: tuple[recovery.Report, ...]
 
 
 @dataclasses.dataclass
@@ -105,7 +60,7 @@ class Recorder:
     event_topic : str
         Full name of the topic under which events are recorded, as rcl_interfaces/Log.
     on_event : callable, optional
-        Called with each Event from the writer thread; must return quickly, and may call nothing here that waits.
+        Called with each RecorderEvent from the writer thread; must return quickly and not wait for the recorder.
     space : callable
         Bytes free for a folder; replaced in tests.
     recover : bool
@@ -113,7 +68,7 @@ class Recorder:
 
     Attributes
     ----------
-    events : deque of Event
+    events : deque of RecorderEvent
         The last 200, for a late reader; `take_events` is for one that wants each once.
 
     Raises
@@ -130,14 +85,14 @@ class Recorder:
         *,
         tables: Callable[[], Mapping[str, Mapping[str, str]]] = dict,
         event_topic: str = "/recorder/events",
-        on_event: Callable[[Event], None] | None = None,
+        on_event: Callable[[RecorderEvent], None] | None = None,
         space: Callable[[Path], int] = free_bytes,
         recover: bool = True,
     ) -> None:
         self.folder = Path(folder)
         self.settings = settings or RecorderSettings()
-        self.events: deque[Event] = deque(maxlen=200)
-        self._untaken: deque[Event] = deque(maxlen=1000)
+        self.events: deque[RecorderEvent] = deque(maxlen=200)
+        self._untaken: deque[RecorderEvent] = deque(maxlen=1000)
         self._definitions = definitions or installed()
         self._tables = tables
         self._event_topic = event_topic
@@ -267,7 +222,7 @@ class Recorder:
         session, now = self._session, time.monotonic()
         waiting = session.unsaved_since if session else None
         return RecorderStatus(
-            state=session.state if session else State.STOPPED,
+            state=session.state if session else RecorderState.STOPPED,
             reason=session.reason if session else "",
             path=session.writer.path if session else None,
             messages=session.writer.messages if session else 0,
@@ -283,7 +238,7 @@ class Recorder:
             recovered=tuple(self._recovered),
         )
 
-    def take_events(self) -> list[Event]:
+    def take_events(self) -> list[RecorderEvent]:
         """Events since the last call, oldest first (of very many, the last 1000); never waits."""
         taken = []
         # Another thread appends meanwhile; popping one by one is safe against that.
@@ -511,7 +466,7 @@ class Recorder:
         return self._session
 
     def _tell(self, level: Level, text: str) -> None:
-        event = Event(time.time_ns(), level, text)
+        event = RecorderEvent(time.time_ns(), level, text)
         self._note(event)
         if self._session is not None:
             self._session.record(event)
@@ -519,9 +474,9 @@ class Recorder:
             try:
                 self._on_event(event)
             except Exception as error:  # noqa: BLE001  (a listener's mistake must not end the recording)
-                self._note(Event(time.time_ns(), Level.ERROR, f"a listener to events failed: {error!r}"))
+                self._note(RecorderEvent(time.time_ns(), Level.ERROR, f"a listener to events failed: {error!r}"))
 
-    def _note(self, event: Event) -> None:
+    def _note(self, event: RecorderEvent) -> None:
         self.events.append(event)
         self._untaken.append(event)
 

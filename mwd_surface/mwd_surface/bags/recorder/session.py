@@ -7,8 +7,6 @@ Used by one thread. What a disk refuses pauses the recording with as whole a fil
 from __future__ import annotations
 
 import contextlib
-import dataclasses
-import enum
 import errno
 import shutil
 import time
@@ -19,6 +17,7 @@ from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import Definitions
 from mwd_surface.bags.recorder.settings import RecorderSettings
+from mwd_surface.bags.recorder.status import Level, RecorderEvent, RecorderState
 
 EVENT_TYPE = "rcl_interfaces/msg/Log"
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -29,32 +28,6 @@ _LOOK_BYTES = 8 * 1024 * 1024  # or after so many bytes
 Item = tuple[str, str, bytes, int, int, str, str]
 OVERHEAD = 128  # what a waiting message costs beyond its bytes
 Tables = Callable[[], Mapping[str, Mapping[str, str]]]
-
-
-class State(enum.IntEnum):
-    """As in mwd_msgs/RecorderStatus."""
-
-    STOPPED = 0
-    RECORDING = 1
-    PAUSED_DISK_FULL = 2
-    FAILED = 3
-
-
-class Level(enum.IntEnum):
-    """Severity of an event, as in rcl_interfaces/Log."""
-
-    INFO = 20
-    WARNING = 30
-    ERROR = 40
-
-
-@dataclasses.dataclass(frozen=True)
-class Event:
-    """Something the recorder did or suffered; stamp_ns in ns since the epoch."""
-
-    stamp_ns: int
-    level: Level
-    text: str
 
 
 class Session:
@@ -78,11 +51,11 @@ class Session:
     refused : callable
         Messages of this recording that the queue did not take.
     tell : callable
-        Called with level and text of what happens; hands an Event back to `record`.
+        Called with level and text of what happens; hands an RecorderEvent back to `record`.
 
     Attributes
     ----------
-    state : State
+    state : RecorderState
     reason : str
         Of a pause or failure.
     writing : bool
@@ -111,7 +84,7 @@ class Session:
         tell: Callable[[Level, str], None],
     ) -> None:
         self.writer = writer
-        self.state, self.reason = State.RECORDING, ""
+        self.state, self.reason = RecorderState.RECORDING, ""
         self.writing = True
         self.dropped = 0
         self.free = -1
@@ -130,7 +103,7 @@ class Session:
         self._checked_at = -1e9
         self._unchecked = 0
         self._odd: set[str] = set()
-        self._early: list[Event] = []
+        self._early: list[RecorderEvent] = []
         self._put_tables()
 
     def take(self, item: Item) -> None:
@@ -247,11 +220,11 @@ class Session:
         low = self._settings.min_free_bytes
         if self.writing and self.free < low:
             reason = f"{self.free / 1e6:.0f} MB free on the disk of {self._folder}, {low / 1e6:.0f} MB must stay free"
-            self._pause_writing(State.PAUSED_DISK_FULL, reason)
+            self._pause_writing(RecorderState.PAUSED_DISK_FULL, reason)
         elif not self.writing and self.free >= low + low // 8 and time.monotonic() >= self._retry_at:
             self._resume()
 
-    def _pause_writing(self, state: State, reason: str) -> None:
+    def _pause_writing(self, state: RecorderState, reason: str) -> None:
         self._tell(Level.ERROR, f"recording paused: {reason}")
         self.writing = False
         self._pause_began = time.time_ns()
@@ -274,7 +247,7 @@ class Session:
         """Pause, with as whole a file as the disk gives."""
         full = error.errno in _FULL
         reason = self._words(error)
-        self._pause_writing(State.PAUSED_DISK_FULL if full else State.FAILED, reason)
+        self._pause_writing(RecorderState.PAUSED_DISK_FULL if full else RecorderState.FAILED, reason)
 
     def _resume(self) -> None:
         self._retry_at = time.monotonic() + self._settings.retry_seconds
@@ -284,7 +257,7 @@ class Session:
             self.reason = self._words(error)
             return
         self.writing, self._file_began = True, time.monotonic()
-        self.state, self.reason = State.RECORDING, ""
+        self.state, self.reason = RecorderState.RECORDING, ""
         lost = self.lost - self._dropped_told
         self._dropped_told += lost
         seconds = (time.time_ns() - self._pause_began) * 1e-9
@@ -306,7 +279,7 @@ class Session:
         except OSError as error:
             self.disk_failed(error)
 
-    def record(self, event: Event) -> None:
+    def record(self, event: RecorderEvent) -> None:
         """Put an event into the recording; before the first message it waits, for only then its time is known."""
         if not self.writing:
             return
@@ -327,7 +300,7 @@ class Session:
             self._pause_began = time.time_ns()
             self._retry_at = time.monotonic() + self._settings.retry_seconds
             full = error.errno in _FULL
-            self.state = State.PAUSED_DISK_FULL if full else State.FAILED
+            self.state = RecorderState.PAUSED_DISK_FULL if full else RecorderState.FAILED
             self.reason = self._words(error)
             self._tell(Level.ERROR, f"recording paused: {self.reason}")
             return
@@ -344,7 +317,7 @@ class Session:
         for event in early:
             self._record_event(event)
 
-    def _record_event(self, event: Event) -> None:
+    def _record_event(self, event: RecorderEvent) -> None:
         self._definitions.load(EVENT_TYPE)
         types = self._definitions.typestore.types
         sec, nanosec = divmod(event.stamp_ns, 1_000_000_000)

@@ -22,8 +22,8 @@ from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.definitions import Definitions
 from mwd_surface.bags.mcap import recovery
 from mwd_surface.bags.recorder.recorder import Recorder, RecorderError
-from mwd_surface.bags.recorder.session import Level, State
 from mwd_surface.bags.recorder.settings import RecorderSettings
+from mwd_surface.bags.recorder.status import Level, RecorderState
 
 START = 1_700_000_000_000_000_000
 STRING, IMU = "std_msgs/msg/String", "sensor_msgs/msg/Imu"
@@ -68,7 +68,7 @@ def test_everything_handed_over_is_in_the_bag_with_its_stamps_and_bytes(tmp_path
                 assert recorder.put("/well/b", IMU, bytes(340), START + k * 1_000_000)
         assert recorder.stop() == path == tmp_path / "run"
         status = recorder.status()
-    assert (status.state, status.path) == (State.STOPPED, None)
+    assert (status.state, status.path) == (RecorderState.STOPPED, None)
     with Reader(path) as reader:
         found = [(c.topic, stamp, bytes(data)) for c, stamp, data in reader.messages()]
         topics = reader.topics
@@ -249,7 +249,7 @@ def test_a_full_disk_pauses_the_recording_with_a_whole_file_and_space_resumes_it
         put(recorder, 0, 100)
         until(lambda: recorder.status().messages >= 101)
         space[0] = 10**7
-        until(lambda: recorder.status().state == State.PAUSED_DISK_FULL)
+        until(lambda: recorder.status().state == RecorderState.PAUSED_DISK_FULL)
         assert "10 MB free" in recorder.status().reason
         assert recovery.check(path / "run_0.mcap").sound
         put(recorder, 100, 50)
@@ -257,7 +257,7 @@ def test_a_full_disk_pauses_the_recording_with_a_whole_file_and_space_resumes_it
         with pytest.raises(RecorderError, match="paused"):
             recorder.split()
         space[0] = 10**9
-        until(lambda: recorder.status().state == State.RECORDING)
+        until(lambda: recorder.status().state == RecorderState.RECORDING)
         put(recorder, 150, 100)
         recorder.stop()
     stamps = [(log_ns - START) // 1_000_000 for log_ns, _ in recorded(path)]
@@ -268,7 +268,9 @@ def test_a_full_disk_pauses_the_recording_with_a_whole_file_and_space_resumes_it
     assert len(bag_metadata.read(path).files) == 2
 
 
-@pytest.mark.parametrize(("number", "state"), [(errno.ENOSPC, State.PAUSED_DISK_FULL), (errno.EIO, State.FAILED)])
+@pytest.mark.parametrize(
+    ("number", "state"), [(errno.ENOSPC, RecorderState.PAUSED_DISK_FULL), (errno.EIO, RecorderState.FAILED)]
+)
 def test_a_disk_that_refuses_pauses_the_recording_and_only_what_was_refused_is_lost(
     tmp_path, monkeypatch, number, state
 ):
@@ -292,7 +294,7 @@ def test_a_disk_that_refuses_pauses_the_recording_and_only_what_was_refused_is_l
         until(lambda: recorder.status().state == state)
         assert os.strerror(number) in recorder.status().reason
         broken.clear()
-        until(lambda: recorder.status().state == State.RECORDING)
+        until(lambda: recorder.status().state == RecorderState.RECORDING)
         lost = recorder.status().dropped
         put(recorder, 200, 100)
         recorder.stop()
@@ -317,17 +319,17 @@ def test_a_real_full_disk_of_eight_megabytes_never_runs_over(tmp_path):
         )
         with Recorder(mount, settings) as recorder:
             path, k = recorder.start("run"), 0
-            while recorder.status().state == State.RECORDING:
+            while recorder.status().state == RecorderState.RECORDING:
                 k += put(recorder, k, 200, 1000)
                 until(lambda: recorder.status().queued_messages == 0)
-            assert recorder.status().state == State.PAUSED_DISK_FULL
+            assert recorder.status().state == RecorderState.PAUSED_DISK_FULL
             files = sorted(path.glob("*.mcap"))
             assert len(files) >= 4
             assert all(recovery.check(file).sound for file in files)
             files[0].unlink()
             files[1].unlink()
             files[2].unlink()
-            until(lambda: recorder.status().state == State.RECORDING)
+            until(lambda: recorder.status().state == RecorderState.RECORDING)
             put(recorder, k, 10, 1000)
             recorder.stop()
         with Bag(path) as bag:

@@ -11,8 +11,9 @@ from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import Definitions
 from mwd_surface.bags.recorder import session as recording_session
-from mwd_surface.bags.recorder.session import Event, Level, Session, State
+from mwd_surface.bags.recorder.session import Session
 from mwd_surface.bags.recorder.settings import RecorderSettings
+from mwd_surface.bags.recorder.status import Level, RecorderEvent, RecorderState
 
 START = 1_700_000_000_000_000_000
 STRING = "std_msgs/msg/String"
@@ -52,7 +53,7 @@ class Bench:
 
     def _tell(self, level, text):
         self.told.append((level, text))
-        self.session.record(Event(START, level, text))
+        self.session.record(RecorderEvent(START, level, text))
 
     def take(self, k, topic="/a", log_ns=None, size=300, type_name=STRING, qos=""):
         stamp = START + k * 1_000_000 if log_ns is None else log_ns
@@ -154,7 +155,7 @@ def test_a_disk_about_to_be_full_pauses_with_a_whole_file_and_goes_on_when_there
     bench.free = LOW - 1
     bench.later(0.5)
     session = bench.session
-    assert (session.state, session.writing) == (State.PAUSED_DISK_FULL, False)
+    assert (session.state, session.writing) == (RecorderState.PAUSED_DISK_FULL, False)
     assert "8 MB must stay free" in session.reason
     with Bag(bench.path) as bag:
         assert bag.complete
@@ -166,7 +167,7 @@ def test_a_disk_about_to_be_full_pauses_with_a_whole_file_and_goes_on_when_there
     assert not session.writing
     bench.free = 2 * LOW
     bench.later(1.0)
-    assert (session.state, session.reason) == (State.RECORDING, "")
+    assert (session.state, session.reason) == (RecorderState.RECORDING, "")
     assert bench.told[-1] == (Level.WARNING, "recording goes on after a pause of 11 s; 1 messages were lost")
     bench.take(2)
     session.finish()
@@ -185,7 +186,9 @@ def test_writing_is_tried_again_no_sooner_than_asked(bench):
     assert bench.session.writing
 
 
-@pytest.mark.parametrize(("number", "state"), [(errno.ENOSPC, State.PAUSED_DISK_FULL), (errno.EIO, State.FAILED)])
+@pytest.mark.parametrize(
+    ("number", "state"), [(errno.ENOSPC, RecorderState.PAUSED_DISK_FULL), (errno.EIO, RecorderState.FAILED)]
+)
 def test_a_disk_that_refuses_a_write_pauses_as_full_or_failed(bench, monkeypatch, number, state):
     bench.take(0)
 
@@ -199,7 +202,7 @@ def test_a_disk_that_refuses_a_write_pauses_as_full_or_failed(bench, monkeypatch
     assert bench.session.reason == f"{bench.file.path}: no"
     assert bench.session.dropped == 1
     bench.later(6.0)
-    assert bench.session.state == State.RECORDING
+    assert bench.session.state == RecorderState.RECORDING
     bench.session.finish()
     assert bench.recorded()[0] == 1
 
@@ -207,7 +210,7 @@ def test_a_disk_that_refuses_a_write_pauses_as_full_or_failed(bench, monkeypatch
 def test_a_disk_whose_room_cannot_be_told_pauses(bench):
     bench.free = OSError(errno.EIO, "no answer")
     bench.later(0.5)
-    assert (bench.session.state, bench.session.free) == (State.FAILED, -1)
+    assert (bench.session.state, bench.session.free) == (RecorderState.FAILED, -1)
     assert bench.session.reason.endswith(": no answer")
 
 
@@ -242,7 +245,7 @@ def test_a_type_or_a_profile_that_is_not_known_is_recorded_and_said(bench):
 
 
 def test_an_event_waits_for_the_first_message_whose_time_it_takes(bench):
-    bench.session.record(Event(START - 10**9, Level.INFO, "begun"))
+    bench.session.record(RecorderEvent(START - 10**9, Level.INFO, "begun"))
     bench.take(5)
     bench.session.finish()
     with Bag(bench.path) as bag:
@@ -259,7 +262,7 @@ def test_a_disk_that_refuses_to_the_last_ends_the_recording_all_the_same(bench, 
     monkeypatch.setattr(BagWriter, "close", refuse)
     monkeypatch.setattr(BagWriter, "finish_file", refuse)
     bench.session.finish()
-    assert bench.session.state == State.PAUSED_DISK_FULL
+    assert bench.session.state == RecorderState.PAUSED_DISK_FULL
     # The message, and the word of the pause that went the same way.
     assert bench.session.dropped == 2
     assert any("has no end; the next start recovers it" in text for _, text in bench.told)

@@ -1,0 +1,277 @@
+"""
+The state of a well at one moment, typed: what the live page shows and what the rig interfaces send.
+
+`live_state.LiveState.at` makes it. The page turns it into its JSON, the rig into its values. Numbers are SI and rad,
+finite; None means unknown, and zero is only ever a measured zero. Times are s of one steady clock, except stamps, which
+are ns since the epoch and come from the measurement.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+from mwd_estimation.core.status import Status
+from mwd_sensors.core.arrays import Array
+from mwd_surface.bags.recorder.status import RecorderStatus
+from mwd_surface.live.alarms import Alarm, Event
+from mwd_surface.live.latest_values import LiveValue, StreamState
+from mwd_surface.live.strip_history import Row
+from mwd_surface.live.toolface import GRAVITY
+from mwd_surface.surveys.plan import Offset, Plan
+from mwd_surface.surveys.slide_sheet import Stretch, Yield
+from mwd_surface.surveys.survey_record import North, Survey, SurveyRecord
+from mwd_surface.surveys.well import Well
+from mwd_surface.surveys.well_path import Definitive
+
+NO_STATUS = Status(0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Angle:
+    """An angle, rad, and its 1 sigma, rad."""
+
+    value: float
+    sigma: float
+
+
+@dataclasses.dataclass(frozen=True)
+class AttitudeState:
+    """
+    Continuous attitude.
+
+    Attributes
+    ----------
+    inclination, azimuth : LiveValue
+        The azimuth is from `north`.
+    gravity_toolface, magnetic_toolface : Angle or None
+        Of the last sample; None where it does not define them.
+    status : Status
+        Of the last sample.
+    north : North
+    stamp_ns : int or None
+        Of the last sample; None before the first.
+    """
+
+    inclination: LiveValue
+    azimuth: LiveValue
+    gravity_toolface: Angle | None = None
+    magnetic_toolface: Angle | None = None
+    status: Status = NO_STATUS
+    north: North = North.UNKNOWN
+    stamp_ns: int | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class DialReading:
+    """An earlier toolface on the dial: angle, rad; mode GRAVITY or MAGNETIC; at, s of the steady clock."""
+
+    angle: float
+    mode: int
+    at: float
+    rotating: bool
+    stamp_ns: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Advisory:
+    """The toolface to steer at and the deviation allowed, rad; inside: within it, None while the toolface is not."""
+
+    toolface: float
+    limit: float
+    inside: bool | None
+
+
+@dataclasses.dataclass(frozen=True)
+class ToolfaceState:
+    """
+    The toolface in force.
+
+    Attributes
+    ----------
+    angle : LiveValue
+    mode : int
+        GRAVITY or MAGNETIC.
+    rotating : bool
+    stamp_ns : int or None
+        Of the last sample; None before the first.
+    readings : tuple of DialReading
+        Oldest first.
+    advisory : Advisory or None
+    """
+
+    angle: LiveValue
+    mode: int = GRAVITY
+    rotating: bool = False
+    stamp_ns: int | None = None
+    readings: tuple[DialReading, ...] = ()
+    advisory: Advisory | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class DrillingState:
+    """Drilling dynamics, temperature and interference; the units are those of `live_state.QUANTITIES`."""
+
+    vibration: LiveValue
+    rotary_speed: LiveValue
+    stick_slip: LiveValue
+    axial_vibration: LiveValue
+    lateral_vibration: LiveValue
+    shocks: LiveValue
+    shock_peak: LiveValue
+    rotary_least: LiveValue
+    rotary_most: LiveValue
+    temperature: LiveValue
+    total_field: LiveValue
+    axial_interference: LiveValue
+    cross_axial_interference: LiveValue
+    field_deviation: LiveValue
+    dip_deviation: LiveValue
+
+
+@dataclasses.dataclass(frozen=True)
+class RigState:
+    """Measurements of the rig; in_slips: None where the rig does not report it."""
+
+    bit_depth: LiveValue
+    hole_depth: LiveValue
+    block_position: LiveValue
+    hookload: LiveValue
+    weight_on_bit: LiveValue
+    torque: LiveValue
+    rig_rotary_speed: LiveValue
+    flow_rate: LiveValue
+    pressure: LiveValue
+    rate_of_penetration: LiveValue
+    in_slips: bool | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class ReferenceField:
+    """The reference field in force: T, rad, m/s^2; source: where it comes from, in words."""
+
+    total: float | None = None
+    dip: float | None = None
+    declination: float | None = None
+    convergence: float | None = None
+    gravity: float | None = None
+    source: str = ""
+
+    @classmethod
+    def of_survey(cls, survey: Survey) -> ReferenceField:
+        """Return the reference a survey was judged by."""
+        return cls(
+            total=survey.b_reference,
+            dip=survey.dip_reference,
+            declination=survey.declination,
+            convergence=survey.convergence,
+            gravity=survey.g_reference if survey.g_reference > 0.0 else None,
+            source=f"as of survey {survey.sequence}",
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class SurveyProgress:
+    """A survey or north seek under way: elapsed and remaining, s; result: how the last one ended."""
+
+    active: bool = False
+    state: str = ""
+    elapsed: float | None = None
+    remaining: float | None = None
+    result: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class NodeDiagnostic:
+    """A line of diagnostics of a node; level: 0 ok, 1 warning, 2 error, 3 stale."""
+
+    name: str
+    level: int
+    message: str
+    remedy: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Chart:
+    """Rows of a strip chart, oldest or shallowest first, and the names of their columns."""
+
+    columns: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Change:
+    """How often a part of the state changed, and when it last did, s of the steady clock."""
+
+    count: int = 0
+    at: float | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class WellState:
+    """
+    All that is known of a well at `now`.
+
+    Attributes
+    ----------
+    now : float
+        s of the steady clock.
+    links : mapping of str to StreamState
+        The streams by name.
+    records : tuple of SurveyRecord
+        The survey list, in its order.
+    path, covariance
+        The well path, and the covariance of its first m positions, shape (m, 3, 3), m^2.
+    offset : Offset or None
+        From the plan to the end of the path.
+    dogleg_to_target : float or None
+        Of the arc that hits the target, rad/m.
+    stretches, yields
+        The slide sheet, deepest last.
+    quill : float or None
+        Angle of the quill, rad clockwise looking down-hole from the zero of the rig.
+    recorder : RecorderStatus or None
+    diagnostics : tuple of NodeDiagnostic
+        Worst first.
+    alarms, events
+        Newest first.
+    history, depth_log : Chart
+        Over time and over the depth of the sensor.
+    changes : mapping of str to Change
+        By the name of the part (a field of this class); a part that never changed is missing.
+    """
+
+    now: float
+    attitude: AttitudeState
+    toolface: ToolfaceState
+    drilling: DrillingState
+    rig: RigState
+    links: Mapping[str, StreamState]
+    well: Well
+    reference: ReferenceField
+    records: tuple[SurveyRecord, ...]
+    path: Definitive | None
+    covariance: Array | None
+    plan: Plan | None
+    offset: Offset | None
+    dogleg_to_target: float | None
+    stretches: tuple[Stretch, ...]
+    yields: tuple[Yield, ...]
+    quill: float | None
+    survey_progress: SurveyProgress
+    recorder: RecorderStatus | None
+    diagnostics: tuple[NodeDiagnostic, ...]
+    alarms: tuple[Alarm, ...]
+    events: tuple[Event, ...]
+    history: Chart
+    depth_log: Chart
+    changes: Mapping[str, Change]
+
+    def change(self, part: str) -> Change:
+        """Return how often a part changed, and when."""
+        return self.changes.get(part, Change())
+
+    def age(self, part: str) -> float | None:
+        """Return the time since the last change of a part, s; None before the first."""
+        at = self.change(part).at
+        return None if at is None else max(0.0, self.now - at)

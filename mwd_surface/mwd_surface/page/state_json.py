@@ -1,0 +1,309 @@
+"""
+The state of a well as the JSON of the live page: finite numbers, text, lists, None for unknown.
+
+Numbers stay SI and rad; the page converts them. Each table has a revision, which changes whenever the table does apart
+from the ages in it, so that a client is sent only what is new to it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from mwd_estimation.core.status import words
+from mwd_sensors.core import settings as settings_tables
+from mwd_surface.bags.recorder.status import RecorderState
+from mwd_surface.live.alarms import Alarm, Event, Severity
+from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
+from mwd_surface.live.settings import LiveSettings
+from mwd_surface.live.well_state import ToolfaceState, WellState
+from mwd_surface.page.plain import number, numbers
+from mwd_surface.page.survey_panel import NORTH_WORDS, path_table, quality_lights, survey_row
+from mwd_surface.surveys.plan import Plan
+from mwd_surface.surveys.survey_record import North
+
+_RECORDER_WORDS = {
+    RecorderState.STOPPED: "stopped",
+    RecorderState.RECORDING: "recording",
+    RecorderState.PAUSED_DISK_FULL: "paused: disk full",
+    RecorderState.FAILED: "failed",
+}
+_TOOLFACE_WORDS = ("gravity", "magnetic")
+_LEVEL_WORDS = ("ok", "warning", "error", "stale")
+_MAX_EVENTS = 200
+_MAX_DIAGNOSTICS = 200
+
+Table = dict[str, Any]
+
+
+class StateJson:
+    """
+    Tables of the page with their revisions.
+
+    Tables that cost much to build are kept until the part of the state they are made of changes.
+    """
+
+    def __init__(self, settings: LiveSettings | None = None) -> None:
+        self._settings = settings or LiveSettings()
+        self._signatures: dict[str, Any] = {}
+        self._revisions: dict[str, int] = {}
+        self._kept: dict[str, Table] = {}
+        self._links_at = -math.inf
+        self._links_count = 0
+
+    def snapshot(self, state: WellState) -> dict[str, Any]:
+        """
+        Return the state ready for JSON.
+
+        Returns
+        -------
+        dict
+            now: of the state. sections: name to table. revisions: name to a number that changes whenever the table
+            does, apart from the ages in it. Single values are {value, sigma, unit, at, age, stale_after, state,
+            reason}: value None while there never was one, state "live", "stale" or "no data", at in s of the clock of
+            `now`. Tables carry since and age of their last change. Sections history and depth_log are {columns, rows},
+            oldest and shallowest row first; the first column is s of that clock, or m of depth of the sensor.
+        """
+        sections = {**self._streams(state), **self._tables(state)}
+        for name, chart in (("history", state.history), ("depth_log", state.depth_log)):
+            sections[name] = {"columns": list(chart.columns), "rows": chart.rows}
+            self._revise(name, chart.rows[-1][0] if chart.rows else None)
+        return {"now": number(state.now), "sections": sections, "revisions": dict(self._revisions)}
+
+    def _streams(self, state: WellState) -> dict[str, Table]:
+        """Build the tables whose freshness is part of them."""
+        # The counts of the links run all the time; once a second is enough to show them.
+        if state.now - self._links_at >= 1.0 or state.now < self._links_at:
+            self._links_at = state.now
+            self._links_count += 1
+        attitude, toolface = state.attitude, state.toolface
+        north = NORTH_WORDS[attitude.north]
+        tables = {
+            "attitude": {
+                **_values({"inclination": attitude.inclination, "azimuth": attitude.azimuth}),
+                "status": [word for word in words(attitude.status).split("|") if word],
+                "north": north,
+                "stamp_ns": attitude.stamp_ns,
+            },
+            "toolface": _toolface(toolface, north),
+            "drilling": _values(vars(state.drilling)),
+            "rig": {
+                **_values({k: v for k, v in vars(state.rig).items() if k != "in_slips"}),
+                "in_slips": state.rig.in_slips,
+            },
+            "links": {name: _link(link) for name, link in state.links.items()},
+            "recorder": _recorder(state),
+        }
+        freshness = {
+            "attitude": (attitude.inclination.state, attitude.azimuth.state),
+            "toolface": (toolface.angle.state,),
+            "drilling": tuple(value.state for value in vars(state.drilling).values()),
+            "rig": tuple(value.state for value in vars(state.rig).values() if isinstance(value, LiveValue)),
+            "links": tuple(link.state for link in state.links.values()),
+            "recorder": (tables["recorder"]["fresh"],),
+        }
+        for name in tables:
+            count = self._links_count if name == "links" else state.change(name).count
+            self._revise(name, (count, freshness[name]))
+        return tables
+
+    def _tables(self, state: WellState) -> dict[str, Table]:
+        """Build the tables that change only with what arrives."""
+        north, section, most = state.well.north_reference, state.well.section_azimuth_deg, self._settings.max_rows
+        builders: dict[str, tuple[str, Any, Callable[[], Table]]] = {
+            "well": ("well", None, lambda: _well(state)),
+            "quality": ("records", None, lambda: self._quality(state)),
+            "surveys": ("records", north, lambda: _surveys(state, most)),
+            "path": ("path", None, lambda: _path(state, most)),
+            "plan": ("plan", section, lambda: _plan(state.plan, section, most)),
+            "offset": ("offset", None, lambda: _offset(state)),
+            "steering": ("steering", None, lambda: _steering(state, most)),
+            "quill": ("quill", None, lambda: {"angle": number(state.quill)}),
+            "survey_progress": ("survey_progress", None, lambda: _progress(state)),
+            "findings": ("diagnostics", None, lambda: _diagnostics(state)),
+            "alarms": ("alarms", None, lambda: {"rows": plain_alarms(state.alarms)}),
+            "events": ("events", None, lambda: {"rows": plain_events(state.events[:_MAX_EVENTS])}),
+        }
+        tables = {}
+        for name, (part, more, build) in builders.items():
+            if self._revise(name, (state.change(part).count, more)):
+                self._kept[name] = build()
+            tables[name] = _dated(self._kept[name], state, part)
+        return tables
+
+    def _quality(self, state: WellState) -> Table:
+        last = max(state.records, key=lambda r: r.survey.stamp_ns, default=None)
+        return quality_lights(last, self._settings.limits)
+
+    def _revise(self, name: str, signature: Any) -> bool:
+        """Count the revision of a table up where its signature is new; return whether it is."""
+        if name in self._revisions and self._signatures[name] == signature:
+            return False
+        self._signatures[name] = signature
+        self._revisions[name] = self._revisions.get(name, 0) + 1
+        return True
+
+
+def plain_alarms(alarms: Iterable[Alarm]) -> list[Table]:
+    """Return alarms as plain tables."""
+    return [{**dataclasses.asdict(a), "severity_word": Severity(a.severity).name.lower()} for a in alarms]
+
+
+def plain_events(events: Iterable[Event]) -> list[Table]:
+    """Return events as plain tables."""
+    return [{**dataclasses.asdict(e), "severity_word": Severity(e.severity).name.lower()} for e in events]
+
+
+def _dated(table: Table, state: WellState, part: str) -> Table:
+    return {**table, "since": number(state.change(part).at), "age": number(state.age(part))}
+
+
+def _values(values: Mapping[str, LiveValue]) -> Table:
+    return {name: _value(value) for name, value in values.items()}
+
+
+def _value(value: LiveValue) -> Table:
+    return {
+        "value": number(value.value),
+        "sigma": number(value.sigma),
+        "unit": value.unit,
+        "at": number(value.at),
+        "age": number(value.age),
+        "stale_after": value.stale_after,
+        "state": value.state,
+        "reason": value.reason,
+    }
+
+
+def _link(link: StreamState) -> Table:
+    return {
+        "state": link.state,
+        "at": number(link.at),
+        "age": number(link.age),
+        "stale_after": link.stale_after,
+        "count": link.count,
+        "lost": link.lost,
+        "rate": number(link.rate),
+    }
+
+
+def _toolface(toolface: ToolfaceState, north: str) -> Table:
+    advisory = toolface.advisory
+    return {
+        "angle": _value(toolface.angle),
+        "mode": _TOOLFACE_WORDS[toolface.mode],
+        "known": toolface.stamp_ns is not None,
+        "rotating": toolface.rotating,
+        "stamp_ns": toolface.stamp_ns,
+        "north": north,
+        "readings": [
+            {
+                "angle": number(reading.angle),
+                "mode": _TOOLFACE_WORDS[reading.mode],
+                "at": number(reading.at),
+                "rotating": reading.rotating,
+                "stamp_ns": reading.stamp_ns,
+            }
+            for reading in toolface.readings
+        ],
+        "advisory": advisory
+        and {"toolface": number(advisory.toolface), "limit": number(advisory.limit), "inside": advisory.inside},
+    }
+
+
+def _recorder(state: WellState) -> Table:
+    status, link = state.recorder, state.links["recorder"]
+    table: Table = {"state": Freshness.NO_DATA}
+    if status is not None:
+        table = {
+            "state": _RECORDER_WORDS[status.state],
+            "path": str(status.path or ""),
+            "reason": status.reason,
+            "messages": status.messages,
+            "bytes": status.bytes,
+            "dropped": status.dropped,
+            "free_bytes": max(status.free_bytes, 0),
+            "duration": number(status.duration_s),
+        }
+    return {**_dated(table, state, "recorder"), "fresh": link.state, "stale_after": link.stale_after}
+
+
+def _well(state: WellState) -> Table:
+    well, reference = state.well, state.reference
+    return {
+        "name": well.name,
+        "wellbore": well.wellbore_name,
+        "rig": well.rig,
+        "depth_datum": well.depth_datum,
+        "north_reference": well.north_reference,
+        "section_azimuth": number(math.radians(well.section_azimuth_deg)),
+        "sensor_to_bit": number(well.sensor_to_bit),
+        "field_total": number(reference.total),
+        "field_dip": number(reference.dip),
+        "field_declination": number(reference.declination),
+        "field_convergence": number(reference.convergence),
+        "field_gravity": number(reference.gravity),
+        "field_source": reference.source,
+    }
+
+
+def _surveys(state: WellState, most: int) -> Table:
+    north, kept = North[state.well.north_reference.upper()], state.records[-most:]
+    return {"rows": [survey_row(record, north) for record in kept], "left_out": len(state.records) - len(kept)}
+
+
+def _path(state: WellState, most: int) -> Table:
+    section = 0.0 if state.path is None else state.path.section_azimuth
+    return path_table(state.path, section, state.covariance, most)
+
+
+def _plan(plan: Plan | None, section_deg: float, most: int) -> Table:
+    if plan is None:
+        return {"name": "", "north": [], "east": [], "vertical_depth": [], "vertical_section": []}
+    step = max(1, -(-len(plan.md) // most))
+    positions = np.vstack([plan.positions[:-1:step], plan.positions[-1:]])
+    section = math.radians(section_deg)
+    along = positions[:, 0] * math.cos(section) + positions[:, 1] * math.sin(section)
+    return {
+        "name": plan.name,
+        "north": numbers(positions[:, 0]),
+        "east": numbers(positions[:, 1]),
+        "vertical_depth": numbers(positions[:, 2]),
+        "vertical_section": numbers(along),
+    }
+
+
+def _offset(state: WellState) -> Table:
+    if state.offset is None:
+        return {"known": False}
+    table = {key: number(value) for key, value in dataclasses.asdict(state.offset).items()}
+    return {"known": True, **table, "dogleg_to_target": number(state.dogleg_to_target)}
+
+
+def _steering(state: WellState, most: int) -> Table:
+    rows = [{**settings_tables.to_mapping(s), "length": s.length} for s in state.stretches[-most:]]
+    yields = [{**settings_tables.to_mapping(y), "motor": y.motor} for y in state.yields[-most:]]
+    return {"rows": rows, "yields": yields, "left_out": len(state.stretches) - len(rows)}
+
+
+def _progress(state: WellState) -> Table:
+    progress = state.survey_progress
+    return {
+        "active": progress.active,
+        "state": progress.state,
+        "elapsed": number(progress.elapsed),
+        "remaining": number(progress.remaining),
+        "result": progress.result,
+    }
+
+
+def _diagnostics(state: WellState) -> Table:
+    rows = [
+        {"name": d.name, "level": _LEVEL_WORDS[min(max(d.level, 0), 3)], "message": d.message, "remedy": d.remedy}
+        for d in state.diagnostics[:_MAX_DIAGNOSTICS]
+    ]
+    return {"rows": rows}
