@@ -21,15 +21,16 @@ from numpy.typing import NDArray
 
 from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream, Block, Mark
+from mwd_estimation.core.reason_text import text
+from mwd_estimation.core.reasons import quoted
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.samples import Track
 from mwd_estimation.core.samples import samples as arrays_of
 from mwd_estimation.core.time_bins import Bin, Binner
 from mwd_estimation.core.time_jumps import Clocks
 from mwd_estimation.gravity import methods as gravity
-from mwd_estimation.gyrocompass.seek import Solution
-from mwd_estimation.gyrocompass.session import NorthRun
-from mwd_estimation.gyrocompass.session import Progress as NorthProgress
+from mwd_estimation.gyrocompass.session import NorthProgress, NorthSession
+from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.gyrocompass.station import GyroStation
 from mwd_estimation.health import monitor
 from mwd_estimation.health.fault_debounce import ACCEL, MAG
@@ -175,7 +176,7 @@ class Pipeline:
         self._gyro = GyroStation(settings.gyro, None, None)
         self._run = StationRun(settings.multistation)
         self._last_alarm = ""
-        self._north: NorthRun | None = None
+        self._north: NorthSession | None = None
         self._ahrs = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         self._rotary: RotarySurvey | None = None
         self._precision_ns = np.zeros(0, dtype=np.int64)
@@ -247,7 +248,7 @@ class Pipeline:
             raise ValueError("the latitude is not known: set gyro.latitude_source, or a reference by place")
         gravity_ = self.reference.gravity if self.reference is not None else None
         gyro = self.settings.gyro
-        self._north = NorthRun(self.settings.north, gyro, latitude, gravity_, duration_s, mode)
+        self._north = NorthSession(self.settings.north, gyro, latitude, gravity_, duration_s, mode)
         self._ahrs = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
 
     def cancel_north(self) -> None:
@@ -361,7 +362,7 @@ class Pipeline:
         if self._rotary is not None:
             output.rotary.append(why)
         if self._north is not None:
-            output.north.append(dataclasses.replace(self._north.solution(), success=False, reason=why.reason))
+            output.north.append(dataclasses.replace(self._north.solution(), reason=quoted(why.reason)))
         self._forget()
         waiting = self._clocks.release()
         for name, take in (
@@ -504,7 +505,8 @@ class Pipeline:
             # A stream's bins close in order.
             while bins and next(iter(bins)) < imu.index:
                 del bins[next(iter(bins))]
-        wait = self._gyro.pending() if self._still.complete else ""
+        waits_for = self._gyro.pending() if self._still.complete else None
+        wait = "" if waits_for is None else text(waits_for)
         result = self._still.add(BinSet(imu, found["mag"], found["precision"], found["temperature"]), wait)
         # What the gyro had found before this bin, which ended the interval.
         so_far = self._gyro.solution() if isinstance(result, StillAverage) and result.moved else None
@@ -537,11 +539,12 @@ class Pipeline:
         if not unit.heard:
             return False
         faulty = any(one.unusable for one in unit.findings)
-        self._gyro.refuse(unit.refusal, faulty)
+        refusal = quoted(unit.refusal) if unit.refusal else None
+        self._gyro.refuse(refusal, faulty)
         if faulty:
             samples[1][:] = math.nan
             if self._north is not None:
-                ended = dataclasses.replace(self._north.solution(), success=False, reason=unit.refusal)
+                ended = dataclasses.replace(self._north.solution(), reason=refusal)
                 output.north.append(ended)
                 self._north = None
         return faulty
@@ -560,7 +563,7 @@ class Pipeline:
         return output
 
     def _work_out(
-        self, still: StillAverage, found: Solution | str | None
+        self, still: StillAverage, found: Solution | None
     ) -> tuple[Survey, tuple[float, float, tuple[float, float, float, float]]]:
         """The survey of a still interval, and what it teaches: what a `Mark` tells of it."""
         self.sequence += 1
@@ -584,7 +587,7 @@ class Pipeline:
             return judged, (north.azimuth, north.sigma, handed_on(taken))
         return judged, (math.nan, math.nan, handed_on(taken))
 
-    def _seek(self, run: NorthRun, end_ns: int, samples: tuple[Stamps, Array], output: Output) -> None:
+    def _seek(self, run: NorthSession, end_ns: int, samples: tuple[Stamps, Array], output: Output) -> None:
         """A bin for the seek that was asked for, unless it began before that."""
         stamps, rates = self._ahrs
         if not len(stamps) or stamps[0] >= end_ns:

@@ -13,8 +13,8 @@ from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.gravity.bounded import filter as gravity_bounded
 from mwd_estimation.gravity.fuzzy_mahony import MahonyParams
 from mwd_estimation.gravity.fuzzy_mahony import Params as S3Params
-from mwd_estimation.gyrocompass.session import Params as NorthParams
-from mwd_estimation.gyrocompass.station import GyroSettings
+from mwd_estimation.gyrocompass.gyro_params import GyroParams
+from mwd_estimation.gyrocompass.session import SessionParams
 from mwd_estimation.health import monitor
 from mwd_estimation.magnetic import interference_filter
 from mwd_estimation.survey import azimuth_fusion as fusion
@@ -63,9 +63,9 @@ class EstimatorSettings:
     health: monitor.Params = setting(monitor.Params, "Health of the sensors")
     survey: StillParams = setting(StillParams, "Surveys in still intervals")
     station: StationSettings = setting(StationSettings, "Working out a station")
-    gyro: GyroSettings = setting(GyroSettings, "Gyro azimuth of a station")
+    gyro: GyroParams = setting(GyroParams, "Gyro azimuth of a station")
     multistation: RunParams = setting(RunParams, "The stations of a run together")
-    north: NorthParams = setting(NorthParams, "North sought on request")
+    north: SessionParams = setting(SessionParams, "North sought on request")
     rotary: RotaryParams = setting(RotaryParams, "Surveys while the string turns")
     fusion: fusion.Settings = setting(fusion.Settings, "Weighing the azimuths of a station")
     bounded: gravity_bounded.Params = setting(gravity_bounded.Params, "Method bounded")

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from mwd_estimation.gyrocompass.station import GyroSettings
+from mwd_estimation.gyrocompass.gyro_params import GyroParams
 from mwd_estimation.settings import EstimatorSettings, ReferenceSettings, latitude_of, reference_of
 
 START = 1_772_323_200 * 10**9  # 2026-03-01
@@ -45,6 +45,6 @@ def test_only_a_named_grid_gives_the_model_a_convergence():
 def test_the_latitude_is_the_places_the_settings_or_unknown(source, reference, latitude):
     settings = EstimatorSettings(
         reference=ReferenceSettings(source=reference, lat_deg=50.0),
-        gyro=GyroSettings(latitude_source=source, latitude_deg=30.0),
+        gyro=GyroParams(latitude_source=source, latitude_deg=30.0),
     )
     assert latitude_of(settings) == latitude

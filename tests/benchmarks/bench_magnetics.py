@@ -20,7 +20,7 @@ from test_multi_station_analysis import QUIET, drawn_run
 from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.error_model import BENCH, SensorErrors
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.gyrocompass.seek import Solution
+from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.magnetic import axial_correction
 from mwd_estimation.survey import azimuth_fusion, multi_station_analysis
 from mwd_estimation.survey.run_history import Params as RunParams
@@ -130,10 +130,7 @@ def drawn_station(inc: float, azi: float, axial: float, rng: np.random.Generator
 
 def gyro_solution(azimuth: float, sigma: float, inclination: float) -> Solution:
     """What a seek hands over, of an azimuth from true north, rad."""
-    none = (math.nan,) * 4
-    return Solution(
-        True, "", "still", azimuth, sigma, inclination, 0.0, 120.0, sigma, none, none, none[:3], none[:3]
-    )  # fmt: skip
+    return Solution(None, "still", azimuth, sigma, inclination, 0.0, 120.0, sigma)
 
 
 def verdicts(inc: float, azi: float, axial_nt: float, runs: int) -> str:

@@ -22,9 +22,9 @@ from north_signals import DEG_H, EARTH_RATE, G0, Motion, felt, motion, steady, s
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from mwd_estimation.gyrocompass import seek as north_seek
-from mwd_estimation.gyrocompass import static_ekf
-from mwd_estimation.gyrocompass.station import GyroSettings
+from mwd_estimation.gyrocompass import north_seek, static_ekf
+from mwd_estimation.gyrocompass.gyro_params import GyroParams
+from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_estimation.pipeline import Pipeline
 from mwd_estimation.settings import EstimatorSettings, ReferenceSettings
 from mwd_sensors.core.arrays import Array
@@ -93,14 +93,14 @@ def band(runs: int) -> tuple[float, float]:
     return 1.0 - half, 1.0 + half
 
 
-def seek_params(mode: str, noise: float, lat: float) -> north_seek.Params:
+def seek_params(mode: str, noise: float, lat: float) -> SeekParams:
     """
     Precision unit: in a still tool its x gyro counts and its bias is known; turning, x is an MTi-class gyro.
 
     Alignment goes with the noise: 300 urad in a tactical unit, 20 urad in a navigation grade one.
     """
     quiet = mode == "still"
-    return north_seek.Params(
+    return SeekParams(
         mode=mode,
         latitude_deg=lat,
         gyro_noise_deg_rth=noise,
@@ -125,7 +125,7 @@ def turned(vectors: Array, angle: Array) -> Array:
     return out
 
 
-def feel(clean: Motion, params: north_seek.Params, scale: float, rng: np.random.Generator) -> tuple[Array, Array]:
+def feel(clean: Motion, params: SeekParams, scale: float, rng: np.random.Generator) -> tuple[Array, Array]:
     """Rates and forces with every error of the settings drawn; scale: of the x gyro, one sigma."""
     x_rate = clean.gyro_t[:, 0]
     lag, lead = rng.standard_normal(2) * [params.lag_sigma_ms * 1e-3, params.lead_sigma_ms * 1e-3]
@@ -139,7 +139,7 @@ def feel(clean: Motion, params: north_seek.Params, scale: float, rng: np.random.
     )  # fmt: skip
 
 
-def draw(params: north_seek.Params, rng: np.random.Generator) -> tuple[Array, Array]:
+def draw(params: SeekParams, rng: np.random.Generator) -> tuple[Array, Array]:
     """Gyro bias, rad/s, and force bias, m/s^2, drawn from the settings' own sigmas."""
     gyro = np.array([params.gyro_x_bias_deg_h, params.gyro_bias_deg_h, params.gyro_bias_deg_h])
     return rng.standard_normal(3) * gyro * DEG_H, rng.standard_normal(3) * params.accel_bias_ug * 1e-6 * G0
@@ -226,7 +226,7 @@ def s1(noise: float, lat: float, runs: int, seed: int) -> list[Cell]:
 
 def turning_for_hours(noise: float, lat: float, runs: int, hours: float, seed: int) -> Cell:
     """The filter that turns for hours and does not trust the hole axis to keep still."""
-    params = north_seek.Params(
+    params = SeekParams(
         mode="continuous", latitude_deg=lat, gyro_noise_deg_rth=noise, gyro_walk_deg_h_rth=0.0, accel_bias_ug=20.0,
         axis_walk_deg_rth=0.5, block_seconds=0.4, lead_sigma_ms=0.05, expected_azimuth_deg=math.degrees(AZIMUTH) + 10.0,
     )  # fmt: skip
@@ -260,7 +260,7 @@ def s1_case(name: str, seeds: int, gyro: dict[str, float | str], changes: dict[s
         field = ReferenceSettings(
             source="model", lat_deg=place.latitude_deg, lon_deg=place.longitude_deg, height_m=place.height_m
         )
-        pipeline = Pipeline(EstimatorSettings(reference=field, gyro=GyroSettings(**gyro)))
+        pipeline = Pipeline(EstimatorSettings(reference=field, gyro=GyroParams(**gyro)))
         rest, rests = 0, 0
         for block in Sonde(told).blocks(1.0):
             truth = block["truth"]

@@ -18,6 +18,7 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 # One SI unit in each unit that a sentence may use.
 UNITS = {
     "deg": math.degrees(1.0),
+    "deg/s": math.degrees(1.0),
     "deg/h": math.degrees(3600.0),
     "rad/s": 1.0,
     "r/min": 30.0 / math.pi,
@@ -26,11 +27,16 @@ UNITS = {
     "T": 1.0,
     "mG": 1e3 / STANDARD_GRAVITY,
     "m/s^2": 1.0,
+    "ppm": 1e6,
+    "urad": 1e6,
     "sigma": 1.0,
     "s": 1.0,
 }
 _REST = "let the tool rest longer, or turn it between two rests"
 _APART = "{names[0]} azimuth is {value:+.1f deg} ({values[0]:.1f sigma}) from "
+_BIAS_UNKNOWN = (
+    "the gyro bias is known only to {values[0]:.2g deg/h}, which leaves the azimuth uncertain by {value:.0f deg}: "
+)
 _AXIAL = "axial interference {value:+.0f (nT)} +- {values[0]:.0f nT}"
 
 WORDS: dict[Code, str] = {
@@ -131,6 +137,43 @@ WORDS: dict[Code, str] = {
     Code.SENSOR_FAULT: "{causes}",
     Code.SENSOR_FAULT_ENDED: "{cause}, until {value:.1f s} after this survey began: take it again",
     Code.SENSOR_SUSPECT: "the {names[0]} was in doubt while this was averaged: take it again",
+    Code.LATITUDE_UNKNOWN: "the latitude is not known: set gyro.latitude_source, or a reference by place",
+    Code.LATITUDE_POLAR: "latitude {value:.1f deg} is too near the pole: the Earth's rotation is vertical there and "
+    "no gyro finds north above {limit:.0f deg}",
+    Code.NO_PRECISION_UNIT: "no samples of the precision unit arrive (gyro/data_raw)",
+    Code.TOOL_NOT_STILL: "the tool has not kept still",
+    Code.SEEK_LEVELLING: "too short: {value:.0f s} of {limit:.0f s}; the tool is being levelled",
+    Code.SEEK_TOO_SHORT: "too short: {value:.0f s} of {limit:.0f s}",
+    Code.SEEK_IMPROVES: "good to {value:.1f deg} after {values[0]:.0f s}",
+    Code.GYRO_CLIPPED: "the y or z gyro clipped at {values[1]:.0f deg/s} in {value:.0f} of {values[0]:.0f} samples: "
+    "turn slower or stop the pumps",
+    Code.TURNED_AT_REST: "the tool turned for {value:.0f s} of {values[0]:.0f s}: "
+    "a still shot needs the string at rest",
+    Code.TURNED_TOO_LITTLE: "the tool turned for only {value:.0f s} of {values[0]:.0f s}: keep the string turning",
+    Code.NO_SECOND_POSITION: "the tool was not turned to a second position: "
+    "turn it half a turn about its axis and wait again",
+    Code.TOOL_MOVED: "the tool moved: keep off bottom and in one place",
+    Code.HOLE_AXIS_MOVED: "the tool moved: the hole axis lay elsewhere {value:.0f} times; "
+    "keep off bottom and in one place",
+    Code.HOLE_AXIS_SWINGS: "the tool shakes: its axis swings by {value:.2f deg}; a still shot needs pumps off",
+    Code.VERTICAL_HOLE: "inclination {value:.1f deg}: a vertical hole has no azimuth; use the scribe line's",
+    Code.EAST_WEST_HOLE: "the hole lies within {value:.0f deg} of horizontal east-west (azimuth about "
+    "{values[0]:.0f deg}): turning the tool about its axis does not show north there; "
+    "take a still shot with a known gyro bias",
+    Code.GYRO_BIAS_EXCESSIVE: "{names[0]} comes out at {value:.3g deg/h}, stated within {limit:.3g (deg/h)}: "
+    "check the unit",
+    Code.GYRO_SCALE_EXCESSIVE: "{names[0]} comes out at {value:.3g ppm}, stated within {limit:.3g (ppm)}: "
+    "check the unit",
+    Code.GYRO_LEAK_EXCESSIVE: "{names[0]} comes out at {value:.3g urad}, stated within {limit:.3g (urad)}: "
+    "check the unit",
+    Code.TWO_AZIMUTHS_FIT_GYRO: "two azimuths fit equally, {values[0]:.1f (deg)} and {values[1]:.1f deg}: turned "
+    "about its axis, a tool this near the horizontal does not tell north from south of east-west; "
+    "give the expected azimuth, or seek longer",
+    Code.LATITUDE_MISFIT: "the horizontal Earth rate found does not fit latitude {values[0]:.1f deg} "
+    "({value:.1f sigma}): the tool moved, or a gyro error is larger than stated",
+    Code.GYRO_BIAS_UNKNOWN: _BIAS_UNKNOWN + "turn the tool half a turn about its axis and wait again",
+    Code.GYRO_BIAS_UNKNOWN_STATIC: _BIAS_UNKNOWN + "S1's filter does not take a second position",
+    Code.SEEK_UNCERTAIN: "not certain enough: {value:.0f deg} after {values[0]:.0f s}; wait longer",
     Code.TOO_FEW_SAMPLES: "too few samples to tell whether the tool keeps still",
     Code.SAMPLES_MISSING: "samples are missing",
     Code.TOOL_TURNS: "the tool turns: {value:.3f rad/s}, limit {limit:.3f}",

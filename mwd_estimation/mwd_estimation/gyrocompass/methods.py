@@ -1,7 +1,7 @@
 """
-The methods a station may seek north with, behind one face: the best one, and S1's own.
+The methods a station may seek north with, behind one protocol: the seek with all its states, and S1's filter.
 
-S1's filter knows a tool that keeps still and a gyro whose bias calibration has made small; a turn ends it.
+S1's filter assumes a tool that keeps still and a gyro whose bias calibration has made small; a turn ends it.
 """
 
 from __future__ import annotations
@@ -11,14 +11,15 @@ from typing import Protocol
 
 import numpy as np
 
-from mwd_estimation.gyrocompass import seek as north_seek
-from mwd_estimation.gyrocompass import seek_filter, static_ekf
-from mwd_estimation.gyrocompass.seek import Solution
+from mwd_estimation.core.reasons import Reason, ReasonCode
+from mwd_estimation.gyrocompass import north_seek, seek_filter, static_ekf
+from mwd_estimation.gyrocompass.gyro_params import S1
+from mwd_estimation.gyrocompass.seek_params import SeekParams
+from mwd_estimation.gyrocompass.seek_refusal import polar, too_short, vertical_hole
+from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
-from mwd_sensors.core.constants import DEG_PER_ROOT_HOUR, EARTH_RATE
+from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE
 from mwd_sensors.core.frames import mat_nt
-
-SEEK, S1 = "seek", "s1"
 
 
 class Seeker(Protocol):
@@ -43,12 +44,12 @@ class Seeker(Protocol):
         """North so far, or why there is none."""
 
 
-class BestSeek:
+class NorthSeek:
     """`north_seek`; `earlier`, with the seconds since, is a seek whose knowledge of the instrument is carried on."""
 
     turns = True
 
-    def __init__(self, params: north_seek.Params, earlier: tuple[north_seek.State, float] | None = None) -> None:
+    def __init__(self, params: SeekParams, earlier: tuple[north_seek.State, float] | None = None) -> None:
         self.params = params
         self.state = north_seek.initial() if earlier is None else north_seek.carried_on(params, *earlier)
 
@@ -71,16 +72,17 @@ class BestSeek:
         return north_seek.solution(self.params, self.state)
 
 
-class S1Seek:
-    """S1's fifteen states with the settings that it shares with `north_seek`."""
+class StaticSeek:
+    """S1's fifteen states (`static_ekf`) with the parameters that it shares with `north_seek`."""
 
     turns = False
 
-    def __init__(self, params: north_seek.Params) -> None:
+    def __init__(self, params: SeekParams) -> None:
         self.params = params
+        limit = static_ekf.MAX_LATITUDE_DEG
         self._s1 = static_ekf.Params(
-            # Near the pole it isn't run; the refusal is `solution`'s.
-            latitude_deg=float(np.clip(params.latitude_deg, -85.0, 85.0)),
+            # Nearer to the pole it is not run; `solution` refuses.
+            latitude_deg=float(np.clip(params.latitude_deg, -limit, limit)),
             gravity=params.gravity,
             coarse_seconds=0.5 * params.shortest,
             gyro_noise_deg_rth=params.gyro_noise_deg_rth,
@@ -106,7 +108,7 @@ class S1Seek:
 
     def run(self, stamp_ns: Stamps, values: Array) -> None:
         """Take samples, as `Seeker.run`."""
-        if len(stamp_ns) == 0 or abs(self.params.latitude_deg) > 85.0:
+        if len(stamp_ns) == 0 or polar(self.params.latitude_deg) is not None:
             return
         self._last = static_ekf.run(self._s1, self._state, stamp_ns, values[:, :3], values[:, 3:])
         self._first_ns = int(stamp_ns[0]) if self._first_ns is None else self._first_ns
@@ -115,7 +117,6 @@ class S1Seek:
     def solution(self) -> Solution:
         """North so far, or why there is none."""
         params, last = self.params, self._last
-        nothing = (math.nan,) * 4
         azimuth = sigma = inclination = toolface = math.nan
         if last is not None:
             azimuth, sigma = float(last.azimuth[-1]), float(last.sigma_azimuth[-1])
@@ -125,24 +126,22 @@ class S1Seek:
         limit = min(noise / (horizontal * math.sqrt(max(self.elapsed, 1e-3))), math.pi)
         reason = self._refusal(azimuth, sigma, inclination)
         scribe = mat_nt(inclination, azimuth, toolface)[:, 2]
-        return Solution(
-            not reason, reason, S1, azimuth, sigma, inclination, math.atan2(scribe[1], scribe[0]), self.elapsed,
-            limit, nothing, nothing, nothing[:3], nothing[:3],
-        )  # fmt: skip
+        scribe_azimuth = math.atan2(scribe[1], scribe[0])
+        return Solution(reason, S1, azimuth, sigma, inclination, scribe_azimuth, self.elapsed, limit)
 
-    def _refusal(self, azimuth: float, sigma: float, inclination: float) -> str:
-        params = self.params
-        if abs(params.latitude_deg) > 85.0:
-            return north_seek.polar(params)
+    def _refusal(self, azimuth: float, sigma: float, inclination: float) -> Reason | None:
+        params, worst = self.params, math.radians(self.params.worst_sigma_deg)
+        pole = polar(params.latitude_deg)
+        if pole is not None:
+            return pole
         if self.elapsed < params.shortest or not math.isfinite(azimuth):
-            return f"too short: {self.elapsed:.0f} s of {params.shortest:.0f} s"
-        if self.moved:
-            return "the tool moved: keep off bottom and in one place"
-        if math.sin(inclination) < math.sin(math.radians(3.0)):
-            return f"inclination {math.degrees(inclination):.1f} deg: a vertical hole has no azimuth"
-        if math.degrees(sigma) > params.worst_sigma_deg:
-            return (
-                f"the gyro bias is known only to {params.gyro_bias_deg_h:.2g} deg/h, which leaves the azimuth "
-                f"uncertain by {math.degrees(sigma):.0f} deg: S1's filter does not take a second position"
-            )
-        return ""
+            return too_short(self.elapsed, params.shortest)
+        if self.moved and self._last is not None:
+            return Reason(ReasonCode.TOOL_MOVED, float(self._last.ratio[-1]), self._s1.moved_ratio)
+        vertical = vertical_hole(inclination)
+        if vertical is not None:
+            return vertical
+        if sigma > worst:
+            bias = params.gyro_bias_deg_h * DEG_PER_HOUR
+            return Reason(ReasonCode.GYRO_BIAS_UNKNOWN_STATIC, sigma, worst, (bias,))
+        return None

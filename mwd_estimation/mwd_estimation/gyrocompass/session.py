@@ -1,8 +1,8 @@
 """
-North sought because somebody asked: for a set time, with progress, in whatever the tool does meanwhile.
+North sought on request: for a set time, with progress, whatever the tool does meanwhile.
 
-Bins of time go in as they close. While the string turns faster than the precision unit's x axis follows, the
-conventional unit's stands in for it, with its own figures.
+Bins of time go in as they close. While the string turns faster than the range of the precision unit's x gyro, the
+conventional unit's x gyro replaces it, with its own figures.
 """
 
 from __future__ import annotations
@@ -12,20 +12,23 @@ import math
 
 import numpy as np
 
-from mwd_estimation.gyrocompass import seek as north_seek
-from mwd_estimation.gyrocompass.seek import Solution
-from mwd_estimation.gyrocompass.station import GyroSettings, params_of, white_noise
+from mwd_estimation.core.reason_text import text
+from mwd_estimation.core.reasons import Reason, ReasonCode
+from mwd_estimation.gyrocompass import north_seek
+from mwd_estimation.gyrocompass.gyro_params import GyroParams, seek_params, white_noise
+from mwd_estimation.gyrocompass.seek_params import SeekParams
+from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.settings import setting
 
-# Bins that tell the unit's noise, and the rate below which a tool rests, rad/s.
+# Bins whose samples give the unit's white noise, and the rate below which a tool rests, rad/s.
 _NOISE_BINS = 8
 _AT_REST = 0.05
 MODES = ("still", "two_position", "rotating")
 
 
 @dataclasses.dataclass(frozen=True)
-class Params:
+class SessionParams:
     """How long north is sought on request, and the conventional unit's x gyro, one sigma each."""
 
     duration_s: float = setting(120.0, "Time where the request names none", unit="s", low=10.0, high=86400.0)
@@ -35,24 +38,43 @@ class Params:
 
 
 @dataclasses.dataclass(frozen=True)
-class Progress:
-    """How far a seek is: s, s, rad from true north and 1 sigma (nan: not yet), and in words."""
+class NorthProgress:
+    """
+    How far a seek is.
+
+    Attributes
+    ----------
+    elapsed, remaining : float
+        s.
+    azimuth, sigma : float
+        rad from true north, and 1 sigma; NaN before there is one.
+    method : str
+        What the tool does.
+    reason : Reason or None
+        Why the azimuth could not be used yet; None where it could.
+    """
 
     elapsed: float
     remaining: float
     azimuth: float
     sigma: float
-    state: str
+    method: str
+    reason: Reason | None
+
+    @property
+    def state(self) -> str:
+        """The state of the seek in words."""
+        return f"seeking, {self.method}" if self.reason is None else text(self.reason)
 
 
-class NorthRun:
+class NorthSession:
     """
     One seek.
 
     Parameters
     ----------
-    params : Params
-    gyro : GyroSettings
+    params : SessionParams
+    gyro : GyroParams
     latitude_deg : float
     gravity : float or None
         Local, m/s^2.
@@ -69,8 +91,8 @@ class NorthRun:
 
     def __init__(
         self,
-        params: Params,
-        gyro: GyroSettings,
+        params: SessionParams,
+        gyro: GyroParams,
         latitude_deg: float,
         gravity: float | None,
         duration_s: float,
@@ -84,12 +106,12 @@ class NorthRun:
         self.elapsed = 0.0
         self._unit = params
         self._gyro, self._latitude, self._gravity, self._mode = gyro, latitude_deg, gravity, mode or "auto"
-        self._params = dataclasses.replace(params_of(gyro, latitude_deg, gravity), mode=self._mode)
-        # The first bins wait until they have told the unit's noise.
+        self._params = dataclasses.replace(seek_params(gyro, latitude_deg, gravity), mode=self._mode)
+        # The first bins wait until the unit's noise is known from them.
         self._first: list[tuple[tuple[Stamps, Array], tuple[Stamps, Array]]] | None = []
         self._range = math.radians(gyro.range_dps)
         self._state = north_seek.initial()
-        self._heard = False
+        self._has_samples = False
 
     @property
     def done(self) -> bool:
@@ -112,7 +134,7 @@ class NorthRun:
         self.elapsed += seconds
         if not len(precision[0]):
             return
-        self._heard = True
+        self._has_samples = True
         if self._first is None:
             self._take(precision, ahrs)
             return
@@ -123,14 +145,14 @@ class NorthRun:
                 self._take(*one)
             self._first = None
 
-    def _params_now(self, first: list[tuple[tuple[Stamps, Array], tuple[Stamps, Array]]]) -> north_seek.Params:
+    def _params_now(self, first: list[tuple[tuple[Stamps, Array], tuple[Stamps, Array]]]) -> SeekParams:
         """Settings of the seek with the noise that the tool shows at rest, or with the x gyro that can follow it."""
         stamps = np.concatenate([precision[0] for precision, _ in first])
         rates = np.concatenate([precision[1][:, :3] for precision, _ in first])
         x_rates = np.concatenate([*(ahrs[1][:, 0] for _, ahrs in first), rates[:, 0]])
         fastest = float(np.nanmax(np.abs(x_rates)))
         noise = white_noise(stamps, rates) if fastest < _AT_REST else None
-        params = params_of(self._gyro, self._latitude, self._gravity, noise)
+        params = seek_params(self._gyro, self._latitude, self._gravity, noise)
         if fastest <= 0.9 * self._range:
             return params
         return dataclasses.replace(
@@ -147,20 +169,17 @@ class NorthRun:
             rates = north_seek.dual_unit(stamps, rates, *ahrs, self._range)
         north_seek.run(self._params, self._state, stamps, rates, values[:, 3:])
 
-    def progress(self) -> Progress:
+    def progress(self) -> NorthProgress:
         """How far it is."""
         found = self.solution()
         left = max(self.duration - self.elapsed, 0.0)
         known = math.isfinite(found.azimuth) and math.isfinite(found.sigma)
         azimuth, sigma = (found.azimuth, found.sigma) if known else (math.nan, math.nan)
-        words = f"seeking, {found.method}" if found.success else found.reason
-        return Progress(self.elapsed, left, azimuth, sigma, words)
+        return NorthProgress(self.elapsed, left, azimuth, sigma, found.method, found.reason)
 
     def solution(self) -> Solution:
         """What was found so far."""
         found = north_seek.solution(self._params, self._state)
-        if self._heard:
+        if self._has_samples:
             return found
-        return dataclasses.replace(
-            found, success=False, reason="nothing is heard of the precision unit (gyro/data_raw)"
-        )
+        return dataclasses.replace(found, reason=Reason(ReasonCode.NO_PRECISION_UNIT))

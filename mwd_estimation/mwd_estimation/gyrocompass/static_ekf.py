@@ -24,6 +24,8 @@ from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RA
 from mwd_sensors.core.frames import hole_angles, wrap_tau
 from mwd_sensors.core.settings import setting
 
+# Geodetic latitude above which the Earth's rotation has no usable horizontal part.
+MAX_LATITUDE_DEG = 85.0
 STATES = 15
 # Order of the error state (S1): what must be added to the estimate to give the truth.
 POSITION, VELOCITY, ATTITUDE, GYRO_BIAS, ACCEL_BIAS = 0, 3, 6, 9, 12
@@ -111,10 +113,10 @@ def initial(params: Params) -> State:
     ValueError
         A latitude above 85 deg, where the Earth's rotation has no usable horizontal part.
     """
-    if abs(params.latitude_deg) > 85.0:
+    if abs(params.latitude_deg) > MAX_LATITUDE_DEG:
         raise ValueError(
             f"latitude_deg: {params.latitude_deg:g} deg is too near the pole: the Earth's rotation points along the "
-            "vertical there and a gyro cannot find north above 85 deg"
+            f"vertical there and a gyro cannot find north above {MAX_LATITUDE_DEG:g} deg"
         )
     return State(
         np.zeros(track.CLOCK_SIZE, dtype=np.int64), np.zeros(SUMS), np.zeros(NOMINAL), np.zeros((STATES, STATES))

@@ -9,7 +9,8 @@ from typing import Any
 from mwd_msgs.action import NorthSeek, RotarySurvey
 from mwd_msgs.msg import Survey as SurveyMessage
 
-from mwd_estimation.gyrocompass.seek import Solution
+from mwd_estimation.core.reason_text import text
+from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.nodes.messages import known
 from mwd_estimation.pipeline import Pipeline
 from mwd_sensors.ros.lifecycle_node import Errand
@@ -109,7 +110,7 @@ class Errands:
         """The seek has ended."""
         errand, self._north = self._north, None
         if errand is not None:
-            errand.finish(_north(found) if found.success else _no_north(found.reason))
+            errand.finish(_north(found) if found.reason is None else _no_north(text(found.reason)))
 
     def rotary_taken(self, survey: SurveyMessage | None, words: str) -> None:
         """The rotary survey has ended; None: there is none, and why."""

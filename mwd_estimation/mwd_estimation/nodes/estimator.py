@@ -19,7 +19,8 @@ from tf2_msgs.msg import TFMessage
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status, words
-from mwd_estimation.gyrocompass import seek as north_seek
+from mwd_estimation.gyrocompass import north_seek
+from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_estimation.nodes.action_servers import PERIOD, Errands
 from mwd_estimation.nodes.messages import stamp, survey_message
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
@@ -433,7 +434,7 @@ def warm_up(settings: EstimatorSettings) -> None:
     pipeline.push_temperature(heat)
     pipeline.push_imu(imu)
     forces, rates = imu["linear_acceleration"], imu["angular_velocity"]
-    north_seek.run(north_seek.Params(), north_seek.initial(), imu["stamp_ns"], rates, forces)
+    north_seek.run(SeekParams(), north_seek.initial(), imu["stamp_ns"], rates, forces)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -9,8 +9,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mwd_estimation.core import reason_text
+from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.gyrocompass.seek import BIAS_UNKNOWN, TWO_FIT, Solution
+from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.survey import azimuth_fusion
 from mwd_estimation.survey.acceptance import ACCEPT, DOUBTFUL, worse
 from mwd_estimation.survey.azimuth_selection import CORRECTED
@@ -30,6 +32,11 @@ _RANKED = {CORRECTED: "axial", MSA: "multistation"}
 # A gyro's choice between azimuths is left to the magnetometer where one lies within the first of its azimuth and all
 # others beyond the second: no steel that leaves total and dip in order turns a field so far.
 _NEAR, _FAR = math.radians(60.0), math.radians(90.0)
+
+# Refusals of a gyro that a second position, or more time there, lifts.
+_ANOTHER_POSITION_LIFTS = frozenset(
+    {ReasonCode.GYRO_BIAS_UNKNOWN, ReasonCode.GYRO_BIAS_UNKNOWN_STATIC, ReasonCode.TWO_AZIMUTHS_FIT_GYRO}
+)
 
 # Names a survey by its time and readings, so that a replay names it alike whatever its number (RFC 4122, version 5).
 _SURVEYS = uuid.UUID("6b0d4f5e-6f0e-5c1b-9a55-3a5d2c1b7e10")
@@ -96,7 +103,7 @@ def from_average(
     sequence: int,
     reference: Reference | None,
     settings: StationSettings,
-    gyro: Solution | str | None = None,
+    gyro: Solution | None = None,
     fusing: azimuth_fusion.Settings | None = None,
     *,
     run: StationRun | None = None,
@@ -111,7 +118,7 @@ def from_average(
     ----------
     still, sequence, reference, settings
         What was read, the survey's number, and what to work it out by.
-    gyro : Solution or str, optional
+    gyro : Solution, optional
         North found with the precision unit, or in words why there is none; None without such a unit.
     fusing : azimuth_fusion.Settings, optional
     run : StationRun, optional
@@ -150,7 +157,7 @@ def from_average(
         together, analysis = run.take(alone, settings)
     aided = 0.0 if analysis is None else float(analysis.by_gyro[-1])
     result = fused(alone, together, gyro, fusing, last_alarm=last_alarm, doubted=bool(doubts or faults), aided=aided)
-    if together is not alone and run is not None and result.alarm == "" and isinstance(gyro, Solution) and gyro.success:
+    if together is not alone and run is not None and result.alarm == "" and gyro is not None and gyro.success:
         run.heard(*gyro_for_run(result.station, gyro))
     return (
         Survey(
@@ -213,7 +220,7 @@ class Fused:
 def fused(
     alone: Station,
     together: Station,
-    gyro: Solution | str | None,
+    gyro: Solution | None,
     settings: azimuth_fusion.Settings | None = None,
     *,
     last_alarm: str = "",
@@ -233,7 +240,7 @@ def fused(
     ----------
     alone, together : Station
         By itself, and as the stations of the run correct it (the same where they don't).
-    gyro : Solution or str or None
+    gyro : Solution or None
         As `from_average` takes it.
     settings : azimuth_fusion.Settings, optional
     last_alarm : str
@@ -266,7 +273,7 @@ def fused(
     if math.isfinite(weighed.sigma):
         follows = weights.get(MSA, 0.0) * aided
         in_both["declination"] = min((1.0 - follows) * declination_sigma(together), weighed.sigma)
-        if follows and isinstance(gyro, Solution):
+        if follows:
             rest, left = (
                 math.sqrt(max(sigma**2 - sum(v * v for v in terms.values()), 0.0))
                 for sigma, terms in ((weighed.sigma, in_both), (found.sigma, shared))
@@ -310,13 +317,13 @@ def fused(
     return Fused(station_, weights, reasons, both.alarm if compared else None, apart)
 
 
-def chosen_by_field(gyro: Solution | str | None, alone: Station) -> Solution | str | None:
+def chosen_by_field(gyro: Solution | None, alone: Station) -> Solution | None:
     """
     The gyro's answer; of azimuths that fit equally, the one that the magnetometer can tell from the others.
 
     gyro : as `from_average` takes it; alone: the station by its magnetometer.
     """
-    if not isinstance(gyro, Solution) or not gyro.choices or not math.isfinite(alone.azimuth):
+    if gyro is None or not gyro.choices or not math.isfinite(alone.azimuth):
         return gyro
     turn = _from_true(alone)
     if turn is None:
@@ -325,7 +332,7 @@ def chosen_by_field(gyro: Solution | str | None, alone: Station) -> Solution | s
     away = [abs(float(wrap_pi(azimuth - turn - alone.azimuth))) for azimuth, _ in ranked]
     if away[0] > _NEAR or min(away[1:]) < _FAR:
         return gyro
-    return dataclasses.replace(gyro, success=True, reason="", azimuth=ranked[0][0], sigma=ranked[0][1], choices=())
+    return dataclasses.replace(gyro, reason=None, azimuth=ranked[0][0], sigma=ranked[0][1], choices=())
 
 
 def _from_true(magnetic: Station) -> float | None:
@@ -338,13 +345,13 @@ def _from_true(magnetic: Station) -> float | None:
     return 0.0
 
 
-def _could_witness(gyro: Solution | str, settings: azimuth_fusion.Settings | None) -> bool:
+def _could_witness(gyro: Solution, settings: azimuth_fusion.Settings | None) -> bool:
     """Whether a second position, or time, is all the gyro lacks to judge the azimuth, and the settings care."""
     strict = azimuth_fusion.Settings() if settings is None else settings
     return (
         strict.unwitnessed == DOUBTFUL
-        and isinstance(gyro, Solution)
-        and gyro.reason.startswith((BIAS_UNKNOWN, TWO_FIT))
+        and gyro.reason is not None
+        and gyro.reason.code in _ANOTHER_POSITION_LIFTS
         and gyro.limit <= math.radians(strict.alone_deg)
     )
 
@@ -463,12 +470,11 @@ def _horizontal(reference: Reference) -> float:
     return reference.horizontal if reference.has_field else 1e-5
 
 
-def _gyro_azimuth(gyro: Solution | str, magnetic: Station) -> tuple[MethodAzimuth, dict[str, float]]:
+def _gyro_azimuth(gyro: Solution, magnetic: Station) -> tuple[MethodAzimuth, dict[str, float]]:
     """The gyro's azimuth from the station's north, and the terms it shares with the magnetic ones."""
-    if isinstance(gyro, str):
-        return MethodAzimuth(GYRO, math.nan, math.nan, gyro), {}
+    refused = "" if gyro.reason is None else reason_text.text(gyro.reason)
     if not math.isfinite(gyro.azimuth):
-        return MethodAzimuth(GYRO, math.nan, math.nan, gyro.reason), {}
+        return MethodAzimuth(GYRO, math.nan, math.nan, refused), {}
     reference, variance, turn = magnetic.reference, 0.0, _from_true(magnetic)
     if magnetic.north == "magnetic" and turn is not None and reference is not None:
         variance = reference.declination_variance(_horizontal(reference))
@@ -477,4 +483,4 @@ def _gyro_azimuth(gyro: Solution | str, magnetic: Station) -> tuple[MethodAzimut
         return MethodAzimuth(GYRO, math.nan, math.nan, why), {}
     sigma = min(math.hypot(gyro.sigma, math.sqrt(variance)), math.pi)
     shared = {"declination": -min(math.sqrt(variance), sigma)} if variance else {}
-    return MethodAzimuth(GYRO, float(wrap_tau(gyro.azimuth - turn)), sigma, gyro.reason), shared
+    return MethodAzimuth(GYRO, float(wrap_tau(gyro.azimuth - turn)), sigma, refused), shared

@@ -9,18 +9,19 @@ import numpy as np
 import pytest
 from north_signals import DEG_H, felt, motion, steady, still
 
-from mwd_estimation.gyrocompass import methods as north_methods
-from mwd_estimation.gyrocompass import seek as north_seek
+from mwd_estimation.core.reasons import ReasonCode
+from mwd_estimation.gyrocompass.methods import NorthSeek, Seeker, StaticSeek
+from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_sensors.core.frames import wrap_pi
 
 DEG = math.radians(1.0)
-PARAMS = north_seek.Params(
+PARAMS = SeekParams(
     latitude_deg=44.0, gyro_noise_deg_rth=0.01, gyro_x_noise_deg_rth=0.01, gyro_bias_deg_h=0.02, gyro_x_bias_deg_h=0.02,
     gyro_walk_deg_h_rth=0.0, scale_x_ppm=300.0,
 )  # fmt: skip
 
 
-def fed(seeker: north_methods.Seeker, seconds: float = 63.5, bias: float = 0.02, roll=still) -> north_methods.Seeker:
+def fed(seeker: Seeker, seconds: float = 63.5, bias: float = 0.02, roll=still) -> Seeker:
     clean = motion(seconds, 44.0 * DEG, 1.0, 2.2, roll, 50.0)
     gyro, accel = felt(clean, np.random.default_rng(1), 0.01, None, 30.0, np.array([0.0, bias, -bias]) * DEG_H)
     for block in np.array_split(np.arange(len(gyro)), 7):
@@ -28,7 +29,7 @@ def fed(seeker: north_methods.Seeker, seconds: float = 63.5, bias: float = 0.02,
     return seeker
 
 
-@pytest.mark.parametrize("kind", [north_methods.BestSeek, north_methods.S1Seek])
+@pytest.mark.parametrize("kind", [NorthSeek, StaticSeek])
 def test_a_still_tool_finds_the_same_north_by_either(kind) -> None:
     seeker = fed(kind(PARAMS))
     found = seeker.solution()
@@ -44,25 +45,25 @@ def test_a_still_tool_finds_the_same_north_by_either(kind) -> None:
 
 
 def test_only_the_best_takes_a_turn_and_what_an_earlier_seek_found() -> None:
-    assert north_methods.BestSeek.turns
-    assert not north_methods.S1Seek.turns
+    assert NorthSeek.turns
+    assert not StaticSeek.turns
     wide = dataclasses.replace(PARAMS, gyro_bias_deg_h=5.0, gyro_x_bias_deg_h=5.0)
-    first = north_methods.BestSeek(wide)
+    first = NorthSeek(wide)
     fed(first, roll=lambda t: 0.4 + math.pi * np.clip((t - 29.0) / 6.0, 0.0, 1.0), bias=3.0)
-    carried = fed(north_methods.BestSeek(wide, (first.state, 0.0)), bias=3.0).solution()
+    carried = fed(NorthSeek(wide, (first.state, 0.0)), bias=3.0).solution()
     assert carried.success, carried.reason
     assert abs(float(wrap_pi(carried.azimuth - 2.2))) < 3.0 * carried.sigma
-    assert not fed(north_methods.BestSeek(wide), bias=3.0).solution().success
+    assert not fed(NorthSeek(wide), bias=3.0).solution().success
 
 
-def test_s1_refuses_in_words_what_it_cannot_measure() -> None:
-    def reason(seconds: float = 63.5, roll=still, **changes: float) -> str:
-        found = fed(north_methods.S1Seek(dataclasses.replace(PARAMS, **changes)), seconds, roll=roll).solution()
+def test_s1_refuses_what_it_cannot_measure() -> None:
+    def reason(seconds: float = 63.5, roll=still, **changes: float) -> ReasonCode:
+        found = fed(StaticSeek(dataclasses.replace(PARAMS, **changes)), seconds, roll=roll).solution()
         assert not found.success
-        return found.reason
+        return found.reason.code
 
-    assert "too short" in reason(10.0)
-    assert "pole" in reason(latitude_deg=88.0)
-    assert "bias is known only to 10 deg/h" in reason(gyro_bias_deg_h=10.0)
-    assert "moved" in reason(roll=steady(1.0))
-    assert "too short: 0 s" in north_methods.S1Seek(PARAMS).solution().reason
+    assert reason(10.0) is ReasonCode.SEEK_TOO_SHORT
+    assert reason(latitude_deg=88.0) is ReasonCode.LATITUDE_POLAR
+    assert reason(gyro_bias_deg_h=10.0) is ReasonCode.GYRO_BIAS_UNKNOWN_STATIC
+    assert reason(roll=steady(1.0)) is ReasonCode.TOOL_MOVED
+    assert StaticSeek(PARAMS).solution().reason.value == 0.0

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from north_signals import felt, motion, steady
 
-from mwd_estimation.gyrocompass.session import NorthRun, Params
-from mwd_estimation.gyrocompass.station import GyroSettings
+from mwd_estimation.core.reasons import ReasonCode
+from mwd_estimation.gyrocompass.gyro_params import GyroParams
+from mwd_estimation.gyrocompass.session import NorthSession, SessionParams
 from mwd_sensors.core.frames import wrap_pi
 
 DEG = math.radians(1.0)
 LATITUDE = 50.0
-GYRO = GyroSettings(noise_deg_rth=0.02, bias_deg_h=0.02, walk_deg_h_rth=0.0, shortest_s=20.0)
+GYRO = GyroParams(noise_deg_rth=0.02, bias_deg_h=0.02, walk_deg_h_rth=0.0, shortest_s=20.0)
 RATE = 50.0
 
 
@@ -35,7 +36,7 @@ def bins(seconds, rpm=0.0, seed=1):
 
 @pytest.mark.parametrize(("rpm", "method"), [(0.0, "still"), (60.0, "rotating")])
 def test_north_is_found_in_the_time_asked_for_at_rest_and_turning(rpm, method):
-    run = NorthRun(Params(), GYRO, LATITUDE, None, 60.0, "")
+    run = NorthSession(SessionParams(), GYRO, LATITUDE, None, 60.0, "")
     told = []
     for one in bins(90.0, rpm):
         assert not run.done
@@ -54,13 +55,14 @@ def test_north_is_found_in_the_time_asked_for_at_rest_and_turning(rpm, method):
 
 
 def test_without_a_precision_unit_there_is_a_reason_instead_of_an_azimuth():
-    run = NorthRun(Params(duration_s=20.0), GYRO, LATITUDE, None, 0.0, "still")
+    run = NorthSession(SessionParams(duration_s=20.0), GYRO, LATITUDE, None, 0.0, "still")
     nothing = np.zeros(0, dtype=np.int64)
     for _ in range(40):
         run.add(0.5, (nothing, np.zeros((0, 6))), (nothing, np.zeros((0, 3))))
     assert run.done
     assert not run.solution().success
-    assert "nothing is heard of the precision unit" in run.solution().reason
+    assert run.solution().reason.code is ReasonCode.NO_PRECISION_UNIT
+    assert "no samples of the precision unit" in run.progress().state
 
 
 @pytest.mark.parametrize(
@@ -68,4 +70,4 @@ def test_without_a_precision_unit_there_is_a_reason_instead_of_an_azimuth():
 )
 def test_what_cannot_be_sought_is_refused_before_it_begins(duration, mode, words):
     with pytest.raises(ValueError, match=words):
-        NorthRun(Params(), GYRO, LATITUDE, None, duration, mode)
+        NorthSession(SessionParams(), GYRO, LATITUDE, None, duration, mode)

@@ -9,7 +9,7 @@ from north_signals import DEG_H, felt, motion, still
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
-from mwd_estimation.gyrocompass import seek as north_seek
+from mwd_estimation.gyrocompass import north_seek
 from mwd_estimation.gyrocompass.seek_filter import (
     AXIS,
     BIAS,
@@ -32,6 +32,7 @@ from mwd_estimation.gyrocompass.seek_filter import (
     sample,
     transition,
 )  # fmt: skip
+from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_settings
 from mwd_sensors.core.frames import mat_nt
 
 DEG = math.radians(1.0)
@@ -39,8 +40,8 @@ DEG = math.radians(1.0)
 
 def test_transition_is_the_derivative_of_the_integration() -> None:
     rng = np.random.default_rng(6)
-    params = north_seek.Params()
-    k = north_seek.kernel_settings(params)
+    params = SeekParams()
+    k = kernel_settings(params)
     k[K_VERTICAL] *= 100.0
     x = np.zeros(STATES)
     x[EARTH:AXIS] = rng.standard_normal(AXIS - EARTH) * 1e-3
@@ -73,16 +74,16 @@ def test_transition_is_the_derivative_of_the_integration() -> None:
     assert_allclose((phi / scale)[:, without_lag], (numeric / scale)[:, without_lag], atol=0.05)
 
 
-def seek(params: north_seek.Params, state: north_seek.State, seconds: float, bias: float = 0.0) -> None:
+def seek(params: SeekParams, state: north_seek.State, seconds: float, bias: float = 0.0) -> None:
     clean = motion(seconds, 34.0 * DEG, 1.0, 0.5, still, 50.0)
     gyro, accel = felt(clean, np.random.default_rng(1), 0.02, 0.02, 30.0, np.full(3, bias) * DEG_H)
     north_seek.run(params, state, clean.stamp_ns, gyro, accel)
 
 
 def test_it_starts_level_with_its_axis_north_and_every_azimuth_as_likely() -> None:
-    params, state = north_seek.Params(), north_seek.initial()
+    params, state = SeekParams(), north_seek.initial()
     seek(params, state, 2.06)
-    k = north_seek.kernel_settings(params)
+    k = kernel_settings(params)
     mat = state.mat.reshape(3, 3)
     assert_allclose(mat @ mat.T, np.eye(3), atol=1e-12)
     assert_allclose(math.atan2(mat[1, 0], mat[0, 0]), 0.0, atol=1e-3)
@@ -93,7 +94,7 @@ def test_it_starts_level_with_its_axis_north_and_every_azimuth_as_likely() -> No
 
 
 def test_a_seek_that_carries_on_keeps_the_instrument_and_forgets_the_hole() -> None:
-    params, first = north_seek.Params(), north_seek.initial()
+    params, first = SeekParams(), north_seek.initial()
     seek(params, first, 20.0, 3.0)
     assert first.memory[PHASE] == SEEKING
     state = north_seek.carried_on(params, first, 0.0)
@@ -107,7 +108,7 @@ def test_a_seek_that_carries_on_keeps_the_instrument_and_forgets_the_hole() -> N
 
 
 def test_a_silence_between_two_seeks_lets_the_biases_walk_and_one_that_found_nothing_starts_afresh() -> None:
-    params, first = north_seek.Params(gyro_walk_deg_h_rth=2.0), north_seek.initial()
+    params, first = SeekParams(gyro_walk_deg_h_rth=2.0), north_seek.initial()
     seek(params, first, 20.0)
     later = north_seek.carried_on(params, first, 3600.0)
     grown = np.diag(later.P - first.P)[BIAS : BIAS + 3]
@@ -126,10 +127,10 @@ def test_the_frame_of_an_axis_is_its_high_and_right_side() -> None:
 
 
 def test_one_call_is_many_calls() -> None:
-    params = north_seek.Params()
+    params = SeekParams()
     clean = motion(5.0, 34.0 * DEG, 1.0, 0.5, still, 50.0)
     states = [north_seek.initial(), north_seek.initial()]
-    k = north_seek.kernel_settings(params)
+    k = kernel_settings(params)
     for state, size in zip(states, (250, 1), strict=True):
         for i in range(0, 250, size):
             at = slice(i, i + size)

@@ -12,7 +12,8 @@ from north_signals import DEG_H, felt, motion, still
 from numpy.testing import assert_allclose
 
 from mwd_estimation.core import magnetic_geometry
-from mwd_estimation.gyrocompass import seek as north_seek
+from mwd_estimation.gyrocompass import north_seek
+from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_estimation.survey import azimuth_fusion
 from mwd_estimation.survey.azimuth_fusion import GYRO, Candidate
 from mwd_sensors.core.frames import wrap_pi
@@ -129,7 +130,7 @@ def test_s1_field_case_follows_the_gyro_where_the_magnetic_tool_is_22_degrees_of
     clean = motion(123.5, latitude_deg * DEG, (90.0 - dip_deg) * DEG, true_deg * DEG, still, 50.0)
     rng = np.random.default_rng(round(100.0 * true_deg))
     gyro_t, accel_t = felt(clean, rng, noise, accel_noise_ug=30.0, bias=rng.standard_normal(3) * 0.01 * DEG_H)
-    params = north_seek.Params(
+    params = SeekParams(
         latitude_deg=latitude_deg,
         mode="still",
         gyro_noise_deg_rth=noise,
@@ -237,7 +238,7 @@ def test_s1_field_scenario_from_raw_samples_to_the_fused_azimuth() -> None:
         precision["stamp_ns"], precision["angular_velocity"], ahrs["stamp_ns"], ahrs["angular_velocity"], 300.0 * DEG
     )
     # The figures of the grade tactical_north, with what the scenario's tumble leaves of the g-sensitivity.
-    params = north_seek.Params(
+    params = SeekParams(
         latitude_deg=43.8,
         gravity=sonde.reference.gravity,
         gyro_noise_deg_rth=0.05,

@@ -6,8 +6,10 @@ import math
 import numpy as np
 import pytest
 
+from mwd_estimation.core.reason_text import text
+from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.gyrocompass.seek import BIAS_UNKNOWN, TWO_FIT, Solution
+from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.survey import azimuth_fusion
 from mwd_estimation.survey.station import MethodAzimuth, StationSettings, station
 from mwd_estimation.survey.survey import chosen_by_field, fused
@@ -16,7 +18,6 @@ from mwd_sensors.core.frames import magnetic_toolface, mat_nt, wrap_pi
 DEG = math.radians(1.0)
 REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.1, gravity=9.81, source="test")
 FIELD_N = 5e-5 * np.array([math.cos(1.1) * math.cos(0.1), math.cos(1.1) * math.sin(0.1), math.sin(1.1)])
-NAN4, NAN3 = (math.nan,) * 4, (math.nan,) * 3
 
 
 def shot(inclination_deg=50.0, azimuth_deg=40.0, turned_deg=0.0, **told):
@@ -27,9 +28,8 @@ def shot(inclination_deg=50.0, azimuth_deg=40.0, turned_deg=0.0, **told):
     return station(mat.T @ [0.0, 0.0, -9.81], mat.T @ field, REFERENCE, StationSettings(), **told)
 
 
-def gyro(azimuth_deg, sigma_deg, reason=""):
-    return Solution(not reason, reason, "still", azimuth_deg * DEG, sigma_deg * DEG, 50 * DEG, 0.0, 60.0, 0.001,
-                    NAN4, NAN4, NAN3, NAN3)  # fmt: skip
+def gyro(azimuth_deg, sigma_deg, reason=None):
+    return Solution(reason, "still", azimuth_deg * DEG, sigma_deg * DEG, 50 * DEG, 0.0, 60.0, 0.001)
 
 
 def test_without_a_gyro_the_station_s_own_choice_stands():
@@ -66,24 +66,24 @@ def test_steel_that_keeps_total_and_dip_is_an_alarm_and_the_gyro_carries_the_sta
 
 def test_after_such_an_alarm_a_station_the_gyro_has_not_seen_is_doubtful():
     alone = shot(turned_deg=22.0)
-    silent = "too short: 5 s of 30 s"
+    silent = Solution(Reason(ReasonCode.SEEK_TOO_SHORT, 5.0, 30.0), "auto")
     before, after = fused(alone, alone, silent), fused(alone, alone, silent, last_alarm="raw is +22 deg from gyro")
     assert before.station.verdict == "accept"
-    assert f"magnetic azimuth not compared with the gyro: {silent}" in before.station.reasons
+    assert f"magnetic azimuth not compared with the gyro: {text(silent.reason)}" in before.station.reasons
     assert after.station.verdict == "doubtful"
     assert "not confirmed by the gyro" in after.station.reasons[0]
     assert after.alarm is None
     assert after.station.azimuth == pytest.approx(alone.azimuth)
 
 
-@pytest.mark.parametrize("lacks", [BIAS_UNKNOWN, TWO_FIT])
+@pytest.mark.parametrize("lacks", [ReasonCode.GYRO_BIAS_UNKNOWN, ReasonCode.TWO_AZIMUTHS_FIT_GYRO])
 def test_an_azimuth_that_half_a_turn_would_let_the_gyro_judge_is_doubtful_unless_settings_accept_it(lacks):
     alone = shot(turned_deg=22.0)
-    refused = f"{lacks} 5 deg/h: turn the tool half a turn"
-    coarse = dataclasses.replace(gyro(60.0, 25.0), success=False, reason=refused, limit=1.4 * DEG)
+    refused = Reason(lacks, 25.0 * DEG, 20.0 * DEG, (0.1, 0.2))
+    coarse = dataclasses.replace(gyro(60.0, 25.0), reason=refused, limit=1.4 * DEG)
     found = fused(alone, alone, coarse)
     assert found.station.verdict == "doubtful"
-    assert found.station.reasons[0] == f"magnetic azimuth not compared with the gyro: {refused}"
+    assert found.station.reasons[0] == f"magnetic azimuth not compared with the gyro: {text(refused)}"
     assert found.station.azimuth == pytest.approx(alone.azimuth)
     assert found.weights["gyro"] == 0.0
     assert found.alarm is None
@@ -99,15 +99,16 @@ def test_an_azimuth_that_half_a_turn_would_let_the_gyro_judge_is_doubtful_unless
 def test_the_magnetometer_tells_which_of_two_azimuths_that_fit_the_gyro_is_meant_where_it_can():
     alone = shot(turned_deg=22.0)
     magnetic = math.degrees(alone.azimuth)
-    two = dataclasses.replace(gyro(magnetic + 90.0, 60.0, TWO_FIT), choices=((40.0 * DEG, 0.03), (225.0 * DEG, 0.04)))
+    two_fit = Reason(ReasonCode.TWO_AZIMUTHS_FIT_GYRO, 1.0, 0.1, (0.7, 3.9))
+    two = dataclasses.replace(gyro(magnetic + 90.0, 60.0, two_fit), choices=((40.0 * DEG, 0.03), (225.0 * DEG, 0.04)))
     one = chosen_by_field(two, alone)
-    assert (one.success, one.reason, one.azimuth, one.sigma) == (True, "", 40.0 * DEG, 0.03)
+    assert (one.success, one.reason, one.azimuth, one.sigma) == (True, None, 40.0 * DEG, 0.03)
     # It chooses, and is then judged by what it has chosen.
     assert "gyro is used" in fused(alone, alone, one).alarm
     for choices in (((20.0 * DEG, 0.03), (100.0 * DEG, 0.03)), ((150.0 * DEG, 0.03), (300.0 * DEG, 0.03)), ()):
         near = dataclasses.replace(two, choices=choices)
         assert chosen_by_field(near, alone) is near
-    assert chosen_by_field("too short", alone) == "too short"
+    assert chosen_by_field(None, alone) is None
     assert chosen_by_field(None, alone) is None
 
 

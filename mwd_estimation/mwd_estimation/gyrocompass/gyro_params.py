@@ -1,0 +1,132 @@
+"""
+The precision unit as a gyrocompass: its error figures and when north is sought with it, as parameters.
+
+One function makes the parameters of a seek of them, one finds the gyros' white noise from the samples of a tool at
+rest.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_estimation.gyrocompass.seek_params import SeekParams
+from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.constants import DEG_PER_ROOT_HOUR
+from mwd_sensors.core.settings import setting
+
+# Selectable methods: all states of `north_seek`, or the fifteen of S1 (`static_ekf`).
+SEEK, S1 = "seek", "s1"
+
+# White noise where neither the parameters nor the tool show it (a tactical MEMS gyro), and the least that is credible,
+# deg/sqrt(h).
+_TACTICAL_NOISE, _LEAST_NOISE = 0.05, 0.001
+# Samples averaged for the noise that counts, and by how much single ones may exceed it before they count no longer.
+_AVERAGED, _SHAKEN = 10, 1.5
+
+
+@dataclasses.dataclass(frozen=True)
+class GyroParams:
+    """The precision unit, one sigma each, and when north is sought with it; the figures are a tactical MEMS unit's."""
+
+    method: str = setting(
+        SEEK,
+        "seek: still or in two positions, biases learnt; s1: the paper's filter, still and with a small bias only",
+        choices=(SEEK, S1),
+    )
+    latitude_source: str = setting(
+        "reference",
+        "Latitude: of the reference's place where it is a model's; as set below; or unknown, and no gyro azimuth",
+        choices=("reference", "fixed", "unknown"),
+    )
+    latitude_deg: float = setting(0.0, "Latitude where fixed, north positive", unit="deg", low=-90.0, high=90.0)
+    noise_deg_rth: float = setting(
+        0.0, "White noise; 0: as the tool at rest shows it", unit="deg/sqrt(h)", low=0.0, high=10.0
+    )
+    bias_deg_h: float = setting(5.0, "Bias not known to better than", unit="deg/h", low=0.0, high=1e5)
+    bias_scale: str = setting(
+        "at_most",
+        "stated: the bias is drawn with that sigma; at_most: with that or less, as the fit to the latitude shows",
+        choices=("stated", "at_most"),
+    )
+    walk_deg_h_rth: float = setting(0.3, "Random walk of the bias, warming up too", unit="deg/h", low=0.0, high=1e4)
+    scale_x_ppm: float = setting(500.0, "Scale of the x gyro not known to better than", unit="ppm", low=0.0, high=1e5)
+    leak_urad: float = setting(300.0, "x rate that y and z feel", unit="urad", low=0.0, high=1e5)
+    g_sensitivity_deg_h_g: float = setting(
+        0.5, "g-sensitivity of y and z, each to each", unit="deg/h/g", low=0.0, high=1e3
+    )
+    g_calibration_deg_h_g: tuple[float, float, float, float] = setting(
+        (0.0, 0.0, 0.0, 0.0), "Calibrated g-sensitivity: along, across, stretch, shear", unit="deg/h/g"
+    )
+    range_dps: float = setting(100.0, "y and z clip at", unit="deg/s", low=1.0, high=5000.0)
+    accel_noise_ug_rthz: float = setting(30.0, "Accelerometer white noise", unit="ug/sqrt(Hz)", low=0.01, high=1e4)
+    accel_bias_ug: float = setting(200.0, "Accelerometer bias", unit="ug", low=0.0, high=1e5)
+    shortest_s: float = setting(30.0, "No azimuth before", unit="s", low=1.0, high=3600.0)
+    worst_sigma_deg: float = setting(20.0, "An azimuth less certain is refused", unit="deg", low=0.1, high=90.0)
+    enough_sigma_deg: float = setting(
+        0.7, "An azimuth as certain as this is not waited for any longer", unit="deg", low=0.01, high=90.0
+    )
+    longest_turn_s: float = setting(30.0, "A longer turn ends the seek", unit="s", low=0.0, high=600.0)
+    max_shake: float = setting(
+        0.25, "Standard deviation of the axial force above which a turn is no quiet one", unit="m/s^2", low=1e-3
+    )
+    max_axis_step: float = setting(
+        0.03, "Change of the axial force above which the axis lies elsewhere", unit="m/s^2", low=1e-4, high=10.0
+    )
+
+
+def seek_params(
+    gyro: GyroParams, latitude_deg: float, gravity: float | None, noise_deg_rth: float | None = None
+) -> SeekParams:
+    """
+    Settings of the seek; all three gyros are the precision unit's.
+
+    noise_deg_rth: as the tool shows it, deg/sqrt(h), for settings that leave it open.
+    """
+    noise = gyro.noise_deg_rth or noise_deg_rth or _TACTICAL_NOISE
+    params = SeekParams(
+        latitude_deg=latitude_deg,
+        shortest=gyro.shortest_s,
+        worst_sigma_deg=gyro.worst_sigma_deg,
+        gyro_noise_deg_rth=noise,
+        gyro_x_noise_deg_rth=noise,
+        accel_noise_ug_rthz=gyro.accel_noise_ug_rthz,
+        gyro_bias_deg_h=gyro.bias_deg_h,
+        gyro_x_bias_deg_h=gyro.bias_deg_h,
+        bias_scale=gyro.bias_scale,
+        accel_bias_ug=gyro.accel_bias_ug,
+        gyro_walk_deg_h_rth=gyro.walk_deg_h_rth,
+        scale_x_ppm=gyro.scale_x_ppm,
+        leak_urad=gyro.leak_urad,
+        g_sensitivity_deg_h_g=gyro.g_sensitivity_deg_h_g,
+        g_calibration_deg_h_g=gyro.g_calibration_deg_h_g,
+        gyro_range_dps=gyro.range_dps,
+    )
+    return params if gravity is None else dataclasses.replace(params, gravity=gravity)
+
+
+def white_noise(stamp_ns: Stamps, gyro_t: Array) -> float | None:
+    """
+    White noise of the y and z gyros of a tool at rest, deg/sqrt(h); None where there are too few samples to tell.
+
+    stamp_ns, shape (n,); gyro_t, shape (n, 3), rad/s. From neighbours' differences, which know no bias and no Earth
+    rate. Pumps shake single samples and leave tenths of a second alone: where both disagree, the latter count.
+    """
+    usable = np.isfinite(gyro_t).all(axis=1)
+    stamps, rates = stamp_ns[usable], gyro_t[usable, 1:]
+    if len(stamps) < 5 * _AVERAGED:
+        return None
+    step = float(np.median(np.diff(stamps))) * 1e-9
+    if not step > 0.0:
+        return None
+
+    def density(values: Array, seconds: float) -> float:
+        return math.sqrt(0.5 * float(np.mean(np.diff(values, axis=0) ** 2)) * seconds)
+
+    whole = len(rates) // _AVERAGED
+    means = rates[: whole * _AVERAGED].reshape(whole, _AVERAGED, 2).mean(axis=1)
+    single, averaged = density(rates, step), density(means, _AVERAGED * step)
+    found = averaged if single > _SHAKEN * averaged else single
+    return max(found / DEG_PER_ROOT_HOUR, _LEAST_NOISE)

@@ -1,0 +1,97 @@
+"""Parameters of a north seek, in the units of data sheets, and the same in SI for the compiled filter."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_estimation.gyrocompass import seek_filter as nf
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G, STANDARD_GRAVITY
+from mwd_sensors.core.settings import setting
+
+MODES = ("auto", "still", "two_position", "rotating", "continuous")
+
+
+@dataclasses.dataclass(frozen=True)
+class SeekParams:
+    """Settings of a north seek. Noise and calibration figures are one sigma; y and z belong to the precision unit."""
+
+    latitude_deg: float = setting(34.0, "geodetic latitude, north positive", unit="deg", low=-90.0, high=90.0)
+    gravity: float = setting(STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
+    mode: str = setting("auto", "what the tool does while it seeks", choices=MODES)
+    shortest: float = setting(30.0, "no answer before", unit="s", low=1.0, high=3600.0)
+    worst_sigma_deg: float = setting(20.0, "an azimuth less certain than this is refused", unit="deg", low=0.1, high=90)
+    gyro_noise_deg_rth: float = setting(0.05, "white noise, y and z", unit="deg/sqrt(h)", low=1e-5, high=10.0)
+    gyro_x_noise_deg_rth: float = setting(0.42, "white noise, x", unit="deg/sqrt(h)", low=1e-5, high=100.0)
+    accel_noise_ug_rthz: float = setting(30.0, "accelerometer white noise", unit="ug/sqrt(Hz)", low=0.01, high=1e4)
+    gyro_bias_deg_h: float = setting(1.0, "bias not known to better than, y and z", unit="deg/h", low=0.0, high=1e5)
+    bias_scale: str = setting(
+        "stated",
+        "stated: those are one sigma; at_most: one sigma or less, as the fit to the latitude shows",
+        choices=("stated", "at_most"),
+    )
+    gyro_x_bias_deg_h: float = setting(36.0, "bias not known to better than, x", unit="deg/h", low=0.0, high=1e5)
+    accel_bias_ug: float = setting(100.0, "force bias not known to better than", unit="ug", low=0.0, high=1e5)
+    gyro_walk_deg_h_rth: float = setting(0.02, "bias random walk per root hour", unit="deg/h", low=0.0, high=1e4)
+    scale_x_ppm: float = setting(5000.0, "scale of the x gyro not known to better than", unit="ppm", low=0.0, high=1e5)
+    leak_urad: float = setting(500.0, "x rate that y and z feel, uncalibrated rest", unit="urad", low=0.0, high=1e5)
+    g_sensitivity_deg_h_g: float = setting(
+        0.0, "g-sensitivity of y and z, each to each, uncalibrated rest", unit="deg/h/g", low=0.0, high=1e3
+    )
+    g_calibration_deg_h_g: tuple[float, float, float, float] = setting(
+        (0.0, 0.0, 0.0, 0.0), "calibrated g-sensitivity: along, across, stretch, shear", unit="deg/h/g"
+    )
+    g_locked_deg_h_g: float | None = setting(
+        None, "what calibration leaves of along and across, where less than the rest", unit="deg/h/g", low=0.0, high=1e3
+    )
+    expected_azimuth_deg: float | None = setting(
+        None, "only chooses between azimuths that fit equally", unit="deg", low=-360.0, high=720.0
+    )
+    lag_ms: float = setting(0.0, "y and z gyros behind the x gyro", unit="ms", low=-50.0, high=50.0)
+    lag_sigma_ms: float = setting(0.05, "that lag is known to", unit="ms", low=0.0, high=50.0)
+    lead_ms: float = setting(0.0, "accelerometer ahead of the x gyro", unit="ms", low=-50.0, high=50.0)
+    lead_sigma_ms: float = setting(3.0, "that lead is known to; a spin-up shows it", unit="ms", low=0.0, high=50.0)
+    sigma_velocity: float = setting(0.005, "the tool's velocity stays within", unit="m/s", low=1e-6, high=10.0)
+    axis_walk_deg_rth: float = setting(
+        0.0005, "random turning of the hole axis itself", unit="deg/sqrt(h)", low=0.0, high=1e3
+    )
+    block_seconds: float = setting(0.1, "time between two updates", unit="s", low=0.01, high=1.0)
+    level_seconds: float = setting(2.0, "mean force that starts the filter", unit="s", low=0.1, high=60.0)
+    gap: float = setting(1.0, "a longer silence begins the seek anew", unit="s", low=0.01, high=60.0)
+    gyro_range_dps: float = setting(400.0, "y and z gyros clip at", unit="deg/s", low=1.0, high=5000.0)
+
+
+def kernel_settings(params: SeekParams) -> Array:
+    """Settings in SI, in the order of the K_ names, shape (nf.SETTINGS,)."""
+    k = np.zeros(nf.SETTINGS)
+    latitude = math.radians(params.latitude_deg)
+    k[nf.K_HORIZONTAL], k[nf.K_VERTICAL] = EARTH_RATE * math.cos(latitude), -EARTH_RATE * math.sin(latitude)
+    k[nf.K_GRAVITY], k[nf.K_LEVEL], k[nf.K_BLOCK] = params.gravity, params.level_seconds, params.block_seconds
+    k[nf.K_N], k[nf.K_NX] = (
+        params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR,
+        params.gyro_x_noise_deg_rth * DEG_PER_ROOT_HOUR,
+    )
+    k[nf.K_NA] = params.accel_noise_ug_rthz * MICRO_G
+    k[nf.K_B], k[nf.K_BX] = params.gyro_bias_deg_h * DEG_PER_HOUR, params.gyro_x_bias_deg_h * DEG_PER_HOUR
+    k[nf.K_BA], k[nf.K_WALK] = params.accel_bias_ug * MICRO_G, params.gyro_walk_deg_h_rth * DEG_PER_HOUR / 60.0
+    k[nf.K_SCALE], k[nf.K_LEAK] = params.scale_x_ppm * 1e-6, params.leak_urad * 1e-6
+    # Four elements of one sigma: along, across, stretch and shear are half sums of two.
+    element = params.g_sensitivity_deg_h_g * math.sqrt(0.5)
+    k[nf.K_G] = element * DEG_PER_HOUR / STANDARD_GRAVITY
+    locked = element if params.g_locked_deg_h_g is None else params.g_locked_deg_h_g
+    k[nf.K_LOCKED] = locked * DEG_PER_HOUR / STANDARD_GRAVITY
+    k[nf.K_LAG0], k[nf.K_LAG] = params.lag_ms * 1e-3, params.lag_sigma_ms * 1e-3
+    k[nf.K_LEAD0], k[nf.K_LEAD] = params.lead_ms * 1e-3, params.lead_sigma_ms * 1e-3
+    k[nf.K_VEL], k[nf.K_AXIS_WALK] = params.sigma_velocity, params.axis_walk_deg_rth * DEG_PER_ROOT_HOUR
+    k[nf.K_FLOOR], k[nf.K_RANGE], k[nf.K_STILL] = 1e-6, 0.98 * math.radians(params.gyro_range_dps), 0.05
+    k[nf.K_G0 : nf.K_G0 + 4] = np.array(params.g_calibration_deg_h_g) * DEG_PER_HOUR / STANDARD_GRAVITY
+    if params.expected_azimuth_deg is not None:
+        expected = math.radians(params.expected_azimuth_deg)
+        k[nf.K_EXPECTED], k[nf.K_EXPECTED + 1] = (
+            k[nf.K_HORIZONTAL] * math.cos(expected),
+            -k[nf.K_HORIZONTAL] * math.sin(expected),
+        )
+    return k

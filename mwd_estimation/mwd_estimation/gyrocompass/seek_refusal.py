@@ -1,0 +1,150 @@
+"""Why a north seek has no azimuth that may be used: one reason, or none."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from mwd_estimation.core.reasons import Reason
+from mwd_estimation.core.reasons import ReasonCode as Code
+from mwd_estimation.gyrocompass import seek_filter as nf
+from mwd_estimation.gyrocompass.seek_params import SeekParams
+from mwd_estimation.gyrocompass.static_ekf import MAX_LATITUDE_DEG
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR
+
+# Share of clipped samples, of turning in a still shot and of turning in a rotating one.
+_CLIPPED_SHARE, _TURNED_MOST, _TURNED_LEAST = 0.001, 0.02, 0.5
+# Swing of the hole axis from block to block that a still shot allows, and inclination from which a hole has an azimuth.
+_SWING, _LEAST_INCLINATION = math.radians(0.05), math.radians(3.0)
+# Turning about an axis this near horizontal east-west, as the share of the Earth rate it shows, shows no north.
+_LEAST_SENSITIVITY = 0.17
+# Sigmas: of the horizontal Earth rate off the latitude's, and of an instrument error off its statement.
+_MISFIT, _EXCESSIVE = 4.0, 5.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Fit:
+    """
+    What the filter's estimate says of north.
+
+    Attributes
+    ----------
+    method : str
+        What the tool did: still, two_position, rotating or continuous.
+    azimuth, sigma, inclination : float
+        Of the hole axis, rad.
+    sensitivity : float
+        Share of the horizontal Earth rate that this method sees at this attitude, 0 to 1.
+    misfit : float
+        Squared distance of the horizontal Earth rate from the latitude's, in sigmas.
+    azimuths : tuple of float
+        All that fit alike, rad, where there are several.
+    """
+
+    method: str
+    azimuth: float
+    sigma: float
+    inclination: float
+    sensitivity: float
+    misfit: float
+    azimuths: tuple[float, ...]
+
+
+def refusal(params: SeekParams, memory: Array, x: Array, fit: Fit) -> Reason | None:
+    """Reason to refuse the azimuth: the motion first, then the hole's attitude, the instrument and the uncertainty."""
+    return (
+        polar(params.latitude_deg)
+        or _motion(params, memory)
+        or _attitude(params, fit)
+        or _instrument(params, x)
+        or _uncertainty(params, float(memory[nf.ELAPSED]), fit)
+    )
+
+
+def polar(latitude_deg: float) -> Reason | None:
+    """Refusal near a pole, where the Earth's rotation has no usable horizontal part."""
+    if abs(latitude_deg) <= MAX_LATITUDE_DEG:
+        return None
+    return Reason(Code.LATITUDE_POLAR, math.radians(latitude_deg), math.radians(MAX_LATITUDE_DEG))
+
+
+def too_short(elapsed: float, shortest: float) -> Reason:
+    """Refusal before the shortest time, s."""
+    return Reason(Code.SEEK_TOO_SHORT, elapsed, shortest)
+
+
+def vertical_hole(inclination: float) -> Reason | None:
+    """Refusal of an axis that points nowhere; inclination in rad."""
+    if _LEAST_INCLINATION <= inclination <= math.pi - _LEAST_INCLINATION:
+        return None
+    return Reason(Code.VERTICAL_HOLE, inclination, _LEAST_INCLINATION)
+
+
+def _motion(params: SeekParams, m: Array) -> Reason | None:
+    elapsed, turning, mode = float(m[nf.ELAPSED]), float(m[nf.TURN_TIME]), params.mode
+    clipped, samples = float(m[nf.CLIPPED]), float(m[nf.SAMPLES])
+    if clipped > _CLIPPED_SHARE * samples:
+        given = (samples, math.radians(params.gyro_range_dps))
+        return Reason(Code.GYRO_CLIPPED, clipped, _CLIPPED_SHARE * samples, given)
+    if elapsed < params.shortest:
+        return too_short(elapsed, params.shortest)
+    if mode == "still" and turning > _TURNED_MOST * elapsed:
+        return Reason(Code.TURNED_AT_REST, turning, _TURNED_MOST * elapsed, (elapsed,))
+    if mode == "rotating" and turning < _TURNED_LEAST * elapsed:
+        return Reason(Code.TURNED_TOO_LITTLE, turning, _TURNED_LEAST * elapsed, (elapsed,))
+    if mode == "two_position" and m[nf.POSITIONS] < 2.0:
+        return Reason(Code.NO_SECOND_POSITION, float(m[nf.POSITIONS]), 2.0)
+    if mode != "continuous" and m[nf.MOVED] > 0.0:
+        return Reason(Code.HOLE_AXIS_MOVED, float(m[nf.MOVED]), 0.0)
+    swing = math.sqrt(max(m[nf.SCATTER], m[nf.SCATTER + 1], 0.0))
+    if mode == "still" and swing > _SWING:
+        return Reason(Code.HOLE_AXIS_SWINGS, swing, _SWING)
+    return None
+
+
+def _attitude(params: SeekParams, fit: Fit) -> Reason | None:
+    vertical = vertical_hole(fit.inclination)
+    if vertical is not None:
+        return vertical
+    seen = fit.sensitivity
+    if fit.azimuths:
+        # The mean of two that fit is neither.
+        seen = max(math.sqrt(max(1.0 - (math.sin(fit.inclination) * math.sin(a)) ** 2, 0.0)) for a in fit.azimuths)
+    uncertain = fit.sigma > math.radians(params.worst_sigma_deg) / 4.0
+    if seen < _LEAST_SENSITIVITY and fit.method in ("rotating", "two_position") and uncertain:
+        off = max(math.asin(min(1.0, seen)), math.radians(0.5))
+        return Reason(Code.EAST_WEST_HOLE, off, math.asin(_LEAST_SENSITIVITY), (fit.azimuth,))
+    return None
+
+
+def _instrument(params: SeekParams, x: Array) -> Reason | None:
+    """An error of the instrument found far from where the parameters say it lies."""
+    bias, scale, leak = Code.GYRO_BIAS_EXCESSIVE, Code.GYRO_SCALE_EXCESSIVE, Code.GYRO_LEAK_EXCESSIVE
+    stated = (
+        (bias, "x gyro bias", x[nf.BIAS], params.gyro_x_bias_deg_h * DEG_PER_HOUR),
+        (bias, "y gyro bias", x[nf.BIAS + 1], params.gyro_bias_deg_h * DEG_PER_HOUR),
+        (bias, "z gyro bias", x[nf.BIAS + 2], params.gyro_bias_deg_h * DEG_PER_HOUR),
+        (scale, "x gyro scale error", x[nf.SCALE], params.scale_x_ppm * 1e-6),
+        (leak, "x rate in the y gyro", x[nf.LEAK], params.leak_urad * 1e-6),
+        (leak, "x rate in the z gyro", x[nf.LEAK + 1], params.leak_urad * 1e-6),
+    )
+    for code, name, found, sigma in stated:
+        if abs(found) > _EXCESSIVE * sigma:
+            return Reason(code, float(found), sigma, names=(name,))
+    return None
+
+
+def _uncertainty(params: SeekParams, elapsed: float, fit: Fit) -> Reason | None:
+    worst = math.radians(params.worst_sigma_deg)
+    if fit.azimuths and fit.sigma > worst / 4.0:
+        return Reason(Code.TWO_AZIMUTHS_FIT_GYRO, fit.sigma, worst / 4.0, fit.azimuths)
+    if fit.misfit > _MISFIT**2:
+        return Reason(Code.LATITUDE_MISFIT, math.sqrt(fit.misfit), _MISFIT, (math.radians(params.latitude_deg),))
+    if fit.sigma <= worst:
+        return None
+    bias = params.gyro_bias_deg_h * DEG_PER_HOUR
+    noise = params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR / math.sqrt(elapsed)
+    if bias > 2.0 * noise and fit.method == "still":
+        return Reason(Code.GYRO_BIAS_UNKNOWN, fit.sigma, worst, (bias,))
+    return Reason(Code.SEEK_UNCERTAIN, fit.sigma, worst, (elapsed,))

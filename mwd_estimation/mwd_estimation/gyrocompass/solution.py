@@ -1,0 +1,60 @@
+"""North as a gyrocompass method found it, or the reason why it found none."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from mwd_estimation.core.reasons import Reason
+
+_UNKNOWN = (math.nan,) * 4
+
+
+@dataclasses.dataclass(frozen=True)
+class Solution:
+    """
+    A north seek so far.
+
+    Attributes
+    ----------
+    reason : Reason or None
+        Why it was refused; None on success.
+    method : str
+        What the tool did: still, two_position, rotating or continuous; s1 of `static_ekf`; the mode asked for while
+        that is unknown.
+    azimuth, sigma : float
+        Of the hole axis from true north and its one sigma, rad; given also when refused, NaN before the filter runs.
+    inclination : float
+        Of the hole axis from the vertical, rad.
+    toolface : float
+        Azimuth of the scribe line seen from above, from true north, rad; what a near-vertical hole has instead.
+    elapsed : float
+        s of data used.
+    limit : float
+        Sigma of an ideal estimator with this gyro noise, time, latitude and geometry, rad.
+    g_sensitivity_deg_h_g, sigma_g_deg_h_g : tuple of four floats
+        Rate along the force across the tool, a quarter turn from it, and the stretch and shear between the two; the
+        first two stand still in the hole like the Earth rate does, the last two turn and average out.
+    bias_deg_h, sigma_bias_deg_h : tuple of three floats
+    choices : tuple of (float, float)
+        Azimuths and sigmas, rad, of which only one can be right, where that is why it was refused.
+    """
+
+    reason: Reason | None
+    method: str
+    azimuth: float = math.nan
+    sigma: float = math.nan
+    inclination: float = math.nan
+    toolface: float = math.nan
+    elapsed: float = 0.0
+    limit: float = math.nan
+    g_sensitivity_deg_h_g: tuple[float, ...] = _UNKNOWN
+    sigma_g_deg_h_g: tuple[float, ...] = _UNKNOWN
+    bias_deg_h: tuple[float, ...] = _UNKNOWN[:3]
+    sigma_bias_deg_h: tuple[float, ...] = _UNKNOWN[:3]
+    choices: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def success(self) -> bool:
+        """Whether the azimuth may be used."""
+        return self.reason is None
