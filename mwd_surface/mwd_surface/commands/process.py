@@ -13,7 +13,7 @@ from mwd_surface.commands.reference_options import FIELD_PANEL, Changes, Config,
 if TYPE_CHECKING:
     from mwd_estimation.pipeline import EstimatorSettings
     from mwd_surface.bags.bag_reader import Bag
-    from mwd_surface.runs.process import Summary
+    from mwd_surface.runs.run_summary import Summary
 
 _INPUT, _OUTPUT = "Input", "Output"
 

@@ -23,7 +23,7 @@ from mwd_surface.fleet.attitude_statistics import AttitudeStatistics
 from mwd_surface.fleet.fleet_dataset import DONE, FAILED
 from mwd_surface.runs import bag_input, process
 from mwd_surface.runs.bag_input import InputSettings
-from mwd_surface.runs.process import Summary
+from mwd_surface.runs.run_summary import Summary
 from mwd_surface.surveys import station_csv
 
 

@@ -401,7 +401,7 @@ def test_that_time_went_back_is_said_once_and_the_estimate_goes_on(tmp_path):
         bag.write_rows(channel, wire.IMU.encode(imu, "sonde_link"), logged)
     summary = run(tmp_path / "set_back", tmp_path / "out")
     (warning,) = summary.warnings
-    assert warning == "time went back once, by 3.0 s, 4.0 s after the start: the estimate began anew"
+    assert warning == "time went back once, by 3.0 s, 4.0 s after the start: the estimate restarted"
     assert summary.rejected == 3
 
 

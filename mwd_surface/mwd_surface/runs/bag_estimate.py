@@ -1,0 +1,274 @@
+"""
+The estimator over a recording, in constant memory and in stages.
+
+A thread reads blocks ahead of the estimator and another one writes behind it. The pipeline is that of the live node.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
+from mwd_estimation.survey.survey import Survey
+from mwd_estimation.survey.survey_message import survey_fields
+from mwd_sensors.calibration.compensation import Compensation
+from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
+from mwd_surface.bags.bag_reader import Bag, Block, Originals
+from mwd_surface.runs.bag_input import (
+    IMU,
+    IMU_BURST,
+    InputSettings,
+    Topics,
+    check_imu,
+    check_mag,
+    find_topics,
+    frames_differ,
+    guesses,
+    in_si,
+    unstamped,
+)
+from mwd_surface.runs.imu_queue import ImuQueue
+from mwd_surface.runs.merger import Merger, end_rows
+from mwd_surface.runs.overlap import ahead, behind
+from mwd_surface.runs.run_summary import Summary, pipeline_warnings
+from mwd_surface.surveys.depth import DepthTrack
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_message import survey_of_fields
+from mwd_surface.surveys.well import Well
+
+# The other fields are most of the bytes of these messages, and are not read.
+_FIELDS = {
+    wire.IMU.type_name: ("angular_velocity", "linear_acceleration"),
+    wire.MAG.type_name: ("magnetic_field",),
+    wire.TEMPERATURE.type_name: ("temperature",),
+    wire.RIG_STATE.type_name: ("bit_depth", "valid"),
+}
+_BIT_DEPTH = 1  # RigState.VALID bit of bit_depth
+
+BlockSamples = dict[str | None, Samples]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Result:
+    """
+    Result of one stage, for the writer.
+
+    Attributes
+    ----------
+    output, log_ns : Output and ndarray of int64
+        Of some IMU samples, and when these were logged; or None.
+    originals : list of Originals
+        Messages of the bag.
+    until_ns : int
+        No message logged up to then is still to come.
+    """
+
+    output: Output | None
+    log_ns: NDArray[np.int64] | None = None
+    originals: list[Originals] = dataclasses.field(default_factory=list)
+    until_ns: int | None = None
+
+
+class BagEstimate:
+    """
+    One run of the estimator over a bag.
+
+    Parameters
+    ----------
+    bag : Bag
+    estimator, given : settings
+        Of the estimator and of the input.
+    compensation : Compensation, optional
+        Calibration of the AHRS, applied to its samples first.
+    smooth : bool
+        Use the samples after each one for its gravity too.
+    merger : Merger, optional
+        Receives the results, and all messages of the bag.
+
+    Raises
+    ------
+    BagError
+        The bag has no topic of an IMU.
+    """
+
+    def __init__(
+        self,
+        bag: Bag,
+        estimator: EstimatorSettings,
+        given: InputSettings,
+        *,
+        compensation: Compensation | None = None,
+        smooth: bool = False,
+        merger: Merger | None = None,
+    ) -> None:
+        self.topics = find_topics(bag, given)
+        self._bag, self._estimator, self._given = bag, estimator, given
+        self._compensation, self._merger = compensation, merger
+        self._pipeline = Pipeline(estimator)
+        self._depth = DepthTrack()
+        self._queue = ImuQueue(estimator.bounded if smooth else None)
+        self._start_ns = bag.start_ns + round(given.start_s * 1e9)
+        self._end_ns = bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
+        self._last_ns = bag.end_ns if self._end_ns is None else min(bag.end_ns, self._end_ns)
+        self._without_time = unstamped(bag, self.topics)
+        self._unchecked = {self.topics.imu, self.topics.mag}
+        self._use_mag = self.topics.mag is not None
+        self._last_status = 0
+        self._summary = Summary(self.topics, warnings=guesses(bag, self.topics, given))
+
+    def run(self, sink: Callable[[Output], None], progress: Callable[[float], None]) -> Summary:
+        """
+        Run the estimator and return the summary.
+
+        sink: gets the output of each block, in order of time, in a thread of its own; an exception of it ends the run.
+        progress: gets the share done, 0 to 1.
+        """
+        self._warn_of_input()
+
+        def write(result: _Result) -> None:
+            if self._merger is not None:
+                self._merger.take(result.output, result.log_ns, result.originals, result.until_ns)
+            if result.output is not None:
+                sink(result.output)
+                self._summary.count(result.output)
+
+        with behind(write) as give:
+            for result in self._results(progress):
+                if result.output is not None:
+                    self._keep_surveys(result.output)
+                    self._summary.faults += result.output.health
+                give(result)
+        progress(1.0)
+        self._close()
+        return self._summary
+
+    def _warn_of_input(self) -> None:
+        if self._without_time:
+            names = ", ".join(sorted(self._without_time))
+            self._summary.warnings.append(f"{names}: no time in the headers; the times of recording are used")
+        differ = frames_differ(self._bag, self.topics)
+        if differ and not self._given.same_axes:
+            self._use_mag = False
+            self._summary.warnings.append(f"{differ}: the magnetometer is not used; if they share axes say --same-axes")
+
+    def _blocks(self) -> Iterator[tuple[Block, list[Originals]]]:
+        """Read the bag, with its messages as they are where a merger wants them."""
+        if self._merger is not None:
+            yield from self._bag.blocks_and_originals(self.topics.all, self._start_ns, self._end_ns, fields=_FIELDS)
+            return
+        for block in self._bag.blocks(self.topics.all, self._start_ns, self._end_ns, fields=_FIELDS):
+            yield block, []
+
+    def _results(self, progress: Callable[[float], None]) -> Iterator[_Result]:
+        with ahead(self._blocks()) as ready:
+            for block, originals in ready:
+                samples = in_si(block, self.topics, self._given, self._without_time)
+                self._check_units(samples)
+                if self._compensation is not None:
+                    _compensate(self._compensation, samples, self.topics)
+                # One block ahead of the IMU: where a block ends makes no difference to the pairing of a sample.
+                self._push_companions(samples)
+                logged = _last_log(block, originals)
+                for imu in self._queue.done(logged):
+                    yield _Result(self._pipeline.push_imu(imu.samples, imu.followed), imu.log_ns)
+                if self.topics.imu in samples:
+                    self._queue.add(samples[self.topics.imu], block[self.topics.imu][0])
+                if self._merger is not None:
+                    until_ns = self._queue.first_log_ns - 1 if self._queue.waiting else logged
+                    yield _Result(None, None, originals, until_ns)
+                progress(min(max((logged - self._start_ns) / max(self._last_ns - self._start_ns, 1), 0.0), 1.0))
+        for imu in self._queue.finish():
+            yield _Result(self._pipeline.push_imu(imu.samples, imu.followed), imu.log_ns)
+        yield _Result(self._pipeline.finish())
+
+    def _check_units(self, samples: BlockSamples) -> None:
+        """Check the units of the first samples of IMU and magnetometer; one in doubtful units is not used."""
+        if self.topics.imu in self._unchecked and self.topics.imu in samples:
+            self._summary.warnings += check_imu(self.topics.imu, samples[self.topics.imu])
+        if self._use_mag and self.topics.mag in self._unchecked and self.topics.mag in samples:
+            doubtful = check_mag(self.topics.mag, samples[self.topics.mag])
+            self._summary.warnings += doubtful
+            self._use_mag = not doubtful
+        self._unchecked -= samples.keys()
+
+    def _push_companions(self, samples: BlockSamples) -> None:
+        """Push all samples but those of the IMU."""
+        topics = self.topics
+        if self._use_mag and topics.mag in samples:
+            self._pipeline.push_mag(samples[topics.mag])
+        if topics.precision in samples:
+            self._pipeline.push_precision(samples[topics.precision])
+        if topics.temperature in samples:
+            self._pipeline.push_temperature(samples[topics.temperature])
+        if topics.rig in samples:
+            for row in samples[topics.rig]:
+                self._depth.update(int(row["stamp_ns"]), float(row["bit_depth"]), bool(row["valid"] & _BIT_DEPTH))
+
+    def _keep_surveys(self, output: Output) -> None:
+        status = output.attitude["status"]
+        rows = end_rows(output) if len(status) else [-1] * len(output.surveys)
+        for survey, row in zip(output.surveys, rows, strict=True):
+            self._keep_survey(survey, int(status[row]) if len(status) else self._last_status)
+        self._last_status = int(status[-1]) if len(status) else self._last_status
+
+    def _keep_survey(self, survey: Survey, status: int) -> None:
+        summary = self._summary
+        reading = self._depth.sensor_depth(survey.stamp_ns, self._given.sensor_to_bit_m)
+        md = reading.measured_depth
+        summary.surveys.append((survey, md if md >= 0.0 else math.nan))
+        listed = survey_of_fields(survey_fields(survey, status), survey.stamp_ns)
+        if not summary.listed.records:
+            summary.listed = SurveyList(well=_well(self.topics, self._estimator, self._given, survey))
+        try:
+            summary.listed = summary.listed.add(listed, md, reading.depth_age, comment=reading.reason)
+        except ValueError as error:
+            summary.warnings.append(f"survey {survey.sequence} is not in the survey list: {error}")
+
+    def _close(self) -> None:
+        """Complete the summary after the last sample."""
+        summary, pipeline, compensation = self._summary, self._pipeline, self._compensation
+        if self._merger is not None:
+            summary.warnings += self._merger.remarks
+        summary.north = pipeline.north
+        summary.reference = pipeline.reference.source if pipeline.reference is not None else "none"
+        if compensation is not None and compensation.without_temperature:
+            summary.warnings.append(
+                f"{compensation.without_temperature} samples were calibrated before any temperature was known"
+            )
+        summary.warnings += pipeline_warnings(summary, pipeline, self._estimator)
+
+
+def _last_log(block: Block, originals: list[Originals]) -> int:
+    """Return the log time of the last message of a block, ns."""
+    logged = [int(part[0][-1]) for part in block.values()]
+    return max(logged + [int(one.log_ns[-1]) for one in originals if len(one.log_ns)], default=0)
+
+
+def _well(topics: Topics, estimator: EstimatorSettings, given: InputSettings, first: Survey) -> Well:
+    """Return what the recording and the settings say of the well."""
+    reference, station = estimator.reference, first.station
+    place = (reference.lat_deg, reference.lon_deg) if reference.source == "model" else (0.0, 0.0)
+    return Well(
+        name=topics.imu.removesuffix(IMU).removesuffix(IMU_BURST).strip("/") or Well().name,
+        latitude_deg=place[0],
+        longitude_deg=place[1],
+        north_reference=station.north,
+        sensor_to_bit=given.sensor_to_bit_m,
+        geomagnetic_model=station.reference.source if station.reference is not None else "",
+    )
+
+
+def _compensate(compensation: Compensation, samples: BlockSamples, topics: Topics) -> None:
+    """Apply the calibration to the AHRS samples of a block, in place."""
+    if topics.temperature in samples:
+        compensation.push_temperature(samples[topics.temperature])
+    if topics.imu in samples:
+        samples[topics.imu] = compensation.imu(samples[topics.imu])
+    if topics.mag in samples:
+        samples[topics.mag] = compensation.mag(samples[topics.mag])
