@@ -60,7 +60,7 @@ class Graph:
 @functools.cache
 def _compiled() -> None:
     """Have the nodes' filters in the cache: how long compiling takes is no part of any test."""
-    from mwd_estimation.nodes.estimator import warm_up
+    from mwd_estimation.nodes.warm_up import warm_up
     from mwd_estimation.pipeline import EstimatorSettings
     from mwd_sensors.core.settings import changed
 

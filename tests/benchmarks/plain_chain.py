@@ -19,7 +19,8 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 
-from mwd_estimation.nodes.estimator import oriented_imu, warm_up
+from mwd_estimation.nodes.messages import oriented_imu
+from mwd_estimation.nodes.warm_up import warm_up
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
@@ -117,9 +118,9 @@ def estimator(node: Any, _scenario: Path) -> None:
     for name, push in pushes.items():
         layout = wire.SONDE_TOPICS[name]
         node.create_subscription(
-            SENSORS[name], name, lambda m, p=push, w=layout: p(sample_of(w, m)), qos.deep(qos.STREAM)
+            SENSORS[name], name, lambda m, p=push, w=layout: p(sample_of(w, m)), qos.buffered(qos.STREAM)
         )
-    node.create_subscription(Imu, "imu/data_raw", on_imu, qos.deep(qos.STREAM))
+    node.create_subscription(Imu, "imu/data_raw", on_imu, qos.buffered(qos.STREAM))
 
 
 def recorder(node: Any, _scenario: Path) -> None:
@@ -134,7 +135,7 @@ def recorder(node: Any, _scenario: Path) -> None:
             now = time.time_ns()
             writer.add_message(channel, now, serialize_message(message), now)
 
-        node.create_subscription(kind, name, keep, qos.deep(qos.STREAM))
+        node.create_subscription(kind, name, keep, qos.buffered(qos.STREAM))
 
 
 def main() -> None:

@@ -38,7 +38,7 @@ class ToolfaceHoldNode(Node):
         self._told = -math.inf
         self._out = self.create_publisher(RigCommand, "rig/command", qos.STATE)
         watch = SubscriptionEventCallbacks(deadline=self._on_deadline, liveliness=self._on_liveliness)
-        self.create_subscription(Toolface, "toolface", self._on_toolface, qos.WATCHED_STATE, event_callbacks=watch)
+        self.create_subscription(Toolface, "toolface", self._on_toolface, qos.DEADLINE_STATE, event_callbacks=watch)
         self.create_timer(PERIOD, self._act)
 
     def _say(self, words: str) -> None:

@@ -1,1 +1,1 @@
-"""The only door to ROS of this package."""
+"""The nodes of this package: the only modules that import ROS beside `mwd_sensors.ros`."""

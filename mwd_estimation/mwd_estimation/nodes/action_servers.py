@@ -1,4 +1,4 @@
-"""The estimator's actions: north sought, and a survey taken while the string turns, with progress until the result."""
+"""The estimator's actions: a north seek, and a survey taken while the string rotates; feedback until the result."""
 
 from __future__ import annotations
 
@@ -13,74 +13,73 @@ from mwd_estimation.core.reason_text import text
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.nodes.messages import known
 from mwd_estimation.pipeline import Pipeline
-from mwd_sensors.ros.lifecycle_node import Errand
+from mwd_sensors.ros.deferred import DeferredGoal
 
-# s between two words of progress.
-PERIOD = 0.5
+FEEDBACK_PERIOD = 0.5  # s
 
 
-class Errands:
+class EstimatorActions:
     """
-    At most one goal of each action; the pipeline does the work.
+    Goals of the estimator's actions, at most one of each; the pipeline does the work.
 
     Parameters
     ----------
     pipeline : callable
-        Gives the one in force.
-    hears : callable
-        Whether samples arrive.
+        Returns the pipeline in force.
+    samples_arrive : callable
+        Returns whether samples of the IMU arrive.
     """
 
-    def __init__(self, pipeline: Callable[[], Pipeline], hears: Callable[[], bool]) -> None:
-        self._pipeline, self._hears = pipeline, hears
-        self._north: Errand | None = None
-        self._rotary: Errand | None = None
+    def __init__(self, pipeline: Callable[[], Pipeline], samples_arrive: Callable[[], bool]) -> None:
+        self._pipeline, self._samples_arrive = pipeline, samples_arrive
+        self._north: DeferredGoal | None = None
+        self._rotary: DeferredGoal | None = None
 
-    def seek_north(self, errand: Errand) -> None:
-        """Begin, or say why not."""
-        why = self._refused(lambda: self._pipeline().request_north(errand.goal.duration, errand.goal.mode))
-        if why:
-            errand.finish(_no_north(why))
+    def start_north_seek(self, goal: DeferredGoal) -> None:
+        """Start to seek north, or finish the goal with the reason why that is not possible."""
+        reason = self._refused(lambda: self._pipeline().request_north(goal.request.duration, goal.request.mode))
+        if reason:
+            goal.finish(_no_north(reason))
         else:
-            self._north = errand
+            self._north = goal
 
-    def cancel_north(self, errand: Errand) -> None:
-        """Stop seeking."""
+    def cancel_north_seek(self, goal: DeferredGoal) -> None:
+        """Stop to seek north."""
         self._pipeline().cancel_north()
         self._north = None
-        errand.finish(_no_north("cancelled"))
+        goal.finish(_no_north("cancelled"))
 
-    def take_rotary(self, errand: Errand) -> None:
-        """Begin, or say why not."""
-        why = self._refused(lambda: self._pipeline().request_rotary(errand.goal.duration))
-        if why:
-            errand.finish(RotarySurvey.Result(success=False, message=f"no survey taken: {why}"))
+    def start_rotary_survey(self, goal: DeferredGoal) -> None:
+        """Start to average, or finish the goal with the reason why that is not possible."""
+        reason = self._refused(lambda: self._pipeline().request_rotary(goal.request.duration))
+        if reason:
+            goal.finish(_no_survey(reason))
         else:
-            self._rotary = errand
+            self._rotary = goal
 
-    def cancel_rotary(self, errand: Errand) -> None:
-        """Stop averaging."""
+    def cancel_rotary_survey(self, goal: DeferredGoal) -> None:
+        """Stop to average."""
         self._pipeline().cancel_rotary()
         self._rotary = None
-        errand.finish(RotarySurvey.Result(success=False, message="no survey taken: cancelled"))
+        goal.finish(_no_survey("cancelled"))
 
-    def _refused(self, ask: Callable[[], Any]) -> str:
-        if not self._hears():
+    def _refused(self, request: Callable[[], Any]) -> str:
+        if not self._samples_arrive():
             return "no samples arrive from the sonde"
         try:
-            ask()
+            request()
         except ValueError as error:
             return str(error)
         return ""
 
-    def tell(self) -> None:
-        """Progress of what is under way; what can come to no end is ended."""
-        if (self._north is not None or self._rotary is not None) and not self._hears():
-            self.end("the samples stopped")
+    def publish_feedback(self) -> None:
+        """Publish the progress of the goals; finish those that can no longer succeed."""
+        if (self._north is not None or self._rotary is not None) and not self._samples_arrive():
+            self.abort("the samples stopped")
             return
         north, rotary = self._pipeline().north_progress, self._pipeline().rotary_progress
         if self._north is not None and north is not None:
-            self._north.progress(
+            self._north.publish_feedback(
                 NorthSeek.Feedback(
                     elapsed=north.elapsed,
                     remaining=north.remaining,
@@ -90,46 +89,54 @@ class Errands:
                 )
             )
         if self._rotary is not None and rotary is not None:
-            self._rotary.progress(
+            self._rotary.publish_feedback(
                 RotarySurvey.Feedback(
                     elapsed=rotary.elapsed, remaining=rotary.remaining, samples=rotary.samples, state=rotary.state
                 )
             )
 
-    def end(self, why: str) -> None:
-        """Nothing will come of what is under way."""
+    def abort(self, reason: str) -> None:
+        """Finish every goal without success."""
         self._pipeline().cancel_north()
         self._pipeline().cancel_rotary()
         if self._north is not None:
-            self._north.finish(_no_north(why))
+            self._north.finish(_no_north(reason))
         if self._rotary is not None:
-            self._rotary.finish(RotarySurvey.Result(success=False, message=f"no survey taken: {why}"))
+            self._rotary.finish(_no_survey(reason))
         self._north = self._rotary = None
 
-    def north_found(self, found: Solution) -> None:
-        """The seek has ended."""
-        errand, self._north = self._north, None
-        if errand is not None:
-            errand.finish(_north(found) if found.reason is None else _no_north(text(found.reason)))
+    def finish_north_seek(self, solution: Solution) -> None:
+        """Finish the north seek with the pipeline's solution."""
+        goal, self._north = self._north, None
+        if goal is not None:
+            goal.finish(_north(solution) if solution.reason is None else _no_north(text(solution.reason)))
 
-    def rotary_taken(self, survey: SurveyMessage | None, words: str) -> None:
-        """The rotary survey has ended; None: there is none, and why."""
-        errand, self._rotary = self._rotary, None
-        if errand is None:
+    def finish_rotary_survey(self, survey: SurveyMessage | None, words: str) -> None:
+        """Finish the rotary survey; survey None: there is none, and `words` say why."""
+        goal, self._rotary = self._rotary, None
+        if goal is None:
             return
         if survey is None:
-            errand.finish(RotarySurvey.Result(success=False, message=f"no survey taken: {words}"))
+            goal.finish(_no_survey(words))
         else:
-            errand.finish(RotarySurvey.Result(success=True, message=words, survey=survey))
+            goal.finish(RotarySurvey.Result(success=True, message=words, survey=survey))
 
 
-def _north(found: Solution) -> NorthSeek.Result:
-    words = (
-        f"azimuth {math.degrees(found.azimuth):.2f} +- {math.degrees(found.sigma):.2f} deg from true north, "
-        f"{found.method}, {found.elapsed:.0f} s"
+def _north(solution: Solution) -> NorthSeek.Result:
+    azimuth_deg, sigma_deg = math.degrees(solution.azimuth), math.degrees(solution.sigma)
+    return NorthSeek.Result(
+        success=True,
+        message=f"azimuth {azimuth_deg:.2f} +- {sigma_deg:.2f} deg from true north, "
+        f"{solution.method}, {solution.elapsed:.0f} s",
+        azimuth=solution.azimuth,
+        sigma=solution.sigma,
+        method=solution.method,
     )
-    return NorthSeek.Result(success=True, message=words, azimuth=found.azimuth, sigma=found.sigma, method=found.method)
 
 
-def _no_north(why: str) -> NorthSeek.Result:
-    return NorthSeek.Result(success=False, message=f"no north found: {why}", sigma=-1.0)
+def _no_north(reason: str) -> NorthSeek.Result:
+    return NorthSeek.Result(success=False, message=f"no north found: {reason}", sigma=-1.0)
+
+
+def _no_survey(reason: str) -> RotarySurvey.Result:
+    return RotarySurvey.Result(success=False, message=f"no survey taken: {reason}")

@@ -1,15 +1,24 @@
-"""What the estimator found as the graph's messages: unknown becomes what the message says unknown is."""
+"""Results of the estimator as messages of the graph; an unknown value becomes what the message defines as unknown."""
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import TransformStamped
 from mwd_msgs.msg import AzimuthEstimate
 from mwd_msgs.msg import Survey as SurveyMessage
 
 from mwd_estimation.survey.survey import Survey
 from mwd_estimation.survey.survey_message import known, survey_fields
+from mwd_sensors.core import frames
+from mwd_sensors.core.arrays import Indices, Samples, Stamps
 from mwd_sensors.ros.time_stamps import stamp
 
-__all__ = ["known", "stamp", "survey_message"]
+__all__ = ["known", "oriented_imu", "published_rows", "stamp", "survey_message", "tool_transform"]
+
+# Shortest time between two published estimates, ns: 0.8 ms. A unit faster than 1 kHz is estimated at its own rate.
+MIN_SPACING_NS = 800_000
 
 
 def survey_message(survey: Survey, frame_id: str, status: int) -> SurveyMessage:
@@ -20,3 +29,65 @@ def survey_message(survey: Survey, frame_id: str, status: int) -> SurveyMessage:
     message.header.stamp = stamp(survey.stamp_ns)
     message.header.frame_id = frame_id
     return message
+
+
+def tool_transform(oriented: Any, namespace: str, frame_id: str) -> TransformStamped:
+    """
+    Transform of the tool frame from local east-north-up.
+
+    Parameters
+    ----------
+    oriented : record
+        One sample of `wire.IMU` with its orientation.
+    namespace : str
+        Of the well; precedes both frame ids where it is not empty.
+    frame_id : str
+        Frame of the tool.
+    """
+    transform = TransformStamped()
+    transform.header.stamp = stamp(int(oriented["stamp_ns"]))
+    transform.header.frame_id = f"{namespace}/local_enu" if namespace else "local_enu"
+    transform.child_frame_id = f"{namespace}/{frame_id}" if namespace else frame_id
+    x, y, z, w = (float(v) for v in oriented["orientation"])
+    rotation = transform.transform.rotation
+    rotation.x, rotation.y, rotation.z, rotation.w = x, y, z, w
+    return transform
+
+
+def published_rows(stamps: Stamps, last_ns: int) -> Indices:
+    """
+    Indices of the samples whose estimates are published: at least `MIN_SPACING_NS` apart.
+
+    stamps, shape (n,), and last_ns, stamp of the one published last: ns. Time that goes back starts anew.
+    """
+    far = np.abs(np.diff(stamps)) >= MIN_SPACING_NS
+    if len(stamps) and abs(int(stamps[0]) - last_ns) >= MIN_SPACING_NS and far.all():
+        return np.arange(len(stamps))
+    rows = []
+    for k, stamp_ns in enumerate(stamps.tolist()):
+        if abs(stamp_ns - last_ns) >= MIN_SPACING_NS:
+            rows.append(k)
+            last_ns = stamp_ns
+    return np.array(rows, dtype=np.int64)
+
+
+def oriented_imu(samples: Samples, attitude: Samples) -> Samples:
+    """
+    The IMU samples with their orientation filled in, tool to east-north-up (REP-103, REP-145).
+
+    Without attitude the first covariance element is -1 (not reported); without azimuth the heading is zero with the
+    variance of a full circle.
+    """
+    oriented = samples.copy()
+    attitude_known = attitude["sigma_inclination"] >= 0.0
+    azimuth_known = attitude["sigma_azimuth"] >= 0.0
+    mat = frames.mat_nt(attitude["inclination"], attitude["azimuth"], attitude["gravity_toolface"])
+    oriented["orientation"] = np.where(attitude_known[:, None], frames.orientation_et(mat), [0.0, 0.0, 0.0, 1.0])
+    tilt = attitude["sigma_inclination"] ** 2
+    heading = np.where(azimuth_known, attitude["sigma_azimuth"], np.pi) ** 2
+    covariance = np.zeros((len(samples), 9))
+    covariance[:, 0] = np.where(attitude_known, tilt, -1.0)
+    covariance[:, 4] = np.where(attitude_known, tilt, 0.0)
+    covariance[:, 8] = np.where(attitude_known, heading, 0.0)
+    oriented["orientation_covariance"] = covariance
+    return oriented

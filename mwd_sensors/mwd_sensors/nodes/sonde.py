@@ -15,8 +15,10 @@ from mwd_sensors.core import burst, wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import from_mapping, setting
 from mwd_sensors.ros import qos
-from mwd_sensors.ros.discovery import Listeners
-from mwd_sensors.ros.lifecycle_node import ERROR, OK, WARN, Finding, GraphNode, run_node
+from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
+from mwd_sensors.ros.discovery import SubscriberDiscovery
+from mwd_sensors.ros.lifecycle_node import GraphNode
+from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.simulator import scenario_files, steering
 from mwd_sensors.simulator.faults import Fault
 from mwd_sensors.simulator.scenario import read
@@ -34,7 +36,7 @@ _TYPES = {
     "truth": Truth,
     "rig/state": RigState,
 }
-# At equal stamps the AHRS comes last: what the estimator needs beside it is then already on its way.
+# At equal stamps the AHRS comes last: the other samples the estimator needs have then been published.
 _ORDER = ("rig/state", "imu/temperature", "gyro/data_raw", "imu/mag", "truth", "imu/data_raw")
 
 _OBEYED = {steering.HOLD: "holding", steering.ROTATE: "rotating", steering.ORIENT: "turning to an angle"}
@@ -77,30 +79,30 @@ class SondeNode(GraphNode[SondeSettings]):
         self._sonde: Sonde | None = None
         self._finished = False
 
-    def open(self) -> None:
+    def configure(self) -> None:
         """Read the scenario and open the topics."""
         changes = {} if self.settings.seed < 0 else {"seed": self.settings.seed}
         self._scenario = read(scenario_files.find(self.settings.scenario), changes)
         # Compiles the simulator, so that the run does not begin late.
         next(Sonde(self._scenario).blocks(_BLOCK_S))
         self._out = {
-            topic: self.publish_on(_TYPES[topic], topic, qos.EVENT if topic == "rig/state" else qos.STREAM)
+            topic: self.add_publisher(_TYPES[topic], topic, qos.EVENT if topic == "rig/state" else qos.STREAM)
             for topic in _ORDER
         }
         if self.settings.burst:
-            self._out |= {topic: self.publish_on(ImuBurst, topic, qos.STREAM) for topic in burst.TOPICS}
-        self.serve(InjectFault, "inject_fault", self._inject_fault)
-        self.listen(RigCommand, "rig/command", self._on_command, qos.STATE)
-        self.every(_TICK_S, self._tick)
+            self._out |= {topic: self.add_publisher(ImuBurst, topic, qos.STREAM) for topic in burst.TOPICS}
+        self.add_service(InjectFault, "inject_fault", self._inject_fault)
+        self.add_subscription(RigCommand, "rig/command", self._on_command, qos.STATE)
+        self.add_timer(_TICK_S, self._tick)
 
-    def start(self) -> None:
+    def activate(self) -> None:
         """Begin the scenario at its beginning."""
         self._sonde = None
         self._finished = False
         self._over_at = 0.0
         self._taken = self._not_taken = 0
         self._why_not = ""
-        self._listeners = Listeners(time.monotonic(), self.settings.wait_for_listener_s)
+        self._discovery = SubscriberDiscovery(time.monotonic(), self.settings.wait_for_listener_s)
 
     def _begin(self) -> None:
         self._sonde = Sonde(self._scenario, epoch_ns=self.get_clock().now().nanoseconds)
@@ -115,7 +117,7 @@ class SondeNode(GraphNode[SondeSettings]):
 
     def _tick(self) -> None:
         if self._sonde is None:
-            if not self._listeners.complete(self._out.values(), time.monotonic()):
+            if not self._discovery.complete(self._out.values(), time.monotonic()):
                 return
             self._begin()
         if self._finished:
@@ -204,33 +206,33 @@ class SondeNode(GraphNode[SondeSettings]):
         self.get_logger().warning(f"fault injected: {response.message}")
         return response
 
-    def findings(self) -> Sequence[Finding]:
+    def diagnostics(self) -> Sequence[Diagnostic]:
         """Progress and what was sent; commands, where any came."""
         return (*self._progress(), *self._commanded())
 
-    def _commanded(self) -> Sequence[Finding]:
+    def _commanded(self) -> Sequence[Diagnostic]:
         string = self._sonde.string if self._sonde is not None else None
         if not self._taken + self._not_taken:
             return ()
         values = (("taken", str(self._taken)), ("refused", str(self._not_taken)))
         if self._why_not:
             remedy = "mend the command; the one before stays in force until its time is over"
-            return (Finding("rig command", WARN, self._why_not, remedy, values),)
+            return (Diagnostic("rig command", WARN, self._why_not, remedy, values),)
         obeyed = _OBEYED[string.obeys] if string is not None and string.obeys is not None else ""
-        return (Finding("rig command", OK, obeyed, values=values),)
+        return (Diagnostic("rig command", OK, obeyed, values=values),)
 
-    def _progress(self) -> Sequence[Finding]:
+    def _progress(self) -> Sequence[Diagnostic]:
         values = tuple((topic, str(count)) for topic, count in self._sent.items())
         if self._sonde is None:
-            return (Finding("scenario", WARN, "waiting for a listener", "start the estimator", values),)
+            return (Diagnostic("scenario", WARN, "waiting for a listener", "start the estimator", values),)
         if self._finished:
-            return (Finding("scenario", OK, "over", values=values),)
+            return (Diagnostic("scenario", OK, "over", values=values),)
         behind = (time.monotonic() - self._started) * self.settings.rate - self._made_until
         if self.settings.rate > 0.0 and behind > 1.0:
             remedy = "lower the rate, or free the machine"
-            return (Finding("scenario", ERROR, f"{behind:.1f} s behind", remedy, values),)
+            return (Diagnostic("scenario", ERROR, f"{behind:.1f} s behind", remedy, values),)
         message = f"{self._made_until:.0f} of {self._sonde.duration:.0f} s"
-        return (Finding("scenario", OK, message, values=values),)
+        return (Diagnostic("scenario", OK, message, values=values),)
 
 
 def main(args: Sequence[str] | None = None) -> int:

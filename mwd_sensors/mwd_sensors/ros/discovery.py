@@ -1,37 +1,41 @@
-"""Wait until everybody listens: discovery finds one subscriber after the other, and the last would miss the start."""
+"""
+Wait for subscribers before the first message.
+
+Discovery finds one subscriber after the other; the last one found would miss the first messages.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import Any
 
-# Without a new listener before all are taken to be there. A reader drops what comes before it knows the writer; on a
-# busy machine it may learn of it a second or two after the writer learnt of the reader.
-_JOINING_S = 3.0
+# Time without a new subscriber after which discovery counts as complete, s. A reader drops what arrives before it knows
+# the writer; on a busy machine it may learn of the writer a second or two after the writer learnt of the reader.
+_QUIET_S = 3.0
 
 
-class Listeners:
+class SubscriberDiscovery:
     """
-    Counts the subscribers of some publishers.
+    Decides when the subscribers of some publishers have been found.
 
     Parameters
     ----------
     now : float
-        Steady time, s, from which on is waited.
-    patience : float
-        Wait no longer than this, s.
+        Steady time of the start, s.
+    timeout : float
+        Longest wait, s.
     """
 
-    def __init__(self, now: float, patience: float) -> None:
-        self._until = now + patience
-        self._joined = now
+    def __init__(self, now: float, timeout: float) -> None:
+        self._deadline = now + timeout
+        self._changed_at = now
         self._count = 0
 
     def complete(self, publishers: Iterable[Any], now: float) -> bool:
-        """Whether to begin: somebody listens and nobody joined for a while, or the patience is over."""
-        if now >= self._until:
+        """Whether to begin: there are subscribers and none was added lately, or the wait has timed out."""
+        if now >= self._deadline:
             return True
         count = sum(publisher.get_subscription_count() for publisher in publishers)
         if count != self._count:
-            self._count, self._joined = count, now
-        return count > 0 and now - self._joined >= _JOINING_S
+            self._count, self._changed_at = count, now
+        return count > 0 and now - self._changed_at >= _QUIET_S

@@ -1,8 +1,8 @@
 """
-Messages that wait until they are taken, and rows that leave together: what streams at a kilohertz want.
+Subscriptions and publishers for streams of a kilohertz: messages are taken and published many at a time.
 
-A callback per message wakes the process, the executor and Python for each. What a node handles in blocks anyway it
-lets wait in the reader's own queue and takes with one call, in the order and with the times of arrival.
+A callback per message wakes the process, the executor and Python for each message. A node that works in blocks lets the
+messages wait in the queue of the middleware's reader and takes all of them with one call, in order of arrival.
 """
 
 from __future__ import annotations
@@ -15,19 +15,20 @@ import numpy as np
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 
-_MOST = 10_000  # messages of one take; a writer faster than the reader must not hold it for good
+# Most messages of one call of `take`: a writer faster than the reader must not block the reader's node.
+_MAX_TAKEN = 10_000
 
 
-class Arrival(NamedTuple):
-    """A serialised message and when the middleware received it, ns since the epoch."""
+class ReceivedMessage(NamedTuple):
+    """A serialised message and the time at which the middleware received it, ns since the epoch."""
 
     data: bytes
     received_ns: int
 
 
-class Inbox:
+class MessageBuffer:
     """
-    Takes what waits on a subscription that the executor leaves alone.
+    Takes the messages that wait in the queue of a subscription the executor does not serve.
 
     Parameters
     ----------
@@ -38,18 +39,18 @@ class Inbox:
     def __init__(self, subscription: Any) -> None:
         self.subscription = subscription
 
-    def take(self) -> list[Arrival]:
-        """Everything that waits, oldest first."""
-        taken: list[Arrival] = []
-        reader, kind = self.subscription.handle, self.subscription.msg_type
+    def take(self) -> list[ReceivedMessage]:
+        """All messages that wait, oldest first."""
+        taken: list[ReceivedMessage] = []
+        reader, msg_type = self.subscription.handle, self.subscription.msg_type
         with reader:
-            while len(taken) < _MOST and (found := reader.take_message(kind, True)) is not None:
-                taken.append(Arrival(found[0], found[1]["received_timestamp"]))
+            while len(taken) < _MAX_TAKEN and (found := reader.take_message(msg_type, True)) is not None:
+                taken.append(ReceivedMessage(found[0], found[1]["received_timestamp"]))
         return taken
 
 
-def decoded(layout: wire.Layout, messages: Sequence[bytes]) -> tuple[Samples, list[wire.WireError]]:
-    """Samples of the messages that are of that layout, in their order, and what was wrong with the others."""
+def decode_messages(layout: wire.Layout, messages: Sequence[bytes]) -> tuple[Samples, list[wire.WireError]]:
+    """Decode serialised messages of one layout: their samples in order, and one error for each unreadable message."""
     if not messages:
         return layout.empty(0), []
     size = len(messages[0])
@@ -69,7 +70,7 @@ def decoded(layout: wire.Layout, messages: Sequence[bytes]) -> tuple[Samples, li
 
 
 def publish_rows(publisher: Any, rows: wire.Rows) -> None:
-    """Publish rows of one layout as messages, in their order; nothing while the publisher is silent or unheard."""
+    """Publish each row of serialised bytes as a message, in order; an inactive publisher publishes nothing."""
     if not len(rows) or not publisher.is_activated:
         return
     size, joined, writer = rows.shape[1], rows.tobytes(), publisher.handle

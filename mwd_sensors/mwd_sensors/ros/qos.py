@@ -1,43 +1,53 @@
-"""Quality-of-service profiles of the graph, each named once."""
+"""
+Quality-of-service profiles of the graph, each named once.
+
+====================  ===========  ================  ==========================================
+profile               reliability  durability        used for
+====================  ===========  ================  ==========================================
+STREAM                best effort  volatile          samples and estimates at the sensor's rate
+STATE                 reliable     volatile          values at a few hertz
+EVENT                 reliable     transient local   surveys, rig state: the last 100
+LATCHED               reliable     transient local   tables: the last message is the whole table
+DEADLINE_STREAM       as STREAM, with deadline and liveliness lease
+DEADLINE_STATE        as STATE, with deadline and liveliness lease
+====================  ===========  ================  ==========================================
+"""
 
 from rclpy.duration import Duration
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSLivelinessPolicy, QoSProfile, QoSReliabilityPolicy
 
-# Raw samples and estimates at sensor rate: the newest matters, nobody waits for a lost one.
+# A lost sample is not sent again: the newest one matters.
 STREAM = QoSProfile(
     history=QoSHistoryPolicy.KEEP_LAST,
     depth=200,
     reliability=QoSReliabilityPolicy.BEST_EFFORT,
     durability=QoSDurabilityPolicy.VOLATILE,
 )
-# Surveys, rig state, alarms: every one counts and a late joiner gets those that were.
-EVENT = QoSProfile(
-    history=QoSHistoryPolicy.KEEP_LAST,
-    depth=100,
-    reliability=QoSReliabilityPolicy.RELIABLE,
-    durability=QoSDurabilityPolicy.TRANSIENT_LOCAL,
-)
-# Tables and references: the last one is the whole truth.
-LATCHED = QoSProfile(
-    history=QoSHistoryPolicy.KEEP_LAST,
-    depth=1,
-    reliability=QoSReliabilityPolicy.RELIABLE,
-    durability=QoSDurabilityPolicy.TRANSIENT_LOCAL,
-)
-# Low-rate values for people and machines that must not miss one but need no history.
 STATE = QoSProfile(
     history=QoSHistoryPolicy.KEEP_LAST,
     depth=10,
     reliability=QoSReliabilityPolicy.RELIABLE,
     durability=QoSDurabilityPolicy.VOLATILE,
 )
+# A subscriber that joins late receives the events before it.
+EVENT = QoSProfile(
+    history=QoSHistoryPolicy.KEEP_LAST,
+    depth=100,
+    reliability=QoSReliabilityPolicy.RELIABLE,
+    durability=QoSDurabilityPolicy.TRANSIENT_LOCAL,
+)
+LATCHED = QoSProfile(
+    history=QoSHistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=QoSReliabilityPolicy.RELIABLE,
+    durability=QoSDurabilityPolicy.TRANSIENT_LOCAL,
+)
 
-# What a controller may steer by: as STREAM and STATE, and a promise. A reader that asks for this deadline and lease (or
-# longer ones) is told by the middleware when values stop (a hung node) or the writer dies; one that asks for nothing
-# reads as before.
+# For topics that a controller steers by. A subscriber that requests this deadline and lease, or longer ones, is told by
+# the middleware when messages stop (a hung node) or the publisher dies; others receive the messages as before.
 DEADLINE = Duration(seconds=1)
 LEASE = Duration(seconds=2)
-WATCHED_STREAM = QoSProfile(
+DEADLINE_STREAM = QoSProfile(
     history=QoSHistoryPolicy.KEEP_LAST,
     depth=200,
     reliability=QoSReliabilityPolicy.BEST_EFFORT,
@@ -46,7 +56,7 @@ WATCHED_STREAM = QoSProfile(
     liveliness=QoSLivelinessPolicy.AUTOMATIC,
     liveliness_lease_duration=LEASE,
 )
-WATCHED_STATE = QoSProfile(
+DEADLINE_STATE = QoSProfile(
     history=QoSHistoryPolicy.KEEP_LAST,
     depth=10,
     reliability=QoSReliabilityPolicy.RELIABLE,
@@ -57,8 +67,8 @@ WATCHED_STATE = QoSProfile(
 )
 
 
-def deep(profile: QoSProfile) -> QoSProfile:
-    """That profile for a reader whose messages wait: what arrives while it is busy must not push out what waits."""
+def buffered(profile: QoSProfile) -> QoSProfile:
+    """That profile with a long queue, for a subscription whose messages wait until they are taken."""
     return QoSProfile(
         history=QoSHistoryPolicy.KEEP_LAST,
         depth=5000,

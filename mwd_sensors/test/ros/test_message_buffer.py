@@ -1,4 +1,4 @@
-"""Messages taken in one go, decoded in one go, published in one go: nothing lost, nothing out of order."""
+"""Messages taken in one go, decode_messages in one go, published in one go: nothing lost, nothing out of order."""
 
 import contextlib
 
@@ -12,7 +12,7 @@ pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 from sensor_msgs.msg import Imu
 
 from mwd_sensors.ros import qos
-from mwd_sensors.ros.message_buffer import Inbox, decoded, publish_rows
+from mwd_sensors.ros.message_buffer import MessageBuffer, decode_messages, publish_rows
 
 
 class Handle(contextlib.nullcontext):
@@ -53,29 +53,29 @@ def messages(count, frame="sonde_link"):
 
 
 def test_everything_that_waits_is_taken_oldest_first_with_its_time_of_arrival():
-    inbox = Inbox(Entity([b"first", b"second", b"third"]))
-    assert inbox.take() == [(b"first", 1000), (b"second", 1001), (b"third", 1002)]
-    assert inbox.take() == []
+    buffer = MessageBuffer(Entity([b"first", b"second", b"third"]))
+    assert buffer.take() == [(b"first", 1000), (b"second", 1001), (b"third", 1002)]
+    assert buffer.take() == []
 
 
 def test_messages_decoded_together_are_those_decoded_one_by_one():
-    together, errors = decoded(wire.IMU, messages(5))
+    together, errors = decode_messages(wire.IMU, messages(5))
     assert errors == []
     assert together.tobytes() == samples(5).tobytes()
-    assert len(decoded(wire.IMU, [])[0]) == 0
+    assert len(decode_messages(wire.IMU, [])[0]) == 0
 
 
 def test_a_message_that_cannot_be_read_costs_only_itself():
     good = messages(4)
     big_endian = b"\0\0\0\0" + good[1][4:]
     for bad in (big_endian, good[1][:100], b"", good[1] + bytes(8)):
-        found, errors = decoded(wire.IMU, [good[0], bad, *good[2:]])
+        found, errors = decode_messages(wire.IMU, [good[0], bad, *good[2:]])
         assert found["stamp_ns"].tolist() == [samples(4)["stamp_ns"][k] for k in (0, 2, 3)]
         assert len(errors) == 1
 
 
 def test_messages_of_two_frames_are_read_together():
-    found, errors = decoded(wire.IMU, [messages(2)[0], messages(2, "another_longer_frame")[1]])
+    found, errors = decode_messages(wire.IMU, [messages(2)[0], messages(2, "another_longer_frame")[1]])
     assert errors == []
     assert found.tobytes() == samples(2).tobytes()
 
@@ -91,7 +91,7 @@ def test_rows_leave_as_messages_in_their_order_and_not_while_the_publisher_is_si
     assert silent.handle.published == []
 
 
-def test_a_deep_profile_differs_in_nothing_but_its_depth():
-    deep = qos.deep(qos.EVENT)
-    assert deep.depth > qos.EVENT.depth
-    assert (deep.reliability, deep.durability) == (qos.EVENT.reliability, qos.EVENT.durability)
+def test_a_buffered_profile_differs_in_nothing_but_its_depth():
+    buffered = qos.buffered(qos.EVENT)
+    assert buffered.depth > qos.EVENT.depth
+    assert (buffered.reliability, buffered.durability) == (qos.EVENT.reliability, qos.EVENT.durability)

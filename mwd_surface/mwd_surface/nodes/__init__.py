@@ -1,1 +1,1 @@
-"""The only door to ROS of this package."""
+"""The nodes of this package, and the parts the surface node is made of."""

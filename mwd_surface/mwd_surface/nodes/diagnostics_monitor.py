@@ -1,4 +1,4 @@
-"""How the graph is: what its nodes say of themselves, the survey under way, and who has fallen silent."""
+"""Monitors the graph: diagnostics of the other nodes, progress of a survey, and input topics that went silent."""
 
 from __future__ import annotations
 
@@ -10,28 +10,24 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.serialization import deserialize_message
 
 from mwd_surface.live.alarms import Severity
-from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField
-from mwd_surface.ros.alarm_log import Journal
+from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.surveys.well import Well
 
-_SILENT_AFTER = 2.0  # s
+_TIMEOUT_S = 2.0  # without a message before a topic counts as silent
 _WARN, _ERROR = DiagnosticStatus.WARN[0], DiagnosticStatus.ERROR[0]
-_REPORT_LASTS = 5.0  # s
+_DIAGNOSTICS_AGE_S = 5.0  # diagnostics older than this are no longer shown
 _REFERENCE = ("total", "dip", "declination", "convergence", "gravity")
-_WATCHED = (
+_MONITORED = (
     ("imu/data_raw", "sonde", Severity.CRITICAL),
     ("attitude", "estimator", Severity.CRITICAL),
     ("rig/state", "rig data", Severity.WARNING),
 )
 
 
-class HealthDesk:
+class DiagnosticsMonitor:
     """
-    Health of one well's graph.
-
-    own : str
-        Full name of the node itself: what is wrong with it is told where it happens.
+    Monitors the graph of one well. Errors of the surface node itself raise their alarms where they happen.
 
     Attributes
     ----------
@@ -39,61 +35,63 @@ class HealthDesk:
         The reference field the estimator has in force.
     """
 
-    def __init__(self, own: str, namespace: str, live: LiveState, journal: Journal) -> None:
+    def __init__(self, context: SurfaceContext) -> None:
         self.reference: ReferenceField | None = None
-        self._own, self._namespace, self._live, self._journal = own, namespace, live, journal
+        self._own_name = context.node.get_fully_qualified_name()
+        self._namespace = context.node.get_namespace()
+        self._live, self._alarm_log = context.live, context.alarm_log
         self._well = Well()
-        self._heard: dict[str, float] = {}
-        self._findings_of: dict[str, tuple[float, list[Any]]] = {}
+        self._received_at: dict[str, float] = {}
+        self._diagnostics_of: dict[str, tuple[float, list[Any]]] = {}
         self._progress: tuple[bool, str] = (False, "")
         self._progress_at = 0.0
-        self._action_at = -_SILENT_AFTER
+        self._action_at = -_TIMEOUT_S
         self._result = ""
 
-    def heard(self, topic: str) -> None:
-        """A message of a topic came."""
-        self._heard[topic] = time.monotonic()
+    def message_received(self, topic: str) -> None:
+        """Note that a message of the topic has arrived."""
+        self._received_at[topic] = time.monotonic()
 
     def show_well(self, well: Well) -> None:
-        """Bring the well to the page, with the field in force."""
+        """Show the well, with the field in force."""
         self._well = well
         self._live.on_well(well, time.monotonic(), self.reference)
 
     def on_diagnostics(self, data: bytes) -> None:
-        """What a node says of itself, serialised."""
+        """Take the serialised diagnostics of a node."""
         array = deserialize_message(data, DiagnosticArray)
         ours = [s for s in array.status if s.hardware_id == self._namespace]
         if ours:
-            self._findings_of[ours[0].name.partition(":")[0]] = (time.monotonic(), ours)
+            self._diagnostics_of[ours[0].name.partition(":")[0]] = (time.monotonic(), ours)
         for status in ours:
             values = {pair.key: pair.value for pair in status.values}
             if status.name.endswith("estimator: survey"):
                 figures = (float(values.get("elapsed_s", 0.0)), float(values.get("remaining_s", 0.0)))
-                # While an action tells how far it is, that counts.
-                if time.monotonic() - self._action_at > _SILENT_AFTER:
+                # The feedback of an action is more recent.
+                if time.monotonic() - self._action_at > _TIMEOUT_S:
                     self._show_progress("remaining_s" in values, *figures, status.message)
             elif status.name.endswith("estimator: reference field"):
                 self._on_reference(values, status.message)
 
     def on_north_seek(self, feedback: Any) -> None:
-        """How far the gyros are with north: NorthSeek feedback."""
-        seen = feedback.feedback
-        state = f"seeking north: {seen.state}"
-        if seen.sigma >= 0.0:
-            state += f"; {math.degrees(seen.azimuth):.1f} deg +- {math.degrees(seen.sigma):.1f} so far"
-        self._on_action(seen, state)
+        """Show the progress of a north seek: NorthSeek feedback."""
+        progress = feedback.feedback
+        state = f"seeking north: {progress.state}"
+        if progress.sigma >= 0.0:
+            state += f"; {math.degrees(progress.azimuth):.1f} deg +- {math.degrees(progress.sigma):.1f} so far"
+        self._on_feedback(progress, state)
 
     def on_rotary_survey(self, feedback: Any) -> None:
-        """How far a survey is that is taken while the string rotates: RotarySurvey feedback."""
-        seen = feedback.feedback
-        self._on_action(seen, f"rotary survey: {seen.state}")
+        """Show the progress of a survey taken while the string rotates: RotarySurvey feedback."""
+        progress = feedback.feedback
+        self._on_feedback(progress, f"rotary survey: {progress.state}")
 
-    def _on_action(self, seen: Any, state: str) -> None:
+    def _on_feedback(self, progress: Any, state: str) -> None:
         self._action_at = time.monotonic()
-        self._show_progress(True, seen.elapsed, seen.remaining, state)
+        self._show_progress(True, progress.elapsed, progress.remaining, state)
 
     def survey_ended(self, result: str) -> None:
-        """The survey under way came to an end, in words."""
+        """Show that the survey has ended; result: in words."""
         self._result = result
         self._show_progress(False)
 
@@ -112,36 +110,36 @@ class HealthDesk:
             self.reference = reference
             self.show_well(self._well)
 
-    def tell(self, now: float) -> None:
-        """Watch the inputs, bring the findings to the page; called once a second."""
+    def update(self, now: float) -> None:
+        """Raise alarms of silent topics and faulty nodes, show the diagnostics; called once a second. now: s."""
         causes: dict[str, tuple[int, str, str]] = {}
-        for topic, who, severity in _WATCHED:
-            if topic in self._heard and now - self._heard[topic] > _SILENT_AFTER:
-                age = now - self._heard[topic]
-                text = f"no {topic} from the {who}: the last came more than {_SILENT_AFTER:.0f} s ago"
-                causes[f"input.{topic}"] = (severity, text, f"is the {who} alive and connected? ({age:.0f} s)")
-        self._journal.sync("input.", causes)
-        self._journal.sync("node.", self._of_nodes(now))
-        if self._progress[0] and now - self._progress_at > _SILENT_AFTER + 1.0:
+        for topic, source, severity in _MONITORED:
+            if topic in self._received_at and now - self._received_at[topic] > _TIMEOUT_S:
+                age = now - self._received_at[topic]
+                text = f"no {topic} from the {source}: the last came more than {_TIMEOUT_S:.0f} s ago"
+                causes[f"input.{topic}"] = (severity, text, f"is the {source} alive and connected? ({age:.0f} s)")
+        self._alarm_log.set_alarms("input.", causes)
+        self._alarm_log.set_alarms("node.", self._node_alarms(now))
+        if self._progress[0] and now - self._progress_at > _TIMEOUT_S + 1.0:
             self._show_progress(False)
-        findings = [
+        statuses = [
             NodeDiagnostic(s.name, s.level[0], s.message, _remedy(s))
-            for heard, found in self._findings_of.values()
-            if now - heard < _REPORT_LASTS
+            for received_at, found in self._diagnostics_of.values()
+            if now - received_at < _DIAGNOSTICS_AGE_S
             for s in found
         ]
-        self._live.on_diagnostics(findings, now)
+        self._live.on_diagnostics(statuses, now)
 
-    def _of_nodes(self, now: float) -> dict[str, tuple[int, str, str]]:
-        """What other nodes call an error, and everything about sensors; who is silent is told by `tell` already."""
+    def _node_alarms(self, now: float) -> dict[str, tuple[int, str, str]]:
+        """Errors of other nodes, and errors and warnings of sensors; silent topics have alarms of their own."""
         causes: dict[str, tuple[int, str, str]] = {}
-        for node, (heard, found) in self._findings_of.items():
-            if now - heard >= _REPORT_LASTS or node == self._own:
+        for node, (received_at, found) in self._diagnostics_of.items():
+            if now - received_at >= _DIAGNOSTICS_AGE_S or node == self._own_name:
                 continue
             for status in found:
                 level, what = status.level[0], status.name.partition(": ")[2]
-                told = level == _ERROR or (level == _WARN and what.startswith("sensors"))
-                if told and what not in {topic for topic, _, _ in _WATCHED}:
+                alarming = level == _ERROR or (level == _WARN and what.startswith("sensors"))
+                if alarming and what not in {topic for topic, _, _ in _MONITORED}:
                     severity = Severity.CRITICAL if level == _ERROR else Severity.WARNING
                     causes[f"node.{node.strip('/')}.{what}"] = (severity, status.message, _remedy(status))
         return causes

@@ -1,4 +1,4 @@
-"""The driller's page on the graph: served, tried again where its port is taken, its buttons answered."""
+"""The live page: served, tried again where its port is taken, its buttons carried out as service requests."""
 
 from __future__ import annotations
 
@@ -9,51 +9,33 @@ from typing import Any
 
 from mwd_msgs import srv
 
-from mwd_sensors.ros.lifecycle_node import ERROR, OK, Finding, GraphNode, Later
+from mwd_sensors.ros.deferred import DeferredResponse
+from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_surface.live.alarms import Severity
-from mwd_surface.live.live_state import LiveState
-from mwd_surface.page.page_server import Command, PageServer, PageSettings
+from mwd_surface.nodes.settings import SurfaceSettings
+from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.state_json import StateJson
-from mwd_surface.ros.alarm_log import Journal
+from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.worker import Answer
 
-_RETRY = 5.0  # s between tries to serve a page that could not be served
+_RETRY_S = 5.0
 
 Services = Mapping[str, tuple[Any, Callable[[Any, Any], Any]]]
+"""From the name of a service to its type and callback."""
 
 
-class PageDoor:
-    """
-    The page of one well.
+class PageBridge:
+    """The page of one well."""
 
-    Parameters
-    ----------
-    strict : bool
-        Refuse to start without the page, instead of trying again.
-    ask : callable
-        Where the page's buttons go, called in a thread of the server.
-    """
-
-    def __init__(
-        self,
-        node: GraphNode[Any],
-        settings: PageSettings,
-        *,
-        serve: bool,
-        strict: bool,
-        live: LiveState,
-        journal: Journal,
-        ask: Command,
-    ) -> None:
-        self._node, self._settings, self._live, self._journal, self._ask = node, settings, live, journal, ask
-        self._serve, self._strict = serve, strict
-        self._tables = StateJson(live.settings)
+    def __init__(self, context: SurfaceContext, settings: SurfaceSettings) -> None:
+        self._context, self._settings = context, settings
+        self._state_json = StateJson(context.live.settings)
         self._server: PageServer | None = None
-        self._tried = -_RETRY
+        self._tried_at = -_RETRY_S
 
     def open(self) -> None:
         """
-        Serve the page; where its port is taken, say so and try again later.
+        Serve the page; where its port is taken, raise an alarm and try again later.
 
         Raises
         ------
@@ -62,52 +44,59 @@ class PageDoor:
         ValueError
             The settings of the page contradict each other.
         """
-        if not self._serve or self._server is not None or time.monotonic() - self._tried < _RETRY:
+        if not self._settings.serve_page or self._server is not None or time.monotonic() - self._tried_at < _RETRY_S:
             return
-        self._tried = time.monotonic()
-        server = PageServer(self._settings, self._ask)
+        self._tried_at = time.monotonic()
+        alarm_log = self._context.alarm_log
+        server = PageServer(self._settings.page, self._context.requests.call)
         try:
             server.start()
         except OSError as error:
-            if self._strict:
+            if self._settings.strict:
                 raise
-            self._journal.alarm("page.port", Severity.WARNING, f"no live page: {error}", "it is tried every 5 s")
+            alarm_log.raise_alarm("page.port", Severity.WARNING, f"no live page: {error}", "it is tried every 5 s")
             return
         self._server = server
-        self._journal.clear("page.port")
-        self._node.get_logger().info(f"page: {server.address}")
+        alarm_log.clear_alarm("page.port")
+        self._context.node.get_logger().info(f"page: {server.address}")
 
     def close(self) -> None:
-        """Give the port free."""
+        """Release the port."""
         if self._server is not None:
             self._server.stop()
         self._server = None
 
-    def show(self, now: float, *, even_unwatched: bool = False) -> None:
-        """Bring the page what is new; even_unwatched: also for one who asks without watching."""
-        if self._server is not None and (even_unwatched or self._server.clients):
-            self._server.push(self._tables.snapshot(self._live.at(now)))
+    def update(self, now: float, *, without_clients: bool = False) -> None:
+        """
+        Send the state of the well to the page.
 
-    def findings(self) -> list[Finding]:
-        """How the page is."""
+        now: steady time, s. without_clients: also while no browser is connected, for requests of a single state.
+        """
+        if self._server is not None and (without_clients or self._server.clients):
+            self._server.push(self._state_json.snapshot(self._context.live.at(now)))
+
+    def diagnostics(self) -> list[Diagnostic]:
+        """State of the page's server."""
         if self._server is not None:
-            return [Finding("page", OK, f"{self._server.address}, {self._server.clients} watching")]
-        if not self._serve:
+            return [Diagnostic("page", OK, f"{self._server.address}, {self._server.clients} watching")]
+        if not self._settings.serve_page:
             return []
-        return [Finding("page", ERROR, "not served", f"is port {self._settings.port} free?")]
+        return [Diagnostic("page", ERROR, "not served", f"is port {self._settings.page.port} free?")]
 
 
-def called(services: Services, name: str, arguments: Mapping[str, Any]) -> Answer | concurrent.futures.Future[Answer]:
-    """Do what a button of the page asks as if its service had been called; the answer, or a promise of it."""
-    kind, act = services[name]
-    request = kind.Request()
-    if kind is srv.JudgeSurvey:
+def call_service(
+    services: Services, name: str, arguments: Mapping[str, Any]
+) -> Answer | concurrent.futures.Future[Answer]:
+    """Call the callback of one of the node's own services, as a button of the page asks; a late answer is a future."""
+    srv_type, callback = services[name]
+    request = srv_type.Request()
+    if srv_type is srv.JudgeSurvey:
         request.measured_depth = -1.0
     for field, value in arguments.items():
         setattr(request, field, value)
-    response = act(request, kind.Response())
-    if not isinstance(response, Later):
+    response = callback(request, srv_type.Response())
+    if not isinstance(response, DeferredResponse):
         return response.success, response.message
-    known: concurrent.futures.Future[Answer] = concurrent.futures.Future()
-    response.bind(lambda late: known.set_result((late.success, late.message)))
-    return known
+    answer: concurrent.futures.Future[Answer] = concurrent.futures.Future()
+    response.send_through(lambda known: answer.set_result((known.success, known.message)))
+    return answer

@@ -1,8 +1,7 @@
-"""The recorder on the graph: what is recorded, when it begins and ends, and what it says of itself."""
+"""Recordings of a well: started, stopped and split by services; the recorder's status on `recorder`."""
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -11,47 +10,39 @@ from typing import Any
 from mwd_msgs import msg, srv
 from std_srvs.srv import Trigger
 
-from mwd_sensors.core.settings import setting
-from mwd_sensors.ros.lifecycle_node import ERROR, OK, Finding, GraphNode
+from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.qos import STATE
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.bags.recorder.recorder import Recorder, RecorderError
-from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.bags.recorder.status import Level, RecorderState
 from mwd_surface.live.alarms import Severity
-from mwd_surface.live.live_state import LiveState
+from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.ros import messages
-from mwd_surface.ros.alarm_log import Journal
-from mwd_surface.ros.topics import TOPICS
+from mwd_surface.ros.context import SurfaceContext
 
-_STOP_WITHIN = 1.3  # s for each step of an end, so that all of it stays below 3 s
-_ENCLOSE_WITHIN = 0.4  # s for each table or file that goes into a recording beside its messages
-_RETRY = 5.0  # s between tries to begin a recording that could not begin
+_STOP_TIMEOUT_S = 1.3  # of each step of stopping a recording, so that all of them stay below 3 s
+_ATTACH_TIMEOUT_S = 0.4  # of each table or file that is added to a recording
+_RETRY_S = 5.0  # between attempts to start a recording
 _SEVERITIES = {Level.INFO: Severity.INFO, Level.WARNING: Severity.WARNING, Level.ERROR: Severity.CRITICAL}
 
-Enclosure = tuple[str, str, bytes]
+Attachment = tuple[str, str, bytes]
+"""Name, media type and content of a file inside a recording."""
 
 
-@dataclasses.dataclass(frozen=True)
-class RecordSettings:
-    """What is recorded."""
-
-    enabled: bool = setting(True, "Record from activation on", fixed=True)
-    name: str = setting("", "Folder name of the recording; empty: made from the time", fixed=True)
-    topics: list[str] = setting(
-        list(TOPICS), "Topics to record, relative to the well or absolute; unknown ones are recorded once they appear",
-        fixed=True,
-    )  # fmt: skip
-
-
-class RecordingDesk:
+class RecordingServer:
     """
     The recordings of one well.
 
+    Parameters
+    ----------
+    context : SurfaceContext
+        Node, folder, live state and alarm log.
+    settings : SurfaceSettings
+        Its sections `record` and `recorder` are used.
     tables : callable
-        Returns named tables of strings that go into every file as metadata.
-    enclosed : callable
-        Returns files, each a name, media type and bytes, that go into a recording when it ends.
+        Returns named tables of strings; they become metadata of every file.
+    attachments : callable
+        Returns the files that are attached to a recording when it ends.
 
     Raises
     ------
@@ -61,127 +52,127 @@ class RecordingDesk:
 
     def __init__(
         self,
-        node: GraphNode[Any],
-        folder: Path,
-        asked: RecordSettings,
-        settings: RecorderSettings,
+        context: SurfaceContext,
+        settings: SurfaceSettings,
         *,
-        live: LiveState,
-        journal: Journal,
         tables: Callable[[], Mapping[str, Mapping[str, str]]],
-        enclosed: Callable[[], Iterable[Enclosure]],
+        attachments: Callable[[], Iterable[Attachment]],
     ) -> None:
-        self._node, self._asked, self._live, self._journal = node, asked, live, journal
-        self._enclosed = enclosed
+        self._node, self._settings = context.node, settings.record
+        self._live, self._alarm_log = context.live, context.alarm_log
+        self._attachments = attachments
         self._wanted = False
-        self._tried = -_RETRY
+        self._tried_at = -_RETRY_S
         self._recorder = Recorder(
-            folder, settings, tables=tables, event_topic=node.resolve_topic_name("recorder/events")
+            context.folder / "bags",
+            settings.recorder,
+            tables=tables,
+            event_topic=self._node.resolve_topic_name("recorder/events"),
         )
         self.put = self._recorder.put
 
     def open(self) -> None:
         """Open topic and services."""
-        self._status = self._node.publish_on(msg.RecorderStatus, "recorder", STATE)
-        self._node.serve(srv.StartRecording, "start_recording", self.start)
-        self._node.serve(Trigger, "stop_recording", self.stop)
-        self._node.serve(Trigger, "split_recording", self.split)
-        self._node.serve(Trigger, "snapshot_recording", self.snapshot)
+        self._status = self._node.add_publisher(msg.RecorderStatus, "recorder", STATE)
+        self._node.add_service(srv.StartRecording, "start_recording", self.start)
+        self._node.add_service(Trigger, "stop_recording", self.stop)
+        self._node.add_service(Trigger, "split_recording", self.split)
+        self._node.add_service(Trigger, "snapshot_recording", self.snapshot)
 
-    def begin(self) -> None:
-        """Record from now on, if that is wanted."""
-        self._wanted = self._asked.enabled
-        self._tried = -_RETRY
-        self._begin()
+    def activate(self) -> None:
+        """Start to record where the settings say so."""
+        self._wanted = self._settings.enabled
+        self._tried_at = -_RETRY_S
+        self._start_wanted()
 
-    def _begin(self) -> None:
-        """Begin the recording that is wanted; where it cannot begin, say so and try again later."""
-        if not self._wanted or time.monotonic() - self._tried < _RETRY:
+    def _start_wanted(self) -> None:
+        """Start the recording that is wanted; where that fails, raise an alarm and try again later."""
+        if not self._wanted or time.monotonic() - self._tried_at < _RETRY_S:
             return
-        self._tried = time.monotonic()
+        self._tried_at = time.monotonic()
         try:
-            self._recorder.start(self._asked.name)
+            self._recorder.start(self._settings.name)
         except RecorderError as error:
-            self._journal.alarm(
+            self._alarm_log.raise_alarm(
                 "recording.start", Severity.CRITICAL, str(error), "free the disk; it is tried every 5 s"
             )
             return
         self._wanted = False
-        self._journal.clear("recording.start")
+        self._alarm_log.clear_alarm("recording.start")
 
-    def halt(self) -> None:
+    def deactivate(self) -> None:
         """Finish the recording."""
         self._wanted = False
         if self._recorder.status().state == RecorderState.STOPPED:
             return
-        self._enclose()
+        self._attach_files()
         try:
-            self._recorder.stop(_STOP_WITHIN)
+            self._recorder.stop(_STOP_TIMEOUT_S)
         except RecorderError as error:
             self._node.get_logger().error(f"recording not finished: {error}")
 
-    def _enclose(self) -> None:
-        """Put the surveys as they are now into the recording that ends."""
-        for name, media_type, data in self._enclosed():
+    def _attach_files(self) -> None:
+        """Attach the files to the recording that ends."""
+        for name, media_type, data in self._attachments():
             try:
-                self._recorder.attach(name, media_type, data, time.time_ns(), _ENCLOSE_WITHIN)
+                self._recorder.attach(name, media_type, data, time.time_ns(), _ATTACH_TIMEOUT_S)
             except RecorderError as error:
                 self._node.get_logger().error(f"{name} is not in the recording: {error}")
                 return
 
-    def keep(self, tables: Mapping[str, Mapping[str, str]]) -> None:
-        """Put tables into the recording at hand; one that begins later has them from the start."""
+    def add_tables(self, tables: Mapping[str, Mapping[str, str]]) -> None:
+        """Add metadata to the running recording; one that starts later has it from the start."""
         if self._recorder.status().state != RecorderState.RECORDING:
             return
         for name, values in tables.items():
             try:
-                self._recorder.add_metadata(name, values, _ENCLOSE_WITHIN)
+                self._recorder.add_metadata(name, values, _ATTACH_TIMEOUT_S)
             except RecorderError as error:
-                self._journal.note("recorder", f"{name} is not in the recording: {error}", Severity.WARNING)
+                self._alarm_log.log_event("recorder", f"{name} is not in the recording: {error}", Severity.WARNING)
 
     def close(self) -> None:
-        """Give the folder free."""
-        self._recorder.close(_STOP_WITHIN)
+        """Release the folder."""
+        self._recorder.close(_STOP_TIMEOUT_S)
 
     # Services.
 
     def start(self, request: Any, response: Any) -> Any:
-        """Begin a recording."""
-        return self._done(response, lambda: self._recorder.start(request.name), "recording into")
+        """Start a recording (service)."""
+        return self._respond(response, lambda: self._recorder.start(request.name), "recording into")
 
     def stop(self, _request: Any, response: Any) -> Any:
-        """End the recording."""
+        """Stop the recording (service)."""
         if self._recorder.status().state == RecorderState.RECORDING:
-            self._enclose()
-        return self._done(response, self._recorder.stop, "finished")
+            self._attach_files()
+        return self._respond(response, self._recorder.stop, "finished")
 
     def split(self, _request: Any, response: Any) -> Any:
-        """Go on in a new file."""
-        return self._done(response, self._recorder.split, "finished")
+        """Continue in a new file (service)."""
+        return self._respond(response, self._recorder.split, "finished")
 
     def snapshot(self, _request: Any, response: Any) -> Any:
-        """Write the last seconds kept in memory into a recording of their own."""
-        return self._done(response, self._recorder.snapshot, "written")
+        """Write the last seconds kept in memory to a recording of their own (service)."""
+        return self._respond(response, self._recorder.snapshot, "written")
 
-    def _done(self, response: Any, act: Callable[[], Path], word: str) -> Any:
+    def _respond(self, response: Any, action: Callable[[], Path], word: str) -> Any:
         try:
-            path = act()
+            path = action()
         except RecorderError as error:
             response.success, response.message = False, str(error)
             return response
         response.success, response.message = True, f"{word} {path}"
-        self._journal.note("recorder", response.message)
+        self._alarm_log.log_event("recorder", response.message)
         if hasattr(response, "path"):
             response.path = str(path)
         return response
 
     # Once a second.
 
-    def tell(self, now: float) -> None:
-        """Publish and watch the recorder's state; begin what could not begin."""
-        self._begin()
+    def update(self, now: float) -> None:
+        """Publish the recorder's status, raise its alarms, start what could not start; now: steady time, s."""
+        self._start_wanted()
         status = self._recorder.status()
-        self._status.publish(messages.recorder_message(status, stamp(self._journal.now_ns())))
+        self._status.publish(messages.recorder_message(status, stamp(self._alarm_log.now_ns())))
         self._live.on_recorder(status, now)
         causes: dict[str, tuple[int, str, str]] = {}
         if status.state in (RecorderState.PAUSED_DISK_FULL, RecorderState.FAILED):
@@ -189,14 +180,14 @@ class RecordingDesk:
         if status.dropped:
             text = f"{status.dropped} messages were not recorded"
             causes["recorder.dropped"] = (Severity.WARNING, text, "a faster disk, or fewer topics")
-        self._journal.sync("recorder.", causes)
+        self._alarm_log.set_alarms("recorder.", causes)
         for event in self._recorder.take_events():
-            self._journal.note("recorder", event.text, _SEVERITIES[event.level])
+            self._alarm_log.log_event("recorder", event.text, _SEVERITIES[event.level])
 
-    def findings(self) -> list[Finding]:
-        """How the recorder is."""
+    def diagnostics(self) -> list[Diagnostic]:
+        """State of the recorder."""
         status = self._recorder.status()
         bad = status.state in (RecorderState.FAILED, RecorderState.PAUSED_DISK_FULL) or status.dropped > 0
         text = status.reason or status.state.name.lower()
         values = (("messages", str(status.messages)), ("dropped", str(status.dropped)))
-        return [Finding("recorder", ERROR if bad else OK, text, "free the disk" if bad else "", values)]
+        return [Diagnostic("recorder", ERROR if bad else OK, text, "free the disk" if bad else "", values)]

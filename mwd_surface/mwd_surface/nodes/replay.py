@@ -1,9 +1,8 @@
-"""A recording as a node: publishes its bytes again, at their own pace or another, with /clock."""
+"""A recording as a node: publishes its messages again, at their own rate or another, with /clock."""
 
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import math
 import time
 from collections.abc import Iterator, Sequence
@@ -14,66 +13,85 @@ from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReli
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from mwd_estimation.nodes.messages import stamp
 from mwd_sensors.core import wire
 from mwd_sensors.core.settings import setting
-from mwd_sensors.ros.discovery import Listeners
-from mwd_sensors.ros.lifecycle_node import OK, WARN, Finding, GraphNode, Later, run_node
+from mwd_sensors.ros.deferred import DeferredResponse
+from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
+from mwd_sensors.ros.discovery import SubscriberDiscovery
+from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.qos import STATE, STREAM
+from mwd_sensors.ros.run_node import run_node
+from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.bags.bag_metadata import parse_qos
 from mwd_surface.bags.bag_reader import Bag, BagError, Message
 from mwd_surface.bags.pace import Pace
+from mwd_surface.ros.topics import message_class
 
-_TICK_S = 0.002
-_MOST_PER_TICK = 100  # so that signals and services are heard, and listeners keep up, even when everything is late
-_NOT_BEGUN = "the replay has not begun"
-_STEP_PER_TICK = 50  # a step knows no pace; listeners must keep up with it
+_TIMER_PERIOD = 0.002  # s
+# Most messages of one timer callback, so that services are served and subscribers keep up when the replay is late.
+_MAX_PER_CALLBACK = 100
+_MAX_PER_STEP_CALLBACK = 50  # a step has no pace; subscribers must keep up with it
+_NOT_STARTED = "the replay has not begun"
 
 
 @dataclasses.dataclass(frozen=True)
 class ReplaySettings:
     """Parameters of the replay node."""
 
-    bag: str = setting("", "Folder of the recording, or its .mcap or .db3 file", fixed=True)
+    bag: str = setting("", "Recording to publish: its folder, or its .mcap or .db3 file", fixed=True)
     rate: float = setting(
         1.0,
-        "Seconds of the recording per second on the wall; 0: as fast as possible",
+        "Seconds of the recording per second of wall time; 0: as fast as possible. Subscribers lose samples at a rate "
+        "they cannot follow",
         low=0.0,
         high=1000.0,
         fixed=True,
     )
-    loop: bool = setting(False, "Begin again at the end", fixed=True)
-    start_s: float = setting(0.0, "Begin so long after the first message", unit="s", low=0.0, fixed=True)
-    end_s: float = setting(0.0, "End so long after the first message; 0: at the last", unit="s", low=0.0, fixed=True)
-    topics: list[str] = setting([], "Publish only these; empty: all", fixed=True)
-    sensors_only: bool = setting(False, "Publish only what a sonde and a rig publish", fixed=True)
-    clock_hz: float = setting(100.0, "Rate of /clock on the wall; 0: none", unit="Hz", low=0.0, high=1000.0, fixed=True)
+    loop: bool = setting(False, "Start again from the beginning when the end is reached", fixed=True)
+    start_s: float = setting(0.0, "Start this long after the first message", unit="s", low=0.0, fixed=True)
+    end_s: float = setting(
+        0.0, "End this long after the first message; 0: at the last message", unit="s", low=0.0, fixed=True
+    )
+    topics: list[str] = setting([], "Topics to publish; empty: all", fixed=True)
+    sensors_only: bool = setting(
+        False,
+        "Publish only the topics of sonde and rig, so that estimator and surface can run beside the replay",
+        fixed=True,
+    )
+    clock_hz: float = setting(
+        100.0, "Rate of /clock in wall time; 0: no /clock", unit="Hz", low=0.0, high=1000.0, fixed=True
+    )
     wait_for_listener_s: float = setting(
-        3.0, "Wait up to so long for somebody to listen before starting", unit="s", low=0.0, high=600.0, fixed=True
+        3.0,
+        "Longest wait for subscribers before the first message; 0: start at once",
+        unit="s",
+        low=0.0,
+        high=600.0,
+        fixed=True,
     )
 
 
 @dataclasses.dataclass
 class _Step:
-    """A step under way: ends after so many messages, or before the first one later than `until_ns`."""
+    """A step under way: ends after `remaining` messages, or before the first message later than `until_ns`."""
 
-    left: int
+    remaining: int
     until_ns: int | None
-    answer: Later
+    response: DeferredResponse
     published: int = 0
 
 
 class ReplayNode(GraphNode[ReplaySettings]):
-    """Publishes a bag; ends the process with its last message unless it loops."""
+    """Publishes a recording; the process ends with the last message unless `loop` is set."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("replay", ReplaySettings(), **node_options)
         self._bag: Bag | None = None
-        self._sent = self._rounds = 0
+        self._published = self._rounds = 0
         self._pace: Pace | None = None
         self._step: _Step | None = None
 
-    def open(self) -> None:
+    def configure(self) -> None:
         """Open the bag and a publisher for each topic whose type is installed."""
         settings = self.settings
         if not settings.bag:
@@ -82,23 +100,23 @@ class ReplayNode(GraphNode[ReplaySettings]):
             self._bag = Bag(settings.bag)
             self._from_ns = self._bag.start_ns + round(settings.start_s * 1e9)
             self._to_ns = self._bag.start_ns + round(settings.end_s * 1e9) if settings.end_s > 0.0 else None
-            self._outlets, self._left_out = self._open_outlets(self._bag)
+            self._topic_publishers, self._left_out = self._add_publishers(self._bag)
         except BagError as error:
             raise ValueError(str(error)) from error
         for sentence in (*self._bag.notes, *self._left_out):
             self.get_logger().warning(sentence)
-        if not self._outlets:
+        if not self._topic_publishers:
             raise ValueError(f"{settings.bag} has no topic that can be published here")
-        self._clock_topic = self.publish_on(Clock, "/clock", STATE) if settings.clock_hz > 0.0 else None
-        self.serve(Trigger, "~/pause", self._pause)
-        self.serve(Trigger, "~/resume", self._resume)
-        self.serve(SeekReplay, "~/seek", self._seek)
-        self.serve(SetReplayRate, "~/set_rate", self._set_rate)
-        self.serve(StepReplay, "~/step", self._begin_step)
-        self.every(_TICK_S, self._tick)
+        self._clock_publisher = self.add_publisher(Clock, "/clock", STATE) if settings.clock_hz > 0.0 else None
+        self.add_service(Trigger, "~/pause", self._on_pause)
+        self.add_service(Trigger, "~/resume", self._on_resume)
+        self.add_service(SeekReplay, "~/seek", self._on_seek)
+        self.add_service(SetReplayRate, "~/set_rate", self._on_set_rate)
+        self.add_service(StepReplay, "~/step", self._on_step)
+        self.add_timer(_TIMER_PERIOD, self._on_timer)
 
-    def _open_outlets(self, bag: Bag) -> tuple[dict[str, Any], list[str]]:
-        outlets, left_out = {}, []
+    def _add_publishers(self, bag: Bag) -> tuple[dict[str, Any], list[str]]:
+        publishers, left_out = {}, []
         asked = set(self.settings.topics)
         unknown = asked - bag.topics.keys()
         if unknown:
@@ -113,110 +131,112 @@ class ReplayNode(GraphNode[ReplaySettings]):
             if kind is None or about.serialization != "cdr":
                 left_out.append(f"{about.name} is not published: {about.type_name} is not installed")
                 continue
-            outlets[about.name] = self.publish_on(kind, about.name, profile(about.qos))
-        return outlets, left_out
+            publishers[about.name] = self.add_publisher(kind, about.name, profile(about.qos))
+        return publishers, left_out
 
-    def start(self) -> None:
-        """From the beginning, as soon as somebody listens."""
-        self._listeners = Listeners(time.monotonic(), self.settings.wait_for_listener_s)
+    def activate(self) -> None:
+        """Start from the beginning as soon as there are subscribers."""
+        self._discovery = SubscriberDiscovery(time.monotonic(), self.settings.wait_for_listener_s)
         self._pace = None
         self._over = False
         self._last_clock = -math.inf
 
-    def halt(self) -> None:
-        """Nobody waits for a step that will not end."""
+    def deactivate(self) -> None:
+        """Respond to a step that will not end."""
         self._end_step(False, "the replay stops")
 
-    def close(self) -> None:
+    def cleanup(self) -> None:
         """Close the bag."""
         if self._bag is not None:
             self._bag.close()
             self._bag = None
 
-    def _begin(self) -> None:
+    def _start(self) -> None:
         rate = self.settings.rate if self.settings.rate > 0.0 else math.inf
-        # The first chunk takes its time to read; the replay begins behind it.
+        # Reading the first chunk takes time; the pace starts after it.
         begin = self._go_to(self._from_ns)
         self._pace = Pace(begin, time.monotonic(), rate)
         self._rounds = 1
 
     def _go_to(self, log_ns: int) -> int:
-        """Have the message at or after that moment come next; returns when that one was received, ns."""
+        """Continue with the first message received at or after `log_ns`; returns when it was received, ns."""
         if self._bag is None:
             raise RuntimeError("the bag is closed; configure the node first")
-        self._messages: Iterator[Message] = self._bag.messages(list(self._outlets), log_ns, self._to_ns)
+        self._messages: Iterator[Message] = self._bag.messages(list(self._topic_publishers), log_ns, self._to_ns)
         self._next: Message | None = next(self._messages, None)
         return self._next[0] if self._next is not None else log_ns
 
-    def _tick(self) -> None:
+    def _on_timer(self) -> None:
         now = time.monotonic()
         pace = self._pace
         if pace is None:
-            if not self._over and self._listeners.complete(self._outlets.values(), now):
-                self._begin()
+            if not self._over and self._discovery.complete(self._topic_publishers.values(), now):
+                self._start()
             return
         if self._step is not None:
-            self._go_on_stepping(self._step, pace, now)
+            self._continue_step(self._step, pace, now)
             return
-        for _ in range(_MOST_PER_TICK):
+        for _ in range(_MAX_PER_CALLBACK):
             if self._next is None or pace.due_s(self._next[0]) > now:
                 break
             if math.isinf(pace.rate):
                 pace.seek(self._next[0], now)
-            self._tell_time(self._next[0], now)
+            self._publish_clock(self._next[0], now)
             self._publish_next()
         if self._next is None and not pace.paused:
             self._end(pace)
         else:
-            self._tell_time(pace.position_ns(now), now)
+            self._publish_clock(pace.position_ns(now), now)
 
     def _publish_next(self) -> None:
         if self._next is not None:
             _, topic, _, data = self._next
-            self._outlets[topic].publish(data)
-            self._sent += 1
+            self._topic_publishers[topic].publish(data)
+            self._published += 1
             self._next = next(self._messages, None)
 
-    def _tell_time(self, log_ns: int, now: float, *, at_once: bool = False) -> None:
-        if self._clock_topic is not None and (at_once or now - self._last_clock >= 1.0 / self.settings.clock_hz):
+    def _publish_clock(self, log_ns: int, now: float, *, immediately: bool = False) -> None:
+        if self._clock_publisher is not None and (
+            immediately or now - self._last_clock >= 1.0 / self.settings.clock_hz
+        ):
             self._last_clock = now
-            self._clock_topic.publish(Clock(clock=stamp(log_ns)))
+            self._clock_publisher.publish(Clock(clock=stamp(log_ns)))
 
     def _end(self, pace: Pace) -> None:
-        if self.settings.loop and self._sent:
+        if self.settings.loop and self._published:
             self.get_logger().info(f"round {self._rounds} is over; begins again")
             pace.seek(self._go_to(self._from_ns), time.monotonic())
             self._rounds += 1
             return
-        self.get_logger().info(f"published {self._sent} messages")
+        self.get_logger().info(f"published {self._published} messages")
         self._pace = None
         self._over = True
         self.request_stop()
 
     # Services.
 
-    def _pause(self, _request: Any, response: Any) -> Any:
-        return self._halted(True, response)
+    def _on_pause(self, _request: Any, response: Any) -> Any:
+        return self._set_paused(True, response)
 
-    def _resume(self, _request: Any, response: Any) -> Any:
-        return self._halted(False, response)
+    def _on_resume(self, _request: Any, response: Any) -> Any:
+        return self._set_paused(False, response)
 
-    def _halted(self, halted: bool, response: Any) -> Any:
+    def _set_paused(self, pause: bool, response: Any) -> Any:
         now = time.monotonic()
         if self._pace is None:
-            response.success, response.message = False, _NOT_BEGUN
+            response.success, response.message = False, _NOT_STARTED
             return response
-        self._end_step(False, "paused" if halted else "the replay goes on")
-        if self._pace.paused == halted:
-            response.success, response.message = True, "paused already" if halted else "going on already"
+        self._end_step(False, "paused" if pause else "the replay goes on")
+        if self._pace.paused == pause:
+            response.success, response.message = True, "paused already" if pause else "going on already"
         else:
-            (self._pace.pause if halted else self._pace.resume)(now)
-            response.success, response.message = True, "paused" if halted else "going on"
+            (self._pace.pause if pause else self._pace.resume)(now)
+            response.success, response.message = True, "paused" if pause else "going on"
         return response
 
-    def _seek(self, request: SeekReplay.Request, response: SeekReplay.Response) -> SeekReplay.Response:
+    def _on_seek(self, request: SeekReplay.Request, response: SeekReplay.Response) -> SeekReplay.Response:
         if self._pace is None or self._bag is None:
-            response.success, response.message = False, _NOT_BEGUN
+            response.success, response.message = False, _NOT_STARTED
             return response
         asked = request.time.sec * 10**9 + request.time.nanosec
         if not asked and not (math.isfinite(request.offset) and request.offset >= 0.0):
@@ -233,14 +253,14 @@ class ReplayNode(GraphNode[ReplaySettings]):
         reached = self._go_to(wanted)
         now = time.monotonic()
         self._pace.seek(reached, now)
-        self._tell_time(reached, now, at_once=True)
+        self._publish_clock(reached, now, immediately=True)
         response.success, response.time = True, stamp(reached)
         response.message = f"at {(reached - self._bag.start_ns) * 1e-9:.3f} s"
         return response
 
-    def _set_rate(self, request: SetReplayRate.Request, response: SetReplayRate.Response) -> SetReplayRate.Response:
+    def _on_set_rate(self, request: SetReplayRate.Request, response: SetReplayRate.Response) -> SetReplayRate.Response:
         if self._pace is None:
-            response.success, response.message = False, _NOT_BEGUN
+            response.success, response.message = False, _NOT_STARTED
         elif not 0.0 < request.rate <= 1000.0:
             response.success, response.message = False, f"rate: must be above 0 and at most 1000, got {request.rate}"
         else:
@@ -248,10 +268,12 @@ class ReplayNode(GraphNode[ReplaySettings]):
             response.success, response.message = True, f"{request.rate:g} s of the recording in a second"
         return response
 
-    def _begin_step(self, request: StepReplay.Request, response: StepReplay.Response) -> StepReplay.Response | Later:
+    def _on_step(
+        self, request: StepReplay.Request, response: StepReplay.Response
+    ) -> StepReplay.Response | DeferredResponse:
         now = time.monotonic()
         if self._pace is None:
-            response.success, response.message = False, _NOT_BEGUN
+            response.success, response.message = False, _NOT_STARTED
             return response
         if not math.isfinite(request.duration) or request.duration < 0.0:
             response.success, response.message = False, f"duration: must be 0 or more seconds, got {request.duration}"
@@ -259,56 +281,47 @@ class ReplayNode(GraphNode[ReplaySettings]):
         self._end_step(False, "another step began")
         self._pace.pause(now)
         until = self._pace.position_ns(now) + round(request.duration * 1e9) if request.duration > 0.0 else None
-        self._step = _Step(max(request.messages, 1), until, Later())
-        return self._step.answer
+        self._step = _Step(max(request.messages, 1), until, DeferredResponse())
+        return self._step.response
 
-    def _go_on_stepping(self, step: _Step, pace: Pace, now: float) -> None:
-        for _ in range(_STEP_PER_TICK):
-            if self._next is None or (step.left == 0 if step.until_ns is None else self._next[0] > step.until_ns):
+    def _continue_step(self, step: _Step, pace: Pace, now: float) -> None:
+        for _ in range(_MAX_PER_STEP_CALLBACK):
+            if self._next is None or (step.remaining == 0 if step.until_ns is None else self._next[0] > step.until_ns):
                 pace.seek(step.until_ns if step.until_ns is not None else pace.position_ns(now), now)
-                self._tell_time(pace.position_ns(now), now, at_once=True)
+                self._publish_clock(pace.position_ns(now), now, immediately=True)
                 self._end_step(True, "the recording is over" if self._next is None else "")
                 return
             pace.seek(self._next[0], now)
-            self._tell_time(self._next[0], now)
+            self._publish_clock(self._next[0], now)
             self._publish_next()
             step.published += 1
-            step.left -= step.until_ns is None
+            step.remaining -= step.until_ns is None
 
     def _end_step(self, success: bool, message: str) -> None:
         step, self._step = self._step, None
         if step is not None and self._pace is not None:
             position = stamp(self._pace.position_ns(time.monotonic()))
-            step.answer.answer(
+            step.response.send(
                 StepReplay.Response(success=success, message=message, published=step.published, time=position)
             )
 
-    def findings(self) -> Sequence[Finding]:
+    def diagnostics(self) -> Sequence[Diagnostic]:
         """Progress, and topics that are not published."""
-        values: tuple[tuple[str, str], ...] = (("messages", str(self._sent)), ("round", str(self._rounds)))
+        values: tuple[tuple[str, str], ...] = (("messages", str(self._published)), ("round", str(self._rounds)))
         if self._pace is None:
-            return (Finding("replay", OK, "waiting for a listener", values=values),)
+            return (Diagnostic("replay", OK, "waiting for a listener", values=values),)
         now = time.monotonic()
         if self._bag is not None:
             values += (("position_s", f"{(self._pace.position_ns(now) - self._bag.start_ns) * 1e-9:.3f}"),)
         values += (("rate", f"{self._pace.rate:g}"),)
         late = now - self._pace.due_s(self._next[0]) if self._next is not None and not self._pace.paused else 0.0
         message = "paused" if self._pace.paused else "running"
-        found = [Finding("replay", OK, message, values=values)]
+        found = [Diagnostic("replay", OK, message, values=values)]
         if late > 0.5 and math.isfinite(self._pace.rate):
-            found = [Finding("replay", WARN, f"{late:.1f} s behind", "lower the rate", values)]
+            found = [Diagnostic("replay", WARN, f"{late:.1f} s behind", "lower the rate", values)]
         if self._left_out:
-            found.append(Finding("topics", WARN, "; ".join(self._left_out), "install the packages of their types"))
+            found.append(Diagnostic("topics", WARN, "; ".join(self._left_out), "install the packages of their types"))
         return found
-
-
-def message_class(type_name: str) -> Any:
-    """Class of ``package/msg/Name``; None where the package is not installed."""
-    package, _, name = type_name.partition("/msg/")
-    try:
-        return getattr(importlib.import_module(f"{package}.msg"), name, None)
-    except (ImportError, ValueError):
-        return None
 
 
 def profile(recorded: str) -> QoSProfile:

@@ -1,9 +1,8 @@
-"""Steering on the graph: slide sheet, depth tracks and quill, from rig data, attitude and what the surveys found."""
+"""Slide sheet of a well: intervals of sliding and rotating drilling with their toolface, and the quill's angle."""
 
 from __future__ import annotations
 
 import time
-from pathlib import Path
 from typing import Any
 
 from mwd_msgs import msg
@@ -13,57 +12,63 @@ from sensor_msgs.msg import JointState
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Samples
 from mwd_surface.live.alarms import Severity
-from mwd_surface.live.live_state import LiveState
-from mwd_surface.ros.alarm_log import Journal
+from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.surveys.slide_file import NAME, append_stretch, read_stretches
 from mwd_surface.surveys.slide_sheet import SlideRules, SlideSheet, Stretch, yields
 from mwd_surface.surveys.survey_list import SurveyList
 
-_ON_BOTTOM = 0.5  # m between bit and end of hole that still is drilling
-_TURNS = 10.0  # rad/s; stands for a speed that only is known not to be zero
+_ON_BOTTOM = 0.5  # m; a bit closer to the end of the hole is drilling
+_ROTATING_SPEED = 10.0  # rad/s; stands for a rotary speed of which only is known that it is not zero
 _DEPTHS = int(msg.RigState.BIT_DEPTH) | int(msg.RigState.HOLE_DEPTH)
 
 
-class SteeringDesk:
+class SlideRecorder:
     """
-    The slide sheet of one well.
+    Records the slide sheet of one well, in the folder of its survey list.
 
-    folder : Path
-        The sheet is kept there.
+    Parameters
+    ----------
+    context : SurfaceContext
+        Folder of the well, live state and alarm log.
+    rules : SlideRules
+        What counts as sliding.
     """
 
-    def __init__(self, folder: Path, rules: SlideRules, live: LiveState, journal: Journal) -> None:
-        self._file, self._live, self._journal = folder / NAME, live, journal
+    def __init__(self, context: SurfaceContext, rules: SlideRules) -> None:
+        self._file = context.folder / "surveys" / NAME
+        self._live, self._alarm_log = context.live, context.alarm_log
         earlier, bad = read_stretches(self._file)
         if bad:
-            journal.note("slide sheet", f"{bad} lines of {self._file} cannot be read", Severity.WARNING)
+            self._alarm_log.log_event("slide sheet", f"{bad} lines of {self._file} cannot be read", Severity.WARNING)
         self._sheet = SlideSheet(rules, earlier)
         self._surveys = SurveyList()
-        self._turning = False
-        self._told: tuple[Any, ...] = ()
+        self._rotating = False
+        self._shown: tuple[Any, ...] = ()
 
     def stretches(self) -> tuple[Stretch, ...]:
-        """The sheet as it stands."""
+        """The intervals recorded so far."""
         return self._sheet.stretches
 
     def on_surveys(self, surveys: SurveyList) -> None:
-        """The survey list changed."""
+        """Take the changed survey list."""
         self._surveys = surveys
 
     def on_attitude(self, samples: Samples) -> None:
-        """Attitudes, `wire.ATTITUDE`: whether the tool turns."""
-        self._turning = bool(int(samples[-1]["status"]) & Status.ROTATING)
+        """Take attitudes, `wire.ATTITUDE`: whether the tool rotates."""
+        self._rotating = bool(int(samples[-1]["status"]) & Status.ROTATING)
 
     def on_rig_state(self, samples: Samples, bit_depth: float | None) -> None:
         """
-        Rig data, `wire.RIG_STATE`.
+        Take rig data, `wire.RIG_STATE`.
 
-        bit_depth: the depth that is believed, m; None while none is, or the last reading is not.
+        bit_depth: accepted bit depth, m; None where there is none, or the last reading was not accepted.
         """
         last = samples[-1]
         valid = int(last["valid"])
-        # Where the rig's figure is missing the tool knows whether it turns, if not how fast at the top.
-        speed = float(last["rotary_speed"]) if valid & msg.RigState.ROTARY_SPEED else _TURNS if self._turning else 0.0
+        # Without a rotary speed of the rig the attitude still tells whether the string rotates.
+        speed = _ROTATING_SPEED if self._rotating else 0.0
+        if valid & msg.RigState.ROTARY_SPEED:
+            speed = float(last["rotary_speed"])
         if bit_depth is None or valid & _DEPTHS != _DEPTHS or float(last["hole_depth"]) - bit_depth > _ON_BOTTOM:
             self._live.on_log_depth(None)
             return
@@ -80,7 +85,7 @@ class SteeringDesk:
         self._keep(stretch)
 
     def close(self) -> None:
-        """Put the stretch at hand into the file: the next start goes on from its end."""
+        """Write the current interval to the file; the next start continues from its end."""
         self._keep(self._sheet.finish())
 
     def _keep(self, stretch: Stretch | None) -> None:
@@ -89,22 +94,22 @@ class SteeringDesk:
         try:
             append_stretch(self._file, stretch)
         except OSError as error:
-            self._journal.alarm("slides.unsaved", Severity.WARNING, f"slide sheet not saved: {error}")
+            self._alarm_log.raise_alarm("slides.unsaved", Severity.WARNING, f"slide sheet not saved: {error}")
         else:
-            self._journal.clear("slides.unsaved")
+            self._alarm_log.clear_alarm("slides.unsaved")
 
     def on_quill(self, data: bytes) -> None:
-        """Angle of the quill, serialised sensor_msgs/JointState: its first joint."""
+        """Show the angle of the quill: the first joint of a serialised sensor_msgs/JointState."""
         angles = deserialize_message(data, JointState).position
         if len(angles):
             self._live.on_quill(float(angles[0]), time.monotonic())
 
-    def tell(self, now: float) -> None:
-        """Bring the sheet to the page; called once a second."""
+    def update(self, now: float) -> None:
+        """Show a changed sheet; called once a second. now: steady time, s."""
         stretches = self._sheet.stretches
         state = (len(stretches), stretches[-1:], self._surveys.changed_ns, len(self._surveys.records))
-        if state == self._told:
+        if state == self._shown:
             return
-        self._told = state
+        self._shown = state
         found = yields(stretches, self._surveys.definitive())
         self._live.on_steering(stretches, found, now)

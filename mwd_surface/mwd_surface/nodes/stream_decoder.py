@@ -1,84 +1,85 @@
-"""Samples of the graph to the page: kept as bytes as they come, decoded together, twenty times a second."""
+"""Sample streams of the graph for the live state: collected as bytes, decoded together twenty times a second."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from mwd_msgs import msg
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
-from mwd_sensors.ros.lifecycle_node import WARN, Finding, GraphNode
-from mwd_sensors.ros.qos import WATCHED_STATE
+from mwd_sensors.ros.diagnostics import WARN, Diagnostic
+from mwd_sensors.ros.qos import DEADLINE_STATE
 from mwd_sensors.ros.time_stamps import stamp
-from mwd_surface.live.live_state import LiveState
+from mwd_surface.ros.context import SurfaceContext
 
-Act = Callable[[Samples, float], None]
+Handler = Callable[[Samples, float], None]
 
 
-class LiveFeed:
+class StreamDecoder:
     """
-    Fixed-layout topics on their way to the page.
+    Decodes the topics of fixed layout and updates the live state with their samples; publishes the toolface.
 
+    Parameters
+    ----------
+    context : SurfaceContext
+        Node and live state.
     on_attitude, on_rig_state : callable
-        Who else gets these samples, before the page does.
+        Called with the samples of `attitude` and `rig/state` before the live state is updated.
 
     Attributes
     ----------
     buffers : dict
-        For each topic the list to which its serialised messages are appended as they come.
+        From topic to the list its serialised messages are appended to as they arrive.
     """
 
     def __init__(
         self,
-        node: GraphNode[Any],
-        live: LiveState,
+        context: SurfaceContext,
         *,
         on_attitude: Callable[[Samples], None],
         on_rig_state: Callable[[Samples], None],
     ) -> None:
-        self._node, self._live = node, live
+        self._node, self._live = context.node, context.live
         self._on_attitude, self._on_rig_state = on_attitude, on_rig_state
-        # In the order in which they are brought: what the next one shows may depend on it.
-        self._ways: dict[str, tuple[wire.Layout, Act]] = {
+        # In the order of decoding: what a topic shows may depend on the topics before it.
+        self._topics: dict[str, tuple[wire.Layout, Handler]] = {
             "rig/state": (wire.RIG_STATE, self._take_rig_state),
-            "gravity": (wire.GRAVITY, live.on_gravity),
+            "gravity": (wire.GRAVITY, self._live.on_gravity),
             "attitude": (wire.ATTITUDE, self._take_attitude),
-            "dynamics": (wire.DYNAMICS, live.on_dynamics),
-            "interference": (wire.INTERFERENCE, live.on_interference),
-            "imu/temperature": (wire.TEMPERATURE, live.on_temperature),
-            "imu/mag": (wire.MAG, live.on_magnetic_field),
+            "dynamics": (wire.DYNAMICS, self._live.on_dynamics),
+            "interference": (wire.INTERFERENCE, self._live.on_interference),
+            "imu/temperature": (wire.TEMPERATURE, self._live.on_temperature),
+            "imu/mag": (wire.MAG, self._live.on_magnetic_field),
         }
-        self.buffers: dict[str, list[bytes]] = {topic: [] for topic in self._ways}
+        self.buffers: dict[str, list[bytes]] = {topic: [] for topic in self._topics}
         self._unreadable = 0
 
     def open(self) -> None:
         """Open the toolface topic."""
-        self._toolface = self._node.publish_on(msg.Toolface, "toolface", WATCHED_STATE)
+        self._toolface = self._node.add_publisher(msg.Toolface, "toolface", DEADLINE_STATE)
 
-    def bring(self, now: float) -> None:
-        """Everything that waits."""
-        for topic in self._ways:
-            self.bring_one(topic, now)
+    def decode_all(self, now: float) -> None:
+        """Decode everything that waits. now: steady time, s."""
+        for topic in self._topics:
+            self.decode(topic, now)
 
-    def bring_one(self, topic: str, now: float) -> None:
-        """What waits of one topic."""
-        waiting = self.buffers[topic]
-        if not waiting:
+    def decode(self, topic: str, now: float) -> None:
+        """Decode what waits of one topic. now: steady time, s."""
+        messages = list(self.buffers[topic])
+        if not messages:
             return
-        taken = list(waiting)
-        waiting.clear()
-        layout, act = self._ways[topic]
+        self.buffers[topic].clear()
+        layout, handler = self._topics[topic]
         try:
-            rows = np.frombuffer(b"".join(taken), dtype=np.uint8).reshape(len(taken), -1)
+            rows = np.frombuffer(b"".join(messages), dtype=np.uint8).reshape(len(messages), -1)
             samples = layout.decode(rows)
         except ValueError as error:
-            self._unreadable += len(taken)
+            self._unreadable += len(messages)
             self._node.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=10.0)
             return
-        act(samples, now)
+        handler(samples, now)
 
     def _take_rig_state(self, samples: Samples, now: float) -> None:
         self._on_rig_state(samples)
@@ -101,8 +102,9 @@ class LiveFeed:
         message.header.frame_id = wire.SONDE_FRAME
         self._toolface.publish(message)
 
-    def findings(self) -> list[Finding]:
-        """What could not be read."""
+    def diagnostics(self) -> list[Diagnostic]:
+        """Messages that could not be decoded."""
         if not self._unreadable:
             return []
-        return [Finding("messages", WARN, f"{self._unreadable} could not be read", "are all nodes of one version?")]
+        message = f"{self._unreadable} could not be read"
+        return [Diagnostic("messages", WARN, message, "are all nodes of one version?")]

@@ -1,4 +1,4 @@
-"""The survey list on the graph: surveys and people's decisions in, list, path and exports out, kept on disk."""
+"""The survey list of a well: surveys and the operator's decisions in; list, path and exports out; kept on disk."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from nav_msgs.msg import Path as PathMessage
 from rclpy.serialization import deserialize_message
 
 from mwd_sensors.core.arrays import Samples
-from mwd_sensors.ros.lifecycle_node import ERROR, OK, Finding, GraphNode, Later
+from mwd_sensors.ros.deferred import DeferredResponse
+from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.qos import EVENT, LATCHED
 from mwd_surface.exports.export import FORMATS, ExportError, export
 from mwd_surface.exports.survey_table import SurveyTable, survey_table, table_of
 from mwd_surface.live.alarms import Severity
-from mwd_surface.live.live_state import LiveState
-from mwd_surface.nodes.plan_server import PlanDesk
+from mwd_surface.nodes.plan_server import PlanServer
+from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.ros import messages
-from mwd_surface.ros.alarm_log import Journal
-from mwd_surface.ros.worker import Beside
+from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.surveys.azimuth_check import disagreement
-from mwd_surface.surveys.depth import DepthRules, DepthTrack
+from mwd_surface.surveys.depth import DepthTrack
 from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.survey_list import ListRules, SurveyList
@@ -36,25 +36,28 @@ from mwd_surface.surveys.survey_store import StoreError, SurveyStore
 from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_path import Definitive
 
-_BIT_STEP = 0.1  # m the bit goes before its projection is drawn anew
+_BIT_STEP = 0.1  # m; movement of the bit after which its projection is shown anew
 
 
-class SurveyDesk:
+class SurveyListServer:
     """
     The survey list of one well.
 
     Parameters
     ----------
-    folder : Path
-        Of the well: `surveys` in it keeps the list, `exports` what was exported.
+    context : SurfaceContext
+        Node, folder, live state, alarm log and worker. The list is kept in the subfolder `surveys`, exported files in
+        `exports`.
+    settings : SurfaceSettings
+        Its sections `rules`, `leg` and `depth` are used.
     well : Well
         With its vertical section.
-    beside : Beside
-        For what takes long.
-    changed : callable
+    plan : PlanServer
+        The planned path.
+    on_published : callable
         Called with the list whenever it was published.
-    stretches : callable
-        The slide sheet as it stands, for reports.
+    slide_sheet : callable
+        Returns the slide sheet, for reports.
 
     Raises
     ------
@@ -71,133 +74,127 @@ class SurveyDesk:
 
     def __init__(
         self,
-        node: GraphNode[Any],
-        folder: Path,
+        context: SurfaceContext,
+        settings: SurfaceSettings,
         well: Well,
-        rules: ListRules,
-        leg: LegSettings,
-        depth: DepthRules,
         *,
-        live: LiveState,
-        journal: Journal,
-        plan: PlanDesk,
-        beside: Beside,
-        changed: Callable[[SurveyList], None],
-        stretches: Callable[[], tuple[Stretch, ...]],
+        plan: PlanServer,
+        on_published: Callable[[SurveyList], None],
+        slide_sheet: Callable[[], tuple[Stretch, ...]],
     ) -> None:
-        self.depth = DepthTrack(depth)
-        self._node, self._folder, self._live = node, folder, live
-        self._journal, self._plan, self._beside, self._changed = journal, plan, beside, changed
-        self._stretches = stretches
-        self._unsaved = ""
+        self.depth = DepthTrack(settings.depth)
+        self._node, self._folder, self._live = context.node, context.folder, context.live
+        self._alarm_log, self._worker = context.alarm_log, context.worker
+        self._plan, self._on_published, self._slide_sheet = plan, on_published, slide_sheet
+        self._save_error = ""
         self._covariance: Any = None
         self._shown_bit: float | None = None
         self._reporting, self._reported, self._html = False, SurveyList(), b""
-        self._store = SurveyStore(folder / "surveys")
-        loaded = self._store.load(well, rules)
+        self._store = SurveyStore(context.folder / "surveys")
+        loaded = self._store.load(well, settings.rules)
         self.surveys = loaded.surveys
         for text in loaded.messages:
-            journal.note("survey list", text, Severity.WARNING)
-        self.surveys = self._arranged(self.surveys, leg)
+            self._alarm_log.log_event("survey list", text, Severity.WARNING)
+        self.surveys = self._with_leg(self.surveys, settings.leg)
 
     def open(self) -> None:
         """Open topics and services."""
         node = self._node
-        self._accepted = node.publish_on(msg.SurveyRecord, "survey/accepted", EVENT)
-        self._list = node.publish_on(msg.SurveyList, "surveys", LATCHED)
-        self._trajectory = node.publish_on(msg.Trajectory, "trajectory", LATCHED)
-        self._path = node.publish_on(PathMessage, "path", LATCHED)
-        node.serve(srv.JudgeSurvey, "accept_survey", self.accept)
-        node.serve(srv.JudgeSurvey, "reject_survey", self.reject)
-        node.serve(srv.SetDepth, "set_depth", self.set_depth)
-        node.serve(srv.Export, "export", self.export)
+        self._accepted_publisher = node.add_publisher(msg.SurveyRecord, "survey/accepted", EVENT)
+        self._list_publisher = node.add_publisher(msg.SurveyList, "surveys", LATCHED)
+        self._trajectory_publisher = node.add_publisher(msg.Trajectory, "trajectory", LATCHED)
+        self._path_publisher = node.add_publisher(PathMessage, "path", LATCHED)
+        node.add_service(srv.JudgeSurvey, "accept_survey", self.accept)
+        node.add_service(srv.JudgeSurvey, "reject_survey", self.reject)
+        node.add_service(srv.SetDepth, "set_depth", self.set_depth)
+        node.add_service(srv.Export, "export", self.export)
 
     def close(self) -> None:
-        """Give the list's folder free."""
+        """Release the list's folder."""
         self._store.close()
 
-    def configured(self, well: Well, rules: ListRules, leg: LegSettings) -> None:
-        """Bring the list under another description of the well, other rules and leg; where that cannot be, say so."""
+    def change_settings(self, well: Well, rules: ListRules, leg: LegSettings) -> None:
+        """Apply other settings of the well, the rules and the leg; where they do not fit the list, raise an alarm."""
         try:
             surveys = self.surveys.configured(well, rules)
         except ValueError as error:
-            self._refused(error)
+            self._alarm_settings(error)
             return
-        self._keep(self._arranged(surveys, leg))
+        self._replace(self._with_leg(surveys, leg))
 
-    def _arranged(self, surveys: SurveyList, leg: LegSettings) -> SurveyList:
+    def _with_leg(self, surveys: SurveyList, leg: LegSettings) -> SurveyList:
         try:
             surveys = arranged(surveys, leg)
         except ValueError as error:
-            self._refused(error)
+            self._alarm_settings(error)
         else:
-            self._journal.clear("surveys.settings")
+            self._alarm_log.clear_alarm("surveys.settings")
         return surveys
 
-    def _refused(self, error: ValueError) -> None:
+    def _alarm_settings(self, error: ValueError) -> None:
         text = f"the survey list keeps its old settings: {error}"
-        self._journal.alarm("surveys.settings", Severity.WARNING, text)
+        self._alarm_log.raise_alarm("surveys.settings", Severity.WARNING, text)
 
     def definitive(self) -> Definitive:
-        """The path as it is now, projected to the bit where that is deeper."""
+        """The well path, projected to the bit where the bit is deeper."""
         return self.surveys.definitive(bit_depth=self.bit_depth)
 
     @property
     def bit_depth(self) -> float | None:
-        """m; None as long as the rig or a person has said nothing."""
+        """Bit depth, m; None until the rig or an operator has given one."""
         return self.depth.latest[1] if self.depth.latest else None
 
-    # In.
+    # Rig data and surveys.
 
     def on_rig_state(self, samples: Samples) -> float | None:
-        """Depths of the rig, `wire.RIG_STATE`; the last of them where it is believed, m."""
-        believed = False
+        """Take the rig's depths, `wire.RIG_STATE`; returns the last one if it was accepted, m."""
+        accepted = False
         for sample in samples:
             known = bool(sample["valid"] & msg.RigState.BIT_DEPTH)
-            believed = known and self.depth.update(int(sample["stamp_ns"]), float(sample["bit_depth"]))
-        return self.bit_depth if believed else None
+            accepted = known and self.depth.update(int(sample["stamp_ns"]), float(sample["bit_depth"]))
+        return self.bit_depth if accepted else None
 
     def on_survey(self, data: bytes) -> str:
-        """A survey of the estimator, serialised; what became of it comes back in words."""
+        """Add a serialised survey of the estimator to the list; returns the outcome in words."""
         survey = survey_of(deserialize_message(data, msg.Survey))
-        reading = self.depth.sensor_depth(survey.stamp_ns, self.surveys.well.sensor_to_bit)
+        at = self.depth.sensor_depth(survey.stamp_ns, self.surveys.well.sensor_to_bit)
         known = {r.survey.uuid for r in self.surveys.records}
         apart = disagreement(survey)
         if apart:
-            self._journal.alarm(
+            self._alarm_log.raise_alarm(
                 "survey.azimuth", Severity.CRITICAL, apart, "steel nearby, or a faulty sensor: look at both"
             )
         else:
-            self._journal.clear("survey.azimuth")
+            self._alarm_log.clear_alarm("survey.azimuth")
         try:
-            self._keep(self.surveys.add(survey, reading.measured_depth, reading.depth_age, comment=reading.reason))
+            self._replace(self.surveys.add(survey, at.measured_depth, at.depth_age, comment=at.reason))
         except ValueError as error:
             text = f"survey {survey.sequence} not taken: {error}"
-            self._journal.alarm("survey.refused", Severity.WARNING, text)
+            self._alarm_log.raise_alarm("survey.refused", Severity.WARNING, text)
             return text
         for record in self.surveys.records:
             if record.survey.uuid not in known:
                 words = "in use" if record.in_use else "waits for a decision"
                 reasons = "; ".join(record.survey.reasons)
-                self._journal.note("survey", f"survey {record.survey.sequence} {words}: {reasons}")
+                self._alarm_log.log_event("survey", f"survey {record.survey.sequence} {words}: {reasons}")
                 if record.in_use:
-                    self._accepted.publish(messages.record_message(record))
+                    self._accepted_publisher.publish(messages.record_message(record))
                 return f"survey {record.survey.sequence}: {Verdict(survey.verdict).name.lower()}"
         return f"survey {survey.sequence} is in the list already"
 
     # Services.
 
     def accept(self, request: Any, response: Any) -> Any:
-        """Put a survey into the path on a person's word."""
+        """Accept a survey into the path by the operator's decision (service)."""
         return self._judge(request, response, "accepted")
 
     def reject(self, request: Any, response: Any) -> Any:
-        """Take a survey out of the path on a person's word."""
+        """Reject a survey from the path by the operator's decision (service)."""
         return self._judge(request, response, "rejected")
 
     def _judge(self, request: Any, response: Any, word: str) -> Any:
         used = {r.survey.uuid for r in self.surveys.records if r.in_use}
-        judge = (request.sequence, request.operator_name, request.reason, self._journal.now_ns())
+        judge = (request.sequence, request.operator_name, request.reason, self._alarm_log.now_ns())
         try:
             if word == "accepted":
                 depth, replace = request.measured_depth, request.replace
@@ -207,32 +204,32 @@ class SurveyDesk:
         except ValueError as error:
             response.success, response.message = False, str(error)
             return response
-        self._keep(surveys)
+        self._replace(surveys)
         for record in self.surveys.records:
             if record.in_use and record.survey.uuid not in used:
-                self._accepted.publish(messages.record_message(record))
+                self._accepted_publisher.publish(messages.record_message(record))
         text = f"survey {request.sequence} {word} by {request.operator_name}"
-        self._journal.note("survey", text + (f": {request.reason}" if request.reason else ""))
+        self._alarm_log.log_event("survey", text + (f": {request.reason}" if request.reason else ""))
         response.success, response.message = True, text
         return response
 
     def set_depth(self, request: Any, response: Any) -> Any:
-        """Bit depth by hand."""
+        """Set the bit depth by hand (service)."""
         if not request.operator_name.strip():
             response.success, response.message = False, "operator_name: must not be empty: the log says who did it"
             return response
         try:
-            self.depth.set_by_hand(self._journal.now_ns(), request.bit_depth)
+            self.depth.set_by_hand(self._alarm_log.now_ns(), request.bit_depth)
         except ValueError as error:
             response.success, response.message = False, str(error)
             return response
         response.success = True
         response.message = f"bit depth {request.bit_depth:.2f} m by {request.operator_name}"
-        self._journal.note("depth", response.message)
+        self._alarm_log.log_event("depth", response.message)
         return response
 
     def export(self, request: Any, response: Any) -> Any:
-        """Write the list in one of the formats; answered when it is written."""
+        """Export the list in one of the formats (service); the response is sent when the file is written."""
         table, folder = self._table(), self._folder / "exports"
 
         def write() -> Path:
@@ -245,16 +242,16 @@ class SurveyDesk:
                 response.success, response.message = False, str(error)
             else:
                 response.success, response.message, response.path = True, f"written {path}", str(path)
-                self._journal.note("export", response.message)
-            later.answer(response)
+                self._alarm_log.log_event("export", response.message)
+            deferred.send(response)
 
-        later = Later()
-        self._beside.work(write, written)
-        return later
+        deferred = DeferredResponse()
+        self._worker.submit(write, written)
+        return deferred
 
-    # Out.
+    # Saving, publishing, reports.
 
-    def _keep(self, surveys: SurveyList) -> None:
+    def _replace(self, surveys: SurveyList) -> None:
         if surveys is self.surveys:
             return
         self.surveys = surveys
@@ -265,47 +262,46 @@ class SurveyDesk:
         try:
             self._store.save(self.surveys)
         except StoreError as error:
-            self._unsaved = str(error)
-            self._journal.alarm(
+            self._save_error = str(error)
+            self._alarm_log.raise_alarm(
                 "surveys.unsaved", Severity.CRITICAL, str(error), "free the disk; it is tried every second"
             )
             return
-        self._unsaved = ""
-        self._journal.clear("surveys.unsaved")
+        self._save_error = ""
+        self._alarm_log.clear_alarm("surveys.unsaved")
 
-    def save_again(self) -> None:
-        """Try again what could not be saved; called once a second."""
-        if self._unsaved:
+    def retry_save(self) -> None:
+        """Try again to save a list that could not be saved; called once a second."""
+        if self._save_error:
             self._save()
 
     def publish(self) -> None:
-        """List and path to the graph and the page."""
+        """Publish list and path, and show them on the page."""
         now, surveys, path = time.monotonic(), self.surveys, self.definitive()
-        self._list.publish(messages.list_message(surveys))
-        self._trajectory.publish(messages.trajectory_message(path, surveys.changed_ns))
+        self._list_publisher.publish(messages.list_message(surveys))
+        self._trajectory_publisher.publish(messages.trajectory_message(path, surveys.changed_ns))
         prefix = self._node.get_namespace().strip("/")
         frame = f"{prefix}/local_enu" if prefix else "local_enu"
-        self._path.publish(messages.path_message(path, surveys.changed_ns, frame))
+        self._path_publisher.publish(messages.path_message(path, surveys.changed_ns, frame))
         self._live.on_records(surveys.records, now)
         self._covariance, self._shown_bit = None, self.bit_depth
         self._live.on_trajectory(path, now)
         self._plan.show_offset(path)
-        self._changed(surveys)
-        now_ns = self._journal.now_ns()
-        self._beside.work(
+        self._on_published(surveys)
+        now_ns = self._alarm_log.now_ns()
+        self._worker.submit(
             lambda: table_of(surveys, path, now_ns).covariance, lambda job: self._show_ellipses(path, job)
         )
-
         self._report()
 
     def _table(self) -> Callable[[], SurveyTable]:
-        """What works out the printed table of the list as it is now, wherever it is called."""
+        """Function that computes the printed table of the present list, in any thread."""
         return functools.partial(
-            survey_table, self.surveys, self._journal.now_ns(), plan=self._plan.plan, stretches=self._stretches()
+            survey_table, self.surveys, self._alarm_log.now_ns(), plan=self._plan.plan, stretches=self._slide_sheet()
         )
 
     def _report(self) -> None:
-        """Make the report of the list as it is, beside the node; of many changes in a row only the last matters."""
+        """Make the report of the present list in the background; of changes during that time only the last counts."""
         if self._reporting or self._reported is self.surveys or not self.surveys.records:
             return
         surveys, table = self.surveys, self._table()
@@ -317,10 +313,10 @@ class SurveyDesk:
             self._node.get_logger().info(f"report of {len(surveys.records)} surveys made")
             self._report()
 
-        self._beside.work(lambda: FORMATS["html"].make(table()), made)
+        self._worker.submit(lambda: FORMATS["html"].make(table()), made)
 
-    def enclosures(self) -> list[tuple[str, str, bytes]]:
-        """The surveys as files for a recording: lists as they are now, and the report where it is of this list."""
+    def attachments(self) -> list[tuple[str, str, bytes]]:
+        """Files for a recording: the surveys as CSV, and the report where it is of the present list."""
         if not self.surveys.records:
             return []
         table = self._table()()
@@ -338,8 +334,8 @@ class SurveyDesk:
             self._covariance = covariance[measured]
             self._live.on_trajectory(path, time.monotonic(), self._covariance)
 
-    def follow_bit(self, now: float) -> None:
-        """Bring the page's projection, and the offset to the plan, after the bit; called once a second."""
+    def update_projection(self, now: float) -> None:
+        """Show projection and offset to the plan anew when the bit has moved; called once a second. now: s."""
         bit = self.bit_depth
         if bit is None or (self._shown_bit is not None and abs(bit - self._shown_bit) < _BIT_STEP):
             return
@@ -348,7 +344,7 @@ class SurveyDesk:
         self._live.on_trajectory(path, now, self._covariance)
         self._plan.show_offset(path)
 
-    def findings(self) -> list[Finding]:
-        """How the list is."""
-        text = self._unsaved or f"{len(self.surveys.records)} surveys"
-        return [Finding("survey list", ERROR if self._unsaved else OK, text)]
+    def diagnostics(self) -> list[Diagnostic]:
+        """State of the list."""
+        text = self._save_error or f"{len(self.surveys.records)} surveys"
+        return [Diagnostic("survey list", ERROR if self._save_error else OK, text)]

@@ -1,4 +1,4 @@
-"""Parameters of all nodes of a well as tables for a recording, so that it can be understood and played again."""
+"""Parameters of all nodes of a well as tables for a recording, so that it can be processed again as it was."""
 
 from __future__ import annotations
 
@@ -16,34 +16,38 @@ _SECRETS = ("token", "password")
 
 class ParameterTables:
     """
-    Asks the other nodes of the well for their parameters as soon as they are there.
+    Requests the parameters of the other nodes of the well as soon as these nodes exist.
 
+    Parameters
+    ----------
+    node : GraphNode
+        The surface node.
     others : sequence of str
-        Names of the nodes, relative to the well.
+        Names of the other nodes, relative to the well.
     """
 
     def __init__(self, node: GraphNode[Any], others: Sequence[str]) -> None:
         self._node = node
         self._others = others
         self._tables: dict[str, dict[str, str]] = {}
-        self._fresh: list[str] = []
+        self._new: list[str] = []
 
     def open(self) -> None:
         """Open the clients."""
         self._clients = {
             other: (
-                self._node.reach(ListParameters, f"{other}/list_parameters"),
-                self._node.reach(GetParameters, f"{other}/get_parameters"),
+                self._node.add_client(ListParameters, f"{other}/list_parameters"),
+                self._node.add_client(GetParameters, f"{other}/get_parameters"),
             )
             for other in self._others
         }
 
-    def ask(self) -> None:
-        """Ask whoever is there and has not answered yet; called once a second."""
+    def request(self) -> None:
+        """Request the parameters of nodes that exist and have not been asked; called once a second."""
         for other, (names, values) in self._clients.items():
             if other in self._tables or not (names.service_is_ready() and values.service_is_ready()):
                 continue
-            # An empty table until the answer comes, so that nobody is asked twice.
+            # An empty table until the response comes, so that no node is asked twice.
             self._tables[other] = {}
             names.call_async(ListParameters.Request()).add_done_callback(
                 lambda done, other=other, values=values: self._listed(other, values, done)
@@ -58,23 +62,23 @@ class ParameterTables:
     def _got(self, other: str, names: list[str], done: Any) -> None:
         table = {n: parameter_value_to_python(v) for n, v in zip(names, done.result().values, strict=True)}
         self._tables[other] = without_secrets(table)
-        self._fresh.append(other)
+        self._new.append(other)
 
     def own(self) -> dict[str, str]:
         """Parameters of the node itself."""
         return without_secrets({name: value for name, (value, _) in settings.flat(self._node.settings).items()})
 
     def tables(self) -> dict[str, dict[str, str]]:
-        """Everything known, by the name under which it goes into a recording."""
+        """All tables, by their name in a recording."""
         known = {f"parameters/{name}": table for name, table in self._tables.items() if table}
         return {f"parameters/{self._node.get_name()}": self.own(), **known}
 
-    def take_fresh(self) -> dict[str, dict[str, str]]:
-        """Tables that came since the last call: a recording that runs already lacks them."""
-        fresh, self._fresh = self._fresh, []
-        return {f"parameters/{name}": self._tables[name] for name in fresh}
+    def take_new(self) -> dict[str, dict[str, str]]:
+        """Tables received since the last call; a running recording lacks them."""
+        new, self._new = self._new, []
+        return {f"parameters/{name}": self._tables[name] for name in new}
 
 
 def without_secrets(table: dict[str, Any]) -> dict[str, str]:
-    """As text; what only the owner may know is left out."""
+    """The table as text, without tokens and passwords."""
     return {name: str(value) for name, value in table.items() if name.rsplit(".", 1)[-1] not in _SECRETS}

@@ -1,7 +1,8 @@
-"""The topics of one well, with their types and profiles: what the surface node records and listens to."""
+"""The topics of one well with their types and QoS profiles: what the surface node subscribes to and records."""
 
 from __future__ import annotations
 
+import importlib
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -12,7 +13,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu, JointState, MagneticField, Temperature
 from tf2_msgs.msg import TFMessage
 
-from mwd_sensors.ros.qos import EVENT, LATCHED, STATE, STREAM, WATCHED_STATE, WATCHED_STREAM
+from mwd_sensors.ros.qos import DEADLINE_STATE, DEADLINE_STREAM, EVENT, LATCHED, STATE, STREAM
 
 TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "imu/data_raw": (Imu, STREAM),
@@ -25,13 +26,13 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "rig/state": (msg.RigState, EVENT),
     "rig/command": (msg.RigCommand, STATE),
     "rig/quill": (JointState, STATE),
-    "gravity": (msg.Gravity, WATCHED_STREAM),
-    "attitude": (msg.Attitude, WATCHED_STREAM),
+    "gravity": (msg.Gravity, DEADLINE_STREAM),
+    "attitude": (msg.Attitude, DEADLINE_STREAM),
     "imu/data": (Imu, STREAM),
     "dynamics": (msg.Dynamics, STATE),
     "interference": (msg.Interference, STATE),
     "survey": (msg.Survey, EVENT),
-    "toolface": (msg.Toolface, WATCHED_STATE),
+    "toolface": (msg.Toolface, DEADLINE_STATE),
     "survey/accepted": (msg.SurveyRecord, EVENT),
     "surveys": (msg.SurveyList, LATCHED),
     "trajectory": (msg.Trajectory, LATCHED),
@@ -48,6 +49,15 @@ def type_name(kind: Any) -> str:
     """``package/msg/Name`` of a message class."""
     package, _, _ = kind.__module__.partition(".")
     return f"{package}/msg/{kind.__name__}"
+
+
+def message_class(type_name: str) -> Any:
+    """Class of ``package/msg/Name``; None where the package is not installed."""
+    package, _, name = type_name.partition("/msg/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name, None)
+    except (ImportError, ValueError):
+        return None
 
 
 def profile_yaml(profile: QoSProfile) -> str:

@@ -1,4 +1,4 @@
-"""Between the node's own thread and others: slow work done beside it, and requests from outside answered in it."""
+"""Threads of the surface node: slow work in a background thread, and requests of other threads in the node's own."""
 
 from __future__ import annotations
 
@@ -8,68 +8,72 @@ from collections.abc import Callable
 from typing import Any
 
 Answer = tuple[bool, str]
-_PATIENCE = 12.0  # s somebody outside waits for the node
+"""Whether a request succeeded, and a message."""
+
+_TIMEOUT_S = 12.0  # another thread waits this long for the node
 
 
-class Beside:
-    """Slow work, one piece at a time in a thread of its own; what becomes of it is told in the node's thread."""
+class BackgroundWorker:
+    """Runs slow jobs one at a time in a background thread; their callbacks run in the node's thread."""
 
     def __init__(self) -> None:
-        self._worker = concurrent.futures.ThreadPoolExecutor(1, "surface-worker")
+        self._executor = concurrent.futures.ThreadPoolExecutor(1, "surface-worker")
         self._jobs: list[tuple[concurrent.futures.Future[Any], Callable[[Any], None]]] = []
 
-    def work(self, job: Callable[[], Any], done: Callable[[concurrent.futures.Future[Any]], None]) -> None:
-        """Do `job` beside the node; `done` gets its future in the node's thread."""
-        self._jobs.append((self._worker.submit(job), done))
+    def submit(self, job: Callable[[], Any], callback: Callable[[concurrent.futures.Future[Any]], None]) -> None:
+        """Run `job` in the background; `callback` is called with its future in the node's thread."""
+        self._jobs.append((self._executor.submit(job), callback))
 
-    def finish(self) -> None:
-        """Tell of what is done; called by the node again and again."""
-        over, waiting = [], []
+    def run_callbacks(self) -> None:
+        """Call the callbacks of finished jobs; the node's timer calls this."""
+        finished, running = [], []
         for entry in self._jobs:
-            # Asked once: one that ends in between must not be lost.
-            (over if entry[0].done() else waiting).append(entry)
-        self._jobs = waiting
-        for job, done in over:
-            done(job)
+            # `done` is called once: a job that finishes between two calls must not be lost.
+            (finished if entry[0].done() else running).append(entry)
+        self._jobs = running
+        for job, callback in finished:
+            callback(job)
 
     def close(self) -> None:
-        """Begin nothing more."""
-        self._worker.shutdown(wait=False, cancel_futures=True)
+        """Start no further jobs."""
+        self._executor.shutdown(wait=False, cancel_futures=True)
 
 
-class Requests:
+class RequestQueue:
     """
-    Requests of the page's and the rig interfaces' threads, carried out in the node's.
+    Requests of the threads of page and rig interfaces, carried out in the node's thread.
 
-    carry_out : callable
-        `carry_out(name, arguments) -> (ok, message)`, or a future of it, called by `answer` in the node's thread.
+    Parameters
+    ----------
+    handler : callable
+        `handler(name, arguments) -> (success, message)`, or a future of that; `run_requests` calls it.
     """
 
-    def __init__(self, carry_out: Callable[[str, dict[str, Any]], Answer | concurrent.futures.Future[Answer]]) -> None:
-        self._carry_out = carry_out
-        self._waiting: queue.SimpleQueue[tuple[str, dict[str, Any], concurrent.futures.Future[Answer]]] = (
+    def __init__(self, handler: Callable[[str, dict[str, Any]], Answer | concurrent.futures.Future[Answer]]) -> None:
+        self._handler = handler
+        self._queue: queue.SimpleQueue[tuple[str, dict[str, Any], concurrent.futures.Future[Answer]]] = (
             queue.SimpleQueue()
         )
 
-    def ask(self, name: str, arguments: dict[str, Any]) -> Answer:
-        """Called in any other thread: waits for the node's answer, but not for ever."""
+    def call(self, name: str, arguments: dict[str, Any]) -> Answer:
+        """Send a request from another thread and wait for its answer, at most 12 s."""
         answer: concurrent.futures.Future[Answer] = concurrent.futures.Future()
-        self._waiting.put((name, arguments, answer))
+        self._queue.put((name, arguments, answer))
         try:
-            return answer.result(_PATIENCE)
+            return answer.result(_TIMEOUT_S)
         except TimeoutError:
             return False, "the surface node did not answer; try again"
 
-    def answer(self) -> None:
-        """Carry out what waits; called by the node again and again."""
-        while not self._waiting.empty():
-            name, arguments, answer = self._waiting.get()
+    def run_requests(self) -> None:
+        """Carry out the requests that wait; the node's timer calls this."""
+        while not self._queue.empty():
+            name, arguments, answer = self._queue.get()
             try:
-                told = self._carry_out(name, arguments)
-            except Exception as error:  # noqa: BLE001  (the one who asks must hear of it; the node goes on)
+                result = self._handler(name, arguments)
+            except Exception as error:  # noqa: BLE001  (the caller gets the error; the node goes on)
                 answer.set_result((False, f"{name} failed inside the node: {error!r}"))
                 continue
-            if isinstance(told, concurrent.futures.Future):
-                told.add_done_callback(lambda late, answer=answer: answer.set_result(late.result()))
+            if isinstance(result, concurrent.futures.Future):
+                result.add_done_callback(lambda later, answer=answer: answer.set_result(later.result()))
             else:
-                answer.set_result(told)
+                answer.set_result(result)

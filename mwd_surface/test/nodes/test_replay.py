@@ -23,8 +23,9 @@ from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import Imu, MagneticField  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
-from mwd_estimation.nodes.messages import stamp  # noqa: E402
+from mwd_sensors.ros.time_stamps import stamp  # noqa: E402
 from mwd_surface.nodes import replay  # noqa: E402
+from mwd_surface.ros.topics import message_class  # noqa: E402
 
 START = 1_772_344_800_000_000_000
 STREAM = QoSProfile(depth=5000, reliability=QoSReliabilityPolicy.BEST_EFFORT)
@@ -215,7 +216,7 @@ def test_a_recorded_profile_is_offered_again():
 
 
 def test_a_type_that_is_not_installed_has_no_class():
-    assert replay.message_class("sensor_msgs/msg/Imu") is Imu
-    assert replay.message_class("no_such_msgs/msg/Thing") is None
-    assert replay.message_class("sensor_msgs/msg/NoSuchThing") is None
-    assert replay.message_class("nonsense") is None
+    assert message_class("sensor_msgs/msg/Imu") is Imu
+    assert message_class("no_such_msgs/msg/Thing") is None
+    assert message_class("sensor_msgs/msg/NoSuchThing") is None
+    assert message_class("nonsense") is None

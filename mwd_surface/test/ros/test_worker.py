@@ -3,15 +3,15 @@
 import concurrent.futures
 import threading
 
-from mwd_surface.ros.worker import Beside, Requests
+from mwd_surface.ros.worker import BackgroundWorker, RequestQueue
 
 
 def asked(requests, name, **arguments):
     """Ask in another thread, as a page does; the node answers here."""
     with concurrent.futures.ThreadPoolExecutor(1) as outside:
-        promise = outside.submit(requests.ask, name, arguments)
+        promise = outside.submit(requests.call, name, arguments)
         while not promise.done():
-            requests.answer()
+            requests.run_requests()
         return promise.result()
 
 
@@ -22,18 +22,18 @@ def test_a_request_is_carried_out_in_the_nodes_own_thread():
         where.append(threading.get_ident())
         return True, f"{name} {arguments['k']}"
 
-    assert asked(Requests(carry_out), "split", k=3) == (True, "split 3")
+    assert asked(RequestQueue(carry_out), "split", k=3) == (True, "split 3")
     assert where == [threading.get_ident()]
 
 
 def test_an_answer_that_takes_its_time_is_waited_for_without_holding_the_node_up():
     later = concurrent.futures.Future()
-    requests = Requests(lambda _name, _arguments: later)
+    requests = RequestQueue(lambda _name, _arguments: later)
     with concurrent.futures.ThreadPoolExecutor(1) as outside:
-        promise = outside.submit(requests.ask, "export", {})
-        while requests._waiting.empty() and not promise.done():
+        promise = outside.submit(requests.call, "export", {})
+        while requests._queue.empty() and not promise.done():
             continue
-        requests.answer()
+        requests.run_requests()
         later.set_result((True, "written"))
         assert promise.result(5.0) == (True, "written")
 
@@ -42,7 +42,7 @@ def test_a_request_that_fails_inside_is_answered_in_words():
     def broken(_name, _arguments):
         raise KeyError("no such thing")
 
-    ok, message = asked(Requests(broken), "export")
+    ok, message = asked(RequestQueue(broken), "export")
     assert not ok
     assert "export failed inside the node" in message
 
@@ -59,22 +59,22 @@ def test_work_that_ends_while_the_node_asks_is_told_once():
         def submit(self, _job):
             return EndsWhileAsked()
 
-    beside, told = Beside(), []
-    beside.close()
-    beside._worker = Worker()
-    beside.work(str, lambda job: told.append(job.result()))
+    worker, told = BackgroundWorker(), []
+    worker.close()
+    worker._executor = Worker()
+    worker.submit(str, lambda job: told.append(job.result()))
     for _ in range(3):
-        beside.finish()
+        worker.run_callbacks()
     assert told == ["written"]
 
 
 def test_slow_work_tells_of_itself_only_when_the_node_asks():
-    beside, told, go = Beside(), [], threading.Event()
-    beside.work(lambda: go.wait(5.0), lambda job: told.append(job.result()))
-    beside.finish()
+    worker, told, go = BackgroundWorker(), [], threading.Event()
+    worker.submit(lambda: go.wait(5.0), lambda job: told.append(job.result()))
+    worker.run_callbacks()
     assert told == []
     go.set()
     while not told:
-        beside.finish()
+        worker.run_callbacks()
     assert told == [True]
-    beside.close()
+    worker.close()

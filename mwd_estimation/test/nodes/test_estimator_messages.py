@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 
-from mwd_estimation.nodes.estimator import apart
+from mwd_estimation.nodes.messages import published_rows
 
 START = 1_772_344_800_000_000_000
 
@@ -13,10 +13,10 @@ START = 1_772_344_800_000_000_000
 def places(stamps, cuts):
     found, last = [], -(10**9)
     for part in np.split(np.arange(len(stamps)), cuts):
-        told = apart(stamps[part], last)
-        found += part[told].tolist()
-        if len(told):
-            last = int(stamps[part][told[-1]])
+        rows = published_rows(stamps[part], last)
+        found += part[rows].tolist()
+        if len(rows):
+            last = int(stamps[part][rows[-1]])
     return found
 
 

@@ -1,0 +1,95 @@
+"""Diagnostics of the estimator: samples, reference field, sensors, the survey under way and the attitude."""
+
+from __future__ import annotations
+
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.status import Status, words
+from mwd_estimation.pipeline import Pipeline
+from mwd_estimation.settings import EstimatorSettings
+from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
+
+
+def sample_diagnostic(pipeline: Pipeline, unreadable: int) -> Diagnostic:
+    """Samples that were not used, by cause; unreadable: messages that could not be decoded."""
+    counters = pipeline.counters
+    unused = counters.rejected + counters.late_mag + counters.spikes + unreadable
+    values = (
+        ("rejected", str(counters.rejected)),
+        ("late magnetic", str(counters.late_mag)),
+        ("magnetic spikes", str(counters.spikes)),
+        ("unreadable", str(unreadable)),
+        ("time went back", str(counters.set_back)),
+    )
+    if not unused:
+        return Diagnostic("samples", OK, "all used", values=values)
+    remedy = "look for gaps, repeated stamps and values that are not finite"
+    return Diagnostic("samples", WARN, f"{unused} not used", remedy, values)
+
+
+def reference_diagnostic(reference: Reference | None) -> Diagnostic:
+    """The reference field in force, with its values in T, rad and m/s^2 in full precision."""
+    if reference is None or not reference.has_field:
+        message = reference.source if reference is not None else "none: azimuth is magnetic and uncorrected"
+        remedy = "set reference.source, or call set_reference_field"
+        return Diagnostic("reference field", WARN, message, remedy)
+    names = ("total", "dip", "declination", "convergence", "gravity")
+    values = [(name, getattr(reference, name)) for name in names]
+    known = tuple((name, repr(float(value))) for name, value in values if value is not None)
+    return Diagnostic("reference field", OK, reference.source, values=known)
+
+
+def sensor_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
+    """One entry for each sensor fault; without a fault one entry with the checks that are still undecided."""
+    faults = pipeline.sensor_faults
+    if not faults:
+        undecided = [name for name, word in pipeline.sensors_known.items() if word == "not yet known"]
+        message = f"no fault; not yet known: {', '.join(undecided)}" if undecided else "healthy"
+        return [Diagnostic("sensors", OK, message, values=tuple(pipeline.sensors_known.items()))]
+    return [
+        Diagnostic(
+            "sensors" if k == 0 else f"sensors {k + 1}",
+            ERROR if fault.severity == "error" else WARN,
+            fault.message,
+            fault.remedy,
+            (
+                ("kind", fault.kind),
+                ("sensor", fault.sensor),
+                ("axis", fault.axis),
+                ("confidence", f"{fault.confidence:.2f}"),
+                ("since_s", f"{fault.since_ns * 1e-9:.1f}"),
+            ),
+        )
+        for k, fault in enumerate(faults)
+    ]
+
+
+def survey_diagnostic(pipeline: Pipeline, settings: EstimatorSettings, requested_s: float | None) -> Diagnostic:
+    """
+    Progress of the survey under way.
+
+    Parameters
+    ----------
+    pipeline : Pipeline
+        The pipeline in force.
+    settings : EstimatorSettings
+        In force.
+    requested_s : float or None
+        Duration of the survey that was requested, s; None: none was.
+    """
+    survey, share = settings.survey, pipeline.survey_progress
+    if not (survey.automatic or requested_s is not None) or share == 0.0:
+        return Diagnostic("survey", OK, "none under way")
+    if share >= 1.0:
+        return Diagnostic("survey", OK, "taken; the next one comes after the tool has moved")
+    seconds = survey.settle_s + survey.duration_s if requested_s is None else requested_s
+    values = (("elapsed_s", f"{share * seconds:.1f}"), ("remaining_s", f"{(1.0 - share) * seconds:.1f}"))
+    waits_for = pipeline.survey_waits_for
+    if waits_for:
+        return Diagnostic("survey", OK, f"averaging on, waits for the gyro: {waits_for}", values=values)
+    settling = requested_s is None and share * seconds < survey.settle_s
+    return Diagnostic("survey", OK, "letting the string settle" if settling else "averaging", values=values)
+
+
+def attitude_diagnostic(status: int) -> Diagnostic:
+    """Status bits of the last attitude in words."""
+    return Diagnostic("attitude", OK, words(status & ~int(Status.NO_REFERENCE)) or "moving")

@@ -1,0 +1,134 @@
+"""Service responses and action results that are sent after the callback has returned, while the executor goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.lifecycle import LifecycleNode
+from rclpy.service import Service
+
+
+class DeferredResponse:
+    """A service response that is sent later; the client waits, the executor does not."""
+
+    def __init__(self) -> None:
+        self._sender: Callable[[Any], None] | None = None
+
+    def send_through(self, sender: Callable[[Any], None]) -> None:
+        """Set the function that sends the response; called once, when the service callback has returned."""
+        self._sender = sender
+
+    def send(self, response: Any) -> None:
+        """Send the response. Only the first call has an effect."""
+        sender, self._sender = self._sender, None
+        if sender is not None:
+            sender(response)
+
+
+def allow_deferred_responses(service: Service) -> None:
+    """
+    Let the callback of a service return a `DeferredResponse` in place of a response.
+
+    The executor hands whatever the callback returned to `send_response`, together with the header of the request.
+    """
+    send_now = service.send_response
+
+    def send_response(response: Any, header: Any) -> None:
+        if isinstance(response, DeferredResponse):
+            response.send_through(lambda known: send_now(known, header))
+        else:
+            send_now(response, header)
+
+    service.send_response = send_response
+
+
+class DeferredGoal:
+    """
+    An accepted goal of an action: publish feedback while it runs, finish it once.
+
+    Attributes
+    ----------
+    request : message
+        Goal part of the action.
+    """
+
+    def __init__(self, server: DeferredActionServer, handle: ServerGoalHandle) -> None:
+        self._server, self._handle = server, handle
+        self.request = handle.request
+
+    @property
+    def done(self) -> bool:
+        """Whether the goal was finished."""
+        return not self._handle.is_active
+
+    def publish_feedback(self, feedback: Any) -> None:
+        """Publish feedback; without effect on a finished goal."""
+        if self._handle.is_active:
+            self._handle.publish_feedback(feedback)
+
+    def finish(self, result: Any) -> None:
+        """
+        Send the result; without effect on a finished goal.
+
+        The goal has succeeded where the field `success` is set, else it was cancelled where that was requested, else
+        it is aborted.
+        """
+        if not self._handle.is_active:
+            return
+        if result.success:
+            self._handle.succeed()
+        elif self._handle.is_cancel_requested:
+            self._handle.canceled()
+        else:
+            self._handle.abort()
+        self._server.send_result(self._handle, result)
+
+
+class DeferredActionServer(ActionServer):
+    """
+    An action server whose goals end when `DeferredGoal.finish` is called, not when a callback returns.
+
+    The stock server awaits a coroutine for the whole time of a goal, which the events executor does not support. Here
+    the executor sees only calls that return at once: a goal starts, and later its result is sent.
+
+    Parameters
+    ----------
+    start_goal : callable
+        Called with each accepted `DeferredGoal`; returns at once.
+    cancel_goal : callable
+        Called with a goal whose cancellation was requested; finishes it.
+    """
+
+    def __init__(
+        self,
+        node: LifecycleNode,
+        action_type: Any,
+        name: str,
+        start_goal: Callable[[DeferredGoal], None],
+        cancel_goal: Callable[[DeferredGoal], None],
+    ) -> None:
+        self._goals: dict[bytes, DeferredGoal] = {}
+        self._start_goal, self._cancel_goal = start_goal, cancel_goal
+        super().__init__(node, action_type, name, lambda _handle: None, cancel_callback=self._on_cancel_request)
+
+    def notify_execute(self, goal_handle: ServerGoalHandle, execute_callback: Any) -> None:  # noqa: ARG002
+        """A goal was accepted and is now executing (called by rclpy)."""
+        for key in [key for key, goal in self._goals.items() if goal.done]:
+            del self._goals[key]
+        goal = self._goals[bytes(goal_handle.goal_id.uuid)] = DeferredGoal(self, goal_handle)
+        self._start_goal(goal)
+
+    def send_result(self, goal_handle: ServerGoalHandle, result: Any) -> None:
+        """Make the result available to the client, which may request it now or later."""
+        super().notify_execute(goal_handle, lambda _handle: result)
+
+    def _on_cancel_request(self, goal_handle: ServerGoalHandle) -> CancelResponse:
+        goal = self._goals.get(bytes(goal_handle.goal_id.uuid))
+        if goal is None or goal.done:
+            return CancelResponse.REJECT
+        # Only after this callback has returned is the goal in the state `canceling`.
+        self._node.executor.create_task(self._cancel_goal, goal)
+        return CancelResponse.ACCEPT

@@ -1,0 +1,57 @@
+"""Diagnostics of a node: one entry per thing that is monitored, published as diagnostic_msgs/DiagnosticArray."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+OK, WARN, ERROR, STALE = (bytes([level]) for level in range(4))
+
+
+@dataclasses.dataclass(frozen=True)
+class Diagnostic:
+    """
+    One entry of a node's diagnostics.
+
+    Attributes
+    ----------
+    name : str
+        What is monitored; published as ``<node>: <name>``.
+    level : bytes
+        OK, WARN, ERROR or STALE.
+    message : str
+        The state in words.
+    remedy : str
+        What the user can do about it; published as the value `remedy`.
+    values : tuple of (str, str)
+        Figures that belong to the state.
+    """
+
+    name: str
+    level: bytes
+    message: str
+    remedy: str = ""
+    values: tuple[tuple[str, str], ...] = ()
+
+
+def diagnostic_array(node: Node, diagnostics: Sequence[Diagnostic]) -> DiagnosticArray:
+    """Message with the diagnostics of a node, stamped now; the hardware id is the node's namespace."""
+    message = DiagnosticArray()
+    message.header.stamp = node.get_clock().now().to_msg()
+    for diagnostic in diagnostics:
+        values = [KeyValue(key=key, value=value) for key, value in diagnostic.values]
+        if diagnostic.remedy:
+            values.append(KeyValue(key="remedy", value=diagnostic.remedy))
+        message.status.append(
+            DiagnosticStatus(
+                level=diagnostic.level,
+                name=f"{node.get_fully_qualified_name()}: {diagnostic.name}",
+                message=diagnostic.message,
+                hardware_id=node.get_namespace(),
+                values=values,
+            )
+        )
+    return message

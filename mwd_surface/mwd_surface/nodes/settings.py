@@ -1,0 +1,90 @@
+"""Parameters of the surface node; those of a room of this package stand in that room."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from mwd_sensors.core.settings import setting
+from mwd_surface.bags.recorder.settings import RecorderSettings
+from mwd_surface.live.settings import LiveSettings
+from mwd_surface.page.foxglove_server import FoxgloveSettings
+from mwd_surface.page.page_server import PageSettings
+from mwd_surface.rig.port import RigSettings
+from mwd_surface.ros.topics import TOPICS
+from mwd_surface.surveys.depth import DepthRules
+from mwd_surface.surveys.leg_settings import LegSettings
+from mwd_surface.surveys.slide_sheet import SlideRules
+from mwd_surface.surveys.survey_list import ListRules
+from mwd_surface.surveys.well import Well
+
+
+@dataclasses.dataclass(frozen=True)
+class PlanSettings:
+    """The planned well path."""
+
+    file: str = setting(
+        "",
+        "File of the planned path, CSV or WITSML 1.4.1.1; empty: no plan. Any change of a parameter of the node reads "
+        "it again",
+    )
+    sets_section: bool = setting(
+        True, "Take the azimuth of the vertical section from the plan where well.section_azimuth_deg is 0"
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class AdvisorySettings:
+    """The toolface the driller is asked to hold."""
+
+    toolface_deg: float = setting(
+        -1.0, "Toolface to hold, shown on the page; below 0: none", unit="deg", low=-1.0, high=360.0
+    )
+    limit_deg: float = setting(
+        15.0,
+        "Largest deviation from the wanted toolface that the page shows as good; a larger limit hides larger errors",
+        unit="deg",
+        low=1.0,
+        high=180.0,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class RecordSettings:
+    """What is recorded."""
+
+    enabled: bool = setting(True, "Start a recording when the node is activated", fixed=True)
+    name: str = setting("", "Folder name of the recording; empty: made from date and time", fixed=True)
+    topics: list[str] = setting(
+        list(TOPICS),
+        "Topics to record, relative to the well or absolute. A topic that does not exist yet is recorded as soon as it "
+        "does. Each topic costs disk space; leave the list as it is unless a topic is to be added",
+        fixed=True,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class SurfaceSettings:
+    """Parameters of the surface node."""
+
+    folder: str = setting(
+        "~/mwd_data", "Folder of recordings, survey lists and exports; each well has its own folder in it", fixed=True
+    )
+    serve_page: bool = setting(True, "Serve the live page", fixed=True)
+    strict: bool = setting(
+        False,
+        "Refuse to start where the page cannot be served; false: raise an alarm and try again every 5 s",
+        fixed=True,
+    )
+    well: Well = setting(Well, "The well")
+    plan: PlanSettings = setting(PlanSettings, "The planned well path")
+    advisory: AdvisorySettings = setting(AdvisorySettings, "The toolface the driller is asked to hold")
+    rules: ListRules = setting(ListRules, "Rules of the survey list")
+    leg: LegSettings = setting(LegSettings, "Tie-on, leg and tool")
+    depth: DepthRules = setting(DepthRules, "Depth of a survey")
+    slides: SlideRules = setting(SlideRules, "The slide sheet")
+    record: RecordSettings = setting(RecordSettings, "What is recorded")
+    recorder: RecorderSettings = setting(RecorderSettings, "How it is recorded")
+    page: PageSettings = setting(PageSettings, "The live page")
+    live: LiveSettings = setting(LiveSettings, "What the page shows")
+    foxglove: FoxgloveSettings = setting(FoxgloveSettings, "Live server for Foxglove")
+    rig: RigSettings = setting(RigSettings, "Rig interfaces")
