@@ -122,9 +122,9 @@ LISTENER = """
 import json, struct, sys, time, rclpy
 from sensor_msgs.msg import Imu
 from mwd_msgs.msg import Attitude
-from mwd_sensors.nodes import profiles
+from mwd_sensors.ros.qos import STREAM, buffered
 rclpy.init(); node = rclpy.create_node("bench")
-kinds, qos = {"imu/data_raw": Imu, "attitude": Attitude}, profiles.deep(profiles.STREAM)
+kinds, qos = {"imu/data_raw": Imu, "attitude": Attitude}, buffered(STREAM)
 readers = {name: node.create_subscription(kinds[name], "/w1/" + name, print, qos, raw=True) for name in sys.argv[2:]}
 heard, end = {name: [] for name in readers}, None
 while end is None or time.monotonic() < end:

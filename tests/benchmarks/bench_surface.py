@@ -130,13 +130,13 @@ def share(pid: int, seconds: float, counts: list[int], address: str) -> tuple[fl
 PUBLISHER = """
 import sys, time, rclpy
 from sensor_msgs.msg import Imu, MagneticField
-from mwd_sensors import wire
-from mwd_sensors.nodes import profiles
+from mwd_sensors.core import wire
+from mwd_sensors.ros import qos
 rclpy.init()
 node, seconds = rclpy.create_node("publisher", namespace="w1"), float(sys.argv[1])
 kinds = [(Imu, "imu/data_raw", wire.IMU, 1), (MagneticField, "imu/mag", wire.MAG, 10)]
 kinds += [(Imu, "gyro/data_raw", wire.IMU, 10)]
-outs = [(node.create_publisher(kind, topic, profiles.STREAM), layout, every) for kind, topic, layout, every in kinds]
+outs = [(node.create_publisher(kind, topic, qos.STREAM), layout, every) for kind, topic, layout, every in kinds]
 while any(out.get_subscription_count() == 0 for out, _, _ in outs):
     time.sleep(0.05)
 time.sleep(1.0)

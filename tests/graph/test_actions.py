@@ -27,16 +27,16 @@ from sensor_msgs.msg import Imu, MagneticField
 from mwd_msgs.action import NorthSeek, RotarySurvey
 from mwd_msgs.msg import Dynamics, Survey, SurveyList, SurveyRecord
 from mwd_msgs.srv import TakeSurvey
-from mwd_sensors import wire
+from mwd_sensors.core import wire
 from mwd_sensors.core.frames import mat_nt
-from mwd_sensors.nodes import profiles
+from mwd_sensors.ros import qos
 
 LATITUDE, RATE = math.radians(50.0), 50
 EARTH = math.radians(15.041) / 3600.0 * np.array([math.cos(LATITUDE), 0.0, -math.sin(LATITUDE)])
 FIELD = 48e-6 * np.array([math.cos(math.radians(66.0)), 0.0, math.sin(math.radians(66.0))])
 rclpy.init(); node = rclpy.create_node("client"); said = {}
 rng = np.random.default_rng(1)
-deep = profiles.deep(profiles.STREAM)
+deep = qos.buffered(qos.STREAM)
 sinks = {name: node.create_publisher(kind, name, deep)
          for name, kind in (("imu/data_raw", Imu), ("gyro/data_raw", Imu), ("imu/mag", MagneticField))}
 state = {"k": 0, "roll": 0.5, "rate": 0.0}
@@ -76,7 +76,7 @@ def ask(client, goal, feed=True, cancel_after=None):
     return answer.status, answer.result, told
 
 heard = []
-node.create_subscription(Dynamics, "dynamics", heard.append, profiles.STATE)
+node.create_subscription(Dynamics, "dynamics", heard.append, qos.STATE)
 north, rotary = ActionClient(node, NorthSeek, "north_seek"), ActionClient(node, RotarySurvey, "rotary_survey")
 assert north.wait_for_server(30.0) and rotary.wait_for_server(30.0)
 status, result, _ = ask(north, NorthSeek.Goal(), feed=False)
@@ -106,7 +106,7 @@ said["rotary"] = status, result.message, s.kind, s.inclination, s.azimuth, s.cov
 said["dynamics"] = [(d.rotary_speed, d.samples, d.stick_slip_index) for d in heard][-1]
 
 # Another surface remembers seven surveys; then the recording that is fed begins again.
-table = node.create_publisher(SurveyList, "surveys", profiles.LATCHED)
+table = node.create_publisher(SurveyList, "surveys", qos.LATCHED)
 table.publish(SurveyList(records=[SurveyRecord(survey=Survey(sequence=n)) for n in (3, 17, 5)]))
 state["rate"] = 0.0
 asked = node.create_client(TakeSurvey, "take_survey")

@@ -47,7 +47,7 @@ from rcl_interfaces.srv import SetParametersAtomically, DescribeParameters
 from lifecycle_msgs.srv import GetState
 from mwd_msgs.msg import SurveyList
 from mwd_msgs.srv import JudgeSurvey, SetDepth, SetReferenceField, InjectFault, Export
-from mwd_sensors.nodes import profiles
+from mwd_sensors.ros import qos
 rclpy.init(); node = rclpy.create_node("talk"); said = {}
 def call(kind, name, **fields):
     client = node.create_client(kind, name)
@@ -100,7 +100,7 @@ def played(tmp_path_factory):
             TALK
             + """
 got = []
-node.create_subscription(SurveyList, "/w1/surveys", got.append, profiles.LATCHED)
+node.create_subscription(SurveyList, "/w1/surveys", got.append, qos.LATCHED)
 end = time.monotonic() + 10
 while not got and time.monotonic() < end: rclpy.spin_once(node, timeout_sec=0.1)
 said["late joiner sees"] = len(got[0].records)

@@ -62,8 +62,8 @@ class InputTopics:
         for message in bursts:
             try:
                 samples = np.concatenate([samples, burst.decode(message)])
-            except wire.WireError as error:
-                errors.append(error)
+            except wire.WireError as unreadable:
+                errors.append(unreadable)
         if messages or bursts:
             self._received_at[topic] = time.monotonic()
         if topic not in self.frames and len(samples):

@@ -1,4 +1,4 @@
-"""The simulated sonde as a node: publishes what a scenario lets the sensors feel, at wall time or faster."""
+"""The simulated sonde as a node: publishes the sensor topics of a scenario, in wall time or faster."""
 
 from __future__ import annotations
 
@@ -24,10 +24,11 @@ from mwd_sensors.simulator.faults import Fault
 from mwd_sensors.simulator.scenario import read
 from mwd_sensors.simulator.sonde import Sonde
 
-_BLOCK_S = 0.1  # of the run, simulated at a time
-_TICK_S = 0.005
-_LAST_WAY_S = 0.5
-_MOST_PER_TICK = 100  # after a stall: more at once overruns the queues of the middleware on a busy machine
+_BLOCK_S = 0.1  # of the scenario, simulated at a time
+_TIMER_PERIOD = 0.005  # s
+_DELIVERY_TIME = 0.5  # s; messages published last are still being delivered for so long
+# Most messages of one timer callback: more at once, after a delay, overrun the middleware's queues on a busy machine.
+_MAX_PER_CALLBACK = 100
 _TYPES = {
     "imu/data_raw": Imu,
     "imu/mag": MagneticField,
@@ -39,9 +40,9 @@ _TYPES = {
 # At equal stamps the AHRS comes last: the other samples the estimator needs have then been published.
 _ORDER = ("rig/state", "imu/temperature", "gyro/data_raw", "imu/mag", "truth", "imu/data_raw")
 
-_OBEYED = {steering.HOLD: "holding", steering.ROTATE: "rotating", steering.ORIENT: "turning to an angle"}
+_COMMANDED = {steering.HOLD: "holding", steering.ROTATE: "rotating", steering.ORIENT: "turning to an angle"}
 _THINNED = ("imu/mag", "truth")
-_IN_BURSTS = {single: name for name, single in burst.TOPICS.items()}
+_BURST_TOPIC = {single: name for name, single in burst.TOPICS.items()}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,25 +50,40 @@ class SondeSettings:
     """Parameters of the sonde node."""
 
     scenario: str = setting("default", "Scenario: a name from bags/scenarios or the path of a YAML file", fixed=True)
-    seed: int = setting(-1, "Of every random number; -1: as the scenario says", low=-1, high=2**31 - 1, fixed=True)
+    seed: int = setting(-1, "Seed of all random numbers; -1: that of the scenario", low=-1, high=2**31 - 1, fixed=True)
     rate: float = setting(
-        1.0, "Seconds of the run per second of wall time; 0: as fast as possible", low=0.0, high=1000.0, fixed=True
+        1.0,
+        "Seconds of the scenario per second of wall time; 0: as fast as possible. Subscribers lose samples at a rate "
+        "they cannot follow",
+        low=0.0,
+        high=1000.0,
+        fixed=True,
     )
     wait_for_listener_s: float = setting(
-        0.0, "Wait up to so long for somebody to listen before starting", unit="s", low=0.0, high=600.0, fixed=True
+        0.0,
+        "Longest wait for subscribers before the scenario starts; 0: start at once",
+        unit="s",
+        low=0.0,
+        high=600.0,
+        fixed=True,
     )
     exit_at_end: bool = setting(False, "End the process when the scenario is over", fixed=True)
     burst: int = setting(
         0,
-        "Samples in one message on imu/burst and gyro/burst, in place of imu/data_raw and gyro/data_raw; 0: singly",
+        "Samples in one message of imu/burst and gyro/burst, which then replace imu/data_raw and gyro/data_raw; 0: one "
+        "message per sample. For units beyond 1 kHz; larger bursts cost less computing time and arrive later",
         low=0,
         high=burst.MOST,
         fixed=True,
     )
     thin: int = setting(
-        1, "Publish every n-th sample of magnetometer and truth, for fast units", low=1, high=1000, fixed=True
+        1,
+        "Publish every n-th sample of magnetometer and truth; above 1 for units beyond 1 kHz",
+        low=1,
+        high=1000,
+        fixed=True,
     )
-    fault_injection: bool = setting(False, "Allow the inject_fault service")
+    fault_injection: bool = setting(False, "Allow the service inject_fault")
 
 
 class SondeNode(GraphNode[SondeSettings]):
@@ -75,7 +91,7 @@ class SondeNode(GraphNode[SondeSettings]):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("sonde", SondeSettings(), **node_options)
-        self._sent = dict.fromkeys(_ORDER, 0)
+        self._published = dict.fromkeys(_ORDER, 0)
         self._sonde: Sonde | None = None
         self._finished = False
 
@@ -83,109 +99,117 @@ class SondeNode(GraphNode[SondeSettings]):
         """Read the scenario and open the topics."""
         changes = {} if self.settings.seed < 0 else {"seed": self.settings.seed}
         self._scenario = read(scenario_files.find(self.settings.scenario), changes)
-        # Compiles the simulator, so that the run does not begin late.
+        # Compiles the simulator, so that the run does not start late.
         next(Sonde(self._scenario).blocks(_BLOCK_S))
-        self._out = {
+        self._topic_publishers = {
             topic: self.add_publisher(_TYPES[topic], topic, qos.EVENT if topic == "rig/state" else qos.STREAM)
             for topic in _ORDER
         }
         if self.settings.burst:
-            self._out |= {topic: self.add_publisher(ImuBurst, topic, qos.STREAM) for topic in burst.TOPICS}
+            self._topic_publishers |= {topic: self.add_publisher(ImuBurst, topic, qos.STREAM) for topic in burst.TOPICS}
         self.add_service(InjectFault, "inject_fault", self._inject_fault)
         self.add_subscription(RigCommand, "rig/command", self._on_command, qos.STATE)
-        self.add_timer(_TICK_S, self._tick)
+        self.add_timer(_TIMER_PERIOD, self._on_timer)
 
     def activate(self) -> None:
-        """Begin the scenario at its beginning."""
+        """Start the scenario at its beginning, once subscribers have been found."""
         self._sonde = None
         self._finished = False
-        self._over_at = 0.0
-        self._taken = self._not_taken = 0
-        self._why_not = ""
+        self._finished_at = 0.0
+        self._commands_obeyed = self._commands_refused = 0
+        self._refusal = ""
         self._discovery = SubscriberDiscovery(time.monotonic(), self.settings.wait_for_listener_s)
 
-    def _begin(self) -> None:
-        self._sonde = Sonde(self._scenario, epoch_ns=self.get_clock().now().nanoseconds)
-        self._blocks: Iterator[dict[str, Samples]] = self._sonde.blocks(_BLOCK_S)
-        self._made_until = 0.0
-        self._seen = dict.fromkeys(_THINNED, 0)
+    def _start(self) -> Sonde:
+        sonde = self._sonde = Sonde(self._scenario, epoch_ns=self.get_clock().now().nanoseconds)
+        self._blocks: Iterator[dict[str, Samples]] = sonde.blocks(_BLOCK_S)
+        self._all_simulated = False
+        self._simulated_until = 0.0
+        self._sample_counts = dict.fromkeys(_THINNED, 0)
         self._pending: list[tuple[float, int, str, bytes]] = []
-        self._started = time.monotonic()
+        self._started_at = time.monotonic()
         self.get_logger().info(
-            f"scenario {self._scenario.name}: {self._sonde.duration:.0f} s, field {self._sonde.reference.source}"
+            f"scenario {self._scenario.name}: {sonde.duration:.0f} s, field {sonde.reference.source}"
         )
+        return sonde
 
-    def _tick(self) -> None:
-        if self._sonde is None:
-            if not self._discovery.complete(self._out.values(), time.monotonic()):
+    def _on_timer(self) -> None:
+        sonde = self._sonde
+        if sonde is None:
+            if not self._discovery.complete(self._topic_publishers.values(), time.monotonic()):
                 return
-            self._begin()
+            sonde = self._start()
         if self._finished:
-            # What was published last is still on its way.
-            if self.settings.exit_at_end and time.monotonic() - self._over_at > _LAST_WAY_S:
+            if self.settings.exit_at_end and time.monotonic() - self._finished_at > _DELIVERY_TIME:
                 self.request_stop()
             return
         rate = self.settings.rate
-        elapsed = time.monotonic() - self._started
-        until = elapsed * rate if rate > 0.0 else self._made_until + _BLOCK_S
-        while not self._finished and self._made_until <= until:
-            self._make_block()
-        count = 0
-        for due, _, topic, message in self._pending[:_MOST_PER_TICK]:
-            if due > until:
-                break
-            self._out[topic].publish(message)
-            self._sent[topic] = self._sent.get(topic, 0) + 1
-            count += 1
-        del self._pending[:count]
-        if self._finished and self._pending:
-            self._finished = False
-        elif self._finished:
-            self._over_at = time.monotonic()
+        elapsed = time.monotonic() - self._started_at
+        until = elapsed * rate if rate > 0.0 else self._simulated_until + _BLOCK_S
+        while not self._all_simulated and self._simulated_until <= until:
+            self._simulate_block(sonde)
+        self._publish_due(until)
+        if self._all_simulated and not self._pending:
+            self._finished, self._finished_at = True, time.monotonic()
             self.get_logger().info("scenario is over")
 
-    def _make_block(self) -> None:
+    def _publish_due(self, until: float) -> None:
+        count = 0
+        for due, _, topic, message in self._pending[:_MAX_PER_CALLBACK]:
+            if due > until:
+                break
+            self._topic_publishers[topic].publish(message)
+            self._published[topic] = self._published.get(topic, 0) + 1
+            count += 1
+        del self._pending[:count]
+
+    def _simulate_block(self, sonde: Sonde) -> None:
         block = next(self._blocks, None)
-        if block is None or self._sonde is None:
-            self._finished = True
+        if block is None:
+            self._all_simulated = True
             return
         for order, topic in enumerate(_ORDER):
-            samples = block[topic]
-            if not len(samples):
-                continue
-            frame = wire.RIG_FRAME if topic == "rig/state" else wire.SONDE_FRAME
-            if topic in _THINNED:
-                # Every n-th of the whole run, wherever its blocks end.
-                first = -self._seen[topic] % self.settings.thin
-                self._seen[topic] += len(samples)
-                samples = samples[first :: self.settings.thin]
-            dues = (samples["stamp_ns"] - self._sonde.epoch_ns) * 1e-9
-            if self.settings.burst and topic in _IN_BURSTS:
-                for start in range(0, len(samples), self.settings.burst):
-                    part = slice(start, start + self.settings.burst)
-                    due = float(dues[part][-1])
-                    self._pending.append((due, order, _IN_BURSTS[topic], burst.encode(samples[part], frame)))
-                continue
-            rows = wire.SONDE_TOPICS[topic].encode(samples, frame)
-            self._pending += [(float(due), order, topic, row.tobytes()) for due, row in zip(dues, rows, strict=True)]
+            samples = self._thinned(topic, block[topic])
+            if len(samples):
+                self._pending += self._messages(sonde, order, topic, samples)
         self._pending.sort(key=lambda item: item[:2])
-        self._made_until += _BLOCK_S
+        self._simulated_until += _BLOCK_S
+
+    def _thinned(self, topic: str, samples: Samples) -> Samples:
+        """Every n-th sample of the whole run, wherever its blocks end."""
+        if topic not in _THINNED:
+            return samples
+        first = -self._sample_counts[topic] % self.settings.thin
+        self._sample_counts[topic] += len(samples)
+        return samples[first :: self.settings.thin]
+
+    def _messages(self, sonde: Sonde, order: int, topic: str, samples: Samples) -> list[tuple[float, int, str, bytes]]:
+        """Messages of one topic, each with the time it is due, s after the start, and its place among the topics."""
+        frame = wire.RIG_FRAME if topic == "rig/state" else wire.SONDE_FRAME
+        dues = (samples["stamp_ns"] - sonde.epoch_ns) * 1e-9
+        if not self.settings.burst or topic not in _BURST_TOPIC:
+            rows = wire.SONDE_TOPICS[topic].encode(samples, frame)
+            return [(float(due), order, topic, row.tobytes()) for due, row in zip(dues, rows, strict=True)]
+        parts = [slice(start, start + self.settings.burst) for start in range(0, len(samples), self.settings.burst)]
+        return [
+            (float(dues[part][-1]), order, _BURST_TOPIC[topic], burst.encode(samples[part], frame)) for part in parts
+        ]
 
     def _on_command(self, message: RigCommand) -> None:
         command = steering.Command(message.mode, message.rotary_speed, message.turn, message.valid_for)
         try:
             if self._sonde is not None:
                 self._sonde.command(command)
-            self._why_not = "" if self._sonde is not None else "the scenario has not started"
+            self._refusal = "" if self._sonde is not None else "the scenario has not started"
         except ValueError as error:
-            self._why_not = str(error)
-        if self._why_not:
-            self._not_taken += 1
-            self.get_logger().warning(f"rig/command not obeyed: {self._why_not}", throttle_duration_sec=5.0)
+            self._refusal = str(error)
+        if self._refusal:
+            self._commands_refused += 1
+            self.get_logger().warning(f"rig/command not obeyed: {self._refusal}", throttle_duration_sec=5.0)
         else:
-            self._taken += 1
+            self._commands_obeyed += 1
 
-    def _inject_fault(self, request: InjectFault.Request, response: InjectFault.Response) -> InjectFault.Response:
+    def _inject_fault(self, request: Any, response: Any) -> Any:
         if not self.settings.fault_injection:
             response.success = False
             response.message = "fault injection is off; set the parameter fault_injection to true"
@@ -193,11 +217,11 @@ class SondeNode(GraphNode[SondeSettings]):
         if self._sonde is None:
             response.success, response.message = False, "the scenario has not started"
             return response
-        asked = {"component": request.component, "fault": request.fault, "axis": request.axis or "all"}
+        fault = {"component": request.component, "fault": request.fault, "axis": request.axis or "all"}
         if request.duration > 0.0:
-            asked["seconds"] = request.duration
+            fault["seconds"] = request.duration
         try:
-            self._sonde.inject(from_mapping(Fault, asked))
+            self._sonde.inject(from_mapping(Fault, fault))
         except ValueError as error:
             response.success, response.message = False, str(error)
             return response
@@ -207,32 +231,32 @@ class SondeNode(GraphNode[SondeSettings]):
         return response
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Progress and what was sent; commands, where any came."""
-        return (*self._progress(), *self._commanded())
+        """Progress of the scenario and published messages; rig commands, where any were received."""
+        return (self._progress_diagnostic(), *self._command_diagnostics())
 
-    def _commanded(self) -> Sequence[Diagnostic]:
-        string = self._sonde.string if self._sonde is not None else None
-        if not self._taken + self._not_taken:
+    def _command_diagnostics(self) -> Sequence[Diagnostic]:
+        if not self._commands_obeyed + self._commands_refused:
             return ()
-        values = (("taken", str(self._taken)), ("refused", str(self._not_taken)))
-        if self._why_not:
+        values = (("taken", str(self._commands_obeyed)), ("refused", str(self._commands_refused)))
+        if self._refusal:
             remedy = "mend the command; the one before stays in force until its time is over"
-            return (Diagnostic("rig command", WARN, self._why_not, remedy, values),)
-        obeyed = _OBEYED[string.obeys] if string is not None and string.obeys is not None else ""
-        return (Diagnostic("rig command", OK, obeyed, values=values),)
+            return (Diagnostic("rig command", WARN, self._refusal, remedy, values),)
+        string = self._sonde.string if self._sonde is not None else None
+        obeyed = string.obeys if string is not None else None
+        return (Diagnostic("rig command", OK, _COMMANDED[obeyed] if obeyed is not None else "", values=values),)
 
-    def _progress(self) -> Sequence[Diagnostic]:
-        values = tuple((topic, str(count)) for topic, count in self._sent.items())
+    def _progress_diagnostic(self) -> Diagnostic:
+        values = tuple((topic, str(count)) for topic, count in self._published.items())
         if self._sonde is None:
-            return (Diagnostic("scenario", WARN, "waiting for a listener", "start the estimator", values),)
+            return Diagnostic("scenario", WARN, "waiting for a listener", "start the estimator", values)
         if self._finished:
-            return (Diagnostic("scenario", OK, "over", values=values),)
-        behind = (time.monotonic() - self._started) * self.settings.rate - self._made_until
+            return Diagnostic("scenario", OK, "over", values=values)
+        behind = (time.monotonic() - self._started_at) * self.settings.rate - self._simulated_until
         if self.settings.rate > 0.0 and behind > 1.0:
             remedy = "lower the rate, or free the machine"
-            return (Diagnostic("scenario", ERROR, f"{behind:.1f} s behind", remedy, values),)
-        message = f"{self._made_until:.0f} of {self._sonde.duration:.0f} s"
-        return (Diagnostic("scenario", OK, message, values=values),)
+            return Diagnostic("scenario", ERROR, f"{behind:.1f} s behind", remedy, values)
+        message = f"{self._simulated_until:.0f} of {self._sonde.duration:.0f} s"
+        return Diagnostic("scenario", OK, message, values=values)
 
 
 def main(args: Sequence[str] | None = None) -> int:

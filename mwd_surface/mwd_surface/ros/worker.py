@@ -5,11 +5,13 @@ from __future__ import annotations
 import concurrent.futures
 import queue
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 Answer = tuple[bool, str]
 """Whether a request succeeded, and a message."""
 
+_Job = tuple[concurrent.futures.Future[Any], Callable[[Any], None]]
 _TIMEOUT_S = 12.0  # another thread waits this long for the node
 
 
@@ -18,7 +20,7 @@ class BackgroundWorker:
 
     def __init__(self) -> None:
         self._executor = concurrent.futures.ThreadPoolExecutor(1, "surface-worker")
-        self._jobs: list[tuple[concurrent.futures.Future[Any], Callable[[Any], None]]] = []
+        self._jobs: list[_Job] = []
 
     def submit(self, job: Callable[[], Any], callback: Callable[[concurrent.futures.Future[Any]], None]) -> None:
         """Run `job` in the background; `callback` is called with its future in the node's thread."""
@@ -26,7 +28,8 @@ class BackgroundWorker:
 
     def run_callbacks(self) -> None:
         """Call the callbacks of finished jobs; the node's timer calls this."""
-        finished, running = [], []
+        finished: list[_Job] = []
+        running: list[_Job] = []
         for entry in self._jobs:
             # `done` is called once: a job that finishes between two calls must not be lost.
             (finished if entry[0].done() else running).append(entry)
@@ -74,6 +77,10 @@ class RequestQueue:
                 answer.set_result((False, f"{name} failed inside the node: {error!r}"))
                 continue
             if isinstance(result, concurrent.futures.Future):
-                result.add_done_callback(lambda later, answer=answer: answer.set_result(later.result()))
+                result.add_done_callback(partial(_copy_result, answer))
             else:
                 answer.set_result(result)
+
+
+def _copy_result(answer: concurrent.futures.Future[Answer], finished: concurrent.futures.Future[Answer]) -> None:
+    answer.set_result(finished.result())
