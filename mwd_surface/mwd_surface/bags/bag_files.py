@@ -17,8 +17,9 @@ from rosbags.rosbag2 import Reader as RosbagsReader
 
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_metadata import MetadataError
-from mwd_surface.bags.mcap.format import FormatError
-from mwd_surface.bags.mcap.index import Contents, McapFile
+from mwd_surface.bags.mcap.contents import Contents
+from mwd_surface.bags.mcap.reader import McapFile
+from mwd_surface.bags.mcap.records import FormatError
 
 
 class BagError(Exception):

@@ -1,41 +1,32 @@
 """
 A bag as arrays: blocks of samples in time order, in constant memory, at the speed of decompression.
 
-Chunks of MCAP files are decompressed and decoded ahead in a thread, their messages gathered as rows without touching
-them one by one. What that way cannot read (sqlite3 storage, messages compressed singly, big-endian or odd messages)
-goes through `rosbags` by itself, and `Bag.notes` says so.
+Messages are gathered as rows of arrays. sqlite3 storage, messages compressed singly, and big-endian or irregular
+messages are read through `rosbags`, and `Bag.notes` says so.
 """
 
 from __future__ import annotations
 
-import concurrent.futures
 import dataclasses
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from rosbags.rosbag2 import Reader as RosbagsReader
 
 from mwd_sensors.core.arrays import Stamps
 from mwd_surface.bags.bag_files import BagError, BagFiles, TopicInfo
-from mwd_surface.bags.mcap import format as mcap_format
-from mwd_surface.bags.mcap.format import Attachment, FormatError
-from mwd_surface.bags.mcap.index import Span
+from mwd_surface.bags.mcap.decode import parse_attachment, parse_metadata
+from mwd_surface.bags.mcap.records import Attachment, FormatError, Opcode
 from mwd_surface.bags.message_parts import NEVER, Block, Decoded, Originals, Part, blocks_of, part_of
+from mwd_surface.bags.part_stream import PartStream
 from mwd_surface.bags.sample_decoder import Fields, SampleDecoder
 
-# What a reader of bags needs, from one place.
+# Types that users of a bag need, importable from here.
 __all__ = ["Bag", "BagError", "Block", "Message", "Originals", "TopicInfo"]
 
 Message = tuple[int, str, str, bytes]
-M = TypeVar("M", Part, Decoded)
-
-_AHEAD = 4
-_AHEAD_BYTES = 64 * 1024 * 1024
 
 
 class Bag:
@@ -76,8 +67,9 @@ class Bag:
         self.start_ns, self.end_ns = opened.start_ns, opened.end_ns
         self.files, self.size_bytes, self.storage = opened.files, opened.size_bytes, opened.storage
         self.complete = opened.complete
-        self._told: set[str] = set()
-        self._decoder = SampleDecoder(self.topics, opened.message_compression, self._tell)
+        self._noted: set[str] = set()
+        self._decoder = SampleDecoder(self.topics, opened.message_compression, self._note_once)
+        self._stream = PartStream(opened, self.topics, self._note_damage)
 
     @property
     def damaged_messages(self) -> int:
@@ -164,7 +156,7 @@ class Bag:
         def decoded(part: Part) -> Decoded:
             return Decoded(part.rank, list(self._decoder.samples(part, self._part_names(part), fields or {})))
 
-        for group in self._groups(wanted, start_ns, end_ns, decoded):
+        for group in self._stream.groups(wanted, start_ns, end_ns, decoded):
             for one in group:
                 for name, log_ns, samples in one.samples:
                     pieces.setdefault(name, []).append((log_ns, samples))
@@ -192,7 +184,7 @@ class Bag:
         pieces: dict[str, list[tuple[Stamps, Any]]] = {}
         originals: list[Originals] = []
         count = 0
-        for group in self._groups(list(self.topics), start_ns, end_ns, lambda part: part):
+        for group in self._stream.groups(list(self.topics), start_ns, end_ns, lambda part: part):
             for part in group:
                 for name, log_ns, samples in self._decoder.samples(part, self._part_names(part), fields or {}, wanted):
                     pieces.setdefault(name, []).append((log_ns, samples))
@@ -213,7 +205,7 @@ class Bag:
         Messages with the same log time come in the order of the file. Arguments and errors as `blocks`.
         """
         wanted = self._checked(topics)
-        for group in self._groups(wanted, start_ns, end_ns, lambda part: part):
+        for group in self._stream.groups(wanted, start_ns, end_ns, lambda part: part):
             yield from self._in_order(group)
 
     def decode(self, topic: str, data: bytes) -> Any:
@@ -229,11 +221,11 @@ class Bag:
 
     def attachments(self) -> list[Attachment]:
         """Files kept inside the bag; damaged ones are noted and left out."""
-        return [mcap_format.parse_attachment(body) for body in self._extra("attachments", mcap_format.ATTACHMENT)]
+        return [parse_attachment(body) for body in self._extra("attachments", Opcode.ATTACHMENT)]
 
     def metadata(self) -> dict[str, dict[str, str]]:
         """Named tables kept inside the bag; a later file's table of the same name replaces an earlier one's."""
-        return dict(mcap_format.parse_metadata(body) for body in self._extra("metadata", mcap_format.METADATA))
+        return dict(parse_metadata(body) for body in self._extra("metadata", Opcode.METADATA))
 
     def close(self) -> None:
         """Close the files."""
@@ -254,99 +246,6 @@ class Bag:
             if name not in self.topics:
                 raise BagError(f"{self.path} has no topic {name}", f"it has {', '.join(self.topics)}")
         return list(topics)
-
-    def _groups(
-        self, topics: list[str], start_ns: int | None, end_ns: int | None, made: Callable[[Part], M]
-    ) -> Iterator[list[M]]:
-        """Groups of what is made of each part: everything in one is logged no later than everything in the next."""
-        start, end = start_ns or 0, NEVER if end_ns is None else end_ns
-        if self._opened.rosbags is not None:
-            for part in self._rosbags_parts(self._opened.rosbags, topics, start, end):
-                yield [made(part)]
-            return
-        chosen: list[tuple[int, Span]] = []
-        for number, (_, contents) in enumerate(self._opened.mcap):
-            channels = {key for key, name in self._opened.names[number].items() if name in topics}
-            for span in contents.spans:
-                inside = span.end_ns >= start and span.start_ns < end
-                if inside and (span.channels is None or not channels.isdisjoint(span.channels)):
-                    chosen.append((number, span))
-        chosen.sort(key=lambda item: (item[1].start_ns, item[0], item[1].offset))
-        pending: list[M] = []
-        for k, one in enumerate(self._ahead(chosen, topics, start, end, made)):
-            if one is not None:
-                pending.append(one)
-            mark = chosen[k + 1][1].start_ns if k + 1 < len(chosen) else NEVER
-            released, kept = [], []
-            for waiting in pending:
-                early, late = waiting.split(mark)
-                if len(early):
-                    released.append(early)
-                if len(late):
-                    kept.append(late)
-            pending = kept
-            if released:
-                yield sorted(released, key=lambda one: one.rank)
-
-    def _ahead(
-        self, chosen: list[tuple[int, Span]], topics: list[str], start: int, end: int, made: Callable[[Part], M]
-    ) -> Iterator[M | None]:
-        """What is made of the parts of the chosen spans, loaded by a thread a few spans ahead of their use."""
-        waiting: deque[tuple[concurrent.futures.Future[M], int]] = deque()
-        wanted = []
-        for names in self._opened.names:
-            mask = np.zeros(65536, dtype=np.bool_)
-            mask[[number for number, name in names.items() if name in topics]] = True
-            wanted.append(mask)
-        # One thread: it keeps ahead of any consumer, and a second one costs more in contended memory than it brings.
-        pool = concurrent.futures.ThreadPoolExecutor(1, thread_name_prefix="bag")
-        decompress = mcap_format.Decompressor()
-
-        def load(number: int, span: Span) -> M:
-            # While its bytes are at hand: later they would have to come from memory once more.
-            return made(self._load(decompress, number, span, wanted[number], start, end))
-
-        try:
-            position, held = 0, 0
-            while position < len(chosen) or waiting:
-                while position < len(chosen) and len(waiting) < _AHEAD and (not waiting or held < _AHEAD_BYTES):
-                    number, span = chosen[position]
-                    waiting.append((pool.submit(load, number, span), span.size))
-                    held += span.size
-                    position += 1
-                future, size = waiting.popleft()
-                held -= size
-                try:
-                    yield future.result()
-                except (FormatError, MemoryError) as error:
-                    self.complete = False
-                    self.notes.append(f"a damaged chunk was skipped: {error}")
-                    yield None
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-
-    def _load(
-        self,
-        decompress: mcap_format.Decompressor,
-        number: int,
-        span: Span,
-        wanted: NDArray[np.bool_],
-        start: int,
-        end: int,
-    ) -> Part:
-        data = np.frombuffer(self._opened.mcap[number][0].plain(span, decompress), dtype=np.uint8)
-        walk = mcap_format.walk(data)
-        if walk.end != len(data):
-            raise FormatError(f"a chunk's records end at byte {walk.end} of {len(data)}")
-        part = Part((number, span.offset), number, data, walk.log_ns, walk.offset, walk.size, walk.channel)
-        chosen = wanted[walk.channel]
-        if start > 0 or end < NEVER:
-            chosen &= (walk.log_ns >= start) & (walk.log_ns < end)
-        if not chosen.all():
-            part = part.at(chosen)
-        if len(part.log_ns) and (part.log_ns[1:] < part.log_ns[:-1]).any():
-            part = part.at(np.argsort(part.log_ns, kind="stable"))
-        return part
 
     def _in_order(self, group: list[Part]) -> Iterator[Message]:
         which = np.concatenate([np.full(len(part.log_ns), k) for k, part in enumerate(group)])
@@ -388,39 +287,27 @@ class Bag:
         framed = self._opened.rosbags is None and not self._opened.message_compression
         return Originals(part.data, part.log_ns, part.offset, part.size, table[part.channel], framed)
 
-    def _rosbags_parts(self, reader: RosbagsReader, topics: list[str], start: int, end: int) -> Iterator[Part]:
-        numbers = {name: number for number, name in enumerate(self.topics)}
-        connections = [one for one in reader.connections if one.topic in topics]
-        rows: list[tuple[int, int, bytes]] = []
-        try:
-            for connection, log_ns, data in reader.messages(connections, start or None, end if end < NEVER else None):
-                rows.append((log_ns, numbers[connection.topic], bytes(data)))
-                if len(rows) >= 4096:
-                    yield part_of(rows)
-                    rows = []
-        except Exception as error:  # noqa: BLE001  (sqlite, rosbags and zstd each raise their own kinds)
-            self.complete = False
-            self.notes.append(f"reading stopped early: {error}")
-        if rows:
-            yield part_of(rows)
-
     def _extra(self, kind: str, opcode: int) -> Iterator[bytes]:
         for file, contents in self._opened.mcap:
             for offset, _ in getattr(contents, kind):
                 try:
                     body = file.body(offset, opcode)
-                    if opcode == mcap_format.ATTACHMENT:
-                        mcap_format.parse_attachment(body)
+                    if opcode == Opcode.ATTACHMENT:
+                        parse_attachment(body)
                     else:
-                        mcap_format.parse_metadata(body)
+                        parse_metadata(body)
                 except FormatError as error:
-                    self._tell(f"one of the {kind} is damaged and left out: {error}")
+                    self._note_once(f"one of the {kind} is damaged and left out: {error}")
                     continue
                 yield body
 
-    def _tell(self, note: str) -> None:
+    def _note_damage(self, note: str) -> None:
+        self.complete = False
+        self.notes.append(note)
+
+    def _note_once(self, note: str) -> None:
         # One note per kind and topic, not one per message.
         key = note.split("(")[0].split(": it ")[0][:80]
-        if key not in self._told:
-            self._told.add(key)
+        if key not in self._noted:
+            self._noted.add(key)
             self.notes.append(note)

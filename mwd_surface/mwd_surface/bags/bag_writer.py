@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_metadata import BagMetadata, File, Topic
 from mwd_surface.bags.definitions import DefinitionError, Definitions, installed
-from mwd_surface.bags.mcap.format import Attachment, Channel, Schema
+from mwd_surface.bags.mcap.records import Attachment, Channel, Schema
 from mwd_surface.bags.mcap.writer import McapWriter
 
 ROSBAG2_RECORD = "rosbag2"

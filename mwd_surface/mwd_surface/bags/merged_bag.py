@@ -19,11 +19,11 @@ from mwd_sensors.core.compiled import compiled
 from mwd_surface.bags.bag_reader import Bag, Originals
 from mwd_surface.bags.bag_writer import ROSBAG2_RECORD, BagWriter
 from mwd_surface.bags.definitions import Definitions
-from mwd_surface.bags.mcap import format as mcap_format
+from mwd_surface.bags.mcap.records import MESSAGE_HEAD, MESSAGE_PREFIX, Opcode
 
 Numbers = NDArray[np.int64]
 
-_PREFIX, _HEAD, _MESSAGE = mcap_format.MESSAGE_PREFIX, mcap_format.MESSAGE_HEAD, mcap_format.MESSAGE
+_PREFIX, _HEAD, _MESSAGE = MESSAGE_PREFIX, MESSAGE_HEAD, Opcode.MESSAGE
 
 
 @dataclasses.dataclass(frozen=True)

@@ -19,7 +19,7 @@ from mwd_sensors.core import burst, units, wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import setting
 from mwd_surface.bags.bag_reader import Bag, BagError, Block
-from mwd_surface.bags.mcap.format import MAGIC
+from mwd_surface.bags.mcap.records import MAGIC
 
 IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
 IMU_BURST, PRECISION_BURST = burst.TOPICS

@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from mwd_surface.bags.bag_files import BagError, BagFiles
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.bags.mcap import format as mcap_format
+from mwd_surface.bags.mcap.records import MAGIC
 
 START = 1_700_000_000_000_000_000
 STRING, IMU = "std_msgs/msg/String", "sensor_msgs/msg/Imu"
@@ -131,7 +131,7 @@ def test_one_bad_file_of_several_is_skipped_and_named(tmp_path, opened):
     [
         ("x.mcap", b"", "empty"),
         ("x.mcap", b"not a bag at all", "does not begin as an MCAP file"),
-        ("x.mcap", mcap_format.MAGIC, "holds no message"),
+        ("x.mcap", MAGIC, "holds no message"),
         ("x.txt", b"hello", "is not a bag"),
         ("x.db3", b"hello", "cannot be read"),
         ("x.mcap.zstd", b"hello", "does not decompress"),

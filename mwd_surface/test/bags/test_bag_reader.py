@@ -19,7 +19,8 @@ from rosbags.typesys import Stores, get_typestore
 from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.bags.mcap import format as mcap_format
+from mwd_surface.bags.mcap.encode import chunk_prefix, header_record
+from mwd_surface.bags.mcap.records import MAGIC, ChunkHead
 from project import REFERENCE_DATA
 
 BROAD = REFERENCE_DATA / "bags" / "broad_27"
@@ -386,10 +387,8 @@ def test_a_hostile_length_is_refused_in_bounded_memory(bag_path, tmp_path, at):
 
 def test_a_decompression_bomb_is_refused(tmp_path):
     bomb = zstandard.ZstdCompressor().compress(bytes(2**30))
-    head = mcap_format.ChunkHead(START, START, 2**30, 0, "zstd", len(bomb), 0)
-    (tmp_path / "bomb.mcap").write_bytes(
-        mcap_format.MAGIC + mcap_format.header_record("x") + mcap_format.chunk_prefix(head) + bomb
-    )
+    head = ChunkHead(START, START, 2**30, 0, "zstd", len(bomb), 0)
+    (tmp_path / "bomb.mcap").write_bytes(MAGIC + header_record("x") + chunk_prefix(head) + bomb)
     with pytest.raises(BagError, match="above the limit"):
         Bag(tmp_path / "bomb.mcap")
 

@@ -18,8 +18,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_surface import __version__
-from mwd_surface.bags.mcap import format as mcap_format
-from mwd_surface.bags.mcap.format import Attachment, Channel, ChunkHead, ChunkIndex, Schema, Statistics
+from mwd_surface.bags.mcap.compression import Compressor
+from mwd_surface.bags.mcap.encode import (
+    attachment_index_record,
+    attachment_record,
+    channel_record,
+    chunk_index_record,
+    chunk_prefix,
+    header_record,
+    message_index_record,
+    message_prefix,
+    metadata_index_record,
+    metadata_record,
+    packed_record,
+    packed_summary,
+    schema_record,
+    statistics_record,
+)
+from mwd_surface.bags.mcap.records import (
+    INDEX_ENTRY,
+    MAGIC,
+    MESSAGE_FIELDS,
+    MESSAGE_HEAD,
+    Attachment,
+    Channel,
+    ChunkHead,
+    ChunkIndex,
+    Opcode,
+    Schema,
+    Statistics,
+)
 
 LIBRARY = f"mwd_surface {__version__}"
 REPEAT = 16
@@ -55,7 +83,7 @@ class McapWriter:
         self.start_ns: int | None = None
         self.end_ns = 0
         self.channels: dict[int, Channel] = {}
-        self._compress = mcap_format.Compressor(compression, level)
+        self._compress = Compressor(compression, level)
         self._schemas: dict[int, Schema] = {}
         self._chunks: list[ChunkIndex] = []
         self._attachment_index: list[bytes] = []
@@ -67,7 +95,7 @@ class McapWriter:
         self._index: dict[int, list[NDArray[np.void] | tuple[int, int]]] = {}
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         try:
-            self._append(mcap_format.MAGIC + mcap_format.header_record(LIBRARY))
+            self._append(MAGIC + header_record(LIBRARY))
         except OSError:
             os.close(self._file)
             raise
@@ -79,14 +107,14 @@ class McapWriter:
 
     def add_schema(self, schema: Schema) -> None:
         """Write a definition; the id must be new and not 0."""
-        record = mcap_format.schema_record(schema)
+        record = schema_record(schema)
         self._append(record)
         self._declarations += record
         self._schemas[schema.id] = schema
 
     def add_channel(self, channel: Channel) -> None:
         """Write a topic's declaration; the id must be new, its schema written before (or 0: none)."""
-        record = mcap_format.channel_record(channel)
+        record = channel_record(channel)
         self._append(record)
         self._declarations += record
         self.channels[channel.id] = channel
@@ -96,7 +124,7 @@ class McapWriter:
         """Put one message into the chunk at hand, closing it when it is full."""
         self._declare()
         sequence = self.counts[channel] + 1
-        head = mcap_format.message_prefix(channel, sequence & _U32, log_ns, publish_ns, len(data))
+        head = message_prefix(channel, sequence & _U32, log_ns, publish_ns, len(data))
         self._index.setdefault(channel, []).append((log_ns, self._pending))
         self._parts += (head, data)
         self._pending += len(head) + len(data)
@@ -109,22 +137,22 @@ class McapWriter:
     ) -> None:
         """Put many messages of one size, shape (n, size), into chunks; stamps of shape (n,)."""
         size = rows.shape[1]
-        dtype = np.dtype([*mcap_format.MESSAGE_FIELDS, ("data", "u1", (size,))])
+        dtype = np.dtype([*MESSAGE_FIELDS, ("data", "u1", (size,))])
         done = 0
         while done < len(rows):
             self._declare()
             count = max(1, -(-(self.chunk_bytes - self._pending) // dtype.itemsize))
             part = slice(done, min(done + count, len(rows)))
             records = np.empty(part.stop - part.start, dtype=dtype)
-            records["opcode"] = mcap_format.MESSAGE
-            records["length"] = mcap_format.MESSAGE_HEAD + size
+            records["opcode"] = Opcode.MESSAGE
+            records["length"] = MESSAGE_HEAD + size
             records["channel"] = channel
             first = self.counts[channel] + 1
             records["sequence"] = np.arange(first, first + len(records), dtype=np.int64) & _U32
             records["log_ns"] = log_ns[part]
             records["publish_ns"] = publish_ns[part]
             records["data"] = rows[part]
-            entries = np.empty(len(records), dtype=mcap_format.INDEX_ENTRY)
+            entries = np.empty(len(records), dtype=INDEX_ENTRY)
             entries["log_ns"] = log_ns[part]
             entries["offset"] = self._pending + np.arange(len(records)) * dtype.itemsize
             self._index.setdefault(channel, []).append(entries)
@@ -153,7 +181,7 @@ class McapWriter:
             part = slice(done, stop)
             for number in np.unique(channel[part]).tolist():
                 mine = np.flatnonzero(channel[part] == number) + done
-                entries = np.empty(len(mine), dtype=mcap_format.INDEX_ENTRY)
+                entries = np.empty(len(mine), dtype=INDEX_ENTRY)
                 entries["log_ns"] = log_ns[mine]
                 entries["offset"] = self._pending + offset[mine] - begin
                 self._index.setdefault(number, []).append(entries)
@@ -182,12 +210,12 @@ class McapWriter:
 
     def add_chunk(self, head: ChunkHead, data: bytes, indexes: Mapping[int, NDArray[np.void]]) -> None:
         """Write a chunk that is compressed already; the messages in it are not counted here."""
-        prefix = mcap_format.chunk_prefix(head)
+        prefix = chunk_prefix(head)
         offset, length = self.size, len(prefix) + len(data)
         tail, offsets = b"", {}
         for channel, entries in indexes.items():
             offsets[channel] = offset + length + len(tail)
-            tail += mcap_format.message_index_record(channel, entries)
+            tail += message_index_record(channel, entries)
         self._append(prefix + data + tail)
         self._chunks.append(
             ChunkIndex(
@@ -204,16 +232,16 @@ class McapWriter:
     def attach(self, item: Attachment) -> None:
         """Keep a file inside this one; the chunk at hand is closed first."""
         self.close_chunk()
-        data, offset = mcap_format.attachment_record(item), self.size
+        data, offset = attachment_record(item), self.size
         self._append(data)
-        self._attachment_index.append(mcap_format.attachment_index_record(item, offset, len(data)))
+        self._attachment_index.append(attachment_index_record(item, offset, len(data)))
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write a named table of strings; the chunk at hand is closed first."""
         self.close_chunk()
-        data, offset = mcap_format.metadata_record(name, values), self.size
+        data, offset = metadata_record(name, values), self.size
         self._append(data)
-        self._metadata_index.append(mcap_format.metadata_index_record(name, offset, len(data)))
+        self._metadata_index.append(metadata_index_record(name, offset, len(data)))
 
     def sync(self) -> None:
         """Make the disk hold what was written so far (not the chunk at hand)."""
@@ -222,8 +250,8 @@ class McapWriter:
     def finish(self, sync: bool = False) -> None:
         """Write the chunk at hand, summary and footer, and close the file."""
         self.close_chunk()
-        data_end = mcap_format.record(mcap_format.DATA_END, self._crc.to_bytes(4, "little"))
-        self._append(data_end + mcap_format.summary(self._groups(), self.size + len(data_end)))
+        data_end = packed_record(Opcode.DATA_END, self._crc.to_bytes(4, "little"))
+        self._append(data_end + packed_summary(self._groups(), self.size + len(data_end)))
         if sync:
             os.fsync(self._file)
         self.close()
@@ -257,18 +285,18 @@ class McapWriter:
             self.counts,
         )
         return [
-            (mcap_format.SCHEMA, b"".join(map(mcap_format.schema_record, self._schemas.values()))),
-            (mcap_format.CHANNEL, b"".join(map(mcap_format.channel_record, self.channels.values()))),
-            (mcap_format.STATISTICS, mcap_format.statistics_record(totals)),
-            (mcap_format.CHUNK_INDEX, b"".join(map(mcap_format.chunk_index_record, self._chunks))),
-            (mcap_format.ATTACHMENT_INDEX, b"".join(self._attachment_index)),
-            (mcap_format.METADATA_INDEX, b"".join(self._metadata_index)),
+            (Opcode.SCHEMA, b"".join(map(schema_record, self._schemas.values()))),
+            (Opcode.CHANNEL, b"".join(map(channel_record, self.channels.values()))),
+            (Opcode.STATISTICS, statistics_record(totals)),
+            (Opcode.CHUNK_INDEX, b"".join(map(chunk_index_record, self._chunks))),
+            (Opcode.ATTACHMENT_INDEX, b"".join(self._attachment_index)),
+            (Opcode.METADATA_INDEX, b"".join(self._metadata_index)),
         ]
 
     def _declare(self) -> None:
         if not self._pending and self._chunks and len(self._chunks) % REPEAT == 0:
-            self._declarations = b"".join(map(mcap_format.schema_record, self._schemas.values()))
-            self._declarations += b"".join(map(mcap_format.channel_record, self.channels.values()))
+            self._declarations = b"".join(map(schema_record, self._schemas.values()))
+            self._declarations += b"".join(map(channel_record, self.channels.values()))
         if self._declarations:
             self._parts.append(self._declarations)
             self._pending += len(self._declarations)
@@ -301,9 +329,9 @@ def _entries(items: list[NDArray[np.void] | tuple[int, int]]) -> NDArray[np.void
             singles.append(item)
             continue
         if singles:
-            arrays.append(np.array(singles, dtype=mcap_format.INDEX_ENTRY))
+            arrays.append(np.array(singles, dtype=INDEX_ENTRY))
             singles = []
         arrays.append(item)
     if singles:
-        arrays.append(np.array(singles, dtype=mcap_format.INDEX_ENTRY))
+        arrays.append(np.array(singles, dtype=INDEX_ENTRY))
     return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)

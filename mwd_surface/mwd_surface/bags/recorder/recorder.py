@@ -22,6 +22,7 @@ from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import Definitions, installed
 from mwd_surface.bags.folder_lock import FolderLock, FolderTakenError
 from mwd_surface.bags.mcap import recovery
+from mwd_surface.bags.mcap.recovery_report import RecoveryReport
 from mwd_surface.bags.recorder.session import OVERHEAD, Item, Session, free_bytes, words_of
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.bags.recorder.snapshot import SnapshotRing
@@ -110,7 +111,7 @@ class Recorder:
         self._free = -1
         self._closing = False
         self._deadline: float | None = None
-        self._recovered: list[recovery.Report] = []
+        self._recovered: list[RecoveryReport] = []
         self._folder_lock = self._locked()
         # The list is taken before this recorder can begin a bag of its own.
         earlier = sorted(item for item in self.folder.iterdir() if item.is_dir()) if recover else []

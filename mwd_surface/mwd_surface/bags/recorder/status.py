@@ -6,7 +6,7 @@ import dataclasses
 import enum
 from pathlib import Path
 
-from mwd_surface.bags.mcap import recovery
+from mwd_surface.bags.mcap.recovery_report import RecoveryReport
 
 
 class RecorderState(enum.IntEnum):
@@ -61,7 +61,7 @@ class RecorderStatus:
         Of this recording.
     unsaved_s : float
         Age of the oldest data not yet forced to the disk, which a power failure would lose.
-    recovered : tuple of recovery.Report
+    recovered : tuple of RecoveryReport
         Files of earlier recordings recovered at this start.
     """
 
@@ -78,4 +78,4 @@ class RecorderStatus:
     duration_s: float
     files: int
     unsaved_s: float
-    recovered: tuple[recovery.Report, ...]
+    recovered: tuple[RecoveryReport, ...]

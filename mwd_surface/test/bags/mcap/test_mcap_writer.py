@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from mwd_surface.bags.mcap import format as mcap_format
-from mwd_surface.bags.mcap.format import Attachment, Channel, Schema
-from mwd_surface.bags.mcap.index import Chunk, McapFile, declarations
+from mwd_surface.bags.mcap.compression import Decompressor
+from mwd_surface.bags.mcap.contents import Chunk
+from mwd_surface.bags.mcap.decode import parse_chunk_head
+from mwd_surface.bags.mcap.reader import McapFile, declarations
+from mwd_surface.bags.mcap.records import Attachment, Channel, Opcode, Schema
 from mwd_surface.bags.mcap.writer import McapWriter
 
 START = 1_700_000_000_000_000_000
@@ -79,13 +81,13 @@ def test_every_message_index_points_at_its_message(tmp_path):
     seen = 0
     for chunk in chunks:
         body = data[chunk.chunk_start_offset + 9 : chunk.chunk_start_offset + chunk.chunk_length]
-        head = mcap_format.parse_chunk_head(body, len(body))
-        plain = mcap_format.Decompressor()(head, body[head.data_at :])
+        head = parse_chunk_head(body, len(body))
+        plain = Decompressor()(head, body[head.data_at :])
         at = chunk.message_index_offsets[1]
-        assert data[at] == mcap_format.MESSAGE_INDEX
+        assert data[at] == Opcode.MESSAGE_INDEX
         entries = np.frombuffer(data[at + 15 : at + 9 + int.from_bytes(data[at + 1 : at + 9], "little")], "<u8")
         for log_ns, offset in entries.reshape(-1, 2).tolist():
-            assert plain[offset] == mcap_format.MESSAGE
+            assert plain[offset] == Opcode.MESSAGE
             assert int.from_bytes(plain[offset + 15 : offset + 23], "little") == log_ns
             seen += 1
     assert seen == 90

@@ -18,8 +18,9 @@ from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_files import BagFiles
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.bags.mcap import format as mcap_format
 from mwd_surface.bags.mcap import recovery
+from mwd_surface.bags.mcap.encode import channel_record, chunk_prefix, header_record, message_prefix
+from mwd_surface.bags.mcap.records import MAGIC, Channel, ChunkHead, Opcode
 
 START = 1_700_000_000_000_000_000
 IMU = "sensor_msgs/msg/Imu"
@@ -238,10 +239,10 @@ def test_a_check_sees_a_flipped_bit_in_a_chunk_and_one_in_an_index(whole, tmp_pa
 
 def test_messages_whose_topic_was_lost_are_counted_as_orphans(tmp_path):
     path = tmp_path / "x.mcap"
-    body = mcap_format.channel_record(mcap_format.Channel(1, 0, "/a", "cdr", {}))
+    body = channel_record(Channel(1, 0, "/a", "cdr", {}))
     for number in (1, 2):
-        body += mcap_format.message_prefix(number, 1, START, START, 3) + b"abc"
-    path.write_bytes(mcap_format.MAGIC + mcap_format.header_record("x") + body)
+        body += message_prefix(number, 1, START, START, 3) + b"abc"
+    path.write_bytes(MAGIC + header_record("x") + body)
     report = recovery.recover_file(path, tmp_path / "y.mcap")
     assert (report.messages, report.orphans) == (1, 1)
     assert messages(tmp_path / "y.mcap") == [("/a", START, b"abc")]
@@ -250,8 +251,8 @@ def test_messages_whose_topic_was_lost_are_counted_as_orphans(tmp_path):
 @pytest.mark.parametrize("size", [2**60, 2**31, 200_000_000])
 def test_hostile_lengths_are_passed_over_in_bounded_memory(whole, tmp_path, size):
     data = (whole / "bag_0.mcap").read_bytes()
-    bad = mcap_format.chunk_prefix(mcap_format.ChunkHead(START, START, size, 0, "zstd", 16, 0)) + bytes(16)
-    worse = bytes([mcap_format.CHUNK]) + size.to_bytes(8, "little") + bytes(30)
+    bad = chunk_prefix(ChunkHead(START, START, size, 0, "zstd", 16, 0)) + bytes(16)
+    worse = bytes([Opcode.CHUNK]) + size.to_bytes(8, "little") + bytes(30)
     at = data.index(b"\x06", 9000)
     (tmp_path / "x.mcap").write_bytes(data[:at] + bad + worse + data[at:])
     tracemalloc.start()

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mwd_surface.bags.mcap import format as mcap_format
-from mwd_surface.bags.mcap.format import Attachment, Channel, FormatError, Schema
-from mwd_surface.bags.mcap.index import Bare, Chunk, Damage, McapFile, Other
+from mwd_surface.bags.mcap.contents import Bare, Chunk, Damage, Other
+from mwd_surface.bags.mcap.encode import channel_record, header_record, message_prefix
+from mwd_surface.bags.mcap.reader import McapFile
+from mwd_surface.bags.mcap.records import FOOTER_BYTES, MAGIC, Attachment, Channel, FormatError, Opcode, Schema
 from mwd_surface.bags.mcap.writer import McapWriter
 
 START = 1_700_000_000_000_000_000
@@ -41,7 +42,7 @@ def contents(path: Path, data: bytes):
 def test_the_summary_and_a_scan_of_the_same_file_agree(tmp_path):
     data = write(tmp_path / "a.mcap")
     by_summary = contents(tmp_path / "a.mcap", data)
-    by_scan = contents(tmp_path / "b.mcap", data[: -mcap_format.FOOTER_BYTES - 8])
+    by_scan = contents(tmp_path / "b.mcap", data[: -FOOTER_BYTES - 8])
     assert by_summary.notes == []
     assert by_summary.complete
     assert by_scan.notes[0].startswith("b.mcap: the file has no end")
@@ -72,7 +73,7 @@ def test_damage_in_one_chunk_costs_only_that_chunk(tmp_path, what):
         "zeros": (hit.offset, bytes(hit.length)),
     }[what]
     data[at : at + len(values)] = values
-    found = contents(tmp_path / "b.mcap", bytes(data[: -mcap_format.FOOTER_BYTES - 8]))
+    found = contents(tmp_path / "b.mcap", bytes(data[: -FOOTER_BYTES - 8]))
     assert found.spans == whole.spans[:3] + whole.spans[4:]
     assert not found.complete
     assert sum("skipped" in note for note in found.notes) == 1
@@ -82,14 +83,14 @@ def test_a_topic_declared_in_the_clear_and_damaged_there_is_taken_from_its_guard
     data = bytearray(write(tmp_path / "a.mcap"))
     at = data.index(b"/a")
     data[at + 1] = ord("x")
-    found = contents(tmp_path / "b.mcap", bytes(data[: -mcap_format.FOOTER_BYTES - 8]))
+    found = contents(tmp_path / "b.mcap", bytes(data[: -FOOTER_BYTES - 8]))
     assert found.channels[1].topic == "/a"
 
 
 def test_messages_outside_of_chunks_are_found_in_runs(tmp_path):
-    record = b"".join(mcap_format.message_prefix(1, k, START + k, START, 8) + bytes(8) for k in range(20000))
-    channel = mcap_format.channel_record(Channel(1, 0, "/a", "cdr", {}))
-    data = mcap_format.MAGIC + mcap_format.header_record("x") + channel + record
+    record = b"".join(message_prefix(1, k, START + k, START, 8) + bytes(8) for k in range(20000))
+    channel = channel_record(Channel(1, 0, "/a", "cdr", {}))
+    data = MAGIC + header_record("x") + channel + record
     found = contents(tmp_path / "a.mcap", data)
     assert found.counts == {1: 20000}
     assert not found.checksums
@@ -124,7 +125,7 @@ def test_a_record_beyond_the_end_or_above_the_limit_is_not_read(tmp_path):
     with pytest.raises(FormatError, match="above the limit"):
         file.read(0, 2**40)
     with pytest.raises(FormatError, match="expected a record"):
-        file.body(8, mcap_format.CHUNK)
+        file.body(8, Opcode.CHUNK)
     file.close()
 
 

@@ -7,7 +7,6 @@ counts, everything else is reported. Nothing is allocated on the word of a lengt
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import zlib
 from collections.abc import Iterator
@@ -15,121 +14,41 @@ from pathlib import Path
 
 import numpy as np
 
-from mwd_surface.bags.mcap import format as mcap_format
-from mwd_surface.bags.mcap.format import Channel, ChunkHead, Cursor, FormatError, Schema, Walk
+from mwd_surface.bags.mcap.compression import Decompressor
+from mwd_surface.bags.mcap.contents import Bare, Chunk, Contents, Damage, Other, Piece, Span
+from mwd_surface.bags.mcap.decode import (
+    Cursor,
+    parse_attachment,
+    parse_channel,
+    parse_chunk_head,
+    parse_chunk_index,
+    parse_schema,
+    parse_statistics,
+)
+from mwd_surface.bags.mcap.records import (
+    FOOTER_BYTES,
+    MAGIC,
+    MAX_CHUNK_BYTES,
+    PREFIX,
+    Channel,
+    FormatError,
+    Opcode,
+    Schema,
+)
+from mwd_surface.bags.mcap.walk import Walk, records_at, walk_plain, walk_records
 
 _WINDOW = 256 * 1024
 _CHUNK_HEAD_BYTES = 128
 _BODIES = (
-    mcap_format.HEADER,
-    mcap_format.SCHEMA,
-    mcap_format.CHANNEL,
-    mcap_format.ATTACHMENT,
-    mcap_format.METADATA,
+    Opcode.HEADER,
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.ATTACHMENT,
+    Opcode.METADATA,
 )
 # How the head of a compressed chunk looks from its 37th byte on: the name of the compression with its length.
 _MARKS = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
-_MARK_AT = mcap_format.PREFIX + 28
-
-
-@dataclasses.dataclass(frozen=True)
-class Span:
-    """
-    A run of messages: one chunk, or messages outside of any chunk.
-
-    Attributes
-    ----------
-    start_ns, end_ns : int
-        First and last log time.
-    offset, length : int
-        Where it lies in the file, record heads included.
-    size : int
-        Bytes when decompressed.
-    channels : frozenset of int, optional
-        Channels with a message in it; None where the file does not say.
-    in_chunk : bool
-    """
-
-    start_ns: int
-    end_ns: int
-    offset: int
-    length: int
-    size: int
-    channels: frozenset[int] | None
-    in_chunk: bool
-
-
-@dataclasses.dataclass
-class Contents:
-    """
-    What a file holds.
-
-    Attributes
-    ----------
-    complete : bool
-        The file has its footer and a sound summary, or its data section at least ends as it should.
-    scanned : bool
-        Found by reading the file through, not from its summary.
-    checksums : bool
-        Every chunk carries one.
-    notes : list of str
-        What was found wrong or unusual, one sentence each.
-    """
-
-    schemas: dict[int, Schema] = dataclasses.field(default_factory=dict)
-    channels: dict[int, Channel] = dataclasses.field(default_factory=dict)
-    counts: dict[int, int] = dataclasses.field(default_factory=dict)
-    spans: list[Span] = dataclasses.field(default_factory=list)
-    attachments: list[tuple[int, int]] = dataclasses.field(default_factory=list)
-    metadata: list[tuple[int, int]] = dataclasses.field(default_factory=list)
-    complete: bool = True
-    scanned: bool = False
-    checksums: bool = True
-    notes: list[str] = dataclasses.field(default_factory=list)
-
-
-@dataclasses.dataclass(frozen=True)
-class Chunk:
-    """A sound chunk met while scanning; `data` is its compressed form."""
-
-    offset: int
-    length: int
-    head: ChunkHead
-    data: bytes
-    plain: bytes
-    walk: Walk
-
-
-@dataclasses.dataclass(frozen=True)
-class Bare:
-    """Sound messages outside of any chunk."""
-
-    offset: int
-    length: int
-    plain: bytes
-    walk: Walk
-
-
-@dataclasses.dataclass(frozen=True)
-class Other:
-    """A record of another kind; `body` only for headers, schemas, channels, attachments and metadata."""
-
-    opcode: int
-    offset: int
-    length: int
-    body: bytes
-
-
-@dataclasses.dataclass(frozen=True)
-class Damage:
-    """Bytes that could not be used."""
-
-    offset: int
-    end: int
-    reason: str
-
-
-Piece = Chunk | Bare | Other | Damage
+_MARK_AT = PREFIX + 28
 
 
 class McapFile:
@@ -149,11 +68,11 @@ class McapFile:
         self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         try:
             self.size = os.fstat(self._file).st_size
-            begin = os.pread(self._file, len(mcap_format.MAGIC), 0)
+            begin = os.pread(self._file, len(MAGIC), 0)
         except OSError:
             self.close()
             raise
-        if begin != mcap_format.MAGIC:
+        if begin != MAGIC:
             self.close()
             raise FormatError("the file does not begin as an MCAP file does" if begin else "the file is empty")
 
@@ -172,8 +91,8 @@ class McapFile:
         FormatError
             They reach beyond the end of the file, or are more than a chunk may have.
         """
-        if size > mcap_format.MAX_CHUNK_BYTES + _CHUNK_HEAD_BYTES:
-            raise FormatError(f"a record of {size} bytes is above the limit of {mcap_format.MAX_CHUNK_BYTES}")
+        if size > MAX_CHUNK_BYTES + _CHUNK_HEAD_BYTES:
+            raise FormatError(f"a record of {size} bytes is above the limit of {MAX_CHUNK_BYTES}")
         if offset < 0 or offset + size > self.size:
             raise FormatError(f"a record at byte {offset} reaches beyond the end of the file")
         try:
@@ -186,12 +105,12 @@ class McapFile:
 
     def body(self, offset: int, opcode: int) -> bytes:
         """Body of the record that begins at `offset`, checked to be of that opcode."""
-        prefix = self.read(offset, mcap_format.PREFIX)
+        prefix = self.read(offset, PREFIX)
         if prefix[0] != opcode:
             raise FormatError(f"byte {offset}: expected a record {opcode}, found {prefix[0]}")
-        return self.read(offset + mcap_format.PREFIX, int.from_bytes(prefix[1:], "little"))
+        return self.read(offset + PREFIX, int.from_bytes(prefix[1:], "little"))
 
-    def plain(self, span: Span, decompress: mcap_format.Decompressor) -> bytes:
+    def plain(self, span: Span, decompress: Decompressor) -> bytes:
         """
         Records of a span, decompressed and checked.
 
@@ -202,8 +121,8 @@ class McapFile:
         """
         if not span.in_chunk:
             return self.read(span.offset, span.length)
-        body = self.body(span.offset, mcap_format.CHUNK)
-        head = mcap_format.parse_chunk_head(body, len(body))
+        body = self.body(span.offset, Opcode.CHUNK)
+        head = parse_chunk_head(body, len(body))
         return decompress(head, memoryview(body)[head.data_at : head.data_at + head.compressed_size])
 
     def contents(self) -> Contents:
@@ -226,7 +145,7 @@ class McapFile:
     def data_checksum_matches(self, data_end: int) -> bool:
         """Whether the DataEnd record at that place agrees with every byte before it; true where it carries no CRC."""
         try:
-            expected = int.from_bytes(self.body(data_end, mcap_format.DATA_END)[:4], "little")
+            expected = int.from_bytes(self.body(data_end, Opcode.DATA_END)[:4], "little")
             crc, at = 0, 0
             while expected and at < data_end:
                 data = self.read(at, min(_WINDOW, data_end - at))
@@ -237,7 +156,7 @@ class McapFile:
 
     def scan(self) -> Iterator[Piece]:
         """Every piece of the data section from the beginning of the file, damage included; never raises for damage."""
-        decompress, at = mcap_format.Decompressor(), len(mcap_format.MAGIC)
+        decompress, at = Decompressor(), len(MAGIC)
         while at < self.size:
             try:
                 piece = self._piece(at, decompress)
@@ -247,40 +166,40 @@ class McapFile:
                 at = end
                 continue
             at = piece.offset + piece.length
-            if isinstance(piece, Other) and piece.opcode in (mcap_format.DATA_END, mcap_format.FOOTER):
+            if isinstance(piece, Other) and piece.opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 yield piece
                 return
             yield piece
 
-    def _piece(self, at: int, decompress: mcap_format.Decompressor) -> Chunk | Bare | Other:
-        prefix = self.read(at, min(mcap_format.PREFIX, self.size - at))
-        if len(prefix) < mcap_format.PREFIX:
+    def _piece(self, at: int, decompress: Decompressor) -> Chunk | Bare | Other:
+        prefix = self.read(at, min(PREFIX, self.size - at))
+        if len(prefix) < PREFIX:
             raise FormatError("the file ends inside a record")
         opcode, length = prefix[0], int.from_bytes(prefix[1:], "little")
-        if opcode == 0 or mcap_format.DATA_END < opcode < 0x80:
+        if opcode == 0 or Opcode.DATA_END < opcode < 0x80:
             raise FormatError(f"no record begins with {opcode}")
-        if length > self.size - at - mcap_format.PREFIX:
+        if length > self.size - at - PREFIX:
             raise FormatError("the file ends inside a record")
-        total = mcap_format.PREFIX + length
-        if opcode == mcap_format.MESSAGE:
+        total = PREFIX + length
+        if opcode == Opcode.MESSAGE:
             return self._bare(at, total)
-        if opcode == mcap_format.CHUNK:
-            body = self.read(at + mcap_format.PREFIX, length)
-            head = mcap_format.parse_chunk_head(body, length)
+        if opcode == Opcode.CHUNK:
+            body = self.read(at + PREFIX, length)
+            head = parse_chunk_head(body, length)
             data = body[head.data_at : head.data_at + head.compressed_size]
             plain = decompress(head, data)
-            walk = mcap_format.walk(np.frombuffer(plain, dtype=np.uint8))
+            walk = walk_records(np.frombuffer(plain, dtype=np.uint8))
             if walk.end != len(plain):
                 raise FormatError(f"a chunk's records end at byte {walk.end} of {len(plain)}")
             return Chunk(at, total, head, data, plain, walk)
-        body = self.read(at + mcap_format.PREFIX, length) if opcode in _BODIES else b""
-        if opcode == mcap_format.ATTACHMENT:
-            mcap_format.parse_attachment(body)
+        body = self.read(at + PREFIX, length) if opcode in _BODIES else b""
+        if opcode == Opcode.ATTACHMENT:
+            parse_attachment(body)
         return Other(opcode, at, total, body)
 
     def _bare(self, at: int, first: int) -> Bare:
         plain = self.read(at, min(max(_WINDOW, first), self.size - at))
-        walk = mcap_format.walk(np.frombuffer(plain, dtype=np.uint8))
+        walk = walk_records(np.frombuffer(plain, dtype=np.uint8))
         end = int(walk.others[0]) if len(walk.others) else walk.end
         count = int(np.searchsorted(walk.offset, end))
         if count == 0:
@@ -299,10 +218,10 @@ class McapFile:
     def _resume(self, at: int) -> int:
         """Where reading can go on after damage at `at`: the next record if its head is sound, else the next chunk."""
         try:
-            after = at + mcap_format.PREFIX + int.from_bytes(self.read(at + 1, 8), "little")
-            prefix = self.read(after, mcap_format.PREFIX)
+            after = at + PREFIX + int.from_bytes(self.read(at + 1, 8), "little")
+            prefix = self.read(after, PREFIX)
             length = int.from_bytes(prefix[1:], "little")
-            if 0 < prefix[0] <= mcap_format.DATA_END and length <= self.size - after - mcap_format.PREFIX:
+            if 0 < prefix[0] <= Opcode.DATA_END and length <= self.size - after - PREFIX:
                 return after
         except FormatError:
             # The length at hand is part of the damage.
@@ -317,11 +236,11 @@ class McapFile:
             for hit in hits:
                 start = at + hit - _MARK_AT
                 try:
-                    prefix = self.read(start, mcap_format.PREFIX)
+                    prefix = self.read(start, PREFIX)
                     length = int.from_bytes(prefix[1:], "little")
-                    if prefix[0] == mcap_format.CHUNK and length <= self.size - start - mcap_format.PREFIX:
-                        head = self.read(start + mcap_format.PREFIX, min(_CHUNK_HEAD_BYTES, length))
-                        mcap_format.parse_chunk_head(head, length)
+                    if prefix[0] == Opcode.CHUNK and length <= self.size - start - PREFIX:
+                        head = self.read(start + PREFIX, min(_CHUNK_HEAD_BYTES, length))
+                        parse_chunk_head(head, length)
                         return start
                 except FormatError:
                     continue
@@ -331,9 +250,9 @@ class McapFile:
         return self.size
 
     def _summary(self) -> Contents | None:
-        tail = mcap_format.FOOTER_BYTES + len(mcap_format.MAGIC)
+        tail = FOOTER_BYTES + len(MAGIC)
         foot = self.read(self.size - tail, tail) if self.size > tail else b""
-        if foot[-len(mcap_format.MAGIC) :] != mcap_format.MAGIC or foot[:1] != bytes([mcap_format.FOOTER]):
+        if foot[-len(MAGIC) :] != MAGIC or foot[:1] != bytes([Opcode.FOOTER]):
             raise FormatError("the file has no end: its recording was interrupted")
         start, crc = int.from_bytes(foot[9:17], "little"), int.from_bytes(foot[25:29], "little")
         if start == 0:
@@ -345,38 +264,38 @@ class McapFile:
         if crc and zlib.crc32(foot[:25], zlib.crc32(data)) != crc:
             raise FormatError("the summary's checksum does not match")
         # Few records, often all that is wanted of the file: not worth waking the compiled walk for.
-        walk = mcap_format.walk_plain(np.frombuffer(data, dtype=np.uint8))
+        walk = walk_plain(np.frombuffer(data, dtype=np.uint8))
         if walk.end != len(data):
             raise FormatError("the summary is not made of records")
         return self._from_summary(data, walk)
 
     def _from_summary(self, data: bytes, walk: Walk) -> Contents | None:
         found, messages = Contents(), None
-        for opcode, body in mcap_format.records_of(np.frombuffer(data, dtype=np.uint8), walk.others):
-            if opcode == mcap_format.SCHEMA:
-                schema = mcap_format.parse_schema(body)
+        for opcode, body in records_at(np.frombuffer(data, dtype=np.uint8), walk.others):
+            if opcode == Opcode.SCHEMA:
+                schema = parse_schema(body)
                 found.schemas[schema.id] = schema
-            elif opcode == mcap_format.CHANNEL:
-                channel = mcap_format.parse_channel(body)
+            elif opcode == Opcode.CHANNEL:
+                channel = parse_channel(body)
                 found.channels[channel.id] = channel
-            elif opcode == mcap_format.CHUNK_INDEX:
-                index = mcap_format.parse_chunk_index(body)
+            elif opcode == Opcode.CHUNK_INDEX:
+                index = parse_chunk_index(body)
                 channels = frozenset(index.index_offsets) if index.index_length else None
                 found.spans.append(
                     Span(index.start_ns, index.end_ns, index.offset, index.length, index.size, channels, True)
                 )
-            elif opcode == mcap_format.STATISTICS:
-                totals = mcap_format.parse_statistics(body)
+            elif opcode == Opcode.STATISTICS:
+                totals = parse_statistics(body)
                 found.counts, messages = dict(totals.counts), totals.messages
-            elif opcode in (mcap_format.ATTACHMENT_INDEX, mcap_format.METADATA_INDEX):
+            elif opcode in (Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
                 place = Cursor(body)
                 entry = (place.number(8), place.number(8))
-                (found.attachments if opcode == mcap_format.ATTACHMENT_INDEX else found.metadata).append(entry)
+                (found.attachments if opcode == Opcode.ATTACHMENT_INDEX else found.metadata).append(entry)
         if messages is None or (messages and not (found.spans and found.channels)):
             return None
         if found.spans:
-            first = self.body(found.spans[0].offset, mcap_format.CHUNK)
-            found.checksums = mcap_format.parse_chunk_head(first, len(first)).crc != 0
+            first = self.body(found.spans[0].offset, Opcode.CHUNK)
+            found.checksums = parse_chunk_head(first, len(first)).crc != 0
         return found
 
     def _scanned(self, reason: str) -> Contents:
@@ -394,7 +313,7 @@ class McapFile:
                 found.complete = False
             elif isinstance(piece, Other):
                 self._note_other(piece, found, guarded)
-                ended = ended or piece.opcode in (mcap_format.DATA_END, mcap_format.FOOTER)
+                ended = ended or piece.opcode in (Opcode.DATA_END, Opcode.FOOTER)
             else:
                 self._note_messages(piece, found, guarded)
         found.complete = found.complete and ended
@@ -402,16 +321,16 @@ class McapFile:
 
     def _note_other(self, piece: Other, found: Contents, guarded: dict[int, Channel]) -> None:
         try:
-            if piece.opcode == mcap_format.SCHEMA:
-                schema = mcap_format.parse_schema(piece.body)
+            if piece.opcode == Opcode.SCHEMA:
+                schema = parse_schema(piece.body)
                 found.schemas.setdefault(schema.id, schema)
-            elif piece.opcode == mcap_format.CHANNEL:
-                channel = mcap_format.parse_channel(piece.body)
+            elif piece.opcode == Opcode.CHANNEL:
+                channel = parse_channel(piece.body)
                 if channel.id not in guarded:
                     found.channels[channel.id] = channel
-            elif piece.opcode == mcap_format.ATTACHMENT:
+            elif piece.opcode == Opcode.ATTACHMENT:
                 found.attachments.append((piece.offset, piece.length))
-            elif piece.opcode == mcap_format.METADATA:
+            elif piece.opcode == Opcode.METADATA:
                 found.metadata.append((piece.offset, piece.length))
         except FormatError as error:
             found.notes.append(f"{self.path.name}: a record at byte {piece.offset} skipped: {error}")
@@ -448,13 +367,13 @@ class McapFile:
 def declarations(piece: Chunk) -> tuple[dict[int, Schema], dict[int, Channel]]:
     """Schemas and channels inside a chunk; those that cannot be parsed are left out."""
     schemas, channels = {}, {}
-    for opcode, body in mcap_format.records_of(np.frombuffer(piece.plain, dtype=np.uint8), piece.walk.others):
+    for opcode, body in records_at(np.frombuffer(piece.plain, dtype=np.uint8), piece.walk.others):
         try:
-            if opcode == mcap_format.SCHEMA:
-                schema = mcap_format.parse_schema(body)
+            if opcode == Opcode.SCHEMA:
+                schema = parse_schema(body)
                 schemas[schema.id] = schema
-            elif opcode == mcap_format.CHANNEL:
-                channel = mcap_format.parse_channel(body)
+            elif opcode == Opcode.CHANNEL:
+                channel = parse_channel(body)
                 channels[channel.id] = channel
         except FormatError:
             # The chunk passed its checksum, so it was written like this; its messages are then without a topic.

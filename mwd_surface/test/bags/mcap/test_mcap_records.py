@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import zlib
 
 import numpy as np
 import pytest
@@ -11,8 +12,29 @@ from hypothesis import strategies as st
 from mcap import records
 from mcap.data_stream import ReadDataStream
 
-from mwd_surface.bags.mcap import format as fmt
-from mwd_surface.bags.mcap.format import FormatError
+from mwd_surface.bags.mcap.compression import Compressor, Decompressor
+from mwd_surface.bags.mcap.decode import (
+    parse_attachment,
+    parse_channel,
+    parse_chunk_head,
+    parse_chunk_index,
+    parse_metadata,
+    parse_schema,
+    parse_statistics,
+)
+from mwd_surface.bags.mcap.encode import (
+    attachment_record,
+    channel_record,
+    chunk_index_record,
+    chunk_prefix,
+    message_prefix,
+    metadata_record,
+    packed_record,
+    schema_record,
+    statistics_record,
+)
+from mwd_surface.bags.mcap.records import Attachment, Channel, ChunkHead, ChunkIndex, FormatError, Schema, Statistics
+from mwd_surface.bags.mcap.walk import walk_compiled, walk_plain
 
 words = st.text(max_size=12)
 tables = st.dictionaries(words, words, max_size=4)
@@ -26,93 +48,93 @@ def body(record: bytes) -> ReadDataStream:
 
 @given(words, words, st.binary(max_size=30))
 def test_a_schema_is_the_librarys_schema(name, encoding, data):
-    record = fmt.schema_record(fmt.Schema(7, name, encoding, data))
+    record = schema_record(Schema(7, name, encoding, data))
     assert records.Schema.read(body(record)) == records.Schema(id=7, name=name, encoding=encoding, data=data)
-    assert fmt.parse_schema(record[9:]) == fmt.Schema(7, name, encoding, data)
+    assert parse_schema(record[9:]) == Schema(7, name, encoding, data)
 
 
 @given(words, tables)
 def test_a_channel_is_the_librarys_channel(topic, metadata):
-    channel = fmt.Channel(3, 7, topic, "cdr", metadata)
-    record = fmt.channel_record(channel)
+    channel = Channel(3, 7, topic, "cdr", metadata)
+    record = channel_record(channel)
     found = records.Channel.read(body(record))
     assert (found.id, found.schema_id, found.topic, found.metadata) == (3, 7, topic, metadata)
-    assert fmt.parse_channel(record[9:]) == channel
+    assert parse_channel(record[9:]) == channel
 
 
 @given(stamps, words, st.binary(max_size=50))
 def test_an_attachment_is_the_librarys_attachment_and_a_flipped_bit_in_it_is_seen(stamp, name, data):
-    item = fmt.Attachment(stamp, stamp, name, "text/plain", data)
-    record = fmt.attachment_record(item)
+    item = Attachment(stamp, stamp, name, "text/plain", data)
+    record = attachment_record(item)
     found = records.Attachment.read(body(record))
     assert (found.log_time, found.name, found.data) == (stamp, name, data)
-    assert fmt.parse_attachment(record[9:]) == item
+    assert parse_attachment(record[9:]) == item
     if data:
         broken = bytearray(record[9:])
         broken[-5] ^= 1
         with pytest.raises(FormatError, match="checksum"):
-            fmt.parse_attachment(bytes(broken))
+            parse_attachment(bytes(broken))
 
 
 @given(stamps, stamps, st.dictionaries(st.integers(1, 9), st.integers(0, 10**9), max_size=3))
 def test_a_chunk_index_and_statistics_are_the_librarys(start, end, offsets):
-    index = fmt.ChunkIndex(start, end, 11, 22, offsets, 33, "zstd", 44, 55)
-    record = fmt.chunk_index_record(index)
+    index = ChunkIndex(start, end, 11, 22, offsets, 33, "zstd", 44, 55)
+    record = chunk_index_record(index)
     found = records.ChunkIndex.read(body(record))
     assert (found.message_start_time, found.message_index_offsets, found.uncompressed_size) == (start, offsets, 55)
-    assert fmt.parse_chunk_index(record[9:]) == index
-    totals = fmt.Statistics(1, 2, 3, 4, 5, 6, start, end, offsets)
-    record = fmt.statistics_record(totals)
+    assert parse_chunk_index(record[9:]) == index
+    totals = Statistics(1, 2, 3, 4, 5, 6, start, end, offsets)
+    record = statistics_record(totals)
     assert records.Statistics.read(body(record)).channel_message_counts == offsets
-    assert fmt.parse_statistics(record[9:]) == totals
+    assert parse_statistics(record[9:]) == totals
 
 
 @given(words, tables)
 def test_a_table_is_the_librarys_table(name, values):
-    record = fmt.metadata_record(name, values)
+    record = metadata_record(name, values)
     assert records.Metadata.read(body(record)) == records.Metadata(name=name, metadata=values)
-    assert fmt.parse_metadata(record[9:]) == (name, values)
+    assert parse_metadata(record[9:]) == (name, values)
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", ""])
 def test_what_is_compressed_comes_back_and_every_damage_is_refused(compression):
     plain = np.random.default_rng(1).integers(0, 4, 5000, dtype=np.uint8).tobytes()
-    data = fmt.Compressor(compression)(plain)
-    crc = fmt.zlib.crc32(plain)
-    head = fmt.ChunkHead(1, 2, len(plain), crc, compression, len(data), 0)
-    record = fmt.chunk_prefix(head) + data
-    parsed = fmt.parse_chunk_head(record[9:], len(record) - 9)
+    data = Compressor(compression)(plain)
+    crc = zlib.crc32(plain)
+    head = ChunkHead(1, 2, len(plain), crc, compression, len(data), 0)
+    record = chunk_prefix(head) + data
+    parsed = parse_chunk_head(record[9:], len(record) - 9)
     assert record[9 + parsed.data_at :] == data
-    assert fmt.Decompressor()(parsed, data) == plain
+    assert Decompressor()(parsed, data) == plain
     for wrong in (
-        fmt.ChunkHead(1, 2, len(plain) + 1, crc, compression, len(data), 0),
-        fmt.ChunkHead(1, 2, len(plain), crc ^ 1, compression, len(data), 0),
+        ChunkHead(1, 2, len(plain) + 1, crc, compression, len(data), 0),
+        ChunkHead(1, 2, len(plain), crc ^ 1, compression, len(data), 0),
     ):
         with pytest.raises(FormatError):
-            fmt.Decompressor()(wrong, data)
+            Decompressor()(wrong, data)
     if compression:
         with pytest.raises(FormatError):
-            fmt.Decompressor()(parsed, data[: len(data) // 2])
+            Decompressor()(parsed, data[: len(data) // 2])
 
 
 def test_an_unknown_compression_is_refused_both_ways():
     with pytest.raises(ValueError, match="'rar'"):
-        fmt.Compressor("rar")
-    record = fmt.chunk_prefix(fmt.ChunkHead(1, 2, 3, 4, "rar", 5, 0)) + b"12345"
+        Compressor("rar")
+    record = chunk_prefix(ChunkHead(1, 2, 3, 4, "rar", 5, 0)) + b"12345"
     with pytest.raises(FormatError, match="'rar'"):
-        fmt.parse_chunk_head(record[9:], len(record) - 9)
+        parse_chunk_head(record[9:], len(record) - 9)
 
 
 def test_a_chunk_above_the_limit_is_refused_before_anything_is_allocated():
-    record = fmt.chunk_prefix(fmt.ChunkHead(1, 2, 2**60, 0, "zstd", 5, 0)) + b"12345"
+    record = chunk_prefix(ChunkHead(1, 2, 2**60, 0, "zstd", 5, 0)) + b"12345"
     with pytest.raises(FormatError, match="above the limit"):
-        fmt.parse_chunk_head(record[9:], len(record) - 9)
+        parse_chunk_head(record[9:], len(record) - 9)
 
 
 @given(st.binary(max_size=60))
 def test_no_bytes_whatever_make_a_parser_do_more_than_refuse(data):
-    parsers = (fmt.parse_schema, fmt.parse_channel, fmt.parse_attachment, fmt.parse_metadata, fmt.parse_chunk_index)
-    for parser in (*parsers, fmt.parse_statistics, lambda part: fmt.parse_chunk_head(part, len(part))):
+    parsers = (parse_schema, parse_channel, parse_attachment, parse_metadata, parse_chunk_index)
+    for parser in (*parsers, parse_statistics, lambda part: parse_chunk_head(part, len(part))):
         try:
             parser(data)
         except FormatError:
@@ -128,14 +150,14 @@ def test_the_compiled_walk_and_the_plain_one_find_the_same_records_in_whole_and_
     data, expected = b"", []
     for item in items:
         if isinstance(item, bytes):
-            data += fmt.record(0x0C, item)
+            data += packed_record(0x0C, item)
         else:
             channel, log_ns, publish_ns, payload = item
-            data += fmt.message_prefix(channel, 1, log_ns, publish_ns, len(payload)) + payload
+            data += message_prefix(channel, 1, log_ns, publish_ns, len(payload)) + payload
             expected.append((channel, log_ns, publish_ns, payload))
     for part in (data, data[: max(0, len(data) - cut)]):
         array = np.frombuffer(part, dtype=np.uint8)
-        one, two = fmt.walk_compiled(array), fmt.walk_plain(array)
+        one, two = walk_compiled(array), walk_plain(array)
         for name in ("offset", "size", "channel", "log_ns", "publish_ns", "others"):
             assert np.array_equal(getattr(one, name), getattr(two, name))
             assert getattr(one, name).dtype == getattr(two, name).dtype
@@ -153,13 +175,13 @@ def test_the_compiled_walk_and_the_plain_one_find_the_same_records_in_whole_and_
 @given(st.binary(max_size=200))
 def test_no_bytes_whatever_lead_the_walk_out_of_its_data(data):
     array = np.frombuffer(data, dtype=np.uint8)
-    one, two = fmt.walk_compiled(array), fmt.walk_plain(array)
+    one, two = walk_compiled(array), walk_plain(array)
     assert one.end == two.end <= len(data)
     assert (one.offset + one.size <= len(data)).all()
 
 
 def test_a_length_beyond_all_bounds_ends_the_walk():
-    data = fmt.message_prefix(1, 1, 5, 5, 0) + bytes([5]) + (2**64 - 9).to_bytes(8, "little") + bytes(40)
-    for walk in (fmt.walk_compiled, fmt.walk_plain):
+    data = message_prefix(1, 1, 5, 5, 0) + bytes([5]) + (2**64 - 9).to_bytes(8, "little") + bytes(40)
+    for walk in (walk_compiled, walk_plain):
         found = walk(np.frombuffer(data, dtype=np.uint8))
         assert (len(found.offset), found.end) == (1, 31)

@@ -1,0 +1,63 @@
+"""Compresses chunks of an MCAP file, and decompresses them in bounded memory."""
+
+from __future__ import annotations
+
+import zlib
+
+import lz4.frame
+import zstandard
+
+from mwd_surface.bags.mcap.records import COMPRESSIONS, ChunkHead, FormatError
+
+
+class Compressor:
+    """Compresses chunks; keeps its context, so one per thread."""
+
+    def __init__(self, compression: str = "zstd", level: int = 1) -> None:
+        if compression not in COMPRESSIONS:
+            raise ValueError(f"compression: {compression!r} is not one of '', 'zstd', 'lz4'")
+        self.compression = compression
+        self._zstd = zstandard.ZstdCompressor(level=level) if compression == "zstd" else None
+
+    def __call__(self, data: bytes) -> bytes:
+        """Compressed form of `data`."""
+        if self._zstd is not None:
+            return self._zstd.compress(data)
+        return bytes(lz4.frame.compress(data)) if self.compression == "lz4" else data
+
+
+class Decompressor:
+    """Decompresses and checks chunks in memory bounded by their declared size; one per thread."""
+
+    def __init__(self) -> None:
+        self._zstd = zstandard.ZstdDecompressor()
+
+    def __call__(self, head: ChunkHead, data: bytes | memoryview) -> bytes:
+        """
+        Records of a chunk.
+
+        Raises
+        ------
+        FormatError
+            The data does not decompress to exactly the declared size, or its CRC is wrong.
+        """
+        try:
+            plain = self._plain(head, data)
+        except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
+            raise FormatError(f"a chunk does not decompress: {error}") from error
+        if len(plain) != head.size:
+            raise FormatError(f"a chunk decompressed to {len(plain)} bytes instead of {head.size}")
+        if head.crc and zlib.crc32(plain) != head.crc:
+            raise FormatError("a chunk's checksum does not match")
+        return plain
+
+    def _plain(self, head: ChunkHead, data: bytes | memoryview) -> bytes:
+        if head.compression == "zstd":
+            # The frame's own size decides what is allocated, so it has to agree first.
+            declared = zstandard.frame_content_size(data)
+            if declared not in (-1, head.size):
+                raise FormatError(f"a chunk's zstd frame holds {declared} bytes instead of {head.size}")
+            return self._zstd.decompress(data, max_output_size=head.size)
+        if head.compression == "lz4":
+            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(bytes(data), max_length=head.size + 1))
+        return bytes(data)

@@ -1,0 +1,163 @@
+"""Decodes the bodies of records of an MCAP file.
+
+A length found in a file is compared with what is left of the file or chunk before anything is allocated.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+
+from mwd_surface.bags.mcap.records import (
+    COMPRESSIONS,
+    MAX_CHUNK_BYTES,
+    Attachment,
+    Channel,
+    ChunkHead,
+    ChunkIndex,
+    FormatError,
+    Schema,
+    Statistics,
+)
+
+_index_head, _index_entry = struct.Struct("<QQQQI"), struct.Struct("<HQ")
+
+
+class Cursor:
+    """Reads fields one after another from a record's body; past its end it raises FormatError."""
+
+    def __init__(self, data: bytes | memoryview) -> None:
+        self.data = memoryview(data)
+        self.at = 0
+
+    def take(self, size: int) -> memoryview:
+        """Next `size` bytes."""
+        if size < 0 or self.at + size > len(self.data):
+            raise FormatError(f"a field of {size} bytes does not fit into the {len(self.data) - self.at} left")
+        part = self.data[self.at : self.at + size]
+        self.at += size
+        return part
+
+    def number(self, size: int) -> int:
+        """Unsigned little-endian integer of `size` bytes."""
+        return int.from_bytes(self.take(size), "little")
+
+    def blob(self, length_bytes: int = 4) -> bytes:
+        """Bytes with their length."""
+        return bytes(self.take(self.number(length_bytes)))
+
+    def text(self) -> str:
+        """A string with its length."""
+        try:
+            return self.blob().decode()
+        except UnicodeDecodeError as error:
+            raise FormatError("a name is not UTF-8") from error
+
+    def text_map(self) -> dict[str, str]:
+        """A map of strings with its length in bytes."""
+        inner = Cursor(self.blob())
+        values = {}
+        while inner.at < len(inner.data):
+            key = inner.text()
+            values[key] = inner.text()
+        return values
+
+
+def parse_schema(body: bytes | memoryview) -> Schema:
+    """Schema of a record's body."""
+    cursor = Cursor(body)
+    return Schema(cursor.number(2), cursor.text(), cursor.text(), cursor.blob())
+
+
+def parse_channel(body: bytes | memoryview) -> Channel:
+    """Channel of a record's body."""
+    cursor = Cursor(body)
+    return Channel(cursor.number(2), cursor.number(2), cursor.text(), cursor.text(), cursor.text_map())
+
+
+def parse_chunk_head(body: bytes | memoryview, length: int) -> ChunkHead:
+    """
+    What a chunk says of itself.
+
+    body : at least the first bytes of the record's body; length : that of the whole body.
+
+    Raises
+    ------
+    FormatError
+        Unknown compression, sizes that contradict the record's length, or a chunk above `MAX_CHUNK_BYTES`.
+    """
+    cursor = Cursor(body)
+    start, end, size, crc = cursor.number(8), cursor.number(8), cursor.number(8), cursor.number(4)
+    compression = cursor.text()
+    compressed = cursor.number(8)
+    if compression not in COMPRESSIONS:
+        raise FormatError(f"chunk compression {compression!r} is not one of none, zstd, lz4")
+    if size > MAX_CHUNK_BYTES or compressed > MAX_CHUNK_BYTES:
+        raise FormatError(f"a chunk of {max(size, compressed)} bytes is above the limit of {MAX_CHUNK_BYTES}")
+    if cursor.at + compressed > length or (not compression and compressed != size):
+        raise FormatError("a chunk's sizes contradict each other")
+    return ChunkHead(start, end, size, crc, compression, compressed, cursor.at)
+
+
+def parse_chunk_index(body: bytes | memoryview) -> ChunkIndex:
+    """Chunk index of a record's body."""
+    # Written out, because a long recording has thousands of them.
+    body = memoryview(body)
+    try:
+        start, end, offset, length, size = _index_head.unpack_from(body)
+        at = _index_head.size
+        if size % _index_entry.size or at + size > len(body):
+            raise FormatError(f"message indexes of {size} bytes do not fit into the {len(body) - at} left")
+        offsets = dict(_index_entry.iter_unpack(body[at : at + size]))
+    except struct.error as error:
+        raise FormatError(f"a chunk index of {len(body)} bytes ends early") from error
+    cursor = Cursor(body)
+    cursor.at = at + size
+    return ChunkIndex(
+        start,
+        end,
+        offset,
+        length,
+        offsets,
+        cursor.number(8),
+        cursor.text(),
+        cursor.number(8),
+        cursor.number(8),
+    )
+
+
+def parse_attachment(body: bytes | memoryview) -> Attachment:
+    """
+    Attachment of a record's body.
+
+    Raises
+    ------
+    FormatError
+        The CRC does not match.
+    """
+    cursor = Cursor(body)
+    item = Attachment(cursor.number(8), cursor.number(8), cursor.text(), cursor.text(), cursor.blob(8))
+    end = cursor.at
+    crc = cursor.number(4)
+    if crc and zlib.crc32(cursor.data[:end]) != crc:
+        raise FormatError(f"attachment {item.name!r}: its checksum does not match")
+    return item
+
+
+def parse_metadata(body: bytes | memoryview) -> tuple[str, dict[str, str]]:
+    """Name and table of a metadata record's body."""
+    cursor = Cursor(body)
+    return cursor.text(), cursor.text_map()
+
+
+def parse_statistics(body: bytes | memoryview) -> Statistics:
+    """Totals of a record's body."""
+    cursor = Cursor(body)
+    numbers = struct.unpack("<QHIIIIQQ", cursor.take(42))
+    inner = Cursor(cursor.blob())
+    counts = {}
+    while inner.at < len(inner.data):
+        channel = inner.number(2)
+        counts[channel] = inner.number(8)
+    messages, schemas, channels, attachments, metadata, chunks, start, end = numbers
+    return Statistics(messages, schemas, channels, attachments, metadata, chunks, start, end, counts)

@@ -1,0 +1,136 @@
+"""Records of an MCAP file: opcodes, sizes and the fields of each kind.
+
+Source: the MCAP specification, version 0.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import struct
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+MAGIC = b"\x89MCAP0\r\n"
+
+
+class Opcode(enum.IntEnum):
+    """First byte of a record."""
+
+    HEADER = 1
+    FOOTER = 2
+    SCHEMA = 3
+    CHANNEL = 4
+    MESSAGE = 5
+    CHUNK = 6
+    MESSAGE_INDEX = 7
+    CHUNK_INDEX = 8
+    ATTACHMENT = 9
+    ATTACHMENT_INDEX = 10
+    STATISTICS = 11
+    METADATA = 12
+    METADATA_INDEX = 13
+    SUMMARY_OFFSET = 14
+    DATA_END = 15
+
+
+PREFIX = 9  # opcode, length
+MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
+MESSAGE_PREFIX = PREFIX + MESSAGE_HEAD
+FOOTER_BYTES = PREFIX + 20
+# A chunk larger than this is refused: one hostile length must not take the memory of the machine.
+MAX_CHUNK_BYTES = 128 * 1024 * 1024
+COMPRESSIONS = ("", "zstd", "lz4")
+# A message record as the bulk writer lays it out; the payload's size completes it.
+MESSAGE_FIELDS: list[tuple[Any, ...]] = [
+    ("opcode", "u1"),
+    ("length", "<u8"),
+    ("channel", "<u2"),
+    ("sequence", "<u4"),
+    ("log_ns", "<u8"),
+    ("publish_ns", "<u8"),
+]
+INDEX_ENTRY = np.dtype([("log_ns", "<u8"), ("offset", "<u8")])
+RECORD_HEAD = struct.Struct("<BQ")
+MESSAGE_RECORD_HEAD = struct.Struct("<BQHIQQ")
+
+
+class FormatError(ValueError):
+    """Bytes that are not what the container promises; the message says what and where."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Schema:
+    """Definition of a message type; the encoding of ROS 2 definitions is ``ros2msg`` or ``ros2idl``."""
+
+    id: int
+    name: str
+    encoding: str
+    data: bytes
+
+
+@dataclasses.dataclass(frozen=True)
+class Channel:
+    """One topic of one type in one file."""
+
+    id: int
+    schema_id: int
+    topic: str
+    encoding: str
+    metadata: Mapping[str, str]
+
+
+@dataclasses.dataclass(frozen=True)
+class ChunkHead:
+    """What a chunk says of itself before its (compressed) records; `data_at` counts from the record's body."""
+
+    start_ns: int
+    end_ns: int
+    size: int
+    crc: int
+    compression: str
+    compressed_size: int
+    data_at: int
+
+
+@dataclasses.dataclass(frozen=True)
+class ChunkIndex:
+    """Where a chunk and its message indexes lie in the file."""
+
+    start_ns: int
+    end_ns: int
+    offset: int
+    length: int
+    index_offsets: Mapping[int, int]
+    index_length: int
+    compression: str
+    compressed_size: int
+    size: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Attachment:
+    """A file kept inside the recording."""
+
+    log_ns: int
+    create_ns: int
+    name: str
+    media_type: str
+    data: bytes
+
+
+@dataclasses.dataclass(frozen=True)
+class Statistics:
+    """Totals in the summary."""
+
+    messages: int
+    schemas: int
+    channels: int
+    attachments: int
+    metadata: int
+    chunks: int
+    start_ns: int
+    end_ns: int
+    counts: Mapping[int, int]

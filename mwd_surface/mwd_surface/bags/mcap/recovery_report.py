@@ -1,0 +1,163 @@
+"""Checks an MCAP file, and reports what was found or saved."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mwd_surface.bags.mcap.contents import Bare, Chunk, Contents, Damage, Other
+from mwd_surface.bags.mcap.reader import McapFile
+from mwd_surface.bags.mcap.records import FormatError, Opcode
+
+
+@dataclasses.dataclass(frozen=True)
+class RecoveryReport:
+    """
+    What recovery, or a check, found.
+
+    Attributes
+    ----------
+    source : Path
+        The file that was read.
+    target : Path or None
+        The sound file; None when there was nothing to save (or only a check was asked for).
+    kept : Path or None
+        Where the original lies now, when the sound file took its name.
+    sound : bool
+        The source was in order: nothing was done.
+    messages, chunks : int
+        Saved, or found when only checked.
+    topics : mapping of str to int
+        Messages of each topic.
+    damages : int
+        Places where bytes could not be used.
+    lost_bytes : int
+        Bytes in those places.
+    orphans : int
+        Messages left out because the declaration of their topic is lost.
+    start_ns, end_ns : int
+        Log times of the first and the last message; 0 when there is none.
+    notes : tuple of str
+        One sentence for each thing found.
+    """
+
+    source: Path
+    target: Path | None = None
+    kept: Path | None = None
+    sound: bool = False
+    messages: int = 0
+    chunks: int = 0
+    topics: Mapping[str, int] = dataclasses.field(default_factory=dict)
+    damages: int = 0
+    lost_bytes: int = 0
+    orphans: int = 0
+    start_ns: int = 0
+    end_ns: int = 0
+    notes: tuple[str, ...] = ()
+
+    def sentence(self) -> str:
+        """Return the report in one line."""
+        if self.sound:
+            return f"{self.source.name} is in order: {self.messages} messages"
+        seconds = (self.end_ns - self.start_ns) * 1e-9
+        lost = (
+            f"{self.lost_bytes} bytes in {self.damages} places could not be used"
+            if self.damages
+            else "nothing on the disk was damaged"
+        )
+        if self.messages == 0:
+            return f"{self.source.name}: nothing could be saved; {'; '.join(self.notes[:1]) or lost}"
+        where = f" (the original is kept as {self.kept.name})" if self.kept else ""
+        return f"{self.source.name}: saved {self.messages} messages over {seconds:.1f} s; {lost}{where}"
+
+
+def check(path: Path) -> RecoveryReport:
+    """Read a whole file and compare everything in it: checksums, places, counts. Raises OSError only."""
+    try:
+        file = McapFile(path)
+    except FormatError as error:
+        return RecoveryReport(path, damages=1, lost_bytes=path.stat().st_size, notes=(str(error),))
+    with contextlib.closing(file):
+        contents = file.contents()
+        tally = Tally(contents)
+        places, whole = set(), True
+        for piece in file.scan():
+            tally.add(piece)
+            if isinstance(piece, Other) and piece.opcode == Opcode.DATA_END:
+                whole = file.data_checksum_matches(piece.offset)
+            if isinstance(piece, Chunk) and len(piece.walk.log_ns):
+                places.add(piece.offset)
+        notes = all_notes(contents, tally.notes)
+        if not (whole or notes):
+            notes.append("the checksum of the whole does not match: an index between the chunks is damaged")
+        if file.sound():
+            indexed = {span.offset for span in contents.spans if span.in_chunk}
+            if indexed != places:
+                notes.append(f"the index names {len(indexed)} chunks, {len(places)} sound ones are there")
+            if {k: v for k, v in contents.counts.items() if v} != tally.counts:
+                notes.append("the summary counts other messages than are there")
+        report = tally.report(path)
+        return dataclasses.replace(report, sound=not notes and file.sound(), notes=tuple(notes))
+
+
+@dataclasses.dataclass
+class Tally:
+    """Counts over the pieces of a scan."""
+
+    contents: Contents
+    counts: dict[int, int] = dataclasses.field(default_factory=dict)
+    chunks: int = 0
+    damages: int = 0
+    lost_bytes: int = 0
+    orphans: int = 0
+    notes: list[str] = dataclasses.field(default_factory=list)
+    times: list[int] = dataclasses.field(default_factory=list)
+
+    def add(self, piece: Chunk | Bare | Other | Damage) -> None:
+        """Count a piece."""
+        if isinstance(piece, Damage):
+            self.damages += 1
+            self.lost_bytes += piece.end - piece.offset
+            self.notes.append(f"bytes {piece.offset} to {piece.end} cannot be used: {piece.reason}")
+        elif isinstance(piece, (Chunk, Bare)):
+            self.chunks += isinstance(piece, Chunk)
+            numbers, counts = np.unique(piece.walk.channel, return_counts=True)
+            for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
+                if number in self.contents.channels:
+                    self.counts[number] = self.counts.get(number, 0) + count
+                else:
+                    self.orphans += count
+            if len(piece.walk.log_ns):
+                self.times = [
+                    min([*self.times[:1], int(piece.walk.log_ns.min())]),
+                    max([*self.times[1:], int(piece.walk.log_ns.max())]),
+                ]
+
+    def report(self, source: Path) -> RecoveryReport:
+        """Return the counts as a report."""
+        topics: dict[str, int] = {}
+        for number, count in self.counts.items():
+            name = self.contents.channels[number].topic
+            topics[name] = topics.get(name, 0) + count
+        return RecoveryReport(
+            source,
+            messages=sum(self.counts.values()),
+            chunks=self.chunks,
+            topics=topics,
+            damages=self.damages,
+            lost_bytes=self.lost_bytes,
+            orphans=self.orphans,
+            start_ns=self.times[0] if self.times else 0,
+            end_ns=self.times[1] if self.times else 0,
+            notes=tuple(self.notes),
+        )
+
+
+def all_notes(contents: Contents, met: Sequence[str]) -> list[str]:
+    """Return the notes of contents and scan."""
+    # A scan for the contents has met the same damage already.
+    return list(contents.notes) if contents.scanned else [*contents.notes, *met]

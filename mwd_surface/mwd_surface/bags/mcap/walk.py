@@ -1,0 +1,137 @@
+"""Finds the records in a run of bytes, at the speed of compiled code where numba is installed."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.core.arrays import Bytes
+from mwd_sensors.core.compiled import HAVE_NUMBA, compiled
+from mwd_surface.bags.mcap.records import MESSAGE_HEAD, MESSAGE_PREFIX, MESSAGE_RECORD_HEAD, PREFIX, RECORD_HEAD, Opcode
+
+
+@dataclasses.dataclass(frozen=True)
+class Walk:
+    """
+    Records found by walking a run of bytes.
+
+    Attributes
+    ----------
+    offset, size : shape (n,), int64
+        Where each message's payload begins, and its bytes.
+    channel : shape (n,), uint16
+    log_ns, publish_ns : shape (n,), int64
+    others : shape (m,), int64
+        Where each record that is not a message begins.
+    end : int
+        First byte not understood; the length of the data when all of it was.
+    """
+
+    offset: NDArray[np.int64]
+    size: NDArray[np.int64]
+    channel: NDArray[np.uint16]
+    log_ns: NDArray[np.int64]
+    publish_ns: NDArray[np.int64]
+    others: NDArray[np.int64]
+    end: int
+
+
+@compiled
+def _number(data: Any, at: int) -> int:
+    value = np.int64(0)
+    for k in range(8):
+        value |= np.int64(data[at + k]) << np.int64(8 * k)
+    return value  # type: ignore[return-value]
+
+
+@compiled
+def _walk(  # one flat loop on purpose: it runs once per message of a bag
+    data: Any, offset: Any, size: Any, channel: Any, log_ns: Any, publish_ns: Any, others: Any
+) -> tuple[int, int, int]:
+    at, count, other = 0, 0, 0
+    end = len(data)
+    while at + 9 <= end:
+        length = _number(data, at + 1)
+        if length < 0 or length > end - at - 9:
+            break
+        if data[at] == 5:
+            if length < 22:
+                break
+            channel[count] = np.uint16(data[at + 9]) | (np.uint16(data[at + 10]) << np.uint16(8))
+            log_ns[count] = _number(data, at + 15)
+            publish_ns[count] = _number(data, at + 23)
+            offset[count] = at + 31
+            size[count] = length - 22
+            count += 1
+        else:
+            if other == len(others):
+                break
+            others[other] = at
+            other += 1
+        at += 9 + length
+    return count, other, at
+
+
+def walk_compiled(data: Bytes) -> Walk:
+    """`walk_records` by the compiled loop."""
+    room = len(data) // MESSAGE_PREFIX + 1
+    offset, size, log_ns, publish_ns = (np.empty(room, dtype=np.int64) for _ in range(4))
+    channel = np.empty(room, dtype=np.uint16)
+    others = np.empty(len(data) // PREFIX + 1, dtype=np.int64)
+    n, m, end = _walk(data, offset, size, channel, log_ns, publish_ns, others)
+    return Walk(
+        offset[:n].copy(),
+        size[:n].copy(),
+        channel[:n].copy(),
+        log_ns[:n].copy(),
+        publish_ns[:n].copy(),
+        others[:m].copy(),
+        end,
+    )
+
+
+def walk_plain(data: Bytes) -> Walk:
+    """`walk_records` where numba is absent."""
+    view, end, at = data.tobytes(), len(data), 0
+    rows: list[tuple[int, int, int, int, int]] = []
+    others: list[int] = []
+    while at + PREFIX <= end:
+        opcode, length = RECORD_HEAD.unpack_from(view, at)
+        if length > end - at - PREFIX:
+            break
+        if opcode == Opcode.MESSAGE:
+            if length < MESSAGE_HEAD:
+                break
+            _, _, channel, _, log_ns, publish_ns = MESSAGE_RECORD_HEAD.unpack_from(view, at)
+            rows.append((at + MESSAGE_PREFIX, length - MESSAGE_HEAD, channel, log_ns, publish_ns))
+        else:
+            others.append(at)
+        at += PREFIX + length
+    table = np.array(rows, dtype=np.uint64).reshape(len(rows), 5).astype(np.int64)
+    return Walk(
+        table[:, 0],
+        table[:, 1],
+        table[:, 2].astype(np.uint16),
+        table[:, 3],
+        table[:, 4],
+        np.array(others, dtype=np.int64),
+        at,
+    )
+
+
+def walk_records(data: Bytes) -> Walk:
+    """Find the records in a run of bytes, shape (n,), uint8; stops at the first that does not fit, never raises."""
+    return walk_compiled(data) if HAVE_NUMBA else walk_plain(data)
+
+
+def records_at(data: Bytes, offsets: NDArray[np.int64]) -> list[tuple[int, memoryview]]:
+    """(opcode, body) of the records beginning at the offsets that `walk_records` found."""
+    view = memoryview(data)  # type: ignore[arg-type]
+    found = []
+    for at in offsets.tolist():
+        opcode, length = RECORD_HEAD.unpack_from(view, at)
+        found.append((opcode, view[at + PREFIX : at + PREFIX + length]))
+    return found

@@ -1,0 +1,151 @@
+"""
+Parts of a bag in time order, in constant memory.
+
+Chunks of MCAP files are decompressed and decoded ahead in a thread; other storage is read through `rosbags`.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.rosbag2 import Reader as RosbagsReader
+
+from mwd_surface.bags.bag_files import BagFiles, TopicInfo
+from mwd_surface.bags.mcap.compression import Decompressor
+from mwd_surface.bags.mcap.contents import Span
+from mwd_surface.bags.mcap.records import FormatError
+from mwd_surface.bags.mcap.walk import walk_records
+from mwd_surface.bags.message_parts import NEVER, Decoded, Part, part_of
+
+M = TypeVar("M", Part, Decoded)
+
+_AHEAD = 4  # spans loaded ahead of their use
+_AHEAD_BYTES = 64 * 1024 * 1024  # of these, decompressed
+
+
+class PartStream:
+    """
+    Reads the parts of an opened bag.
+
+    on_damage : callable
+        Called with a sentence for each damage met while reading.
+    """
+
+    def __init__(self, opened: BagFiles, topics: Mapping[str, TopicInfo], on_damage: Callable[[str], None]) -> None:
+        self._opened, self._topics, self._on_damage = opened, topics, on_damage
+
+    def groups(
+        self, topics: list[str], start_ns: int | None, end_ns: int | None, made: Callable[[Part], M]
+    ) -> Iterator[list[M]]:
+        """
+        Yield groups of what `made` returns for each part, for some topics and log times.
+
+        Everything in one group is logged no later than everything in the next.
+        """
+        start, end = start_ns or 0, NEVER if end_ns is None else end_ns
+        if self._opened.rosbags is not None:
+            for part in self._rosbags_parts(self._opened.rosbags, topics, start, end):
+                yield [made(part)]
+            return
+        chosen: list[tuple[int, Span]] = []
+        for number, (_, contents) in enumerate(self._opened.mcap):
+            channels = {key for key, name in self._opened.names[number].items() if name in topics}
+            for span in contents.spans:
+                inside = span.end_ns >= start and span.start_ns < end
+                if inside and (span.channels is None or not channels.isdisjoint(span.channels)):
+                    chosen.append((number, span))
+        chosen.sort(key=lambda item: (item[1].start_ns, item[0], item[1].offset))
+        pending: list[M] = []
+        for k, one in enumerate(self._ahead(chosen, topics, start, end, made)):
+            if one is not None:
+                pending.append(one)
+            mark = chosen[k + 1][1].start_ns if k + 1 < len(chosen) else NEVER
+            released, kept = [], []
+            for waiting in pending:
+                early, late = waiting.split(mark)
+                if len(early):
+                    released.append(early)
+                if len(late):
+                    kept.append(late)
+            pending = kept
+            if released:
+                yield sorted(released, key=lambda one: one.rank)
+
+    def _ahead(
+        self, chosen: list[tuple[int, Span]], topics: list[str], start: int, end: int, made: Callable[[Part], M]
+    ) -> Iterator[M | None]:
+        """Yield what is made of the chosen spans, loaded by a thread a few spans ahead of their use."""
+        waiting: deque[tuple[concurrent.futures.Future[M], int]] = deque()
+        wanted = []
+        for names in self._opened.names:
+            mask = np.zeros(65536, dtype=np.bool_)
+            mask[[number for number, name in names.items() if name in topics]] = True
+            wanted.append(mask)
+        # One thread: a second one costs more in contended memory than it gains.
+        pool = concurrent.futures.ThreadPoolExecutor(1, thread_name_prefix="bag")
+        decompress = Decompressor()
+
+        def load(number: int, span: Span) -> M:
+            # Made in this thread, while the bytes are in the cache.
+            return made(self._load(decompress, number, span, wanted[number], start, end))
+
+        try:
+            position, held = 0, 0
+            while position < len(chosen) or waiting:
+                while position < len(chosen) and len(waiting) < _AHEAD and (not waiting or held < _AHEAD_BYTES):
+                    number, span = chosen[position]
+                    waiting.append((pool.submit(load, number, span), span.size))
+                    held += span.size
+                    position += 1
+                future, size = waiting.popleft()
+                held -= size
+                try:
+                    yield future.result()
+                except (FormatError, MemoryError) as error:
+                    self._on_damage(f"a damaged chunk was skipped: {error}")
+                    yield None
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+    def _load(
+        self,
+        decompress: Decompressor,
+        number: int,
+        span: Span,
+        wanted: NDArray[np.bool_],
+        start: int,
+        end: int,
+    ) -> Part:
+        data = np.frombuffer(self._opened.mcap[number][0].plain(span, decompress), dtype=np.uint8)
+        walk = walk_records(data)
+        if walk.end != len(data):
+            raise FormatError(f"a chunk's records end at byte {walk.end} of {len(data)}")
+        part = Part((number, span.offset), number, data, walk.log_ns, walk.offset, walk.size, walk.channel)
+        chosen = wanted[walk.channel]
+        if start > 0 or end < NEVER:
+            chosen &= (walk.log_ns >= start) & (walk.log_ns < end)
+        if not chosen.all():
+            part = part.at(chosen)
+        if len(part.log_ns) and (part.log_ns[1:] < part.log_ns[:-1]).any():
+            part = part.at(np.argsort(part.log_ns, kind="stable"))
+        return part
+
+    def _rosbags_parts(self, reader: RosbagsReader, topics: list[str], start: int, end: int) -> Iterator[Part]:
+        numbers = {name: number for number, name in enumerate(self._topics)}
+        connections = [one for one in reader.connections if one.topic in topics]
+        rows: list[tuple[int, int, bytes]] = []
+        try:
+            for connection, log_ns, data in reader.messages(connections, start or None, end if end < NEVER else None):
+                rows.append((log_ns, numbers[connection.topic], bytes(data)))
+                if len(rows) >= 4096:
+                    yield part_of(rows)
+                    rows = []
+        except Exception as error:  # noqa: BLE001  (sqlite, rosbags and zstd each raise their own kinds)
+            self._on_damage(f"reading stopped early: {error}")
+        if rows:
+            yield part_of(rows)
