@@ -17,7 +17,7 @@ from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.runs import launch_plan
 
 EXECUTABLES = {"sonde": "mwd_sensors", "estimator": "mwd_estimation", "surface": "mwd_surface"}
-PLACE = {"reference.source": "model", "reference.lat_deg": 38.3, "reference.lon_deg": 109.6}
+PLACE = {"place.field": "model", "place.lat_deg": 38.3, "place.lon_deg": 109.6}
 
 
 class Graph:

@@ -19,7 +19,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth
+from mwd_estimation import derivation
+from mwd_estimation.attitude import drilling_dynamics
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream, Block, Mark
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import quoted
@@ -37,9 +38,8 @@ from mwd_estimation.health.fault_debounce import ACCEL, MAG
 from mwd_estimation.health.fault_debounce import GYRO as GYRO_BIT
 from mwd_estimation.health.fault_messages import Finding
 from mwd_estimation.health.unit_comparison import PrecisionHealth
-from mwd_estimation.health.unit_comparison import Settings as PrecisionSettings
 from mwd_estimation.magnetic import spike_filter
-from mwd_estimation.settings import EstimatorSettings, ReferenceSettings, latitude_of, reference_of
+from mwd_estimation.settings import EstimatorSettings, Place, latitude_of, reference_of
 from mwd_estimation.survey import survey
 from mwd_estimation.survey.continuity_check import handed_on, held_against
 from mwd_estimation.survey.fault_history import AZIMUTH, GuardedGravity, Record, without_faulty
@@ -60,14 +60,13 @@ __all__ = [
     "EstimatorSettings",
     "Output",
     "Pipeline",
-    "ReferenceSettings",
+    "Place",
     "latitude_of",
     "reference_of",
 ]
 
 
 _STRONGEST = 0.01  # T; a hundred times what a magnetised string adds
-_FINE_NOISE = 0.05  # deg/sqrt(h), of a precision unit whose noise nobody has said
 
 
 @dataclasses.dataclass
@@ -152,18 +151,22 @@ class Pipeline:
 
     def _forget(self) -> None:
         settings = self.settings
-        self.method = gravity.method(settings.method)
-        self._gravity_params = getattr(settings, settings.method)
-        self._gravity = GuardedGravity(self.method, self._gravity_params)
-        self._health = monitor.initial(settings.health)
+        self._health_params = derivation.health_params(settings)
+        self._health = monitor.initial(self._health_params)
         self._spikes = spike_filter.initial()
-        self._precision_health = PrecisionHealth(PrecisionSettings(math.radians(settings.gyro.bias_deg_h) / 3600.0))
+        self._precision_health = PrecisionHealth(derivation.precision_health_params(settings))
         self._faults = Record()
         self._unusable, self._misled = 0, False
         # Since when the magnetometer, as far as is known a sound one, has been taken in.
         self._fed_ns = np.iinfo(np.int64).max
         self._attitude = self._attitude_stream()
-        self._dynamics_state = drilling_dynamics.initial(settings.dynamics)
+        self._gyro_params, self._fusion_params = (
+            derivation.gyrocompass_params(settings),
+            derivation.fusion_params(settings),
+        )
+        self._station_params = derivation.station_params(settings)
+        self._use_gravity(None)
+        self._dynamics_state = drilling_dynamics.initial(self._dynamics_params)
         self._binners = {
             "imu": Binner(6, BIN_NS),
             "mag": Binner(3, BIN_NS),
@@ -172,9 +175,9 @@ class Pipeline:
         }
         self._closed: dict[str, dict[int, Bin]] = {"mag": {}, "precision": {}, "temperature": {}}
         self._waiting: list[Bin] = []
-        self._still = StillSurvey(settings.survey)
-        self._gyro = GyroStation(settings.gyro, None, None)
-        self._run = StationRun(settings.multistation)
+        self._still = StillSurvey(derivation.still_params(settings))
+        self._gyro = GyroStation(self._gyro_params, None, None)
+        self._run = StationRun(derivation.run_params(settings))
         self._last_alarm = ""
         self._north: NorthSession | None = None
         self._ahrs = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
@@ -184,7 +187,7 @@ class Pipeline:
         self._precision_at = 0
         self._last_imu_ns = np.iinfo(np.int64).min
         self._ready = False
-        self._field = FieldReader(settings.station, self._given)
+        self._field = FieldReader(self._station_params, self._given)
 
     def set_reference(self, reference: Reference) -> None:
         """Judge and correct by this field from now on; the interference is estimated anew."""
@@ -245,10 +248,10 @@ class Pipeline:
         if self._north is not None:
             raise ValueError("north is already being sought")
         if latitude is None:
-            raise ValueError("the latitude is not known: set gyro.latitude_source, or a reference by place")
+            raise ValueError("the latitude is not known: set place.lat_deg and place.lon_deg")
         gravity_ = self.reference.gravity if self.reference is not None else None
-        gyro = self.settings.gyro
-        self._north = NorthSession(self.settings.north, gyro, latitude, gravity_, duration_s, mode)
+        params = derivation.north_params(self.settings)
+        self._north = NorthSession(params, self._gyro_params, latitude, gravity_, duration_s, mode)
         self._ahrs = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
 
     def cancel_north(self) -> None:
@@ -271,7 +274,7 @@ class Pipeline:
         """
         if self._rotary is not None:
             raise ValueError("a rotary survey is already being taken")
-        self._rotary = RotarySurvey(self.settings.rotary, duration_s)
+        self._rotary = RotarySurvey(derivation.rotary_params(self.settings), duration_s)
 
     def cancel_rotary(self) -> None:
         """Take it no longer."""
@@ -383,7 +386,7 @@ class Pipeline:
         stamps, gyro, accel = arrays_of(
             samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"]
         )
-        found = monitor.run(self.settings.health, self._health, stamps, gyro, accel)
+        found = monitor.run(self._health_params, self._health, stamps, gyro, accel)
         output = None
         # Cut where the health of a sensor changes, which is rare: from there on the estimate does without it, or anew.
         edges = sorted({0, *found.places, n})
@@ -446,48 +449,51 @@ class Pipeline:
             output.attitude,
             output.gravity,
         )
-        output.surveys += [held_against(one, self._attitude.anchors[at], self.settings.fusion) for at, one in taken]
+        output.surveys += [held_against(one, self._attitude.anchors[at], self._fusion_params) for at, one in taken]
         if self._rotary is not None:
             self._turn_on(self._rotary, block, output)
         self.counters.rejected += rejected
         output.dynamics = drilling_dynamics.run(
-            self.settings.dynamics, self._dynamics_state, stamps, gyro, accel, track.g_t, output.attitude["status"]
+            self._dynamics_params, self._dynamics_state, stamps, gyro, accel, track.g_t, output.attitude["status"]
         )
         self._last_imu_ns = int(stamps[-1])
         return output
 
     @property
     def _lag_ns(self) -> int:
-        return round(self.settings.azimuth.mag_lag_s * 1e9)
+        return round(self.settings.tool.magnetometer.delay_s * 1e9)
 
     def _begin(self, first_ns: int) -> None:
         """What hangs on the day and place of the first sample."""
         if self._given is None:
-            self._field.set_reference(reference_of(self.settings.reference, first_ns))
+            self._field.set_reference(derivation.reference(self.settings, first_ns))
         self._ready = True
         self._attitude.set_reference(self.reference)
         self._judge_sensors_by(self.reference)
         known = self.reference.gravity if self.reference is not None else None
-        self._gyro = GyroStation(self.settings.gyro, latitude_of(self.settings), known)
+        self._use_gravity(known)
+        self._gyro = GyroStation(self._gyro_params, latitude_of(self.settings), known)
+
+    def _use_gravity(self, known: float | None) -> None:
+        """Local gravity, m/s^2, for what follows gravity; None: not known."""
+        settings = self.settings
+        self._gravity = GuardedGravity(
+            gravity.method(settings.gravity.method),
+            derivation.gravity_params(settings, known),
+            derivation.accelerometer_only_params(settings, known),
+        )
+        self._dynamics_params = derivation.dynamics_params(settings, known)
 
     def _attitude_stream(self) -> AttitudeStream:
-        settings, gyro = self.settings, self.settings.gyro
-        fine = gyro_azimuth.Precision(
-            gyro.noise_deg_rth or _FINE_NOISE,
-            gyro.bias_deg_h,
-            gyro.walk_deg_h_rth,
-            gyro.range_dps,
-            gyro.leak_urad,
-            gyro.g_sensitivity_deg_h_g,
-        )
+        settings = self.settings
         return AttitudeStream(
-            settings.azimuth,
-            settings.interference,
-            settings.carried,
-            settings.station.errors,
+            derivation.time_alignment_params(settings),
+            derivation.interference_params(settings),
+            derivation.gyro_azimuth_params(settings),
+            derivation.sensor_errors(settings),
             BIN_NS,
             latitude_of(settings),
-            fine,
+            derivation.precision_gyro_params(settings),
         )
 
     def _judge(self, imu: Bin, place: int, output: Output) -> tuple[Mark, Survey | None]:
@@ -559,7 +565,7 @@ class Pipeline:
         held = self._still.finish()
         if held is not None:
             taken, _ = self._work_out(held, self._gyro.solution())
-            output.surveys.append(held_against(taken, self._attitude.anchor, self.settings.fusion))
+            output.surveys.append(held_against(taken, self._attitude.anchor, self._fusion_params))
         return output
 
     def _work_out(
@@ -571,9 +577,9 @@ class Pipeline:
             self._faults.readable(still),
             self.sequence,
             self.reference,
-            self.settings.station,
+            self._station_params,
             found,
-            self.settings.fusion,
+            self._fusion_params,
             run=self._run if not self._unusable else None,
             last_alarm=self._last_alarm,
         )
@@ -611,7 +617,7 @@ class Pipeline:
         self.sequence += 1
         speed = survey_.rotary_speed
         output.rotary.append(
-            self._faults.judge(survey.from_rotary(result, self.sequence, self.reference, self.settings.station, speed))
+            self._faults.judge(survey.from_rotary(result, self.sequence, self.reference, self._station_params, speed))
         )
 
     def _keep(self, name: str, closed: list[Bin]) -> None:

@@ -1,83 +1,342 @@
-"""Everything that can be set about the estimator, and the reference field and latitude that follow from it."""
+"""
+What can be set about the estimator, in the words of its users.
+
+Each fact is said once: the tool in `tool`, the place in `place`. `derivation` makes the parameters of every filter
+from them.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import datetime
 import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
-from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth, time_alignment
 from mwd_estimation.core.reference_field import Reference, from_field
-from mwd_estimation.gravity import accelerometer_only, ligorio_kalman
 from mwd_estimation.gravity import methods as gravity
-from mwd_estimation.gravity.bounded import filter as gravity_bounded
-from mwd_estimation.gravity.fuzzy_mahony import MahonyParams
-from mwd_estimation.gravity.fuzzy_mahony import Params as S3Params
-from mwd_estimation.gyrocompass.gyro_params import GyroParams
-from mwd_estimation.gyrocompass.session import SessionParams
-from mwd_estimation.health import monitor
-from mwd_estimation.magnetic import interference_filter
-from mwd_estimation.survey import azimuth_fusion as fusion
-from mwd_estimation.survey.rotary_survey import Params as RotaryParams
-from mwd_estimation.survey.run_history import Params as RunParams
-from mwd_estimation.survey.static_survey import Params as StillParams
-from mwd_estimation.survey.station import StationSettings
+from mwd_estimation.gravity_settings import EXPERT
+from mwd_estimation.tool_settings import Tool
 from mwd_sensors.core import earth
-from mwd_sensors.core.settings import setting
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.settings import SettingsError, from_mapping, setting, to_mapping
 
 
 @dataclasses.dataclass(frozen=True)
-class ReferenceSettings:
-    """Where the reference field comes from."""
+class Place:
+    """Where the well is, and the Earth's field and gravity there."""
 
-    source: str = setting(
+    field: str = setting(
         "none",
-        "none: azimuth stays magnetic and uncorrected; model: by place and date; fixed: the figures below",
+        "Where the reference field comes from: none (azimuth from magnetic north, no check of the field), model (by "
+        "position and date), fixed (the figures below). Surveys are judged and corrected only against a field.",
         choices=("none", "model", "fixed"),
     )
-    model: str = setting("wmm2025", "Geomagnetic model", choices=earth.MODELS)
-    lat_deg: float = setting(0.0, "Latitude, WGS 84, north positive", unit="deg", low=-90.0, high=90.0)
-    lon_deg: float = setting(0.0, "Longitude, WGS 84, east positive", unit="deg", low=-180.0, high=360.0)
-    height_m: float = setting(0.0, "Height above the ellipsoid", unit="m", low=-12000.0, high=9000.0)
-    grid: str = setting("none", "Map grid of the well, for grid north by the model's place", choices=("none", "utm"))
-    date: str = setting("", "Day of the model, YYYY-MM-DD; empty: the day of the first sample")
-    total_nt: float = setting(50000.0, "Strength of the fixed field", unit="nT", low=15000.0, high=75000.0)
-    dip_deg: float = setting(60.0, "Dip of the fixed field, below the horizontal", unit="deg", low=-90.0, high=90.0)
-    declination_deg: float = setting(0.0, "Magnetic from true north, east positive", unit="deg", low=-180.0, high=180.0)
-    convergence_deg: float = setting(0.0, "Grid from true north, east positive", unit="deg", low=-180.0, high=180.0)
-    gravity_mps2: float = setting(0.0, "Gravity beside the fixed field; 0: not known", unit="m/s^2", low=0.0, high=9.84)
+    model: str = setting(
+        "wmm2025", "Geomagnetic model. wmm2025 holds from 2025 to 2030, igrf from 1900.", choices=earth.MODELS,
+        expert=True,
+    )  # fmt: skip
+    lat_deg: float = setting(
+        0.0,
+        "Latitude, WGS 84, north positive. The gyro azimuth needs it too; latitude and longitude both 0: not known.",
+        unit="deg",
+        low=-90.0,
+        high=90.0,
+    )
+    lon_deg: float = setting(0.0, "Longitude, WGS 84, east positive.", unit="deg", low=-180.0, high=360.0)
+    height_m: float = setting(
+        0.0, "Height above the ellipsoid. 1000 m change the field by 0.05 %.", unit="m", low=-12000.0, high=9000.0,
+        expert=True,
+    )  # fmt: skip
+    grid: str = setting(
+        "none",
+        "Map grid of the well's plan; the model's position then gives the convergence to grid north.",
+        choices=("none", "utm"),
+        expert=True,
+    )
+    date: str = setting("", "Day of the model, YYYY-MM-DD; empty: the day of the first sample.", expert=True)
+    total_nt: float = setting(50000.0, "Strength of the fixed field.", unit="nT", low=15000.0, high=75000.0)
+    dip_deg: float = setting(
+        60.0, "Dip of the fixed field, positive below the horizontal.", unit="deg", low=-90.0, high=90.0
+    )
+    declination_deg: float = setting(
+        0.0, "Magnetic north from true north at the fixed field, east positive.", unit="deg", low=-180.0, high=180.0
+    )
+    convergence_deg: float = setting(
+        0.0, "Grid north from true north at the fixed field, east positive.", unit="deg", low=-180.0, high=180.0,
+        expert=True,
+    )  # fmt: skip
+    gravity_mps2: float = setting(
+        0.0,
+        "Gravity beside a fixed field; 0: by the latitude, or the standard value where that is not known either. A "
+        "model gives its own.",
+        unit="m/s^2",
+        low=0.0,
+        high=9.84,
+        expert=True,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Survey:
+    """How surveys are taken and worked out."""
+
+    automatic: bool = setting(True, "Take a survey by itself in each interval in which the tool keeps still.")
+    settle_s: float = setting(
+        2.0,
+        "Time for the string to settle before averaging. Raising it delays each survey and leaves out more of the "
+        "string's swinging.",
+        unit="s",
+        low=0.0,
+        high=120.0,
+    )
+    duration_s: float = setting(
+        8.0,
+        "Averaging time of a survey. Raising it lowers the noise and takes longer.",
+        unit="s",
+        low=1.0,
+        high=600.0,
+    )
+    wait_for_gyro_s: float = setting(
+        120.0,
+        "Longest time that a survey taken by itself waits for the gyro azimuth and averages on. Raising it gives "
+        "better gyro azimuths where the string stands still long enough; 0: do not wait.",
+        unit="s",
+        low=0.0,
+        high=3600.0,
+    )
+    rotary_s: float = setting(
+        30.0, "Averaging time of a survey in a turning string where the request names none.", unit="s", low=5.0,
+        high=3600.0, expert=True,
+    )  # fmt: skip
+    north_seek_s: float = setting(
+        120.0, "Duration of a north seek where the request names none.", unit="s", low=10.0, high=86400.0, expert=True
+    )
+    azimuth_method: str = setting(
+        "auto",
+        "Magnetic azimuth of a station: auto (corrected for axial interference where there is some and the attitude "
+        "shows it), raw, corrected.",
+        choices=("auto", "raw", "corrected"),
+    )
+    north: str = setting(
+        "best",
+        "North that azimuths refer to; best is grid, else true, else magnetic, as far as the reference goes.",
+        choices=("best", "grid", "true", "magnetic"),
+    )
+    gyro_method: str = setting(
+        "seek",
+        "North from the precision unit: seek (still or in two positions, biases estimated), s1 (the paper's filter: "
+        "still, small bias only).",
+        choices=("seek", "s1"),
+        expert=True,
+    )
+    min_gyro_s: float = setting(
+        30.0,
+        "Shortest data from which the precision unit gives an azimuth. Lowering it gives earlier, less certain ones.",
+        unit="s",
+        low=1.0,
+        high=3600.0,
+        expert=True,
+    )
+    multi_station: bool = setting(
+        True,
+        "Analyse the stations of the run together with each new one. Switch it off to see each station alone.",
+        expert=True,
+    )
+    tool_code: str = setting(
+        "",
+        "ISCWSA / OWSG tool code whose magnitudes replace the tool's biases, scales, interference and alignment in "
+        "surveys, for example MWD+SRGM; empty: the figures of `tool`. The limits of the verdict follow it.",
+    )
+    max_rate: float = setting(
+        0.03,
+        "Mean angular rate above which the tool turns. Raising it takes surveys in a creeping string.",
+        unit="rad/s",
+        low=0.0001,
+        high=1.0,
+        expert=True,
+    )
+    max_rate_noise: float = setting(
+        0.03,
+        "Standard deviation of the angular rate above which the tool moves. Raising it takes surveys with pumps on; "
+        "their sigma grows.",
+        unit="rad/s",
+        low=0.0001,
+        high=1.0,
+        expert=True,
+    )
+    max_force_noise: float = setting(
+        0.25,
+        "Standard deviation of the specific force above which the tool shakes. Raising it takes surveys with pumps "
+        "on; their sigma grows.",
+        unit="m/s^2",
+        low=0.001,
+        high=10.0,
+        expert=True,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Verdict:
+    """When a survey is accepted, doubtful or rejected, and when azimuths are said to disagree."""
+
+    limits: str = setting(
+        "toolcode",
+        "Limits on total gravity, total field and dip: toolcode (from the errors of the tool at this attitude), "
+        "service (2.5 mG, 300 nT, 0.45 deg), iscwsa (300 nT, 0.25 deg).",
+        choices=("toolcode", "service", "iscwsa"),
+    )
+    disagreement_sigmas: float = setting(
+        3.0,
+        "Two azimuths further apart than so many sigmas of their difference disagree. Raising it finds external "
+        "interference later, lowering it doubts good surveys.",
+        low=1.0,
+        high=10.0,
+        expert=True,
+    )
+    max_gyro_sigma_deg: float = setting(
+        20.0,
+        "A gyro azimuth with a larger sigma is refused. Raising it shows less certain ones; they hardly weigh.",
+        unit="deg",
+        low=0.1,
+        high=90.0,
+        expert=True,
+    )
+    max_gyro_alone_sigma_deg: float = setting(
+        4.0,
+        "A station whose azimuth is the gyro's alone is doubtful with a larger sigma. Raising it accepts surveys in "
+        "external interference with less certain gyros.",
+        unit="deg",
+        low=0.1,
+        high=180.0,
+        expert=True,
+    )
+    unconfirmed: str = setting(
+        "doubtful",
+        "Best verdict of a magnetic azimuth that the gyro could confirm after half a turn of the tool. Set accept "
+        "where nobody can turn the tool and steel is known to be far.",
+        choices=("doubtful", "accept"),
+        expert=True,
+    )
+    max_correction_sigma_deg: float = setting(
+        3.0,
+        "An axial correction whose azimuth has a larger sigma is refused. Raising it corrects nearer to horizontal "
+        "east-west, where the correction is weak.",
+        unit="deg",
+        low=0.1,
+        high=90.0,
+        expert=True,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Gravity:
+    """Which method follows gravity, and the parameters of that method alone."""
+
+    method: str = setting(
+        gravity.DEFAULT,
+        "Gravity extraction. bounded is the most accurate; the others are for comparison (s3: the paper's fuzzy "
+        "filter, mahony: fixed gains, kalman: linear Kalman, raw: accelerometer alone).",
+        choices=tuple(gravity.METHODS),
+        fixed=True,
+    )
+    expert: Any = setting(None, "Parameters of the selected method", expert=True)
+
+    def __post_init__(self) -> None:
+        """Give the selected method's parameters their names and defaults."""
+        kind, given = EXPERT[self.method], self.expert
+        if given is not None and not isinstance(given, (kind, Mapping)):
+            given = to_mapping(given)
+        # What another method had by default does not hold for this one.
+        others = [to_mapping(other()) for other in EXPERT.values() if other is not kind]
+        if given is None or (isinstance(given, Mapping) and dict(given) in others):
+            given = kind()
+        if isinstance(given, Mapping):
+            given = from_mapping(kind, given, "gravity.expert")
+        object.__setattr__(self, "expert", given)
+
+
+@dataclasses.dataclass(frozen=True)
+class Attitude:
+    """The continuous attitude while drilling."""
+
+    smoothing_s: float = setting(
+        1.0,
+        "Time constant of the magnetic azimuth where no gyro carries it. Raising it smooths and delays the azimuth.",
+        unit="s",
+        low=0.0,
+        high=60.0,
+        expert=True,
+    )
+    vertical_deg: float = setting(
+        3.0,
+        "Inclination below which azimuth and high side are not given; they return one degree above. Lowering it "
+        "gives azimuths of little use near the vertical.",
+        unit="deg",
+        low=0.5,
+        high=20.0,
+        expert=True,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Dynamics:
+    """The summary of drilling dynamics."""
+
+    period_s: float = setting(1.0, "Interval between summaries.", unit="s", low=0.1, high=60.0, expert=True)
+    shock_threshold: float = setting(
+        25.0 * STANDARD_GRAVITY,
+        "Acceleration that counts as a shock, gravity left out. Raising it counts fewer shocks; use the limit of the "
+        "tool's data sheet.",
+        unit="m/s^2",
+        low=1.0,
+        high=1e4,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Health:
+    """The checks of the sensors."""
+
+    watch: bool = setting(
+        True,
+        "Check the sensors and leave faulty ones out. Switch it off only to see what the checks change.",
+    )
 
 
 @dataclasses.dataclass(frozen=True)
 class EstimatorSettings:
     """Everything that can be set about the estimator."""
 
-    method: str = setting(gravity.DEFAULT, "Gravity extraction", choices=tuple(gravity.METHODS))
-    reference: ReferenceSettings = setting(ReferenceSettings, "Reference field")
-    azimuth: time_alignment.Params = setting(time_alignment.Params, "Magnetic azimuth and toolfaces of each sample")
-    interference: interference_filter.Params = setting(
-        interference_filter.Params, "The tool's own field, sample by sample"
-    )
-    carried: gyro_azimuth.Params = setting(gyro_azimuth.Params, "Azimuth carried on by the gyros")
-    dynamics: drilling_dynamics.Params = setting(drilling_dynamics.Params, "Drilling dynamics")
-    health: monitor.Params = setting(monitor.Params, "Health of the sensors")
-    survey: StillParams = setting(StillParams, "Surveys in still intervals")
-    station: StationSettings = setting(StationSettings, "Working out a station")
-    gyro: GyroParams = setting(GyroParams, "Gyro azimuth of a station")
-    multistation: RunParams = setting(RunParams, "The stations of a run together")
-    north: SessionParams = setting(SessionParams, "North sought on request")
-    rotary: RotaryParams = setting(RotaryParams, "Surveys while the string turns")
-    fusion: fusion.Settings = setting(fusion.Settings, "Weighing the azimuths of a station")
-    bounded: gravity_bounded.Params = setting(gravity_bounded.Params, "Method bounded")
-    s3: S3Params = setting(S3Params, "Method s3")
-    mahony: MahonyParams = setting(MahonyParams, "Method mahony")
-    kalman: ligorio_kalman.Params = setting(ligorio_kalman.Params, "Method kalman")
-    raw: accelerometer_only.Params = setting(accelerometer_only.Params, "Method raw")
+    # Blocks of before, and where their parameters are now.
+    FORMER: ClassVar[Mapping[str, str]] = {
+        "method": "gravity.method",
+        "reference": "place",
+        "azimuth": "attitude, tool.magnetometer.delay_s and tool.latency_s",
+        "carried": "attitude and tool.gyro",
+        "interference": "tool.possible_axial_nt",
+        "station": "survey, verdict and tool",
+        "gyro": "tool.precision, survey.gyro_method and place.lat_deg",
+        "multistation": "survey.multi_station",
+        "north": "survey.north_seek_s and tool.gyro",
+        "rotary": "survey.rotary_s",
+        "fusion": "verdict",
+        **dict.fromkeys(gravity.METHODS, "gravity.expert and tool"),
+    }
+
+    tool: Tool = setting(Tool, "The tool: sensors, calibration and alignment")
+    place: Place = setting(Place, "The place of the well, its magnetic field and gravity")
+    survey: Survey = setting(Survey, "Surveys")
+    verdict: Verdict = setting(Verdict, "Field acceptance criteria of surveys")
+    gravity: Gravity = setting(Gravity, "Gravity extraction")
+    attitude: Attitude = setting(Attitude, "Continuous attitude")
+    dynamics: Dynamics = setting(Dynamics, "Drilling dynamics")
+    health: Health = setting(Health, "Health of the sensors")
 
 
-def reference_of(settings: ReferenceSettings, first_ns: int) -> Reference | None:
+def reference_of(place: Place, first_ns: int) -> Reference | None:
     """
-    Reference by the settings; None for "none".
+    Reference field and gravity of a place; None where `place.field` is none.
 
     first_ns: stamp whose day counts where no date is set.
 
@@ -86,36 +345,42 @@ def reference_of(settings: ReferenceSettings, first_ns: int) -> Reference | None
     ValueError
         The date is no date, or outside the model's years.
     """
-    if settings.source == "none":
+    if place.field == "none":
         return None
-    if settings.source == "fixed":
+    if place.field == "fixed":
         return Reference(
-            total=settings.total_nt * 1e-9,
-            dip=math.radians(settings.dip_deg),
-            declination=math.radians(settings.declination_deg),
-            convergence=math.radians(settings.convergence_deg),
-            gravity=settings.gravity_mps2 or None,
+            total=place.total_nt * 1e-9,
+            dip=math.radians(place.dip_deg),
+            declination=math.radians(place.declination_deg),
+            convergence=math.radians(place.convergence_deg),
+            gravity=place.gravity_mps2 or (_gravity_at(place) if _located(place) else None),
             source="configured",
         )
-    if settings.date:
+    if place.date:
         try:
-            day = datetime.date.fromisoformat(settings.date)
+            day = datetime.date.fromisoformat(place.date)
         except ValueError as error:
-            raise ValueError(f"reference.date: {settings.date!r} is not a day as YYYY-MM-DD") from error
+            raise SettingsError(f"place.date: {place.date!r} is not a day as YYYY-MM-DD") from error
     else:
         day = datetime.datetime.fromtimestamp(first_ns * 1e-9, tz=datetime.UTC).date()
     reference = from_field(
         earth.reference_field(
-            math.radians(settings.lat_deg), math.radians(settings.lon_deg), settings.height_m, day, settings.model
+            math.radians(place.lat_deg), math.radians(place.lon_deg), place.height_m, day, place.model
         )
     )
-    # A place says where true north is; which grid the well's maps use, somebody has to say.
-    return reference if settings.grid == "utm" else dataclasses.replace(reference, convergence=None)
+    # A place says where true north is; which grid the well's maps use, the settings say.
+    return reference if place.grid == "utm" else dataclasses.replace(reference, convergence=None)
 
 
 def latitude_of(settings: EstimatorSettings) -> float | None:
-    """Latitude for the gyros, deg north; None where nobody has said."""
-    if settings.gyro.latitude_source == "fixed":
-        return settings.gyro.latitude_deg
-    by_place = settings.gyro.latitude_source == "reference" and settings.reference.source == "model"
-    return settings.reference.lat_deg if by_place else None
+    """Latitude for the gyros, deg north; None where the position is not known."""
+    place = settings.place
+    return place.lat_deg if place.field == "model" or _located(place) else None
+
+
+def _located(place: Place) -> bool:
+    return place.lat_deg != 0.0 or place.lon_deg != 0.0
+
+
+def _gravity_at(place: Place) -> float:
+    return earth.gravity(math.radians(place.lat_deg), place.height_m)

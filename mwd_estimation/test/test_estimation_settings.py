@@ -1,14 +1,23 @@
-"""What follows from the settings before the first sample: the reference field and the latitude."""
+"""What follows from the settings: reference field, latitude, and the parameters of every filter."""
 
 import dataclasses
+import importlib.resources
 import math
 
 import pytest
+import yaml
 
-from mwd_estimation.gyrocompass.gyro_params import GyroParams
-from mwd_estimation.settings import EstimatorSettings, ReferenceSettings, latitude_of, reference_of
+from mwd_estimation import derivation, tool_file
+from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.gravity import methods
+from mwd_estimation.settings import EstimatorSettings, Gravity, Place, latitude_of, reference_of
+from mwd_estimation.tool_settings import PrecisionUnit, Tool
+from mwd_sensors.core import earth
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.settings import SettingsError, changed, flat, from_mapping
 
 START = 1_772_323_200 * 10**9  # 2026-03-01
+GRADES = sorted((importlib.resources.files("mwd_sensors") / "simulator" / "grades").iterdir(), key=str)
 
 
 @pytest.mark.parametrize(
@@ -17,34 +26,137 @@ START = 1_772_323_200 * 10**9  # 2026-03-01
 )
 def test_a_reference_outside_its_model_is_refused(changes, message):
     with pytest.raises(ValueError, match=message):
-        reference_of(ReferenceSettings(source="model", lat_deg=50.0, **changes), START)
+        reference_of(Place(field="model", lat_deg=50.0, **changes), START)
 
 
 def test_the_reference_of_the_model_takes_the_day_of_the_first_sample():
-    at = ReferenceSettings(source="model", lat_deg=38.3, lon_deg=109.6)
+    at = Place(field="model", lat_deg=38.3, lon_deg=109.6)
     assert reference_of(at, START) == reference_of(dataclasses.replace(at, date="2026-03-01"), 0)
 
 
-def test_without_a_source_there_is_no_reference_and_a_fixed_one_is_as_it_says():
-    assert reference_of(ReferenceSettings(), START) is None
-    fixed = reference_of(ReferenceSettings(source="fixed", total_nt=48000.0, dip_deg=60.0, declination_deg=3.0), START)
+def test_without_a_field_there_is_no_reference_and_a_fixed_one_is_as_it_says():
+    assert reference_of(Place(), START) is None
+    fixed = reference_of(Place(field="fixed", total_nt=48000.0, dip_deg=60.0, declination_deg=3.0), START)
     assert fixed is not None
     assert (fixed.total, fixed.dip) == (pytest.approx(48e-6), pytest.approx(math.radians(60.0)))
+    assert fixed.gravity is None
+
+
+def test_a_fixed_field_at_a_known_latitude_has_the_gravity_of_that_latitude():
+    placed = Place(field="fixed", lat_deg=58.4)
+    assert reference_of(placed, START).gravity == earth.gravity(math.radians(58.4), 0.0)
+    assert reference_of(dataclasses.replace(placed, gravity_mps2=9.81), START).gravity == 9.81
 
 
 def test_only_a_named_grid_gives_the_model_a_convergence():
-    place = ReferenceSettings(source="model", lat_deg=50.0, lon_deg=5.0)
+    place = Place(field="model", lat_deg=50.0, lon_deg=5.0)
     assert reference_of(place, START).convergence is None
     assert reference_of(dataclasses.replace(place, grid="utm"), START).convergence == pytest.approx(0.0268, abs=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("source", "reference", "latitude"),
-    [("reference", "model", 50.0), ("reference", "none", None), ("fixed", "none", 30.0), ("unknown", "model", None)],
+    ("place", "latitude"),
+    [
+        (Place(field="model", lat_deg=50.0), 50.0),
+        (Place(), None),
+        (Place(lat_deg=30.0), 30.0),
+        (Place(lon_deg=9.0), 0.0),
+    ],
 )
-def test_the_latitude_is_the_places_the_settings_or_unknown(source, reference, latitude):
-    settings = EstimatorSettings(
-        reference=ReferenceSettings(source=reference, lat_deg=50.0),
-        gyro=GyroParams(latitude_source=source, latitude_deg=30.0),
+def test_the_latitude_is_the_places_or_unknown(place, latitude):
+    assert latitude_of(EstimatorSettings(place=place)) == latitude
+
+
+@pytest.mark.parametrize("grade", GRADES, ids=lambda path: path.name)
+@pytest.mark.parametrize("unit", [Tool, PrecisionUnit])
+def test_a_grade_file_of_the_simulator_is_a_valid_tool_file(grade, unit):
+    given, used = yaml.safe_load(grade.read_text()), tool_file.from_file(grade, unit)
+    tool = from_mapping(unit, used)
+    assert list(tool.gyro.range_deg_s) == given["gyro"]["range_deg_s"]
+    for triad in ("gyro", "accelerometer"):
+        for name, value in used[triad].items():
+            assert given[triad][name] == value
+    assert not (set(used) - {"gyro", "accelerometer", "magnetometer"})
+
+
+def test_a_misspelt_name_in_a_tool_file_is_refused_with_the_right_one(tmp_path):
+    file = tmp_path / "tool.yaml"
+    file.write_text("gyro: {noise_deg_sqrt_hz: 0.3}")
+    with pytest.raises(SettingsError, match=r"gyro.noise_deg_sqrt_hz: .* did you mean noise_deg_sqrt_h"):
+        tool_file.from_file(file)
+
+
+def test_by_default_the_filters_get_their_own_defaults():
+    settings = EstimatorSettings()
+    for derive in (
+        derivation.health_params, derivation.time_alignment_params, derivation.interference_params,
+        derivation.gyro_azimuth_params, derivation.gyrocompass_params, derivation.north_params, derivation.still_params,
+        derivation.rotary_params, derivation.run_params, derivation.fusion_params,
+    ):  # fmt: skip
+        found = derive(settings)
+        assert found == type(found)(), derive.__name__
+    # 408 ug, as in the grades, is the tool code's 0.004 m/s^2 rounded.
+    assert derivation.sensor_errors(settings) == dataclasses.replace(
+        SensorErrors(), accelerometer_bias_mps2=pytest.approx(0.004, rel=5e-4)
     )
-    assert latitude_of(settings) == latitude
+
+
+@pytest.mark.parametrize("name", methods.METHODS)
+def test_a_gravity_method_has_its_defaults_and_the_range_of_the_tool_and_the_gravity_of_the_place(name):
+    settings = changed(EstimatorSettings(), {"gravity.method": name, "tool.accelerometer.range_g": [8.0, 16.0, 16.0]})
+    params, default = derivation.gravity_params(settings, 9.82), methods.METHODS[name].Params()
+    assert (params.gravity, params.accel_range) == (9.82, 8.0 * STANDARD_GRAVITY)
+    same = dict.fromkeys(("gravity", "accel_range", "gyro_range") if hasattr(default, "gyro_range") else (), 1.0)
+    same |= {"gravity": 1.0, "accel_range": 1.0}
+    assert dataclasses.replace(params, **same) == dataclasses.replace(default, **same)
+
+
+def test_only_the_parameters_of_the_selected_gravity_method_are_there():
+    def experts(settings):
+        return [name for name in flat(settings) if name.startswith("gravity.expert.")]
+
+    assert "gravity.expert.k_p" not in experts(EstimatorSettings())
+    chosen = changed(EstimatorSettings(), {"gravity.expert.k_p": 0.2, "gravity.method": "s3"})
+    assert chosen.gravity.expert.k_p == 0.2
+    assert experts(chosen) == [f"gravity.expert.{name}" for name in ("k_p", "k_i", "k_p_least", "window")]
+    assert experts(EstimatorSettings(gravity=Gravity("raw"))) == ["gravity.expert.memory"]
+    with pytest.raises(SettingsError, match=r"gravity\.expert\.k_p: no such setting"):
+        changed(EstimatorSettings(), {"gravity.expert.k_p": 0.2})
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("reference.lat_deg", "place.lat_deg"),
+        ("method", "gravity.method"),
+        ("station.north", "survey.north"),
+        ("gyro.bias_deg_h", "tool.precision.gyro.bias_deg_h"),
+        ("health.gyro_range_deg_s", "tool.gyro.range_deg_s"),
+        ("azimuth.mag_lag_s", "tool.magnetometer.delay_s"),
+        ("bounded.gyro_range", "gravity.expert and tool"),
+        ("fusion.disagreement_sigmas", "verdict.disagreement_sigmas"),
+    ],
+)
+def test_a_former_name_is_refused_and_the_new_one_named(old, new):
+    with pytest.raises(SettingsError) as refused:
+        changed(EstimatorSettings(), {old: 1.0})
+    assert new in str(refused.value)
+
+
+def test_a_former_block_in_a_file_is_refused_and_the_new_one_named():
+    with pytest.raises(SettingsError, match="reference is now place"):
+        from_mapping(EstimatorSettings, {"reference": {"lat_deg": 50.0}})
+
+
+def test_every_parameter_says_what_raising_or_setting_it_does():
+    for name, (_, rule) in flat(EstimatorSettings()).items():
+        assert len(rule.doc) > 25, name
+        assert rule.doc.endswith("."), name
+
+
+def test_a_tool_code_gives_the_errors_and_the_sigmas_of_the_field():
+    settings = changed(EstimatorSettings(), {"survey.tool_code": "MWD+IFR1", "place.field": "fixed"})
+    plain = changed(settings, {"survey.tool_code": ""})
+    assert derivation.reference(settings, 0).sigma_total < derivation.reference(plain, 0).sigma_total
+    with pytest.raises(ValueError, match="MWD"):
+        derivation.sensor_errors(changed(settings, {"survey.tool_code": "MWD+IFR7"}))

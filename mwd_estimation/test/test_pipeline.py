@@ -7,13 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mwd_estimation import derivation
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
-from mwd_estimation.survey.static_survey import Params as StillParams
+from mwd_estimation.settings import Survey
 from mwd_sensors.core import wire
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 from mwd_sensors.core.settings import changed
 
@@ -173,7 +175,7 @@ def test_nothing_that_is_not_finite_ever_comes_out():
 
 def test_a_survey_asked_for_is_marked_and_one_while_turning_is_refused():
     imu, mag = _samples(seconds=20.0, rate=10.0, still_after=8.0)
-    pipeline = Pipeline(EstimatorSettings(survey=StillParams(automatic=False)), REFERENCE)
+    pipeline = Pipeline(EstimatorSettings(survey=Survey(automatic=False)), REFERENCE)
     first = _run(imu[:400], mag[:400], pipeline)
     pipeline.request_survey()
     second = _run(imu[400:1000], mag[400:1000], pipeline)
@@ -222,11 +224,10 @@ def test_reset_forgets_the_estimate_but_not_the_numbering():
 
 @pytest.mark.parametrize("name", gravity.METHODS)
 def test_every_gravity_method_takes_its_own_settings(name):
-    params = getattr(EstimatorSettings(), name)
+    settings = changed(EstimatorSettings(), {"gravity.method": name, "tool.accelerometer.range_g": [8.0, 16.0, 16.0]})
+    params = derivation.gravity_params(settings, 9.7)
     assert type(params) is gravity.METHODS[name].Params
-    changed = dataclasses.replace(params, gravity=9.7)
-    pipeline = Pipeline(EstimatorSettings(method=name, **{name: changed}))
-    assert pipeline._gravity_params is changed
+    assert (params.gravity, params.accel_range) == (9.7, 8.0 * STANDARD_GRAVITY)
 
 
 def test_time_that_goes_back_begins_the_estimate_anew_with_the_numbers_of_a_fresh_start():
@@ -275,9 +276,7 @@ def test_numbering_goes_on_after_what_others_remember():
 
 def test_a_recording_that_ends_while_a_survey_waits_for_the_gyro_gives_that_survey():
     imu, mag = _samples(seconds=25.0)
-    pipeline = Pipeline(
-        changed(EstimatorSettings(), {"gyro.latitude_source": "fixed", "gyro.latitude_deg": 50.0}), REFERENCE
-    )
+    pipeline = Pipeline(changed(EstimatorSettings(), {"place.lat_deg": 50.0}), REFERENCE)
     pipeline.push_mag(mag)
     fine = imu.copy()
     fine["angular_velocity"] *= 1e-2
@@ -300,7 +299,7 @@ def test_steel_between_two_stations_is_shown_by_what_the_gyros_carried_on_howeve
     turn = np.radians(15.0)
     along = (field @ down)[:, None] * down
     mag["magnetic_field"][times >= 28.0] = along + (field - along) * np.cos(turn) + np.cross(down, field) * np.sin(turn)
-    told = changed(EstimatorSettings(), {"carried.gyro_bias_deg_h": 20.0})
+    told = changed(EstimatorSettings(), {"tool.gyro.bias_deg_h": 20.0})
     whole = [survey for output in _run(imu, mag, Pipeline(told, REFERENCE)) for survey in output.surveys]
     pieces = _run(imu, mag, Pipeline(told, REFERENCE), range(50, 6000, 370))
     assert [s.weights.get("carried") for s in whole] == [None, 0.0]

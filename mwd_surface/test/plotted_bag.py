@@ -62,8 +62,8 @@ def survey_rows(definitions):
 def record(path, topics=tuple(wire.SONDE_TOPICS), estimate=True, surveys=True, namespace="/w1/", text=RUN):
     """Write the bag; returns its sonde."""
     sonde = Sonde(scenario.parse(text))
-    place = {"source": "model", "lat_deg": 38.3, "lon_deg": 109.6, "height_m": 1150.0, "date": "2026-03-01"}
-    changes = {f"reference.{key}": value for key, value in place.items()} | {"station.north": "true"}
+    place = {"field": "model", "lat_deg": 38.3, "lon_deg": 109.6, "height_m": 1150.0, "date": "2026-03-01"}
+    changes = {f"place.{key}": value for key, value in place.items()} | {"survey.north": "true"}
     pipeline = Pipeline(settings.changed(EstimatorSettings(), changes))
     outputs = {"attitude": wire.ATTITUDE, "gravity": wire.GRAVITY, "interference": wire.INTERFERENCE}
     with BagWriter(path) as bag:

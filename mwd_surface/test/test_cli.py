@@ -140,7 +140,7 @@ def test_a_table_that_cannot_be_used_is_refused_in_one_sentence(tmp_path):
     table.write_text(STATION)
     refused(mwd("survey", table, "--field", "50360"), "--field 50360", "nT,dip,declination")
     refused(mwd("survey", table, "--lat", "58"), "--lat and --lon")
-    refused(mwd("survey", table, "--set", "station.nort=true"), "did you mean station.north")
+    refused(mwd("survey", table, "--set", "survey.nort=true"), "did you mean survey.north")
     assert not (tmp_path / "out.csv").exists()
 
 
@@ -160,7 +160,9 @@ def test_a_simulated_run_is_processed_to_its_surveys(tmp_path):
         "name: still\nwell: {stations: [[0.0, 40.0, 70.0]], bit_m: 103.0}\nschedule: [{kind: still, seconds: 14.0}]\n"
     )
     assert mwd("simulate", scenario, "-o", tmp_path / "bag", "--namespace", "/well_4").returncode == 0
-    done = mwd("process", tmp_path / "bag", "-o", tmp_path / "out", "--lat", 38, "--lon", 109, "--set", "method=s3")
+    done = mwd(
+        "process", tmp_path / "bag", "-o", tmp_path / "out", "--lat", 38, "--lon", 109, "--set", "gravity.method=s3"
+    )
     assert done.returncode == 0, done.stderr
     assert "/well_4/imu/data_raw: 1600 samples" in done.stdout
     with (tmp_path / "out" / "surveys.csv").open() as file:

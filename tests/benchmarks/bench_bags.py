@@ -41,7 +41,7 @@ from mwd_surface.runs import process
 
 DIP = 1.1
 # The field of the recording below, so that nothing is taken for a disturbance.
-FIELD = {"reference.source": "fixed", "reference.total_nt": 50_000.0, "reference.dip_deg": math.degrees(DIP)}
+FIELD = {"place.field": "fixed", "place.total_nt": 50_000.0, "place.dip_deg": math.degrees(DIP)}
 IMU, MAG = "sensor_msgs/msg/Imu", "sensor_msgs/msg/MagneticField"
 START = 1_700_000_000_000_000_000
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -235,7 +235,7 @@ def drilled(path: Path, seconds: int) -> None:
 
 def estimator(method: str) -> EstimatorSettings:
     """The method, with a field to correct by."""
-    return settings.changed(EstimatorSettings(), {"method": method, **FIELD})
+    return settings.changed(EstimatorSettings(), {"gravity.method": method, **FIELD})
 
 
 def parts(bag: Path, method: str, scratch: Path) -> dict[str, float]:

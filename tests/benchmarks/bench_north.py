@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from mwd_estimation.gyrocompass import north_seek, static_ekf
-from mwd_estimation.gyrocompass.gyro_params import GyroParams
 from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_estimation.pipeline import Pipeline
-from mwd_estimation.settings import EstimatorSettings, ReferenceSettings
+from mwd_estimation.settings import EstimatorSettings, Place
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
+from mwd_sensors.core.settings import changed
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import SCENARIOS
@@ -257,10 +257,8 @@ def s1_case(name: str, seeds: int, gyro: dict[str, float | str], changes: dict[s
         if changes:
             told = scenario.read(path, {"seed": seed, "precision": {"grade": "tactical_north", "changes": changes}})
         place = told.place
-        field = ReferenceSettings(
-            source="model", lat_deg=place.latitude_deg, lon_deg=place.longitude_deg, height_m=place.height_m
-        )
-        pipeline = Pipeline(EstimatorSettings(reference=field, gyro=GyroParams(**gyro)))
+        field = Place(field="model", lat_deg=place.latitude_deg, lon_deg=place.longitude_deg, height_m=place.height_m)
+        pipeline = Pipeline(changed(EstimatorSettings(place=field), gyro))
         rest, rests = 0, 0
         for block in Sonde(told).blocks(1.0):
             truth = block["truth"]
@@ -288,14 +286,18 @@ def s1_case(name: str, seeds: int, gyro: dict[str, float | str], changes: dict[s
 
 def s1_rows(seeds: int) -> list[str]:
     """Rows of S1's field and laboratory case with the gyros they are told with and with a quieter one."""
-    known = {"g_sensitivity_deg_h_g": 0.05}
+    known = {"tool.precision.gyro.g_deg_h_g": 0.05}
     tactical = {
         "gyro": {
             "noise_deg_sqrt_h": 0.01, "bias_deg_h": 0.02, "instability_deg_h": 0.005, "g_deg_h_g": 0.0,
             "bias_deg_h_per_c": 0.001,
         }
     }  # fmt: skip
-    told = {"g_sensitivity_deg_h_g": 0.0, "bias_deg_h": 0.02, "bias_scale": "stated", "walk_deg_h_rth": 0.1}
+    unit = "tool.precision.gyro"
+    told = {
+        f"{unit}.g_deg_h_g": 0.0, f"{unit}.bias_deg_h": 0.02, f"{unit}.bias_scale": "stated",
+        f"{unit}.walk_deg_h_sqrt_h": 0.1,
+    }  # fmt: skip
     cases: list[tuple[str, str, dict[str, float | str], dict[str, object], bool]] = [
         ("field, .05 deg/sqrt(h), 5 min, settings as they come", "s1_field", {}, {}, False),
         ("field, the same, g-sensitivity told", "s1_field", dict(known), {}, False),

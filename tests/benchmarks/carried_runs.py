@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 
 from mwd_estimation.pipeline import Pipeline
-from mwd_estimation.settings import EstimatorSettings, ReferenceSettings, reference_of
+from mwd_estimation.settings import EstimatorSettings, Place, reference_of
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.simulator import scenario
@@ -104,8 +104,8 @@ def carried(name: str, runs: int, first: int) -> list[str]:
             **interference, "axial_nt": 600.0 * float(draws[r, 0]), "cross_nt": [60.0 * float(v) for v in draws[r, 1:3]]
         }  # fmt: skip
         plain = scenario.parse(yaml.safe_dump(told))
-        field = ReferenceSettings(
-            source="model", lat_deg=plain.place.latitude_deg, lon_deg=plain.place.longitude_deg,
+        field = Place(
+            field="model", lat_deg=plain.place.latitude_deg, lon_deg=plain.place.longitude_deg,
             height_m=plain.place.height_m, date="2026-03-01",
         )  # fmt: skip
         reference = reference_of(field, 0)
@@ -121,7 +121,7 @@ def carried(name: str, runs: int, first: int) -> list[str]:
         ]
         blocks = list(Sonde(scenario.parse(yaml.safe_dump({**told, "field_override": drawn}))).blocks(2.0))
         for fine in (True, False):
-            pipeline = Pipeline(EstimatorSettings(reference=field))
+            pipeline = Pipeline(EstimatorSettings(place=field))
             attitude = []
             for block in blocks:
                 pipeline.push_mag(block["imu/mag"])

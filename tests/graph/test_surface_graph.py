@@ -71,7 +71,7 @@ def test_the_recording_carries_versions_and_the_parameters_of_every_node_but_no_
     with run["file"].open("rb") as stream:
         tables = {m.name: m.metadata for m in make_reader(stream).iter_metadata()}
     assert {"mwd", "parameters/surface", "parameters/estimator", "parameters/sonde"} <= set(tables)
-    assert tables["parameters/estimator"]["reference.lat_deg"] == "38.3"
+    assert tables["parameters/estimator"]["place.lat_deg"] == "38.3"
     assert tables["parameters/surface"]["foxglove.enabled"] == "True"
     assert not any("a-long-secret" in value for table in tables.values() for value in table.values())
 

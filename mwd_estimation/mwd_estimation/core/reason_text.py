@@ -137,7 +137,7 @@ WORDS: dict[Code, str] = {
     Code.SENSOR_FAULT: "{causes}",
     Code.SENSOR_FAULT_ENDED: "{cause}, until {value:.1f s} after this survey began: take it again",
     Code.SENSOR_SUSPECT: "the {names[0]} was in doubt while this was averaged: take it again",
-    Code.LATITUDE_UNKNOWN: "the latitude is not known: set gyro.latitude_source, or a reference by place",
+    Code.LATITUDE_UNKNOWN: "the latitude is not known: set place.lat_deg and place.lon_deg",
     Code.LATITUDE_POLAR: "latitude {value:.1f deg} is too near the pole: the Earth's rotation is vertical there and "
     "no gyro finds north above {limit:.0f deg}",
     Code.NO_PRECISION_UNIT: "no samples of the precision unit arrive (gyro/data_raw)",

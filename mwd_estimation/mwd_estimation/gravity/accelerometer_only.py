@@ -31,9 +31,7 @@ class Params:
     gap: float = setting(0.5, "a longer silence is flagged", unit="s", low=0.01, high=60.0)
     memory: float = setting(2.0, "time over which the disturbance is averaged for sigma", unit="s", low=0.01, high=60.0)
     accel_range: float = setting(156.9, "force at which the accelerometer clips", unit="m/s^2", low=10.0, high=4000.0)
-    calibration_sigma: float = setting(
-        0.003, "tilt that calibration errors of the accelerometer leave", unit="rad", low=0.0, high=0.5
-    )
+    sigma_floor: float = setting(0.003, "sigma is not given smaller", unit="rad", low=0.0, high=0.5)
 
 
 @dataclasses.dataclass
@@ -66,7 +64,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     stamps, gyro, accel = track.samples(stamp_ns, gyro_t, accel_t)
     out = Track.empty(len(stamps))
     _run(
-        params.gravity, params.memory, params.accel_range, params.calibration_sigma, round(params.gap * 1e9),
+        params.gravity, params.memory, params.accel_range, params.sigma_floor, round(params.gap * 1e9),
         state.clock, state.motion, state.reals, stamps, gyro, accel,
         out.g_t, out.sigma_inclination, out.sigma_toolface, out.non_gravity, out.rotary_speed, out.status,
     )  # fmt: skip

@@ -62,9 +62,7 @@ class Params:
     gap: float = setting(0.5, "a longer silence starts the estimate anew", unit="s", low=0.01, high=60.0)
     gyro_range: float = setting(34.9, "rate at which the gyro clips", unit="rad/s", low=0.1, high=200.0)
     accel_range: float = setting(156.9, "force at which the accelerometer clips", unit="m/s^2", low=10.0, high=4000.0)
-    calibration_sigma: float = setting(
-        0.003, "tilt that calibration errors of the accelerometer leave", unit="rad", low=0.0, high=0.5
-    )
+    sigma_floor: float = setting(0.003, "sigma is not given smaller", unit="rad", low=0.0, high=0.5)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,7 +125,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     k[K_P], k[K_I], k[K_LEAST], k[CONING] = params.k_p, params.k_i, params.k_p_least, params.coning
     k[FUZZY], k[GRAVITY], k[START] = float(params.fuzzy), params.gravity, params.start_time
     k[GYRO_RANGE], k[ACCEL_RANGE] = params.gyro_range, params.accel_range
-    k[FLOOR] = params.calibration_sigma
+    k[FLOOR] = params.sigma_floor
     _run(
         k, round(params.gap * 1e9), state.clock, state.motion, state.reals, state.ring, state.ring_at, RULES,
         stamps, gyro, accel,

@@ -61,9 +61,7 @@ class Params:
     gap: float = setting(0.5, "a longer silence starts the estimate anew", unit="s", low=0.01, high=60.0)
     gyro_range: float = setting(34.9, "rate at which the gyro clips", unit="rad/s", low=0.1, high=200.0)
     accel_range: float = setting(156.9, "force at which the accelerometer clips", unit="m/s^2", low=10.0, high=4000.0)
-    calibration_sigma: float = setting(
-        0.003, "tilt that calibration errors of the accelerometer leave", unit="rad", low=0.0, high=0.5
-    )
+    sigma_floor: float = setting(0.003, "sigma is not given smaller", unit="rad", low=0.0, high=0.5)
 
 
 @dataclasses.dataclass
@@ -96,7 +94,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     k = np.array(
         [
             p.gravity, p.gyro_noise, p.rate_noise, p.accel_noise, p.motion, p.memory, p.coning, p.start,
-            p.gyro_range, p.accel_range, p.calibration_sigma, p.bias_gain,
+            p.gyro_range, p.accel_range, p.sigma_floor, p.bias_gain,
         ]
     )  # fmt: skip
     _run(

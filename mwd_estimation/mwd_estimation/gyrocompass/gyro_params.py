@@ -36,12 +36,6 @@ class GyroParams:
         "seek: still or in two positions, biases learnt; s1: the paper's filter, still and with a small bias only",
         choices=(SEEK, S1),
     )
-    latitude_source: str = setting(
-        "reference",
-        "Latitude: of the reference's place where it is a model's; as set below; or unknown, and no gyro azimuth",
-        choices=("reference", "fixed", "unknown"),
-    )
-    latitude_deg: float = setting(0.0, "Latitude where fixed, north positive", unit="deg", low=-90.0, high=90.0)
     noise_deg_rth: float = setting(
         0.0, "White noise; 0: as the tool at rest shows it", unit="deg/sqrt(h)", low=0.0, high=10.0
     )

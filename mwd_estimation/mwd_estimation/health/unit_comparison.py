@@ -443,7 +443,7 @@ def _words(row: NDArray[np.int64]) -> Finding:
         ),
         TOO_MUCH: (
             "unit", "precision gyro", "y/z", f"reads {details[0]} deg/h at rest, where the Earth turns 15",
-            "check its unit (rad/s) and its calibration; gyro.bias_deg_h is the bias that is allowed",
+            "check its unit (rad/s) and its calibration; tool.precision.gyro.bias_deg_h is the bias that is allowed",
         ),
     }  # fmt: skip
     if k in own:

@@ -30,7 +30,7 @@ def reference_diagnostic(reference: Reference | None) -> Diagnostic:
     """The reference field in force, with its values in T, rad and m/s^2 in full precision."""
     if reference is None or not reference.has_field:
         message = reference.source if reference is not None else "none: azimuth is magnetic and uncorrected"
-        remedy = "set reference.source, or call set_reference_field"
+        remedy = "set place.field, or call set_reference_field"
         return Diagnostic("reference field", WARN, message, remedy)
     names = ("total", "dip", "declination", "convergence", "gravity")
     values = [(name, getattr(reference, name)) for name in names]

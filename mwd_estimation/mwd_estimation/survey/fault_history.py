@@ -48,12 +48,15 @@ class GuardedGravity:
     ----------
     method : Method
     params : its Params
+    accelerometer_only_params : Params of what remains while the gyros are faulty
     """
 
-    def __init__(self, method: gravity.Method, params: Any) -> None:
+    def __init__(
+        self, method: gravity.Method, params: Any, accelerometer_only_params: accelerometer_only.Params
+    ) -> None:
         self._method, self._params = method, params
         self._state = method.initial(params)
-        self._raw = accelerometer_only.Params()
+        self._raw = accelerometer_only_params
         self._raw_state = accelerometer_only.initial(self._raw)
         self._bits = 0
 

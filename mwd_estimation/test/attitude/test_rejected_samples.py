@@ -1,7 +1,5 @@
 """The row of a sample that was not used: the attitude at its own stamp, with a sigma that covers it, or none."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -9,6 +7,7 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_estimation.settings import Gravity
 from mwd_sensors.core import wire
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
@@ -36,7 +35,7 @@ def turning(speed, seconds=12.0, inclination=0.9, seed=3):
 
 
 def estimated(imu, mag, method="bounded", cuts=()):
-    pipeline = Pipeline(dataclasses.replace(EstimatorSettings(), method=method), REFERENCE)
+    pipeline = Pipeline(EstimatorSettings(gravity=Gravity(method)), REFERENCE)
     pipeline.push_mag(mag)
     outputs = [pipeline.push_imu(part) for part in np.split(imu, list(cuts))]
     return tuple(np.concatenate([getattr(one, name) for one in outputs]) for name in ("attitude", "gravity"))

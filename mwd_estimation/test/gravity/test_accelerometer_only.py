@@ -16,7 +16,7 @@ def test_at_rest_it_is_exact():
     got = raw.run(p, raw.initial(p), STAMPS, np.zeros((1000, 3)), np.tile(-STANDARD_GRAVITY * DOWN, (1000, 1)))
     assert got.g_t == pytest.approx(np.tile(DOWN, (1000, 1)), abs=1e-15)
     assert (got.status & int(Status.STILL) != 0).all()
-    assert got.sigma_inclination[-1] == pytest.approx(p.calibration_sigma, rel=1e-3)
+    assert got.sigma_inclination[-1] == pytest.approx(p.sigma_floor, rel=1e-3)
 
 
 def test_sigma_grows_with_the_disturbance():

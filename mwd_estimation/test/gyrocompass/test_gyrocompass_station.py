@@ -1,10 +1,12 @@
 """A gyro azimuth of a station: two positions show the bias, what cannot be said is refused, cuts change nothing."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
+from mwd_estimation import derivation
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Binner
@@ -14,6 +16,7 @@ from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_estimation.survey.static_survey import BIN_NS
 from mwd_sensors.core import wire
 from mwd_sensors.core.frames import mat_nt, wrap_pi
+from mwd_sensors.core.settings import changed
 
 START = 1_700_000_000 * 10**9
 RATE = 100
@@ -53,8 +56,8 @@ def _samples(
 
 
 def _settings(**changes):
-    gyro = {"latitude_source": "fixed", "latitude_deg": 44.0, "noise_deg_rth": 0.02, "g_sensitivity_deg_h_g": 0.1}
-    return EstimatorSettings(gyro=GyroParams(**{**gyro, **changes}))
+    gyro = {"place.lat_deg": 44.0, "tool.precision.gyro.noise_deg_sqrt_h": 0.02, "tool.precision.gyro.g_deg_h_g": 0.1}
+    return changed(EstimatorSettings(), {**gyro, **changes})
 
 
 def _surveys(streams, settings, cuts=(), duration=50.0):
@@ -109,7 +112,7 @@ def test_any_cut_into_blocks_gives_the_same_gyro_azimuth():
 
 
 def test_an_unknown_latitude_is_said_and_costs_nothing_else():
-    survey = _surveys(_samples(), _settings(latitude_source="unknown"))[-1]
+    survey = _surveys(_samples(), _settings(**{"place.lat_deg": 0.0}))[-1]
     assert "latitude is not known" in survey.azimuth_reasons["gyro"]
     assert survey.station.method in ("raw", "corrected")
     assert survey.station.verdict == "accept"
@@ -124,14 +127,17 @@ def test_without_a_precision_unit_there_is_no_gyro_azimuth_and_no_word_of_it():
     assert "gyro" not in survey.weights
 
 
-def test_a_turn_that_takes_too_long_begins_the_seek_anew():
-    quick, slow = (_surveys(_samples(turn_rate=TURN), _settings(**told))[-1] for told in ({}, {"longest_turn_s": 2.0}))
+def test_a_turn_that_takes_too_long_begins_the_seek_anew(monkeypatch):
+    quick = _surveys(_samples(turn_rate=TURN), _settings())[-1]
+    short = dataclasses.replace(derivation.gyrocompass_params(_settings()), longest_turn_s=2.0)
+    monkeypatch.setattr(derivation, "gyrocompass_params", lambda _: short)
+    slow = _surveys(_samples(turn_rate=TURN), _settings())[-1]
     assert slow.weights["gyro"] < quick.weights["gyro"]
     assert _gyro(slow).sigma > 1.5 * _gyro(quick).sigma
 
 
 def test_near_the_pole_the_gyro_is_refused_with_the_reason():
-    survey = _surveys(_samples(latitude=88.0), _settings(latitude_deg=88.0))[-1]
+    survey = _surveys(_samples(latitude=88.0), _settings(**{"place.lat_deg": 88.0}))[-1]
     assert "pole" in survey.azimuth_reasons["gyro"]
 
 

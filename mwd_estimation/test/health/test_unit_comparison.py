@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from mwd_estimation.core.reason_text import text
-from mwd_estimation.gyrocompass.gyro_params import GyroParams
 from mwd_estimation.health.unit_comparison import PRECISION, PrecisionHealth, Settings
-from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline, ReferenceSettings
+from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline, Place
 from mwd_sensors.core import wire
 from mwd_sensors.simulator import faults, scenario
 from mwd_sensors.simulator.faults import Fault
@@ -176,11 +175,10 @@ def estimated(streams, cut=10**9):
     _, sonde = sent("still")
     field = sonde.reference
     settings = EstimatorSettings(
-        reference=ReferenceSettings(
-            source="fixed", total_nt=field.total * 1e9, dip_deg=np.degrees(field.dip), gravity_mps2=field.gravity,
-            declination_deg=np.degrees(field.declination),
+        place=Place(
+            field="fixed", total_nt=field.total * 1e9, dip_deg=np.degrees(field.dip), gravity_mps2=field.gravity,
+            declination_deg=np.degrees(field.declination), lat_deg=38.0,
         ),
-        gyro=GyroParams(latitude_source="fixed", latitude_deg=38.0),
     )  # fmt: skip
     pipeline, output = Pipeline(settings), Output.empty(0)
     imu = streams["imu/data_raw"]

@@ -12,7 +12,7 @@ from mwd_estimation.core.status import Status
 from mwd_estimation.core.time_bins import Average
 from mwd_estimation.health.fault_debounce import ACCEL, GYRO, MAG
 from mwd_estimation.health.fault_messages import Finding
-from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline, ReferenceSettings
+from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline, Place
 from mwd_estimation.survey.fault_history import Record
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_sensors.simulator import scenario
@@ -39,8 +39,8 @@ def sent(component, word, axis="all", start_s=0.0, seconds=1e9):
 def estimated(case, cut=10**9):
     streams, field = case
     settings = EstimatorSettings(
-        reference=ReferenceSettings(
-            source="fixed",
+        place=Place(
+            field="fixed",
             total_nt=field.total * 1e9,
             dip_deg=np.degrees(field.dip),
             declination_deg=np.degrees(field.declination),

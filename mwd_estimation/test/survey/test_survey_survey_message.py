@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_estimation.settings import Gravity
 from mwd_estimation.survey import survey_message
 from mwd_sensors.core import wire
 from project import MESSAGES
@@ -18,7 +19,7 @@ def _survey(with_mag):
     imu["stamp_ns"] = START + np.arange(1600) * 10_000_000
     imu["linear_acceleration"] = np.random.default_rng(1).normal([-6.0, 0.0, -7.7], 5e-3, (1600, 3))
     imu["angular_velocity"] = np.random.default_rng(2).normal(0.0, 1e-3, (1600, 3))
-    pipeline = Pipeline(EstimatorSettings(method="s3"))
+    pipeline = Pipeline(EstimatorSettings(gravity=Gravity("s3")))
     if with_mag:
         mag = wire.MAG.empty(1600)
         mag["stamp_ns"] = imu["stamp_ns"]

@@ -26,7 +26,7 @@ class SettingsError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Rule:
-    """What one field allows: unit in words, inclusive bounds, choices, and whether it may change while running."""
+    """What one field allows: unit in words, inclusive bounds, choices, whether it may change, who needs to read it."""
 
     doc: str
     unit: str = ""
@@ -34,6 +34,7 @@ class Rule:
     high: float | None = None
     choices: tuple[str, ...] = ()
     fixed: bool = False
+    expert: bool = False
 
     def text(self) -> str:
         """One line for people: meaning, unit and bounds."""
@@ -56,6 +57,7 @@ def setting(
     high: float | None = None,
     choices: tuple[str, ...] = (),
     fixed: bool = False,
+    expert: bool = False,
 ) -> Any:
     """
     Declare a field of a settings dataclass.
@@ -72,8 +74,10 @@ def setting(
         The only words allowed.
     fixed : bool
         True where a running node cannot take the change (read-only parameter).
+    expert : bool
+        True where a user of the defaults never needs to read it; such parameters stand last in the reference.
     """
-    metadata = {"rule": Rule(doc, unit, low, high, choices, fixed)}
+    metadata = {"rule": Rule(doc, unit, low, high, choices, fixed, expert)}
     if isinstance(default, (list, dict, set)):
         return dataclasses.field(default_factory=lambda: type(default)(default), metadata=metadata)
     if isinstance(default, type) and dataclasses.is_dataclass(default):
@@ -104,7 +108,7 @@ def from_mapping(cls: type[T], given: Mapping[str, Any], path: str = "") -> T:
     fields = {f.name: f for f in dataclasses.fields(cls) if f.init}  # type: ignore[arg-type]
     for key in given:
         if key not in fields:
-            raise SettingsError(unknown_key(str(key), fields, path))
+            raise SettingsError(unknown_key(str(key), fields, path, former_names(cls)))
     values = {}
     for name, field in fields.items():
         where = f"{path}.{name}" if path else name
@@ -148,9 +152,14 @@ def changed(settings: T, changes: Mapping[str, Any]) -> T:
     """
     nested = to_mapping(settings)
     known = flat(settings)
+    later = {name: value for name, value in changes.items() if name not in known}
+    if later and len(later) < len(changes):
+        # A choice may bring settings of its own: those are known once it is made.
+        first = changed(settings, {name: value for name, value in changes.items() if name in known})
+        return changed(first, later)
     for name, value in changes.items():
         if name not in known:
-            raise SettingsError(unknown_key(name, known, ""))
+            raise SettingsError(unknown_key(name, known, "", former_names(type(settings))))
         *parents, leaf = name.split(".")
         table = nested
         for parent in parents:
@@ -159,12 +168,25 @@ def changed(settings: T, changes: Mapping[str, Any]) -> T:
     return from_mapping(type(settings), nested)
 
 
-def unknown_key(key: str, known: Mapping[str, Any] | typing.Iterable[str], path: str) -> str:
-    """Sentence for a key that does not exist, with its near misses or, failing those, all that do."""
-    near = difflib.get_close_matches(key, list(known), n=3, cutoff=0.5)
+def former_names(cls: type[Any]) -> Mapping[str, str]:
+    """Names that settings of this class had in earlier versions, and where they are now."""
+    names: Mapping[str, str] = getattr(cls, "FORMER", {})
+    return names
+
+
+def unknown_key(
+    key: str, known: Mapping[str, Any] | typing.Iterable[str], path: str, former: Mapping[str, str] | None = None
+) -> str:
+    """Sentence for a key that does not exist: its name today, its near misses or, failing those, all there are."""
+    names = list(known)
+    near = difflib.get_close_matches(key, names, n=3, cutoff=0.5)
+    # A setting that moved to another block keeps its own name more often than not.
+    near += [name for name in names if "." in key and name.endswith(key[key.rindex(".") :]) and name not in near][:3]
     where = f"{path}.{key}" if path else key
-    hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(known)}"
-    return f"{where}: no such setting; {hint}"
+    block = key.partition(".")[0]
+    moved = f"{block} is now {former[block]}; " if former and block in former and key not in names else ""
+    hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(names)}"
+    return f"{where}: no such setting; {moved}{hint}"
 
 
 def checked(value: Any, kind: Any, rule: Rule, where: str) -> Any:

@@ -21,7 +21,8 @@ def parameter_file(node: str, settings: Any) -> str:
     """
     lines = [
         f"# Parameters of the {node} node with their defaults. Copy what you change into a file of your own and lay it",
-        "# on top with --params-file: an unknown name or a value out of bounds is refused with a sentence.",
+        "# on top with --params-file: an unknown name or a value out of bounds is refused with a sentence. Parameters",
+        "# marked expert need no attention with the defaults.",
         "/**:",
         f"  {node}:",
         "    ros__parameters:",
@@ -31,11 +32,16 @@ def parameter_file(node: str, settings: Any) -> str:
     return "\n".join(lines + _lines(settings, 6)) + "\n"
 
 
+def _comment(field: dataclasses.Field[Any]) -> str:
+    rule = rule_of(field)
+    return f"Expert: {rule.text()}" if rule.expert else rule.text()
+
+
 def _lines(settings: Any, indent: int) -> list[str]:
     lines = []
     for field in dataclasses.fields(settings):
         value, space = getattr(settings, field.name), " " * indent
-        comment = textwrap.wrap(rule_of(field).text(), _WIDTH - indent - 2)
+        comment = textwrap.wrap(_comment(field), _WIDTH - indent - 2)
         lines += [f"{space}# {line}" for line in comment]
         if dataclasses.is_dataclass(value) and not isinstance(value, type):
             lines += [f"{space}{field.name}:", *_lines(value, indent + 2)]

@@ -33,10 +33,13 @@ class SettingsParameters(Generic[T]):
     """
 
     def __init__(self, node: Node, default: T, changed: Callable[[T], None], live: Callable[[str], bool]) -> None:
+        self._given = node._parameter_overrides  # rclpy offers no public way to see what was given at start
+        # A choice may bring settings of its own, so that it is made before the names are declared.
+        choices = [name for name, (_, rule) in settings.flat(default).items() if rule.choices]
+        default = settings.changed(default, {name: self._given[name].value for name in choices if name in self._given})
         self.value = default
         self._changed = changed
         self._names = settings.flat(default)
-        self._given = node._parameter_overrides  # rclpy offers no public way to see what was given at start
         self._refuse_unknown(node)
         start = {}
         for name, (value, rule) in self._names.items():
@@ -50,7 +53,9 @@ class SettingsParameters(Generic[T]):
     def _refuse_unknown(self, node: Node) -> None:
         for name in self._given:
             if name not in self._names and not node.has_parameter(name) and not name.startswith("qos_overrides."):
-                raise SettingsError(settings.unknown_key(name, self._names, ""))
+                raise SettingsError(
+                    settings.unknown_key(name, self._names, "", settings.former_names(type(self.value)))
+                )
 
     def _declare(self, node: Node, name: str, value: Any, rule: Rule) -> Any:
         descriptor = describe(name, value, rule)

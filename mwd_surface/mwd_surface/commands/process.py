@@ -153,13 +153,13 @@ def _with_a_model(bag: Bag, estimator: EstimatorSettings) -> tuple[EstimatorSett
     from mwd_sensors.core import settings
 
     try:
-        reference_of(estimator.reference, bag.start_ns)
+        reference_of(estimator.place, bag.start_ns)
     except ValueError as error:
-        older = settings.changed(estimator, {"reference.model": "igrf"})
+        older = settings.changed(estimator, {"place.model": "igrf"})
         if older == estimator:
             raise
         try:
-            reference_of(older.reference, bag.start_ns)
+            reference_of(older.place, bag.start_ns)
         except ValueError:
             raise error from None
         return older, f"{error}: the field is taken from the IGRF"
@@ -185,7 +185,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, folder: Path, elapsed:
     lines = [
         ("IMU", f"{summary.topics.imu}: {summary.rows} samples, {summary.seconds:.1f} s, {rate:.1f} Hz"),
         ("magnetometer", summary.topics.mag or "none: no azimuth"),
-        ("method", estimator.method),
+        ("method", estimator.gravity.method),
         ("reference", summary.reference),
         ("azimuth", f"from {summary.north} north"),
         ("inclination", _range(math.degrees(summary.lowest), math.degrees(summary.highest))),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -65,13 +64,13 @@ def placed_settings(
         As `estimator_settings`.
     """
     named = dict(place)
-    if named and "station.north" not in assignments(changes) and config is None:
+    if named and "survey.north" not in assignments(changes) and config is None:
         # A place or a declination says where true north is, not which grid is meant.
-        named["station.north"] = "true"
+        named["survey.north"] = "true"
     if method is not None:
-        named["method"] = method
+        named["gravity.method"] = method
     if north is not None:
-        named["station.north"] = north
+        named["survey.north"] = north
     return estimator_settings(config, named, changes)
 
 
@@ -142,7 +141,7 @@ def place_changes(
     lat: float | None, lon: float | None, date: str | None, field: str | None, declination: float | None = None
 ) -> dict[str, Any]:
     """
-    The settings `reference.*` that the options mean; empty where none was given.
+    The settings `place.*` that the options mean; empty where none was given.
 
     Raises
     ------
@@ -156,13 +155,13 @@ def place_changes(
     if date is not None and lat is None:
         raise ValueError("--date: means nothing without --lat and --lon")
     if lat is not None:
-        changes: dict[str, Any] = {"reference.source": "model", "reference.lat_deg": lat, "reference.lon_deg": lon}
-        return changes | ({"reference.date": date} if date is not None else {})
+        changes: dict[str, Any] = {"place.field": "model", "place.lat_deg": lat, "place.lon_deg": lon}
+        return changes | ({"place.date": date} if date is not None else {})
     if field is not None:
         total, dip, given = field_figures(field)
         known = given if given is not None else declination
-        changes = {"reference.source": "fixed", "reference.total_nt": total, "reference.dip_deg": dip}
-        return changes | {"reference.declination_deg": known or 0.0}
+        changes = {"place.field": "fixed", "place.total_nt": total, "place.dip_deg": dip}
+        return changes | {"place.declination_deg": known or 0.0}
     return {}
 
 
@@ -179,9 +178,4 @@ def recording_changes(lat: float | None, lon: float | None, date: str | None, fi
         return place_changes(lat, lon, date, field)
     if date is not None:
         raise ValueError("--date: means nothing without both --lat and --lon, or beside --field")
-    changes = place_changes(None, None, None, field) | {"gyro.latitude_source": "fixed", "gyro.latitude_deg": lat}
-    if field is None:
-        return changes
-    from mwd_sensors.core import earth
-
-    return changes | {"reference.gravity_mps2": round(earth.gravity(math.radians(lat), 0.0), 5)}
+    return place_changes(None, None, None, field) | {"place.lat_deg": lat}

@@ -75,7 +75,7 @@ def run(
         "well.name": namespace,
         "well.sensor_to_bit": story.well.sensor_to_bit_m,
     }
-    estimator = launch_plan.reference_parameters(story) | ({"method": method} if method else {})
+    estimator = launch_plan.reference_parameters(story) | ({"gravity.method": method} if method else {})
     sonde: dict[str, Any] = {
         "scenario": str(path),
         "rate": rate,

@@ -45,6 +45,7 @@ def survey(
       mwd survey stations.csv -o surveys.csv --field 50360,71.63 --declination -2.2 --convergence -0.95
       mwd survey stations.csv --lat 58.44 --lon 1.88 --date 2026-03-01 --axial z
     """
+    from mwd_estimation.derivation import station_params
     from mwd_estimation.survey.six_axis_table import stations as work_out
     from mwd_surface.bags import bag_metadata
     from mwd_surface.commands import terminal
@@ -54,7 +55,7 @@ def survey(
     from mwd_surface.surveys.station_file import read_table
 
     table = read_table(stations)
-    settings = estimator_settings(config, {}, changes).station
+    settings = station_params(estimator_settings(config, {}, changes))
     override = _reference(lat, lon, date, field, declination, convergence, gravity)
     worked = work_out(table, override, settings, axial=axial)
     console = terminal.output()
@@ -94,8 +95,8 @@ def _reference(
             raise ValueError("--lat and --lon: a table has no clock, give the day of the field with --date")
         day = datetime.date.fromisoformat(date) if _is_day(date) else None
         model = "igrf" if day is not None and day < datetime.date(2025, 1, 1) else "wmm2025"
-        told = settings.changed(EstimatorSettings(), {**changes, "reference.model": model})
-        reference = reference_of(told.reference, 0)
+        told = settings.changed(EstimatorSettings(), {**changes, "place.model": model})
+        reference = reference_of(told.place, 0)
     elif field is not None:
         total, dip, given = field_figures(field)
         known = {"total": total * 1e-9, "dip": math.radians(dip)}

@@ -175,7 +175,7 @@ def _bag_row(work: Work, key: str, found: list[Summary], estimator: EstimatorSet
             f"surveys_{word}": verdicts.count(verdict)
             for word, verdict in (("accepted", "accept"), ("doubtful", "doubtful"), ("rejected", "reject"))
         },
-        "method": estimator.method,
+        "method": estimator.gravity.method,
         "reference": "; ".join(dict.fromkeys(one.reference for one in found)),
         "north": "; ".join(dict.fromkeys(one.north for one in found)),
         "warnings": [warning for one in found for warning in one.warnings],

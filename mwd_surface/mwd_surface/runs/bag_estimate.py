@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_estimation import derivation
+from mwd_estimation.gravity.bounded.filter import Params
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
 from mwd_estimation.survey.survey import Survey
 from mwd_estimation.survey.survey_message import survey_fields
@@ -112,7 +114,7 @@ class BagEstimate:
         self._compensation, self._merger = compensation, merger
         self._pipeline = Pipeline(estimator)
         self._depth = DepthTrack()
-        self._queue = ImuQueue(estimator.bounded if smooth else None)
+        self._queue = ImuQueue(_smoothing(estimator, bag.start_ns) if smooth else None)
         self._start_ns = bag.start_ns + round(given.start_s * 1e9)
         self._end_ns = bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
         self._last_ns = bag.end_ns if self._end_ns is None else min(bag.end_ns, self._end_ns)
@@ -250,14 +252,20 @@ def _last_log(block: Block, originals: list[Originals]) -> int:
     return max(logged + [int(one.log_ns[-1]) for one in originals if len(one.log_ns)], default=0)
 
 
+def _smoothing(estimator: EstimatorSettings, start_ns: int) -> Params:
+    """Return the parameters of the smoother: those of the bounded filter, with the local gravity."""
+    reference = derivation.reference(estimator, start_ns)
+    found: Params = derivation.gravity_params(estimator, reference.gravity if reference is not None else None)
+    return found
+
+
 def _well(topics: Topics, estimator: EstimatorSettings, given: InputSettings, first: Survey) -> Well:
     """Return what the recording and the settings say of the well."""
-    reference, station = estimator.reference, first.station
-    place = (reference.lat_deg, reference.lon_deg) if reference.source == "model" else (0.0, 0.0)
+    place, station = estimator.place, first.station
     return Well(
         name=topics.imu.removesuffix(IMU).removesuffix(IMU_BURST).strip("/") or Well().name,
-        latitude_deg=place[0],
-        longitude_deg=place[1],
+        latitude_deg=place.lat_deg,
+        longitude_deg=place.lon_deg,
         north_reference=station.north,
         sensor_to_bit=given.sensor_to_bit_m,
         geomagnetic_model=station.reference.source if station.reference is not None else "",

@@ -54,18 +54,18 @@ def reference_parameters(scenario: Scenario) -> dict[str, Any]:
     if scenario.field_override is not None:
         total, dip, declination = scenario.field_override
         return {
-            "reference.source": "fixed",
-            "reference.total_nt": float(total),
-            "reference.dip_deg": float(dip),
-            "reference.declination_deg": float(declination),
+            "place.field": "fixed",
+            "place.total_nt": float(total),
+            "place.dip_deg": float(dip),
+            "place.declination_deg": float(declination),
         }
     return {
-        "reference.source": "model",
-        "reference.model": scenario.model,
-        "reference.lat_deg": place.latitude_deg,
-        "reference.lon_deg": place.longitude_deg,
-        "reference.height_m": place.height_m,
-        "reference.date": parse_date(scenario.date).date().isoformat(),
+        "place.field": "model",
+        "place.model": scenario.model,
+        "place.lat_deg": place.latitude_deg,
+        "place.lon_deg": place.longitude_deg,
+        "place.height_m": place.height_m,
+        "place.date": parse_date(scenario.date).date().isoformat(),
     }
 
 

@@ -96,8 +96,8 @@ def estimate(
     BagError, ValueError
         As `process`; or `smooth` with a method that has no smoother.
     """
-    if smooth and estimator.method != "bounded":
-        raise ValueError(f"smooth: only the method bounded can be smoothed, not {estimator.method}")
+    if smooth and estimator.gravity.method != "bounded":
+        raise ValueError(f"smooth: only the method bounded can be smoothed, not {estimator.gravity.method}")
     run = BagEstimate(bag, estimator, given, compensation=compensation, smooth=smooth, merger=merger)
     refuse_damaged(bag, given)
     summary = run.run(sink, progress)

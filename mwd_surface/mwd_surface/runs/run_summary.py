@@ -114,8 +114,8 @@ def pipeline_warnings(summary: Summary, pipeline: Pipeline, estimator: Estimator
         warnings.append(
             f"{summary.disturbed} of {summary.rows} rows have no azimuth because the magnetic field is not the "
             f"reference's (up to {summary.total_off * 1e9:+,.0f} nT and {math.degrees(summary.dip_off):+.1f} deg of "
-            "dip off): steel nearby, or a string magnetised beyond interference.axial_nt "
-            f"({estimator.interference.axial_nt:,.0f} nT), which the first survey that is accepted tells"
+            "dip off): steel nearby, or a string magnetised beyond tool.possible_axial_nt "
+            f"({estimator.tool.possible_axial_nt:,.0f} nT), which the first survey that is accepted tells"
         )
     if pipeline.went_back:
         often, (left_ns, begun_ns) = len(pipeline.went_back), pipeline.went_back[0]
@@ -126,6 +126,6 @@ def pipeline_warnings(summary: Summary, pipeline: Pipeline, estimator: Estimator
         warnings.append(f"{pipeline.counters.spikes} magnetic samples were spikes: not used")
     if pipeline.counters.late_mag:
         warnings.append(
-            f"{pipeline.counters.late_mag} magnetic samples came later than azimuth.mag_lag_s allows: raise it"
+            f"{pipeline.counters.late_mag} magnetic samples came later than tool.magnetometer.delay_s allows: raise it"
         )
     return warnings

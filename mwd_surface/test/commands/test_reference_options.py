@@ -5,27 +5,27 @@ import pytest
 from mwd_surface.commands.reference_options import place_changes, recording_changes
 
 FIELD = {
-    "reference.source": "fixed",
-    "reference.total_nt": 50360.0,
-    "reference.dip_deg": 71.6,
-    "reference.declination_deg": -2.2,
+    "place.field": "fixed",
+    "place.total_nt": 50360.0,
+    "place.dip_deg": 71.6,
+    "place.declination_deg": -2.2,
 }
-GYRO = {"gyro.latitude_source": "fixed", "gyro.latitude_deg": 58.4}
+GYRO = {"place.lat_deg": 58.4}
 
 
 def test_a_place_is_the_model_s_and_a_known_field_stands_for_itself():
-    place = {"reference.source": "model", "reference.lat_deg": 58.4, "reference.lon_deg": 1.9}
+    place = {"place.field": "model", "place.lat_deg": 58.4, "place.lon_deg": 1.9}
     for changes in (place_changes, recording_changes):
         assert changes(58.4, 1.9, None, None) == place
-        assert changes(58.4, 1.9, "2026-03-01", None) == place | {"reference.date": "2026-03-01"}
+        assert changes(58.4, 1.9, "2026-03-01", None) == place | {"place.date": "2026-03-01"}
         assert changes(None, None, None, "50360,71.6,-2.2") == FIELD
         assert changes(None, None, None, None) == {}
 
 
 def test_the_gyro_of_a_recording_needs_no_more_than_the_latitude():
     assert recording_changes(58.4, None, None, None) == GYRO
-    assert recording_changes(58.4, None, None, "50360,71.6,-2.2") == FIELD | GYRO | {"reference.gravity_mps2": 9.8179}
-    assert recording_changes(58.4, 1.9, None, "50360,71.6,-2.2") == FIELD | GYRO | {"reference.gravity_mps2": 9.8179}
+    assert recording_changes(58.4, None, None, "50360,71.6,-2.2") == FIELD | GYRO
+    assert recording_changes(58.4, 1.9, None, "50360,71.6,-2.2") == FIELD | GYRO
 
 
 @pytest.mark.parametrize(

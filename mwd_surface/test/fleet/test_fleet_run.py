@@ -20,7 +20,7 @@ from mwd_surface.fleet import fleet_index, fleet_run
 from mwd_surface.fleet.fleet_dataset import DONE, FAILED
 
 START = 1_772_344_800_000_000_000
-RAW = settings.changed(EstimatorSettings(), {"method": "raw"})
+RAW = settings.changed(EstimatorSettings(), {"gravity.method": "raw"})
 
 
 def recording(path, seed=0, seconds=16.0, wells=("",), rate=50):

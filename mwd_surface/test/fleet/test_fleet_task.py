@@ -17,7 +17,7 @@ from mwd_surface.fleet.fleet_task import Work
 from mwd_surface.runs.bag_input import InputSettings
 
 START = 1_772_344_800_000_000_000
-CONFIG = fleet_task.config_text(settings.changed(EstimatorSettings(), {"method": "raw"}))
+CONFIG = fleet_task.config_text(settings.changed(EstimatorSettings(), {"gravity.method": "raw"}))
 
 
 @pytest.fixture
@@ -66,7 +66,9 @@ def test_the_second_time_nothing_is_worked_out(work, monkeypatch):
 
 def test_other_settings_or_another_reading_are_another_result(work):
     keys = {fleet_task.carry_out(work).key}
-    other = fleet_task.config_text(settings.changed(EstimatorSettings(), {"method": "raw", "survey.duration_s": 4.0}))
+    other = fleet_task.config_text(
+        settings.changed(EstimatorSettings(), {"gravity.method": "raw", "survey.duration_s": 4.0})
+    )
     keys.add(fleet_task.carry_out(dataclasses.replace(work, config=other)).key)
     one_well = dataclasses.replace(work, given=InputSettings(imu_topic="/well_2/imu/data_raw"))
     outcome = fleet_task.carry_out(one_well)
@@ -76,7 +78,7 @@ def test_other_settings_or_another_reading_are_another_result(work):
 
 
 def test_the_settings_a_worker_is_given_hold_every_one_of_them():
-    chosen = settings.changed(EstimatorSettings(), {"method": "s3"})
+    chosen = settings.changed(EstimatorSettings(), {"gravity.method": "s3"})
     text = fleet_task.config_text(chosen)
     assert settings.from_mapping(EstimatorSettings, yaml.safe_load(text)) == chosen
     assert set(yaml.safe_load(text)) == set(settings.to_mapping(chosen))

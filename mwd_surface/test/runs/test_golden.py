@@ -39,7 +39,7 @@ def test_accepted_answers_agree_and_another_method_does_not(tmp_path):
     rows = (folder / "attitude.csv").read_text().splitlines()
     assert len(rows) < 60
     config = folder / "config.yaml"
-    config.write_text("method: raw\n" + config.read_text())
+    config.write_text("gravity: {method: raw}\n" + config.read_text())
     result = CliRunner().invoke(app, ["compare", str(folder)])
     assert result.exit_code == 1
     assert "differs: inclination differs by up to" in result.output

@@ -43,7 +43,7 @@ def test_parameters_keep_their_type_through_the_yaml_of_ros():
 def test_the_estimator_is_told_the_field_of_the_scenario(override):
     scenario = parse(f"{{name: x, date: 2026-05-04T10:00:00, {override}}}")
     told = settings.changed(EstimatorSettings(), launch_plan.reference_parameters(scenario))
-    reference, truth = reference_of(told.reference, 0), Sonde(scenario).reference
+    reference, truth = reference_of(told.place, 0), Sonde(scenario).reference
     assert reference.total == pytest.approx(truth.total, rel=1e-12)
     assert reference.dip == pytest.approx(truth.dip, rel=1e-12)
     assert reference.declination == pytest.approx(truth.declination, rel=1e-9)

@@ -26,7 +26,7 @@ from project import REFERENCE_DATA
 
 BROAD = REFERENCE_DATA / "bags" / "broad_27"
 START = 1_772_344_800_000_000_000
-S3 = settings.changed(EstimatorSettings(), {"method": "s3"})
+S3 = settings.changed(EstimatorSettings(), {"gravity.method": "s3"})
 FIELD_N = np.array([2.6e-5, 0.0, 4.0e-5])
 
 
@@ -188,11 +188,11 @@ def test_a_disk_that_fills_up_ends_the_run_and_leaves_nothing(tmp_path, monkeypa
 def test_a_still_interval_becomes_a_survey_with_its_depth(tmp_path):
     recording(tmp_path / "bag")
     changes = {
-        "reference.source": "fixed",
-        "reference.total_nt": np.linalg.norm(FIELD_N) * 1e9,
-        "reference.dip_deg": math.degrees(math.atan2(4.0, 2.6)),
-        "reference.declination_deg": 5.0,
-        "station.north": "true",
+        "place.field": "fixed",
+        "place.total_nt": np.linalg.norm(FIELD_N) * 1e9,
+        "place.dip_deg": math.degrees(math.atan2(4.0, 2.6)),
+        "place.declination_deg": 5.0,
+        "survey.north": "true",
     }
     changes = {name: value if isinstance(value, str) else float(value) for name, value in changes.items()}
     run(tmp_path / "bag", tmp_path / "out", settings.changed(S3, changes), sensor_to_bit_m=10.0)
@@ -208,10 +208,10 @@ def test_the_survey_list_of_the_run_can_be_exported(tmp_path):
     told = settings.changed(
         S3,
         {
-            "reference.source": "fixed",
-            "reference.total_nt": 47707.0,
-            "reference.dip_deg": 56.98,
-            "station.north": "magnetic",
+            "place.field": "fixed",
+            "place.total_nt": 47707.0,
+            "place.dip_deg": 56.98,
+            "survey.north": "magnetic",
         },
     )
     run(tmp_path / "bag", tmp_path / "out", told)
@@ -229,7 +229,7 @@ def test_the_survey_list_of_the_run_can_be_exported(tmp_path):
 
 def test_the_configuration_written_gives_the_same_results_again(tmp_path):
     recording(tmp_path / "bag")
-    estimator = settings.changed(S3, {"survey.duration_s": 5.0, "azimuth.smoothing_s": 0.5})
+    estimator = settings.changed(S3, {"survey.duration_s": 5.0, "attitude.smoothing_s": 0.5})
     run(tmp_path / "bag", tmp_path / "out", estimator)
     again = settings.from_mapping(EstimatorSettings, read_config(tmp_path / "out" / "config.yaml"))
     assert again == estimator
@@ -414,14 +414,14 @@ def test_a_string_magnetised_beyond_the_prior_is_said_and_the_first_accepted_sur
             bag.write_rows(bag.topic(name, layout.type_name), layout.encode(rows, "sonde_link"), rows["stamp_ns"])
     total, dip = float(np.linalg.norm(FIELD_N)), math.atan2(FIELD_N[2], FIELD_N[0])
     known = {
-        "reference.source": "fixed",
-        "reference.total_nt": 1e9 * total,
-        "reference.dip_deg": math.degrees(dip),
+        "place.field": "fixed",
+        "place.total_nt": 1e9 * total,
+        "place.dip_deg": math.degrees(dip),
     }
     summary = run(tmp_path / "strong", tmp_path / "out", settings.changed(S3, known))
     (warning,) = summary.warnings
     assert warning.startswith(f"{summary.disturbed} of 3000 rows have no azimuth because the magnetic field is not")
-    assert "beyond interference.axial_nt (2,000 nT)" in warning
+    assert "beyond tool.possible_axial_nt (2,000 nT)" in warning
     assert abs(summary.total_off) > 1e-6
     assert summary.surveys[0][0].station.verdict == "accept"
     last = attitude(tmp_path / "out")[-1]

@@ -20,7 +20,7 @@ def written(estimator=None, given=None, wanted=None):
 
 
 def test_settings_come_back_as_they_were(tmp_path):
-    chosen = settings.changed(EstimatorSettings(), {"method": "s3", "survey.duration_s": 5.0})
+    chosen = settings.changed(EstimatorSettings(), {"gravity.method": "s3", "survey.duration_s": 5.0})
     path = tmp_path / "config.yaml"
     path.write_text(written(chosen))
     assert settings.from_mapping(EstimatorSettings, read_config(path)) == chosen
@@ -45,8 +45,8 @@ def test_what_was_left_at_its_default_is_not_repeated_in_comments():
 
 def test_a_ros_parameter_file_serves_as_configuration(tmp_path):
     path = tmp_path / "estimator.yaml"
-    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"method": "s3", "survey.duration_s": 4.0}}}))
-    assert read_config(path) == {"method": "s3", "survey": {"duration_s": 4.0}}
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"gravity.method": "s3", "survey.duration_s": 4.0}}}))
+    assert read_config(path) == {"gravity": {"method": "s3"}, "survey": {"duration_s": 4.0}}
     path.write_text(yaml.safe_dump({"estimator": {"ros__parameters": {"survey": {"duration_s": 4.0}}}}))
     assert read_config(path) == {"survey": {"duration_s": 4.0}}
 

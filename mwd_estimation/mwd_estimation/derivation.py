@@ -1,0 +1,269 @@
+"""
+The parameters of every filter, from what is said once in the settings: one function for each filter.
+
+Facts of the tool and the place enter here and nowhere else; what is not derived keeps the filter's own default.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth, time_alignment
+from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.gravity import accelerometer_only
+from mwd_estimation.gravity.methods import method
+from mwd_estimation.gyrocompass.gyro_params import GyroParams
+from mwd_estimation.gyrocompass.session import SessionParams
+from mwd_estimation.health import monitor
+from mwd_estimation.health.unit_comparison import Settings as PrecisionHealthParams
+from mwd_estimation.magnetic import interference_filter
+from mwd_estimation.settings import EstimatorSettings, reference_of
+from mwd_estimation.survey import azimuth_fusion, run_history, tool_code
+from mwd_estimation.survey.acceptance import QualitySettings
+from mwd_estimation.survey.multi_station_analysis import MultistationSettings
+from mwd_estimation.survey.rotary_survey import Params as RotaryParams
+from mwd_estimation.survey.static_survey import Params as StillParams
+from mwd_estimation.survey.station import StationSettings
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+
+# White noise of a precision unit whose noise is not said, deg/sqrt(h): a tactical MEMS gyro (DESIGN, section 3).
+_TACTICAL_NOISE = 0.05
+
+
+def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
+    """Parameters of the selected gravity method; gravity: local, m/s^2, None where not known."""
+    tool, chosen = settings.tool, method(settings.gravity.method)
+    default = chosen.Params()
+    expert = dataclasses.asdict(settings.gravity.expert)
+    calibration = tool.calibration_mrad / 1e3
+    derived = {
+        "gravity": gravity or STANDARD_GRAVITY,
+        "gyro_range": math.radians(min(tool.gyro.range_deg_s)),
+        "accel_range": min(tool.accelerometer.range_g) * STANDARD_GRAVITY,
+        "coning": 0.0 if tool.samples == "integrated" else 1.0,
+        "sampled": tool.samples == "points",
+        "lever_sigma": tool.lever_m,
+        "calibration_sigma": calibration,
+        # The simpler methods do not know their sigma so well: theirs has a floor of its own.
+        "sigma_floor": max(getattr(default, "sigma_floor", 0.0), calibration),
+        "travel": expert.get("axial_speed"),
+        "bridge": expert.get("max_bridged_gap_s"),
+        **expert,
+    }
+    known = {field.name for field in dataclasses.fields(default)}
+    return dataclasses.replace(default, **{name: value for name, value in derived.items() if name in known})
+
+
+def accelerometer_only_params(settings: EstimatorSettings, gravity: float | None) -> accelerometer_only.Params:
+    """Parameters of the method that remains while the gyros are faulty."""
+    default = accelerometer_only.Params()
+    return dataclasses.replace(
+        default,
+        gravity=gravity or STANDARD_GRAVITY,
+        accel_range=min(settings.tool.accelerometer.range_g) * STANDARD_GRAVITY,
+        sigma_floor=max(default.sigma_floor, settings.tool.calibration_mrad / 1e3),
+    )
+
+
+def health_params(settings: EstimatorSettings) -> monitor.Params:
+    """Parameters of the health checks of the conventional unit and the magnetometer."""
+    tool = settings.tool
+    return monitor.Params(
+        watch=settings.health.watch,
+        gyro_range_deg_s=min(tool.gyro.range_deg_s),
+        accel_range_g=min(tool.accelerometer.range_g),
+        mag_range_ut=tool.magnetometer.range_ut,
+        # How long the checks wait for the magnetometer is theirs to say, as long as it covers the delay.
+        mag_lag_s=max(monitor.Params().mag_lag_s, tool.magnetometer.delay_s),
+        mag_expected=tool.magnetometer.present,
+    )
+
+
+def precision_health_params(settings: EstimatorSettings) -> PrecisionHealthParams:
+    """Parameters of the comparison of the two units."""
+    return PrecisionHealthParams(math.radians(settings.tool.precision.gyro.bias_deg_h) / 3600.0)
+
+
+def time_alignment_params(settings: EstimatorSettings) -> time_alignment.Params:
+    """Parameters of the pairing of magnetic samples with gravity."""
+    attitude, tool = settings.attitude, settings.tool
+    return time_alignment.Params(
+        mag_lag_s=tool.magnetometer.delay_s,
+        smoothing_s=attitude.smoothing_s,
+        vertical_enter_deg=attitude.vertical_deg,
+        vertical_leave_deg=attitude.vertical_deg + 1.0,
+        toolface_latency_s=tool.latency_s,
+    )
+
+
+def interference_params(settings: EstimatorSettings) -> interference_filter.Params:
+    """Parameters of the filter of the drill string's field."""
+    return interference_filter.Params(
+        axial_nt=settings.tool.possible_axial_nt, scale=settings.tool.magnetometer.scale_ppm / 1e6
+    )
+
+
+def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth.Params:
+    """Parameters of the azimuth that the gyros carry; its figures are the conventional unit's."""
+    gyro, attitude = settings.tool.gyro, settings.attitude
+    return gyro_azimuth.Params(
+        gyro_noise_deg_rth=gyro.noise_deg_sqrt_h,
+        gyro_bias_deg_h=gyro.bias_deg_h,
+        gyro_walk_deg_h_rth=gyro.walk_deg_h_sqrt_h,
+        gyro_leak_urad=gyro.misalignment_mrad * 1e3,
+        gyro_g_sensitivity_deg_h_g=gyro.g_deg_h_g,
+        gyro_lag_ms=gyro.delay_ms,
+        vertical_below_deg=attitude.vertical_deg,
+    )
+
+
+def precision_gyro_params(settings: EstimatorSettings) -> gyro_azimuth.Precision:
+    """The precision unit's gyros as the azimuth that the gyros carry takes them."""
+    gyro = settings.tool.precision.gyro
+    return gyro_azimuth.Precision(
+        noise_deg_rth=gyro.noise_deg_sqrt_h or _TACTICAL_NOISE,
+        bias_deg_h=gyro.bias_deg_h,
+        walk_deg_h_rth=gyro.walk_deg_h_sqrt_h,
+        range_dps=min(gyro.range_deg_s),
+        leak_urad=gyro.misalignment_mrad * 1e3,
+        g_sensitivity_deg_h_g=gyro.g_deg_h_g,
+        lag_ms=gyro.delay_ms,
+    )
+
+
+def gyrocompass_params(settings: EstimatorSettings) -> GyroParams:
+    """Parameters of the gyro azimuth of a station."""
+    unit, survey = settings.tool.precision, settings.survey
+    gyro = unit.gyro
+    return GyroParams(
+        method=survey.gyro_method,
+        noise_deg_rth=gyro.noise_deg_sqrt_h,
+        bias_deg_h=gyro.bias_deg_h,
+        bias_scale=gyro.bias_scale,
+        walk_deg_h_rth=gyro.walk_deg_h_sqrt_h,
+        scale_x_ppm=gyro.scale_ppm,
+        leak_urad=gyro.misalignment_mrad * 1e3,
+        g_sensitivity_deg_h_g=gyro.g_deg_h_g,
+        g_calibration_deg_h_g=gyro.g_calibration_deg_h_g,
+        range_dps=min(gyro.range_deg_s),
+        accel_noise_ug_rthz=unit.accelerometer.noise_ug_sqrt_hz,
+        accel_bias_ug=unit.accelerometer.bias_ug,
+        shortest_s=survey.min_gyro_s,
+        worst_sigma_deg=settings.verdict.max_gyro_sigma_deg,
+    )
+
+
+def north_params(settings: EstimatorSettings) -> SessionParams:
+    """Parameters of a north seek on request."""
+    gyro = settings.tool.gyro
+    return SessionParams(
+        duration_s=settings.survey.north_seek_s,
+        x_noise_deg_rth=gyro.noise_deg_sqrt_h,
+        x_bias_deg_h=gyro.bias_deg_h,
+        x_scale_ppm=gyro.scale_ppm,
+    )
+
+
+def still_params(settings: EstimatorSettings) -> StillParams:
+    """Parameters of surveys in still intervals."""
+    survey = settings.survey
+    return StillParams(
+        automatic=survey.automatic,
+        settle_s=survey.settle_s,
+        duration_s=survey.duration_s,
+        wait_for_gyro_s=survey.wait_for_gyro_s,
+        max_rate=survey.max_rate,
+        max_rate_noise=survey.max_rate_noise,
+        max_force_noise=survey.max_force_noise,
+    )
+
+
+def rotary_params(settings: EstimatorSettings) -> RotaryParams:
+    """Parameters of surveys in a turning string."""
+    return RotaryParams(duration_s=settings.survey.rotary_s)
+
+
+def reference(settings: EstimatorSettings, first_ns: int) -> Reference | None:
+    """
+    Reference field of the place, with the sigmas of the tool code where one is named; None where there is no field.
+
+    first_ns: stamp whose day counts where no date is set. Raises ValueError as `reference_of` and `tool_code` do.
+    """
+    found = reference_of(settings.place, first_ns)
+    if found is None or not settings.survey.tool_code:
+        return found
+    sigmas: dict[str, Any] = tool_code.reference_sigmas(settings.survey.tool_code)
+    return dataclasses.replace(found, **sigmas)
+
+
+def sensor_errors(settings: EstimatorSettings) -> SensorErrors:
+    """
+    Errors of a station's readings: by the tool code, where one is named, else by the figures of the tool.
+
+    Raises
+    ------
+    ValueError
+        No tool code of that name, or one that is not of a magnetic survey.
+    """
+    if settings.survey.tool_code:
+        return tool_code.sensor_errors(settings.survey.tool_code)
+    tool = settings.tool
+    return SensorErrors(
+        accelerometer_bias_mps2=tool.accelerometer.bias_ug / 1e6 * STANDARD_GRAVITY,
+        accelerometer_scale=tool.accelerometer.scale_ppm / 1e6,
+        magnetometer_bias_nt=tool.magnetometer.bias_nt,
+        magnetometer_scale=tool.magnetometer.scale_ppm / 1e6,
+        axial_interference_nt=tool.axial_interference_nt,
+        misalignment_deg=tool.misalignment_deg,
+        course_misalignment_deg=tool.course_misalignment_deg,
+        sag_deg=tool.sag_deg,
+    )
+
+
+def station_params(settings: EstimatorSettings) -> StationSettings:
+    """Parameters of the calculation of a station."""
+    tool, survey, verdict = settings.tool, settings.survey, settings.verdict
+    return StationSettings(
+        azimuth_method=survey.azimuth_method,
+        north=survey.north,
+        sag_correction_deg=tool.sag_correction_deg,
+        misalignment_y_deg=tool.misalignment_y_deg,
+        misalignment_z_deg=tool.misalignment_z_deg,
+        toolface_offset_deg=tool.toolface_offset_deg,
+        errors=sensor_errors(settings),
+        quality=QualitySettings(
+            limits=verdict.limits,
+            max_correction_sigma_deg=verdict.max_correction_sigma_deg,
+        ),
+    )
+
+
+def run_params(settings: EstimatorSettings) -> run_history.Params:
+    """Parameters of the analysis of the stations of a run together."""
+    return run_history.Params(
+        enabled=settings.survey.multi_station,
+        analysis=MultistationSettings(axial_interference_nt=settings.tool.possible_axial_nt),
+    )
+
+
+def fusion_params(settings: EstimatorSettings) -> azimuth_fusion.Settings:
+    """Parameters of the weighing of a station's azimuths."""
+    verdict = settings.verdict
+    return azimuth_fusion.Settings(
+        disagreement_sigmas=verdict.disagreement_sigmas,
+        alone_deg=verdict.max_gyro_alone_sigma_deg,
+        unwitnessed=verdict.unconfirmed,
+    )
+
+
+def dynamics_params(settings: EstimatorSettings, gravity: float | None) -> drilling_dynamics.Params:
+    """Parameters of the summary of drilling dynamics; gravity: local, m/s^2, None where not known."""
+    dynamics = settings.dynamics
+    return drilling_dynamics.Params(
+        period_s=dynamics.period_s,
+        shock_threshold=dynamics.shock_threshold,
+        gravity=gravity or STANDARD_GRAVITY,
+    )

@@ -1,0 +1,71 @@
+"""A tool file, or a grade file of the simulator, as settings of the estimator's block `tool`."""
+
+from __future__ import annotations
+
+import dataclasses
+import typing
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mwd_estimation.tool_settings import PrecisionUnit, Tool
+from mwd_sensors.core.settings import SettingsError, unknown_key
+
+# Terms of a grade that a simulated sensor has and no filter here asks for.
+_SIMULATED_ONLY = {
+    "": ("name", "source", "temperature_c", "calibrated_at_c", "adc_hz"),
+    "gyro": (
+        "bandwidth_hz", "instability_deg_h", "instability_s", "bias_deg_h_per_c", "scale_ppm_per_c", "g2_deg_h_g2",
+        "step_deg_s",
+    ),
+    "accelerometer": (
+        "range_g", "bandwidth_hz", "noise_ug_sqrt_hz", "instability_ug", "instability_s", "walk_ug_sqrt_h",
+        "scale_ppm", "misalignment_mrad", "bias_ug_per_c", "scale_ppm_per_c", "g2_ug_g2", "step_ug", "delay_ms",
+    ),
+    "magnetometer": (
+        "range_ut", "noise_nt", "bias_nt", "scale_ppm", "misalignment_mrad", "bias_nt_per_c", "step_nt",
+    ),
+}  # fmt: skip
+
+
+def from_file(path: Path, unit: type[Tool] | type[PrecisionUnit] = Tool) -> dict[str, Any]:
+    """
+    The part of a tool or grade file that the estimator uses, as a table for `Tool` or `PrecisionUnit`.
+
+    Raises
+    ------
+    SettingsError
+        The file is not YAML, not a table, or has a name that neither a tool nor a grade has.
+    OSError
+        The file cannot be read.
+    """
+    try:
+        table = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
+    if not isinstance(table, Mapping):
+        raise SettingsError(f"{path}: expected a table of settings, got {table!r}")
+    return used(table, unit)
+
+
+def used(table: Mapping[str, Any], unit: type[Any], where: str = "") -> dict[str, Any]:
+    """
+    The part of a table that a class of settings declares; terms that only a simulated sensor has are left out.
+
+    Raises
+    ------
+    SettingsError
+        A name that neither a tool nor a grade has, with its near misses.
+    """
+    hints, kept = typing.get_type_hints(unit), {}
+    known = {field.name for field in dataclasses.fields(unit)}
+    simulated = {*_SIMULATED_ONLY.get(where, ()), *(() if where else ("gyro", "accelerometer", "magnetometer"))}
+    for name, value in table.items():
+        if name in known:
+            block = dataclasses.is_dataclass(hints[name]) and isinstance(value, Mapping)
+            kept[name] = used(value, hints[name], name) if block else value
+        elif name not in simulated:
+            raise SettingsError(unknown_key(str(name), sorted(known | simulated), where))
+    return kept

@@ -1,0 +1,399 @@
+"""
+The tool in the settings of the estimator: what its sensors can do, and how it lies in the hole.
+
+Names and units are those of the simulator's grades, so that a grade file is a valid tool file (`tool_file`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mwd_sensors.core.settings import setting
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Gyro:
+    """Gyros of the conventional unit, 1 sigma where nothing else is said."""
+
+    range_deg_s: Vector = setting(
+        (2000.0, 2000.0, 2000.0),
+        "Largest rate that each axis reads; the smallest of the three counts. Too large, and clipped rates are taken "
+        "for true ones; too small, and fast turning is called clipped. From the data sheet.",
+        unit="deg/s",
+        low=0.1,
+        high=2e6,
+    )
+    noise_deg_sqrt_h: float = setting(
+        0.42,
+        "White noise (angle random walk). Raising it widens the sigma of an azimuth that only the gyros carry. From "
+        "the data sheet or `mwd calibrate`.",
+        unit="deg/sqrt(h)",
+        low=0.0,
+        high=100.0,
+    )
+    bias_deg_h: float = setting(
+        400.0,
+        "Bias that may remain, 1 sigma. Raising it slows the convergence of the azimuth that the gyros carry. From "
+        "the data sheet (turn-on bias).",
+        unit="deg/h",
+        low=0.0,
+        high=1e5,
+    )
+    walk_deg_h_sqrt_h: float = setting(
+        10.0,
+        "Random walk of the bias (rate random walk). Raising it widens sigma after long stretches without a "
+        "magnetic azimuth.",
+        unit="deg/h/sqrt(h)",
+        low=0.0,
+        high=1e4,
+        expert=True,
+    )
+    scale_ppm: float = setting(
+        5000.0,
+        "Scale error of the x gyro while it replaces the precision unit's in a north seek. Raising it widens the "
+        "sigma of a seek in a turning string.",
+        unit="ppm",
+        low=0.0,
+        high=1e5,
+        expert=True,
+    )
+    misalignment_mrad: float = setting(
+        1.0,
+        "Rate about the tool axis that the cross axes read too. Raising it widens the azimuth's sigma in a turning "
+        "string.",
+        unit="mrad",
+        low=0.0,
+        high=100.0,
+        expert=True,
+    )
+    g_deg_h_g: float = setting(
+        3.6,
+        "Sensitivity of the rate to specific force. Raising it widens the sigma of the azimuth that the gyros carry.",
+        unit="deg/h/g",
+        low=0.0,
+        high=1e4,
+        expert=True,
+    )
+    delay_ms: float = setting(
+        0.5,
+        "Delay of the rates behind gravity that is not corrected for. Raising it widens the azimuth's sigma in a "
+        "turning string.",
+        unit="ms",
+        low=0.0,
+        high=100.0,
+        expert=True,
+    )
+
+
+@dataclass(frozen=True)
+class Accelerometer:
+    """Accelerometers of the conventional unit."""
+
+    range_g: Vector = setting(
+        (16.0, 16.0, 16.0),
+        "Largest force that each axis reads; the smallest of the three counts. Too large, and clipped shocks bend "
+        "the estimate; too small, and ordinary vibration is called clipped. From the data sheet.",
+        unit="g",
+        low=0.1,
+        high=2e5,
+    )
+    bias_ug: float = setting(
+        408.0,
+        "Bias of each axis that calibration leaves, 1 sigma. Raising it widens the sigmas and acceptance limits of "
+        "surveys. The default is the ISCWSA MWD tool code's (0.004 m/s^2).",
+        unit="ug",
+        low=0.0,
+        high=1e5,
+    )
+    scale_ppm: float = setting(
+        500.0,
+        "Scale error of each axis that calibration leaves, 1 sigma. Raising it widens the sigmas and limits of "
+        "surveys. The default is the ISCWSA MWD tool code's.",
+        unit="ppm",
+        low=0.0,
+        high=1e5,
+        expert=True,
+    )
+
+
+@dataclass(frozen=True)
+class Magnetometer:
+    """The magnetometer, without the field of the steel around it."""
+
+    present: bool = setting(
+        True, "The tool has a magnetometer. Set it to false for a tool without one: its absence is then no fault.",
+        expert=True,
+    )  # fmt: skip
+    range_ut: float = setting(
+        800.0,
+        "Largest field that an axis reads; 0: not known. Too large, and a saturated axis is not named. From the data "
+        "sheet.",
+        unit="uT",
+        low=0.0,
+        high=1e6,
+        expert=True,
+    )
+    bias_nt: float = setting(
+        70.0,
+        "Bias of each axis that calibration leaves, 1 sigma. Raising it widens the sigmas and acceptance limits of "
+        "surveys. The default is the ISCWSA MWD tool code's.",
+        unit="nT",
+        low=0.0,
+        high=10000.0,
+    )
+    scale_ppm: float = setting(
+        1600.0,
+        "Scale error of each axis that calibration leaves, 1 sigma. Raising it widens the sigmas and limits of "
+        "surveys. The default is the ISCWSA MWD tool code's.",
+        unit="ppm",
+        low=0.0,
+        high=1e5,
+        expert=True,
+    )
+    delay_s: float = setting(
+        0.02,
+        "Time after its stamp at which a magnetic sample is used; those that arrive later are counted and not used. "
+        "Raising it delays the azimuth by as much. Raise it where `mwd process` or the diagnostics count late samples.",
+        unit="s",
+        low=0.0,
+        high=0.2,
+        expert=True,
+    )
+
+
+@dataclass(frozen=True)
+class PrecisionGyro:
+    """Gyros of the high-precision unit, 1 sigma; the figures are a tactical MEMS unit's."""
+
+    range_deg_s: Vector = setting(
+        (100.0, 100.0, 100.0),
+        "Largest rate that each axis reads; the smallest of the three counts. Too large, and clipped rates turn the "
+        "gyro azimuth. From the data sheet.",
+        unit="deg/s",
+        low=0.1,
+        high=2e6,
+    )
+    noise_deg_sqrt_h: float = setting(
+        0.0,
+        "White noise (angle random walk); 0: measured while the tool rests. Raising it widens the sigma of the gyro "
+        "azimuth. Set it where pumps shake the tool during every survey.",
+        unit="deg/sqrt(h)",
+        low=0.0,
+        high=10.0,
+    )
+    bias_deg_h: float = setting(
+        5.0,
+        "Bias that may remain, 1 sigma. Raising it widens the sigma of a gyro azimuth in one position. State it for "
+        "a better unit, or its azimuth is no better.",
+        unit="deg/h",
+        low=0.0,
+        high=1e5,
+    )
+    bias_scale: str = setting(
+        "at_most",
+        "stated: the bias is drawn with the sigma above; at_most: with that or less, as the fit to the latitude "
+        "shows. Use stated where the sigma is measured.",
+        choices=("stated", "at_most"),
+        expert=True,
+    )
+    walk_deg_h_sqrt_h: float = setting(
+        0.3,
+        "Random walk of the bias, warming up included. Raising it widens the sigma of long seeks and of an azimuth "
+        "that the gyros carry.",
+        unit="deg/h/sqrt(h)",
+        low=0.0,
+        high=1e4,
+        expert=True,
+    )
+    scale_ppm: float = setting(
+        500.0,
+        "Scale error of the x gyro. Raising it widens the sigma of a seek in a turning string.",
+        unit="ppm",
+        low=0.0,
+        high=1e5,
+        expert=True,
+    )
+    misalignment_mrad: float = setting(
+        0.3,
+        "Rate about the tool axis that the cross axes read too. Raising it widens sigma in a turning string.",
+        unit="mrad",
+        low=0.0,
+        high=100.0,
+        expert=True,
+    )
+    g_deg_h_g: float = setting(
+        0.5,
+        "Sensitivity of the rate to specific force, of each axis to each. Raising it widens the sigma of every gyro "
+        "azimuth. State it for a better unit.",
+        unit="deg/h/g",
+        low=0.0,
+        high=1e3,
+        expert=True,
+    )
+    g_calibration_deg_h_g: tuple[float, float, float, float] = setting(
+        (0.0, 0.0, 0.0, 0.0),
+        "Sensitivity to specific force found by calibration and taken off: along, across, stretch, shear. Zeros: "
+        "not calibrated.",
+        unit="deg/h/g",
+        expert=True,
+    )
+    delay_ms: float = setting(
+        2.0,
+        "Delay behind the conventional unit that is not corrected for. Raising it widens sigma in a turning string.",
+        unit="ms",
+        low=0.0,
+        high=100.0,
+        expert=True,
+    )
+
+
+@dataclass(frozen=True)
+class PrecisionAccelerometer:
+    """Accelerometers of the high-precision unit."""
+
+    noise_ug_sqrt_hz: float = setting(
+        30.0,
+        "White noise. Raising it gives the unit's own gravity less weight in a north seek.",
+        unit="ug/sqrt(Hz)",
+        low=0.01,
+        high=1e4,
+        expert=True,
+    )
+    bias_ug: float = setting(
+        200.0,
+        "Bias of each axis, 1 sigma. Raising it widens the sigma of a gyro azimuth slightly.",
+        unit="ug",
+        low=0.0,
+        high=1e5,
+        expert=True,
+    )
+
+
+@dataclass(frozen=True)
+class PrecisionUnit:
+    """The high-precision inertial unit (topic gyro/data_raw); a tool without one needs nothing set here."""
+
+    gyro: PrecisionGyro = setting(PrecisionGyro, "Gyros")
+    accelerometer: PrecisionAccelerometer = setting(PrecisionAccelerometer, "Accelerometers")
+
+
+@dataclass(frozen=True)
+class Tool:
+    """What the tool's sensors can do and how the tool lies in the hole; the one place where it is said."""
+
+    gyro: Gyro = setting(Gyro, "Gyros of the conventional (AHRS) unit")
+    accelerometer: Accelerometer = setting(Accelerometer, "Accelerometers of the conventional unit")
+    magnetometer: Magnetometer = setting(Magnetometer, "Magnetometer")
+    precision: PrecisionUnit = setting(PrecisionUnit, "The high-precision unit")
+    samples: str = setting(
+        "integrated",
+        "What a sample of the conventional unit is: integrated (strapdown-integrated over its interval), means "
+        "(mean rates and forces), points (values at an instant). A wrong choice costs accuracy under vibration: 5 Hz "
+        "coning of 2 deg drifts by 65 deg/h. From the data sheet.",
+        choices=("integrated", "means", "points"),
+    )
+    calibration_mrad: float = setting(
+        0.17,
+        "Tilt error of the gravity direction that the calibration of the accelerometers leaves, 1 sigma. Raising it "
+        "widens the sigma of inclination and toolface of every sample. Set it from the calibration's residual.",
+        unit="mrad",
+        low=0.0,
+        high=500.0,
+    )
+    lever_m: float = setting(
+        0.1,
+        "Distance of the accelerometers from the tool axis or another point that stays, 1 sigma. Raising it lets the "
+        "filter explain more force by rotation and slows its start.",
+        unit="m",
+        low=1e-4,
+        high=5.0,
+        expert=True,
+    )
+    latency_s: float = setting(
+        0.0,
+        "Age of a reading at its stamp: both toolfaces are extrapolated by the x gyro for so long. Raising it "
+        "amplifies gyro noise. Set it where the tool stamps samples late.",
+        unit="s",
+        low=0.0,
+        high=2.0,
+        expert=True,
+    )
+    toolface_offset_deg: float = setting(
+        0.0,
+        "Angle from the sensor housing to the scribe line, added to both toolfaces. Measure it at make-up.",
+        unit="deg",
+        low=-360.0,
+        high=360.0,
+    )
+    misalignment_y_deg: float = setting(
+        0.0,
+        "Known angle of the hole axis from the tool axis, about y (towards -z); taken off.",
+        unit="deg",
+        low=-10.0,
+        high=10.0,
+        expert=True,
+    )
+    misalignment_z_deg: float = setting(
+        0.0,
+        "Known angle of the hole axis from the tool axis, about z (towards +y); taken off.",
+        unit="deg",
+        low=-10.0,
+        high=10.0,
+        expert=True,
+    )
+    sag_correction_deg: float = setting(
+        0.0,
+        "Sag of the assembly in a horizontal hole; times the sine of the inclination it is added to the inclination. "
+        "From a sag model of the assembly.",
+        unit="deg",
+        low=-5.0,
+        high=5.0,
+        expert=True,
+    )
+    sag_deg: float = setting(
+        0.2,
+        "Sag that is not corrected, in a horizontal hole, 1 sigma (SAGE). Raising it widens the inclination's sigma. "
+        "Lower it where a sag correction is set.",
+        unit="deg",
+        low=0.0,
+        high=5.0,
+        expert=True,
+    )
+    misalignment_deg: float = setting(
+        0.1,
+        "Tool axis against hole axis, each way, the same all along the run, 1 sigma (XYM1, XYM2). Raising it widens "
+        "the sigmas of surveys.",
+        unit="deg",
+        low=0.0,
+        high=5.0,
+        expert=True,
+    )
+    course_misalignment_deg: float = setting(
+        0.3,
+        "Hole axis at a station against the mean hole, another at each station, 1 sigma (XYM3E, XYM4E). Raising it "
+        "widens the sigmas of surveys.",
+        unit="deg",
+        low=0.0,
+        high=5.0,
+        expert=True,
+    )
+    axial_interference_nt: float = setting(
+        220.0,
+        "Axial field of the drill string at the magnetometer, 1 sigma, expected with enough non-magnetic collar. "
+        "Raising it widens the sigma of uncorrected azimuths and calls for the axial correction sooner. Set it from "
+        "the collar's length.",
+        unit="nT",
+        low=0.0,
+        high=50000.0,
+    )
+    possible_axial_nt: float = setting(
+        2000.0,
+        "Axial field of the drill string that is possible at all, 1 sigma. Raising it lets the corrections explain a "
+        "stronger string and widens sigma where the attitude hides it. Raise it with too little non-magnetic collar.",
+        unit="nT",
+        low=1.0,
+        high=100000.0,
+        expert=True,
+    )
