@@ -1,5 +1,5 @@
 """
-All benchmarks in one run, printed and written to BENCHMARKS.md: ours, the papers' methods and the peers.
+All benchmarks in one run, printed and written to docs/benchmarks.md: ours, the papers' methods and the peers.
 
 Each is a program of its own beside this one that prints its figures; `--only` runs some of them and leaves the rest of
 the file as it stands.
@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-OUTPUT = HERE / "BENCHMARKS.md"
+OUTPUT = HERE.parents[1] / "docs" / "benchmarks.md"
 # Name, title, program and its arguments, whether it prints Markdown.
 SECTIONS = (
     ("gravity", "Gravity while drilling", ["bench_gravity.py", "3"], True),

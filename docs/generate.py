@@ -1,0 +1,180 @@
+"""
+Pages of the site that are made from the code, so that they cannot be out of date.
+
+Messages and services come from their definitions in `mwd_msgs`, parameters from the settings of the nodes, the API from
+the packages, examples from notebooks that are run, and the two pictures from the lists below.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from importlib.machinery import SourceFileLoader
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("mwd_sensors", "mwd_estimation", "mwd_surface")
+BANNER = "<!-- Made by docs/generate.py; edit what it is made from. -->\n\n"
+
+
+def interfaces() -> str:
+    """One section for each message, service and action: its definition with the comments that stand there."""
+    parts = [BANNER, "# Messages, services and actions\n\n", "Topics, QoS and rates: {doc}`topics`.\n"]
+    for folder, title in (("msg", "Messages"), ("srv", "Services"), ("action", "Actions")):
+        parts.append(f"\n## {title}\n")
+        paths = sorted((ROOT / "mwd_msgs" / folder).glob(f"*.{folder}"))
+        parts += [f"\n### mwd_msgs/{folder}/{p.stem}\n\n```text\n{p.read_text().rstrip()}\n```\n" for p in paths]
+    return "".join(parts)
+
+
+def topics() -> str:
+    """The contract on the wire, from the README of the message package."""
+    text = (ROOT / "mwd_msgs" / "README.md").read_text()
+    return BANNER + text
+
+
+def parameters() -> str:
+    """Every parameter of every node."""
+    path = ROOT / ".ci" / "config"
+    loader = SourceFileLoader("ci_config", str(path))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader("ci_config", loader))
+    loader.exec_module(module)
+    return BANNER + module.reference()
+
+
+def api() -> dict[str, str]:
+    """A page for each room of each package, by name."""
+    pages, rooms = {}, {}
+    for package in PACKAGES:
+        base = ROOT / package / package
+        for path in sorted(base.rglob("*.py")):
+            names = path.relative_to(ROOT / package).with_suffix("").parts
+            if names[-1] == "__init__" or "static" in names:
+                continue
+            rooms.setdefault(".".join(names[:-1]), []).append(".".join(names))
+    for room, modules in rooms.items():
+        body = "".join(f"\n## {name}\n\n```{{eval-rst}}\n.. automodule:: {name}\n```\n" for name in modules)
+        pages[room] = f"{BANNER}# {room}\n{body}"
+    listed = "\n".join(rooms)
+    pages["index"] = f"{BANNER}# API\n\nEvery module by its room.\n\n```{{toctree}}\n:maxdepth: 1\n\n{listed}\n```\n"
+    return pages
+
+
+def notebook(path: Path, images: Path) -> str:
+    """A notebook as a page: its cells are run in order, their figures are kept as pictures."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    names: dict[str, object] = {}
+    parts = [BANNER]
+    for number, cell in enumerate(json.loads(path.read_text())["cells"]):
+        source = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            parts.append(source + "\n\n")
+            continue
+        exec(compile(source, f"{path.name}, cell {number}", "exec"), names)  # noqa: S102  (our own notebooks)
+        parts.append(f"```python\n{source}\n```\n\n")
+        for figure in map(plt.figure, plt.get_fignums()):
+            picture = images / f"{path.stem}_{number}.png"
+            figure.savefig(picture, dpi=90)
+            parts.append(f"![{path.stem}, figure of cell {number}](../images/{picture.name})\n\n")
+        plt.close("all")
+    return "".join(parts)
+
+
+NODES = {
+    "size": (12.5, 5.2),
+    "boxes": {
+        "sonde": (0.2, 2.4, "sonde\n(mwd_sensors)\nsimulated tool"),
+        "estimator": (4.4, 2.4, "estimator\n(mwd_estimation)\ngravity, attitude, surveys"),
+        "surface": (9.0, 2.4, "surface\n(mwd_surface)\nlists, path, alarms"),
+        "log": (9.0, 0.3, "MCAP recording"),
+        "page": (4.2, 0.3, "driller's page"),
+        "rig": (9.0, 4.3, "rig control:\nWITS, OPC UA, Modbus,\nWITSML, ROS"),
+    },
+    "arrows": (
+        ("sonde", "estimator", "imu/data_raw, imu/mag,\ngyro/data_raw"),
+        ("estimator", "surface", "attitude, survey,\ninterference"),
+        ("surface", "log", "every message"),
+        ("surface", "page", "http, websocket"),
+        ("surface", "rig", "toolface, surveys"),
+        ("rig", "sonde", "rig/command"),
+    ),
+}
+FLOW = {
+    "size": (12.0, 4.6),
+    "boxes": {
+        "in": (0.1, 2.0, "samples\n(core)"),
+        "health": (2.1, 2.0, "sensor health\n(health)"),
+        "gravity": (4.4, 3.3, "gravity\n(gravity)"),
+        "magnetic": (4.4, 2.0, "magnetic field\n(magnetic)"),
+        "gyro": (4.4, 0.7, "Earth rate\n(gyrocompass)"),
+        "attitude": (7.0, 3.3, "attitude of\nevery sample\n(attitude)"),
+        "survey": (7.0, 1.2, "survey at rest:\nazimuth, verdict\n(survey)"),
+        "out": (9.9, 2.2, "topics, rows,\nmessages"),
+    },
+    "arrows": (
+        ("in", "health", ""),
+        ("health", "gravity", ""),
+        ("health", "magnetic", ""),
+        ("health", "gyro", ""),
+        ("gravity", "attitude", ""),
+        ("gravity", "survey", ""),
+        ("magnetic", "survey", ""),
+        ("magnetic", "attitude", ""),
+        ("gyro", "survey", ""),
+        ("survey", "attitude", "station azimuth"),
+        ("attitude", "out", ""),
+        ("survey", "out", ""),
+    ),
+}
+
+
+def picture(what: dict[str, object], path: Path) -> None:
+    """Draw boxes and arrows."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=what["size"])
+    axes.set(xlim=(0, what["size"][0]), ylim=(0, what["size"][1]))
+    axes.axis("off")
+    width, boxes = 1.9, {}
+    for name, (x, y, text) in what["boxes"].items():
+        style = {"boxstyle": "round,pad=0.45", "facecolor": "#eef4fb", "edgecolor": "#2b5c8a"}
+        boxes[name] = axes.text(x + width / 2, y + 0.4, text, ha="center", va="center", fontsize=10, bbox=style)
+    figure.canvas.draw()  # boxes have their sizes from here on
+    for start, end, label in what["arrows"]:
+        (x0, y0), (x1, y1) = boxes[start].get_position(), boxes[end].get_position()
+        arrow = {"arrowstyle": "-|>", "color": "#555", "shrinkA": 3, "shrinkB": 3}
+        arrow |= {"patchA": boxes[start].get_bbox_patch(), "patchB": boxes[end].get_bbox_patch()}
+        axes.annotate("", (x1, y1), (x0, y0), arrowprops=arrow)
+        axes.text((x0 + x1) / 2, (y0 + y1) / 2 + 0.1, label, ha="center", va="bottom", fontsize=8, color="#333")
+    figure.savefig(path, bbox_inches="tight")
+    plt.close(figure)
+
+
+def write(path: Path, text: str) -> None:
+    """Write a page if it differs, so that an unchanged one is not built again."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.exists() or path.read_text() != text:
+        path.write_text(text)
+
+
+def write_all(docs: Path) -> None:
+    """Write every generated page and picture below `docs`."""
+    images = docs / "images"
+    images.mkdir(exist_ok=True)
+    picture(NODES, images / "nodes.svg")
+    picture(FLOW, images / "signal_flow.svg")
+    write(docs / "reference" / "interfaces.md", interfaces())
+    write(docs / "reference" / "topics.md", topics())
+    write(docs / "reference" / "parameters.md", parameters())
+    write(docs / "reference" / "changelog.md", BANNER + (ROOT / "CHANGELOG.md").read_text())
+    for name, text in api().items():
+        write(docs / "reference" / "api" / f"{name}.md", text)
+    for path in sorted((docs / "examples").glob("*.ipynb")):
+        write(path.with_suffix(".md"), notebook(path, images))
