@@ -12,10 +12,11 @@ from typing import Protocol
 import numpy as np
 
 from mwd_estimation.core.reasons import Reason, ReasonCode
-from mwd_estimation.gyrocompass import north_seek, seek_filter, static_ekf
+from mwd_estimation.gyrocompass import north_seek, static_ekf
 from mwd_estimation.gyrocompass.gyro_params import S1
 from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_estimation.gyrocompass.seek_refusal import polar, too_short, vertical_hole
+from mwd_estimation.gyrocompass.seek_state import State
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE
@@ -49,19 +50,19 @@ class NorthSeek:
 
     turns = True
 
-    def __init__(self, params: SeekParams, earlier: tuple[north_seek.State, float] | None = None) -> None:
+    def __init__(self, params: SeekParams, earlier: tuple[State, float] | None = None) -> None:
         self.params = params
         self.state = north_seek.initial() if earlier is None else north_seek.carried_on(params, *earlier)
 
     @property
     def elapsed(self) -> float:
         """s of data used."""
-        return float(self.state.memory[seek_filter.ELAPSED])
+        return float(self.state.elapsed)
 
     @property
     def moved(self) -> bool:
         """Whether the hole axis lay elsewhere meanwhile."""
-        return bool(self.state.memory[seek_filter.MOVED] > 0.0)
+        return bool(self.state.moved > 0)
 
     def run(self, stamp_ns: Stamps, values: Array) -> None:
         """Take samples, as `Seeker.run`."""

@@ -6,14 +6,14 @@ horizontal Earth rate in that frame is a *linear* unknown, so that any first azi
 the measurement: it gains no velocity (S1), and the hole axis it lies in does not turn. Cross-axis bias, x leakage,
 g-sensitivity, x scale, gyro lag and once-per-turn wobble are states: what the motion shows is estimated, what it hides
 stays in the sigma. Azimuth is read from the posterior on the circle |horizontal Earth rate| = We cos(latitude).
-Derivation, what is observable when and limits: ``docs/north_seeking.md``.
+Derivation, what is observable when and limits: ``docs/methods/gyrocompass.md``.
 """
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,41 +21,27 @@ from numpy.typing import ArrayLike
 from mwd_estimation.core import samples as track
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.gyrocompass import azimuth_posterior
-from mwd_estimation.gyrocompass import seek_filter as nf
-from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_settings
+from mwd_estimation.gyrocompass.seek_filter import advance
+from mwd_estimation.gyrocompass.seek_measurement import frame
+from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
 from mwd_estimation.gyrocompass.seek_refusal import Fit, polar, refusal
+from mwd_estimation.gyrocompass.seek_state import STATE, WORK, Error, KernelParams, Phase, State, estimate
 from mwd_estimation.gyrocompass.solution import Solution
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import DEG_PER_HOUR, STANDARD_GRAVITY
 from mwd_sensors.core.frames import wrap_tau
 
-
-@dataclasses.dataclass
-class State:
-    """All that changes: clock, tool-to-level matrix, linear state, covariance, sums of the block, memory."""
-
-    clock: Stamps
-    mat: Array
-    x: Array
-    P: Array
-    sums: Array
-    memory: Array
-
-    def copy(self) -> State:
-        """Independent copy."""
-        return copy.deepcopy(self)
+# What a seek found and the next one goes on from: the instrument's errors, and the Earth rate until it has levelled.
+_CARRIED = ("earth_rate", "gyro_bias", "scale_x", "leak", "g_sensitivity", "lag", "force_bias", "lead")
+_EARTH, _BIAS = slice(Error.EARTH_RATE, Error.GYRO_BIAS), slice(Error.GYRO_BIAS, Error.SCALE_X)
+_G_SENSITIVITY = slice(Error.G_SENSITIVITY, Error.LAG)
 
 
 def initial() -> State:
     """State before the first sample."""
-    return State(
-        np.zeros(track.CLOCK_SIZE, dtype=np.int64),
-        np.eye(3).ravel().copy(),
-        np.zeros(nf.STATES),
-        np.zeros((nf.STATES, nf.STATES)),
-        np.zeros(nf.SUMS),
-        np.zeros(nf.MEMORY),
-    )
+    state = cast(State, np.zeros(1, STATE)[0])
+    state.mat[:] = np.eye(3)
+    return state
 
 
 def dual_unit(
@@ -106,10 +92,7 @@ def run(params: SeekParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike
         Shapes that do not match.
     """
     stamps, gyro, accel = track.samples(stamp_ns, gyro_t, accel_t)
-    nf.advance(
-        kernel_settings(params), round(params.gap * 1e9), state.clock, state.mat, state.x, state.P, state.sums,
-        state.memory, stamps, gyro, accel,
-    )  # fmt: skip
+    advance(kernel_params(params), state, np.zeros(1, WORK)[0], stamps, gyro, accel)
 
 
 def solution(params: SeekParams, state: State) -> Solution:
@@ -118,32 +101,30 @@ def solution(params: SeekParams, state: State) -> Solution:
 
     The reasons to refuse it are those of `seek_refusal`.
     """
-    m = state.memory
-    if m[nf.PHASE] != nf.SEEKING:
-        levelling = Reason(ReasonCode.SEEK_LEVELLING, float(m[nf.LEVEL_TIME]), params.shortest)
+    if state.phase != Phase.SEEKING:
+        levelling = Reason(ReasonCode.SEEK_LEVELLING, float(state.level_time), params.shortest)
         return Solution(polar(params.latitude_deg) or levelling, params.mode)
-    k = kernel_settings(params)
-    horizontal = float(k[nf.K_HORIZONTAL])
-    method = _method(params, m)
+    p = kernel_params(params)
+    method = _method(params, state)
     inclination, heading, right = _hole_axis(state, method)
-    parts = _parts(params, k, state.x, state.P, right)
+    parts = _parts(params, p, state, right)
     expected = params.expected_azimuth_deg
     circle = azimuth_posterior.posterior(
-        parts, horizontal, None if expected is None else math.radians(expected) - heading
+        parts, p.horizontal, None if expected is None else math.radians(expected) - heading
     )
     azimuth = float(wrap_tau(circle.mean + heading))
     blind = math.sin(inclination) * math.sin(azimuth)
     seen = math.sqrt(max(1.0 - blind * blind, 1e-12)) if method != "still" else 1.0
     fitting = tuple(float(wrap_tau(angle + heading)) for angle in circle.several)
-    reason = refusal(params, m, state.x, Fit(method, azimuth, circle.sigma, inclination, seen, circle.misfit, fitting))
+    reason = refusal(params, state, Fit(method, azimuth, circle.sigma, inclination, seen, circle.misfit, fitting))
     choices: tuple[tuple[float, float], ...] = ()
     if reason is not None and reason.code is ReasonCode.TWO_AZIMUTHS_FIT_GYRO:
-        each = [azimuth_posterior.posterior(parts, horizontal, angle) for angle in circle.several]
+        each = [azimuth_posterior.posterior(parts, p.horizontal, angle) for angle in circle.several]
         if all(one.sigma <= math.radians(params.worst_sigma_deg) for one in each):
             choices = tuple((float(wrap_tau(one.mean + heading)), one.sigma) for one in each)
     per_g = STANDARD_GRAVITY / DEG_PER_HOUR
     spread = np.sqrt(np.maximum(np.diag(state.P), 0.0))
-    scribe = state.mat.reshape(3, 3)[:, 2]
+    scribe = state.mat[:, 2]
     return Solution(
         reason,
         method,
@@ -151,12 +132,12 @@ def solution(params: SeekParams, state: State) -> Solution:
         circle.sigma,
         inclination,
         float(wrap_tau(circle.mean + math.atan2(scribe[1], scribe[0]))),
-        float(m[nf.ELAPSED]),
-        _limit(k, method, seen, float(m[nf.ELAPSED])),
-        tuple(float(v) for v in state.x[nf.GSENS : nf.GSENS + 4] * per_g),
-        tuple(float(v) for v in spread[nf.GSENS : nf.GSENS + 4] * per_g),
-        tuple(float(v) for v in state.x[nf.BIAS : nf.BIAS + 3] / DEG_PER_HOUR),
-        tuple(float(v) for v in spread[nf.BIAS : nf.BIAS + 3] / DEG_PER_HOUR),
+        float(state.elapsed),
+        _limit(p, method, seen, float(state.elapsed)),
+        tuple(float(v) for v in state.g_sensitivity * per_g),
+        tuple(float(v) for v in spread[_G_SENSITIVITY] * per_g),
+        tuple(float(v) for v in state.gyro_bias / DEG_PER_HOUR),
+        tuple(float(v) for v in spread[_BIAS] / DEG_PER_HOUR),
         choices,
     )
 
@@ -167,27 +148,26 @@ def _hole_axis(state: State, method: str) -> tuple[float, float, Array]:
 
     Of the mean axis of a tool that turns, of the axis as it lies of a tool that rests.
     """
-    m, x, right = state.memory, state.x, np.zeros(nf.STATES)
+    right = np.zeros(Error.SIZE)
     if method in ("still", "two_position"):
-        ax, ay, az = state.mat[0], state.mat[3], state.mat[6]
+        ax, ay, az = state.mat[:, 0]
         across2 = max(float(ax * ax + ay * ay), 1e-6)
         right[:3] = -ax * az / across2, -ay * az / across2, 1.0
         return math.atan2(math.hypot(ax, ay), az), math.atan2(ay, ax), right
-    hole = m[nf.H0 : nf.H0 + 3].copy()
-    hx, hy, hz, rx, ry = nf.frame(m)
-    hole += x[nf.AXIS] * np.array([hx, hy, hz]) + x[nf.AXIS + 1] * np.array([rx, ry, 0.0])
+    hx, hy, hz, rx, ry = frame(state.axis_reference)
+    hole = state.axis_reference + (state.axis[0] * np.array([hx, hy, hz]) + state.axis[1] * np.array([rx, ry, 0.0]))
     across = math.hypot(hole[0], hole[1])
-    right[nf.AXIS + 1] = 1.0 / max(across, 1e-3)
+    right[Error.AXIS + 1] = 1.0 / max(across, 1e-3)
     return math.atan2(across, hole[2]), math.atan2(hole[1], hole[0]), right
 
 
-def _limit(k: Array, method: str, seen: float, elapsed: float) -> float:
+def _limit(p: KernelParams, method: str, seen: float, elapsed: float) -> float:
     """Sigma of an ideal estimator, rad: see `Solution.limit`; seen: share of the Earth rate that the method sees."""
-    rate = k[nf.K_HORIZONTAL] * max(seen, 1e-3)
-    limit = k[nf.K_N] / (rate * math.sqrt(max(elapsed, 1e-3)))
+    rate = p.horizontal * max(seen, 1e-3)
+    limit = p.gyro_noise / (rate * math.sqrt(max(elapsed, 1e-3)))
     if method == "continuous":
         # The noise that blurs north turns the integrated platform too: it settles, and gets no better.
-        limit = max(limit, k[nf.K_N] / math.sqrt(rate))
+        limit = max(limit, p.gyro_noise / math.sqrt(rate))
     return min(float(limit), math.pi)
 
 
@@ -199,14 +179,15 @@ def carried_on(params: SeekParams, state: State, seconds: float) -> State:
     seek that has not got past levelling gives what it began with.
     """
     begun = initial()
-    m = state.memory
-    if m[nf.PHASE] != nf.SEEKING and m[nf.CARRIED] == 0.0:
+    if state.phase != Phase.SEEKING and not state.carried:
         return begun
-    begun.x[:], begun.P[:] = state.x, state.P
-    walk = kernel_settings(params)[nf.K_WALK] ** 2 * max(seconds, 0.0)
-    for i in range(nf.BIAS, nf.BIAS + 3):
+    for name in _CARRIED:
+        setattr(begun, name, getattr(state, name))
+    begun.P[:] = state.P
+    walk = kernel_params(params).bias_walk ** 2 * max(seconds, 0.0)
+    for i in range(Error.GYRO_BIAS, Error.SCALE_X):
         begun.P[i, i] += walk
-    begun.memory[nf.CARRIED] = 1.0
+    begun.carried = True
     return begun
 
 
@@ -221,20 +202,19 @@ def calibrated(params: SeekParams, state: State, azimuth: float, sigma: float) -
     ValueError
         The run has not got past levelling.
     """
-    m = state.memory
-    if m[nf.PHASE] != nf.SEEKING:
+    if state.phase != Phase.SEEKING:
         raise ValueError("state: the calibration run is too short, it is still being levelled")
-    k = kernel_settings(params)
-    hx, hy, _, rx, ry = nf.frame(m)
-    east = m[nf.H0 + 1] + state.x[nf.AXIS] * hy + state.x[nf.AXIS + 1] * ry
-    north = m[nf.H0] + state.x[nf.AXIS] * hx + state.x[nf.AXIS + 1] * rx
-    frame = azimuth - math.atan2(east, north)
-    wanted = k[nf.K_HORIZONTAL] * np.array([math.cos(frame), -math.sin(frame)])
-    noise = np.eye(2) * (k[nf.K_HORIZONTAL] * max(sigma, 1e-6)) ** 2
-    P, at, g = state.P, slice(nf.EARTH, nf.EARTH + 2), slice(nf.GSENS, nf.GSENS + 4)
+    horizontal = kernel_params(params).horizontal
+    hx, hy, _, rx, ry = frame(state.axis_reference)
+    east = state.axis_reference[1] + state.axis[0] * hy + state.axis[1] * ry
+    north = state.axis_reference[0] + state.axis[0] * hx + state.axis[1] * rx
+    level = azimuth - math.atan2(east, north)
+    wanted = horizontal * np.array([math.cos(level), -math.sin(level)])
+    noise = np.eye(2) * (horizontal * max(sigma, 1e-6)) ** 2
+    P, at, g = state.P, _EARTH, _G_SENSITIVITY
     gain = P[g, at] @ np.linalg.inv(P[at, at] + noise)
     per_g = STANDARD_GRAVITY / DEG_PER_HOUR
-    values = (state.x[g] + gain @ (wanted - state.x[at])) * per_g
+    values = (state.g_sensitivity + gain @ (wanted - state.earth_rate)) * per_g
     rest = np.sqrt(np.maximum(np.diag(P[g, g] - gain @ P[at, g]), 0.0)) * per_g
     return dataclasses.replace(
         params,
@@ -249,7 +229,7 @@ _SHARES = 300.0 ** (-np.arange(12.0) / 11.0)
 _BOUND = math.log(11.0)
 
 
-def _parts(params: SeekParams, k: Array, x: Array, P: Array, right: Array) -> list[azimuth_posterior.Part]:
+def _parts(params: SeekParams, p: KernelParams, state: State, right: Array) -> list[azimuth_posterior.Part]:
     """
     The filter's Gaussian of the Earth rate for each scale that the gyro biases may have.
 
@@ -257,28 +237,29 @@ def _parts(params: SeekParams, k: Array, x: Array, P: Array, right: Array) -> li
     Gaussian too: a measurement "the bias is zero", and the evidence for that scale. A gyro whose rates fit the latitude
     along north and down, two checks that cost nothing, so earns a smaller bias east, where it cannot be checked.
     """
-    at, bias = slice(nf.EARTH, nf.EARTH + 2), slice(nf.BIAS, nf.BIAS + 3)
-    stated = np.array([k[nf.K_BX], k[nf.K_B], k[nf.K_B]])
+    P, x = state.P, estimate(state)
+    stated = np.array([p.gyro_x_bias, p.gyro_bias, p.gyro_bias])
     if params.bias_scale == "stated" or not (stated > 0.0).all():
-        return [azimuth_posterior.part(0.0, x[at], P, right, at)]
+        return [azimuth_posterior.part(0.0, x[_EARTH], P, right, _EARTH)]
     parts = []
     for share in _SHARES:
         if share == 1.0:
-            parts.append(azimuth_posterior.part(_BOUND, x[at], P, right, at))
+            parts.append(azimuth_posterior.part(_BOUND, x[_EARTH], P, right, _EARTH))
             continue
         noise = np.diag(stated**2 * share**2 / (1.0 - share**2))
-        S = P[bias, bias] + noise
-        gain = np.linalg.solve(S, P[bias]).T
-        log = -3.0 * math.log(share) - 0.5 * float(x[bias] @ np.linalg.solve(S, x[bias]))
+        S = P[_BIAS, _BIAS] + noise
+        gain = np.linalg.solve(S, P[_BIAS]).T
+        log = -3.0 * math.log(share) - 0.5 * float(x[_BIAS] @ np.linalg.solve(S, x[_BIAS]))
         log += 0.5 * float(np.linalg.slogdet(noise)[1] - np.linalg.slogdet(S)[1])
-        moved = x - gain @ x[bias]
-        parts.append(azimuth_posterior.part(log, moved[at], P - gain @ P[bias], right, at, float(right @ (moved - x))))
+        moved = x - gain @ x[_BIAS]
+        shift = float(right @ (moved - x))
+        parts.append(azimuth_posterior.part(log, moved[_EARTH], P - gain @ P[_BIAS], right, _EARTH, shift))
     return parts
 
 
-def _method(params: SeekParams, m: Array) -> str:
+def _method(params: SeekParams, state: State) -> str:
     if params.mode == "continuous":
         return "continuous"
-    if m[nf.TURN_TIME] > m[nf.STILL_TIME]:
+    if state.turn_time > state.still_time:
         return "rotating"
-    return "two_position" if m[nf.POSITIONS] > 1.0 and m[nf.TURN_TIME] > 0.0 else "still"
+    return "two_position" if state.positions > 1 and state.turn_time > 0.0 else "still"

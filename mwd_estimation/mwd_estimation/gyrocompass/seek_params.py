@@ -7,11 +7,13 @@ import math
 
 import numpy as np
 
-from mwd_estimation.gyrocompass import seek_filter as nf
-from mwd_sensors.core.arrays import Array
+from mwd_estimation.gyrocompass.seek_state import KernelParams
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G, STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 
+# Least noise of a direction, rad; share of its range from which a gyro counts as clipped; rate about the axis below
+# which the tool rests, rad/s.
+_DIRECTION_FLOOR, _CLIPS_FROM, _STILL_RATE = 1e-6, 0.98, 0.05
 MODES = ("auto", "still", "two_position", "rotating", "continuous")
 
 
@@ -64,34 +66,44 @@ class SeekParams:
     gyro_range_dps: float = setting(400.0, "y and z gyros clip at", unit="deg/s", low=1.0, high=5000.0)
 
 
-def kernel_settings(params: SeekParams) -> Array:
-    """Settings in SI, in the order of the K_ names, shape (nf.SETTINGS,)."""
-    k = np.zeros(nf.SETTINGS)
+def kernel_params(params: SeekParams) -> KernelParams:
+    """Parameters in SI."""
     latitude = math.radians(params.latitude_deg)
-    k[nf.K_HORIZONTAL], k[nf.K_VERTICAL] = EARTH_RATE * math.cos(latitude), -EARTH_RATE * math.sin(latitude)
-    k[nf.K_GRAVITY], k[nf.K_LEVEL], k[nf.K_BLOCK] = params.gravity, params.level_seconds, params.block_seconds
-    k[nf.K_N], k[nf.K_NX] = (
-        params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR,
-        params.gyro_x_noise_deg_rth * DEG_PER_ROOT_HOUR,
-    )
-    k[nf.K_NA] = params.accel_noise_ug_rthz * MICRO_G
-    k[nf.K_B], k[nf.K_BX] = params.gyro_bias_deg_h * DEG_PER_HOUR, params.gyro_x_bias_deg_h * DEG_PER_HOUR
-    k[nf.K_BA], k[nf.K_WALK] = params.accel_bias_ug * MICRO_G, params.gyro_walk_deg_h_rth * DEG_PER_HOUR / 60.0
-    k[nf.K_SCALE], k[nf.K_LEAK] = params.scale_x_ppm * 1e-6, params.leak_urad * 1e-6
+    horizontal = EARTH_RATE * math.cos(latitude)
+    expected = (0.0, 0.0)
+    if params.expected_azimuth_deg is not None:
+        azimuth = math.radians(params.expected_azimuth_deg)
+        expected = horizontal * math.cos(azimuth), -horizontal * math.sin(azimuth)
     # Four elements of one sigma: along, across, stretch and shear are half sums of two.
     element = params.g_sensitivity_deg_h_g * math.sqrt(0.5)
-    k[nf.K_G] = element * DEG_PER_HOUR / STANDARD_GRAVITY
     locked = element if params.g_locked_deg_h_g is None else params.g_locked_deg_h_g
-    k[nf.K_LOCKED] = locked * DEG_PER_HOUR / STANDARD_GRAVITY
-    k[nf.K_LAG0], k[nf.K_LAG] = params.lag_ms * 1e-3, params.lag_sigma_ms * 1e-3
-    k[nf.K_LEAD0], k[nf.K_LEAD] = params.lead_ms * 1e-3, params.lead_sigma_ms * 1e-3
-    k[nf.K_VEL], k[nf.K_AXIS_WALK] = params.sigma_velocity, params.axis_walk_deg_rth * DEG_PER_ROOT_HOUR
-    k[nf.K_FLOOR], k[nf.K_RANGE], k[nf.K_STILL] = 1e-6, 0.98 * math.radians(params.gyro_range_dps), 0.05
-    k[nf.K_G0 : nf.K_G0 + 4] = np.array(params.g_calibration_deg_h_g) * DEG_PER_HOUR / STANDARD_GRAVITY
-    if params.expected_azimuth_deg is not None:
-        expected = math.radians(params.expected_azimuth_deg)
-        k[nf.K_EXPECTED], k[nf.K_EXPECTED + 1] = (
-            k[nf.K_HORIZONTAL] * math.cos(expected),
-            -k[nf.K_HORIZONTAL] * math.sin(expected),
-        )
-    return k
+    along, across, stretch, shear = np.array(params.g_calibration_deg_h_g) * DEG_PER_HOUR / STANDARD_GRAVITY
+    return KernelParams(
+        gap_ns=round(params.gap * 1e9),
+        horizontal=horizontal,
+        down=-EARTH_RATE * math.sin(latitude),
+        level_seconds=params.level_seconds,
+        block_seconds=params.block_seconds,
+        gyro_noise=params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR,
+        gyro_x_noise=params.gyro_x_noise_deg_rth * DEG_PER_ROOT_HOUR,
+        accel_noise=params.accel_noise_ug_rthz * MICRO_G,
+        gyro_bias=params.gyro_bias_deg_h * DEG_PER_HOUR,
+        gyro_x_bias=params.gyro_x_bias_deg_h * DEG_PER_HOUR,
+        accel_bias=params.accel_bias_ug * MICRO_G,
+        bias_walk=params.gyro_walk_deg_h_rth * DEG_PER_HOUR / 60.0,
+        scale_x=params.scale_x_ppm * 1e-6,
+        leak=params.leak_urad * 1e-6,
+        g_sensitivity=element * DEG_PER_HOUR / STANDARD_GRAVITY,
+        g_locked=locked * DEG_PER_HOUR / STANDARD_GRAVITY,
+        g_calibration=(float(along), float(across), float(stretch), float(shear)),
+        lag=params.lag_ms * 1e-3,
+        lag_sigma=params.lag_sigma_ms * 1e-3,
+        lead=params.lead_ms * 1e-3,
+        lead_sigma=params.lead_sigma_ms * 1e-3,
+        velocity=params.sigma_velocity,
+        axis_walk=params.axis_walk_deg_rth * DEG_PER_ROOT_HOUR,
+        direction_floor=_DIRECTION_FLOOR,
+        gyro_range=_CLIPS_FROM * math.radians(params.gyro_range_dps),
+        still_rate=_STILL_RATE,
+        expected=expected,
+    )

@@ -7,10 +7,9 @@ import math
 
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
-from mwd_estimation.gyrocompass import seek_filter as nf
 from mwd_estimation.gyrocompass.seek_params import SeekParams
+from mwd_estimation.gyrocompass.seek_state import State
 from mwd_estimation.gyrocompass.static_ekf import MAX_LATITUDE_DEG
-from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR
 
 # Share of clipped samples, of turning in a still shot and of turning in a rotating one.
@@ -51,14 +50,14 @@ class Fit:
     azimuths: tuple[float, ...]
 
 
-def refusal(params: SeekParams, memory: Array, x: Array, fit: Fit) -> Reason | None:
+def refusal(params: SeekParams, state: State, fit: Fit) -> Reason | None:
     """Reason to refuse the azimuth: the motion first, then the hole's attitude, the instrument and the uncertainty."""
     return (
         polar(params.latitude_deg)
-        or _motion(params, memory)
+        or _motion(params, state)
         or _attitude(params, fit)
-        or _instrument(params, x)
-        or _uncertainty(params, float(memory[nf.ELAPSED]), fit)
+        or _instrument(params, state)
+        or _uncertainty(params, float(state.elapsed), fit)
     )
 
 
@@ -81,9 +80,9 @@ def vertical_hole(inclination: float) -> Reason | None:
     return Reason(Code.VERTICAL_HOLE, inclination, _LEAST_INCLINATION)
 
 
-def _motion(params: SeekParams, m: Array) -> Reason | None:
-    elapsed, turning, mode = float(m[nf.ELAPSED]), float(m[nf.TURN_TIME]), params.mode
-    clipped, samples = float(m[nf.CLIPPED]), float(m[nf.SAMPLES])
+def _motion(params: SeekParams, state: State) -> Reason | None:
+    elapsed, turning, mode = float(state.elapsed), float(state.turn_time), params.mode
+    clipped, samples = float(state.clipped), float(state.samples)
     if clipped > _CLIPPED_SHARE * samples:
         given = (samples, math.radians(params.gyro_range_dps))
         return Reason(Code.GYRO_CLIPPED, clipped, _CLIPPED_SHARE * samples, given)
@@ -93,11 +92,11 @@ def _motion(params: SeekParams, m: Array) -> Reason | None:
         return Reason(Code.TURNED_AT_REST, turning, _TURNED_MOST * elapsed, (elapsed,))
     if mode == "rotating" and turning < _TURNED_LEAST * elapsed:
         return Reason(Code.TURNED_TOO_LITTLE, turning, _TURNED_LEAST * elapsed, (elapsed,))
-    if mode == "two_position" and m[nf.POSITIONS] < 2.0:
-        return Reason(Code.NO_SECOND_POSITION, float(m[nf.POSITIONS]), 2.0)
-    if mode != "continuous" and m[nf.MOVED] > 0.0:
-        return Reason(Code.HOLE_AXIS_MOVED, float(m[nf.MOVED]), 0.0)
-    swing = math.sqrt(max(m[nf.SCATTER], m[nf.SCATTER + 1], 0.0))
+    if mode == "two_position" and state.positions < 2:
+        return Reason(Code.NO_SECOND_POSITION, float(state.positions), 2.0)
+    if mode != "continuous" and state.moved > 0:
+        return Reason(Code.HOLE_AXIS_MOVED, float(state.moved), 0.0)
+    swing = math.sqrt(max(state.scatter[0], state.scatter[1], 0.0))
     if mode == "still" and swing > _SWING:
         return Reason(Code.HOLE_AXIS_SWINGS, swing, _SWING)
     return None
@@ -118,16 +117,16 @@ def _attitude(params: SeekParams, fit: Fit) -> Reason | None:
     return None
 
 
-def _instrument(params: SeekParams, x: Array) -> Reason | None:
+def _instrument(params: SeekParams, state: State) -> Reason | None:
     """An error of the instrument found far from where the parameters say it lies."""
     bias, scale, leak = Code.GYRO_BIAS_EXCESSIVE, Code.GYRO_SCALE_EXCESSIVE, Code.GYRO_LEAK_EXCESSIVE
     stated = (
-        (bias, "x gyro bias", x[nf.BIAS], params.gyro_x_bias_deg_h * DEG_PER_HOUR),
-        (bias, "y gyro bias", x[nf.BIAS + 1], params.gyro_bias_deg_h * DEG_PER_HOUR),
-        (bias, "z gyro bias", x[nf.BIAS + 2], params.gyro_bias_deg_h * DEG_PER_HOUR),
-        (scale, "x gyro scale error", x[nf.SCALE], params.scale_x_ppm * 1e-6),
-        (leak, "x rate in the y gyro", x[nf.LEAK], params.leak_urad * 1e-6),
-        (leak, "x rate in the z gyro", x[nf.LEAK + 1], params.leak_urad * 1e-6),
+        (bias, "x gyro bias", state.gyro_bias[0], params.gyro_x_bias_deg_h * DEG_PER_HOUR),
+        (bias, "y gyro bias", state.gyro_bias[1], params.gyro_bias_deg_h * DEG_PER_HOUR),
+        (bias, "z gyro bias", state.gyro_bias[2], params.gyro_bias_deg_h * DEG_PER_HOUR),
+        (scale, "x gyro scale error", state.scale_x, params.scale_x_ppm * 1e-6),
+        (leak, "x rate in the y gyro", state.leak[0], params.leak_urad * 1e-6),
+        (leak, "x rate in the z gyro", state.leak[1], params.leak_urad * 1e-6),
     )
     for code, name, found, sigma in stated:
         if abs(found) > _EXCESSIVE * sigma:

@@ -15,11 +15,11 @@ import numpy as np
 
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.time_bins import Bin
-from mwd_estimation.gyrocompass import north_seek
 from mwd_estimation.gyrocompass.gyro_params import S1, GyroParams, seek_params, white_noise
 from mwd_estimation.gyrocompass.methods import NorthSeek, Seeker, StaticSeek
 from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_estimation.gyrocompass.seek_refusal import polar, too_short
+from mwd_estimation.gyrocompass.seek_state import State
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
 
@@ -55,7 +55,7 @@ class GyroStation:
         self._axis = math.nan
         self._turned_s = 0.0
         # The seek as it was in the last still bin, and the last sample heard: what is carried on.
-        self._found: tuple[north_seek.State, int] | None = None
+        self._found: tuple[State, int] | None = None
         self._last_ns: int | None = None
         self._rest: list[tuple[Stamps, Array]] = []
         # Time of the seek, s, at which it was asked what it waits for, and its answer.

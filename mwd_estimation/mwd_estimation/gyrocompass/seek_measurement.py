@@ -1,0 +1,192 @@
+"""
+What a tool that lies in its hole cannot do, as measurements of a block of north seeking, compiled.
+
+It gains no velocity; the hole axis lies where it lay; in a tool that does not turn, roll stays where it was. How much
+axis and roll scatter from block to block is followed and is the noise of the last two.
+"""
+
+from __future__ import annotations
+
+import math
+
+from mwd_estimation.gyrocompass.seek_state import Error, KernelParams, Phase, State, Work
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.kalman import project_covariance, reset_state, rotate_left, scalar_update
+
+# Blocks that give a first scatter of the axis.
+_SETTLE_BLOCKS = 10
+# A direction off by more than so many variances is left out; after so many blocks in a row the axis lies elsewhere.
+_GATE, _MOVED_BLOCKS = 25.0, 5
+# Sigma of a direction beside its reference where nothing is known of it, rad.
+_DIRECTION = 0.05
+# Share with which a block moves the scatter: one over the first number and the blocks seen, up to the second.
+_SCATTER_BLOCKS, _SCATTER_MOST = 10.0, 20.0
+# Blocks at rest in a row after which the roll is a reference.
+_REST_BLOCKS = 2
+
+
+@compiled
+def measure(p: KernelParams, s: State, work: Work) -> None:
+    """Kalman step at the end of a block: no velocity gained, hole axis and roll where they were."""
+    for j in range(Error.SIZE):
+        work.error[j] = 0.0
+    for i in range(2):
+        _clear(work.h)
+        work.h[Error.VELOCITY + i] = 1.0
+        innovation, spread = _look(s.P, work, -s.velocity[i])
+        scalar_update(s.P, work.error, work.ph, spread + p.velocity**2, innovation)
+    if s.phase == Phase.SETTLING:
+        _settle(s)
+    else:
+        t = s.sums.time
+        share = 1.0 / (_SCATTER_BLOCKS + min(float(s.seen), _SCATTER_MOST))
+        s.seen += 1
+        _hold_axis(p, s, work, share)
+        quiet = abs(s.sums.turn) < p.still_rate * t
+        if quiet and s.still_run >= _REST_BLOCKS:
+            _hold_roll(p, s, work, share)
+        s.still_run = s.still_run + 1 if quiet else 0
+        if quiet:
+            s.still_time += t
+        else:
+            s.turn_time += t
+        s.elapsed += t
+    _correct(s, work.error)
+
+
+@compiled
+def frame(axis: Array) -> tuple[float, float, float, float, float]:
+    """High side (3) and right side (north, east) of an axis, shape (3,), in the level frame."""
+    hx, hy, hz = axis[0], axis[1], axis[2]
+    across = math.sqrt(hx * hx + hy * hy)
+    if across < 1e-6:
+        return -math.copysign(1.0, hz), 0.0, 0.0, 0.0, 1.0
+    rx, ry = -hy / across, hx / across
+    return ry * hz, -rx * hz, rx * hy - ry * hx, rx, ry
+
+
+@compiled
+def _clear(h: Array) -> None:
+    for j in range(len(h)):
+        h[j] = 0.0
+
+
+@compiled
+def _look(P: Array, work: Work, y: float) -> tuple[float, float]:
+    """Innovation of y = h . error on the error found so far, and its variance by the states; fills ph."""
+    for j in range(Error.SIZE):
+        c = work.h[j]
+        if c != 0.0:
+            y -= c * work.error[j]
+    return y, project_covariance(P, work.h, work.ph)
+
+
+@compiled
+def _hold(p: KernelParams, s: State, work: Work, which: int, y: float, share: float) -> bool:
+    """Update by an angle that keeps still, with the scatter seen so far as its noise; False if it was gated out."""
+    innovation, spread = _look(s.P, work, y)
+    r2 = max(p.direction_floor**2, s.scatter[which])
+    ok = innovation * innovation < _GATE * (spread + r2)
+    # What the prediction does not explain; never below zero, or a wide start would claim a noise that is not there.
+    seen = max(min(innovation * innovation, _GATE * (spread + r2)) - spread, 0.0)
+    s.scatter[which] += share * (seen - s.scatter[which])
+    if ok:
+        scalar_update(s.P, work.error, work.ph, spread + r2, innovation)
+    return bool(ok)
+
+
+@compiled
+def _settle(s: State) -> None:
+    """First look at how much the axis scatters from block to block."""
+    ax, ay, az = s.mat[0, 0], s.mat[1, 0], s.mat[2, 0]
+    s.settled += 1
+    if s.settled == 1:
+        s.axis_reference[0], s.axis_reference[1], s.axis_reference[2] = ax, ay, az
+    else:
+        hx, hy, hz, rx, ry = frame(s.axis_reference)
+        px, py, pz = ax - s.last_axis[0], ay - s.last_axis[1], az - s.last_axis[2]
+        s.axis_difference2[0] += (px * hx + py * hy + pz * hz) ** 2
+        s.axis_difference2[1] += (px * rx + py * ry) ** 2
+    s.last_axis[0], s.last_axis[1], s.last_axis[2] = ax, ay, az
+    if s.settled > _SETTLE_BLOCKS:
+        s.phase = Phase.SEEKING
+        for j in range(2):
+            s.scatter[j] = 0.5 * s.axis_difference2[j] / _SETTLE_BLOCKS
+        s.scatter[2] = max(s.scatter[0], s.scatter[1])
+        s.axis_reference[0], s.axis_reference[1], s.axis_reference[2] = ax, ay, az
+
+
+@compiled
+def _hold_axis(p: KernelParams, s: State, work: Work, share: float) -> None:
+    """The hole axis lies where it lay, but for a wobble once and twice per turn of the scribe line."""
+    mat, reference, h = s.mat, s.axis_reference, work.h
+    ax, ay, az, zx, zy, zz = mat[0, 0], mat[1, 0], mat[2, 0], mat[0, 2], mat[1, 2], mat[2, 2]
+    hx, hy, hz, rx, ry = frame(reference)
+    up, side = zx * hx + zy * hy + zz * hz, zx * rx + zy * ry
+    ok = True
+    for i in range(2):
+        ux, uy, uz = (hx, hy, hz) if i == 0 else (rx, ry, 0.0)
+        _clear(h)
+        # -(phi x a).u = -phi.(a x u)
+        h[0], h[1], h[2] = uy * az - uz * ay, uz * ax - ux * az, ux * ay - uy * ax
+        h[Error.AXIS + i] = 1.0
+        wobble = Error.WOBBLE + 4 * i
+        h[wobble] = up
+        h[wobble + 1] = side
+        h[wobble + 2] = up * up - side * side
+        h[wobble + 3] = 2.0 * up * side
+        y = (ax - reference[0]) * ux + (ay - reference[1]) * uy + (az - reference[2]) * uz - s.axis[i]
+        for j in range(4):
+            y -= h[wobble + j] * s.wobble[4 * i + j]
+        ok = _hold(p, s, work, i, y, share) and ok
+    s.refused_blocks = 0 if ok else s.refused_blocks + 1
+    if s.refused_blocks >= _MOVED_BLOCKS:
+        # The axis lies elsewhere now: forget where it lay.
+        s.refused_blocks = 0
+        s.moved += 1
+        for j in range(2):
+            s.P[Error.AXIS + j, Error.AXIS + j] += _DIRECTION**2
+
+
+@compiled
+def _hold_roll(p: KernelParams, s: State, work: Work, share: float) -> None:
+    """Roll of a tool at rest stays where it was; the first of a rest is the reference."""
+    mat, a, k, h = s.mat, s.axis_reference, s.roll_reference, work.h
+    zx, zy, zz = mat[0, 2], mat[1, 2], mat[2, 2]
+    if s.still_run == _REST_BLOCKS:
+        k[0], k[1], k[2] = zx, zy, zz
+        s.roll = 0.0
+        work.error[Error.ROLL] = 0.0
+        reset_state(s.P, Error.ROLL, _DIRECTION**2)
+        s.positions += 1
+        return
+    ux, uy, uz = a[1] * k[2] - a[2] * k[1], a[2] * k[0] - a[0] * k[2], a[0] * k[1] - a[1] * k[0]
+    _clear(h)
+    h[0], h[1], h[2] = uy * zz - uz * zy, uz * zx - ux * zz, ux * zy - uy * zx
+    h[Error.ROLL] = 1.0
+    y = (zx - k[0]) * ux + (zy - k[1]) * uy + (zz - k[2]) * uz - s.roll
+    if not _hold(p, s, work, 2, y, share):
+        s.still_run = 0
+
+
+@compiled
+def _correct(s: State, error: Array) -> None:
+    """Put an estimated error, shape (33,), into the estimate."""
+    rotate_left(s.mat, error[0], error[1], error[2])
+    for j in range(2):
+        s.velocity[j] += error[Error.VELOCITY + j]
+        s.earth_rate[j] += error[Error.EARTH_RATE + j]
+        s.leak[j] += error[Error.LEAK + j]
+        s.axis[j] += error[Error.AXIS + j]
+    for j in range(3):
+        s.gyro_bias[j] += error[Error.GYRO_BIAS + j]
+        s.force_bias[j] += error[Error.FORCE_BIAS + j]
+    for j in range(4):
+        s.g_sensitivity[j] += error[Error.G_SENSITIVITY + j]
+    for j in range(8):
+        s.wobble[j] += error[Error.WOBBLE + j]
+    s.scale_x += error[Error.SCALE_X]
+    s.lag += error[Error.LAG]
+    s.roll += error[Error.ROLL]
+    s.lead += error[Error.LEAD]

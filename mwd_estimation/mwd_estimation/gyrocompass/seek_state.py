@@ -1,0 +1,209 @@
+"""
+What the compiled filter of north seeking reads and carries: parameters in SI, the order of its errors, its records.
+
+`mwd_estimation.gyrocompass.seek_filter` says how they change.
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.records import dtype_of
+
+
+class Error(enum.IntEnum):
+    """Order of the error state, truth minus estimate: the first place of each quantity of `State`, and their number."""
+
+    ATTITUDE = 0
+    VELOCITY = 3
+    EARTH_RATE = 5
+    GYRO_BIAS = 7
+    SCALE_X = 10
+    LEAK = 11
+    G_SENSITIVITY = 13
+    LAG = 17
+    FORCE_BIAS = 18
+    AXIS = 21
+    ROLL = 23
+    WOBBLE = 24
+    LEAD = 32
+    SIZE = 33
+
+
+class Phase(enum.IntEnum):
+    """What a seek is doing: mean force, first look at the scatter of the hole axis, seeking."""
+
+    LEVELLING = 0
+    SETTLING = 1
+    SEEKING = 2
+
+
+class KernelParams(NamedTuple):
+    """`mwd_estimation.gyrocompass.seek_params.SeekParams` in SI; sigmas unless said otherwise."""
+
+    gap_ns: int
+    horizontal: float  # horizontal Earth rate, rad/s
+    down: float  # vertical Earth rate, rad/s
+    level_seconds: float
+    block_seconds: float
+    gyro_noise: float  # y and z, rad/s/sqrt(Hz)
+    gyro_x_noise: float  # rad/s/sqrt(Hz)
+    accel_noise: float  # m/s^2/sqrt(Hz)
+    gyro_bias: float  # y and z, rad/s
+    gyro_x_bias: float  # rad/s
+    accel_bias: float  # m/s^2
+    bias_walk: float  # rad/s/sqrt(s)
+    scale_x: float
+    leak: float  # rad/s of y and z per rad/s of x
+    g_sensitivity: float  # stretch and shear, rad/s per m/s^2
+    g_locked: float  # along and across, rad/s per m/s^2
+    g_calibration: tuple[float, float, float, float]  # along, across, stretch, shear; a value
+    lag: float  # s, a value
+    lag_sigma: float
+    lead: float  # s, a value
+    lead_sigma: float
+    velocity: float  # m/s
+    axis_walk: float  # rad/sqrt(s)
+    direction_floor: float  # least noise of a direction, rad
+    gyro_range: float  # rate from which a sample counts as clipped, rad/s
+    still_rate: float  # rate about the axis below which the tool rests, rad/s
+    expected: tuple[float, float]  # horizontal Earth rate at the expected azimuth, north and east, rad/s; a value
+
+
+class Sums:
+    """
+    Integrals over one block: what the transition needs of the samples.
+
+    Attributes
+    ----------
+    time, turn : float
+        Duration, s, and turn about the tool axis, rad.
+    mat : ndarray, shape (3, 3)
+        Of the tool-to-level matrix.
+    force : ndarray, shape (3,)
+        Of the specific force in the level frame.
+    bias, leak, g_sensitivity, scale, lag, lead : ndarray
+        Of the columns by which each of these errors enters attitude (lead: velocity).
+    """
+
+    time: float
+    turn: float
+    mat: Annotated[Array, 3, 3]
+    force: Annotated[Array, 3]
+    bias: Annotated[Array, 3, 2]
+    scale: Annotated[Array, 3]
+    leak: Annotated[Array, 3, 2]
+    g_sensitivity: Annotated[Array, 3, 4]
+    lag: Annotated[Array, 3]
+    lead: Annotated[Array, 2]
+
+
+class State:
+    """
+    All that changes: one record.
+
+    Attributes
+    ----------
+    clock : ndarray, shape (4,)
+        As of `mwd_estimation.core.samples.admit`.
+    mat : ndarray, shape (3, 3)
+        Tool to level frame.
+    velocity, earth_rate : ndarray, shape (2,)
+        Horizontal, in the level frame, m/s and rad/s.
+    gyro_bias, scale_x, leak, g_sensitivity, lag, force_bias, lead
+        Errors of the instrument, in the units of `KernelParams`.
+    axis, roll, wobble : ndarray, shape (2,), float, ndarray, shape (8,)
+        Where the hole axis lies beside its reference and the roll beside its own, and the axis' motion once and twice
+        per turn, rad.
+    P : ndarray, shape (33, 33)
+        Covariance of the error, in the order of `Error`.
+    sums : Sums
+        Of the block under way.
+    phase, settled, seen : int
+        `Phase`; blocks of settling and of seeking.
+    carried : bool
+        Whether the instrument's errors come from an earlier seek.
+    level_time, elapsed, still_time, turn_time : float
+        s of levelling, and of seeking: all, at rest and turning.
+    axis_reference, roll_reference : ndarray, shape (3,)
+        Hole axis and tool z in the level frame that `axis` and `roll` count from.
+    last_axis, axis_difference2 : ndarray, shapes (3,) and (2,)
+        Axis of the block before, and summed squares of its steps while settling, rad^2.
+    scatter : ndarray, shape (3,)
+        Variance by which high side and right side of the axis, and roll, scatter from block to block, rad^2.
+    still_run, positions, refused_blocks, moved : int
+        Blocks at rest in a row; rests that gave a roll; blocks in a row whose axis was refused; moves found so.
+    samples, clipped : int
+    """
+
+    clock: Annotated[Stamps, 4]
+    mat: Annotated[Array, 3, 3]
+    velocity: Annotated[Array, 2]
+    earth_rate: Annotated[Array, 2]
+    gyro_bias: Annotated[Array, 3]
+    scale_x: float
+    leak: Annotated[Array, 2]
+    g_sensitivity: Annotated[Array, 4]
+    lag: float
+    force_bias: Annotated[Array, 3]
+    axis: Annotated[Array, 2]
+    roll: float
+    wobble: Annotated[Array, 8]
+    lead: float
+    P: Annotated[Array, 33, 33]
+    sums: Sums
+    phase: int
+    settled: int
+    seen: int
+    carried: bool
+    level_time: float
+    elapsed: float
+    still_time: float
+    turn_time: float
+    axis_reference: Annotated[Array, 3]
+    roll_reference: Annotated[Array, 3]
+    last_axis: Annotated[Array, 3]
+    axis_difference2: Annotated[Array, 2]
+    scatter: Annotated[Array, 3]
+    still_run: int
+    positions: int
+    refused_blocks: int
+    moved: int
+    samples: int
+    clipped: int
+
+    if TYPE_CHECKING:
+
+        def copy(self) -> State:
+            """Independent copy, as of every numpy record."""
+            ...
+
+
+class Work:
+    """
+    Scratch of a block: matrix in the middle of a sample, vectors and matrix of levelling, moving rows of the transition
+    and of its product with P, the error found so far, a measurement's row and its product with P.
+    """
+
+    half: Annotated[Array, 3, 3]
+    down: Annotated[Array, 3]
+    forward: Annotated[Array, 3]
+    level: Annotated[Array, 3, 3]
+    phi: Annotated[Array, 5, 33]
+    rows: Annotated[Array, 5, 33]
+    error: Annotated[Array, 33]
+    h: Annotated[Array, 33]
+    ph: Annotated[Array, 33]
+
+
+STATE, WORK = dtype_of(State), dtype_of(Work)
+
+
+def estimate(s: State) -> Array:
+    """The estimate in the order of `Error`, shape (33,); attitude, which is a matrix, counts as zero."""
+    instrument = (s.gyro_bias, s.scale_x, s.leak, s.g_sensitivity, s.lag, s.force_bias)
+    return np.hstack([np.zeros(3), s.velocity, s.earth_rate, *instrument, s.axis, s.roll, s.wobble, s.lead])

@@ -1,0 +1,338 @@
+"""
+The compiled filter behind `static_ekf`: S1's fifteen error states of a tool that has not moved.
+
+Strapdown mechanisation in north-east-down with the Earth rate of a known latitude, a coarse alignment to start it, and
+the measurement that position and velocity are still zero (S1 section 2.2). Derivation: ``docs/methods/gyrocompass.md``.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+from mwd_estimation.core import samples as track
+from mwd_estimation.core.status import Status
+from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.kalman import (
+    level_matrix,
+    propagate_covariance,
+    reset_state,
+    rotate_left,
+    rotate_right,
+    scalar_update,
+)
+from mwd_sensors.core.records import dtype_of
+
+_REJECTED, _GAP, _INITIALISING = int(Status.REJECTED), int(Status.GAP), int(Status.INITIALISING)
+_STILL, _NEAR_VERTICAL = int(Status.STILL), int(Status.NEAR_VERTICAL)
+
+
+class Error(enum.IntEnum):
+    """Order of the error state (S1), truth minus estimate: the first of three axes of each, and their number."""
+
+    POSITION = 0
+    VELOCITY = 3
+    ATTITUDE = 6
+    GYRO_BIAS = 9
+    ACCEL_BIAS = 12
+    SIZE = 15
+
+
+class KernelParams(NamedTuple):
+    """`mwd_estimation.gyrocompass.static_ekf.Params` in SI."""
+
+    gap_ns: int
+    north: float  # horizontal Earth rate, rad/s
+    down: float  # vertical Earth rate, rad/s
+    gravity: float
+    coarse_seconds: float
+    gyro_noise: float  # rad/s/sqrt(Hz)
+    accel_noise: float  # m/s^2/sqrt(Hz)
+    gyro_walk: float  # rad/s/sqrt(s)
+    accel_walk: float  # m/s^2/sqrt(s)
+    gyro_bias: float  # rad/s
+    accel_bias: float  # m/s^2
+    sigma_position: float
+    sigma_velocity: float
+    moved_ratio: float
+
+
+class State:
+    """
+    All that changes: one record.
+
+    Attributes
+    ----------
+    clock : ndarray, shape (4,)
+        As of `mwd_estimation.core.samples.admit`.
+    aligned : bool
+        Whether the coarse alignment is done.
+    mean_time, rate, force : float, ndarray, shape (3,)
+        Duration, s, and integrals of rate, rad, and force, m/s, of the coarse alignment.
+    ratio : float
+        Slow mean of the innovation ratio.
+    position, velocity, gyro_bias, accel_bias : ndarray, shape (3,)
+        Estimate; m and m/s in NED, rad/s and m/s^2 in tool axes.
+    mat, mat_coarse : ndarray, shape (3, 3)
+        Tool to NED now, and at the coarse alignment. The tool keeps still, so every transition is taken at the latter:
+        taken at the latest one, the unobservable mix of azimuth and east gyro bias would turn with each correction and
+        sigma would shrink below the truth.
+    P : ndarray, shape (15, 15)
+        Covariance of the error, in the order of `Error`.
+    """
+
+    clock: Annotated[Stamps, 4]
+    aligned: bool
+    mean_time: float
+    rate: Annotated[Array, 3]
+    force: Annotated[Array, 3]
+    ratio: float
+    position: Annotated[Array, 3]
+    velocity: Annotated[Array, 3]
+    mat: Annotated[Array, 3, 3]
+    mat_coarse: Annotated[Array, 3, 3]
+    gyro_bias: Annotated[Array, 3]
+    accel_bias: Annotated[Array, 3]
+    P: Annotated[Array, 15, 15]
+
+    if TYPE_CHECKING:
+
+        def copy(self) -> State:
+            """Independent copy, as of every numpy record."""
+            ...
+
+
+class Row:
+    """What one sample gives: tool-to-NED matrix, sigmas, rad, innovation ratio, status bits."""
+
+    mat: Annotated[Array, 3, 3]
+    sigma_azimuth: float
+    sigma_inclination: float
+    ratio: float
+    status: int
+
+
+class Work:
+    """Scratch of the Kalman step: moving rows of the transition and of its product with P; error and gain columns."""
+
+    phi: Annotated[Array, 9, 15]
+    rows: Annotated[Array, 9, 15]
+    error: Annotated[Array, 15]
+    ph: Annotated[Array, 15]
+
+
+STATE, ROW, WORK = dtype_of(State), dtype_of(Row), dtype_of(Work)
+
+
+@compiled
+def propagate(p: KernelParams, s: State, dt: float, w: Array, f: Array) -> None:
+    """Carry the estimate through one sample of mean rate w, rad/s, and force f, m/s^2, shape (3,), in place."""
+    mat, v = s.mat, s.velocity
+    ax, ay, az = f[0] - s.accel_bias[0], f[1] - s.accel_bias[1], f[2] - s.accel_bias[2]
+    vn, ve, vd = v[0], v[1], v[2]
+    for i in range(3):
+        s.position[i] += v[i] * dt
+    # v' = C f + g - 2 w_ie x v; transport rate and gradient of gravity vanish for a tool that keeps still.
+    v[0] += dt * (mat[0, 0] * ax + mat[0, 1] * ay + mat[0, 2] * az + 2.0 * p.down * ve)
+    v[1] += dt * (mat[1, 0] * ax + mat[1, 1] * ay + mat[1, 2] * az - 2.0 * (p.down * vn - p.north * vd))
+    v[2] += dt * (mat[2, 0] * ax + mat[2, 1] * ay + mat[2, 2] * az + p.gravity - 2.0 * p.north * ve)
+    b = s.gyro_bias
+    rotate_right(mat, dt * (w[0] - b[0]), dt * (w[1] - b[1]), dt * (w[2] - b[2]))
+    rotate_left(mat, -dt * p.north, 0.0, -dt * p.down)
+
+
+@compiled
+def transition(p: KernelParams, mat: Array, dt: float, ax: float, ay: float, az: float, phi: Array) -> None:
+    """
+    Fill phi, shape (9, 15), with the moving rows of Phi = I + F T of the error state (S1); the bias rows are I.
+
+    mat: tool to NED. ax, ay, az: force free of bias, m/s^2.
+    """
+    north, down = p.north, p.down
+    fn = mat[0, 0] * ax + mat[0, 1] * ay + mat[0, 2] * az
+    fe = mat[1, 0] * ax + mat[1, 1] * ay + mat[1, 2] * az
+    fd = mat[2, 0] * ax + mat[2, 1] * ay + mat[2, 2] * az
+    for i in range(9):
+        for j in range(Error.SIZE):
+            phi[i, j] = 0.0
+        phi[i, i] = 1.0
+    for i in range(3):
+        phi[i, Error.VELOCITY + i] = dt
+        for j in range(3):
+            phi[Error.VELOCITY + i, Error.ACCEL_BIAS + j] = -dt * mat[i, j]
+            phi[Error.ATTITUDE + i, Error.GYRO_BIAS + j] = -dt * mat[i, j]
+    # -2 w_ie x v
+    phi[3, 4], phi[4, 3], phi[4, 5], phi[5, 4] = 2.0 * dt * down, -2.0 * dt * down, 2.0 * dt * north, -2.0 * dt * north
+    # attitude error x specific force
+    phi[3, 7], phi[3, 8] = dt * fd, -dt * fe
+    phi[4, 6], phi[4, 8] = -dt * fd, dt * fn
+    phi[5, 6], phi[5, 7] = dt * fe, -dt * fn
+    # -w_ie x attitude error
+    phi[6, 7], phi[7, 6], phi[7, 8], phi[8, 7] = dt * down, -dt * down, dt * north, -dt * north
+
+
+@compiled
+def _predict(p: KernelParams, P: Array, dt: float, w: Work) -> None:
+    propagate_covariance(P, w.phi, w.rows)
+    for i in range(3):
+        P[Error.VELOCITY + i, Error.VELOCITY + i] += p.accel_noise**2 * dt
+        P[Error.ATTITUDE + i, Error.ATTITUDE + i] += p.gyro_noise**2 * dt
+        P[Error.GYRO_BIAS + i, Error.GYRO_BIAS + i] += p.gyro_walk**2 * dt
+        P[Error.ACCEL_BIAS + i, Error.ACCEL_BIAS + i] += p.accel_walk**2 * dt
+
+
+@compiled
+def _correct(s: State, error: Array) -> None:
+    """Put an estimated error, shape (15,), into the estimate."""
+    rotate_left(s.mat, error[Error.ATTITUDE], error[Error.ATTITUDE + 1], error[Error.ATTITUDE + 2])
+    for j in range(3):
+        s.position[j] += error[Error.POSITION + j]
+        s.velocity[j] += error[Error.VELOCITY + j]
+        s.gyro_bias[j] += error[Error.GYRO_BIAS + j]
+        s.accel_bias[j] += error[Error.ACCEL_BIAS + j]
+
+
+@compiled
+def _not_moved(p: KernelParams, s: State, w: Work) -> float:
+    """Six scalar updates z = 0 - (position, velocity); corrects the state, returns the mean innovation ratio."""
+    error, ph = w.error, w.ph
+    for j in range(Error.SIZE):
+        error[j] = 0.0
+    ratio = 0.0
+    for m in range(6):
+        known = s.position[m] if m < 3 else s.velocity[m - 3]
+        r = p.sigma_position if m < 3 else p.sigma_velocity
+        for j in range(Error.SIZE):
+            ph[j] = s.P[j, m]
+        variance = ph[m] + r * r
+        innovation = -known - error[m]
+        ratio += innovation * innovation / variance
+        scalar_update(s.P, error, ph, variance, innovation)
+    _correct(s, error)
+    return ratio / 6.0
+
+
+@compiled
+def _align(p: KernelParams, s: State) -> None:
+    """
+    Coarse alignment: down from the mean force, north from the horizontal part of the mean rate.
+
+    The start covariance is the linear map of both biases and both noises, so that the azimuth error starts correlated
+    with the bias that causes it and the data of the alignment are counted once.
+    """
+    t, P, mat = s.mean_time, s.P, s.mat
+    for i in range(3):
+        s.force[i] = -s.force[i]
+        s.rate[i] /= t
+        s.position[i] = s.velocity[i] = s.gyro_bias[i] = s.accel_bias[i] = 0.0
+    # No horizontal rate at all means a dead gyro: any north will do, the innovations show it.
+    level_matrix(s.force, s.rate, 1e-12, mat)
+    for i in range(3):
+        for j in range(3):
+            s.mat_coarse[i, j] = mat[i, j]
+    for i in range(Error.SIZE):
+        reset_state(P, i, 0.0)
+    va, vg = p.accel_bias**2, p.gyro_bias**2
+    for i in range(3):
+        P[Error.GYRO_BIAS + i, Error.GYRO_BIAS + i] = vg
+        P[Error.ACCEL_BIAS + i, Error.ACCEL_BIAS + i] = va
+    # Attitude error = sum over causes: rows of the map for accelerometer (north, east) and gyro (east) errors.
+    noise_a, noise_g = p.accel_noise**2 / t, p.gyro_noise**2 / t
+    azimuth = Error.ATTITUDE + 2
+    for j in range(3):
+        a_n, a_e = mat[0, j], mat[1, j]
+        tilt_n, tilt_e = a_e / p.gravity, -a_n / p.gravity
+        turn_a, turn_g = tilt_n * p.down / p.north, a_e / p.north
+        cause = (tilt_n, tilt_e, turn_a)
+        for r in range(3):
+            P[Error.ATTITUDE + r, Error.ACCEL_BIAS + j] += cause[r] * va
+            P[Error.ACCEL_BIAS + j, Error.ATTITUDE + r] += cause[r] * va
+            for c in range(3):
+                P[Error.ATTITUDE + r, Error.ATTITUDE + c] += cause[r] * cause[c] * (va + noise_a)
+        P[azimuth, Error.GYRO_BIAS + j] += turn_g * vg
+        P[Error.GYRO_BIAS + j, azimuth] += turn_g * vg
+        P[azimuth, azimuth] += turn_g * turn_g * (vg + noise_g)
+    for i in range(3):
+        # At the moment of alignment the tool is where it is: the origin, at rest within its stated motion.
+        P[i, i] = p.sigma_position**2
+        P[Error.VELOCITY + i, Error.VELOCITY + i] = p.sigma_velocity**2
+    s.aligned, s.ratio = True, 1.0
+
+
+@compiled
+def _take(p: KernelParams, s: State, work: Work, dt: float, w: Array, f: Array) -> None:
+    """One sample: into the coarse alignment, or one step of the filter."""
+    if not s.aligned:
+        s.mean_time += dt
+        for j in range(3):
+            s.rate[j] += w[j] * dt
+            s.force[j] += f[j] * dt
+        if s.mean_time >= p.coarse_seconds - 1e-9:
+            _align(p, s)
+        return
+    # A tool at rest measures gravity; the measured force would bring its noise into the transition, where it passes
+    # for motion that shows the azimuth.
+    g, down = -p.gravity, s.mat_coarse[2]
+    transition(p, s.mat_coarse, dt, g * down[0], g * down[1], g * down[2], work.phi)
+    propagate(p, s, dt, w, f)
+    _predict(p, s.P, dt, work)
+    s.ratio += min(1.0, dt) * (_not_moved(p, s, work) - s.ratio)
+
+
+@compiled
+def _write(p: KernelParams, s: State, bits: int, row: Row) -> None:
+    """Fill the row of a sample; bits: its status so far."""
+    known = s.aligned
+    for r in range(3):
+        for c in range(3):
+            row.mat[r, c] = s.mat[r, c] if known else (1.0 if r == c else 0.0)
+    if not known:
+        row.sigma_azimuth, row.sigma_inclination, row.ratio = math.pi, math.pi, 1.0
+        row.status = bits | _INITIALISING
+        return
+    # The hole axis is the first column; an attitude error moves its azimuth by H P H'.
+    P, an, ae, ad = s.P, s.mat[0, 0], s.mat[1, 0], s.mat[2, 0]
+    across2 = an * an + ae * ae
+    if across2 < math.sin(track.NEAR_VERTICAL_BELOW) ** 2:
+        bits |= _NEAR_VERTICAL
+    if across2 < 1e-12:
+        row.sigma_azimuth = math.pi
+        row.sigma_inclination = math.sqrt(P[6, 6] + P[7, 7])
+    else:
+        h0, h1 = -an * ad / across2, -ae * ad / across2
+        variance = h0 * h0 * P[6, 6] + h1 * h1 * P[7, 7] + P[8, 8]
+        variance += 2.0 * (h0 * h1 * P[6, 7] + h0 * P[6, 8] + h1 * P[7, 8])
+        row.sigma_azimuth = min(math.pi, math.sqrt(variance))
+        across = math.sqrt(across2)
+        t0, t1 = ae / across, -an / across
+        row.sigma_inclination = math.sqrt(t0 * t0 * P[6, 6] + t1 * t1 * P[7, 7] + 2.0 * t0 * t1 * P[6, 7])
+    row.ratio = s.ratio
+    if s.ratio <= p.moved_ratio:
+        bits |= _STILL
+    row.status = bits
+
+
+@compiled
+def advance(
+    p: KernelParams, s: State, work: Work, stamps: Stamps, gyro: Array, accel: Array, out: Sequence[Row]
+) -> None:
+    """Take samples as `static_ekf.run`: fill `out` with a row for each."""
+    for i in range(len(stamps)):
+        w, f = gyro[i], accel[i]
+        last = s.clock[track.LAST_NS]
+        verdict = track.admit(s.clock, stamps[i], w[0], w[1], w[2], f[0], f[1], f[2], p.gap_ns)
+        bits = 0
+        if verdict == track.REJECTED:
+            bits = _REJECTED
+        elif verdict == track.NEXT:
+            _take(p, s, work, (stamps[i] - last) * 1e-9, w, f)
+        else:
+            if verdict == track.AFTER_GAP:
+                bits = _GAP
+            s.aligned, s.mean_time, s.ratio = False, 0.0, 0.0
+            for j in range(3):
+                s.rate[j] = s.force[j] = 0.0
+        _write(p, s, bits, out[i])
