@@ -13,8 +13,8 @@ from mwd_surface.rig.port import RigSettings
 from mwd_surface.ros.topics import TOPICS
 from mwd_surface.surveys.depth import DepthRules
 from mwd_surface.surveys.leg_settings import LegSettings
+from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.slide_sheet import SlideRules
-from mwd_surface.surveys.survey_list import ListRules
 from mwd_surface.surveys.well import Well
 
 

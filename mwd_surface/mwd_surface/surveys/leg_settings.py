@@ -6,7 +6,8 @@ import dataclasses
 import math
 
 from mwd_sensors.core.settings import setting
-from mwd_surface.surveys.survey_list import MAIN, SurveyList, TieOn
+from mwd_surface.surveys.leg import MAIN, TieOn
+from mwd_surface.surveys.survey_list import SurveyList
 
 
 @dataclasses.dataclass(frozen=True)

@@ -18,7 +18,8 @@ from types import TracebackType
 from typing import Any
 
 from mwd_surface.bags.folder_lock import FolderLock, FolderTakenError
-from mwd_surface.surveys.survey_list import ListRules, SurveyList
+from mwd_surface.surveys.list_rules import ListRules
+from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
 
 FORMAT = "mwd survey list"

@@ -91,7 +91,7 @@ def projected(path: Definitive, bit_depth: float, how: str) -> Definitive:
     bit = mc.path(md[-2:], incs[-2:], azis[-2:], path.positions[-1])[-1]
     kind, sequence = (*path.kind, "projected"), (*path.sequence, 0)
     return path_of(
-        path.leg, path.north, path.section_azimuth, md, incs, azis, np.vstack([path.positions, bit]), kind, sequence
+        path.leg, path.north, path.section_azimuth, (md, incs, azis), np.vstack([path.positions, bit]), kind, sequence
     )
 
 
@@ -99,19 +99,18 @@ def path_of(
     leg: str,
     north: North,
     section_azimuth: float,
-    md: Array,
-    inclination: Array,
-    azimuth: Array,
+    stations: tuple[Array, Array, Array],
     positions: Array,
     kind: tuple[str, ...],
     sequence: tuple[int, ...],
 ) -> Definitive:
     """
-    The path through stations whose positions are known, with everything that follows from them.
+    Return the path through stations whose positions are known, with everything that follows from them.
 
-    Arguments are the fields of the same names.
+    stations: measured depth, m, inclination and azimuth, rad, each of shape (n,). The other arguments are the fields of
+    the same names.
     """
-    stations = (md, inclination, azimuth)
+    md, inclination, azimuth = stations
     return Definitive(
         leg=leg,
         north=north,

@@ -12,8 +12,10 @@ from lxml import etree
 
 from mwd_surface.exports.export_witsml import NAMESPACE, witsml
 from mwd_surface.exports.survey_table import survey_table, table_of
+from mwd_surface.surveys.leg import TieOn
+from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.plan_file import plan_from_witsml
-from mwd_surface.surveys.survey_list import ListRules, SurveyList, TieOn
+from mwd_surface.surveys.survey_list import SurveyList
 from project import REFERENCE_DATA
 
 XSD = REFERENCE_DATA / "witsml" / "xsd" / "obj_trajectory.xsd"

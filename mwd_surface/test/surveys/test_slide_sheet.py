@@ -88,7 +88,7 @@ def test_motor_yield_is_the_dogleg_over_the_metres_slid():
     md, inc = np.array([100.0, 130.0, 160.0]), np.radians([0.0, 2.0, 2.0])
     azi = np.zeros(3)
     path = path_of(
-        "main", North.GRID, 0.0, md, inc, azi, mc.path(md, inc, azi), ("tie-on", "survey", "survey"), (0, 1, 2)
+        "main", North.GRID, 0.0, (md, inc, azi), mc.path(md, inc, azi), ("tie-on", "survey", "survey"), (0, 1, 2)
     )
     stretches = [Stretch(SLIDE, 100.0, 110.0, 0, 1, 0.0, 1.0), Stretch(ROTATE, 110.0, 150.0, 1, 2)]
     one, two = yields(stretches, path)

@@ -11,7 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors.core import minimum_curvature as mc
-from mwd_surface.surveys.survey_list import ListRules, SurveyList, TieOn
+from mwd_surface.surveys.leg import TieOn
+from mwd_surface.surveys.list_rules import ListRules
+from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, North, Survey, Verdict
 from mwd_surface.surveys.well import Well
 from project import REFERENCE_DATA
@@ -176,7 +178,7 @@ def test_azimuths_are_turned_to_the_north_of_the_well_or_stay_out():
     whole = SurveyList(well=grid).add(turned, 100.0, 0.0)
     assert math.degrees(whole.definitive().azimuth[-1]) == pytest.approx(42.0)
     bare = SurveyList(well=grid).add(shot(1, 30.0, north=int(North.MAGNETIC), b_reference=-1.0), 100.0, 0.0)
-    assert flags(bare, 1) == ("its azimuth is from magnetic north and nothing turns it to grid north",)
+    assert flags(bare, 1) == ("its azimuth is from magnetic north and nothing converts it to grid north",)
     withheld = SurveyList().add(shot(1, 30.0, covariance=NO_AZIMUTH), 100.0, 0.0)
     assert flags(withheld, 1) == ("no azimuth",)
 

@@ -8,8 +8,9 @@ import pytest
 from plotted_bag import recorded
 
 from mwd_surface.bags.bag_reader import BagError
+from mwd_surface.surveys.leg import TieOn
 from mwd_surface.surveys.slide_file import NAME, append_stretch
-from mwd_surface.surveys.survey_list import SurveyList, TieOn
+from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_source import stretches_of, surveys_of
 from mwd_surface.surveys.survey_store import SurveyStore, encoded
 

@@ -12,7 +12,9 @@ import time
 import pytest
 
 from mwd_surface.surveys import survey_store
-from mwd_surface.surveys.survey_list import ListRules, SurveyList, TieOn
+from mwd_surface.surveys.leg import TieOn
+from mwd_surface.surveys.list_rules import ListRules
+from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import North, Survey
 from mwd_surface.surveys.survey_store import StoreError, SurveyStore
 from mwd_surface.surveys.well import Well
@@ -162,7 +164,7 @@ WRITER = """
 import sys
 sys.path[:0] = {path!r}
 from mwd_surface.surveys.survey_store import SurveyStore
-from mwd_surface.surveys.survey_list import ListRules
+from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.well import Well
 sys.path.insert(0, {here!r})
 from test_survey_store import RULES, WELL, grown

@@ -15,7 +15,7 @@ INC, AZI = np.radians([0.0, 0.0, 3.0, 6.0, 10.0]), np.radians([0.0, 0.0, 30.0, 3
 
 def made():
     kind = ("tie-on", *("survey",) * 4)
-    return path_of("main", North.GRID, 0.5, MD, INC, AZI, mc.path(MD, INC, AZI), kind, (0, 1, 2, 3, 4))
+    return path_of("main", North.GRID, 0.5, (MD, INC, AZI), mc.path(MD, INC, AZI), kind, (0, 1, 2, 3, 4))
 
 
 def test_a_straight_projection_keeps_the_last_direction_and_is_marked():

@@ -1,0 +1,170 @@
+"""
+Whether a station can go into the path of its leg, its place on that path, and the flags it gets there.
+
+Units are SI and rad; azimuths are from the north of the well.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mwd_sensors.core import minimum_curvature as mc
+from mwd_surface.surveys.leg import Leg
+from mwd_surface.surveys.list_rules import ListRules
+from mwd_surface.surveys.survey_record import Judgement, North, SurveyRecord, Verdict
+from mwd_surface.surveys.well_path import Definitive, path_of, projected
+
+if TYPE_CHECKING:
+    from mwd_surface.surveys.survey_list import SurveyList
+
+
+def in_use_on(whole: SurveyList, leg: str) -> list[SurveyRecord]:
+    """Return the stations in use on a leg."""
+    return [r for r in whole.records if r.leg == leg and r.in_use]
+
+
+def at_same_depth(whole: SurveyList, record: SurveyRecord) -> list[SurveyRecord]:
+    """Return the other stations in use at the depth of a record on its leg."""
+    return [
+        r
+        for r in in_use_on(whole, record.leg)
+        if r.survey.uuid != record.survey.uuid
+        and abs(r.measured_depth - record.measured_depth) < whole.rules.same_depth
+    ]
+
+
+def fatal_reasons(whole: SurveyList, record: SurveyRecord) -> list[str]:
+    """Return why the record cannot go into the path, whoever decides; empty where it can."""
+    if record.measured_depth < 0.0:
+        return ["no measured depth"]
+    why = []
+    tie_on = whole.find_leg(record.leg).tie_on
+    if record.measured_depth <= tie_on.measured_depth:
+        why.append(f"at {record.measured_depth:.2f} m it is not below the tie-on at {tie_on.measured_depth:.2f} m")
+    if record.survey.azimuth_from(whole.north) is None and not _is_vertical(record, whole.rules):
+        have = North(record.survey.north).name.lower()
+        why.append(
+            f"its azimuth is from {have} north and nothing converts it to {whole.well.north_reference} north"
+            if record.survey.has_azimuth
+            else "no azimuth"
+        )
+    return why
+
+
+def conflicts(whole: SurveyList, record: SurveyRecord) -> list[str]:
+    """Return what only an explicit replacement can override."""
+    rivals = at_same_depth(whole, record)
+    why = [f"duplicate depth: survey {r.survey.sequence} is at {r.measured_depth:.2f} m" for r in rivals]
+    deeper = [
+        r
+        for r in in_use_on(whole, record.leg)
+        if r.measured_depth > record.measured_depth and r.survey.stamp_ns < record.survey.stamp_ns and r not in rivals
+    ]
+    if deeper and not record.in_use:
+        last = max(deeper, key=lambda r: r.measured_depth)
+        why.append(f"decreasing depth: survey {last.survey.sequence} is deeper, at {last.measured_depth:.2f} m")
+    return why
+
+
+def obstacles(whole: SurveyList, record: SurveyRecord) -> list[str]:
+    """Return why the record does not go into the path by itself, apart from its verdict."""
+    why = fatal_reasons(whole, record)
+    if record.measured_depth < 0.0:
+        return why
+    why += [*_age_flag(record, whole.rules), *conflicts(whole, record)]
+    if not why:
+        try:
+            leg_path(whole, whole.find_leg(record.leg), [*(r for r in whole.records if r.in_use), record], None)
+        except ValueError as error:
+            why.append(str(error))
+    return why
+
+
+def placed(whole: SurveyList, record: SurveyRecord, place: tuple[Definitive, int] | None) -> SurveyRecord:
+    """Return the record with its place on the path (path and index, or None) and its flags."""
+    if place is None or not record.in_use:
+        bare = dataclasses.replace(
+            record,
+            in_use=False,
+            north=0.0,
+            east=0.0,
+            vertical_depth=0.0,
+            vertical_section=0.0,
+            dogleg_severity=0.0,
+            build_rate=0.0,
+            turn_rate=0.0,
+            flags=(),
+        )
+        # A rejected station gets no flags: it is out whether or not it could be used.
+        flags = [] if record.judgement == Judgement.REJECTED else obstacles(whole, bare)
+        return dataclasses.replace(bare, flags=tuple(flags))
+    path, k = place
+    n, e, d = (float(v) for v in path.positions[k])
+    return dataclasses.replace(
+        record,
+        north=n,
+        east=e,
+        vertical_depth=d,
+        vertical_section=float(path.vertical_section[k]),
+        dogleg_severity=float(path.dogleg_severity[k]),
+        build_rate=float(path.build_rate[k]),
+        turn_rate=float(path.turn_rate[k]),
+        flags=tuple(quality_flags(whole, record, path, k)),
+    )
+
+
+def quality_flags(whole: SurveyList, record: SurveyRecord, path: Definitive, k: int) -> list[str]:
+    """Return what is worth attention about a station in use, at index k of its path."""
+    flags = _age_flag(record, whole.rules)
+    if record.survey.azimuth_from(whole.north) is None:
+        flags.append("no azimuth: that of the station above is used")
+    severity = math.degrees(path.dogleg_severity[k]) * 30.0
+    if severity > whole.rules.dogleg_limit_deg:
+        flags.append(f"dogleg {severity:.1f} deg/30 m is over {whole.rules.dogleg_limit_deg:g}")
+    gap = float(path.md[k] - path.md[k - 1])
+    if path.kind[k - 1] != "tie-on" and gap > whole.rules.gap_limit:
+        flags.append(f"gap {gap:.0f} m is over {whole.rules.gap_limit:g}")
+    if record.judgement == Judgement.ACCEPTED and record.survey.verdict != Verdict.ACCEPT:
+        verdict = Verdict(record.survey.verdict).name.lower()
+        flags.append(f"accepted by {record.operator_name} against the automatic verdict {verdict}")
+    return flags
+
+
+def leg_path(whole: SurveyList, leg: Leg, used: list[SurveyRecord], bit_depth: float | None) -> Definitive:
+    """Return the path of a leg through its parents, from the stations `used`, projected to bit_depth, m, if given."""
+    t = leg.tie_on
+    own = sorted((r for r in used if r.leg == leg.name), key=lambda r: r.measured_depth)
+    md, inc, azi = [t.measured_depth], [t.inclination], [t.azimuth]
+    for record in own:
+        azimuth = record.survey.azimuth_from(whole.north)
+        md.append(record.measured_depth)
+        inc.append(record.survey.inclination)
+        azi.append(azi[-1] if azimuth is None else azimuth)
+    positions = mc.path(md, inc, azi, (t.north, t.east, t.vertical_depth))
+    kind: tuple[str, ...] = ("tie-on", *("survey" for _ in own))
+    sequence: tuple[int, ...] = (0, *(r.survey.sequence for r in own))
+    columns = np.column_stack([md, inc, azi])
+    if leg.parent:
+        above = leg_path(whole, whole.find_leg(leg.parent), used, None)
+        keep = int(np.searchsorted(above.md, t.measured_depth, side="left"))
+        columns = np.vstack([np.column_stack([above.md, above.inclination, above.azimuth])[:keep], columns])
+        positions = np.vstack([above.positions[:keep], positions])
+        kind, sequence = above.kind[:keep] + kind, above.sequence[:keep] + sequence
+    section_azimuth = math.radians(whole.well.section_azimuth_deg)
+    md_all, inc_all, azi_all = columns.T
+    path = path_of(leg.name, whole.north, section_azimuth, (md_all, inc_all, azi_all), positions, kind, sequence)
+    return path if bit_depth is None else projected(path, bit_depth, whole.rules.projection)
+
+
+def _age_flag(record: SurveyRecord, rules: ListRules) -> list[str]:
+    if record.depth_age < 0.0:
+        return ["depth age unknown"]
+    return [f"depth age {record.depth_age:.0f} s"] if record.depth_age > rules.depth_age_limit else []
+
+
+def _is_vertical(record: SurveyRecord, rules: ListRules) -> bool:
+    return record.survey.inclination <= math.radians(rules.vertical_limit_deg)
