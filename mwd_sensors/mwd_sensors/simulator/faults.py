@@ -17,7 +17,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.arrays import Indices, Samples
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 
@@ -142,7 +142,7 @@ def spoil(
     state: FaultState, topic: str, samples: Samples, t: NDArray[np.float64]
 ) -> tuple[Samples, NDArray[np.float64]]:
     """
-    Samples of one topic with the faults in force done to them, and their times.
+    Apply the faults in force to the samples of one topic; returns the published ones and their times.
 
     t, shape (n,): time of the run of each sample, s. Samples at any block length come out the same.
     """
@@ -162,39 +162,64 @@ def spoil(
         if not copied:
             samples, copied = samples.copy(), True
         values = samples[field].reshape(len(samples), -1)
-        at = "xyz".find(fault.axis[0])
-        axes = slice(at, at + 1) if len(fault.axis) == 1 else slice(None)
-        if fault.fault == "off":
-            if fault.axis == "all" and field not in ("angular_velocity", "linear_acceleration"):
-                keep &= ~hit
-            else:
-                values[hit, axes] = 0.0
-                samples[field + "_covariance"][hit, 0] = -1.0
-        elif fault.fault == "stuck":
-            _stick(state, fault, values, axes, hit)
-        elif fault.fault == "garbage":
-            draw = state.rngs[topic].uniform(-1.0, 1.0, size=values[hit, axes].shape)
-            values[hit, axes] = _GARBAGE[field] * draw
-        elif fault.fault == "wrong":
-            factor, shift = _WRONG[field]
-            values[hit, axes] = factor * values[hit, axes] + shift
-        elif fault.fault in MOUNTING:
-            values[hit] = values[hit] @ mounting(fault).T
-        elif fault.fault == "nan":
-            values[hit, axes] = math.nan
-        elif fault.fault == "saturated":
-            values[hit, axes] = np.copysign(_LIMIT[field], values[hit, axes])
-        elif fault.fault == "repeated_stamps":
-            _repeat(state, fault, samples, hit)
-        elif fault.fault == "slow":
-            keep &= ~hit | (index % 10 == 0)
-        elif fault.fault == "delayed":
-            _delay(state, fault, values, t, hit)
+        if _stops(fault, field):
+            keep &= ~hit | _published(fault, t, index)
         else:
-            # Half a second there, half a second away, with an irregular beat.
-            keep &= ~hit | (np.sin(2.0 * math.pi * t) + np.sin(2.0 * math.pi * 0.37 * t) > 0.0)
+            _change(state, fault, samples, values, t, hit)
         samples[field] = values.reshape(samples[field].shape)
     return (samples, t) if keep.all() else (samples[keep], t[keep])
+
+
+def _stops(fault: Fault, field: str) -> bool:
+    """Whether a fault keeps whole messages back, rather than changing their values."""
+    if fault.fault == "off":
+        return fault.axis == "all" and field not in ("angular_velocity", "linear_acceleration")
+    return fault.fault in ("slow", "intermittent")
+
+
+def _published(fault: Fault, t: NDArray[np.float64], index: Indices) -> NDArray[np.bool_]:
+    """Messages that are published in spite of a fault that keeps messages back."""
+    if fault.fault == "slow":
+        return np.asarray(index % 10 == 0)
+    if fault.fault == "intermittent":
+        # Half a second there, half a second away, with an irregular beat.
+        return np.asarray(np.sin(2.0 * math.pi * t) + np.sin(2.0 * math.pi * 0.37 * t) > 0.0)
+    return np.zeros(len(t), dtype=bool)
+
+
+def _change(
+    state: FaultState,
+    fault: Fault,
+    samples: Samples,
+    values: NDArray[np.float64],
+    t: NDArray[np.float64],
+    hit: NDArray[np.bool_],
+) -> None:
+    """Change the values, shape (n, axes), and for some faults the stamps and covariances, of the samples hit."""
+    topic, field = COMPONENTS[fault.component]
+    at = "xyz".find(fault.axis[0])
+    axes = slice(at, at + 1) if len(fault.axis) == 1 else slice(None)
+    if fault.fault == "off":
+        values[hit, axes] = 0.0
+        samples[field + "_covariance"][hit, 0] = -1.0
+    elif fault.fault == "stuck":
+        _stick(state, fault, values, axes, hit)
+    elif fault.fault == "garbage":
+        draw = state.rngs[topic].uniform(-1.0, 1.0, size=values[hit, axes].shape)
+        values[hit, axes] = _GARBAGE[field] * draw
+    elif fault.fault == "wrong":
+        factor, shift = _WRONG[field]
+        values[hit, axes] = factor * values[hit, axes] + shift
+    elif fault.fault in MOUNTING:
+        values[hit] = values[hit] @ mounting(fault).T
+    elif fault.fault == "nan":
+        values[hit, axes] = math.nan
+    elif fault.fault == "saturated":
+        values[hit, axes] = np.copysign(_LIMIT[field], values[hit, axes])
+    elif fault.fault == "repeated_stamps":
+        _repeat(state, fault, samples, hit)
+    else:
+        _delay(state, fault, values, t, hit)
 
 
 def mounting(fault: Fault) -> NDArray[np.float64]:

@@ -1,5 +1,5 @@
 """
-Instruments: from what a point of the tool feels to the numbers a sensor reports, error by error.
+Instruments: from the true rate, force or field at a point of the tool to the reading of a sensor, error by error.
 
 The chain of one axis: bandwidth (a symmetric low-pass whose delay is compensated, as strapdown sensors do) -> analogue
 to digital converter with scale, misalignment, bias (turn-on, walk, instability, temperature), sensitivity to
@@ -9,115 +9,43 @@ acceleration and vibration, noise, clipping, steps -> strapdown integration or p
 from __future__ import annotations
 
 import dataclasses
-import importlib.resources
 import math
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-import yaml
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.settings import SettingsError, from_mapping, setting, unknown_key
+from mwd_sensors.simulator.instrument_grade import AccelerometerGrade, GyroGrade, MagnetometerGrade
 
 
-@dataclasses.dataclass(frozen=True)
-class GyroGrade:
-    """Errors of a gyro triad; 1 sigma over tools where a value is drawn."""
-
-    range_deg_s: tuple[float, float, float] = setting((2000.0, 2000.0, 2000.0), "clips beyond", unit="deg/s", low=0.001)
-    bandwidth_hz: float = setting(0.0, "-3 dB; 0: unlimited", unit="Hz", low=0.0)
-    noise_deg_sqrt_h: float = setting(0.0, "angle random walk", unit="deg/sqrt(h)", low=0.0)
-    bias_deg_h: float = setting(0.0, "turn-on bias", unit="deg/h", low=0.0)
-    instability_deg_h: float = setting(0.0, "bias instability, the floor of the Allan deviation", unit="deg/h", low=0.0)
-    instability_s: float = setting(300.0, "correlation time of the instability", unit="s", low=1.0)
-    walk_deg_h_sqrt_h: float = setting(0.0, "rate random walk", unit="deg/h/sqrt(h)", low=0.0)
-    scale_ppm: float = setting(0.0, "scale error", unit="ppm", low=0.0)
-    misalignment_mrad: float = setting(0.0, "each axis towards each other", unit="mrad", low=0.0)
-    bias_deg_h_per_c: float = setting(0.0, "bias over temperature", unit="deg/h/degC", low=0.0)
-    scale_ppm_per_c: float = setting(0.0, "scale over temperature", unit="ppm/degC", low=0.0)
-    g_deg_h_g: float = setting(0.0, "sensitivity to acceleration, each axis to each", unit="deg/h/g", low=0.0)
-    g2_deg_h_g2: float = setting(0.0, "vibration rectification", unit="deg/h/g^2", low=0.0)
-    step_deg_s: float = setting(0.0, "quantisation; 0: none", unit="deg/s", low=0.0)
-    delay_ms: float = setting(0.0, "output behind the motion (demodulation)", unit="ms", low=0.0, high=20.0)
-
-
-@dataclasses.dataclass(frozen=True)
-class AccelerometerGrade:
-    """Errors of an accelerometer triad; 1 sigma over tools where a value is drawn."""
-
-    range_g: tuple[float, float, float] = setting((16.0, 16.0, 16.0), "clips beyond", unit="g", low=0.1)
-    bandwidth_hz: float = setting(0.0, "-3 dB; 0: unlimited", unit="Hz", low=0.0)
-    noise_ug_sqrt_hz: float = setting(0.0, "noise density", unit="ug/sqrt(Hz)", low=0.0)
-    bias_ug: float = setting(0.0, "turn-on bias", unit="ug", low=0.0)
-    instability_ug: float = setting(0.0, "bias instability, the floor of the Allan deviation", unit="ug", low=0.0)
-    instability_s: float = setting(300.0, "correlation time of the instability", unit="s", low=1.0)
-    walk_ug_sqrt_h: float = setting(0.0, "bias random walk", unit="ug/sqrt(h)", low=0.0)
-    scale_ppm: float = setting(0.0, "scale error", unit="ppm", low=0.0)
-    misalignment_mrad: float = setting(0.0, "each axis towards each other", unit="mrad", low=0.0)
-    bias_ug_per_c: float = setting(0.0, "bias over temperature", unit="ug/degC", low=0.0)
-    scale_ppm_per_c: float = setting(0.0, "scale over temperature", unit="ppm/degC", low=0.0)
-    g2_ug_g2: float = setting(0.0, "vibration rectification", unit="ug/g^2", low=0.0)
-    step_ug: float = setting(0.0, "quantisation; 0: none", unit="ug", low=0.0)
-    delay_ms: float = setting(0.0, "output behind the motion", unit="ms", low=0.0, high=20.0)
-
-
-@dataclasses.dataclass(frozen=True)
-class MagnetometerGrade:
-    """Errors of a magnetometer triad, without what the tool's steel does; 1 sigma over tools."""
-
-    range_ut: float = setting(800.0, "clips beyond", unit="uT", low=1.0)
-    noise_nt: float = setting(0.0, "noise of one sample", unit="nT", low=0.0)
-    bias_nt: float = setting(0.0, "bias", unit="nT", low=0.0)
-    scale_ppm: float = setting(0.0, "scale error", unit="ppm", low=0.0)
-    misalignment_mrad: float = setting(0.0, "each axis towards each other", unit="mrad", low=0.0)
-    bias_nt_per_c: float = setting(0.0, "bias over temperature", unit="nT/degC", low=0.0)
-    step_nt: float = setting(0.0, "quantisation; 0: none", unit="nT", low=0.0)
-
-
-@dataclasses.dataclass(frozen=True)
-class Grade:
-    """A named class of instrument with its source."""
-
-    name: str = setting(doc="name of the grade")
-    source: str = setting(doc="where the figures come from")
-    gyro: GyroGrade = setting(GyroGrade, "gyros")
-    accelerometer: AccelerometerGrade = setting(AccelerometerGrade, "accelerometers")
-    magnetometer: MagnetometerGrade = setting(MagnetometerGrade, "magnetometers")
-    temperature_c: float = setting(0.0, "error of the temperature sensor, 1 sigma", unit="degC", low=0.0)
-    calibrated_at_c: float = setting(25.0, "temperature of no temperature error", unit="degC", low=-60.0, high=250.0)
-    adc_hz: int = setting(1000, "rate of the converter", unit="Hz", low=10, high=20000)
-
-
-def grade_names() -> tuple[str, ...]:
-    """Names of the grades that come with the package."""
-    folder = importlib.resources.files("mwd_sensors.simulator") / "grades"
-    return tuple(sorted(item.name.removesuffix(".yaml") for item in folder.iterdir() if item.name.endswith(".yaml")))
-
-
-def grade(name: str, changes: dict[str, Any] | None = None) -> Grade:
+class Converter(NamedTuple):
     """
-    A grade by its name, with nested changes laid over it.
+    What turns a true vector into a reading.
 
-    Raises
-    ------
-    SettingsError
-        No grade of that name (the near misses are named), or a change that does not fit.
+    Attributes
+    ----------
+    matrix : ndarray, shape (3, 3)
+        Scale and misalignment.
+    bias : ndarray, shape (3,)
+        SI.
+    g_matrix : ndarray, shape (3, 3)
+        Reading per specific force, SI per m/s^2.
+    g2 : ndarray, shape (3,)
+        Reading per squared specific force, SI per (m/s^2)^2.
+    limit : ndarray, shape (3,)
+        Largest reading, SI.
+    step : float
+        Quantisation, SI; 0: none.
     """
-    if name not in grade_names():
-        raise SettingsError(unknown_key(name, grade_names(), "grade").replace("no such setting", "no such grade"))
-    text = (importlib.resources.files("mwd_sensors.simulator") / "grades" / f"{name}.yaml").read_text(encoding="utf-8")
-    return from_mapping(Grade, _overlaid(yaml.safe_load(text), changes or {}), f"grade {name}")
 
-
-def _overlaid(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    merged = dict(base)
-    for key, value in over.items():
-        merged[key] = (
-            _overlaid(merged[key], value) if isinstance(merged.get(key), dict) and isinstance(value, dict) else value
-        )
-    return merged
+    matrix: Array
+    bias: Array
+    g_matrix: Array
+    g2: Array
+    limit: Array
+    step: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -159,6 +87,17 @@ class Triad:
     walk: float
     limit: Array
     step: float
+
+    def converter(self, bias: Array, warm: float) -> Converter:
+        """
+        Errors of the converter at one temperature.
+
+        bias, shape (3,): slow bias at that time, SI. warm: temperature above that of calibration, degC.
+        """
+        matrix = self.matrix.copy()
+        for axis in range(3):
+            matrix[axis, axis] += self.scale_per_c[axis] * warm
+        return Converter(matrix, bias, self.g_matrix, self.g2, self.limit, self.step)
 
 
 # Peak of the Allan deviation of a first-order Markov process, at 1.89 correlation times, over its steady sigma (IEEE
@@ -304,25 +243,15 @@ def slow_bias(triad: Triad, state: TriadState, warm: float) -> Array:
 
 
 @compiled
-def convert(
-    x: Array,
-    f: Array,
-    matrix: Array,
-    bias: Array,
-    g_matrix: Array,
-    g2: Array,
-    gravity: float,
-    noise: Array,
-    limit: Array,
-    step: float,
-    out: Array,
-) -> None:
+def convert(errors: Converter, x: Array, f: Array, gravity: float, noise: Array, out: Array) -> None:
     """
     Analogue to digital: fills out, shape (m, 3).
 
-    x, f, shape (m, 3): input and specific force, SI; noise, shape (m, 3): of each sample; bias, limit, g2, shape (3,).
+    x, f, shape (m, 3): input and specific force, SI; gravity, m/s^2; noise, shape (m, 3): of each sample, SI.
     The rectified square leaves out gravity's own, so that a tool at rest reads its bias: (f^2 - gravity^2 / 3).
     """
+    matrix, bias, g_matrix, g2 = errors.matrix, errors.bias, errors.g_matrix, errors.g2
+    limit, step = errors.limit, errors.step
     for k in range(len(x)):
         for i in range(3):
             y = matrix[i, 0] * x[k, 0] + matrix[i, 1] * x[k, 1] + matrix[i, 2] * x[k, 2]

@@ -17,7 +17,7 @@ import yaml
 
 from mwd_sensors.core.settings import SettingsError, from_mapping, setting
 from mwd_sensors.simulator.faults import Fault, Link, check
-from mwd_sensors.simulator.instrument import grade
+from mwd_sensors.simulator.instrument_grade import grade
 from mwd_sensors.simulator.interference import Interference
 from mwd_sensors.simulator.schedule import Phase, Rig
 from mwd_sensors.simulator.steering import Steering

@@ -12,14 +12,16 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mwd_sensors.core import earth, frames, wire
-from mwd_sensors.core.arrays import Array, Samples
+from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.simulator import faults, instrument, interference, motion, steering
-from mwd_sensors.simulator.scenario import Scenario, Unit, parse_date
+from mwd_sensors.simulator.kinematics import Place, sensed
+from mwd_sensors.simulator.measuring_unit import MeasuringUnit
+from mwd_sensors.simulator.scenario import Scenario, parse_date
 from mwd_sensors.simulator.schedule import ROTATING, SLIDING, timeline
-from mwd_sensors.simulator.vibration import hits, lines
+from mwd_sensors.simulator.true_inputs import TrueInputs
+from mwd_sensors.simulator.vibration_sources import draw_hits, draw_lines
 
 # Streams of random numbers, in this order for ever: a new one goes to the end, so that old seeds keep their meaning.
 _STREAMS = (
@@ -88,17 +90,16 @@ class Sonde:
             else None
         )
         latitude = math.radians(scenario.place.latitude_deg)
-        self._earth_rate_n = earth.earth_rate_n(latitude)
-        self._gradient = earth.gravity_gradient(latitude)
+        self._place = Place(earth.earth_rate_n(latitude), self.reference.gravity, earth.gravity_gradient(latitude))
         self.interference = interference.disturbance(
             scenario.interference, self.reference.total, self._rng["interference"]
         )
         rate, step = scenario.rate_hz, scenario.kinematics_hz
         self._outputs = max(1, rate // 10)
         self._per_output = step // rate
-        self.ahrs = _UnitRun(scenario.ahrs, step, rate, self._rng["ahrs_draw"], self._rng["ahrs_run"])
+        self.ahrs = MeasuringUnit(scenario.ahrs, step, rate, self._rng["ahrs_draw"], self._rng["ahrs_run"])
         self.precision = (
-            _UnitRun(scenario.precision, step, rate, self._rng["precision_draw"], self._rng["precision_run"])
+            MeasuringUnit(scenario.precision, step, rate, self._rng["precision_draw"], self._rng["precision_run"])
             if scenario.precision is not None
             else None
         )
@@ -112,7 +113,7 @@ class Sonde:
             topic: faults.start_link(scenario.link, rng)
             for topic, rng in zip(names, self._rng["link"].spawn(len(names)), strict=True)
         }
-        self._felt: _Felt | None = None
+        self._inputs: TrueInputs | None = None
         self._step = 0
         self._given = 0.0
         self._kept: dict[str, list[tuple[Samples, Array]]] = {topic: [] for topic in wire.SONDE_TOPICS}
@@ -188,19 +189,19 @@ class Sonde:
     def _advance(self) -> dict[str, tuple[Samples, Array]]:
         """One step: samples and arrival times of every topic."""
         scenario, rate = self.scenario, self.scenario.rate_hz
-        felt = self._feel()
+        inputs = self._next_inputs()
         index = self._step * self._outputs + 1 + np.arange(self._outputs, dtype=np.int64)
         t = index / rate
         self._step += 1
         at = self._margin + self._per_output * np.arange(1, self._outputs + 1)
-        mat_nt, position, md = felt.mat_nt[at], felt.position_n[at], felt.md[at]
+        mat_nt, position, md = inputs.mat_nt[at], inputs.position_n[at], inputs.md[at]
         celsius = self._celsius(t, position)
         warm = float(celsius[0]) - self.ahrs.grade.calibrated_at_c
         gravity = self._gravity(float(position[0, 2]))
         stamps = self._stamps(index)
         out: dict[str, tuple[Samples, Array]] = {}
-        for name, unit, f_t in zip(("imu/data_raw", "gyro/data_raw"), self._units, felt.f_t, strict=False):
-            out[name] = (unit.samples(felt.rate_it, f_t, self._margin, stamps, warm, gravity), t)
+        for name, unit, f_t in zip(("imu/data_raw", "gyro/data_raw"), self._units, inputs.f_t, strict=False):
+            out[name] = (unit.samples(inputs.rate_it, f_t, self._margin, stamps, warm, gravity), t)
         if self.precision is None:
             out["gyro/data_raw"] = (wire.IMU.empty(0), t[:0])
         earth_n = self.reference.field_n + self.interference.daily(self._day_s + t)
@@ -214,10 +215,10 @@ class Sonde:
         truth = wire.TRUTH.empty(self._outputs)
         truth["stamp_ns"] = stamps
         truth["orientation"] = frames.orientation_et(mat_nt)
-        truth["angular_velocity"] = felt.rate_t[at]
-        truth["specific_force"] = felt.f_t[0][at]
+        truth["angular_velocity"] = inputs.rate_t[at]
+        truth["specific_force"] = inputs.f_t[0][at]
         truth["gravity"] = mat_nt[:, 2, :]
-        truth["position"], truth["velocity"] = position, felt.velocity_n[at]
+        truth["position"], truth["velocity"] = position, inputs.velocity_n[at]
         truth["magnetic_field"], truth["interference"] = earth_t, disturbing_t
         truth["gyro_bias"], truth["accel_bias"] = self.ahrs.gyro_bias, self.ahrs.accel_bias
         if self.precision is not None:
@@ -226,7 +227,7 @@ class Sonde:
         truth["inclination"], truth["azimuth"], truth["gravity_toolface"] = frames.hole_angles(mat_nt)
         truth["measured_depth"], truth["temperature"] = md, celsius
         activity = np.round(self.motion.timeline.activity(t)[0]).astype(np.uint32)
-        drive = felt.drive[at]
+        drive = inputs.drive[at]
         if self.string is not None:
             turning = np.where(np.abs(drive[:, 0]) > _TURNING, ROTATING, SLIDING)
             activity = np.where((activity == SLIDING) | (activity == ROTATING), turning, activity)
@@ -236,18 +237,18 @@ class Sonde:
         out["rig/state"] = (self._rig(index[gauge], t[gauge], drive[gauge]), t[gauge])
         return out
 
-    def _feel(self) -> _Felt:
+    def _next_inputs(self) -> TrueInputs:
         """Kinematics of one step with the margins that the low-passes need on both sides."""
         n = self._outputs * self._per_output
         first = self._step * n
-        if self._felt is None:
-            old = self._felt_at(first - self._margin, 2 * self._margin + 1)
+        if self._inputs is None:
+            old = self._inputs_at(first - self._margin, 2 * self._margin + 1)
         else:
-            old = self._felt.tail(2 * self._margin + 1)
-        self._felt = old.joined(self._felt_at(first + self._margin + 1, n))
-        return self._felt
+            old = self._inputs.tail(2 * self._margin + 1)
+        self._inputs = old.joined(self._inputs_at(first + self._margin + 1, n))
+        return self._inputs
 
-    def _felt_at(self, first: int, count: int) -> _Felt:
+    def _inputs_at(self, first: int, count: int) -> TrueInputs:
         rate = self.scenario.kinematics_hz
         turn, drive = None, np.empty((count, 0))
         if self.string is not None:
@@ -256,32 +257,19 @@ class Sonde:
         f_t, rate_it = [], np.empty((count, 3))
         for unit in self._units:
             f = np.empty((count, 3))
-            motion.sensed(
-                k.mat_nt,
-                k.rate_t,
-                k.rate_dot_t,
-                k.velocity_n,
-                k.acceleration_n,
-                np.ascontiguousarray(k.position_n[:, 2]),
-                unit.lever_t,
-                self._earth_rate_n,
-                self.reference.gravity,
-                self._gradient,
-                rate_it,
-                f,
-            )
+            sensed(k, unit.lever_t, self._place, rate_it, f)
             f_t.append(f)
-        return _Felt(k.mat_nt, k.rate_t, rate_it, k.position_n, k.velocity_n, k.md, f_t, drive)
+        return TrueInputs(k.mat_nt, k.rate_t, rate_it, k.position_n, k.velocity_n, k.md, f_t, drive)
 
     def _gravity(self, down: float) -> float:
-        return self.reference.gravity + self._gradient * down
+        return self._place.gravity + self._place.gravity_gradient * down
 
     def _celsius(self, t: Array, position: Array) -> Array:
         item = self.scenario.temperature
         warm_up = item.warm_up_c * (1.0 - np.exp(-t / item.warm_up_s))
         return np.asarray(item.surface_c + item.gradient_c_km * 1e-3 * position[:, 2] + warm_up)
 
-    def _stamps(self, index: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _stamps(self, index: Stamps) -> Stamps:
         scenario = self.scenario
         nominal = index * wire.NANOSECONDS // scenario.rate_hz
         drift = np.round(nominal * (scenario.clock.drift_ppm * 1e-6)).astype(np.int64)
@@ -293,35 +281,24 @@ class Sonde:
         stamps = self.epoch_ns + nominal + drift + jitter
         return faults.jumped(scenario.link, stamps, index / scenario.rate_hz)
 
-    def _mag(self, stamps: NDArray[np.int64], b_t: Array, warm: float) -> Samples:
+    def _mag(self, stamps: Stamps, b_t: Array, warm: float) -> Samples:
         triad = self.magnetometer
         noise = triad.noise * self._rng["mag_run"].standard_normal(b_t.shape)
         read = np.empty_like(b_t)
-        instrument.convert(
-            b_t,
-            np.zeros_like(b_t),
-            triad.matrix,
-            triad.bias + triad.bias_per_c * warm,
-            triad.g_matrix,
-            triad.g2,
-            0.0,
-            noise,
-            triad.limit,
-            triad.step,
-            read,
-        )
+        errors = triad.converter(triad.bias + triad.bias_per_c * warm, warm)
+        instrument.convert(errors, b_t, np.zeros_like(b_t), 0.0, noise, read)
         samples = wire.MAG.empty(len(stamps))
         samples["stamp_ns"], samples["magnetic_field"] = stamps, read
         samples["magnetic_field_covariance"][:, ::4] = triad.noise**2 + triad.step**2 / 12.0
         return samples
 
-    def _temperature(self, stamps: NDArray[np.int64], celsius: Array) -> Samples:
+    def _temperature(self, stamps: Stamps, celsius: Array) -> Samples:
         samples = wire.TEMPERATURE.empty(len(stamps))
         samples["stamp_ns"], samples["temperature"] = stamps, celsius + self._temperature_error
         samples["variance"] = self.ahrs.grade.temperature_c**2
         return samples
 
-    def _rig(self, index: NDArray[np.int64], t: Array, drive: Array) -> Samples:
+    def _rig(self, index: Stamps, t: Array, drive: Array) -> Samples:
         # The rig has its own, true clock: depth pairs with surveys across the drift of the sonde's.
         samples = wire.RIG_STATE.empty(len(t))
         if len(t) == 0:
@@ -344,131 +321,6 @@ class Sonde:
         samples["valid"] = _RIG_VALID
         samples["in_slips"] = line.slips(t)[0] > 0.5
         return samples
-
-
-@dataclasses.dataclass(frozen=True)
-class _Felt:
-    """
-    Kinematics of one step and its margins.
-
-    f_t: specific force at each unit. drive, shape (n, 2): speed and torque of a top drive that obeys; (n, 0) without.
-    """
-
-    mat_nt: Array
-    rate_t: Array
-    rate_it: Array
-    position_n: Array
-    velocity_n: Array
-    md: Array
-    f_t: list[Array]
-    drive: Array
-
-    def tail(self, count: int) -> _Felt:
-        """The last samples."""
-        return _Felt(
-            self.mat_nt[-count:],
-            self.rate_t[-count:],
-            self.rate_it[-count:],
-            self.position_n[-count:],
-            self.velocity_n[-count:],
-            self.md[-count:],
-            [f[-count:] for f in self.f_t],
-            self.drive[-count:],
-        )
-
-    def joined(self, new: _Felt) -> _Felt:
-        """These samples and then the new ones."""
-        return _Felt(
-            np.concatenate([self.mat_nt, new.mat_nt]),
-            np.concatenate([self.rate_t, new.rate_t]),
-            np.concatenate([self.rate_it, new.rate_it]),
-            np.concatenate([self.position_n, new.position_n]),
-            np.concatenate([self.velocity_n, new.velocity_n]),
-            np.concatenate([self.md, new.md]),
-            [np.concatenate(pair) for pair in zip(self.f_t, new.f_t, strict=True)],
-            np.concatenate([self.drive, new.drive]),
-        )
-
-
-class _UnitRun:
-    """One measuring unit: its drawn errors and their state."""
-
-    def __init__(self, unit: Unit, step: int, rate: int, draw: np.random.Generator, run: np.random.Generator) -> None:
-        self.grade = instrument.grade(unit.grade, unit.changes)
-        self.lever_t = np.array(unit.lever_mm) * 1e-3
-        self.gyro = instrument.gyro_triad(self.grade.gyro, draw)
-        self.accelerometer = instrument.accelerometer_triad(self.grade.accelerometer, draw)
-        gyro, accelerometer = self.grade.gyro, self.grade.accelerometer
-        self._gyro_weights = instrument.low_pass(gyro.bandwidth_hz, gyro.delay_ms * 1e-3, step)
-        self._accel_weights = instrument.low_pass(accelerometer.bandwidth_hz, accelerometer.delay_ms * 1e-3, step)
-        self.margin = max(len(self._gyro_weights), len(self._accel_weights)) // 2
-        self._integrated = unit.output == "integrated"
-        # A lone sample holds the noise of the sensor's own band; white noise to be integrated fills the converter's.
-        full = float(self.grade.adc_hz)
-        self._gyro_band = full if self._integrated else instrument.noise_band(gyro.bandwidth_hz, full)
-        self._accel_band = full if self._integrated else instrument.noise_band(accelerometer.bandwidth_hz, full)
-        self._stride = step // self.grade.adc_hz
-        self._ratio = self.grade.adc_hz // rate
-        self._rate = rate
-        self._run = run
-        self._gyro_state = instrument.initial(self.gyro, run)
-        self._accel_state = instrument.initial(self.accelerometer, run)
-        self.gyro_bias = instrument.slow_bias(self.gyro, self._gyro_state, 0.0)
-        self.accel_bias = instrument.slow_bias(self.accelerometer, self._accel_state, 0.0)
-
-    def samples(
-        self, rate_it: Array, f_t: Array, margin: int, stamps: NDArray[np.int64], warm: float, gravity: float
-    ) -> Samples:
-        """Output of one step; rate_it, f_t with margins; warm: degC above calibration; gravity: m/s^2."""
-        outputs = len(stamps)
-        count = outputs * self._ratio
-        first = margin + (self._stride // 2 if self._integrated else self._stride)
-        rate, force = np.empty((count, 3)), np.empty((count, 3))
-        instrument.filtered(rate_it, self._gyro_weights, first, self._stride, rate)
-        instrument.filtered(f_t, self._accel_weights, first, self._stride, force)
-        seconds = outputs / self._rate
-        instrument.advance(self.gyro, self._gyro_state, seconds, self._run)
-        instrument.advance(self.accelerometer, self._accel_state, seconds, self._run)
-        self.gyro_bias = instrument.slow_bias(self.gyro, self._gyro_state, warm)
-        self.accel_bias = instrument.slow_bias(self.accelerometer, self._accel_state, warm)
-        rate_read = self._convert(self.gyro, rate, force, self.gyro_bias, warm, gravity, self._gyro_band)
-        force_read = self._convert(self.accelerometer, force, force, self.accel_bias, warm, gravity, self._accel_band)
-        if self._integrated:
-            rate_out, force_out = np.empty((outputs, 3)), np.empty((outputs, 3))
-            instrument.strapdown(rate_read, force_read, self._ratio, 1.0 / self.grade.adc_hz, rate_out, force_out)
-            gyro_band = accel_band = float(self._rate)
-        else:
-            gyro_band, accel_band = self._gyro_band, self._accel_band
-            rate_out, force_out = rate_read[self._ratio - 1 :: self._ratio], force_read[self._ratio - 1 :: self._ratio]
-        samples = wire.IMU.empty(outputs)
-        samples["stamp_ns"] = stamps
-        # No orientation is measured (REP-145).
-        samples["orientation_covariance"][:, 0] = -1.0
-        samples["angular_velocity"], samples["linear_acceleration"] = rate_out, force_out
-        samples["angular_velocity_covariance"][:, ::4] = self.gyro.noise**2 * gyro_band + self.gyro.step**2 / 12.0
-        accel = self.accelerometer
-        samples["linear_acceleration_covariance"][:, ::4] = accel.noise**2 * accel_band + accel.step**2 / 12.0
-        return samples
-
-    def _convert(
-        self,
-        triad: instrument.Triad,
-        x: Array,
-        force: Array,
-        bias: Array,
-        warm: float,
-        gravity: float,
-        band: float,
-    ) -> Array:
-        matrix = triad.matrix.copy()
-        for axis in range(3):
-            matrix[axis, axis] += triad.scale_per_c[axis] * warm
-        noise = triad.noise * math.sqrt(band) * self._run.standard_normal(x.shape)
-        out = np.empty_like(x)
-        instrument.convert(
-            x, force, matrix, bias, triad.g_matrix, triad.g2, gravity, noise, triad.limit, triad.step, out
-        )
-        return out
 
 
 def reference_of(scenario: Scenario) -> earth.ReferenceField:
@@ -506,6 +358,6 @@ def _motion(scenario: Scenario, rng: dict[str, np.random.Generator]) -> motion.M
         timeline=line,
         sensor_to_bit=well.sensor_to_bit_m,
         vibrations=vibration,
-        lines=lines(vibration, rng["lines"]),
-        hits=hits(vibration.shocks, active, rng["hits"]),
+        lines=draw_lines(vibration, rng["lines"]),
+        hits=draw_hits(vibration.shocks, active, rng["hits"]),
     )

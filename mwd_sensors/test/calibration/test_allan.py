@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from mwd_sensors.calibration import allan
-from mwd_sensors.simulator import instrument
+from mwd_sensors.simulator import instrument, instrument_grade
 
 
 def markov_deviation(tau, sigma, correlation):
@@ -56,7 +56,7 @@ def test_the_markov_formula_peaks_where_the_standard_says():
 
 @pytest.mark.parametrize("name", ["mti3", "tactical_north"])
 def test_simulated_static_data_has_the_figures_of_its_grade(name):
-    grade = instrument.grade(name)
+    grade = instrument_grade.grade(name)
     rng = np.random.default_rng(5)
     triad = instrument.gyro_triad(grade.gyro, rng)
     state = instrument.initial(triad, rng)

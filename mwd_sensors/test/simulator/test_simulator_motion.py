@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from mwd_sensors.core import frames
-from mwd_sensors.simulator import motion
+from mwd_sensors.simulator import kinematics, motion
 from mwd_sensors.simulator.schedule import Phase, Rig, timeline
 from mwd_sensors.simulator.vibration import (
     Hunting,
@@ -19,9 +19,8 @@ from mwd_sensors.simulator.vibration import (
     Tone,
     Vibrations,
     Whirl,
-    hits,
-    lines,
 )
+from mwd_sensors.simulator.vibration_sources import draw_hits, draw_lines
 
 EVERYTHING = Vibrations(
     random=(RandomVibration((8.0, 60.0), (5.0, 10.0, 10.0), (20.0, 5.0, 5.0)),),
@@ -48,7 +47,9 @@ def moved(vibrations=EVERYTHING, phases=SCHEDULE, rig=None, stations=((0, 5, 20)
     active = {item.when: line.active(item.when) for item in vibrations.shocks}
     table = np.array(stations, dtype=float)
     path = motion.well_path(table[:, 0], np.radians(table[:, 1]), np.radians(table[:, 2]))
-    return motion.Motion(path, line, 2.0, vibrations, lines(vibrations, rng), hits(vibrations.shocks, active, rng))
+    return motion.Motion(
+        path, line, 2.0, vibrations, draw_lines(vibrations, rng), draw_hits(vibrations.shocks, active, rng)
+    )
 
 
 @pytest.mark.parametrize("second", [1, 5, 10, 14, 20, 25, 31, 36, 44])
@@ -129,11 +130,8 @@ def test_a_lever_arm_feels_the_centripetal_acceleration():
     m = moved(Vibrations(), (Phase("circulate", 20.0, rpm=180.0),), Rig(running_start=True), ((0.0, 90.0, 0.0),))
     k = m.at(2000, 400, 2000.0)
     felt, rates = np.empty((400, 3)), np.empty((400, 3))
-    lever, still = np.array([0.0, 0.05, 0.0]), np.zeros(3)
-    down = np.ascontiguousarray(k.position_n[:, 2])
-    motion.sensed(
-        k.mat_nt, k.rate_t, k.rate_dot_t, k.velocity_n, k.acceleration_n, down, lever, still, 9.8, 0.0, rates, felt
-    )
+    lever = np.array([0.0, 0.05, 0.0])
+    kinematics.sensed(k, lever, kinematics.Place(np.zeros(3), 9.8, 0.0), rates, felt)
     omega = 180.0 * 2.0 * np.pi / 60.0
     expected = np.array([0.0, -(omega**2) * 0.05, 0.0]) - 9.8 * k.mat_nt[:, 2, :]
     assert_allclose(felt, expected, atol=1e-9)

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import signal
 
-from mwd_sensors.simulator import vibration
+from mwd_sensors.simulator import vibration, vibration_sources
 from mwd_sensors.simulator.vibration import Hunting, RandomVibration, Shocks, StickSlip, Sweep, Tone, Vibrations, Whirl
 
 RATE = 2000.0
@@ -19,14 +19,10 @@ def shaken(vibrations, seconds=60.0, start=0.0, level=1.0, seed=1):
     n = round(seconds * RATE)
     envelopes = np.zeros((len(vibration.ENVELOPES), 3, n))
     envelopes[:, 0] = level
-    out = np.zeros((vibration.CHANNELS, 3, n))
-    drawn = vibration.lines(vibrations, np.random.default_rng(seed))
-    vibration.add_lines(
-        drawn.envelope,
-        drawn.channel,
-        drawn.frequency_hz,
-        drawn.phase,
-        drawn.amplitude,
+    out = np.zeros((vibration_sources.CHANNELS, 3, n))
+    drawn = vibration_sources.draw_lines(vibrations, np.random.default_rng(seed))
+    vibration_sources.add_lines(
+        drawn,
         envelopes,
         start,
         1.0 / RATE,
@@ -62,12 +58,10 @@ def test_velocity_and_acceleration_are_derivatives_of_the_displacement_under_a_c
     envelopes = np.zeros((len(vibration.ENVELOPES), 3, n))
     envelopes[:] = [t**2, 2.0 * t, np.full(n, 2.0)]
     out = np.zeros((6, 3, n))
-    drawn = vibration.lines(
+    drawn = vibration_sources.draw_lines(
         Vibrations(random=(RandomVibration((5.0, 50.0), (1.0, 1.0, 1.0), (9.0, 9.0, 9.0)),)), np.random.default_rng(2)
     )
-    vibration.add_lines(
-        drawn.envelope, drawn.channel, drawn.frequency_hz, drawn.phase, drawn.amplitude, envelopes, 0.0, dt, out
-    )
+    vibration_sources.add_lines(drawn, envelopes, 0.0, dt, out)
     assert_allclose(np.gradient(out[:, 0], dt, axis=1)[:, 1:-1], out[:, 1, 1:-1], atol=1e-4)
     assert_allclose(np.gradient(out[:, 1], dt, axis=1)[:, 1:-1], out[:, 2, 1:-1], atol=5e-3)
 
@@ -110,18 +104,17 @@ def test_tones_have_their_amplitude_and_hunting_its_angle():
 def test_a_sweep_goes_up_and_down_with_constant_acceleration():
     sweep = Sweep(10.0, 150.0, 332.0, (0.0, 0.0, 50.0))
     amplitude, power, phase = np.array([0, 0, 50.0, 0, 0, 0]), np.full(6, 2.0), np.zeros(6)
+    lines = vibration_sources.SweepLines(sweep.low_hz, sweep.high_hz, sweep.period_s, amplitude, power, phase)
     for start, expected in ((0.0, 10.0), (83.0, 80.0), (165.5, 150.0), (249.0, 80.0), (331.0, 10.0)):
         out = np.zeros((6, 3, 2000))
-        vibration.add_sweep(
-            sweep.low_hz, sweep.high_hz, sweep.period_s, amplitude, power, phase, start, 1.0 / RATE, out
-        )
+        vibration_sources.add_sweep(lines, start, 1.0 / RATE, out)
         assert np.abs(out[2, 2]).max() == pytest.approx(50.0, rel=0.01)
         crossings = np.count_nonzero(np.diff(np.signbit(out[2, 2])))
         assert crossings / 2 == pytest.approx(expected, abs=1.2)
 
 
 def test_shocks_are_drawn_only_inside_their_intervals_with_the_asked_sizes():
-    drawn = vibration.hits(
+    drawn = vibration_sources.draw_hits(
         (Shocks(2.0, (50.0, 100.0), (0.5, 4.0), 15.0),), {"drilling": [(10.0, 70.0)]}, np.random.default_rng(1)
     )
     assert 90 < len(drawn.time) < 130

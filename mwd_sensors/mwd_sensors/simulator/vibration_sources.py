@@ -1,0 +1,306 @@
+"""
+Vibration of a sonde in its hole: displacements and small angles in closed form, so that they stay bounded.
+
+Everything is a displacement first; velocity and acceleration are its exact derivatives. A random vibration is a sum
+of sines with random frequencies and phases in its band, which keeps the asked spectrum, integrates to a bounded
+displacement and needs no memory. Six channels: displacement along the hole axes x (down-hole), y, z (high side), m;
+tilt about y and about z, rad; torsion about x, rad. The hole axes are the tool's at toolface zero.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array, Indices
+from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.simulator.vibration import ENVELOPES, Shocks, StickSlip, Vibrations
+
+CHANNELS = 6
+
+
+class Lines(NamedTuple):
+    """Sines, sorted by envelope and channel; arrays of shape (k,): Hz, rad, and amplitude in m or rad."""
+
+    envelope: Indices
+    channel: Indices
+    frequency_hz: Array
+    phase: Array
+    amplitude: Array
+
+
+class PerTurnLines(NamedTuple):
+    """Sines of the angle of the string; arrays of shape (k,): channel, cycles in one turn, rad, and m or rad."""
+
+    channel: Indices
+    per_turn: Indices
+    phase: Array
+    amplitude: Array
+
+
+class SweepLines(NamedTuple):
+    """A frequency sweep; arrays of shape (6,): m/s^2 with power 2 or rad/s with power 1, and the phase, rad."""
+
+    low_hz: float
+    high_hz: float
+    period_s: float
+    amplitude: Array
+    power: Array
+    phase: Array
+
+
+class Hits(NamedTuple):
+    """Shocks in order of time; arrays of shape (k,), direction (k, 3): s, s, m/s^2, s, unit vector in hole axes."""
+
+    time: Array
+    width: Array
+    peak: Array
+    lobe: Array
+    direction: Array
+
+    @property
+    def displacement(self) -> Array:
+        """Largest displacement of each, m, shape (k,)."""
+        impulse = 2.0 * self.peak * self.width / math.pi
+        return np.asarray(impulse * self.lobe / 4.0 + self.peak * self.width**2 / math.pi**2)
+
+
+def draw_lines(vibrations: Vibrations, rng: np.random.Generator) -> Lines:
+    """Draw the sines of all vibrations that are sums of sines."""
+    rows: list[tuple[int, int, float, float, float]] = []
+
+    def band(when: str, channel: int, band_hz: tuple[float, float], count: int, rms: float, power: int) -> None:
+        if rms == 0.0:
+            return
+        edges = np.linspace(band_hz[0], band_hz[1], count + 1)
+        frequency = edges[:-1] + np.diff(edges) * rng.random(count)
+        phase = 2.0 * math.pi * rng.random(count)
+        amplitude = rms * math.sqrt(2.0 / count) / (2.0 * math.pi * frequency) ** power
+        envelope = ENVELOPES.index(when)
+        rows.extend((envelope, channel, f, p, a) for f, p, a in zip(frequency, phase, amplitude, strict=True))
+
+    for item in vibrations.random:
+        for axis in range(3):
+            band(item.when, axis, item.band_hz, item.lines, item.acceleration_mps2[axis], 2)
+            band(item.when, _ANGLE_CHANNELS[axis], item.band_hz, item.lines, math.radians(item.rate_deg_s[axis]), 1)
+    for tone in vibrations.tones:
+        omega = 2.0 * math.pi * tone.frequency_hz
+        for axis in range(3):
+            for channel, amplitude in (
+                (axis, tone.acceleration_mps2[axis] / omega**2),
+                (_ANGLE_CHANNELS[axis], math.radians(tone.rate_deg_s[axis]) / omega),
+            ):
+                if amplitude:
+                    phase = 2.0 * math.pi * rng.random()
+                    rows.append((ENVELOPES.index(tone.when), channel, tone.frequency_hz, phase, amplitude))
+    for whirl in vibrations.whirl:
+        radius = whirl.acceleration_mps2 / (2.0 * math.pi * whirl.frequency_hz) ** 2
+        phase = 2.0 * math.pi * rng.random()
+        # Turning from y to z is forward (clockwise looking down-hole).
+        lag = 0.5 * math.pi if whirl.backward else -0.5 * math.pi
+        burst = ENVELOPES.index("burst")
+        rows.append((burst, 1, whirl.frequency_hz, phase, radius))
+        rows.append((burst, 2, whirl.frequency_hz, phase + lag, radius))
+    if vibrations.hunting is not None:
+        band("sliding", 5, vibrations.hunting.band_hz, 24, math.radians(vibrations.hunting.toolface_deg), 0)
+    if vibrations.stick_slip is not None:
+        rows.extend(_stick_slip(vibrations.stick_slip))
+    rows.sort(key=lambda row: row[:2])
+    table = np.array(rows, dtype=float).reshape(-1, 5)
+    return Lines(
+        envelope=table[:, 0].astype(np.int64),
+        channel=table[:, 1].astype(np.int64),
+        frequency_hz=np.ascontiguousarray(table[:, 2]),
+        phase=np.ascontiguousarray(table[:, 3]),
+        amplitude=np.ascontiguousarray(table[:, 4]),
+    )
+
+
+_ANGLE_CHANNELS = (5, 3, 4)
+
+
+def _stick_slip(item: StickSlip) -> list[tuple[int, int, float, float, float]]:
+    # Rate / mean = 1 - d cos(w t), or its square brought to mean 1: 1 - 4/3 cos(w t) + 1/3 cos(2 w t), flat at zero.
+    omega = 2.0 * math.pi * item.frequency_hz
+    harmonics = ((1, -4.0 / 3.0), (2, 1.0 / 3.0)) if item.sticky else ((1, -1.0),)
+    envelope = ENVELOPES.index("stick_slip")
+    # The angle is the integral: cos(w t) -> sin(w t) / w = cos(w t - pi/2) / w.
+    return [
+        (envelope, 5, n * item.frequency_hz, -0.5 * math.pi, item.depth * weight / (n * omega))
+        for n, weight in harmonics
+    ]
+
+
+def draw_hits(
+    shocks: tuple[Shocks, ...], active: dict[str, list[tuple[float, float]]], rng: np.random.Generator
+) -> Hits:
+    """
+    Draw the shocks of a whole run.
+
+    active: for each name of `WHEN`, the intervals (start, end), s, in which it holds fully.
+    """
+    rows: list[list[float]] = []
+    for item in shocks:
+        for start, end in active[item.when]:
+            t = start + rng.uniform(0.2, 1.0) / item.rate_hz
+            while t < end:
+                peak = rng.uniform(*item.peak_g) * STANDARD_GRAVITY
+                width = rng.uniform(*item.width_ms) * 1e-3
+                direction = rng.standard_normal(3)
+                direction[0] *= item.axial_share
+                direction /= np.linalg.norm(direction)
+                impulse = 2.0 * peak * width / math.pi
+                room = item.clearance_mm * 1e-3 - peak * width**2 / math.pi**2
+                # Approach and rebound as long as the clearance allows, at most 0.1 s, at least the pulse itself.
+                lobe = float(np.clip(4.0 * room / impulse, width, 0.1))
+                if start < t - lobe - width and t + lobe + width < end:
+                    rows.append([t, width, peak, lobe, *direction])
+                t += rng.uniform(0.5, 1.5) / item.rate_hz
+    table = np.array(sorted(rows), dtype=float).reshape(-1, 7)
+    time, width_, peak_, lobe_ = (np.ascontiguousarray(table[:, k]) for k in range(4))
+    return Hits(time=time, width=width_, peak=peak_, lobe=lobe_, direction=np.ascontiguousarray(table[:, 4:]))
+
+
+@compiled
+def add_lines(lines: Lines, envelopes: Array, start: float, dt: float, out: Array) -> None:
+    """
+    Add sines, each times its envelope, to out.
+
+    envelopes, shape (e, 3, n), and out, shape (6, 3, n): value, rate, acceleration at start + k dt.
+    """
+    n = out.shape[2]
+    envelope, channel, frequency_hz = lines.envelope, lines.channel, lines.frequency_hz
+    phase, amplitude = lines.phase, lines.amplitude
+    value, rate, acceleration = np.zeros(n), np.zeros(n), np.zeros(n)
+    for k in range(len(channel)):
+        omega = 2.0 * math.pi * frequency_hz[k]
+        # Whole turns are dropped before they cost digits.
+        turns = frequency_hz[k] * start
+        angle = 2.0 * math.pi * (turns - math.floor(turns)) + phase[k]
+        c, s = amplitude[k] * math.cos(angle), amplitude[k] * math.sin(angle)
+        step_c, step_s = math.cos(omega * dt), math.sin(omega * dt)
+        for i in range(n):
+            value[i] += c
+            rate[i] -= omega * s
+            acceleration[i] -= omega * omega * c
+            c, s = c * step_c - s * step_s, s * step_c + c * step_s
+        last = k + 1 == len(channel)
+        if last or channel[k + 1] != channel[k] or envelope[k + 1] != envelope[k]:
+            e, ch = envelope[k], channel[k]
+            for i in range(n):
+                e0, e1, e2 = envelopes[e, 0, i], envelopes[e, 1, i], envelopes[e, 2, i]
+                out[ch, 0, i] += e0 * value[i]
+                out[ch, 1, i] += e0 * rate[i] + e1 * value[i]
+                out[ch, 2, i] += e0 * acceleration[i] + 2.0 * e1 * rate[i] + e2 * value[i]
+                value[i] = 0.0
+                rate[i] = 0.0
+                acceleration[i] = 0.0
+
+
+@compiled
+def add_per_turn(lines: PerTurnLines, turn: Array, out: Array) -> None:
+    """
+    Add motion locked to the rotation: amplitude cos(per_turn * angle + phase).
+
+    turn, shape (3, n): angle turned, rad, its rate and acceleration. out as in `add_lines`.
+    """
+    channel, per_turn, phase, amplitude = lines.channel, lines.per_turn, lines.phase, lines.amplitude
+    for k in range(len(channel)):
+        m = float(per_turn[k])
+        for i in range(out.shape[2]):
+            angle = m * turn[0, i] + phase[k]
+            c, s = amplitude[k] * math.cos(angle), amplitude[k] * math.sin(angle)
+            omega = m * turn[1, i]
+            out[channel[k], 0, i] += c
+            out[channel[k], 1, i] -= omega * s
+            out[channel[k], 2, i] -= omega * omega * c + m * turn[2, i] * s
+
+
+@compiled
+def add_sweep(sweep: SweepLines, start: float, dt: float, out: Array) -> None:
+    """
+    Add a triangular frequency sweep: -amplitude sin(phi + phase) / omega^power in each channel.
+
+    out as in `add_lines`.
+    """
+    low_hz, high_hz, period = sweep.low_hz, sweep.high_hz, sweep.period_s
+    amplitude, power, phase = sweep.amplitude, sweep.power, sweep.phase
+    half = 0.5 * period
+    slope = (high_hz - low_hz) / half
+    whole = 0.5 * (low_hz + high_hz) * half
+    for i in range(out.shape[2]):
+        t = start + i * dt
+        cycle = math.floor(t / period)
+        u = t - cycle * period
+        turns = 2.0 * cycle * whole
+        if u < half:
+            frequency, change = low_hz + slope * u, slope
+            turns += low_hz * u + 0.5 * slope * u * u
+        else:
+            w = u - half
+            frequency, change = high_hz - slope * w, -slope
+            turns += whole + high_hz * w - 0.5 * slope * w * w
+        omega, omega_dot = 2.0 * math.pi * frequency, 2.0 * math.pi * change
+        angle = 2.0 * math.pi * (turns - math.floor(turns))
+        for ch in range(6):
+            if amplitude[ch] == 0.0:
+                continue
+            p = power[ch]
+            g = omega**-p
+            g1 = -p * g * omega_dot / omega
+            g2 = p * (p + 1.0) * g * (omega_dot / omega) ** 2
+            s, c = math.sin(angle + phase[ch]), math.cos(angle + phase[ch])
+            out[ch, 0, i] -= amplitude[ch] * g * s
+            out[ch, 1, i] -= amplitude[ch] * (g1 * s + g * omega * c)
+            out[ch, 2, i] -= amplitude[ch] * ((g2 - g * omega * omega) * s + (2.0 * g1 * omega + g * omega_dot) * c)
+
+
+@compiled
+def add_hits(hits: Hits, start: float, dt: float, out: Array) -> None:
+    """
+    Add shocks: approach, half-sine, rebound; velocity and displacement are zero before and after.
+
+    The acceleration is the mean over one step dt (the difference of the exact velocities), so that no pulse shorter
+    than a step is lost or overweighted. out as in `add_lines`.
+    """
+    n = out.shape[2]
+    end = start + n * dt
+    time, width, peak, lobe, direction = hits.time, hits.width, hits.peak, hits.lobe, hits.direction
+    first = np.searchsorted(time, start - 0.2)
+    for k in range(first, len(time)):
+        if time[k] - 0.2 > end:
+            break
+        reach = 0.5 * width[k] + lobe[k] + dt
+        from_i = max(0, math.floor((time[k] - reach - start) / dt))
+        to_i = min(n, math.ceil((time[k] + reach - start) / dt) + 1)
+        for i in range(from_i, to_i):
+            u = start + i * dt - time[k]
+            displacement, velocity = _hit(u, width[k], peak[k], lobe[k])
+            before = _hit(u - 0.5 * dt, width[k], peak[k], lobe[k])[1]
+            after = _hit(u + 0.5 * dt, width[k], peak[k], lobe[k])[1]
+            for axis in range(3):
+                out[axis, 0, i] += direction[k, axis] * displacement
+                out[axis, 1, i] += direction[k, axis] * velocity
+                out[axis, 2, i] += direction[k, axis] * (after - before) / dt
+
+
+@compiled
+def _hit(u: float, width: float, peak: float, lobe: float) -> tuple[float, float]:
+    """Displacement, m, and velocity, m/s, at the time u, s, from the middle of a shock."""
+    impulse = 2.0 * peak * width / math.pi
+    half = 0.5 * width
+    if abs(u) <= half:
+        speed = peak * width / math.pi
+        turn = math.pi * u / width
+        return -0.25 * impulse * lobe - speed * width / math.pi * math.cos(turn), speed * math.sin(turn)
+    # By symmetry the rebound is the approach run backwards.
+    v = lobe + half - abs(u)
+    if v <= 0.0:
+        return 0.0, 0.0
+    turn = 2.0 * math.pi * v / lobe
+    velocity = -impulse / lobe * (0.5 * v - lobe * math.sin(turn) / (4.0 * math.pi))
+    displacement = -impulse / lobe * (0.25 * v * v + lobe * lobe * (math.cos(turn) - 1.0) / (8.0 * math.pi**2))
+    return displacement, velocity if u < 0.0 else -velocity
