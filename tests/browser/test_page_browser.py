@@ -17,7 +17,8 @@ from mwd_surface.bags.recorder.status import RecorderState, RecorderStatus
 from mwd_surface.live.alarms import AlarmBook, Severity
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField
-from mwd_surface.page.page_server import PageServer, PageSettings
+from mwd_surface.page.page_server import PageServer
+from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_json import StateJson
 from mwd_surface.surveys.plan import plan_of
 from mwd_surface.surveys.slide_sheet import SlideSheet, yields

@@ -27,9 +27,9 @@ from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.page.state_json import StateJson
 from mwd_surface.rig.modbus.map import COUNT, ModbusForm, float_of
-from mwd_surface.rig.modbus.server import ModbusSettings
+from mwd_surface.rig.modbus.settings import ModbusSettings
 from mwd_surface.rig.opcua.address_space import NAMESPACE as OPCUA_NAMESPACE
-from mwd_surface.rig.opcua.server import OpcuaSettings
+from mwd_surface.rig.opcua.settings import OpcuaSettings
 from mwd_surface.rig.port import RigPort, RigSettings
 from mwd_surface.rig.survey import accepted_surveys
 from mwd_surface.rig.values import rig_values

@@ -8,7 +8,7 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.page.foxglove_server import FoxgloveSettings
-from mwd_surface.page.page_server import PageSettings
+from mwd_surface.page.settings import PageSettings
 from mwd_surface.rig.port import RigSettings
 from mwd_surface.ros.topics import TOPICS
 from mwd_surface.surveys.depth import DepthRules

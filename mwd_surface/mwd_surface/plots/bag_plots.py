@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import io
-import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -13,18 +12,16 @@ import numpy as np
 
 from mwd_sensors.calibration.allan import figures
 from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_surface.plots.drawing import DEGREES, TRUTH_COLOUR, drawer, finish_axes, time_unit
 from mwd_surface.plots.plot_data import AllanOf, Panel, PlotData, SpectrumOf
-from mwd_surface.plots.traces import NORTHS, WHAT
-from mwd_surface.surveys.survey_record import Survey
+from mwd_surface.plots.survey_plots import survey_drawers
+from mwd_surface.plots.traces import WHAT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
 # Okabe and Ito's palette: told apart by colour-blind readers.
 _COLOURS = ("#D55E00", "#0072B2", "#009E73", "#000000")
-_TRUTH, _GRID = "#555555", "#cccccc"
-_VERDICTS = (("o", "#009E73", "accepted"), ("^", "#E69F00", "doubtful"), ("x", "#D55E00", "rejected"))
 _HEADINGS = {
     "sensors": "Sensors",
     "rig": "Rig",
@@ -39,7 +36,6 @@ _WIDTH, _LEFT, _RIGHT, _TOP, _BOTTOM = 12.5, 0.95, 1.85, 0.6, 0.35
 _PANEL, _HEADING, _SQUARE, _TITLE, _AXIS = 1.35, 0.3, 3.0, 0.28, 0.5
 _DOTS_PER_INCH = 110
 _NORTH_TRUE = 2
-_DEG = 180.0 / math.pi
 
 
 @dataclasses.dataclass
@@ -84,7 +80,7 @@ def figure(data: PlotData, what: Sequence[str]) -> Figure:
             draw(whole.add_axes(_place(k, len(row.draw), top, row.height, height)))
         top += row.height + row.under
     for k, remark in enumerate(data.remarks):
-        whole.text(_LEFT / _WIDTH, (_BOTTOM + remarks - 0.2 * (k + 1)) / height, remark, fontsize=9, color=_TRUTH)
+        whole.text(_LEFT / _WIDTH, (_BOTTOM + remarks - 0.2 * (k + 1)) / height, remark, fontsize=9, color=TRUTH_COLOUR)
     return whole
 
 
@@ -128,30 +124,23 @@ def _section(data: PlotData, word: str) -> list[_Row]:
     elif word == "allan":
         # An IMU's gyros and accelerometers side by side.
         for start in range(0, len(data.allan), 2):
-            pair = [_drawer(_draw_allan, item) for item in data.allan[start : start + 2]]
+            pair = [drawer(_draw_allan, item) for item in data.allan[start : start + 2]]
             rows.append(_Row(_SQUARE, pair, _AXIS))
     elif word == "surveys":
         if data.surveys:
-            rows = [_Row(_SQUARE, _survey_drawers(data), _AXIS)]
+            rows = [_Row(_SQUARE, survey_drawers(data), _AXIS)]
     else:
         panels = [panel for panel in data.panels if panel.trace.what == word]
         for panel in panels:
             last = panel is panels[-1]
-            rows.append(_Row(_PANEL, [_drawer(_draw_panel, data, panel, last)], _AXIS if last else 0.08))
+            rows.append(_Row(_PANEL, [drawer(_draw_panel, data, panel, last)], _AXIS if last else 0.08))
     if rows:
         rows[0].heading = _HEADINGS[word]
     return rows
 
 
-def _drawer(draw: Callable[..., None], *given: Any) -> Callable[[Axes], None]:
-    return lambda ax: draw(ax, *given)
-
-
-# Panels over time
-
-
 def _draw_panel(ax: Axes, data: PlotData, panel: Panel, last: bool) -> None:
-    trace, (scale, unit) = panel.trace, _time_unit(data.seconds)
+    trace, (scale, unit) = panel.trace, time_unit(data.seconds)
     dense = not panel.envelope.exact
     for k, label in enumerate(trace.labels):
         seconds, value = panel.envelope.line(k)
@@ -169,7 +158,7 @@ def _draw_panel(ax: Axes, data: PlotData, panel: Panel, last: bool) -> None:
     truth = _truth_beside(data, panel)
     if truth is not None:
         seconds, value = truth.envelope.line(0)
-        ax.plot(seconds / scale, value, "--", color=_TRUTH, linewidth=0.9, label="truth")
+        ax.plot(seconds / scale, value, "--", color=TRUTH_COLOUR, linewidth=0.9, label="truth")
     ax.set_title(panel.title, loc="left", fontsize=9, pad=3)
     ax.set_ylabel(trace.unit, fontsize=9)
     ax.set_xlim(0.0, max(data.seconds, 1e-3) / scale)
@@ -185,7 +174,7 @@ def _draw_panel(ax: Axes, data: PlotData, panel: Panel, last: bool) -> None:
         beside = ax.secondary_yaxis("right", functions=(_per_minute, _per_second))
         beside.set_ylabel("r/min", fontsize=8, labelpad=2)
         beside.tick_params(labelsize=7)
-    _finish(ax)
+    finish_axes(ax)
     legend = ax.legend(loc="center left", bbox_to_anchor=(1.055, 0.5), fontsize=8, frameon=False, handlelength=1.5)
     for line in legend.get_lines():
         line.set_linewidth(2.0)
@@ -236,17 +225,14 @@ def _as_angles(ax: Axes, half: bool) -> None:
         ax.yaxis.set_major_formatter(FuncFormatter(text))
 
 
-# Spectra
-
-
 def _spectrum_rows(data: PlotData) -> list[_Row]:
     rows: list[_Row] = []
     for start in range(0, len(data.spectra), 3):
-        drawers = [_drawer(_draw_spectrum, item) for item in data.spectra[start : start + 3]]
+        drawers = [drawer(_draw_spectrum, item) for item in data.spectra[start : start + 3]]
         # A lone or second axis keeps the width of three.
         rows.append(_Row(_SQUARE, drawers + [_nothing] * (3 - len(drawers)), _AXIS))
     rows += [
-        _Row(1.6, [_drawer(_draw_waterfall, data, item)], _AXIS)
+        _Row(1.6, [drawer(_draw_waterfall, data, item)], _AXIS)
         for item in data.spectra
         if item.quantity == "specific force" and len(item.spectrum.waterfall) >= 8
     ]
@@ -265,12 +251,12 @@ def _draw_spectrum(ax: Axes, item: SpectrumOf) -> None:
     ax.set_title(f"{item.topic}: {item.quantity}", loc="left", fontsize=9, pad=3)
     ax.set_xlabel(f"Hz ({spectrum.segments} averages of {spectrum.segment / spectrum.rate:.3g} s)", fontsize=9)
     ax.set_ylabel(f"{item.unit}/√Hz", fontsize=9)
-    _finish(ax)
+    finish_axes(ax)
     ax.legend(fontsize=8, frameon=False)
 
 
 def _draw_waterfall(ax: Axes, data: PlotData, item: SpectrumOf) -> None:
-    spectrum, (scale, unit) = item.spectrum, _time_unit(data.seconds)
+    spectrum, (scale, unit) = item.spectrum, time_unit(data.seconds)
     across = spectrum.waterfall[:, 1:, 1:].sum(axis=2).T
     level = 10.0 * np.log10(np.maximum(across, 1e-12))
     known = level[np.isfinite(level)]
@@ -293,9 +279,7 @@ def _draw_waterfall(ax: Axes, data: PlotData, item: SpectrumOf) -> None:
     bar.ax.tick_params(labelsize=7)
 
 
-# Allan deviation
-
-_DEG_H = _DEG * 3600.0
+_DEG_H = DEGREES * 3600.0
 _UG = 1e6 / STANDARD_GRAVITY
 
 
@@ -304,7 +288,7 @@ def _draw_allan(ax: Axes, item: AllanOf) -> None:
     scale, unit = (_DEG_H, "deg/h") if gyro else (_UG, "µg")
     for k, axis in enumerate("xyz"):
         got = figures(item.curve, k)
-        white = f"{got.white * _DEG * 60.0:.3g} deg/√h" if gyro else f"{got.white * _UG:.3g} µg/√Hz"
+        white = f"{got.white * DEGREES * 60.0:.3g} deg/√h" if gyro else f"{got.white * _UG:.3g} µg/√Hz"
         label = f"{axis}: {white}; least {got.floor * scale:.3g} {unit} at {got.floor_tau:.3g} s"
         deviation = item.curve.deviation[:, k] * scale
         ax.loglog(item.curve.tau, np.maximum(deviation, 1e-12), color=_COLOURS[k], linewidth=1.0, label=label)
@@ -318,99 +302,8 @@ def _draw_allan(ax: Axes, item: AllanOf) -> None:
     )
     ax.set_xlabel("averaging time, s", fontsize=9)
     ax.set_ylabel(f"Allan deviation, {unit}", fontsize=9)
-    _finish(ax)
+    finish_axes(ax)
     ax.legend(fontsize=8, frameon=False)
-
-
-# Surveys
-
-
-def _survey_drawers(data: PlotData) -> list[Callable[[Axes], None]]:
-    surveys = [survey for survey, _ in data.surveys]
-    norths = {NORTHS.get(s.north, "unnamed") for s in surveys if _azimuth_sigma(s) >= 0.0}
-    north = " and ".join(sorted(norths)) or "unnamed"
-    return [
-        _drawer(_draw_survey, data, "inclination, deg", lambda s: (s.inclination * _DEG, _sigma(s, 0)), True),
-        _drawer(_draw_survey, data, f"azimuth from {north} north, deg", _azimuth, False),
-        _drawer(_draw_survey, data, "field less reference, nT", _field_residual, False),
-        _drawer(_draw_survey, data, "dip less reference, deg", _dip_residual, False),
-    ]
-
-
-def _draw_survey(
-    ax: Axes, data: PlotData, label: str, value: Callable[[Survey], tuple[float, float]], first: bool
-) -> None:
-    deep = all(not math.isnan(depth) for _, depth in data.surveys)
-    scale, unit = _time_unit(data.seconds)
-    for verdict, (mark, colour, name) in enumerate(_VERDICTS):
-        rows = []
-        for survey, depth in data.surveys:
-            x, sigma = value(survey)
-            if survey.verdict == verdict and not math.isnan(x):
-                rows.append((x, depth if deep else (survey.stamp_ns - data.start_ns) * 1e-9 / scale, sigma))
-        if rows:
-            points = np.array(rows)
-            ax.errorbar(
-                points[:, 0],
-                points[:, 1],
-                xerr=points[:, 2],
-                fmt=mark,
-                color=colour,
-                markersize=5,
-                elinewidth=0.8,
-                label=name,
-            )
-    if "less" in label:
-        ax.axvline(0.0, color="k", linewidth=0.7)
-    ax.invert_yaxis()
-    ax.set_xlabel(label + (" (± 1 sigma)" if "less" not in label else ""), fontsize=9)
-    if first:
-        ax.set_ylabel("measured depth, m" if deep else f"{unit} after the start", fontsize=9)
-    ax.ticklabel_format(axis="x", useOffset=False)
-    _finish(ax)
-    if first:
-        ax.legend(fontsize=8, frameon=False)
-    elif not ax.get_legend_handles_labels()[0]:
-        ax.text(0.5, 0.5, "not available", ha="center", va="center", transform=ax.transAxes, fontsize=9, color=_TRUTH)
-
-
-def _sigma(survey: Survey, k: int) -> float:
-    return math.sqrt(max(survey.covariance[4 * k], 0.0)) * _DEG
-
-
-def _azimuth_sigma(survey: Survey) -> float:
-    return survey.covariance[4]
-
-
-def _azimuth(survey: Survey) -> tuple[float, float]:
-    known = _azimuth_sigma(survey) >= 0.0
-    return (survey.azimuth * _DEG, _sigma(survey, 1)) if known else (math.nan, 0.0)
-
-
-def _field_residual(survey: Survey) -> tuple[float, float]:
-    known = survey.b_total >= 0.0 and survey.b_reference >= 0.0
-    return ((survey.b_total - survey.b_reference) * 1e9 if known else math.nan), 0.0
-
-
-def _dip_residual(survey: Survey) -> tuple[float, float]:
-    known = survey.b_total >= 0.0 and survey.b_reference >= 0.0
-    return ((survey.dip - survey.dip_reference) * _DEG if known else math.nan), 0.0
-
-
-# Common
-
-
-def _finish(ax: Axes) -> None:
-    ax.grid(visible=True, linewidth=0.4, color=_GRID)
-    ax.tick_params(labelsize=8)
-    ax.spines[["top", "right"]].set_visible(False)
-
-
-def _time_unit(seconds: float) -> tuple[float, str]:
-    """Seconds in the unit that time is drawn in, and its name."""
-    if seconds <= 300.0:
-        return 1.0, "seconds"
-    return (60.0, "minutes") if seconds <= 3.0 * 3600.0 else (3600.0, "hours")
 
 
 def _duration(seconds: float) -> str:

@@ -132,15 +132,7 @@ def gather(
     BagError
         A topic the bag doesn't have, or nothing to draw of what is asked.
     """
-    for word in what:
-        if word not in WHAT:
-            raise ValueError(f"--what {word}: no such word; one of {', '.join(WHAT)}")
-    if not 0.0 <= start_s < end_s:
-        raise ValueError(
-            f"--start {start_s:g}, --end {end_s:g}: the start must not be negative and come before the end"
-        )
-    if start_s > bag.duration_s:
-        raise ValueError(f"--start {start_s:g}: the recording ends after {bag.duration_s:.1f} s")
+    _check_request(bag, what, start_s, end_s)
     first = bag.start_ns + round(start_s * 1e9)
     last = bag.end_ns if math.isinf(end_s) else min(bag.end_ns, bag.start_ns + round(end_s * 1e9))
     data = PlotData(bag.path.resolve().name, first, last)
@@ -164,6 +156,18 @@ def gather(
         reason = f" ({'; '.join(data.remarks)})" if data.remarks else ""
         raise BagError(f"{bag.path} has nothing to draw for {', '.join(what)}{reason}")
     return data
+
+
+def _check_request(bag: Bag, what: Sequence[str], start_s: float, end_s: float) -> None:
+    for word in what:
+        if word not in WHAT:
+            raise ValueError(f"--what {word}: no such word; one of {', '.join(WHAT)}")
+    if not 0.0 <= start_s < end_s:
+        raise ValueError(
+            f"--start {start_s:g}, --end {end_s:g}: the start must not be negative and come before the end"
+        )
+    if start_s > bag.duration_s:
+        raise ValueError(f"--start {start_s:g}: the recording ends after {bag.duration_s:.1f} s")
 
 
 def _chosen(bag: Bag, topics: Sequence[str]) -> list[str]:

@@ -23,8 +23,11 @@ from mwd_surface.rig.interface import (
     OnRigState,
     RigInterface,
 )
-from mwd_surface.rig.modbus.server import ModbusSerial, ModbusSerialSettings, ModbusServer, ModbusSettings
-from mwd_surface.rig.opcua.server import OpcuaServer, OpcuaSettings
+from mwd_surface.rig.modbus.serial_line import ModbusSerial
+from mwd_surface.rig.modbus.server import ModbusServer
+from mwd_surface.rig.modbus.settings import ModbusSerialSettings, ModbusSettings
+from mwd_surface.rig.opcua.server import OpcuaServer
+from mwd_surface.rig.opcua.settings import OpcuaSettings
 from mwd_surface.rig.values import RigValues, silenced
 from mwd_surface.rig.wits.client import Wits0Client, Wits0ClientSettings, Wits0Serial, Wits0SerialSettings
 from mwd_surface.rig.wits.link import Wits0Settings

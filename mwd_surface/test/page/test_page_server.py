@@ -19,7 +19,9 @@ from hypothesis import strategies as st
 
 from mwd_sensors.core import wire
 from mwd_surface.live.well_state import NodeDiagnostic
-from mwd_surface.page.page_server import COMMANDS, PageServer, PageSettings, checked_arguments
+from mwd_surface.page.commands import COMMANDS, checked_arguments
+from mwd_surface.page.page_server import PageServer
+from mwd_surface.page.settings import PageSettings
 
 TOKEN = "drill-baby-drill"  # noqa: S105
 JSON = {"Content-Type": "application/json"}

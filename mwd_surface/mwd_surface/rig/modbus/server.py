@@ -16,9 +16,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from mwd_sensors.core.settings import setting
 from mwd_surface import __version__
-from mwd_surface.rig.input import RigInput, RigInputSettings
+from mwd_surface.rig.input import RigInput
 from mwd_surface.rig.interface import (
     LISTENING,
     STOPPED,
@@ -31,7 +30,8 @@ from mwd_surface.rig.interface import (
     optional,
     probe_port,
 )
-from mwd_surface.rig.modbus.map import COUNT, WRITABLE, WRITABLE_COUNT, ModbusForm, float_of, registers
+from mwd_surface.rig.modbus.map import COUNT, WRITABLE, WRITABLE_COUNT, float_of, registers
+from mwd_surface.rig.modbus.settings import ModbusSettings
 from mwd_surface.rig.values import nothing_yet
 
 _READ_INPUT, _READ_HOLDING, _WRITE_MULTIPLE = 4, 3, 16
@@ -39,35 +39,6 @@ _READ_INPUT, _READ_HOLDING, _WRITE_MULTIPLE = 4, 3, 16
 _MOST_READ = {1: 2000, 2: 2000, 3: 125, 4: 125}
 _WRITES = (5, 6, 15, 16, 22, 23)
 _LOOK = 1.0  # s between looks for idle connections
-
-
-@dataclasses.dataclass(frozen=True)
-class ModbusSettings:
-    """Where registers are served, and what may be written."""
-
-    enabled: bool = setting(False, "serve Modbus TCP", fixed=True)
-    host: str = setting("127.0.0.1", "address to listen on", fixed=True)
-    port: int = setting(5020, "TCP port; 0: any that is free; 502 needs privileges", low=0, high=65535, fixed=True)
-    allow_network: bool = setting(False, "listen on an address that other machines can reach", fixed=True)
-    unit: int = setting(1, "unit identifier", low=1, high=247, fixed=True)
-    form: ModbusForm = setting(ModbusForm, "How numbers are laid into registers")
-    allow_writes: bool = setting(False, "take the bit depth, float, m, from holding registers 100 and 101", fixed=True)
-    rig: RigInputSettings = setting(RigInputSettings, "What is believed of a depth that is written")
-    max_clients: int = setting(16, "connections at a time", low=1, high=200, fixed=True)
-    idle_timeout: float = setting(
-        300.0, "a connection that asks nothing for so long is closed", unit="s", low=0.2, high=86400.0, fixed=True
-    )
-
-
-@dataclasses.dataclass(frozen=True)
-class ModbusSerialSettings:
-    """The line of Modbus RTU; unit, form and writing are those of Modbus TCP."""
-
-    enabled: bool = setting(False, "serve Modbus RTU over a serial line", fixed=True)
-    device: str = setting("/dev/ttyS0", "serial device", fixed=True)
-    baud: int = setting(19200, "bits per second", low=300, high=921600, fixed=True)
-    parity: str = setting("none", "parity bit", choices=("none", "even", "odd"), fixed=True)
-    stop_bits: int = setting(1, "stop bits", low=1, high=2, fixed=True)
 
 
 @dataclasses.dataclass
@@ -305,92 +276,6 @@ class ModbusServer(LoopInterface):
             counts=(("denied", self.denied), ("rig_samples", self._input.counts.taken)),
             last=(("heartbeat", str(block[1])), ("status", f"{block[2]:016b}"), ("survey", str(block[3]))),
         )
-
-
-class ModbusSerial(ModbusServer):
-    """
-    The same map over a serial line, where other units answer for themselves: requests to them are left alone.
-
-    line : ModbusSerialSettings
-        The other arguments are those of `ModbusServer`.
-    """
-
-    _called, _what = "modbus_serial", "Modbus RTU"
-
-    def __init__(
-        self,
-        line: ModbusSerialSettings,
-        settings: ModbusSettings,
-        on_rig_state: OnRigState | None = None,
-        **clocks: Callable[[], Any],
-    ) -> None:
-        super().__init__(settings, on_rig_state, **clocks)
-        self.line = line
-        self._seen = False
-
-    def start(self) -> None:
-        """
-        Begin to serve.
-
-        Raises
-        ------
-        InterfaceError
-            pymodbus or pyserial is missing, or the device is not to be had.
-        """
-        self._serial = optional("serial", "pyserial", self._what)
-        super().start()
-
-    async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
-        """Answer until `stop`, or until the device is gone."""
-        line, self._seen = self.line, False
-        try:
-            # pymodbus does not say why it cannot open a device.
-            self._serial.Serial(line.device, line.baud, timeout=0, exclusive=True).close()
-        except OSError as error:
-            raise InterfaceError(f"{line.device}: {error.strerror or error}") from error
-        server = self._server.ModbusSerialServer(
-            self._devices(),
-            port=line.device,
-            baudrate=line.baud,
-            parity=line.parity[0].upper(),
-            stopbits=line.stop_bits,
-            identity=self._named(),
-        )
-        make = server.callback_new_connection
-        server.callback_new_connection = lambda: self._watched(self._for_us(make()))
-        try:
-            await server.serve_forever(background=True)
-        except RuntimeError as error:
-            raise InterfaceError(f"{line.device}: {error}") from error
-        try:
-            ready(line.device)
-            await self._follow(stop)
-        finally:
-            await server.shutdown()
-            for connection in list(self._connections.values()):
-                connection.transport.abort()
-
-    def _for_us(self, handler: Any) -> Any:
-        send = handler.server_send
-
-        def server_send(answer: Any, address: Any) -> None:
-            if answer is not None and answer.dev_id == self.settings.unit:
-                send(answer, address)
-
-        handler.server_send = server_send
-        return handler
-
-    def _look_after(self) -> None:
-        """A line may be silent for ever; one that is gone is opened anew by whoever started this."""
-        if self._seen and not self._connections:
-            raise InterfaceError(f"{self.line.device} is gone")
-        self._seen = bool(self._connections)
-
-    def _peer(self, _name: Any) -> str:
-        return self.line.device
-
-    def _at_once(self, _data: bytes) -> bytes | None:
-        return None
 
 
 def _refused_count(data: bytes) -> bytes | None:

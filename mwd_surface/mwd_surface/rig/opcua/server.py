@@ -9,18 +9,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import dataclasses
 import datetime as dt
 import logging
-import socket
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from mwd_sensors.core.settings import setting
 from mwd_surface import __version__
-from mwd_surface.loopback import is_loopback
 from mwd_surface.rig.interface import (
     LISTENING,
     STOPPED,
@@ -34,6 +30,7 @@ from mwd_surface.rig.interface import (
     port_error,
     probe_port,
 )
+from mwd_surface.rig.opcua.access import APPLICATION, Access, Users
 from mwd_surface.rig.opcua.address_space import (
     MANIFEST,
     NAMESPACE,
@@ -45,11 +42,11 @@ from mwd_surface.rig.opcua.address_space import (
     readings,
     unit_id,
 )
+from mwd_surface.rig.opcua.settings import OpcuaSettings
 from mwd_surface.rig.values import nothing_yet
 
-_APPLICATION = "urn:mwd:surface"
 _EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
-_REFUSALS = "asyncua.server.binary_server_asyncio"  # where asyncua tells of connections turned away
+_REFUSALS = "asyncua.server.binary_server_asyncio"  # logger of asyncua for refused connections
 _TICK = 1.0  # s
 _LARGEST_MESSAGE = 1 << 20
 # Methods: arguments (name, type, description) of each.
@@ -67,25 +64,6 @@ METHODS: dict[str, tuple[tuple[str, str, str], ...]] = {
     ),
 }
 _RESULTS = (("success", "Boolean", "it was done"), ("message", "String", "what was done, or why not"))
-
-
-@dataclasses.dataclass(frozen=True)
-class OpcuaSettings:
-    """Where the server is and who may do what."""
-
-    enabled: bool = setting(False, "serve OPC UA", fixed=True)
-    host: str = setting("127.0.0.1", "address to listen on", fixed=True)
-    port: int = setting(4840, "TCP port; 0: any that is free", low=0, high=65535, fixed=True)
-    allow_network: bool = setting(
-        False, "listen on an address that other machines can reach; certificates are then needed", fixed=True
-    )
-    anonymous: bool = setting(True, "let anybody on this machine read; never anybody from another", fixed=True)
-    allow_commands: bool = setting(False, "offer methods to clients with a trusted certificate", fixed=True)
-    certificates: str = setting(
-        "", "folder of own.der, own.pem and the folder trusted; empty: beside the surveys", fixed=True
-    )
-    max_clients: int = setting(16, "connections at a time", low=1, high=500, fixed=True)
-    max_subscriptions: int = setting(64, "subscriptions at a time", low=1, high=1000, fixed=True)
 
 
 class OpcuaServer(LoopInterface):
@@ -131,16 +109,6 @@ class OpcuaServer(LoopInterface):
         """The port it listens on; 0 while it does not run."""
         return int(self.address.rpartition(":")[2].rstrip("/")) if self.address else 0
 
-    @property
-    def _anyone(self) -> bool:
-        """True where reading needs no certificate."""
-        return self.settings.anonymous and is_loopback(self.settings.host)
-
-    @property
-    def needs_certificates(self) -> bool:
-        """True where signed and encrypted sessions are offered."""
-        return self.settings.allow_commands or not self._anyone
-
     def start(self) -> None:
         """
         Begin to serve.
@@ -152,29 +120,30 @@ class OpcuaServer(LoopInterface):
         """
         self._asyncua = optional("asyncua", "asyncua", "OPC UA")
         self._ua = self._asyncua.ua
+        self._access = Access(self.settings, self._folder, self._ua)
         super().start()
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
         """Listen until `stop`."""
         host = checked_host(self.settings.host, self.settings.allow_network)
-        if self.needs_certificates and self._folder is None:
+        if self._access.needs_certificates and self._folder is None:
             raise InterfaceError("certificates: name a folder for the certificates of OPC UA")
         # Before the address space is loaded, which takes seconds.
         probe_port(host, self.settings.port)
-        server = self._server = self._asyncua.Server(user_manager=_Users(self._user))
+        server = self._server = self._asyncua.Server(user_manager=Users(self._access.user))
         await server.init()
-        await server.set_application_uri(_APPLICATION)
+        await server.set_application_uri(APPLICATION)
         server.set_server_name("MWD surface")
-        await server.set_build_info(_APPLICATION, "MWD telemetry", "mwd_surface", __version__, "0", _EPOCH)
+        await server.set_build_info(APPLICATION, "MWD telemetry", "mwd_surface", __version__, "0", _EPOCH)
         server.set_endpoint(f"opc.tcp://{host}:{self.settings.port}/")
-        await self._secure(server)
+        await self._access.secure(server)
         self._limit(server)
         await self._build(server)
         refusals = logging.getLogger(_REFUSALS)
         refusals.addFilter(self._count_refusal)
         try:
             await server.start()
-            server.bserver.set_policies(self._channels(server))
+            server.bserver.set_policies(self._access.channels(server))
         except OSError as error:
             refusals.removeFilter(self._count_refusal)
             raise port_error(error, host, self.settings.port) from error
@@ -186,78 +155,8 @@ class OpcuaServer(LoopInterface):
             refusals.removeFilter(self._count_refusal)
             self._server = None
 
-    async def _secure(self, server: Any) -> None:
-        """Policies and certificates."""
-        policies = []
-        if self._anyone:
-            policies.append(self._ua.SecurityPolicyType.NoSecurity)
-        if self.needs_certificates:
-            policies.append(self._ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt)
-            if self._folder is not None:
-                await self._certify(server, self._folder)
-        # Until the channels get their own rules, just after the port opens, nothing is allowed.
-        server.set_security_policy(policies, permission_ruleset=self._rules(set()))
-        server.set_identity_tokens([self._ua.AnonymousIdentityToken])
-
-    def _channels(self, server: Any) -> list[Any]:
-        """
-        What a channel of each kind may ask for.
-
-        The channel decides, not the user alone: without encryption a client can show a certificate that is not its own.
-        """
-        policies = optional("asyncua.crypto.security_policies", "asyncua", "OPC UA")
-        rules = optional("asyncua.crypto.permission_rules", "asyncua", "OPC UA")
-        ids, modes = self._ua.ObjectIds, self._ua.MessageSecurityMode
-        call, write = ids.CallRequest_Encoding_DefaultBinary, ids.WriteRequest_Encoding_DefaultBinary
-        reading = {*rules.USER_TYPES, ids.BrowseNextRequest_Encoding_DefaultBinary} - {call, write}
-        in_clear = reading if self._anyone else set()
-        trusted = reading | {call}
-        kinds = [
-            policies.SecurityPolicyFactory(policies.SecurityPolicyNone, modes.None_, None, None, self._rules(in_clear))
-        ]
-        if self.needs_certificates:
-            secure = policies.SecurityPolicyBasic256Sha256
-            own = server.iserver.certificate, server.iserver.private_key
-            kinds.append(policies.SecurityPolicyFactory(secure, modes.SignAndEncrypt, *own, self._rules(trusted)))
-        return kinds
-
-    def _rules(self, types: set[int]) -> _Services:
-        return _Services({self._ua.NodeId(number) for number in types})
-
-    async def _certify(self, server: Any, folder: Path) -> None:
-        trusted = folder / "trusted"
-        trusted.mkdir(parents=True, exist_ok=True, mode=0o700)
-        generator = optional("asyncua.crypto.cert_gen", "asyncua", "OPC UA")
-        oids = optional("cryptography.x509.oid", "cryptography", "OPC UA").ExtendedKeyUsageOID
-        key, certificate = folder / "own.pem", folder / "own.der"
-        await generator.setup_self_signed_certificate(
-            key,
-            certificate,
-            _APPLICATION,
-            socket.gethostname(),
-            [oids.CLIENT_AUTH, oids.SERVER_AUTH],
-            {"commonName": "MWD surface", "organizationName": "MWD telemetry"},
-        )
-        key.chmod(0o600)
-        await server.load_certificate(certificate)
-        await server.load_private_key(key)
-
-    def _user(self, certificate: bytes | None) -> Any:
-        """The user of a session, by the certificate of its channel; None refuses it."""
-        rules = optional("asyncua.crypto.permission_rules", "asyncua", "OPC UA")
-        if not certificate:
-            return rules.User(role=rules.UserRole.Anonymous) if self._anyone else None
-        if self._folder is None or not self.needs_certificates:
-            return None
-        x509 = optional("cryptography.x509", "cryptography", "OPC UA")
-        shown, now = x509.load_der_x509_certificate(certificate), dt.datetime.now(dt.UTC)
-        # Looked up anew for each session: who is taken out of the folder stays out.
-        known = shown in _certificates(self._folder / "trusted", x509)
-        valid = shown.not_valid_before_utc <= now <= shown.not_valid_after_utc
-        return rules.User(role=rules.UserRole.User, name="trusted") if known and valid else None
-
     def _count_refusal(self, record: logging.LogRecord) -> bool:
-        """asyncua turns away by itself and only logs it, each time: count instead."""
+        """Count a connection that asyncua refuses, instead of logging it; the filter of that logger."""
         server = self._server
         full = server is not None and len(server.bserver.clients) >= self.settings.max_clients
         if not full or not str(record.msg).startswith("Refusing connection"):
@@ -384,41 +283,6 @@ class OpcuaServer(LoopInterface):
             counts=(("subscriptions", subscriptions), ("commands", self._commands)),
             last=last,
         )
-
-
-class _Services:
-    """Rules of asyncua: the services that a channel may ask for, whoever speaks on it."""
-
-    def __init__(self, allowed: set[Any]) -> None:
-        self._allowed = allowed
-
-    def check_validity(self, _user: Any, action_type_id: Any, _body: Any) -> bool:
-        """True where the service may be asked for."""
-        return action_type_id in self._allowed
-
-
-class _Users:
-    """User manager of asyncua: who a session is, by its certificate alone."""
-
-    def __init__(self, find: Callable[[bytes | None], Any]) -> None:
-        self._find = find
-
-    def get_user(
-        self, _server: Any, username: str | None = None, password: str | None = None, certificate: bytes | None = None
-    ) -> Any:
-        """The user; None refuses. Names and passwords are not offered."""
-        return None if username or password else self._find(certificate)
-
-
-def _certificates(folder: Path, x509: Any) -> list[Any]:
-    """The certificates in a folder, DER or PEM; what is neither is passed over."""
-    found = []
-    for path in sorted(folder.iterdir()):
-        data = path.read_bytes()
-        load = x509.load_pem_x509_certificate if data.startswith(b"-----") else x509.load_der_x509_certificate
-        with contextlib.suppress(ValueError):
-            found.append(load(data))
-    return found
 
 
 def _argument(ua: Any, name: str, kind: str, description: str) -> Any:

@@ -20,7 +20,9 @@ from example_rig import eventually, started, values
 
 from mwd_surface.rig.interface import InterfaceError, MissingPackageError
 from mwd_surface.rig.modbus.map import COUNT, ModbusForm, float_of
-from mwd_surface.rig.modbus.server import ModbusSerial, ModbusSerialSettings, ModbusServer, ModbusSettings
+from mwd_surface.rig.modbus.serial_line import ModbusSerial
+from mwd_surface.rig.modbus.server import ModbusServer
+from mwd_surface.rig.modbus.settings import ModbusSerialSettings, ModbusSettings
 
 PEERS = Path(__file__).parents[2] / "peers"
 pytest.importorskip("pymodbus", reason="pymodbus is not installed: pip install pymodbus")

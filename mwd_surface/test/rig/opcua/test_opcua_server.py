@@ -17,7 +17,8 @@ from example_rig import attitude, eventually, started, values
 from mwd_estimation.core.status import Status
 from mwd_surface.rig.interface import InterfaceError, MissingPackageError
 from mwd_surface.rig.opcua.address_space import NAMESPACE
-from mwd_surface.rig.opcua.server import OpcuaServer, OpcuaSettings
+from mwd_surface.rig.opcua.server import OpcuaServer
+from mwd_surface.rig.opcua.settings import OpcuaSettings
 
 PEERS = Path(__file__).parents[2] / "peers"
 asyncua = pytest.importorskip("asyncua", reason="asyncua is not installed: pip install asyncua")

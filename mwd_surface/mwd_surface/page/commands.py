@@ -1,0 +1,81 @@
+"""Commands of the page, and the check of their arguments."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from typing import Any
+
+from aiohttp import web
+
+Command = Callable[[str, dict[str, Any]], tuple[bool, str]]
+# Commands, and of each argument: its type and whether it may be left out.
+COMMANDS: dict[str, dict[str, tuple[type, bool]]] = {
+    "accept_survey": {
+        "sequence": (int, False),
+        "operator_name": (str, False),
+        "reason": (str, True),
+        "measured_depth": (float, True),
+        "replace": (bool, True),
+    },
+    "reject_survey": {"sequence": (int, False), "operator_name": (str, False), "reason": (str, True)},
+    "set_depth": {"bit_depth": (float, False), "operator_name": (str, False)},
+    "take_survey": {"duration": (float, True)},
+    "acknowledge_alarm": {"id": (str, False), "operator_name": (str, False)},
+    "start_recording": {"name": (str, True)},
+    "stop_recording": {},
+    "split_recording": {},
+    "snapshot_recording": {},
+    "export": {"format": (str, False), "name": (str, True)},
+}
+_MAX_TEXT = 500
+
+
+def checked_arguments(command: str, body: bytes) -> dict[str, Any]:
+    """
+    Arguments of a command from a request's body.
+
+    Raises
+    ------
+    web.HTTPBadRequest
+        Not JSON, or a field is missing, unknown, of another type, not finite or too long; the text names it.
+    """
+    try:
+        given = json.loads(body.decode() or "{}", parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise web.HTTPBadRequest(text=f"the body is not JSON: {str(error)[:200]}") from None
+    if not isinstance(given, dict):
+        raise web.HTTPBadRequest(text="the body must be a JSON object")
+    fields = COMMANDS[command]
+    for name in given:
+        if name not in fields:
+            raise web.HTTPBadRequest(text=f"{name[:60]}: {command} takes {', '.join(fields) or 'no arguments'}")
+    arguments: dict[str, Any] = {}
+    for name, (kind, optional) in fields.items():
+        if name not in given:
+            if optional:
+                continue
+            raise web.HTTPBadRequest(text=f"{name}: must be given")
+        arguments[name] = _argument(name, given[name], kind)
+    if "operator_name" in fields and not arguments["operator_name"].strip():
+        raise web.HTTPBadRequest(text="operator_name: must not be empty: the log says who did it")
+    return arguments
+
+
+def _argument(name: str, value: Any, kind: type) -> Any:
+    if kind is float and type(value) is int and abs(value) < 2**53:
+        value = float(value)
+    if type(value) is not kind:
+        raise web.HTTPBadRequest(text=f"{name}: expected {kind.__name__}, got {type(value).__name__}")
+    if isinstance(value, float) and not math.isfinite(value):
+        raise web.HTTPBadRequest(text=f"{name}: must be finite")
+    if isinstance(value, str) and (len(value) > _MAX_TEXT or any(ord(c) < 32 for c in value)):
+        raise web.HTTPBadRequest(text=f"{name}: at most {_MAX_TEXT} characters on one line")
+    if type(value) is int and not 0 <= value < 2**32:
+        raise web.HTTPBadRequest(text=f"{name}: must be within 0 and {2**32 - 1}")
+    return value
+
+
+def _refuse_constant(word: str) -> Any:
+    raise ValueError(f"{word} is not a number")

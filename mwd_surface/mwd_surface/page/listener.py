@@ -1,0 +1,31 @@
+"""The listening socket of the page, with errors that name the port."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import socket
+
+
+def peer_of(transport: asyncio.BaseTransport | None) -> str:
+    name = None if transport is None else transport.get_extra_info("peername")
+    return str(name[0]) if name else ""
+
+
+def listener(host: str, port: int) -> socket.socket:
+    family, _, _, _, where = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+    listener = socket.create_server(where[:2], family=family, backlog=64)
+    listener.setblocking(False)
+    return listener
+
+
+def port_error(error: OSError, host: str, port: int) -> OSError:
+    if error.errno == errno.EADDRINUSE:
+        why = "is taken by another program; end that one or set another port (0: any that is free)"
+    elif error.errno == errno.EACCES:
+        why = "is not allowed to this user; take one above 1023"
+    elif error.errno == errno.EADDRNOTAVAIL:
+        why = "is on an address this machine does not have"
+    else:
+        why = f"cannot be opened: {error.strerror or error}"
+    return OSError(error.errno or 0, f"page: port {port} on {host} {why}")

@@ -1,0 +1,137 @@
+"""
+Sends the state of the page to its clients: to each what changed since it was last sent, at a bounded rate.
+
+A client that is too slow skips states instead of queueing them, so that memory does not grow.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import json
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from aiohttp import web
+
+# Sections that grow by rows: a client gets the new ones.
+_STRIPS = ("history", "depth_log")
+_HEARTBEAT = 1.0  # s
+
+
+@dataclasses.dataclass(frozen=True)
+class Seen:
+    """What a client has: the revision of each section, and the first column of the last row of each strip."""
+
+    revisions: Mapping[str, int] = dataclasses.field(default_factory=dict)
+    strips: Mapping[str, float] = dataclasses.field(default_factory=dict)
+
+
+class Client:
+    """One browser, and what it has seen."""
+
+    def __init__(self, socket: web.WebSocketResponse, transport: asyncio.Transport) -> None:
+        self.socket = socket
+        self.transport = transport
+        self.sent = -_HEARTBEAT
+        self.wake = asyncio.Event()
+        self.seen = Seen()
+        self.skipped = 0
+
+
+class StateFeed:
+    """
+    The snapshot in force and the clients that follow it.
+
+    Parameters
+    ----------
+    period : float
+        Shortest time between two messages to a client, s.
+    send_timeout : float
+        A client that takes no byte for so long, s, is dropped.
+    clock : callable
+        Steady seconds, the clock of the snapshots' `now`.
+    """
+
+    def __init__(self, period: float, send_timeout: float, clock: Callable[[], float]) -> None:
+        self.snapshot: Mapping[str, Any] | None = None
+        self.clients: set[Client] = set()
+        self.controls = False
+        self.skipped = 0
+        self._period, self._send_timeout, self._clock = period, send_timeout, clock
+        self._texts: dict[str, tuple[int, str]] = {}
+
+    async def send(self, client: Client) -> None:
+        """Send a client what is new, at the allowed rate, and a heartbeat at least once a second, until it leaves."""
+        period = self._period
+        while not client.socket.closed:
+            client.wake.clear()
+            started = self._clock()
+            text, seen, news = self.message(client.seen, client.skipped)
+            if news or started - client.sent >= _HEARTBEAT:
+                before = self.snapshot
+                try:
+                    await asyncio.wait_for(client.socket.send_str(text), self._send_timeout)
+                except (TimeoutError, ConnectionError):
+                    # No byte was taken for too long; the browser connects again when it can.
+                    client.transport.abort()
+                    return
+                client.seen, client.sent = seen, started
+                if self._clock() - started > 2.0 * period and self.snapshot is not before:
+                    client.skipped += 1
+                    self.skipped += 1
+            await asyncio.sleep(max(0.0, period - (self._clock() - started)))
+            try:
+                await asyncio.wait_for(client.wake.wait(), max(0.05, client.sent + _HEARTBEAT - self._clock()))
+            except TimeoutError:
+                continue
+
+    def wake(self) -> None:
+        """Let all clients look at the new snapshot."""
+        for client in self.clients:
+            client.wake.set()
+
+    def message(self, seen: Seen, skipped: int, *, cached: bool = True) -> tuple[str, Seen, bool]:
+        """
+        Return the text with all sections that are new to a client, what it has seen then, and whether any is new.
+
+        cached: use the texts kept for all clients, whose ages are those of the first sending.
+        """
+        snapshot = self.snapshot
+        own = {
+            "controls": self.controls,
+            "clients": len(self.clients),
+            "skipped": skipped,
+            "ready": snapshot is not None,
+        }
+        head = f'{{"now": {self._clock():.3f}, "server": {json.dumps(own)}, "sections": {{'
+        if snapshot is None:
+            return head + "}}", Seen(), False
+        parts, now_has, strips = [], snapshot["revisions"], dict(seen.strips)
+        for name, section in snapshot["sections"].items():
+            if seen.revisions.get(name) == now_has[name]:
+                continue
+            if name in _STRIPS:
+                last = strips.get(name)
+                rows = [row for row in section["rows"] if last is None or row[0] > last]
+                fresh = {"columns": section["columns"], "rows": rows, "whole": last is None}
+                parts.append(f"{json.dumps(name)}: {dumps(fresh)}")
+                if rows:
+                    strips[name] = rows[-1][0]
+            else:
+                # A client computes ages from `at`, so that the kept text serves all.
+                text = self._text(name, now_has[name], section) if cached else dumps(section)
+                parts.append(f"{json.dumps(name)}: {text}")
+        return head + ", ".join(parts) + "}}", Seen(dict(now_has), strips), bool(parts)
+
+    def _text(self, name: str, revision: int, section: Any) -> str:
+        """Return the JSON of a section, made once for all clients."""
+        known = self._texts.get(name)
+        if known is None or known[0] != revision:
+            known = self._texts[name] = (revision, dumps(section))
+        return known[1]
+
+
+def dumps(table: Any) -> str:
+    """Return a table as compact JSON; a number that is not finite raises ValueError."""
+    return json.dumps(table, allow_nan=False, separators=(",", ":"))

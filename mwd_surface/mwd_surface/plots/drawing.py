@@ -1,0 +1,32 @@
+"""What all panels of a picture share: units, colours and the style of axes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+TRUTH_COLOUR, GRID_COLOUR = "#555555", "#cccccc"
+DEGREES = 180.0 / math.pi
+
+
+def drawer(draw: Callable[..., None], *given: Any) -> Callable[[Axes], None]:
+    """Return a function of the axes alone that draws what is given."""
+    return lambda ax: draw(ax, *given)
+
+
+def finish_axes(ax: Axes) -> None:
+    """Give axes the common style."""
+    ax.grid(visible=True, linewidth=0.4, color=GRID_COLOUR)
+    ax.tick_params(labelsize=8)
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def time_unit(seconds: float) -> tuple[float, str]:
+    """Return the unit that a span is drawn in: its seconds and its name."""
+    if seconds <= 300.0:
+        return 1.0, "seconds"
+    return (60.0, "minutes") if seconds <= 3.0 * 3600.0 else (3600.0, "hours")

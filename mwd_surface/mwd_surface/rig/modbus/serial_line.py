@@ -1,0 +1,101 @@
+"""Modbus RTU: the register map over a serial line."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+from mwd_surface.rig.interface import (
+    InterfaceError,
+    OnRigState,
+    optional,
+)
+from mwd_surface.rig.modbus.server import ModbusServer
+from mwd_surface.rig.modbus.settings import ModbusSerialSettings, ModbusSettings
+
+
+class ModbusSerial(ModbusServer):
+    """
+    The same map over a serial line, where other units answer for themselves: requests to them are left alone.
+
+    line : ModbusSerialSettings
+        The other arguments are those of `ModbusServer`.
+    """
+
+    _called, _what = "modbus_serial", "Modbus RTU"
+
+    def __init__(
+        self,
+        line: ModbusSerialSettings,
+        settings: ModbusSettings,
+        on_rig_state: OnRigState | None = None,
+        **clocks: Callable[[], Any],
+    ) -> None:
+        super().__init__(settings, on_rig_state, **clocks)
+        self.line = line
+        self._seen = False
+
+    def start(self) -> None:
+        """
+        Begin to serve.
+
+        Raises
+        ------
+        InterfaceError
+            pymodbus or pyserial is missing, or the device is not to be had.
+        """
+        self._serial = optional("serial", "pyserial", self._what)
+        super().start()
+
+    async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
+        """Answer until `stop`, or until the device is gone."""
+        line, self._seen = self.line, False
+        try:
+            # pymodbus does not say why it cannot open a device.
+            self._serial.Serial(line.device, line.baud, timeout=0, exclusive=True).close()
+        except OSError as error:
+            raise InterfaceError(f"{line.device}: {error.strerror or error}") from error
+        server = self._server.ModbusSerialServer(
+            self._devices(),
+            port=line.device,
+            baudrate=line.baud,
+            parity=line.parity[0].upper(),
+            stopbits=line.stop_bits,
+            identity=self._named(),
+        )
+        make = server.callback_new_connection
+        server.callback_new_connection = lambda: self._watched(self._for_us(make()))
+        try:
+            await server.serve_forever(background=True)
+        except RuntimeError as error:
+            raise InterfaceError(f"{line.device}: {error}") from error
+        try:
+            ready(line.device)
+            await self._follow(stop)
+        finally:
+            await server.shutdown()
+            for connection in list(self._connections.values()):
+                connection.transport.abort()
+
+    def _for_us(self, handler: Any) -> Any:
+        send = handler.server_send
+
+        def server_send(answer: Any, address: Any) -> None:
+            if answer is not None and answer.dev_id == self.settings.unit:
+                send(answer, address)
+
+        handler.server_send = server_send
+        return handler
+
+    def _look_after(self) -> None:
+        """A line may be silent for ever; one that is gone is opened anew by whoever started this."""
+        if self._seen and not self._connections:
+            raise InterfaceError(f"{self.line.device} is gone")
+        self._seen = bool(self._connections)
+
+    def _peer(self, _name: Any) -> str:
+        return self.line.device
+
+    def _at_once(self, _data: bytes) -> bytes | None:
+        return None

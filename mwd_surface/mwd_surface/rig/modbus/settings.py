@@ -1,0 +1,38 @@
+"""Settings of Modbus over TCP and over a serial line."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from mwd_sensors.core.settings import setting
+from mwd_surface.rig.input import RigInputSettings
+from mwd_surface.rig.modbus.map import ModbusForm
+
+
+@dataclasses.dataclass(frozen=True)
+class ModbusSettings:
+    """Where registers are served, and what may be written."""
+
+    enabled: bool = setting(False, "serve Modbus TCP", fixed=True)
+    host: str = setting("127.0.0.1", "address to listen on", fixed=True)
+    port: int = setting(5020, "TCP port; 0: any that is free; 502 needs privileges", low=0, high=65535, fixed=True)
+    allow_network: bool = setting(False, "listen on an address that other machines can reach", fixed=True)
+    unit: int = setting(1, "unit identifier", low=1, high=247, fixed=True)
+    form: ModbusForm = setting(ModbusForm, "How numbers are laid into registers")
+    allow_writes: bool = setting(False, "take the bit depth, float, m, from holding registers 100 and 101", fixed=True)
+    rig: RigInputSettings = setting(RigInputSettings, "What is believed of a depth that is written")
+    max_clients: int = setting(16, "connections at a time", low=1, high=200, fixed=True)
+    idle_timeout: float = setting(
+        300.0, "a connection that asks nothing for so long is closed", unit="s", low=0.2, high=86400.0, fixed=True
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class ModbusSerialSettings:
+    """The line of Modbus RTU; unit, form and writing are those of Modbus TCP."""
+
+    enabled: bool = setting(False, "serve Modbus RTU over a serial line", fixed=True)
+    device: str = setting("/dev/ttyS0", "serial device", fixed=True)
+    baud: int = setting(19200, "bits per second", low=300, high=921600, fixed=True)
+    parity: str = setting("none", "parity bit", choices=("none", "even", "odd"), fixed=True)
+    stop_bits: int = setting(1, "stop bits", low=1, high=2, fixed=True)

@@ -1,0 +1,153 @@
+"""
+Who may do what on the OPC UA server: security policies, certificates and users.
+
+On loopback anybody may read. From other machines, and for commands anywhere, a session must be signed and encrypted
+with a certificate that lies in the folder of trusted ones.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import datetime as dt
+import socket
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from mwd_surface.loopback import is_loopback
+from mwd_surface.rig.interface import optional
+from mwd_surface.rig.opcua.settings import OpcuaSettings
+
+APPLICATION = "urn:mwd:surface"
+
+
+class Access:
+    """
+    Access rules of one server.
+
+    Parameters
+    ----------
+    settings : OpcuaSettings
+    folder : Path or None
+        Of the certificates.
+    ua : module
+        `asyncua.ua`.
+    """
+
+    def __init__(self, settings: OpcuaSettings, folder: Path | None, ua: Any) -> None:
+        self.settings, self._folder, self._ua = settings, folder, ua
+
+    @property
+    def anyone(self) -> bool:
+        """True where reading needs no certificate."""
+        return self.settings.anonymous and is_loopback(self.settings.host)
+
+    @property
+    def needs_certificates(self) -> bool:
+        """True where signed and encrypted sessions are offered."""
+        return self.settings.allow_commands or not self.anyone
+
+    async def secure(self, server: Any) -> None:
+        """Set the policies of the server, and its certificate."""
+        policies = []
+        if self.anyone:
+            policies.append(self._ua.SecurityPolicyType.NoSecurity)
+        if self.needs_certificates:
+            policies.append(self._ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt)
+            if self._folder is not None:
+                await self._certify(server, self._folder)
+        # Until the channels get their own rules, just after the port opens, nothing is allowed.
+        server.set_security_policy(policies, permission_ruleset=self._rules(set()))
+        server.set_identity_tokens([self._ua.AnonymousIdentityToken])
+
+    def channels(self, server: Any) -> list[Any]:
+        """
+        Return what a channel of each kind may ask for.
+
+        The channel decides, not the user alone: without encryption a client can present a certificate of another.
+        """
+        policies = optional("asyncua.crypto.security_policies", "asyncua", "OPC UA")
+        rules = optional("asyncua.crypto.permission_rules", "asyncua", "OPC UA")
+        ids, modes = self._ua.ObjectIds, self._ua.MessageSecurityMode
+        call, write = ids.CallRequest_Encoding_DefaultBinary, ids.WriteRequest_Encoding_DefaultBinary
+        reading = {*rules.USER_TYPES, ids.BrowseNextRequest_Encoding_DefaultBinary} - {call, write}
+        in_clear = reading if self.anyone else set()
+        trusted = reading | {call}
+        kinds = [
+            policies.SecurityPolicyFactory(policies.SecurityPolicyNone, modes.None_, None, None, self._rules(in_clear))
+        ]
+        if self.needs_certificates:
+            secure = policies.SecurityPolicyBasic256Sha256
+            own = server.iserver.certificate, server.iserver.private_key
+            kinds.append(policies.SecurityPolicyFactory(secure, modes.SignAndEncrypt, *own, self._rules(trusted)))
+        return kinds
+
+    def _rules(self, types: set[int]) -> Services:
+        return Services({self._ua.NodeId(number) for number in types})
+
+    async def _certify(self, server: Any, folder: Path) -> None:
+        trusted = folder / "trusted"
+        trusted.mkdir(parents=True, exist_ok=True, mode=0o700)
+        generator = optional("asyncua.crypto.cert_gen", "asyncua", "OPC UA")
+        oids = optional("cryptography.x509.oid", "cryptography", "OPC UA").ExtendedKeyUsageOID
+        key, certificate = folder / "own.pem", folder / "own.der"
+        await generator.setup_self_signed_certificate(
+            key,
+            certificate,
+            APPLICATION,
+            socket.gethostname(),
+            [oids.CLIENT_AUTH, oids.SERVER_AUTH],
+            {"commonName": "MWD surface", "organizationName": "MWD telemetry"},
+        )
+        key.chmod(0o600)
+        await server.load_certificate(certificate)
+        await server.load_private_key(key)
+
+    def user(self, certificate: bytes | None) -> Any:
+        """Return the user of a session, by the certificate of its channel; None refuses it."""
+        rules = optional("asyncua.crypto.permission_rules", "asyncua", "OPC UA")
+        if not certificate:
+            return rules.User(role=rules.UserRole.Anonymous) if self.anyone else None
+        if self._folder is None or not self.needs_certificates:
+            return None
+        x509 = optional("cryptography.x509", "cryptography", "OPC UA")
+        shown, now = x509.load_der_x509_certificate(certificate), dt.datetime.now(dt.UTC)
+        # Read for each session: a certificate that is removed from the folder counts no more.
+        known = shown in _certificates(self._folder / "trusted", x509)
+        valid = shown.not_valid_before_utc <= now <= shown.not_valid_after_utc
+        return rules.User(role=rules.UserRole.User, name="trusted") if known and valid else None
+
+
+class Services:
+    """Rules of asyncua: the services that a channel may ask for, whoever the user is."""
+
+    def __init__(self, allowed: set[Any]) -> None:
+        self._allowed = allowed
+
+    def check_validity(self, _user: Any, action_type_id: Any, _body: Any) -> bool:
+        """Return whether the service may be asked for."""
+        return action_type_id in self._allowed
+
+
+class Users:
+    """User manager of asyncua: the user of a session follows from its certificate alone."""
+
+    def __init__(self, find: Callable[[bytes | None], Any]) -> None:
+        self._find = find
+
+    def get_user(
+        self, _server: Any, username: str | None = None, password: str | None = None, certificate: bytes | None = None
+    ) -> Any:
+        """Return the user; None refuses. Names and passwords are not offered."""
+        return None if username or password else self._find(certificate)
+
+
+def _certificates(folder: Path, x509: Any) -> list[Any]:
+    """Return the certificates in a folder, DER or PEM; other files are ignored."""
+    found = []
+    for path in sorted(folder.iterdir()):
+        data = path.read_bytes()
+        load = x509.load_pem_x509_certificate if data.startswith(b"-----") else x509.load_der_x509_certificate
+        with contextlib.suppress(ValueError):
+            found.append(load(data))
+    return found
