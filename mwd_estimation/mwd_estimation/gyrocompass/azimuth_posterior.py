@@ -20,7 +20,7 @@ from mwd_sensors.core.frames import wrap_pi
 @dataclasses.dataclass(frozen=True)
 class Part:
     """
-    One Gaussian of the horizontal Earth rate and of an angle that is added to the azimuth found on the circle.
+    Gaussian of the horizontal Earth rate and of an angle that is added to the azimuth found on the circle.
 
     Attributes
     ----------
@@ -47,8 +47,13 @@ class OnCircle:
     """
     Azimuth of the level frame (plus the added angle): mean and sigma, rad.
 
-    misfit: squared distance of the first part from the circle, in sigmas; several: the angles that fit alike, where
-    there are several.
+    Attributes
+    ----------
+    mean, sigma : float
+    misfit : float
+        Squared distance of the first part from the circle, in sigmas.
+    several : tuple of float
+        The angles that fit alike, where there are several.
     """
 
     mean: float
@@ -58,11 +63,75 @@ class OnCircle:
 
 
 def part(log_weight: float, earth: Array, P: Array, right: Array, at: slice, shift: float = 0.0) -> Part:
-    """Part of a Gaussian with covariance P, whose states `at` are the Earth rate and whose right . x is the angle."""
+    """
+    Part of a Gaussian.
+
+    Parameters
+    ----------
+    log_weight, shift : float
+        As in `Part`.
+    earth : ndarray, shape (2,)
+        Mean of the horizontal Earth rate, rad/s.
+    P : ndarray, shape (n, n)
+        Covariance of the states, of which `at` are the Earth rate.
+    right : ndarray, shape (n,)
+        Row that makes the added angle of the states.
+    """
     S = np.asarray(P[at, at])
     cross: Array = np.asarray(np.linalg.solve(S, P[at] @ right), dtype=float)
     own = max(float(right @ P @ right) - float(cross @ S @ cross), 0.0)
     return Part(log_weight, np.asarray(earth), S, cross, own, shift)
+
+
+class _Cost:
+    """What the parts say along the circle: squared distances in sigmas and log likelihoods, shape (parts, n)."""
+
+    def __init__(self, parts: Sequence[Part], horizontal: float) -> None:
+        self.inverses = [np.linalg.inv(one.S) for one in parts]
+        self._offsets = np.array(
+            [float(np.linalg.slogdet(one.S)[1]) - 2.0 * one.log_weight for one in parts], dtype=float
+        )[:, None]
+        self._north, self._east = (np.array([one.earth[k] for one in parts])[:, None] for k in (0, 1))
+        self._nn, self._ne, self._ee = (
+            np.array([inverse[i, j] for inverse in self.inverses])[:, None] for i, j in ((0, 0), (0, 1), (1, 1))
+        )
+        self._horizontal = horizontal
+
+    def distances(self, angle: Array) -> Array:
+        """Squared distance of each part from the circle at these angles, rad."""
+        d_n = self._horizontal * np.cos(angle) - self._north
+        d_e = -self._horizontal * np.sin(angle) - self._east
+        return np.asarray(self._nn * d_n * d_n + 2.0 * self._ne * d_n * d_e + self._ee * d_e * d_e)
+
+    def each(self, angle: Array) -> Array:
+        """Minus twice the log likelihood of each part."""
+        return np.asarray(self.distances(angle) + self._offsets)
+
+    def total(self, angle: Array) -> Array:
+        """Minus twice the log likelihood of all parts together, shape (n,)."""
+        each = self.each(angle)
+        least = each.min(axis=0)
+        return np.asarray(least - 2.0 * np.log(np.exp(-0.5 * (each - least)).sum(axis=0)))
+
+    def grid(self, modes: Sequence[float], lone: bool) -> tuple[Array, Array]:
+        """
+        Angles that resolve every mode, and the width that each stands for, rad.
+
+        lone: only the half circle around the one mode counts, because an expected azimuth excludes the rest.
+        """
+        spread = [modes[0] + np.linspace(-0.5, 0.5, 361) * math.pi if lone else np.linspace(-1.0, 1.0, 721) * math.pi]
+        for mode in modes:
+            tangent = self._horizontal * np.array([-math.sin(mode), -math.cos(mode)])
+            for inverse in self.inverses:
+                width = 1.0 / math.sqrt(float(tangent @ inverse @ tangent))
+                if width < 0.1:
+                    # A narrow peak wants points of its own.
+                    spread.append(mode + np.linspace(-8.0, 8.0, 81) * width)
+        angle = np.unique(np.concatenate(spread))
+        if lone:
+            return angle, np.gradient(angle)
+        angle = np.unique(wrap_pi(angle))
+        return angle, 0.5 * ((np.roll(angle, -1) - np.roll(angle, 1)) % (2.0 * math.pi))
 
 
 def posterior(parts: Sequence[Part], horizontal: float, expected: float | None = None) -> OnCircle:
@@ -72,51 +141,21 @@ def posterior(parts: Sequence[Part], horizontal: float, expected: float | None =
     Parameters
     ----------
     parts : sequence of Part
-        What the data say, weighed by their evidence; the first one is that whose misfit is told.
+        What the data say, weighed by their evidence; the misfit is that of the first one.
     horizontal : float
         Earth rate times the cosine of the latitude, rad/s.
     expected : float, optional
-        An azimuth, rad, that chooses between several that fit; it doesn't move the answer.
+        An azimuth, rad, that chooses between several that fit; it does not move the answer.
     """
-    inverses = [np.linalg.inv(one.S) for one in parts]
-    offsets = [float(np.linalg.slogdet(one.S)[1]) - 2.0 * one.log_weight for one in parts]
-
-    north, east = (np.array([one.earth[k] for one in parts])[:, None] for k in (0, 1))
-    a, b, c = (np.array([inv[i, j] for inv in inverses])[:, None] for i, j in ((0, 0), (0, 1), (1, 1)))
-
-    def distances(angle: Array) -> Array:
-        d_n, d_e = horizontal * np.cos(angle) - north, -horizontal * np.sin(angle) - east
-        return np.asarray(a * d_n * d_n + 2.0 * b * d_n * d_e + c * d_e * d_e)
-
-    def costs(angle: Array) -> Array:
-        return np.asarray(distances(angle) + np.array(offsets)[:, None])
-
-    def cost(angle: Array) -> Array:
-        each = costs(angle)
-        least = each.min(axis=0)
-        return np.asarray(least - 2.0 * np.log(np.exp(-0.5 * (each - least)).sum(axis=0)))
-
-    modes = _modes(cost)
+    cost = _Cost(parts, horizontal)
+    modes = _modes(cost.total)
     best = min(modes, key=lambda mode: mode[1])[0]
-    misfit = float(distances(np.array([best]))[0, 0])
+    misfit = float(cost.distances(np.array([best]))[0, 0])
     if len(modes) > 1 and expected is not None:
         modes = [min(modes, key=lambda mode: abs(float(wrap_pi(mode[0] - expected))))]
-    lone = len(modes) == 1 and expected is not None
-    grid = [modes[0][0] + np.linspace(-0.5, 0.5, 361) * math.pi if lone else np.linspace(-1.0, 1.0, 721) * math.pi]
-    for mode, _ in modes:
-        tangent = horizontal * np.array([-math.sin(mode), -math.cos(mode)])
-        for inverse in inverses:
-            width = 1.0 / math.sqrt(float(tangent @ inverse @ tangent))
-            if width < 0.1:
-                # A narrow peak wants points of its own.
-                grid.append(mode + np.linspace(-8.0, 8.0, 81) * width)
-    angle = np.unique(np.concatenate(grid))
-    if lone:
-        spacing = np.gradient(angle)
-    else:
-        angle = np.unique(wrap_pi(angle))
-        spacing = 0.5 * ((np.roll(angle, -1) - np.roll(angle, 1)) % (2.0 * math.pi))
-    every = costs(angle)
+    angles = [mode for mode, _ in modes]
+    angle, spacing = cost.grid(angles, len(angles) == 1 and expected is not None)
+    every = cost.each(angle)
     weight = np.exp(-0.5 * (every - every.min())) * spacing
     weight /= weight.sum()
     d = horizontal * np.stack([np.cos(angle), -np.sin(angle)], axis=-1)
@@ -124,12 +163,11 @@ def posterior(parts: Sequence[Part], horizontal: float, expected: float | None =
     mean = math.atan2(float(np.sum(weight * np.sin(total))), float(np.sum(weight * np.cos(total))))
     variance = float(np.sum(weight * wrap_pi(total - mean) ** 2))
     variance += float(weight.sum(axis=1) @ np.array([one.own for one in parts]))
-    others = tuple(mode for mode, _ in modes) if len(modes) > 1 else ()
-    return OnCircle(mean, min(math.sqrt(variance), math.pi), misfit, others)
+    return OnCircle(mean, min(math.sqrt(variance), math.pi), misfit, tuple(angles) if len(angles) > 1 else ())
 
 
 def _modes(cost: Callable[[Array], Array]) -> list[tuple[float, float]]:
-    """Every angle where the misfit is least nearby and within 25 of the best, with that misfit."""
+    """Every angle, rad, where the cost is least nearby and within 25 of the best, with that cost."""
     grid = np.linspace(-math.pi, math.pi, 360, endpoint=False)
     values = cost(grid)
     low = (values <= np.roll(values, 1)) & (values < np.roll(values, -1))

@@ -33,41 +33,81 @@ class GyroParams:
 
     method: str = setting(
         SEEK,
-        "seek: still or in two positions, biases learnt; s1: the paper's filter, still and with a small bias only",
+        "Method of a station. seek estimates the biases from rests and half turns; s1 is the filter of S1, for a tool "
+        "that never moves and a gyro whose bias is small.",
         choices=(SEEK, S1),
     )
     noise_deg_rth: float = setting(
-        0.0, "White noise; 0: as the tool at rest shows it", unit="deg/sqrt(h)", low=0.0, high=10.0
+        0.0,
+        "White noise of y and z. 0: computed from the samples of the tool at rest.",
+        unit="deg/sqrt(h)",
+        low=0.0,
+        high=10.0,
     )
-    bias_deg_h: float = setting(5.0, "Bias not known to better than", unit="deg/h", low=0.0, high=1e5)
+    bias_deg_h: float = setting(
+        5.0,
+        "Sigma of the gyro bias. Raising it widens the azimuth's sigma until a second position shows the bias.",
+        unit="deg/h",
+        low=0.0,
+        high=1e5,
+    )
     bias_scale: str = setting(
         "at_most",
-        "stated: the bias is drawn with that sigma; at_most: with that or less, as the fit to the latitude shows",
+        "stated: bias_deg_h is the sigma. at_most: the sigma is that or less, as the fit to the latitude shows; use it "
+        "where the bound of a data sheet is all that is known.",
         choices=("stated", "at_most"),
     )
-    walk_deg_h_rth: float = setting(0.3, "Random walk of the bias, warming up too", unit="deg/h", low=0.0, high=1e4)
-    scale_x_ppm: float = setting(500.0, "Scale of the x gyro not known to better than", unit="ppm", low=0.0, high=1e5)
-    leak_urad: float = setting(300.0, "x rate that y and z feel", unit="urad", low=0.0, high=1e5)
+    walk_deg_h_rth: float = setting(
+        0.3,
+        "Random walk of the bias in an hour, warming up included. Raising it forgets sooner what earlier seeks showed.",
+        unit="deg/h",
+        low=0.0,
+        high=1e4,
+    )
+    scale_x_ppm: float = setting(500.0, "Sigma of the scale of the x gyro.", unit="ppm", low=0.0, high=1e5)
+    leak_urad: float = setting(
+        300.0, "Sigma of the x rate that y and z measure (misalignment).", unit="urad", low=0.0, high=1e5
+    )
     g_sensitivity_deg_h_g: float = setting(
-        0.5, "g-sensitivity of y and z, each to each", unit="deg/h/g", low=0.0, high=1e3
+        0.5, "Sigma of each element of the g-sensitivity of y and z.", unit="deg/h/g", low=0.0, high=1e3
     )
     g_calibration_deg_h_g: tuple[float, float, float, float] = setting(
-        (0.0, 0.0, 0.0, 0.0), "Calibrated g-sensitivity: along, across, stretch, shear", unit="deg/h/g"
+        (0.0, 0.0, 0.0, 0.0),
+        "Calibrated g-sensitivity: along, across, stretch, shear (`north_seek.calibrated`).",
+        unit="deg/h/g",
     )
-    range_dps: float = setting(100.0, "y and z clip at", unit="deg/s", low=1.0, high=5000.0)
-    accel_noise_ug_rthz: float = setting(30.0, "Accelerometer white noise", unit="ug/sqrt(Hz)", low=0.01, high=1e4)
-    accel_bias_ug: float = setting(200.0, "Accelerometer bias", unit="ug", low=0.0, high=1e5)
-    shortest_s: float = setting(30.0, "No azimuth before", unit="s", low=1.0, high=3600.0)
-    worst_sigma_deg: float = setting(20.0, "An azimuth less certain is refused", unit="deg", low=0.1, high=90.0)
+    range_dps: float = setting(100.0, "Rate at which y and z clip.", unit="deg/s", low=1.0, high=5000.0)
+    accel_noise_ug_rthz: float = setting(
+        30.0, "White noise of the accelerometers.", unit="ug/sqrt(Hz)", low=0.01, high=1e4
+    )
+    accel_bias_ug: float = setting(
+        200.0,
+        "Sigma of the accelerometer bias; it turns the azimuth by bias / g tan(latitude).",
+        unit="ug",
+        low=0.0,
+        high=1e5,
+    )
+    shortest_s: float = setting(30.0, "Shortest seek that gives an azimuth.", unit="s", low=1.0, high=3600.0)
+    worst_sigma_deg: float = setting(20.0, "An azimuth with a larger sigma is refused.", unit="deg", low=0.1, high=90.0)
     enough_sigma_deg: float = setting(
-        0.7, "An azimuth as certain as this is not waited for any longer", unit="deg", low=0.01, high=90.0
+        0.7,
+        "An automatic survey waits for a gyro azimuth no longer once its sigma is this small.",
+        unit="deg",
+        low=0.01,
+        high=90.0,
     )
-    longest_turn_s: float = setting(30.0, "A longer turn ends the seek", unit="s", low=0.0, high=600.0)
+    longest_turn_s: float = setting(
+        30.0, "A turn between two rests that takes longer ends the seek.", unit="s", low=0.0, high=600.0
+    )
     max_shake: float = setting(
-        0.25, "Standard deviation of the axial force above which a turn is no quiet one", unit="m/s^2", low=1e-3
+        0.25, "Standard deviation of the axial force above which a turn ends the seek.", unit="m/s^2", low=1e-3
     )
     max_axis_step: float = setting(
-        0.03, "Change of the axial force above which the axis lies elsewhere", unit="m/s^2", low=1e-4, high=10.0
+        0.03,
+        "Change of the axial force above which the hole axis lies elsewhere and the seek ends.",
+        unit="m/s^2",
+        low=1e-4,
+        high=10.0,
     )
 
 
@@ -75,9 +115,16 @@ def seek_params(
     gyro: GyroParams, latitude_deg: float, gravity: float | None, noise_deg_rth: float | None = None
 ) -> SeekParams:
     """
-    Settings of the seek; all three gyros are the precision unit's.
+    Parameters of a seek in which all three gyros are the precision unit's.
 
-    noise_deg_rth: as the tool shows it, deg/sqrt(h), for settings that leave it open.
+    Parameters
+    ----------
+    gyro : GyroParams
+    latitude_deg : float
+    gravity : float or None
+        Local gravity, m/s^2; None: standard gravity.
+    noise_deg_rth : float or None
+        White noise as the tool at rest shows it, deg/sqrt(h), for `gyro` that leaves it open.
     """
     noise = gyro.noise_deg_rth or noise_deg_rth or _TACTICAL_NOISE
     params = SeekParams(

@@ -32,7 +32,7 @@ class Seeker(Protocol):
 
     @property
     def elapsed(self) -> float:
-        """s of data used."""
+        """Duration of the data used, s."""
 
     @property
     def moved(self) -> bool:
@@ -56,7 +56,7 @@ class NorthSeek:
 
     @property
     def elapsed(self) -> float:
-        """s of data used."""
+        """Duration of the data used, s."""
         return float(self.state.elapsed)
 
     @property
@@ -99,7 +99,7 @@ class StaticSeek:
 
     @property
     def elapsed(self) -> float:
-        """s of data used."""
+        """Duration of the data used, s."""
         return 0.0 if self._first_ns is None else (self._last_ns - self._first_ns) * 1e-9
 
     @property

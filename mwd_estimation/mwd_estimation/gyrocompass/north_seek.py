@@ -193,7 +193,7 @@ def carried_on(params: SeekParams, state: State, seconds: float) -> State:
 
 def calibrated(params: SeekParams, state: State, azimuth: float, sigma: float) -> SeekParams:
     """
-    Settings with the g-sensitivity that a run at a known azimuth shows: a surface check of the turning tool.
+    Calibrate the g-sensitivity by a run at a known azimuth: a surface check of the turning tool.
 
     azimuth, sigma: of the hole axis from true north and its one sigma, rad.
 
@@ -231,7 +231,7 @@ _BOUND = math.log(11.0)
 
 def _parts(params: SeekParams, p: KernelParams, state: State, right: Array) -> list[azimuth_posterior.Part]:
     """
-    The filter's Gaussian of the Earth rate for each scale that the gyro biases may have.
+    Make the filter's Gaussian of the Earth rate for each scale that the gyro biases may have.
 
     The filter runs with the stated scale. Another one is the same posterior times the ratio of the two priors, which is
     Gaussian too: a measurement "the bias is zero", and the evidence for that scale. A gyro whose rates fit the latitude

@@ -119,7 +119,7 @@ def _settle(s: State) -> None:
 
 @compiled
 def _hold_axis(p: KernelParams, s: State, work: Work, share: float) -> None:
-    """The hole axis lies where it lay, but for a wobble once and twice per turn of the scribe line."""
+    """Update by the hole axis, which lies where it lay but for a wobble once and twice per turn of the scribe line."""
     mat, reference, h = s.mat, s.axis_reference, work.h
     ax, ay, az, zx, zy, zz = mat[0, 0], mat[1, 0], mat[2, 0], mat[0, 2], mat[1, 2], mat[2, 2]
     hx, hy, hz, rx, ry = frame(reference)
@@ -151,7 +151,7 @@ def _hold_axis(p: KernelParams, s: State, work: Work, share: float) -> None:
 
 @compiled
 def _hold_roll(p: KernelParams, s: State, work: Work, share: float) -> None:
-    """Roll of a tool at rest stays where it was; the first of a rest is the reference."""
+    """Update by the roll of a tool at rest, which stays where it was; the first of a rest is the reference."""
     mat, a, k, h = s.mat, s.axis_reference, s.roll_reference, work.h
     zx, zy, zz = mat[0, 2], mat[1, 2], mat[2, 2]
     if s.still_run == _REST_BLOCKS:

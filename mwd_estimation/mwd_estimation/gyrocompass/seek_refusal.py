@@ -118,7 +118,7 @@ def _attitude(params: SeekParams, fit: Fit) -> Reason | None:
 
 
 def _instrument(params: SeekParams, state: State) -> Reason | None:
-    """An error of the instrument found far from where the parameters say it lies."""
+    """Refuse an error of the instrument found far from where the parameters say it lies."""
     bias, scale, leak = Code.GYRO_BIAS_EXCESSIVE, Code.GYRO_SCALE_EXCESSIVE, Code.GYRO_LEAK_EXCESSIVE
     stated = (
         (bias, "x gyro bias", state.gyro_bias[0], params.gyro_x_bias_deg_h * DEG_PER_HOUR),

@@ -185,8 +185,18 @@ class State:
 
 class Work:
     """
-    Scratch of a block: matrix in the middle of a sample, vectors and matrix of levelling, moving rows of the transition
-    and of its product with P, the error found so far, a measurement's row and its product with P.
+    Scratch of a block.
+
+    Attributes
+    ----------
+    half : ndarray, shape (3, 3)
+        Tool to level frame in the middle of a sample.
+    down, forward, level : ndarray
+        Vectors and matrix of levelling.
+    phi, rows : ndarray, shape (5, 33)
+        Moving rows of the transition, and of its product with P.
+    error, h, ph : ndarray, shape (33,)
+        Error found so far in a block; row of a measurement, and its product with P.
     """
 
     half: Annotated[Array, 3, 3]
@@ -204,6 +214,6 @@ STATE, WORK = dtype_of(State), dtype_of(Work)
 
 
 def estimate(s: State) -> Array:
-    """The estimate in the order of `Error`, shape (33,); attitude, which is a matrix, counts as zero."""
+    """Estimate in the order of `Error`, shape (33,); attitude, which is a matrix, counts as zero."""
     instrument = (s.gyro_bias, s.scale_x, s.leak, s.g_sensitivity, s.lag, s.force_bias)
     return np.hstack([np.zeros(3), s.velocity, s.earth_rate, *instrument, s.axis, s.roll, s.wobble, s.lead])

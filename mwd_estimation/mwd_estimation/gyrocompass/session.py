@@ -29,18 +29,26 @@ MODES = ("still", "two_position", "rotating")
 
 @dataclasses.dataclass(frozen=True)
 class SessionParams:
-    """How long north is sought on request, and the conventional unit's x gyro, one sigma each."""
+    """Duration of a north seek on request, and the conventional unit's x gyro, one sigma each."""
 
-    duration_s: float = setting(120.0, "Time where the request names none", unit="s", low=10.0, high=86400.0)
-    x_noise_deg_rth: float = setting(0.42, "White noise", unit="deg/sqrt(h)", low=1e-5, high=100.0)
-    x_bias_deg_h: float = setting(400.0, "Bias not known to better than", unit="deg/h", low=0.0, high=1e5)
-    x_scale_ppm: float = setting(5000.0, "Scale not known to better than", unit="ppm", low=0.0, high=1e5)
+    duration_s: float = setting(
+        120.0, "Duration of a seek where the request names none.", unit="s", low=10.0, high=86400.0
+    )
+    x_noise_deg_rth: float = setting(
+        0.42,
+        "White noise of the conventional unit's x gyro, which a fast turning string needs.",
+        unit="deg/sqrt(h)",
+        low=1e-5,
+        high=100.0,
+    )
+    x_bias_deg_h: float = setting(400.0, "Sigma of that gyro's bias.", unit="deg/h", low=0.0, high=1e5)
+    x_scale_ppm: float = setting(5000.0, "Sigma of that gyro's scale.", unit="ppm", low=0.0, high=1e5)
 
 
 @dataclasses.dataclass(frozen=True)
 class NorthProgress:
     """
-    How far a seek is.
+    Progress of a seek.
 
     Attributes
     ----------
@@ -69,7 +77,7 @@ class NorthProgress:
 
 class NorthSession:
     """
-    One seek.
+    One seek on request.
 
     Parameters
     ----------
@@ -146,7 +154,7 @@ class NorthSession:
             self._first = None
 
     def _params_now(self, first: list[tuple[tuple[Stamps, Array], tuple[Stamps, Array]]]) -> SeekParams:
-        """Settings of the seek with the noise that the tool shows at rest, or with the x gyro that can follow it."""
+        """Choose the noise that the tool shows at rest, or the x gyro whose range the string does not exceed."""
         stamps = np.concatenate([precision[0] for precision, _ in first])
         rates = np.concatenate([precision[1][:, :3] for precision, _ in first])
         x_rates = np.concatenate([*(ahrs[1][:, 0] for _, ahrs in first), rates[:, 0]])
@@ -170,7 +178,7 @@ class NorthSession:
         north_seek.run(self._params, self._state, stamps, rates, values[:, 3:])
 
     def progress(self) -> NorthProgress:
-        """How far it is."""
+        """Progress of the seek."""
         found = self.solution()
         left = max(self.duration - self.elapsed, 0.0)
         known = math.isfinite(found.azimuth) and math.isfinite(found.sigma)
@@ -178,7 +186,7 @@ class NorthSession:
         return NorthProgress(self.elapsed, left, azimuth, sigma, found.method, found.reason)
 
     def solution(self) -> Solution:
-        """What was found so far."""
+        """North so far, or why there is none."""
         found = north_seek.solution(self._params, self._state)
         if self._has_samples:
             return found

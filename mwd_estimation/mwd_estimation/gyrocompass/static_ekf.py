@@ -33,19 +33,35 @@ MAX_LATITUDE_DEG = 85.0
 class Params:
     """Settings of the S1 filter. Noise figures are one sigma and belong to the precision unit."""
 
-    latitude_deg: float = setting(34.0, "geodetic latitude, north positive", unit="deg", low=-90.0, high=90.0)
-    gravity: float = setting(STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
-    coarse_seconds: float = setting(20.0, "mean that starts the filter", unit="s", low=0.1, high=600.0)
-    gyro_noise_deg_rth: float = setting(0.05, "gyro white noise", unit="deg/sqrt(h)", low=1e-5, high=10.0)
-    accel_noise_ug_rthz: float = setting(30.0, "accelerometer white noise", unit="ug/sqrt(Hz)", low=0.01, high=1e4)
-    gyro_bias_deg_h: float = setting(0.1, "what calibration leaves of the gyro bias", unit="deg/h", low=0.0, high=1e5)
-    accel_bias_ug: float = setting(100.0, "what calibration leaves of the force bias", unit="ug", low=0.0, high=1e5)
-    gyro_walk_deg_h_rth: float = setting(0.0, "bias random walk, per root hour", unit="deg/h", low=0.0, high=1e4)
-    accel_walk_ug_rth: float = setting(0.0, "bias random walk, per root hour", unit="ug", low=0.0, high=1e5)
-    sigma_position: float = setting(0.001, "the tool keeps its place within", unit="m", low=1e-6, high=10.0)
-    sigma_velocity: float = setting(0.001, "the tool's velocity stays within", unit="m/s", low=1e-6, high=10.0)
-    gap: float = setting(0.5, "a longer silence starts the filter anew", unit="s", low=0.01, high=60.0)
-    moved_ratio: float = setting(5.0, "mean innovation ratio above which the tool has moved", low=1.0, high=1e3)
+    latitude_deg: float = setting(34.0, "Geodetic latitude, north positive.", unit="deg", low=-90.0, high=90.0)
+    gravity: float = setting(STANDARD_GRAVITY, "Magnitude of local gravity.", unit="m/s^2", low=9.0, high=10.5)
+    coarse_seconds: float = setting(20.0, "Duration of the mean that starts the filter.", unit="s", low=0.1, high=600.0)
+    gyro_noise_deg_rth: float = setting(0.05, "White noise of the gyros.", unit="deg/sqrt(h)", low=1e-5, high=10.0)
+    accel_noise_ug_rthz: float = setting(
+        30.0, "White noise of the accelerometers.", unit="ug/sqrt(Hz)", low=0.01, high=1e4
+    )
+    gyro_bias_deg_h: float = setting(
+        0.1,
+        "Sigma of the gyro bias after calibration; it stays in the azimuth's sigma.",
+        unit="deg/h",
+        low=0.0,
+        high=1e5,
+    )
+    accel_bias_ug: float = setting(
+        100.0, "Sigma of the accelerometer bias after calibration.", unit="ug", low=0.0, high=1e5
+    )
+    gyro_walk_deg_h_rth: float = setting(
+        0.0, "Random walk of the gyro bias in an hour.", unit="deg/h", low=0.0, high=1e4
+    )
+    accel_walk_ug_rth: float = setting(
+        0.0, "Random walk of the accelerometer bias in an hour.", unit="ug", low=0.0, high=1e5
+    )
+    sigma_position: float = setting(
+        0.001, "Sigma of the tool's position about the place where it rests.", unit="m", low=1e-6, high=10.0
+    )
+    sigma_velocity: float = setting(0.001, "Sigma of the tool's velocity.", unit="m/s", low=1e-6, high=10.0)
+    gap: float = setting(0.5, "A longer data gap starts the filter anew.", unit="s", low=0.01, high=60.0)
+    moved_ratio: float = setting(5.0, "Mean innovation ratio above which the tool has moved.", low=1.0, high=1e3)
 
 
 @dataclasses.dataclass(frozen=True)

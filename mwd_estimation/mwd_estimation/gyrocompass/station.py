@@ -26,21 +26,21 @@ from mwd_sensors.core.arrays import Array, Stamps
 _ACCEL_X = 3
 # Waiting helps while the noise alone makes this share of sigma: it also hides how well a bias fits the latitude.
 _BY_NOISE = 0.1
-# How often the seek is asked what it waits for: an answer costs as much as thousands of samples.
-_ASK_AGAIN_S = 2.5
+# How often `pending` computes a solution: one costs as much as thousands of samples.
+_PENDING_EVERY_S = 2.5
 # Bins at rest whose samples give the gyros' white noise.
 _REST_BINS = 8
 
 
 class GyroStation:
     """
-    The seek of one tool, in order of its bins.
+    North seeks of one tool, station after station, from its bins in order.
 
     Parameters
     ----------
     gyro : GyroParams
     latitude_deg : float or None
-        None: unknown, and nothing is sought.
+        None: unknown, and there is no seek.
     gravity : float or None
         Local, m/s^2.
     """
@@ -48,24 +48,24 @@ class GyroStation:
     def __init__(self, gyro: GyroParams, latitude_deg: float | None, gravity: float | None) -> None:
         self.gyro = gyro
         self.params = None if latitude_deg is None else seek_params(gyro, latitude_deg, gravity)
-        self.heard = False
+        self._has_samples = False
         self._refusal: Reason | None = None
         self._gravity = gravity
         self._seek: Seeker | None = None
         self._axis = math.nan
         self._turned_s = 0.0
-        # The seek as it was in the last still bin, and the last sample heard: what is carried on.
+        # The seek as it was in the last still bin, and its last sample: what the next seek carries on.
         self._found: tuple[State, int] | None = None
         self._last_ns: int | None = None
         self._rest: list[tuple[Stamps, Array]] = []
-        # Time of the seek, s, at which it was asked what it waits for, and its answer.
+        # Time of the seek, s, at which `pending` was computed last, and its result.
         self._waited: tuple[float, Reason | None] = (-math.inf, None)
 
     def refuse(self, reason: Reason | None, forget: bool) -> None:
         """
         Give no azimuth from now on, for this reason; None: give azimuths again.
 
-        forget : what the unit has told so far was wrong already, and what it tells meanwhile is not to be added.
+        forget: the samples so far were wrong already, and those to come are not added.
         """
         self._refusal = reason
         if forget:
@@ -88,7 +88,7 @@ class GyroStation:
             Stamps, ns, and rates, rad/s, and forces, m/s^2, of the precision unit in this bin.
         """
         stamps, values = samples
-        self.heard = self.heard or len(stamps) > 0
+        self._has_samples = self._has_samples or len(stamps) > 0
         if self.params is None:
             return
         if len(stamps):
@@ -96,20 +96,20 @@ class GyroStation:
                 # The unit may have been switched off meanwhile: nothing it has shown holds any more.
                 self._seek = self._found = None
             self._last_ns = int(stamps[-1])
-        if self._seek is not None and not self._goes_on(self._seek, imu, bin_s, still):
+        if self._seek is not None and not self._continues(self._seek, imu, bin_s, still):
             self._seek = None
         if self._seek is None:
-            # What the tool shows while the string settles tells its noise.
+            # The samples while the string settles show the unit's noise.
             self._rest = [*self._rest, (stamps, values)][-_REST_BINS:] if still else []
             if still and settled:
-                self._seek = self._begun(self.params, int(stamps[0]) if len(stamps) else None)
+                self._seek = self._begin(self.params, int(stamps[0]) if len(stamps) else None)
                 self._axis, self._turned_s = float(imu.mean[_ACCEL_X]), 0.0
         if self._seek is not None and len(stamps):
             self._seek.run(stamps, values)
             if still and isinstance(self._seek, NorthSeek) and self._seek.elapsed >= self.params.shortest:
                 self._found = self._seek.state.copy(), int(stamps[-1])
 
-    def _begun(self, params: SeekParams, first_ns: int | None) -> Seeker:
+    def _begin(self, params: SeekParams, first_ns: int | None) -> Seeker:
         self._waited = (-math.inf, None)
         noise = white_noise(
             np.concatenate([stamps for stamps, _ in self._rest]),
@@ -123,7 +123,7 @@ class GyroStation:
         state, last_ns = self._found
         return NorthSeek(self.params, (state, (first_ns - last_ns) * 1e-9))
 
-    def _goes_on(self, seek: Seeker, imu: Bin, bin_s: float, still: bool) -> bool:
+    def _continues(self, seek: Seeker, imu: Bin, bin_s: float, still: bool) -> bool:
         if still:
             return not seek.moved and abs(imu.mean[_ACCEL_X] - self._axis) <= self.gyro.max_axis_step
         self._turned_s += bin_s
@@ -134,7 +134,7 @@ class GyroStation:
 
     def solution(self) -> Solution | None:
         """North so far, or why there is none; None where there is no precision unit."""
-        if not self.heard:
+        if not self._has_samples:
             return None
         if self._refusal is not None:
             return Solution(self._refusal, self.gyro.method)
@@ -146,18 +146,18 @@ class GyroStation:
 
     def pending(self) -> Reason | None:
         """
-        What the gyro still waits for while the tool keeps still; None where waiting brings nothing more.
+        Reason to wait longer while the tool keeps still; None where waiting brings nothing more.
 
         An automatic survey that is taken before then has no gyro azimuth, or one that gets better by waiting.
         """
-        if not self.heard or self.params is None or self._seek is None or self._refusal is not None:
+        if not self._has_samples or self.params is None or self._seek is None or self._refusal is not None:
             return None
         if polar(self.params.latitude_deg) is not None:
             return None
         elapsed = self._seek.elapsed
         if elapsed < self.params.shortest:
             return too_short(elapsed, self.params.shortest)
-        if elapsed >= self._waited[0] + _ASK_AGAIN_S:
+        if elapsed >= self._waited[0] + _PENDING_EVERY_S:
             self._waited = elapsed, self._still_better(self._seek.solution())
         return self._waited[1]
 

@@ -119,7 +119,7 @@ def wrap_angle(angle: float) -> float:
 
 @compiled
 def rotate_left(mat: Array, vx: float, vy: float, vz: float) -> None:
-    """mat <- exp([v x]) mat, shape (3, 3), by the rotation vector v in the axes of the rows' side."""
+    """Rotate mat <- exp([v x]) mat, shape (3, 3), by the rotation vector v in the axes that mat leads to."""
     e = _rotation(vx, vy, vz)
     for i in range(3):
         m0, m1, m2 = mat[0, i], mat[1, i], mat[2, i]
@@ -130,7 +130,7 @@ def rotate_left(mat: Array, vx: float, vy: float, vz: float) -> None:
 
 @compiled
 def rotate_right(mat: Array, vx: float, vy: float, vz: float) -> None:
-    """mat <- mat exp([v x]), shape (3, 3): a tool-to-level matrix through a turn v of the tool in its own axes."""
+    """Rotate mat <- mat exp([v x]), shape (3, 3): a tool-to-level matrix through a turn v of the tool in its axes."""
     e = _rotation(vx, vy, vz)
     for i in range(3):
         m0, m1, m2 = mat[i, 0], mat[i, 1], mat[i, 2]
