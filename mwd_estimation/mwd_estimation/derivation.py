@@ -36,7 +36,7 @@ _TACTICAL_NOISE = 0.05
 def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
     """Parameters of the selected gravity method; gravity: local, m/s^2, None where not known."""
     tool, chosen = settings.tool, method(settings.gravity.method)
-    default = chosen.Params()
+    default: Any = chosen.Params()
     expert = dataclasses.asdict(settings.gravity.expert)
     calibration = tool.calibration_mrad / 1e3
     derived = {
@@ -53,15 +53,16 @@ def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
         "bridge": expert.get("max_bridged_gap_s"),
         **expert,
     }
-    known = {field.name for field in dataclasses.fields(default)}
-    return dataclasses.replace(default, **{name: value for name, value in derived.items() if name in known})
+    if hasattr(default, "_replace"):
+        return default._replace(**{name: derived[name] for name in default._fields if name in derived})
+    names = [field.name for field in dataclasses.fields(default)]
+    return dataclasses.replace(default, **{name: derived[name] for name in names if name in derived})
 
 
 def accelerometer_only_params(settings: EstimatorSettings, gravity: float | None) -> accelerometer_only.Params:
     """Parameters of the method that remains while the gyros are faulty."""
     default = accelerometer_only.Params()
-    return dataclasses.replace(
-        default,
+    return default._replace(
         gravity=gravity or STANDARD_GRAVITY,
         accel_range=min(settings.tool.accelerometer.range_g) * STANDARD_GRAVITY,
         sigma_floor=max(default.sigma_floor, settings.tool.calibration_mrad / 1e3),

@@ -30,6 +30,7 @@ from mwd_estimation.core.samples import samples as arrays_of
 from mwd_estimation.core.time_bins import Bin, Binner
 from mwd_estimation.core.time_jumps import Clocks
 from mwd_estimation.gravity import methods as gravity
+from mwd_estimation.gravity.fallback import GravityWithFallback, without_faulty
 from mwd_estimation.gyrocompass.session import NorthProgress, NorthSession
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.gyrocompass.station import GyroStation
@@ -42,7 +43,7 @@ from mwd_estimation.magnetic import spike_filter
 from mwd_estimation.settings import EstimatorSettings, Place, latitude_of, reference_of
 from mwd_estimation.survey import survey
 from mwd_estimation.survey.continuity_check import handed_on, held_against
-from mwd_estimation.survey.fault_history import AZIMUTH, GuardedGravity, Record, without_faulty
+from mwd_estimation.survey.fault_history import AZIMUTH, Record
 from mwd_estimation.survey.magnetic_feedback import NORTH_CODES, FieldReader
 from mwd_estimation.survey.rotary_survey import Progress as RotaryProgress
 from mwd_estimation.survey.rotary_survey import RotarySurvey
@@ -477,7 +478,7 @@ class Pipeline:
     def _use_gravity(self, known: float | None) -> None:
         """Local gravity, m/s^2, for what follows gravity; None: not known."""
         settings = self.settings
-        self._gravity = GuardedGravity(
+        self._gravity = GravityWithFallback(
             gravity.method(settings.gravity.method),
             derivation.gravity_params(settings, known),
             derivation.accelerometer_only_params(settings, known),

@@ -226,7 +226,7 @@ def test_reset_forgets_the_estimate_but_not_the_numbering():
 def test_every_gravity_method_takes_its_own_settings(name):
     settings = changed(EstimatorSettings(), {"gravity.method": name, "tool.accelerometer.range_g": [8.0, 16.0, 16.0]})
     params = derivation.gravity_params(settings, 9.7)
-    assert type(params) is gravity.METHODS[name].Params
+    assert type(params) is type(gravity.METHODS[name].Params())
     assert (params.gravity, params.accel_range) == (9.7, 8.0 * STANDARD_GRAVITY)
 
 

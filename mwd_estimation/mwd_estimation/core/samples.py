@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,6 +34,18 @@ LAST_NS, HAVE_LAST, BACKWARD_NS, BACKWARD_COUNT, CLOCK_SIZE = 0, 1, 2, 3, 4
 ROTARY, PEAK_RATE, PEAK_FORCE, MOTION_SIZE = 0, 1, 2, 3
 
 _STILL, _SLIDING, _ROTATING = int(Status.STILL), int(Status.SLIDING), int(Status.ROTATING)
+_NEAR_VERTICAL = int(Status.NEAR_VERTICAL)
+
+
+class TrackRows(NamedTuple):
+    """The arrays of a `Track` for a compiled kernel, which fills them row by row; shapes and units as there."""
+
+    g_t: Array
+    sigma_inclination: Array
+    sigma_toolface: Array
+    non_gravity: Array
+    rotary_speed: Array
+    status: NDArray[np.uint32]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,6 +80,18 @@ class Track:
         one = (n,)
         return cls(
             np.empty((n, 3)), np.empty(one), np.empty(one), np.empty(one), np.empty(one), np.zeros(one, dtype=np.uint32)
+        )
+
+    @property
+    def rows(self) -> TrackRows:
+        """The arrays as a kernel takes them."""
+        return TrackRows(
+            self.g_t,
+            self.sigma_inclination,
+            self.sigma_toolface,
+            self.non_gravity,
+            self.rotary_speed,
+            self.status,
         )
 
     def part(self, samples: slice) -> Track:
@@ -146,3 +171,21 @@ def follow_motion(motion: Array, dt: float, wx: float, wy: float, wz: float, non
     if motion[PEAK_RATE] < STILL_RATE and motion[PEAK_FORCE] < STILL_NON_GRAVITY:
         return _STILL
     return _SLIDING
+
+
+@compiled
+def write_row(out: TrackRows, i: int, across: float, sigma: float, motion: Array, bits: int) -> None:
+    """
+    Fill row i but for its direction.
+
+    across: sine of the inclination; sigma: of the direction, rad; motion: as `follow_motion` keeps it; bits: of
+    `Status`, to which NEAR_VERTICAL is added here.
+    """
+    if across < math.sin(NEAR_VERTICAL_BELOW):
+        bits |= _NEAR_VERTICAL
+    out.sigma_inclination[i] = sigma
+    # The toolface turns by the error across the axis over the sine of the inclination.
+    out.sigma_toolface[i] = min(math.pi, sigma / max(across, 1e-3))
+    out.non_gravity[i] = motion[PEAK_FORCE]
+    out.rotary_speed[i] = motion[ROTARY]
+    out.status[i] = bits

@@ -1,125 +1,116 @@
-"""Raw accelerometer as a gravity method: the row every other method is compared with; no gyro, no memory of motion."""
+"""
+Accelerometer alone as a gravity method: the row that every other method is compared with.
+
+Down is minus the direction of the specific force, sample by sample; no gyro, no memory of motion. The same method
+remains where the gyros are faulty (`fallback`). Limits: ``docs/methods/fuzzy_mahony.md``.
+"""
 
 from __future__ import annotations
 
-import copy
-import dataclasses
 import math
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation.core import samples as track
-from mwd_estimation.core.samples import Track
+from mwd_estimation.core.samples import Track, TrackRows
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.settings import setting
+from mwd_sensors.core.records import dtype_of
 
 _REJECTED, _GAP, _CLIPPED = int(Status.REJECTED), int(Status.GAP), int(Status.CLIPPED)
-_NEAR_VERTICAL, _INITIALISING = int(Status.NEAR_VERTICAL), int(Status.INITIALISING)
+_INITIALISING = int(Status.INITIALISING)
 
-G, NON_GRAVITY, POWER, REALS = 0, 3, 4, 5
-
-
-@dataclasses.dataclass(frozen=True)
-class Params:
-    """Settings of the raw method."""
-
-    gravity: float = setting(STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
-    gap: float = setting(0.5, "a longer silence is flagged", unit="s", low=0.01, high=60.0)
-    memory: float = setting(2.0, "time over which the disturbance is averaged for sigma", unit="s", low=0.01, high=60.0)
-    accel_range: float = setting(156.9, "force at which the accelerometer clips", unit="m/s^2", low=10.0, high=4000.0)
-    sigma_floor: float = setting(0.003, "sigma is not given smaller", unit="rad", low=0.0, high=0.5)
+State = NDArray[np.void]
+"""One record of the fields of `Record`, shape (1,); a copy resumes."""
 
 
-@dataclasses.dataclass
-class State:
-    """Common clock and motion; last direction, non-gravity and its mean square."""
+class Params(NamedTuple):
+    """
+    Settings of the accelerometer alone.
 
-    clock: Stamps
-    motion: Array
-    reals: Array
+    Attributes
+    ----------
+    gravity : float
+        Magnitude of local gravity, m/s^2.
+    gap_s : float
+        A longer data gap is flagged, s.
+    memory : float
+        Time over which the disturbance is averaged for sigma, s.
+    accel_range : float
+        Force at which the accelerometer clips, m/s^2.
+    sigma_floor : float
+        Sigma is not given smaller, rad.
+    """
 
-    def copy(self) -> State:
-        """Independent copy."""
-        return copy.deepcopy(self)
+    gravity: float = STANDARD_GRAVITY
+    gap_s: float = 0.5
+    memory: float = 2.0
+    accel_range: float = 16.0 * STANDARD_GRAVITY
+    sigma_floor: float = 0.003
+
+
+class Record:
+    """Common clock and motion; last direction down, mean square of the force's error in magnitude, (m/s^2)^2."""
+
+    clock: Annotated[Stamps, track.CLOCK_SIZE]
+    motion: Annotated[Array, track.MOTION_SIZE]
+    down: Annotated[Array, 3]
+    power: float
+
+
+RECORD = dtype_of(Record)
 
 
 def initial(params: Params) -> State:  # noqa: ARG001  (every method has this signature)
     """State before the first sample."""
-    reals = np.zeros(REALS)
-    reals[G : G + 3] = np.nan
-    reals[POWER] = 1e6
-    return State(np.zeros(track.CLOCK_SIZE, dtype=np.int64), np.zeros(track.MOTION_SIZE), reals)
+    state = np.zeros(1, RECORD)
+    state["down"] = np.nan
+    state["power"] = 1e6
+    return state
 
 
 def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
     """
-    Direction of minus the specific force, sample by sample; arguments and errors as `gravity_s3.run`.
+    Direction of minus the specific force, sample by sample; arguments and errors as `fuzzy_mahony.run`.
 
-    Sigma takes the disturbance across gravity to be as large as the change of magnitude it shows along gravity.
+    Sigma takes the disturbance across gravity to be as large as the change of magnitude that it causes along gravity.
     """
     stamps, gyro, accel = track.samples(stamp_ns, gyro_t, accel_t)
     out = Track.empty(len(stamps))
-    _run(
-        params.gravity, params.memory, params.accel_range, params.sigma_floor, round(params.gap * 1e9),
-        state.clock, state.motion, state.reals, stamps, gyro, accel,
-        out.g_t, out.sigma_inclination, out.sigma_toolface, out.non_gravity, out.rotary_speed, out.status,
-    )  # fmt: skip
+    _run(params, state[0], stamps, gyro, accel, out.rows)
     return out
 
 
 @compiled
-def _run(
-    gravity: float,
-    memory: float,
-    accel_range: float,
-    floor: float,
-    gap_ns: int,
-    clock: Stamps,
-    motion: Array,
-    s: Array,
-    stamps: Stamps,
-    gyro: Array,
-    accel: Array,
-    g_out: Array,
-    inc_out: Array,
-    tf_out: Array,
-    force_out: Array,
-    rotary_out: Array,
-    status_out: NDArray[np.uint32],
-) -> None:
+def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: TrackRows) -> None:
+    gap_ns = round(p.gap_s * 1e9)
     for i in range(len(stamps)):
-        fx, fy, fz = accel[i, 0], accel[i, 1], accel[i, 2]
-        before = clock[track.LAST_NS]
-        verdict = track.admit(clock, stamps[i], gyro[i, 0], gyro[i, 1], gyro[i, 2], fx, fy, fz, gap_ns)
+        w, f = gyro[i], accel[i]
+        before = s.clock[track.LAST_NS]
+        verdict = track.admit(s.clock, stamps[i], w[0], w[1], w[2], f[0], f[1], f[2], gap_ns)
         bits = 0
-        norm = math.sqrt(fx * fx + fy * fy + fz * fz)
+        norm = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
         if verdict == track.REJECTED or norm == 0.0:
             bits = _REJECTED
-            if not math.isfinite(s[G]):
+            if not math.isfinite(s.down[0]):
                 bits |= _INITIALISING
         else:
             dt = 1e-9 * (stamps[i] - before) if verdict == track.NEXT else 0.0
             if verdict == track.AFTER_GAP:
                 bits |= _GAP
-            if max(abs(fx), abs(fy), abs(fz)) >= accel_range:
+            if max(abs(f[0]), abs(f[1]), abs(f[2])) >= p.accel_range:
                 bits |= _CLIPPED
-            s[G], s[G + 1], s[G + 2] = -fx / norm, -fy / norm, -fz / norm
-            s[NON_GRAVITY] = abs(norm - gravity)
-            share = dt / (memory + dt) if dt > 0.0 else 1.0
-            s[POWER] += share * (s[NON_GRAVITY] * s[NON_GRAVITY] - s[POWER])
-            bits |= track.follow_motion(motion, dt, gyro[i, 0], gyro[i, 1], gyro[i, 2], s[NON_GRAVITY])
-        sigma = min(math.pi, math.sqrt(s[POWER] / (gravity * gravity) + floor * floor))
-        across = math.hypot(s[G + 1], s[G + 2])
-        if across < math.sin(track.NEAR_VERTICAL_BELOW):
-            bits |= _NEAR_VERTICAL
+            for c in range(3):
+                s.down[c] = -f[c] / norm
+            non_gravity = abs(norm - p.gravity)
+            share = dt / (p.memory + dt) if dt > 0.0 else 1.0
+            s.power += share * (non_gravity * non_gravity - s.power)
+            bits |= track.follow_motion(s.motion, dt, w[0], w[1], w[2], non_gravity)
+        sigma = min(math.pi, math.sqrt(s.power / (p.gravity * p.gravity) + p.sigma_floor * p.sigma_floor))
         for c in range(3):
-            g_out[i, c] = s[G + c]
-        inc_out[i] = sigma
-        tf_out[i] = min(math.pi, sigma / max(across, 1e-3))
-        force_out[i] = motion[track.PEAK_FORCE]
-        rotary_out[i] = motion[track.ROTARY]
-        status_out[i] = bits
+            out.g_t[i, c] = s.down[c]
+        track.write_row(out, i, math.hypot(s.down[1], s.down[2]), sigma, s.motion, bits)

@@ -4,101 +4,136 @@ S3: gravity while drilling from a rotation-vector recursion, a PI correction and
 The recursion (S3 eq 5, sign in the exponent as eq 1 demands) carries the filtered gravity of the last sample by the
 raw gyro; what the accelerometer says against it drives a proportional-integral correction of the rates (S3 figure 4,
 Mahony's filter with one vector); the proportional gain follows non-gravity acceleration and rotary speed by the fuzzy
-table 1. Derivation, limits and what is observable when: ``docs/gravity_s3.md``.
+table 1. Derivation, limits and what is observable when: ``docs/methods/fuzzy_mahony.md``.
 """
 
 from __future__ import annotations
 
-import copy
-import dataclasses
 import math
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation.core import samples as track
-from mwd_estimation.core.samples import Track
+from mwd_estimation.core.samples import Track, TrackRows
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.kalman import coning_rotation, in_turned_axes
-from mwd_sensors.core.settings import setting
+from mwd_sensors.core.records import dtype_of
 
 # S3 table 1 and eq (12): rows rotary speed S, M, L; columns non-gravity acceleration S, M, L; steps of the output.
 RULES: Array = np.array([[0.06, 0.03, -0.03], [0.0, 0.0, -0.03], [0.0, -0.03, -0.06]])
 WINDOW_MOST = 512
 RPM = 60.0 / (2.0 * math.pi)
+# While it starts, the disturbance is taken to stay alike for so long, s.
+_ALIKE = 0.03
+# Least bandwidth at which the error that is left is seen, 1/s, and the share of it at which its square is averaged.
+_SLOWEST, _SQUARE_SHARE = 0.02, 0.3
 
 _REJECTED, _GAP, _INITIALISING = int(Status.REJECTED), int(Status.GAP), int(Status.INITIALISING)
-_CLIPPED, _NEAR_VERTICAL = int(Status.CLIPPED), int(Status.NEAR_VERTICAL)
+_CLIPPED = int(Status.CLIPPED)
 
-# Layout of the real part of the state.
-G, INTEGRAL, ANGLE_LAST, MEAN, SLOW = 0, 3, 6, 9, 12
-AGE, SLOW_POWER, START_POWER, MEAN_POWER, NON_GRAVITY, SIGMA, REALS = 15, 16, 17, 18, 19, 20, 21
-# Layout of the settings handed to the kernel.
-K_P, K_I, K_LEAST, CONING, FUZZY, GRAVITY, START, GYRO_RANGE, ACCEL_RANGE, FLOOR, SETTINGS = range(11)
+State = NDArray[np.void]
+"""One record of the fields of `Record`, shape (1,); a copy resumes."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Params:
-    """Settings of the S3 method; `fuzzy` off makes it the plain PI filter."""
+class Params(NamedTuple):
+    """
+    Settings of the S3 method; `fuzzy` off makes it the plain PI filter (Mahony).
 
-    k_p: float = setting(0.15, "base proportional gain", unit="1/s", low=0.0, high=10.0)
-    k_i: float = setting(0.003, "integral gain, 0 leaves the gyro bias alone", unit="1/s^2", low=0.0, high=1.0)
-    k_p_least: float = setting(0.01, "the fuzzy table lowers the gain no further", unit="1/s", low=0.0, high=10.0)
-    fuzzy: bool = setting(True, "let the fuzzy table move k_p")
-    window: int = setting(
-        20, "samples whose largest non-gravity feeds the table", unit="samples", low=1, high=WINDOW_MOST
-    )
-    coning: float = setting(
-        0.0,
-        "share of the 1/12 coning term: 1 for rate samples, 0 where the sensor strapdown-integrates",
-        low=0.0,
-        high=1.0,
-    )
-    gravity: float = setting(STANDARD_GRAVITY, "magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
-    start_time: float = setting(2.0, "mean in gyro axes that makes the first estimate", unit="s", low=0.0, high=60.0)
-    gap: float = setting(0.5, "a longer silence starts the estimate anew", unit="s", low=0.01, high=60.0)
-    gyro_range: float = setting(34.9, "rate at which the gyro clips", unit="rad/s", low=0.1, high=200.0)
-    accel_range: float = setting(156.9, "force at which the accelerometer clips", unit="m/s^2", low=10.0, high=4000.0)
-    sigma_floor: float = setting(0.003, "sigma is not given smaller", unit="rad", low=0.0, high=0.5)
+    Attributes
+    ----------
+    k_p, k_i : float
+        Base proportional gain, 1/s, and integral gain, 1/s^2; k_i = 0 leaves the gyro bias alone.
+    k_p_least : float
+        The fuzzy table lowers the gain no further, 1/s.
+    fuzzy : bool
+        Let the fuzzy table move k_p.
+    window : int
+        Samples whose largest non-gravity acceleration feeds the table, at most WINDOW_MOST.
+    coning : float
+        Share of the 1/12 coning term: 1 for mean rates, 0 where the sensor strapdown-integrates.
+    gravity : float
+        Magnitude of local gravity, m/s^2.
+    start_s : float
+        Mean in gyro axes that makes the first estimate, s.
+    gap_s : float
+        A longer data gap starts the estimate anew, s.
+    gyro_range, accel_range : float
+        Rate, rad/s, and force, m/s^2, at which the sensors clip.
+    sigma_floor : float
+        Sigma is not given smaller, rad.
+    """
 
-
-@dataclasses.dataclass(frozen=True)
-class MahonyParams(Params):
-    """Settings of the same filter with fixed gains."""
-
-    fuzzy: bool = setting(False, "let the fuzzy table move k_p")
-
-
-@dataclasses.dataclass
-class State:
-    """All that changes: common clock and motion, the filter's reals, and the ring of non-gravity samples."""
-
-    clock: Stamps
-    motion: Array
-    reals: Array
-    ring: Array
-    ring_at: NDArray[np.int64]
-
-    def copy(self) -> State:
-        """Independent copy."""
-        return copy.deepcopy(self)
+    k_p: float = 0.15
+    k_i: float = 0.003
+    k_p_least: float = 0.01
+    fuzzy: bool = True
+    window: int = 20
+    coning: float = 0.0
+    gravity: float = STANDARD_GRAVITY
+    start_s: float = 2.0
+    gap_s: float = 0.5
+    gyro_range: float = math.radians(2000.0)
+    accel_range: float = 16.0 * STANDARD_GRAVITY
+    sigma_floor: float = 0.003
 
 
-def initial(params: Params) -> State:
+class Record:
+    """
+    All that changes.
+
+    Attributes
+    ----------
+    clock, motion
+        Common to all methods, as `samples.admit` and `samples.follow_motion` keep them.
+    down : ndarray, shape (3,)
+        Unit vector down, tool axes.
+    integral : ndarray, shape (3,)
+        Correction of the rates that the integral has learnt, rad/s.
+    last_angle : ndarray, shape (3,)
+        Angle of the sample before, rad.
+    mean, mean_power : ndarray, shape (3,), and float
+        Integral of force over gravity in gyro axes while starting, s, and of the square of what disturbs it.
+    slow_error, slow_power : ndarray, shape (3,), and float
+        The error signal at the filter's own bandwidth, and its mean square.
+    start_power : float
+        Mean square error that the start has left, rad^2.
+    age, non_gravity, sigma : float
+        Time since the start, s; acceleration that is not gravity, m/s^2; sigma of the direction, rad.
+    ring, ring_at
+        Non-gravity acceleration of the last samples, m/s^2, and the place of the next.
+    """
+
+    clock: Annotated[Stamps, track.CLOCK_SIZE]
+    motion: Annotated[Array, track.MOTION_SIZE]
+    down: Annotated[Array, 3]
+    integral: Annotated[Array, 3]
+    last_angle: Annotated[Array, 3]
+    mean: Annotated[Array, 3]
+    mean_power: float
+    slow_error: Annotated[Array, 3]
+    slow_power: float
+    start_power: float
+    age: float
+    non_gravity: float
+    sigma: float
+    ring: Annotated[Array, WINDOW_MOST]
+    ring_at: int
+
+
+RECORD = dtype_of(Record)
+
+
+def initial(params: Params) -> State:  # noqa: ARG001  (every method has this signature)
     """State before the first sample."""
-    reals = np.zeros(REALS)
-    reals[G : G + 3] = np.nan
-    reals[SIGMA] = math.pi
-    return State(
-        np.zeros(track.CLOCK_SIZE, dtype=np.int64),
-        np.zeros(track.MOTION_SIZE),
-        reals,
-        np.zeros(params.window),
-        np.zeros(1, dtype=np.int64),
-    )
+    state = np.zeros(1, RECORD)
+    state["down"] = np.nan
+    state["sigma"] = math.pi
+    return state
 
 
 def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
@@ -121,16 +156,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     """
     stamps, gyro, accel = track.samples(stamp_ns, gyro_t, accel_t)
     out = Track.empty(len(stamps))
-    k = np.zeros(SETTINGS)
-    k[K_P], k[K_I], k[K_LEAST], k[CONING] = params.k_p, params.k_i, params.k_p_least, params.coning
-    k[FUZZY], k[GRAVITY], k[START] = float(params.fuzzy), params.gravity, params.start_time
-    k[GYRO_RANGE], k[ACCEL_RANGE] = params.gyro_range, params.accel_range
-    k[FLOOR] = params.sigma_floor
-    _run(
-        k, round(params.gap * 1e9), state.clock, state.motion, state.reals, state.ring, state.ring_at, RULES,
-        stamps, gyro, accel,
-        out.g_t, out.sigma_inclination, out.sigma_toolface, out.non_gravity, out.rotary_speed, out.status,
-    )  # fmt: skip
+    _run(params, state[0], RULES, stamps, gyro, accel, out.rows)
     return out
 
 
@@ -168,123 +194,120 @@ def fuzzy_step(non_gravity: float, rotary_rpm: float, rules: Array) -> float:
 
 
 @compiled
-def _run(
-    k: Array,
-    gap_ns: int,
-    clock: Stamps,
-    motion: Array,
-    s: Array,
-    ring: Array,
-    ring_at: Stamps,
-    rules: Array,
-    stamps: Stamps,
-    gyro: Array,
-    accel: Array,
-    g_out: Array,
-    inc_out: Array,
-    tf_out: Array,
-    force_out: Array,
-    rotary_out: Array,
-    status_out: NDArray[np.uint32],
-) -> None:
-    window = len(ring)
+def _run(p: Params, s: Any, rules: Array, stamps: Stamps, gyro: Array, accel: Array, out: TrackRows) -> None:
+    gap_ns = round(p.gap_s * 1e9)
+    u = np.zeros(3)
     for i in range(len(stamps)):
-        wx, wy, wz = gyro[i, 0], gyro[i, 1], gyro[i, 2]
-        fx, fy, fz = accel[i, 0], accel[i, 1], accel[i, 2]
-        before = clock[track.LAST_NS]
-        verdict = track.admit(clock, stamps[i], wx, wy, wz, fx, fy, fz, gap_ns)
+        w, f = gyro[i], accel[i]
+        before = s.clock[track.LAST_NS]
+        verdict = track.admit(s.clock, stamps[i], w[0], w[1], w[2], f[0], f[1], f[2], gap_ns)
         bits = 0
         if verdict == track.REJECTED:
             bits = _REJECTED
-            if s[AGE] < k[START] or clock[track.HAVE_LAST] == 0:
+            if s.age < p.start_s or s.clock[track.HAVE_LAST] == 0:
                 bits |= _INITIALISING
         else:
-            if max(abs(wx), abs(wy), abs(wz)) >= k[GYRO_RANGE] or max(abs(fx), abs(fy), abs(fz)) >= k[ACCEL_RANGE]:
+            if max(abs(w[0]), abs(w[1]), abs(w[2])) >= p.gyro_range:
                 bits |= _CLIPPED
-            ux, uy, uz = -fx / k[GRAVITY], -fy / k[GRAVITY], -fz / k[GRAVITY]
+            if max(abs(f[0]), abs(f[1]), abs(f[2])) >= p.accel_range:
+                bits |= _CLIPPED
+            for c in range(3):
+                u[c] = -f[c] / p.gravity
+            dt = 0.0
             if verdict == track.NEXT:
                 dt = 1e-9 * (stamps[i] - before)
             else:
-                # The mean that starts the estimate begins anew; the integral, a gyro bias, outlives a gap.
-                dt = 0.0
-                for c in range(3):
-                    s[ANGLE_LAST + c] = 0.0
-                    s[MEAN + c] = 0.0
-                    s[SLOW + c] = 0.0
-                s[AGE] = 0.0
-                s[SLOW_POWER] = 0.0
-                s[MEAN_POWER] = 0.0
-                for c in range(window):
-                    ring[c] = 0.0
+                _begin(p, s)
                 if verdict == track.AFTER_GAP:
                     bits |= _GAP
-            bx, by, bz = wx * dt, wy * dt, wz * dt
-            px, py, pz = coning_rotation(s[ANGLE_LAST], s[ANGLE_LAST + 1], s[ANGLE_LAST + 2], bx, by, bz, k[CONING])
-            s[ANGLE_LAST], s[ANGLE_LAST + 1], s[ANGLE_LAST + 2] = bx, by, bz
-            s[AGE] += dt
-            if s[AGE] < k[START] or dt == 0.0:
-                # Mean force in axes that the gyro carries along: vibration averages out, rotation does not matter.
+            bx, by, bz = w[0] * dt, w[1] * dt, w[2] * dt
+            turn = coning_rotation(s.last_angle[0], s.last_angle[1], s.last_angle[2], bx, by, bz, p.coning)
+            s.last_angle[0], s.last_angle[1], s.last_angle[2] = bx, by, bz
+            s.age += dt
+            if s.age < p.start_s or dt == 0.0:
                 bits |= _INITIALISING
-                mx, my, mz = in_turned_axes(s[MEAN], s[MEAN + 1], s[MEAN + 2], px, py, pz)
-                step = max(dt, 1e-3)
-                mx += ux * step
-                my += uy * step
-                mz += uz * step
-                s[MEAN], s[MEAN + 1], s[MEAN + 2] = mx, my, mz
-                norm = math.sqrt(mx * mx + my * my + mz * mz)
-                if norm > 0.0:
-                    s[G], s[G + 1], s[G + 2] = mx / norm, my / norm, mz / norm
-                ex, ey, ez = ux - s[G], uy - s[G + 1], uz - s[G + 2]
-                # Variance of the mean, as if the disturbance stayed alike for 0.03 s.
-                s[MEAN_POWER] += step * (ex * ex + ey * ey + ez * ez)
-                total = s[AGE] + 1e-3
-                s[START_POWER] = s[MEAN_POWER] / total * 0.03 / (total + 0.03)
-                s[NON_GRAVITY] = k[GRAVITY] * math.sqrt(ex * ex + ey * ey + ez * ez)
+                _average(p, s, dt, u, turn)
             else:
-                # Figure 4: the last filtered gravity carried by the raw gyro, and its error against the accelerometer.
-                hx, hy, hz = in_turned_axes(s[G], s[G + 1], s[G + 2], px, py, pz)
-                ex, ey, ez = uy * hz - uz * hy, uz * hx - ux * hz, ux * hy - uy * hx
-                dx, dy, dz = ux - hx, uy - hy, uz - hz
-                s[NON_GRAVITY] = k[GRAVITY] * math.sqrt(dx * dx + dy * dy + dz * dz)
-                ring[ring_at[0]] = s[NON_GRAVITY]
-                ring_at[0] = (ring_at[0] + 1) % window
-                k_p = k[K_P]
-                if k[FUZZY] > 0.0:
-                    most = 0.0
-                    for c in range(window):
-                        most = max(most, ring[c])
-                    k_p = max(k[K_LEAST], k_p + fuzzy_step(most, motion[track.ROTARY] * RPM, rules))
-                # A young estimate weighs all samples alike, as a mean does.
-                gain = max(k_p, 1.0 / s[AGE]) if k_p > 0.0 else 0.0
-                s[INTEGRAL] += k[K_I] * ex * dt
-                s[INTEGRAL + 1] += k[K_I] * ey * dt
-                s[INTEGRAL + 2] += k[K_I] * ez * dt
-                cx = wx + gain * ex + s[INTEGRAL]
-                cy = wy + gain * ey + s[INTEGRAL + 1]
-                cz = wz + gain * ez + s[INTEGRAL + 2]
-                ox, oy, oz = px + (cx - wx) * dt, py + (cy - wy) * dt, pz + (cz - wz) * dt
-                gx, gy, gz = in_turned_axes(s[G], s[G + 1], s[G + 2], ox, oy, oz)
-                norm = math.sqrt(gx * gx + gy * gy + gz * gz)
-                s[G], s[G + 1], s[G + 2] = gx / norm, gy / norm, gz / norm
-                # What the correction still has to do, seen at its own bandwidth, is the error it has not removed.
-                qx, qy, qz = in_turned_axes(s[SLOW], s[SLOW + 1], s[SLOW + 2], px, py, pz)
-                share = min(1.0, max(gain, 0.02) * dt)
-                s[SLOW] = qx + share * (ex - qx)
-                s[SLOW + 1] = qy + share * (ey - qy)
-                s[SLOW + 2] = qz + share * (ez - qz)
-                power = 0.5 * (s[SLOW] * s[SLOW] + s[SLOW + 1] * s[SLOW + 1] + s[SLOW + 2] * s[SLOW + 2])
-                s[SLOW_POWER] += 0.3 * share * (power - s[SLOW_POWER])
-                # The error of the start is forgotten as fast as the gain corrects it.
-                s[START_POWER] *= math.exp(-2.0 * gain * dt)
-            bits |= track.follow_motion(motion, dt, wx, wy, wz, s[NON_GRAVITY])
-            s[SIGMA] = min(math.pi, math.sqrt(s[SLOW_POWER] + s[START_POWER] + k[FLOOR] * k[FLOOR]))
-        across = math.hypot(s[G + 1], s[G + 2])
-        if across < math.sin(track.NEAR_VERTICAL_BELOW):
-            bits |= _NEAR_VERTICAL
+                _correct(p, s, rules, dt, w, u, turn)
+            bits |= track.follow_motion(s.motion, dt, w[0], w[1], w[2], s.non_gravity)
+            s.sigma = min(math.pi, math.sqrt(s.slow_power + s.start_power + p.sigma_floor * p.sigma_floor))
         for c in range(3):
-            g_out[i, c] = s[G + c]
-        inc_out[i] = s[SIGMA]
-        tf_out[i] = min(math.pi, s[SIGMA] / max(across, 1e-3))
-        force_out[i] = motion[track.PEAK_FORCE]
-        rotary_out[i] = motion[track.ROTARY]
-        status_out[i] = bits
+            out.g_t[i, c] = s.down[c]
+        track.write_row(out, i, math.hypot(s.down[1], s.down[2]), s.sigma, s.motion, bits)
+
+
+@compiled
+def _begin(p: Params, s: Any) -> None:
+    """Begin the mean that starts the estimate; the integral, a gyro bias, outlives a gap."""
+    for c in range(3):
+        s.last_angle[c] = s.mean[c] = s.slow_error[c] = 0.0
+    s.age = s.slow_power = s.mean_power = 0.0
+    for c in range(p.window):
+        s.ring[c] = 0.0
+
+
+@compiled
+def _average(p: Params, s: Any, dt: float, u: Array, turn: tuple[float, float, float]) -> None:
+    """Mean force in axes that the gyro carries along: vibration averages out, rotation does not matter."""
+    mx, my, mz = in_turned_axes(s.mean[0], s.mean[1], s.mean[2], turn[0], turn[1], turn[2])
+    step = max(dt, 1e-3)
+    mx += u[0] * step
+    my += u[1] * step
+    mz += u[2] * step
+    s.mean[0], s.mean[1], s.mean[2] = mx, my, mz
+    norm = math.sqrt(mx * mx + my * my + mz * mz)
+    if norm > 0.0:
+        s.down[0], s.down[1], s.down[2] = mx / norm, my / norm, mz / norm
+    ex, ey, ez = u[0] - s.down[0], u[1] - s.down[1], u[2] - s.down[2]
+    # Variance of the mean, as if the disturbance stayed alike for a moment.
+    s.mean_power += step * (ex * ex + ey * ey + ez * ez)
+    total = s.age + 1e-3
+    s.start_power = s.mean_power / total * _ALIKE / (total + _ALIKE)
+    s.non_gravity = p.gravity * math.sqrt(ex * ex + ey * ey + ez * ez)
+
+
+@compiled
+def _proportional_gain(p: Params, s: Any, rules: Array) -> float:
+    """Gain k_p of now, 1/s; the ring already holds the sample's non-gravity acceleration."""
+    if not p.fuzzy:
+        return p.k_p
+    most = 0.0
+    for c in range(p.window):
+        most = max(most, s.ring[c])
+    return max(p.k_p_least, p.k_p + fuzzy_step(most, s.motion[track.ROTARY] * RPM, rules))
+
+
+@compiled
+def _correct(p: Params, s: Any, rules: Array, dt: float, w: Array, u: Array, turn: tuple[float, float, float]) -> None:
+    """S3 figure 4: the last filtered gravity carried by the raw gyro, and its error against the accelerometer."""
+    px, py, pz = turn
+    hx, hy, hz = in_turned_axes(s.down[0], s.down[1], s.down[2], px, py, pz)
+    ex, ey, ez = u[1] * hz - u[2] * hy, u[2] * hx - u[0] * hz, u[0] * hy - u[1] * hx
+    dx, dy, dz = u[0] - hx, u[1] - hy, u[2] - hz
+    s.non_gravity = p.gravity * math.sqrt(dx * dx + dy * dy + dz * dz)
+    s.ring[s.ring_at] = s.non_gravity
+    s.ring_at = (s.ring_at + 1) % p.window
+    k_p = _proportional_gain(p, s, rules)
+    # A young estimate weighs all samples alike, as a mean does.
+    gain = max(k_p, 1.0 / s.age) if k_p > 0.0 else 0.0
+    s.integral[0] += p.k_i * ex * dt
+    s.integral[1] += p.k_i * ey * dt
+    s.integral[2] += p.k_i * ez * dt
+    cx = w[0] + gain * ex + s.integral[0]
+    cy = w[1] + gain * ey + s.integral[1]
+    cz = w[2] + gain * ez + s.integral[2]
+    ox, oy, oz = px + (cx - w[0]) * dt, py + (cy - w[1]) * dt, pz + (cz - w[2]) * dt
+    gx, gy, gz = in_turned_axes(s.down[0], s.down[1], s.down[2], ox, oy, oz)
+    norm = math.sqrt(gx * gx + gy * gy + gz * gz)
+    s.down[0], s.down[1], s.down[2] = gx / norm, gy / norm, gz / norm
+    # What the correction still has to do, seen at its own bandwidth, is the error it has not removed.
+    e = s.slow_error
+    qx, qy, qz = in_turned_axes(e[0], e[1], e[2], px, py, pz)
+    share = min(1.0, max(gain, _SLOWEST) * dt)
+    e[0] = qx + share * (ex - qx)
+    e[1] = qy + share * (ey - qy)
+    e[2] = qz + share * (ez - qz)
+    power = 0.5 * (e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
+    s.slow_power += _SQUARE_SHARE * share * (power - s.slow_power)
+    # The error of the start is forgotten as fast as the gain corrects it.
+    s.start_power *= math.exp(-2.0 * gain * dt)

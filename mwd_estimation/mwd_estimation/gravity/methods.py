@@ -1,76 +1,59 @@
 """
 Gravity methods by name: each source's system is a row that can be chosen, and all give the same `Track`.
 
-A method is four things with the same meaning everywhere: `Params` (frozen settings), `initial(params)` (the state
-before the first sample), `run(params, state, stamp_ns, gyro_t, accel_t)` (a block of any length, state changed in
-place) and a sentence that says what it is.
+A method is four things with the same meaning everywhere: `Params` (settings with defaults), `initial(params)` (the
+state before the first sample, with `copy`), `run(params, state, stamp_ns, gyro_t, accel_t)` (a block of any length,
+state changed in place) and a sentence that says what it is.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import Any
 
 from mwd_estimation.core.samples import Track
 from mwd_estimation.gravity import accelerometer_only, fuzzy_mahony, ligorio_kalman
-from mwd_estimation.gravity.bounded import filter as gravity_bounded
+from mwd_estimation.gravity.bounded import filter as bounded
 
 __all__ = ["DEFAULT", "METHODS", "Method", "Track", "method"]
+
+DEFAULT = "bounded"
 
 
 @dataclasses.dataclass(frozen=True)
 class Method:
-    """One way to follow gravity; see the module's own description for what the four members mean."""
+    """One way to follow gravity; see the module's own description for what the members mean."""
 
     name: str
     doc: str
-    Params: type[Any]
+    Params: Callable[..., Any]
     initial: Callable[[Any], Any]
     run: Callable[..., Track]
 
 
-METHODS: dict[str, Method] = {
-    entry.name: entry
-    for entry in (
-        Method(
-            "bounded",
-            "velocity-bounded error-state Kalman filter",
-            gravity_bounded.Params,
-            gravity_bounded.initial,
-            gravity_bounded.run,
-        ),
-        Method(
-            "s3",
-            "rotation-vector recursion, PI correction, fuzzy gain (S3)",
-            fuzzy_mahony.Params,
-            fuzzy_mahony.initial,
-            fuzzy_mahony.run,
-        ),
-        Method(
-            "mahony",
-            "rotation-vector recursion and PI correction with fixed gains",
-            fuzzy_mahony.MahonyParams,
-            fuzzy_mahony.initial,
-            fuzzy_mahony.run,
-        ),
-        Method(
-            "kalman",
-            "linear Kalman extraction with a Gauss-Markov acceleration (Ligorio type)",
-            ligorio_kalman.Params,
-            ligorio_kalman.initial,
-            ligorio_kalman.run,
-        ),
-        Method(
-            "raw",
-            "direction of the accelerometer alone",
-            accelerometer_only.Params,
-            accelerometer_only.initial,
-            accelerometer_only.run,
-        ),
-    )
-}
-DEFAULT = "bounded"
+_MAHONY = functools.partial(fuzzy_mahony.Params, fuzzy=False)
+_ALL = (
+    Method("bounded", "velocity-bounded error-state Kalman filter", bounded.Params, bounded.initial, bounded.run),
+    Method(
+        "s3", "rotation-vector recursion, PI correction, fuzzy gain (S3)", fuzzy_mahony.Params, fuzzy_mahony.initial,
+        fuzzy_mahony.run,
+    ),
+    Method(
+        "mahony", "rotation-vector recursion and PI correction with fixed gains", _MAHONY, fuzzy_mahony.initial,
+        fuzzy_mahony.run,
+    ),
+    Method(
+        "kalman", "linear Kalman extraction with a Gauss-Markov acceleration (Ligorio type)", ligorio_kalman.Params,
+        ligorio_kalman.initial, ligorio_kalman.run,
+    ),
+    Method(
+        "raw", "direction of the accelerometer alone", accelerometer_only.Params, accelerometer_only.initial,
+        accelerometer_only.run,
+    ),
+)  # fmt: skip
+METHODS: dict[str, Method] = {one.name: one for one in _ALL}
 
 
 def method(name: str) -> Method:

@@ -1,32 +1,25 @@
 """
-What remains of the estimate while a sensor is faulty: gravity without the faulty one, or none, never a wrong one.
+Faults of sensors that a survey's average reaches back into.
 
-Without usable gyros gravity is the direction of the accelerometer alone, with a sigma by its own unrest; without a
-usable accelerometer there is none. When the fault has gone the method starts anew: what it carried is not to be
-trusted. A survey averaged over a fault is rejected by name; a failed magnetometer is no reading, and one whose azimuth
-the gyro gives does not hang on it.
+A survey averaged over a fault is rejected by name; a failed magnetometer is no reading, and a survey whose azimuth the
+gyro gives does not rest on it.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.core.samples import Track
-from mwd_estimation.core.status import Status
-from mwd_estimation.gravity import accelerometer_only
-from mwd_estimation.gravity import methods as gravity
-from mwd_estimation.health.fault_debounce import ACCEL, GYRO, MAG, SENSORS
+from mwd_estimation.health.fault_debounce import ACCEL, MAG, SENSORS
 from mwd_estimation.health.fault_messages import ENDED, Finding
 from mwd_estimation.survey.acceptance import DOUBTFUL, REJECT, worse
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.survey import GYRO as GYRO_AZIMUTH
 from mwd_estimation.survey.survey import Survey
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.arrays import Stamps
 
 # Kinds of fault that fed no wrong value to the estimate before they were named.
 _HARMLESS = ("absent", "invalid")
@@ -38,62 +31,6 @@ _SOUND_NS, _IN_TIME_NS = 10_000_000_000, 1_000_000_000
 AZIMUTH = ACCEL | MAG
 # A doubt rests on what was felt so long before, ns.
 _EVIDENCE_NS = 3_000_000_000
-
-
-class GuardedGravity:
-    """
-    A gravity method that leaves faulty sensors out.
-
-    Parameters
-    ----------
-    method : Method
-    params : its Params
-    accelerometer_only_params : Params of what remains while the gyros are faulty
-    """
-
-    def __init__(
-        self, method: gravity.Method, params: Any, accelerometer_only_params: accelerometer_only.Params
-    ) -> None:
-        self._method, self._params = method, params
-        self._state = method.initial(params)
-        self._raw = accelerometer_only_params
-        self._raw_state = accelerometer_only.initial(self._raw)
-        self._bits = 0
-
-    def run(self, bits: int, stamps: Stamps, gyro: Array, accel: Array, followed: Track | None = None) -> Track:
-        """
-        Gravity of samples during which the same sensors are unusable.
-
-        bits : of `health_evidence`; followed : gravity found otherwise, used where all sensors are well.
-        """
-        unusable, before = bits & (GYRO | ACCEL), self._bits
-        self._bits = unusable
-        if unusable & ACCEL:
-            return _unknown(len(stamps))
-        if unusable & GYRO:
-            if before != unusable:
-                self._raw_state = accelerometer_only.initial(self._raw)
-            return accelerometer_only.run(self._raw, self._raw_state, stamps, np.zeros_like(gyro), accel)
-        if before:
-            self._state = self._method.initial(self._params)
-        if followed is not None:
-            return followed
-        found: Track = self._method.run(self._params, self._state, stamps, gyro, accel)
-        return found
-
-
-def _unknown(n: int) -> Track:
-    track = Track.empty(n)
-    track.g_t[:] = np.nan
-    track.sigma_inclination[:] = track.sigma_toolface[:] = np.pi
-    track.non_gravity[:] = track.rotary_speed[:] = 0.0
-    track.status[:] = int(Status.INITIALISING)
-    return track
-
-
-def without_faulty(bits: int, gyro: Array) -> Array:
-    """Rates for what follows gravity: not a number where the gyros are unusable."""
-    return np.full_like(gyro, np.nan) if bits & GYRO else gyro
 
 
 class Record:

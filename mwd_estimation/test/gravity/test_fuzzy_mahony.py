@@ -86,7 +86,7 @@ def test_fuzzy_output_between_corners_is_the_centroid_of_the_four_fired_rules():
 
 
 def test_correction_pulls_towards_the_accelerometer_and_not_away():
-    p = fuzzy_mahony.Params(start_time=0.0, k_i=0.0)
+    p = fuzzy_mahony.Params(start_s=0.0, k_i=0.0)
     state = fuzzy_mahony.initial(p)
     f = np.array([[-np.cos(0.5), 0.0, np.sin(0.5)]]) * G0
     # Starts from one tilted sample, then hears the truth: the error must shrink.

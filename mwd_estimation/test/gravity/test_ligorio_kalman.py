@@ -36,8 +36,8 @@ def test_three_numbers_carry_the_covariance_of_the_full_six_state_filter():
         P = F @ P @ F.T + Q
         gain = P @ H.T @ np.linalg.inv(H @ P @ H.T + np.eye(3) * p.accel_noise**2)
         P = P - gain @ H @ P
-    assert np.diag(P)[:3] == pytest.approx(state.reals[kalman.PGG], rel=1e-9)
-    assert np.diag(P)[3:] == pytest.approx(state.reals[kalman.PAA], rel=1e-9)
+    assert np.diag(P)[:3] == pytest.approx(state[0].p_gg, rel=1e-9)
+    assert np.diag(P)[3:] == pytest.approx(state[0].p_aa, rel=1e-9)
 
 
 def test_a_still_tool_is_exact():

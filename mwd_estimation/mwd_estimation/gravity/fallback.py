@@ -1,0 +1,81 @@
+"""
+Gravity while a sensor is faulty: without the faulty one, or none, never a wrong one.
+
+Without usable gyros gravity is the direction of the accelerometer alone, with a sigma by its own disturbance; without a
+usable accelerometer there is none. When the fault has gone the method starts anew, because the state that it carried
+through the fault is not to be trusted.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mwd_estimation.core.samples import Track
+from mwd_estimation.core.status import Status
+from mwd_estimation.gravity import accelerometer_only
+from mwd_estimation.gravity.methods import Method
+from mwd_estimation.health.fault_debounce import ACCEL, GYRO
+from mwd_sensors.core.arrays import Array, Stamps
+
+
+class GravityWithFallback:
+    """
+    A gravity method that leaves faulty sensors out.
+
+    Parameters
+    ----------
+    method : Method
+    params : Any
+        Parameters of the method.
+    remaining : accelerometer_only.Params
+        Parameters of what remains while the gyros are faulty.
+    """
+
+    def __init__(self, method: Method, params: Any, remaining: accelerometer_only.Params) -> None:
+        self._method, self._params, self._remaining = method, params, remaining
+        self._state = method.initial(params)
+        self._remaining_state = accelerometer_only.initial(remaining)
+        self._unusable = 0
+
+    def run(self, unusable: int, stamps: Stamps, gyro: Array, accel: Array, followed: Track | None = None) -> Track:
+        """
+        Gravity of samples during which the same sensors are unusable.
+
+        Parameters
+        ----------
+        unusable : int
+            Bits of the sensors that are unusable, as the health checks name them.
+        stamps, gyro, accel : ndarray, shapes (n,), (n, 3) and (n, 3)
+            ns, rad/s and m/s^2, in tool axes.
+        followed : Track, optional
+            Gravity found otherwise (a smoother), given back where both sensors are usable.
+        """
+        unusable, before = unusable & (GYRO | ACCEL), self._unusable
+        self._unusable = unusable
+        if unusable & ACCEL:
+            return _unknown(len(stamps))
+        if unusable & GYRO:
+            if before != unusable:
+                self._remaining_state = accelerometer_only.initial(self._remaining)
+            return accelerometer_only.run(self._remaining, self._remaining_state, stamps, np.zeros_like(gyro), accel)
+        if before:
+            self._state = self._method.initial(self._params)
+        if followed is not None:
+            return followed
+        return self._method.run(self._params, self._state, stamps, gyro, accel)
+
+
+def without_faulty(unusable: int, gyro: Array) -> Array:
+    """Rates for the steps after gravity: not a number where the gyros are unusable."""
+    return np.full_like(gyro, np.nan) if unusable & GYRO else gyro
+
+
+def _unknown(n: int) -> Track:
+    track = Track.empty(n)
+    track.g_t[:] = np.nan
+    track.sigma_inclination[:] = track.sigma_toolface[:] = np.pi
+    track.non_gravity[:] = track.rotary_speed[:] = 0.0
+    track.status[:] = int(Status.INITIALISING)
+    return track
