@@ -1,4 +1,4 @@
-"""Test signals of a dual-unit sonde that keeps still or turns: exact kinematics, then the errors one asks for."""
+"""Test signals of a dual-unit sonde that keeps still or turns: exact kinematics, then the errors named."""
 
 from __future__ import annotations
 
@@ -11,17 +11,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.constants import DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G, STANDARD_GRAVITY
 from mwd_sensors.core.frames import mat_nt
-
-EARTH_RATE = 7.292115e-5
-G0 = 9.80665
-DEG_RTH = math.radians(1.0) / 60.0
-DEG_H = math.radians(1.0) / 3600.0
 
 
 @dataclasses.dataclass(frozen=True)
 class Motion:
-    """What an errorless sonde feels: stamps (n,), rates (n, 3), forces (n, 3) and the truth behind them."""
+    """What an errorless sonde measures: stamps (n,), rates (n, 3), forces (n, 3), and its true attitude."""
 
     stamp_ns: NDArray[np.int64]
     gyro_t: Array
@@ -64,13 +60,13 @@ def motion(
     middle = 0.5 * (t[1:] + t[:-1])
     inc = inclination(middle) if callable(inclination) else np.full(n, inclination)
     azi = azimuth(middle) if callable(azimuth) else np.full(n, azimuth)
-    accel = -G0 * mat_nt(inc, azi, roll(middle))[:, 2, :]
+    accel = -STANDARD_GRAVITY * mat_nt(inc, azi, roll(middle))[:, 2, :]
     end_inc = inclination(t[1:]) if callable(inclination) else inc
     end_azi = azimuth(t[1:]) if callable(azimuth) else azi
     return Motion(np.rint(t[1:] * 1e9).astype(np.int64) + 10**9, gyro, accel, end_azi, end_inc)
 
 
-def felt(
+def measured(
     clean: Motion,
     rng: np.random.Generator,
     noise_deg_rth: float = 0.0,
@@ -89,11 +85,11 @@ def felt(
     """
     n = len(clean.stamp_ns)
     rate = 1e9 / float(clean.stamp_ns[1] - clean.stamp_ns[0])
-    white = rng.standard_normal((n, 3)) * math.sqrt(rate) * noise_deg_rth * DEG_RTH
+    white = rng.standard_normal((n, 3)) * math.sqrt(rate) * noise_deg_rth * DEG_PER_ROOT_HOUR
     if noise_x_deg_rth is not None:
-        white[:, 0] = rng.standard_normal(n) * math.sqrt(rate) * noise_x_deg_rth * DEG_RTH
+        white[:, 0] = rng.standard_normal(n) * math.sqrt(rate) * noise_x_deg_rth * DEG_PER_ROOT_HOUR
     gyro = clean.gyro_t + white
-    accel = clean.accel_t + rng.standard_normal((n, 3)) * math.sqrt(rate) * accel_noise_ug * 1e-6 * G0
+    accel = clean.accel_t + rng.standard_normal((n, 3)) * math.sqrt(rate) * accel_noise_ug * MICRO_G
     if bias is not None:
         gyro += bias
     if accel_bias is not None:

@@ -18,7 +18,7 @@ import math
 
 import carried_runs
 import numpy as np
-from north_signals import DEG_H, EARTH_RATE, G0, Motion, felt, motion, steady, still
+from north_signals import Motion, measured, motion, steady, still
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
@@ -27,6 +27,7 @@ from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_estimation.pipeline import Pipeline
 from mwd_estimation.settings import EstimatorSettings, Place
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.constants import DEG_PER_HOUR, EARTH_RATE, MICRO_G
 from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.core.settings import changed
 from mwd_sensors.simulator import scenario
@@ -133,7 +134,7 @@ def feel(clean: Motion, params: SeekParams, scale: float, rng: np.random.Generat
         clean, gyro_t=turned(clean.gyro_t, -x_rate * lag), accel_t=turned(clean.accel_t, x_rate * lead)
     )
     bias, accel_bias = draw(params, rng)
-    return felt(
+    return measured(
         late, rng, params.gyro_noise_deg_rth, params.gyro_x_noise_deg_rth, params.accel_noise_ug_rthz, bias, accel_bias,
         scale_x=scale * rng.standard_normal(), leak=params.leak_urad * 1e-6 * rng.standard_normal(2),
     )  # fmt: skip
@@ -142,7 +143,7 @@ def feel(clean: Motion, params: SeekParams, scale: float, rng: np.random.Generat
 def draw(params: SeekParams, rng: np.random.Generator) -> tuple[Array, Array]:
     """Gyro bias, rad/s, and force bias, m/s^2, drawn from the settings' own sigmas."""
     gyro = np.array([params.gyro_x_bias_deg_h, params.gyro_bias_deg_h, params.gyro_bias_deg_h])
-    return rng.standard_normal(3) * gyro * DEG_H, rng.standard_normal(3) * params.accel_bias_ug * 1e-6 * G0
+    return rng.standard_normal(3) * gyro * DEG_PER_HOUR, rng.standard_normal(3) * params.accel_bias_ug * MICRO_G
 
 
 def seek(mode: str, noise: float, lat: float, runs: int, seed: int) -> list[Cell]:
@@ -210,9 +211,9 @@ def s1(noise: float, lat: float, runs: int, seed: int) -> list[Cell]:
     at = [round(seconds * RATE) - 1 for seconds in TIMES]
     error, sigma = np.empty((runs, len(TIMES))), np.empty((runs, len(TIMES)))
     for r in range(runs):
-        gyro, accel = felt(
+        gyro, accel = measured(
             clean, rng, noise, None, params.accel_noise_ug_rthz,
-            rng.standard_normal(3) * params.gyro_bias_deg_h * DEG_H, rng.standard_normal(3) * 20e-6 * G0,
+            rng.standard_normal(3) * params.gyro_bias_deg_h * DEG_PER_HOUR, rng.standard_normal(3) * 20 * MICRO_G,
         )  # fmt: skip
         north = static_ekf.run(params, static_ekf.initial(params), clean.stamp_ns, gyro, accel)
         error[r], sigma[r] = wrap_pi(north.azimuth[at] - AZIMUTH), north.sigma_azimuth[at]
@@ -235,7 +236,7 @@ def turning_for_hours(noise: float, lat: float, runs: int, hours: float, seed: i
     error, sigma = np.empty(runs), np.empty(runs)
     for r in range(runs):
         bias, accel_bias = draw(params, rng)
-        gyro, accel = felt(clean, rng, noise, 0.42, params.accel_noise_ug_rthz, bias, accel_bias)
+        gyro, accel = measured(clean, rng, noise, 0.42, params.accel_noise_ug_rthz, bias, accel_bias)
         state = north_seek.initial()
         north_seek.run(params, state, clean.stamp_ns, gyro, accel)
         found = north_seek.solution(params, state)

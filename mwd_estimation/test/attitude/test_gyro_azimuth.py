@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 import pytest
-from north_signals import DEG_H, Motion, felt, motion, steady
+from north_signals import Motion, measured, motion, steady
 from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
@@ -19,6 +19,7 @@ from mwd_estimation.attitude.gyro_azimuth import Params, Precision, Rows, State,
 from mwd_estimation.attitude.gyro_azimuth_filter import ERROR
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.constants import DEG_PER_HOUR
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
 DEG = math.radians(1.0)
@@ -124,7 +125,7 @@ def go(
 
 
 def noisy(well: Drilling, rng: np.random.Generator) -> Array:
-    return felt(motion_like(well), rng, 0.05, 0.42, bias=rng.standard_normal(3) * 2.0 * DEG_H)[0]
+    return measured(motion_like(well), rng, 0.05, 0.42, bias=rng.standard_normal(3) * 2.0 * DEG_PER_HOUR)[0]
 
 
 def motion_like(well: Drilling) -> Motion:
@@ -155,7 +156,7 @@ def test_a_precision_unit_carries_better_and_its_sigma_is_truthful_too() -> None
     for _ in range(30):
         mag = magnetic(well, rng)
         mag[2000:] = np.nan
-        poor = felt(motion_like(well), rng, 0.42, bias=rng.standard_normal(3) * 36.0 * DEG_H)[0]
+        poor = measured(motion_like(well), rng, 0.42, bias=rng.standard_normal(3) * 36.0 * DEG_PER_HOUR)[0]
         fine = noisy(well, rng)
         rows, _ = go(well, mag, poor, POOR, fine=fine, precision=unit)
         alone, _ = go(well, mag, poor, POOR)
@@ -212,7 +213,7 @@ def test_unplugged_mag_lets_sigma_grow_and_comes_back_without_a_flip(seconds: in
     mag = magnetic(well, rng)
     out = slice(3000, 3000 + seconds * round(RATE))
     mag[out] = np.nan
-    gyro = felt(motion_like(well), rng, 0.42, bias=rng.standard_normal(3) * 36.0 * DEG_H)[0]
+    gyro = measured(motion_like(well), rng, 0.42, bias=rng.standard_normal(3) * 36.0 * DEG_PER_HOUR)[0]
     rows, state = go(well, mag, gyro, POOR)
     assert rows.status[out][-1] & Status.GYRO_AIDED
     assert rows.sigma[out][-1] > rows.sigma[out][0]

@@ -7,11 +7,12 @@ import math
 
 import numpy as np
 import pytest
-from north_signals import DEG_H, felt, motion, steady, still
+from north_signals import measured, motion, steady, still
 
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.gyrocompass.methods import NorthSeek, Seeker, StaticSeek
 from mwd_estimation.gyrocompass.seek_params import SeekParams
+from mwd_sensors.core.constants import DEG_PER_HOUR
 from mwd_sensors.core.frames import wrap_pi
 
 DEG = math.radians(1.0)
@@ -23,7 +24,9 @@ PARAMS = SeekParams(
 
 def fed(seeker: Seeker, seconds: float = 63.5, bias: float = 0.02, roll=still) -> Seeker:
     clean = motion(seconds, 44.0 * DEG, 1.0, 2.2, roll, 50.0)
-    gyro, accel = felt(clean, np.random.default_rng(1), 0.01, None, 30.0, np.array([0.0, bias, -bias]) * DEG_H)
+    gyro, accel = measured(
+        clean, np.random.default_rng(1), 0.01, None, 30.0, np.array([0.0, bias, -bias]) * DEG_PER_HOUR
+    )
     for block in np.array_split(np.arange(len(gyro)), 7):
         seeker.run(clean.stamp_ns[block], np.hstack([gyro[block], accel[block]]))
     return seeker

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from north_signals import felt, motion, steady
+from north_signals import measured, motion, steady
 
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.gyrocompass.gyro_params import GyroParams
@@ -22,7 +22,7 @@ def bins(seconds, rpm=0.0, seed=1):
     tool = motion(seconds, LATITUDE * DEG, lambda t: 40.0 * DEG + 0.0 * t, lambda t: 100.0 * DEG + 0.0 * t,
                   steady(rpm), RATE)  # fmt: skip
     rng = np.random.default_rng(seed)
-    gyro, accel = felt(tool, rng, 0.02, 0.02)
+    gyro, accel = measured(tool, rng, 0.02, 0.02)
     ahrs = tool.gyro_t.copy()
     values = np.hstack([gyro, accel])
     if rpm:

@@ -15,20 +15,20 @@ from mwd_estimation.gyrocompass.station import GyroStation
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_estimation.survey.static_survey import BIN_NS
 from mwd_sensors.core import wire
+from mwd_sensors.core.constants import DEG_PER_HOUR, EARTH_RATE
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 from mwd_sensors.core.settings import changed
 
 START = 1_700_000_000 * 10**9
 RATE = 100
-DEG_H = math.radians(1.0) / 3600.0
 REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, gravity=9.81, source="test")
 TURN = math.radians(18.0)  # rad/s
 
 
 def _samples(
-    azimuth=2.2, inclination=1.0, rest=60.0, turn_rate=TURN, bias=4.0, steel=0.0, seed=1, latitude=44.0, noise=0.02
+    azimuth=2.2, inclination=1.0, rest=60.0, turn_rate=TURN, bias=4.0, turned=0.0, seed=1, latitude=44.0, noise=0.02
 ):
-    """Rest, half a turn about the axis, rest again, with a biased gyro; `steel` turns the horizontal field, rad."""
+    """Rest, half a turn about the axis, rest again, with a biased gyro; `turned` turns the horizontal field, rad."""
     rng = np.random.default_rng(seed)
     turning = round(math.pi / turn_rate * RATE)
     rates = np.concatenate([np.zeros(round(rest * RATE)), np.full(turning, math.pi / turning * RATE)])
@@ -36,15 +36,15 @@ def _samples(
     n = len(rates)
     mat = mat_nt(inclination, np.full(n, azimuth), np.cumsum(rates) / RATE)
     phi = math.radians(latitude)
-    earth_n = 7.292115e-5 * np.array([math.cos(phi), 0.0, -math.sin(phi)])
-    direction = 0.05 + steel
+    earth_n = EARTH_RATE * np.array([math.cos(phi), 0.0, -math.sin(phi)])
+    direction = 0.05 + turned
     field_n = 5e-5 * np.array([np.cos(1.1) * np.cos(direction), np.cos(1.1) * np.sin(direction), np.sin(1.1)])
     force = np.einsum("kji,j->ki", mat, [0, 0, -9.81])
     imu, precision, mag = wire.IMU.empty(n), wire.IMU.empty(n), wire.MAG.empty(n)
     for samples in (imu, precision, mag):
         samples["stamp_ns"] = START + np.arange(n) * (10**9 // RATE)
     white = math.radians(noise) / 60.0 * math.sqrt(RATE)
-    precision["angular_velocity"] = np.einsum("kji,j->ki", mat, earth_n) + np.array([0.0, bias, -bias]) * DEG_H
+    precision["angular_velocity"] = np.einsum("kji,j->ki", mat, earth_n) + np.array([0.0, bias, -bias]) * DEG_PER_HOUR
     precision["angular_velocity"] += white * rng.normal(size=(n, 3))
     precision["angular_velocity"][:, 0] += rates
     precision["linear_acceleration"] = force + 3e-3 * rng.normal(size=(n, 3))
@@ -92,8 +92,8 @@ def test_two_positions_find_north_that_one_refuses():
     assert abs(wrap_pi(second.station.azimuth - 2.2)) < 3.0 * second.station.sigma_azimuth
 
 
-def test_steel_that_turns_the_field_is_an_alarm_and_the_gyro_is_used():
-    survey = _surveys(_samples(steel=math.radians(22.0)), _settings())[-1]
+def test_external_interference_that_turns_the_field_is_an_alarm_and_the_gyro_is_used():
+    survey = _surveys(_samples(turned=math.radians(22.0)), _settings())[-1]
     assert survey.station.method == "gyro"
     assert survey.station.verdict == "doubtful"
     assert "steel can turn the field" in survey.station.reasons[0]
@@ -161,13 +161,13 @@ def _feed(station, streams, start_s=0.0, settled_s=2.0):
     imu, precision = streams[0], streams[1]
     stamps = imu["stamp_ns"] + round(start_s * 1e9)
     values = np.hstack([imu["angular_velocity"], imu["linear_acceleration"]])
-    felt = np.hstack([precision["angular_velocity"], precision["linear_acceleration"]])
+    values_p = np.hstack([precision["angular_velocity"], precision["linear_acceleration"]])
     rest = 0.0
     for closed in Binner(6, BIN_NS).add(stamps, values):
         inside = stamps // BIN_NS == closed.index
         still = bool(abs(closed.mean[0]) < 0.03)
         rest = rest + 0.5 if still else 0.0
-        station.add(closed, 0.5, rest > settled_s, still, (stamps[inside], felt[inside]))
+        station.add(closed, 0.5, rest > settled_s, still, (stamps[inside], values_p[inside]))
 
 
 def _rest(station, seconds, bias, noise=0.02, start_s=0.0, settled_s=2.0, azimuth=2.2, seed=3):

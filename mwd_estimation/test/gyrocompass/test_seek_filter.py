@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from north_signals import DEG_H, felt, motion, still
+from north_signals import measured, motion, still
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from mwd_estimation.gyrocompass import north_seek, seek_filter
 from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
 from mwd_estimation.gyrocompass.seek_state import WORK, Error, Phase, State, estimate
+from mwd_sensors.core.constants import DEG_PER_HOUR
 from mwd_sensors.core.frames import mat_nt
 
 BIAS, EARTH = slice(Error.GYRO_BIAS, Error.SCALE_X), slice(Error.EARTH_RATE, Error.GYRO_BIAS)
@@ -73,7 +74,7 @@ def test_transition_is_the_derivative_of_the_integration() -> None:
 
 def seek(params: SeekParams, state: State, seconds: float, bias: float = 0.0) -> None:
     clean = motion(seconds, 34.0 * math.radians(1.0), 1.0, 0.5, still, 50.0)
-    gyro, accel = felt(clean, np.random.default_rng(1), 0.02, 0.02, 30.0, np.full(3, bias) * DEG_H)
+    gyro, accel = measured(clean, np.random.default_rng(1), 0.02, 0.02, 30.0, np.full(3, bias) * DEG_PER_HOUR)
     north_seek.run(params, state, clean.stamp_ns, gyro, accel)
 
 
@@ -107,7 +108,7 @@ def test_a_data_gap_between_two_seeks_lets_the_biases_walk_and_one_that_found_no
     seek(params, first, 20.0)
     later = north_seek.carried_on(params, first, 3600.0)
     grown = np.diag(later.P - first.P)[BIAS]
-    assert_allclose(np.sqrt(grown) / DEG_H, 2.0, rtol=1e-9)
+    assert_allclose(np.sqrt(grown) / DEG_PER_HOUR, 2.0, rtol=1e-9)
     assert not north_seek.carried_on(params, north_seek.initial(), 1.0).carried
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from north_signals import DEG_H, felt, motion, still
+from north_signals import measured, motion, still
 from numpy.testing import assert_allclose
 
 from mwd_estimation.core import magnetic_geometry
@@ -16,6 +16,7 @@ from mwd_estimation.gyrocompass import north_seek
 from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_estimation.survey import azimuth_fusion
 from mwd_estimation.survey.azimuth_fusion import GYRO, Candidate
+from mwd_sensors.core.constants import DEG_PER_HOUR
 from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
@@ -129,7 +130,9 @@ def test_s1_field_case_follows_the_gyro_where_the_magnetic_tool_is_22_degrees_of
     latitude_deg, noise = 44.0, 0.01
     clean = motion(123.5, latitude_deg * DEG, (90.0 - dip_deg) * DEG, true_deg * DEG, still, 50.0)
     rng = np.random.default_rng(round(100.0 * true_deg))
-    gyro_t, accel_t = felt(clean, rng, noise, accel_noise_ug=30.0, bias=rng.standard_normal(3) * 0.01 * DEG_H)
+    gyro_t, accel_t = measured(
+        clean, rng, noise, accel_noise_ug=30.0, bias=rng.standard_normal(3) * 0.01 * DEG_PER_HOUR
+    )
     params = SeekParams(
         latitude_deg=latitude_deg,
         mode="still",
