@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_sensors.calibration.tumble import Calibration, TriadCalibration
+from mwd_sensors.calibration.triad_calibration import Calibration, TriadCalibration
 from mwd_sensors.core.arrays import Array, Samples
 
 # Temperatures remembered: samples that come late still find theirs.

@@ -126,16 +126,8 @@ def interpolate(
 
     k = np.clip(np.searchsorted(depth, wanted, side="right") - 1, 0, depth.size - 2)
     length = depth[k + 1] - depth[k]
-    share = (wanted - depth[k]) / length
-    full, part = angle[k], share * angle[k]
-    sinc_full = np.sinc(full / np.pi)
-    # The arc in the plane of the two tangents: coefficients of the upper and lower one, all regular at zero dogleg.
-    lower = share * np.sinc(part / np.pi) / sinc_full
-    upper = np.cos(part) - lower * np.cos(full)
-    reach_lower = 0.5 * (share * np.sinc(part / (2.0 * np.pi))) ** 2 / sinc_full
-    reach_upper = share * np.sinc(part / np.pi) - reach_lower * np.cos(full)
-    heading = upper[..., None] * direction[k] + lower[..., None] * direction[k + 1]
-    offset = length[..., None] * (reach_upper[..., None] * direction[k] + reach_lower[..., None] * direction[k + 1])
+    heading, offset = _on_arc(direction[k], direction[k + 1], angle[k], (wanted - depth[k]) / length)
+    offset = length[..., None] * offset
 
     across = np.hypot(heading[..., 0], heading[..., 1])
     inc_at = np.arctan2(across, heading[..., 2])
@@ -147,6 +139,23 @@ def interpolate(
         inc_at, azi_at = np.where(there, inc[station], inc_at), np.where(there, azi[station], azi_at)
         position_at = np.where(there[..., None], points[station], position_at)
     return np.asarray(inc_at), wrap_tau(azi_at), np.asarray(position_at)
+
+
+def _on_arc(upper_t: Array, lower_t: Array, angle: Array, share: Array) -> tuple[Array, Array]:
+    """
+    Tangent, and way from the upper station over the length of the arc, at a share of the way; shape (..., 3) each.
+
+    upper_t, lower_t, shape (..., 3): tangents at the stations. angle, shape (...): dogleg between them, rad.
+    """
+    part = share * angle
+    sinc_full = np.sinc(angle / np.pi)
+    # The arc in the plane of the two tangents: coefficients of the upper and lower one, all regular at zero dogleg.
+    lower = share * np.sinc(part / np.pi) / sinc_full
+    upper = np.cos(part) - lower * np.cos(angle)
+    reach_lower = 0.5 * (share * np.sinc(part / (2.0 * np.pi))) ** 2 / sinc_full
+    reach_upper = share * np.sinc(part / np.pi) - reach_lower * np.cos(angle)
+    heading = upper[..., None] * upper_t + lower[..., None] * lower_t
+    return heading, reach_upper[..., None] * upper_t + reach_lower[..., None] * lower_t
 
 
 def dogleg_severity(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, per: float = 30.0) -> Array:

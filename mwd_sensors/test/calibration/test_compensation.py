@@ -6,7 +6,7 @@ import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
 from mwd_sensors.calibration.compensation import Compensation
-from mwd_sensors.calibration.tumble import Calibration, TriadCalibration
+from mwd_sensors.calibration.triad_calibration import Calibration, TriadCalibration
 from mwd_sensors.core import wire
 
 S = wire.NANOSECONDS

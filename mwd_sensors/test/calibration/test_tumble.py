@@ -10,6 +10,8 @@ import yaml
 from numpy.testing import assert_allclose
 
 from mwd_sensors.calibration import tumble
+from mwd_sensors.calibration.rests import rests
+from mwd_sensors.calibration.triad_calibration import as_table, from_table
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import SCENARIOS
@@ -30,7 +32,7 @@ def tumbled():
 
 def test_the_rests_of_a_tumble_are_found():
     _, out, readings, _ = tumbled()
-    found = tumble.rests(*readings, 100.0)
+    found = rests(*readings, 100.0)
     assert len(found.first) == 60
     for first, last in zip(found.first, found.last, strict=True):
         assert np.abs(out["truth"]["angular_velocity"][first:last]).max() < 1e-9
@@ -38,7 +40,7 @@ def test_the_rests_of_a_tumble_are_found():
 
 def test_temperature_and_bias_of_every_triad_come_back():
     sonde, out, readings, got = tumbled()
-    found = tumble.rests(*readings, 100.0)
+    found = rests(*readings, 100.0)
     still = np.concatenate([np.arange(a, z) for a, z in zip(found.first, found.last, strict=True)])
     warm = got.gyro.reference_c - sonde._temperature_error - 25.0
     fixed = sonde.magnetometer.bias + warm * sonde.magnetometer.bias_per_c
@@ -62,7 +64,7 @@ def test_scale_over_temperature_comes_back():
 @pytest.mark.parametrize("triad", ["accelerometer", "gyro", "magnetometer"])
 def test_errors_are_as_large_as_their_sigmas_say(triad):
     sonde, out, readings, got = tumbled()
-    found = tumble.rests(*readings, 100.0)
+    found = rests(*readings, 100.0)
     still = np.concatenate([np.arange(a, z) for a, z in zip(found.first, found.last, strict=True)])
     warm = got.gyro.reference_c - sonde._temperature_error - 25.0
     fitted = getattr(got, triad)
@@ -105,7 +107,7 @@ def test_residuals_fall_to_the_noise():
 
 def test_applied_to_readings_the_correction_brings_strength_and_dip_back():
     sonde, out, readings, got = tumbled()
-    found = tumble.rests(*readings, 100.0)
+    found = rests(*readings, 100.0)
     still = (found.first + found.last) // 2
     celsius = readings[3][still]
     f_t, b_t = got.accelerometer(found.accel, celsius), got.magnetometer(found.mag, celsius)
@@ -152,7 +154,7 @@ def test_strength_alone_gives_everything_but_a_rotation():
 def test_runs_that_cannot_carry_a_calibration_are_refused():
     still = np.tile([0.0, 0.0, 9.8], (3000, 1))
     with pytest.raises(ValueError, match="at least 12"):
-        tumble.rests(np.zeros((3000, 3)), still, None, np.zeros(3000), 100.0)
+        rests(np.zeros((3000, 3)), still, None, np.zeros(3000), 100.0)
     one_way = np.tile([0.0, 0.0, 9.8], (20, 1))
     with pytest.raises(ValueError, match="turn the probe further"):
         tumble.fit_stand(one_way, one_way, np.full(20, 25.0))
@@ -162,8 +164,8 @@ def test_runs_that_cannot_carry_a_calibration_are_refused():
 
 def test_a_calibration_is_written_and_read_back_exactly():
     _, _, readings, got = tumbled()
-    text = yaml.safe_dump(tumble.as_table(got))
-    back = tumble.from_table(yaml.safe_load(text))
+    text = yaml.safe_dump(as_table(got))
+    back = from_table(yaml.safe_load(text))
     for name in ("gyro", "accelerometer", "magnetometer"):
         first, second = getattr(got, name), getattr(back, name)
         assert np.array_equal(first(readings[1], readings[3]), second(readings[1], readings[3]))
@@ -182,7 +184,7 @@ def test_a_calibration_is_written_and_read_back_exactly():
     ],
 )
 def test_a_spoilt_table_is_refused_with_its_reason(spoil, match):
-    table = tumble.as_table(tumbled()[3])
+    table = as_table(tumbled()[3])
     spoil(table)
     with pytest.raises(ValueError, match=match):
-        tumble.from_table(table)
+        from_table(table)

@@ -13,7 +13,7 @@ import yaml
 from numpy.typing import NDArray
 
 from mwd_sensors.calibration import tumble
-from mwd_sensors.calibration.tumble import Calibration
+from mwd_sensors.calibration.triad_calibration import Calibration, as_table, from_table
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -141,7 +141,7 @@ def write(path: Path, found: Calibration, about: Mapping[str, Any]) -> None:
     OSError
         It cannot be written.
     """
-    table = {"about": dict(about), "calibration": tumble.as_table(found)}
+    table = {"about": dict(about), "calibration": as_table(found)}
     head = "# Made by `mwd calibrate`. SI units: rad/s, m/s^2, T, degC. Corrected = matrix @ ((reading - bias\n"
     head += "# - bias_per_c * warm) / (1 + scale_per_c * warm)), warm = temperature - reference_c.\n"
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -170,7 +170,7 @@ def read(path: Path, unit: str = "ahrs") -> Calibration:
     if made_for != unit:
         raise SettingsError(f"{path} is a calibration of the unit {made_for!r}, not of {unit!r}")
     try:
-        return tumble.from_table(table["calibration"])
+        return from_table(table["calibration"])
     except ValueError as error:
         raise SettingsError(f"{path}: {error}") from error
 

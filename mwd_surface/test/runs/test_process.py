@@ -11,7 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_sensors.calibration.compensation import Compensation
-from mwd_sensors.calibration.tumble import Calibration, TriadCalibration
+from mwd_sensors.calibration.triad_calibration import Calibration, TriadCalibration
 from mwd_sensors.core import settings, wire
 from mwd_sensors.core.frames import mat_nt
 from mwd_surface.bags.bag_reader import Bag, BagError

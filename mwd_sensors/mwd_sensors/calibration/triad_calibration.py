@@ -1,0 +1,141 @@
+"""
+Corrections of a unit's triads, and their table of plain numbers for YAML or JSON.
+
+Model of one triad, with warm = temperature - reference temperature:
+reading = (1 + scale_per_c * warm) * (inverse(matrix) @ truth) + bias + bias_per_c * warm.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mwd_sensors.core.arrays import Array
+
+
+@dataclasses.dataclass(frozen=True)
+class TriadCalibration:
+    """
+    Correction of one triad.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (3, 3)
+        Corrected = matrix @ ((reading - bias - bias_per_c * warm) / (1 + scale_per_c * warm)), where warm is the
+        temperature above reference_c.
+    bias, bias_per_c : ndarray, shape (3,)
+        SI and SI/degC.
+    scale_per_c : ndarray, shape (3,)
+        1/degC; like bias_per_c zero where the run was made at one temperature.
+    sigma_matrix, sigma_bias, sigma_bias_per_c, sigma_scale_per_c : ndarray
+        1 sigma of each figure, as the scatter of the residuals says it.
+    reference_c : float
+        degC.
+    before, after : float
+        Root mean square of the residuals without and with the correction, SI: of the vector on a stand, of the
+        strength without one, of gravity's direction (rad) for gyros turned without one.
+    poses : int
+        Rests (or turns) used.
+    """
+
+    matrix: Array
+    bias: Array
+    bias_per_c: Array
+    scale_per_c: Array
+    sigma_matrix: Array
+    sigma_bias: Array
+    sigma_bias_per_c: Array
+    sigma_scale_per_c: Array
+    reference_c: float
+    before: float
+    after: float
+    poses: int
+
+    def __call__(self, reading: ArrayLike, celsius: ArrayLike) -> Array:
+        """Corrected vectors, shape (..., 3), of readings (..., 3) at temperatures (...), degC."""
+        warm = np.asarray(celsius, dtype=float)[..., None] - self.reference_c
+        free = np.asarray(reading, dtype=float) - self.bias - self.bias_per_c * warm
+        return np.asarray(np.einsum("ij,...j->...i", self.matrix, free / (1.0 + self.scale_per_c * warm)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Calibration:
+    """Corrections of a whole unit; a triad that was not measured is None."""
+
+    gyro: TriadCalibration
+    accelerometer: TriadCalibration
+    magnetometer: TriadCalibration | None
+
+
+def as_table(calibration: Calibration) -> dict[str, Any]:
+    """Write a calibration as plain numbers, for YAML or JSON; `from_table` reads it back exactly."""
+    triads = {field.name: getattr(calibration, field.name) for field in dataclasses.fields(calibration)}
+    return {
+        name: {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in vars(triad).items()}
+        for name, triad in triads.items()
+        if triad is not None
+    }
+
+
+def from_table(table: Mapping[str, Any]) -> Calibration:
+    """
+    Read a calibration from a table as `as_table` writes it.
+
+    Raises
+    ------
+    ValueError
+        A missing triad or figure, a wrong shape, a number that is not finite, or a matrix far from the identity.
+    """
+    read: dict[str, TriadCalibration] = {}
+    for name, triad in table.items():
+        if name not in _TRIADS:
+            raise ValueError(f"calibration: no triad {name!r}; known: {', '.join(_TRIADS)}")
+        figures = {}
+        for key, shape in _SHAPES.items():
+            try:
+                figures[key] = np.array(triad[key], dtype=float)
+            except (KeyError, TypeError, ValueError) as error:
+                raise ValueError(f"calibration: {name}.{key} is missing or not a number") from error
+            if figures[key].shape != shape or not np.isfinite(figures[key]).all():
+                raise ValueError(f"calibration: {name}.{key} must be finite and of shape {shape}")
+        if np.abs(figures["matrix"] - np.eye(3)).max() > 0.5:
+            raise ValueError(f"calibration: {name}.matrix is far from the identity; is it in other units?")
+        read[name] = TriadCalibration(
+            matrix=figures["matrix"],
+            bias=figures["bias"],
+            bias_per_c=figures["bias_per_c"],
+            scale_per_c=figures["scale_per_c"],
+            sigma_matrix=figures["sigma_matrix"],
+            sigma_bias=figures["sigma_bias"],
+            sigma_bias_per_c=figures["sigma_bias_per_c"],
+            sigma_scale_per_c=figures["sigma_scale_per_c"],
+            reference_c=float(figures["reference_c"]),
+            before=float(figures["before"]),
+            after=float(figures["after"]),
+            poses=int(figures["poses"]),
+        )
+    for name in ("gyro", "accelerometer"):
+        if name not in read:
+            raise ValueError(f"calibration: {name} is missing")
+    return Calibration(read["gyro"], read["accelerometer"], read.get("magnetometer"))
+
+
+_TRIADS = ("gyro", "accelerometer", "magnetometer")
+_SHAPES: dict[str, tuple[int, ...]] = {
+    "matrix": (3, 3),
+    "bias": (3,),
+    "bias_per_c": (3,),
+    "scale_per_c": (3,),
+    "sigma_matrix": (3, 3),
+    "sigma_bias": (3,),
+    "sigma_bias_per_c": (3,),
+    "sigma_scale_per_c": (3,),
+    "reference_c": (),
+    "before": (),
+    "after": (),
+    "poses": (),
+}
