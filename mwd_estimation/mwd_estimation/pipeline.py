@@ -23,7 +23,7 @@ from mwd_estimation import derivation
 from mwd_estimation.attitude import drilling_dynamics
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream, Block, Mark
 from mwd_estimation.core.reason_text import text
-from mwd_estimation.core.reasons import quoted
+from mwd_estimation.core.reasons import Reason, ReasonCode, quoted
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.samples import Track
 from mwd_estimation.core.samples import samples as arrays_of
@@ -41,15 +41,13 @@ from mwd_estimation.health.fault_messages import Finding
 from mwd_estimation.health.unit_comparison import PrecisionHealth
 from mwd_estimation.magnetic import spike_filter
 from mwd_estimation.settings import EstimatorSettings, Place, latitude_of, reference_of
-from mwd_estimation.survey import survey
-from mwd_estimation.survey.continuity_check import handed_on, held_against
-from mwd_estimation.survey.fault_history import AZIMUTH, Record
+from mwd_estimation.survey.decision import Provisional, SurveyDecision
+from mwd_estimation.survey.fault_history import AZIMUTH, FaultHistory
 from mwd_estimation.survey.magnetic_feedback import NORTH_CODES, FieldReader
 from mwd_estimation.survey.rotary_survey import Progress as RotaryProgress
 from mwd_estimation.survey.rotary_survey import RotarySurvey
-from mwd_estimation.survey.run_history import StationRun
 from mwd_estimation.survey.static_survey import BIN_NS, BinSet, Refusal, StillAverage, StillSurvey
-from mwd_estimation.survey.survey import GYRO, Survey
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
@@ -156,15 +154,12 @@ class Pipeline:
         self._health = monitor.initial(self._health_params)
         self._spikes = spike_filter.initial()
         self._precision_health = PrecisionHealth(derivation.precision_health_params(settings))
-        self._faults = Record()
+        self._faults = FaultHistory()
         self._unusable, self._misled = 0, False
         # Since when the magnetometer, as far as is known a sound one, has been taken in.
         self._fed_ns = np.iinfo(np.int64).max
         self._attitude = self._attitude_stream()
-        self._gyro_params, self._fusion_params = (
-            derivation.gyrocompass_params(settings),
-            derivation.fusion_params(settings),
-        )
+        self._gyro_params = derivation.gyrocompass_params(settings)
         self._station_params = derivation.station_params(settings)
         self._use_gravity(None)
         self._dynamics_state = drilling_dynamics.initial(self._dynamics_params)
@@ -178,8 +173,9 @@ class Pipeline:
         self._waiting: list[Bin] = []
         self._still = StillSurvey(derivation.still_params(settings))
         self._gyro = GyroStation(self._gyro_params, None, None)
-        self._run = StationRun(derivation.run_params(settings))
-        self._last_alarm = ""
+        self._decision = SurveyDecision(
+            self._station_params, derivation.fusion_params(settings), derivation.run_params(settings), self._faults
+        )
         self._north: NorthSession | None = None
         self._ahrs = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         self._rotary: RotarySurvey | None = None
@@ -294,7 +290,7 @@ class Pipeline:
     @property
     def survey_waits_for(self) -> str:
         """What a survey that has averaged enough still waits for, in words; empty where it does not wait."""
-        return self._still.waits_for
+        return "" if self._still.waits_for is None else text(self._still.waits_for)
 
     def push_mag(self, samples: Samples) -> None:
         """Take magnetic samples, dtype of `wire.MAG`."""
@@ -360,13 +356,13 @@ class Pipeline:
     def _set_back(self, begun: Samples, output: Output) -> None:
         """Begin anew with the samples that showed that time went back; their rows have been given, as not used."""
         self.counters.set_back += 1
-        why = Refusal(self._last_imu_ns, "time went back: the estimate begins anew")
+        why = Refusal(self._last_imu_ns, Reason(ReasonCode.TIME_WENT_BACK))
         if self._still.requested:
             output.refusals.append(why)
         if self._rotary is not None:
             output.rotary.append(why)
         if self._north is not None:
-            output.north.append(dataclasses.replace(self._north.solution(), reason=quoted(why.reason)))
+            output.north.append(dataclasses.replace(self._north.solution(), reason=why.reason))
         self._forget()
         waiting = self._clocks.release()
         for name, take in (
@@ -422,7 +418,7 @@ class Pipeline:
             self._precision_health.beside(stamps, np.where(unsure[:, None], np.nan, values) if unsure.any() else values)
         readings = [(0, self._field.reading)]
         marks: list[Mark] = []
-        taken: list[tuple[int, Survey]] = []
+        taken: list[tuple[int, Provisional]] = []
         doubted, doubtful = 0, bool(suspect.any())
         for closed, place in self._binners["imu"].add_placed(stamps, values):
             self._waiting.append(closed)
@@ -450,7 +446,7 @@ class Pipeline:
             output.attitude,
             output.gravity,
         )
-        output.surveys += [held_against(one, self._attitude.anchors[at], self._fusion_params) for at, one in taken]
+        output.surveys += [self._decision.complete(one, self._attitude.anchors[at]) for at, one in taken]
         if self._rotary is not None:
             self._turn_on(self._rotary, block, output)
         self.counters.rejected += rejected
@@ -497,12 +493,12 @@ class Pipeline:
             derivation.precision_gyro_params(settings),
         )
 
-    def _judge(self, imu: Bin, place: int, output: Output) -> tuple[Mark, Survey | None]:
+    def _judge(self, imu: Bin, place: int, output: Output) -> tuple[Mark, Provisional | None]:
         """
         Everything that is done once for a bin, in the order of bins; its results hold from the sample at `place`.
 
-        The survey of a still interval that ends with the bin is returned: it is checked against the azimuths carried
-        on to it before it is given out.
+        The survey of a still interval that ends with the bin is returned provisional: its continuity check needs the
+        attitude up to it.
         """
         end_ns = (imu.index + 1) * BIN_NS
         found: dict[str, Bin | None] = {}
@@ -513,8 +509,7 @@ class Pipeline:
             while bins and next(iter(bins)) < imu.index:
                 del bins[next(iter(bins))]
         waits_for = self._gyro.pending() if self._still.complete else None
-        wait = "" if waits_for is None else text(waits_for)
-        result = self._still.add(BinSet(imu, found["mag"], found["precision"], found["temperature"]), wait)
+        result = self._still.add(BinSet(imu, found["mag"], found["precision"], found["temperature"]), waits_for)
         # What the gyro had found before this bin, which ended the interval.
         so_far = self._gyro.solution() if isinstance(result, StillAverage) and result.moved else None
         still = self._still.still_bins
@@ -531,8 +526,8 @@ class Pipeline:
             output.refusals.append(result)
         elif isinstance(result, StillAverage):
             found_north = so_far if result.moved else self._gyro.solution()
-            taken, given = self._work_out(result, found_north)
-            return Mark(place, imu.index, end_ns, *given), taken
+            taken = self._survey(result, found_north)
+            return Mark(place, imu.index, end_ns, *taken.gyro, taken.accepted_azimuth), taken
         return Mark(place, imu.index, end_ns), None
 
     def _judge_precision(self, end_ns: int, still: bool, samples: tuple[Stamps, Array], output: Output) -> bool:
@@ -565,34 +560,17 @@ class Pipeline:
         output = Output.empty(0)
         held = self._still.finish()
         if held is not None:
-            taken, _ = self._work_out(held, self._gyro.solution())
-            output.surveys.append(held_against(taken, self._attitude.anchor, self._fusion_params))
+            taken = self._survey(held, self._gyro.solution())
+            output.surveys.append(self._decision.complete(taken, self._attitude.anchor))
         return output
 
-    def _work_out(
-        self, still: StillAverage, found: Solution | None
-    ) -> tuple[Survey, tuple[float, float, tuple[float, float, float, float]]]:
-        """The survey of a still interval, and what it teaches: what a `Mark` tells of it."""
+    def _survey(self, still: StillAverage, found: Solution | None) -> Provisional:
+        """The survey of a still interval; what it shows of the field is used from here on."""
         self.sequence += 1
-        taken, analysis = survey.from_average(
-            self._faults.readable(still),
-            self.sequence,
-            self.reference,
-            self._station_params,
-            found,
-            self._fusion_params,
-            run=self._run if not self._unusable else None,
-            last_alarm=self._last_alarm,
-        )
-        self._last_alarm = self._last_alarm if taken.alarm is None else taken.alarm
-        judged = self._faults.judge(taken)
-        if judged is not taken:
-            return judged, (math.nan, math.nan, (math.nan,) * 4)
-        self._field.learn(taken, analysis)
-        north = taken.station.by_method(GYRO)
-        if north is not None and taken.weights.get(GYRO, 0.0) > 0.0:
-            return judged, (north.azimuth, north.sigma, handed_on(taken))
-        return judged, (math.nan, math.nan, handed_on(taken))
+        taken = self._decision.begin(still, self.sequence, self.reference, found, usable=not self._unusable)
+        if taken.sound:
+            self._field.learn(taken.survey, taken.analysis)
+        return taken
 
     def _seek(self, run: NorthSession, end_ns: int, samples: tuple[Stamps, Array], output: Output) -> None:
         """A bin for the seek that was asked for, unless it began before that."""
@@ -616,10 +594,7 @@ class Pipeline:
             output.rotary.append(result)
             return
         self.sequence += 1
-        speed = survey_.rotary_speed
-        output.rotary.append(
-            self._faults.judge(survey.from_rotary(result, self.sequence, self.reference, self._station_params, speed))
-        )
+        output.rotary.append(self._decision.rotary(result, self.sequence, self.reference, survey_.rotary_speed))
 
     def _keep(self, name: str, closed: list[Bin]) -> None:
         for one in closed:

@@ -8,6 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mwd_estimation import derivation
+from mwd_estimation.core.reason_text import texts
+from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
@@ -144,7 +146,7 @@ def test_without_a_reference_the_azimuth_says_that_it_is_magnetic_and_uncorrecte
     (survey,) = output.surveys
     assert survey.station.north == "magnetic"
     assert survey.station.verdict == "doubtful"
-    assert any("no reference field" in reason for reason in survey.station.reasons)
+    assert any("no reference field" in reason for reason in texts(survey.station.reasons))
 
 
 def test_without_a_magnetometer_there_is_no_azimuth_but_everything_else():
@@ -182,7 +184,7 @@ def test_a_survey_asked_for_is_marked_and_one_while_turning_is_refused():
     pipeline.request_survey(4.0)
     third = _run(imu[1000:], mag[1000:], pipeline)
     assert not first[0].surveys
-    assert "turns" in second[0].refusals[0].reason
+    assert second[0].refusals[0].reason.code == ReasonCode.TOOL_TURNS
     (survey,) = third[0].surveys
     assert survey.requested
     assert survey.duration == pytest.approx(4.0)
@@ -306,7 +308,7 @@ def test_steel_between_two_stations_is_shown_by_what_the_gyros_carried_on_howeve
     first, second = whole
     assert first.station.verdict == "accept"
     assert second.station.verdict == "doubtful"
-    assert "carried on from the last accepted station" in second.alarm
+    assert second.alarm[0].code == ReasonCode.PROPAGATED_DISAGREES
     assert abs(wrap_pi(second.station.by_method("carried").azimuth - 1.9)) < 3.0 * first.station.sigma_azimuth
     again = [survey for output in pieces for survey in output.surveys]
     assert [s.station.by_method("carried") for s in again] == [s.station.by_method("carried") for s in whole]

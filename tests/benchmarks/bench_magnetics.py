@@ -23,10 +23,12 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.magnetic import axial_correction
 from mwd_estimation.survey import azimuth_fusion, multi_station_analysis
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.gyro_evidence import gyro_for_run
 from mwd_estimation.survey.run_history import Params as RunParams
 from mwd_estimation.survey.run_history import StationRun
 from mwd_estimation.survey.station import Station, StationSettings, station
-from mwd_estimation.survey.survey import fused, gyro_for_run
+from mwd_estimation.survey.station_azimuth import weigh
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
@@ -97,8 +99,10 @@ def multi(kind: str, small: bool, runs: int) -> str:
         aided.append(wrap_pi(multi_station_analysis.analyse(f_t, b_t, reference, gyro=known).azimuth - azi))
         for k in range(len(azi)):
             pair = [
-                azimuth_fusion.Candidate("multistation", float(done.azimuth[k]), float(done.sigma_azimuth[k])),
-                azimuth_fusion.Candidate("gyro", float(gyro[k]), GYRO_SIGMA, family=azimuth_fusion.GYRO),
+                azimuth_fusion.Candidate(
+                    AzimuthMethod.MULTI_STATION, float(done.azimuth[k]), float(done.sigma_azimuth[k])
+                ),
+                azimuth_fusion.Candidate(AzimuthMethod.GYRO, float(gyro[k]), GYRO_SIGMA, family=azimuth_fusion.GYRO),
             ]
             together.append(wrap_pi(azimuth_fusion.fuse(pair).azimuth - azi[k]))
     figures = [rms(np.concatenate(v)) for v in (raw, single, msa, sigma)]
@@ -149,7 +153,7 @@ def verdicts(inc: float, azi: float, axial_nt: float, runs: int) -> str:
             found["accepted"].append((float(wrap_pi(shot.azimuth - truth)), shot.sigma_azimuth))
         true_azimuth = truth + 1.0 * DEG
         gyro = gyro_solution(true_azimuth + rng.normal(0.0, GYRO_SIGMA), GYRO_SIGMA, inc * DEG)
-        both = fused(shot, shot, gyro).station
+        both = weigh(shot, shot, gyro).station
         found["with gyro"].append((float(wrap_pi(both.azimuth - truth)), both.sigma_azimuth))
     pairs = {name: np.array(values).reshape(-1, 2) for name, values in found.items()}
     scores = " | ".join(ratio(pair[:, 0], pair[:, 1]) for pair in pairs.values())
@@ -203,13 +207,13 @@ def as_it_goes(runs: int) -> list[str]:
             alone = station(f_t[k], b_t[k], reference, settings)
             gyro = dataclasses.replace(gyro_solution(float(seen[k]), sigma, float(inc[k])), limit=GYRO_SIGMA)
             together, _ = plain.take(alone, settings)
-            both = fused(alone, together, gyro).station
-            magnetic = fused(alone, together, None).station
+            both = weigh(alone, together, gyro).station
+            magnetic = weigh(alone, together, None).station
             wise, analysis = taught.take(alone, settings)
             aided = 0.0 if analysis is None else float(analysis.by_gyro[-1])
-            knowing = fused(alone, wise, gyro, aided=aided)
-            if knowing.alarm == "":
-                taught.heard(*gyro_for_run(knowing.station, gyro))
+            knowing = weigh(alone, wise, gyro, aided=aided)
+            if knowing.alarm == ():
+                taught.add_gyro(*gyro_for_run(knowing.station, gyro))
             for name, one in (("magnetic", magnetic), ("plain", both), ("taught", knowing.station)):
                 found[name][k].append((float(wrap_pi(one.azimuth - truth[k])), one.sigma_azimuth))
             found["gyro"][k].append((float(seen[k] - truth[k]), sigma))

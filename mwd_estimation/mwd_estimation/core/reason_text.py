@@ -32,6 +32,8 @@ UNITS = {
     "sigma": 1.0,
     "s": 1.0,
 }
+# Azimuth methods whose name in messages is no word.
+_METHODS = {"msa": "multi-station", "carried": "gyro-propagated"}
 _REST = "let the tool rest longer, or turn it between two rests"
 _APART = "{names[0]} azimuth is {value:+.1f deg} ({values[0]:.1f sigma}) from "
 _BIAS_UNKNOWN = (
@@ -64,6 +66,7 @@ WORDS: dict[Code, str] = {
     "are connected with a flipped sign",
     Code.NO_ACCELEROMETER: "no accelerometer reading: nothing can be computed",
     Code.NO_MAGNETOMETER: "no magnetometer reading",
+    Code.NO_NUMBER: "no number in {names_listed}",
     Code.NO_HORIZONTAL_FIELD: "no horizontal field",
     Code.INCLINATION_ONLY: "{causes}: inclination and toolface only",
     Code.AZIMUTH_BY_GYRO_ONLY: "{causes}: azimuth by the gyro alone",
@@ -102,8 +105,6 @@ WORDS: dict[Code, str] = {
     "({value:.2f (deg)} against {limit:.2f deg})",
     Code.OUTLIER_STATION: "left out of the analysis as an outlier",
     Code.CORRECTED_BY_STATIONS: "corrected by {values[1]:.0f} stations: axial {value:+.0f (nT)} +- {values[0]:.0f nT}",
-    Code.NOT_OBSERVABLE: "not observable from these attitudes: {names_listed}",
-    Code.OUTLIERS_LEFT_OUT: "left out as outliers: station {names_listed} of {values[0]:.0f}",
     Code.NO_AZIMUTH: "no azimuth",
     Code.AZIMUTH_UNCERTAIN: "not certain enough: {value:.0f deg}",
     Code.AZIMUTH_NOT_CHOSEN: "the {names[0]} azimuth of the same reading is used",
@@ -205,7 +206,7 @@ def text(reason: Reason) -> str:
         "value": None if reason.value is None else _Number(reason.value),
         "limit": None if reason.limit is None else _Number(reason.limit),
         "values": [_Number(one) for one in reason.values],
-        "names": reason.names,
+        "names": [_METHODS.get(name, name) for name in reason.names],
         "names_listed": ", ".join(reason.names),
         "causes": "; ".join(causes),
         "causes_listed": ", ".join(causes),

@@ -35,6 +35,7 @@ class ReasonCode(StrEnum):
     # Readings and north of one station (survey.station).
     NO_ACCELEROMETER = "no_accelerometer"
     NO_MAGNETOMETER = "no_magnetometer"
+    NO_NUMBER = "no_number"
     NO_HORIZONTAL_FIELD = "no_horizontal_field"
     INCLINATION_ONLY = "inclination_only"
     AZIMUTH_BY_GYRO_ONLY = "azimuth_by_gyro_only"
@@ -65,8 +66,6 @@ class ReasonCode(StrEnum):
     MULTI_STATION_NO_BETTER = "multi_station_no_better"
     OUTLIER_STATION = "outlier_station"
     CORRECTED_BY_STATIONS = "corrected_by_stations"
-    NOT_OBSERVABLE = "not_observable"
-    OUTLIERS_LEFT_OUT = "outliers_left_out"
 
     # Azimuths against each other (survey.azimuth_fusion, survey.decision).
     NO_AZIMUTH = "no_azimuth"

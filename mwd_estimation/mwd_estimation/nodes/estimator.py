@@ -14,6 +14,7 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
+from mwd_estimation.core.reason_text import joined, text
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.action_servers import FEEDBACK_PERIOD, EstimatorActions
@@ -132,10 +133,10 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             if survey.requested:
                 self._respond(True, verdict, survey.sequence)
         for refusal in output.refusals:
-            self._respond(False, f"no survey taken: {refusal.reason}", 0)
+            self._respond(False, f"no survey taken: {text(refusal.reason)}", 0)
         for result in output.rotary:
             if isinstance(result, Refusal):
-                self._actions.finish_rotary_survey(None, result.reason)
+                self._actions.finish_rotary_survey(None, text(result.reason))
             else:
                 self._actions.finish_rotary_survey(*self._publish_survey(result, frame))
         for solution in output.north:
@@ -162,7 +163,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         message = survey_message(survey, frame, self._last_status)
         self._survey.publish(message)
         verdict = f"survey {survey.sequence}: {survey.station.verdict}"
-        self.get_logger().info(f"{verdict}; {'; '.join(survey.station.reasons)}")
+        self.get_logger().info(f"{verdict}; {joined(survey.station.reasons)}")
         return message, verdict
 
     def _publish_pending_survey(self) -> None:

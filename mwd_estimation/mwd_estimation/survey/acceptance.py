@@ -1,5 +1,5 @@
 """
-Verdict on a survey station: what the totals say against the reference, in a driller's words.
+Field acceptance criteria: verdict on a survey station by its totals against the reference.
 
 Gravity, field strength and dip are known beforehand; a station that does not measure them is wrong somewhere. Limits
 are either fixed (two sets in common use) or follow from the tool's own uncertainty at this attitude.
@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mwd_estimation.core.reasons import Reason
+from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.magnetic.axial_correction import AxialCorrection
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -77,7 +79,7 @@ class Deviations:
     covariance : ndarray, shape (3, 3)
         Of the three, from sensors, interference expected and reference.
     standard : bool
-        Gravity is held against standard gravity, which it fits better than that of the place.
+        Gravity is compared with standard gravity, which it fits better than that of the place.
     """
 
     gravity: float
@@ -89,10 +91,10 @@ class Deviations:
 
 @dataclass(frozen=True)
 class Judgement:
-    """A verdict and its reasons; reasons that do not touch the verdict are remarks and stand last."""
+    """A verdict and the reasons that made it."""
 
     verdict: str
-    reasons: tuple[str, ...]
+    reasons: tuple[Reason, ...]
 
 
 def bounds(deviations: Deviations, limits: str) -> Array:
@@ -140,93 +142,57 @@ def judge(deviations: Deviations, limits: str) -> Judgement:
         reject = LIMITS[limits].reject_factor * doubtful
     known = np.isfinite(values)
     verdict, reasons = ACCEPT, []
+    codes = (Code.GRAVITY_OFF_STANDARD if deviations.standard else Code.GRAVITY_OFF, Code.FIELD_OFF, Code.DIP_OFF)
     for k in range(3):
         if not known[k] or abs(values[k]) <= doubtful[k]:
             continue
         verdict = worse(verdict, REJECT if abs(values[k]) > reject[k] else DOUBTFUL)
-        off = f"{_words(k, values[k])} off {_against(deviations, k)}"
-        reasons.append(f"{_NAMES[k]} {off}, limit {_limit(k, doubtful[k])}{_CAUSES[k]}")
+        reasons.append(Reason(codes[k], float(values[k]), float(doubtful[k])))
     if limits == "toolcode" and known.all() and verdict == ACCEPT:
         chi = float(values @ np.linalg.solve(deviations.covariance, values))
         if chi > _CHI3_DOUBTFUL:
             verdict = REJECT if chi > _CHI3_REJECT else DOUBTFUL
-            reasons.append(
-                "total gravity, total field and dip together do not fit: "
-                f"chi-square {chi:.1f}, limit {_CHI3_DOUBTFUL:.1f}"
-            )
+            reasons.append(Reason(Code.TOTALS_OFF_TOGETHER, chi, _CHI3_DOUBTFUL))
     return Judgement(verdict, tuple(reasons))
 
 
-def within(deviations: Deviations, limits: str) -> str:
-    """One remark of an accepted station: every deviation known, against its limit."""
+def within(deviations: Deviations, limits: str) -> tuple[Reason, ...]:
+    """One remark of an accepted station, every deviation known against its limit; none where none is known."""
     values = np.array([deviations.gravity, deviations.field, deviations.dip])
     limit = bounds(deviations, limits)
-    parts = [
-        f"{_NAMES[k]} {_words(k, values[k])} (limit {_limit(k, limit[k])})" for k in range(3) if np.isfinite(values[k])
-    ]
-    if deviations.standard:
-        parts[0] += f" off {_against(deviations, 0)}"
-    return "within limits: " + ", ".join(parts) if parts else ""
+    gravity = Code.GRAVITY_WITHIN_STANDARD if deviations.standard else Code.GRAVITY_WITHIN
+    parts = tuple(
+        Reason(code, float(value), float(most))
+        for code, value, most in zip((gravity, Code.FIELD_WITHIN, Code.DIP_WITHIN), values, limit, strict=True)
+        if np.isfinite(value)
+    )
+    return (Reason(Code.WITHIN_LIMITS, causes=parts),) if parts else ()
 
 
-def correction_refusal(correction: AxialCorrection, inclination: float, settings: QualitySettings) -> str:
+def correction_refusal(correction: AxialCorrection, inclination: float, settings: QualitySettings) -> Reason | None:
     """
-    Why an axial correction of one station must not be used; empty where it may.
+    Why an axial correction of one station must not be used; None where it may.
 
     correction: of one station (arrays of shape ()); inclination in rad.
     """
     from_vertical = min(inclination, math.pi - inclination)
-    if not from_vertical >= math.radians(settings.min_azimuth_inclination_deg):
-        return (
-            f"hole only {math.degrees(from_vertical):.2f} deg from vertical: axial interference hardly "
-            "turns the azimuth there and the toolface is too loose to correct it"
-        )
+    least = math.radians(settings.min_azimuth_inclination_deg)
+    if not from_vertical >= least:
+        return Reason(Code.CORRECTION_NEAR_VERTICAL, from_vertical, least)
     if correction.chi_square > CHI1_LIMIT:
-        return (
-            f"across-axis field does not fit the reference (chi-square {float(correction.chi_square):.0f}, limit "
-            f"{CHI1_LIMIT:.1f}): the disturbance is not axial (casing, nearby well, hot spot in the collar) "
-            "or the reference is not this place's"
-        )
+        return Reason(Code.CROSS_AXIAL_MISFIT, float(correction.chi_square), CHI1_LIMIT)
     if correction.mirror:
-        both = " and ".join(f"{math.degrees(float(angle)):.1f}" for angle in correction.both)
-        return (
-            f"two azimuths, {both} deg from magnetic north, fit the readings without the axial magnetometer: "
-            "horizontal hole, take a gyro"
-        )
-    sigma = float(correction.sigma_azimuth)
-    if not sigma <= math.radians(settings.max_correction_sigma_deg):
+        first, second = (float(angle) for angle in correction.both)
+        return Reason(Code.TWO_AZIMUTHS_FIT_FIELD, values=(first, second))
+    sigma, most = float(correction.sigma_azimuth), math.radians(settings.max_correction_sigma_deg)
+    if not sigma <= most:
         from_horizontal = abs(0.5 * math.pi - inclination)
         from_east_west = abs(math.asin(min(1.0, abs(math.cos(float(correction.azimuth))))))
-        return (
-            f"hole {math.degrees(from_horizontal):.0f} deg from horizontal and "
-            f"{math.degrees(from_east_west):.0f} deg from magnetic east-west: corrected azimuth good only to "
-            f"{math.degrees(sigma):.1f} deg, limit {settings.max_correction_sigma_deg:.1f} deg; "
-            "use multi-station correction or a gyro"
-        )
-    return ""
+        return Reason(Code.CORRECTION_UNCERTAIN, sigma, most, (from_horizontal, from_east_west))
+    return None
 
 
 def worse(a: str, b: str) -> str:
     """The graver of two verdicts."""
     order = (ACCEPT, DOUBTFUL, REJECT)
     return order[max(order.index(a), order.index(b))]
-
-
-def _against(deviations: Deviations, k: int) -> str:
-    return "standard gravity (nearer than the place's)" if k == 0 and deviations.standard else "the reference"
-
-
-_NAMES = ("total gravity", "total field", "dip")
-_CAUSES = (
-    ": tool moving, or an accelerometer off",
-    ": steel near the tool, or a magnetometer off",
-    ": magnetic interference (casing or another well near), or a sensor off",
-)
-
-
-def _words(k: int, value: float) -> str:
-    return (f"{value / STANDARD_GRAVITY * 1e3:+.1f} mG", f"{value * 1e9:+.0f} nT", f"{math.degrees(value):+.2f} deg")[k]
-
-
-def _limit(k: int, value: float) -> str:
-    return (f"{value / STANDARD_GRAVITY * 1e3:.1f} mG", f"{value * 1e9:.0f} nT", f"{math.degrees(value):.2f} deg")[k]

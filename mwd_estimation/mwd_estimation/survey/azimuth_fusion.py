@@ -2,8 +2,8 @@
 One azimuth from several: magnetic (raw, corrected, multi-station) and gyro, weighed by their full covariance.
 
 Azimuths that agree within their covariance are combined with the least-variance weights that are not negative; ones
-that do not agree are never averaged: a rule that can be told to a driller chooses, and the disagreement is an alarm.
-The rule and its reasons: ``docs/fusion.md``.
+that do not agree are never averaged: a rule chooses, and the disagreement is an alarm. The rule and why it is so:
+``docs/methods/azimuth_fusion.md``.
 """
 
 from __future__ import annotations
@@ -15,13 +15,17 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from mwd_estimation.core.reasons import Reason
+from mwd_estimation.core.reasons import ReasonCode as Code
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 from mwd_sensors.core.settings import setting
 
+# Families: what an azimuth rests on.
 MAGNETIC, GYRO = "magnetic", "gyro"
 # Within the magnetic family a method that removes more interference goes before one that removes less.
-RANK = {"raw": 0, "axial": 1, "multistation": 2}
+RANK: dict[str, int] = {AzimuthMethod.RAW: 0, AzimuthMethod.SINGLE_STATION: 1, AzimuthMethod.MULTI_STATION: 2}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,7 +51,7 @@ class Settings:
     )
     unwitnessed: str = setting(
         "doubtful",
-        "Verdict at best of a magnetic azimuth that the gyro could witness after half a turn of the tool",
+        "Verdict at best of a magnetic azimuth that the gyro could confirm after half a turn of the tool",
         choices=("doubtful", "accept"),
     )
 
@@ -60,18 +64,18 @@ class Candidate:
     Attributes
     ----------
     method : str
-        raw, axial, multistation, gyro, or any other name.
+        An `AzimuthMethod`, or another name for a mean of several.
     azimuth, sigma : float
         From the same north as all others, and its whole one sigma, rad.
     family : str
-        MAGNETIC or GYRO: what it hangs on.
+        MAGNETIC or GYRO: what it rests on.
     shared : mapping of str to float
         Named error terms it has in common with others, each its signed one-sigma effect on this azimuth, rad
         (``{"declination": 0.004}``). The covariance of two candidates is the sum of products of terms of one name.
-    doubt : str
-        Why its own check failed (total field, dip), in words; empty where it passed.
-    refused : str
-        Why it must not be used; empty where it may.
+    doubt : tuple of Reason
+        Why its own check failed (total field, dip); empty where it passed.
+    refused : Reason or None
+        Why it must not be used; None where it may.
     """
 
     method: str
@@ -79,14 +83,14 @@ class Candidate:
     sigma: float
     family: str = MAGNETIC
     shared: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    doubt: str = ""
-    refused: str = ""
+    doubt: tuple[Reason, ...] = ()
+    refused: Reason | None = None
 
 
 @dataclasses.dataclass(frozen=True)
 class Fused:
     """
-    What the fusion made of its candidates.
+    One azimuth from its candidates.
 
     Attributes
     ----------
@@ -96,10 +100,10 @@ class Fused:
         "fused", the name of the one method used, or "none".
     weights : tuple of float
         Share of each candidate, in their order, 0 to 1, sum 1 (or all 0).
-    reasons : tuple of str
-        Per candidate: why it has no weight; empty where it has.
-    alarm : str
-        The disagreement, or the failed check of the only azimuth there is, in words; empty when all is well.
+    reasons : tuple of Reason or None
+        Per candidate: why it has no weight; None where it has.
+    alarm : tuple of Reason
+        The disagreements, or the failed check of the only azimuth there is; empty when all is well.
     chi_square : float
         Of the azimuths used against their weighted mean; 0 for a single one.
     covariance : ndarray, shape (n, n)
@@ -110,8 +114,8 @@ class Fused:
     sigma: float
     method: str
     weights: tuple[float, ...]
-    reasons: tuple[str, ...]
-    alarm: str
+    reasons: tuple[Reason | None, ...]
+    alarm: tuple[Reason, ...]
     chi_square: float
     covariance: Array
 
@@ -205,30 +209,13 @@ def fuse(candidates: Sequence[Candidate], settings: Settings | None = None) -> F
     settings = Settings() if settings is None else settings
     V = covariance(candidates)
     reasons = [_left_out(c, settings) for c in candidates]
-    alarms: list[str] = []
-    use = [i for i, reason in enumerate(reasons) if not reason]
-    sound = [i for i in use if not candidates[i].doubt]
-    if sound and len(sound) < len(use):
-        # A failed field check says that sigma no longer covers the error: such an azimuth is compared, not weighed.
-        reference = min(sound, key=lambda i: candidates[i].sigma)
-        for i in use:
-            if candidates[i].doubt:
-                apart, ratio = _apart(candidates, V, i, reference)
-                reasons[i] = f"its check failed: {candidates[i].doubt}"
-                if ratio > settings.disagreement_sigmas:
-                    text = (
-                        f"{candidates[i].method} azimuth is {math.degrees(apart):+.1f} deg ({ratio:.1f} sigma) from "
-                        f"{candidates[reference].method} and {reasons[i]}; {candidates[reference].method} is used"
-                    )
-                    reasons[i] = text
-                    alarms.append(text)
-        use = sound
-    elif use and not sound:
-        alarms.append("; ".join(f"{candidates[i].method}: its check failed: {candidates[i].doubt}" for i in use))
+    alarms: list[Reason] = []
+    use = _sound(candidates, V, reasons, alarms, settings)
     use, widening = _settle(candidates, V, use, reasons, alarms, settings)
     weights = np.zeros(len(candidates))
     if not use:
-        return Fused(math.nan, math.nan, "none", tuple(weights), tuple(reasons), "; ".join(alarms), 0.0, V)
+        none = AzimuthMethod.NONE
+        return Fused(math.nan, math.nan, none, tuple(weights), tuple(reasons), tuple(alarms), 0.0, V)
     at = np.array(use)
     weights[at], variance = least_variance(V[np.ix_(at, at)])
     # Differences from one of them, wrapped: the mean of 359 and 1 is 0.
@@ -239,30 +226,64 @@ def fuse(candidates: Sequence[Candidate], settings: Settings | None = None) -> F
     chi_square = float(residual @ np.linalg.pinv(V[np.ix_(at, at)], hermitian=True) @ residual) if len(use) > 1 else 0.0
     for i in use:
         if weights[i] == 0.0:
-            reasons[i] = "agrees, but adds nothing to the more certain one it shares its errors with"
-    carried = [i for i in use if weights[i] > 0.0]
-    method = candidates[carried[0]].method if len(carried) == 1 else "fused"
-    sigma = min(math.hypot(math.sqrt(variance), widening), math.pi)
+            reasons[i] = Reason(Code.AZIMUTH_ADDS_NOTHING)
+    weighing = [i for i in use if weights[i] > 0.0]
     return Fused(
         float(wrap_tau(start + shift)),
-        sigma,
-        method,
+        min(math.hypot(math.sqrt(variance), widening), math.pi),
+        candidates[weighing[0]].method if len(weighing) == 1 else AzimuthMethod.FUSED,
         tuple(float(w) for w in weights),
         tuple(reasons),
-        "; ".join(alarms),
+        tuple(alarms),
         chi_square,
         V,
     )
 
 
-def _left_out(c: Candidate, settings: Settings) -> str:
-    if c.refused:
+def _sound(
+    candidates: Sequence[Candidate],
+    V: Array,
+    reasons: list[Reason | None],
+    alarms: list[Reason],
+    settings: Settings,
+) -> list[int]:
+    """
+    The candidates to weigh: those whose own check passed, else all.
+
+    A failed field check says that sigma no longer covers the error: such an azimuth is compared, not weighed.
+    """
+    use = [i for i, reason in enumerate(reasons) if reason is None]
+    sound = [i for i in use if not candidates[i].doubt]
+    if not sound:
+        alarms += [
+            Reason(Code.ONLY_AZIMUTH_CHECK_FAILED, names=(candidates[i].method,), causes=candidates[i].doubt)
+            for i in use
+        ]
+        return use
+    reference = min(sound, key=lambda i: candidates[i].sigma)
+    for i in use:
+        doubt = candidates[i].doubt
+        if not doubt:
+            continue
+        apart, ratio = _apart(candidates, V, i, reference)
+        why = Reason(Code.CHECK_FAILED, causes=doubt)
+        if ratio > settings.disagreement_sigmas:
+            names = (candidates[i].method, candidates[reference].method)
+            why = Reason(Code.DISAGREES_CHECK_FAILED, apart, values=(ratio,), names=names, causes=doubt)
+            alarms.append(why)
+        reasons[i] = why
+    return sound
+
+
+def _left_out(c: Candidate, settings: Settings) -> Reason | None:
+    if c.refused is not None:
         return c.refused
     if not (math.isfinite(c.azimuth) and math.isfinite(c.sigma) and c.sigma > 0.0):
-        return "no azimuth"
-    if c.sigma > math.radians(settings.widest_deg):
-        return f"not certain enough: {math.degrees(c.sigma):.0f} deg"
-    return ""
+        return Reason(Code.NO_AZIMUTH)
+    widest = math.radians(settings.widest_deg)
+    if c.sigma > widest:
+        return Reason(Code.AZIMUTH_UNCERTAIN, c.sigma, widest)
+    return None
 
 
 def _apart(candidates: Sequence[Candidate], V: Array, i: int, j: int) -> tuple[float, float]:
@@ -276,18 +297,18 @@ def _settle(
     candidates: Sequence[Candidate],
     V: Array,
     use: list[int],
-    reasons: list[str],
-    alarms: list[str],
+    reasons: list[Reason | None],
+    alarms: list[Reason],
     settings: Settings,
 ) -> tuple[list[int], float]:
     """
     Drop azimuths until the rest agree; returns those kept and by how much sigma must be widened, rad.
 
-    Of the pair farthest apart in sigmas one goes. Magnetic against gyro: the magnetic one, for steel can turn the field
-    and leave its total and dip in order, and nothing turns the rotation of the Earth; one that fits the other stations
-    of the run has more to say for itself than a gyro three sigma off, as one in four hundred is by chance, and goes
-    later. Both magnetic: the one that removes less interference. Else the less certain one, and since nothing but its
-    sigma speaks for the other, the difference is added to the sigma that is published.
+    Of the pair farthest apart in sigmas one goes. Magnetic against gyro: the magnetic one, for external interference
+    can turn the field and leave its total and dip in order, and nothing turns the rotation of the Earth; one that fits
+    the other stations of the run is better supported than a gyro three sigma off, as one in four hundred is by chance,
+    and goes later. Both magnetic: the one that removes less interference. Else the less certain one, and since nothing
+    but its sigma speaks for the other, the difference is added to the sigma that is published.
     """
     use, widening = list(use), 0.0
     while len(use) > 1:
@@ -297,76 +318,21 @@ def _settle(
             break
         a, b = candidates[i], candidates[j]
         ranked = a.family == b.family == MAGNETIC and RANK.get(a.method, -1) != RANK.get(b.method, -1)
-        by_run = any(c.family == MAGNETIC and c.method == "multistation" for c in (a, b))
+        by_run = any(c.family == MAGNETIC and c.method == AzimuthMethod.MULTI_STATION for c in (a, b))
         if a.family != b.family and (ratio > settings.steel_sigmas or not by_run):
             lose, keep = (i, j) if a.family == MAGNETIC else (j, i)
-            why = "because steel can turn the field without changing its total or dip"
+            code = Code.DISAGREES_EXTERNAL_INTERFERENCE
         elif ranked:
             lose, keep = (i, j) if RANK.get(a.method, -1) < RANK.get(b.method, -1) else (j, i)
-            why = "because it removes more interference"
+            code = Code.DISAGREES_LESS_CORRECTED
         else:
             lose, keep = (i, j) if a.sigma > b.sigma else (j, i)
-            why = "the more certain, its sigma widened by the difference: no check says which is wrong"
+            code = Code.DISAGREES_LESS_CERTAIN
             widening = max(widening, abs(apart))
         sign = apart if lose == i else -apart
-        text = (
-            f"{candidates[lose].method} azimuth is {math.degrees(sign):+.1f} deg ({ratio:.1f} sigma) from "
-            f"{candidates[keep].method}; {candidates[keep].method} is used, {why}"
-        )
-        reasons[lose] = text
-        alarms.append(text)
+        names = (candidates[lose].method, candidates[keep].method)
+        why = Reason(code, sign, settings.disagreement_sigmas, (ratio,), names)
+        reasons[lose] = why
+        alarms.append(why)
         use.remove(lose)
     return use, widening
-
-
-def left_open(magnetic: Candidate, gyro: Candidate, result: Fused, settings: Settings) -> str:
-    """
-    What a gyro that is not certain enough leaves open of a station, in words; empty where nothing.
-
-    It is no alarm: one sound station in eight is 1.5 sigma away. But steel that turns the field by tens of
-    degrees and keeps its total and dip shows in nothing else.
-    """
-    if result.alarm or not math.isfinite(gyro.azimuth) or gyro.refused:
-        return ""
-    if not math.isfinite(magnetic.azimuth):
-        if gyro.sigma <= math.radians(settings.alone_deg):
-            return ""
-        return (
-            f"azimuth by the gyro alone, good to {math.degrees(gyro.sigma):.1f} deg, limit {settings.alone_deg:.1f} deg"
-            ": let the tool rest longer, or turn it between two rests"
-        )
-    apart = float(wrap_pi(gyro.azimuth - magnetic.azimuth))
-    ratio = abs(apart) / math.hypot(gyro.sigma, magnetic.sigma)
-    if ratio <= settings.open_sigmas or abs(apart) <= math.radians(settings.open_deg):
-        return ""
-    return (
-        f"{GYRO} azimuth is {math.degrees(apart):+.1f} deg ({ratio:.1f} sigma) from {magnetic.method}, not certain"
-        " enough to say which is right: let the tool rest longer, or turn it between two rests, and survey again"
-    )
-
-
-def unconfirmed(missing: str, last_alarm: str, could: bool = False) -> tuple[str, str]:
-    """
-    What a station is worth whose magnetic azimuth the gyro has not confirmed: a doubt and a remark, either may be "".
-
-    Steel that turns the field and leaves total and dip in order shows in nothing but a gyro. Where the gyro has said at
-    the last station that there is such steel, an azimuth it has not seen is doubtful; where it has said nothing yet, or
-    agreed, the station is worth what its own checks make of it, and says that it was not compared. Where half a
-    turn is all the gyro lacks to speak, that is a doubt too: it costs minutes, and nothing else on board knows.
-
-    Parameters
-    ----------
-    missing : str
-        Why there is no gyro azimuth here, in words; empty where there is one, or no gyro in the tool.
-    last_alarm : str
-        `Fused.alarm` of the last station at which both were compared; empty where they agreed or none was compared.
-    could : bool
-        Whether a second position would make the gyro certain enough.
-    """
-    if not missing:
-        return "", ""
-    if last_alarm:
-        doubt = f"magnetic azimuth not confirmed by the gyro ({missing}); at the last station compared: {last_alarm}"
-        return doubt + "; let the tool rest and survey again", ""
-    text = f"magnetic azimuth not compared with the gyro: {missing}"
-    return (text, "") if could else ("", text)

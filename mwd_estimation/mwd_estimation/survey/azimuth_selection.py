@@ -1,8 +1,8 @@
 """
 The magnetic azimuths of one station, raw and freed of axial interference: how far each errs, and which to take.
 
-What a station shows of the string's own field decides how far its raw azimuth is believed; what its attitude hides, how
-far any.
+What a station shows of the drill-string interference decides the sigma of its raw azimuth; what its attitude hides
+makes any of its azimuths uncertain.
 """
 
 from __future__ import annotations
@@ -13,12 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from mwd_estimation.core import magnetic_geometry
+from mwd_estimation.core.reasons import Reason
 from mwd_estimation.magnetic import axial_correction
 from mwd_estimation.survey.acceptance import CHI1_LIMIT
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 
-RAW, CORRECTED = "raw", "corrected"
 # An axial field this many times what is expected, with its own sigma, is no accident.
 _SIGNIFICANT = 2.0
 # One this many times them is there: how far it turns the azimuth is worked out, not taken from the slope.
@@ -35,7 +36,7 @@ _HIDES = 2.0
 class Method:
     """Magnetic azimuth of one method, rad, and covariance (3, 3) of (inclination, it, toolface) by the sensors."""
 
-    name: str
+    name: AzimuthMethod
     azimuth: float
     covariance: Array
 
@@ -73,7 +74,7 @@ def raw(
     covariance[3, 3] += variance
     whole = jacobian @ covariance @ jacobian.T
     whole[1, 1] += max(turned - jacobian[1, 3] ** 2 * variance, 0.0)
-    return Method(RAW, azimuth, whole)
+    return Method(AzimuthMethod.RAW, azimuth, whole)
 
 
 def turned_variance(
@@ -140,31 +141,31 @@ def corrected(correction: axial_correction.AxialCorrection, jacobian: Array, cov
     slopes[1] = correction.sensitivity
     covariance = slopes @ covariance_s @ slopes.T
     covariance[1, 1] = float(correction.sigma_azimuth) ** 2
-    return Method(CORRECTED, float(correction.azimuth), covariance)
+    return Method(AzimuthMethod.SINGLE_STATION, float(correction.azimuth), covariance)
 
 
 def choose(
     wanted: str,
     methods: list[Method],
     correction: axial_correction.AxialCorrection | None,
-    refused: str,
+    refused: Reason | None,
     expected: float,
     plausible: float,
 ) -> Method:
     """
     The azimuth that is the station's own.
 
-    wanted: auto, RAW or CORRECTED; methods: raw first; refused: why the corrected one must not be used; expected: as
+    wanted: auto, raw or corrected; methods: raw first; refused: why the corrected one must not be used; expected: as
     `raw`; plausible: interference beyond which a refused correction is still the better guess, T.
     """
     plain, freed = methods[0], methods[-1]
-    if correction is None or freed is plain or wanted == RAW:
+    if correction is None or freed is plain or wanted == AzimuthMethod.RAW:
         return plain
     if refused:
         # Too uncertain to be trusted, and still the better of the two where the raw one is far off.
         loose = correction.chi_square <= CHI1_LIMIT and abs(float(correction.interference)) > plausible
         return freed if loose and freed.covariance[1, 1] < _CLEARLY_BETTER * plain.covariance[1, 1] else plain
-    if wanted == CORRECTED:
+    if wanted == AzimuthMethod.SINGLE_STATION:
         return freed
     gain = freed.covariance[1, 1] / plain.covariance[1, 1]
     # Where both are about as good the raw one is kept: everyone can check it.

@@ -13,11 +13,13 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_estimation.core.reasons import Reason, quoted
+from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.health.fault_debounce import ACCEL, MAG, SENSORS
 from mwd_estimation.health.fault_messages import ENDED, Finding
 from mwd_estimation.survey.acceptance import DOUBTFUL, REJECT, worse
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.static_survey import StillAverage
-from mwd_estimation.survey.survey import GYRO as GYRO_AZIMUTH
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Stamps
 
@@ -33,8 +35,8 @@ AZIMUTH = ACCEL | MAG
 _EVIDENCE_NS = 3_000_000_000
 
 
-class Record:
-    """Faults and doubts that stand and those that went lately, for surveys whose average reaches back into them."""
+class FaultHistory:
+    """Faults and doubts that last or ended lately, for surveys whose average reaches back to them."""
 
     def __init__(self) -> None:
         self._known: dict[int, Finding] = {}
@@ -85,8 +87,8 @@ class Record:
 
     def judge(self, survey: Survey) -> Survey:
         """The survey, rejected with the reason where a sensor it rests on was faulty in its time, doubtful with it."""
-        magnetic = any(share > 0.0 for name, share in survey.weights.items() if name != GYRO_AZIMUTH)
-        by_gyro = survey.weights.get(GYRO_AZIMUTH, 0.0) > 0.0 and not magnetic
+        magnetic = any(share > 0.0 for name, share in survey.weights.items() if name != AzimuthMethod.GYRO)
+        by_gyro = survey.weights.get(AzimuthMethod.GYRO, 0.0) > 0.0 and not magnetic
         rests_on = AZIMUTH & ~MAG if by_gyro else AZIMUTH
         half = round(0.5e9 * survey.duration)
         begin, end = survey.stamp_ns - half, survey.stamp_ns + half
@@ -95,22 +97,23 @@ class Record:
             return _with(survey, REJECT, reasons)
         # A doubt begins some seconds after what raised it.
         doubts = tuple(
-            f"something spoke against the {SENSORS[s]} while this was averaged: take it again"
+            Reason(Code.SENSOR_SUSPECT, names=(SENSORS[s],))
             for s, (first, last) in sorted(self._doubts.items())
             if last >= begin and first <= end + _EVIDENCE_NS and not (by_gyro and 1 << s == MAG)
         )
         return _with(survey, worse(survey.station.verdict, DOUBTFUL), doubts) if doubts else survey
 
 
-def _reason(fault: Finding, begin: int) -> str:
+def _reason(fault: Finding, begin: int) -> Reason:
     """Why a survey that began at this stamp, ns, is not to be used."""
     if fault.cleared_ns:
-        until = f"until {1e-9 * (fault.cleared_ns - begin):.1f} s after this survey began"
-        return f"{fault.message.removesuffix(ENDED)}, {until}: take it again"
-    return f"{fault.message}; {fault.remedy}" if fault.remedy else fault.message
+        until = 1e-9 * (fault.cleared_ns - begin)
+        return Reason(Code.SENSOR_FAULT_ENDED, until, causes=(quoted(fault.message.removesuffix(ENDED)),))
+    causes = [quoted(text) for text in (fault.message, fault.remedy) if text]
+    return Reason(Code.SENSOR_FAULT, causes=tuple(causes))
 
 
-def _with(survey: Survey, verdict: str, reasons: tuple[str, ...]) -> Survey:
+def _with(survey: Survey, verdict: str, reasons: tuple[Reason, ...]) -> Survey:
     station = dataclasses.replace(
         survey.station, verdict=verdict, reasons=(*reasons, *survey.station.reasons), azimuth_doubts=()
     )

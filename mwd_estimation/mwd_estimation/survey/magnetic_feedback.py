@@ -16,9 +16,10 @@ from mwd_estimation.attitude.time_alignment import FieldModel
 from mwd_estimation.core.reference_field import Reference, best_north, north_correction
 from mwd_estimation.magnetic import interference_filter
 from mwd_estimation.survey.acceptance import ACCEPT
-from mwd_estimation.survey.multi_station_analysis import MSA, Multistation
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.multi_station_analysis import Multistation
 from mwd_estimation.survey.station import StationSettings
-from mwd_estimation.survey.survey import GYRO, Survey
+from mwd_estimation.survey.survey import Survey
 
 NORTH_CODES = {"unknown": 0, "magnetic": 1, "true": 2, "grid": 3}
 
@@ -54,16 +55,16 @@ class FieldReader:
         station = taken.station
         if station.corrected:
             self.interference = (station.interference, station.sigma_interference)
-        found = station.by_method(GYRO)
+        found = station.by_method(AzimuthMethod.GYRO)
         reference = station.reference
         azimuth = sigma = math.nan
-        counts = taken.weights.get(GYRO, 0.0) > 0.0
+        counts = taken.weights.get(AzimuthMethod.GYRO, 0.0) > 0.0
         if found is not None and counts and reference is not None and reference.has_field:
             north = math.sqrt(reference.declination_variance(reference.horizontal))
             azimuth = found.azimuth - station.north_correction
             sigma = math.hypot(found.sigma, north) if station.north != "magnetic" else found.sigma
         own = None
-        if analysis is not None and taken.weights.get(MSA, 0.0) > 0.0:
+        if analysis is not None and taken.weights.get(AzimuthMethod.MULTI_STATION, 0.0) > 0.0:
             at = interference_filter.OF_STATIONS
             own = analysis.estimate[at], analysis.covariance[np.ix_(at, at)]
         lesson, accepted = None, station.verdict == ACCEPT

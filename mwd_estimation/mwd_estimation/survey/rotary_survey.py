@@ -14,6 +14,8 @@ import math
 import numpy as np
 
 from mwd_estimation.attitude.time_alignment import Pairs
+from mwd_estimation.core.reasons import Reason
+from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.samples import ROTATING_ABOVE, Track
 from mwd_estimation.core.time_bins import Average
 from mwd_estimation.survey.static_survey import Refusal, StillAverage
@@ -115,9 +117,9 @@ class RotarySurvey:
 
     def _ended(self, end_ns: int) -> StillAverage | Refusal:
         if self._samples < _FEWEST:
-            return Refusal(end_ns, "too few samples with a known gravity")
+            return Refusal(end_ns, Reason(Code.TOO_FEW_WITH_GRAVITY, float(self._samples), float(_FEWEST)))
         if self._turning < (1.0 - _STOPS) * self._samples:
-            return Refusal(end_ns, "the string does not turn: take a survey at rest")
+            return Refusal(end_ns, Reason(Code.STRING_DOES_NOT_TURN))
         down, along = np.concatenate(self._down), np.concatenate(self._along)
         mean = down.mean(axis=0)
         mean /= np.linalg.norm(mean)

@@ -17,9 +17,12 @@ import math
 
 import numpy as np
 
+from mwd_estimation.core.reasons import Reason
+from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey import multi_station_analysis
-from mwd_estimation.survey.multi_station_analysis import MSA, GyroAzimuths, Multistation, MultistationSettings
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.multi_station_analysis import GyroAzimuths, Multistation, MultistationSettings
 from mwd_estimation.survey.station import MethodAzimuth, Station, StationSettings
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
@@ -49,9 +52,9 @@ class StationRun:
         # Of each: azimuth of a gyro from magnetic north, what of its sigma is the station's own, and what all share.
         self._gyro: list[tuple[float, float, float]] = []
 
-    def heard(self, azimuth: float, own: float, common: float) -> None:
+    def add_gyro(self, azimuth: float, own: float, common: float) -> None:
         """
-        What a gyro found at the station taken last, where it agrees with the magnetometer.
+        Add the azimuth of a gyro at the station taken last, where it agrees with the magnetometer.
 
         Azimuth from magnetic north, rad; 1 sigma of what errs at each station anew, and of what errs alike at all.
         """
@@ -72,8 +75,8 @@ class StationRun:
         Returns
         -------
         station : Station
-            With the method "msa": from its corrected readings where the analysis holds, else as it was and with the
-            reason for the refusal. As it was, where it is no station to analyse.
+            With the method MULTI_STATION: from its corrected readings where the analysis holds, else as it was and
+            with the reason for the refusal. As it was, where it is no station to analyse.
         analysis : Multistation or None
             None where there was none, or it was refused.
         """
@@ -84,15 +87,15 @@ class StationRun:
         self._gyro = [*self._gyro, (math.nan, math.nan, 0.0)][-self.params.most :]
         n = len(self._stations)
         if n < self.params.least:
-            why = f"too few stations in this run: {n} of {self.params.least}"
-            refused = MethodAzimuth(MSA, math.nan, math.nan, why)
+            why = Reason(Code.TOO_FEW_STATIONS, float(n), float(self.params.least))
+            refused = MethodAzimuth(AzimuthMethod.MULTI_STATION, math.nan, math.nan, why)
             return dataclasses.replace(station, azimuths=(*station.azimuths, refused)), None
         f_t, b_t = np.array([s.f_t for s in self._stations]), np.array([s.b_t for s in self._stations])
         azimuth, own, common = np.array(self._gyro).T
         gyro = GyroAzimuths(azimuth, own, common) if np.isfinite(azimuth).any() else None
         analysis = multi_station_analysis.analyse(f_t, b_t, reference, settings.errors, self.params.analysis, gyro)
         corrected = multi_station_analysis.corrected_station(station, n - 1, analysis, settings)
-        return corrected, None if analysis.refused else analysis
+        return corrected, None if analysis.refused is not None else analysis
 
 
 def _usable(station: Station, reference: Reference) -> bool:

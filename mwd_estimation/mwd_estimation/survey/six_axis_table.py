@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from mwd_estimation.core.reasons import Reason
+from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.station import Station, StationSettings, station
 from mwd_sensors.core.arrays import Array
@@ -169,7 +171,7 @@ def stations(
             for name, axis in ((n, v) for n, v in values.items() if n in (*columns.gravity, *columns.field))
             if not math.isfinite(axis[row])
         ]
-        faults = (f"no number in {', '.join(bad)}",) if bad else ()
+        faults = (Reason(Code.NO_NUMBER, names=tuple(bad)),) if bad else ()
         out.append(
             TableStation(
                 md=float(values[columns.depth][row]) if columns.depth else math.nan,

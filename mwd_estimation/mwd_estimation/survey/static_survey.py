@@ -12,6 +12,8 @@ import math
 
 import numpy as np
 
+from mwd_estimation.core.reasons import Reason
+from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.time_bins import Average, Bin, average
 from mwd_sensors.core.settings import setting
 
@@ -83,7 +85,7 @@ class Refusal:
     """Why a requested survey was not taken."""
 
     stamp_ns: int
-    reason: str
+    reason: Reason
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,12 +108,12 @@ class StillSurvey:
         self._run: list[BinSet] = []
         self._taken = False
         self._requested_bins = 0
-        self.waits_for = ""
+        self.waits_for: Reason | None = None
 
     def request(self, duration_s: float = 0.0) -> None:
         """Ask for a survey that starts with the next bin; `duration_s` 0 means as configured."""
         self._requested_bins = _bins(duration_s if duration_s > 0.0 else self.params.duration_s)
-        self._run, self.waits_for = [], ""
+        self._run, self.waits_for = [], None
 
     @property
     def requested(self) -> bool:
@@ -124,7 +126,7 @@ class StillSurvey:
         if self._taken and not self._requested_bins:
             return 1.0
         share = min(len(self._run) / self._needed(), 1.0)
-        return share if not self.waits_for else min(share, 0.99)
+        return share if self.waits_for is None else min(share, 0.99)
 
     @property
     def complete(self) -> bool:
@@ -132,20 +134,20 @@ class StillSurvey:
         unasked = self.params.automatic and not self._taken and self._requested_bins == 0
         return unasked and len(self._run) >= self._needed() - 1
 
-    def add(self, bins: BinSet, wait: str = "") -> StillAverage | Refusal | None:
+    def add(self, bins: BinSet, wait: Reason | None = None) -> StillAverage | Refusal | None:
         """
         Take the next closed bin, in order; give the average that it completes, or the refusal it causes.
 
-        wait: what a survey taken by itself should wait for, in words; what is averaged until then is one survey.
+        wait: what a survey taken automatically should wait for; what is averaged until then is one survey.
         """
         last = self._run[-1].imu if self._run else None
         motion = self._motion(bins.imu, last)
-        if motion:
+        if motion is not None:
             refused = Refusal((bins.imu.index + 1) * BIN_NS, motion) if self._requested_bins else None
             held, waited = self._run[self._settles :], self.waits_for
             self.still_bins, self._run, self._taken, self._requested_bins = 0, [], False, 0
-            self.waits_for = ""
-            return dataclasses.replace(_averaged(held, False), moved=True) if waited else refused
+            self.waits_for = None
+            return refused if waited is None else dataclasses.replace(_averaged(held, False), moved=True)
         self.still_bins += 1
         self._run.append(bins)
         settle = 0 if self._requested_bins else self._settles
@@ -156,8 +158,8 @@ class StillSurvey:
         if len(self._run) < needed:
             return None
         over = len(self._run) - needed >= _bins(self.params.wait_for_gyro_s, least=0)
-        self.waits_for = "" if self._requested_bins or over else wait
-        if self.waits_for:
+        self.waits_for = None if self._requested_bins or over else wait
+        if self.waits_for is not None:
             return None
         requested, self._requested_bins, self._taken = self._requested_bins > 0, 0, True
         chosen, self._run = self._run[settle:], self._run[-1:]
@@ -165,9 +167,9 @@ class StillSurvey:
 
     def finish(self) -> StillAverage | None:
         """The average that waits for something, when nothing more comes; it counts as taken."""
-        if not self.waits_for:
+        if self.waits_for is None:
             return None
-        held, self.waits_for, self._taken = self._run[self._settles :], "", True
+        held, self.waits_for, self._taken = self._run[self._settles :], None, True
         self._run = self._run[-1:]
         return _averaged(held, False)
 
@@ -176,28 +178,28 @@ class StillSurvey:
             return self._requested_bins
         return self._settles + self._lasts
 
-    def _motion(self, imu: Bin, last: Bin | None) -> str:
-        """What moves, in words with value and limit; empty when nothing does."""
+    def _motion(self, imu: Bin, last: Bin | None) -> Reason | None:
+        """What moves, with value and limit; None where nothing does."""
         if imu.count < 3:
-            return "too few samples to tell whether the tool keeps still"
+            return Reason(Code.TOO_FEW_SAMPLES, float(imu.count), 3.0)
         if last is not None and imu.index != last.index + 1:
-            return "samples are missing"
+            return Reason(Code.SAMPLES_MISSING)
         # Python's own numbers: for six of them arrays cost ten times as much.
         mean, limits = imu.mean.tolist(), self.params
         rate = max(abs(value) for value in mean[:3])
         if rate > limits.max_rate:
-            return f"the tool turns: {rate:.3f} rad/s, limit {limits.max_rate:.3f}"
+            return Reason(Code.TOOL_TURNS, rate, limits.max_rate)
         variance = [max(value, 0.0) / (imu.count - 1) for value in imu.scatter.diagonal().tolist()]
         rate_noise, force_noise = math.sqrt(max(variance[:3])), math.sqrt(max(variance[3:]))
         if rate_noise > limits.max_rate_noise:
-            return f"the tool moves: angular rate varies by {rate_noise:.3f} rad/s, limit {limits.max_rate_noise:.3f}"
+            return Reason(Code.TOOL_MOVES, rate_noise, limits.max_rate_noise)
         if force_noise > limits.max_force_noise:
-            return f"the tool shakes: {force_noise:.2f} m/s^2, limit {limits.max_force_noise:.2f}"
+            return Reason(Code.TOOL_SHAKES, force_noise, limits.max_force_noise)
         if last is not None:
             step = max(abs(now - before) for now, before in zip(mean[3:], last.mean.tolist()[3:], strict=True))
             if step > limits.max_force_step:
-                return f"the tool shifts: {step:.2f} m/s^2 in {_BIN_S:g} s, limit {limits.max_force_step:.2f}"
-        return ""
+                return Reason(Code.TOOL_SHIFTS, step, limits.max_force_step, (_BIN_S,))
+        return None
 
 
 def _bins(seconds: float, least: int = 1) -> int:

@@ -9,13 +9,15 @@ from numpy.typing import ArrayLike
 
 from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.core.reasons import Reason
+from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.acceptance import Deviations
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-# Gravity at sea level lies within this of standard gravity everywhere, m/s^2.
-_GRAVITY_RANGE = 0.04
+# Largest distance of gravity on land and at sea from standard gravity, m/s^2 (9.764 to 9.834 as measured; 9.80665).
+_GRAVITY_FARTHEST = 0.04
 # So many sigma off local gravity is more than a tool shows that was calibrated by it.
 _NOT_LOCAL = 2.0
 
@@ -83,7 +85,7 @@ def deviations(
     delta_g = math.nan
     if reference is not None and reference.gravity is not None:
         delta_g = g_total - reference.gravity
-    elif abs(g_total - STANDARD_GRAVITY) > _GRAVITY_RANGE:
+    elif abs(g_total - STANDARD_GRAVITY) > _GRAVITY_FARTHEST:
         # Gravity is not known here, but nowhere on Earth is it that.
         delta_g = g_total - STANDARD_GRAVITY
     b_earth = b_h - np.array([interference, 0.0, 0.0])
@@ -117,25 +119,23 @@ def _by_standard(local: float, standard: float) -> float:
     return local if abs(local) <= abs(standard) else standard
 
 
-def gross_faults(g_total: float, b_total: float, dip: float, reference: Reference | None) -> list[str]:
-    """What a wrong unit, a dead sensor or a flipped sign looks like, in words."""
-    texts = []
+def gross_faults(g_total: float, b_total: float, dip: float, reference: Reference | None) -> list[Reason]:
+    """What shows a wrong unit, a dead sensor or a flipped sign. Totals in m/s^2 and T, dip in rad."""
+    found = []
     if not 9.0 < g_total < 10.6:
-        hint = ": a reading in g?" if 0.9 < g_total < 1.1 else ""
-        texts.append(f"total gravity {g_total:.4g} m/s^2 is not the Earth's{hint}")
+        found.append(Reason(Code.GRAVITY_IN_G if 0.9 < g_total < 1.1 else Code.GRAVITY_NOT_EARTH, g_total))
     if math.isfinite(b_total) and not 1.5e-5 < b_total < 1e-4:
         units = ((1e-9, "nT"), (1e-6, "uT"), (1e-4, "G"))
-        hint = next((f": a reading in {unit}?" for factor, unit in units if 2e-5 < b_total * factor < 7e-5), "")
-        size = f"{b_total:.4g} T" if hint else f"{b_total * 1e9:.0f} nT"
-        texts.append(f"total field {size} is not the Earth's{hint}")
+        unit = next((unit for factor, unit in units if 2e-5 < b_total * factor < 7e-5), None)
+        if unit is None:
+            found.append(Reason(Code.FIELD_NOT_EARTH, b_total))
+        else:
+            found.append(Reason(Code.FIELD_IN_OTHER_UNIT, b_total, names=(unit,)))
     if (
         reference is not None
         and reference.dip is not None
         and abs(reference.dip) > 0.2
         and abs(dip + reference.dip) < 0.1
     ):
-        texts.append(
-            f"dip {math.degrees(dip):.1f} deg has the opposite sign of the reference: accelerometers or magnetometers "
-            "are connected with a flipped sign"
-        )
-    return texts
+        found.append(Reason(Code.DIP_SIGN, dip))
+    return found

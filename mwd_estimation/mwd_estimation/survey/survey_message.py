@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from mwd_estimation.core import reason_text
+from mwd_estimation.core.reasons import Reason
 from mwd_estimation.survey.magnetic_feedback import NORTH_CODES
 from mwd_estimation.survey.survey import ROTARY, STATIC, Survey
 
@@ -23,6 +25,10 @@ VERDICTS = {"accept": 0, "doubtful": 1, "reject": 2}
 def known(value: float | None, otherwise: float) -> float:
     """The value, or the stand-in that the message defines for unknown."""
     return otherwise if value is None or not math.isfinite(value) else float(value)
+
+
+def _words(reason: Reason | None) -> str:
+    return "" if reason is None else reason_text.text(reason)
 
 
 def survey_fields(survey: Survey, status: int) -> dict[str, Any]:
@@ -57,15 +63,15 @@ def survey_fields(survey: Survey, status: int) -> dict[str, Any]:
         "magnetic_toolface": known(station.magnetic_toolface, 0.0),
         "covariance": covariance.ravel(),
         "north": north,
-        "azimuth_method": station.method,
+        "azimuth_method": str(station.method),
         "azimuths": [
             {
-                "method": one.method,
+                "method": str(one.method),
                 "north": north,
                 "azimuth": known(one.azimuth, 0.0),
                 "sigma": known(one.sigma, -1.0),
                 "weight": survey.weights.get(one.method, 0.0),
-                "reason": survey.azimuth_reasons.get(one.method, one.refused),
+                "reason": _words(survey.azimuth_reasons.get(one.method, one.refused)),
             }
             for one in station.azimuths
         ],
@@ -81,6 +87,6 @@ def survey_fields(survey: Survey, status: int) -> dict[str, Any]:
         "sigma_axial_interference": known(station.sigma_interference, -1.0),
         **{name: known(limit, -1.0) for name, limit in zip(LIMITS, station.limits, strict=True)},
         "verdict": VERDICTS[station.verdict],
-        "reasons": list(station.reasons),
+        "reasons": reason_text.texts(station.reasons),
         "status": status,
     }

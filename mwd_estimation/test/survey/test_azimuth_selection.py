@@ -7,11 +7,11 @@ import pytest
 
 from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.error_model import BENCH
+from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.magnetic import axial_correction
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.azimuth_selection import (
-    CORRECTED,
-    RAW,
     choose,
     corrected,
     hidden,
@@ -24,6 +24,8 @@ from mwd_sensors.core.frames import mat_nt, wrap_pi
 
 DEG = math.pi / 180.0
 REFERENCE = Reference(50e-6, 72 * DEG, 3 * DEG, 1 * DEG, 9.81, "test")
+RAW, SINGLE_STATION = AzimuthMethod.RAW, AzimuthMethod.SINGLE_STATION
+UNCERTAIN = Reason(ReasonCode.CORRECTION_UNCERTAIN)
 EXPECTED, PLAUSIBLE = 220e-9, 3000e-9
 
 
@@ -40,19 +42,19 @@ def case(inc, azi, axial):
     return found, methods, jacobian, spread
 
 
-@pytest.mark.parametrize(("axial", "wanted"), [(0.0, RAW), (2e-6, CORRECTED)])
+@pytest.mark.parametrize(("axial", "wanted"), [(0.0, RAW), (2e-6, SINGLE_STATION)])
 def test_the_correction_is_taken_where_interference_shows(axial, wanted):
     found, methods, *_ = case(35, 60, axial)
-    assert shows(found, EXPECTED) == (wanted == CORRECTED)
-    assert choose("auto", methods, found, "", EXPECTED, PLAUSIBLE).name == wanted
-    assert choose(RAW, methods, found, "", EXPECTED, PLAUSIBLE).name == RAW
-    assert choose(CORRECTED, methods, found, "", EXPECTED, PLAUSIBLE).name == CORRECTED
+    assert shows(found, EXPECTED) == (wanted == SINGLE_STATION)
+    assert choose("auto", methods, found, None, EXPECTED, PLAUSIBLE).name == wanted
+    assert choose(RAW, methods, found, None, EXPECTED, PLAUSIBLE).name == RAW
+    assert choose(SINGLE_STATION, methods, found, None, EXPECTED, PLAUSIBLE).name == SINGLE_STATION
 
 
 def test_a_refused_correction_is_never_taken():
     found, methods, *_ = case(35, 60, 2e-6)
-    assert choose(CORRECTED, methods, found, "near vertical", EXPECTED, PLAUSIBLE).name == RAW
-    assert choose("auto", methods[:1], None, "", EXPECTED, PLAUSIBLE).name == RAW
+    assert choose(SINGLE_STATION, methods, found, UNCERTAIN, EXPECTED, PLAUSIBLE).name == RAW
+    assert choose("auto", methods[:1], None, None, EXPECTED, PLAUSIBLE).name == RAW
 
 
 def test_interference_that_shows_widens_the_raw_azimuth_and_never_below_the_expected():
@@ -70,15 +72,18 @@ def test_interference_as_strong_as_the_field_widens_the_raw_azimuth_by_what_it_t
     for azi in (0, 20, 90, 180):
         found, (plain, freed), *_ = case(60, azi, axial)
         assert abs(wrap_pi(plain.azimuth - azi * DEG)) < 1.2 * math.sqrt(plain.covariance[1, 1]) + 0.5 * DEG
-        assert choose("auto", [plain, freed], found, "", EXPECTED, PLAUSIBLE).name == CORRECTED or abs(azi - 90) == 90
+        assert (
+            choose("auto", [plain, freed], found, None, EXPECTED, PLAUSIBLE).name == SINGLE_STATION
+            or abs(azi - 90) == 90
+        )
     assert turned_variance(found, 0.0, EXPECTED, EXPECTED, EXPECTED**2) == 0.0
 
 
 def test_a_correction_too_loose_to_be_trusted_is_still_taken_where_the_raw_azimuth_is_far_off():
     found, methods, *_ = case(89, 90, 20e-6)
     assert methods[1].covariance[1, 1] > (3.0 * DEG) ** 2
-    assert choose("auto", methods, found, "too loose", EXPECTED, PLAUSIBLE).name == CORRECTED
-    assert choose("auto", methods, found, "too loose", EXPECTED, 30e-6).name == RAW
+    assert choose("auto", methods, found, UNCERTAIN, EXPECTED, PLAUSIBLE).name == SINGLE_STATION
+    assert choose("auto", methods, found, UNCERTAIN, EXPECTED, 30e-6).name == RAW
 
 
 def test_horizontal_east_west_hides_interference_and_a_tangent_does_not():

@@ -8,12 +8,13 @@ import functools
 import numpy as np
 import pytest
 
+from mwd_estimation.core.reason_text import text, texts
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.time_bins import Average
 from mwd_estimation.health.fault_debounce import ACCEL, GYRO, MAG
 from mwd_estimation.health.fault_messages import Finding
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline, Place
-from mwd_estimation.survey.fault_history import Record
+from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
@@ -104,7 +105,7 @@ def test_once_named_a_fault_withholds_what_hangs_on_it_and_leaves_the_rest(compo
         assert output.surveys
         assert all(one.station.verdict == "reject" for one in output.surveys)
         assert any("axes" in r or "looks like" in r or "dead" in r or "signs" in r or "reads" in r
-                   for r in output.surveys[-1].station.reasons)  # fmt: skip
+                   for r in texts(output.surveys[-1].station.reasons))  # fmt: skip
     else:
         truth = case[0]["truth"][-500:]
         known = output.attitude[-500:]
@@ -136,19 +137,19 @@ def test_before_a_fault_is_named_its_numbers_are_not_called_certain_for_long(com
 
 
 def test_a_survey_whose_time_a_doubt_touches_is_doubtful_with_the_reason():
-    record = Record()
+    record = FaultHistory()
     stamps = np.arange(400) * 10_000_000
     survey = estimated(sent("temperature", "ok"))[0].surveys[0]
     at = dataclasses.replace(survey, stamp_ns=10_000_000_000, duration=8.0)
     assert record.judge(at) is at
     suspect = np.where(stamps >= 3_000_000_000, ACCEL, 0).astype(np.uint8)
     for shift, touched in ((0, False), (4, True), (13, True), (18, False)):
-        record = Record()
+        record = FaultHistory()
         record.doubt(stamps + shift * 10**9, suspect)
         judged = record.judge(at)
         assert (judged.station.verdict == "doubtful") == touched, shift
         if touched:
-            assert "accelerometer" in judged.station.reasons[0]
+            assert "accelerometer" in text(judged.station.reasons[0])
 
 
 def test_a_failed_magnetometer_is_no_reading_and_does_not_touch_a_gyro_azimuth():
@@ -162,7 +163,7 @@ def test_a_failed_magnetometer_is_no_reading_and_does_not_touch_a_gyro_azimuth()
     by_gyro = dataclasses.replace(survey, weights={"raw": 0.0, "gyro": 1.0})
     shared = dataclasses.replace(survey, weights={"raw": 0.3, "gyro": 0.7})
     for change, reads in ((failed, False), (gone, True)):
-        record = Record()
+        record = FaultHistory()
         record.note(change)
         assert (record.readable(still).mag is not None) == reads
         assert record.judge(by_gyro) is by_gyro
@@ -176,11 +177,11 @@ def test_a_fault_that_ended_during_a_survey_is_told_with_how_long_it_lasted():
     survey = estimated(sent("temperature", "ok"))[0].surveys[0]
     begin = survey.stamp_ns - round(0.5e9 * survey.duration)
     ended = "accelerometer is dead: it sends only zeros (has ended)"
-    record = Record()
+    record = FaultHistory()
     record.note(Finding("dead", "accelerometer", "all", "error", 0.99, ended, "", begin, begin + 25 * 10**8, ACCEL, 5))
     station = record.judge(survey).station
     assert station.verdict == "reject"
-    assert station.reasons[0] == (
+    assert text(station.reasons[0]) == (
         "accelerometer is dead: it sends only zeros, until 2.5 s after this survey began: take it again"
     )
 
@@ -203,7 +204,7 @@ def test_when_a_fault_has_gone_the_estimate_begins_anew_and_is_right():
     assert not named[2400:].any()
     error = np.abs(rows["inclination"] - truth["inclination"])[3000:]
     assert np.all(error < 3.5 * rows["sigma_inclination"][3000:])
-    assert all(one.station.verdict != "reject" or "stuck" not in one.station.reasons[0] for one in output.surveys)
+    assert all(one.station.verdict != "reject" or "stuck" not in text(one.station.reasons[0]) for one in output.surveys)
 
 
 def spoilt(how, start):

@@ -6,16 +6,18 @@ import math
 import numpy as np
 import pytest
 
+from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Binner
-from mwd_estimation.survey import survey
 from mwd_estimation.survey.azimuth_fusion import Settings as FusionSettings
+from mwd_estimation.survey.decision import decided
 from mwd_estimation.survey.magnetic_feedback import NORTH_CODES, FieldReader
 from mwd_estimation.survey.static_survey import BIN_NS, BinSet, StillSurvey
 from mwd_estimation.survey.static_survey import Params as StillParams
 from mwd_estimation.survey.station import StationSettings
 from mwd_sensors.core.frames import mat_nt
 
+ALARM = Reason(ReasonCode.DISAGREES_EXTERNAL_INTERFERENCE, 0.4, 3.0, (8.0,), ("raw", "gyro"))
 REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, convergence=0.01, gravity=9.81, source="test")
 
 
@@ -34,7 +36,7 @@ def taken(axial=2e-6):
     for one, beside in zip(imu, mag, strict=True):
         average = still.add(BinSet(one, beside))
         if average is not None:
-            return survey.from_average(average, 1, REFERENCE, StationSettings(), None, FusionSettings())
+            return decided(average, 1, REFERENCE, StationSettings(), None, FusionSettings())
     raise AssertionError("no survey was taken")
 
 
@@ -48,12 +50,12 @@ def test_what_an_uncertain_gyro_left_open_is_in_the_sigma_until_the_two_are_comp
     reader = FieldReader(StationSettings(), REFERENCE)
     one, _ = taken(0.0)
     usual = reader.reading.model.sigma_north
-    reader.learn(dataclasses.replace(one, alarm="", left_open=0.4), None)
+    reader.learn(dataclasses.replace(one, alarm=(), left_open=0.4), None)
     assert reader.reading.left_open == 0.4
     assert reader.reading.model.sigma_north == pytest.approx(math.hypot(usual, 0.4))
     reader.learn(one, None)
     assert reader.reading.left_open == 0.4
-    reader.learn(dataclasses.replace(one, alarm=""), None)
+    reader.learn(dataclasses.replace(one, alarm=()), None)
     assert (reader.reading.left_open, reader.reading.model.sigma_north) == (0.0, usual)
 
 
@@ -76,12 +78,12 @@ def test_a_corrected_station_takes_its_interference_off_from_then_on_until_the_r
 def test_a_gyro_that_was_believed_against_the_field_makes_it_suspect_until_they_agree():
     reader = FieldReader(StationSettings(), REFERENCE)
     one, analysis = taken()
-    alarmed = dataclasses.replace(one, alarm="steel nearby", weights={survey.GYRO: 1.0})
+    alarmed = dataclasses.replace(one, alarm=(ALARM,), weights={"gyro": 1.0})
     reader.learn(alarmed, analysis)
     assert reader.reading.steel
     reader.learn(dataclasses.replace(one, alarm=None), analysis)
     assert reader.reading.steel
-    reader.learn(dataclasses.replace(one, alarm=""), analysis)
+    reader.learn(dataclasses.replace(one, alarm=()), analysis)
     assert not reader.reading.steel
 
 

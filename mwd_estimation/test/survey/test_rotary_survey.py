@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mwd_estimation.attitude.time_alignment import Pairs
+from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.samples import Track
 from mwd_estimation.survey.rotary_survey import Params, RotarySurvey
@@ -69,7 +70,7 @@ def test_any_cut_gives_the_same_average():
 def test_a_string_that_does_not_turn_is_refused():
     refused = RotarySurvey(Params(), 5.0).add(*turning(6.0, rate=0.0))
     assert isinstance(refused, Refusal)
-    assert "take a survey at rest" in refused.reason
+    assert "take a survey at rest" in text(refused.reason)
 
 
 def test_progress_tells_time_and_samples():

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from mwd_estimation.core.reason_text import texts
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.acceptance import QualitySettings
 from mwd_estimation.survey.six_axis_table import find_columns, stations
@@ -46,9 +47,9 @@ def test_volve_stations_are_reproduced_and_judged_as_published(limits):
         assert shot.reasons
         assert row.md == float(table["md_m"][k])
         assert row.time == table["dtim_utc"][k]
-    assert any("dip +6.38 deg" in reason for reason in done[0].station.reasons)
-    assert any("dip +4.76 deg" in reason for reason in done[1].station.reasons)
-    assert done[2].station.reasons[0].startswith("within limits")
+    assert any("dip +6.38 deg" in reason for reason in texts(done[0].station.reasons))
+    assert any("dip +4.76 deg" in reason for reason in texts(done[1].station.reasons))
+    assert texts(done[2].station.reasons)[0].startswith("within limits")
 
 
 def test_volve_toolfaces_follow_with_the_offset_of_their_run():
@@ -120,8 +121,8 @@ def test_a_row_that_cannot_be_read_is_rejected_and_not_left_out():
     done = stations(table)
     assert len(done) == 3
     assert [row.station.verdict for row in done[1:]] == ["reject", "reject"]
-    assert "no number in mag_tran1_nT" in done[1].station.reasons
-    assert any("grav_axial_mps2" in reason for reason in done[2].station.reasons)
+    assert "no number in mag_tran1_nT" in texts(done[1].station.reasons)
+    assert any("grav_axial_mps2" in reason for reason in texts(done[2].station.reasons))
     assert math.degrees(done[1].station.inclination) > 0.0
 
 

@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 
+from mwd_estimation.core.reason_text import text
+from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.time_bins import Bin, Binner
 from mwd_estimation.survey.static_survey import BIN_NS, BinSet, Params, Refusal, StillAverage, StillSurvey
 
 RATE = 100
+
+WAIT = Reason(ReasonCode.SEEK_TOO_SHORT, 5.0, 30.0)
 
 
 def _bins(seconds, force=(-6.0, 0.0, 7.75), rate=(0.0, 0.0, 0.0), *, noise=1e-3, start=10**18, seed=0):
@@ -59,8 +63,8 @@ def test_a_requested_survey_is_refused_in_words_when_the_tool_moves(moving, word
     survey.add(BinSet(_bins(0.5, start=10**18 + 10**9)[0]))
     (refused,) = _outcomes(survey, _bins(0.6, start=10**18 + 15 * 10**8, **moving))
     assert isinstance(refused, Refusal)
-    assert words in refused.reason
-    assert "limit" in refused.reason
+    assert words in text(refused.reason)
+    assert "limit" in text(refused.reason)
 
 
 def test_a_requested_survey_starts_at_once_without_settling():
@@ -85,7 +89,7 @@ def test_a_bin_with_hardly_any_samples_is_not_called_still():
     survey.request()
     one = _bins(0.5)[0]
     (refused,) = _outcomes(survey, [Bin(one.index, 2, one.mean, one.scatter, one.low, one.high)])
-    assert "too few samples" in refused.reason
+    assert "too few samples" in text(refused.reason)
 
 
 def test_a_stream_that_was_silent_for_part_of_the_time_is_not_averaged():
@@ -100,7 +104,7 @@ def test_a_stream_that_was_silent_for_part_of_the_time_is_not_averaged():
 def test_a_survey_taken_by_itself_waits_while_told_what_for_and_averages_all_of_it():
     survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=30.0))
     bins = _bins(30.0)
-    results = [survey.add(BinSet(one), "the gyro" if k < 40 else "") for k, one in enumerate(bins)]
+    results = [survey.add(BinSet(one), WAIT if k < 40 else None) for k, one in enumerate(bins)]
     assert [k for k, result in enumerate(results) if result is not None] == [40]
     assert results[40].end_ns - results[40].start_ns == (41 - 4) * BIN_NS
     assert not results[40].moved
@@ -109,11 +113,11 @@ def test_a_survey_taken_by_itself_waits_while_told_what_for_and_averages_all_of_
 def test_waiting_has_an_end_and_motion_gives_what_was_held():
     survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=10.0))
     bins = _bins(30.0)
-    results = [survey.add(BinSet(one), "the gyro") for one in bins]
+    results = [survey.add(BinSet(one), WAIT) for one in bins]
     assert [k for k, result in enumerate(results) if result is not None] == [4 + 10 + 20 - 1]
     survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=100.0))
     turning = _bins(2.0, rate=(5.0, 0.0, 0.0), start=10**18 + 30 * 10**9)
-    results = [survey.add(BinSet(one), "the gyro") for one in (*bins, *turning)]
+    results = [survey.add(BinSet(one), WAIT) for one in (*bins, *turning)]
     (held,) = [result for result in results if result is not None]
     assert results.index(held) == len(bins)
     assert held.moved
@@ -123,14 +127,14 @@ def test_waiting_has_an_end_and_motion_gives_what_was_held():
 def test_a_requested_survey_does_not_wait():
     survey = StillSurvey(Params(automatic=False))
     survey.request(3.0)
-    results = [survey.add(BinSet(one), "the gyro") for one in _bins(5.0)]
+    results = [survey.add(BinSet(one), WAIT) for one in _bins(5.0)]
     assert [k for k, result in enumerate(results) if result is not None] == [5]
 
 
 def test_when_nothing_more_comes_what_was_held_is_given_once():
     survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0))
     bins = _bins(20.0)
-    assert [survey.add(BinSet(one), "the gyro") for one in bins] == [None] * len(bins)
+    assert [survey.add(BinSet(one), WAIT) for one in bins] == [None] * len(bins)
     held = survey.finish()
     assert held.end_ns - held.start_ns == (len(bins) - 4) * BIN_NS
     assert survey.finish() is None

@@ -10,6 +10,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from mwd_estimation.core.reason_text import joined
+
 if TYPE_CHECKING:
     from mwd_estimation.survey.station import Station
 
@@ -44,9 +46,7 @@ def show_surveys(console: Console, stations: Sequence[tuple[Station, float]]) ->
     console.print(table, soft_wrap=False)
     for number, (station, _) in enumerate(stations[first:], first + 1):
         console.print(
-            Text.assemble(
-                f"{number:>4} ", (station.verdict, COLOURS[station.verdict]), f": {'; '.join(station.reasons)}"
-            )
+            Text.assemble(f"{number:>4} ", (station.verdict, COLOURS[station.verdict]), f": {joined(station.reasons)}")
         )
 
 

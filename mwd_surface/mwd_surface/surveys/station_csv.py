@@ -13,8 +13,9 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from mwd_estimation.core.reason_text import joined
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.azimuth_selection import CORRECTED, RAW
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.station import Station
 
 COLUMNS = (
@@ -60,7 +61,7 @@ def cells(station: Station, measured_depth: float = math.nan) -> dict[str, str]:
         "b_total_nt": number(station.b_total * 1e9, 1),
         "dip_deg": _degrees(station.dip),
         "verdict": station.verdict,
-        "reasons": "; ".join(station.reasons),
+        "reasons": joined(station.reasons),
         "sigma_inclination_deg": _degrees(station.sigma_inclination),
         "sigma_azimuth_deg": _degrees(station.sigma_azimuth) if math.isfinite(station.azimuth) else "",
         "sigma_toolface_deg": _degrees(station.sigma_toolface),
@@ -74,7 +75,7 @@ def cells(station: Station, measured_depth: float = math.nan) -> dict[str, str]:
         "declination_deg": _degrees(reference.declination),
         "convergence_deg": _degrees(reference.convergence),
     }
-    for method in (RAW, CORRECTED):
+    for method in (AzimuthMethod.RAW, AzimuthMethod.SINGLE_STATION):
         found = station.by_method(method)
         line[f"azimuth_{method}_deg"] = _around(found.azimuth if found else None)
         line[f"sigma_azimuth_{method}_deg"] = _degrees(found.sigma if found else None)

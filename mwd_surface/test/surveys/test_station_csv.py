@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from mwd_estimation.core.reason_text import joined
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.station import station
 from mwd_surface.surveys import station_csv
@@ -31,7 +32,7 @@ def test_a_line_says_what_the_station_says():
     assert line["azimuth_reference"] == "grid"
     assert float(line["b_total_nt"]) == pytest.approx(one.b_total * 1e9, abs=0.06)
     assert line["verdict"] == one.verdict
-    assert line["reasons"] == "; ".join(one.reasons)
+    assert line["reasons"] == joined(one.reasons)
     assert float(line["b_reference_nt"]) == 47200.0
 
 

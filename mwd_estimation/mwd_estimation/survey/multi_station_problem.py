@@ -1,0 +1,290 @@
+"""
+The least-squares problem of the multi-station analysis: residuals of a run's stations, and their slopes.
+
+The model and its source stand in `multi_station_analysis`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from mwd_estimation.core import magnetic_geometry
+from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.core.reference_field import Reference
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.frames import wrap_pi
+from mwd_sensors.core.settings import setting
+
+NAMES = (
+    "axial interference and bias",
+    "cross-axial bias y",
+    "cross-axial bias z",
+    "magnetometer scale x",
+    "magnetometer scale y",
+    "magnetometer scale z",
+    "accelerometer bias x",
+    "accelerometer bias y",
+    "accelerometer bias z",
+    "accelerometer scale x",
+    "accelerometer scale y",
+    "accelerometer scale z",
+    "reference horizontal field",
+    "reference downward field",
+    "reference gravity",
+)
+SENSORS = 12
+# Prior of gravity where no reference gives it: 1 sigma of normal gravity over the latitudes, 9.780 to 9.832 m/s^2.
+_GRAVITY_SIGMA = 0.02
+
+
+@dataclass(frozen=True)
+class MultistationSettings:
+    """Priors beyond the tool code, noise of a station, and when to refuse."""
+
+    axial_interference_nt: float = setting(
+        2000.0, "Axial interference thought possible, 1 sigma", unit="nT", low=1.0, high=100000.0
+    )
+    cross_axial_bias_nt: float = setting(
+        150.0, "Cross-axial bias thought possible, 1 sigma: a hot spot in the collar beside the sensors' own",
+        unit="nT", low=1.0, high=100000.0,
+    )  # fmt: skip
+    magnetometer_noise_nt: float = setting(20.0, "Noise of a station's mean field, each axis", unit="nT", low=0.1)
+    accelerometer_noise_mps2: float = setting(
+        0.002, "Noise of a station's mean specific force, each axis", unit="m/s^2", low=1e-6
+    )
+    adapt_noise: bool = setting(True, "Take less noise than set where the residuals show less (eight stations or more)")
+    field_variation_nt: float = setting(
+        60.0, "What the field strength itself varies from station to station (MFIR)", unit="nT", low=0.0
+    )
+    dip_variation_deg: float = setting(
+        0.08, "What the dip itself varies from station to station (MDIR)", unit="deg", low=0.0
+    )
+    outlier_sigma: float = setting(4.5, "A station whose misfit is beyond this many sigma is left out", low=2.0)
+    max_outliers: float = setting(
+        0.25, "More than this share of stations left out, and the analysis is refused", low=0.0, high=0.9
+    )
+    observable: float = setting(
+        0.7,
+        "An error whose sigma does not fall below this share of its prior is called not observable",
+        low=0.05,
+        high=1.0,
+    )
+    min_probability: float = setting(0.001, "Refused where chi-square is less probable than this", low=0.0, high=0.5)
+    max_sigma_deg: float = setting(
+        1.5, "Refused where the azimuth's median sigma stays above this", unit="deg", low=0.01, high=90.0
+    )
+
+
+@dataclass(frozen=True)
+class GyroAzimuths:
+    """
+    Azimuths of a gyro at the stations of a run, from magnetic north.
+
+    Attributes
+    ----------
+    azimuth, sigma : ndarray, shape (n,)
+        rad; nan where the gyro gave none. Sigma is what errs at each station anew.
+    common : float or ndarray, shape (n,)
+        1 sigma of what errs alike at all of them, rad: the gyro's sensitivity to gravity, the declination.
+    """
+
+    azimuth: Array
+    sigma: Array
+    common: float | Array = 0.0
+
+
+class Problem:
+    """Residuals of the stations against one reference, whitened, with the priors beneath them."""
+
+    def __init__(
+        self,
+        f: Array,
+        b: Array,
+        reference: Reference,
+        errors: SensorErrors,
+        settings: MultistationSettings,
+        gyro: GyroAzimuths | None = None,
+    ) -> None:
+        self.f, self.b, self.gyro = f, b, gyro
+        gravity = STANDARD_GRAVITY if reference.gravity is None else reference.gravity
+        self.reference = np.array([gravity, reference.horizontal, reference.vertical])
+        bias = errors.magnetometer_bias_nt
+        magnetometer = [
+            math.hypot(bias, settings.axial_interference_nt) * 1e-9,
+            math.hypot(bias, settings.cross_axial_bias_nt) * 1e-9,
+            math.hypot(bias, settings.cross_axial_bias_nt) * 1e-9,
+            *([max(errors.magnetometer_scale, 1e-7)] * 3),
+        ]
+        accelerometer = [max(errors.accelerometer_bias_mps2, 1e-7)] * 3 + [max(errors.accelerometer_scale, 1e-8)] * 3
+        # Errors = scale @ x, with x of unit prior.
+        self.scale = np.zeros((15, 15))
+        self.scale[range(SENSORS), range(SENSORS)] = magnetometer + accelerometer
+        self.scale[12:14, 12:14] = np.linalg.cholesky(reference.covariance + np.eye(2) * 1e-22)
+        self.scale[14, 14] = _GRAVITY_SIGMA if reference.gravity is None else max(reference.sigma_gravity, 1e-7)
+        self.noise = np.diag(
+            [settings.accelerometer_noise_mps2**2] * 3 + [(settings.magnetometer_noise_nt * 1e-9) ** 2] * 3
+        )
+        total, dip = float(np.hypot(*self.reference[1:])), math.atan2(self.reference[2], self.reference[1])
+        turn = np.array([[math.cos(dip), -total * math.sin(dip)], [math.sin(dip), total * math.cos(dip)]])
+        varying = np.diag([settings.field_variation_nt * 1e-9, math.radians(settings.dip_variation_deg)]) ** 2
+        self.varying = turn @ varying @ turn.T
+        self._weigh()
+
+    def _weigh(self) -> None:
+        # The weights stay those of the readings as they are: the noise hardly depends on the small errors sought.
+        _, inputs = self._values(np.zeros(15))
+        covariance = inputs @ self.noise @ np.swapaxes(inputs, 1, 2)
+        covariance[:, 1:, 1:] += self.varying
+        self.white = np.linalg.inv(np.linalg.cholesky(covariance))
+
+    def quieten(self, x: Array, used: np.ndarray) -> None:
+        """
+        Scale the noise down to what the residuals show, accelerometers and field apart; never up.
+
+        More scatter than expected is a reason to refuse, not to widen; less means better sensors than the settings say.
+        """
+        slope = self._whitened_slope(x)[used]
+        residual = self._whitened(x)[used]
+        every = slope.reshape(-1, 15)
+        covariance = np.linalg.inv(every.T @ every + np.eye(15))
+        leverage = np.einsum("nki,ij,nkj->nk", slope, covariance, slope)
+
+        def share(columns: slice) -> float:
+            freedom = max(float(np.sum(1.0 - leverage[:, columns])), 1.0)
+            return min(max(float(np.sum(residual[:, columns] ** 2)) / freedom, 1e-4), 1.0)
+
+        gravity, field = share(slice(0, 1)), share(slice(1, 3))
+        # The residuals cannot tell magnetometer noise from a varying field: the noise, which the azimuth feels, stays
+        # as it is set while what is seen allows it, and the variation gives way first.
+        _, inputs = self._values(np.zeros(15))
+        by_noise = float(np.mean(np.einsum("nki,ij,nkj->nk", inputs[:, 1:], self.noise, inputs[:, 1:])))
+        by_variation = 0.5 * float(np.trace(self.varying))
+        seen = field * (by_noise + by_variation)
+        self.noise = self.noise * np.repeat([gravity, min(seen / by_noise, 1.0)], 3)[:, None]
+        self.varying = self.varying * max((seen - by_noise) / max(by_variation, 1e-30), 0.0)
+        self._weigh()
+
+    def _values(self, errors: Array) -> tuple[Array, Array]:
+        """(|f|, H, V) of the corrected readings, shape (n, 3), and their slopes by (f, b), shape (n, 3, 6)."""
+        f, b = corrected(self.f, self.b, errors)
+        g = np.linalg.norm(f, axis=1, keepdims=True)
+        down = -f / g
+        vertical = np.sum(b * down, axis=1, keepdims=True)
+        level = b - vertical * down
+        horizontal = np.linalg.norm(level, axis=1, keepdims=True)
+        north = level / horizontal
+        slope = np.zeros((len(f), 3, 6))
+        slope[:, 0, :3] = -down
+        slope[:, 1, :3], slope[:, 1, 3:] = vertical * north / g, north
+        slope[:, 2, :3], slope[:, 2, 3:] = -horizontal * north / g, down
+        return np.concatenate([g, horizontal, vertical], axis=1), slope
+
+    def _by_errors(self) -> Array:
+        """Slopes of the corrected (f, b) by the twelve sensor errors, shape (n, 6, 12)."""
+        slope = np.zeros((len(self.f), 6, SENSORS))
+        for axis in range(3):
+            slope[:, 3 + axis, axis] = -1.0
+            slope[:, 3 + axis, 3 + axis] = -self.b[:, axis]
+            slope[:, axis, 6 + axis] = -1.0
+            slope[:, axis, 9 + axis] = -self.f[:, axis]
+        return slope
+
+    def solve(self, used: np.ndarray) -> Array:
+        """Most probable normalised errors, shape (15,), from the used stations and the priors."""
+        found = least_squares(self.residual, np.zeros(15), self.slope, args=(used,), method="lm")
+        return np.asarray(found.x, dtype=float)
+
+    def residual(self, x: Array, used: np.ndarray) -> Array:
+        """Whitened residuals of the used stations and the priors, shape (3 n + 15 + gyro azimuths,)."""
+        return np.concatenate([self._whitened(x)[used].ravel(), x, self._gyro_residual(x, used)])
+
+    def slope(self, x: Array, used: np.ndarray) -> Array:
+        """Derivative of `residual`, shape (3 n + 15 + gyro azimuths, 15)."""
+        return np.concatenate([self._whitened_slope(x)[used].reshape(-1, 15), np.eye(15), self._gyro_slope(x, used)])
+
+    def compared(self, used: np.ndarray) -> int:
+        """Number of used stations with an azimuth of the gyro."""
+        return int(self._seen(used).sum())
+
+    def _seen(self, used: np.ndarray) -> np.ndarray:
+        if self.gyro is None:
+            return np.zeros(len(self.f), dtype=bool)
+        return np.asarray(used & np.isfinite(self.gyro.azimuth) & np.isfinite(self.gyro.sigma))
+
+    def _gyro_white(self, seen: np.ndarray) -> Array:
+        """What whitens the differences from the gyro: each one's noise, the station's own, and the common error."""
+        if self.gyro is None:
+            return np.zeros((0, 0))
+        slope = magnetic_geometry.angle_jacobian(self.f[seen], self.b[seen])[:, 1, :]
+        own = self.gyro.sigma[seen] ** 2 + np.einsum("ni,ij,nj->n", slope, self.noise, slope)
+        common = np.broadcast_to(self.gyro.common, seen.shape)[seen]
+        return np.linalg.inv(np.linalg.cholesky(np.diag(own) + np.outer(common, common)))
+
+    def _gyro_residual(self, x: Array, used: np.ndarray) -> Array:
+        seen = self._seen(used)
+        if self.gyro is None or not seen.any():
+            return np.zeros(0)
+        f, b = corrected(self.f[seen], self.b[seen], self.scale @ x)
+        off = wrap_pi(magnetic_geometry.raw_azimuth(f, b) - self.gyro.azimuth[seen])
+        return np.asarray(self._gyro_white(seen) @ off)
+
+    def _gyro_slope(self, x: Array, used: np.ndarray) -> Array:
+        seen = self._seen(used)
+        if not seen.any():
+            return np.zeros((0, 15))
+        f, b = corrected(self.f[seen], self.b[seen], self.scale @ x)
+        slope = np.zeros((int(seen.sum()), 15))
+        slope[:, :SENSORS] = np.einsum(
+            "ni,nij->nj", magnetic_geometry.angle_jacobian(f, b)[:, 1, :], self._by_errors()[seen]
+        )
+        return np.asarray(self._gyro_white(seen) @ slope @ self.scale)
+
+    def by_gyro(self, x: Array, covariance: Array, used: np.ndarray) -> Array:
+        """Slope of the corrected readings, shape (n, 6), by a turn of all gyro azimuths; covariance of x, (15, 15)."""
+        seen = self._seen(used)
+        if self.gyro is None or not seen.any():
+            return np.zeros((len(self.f), 6))
+        shift = covariance @ self._gyro_slope(x, used).T @ self._gyro_white(seen).sum(axis=1)
+        return np.asarray(self._by_errors() @ (self.scale @ shift)[:SENSORS])
+
+    def misfit(self, x: Array) -> Array:
+        """Length of each station's whitened residual, shape (n,): in one of a thousand stations beyond 4 by chance."""
+        return np.asarray(np.linalg.norm(self._whitened(x), axis=1))
+
+    def _whitened(self, x: Array) -> Array:
+        errors = self.scale @ x
+        values, _ = self._values(errors)
+        off = values - self.reference - np.array([errors[14], errors[12], errors[13]])
+        return np.asarray(np.squeeze(self.white @ off[:, :, None], 2))
+
+    def _whitened_slope(self, x: Array) -> Array:
+        _, inputs = self._values(self.scale @ x)
+        slope = np.zeros((len(self.f), 3, 15))
+        slope[:, :, :SENSORS] = inputs @ self._by_errors()
+        slope[:, 0, 14], slope[:, 1, 12], slope[:, 2, 13] = -1.0, -1.0, -1.0
+        return np.asarray(self.white @ slope @ self.scale)
+
+    def reading_covariance(self, x: Array, covariance: Array, used: np.ndarray) -> Array:
+        """
+        Covariance of the corrected (f, b) of each station, shape (n, 6, 6): its noise and the errors left.
+
+        A station that was used has shifted the errors by its own noise: their product is in it.
+        """
+        by_errors = self._by_errors()
+        left = covariance[:SENSORS, :SENSORS]
+        out = self.noise + by_errors @ left @ np.swapaxes(by_errors, 1, 2)
+        _, inputs = self._values(self.scale @ x)
+        slope = self._whitened_slope(x) @ np.linalg.inv(self.scale)
+        gain = covariance[None, :SENSORS] @ np.swapaxes(slope, 1, 2) @ self.white
+        both = -by_errors @ gain @ inputs @ self.noise * used[:, None, None]
+        return np.asarray(out + both + np.swapaxes(both, 1, 2))
+
+
+def corrected(f: Array, b: Array, errors: Array) -> tuple[Array, Array]:
+    """Specific force, m/s^2, and field, T, shape (..., 3), without errors of the sensors in the order of `NAMES`."""
+    return f - errors[6:9] - errors[9:12] * f, b - errors[0:3] - errors[3:6] * b

@@ -1,0 +1,146 @@
+"""A survey station as data: angles, totals, azimuth by each method, and a verdict with reasons."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mwd_estimation.core.reasons import Reason
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.survey.acceptance import REJECT, Deviations
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_sensors.core.arrays import Array
+
+
+@dataclass(frozen=True)
+class MethodAzimuth:
+    """
+    Azimuth of one method, rad from the station's north, 1 sigma, and the reason it was refused (None where it was
+    not).
+
+    Sigma is that of the tool's axis: how the tool lies in the hole errs alike for every method and is the station's
+    `alignment`. A refused azimuth is still given with its sigma: it is to be looked at, not to be used.
+    """
+
+    method: AzimuthMethod
+    azimuth: float
+    sigma: float
+    refused: Reason | None = None
+
+
+@dataclass(frozen=True)
+class Station:
+    """
+    A survey station; angles in rad, totals in SI, nan where a reading or the reference is missing.
+
+    Attributes
+    ----------
+    inclination, sigma_inclination : float
+        From the vertical.
+    gravity_toolface, magnetic_toolface, sigma_toolface : float
+        From high side, from the named north, and 1 sigma of the first.
+    g_total, b_total, dip : float
+        As measured: m/s^2, T, rad. No correction is in them.
+    azimuth, sigma_azimuth : float
+        The one chosen, from the named north; sigma is pi where nothing is known.
+    north : str
+        magnetic, true or grid.
+    method : AzimuthMethod
+        Which azimuth was chosen.
+    corrected : bool
+        Whether the chosen azimuth is freed of axial interference.
+    azimuths : tuple of MethodAzimuth
+        Every method tried.
+    interference, sigma_interference : float
+        Axial field not of the Earth, T.
+    interference_chi_square : float
+        Misfit of the across-axis field, one degree of freedom.
+    covariance : ndarray, shape (3, 3)
+        Of (inclination, chosen azimuth, gravity toolface), rad^2, all errors included.
+    alignment : ndarray, shape (3, 3)
+        The part of it that is common to all methods: tool against hole.
+    deviations : Deviations
+        Totals against the reference; for a corrected azimuth with the interference taken off.
+    verdict : str
+        accept, doubtful or reject.
+    reasons : tuple of Reason
+        An accepted station says what it was measured against.
+    azimuth_doubts : tuple of Reason
+        Those of the reasons that doubt nothing but the magnetic azimuth: with another azimuth they have no weight.
+    limits : tuple of float
+        Deviation of gravity, field and dip beyond which the verdict is doubtful, m/s^2, T, rad; nan: not judged.
+    reference : Reference or None
+        What it was judged and corrected by.
+    north_correction : float
+        Added to the magnetic azimuth, rad.
+    f_t, b_t : ndarray, shape (3,)
+        The readings.
+    """
+
+    inclination: float
+    sigma_inclination: float
+    gravity_toolface: float
+    magnetic_toolface: float
+    sigma_toolface: float
+    g_total: float
+    b_total: float
+    dip: float
+    azimuth: float
+    sigma_azimuth: float
+    north: str
+    method: AzimuthMethod
+    corrected: bool
+    azimuths: tuple[MethodAzimuth, ...]
+    interference: float
+    sigma_interference: float
+    interference_chi_square: float
+    covariance: Array = field(repr=False)
+    alignment: Array = field(repr=False)
+    deviations: Deviations = field(repr=False)
+    verdict: str
+    reasons: tuple[Reason, ...]
+    reference: Reference | None
+    north_correction: float
+    f_t: Array = field(repr=False)
+    b_t: Array = field(repr=False)
+    azimuth_doubts: tuple[Reason, ...] = ()
+    limits: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+
+    def by_method(self, method: str) -> MethodAzimuth | None:
+        """The azimuth of one method, None where it was not tried."""
+        return next((azimuth for azimuth in self.azimuths if azimuth.method == method), None)
+
+
+def blind(f_t: Array, b_t: Array, reference: Reference | None, reasons: tuple[Reason, ...]) -> Station:
+    """A station without a usable accelerometer: rejected, nothing known but the readings."""
+    nan = math.nan
+    return Station(
+        inclination=nan,
+        sigma_inclination=nan,
+        gravity_toolface=nan,
+        magnetic_toolface=nan,
+        sigma_toolface=nan,
+        g_total=nan,
+        b_total=float(np.linalg.norm(b_t)),
+        dip=nan,
+        azimuth=nan,
+        sigma_azimuth=nan,
+        north="magnetic",
+        method=AzimuthMethod.NONE,
+        corrected=False,
+        azimuths=(),
+        interference=nan,
+        sigma_interference=nan,
+        interference_chi_square=nan,
+        covariance=np.full((3, 3), nan),
+        alignment=np.full((3, 3), nan),
+        deviations=Deviations(nan, nan, nan, np.full((3, 3), nan)),
+        verdict=REJECT,
+        reasons=reasons,
+        reference=reference,
+        north_correction=0.0,
+        f_t=f_t,
+        b_t=b_t,
+    )

@@ -1,0 +1,50 @@
+"""Settings of a survey station: which azimuth and north, alignment, sensor errors and acceptance limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.survey.acceptance import QualitySettings
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_sensors.core.settings import setting
+
+
+@dataclass(frozen=True)
+class StationSettings:
+    """How a station is computed."""
+
+    azimuth_method: str = setting(
+        "auto",
+        "Which magnetic azimuth is taken: auto corrects for axial interference where there is some and it can be done",
+        choices=("auto", str(AzimuthMethod.RAW), str(AzimuthMethod.SINGLE_STATION)),
+    )
+    north: str = setting(
+        "best",
+        "North the azimuth refers to; best is grid, else true, else magnetic",
+        choices=("best", "grid", "true", "magnetic"),
+    )
+    plausible_interference_nt: float = setting(
+        3000.0,
+        "Axial interference imaginable at all, 1 sigma: where more of it than expected shows or could hide",
+        unit="nT",
+        low=1.0,
+    )
+    sag_correction_deg: float = setting(
+        0.0,
+        "Added to the inclination, times its sine: sag of the assembly in a horizontal hole",
+        unit="deg",
+        low=-5.0,
+        high=5.0,
+    )
+    misalignment_y_deg: float = setting(
+        0.0, "Hole axis against tool axis, turned about y (towards -z)", unit="deg", low=-10.0, high=10.0
+    )
+    misalignment_z_deg: float = setting(
+        0.0, "Hole axis against tool axis, turned about z (towards +y)", unit="deg", low=-10.0, high=10.0
+    )
+    toolface_offset_deg: float = setting(
+        0.0, "Added to both toolfaces: sensor housing against scribe line", unit="deg", low=-360.0, high=360.0
+    )
+    errors: SensorErrors = setting(SensorErrors, "What calibration leaves in the sensors")
+    quality: QualitySettings = setting(QualitySettings, "Limits of the verdict")
