@@ -13,8 +13,8 @@ from std_srvs.srv import Trigger
 from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.qos import STATE
 from mwd_sensors.ros.time_stamps import stamp
-from mwd_surface.bags.recorder.recorder import Recorder, RecorderError
-from mwd_surface.bags.recorder.status import Level, RecorderState
+from mwd_surface.bags.recorder.recorder import Recorder
+from mwd_surface.bags.recorder.status import Level, RecorderError, RecorderState
 from mwd_surface.live.alarms import Severity
 from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.ros import messages

@@ -24,7 +24,7 @@ from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.qos import STATE
 from mwd_sensors.ros.run_node import run_node
 from mwd_surface import __version__
-from mwd_surface.bags.recorder.recorder import RecorderError
+from mwd_surface.bags.recorder.status import RecorderError
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.nodes.diagnostics_monitor import DiagnosticsMonitor
 from mwd_surface.nodes.foxglove_bridge import FoxgloveBridge

@@ -1,16 +1,14 @@
 """
-The recorder: everything handed to it ends in a bag, written by a thread of its own.
+The recorder: writes all messages handed to it into a bag, in a thread of its own.
 
-The caller never waits: a message goes into a queue bounded in bytes, and what does not fit is counted and becomes an
-event inside the recording. Chunks are closed and made durable by time, so that a killed process or a lost supply costs
-at most `chunk_seconds` + `sync_seconds` of data; what such an end leaves is recovered at the next start.
+The caller never waits: a message goes into a queue bounded in bytes; one that does not fit is counted and becomes an
+event inside the recording. Chunks are closed and made durable by time, so that a killed process or a power failure
+costs at most `chunk_seconds` + `sync_seconds` of data; a file without its end is recovered at the next start.
 """
 
 from __future__ import annotations
 
 import concurrent.futures
-import dataclasses
-import datetime
 import threading
 import time
 from collections import deque
@@ -20,29 +18,15 @@ from typing import Any
 
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import Definitions, installed
-from mwd_surface.bags.folder_lock import FolderLock, FolderTakenError
-from mwd_surface.bags.mcap import recovery
-from mwd_surface.bags.mcap.recovery_report import RecoveryReport
-from mwd_surface.bags.recorder.session import OVERHEAD, Item, Session, free_bytes, words_of
+from mwd_surface.bags.recorder.folder import locked, recording_path
+from mwd_surface.bags.recorder.message_queue import Command, Item, MessageQueue
+from mwd_surface.bags.recorder.recovery_thread import RecoveryThread
+from mwd_surface.bags.recorder.session import Session, SessionHooks, free_bytes, words_of
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.bags.recorder.snapshot import SnapshotRing
-from mwd_surface.bags.recorder.status import Level, RecorderEvent, RecorderState, RecorderStatus
+from mwd_surface.bags.recorder.status import Level, RecorderError, RecorderEvent, RecorderState, RecorderStatus
 
-LOCK_NAME = ".recorder.lock"
-_BATCH = 1000
 _BATCHES = 20
-
-
-class RecorderError(Exception):
-    """A recorder that cannot do what was asked; one sentence with path and reason."""
-
-
-@dataclasses.dataclass
-class _Command:
-    """A request carried out by the writer thread, in its place among the messages."""
-
-    run: Callable[[], Any]
-    answer: concurrent.futures.Future[Any]
 
 
 class Recorder:
@@ -99,28 +83,21 @@ class Recorder:
         self._event_topic = event_topic
         self._on_event = on_event
         self._space = space
-        self._queue: deque[Item | _Command] = deque()
-        self._queued_bytes = 0
-        self._lock = threading.Lock()
-        self._wake = threading.Event()
+        self._queue = MessageQueue(self.settings.queue_bytes)
         self._session: Session | None = None
         kept = self.settings.snapshot_seconds
         self._ring = SnapshotRing(kept, self.settings.snapshot_bytes) if kept > 0 else None
         self._taking = self._ring is not None
-        self._refused = 0
+        self._refused_before = 0
         self._free = -1
         self._closing = False
         self._deadline: float | None = None
-        self._recovered: list[RecoveryReport] = []
-        self._folder_lock = self._locked()
-        # The list is taken before this recorder can begin a bag of its own.
+        self._folder_lock = locked(self.folder)
+        # Listed before this recorder can begin a bag of its own.
         earlier = sorted(item for item in self.folder.iterdir() if item.is_dir()) if recover else []
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
-        self._recovery: threading.Thread | None = None
-        if earlier:
-            self._recovery = threading.Thread(target=self._recover, args=(earlier,), name="recovery", daemon=True)
-            self._recovery.start()
+        self._recovery = RecoveryThread(earlier, lambda: not self._closing, self._report_later)
 
     # For the caller's thread
 
@@ -152,19 +129,8 @@ class Recorder:
         """
         if not self._taking:
             return False
-        size = len(data) + OVERHEAD
-        with self._lock:
-            if self._queued_bytes + size > self.settings.queue_bytes:
-                self._refused += 1
-                return False
-            self._queued_bytes += size
-            self._queue.append(
-                (topic, type_name, data, log_ns, log_ns if publish_ns is None else publish_ns, qos, type_hash)
-            )
-            hurry = self._queued_bytes > self.settings.queue_bytes // 4
-        if hurry:
-            self._wake.set()
-        return True
+        item = Item(topic, type_name, data, log_ns, log_ns if publish_ns is None else publish_ns, qos, type_hash)
+        return self._queue.put(item)
 
     def start(self, name: str = "", custom: Mapping[str, str] | None = None, timeout_s: float = 3.0) -> Path:
         """
@@ -177,7 +143,7 @@ class Recorder:
         RecorderError
             One is running already, the name is taken or no plain name, or the disk refuses.
         """
-        path: Path = self._ask(lambda: self._start(name, dict(custom or {})), timeout_s)
+        path: Path = self._command(lambda: self._start(name, dict(custom or {})), timeout_s)
         return path
 
     def stop(self, timeout_s: float = 3.0) -> Path:
@@ -190,13 +156,11 @@ class Recorder:
             None is running, or the disk did not finish in time (it goes on in the background).
         """
         self._deadline = time.monotonic() + 0.7 * timeout_s
-        path: Path = self._ask(self._stop, timeout_s)
-        return path
+        return Path(self._command(self._stop, timeout_s))
 
     def split(self, timeout_s: float = 3.0) -> Path:
-        """Go on in a new file; returns the finished one. Raises RecorderError as `stop`."""
-        path: Path = self._ask(self._split_asked, timeout_s)
-        return path
+        """Continue in a new file; return the finished one. Raises RecorderError as `stop`."""
+        return Path(self._command(self._split_asked, timeout_s))
 
     def snapshot(self, name: str = "", timeout_s: float = 10.0) -> Path:
         """
@@ -207,19 +171,18 @@ class Recorder:
         RecorderError
             `snapshot_seconds` is 0, nothing has been received, or the disk refuses.
         """
-        path: Path = self._ask(lambda: self._snapshot(name), timeout_s)
-        return path
+        return Path(self._command(lambda: self._snapshot(name), timeout_s))
 
     def attach(self, name: str, media_type: str, data: bytes, log_ns: int, timeout_s: float = 3.0) -> None:
-        """Keep a file inside the recording. Raises RecorderError when none is running."""
-        self._ask(lambda: self._running().writer.attach(name, media_type, data, log_ns), timeout_s)
+        """Attach a file to the recording. Raises RecorderError when none is running."""
+        self._command(lambda: self._running().writer.attach(name, media_type, data, log_ns), timeout_s)
 
     def add_metadata(self, name: str, values: Mapping[str, str], timeout_s: float = 3.0) -> None:
         """Keep a named table of strings inside the recording. Raises RecorderError when none is running."""
-        self._ask(lambda: self._running().writer.add_metadata(name, dict(values)), timeout_s)
+        self._command(lambda: self._running().writer.add_metadata(name, dict(values)), timeout_s)
 
     def status(self) -> RecorderStatus:
-        """What a display shows; never waits."""
+        """Return the status; never waits."""
         session, now = self._session, time.monotonic()
         waiting = session.unsaved_since if session else None
         return RecorderStatus(
@@ -230,17 +193,17 @@ class Recorder:
             bytes=session.writer.bytes_written if session else 0,
             dropped=session.lost if session else 0,
             queued_messages=len(self._queue),
-            queued_bytes=self._queued_bytes,
-            queue_limit=self.settings.queue_bytes,
+            queued_bytes=self._queue.waiting_bytes,
+            queue_limit=self._queue.limit,
             free_bytes=session.free if session else self._free,
             duration_s=now - session.began if session else 0.0,
             files=len(session.writer.files) + int(session.writing) if session else 0,
             unsaved_s=now - waiting if waiting is not None else 0.0,
-            recovered=tuple(self._recovered),
+            recovered=tuple(self._recovery.reports),
         )
 
     def take_events(self) -> list[RecorderEvent]:
-        """Events since the last call, oldest first (of very many, the last 1000); never waits."""
+        """Return the events since the last call, oldest first, at most the last 1000; never waits."""
         taken = []
         # Another thread appends meanwhile; popping one by one is safe against that.
         while self._untaken:
@@ -256,14 +219,13 @@ class Recorder:
         """
         if not self._thread.is_alive():
             return True
-        self._deadline = time.monotonic() + 0.7 * timeout_s
-        self._taking = False
-        self._closing = True
-        self._wake.set()
+        end = time.monotonic() + timeout_s
+        self._deadline = end - 0.3 * timeout_s
+        self._taking, self._closing = False, True
+        self._queue.wake.set()
         self._thread.join(timeout_s)
         done = not self._thread.is_alive()
-        if self._recovery is not None:
-            self._recovery.join(max(0.0, self._deadline + 0.3 * timeout_s - time.monotonic()))
+        self._recovery.join(max(0.0, end - time.monotonic()))
         if done:
             self._folder_lock.free()
         return done
@@ -274,40 +236,27 @@ class Recorder:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _ask(self, run: Callable[[], Any], timeout_s: float) -> Any:
+    def _command(self, run: Callable[[], Any], timeout_s: float) -> Any:
         if self._closing or not self._thread.is_alive():
             raise RecorderError("the recorder is closed")
-        command = _Command(run, concurrent.futures.Future())
-        with self._lock:
-            self._queue.append(command)
-        self._wake.set()
+        answer = self._queue.command(run)
+        self._queue.wake.set()
         try:
-            return command.answer.result(timeout_s)
+            return answer.result(timeout_s)
         except concurrent.futures.TimeoutError:
             raise RecorderError(f"{self.folder}: the disk did not answer within {timeout_s:g} s") from None
         except OSError as error:
-            raise RecorderError(self._words(error)) from error
-
-    def _words(self, error: OSError) -> str:
-        return words_of(error, self.folder)
-
-    def _locked(self) -> FolderLock:
-        try:
-            return FolderLock(self.folder, LOCK_NAME)
-        except OSError as error:
-            raise RecorderError(f"recordings cannot be written to {self.folder}: {error.strerror}") from error
-        except FolderTakenError as error:
-            raise RecorderError(
-                f"another recorder (process {error.owner}) writes into {self.folder}; stop it or choose another folder"
-            ) from None
+            raise RecorderError(words_of(error, self.folder)) from error
 
     # For the writer thread
 
     def _run(self) -> None:
+        # A tenth of a second bounds what waiting adds to the age of unsaved data.
+        pause = min(0.1, self.settings.chunk_seconds / 2)
         while True:
             if not self._queue:
-                self._wake.wait(self._pause())
-            self._wake.clear()
+                self._queue.wake.wait(pause)
+            self._queue.wake.clear()
             closing = self._closing
             self._drain(_BATCHES)
             if self._session is not None:
@@ -317,44 +266,20 @@ class Recorder:
                     self._drain(_BATCHES)
                 if self._session is not None:
                     self._guarded(self._stop)
-                self._cancel_rest()
+                self._queue.cancel(RecorderError("the recorder is closed"))
                 return
 
-    def _pause(self) -> float:
-        # A tenth of a second bounds what waiting adds to the age of unsaved data, and costs nothing.
-        return min(0.1, self.settings.chunk_seconds / 2)
-
     def _drain(self, batches: int) -> None:
-        """Take what is in the queue, so many batches at most: time and disk must be looked at in between."""
+        """Write what is in the queue, at most so many batches: time and disk are checked in between."""
         for _ in range(batches):
-            batch: list[Item | _Command] = []
-            with self._lock:
-                while self._queue and len(batch) < _BATCH:
-                    item = self._queue.popleft()
-                    batch.append(item)
-                    if not isinstance(item, _Command):
-                        self._queued_bytes -= len(item[2]) + OVERHEAD
+            batch = self._queue.batch()
             if not batch:
                 return
             for item in batch:
-                if isinstance(item, _Command):
-                    self._carry_out(item)
+                if isinstance(item, Command):
+                    item.carry_out()
                 else:
                     self._take(item)
-
-    def _carry_out(self, command: _Command) -> None:
-        try:
-            command.answer.set_result(command.run())
-        except Exception as error:  # noqa: BLE001  (whatever it is belongs to the one who asked)
-            command.answer.set_exception(error)
-
-    def _cancel_rest(self) -> None:
-        with self._lock:
-            rest = [item for item in self._queue if isinstance(item, _Command)]
-            self._queue.clear()
-            self._queued_bytes = 0
-        for command in rest:
-            command.answer.set_exception(RecorderError("the recorder is closed"))
 
     def _take(self, item: Item) -> None:
         if self._ring is not None:
@@ -375,35 +300,32 @@ class Recorder:
             if session is not None and session.writing:
                 session.disk_failed(error)
             else:
-                self._tell(Level.ERROR, self._words(error))
+                self._report(Level.ERROR, words_of(error, self.folder))
         except Exception as error:  # noqa: BLE001  (the thread must live, for messages keep coming)
-            self._tell(Level.ERROR, f"the recorder met a mistake of its own: {error!r}")
+            self._report(Level.ERROR, f"the recorder has an internal error: {error!r}")
 
     def _start(self, name: str, custom: dict[str, str]) -> Path:
         if self._session is not None:
             raise RecorderError(f"a recording is running already: {self._session.writer.path}")
-        path = self._path(name, "mwd")
+        path = recording_path(self.folder, name, "mwd")
         self._free = self._space(self.folder)
         if self._free < self.settings.min_free_bytes:
             raise RecorderError(
                 f"only {self._free / 1e6:.0f} MB are free on the disk of {self.folder}; "
                 f"{self.settings.min_free_bytes / 1e6:.0f} MB must stay free (min_free_bytes)"
             )
-        self._refused, self._deadline = 0, None
+        self._refused_before, self._deadline = self._queue.refused, None
         self._session = Session(
             self._writer(path, custom, in_place=True),
             self.folder,
             self.settings,
             self._definitions,
-            event_topic=self._event_topic,
-            tables=self._tables,
-            space=self._space,
-            refused=lambda: self._refused,
-            tell=self._tell,
+            self._event_topic,
+            SessionHooks(self._tables, self._space, self._refused, self._report),
         )
         self._session.free = self._free
         self._taking = True
-        self._tell(Level.INFO, f"recording to {path}")
+        self._report(Level.INFO, f"recording to {path}")
         return path
 
     def _stop(self) -> Path:
@@ -413,7 +335,7 @@ class Recorder:
         text = f"recording of {session.writer.path} stopped"
         if lost:
             text += f"; {lost} messages were lost"
-        self._tell(Level.WARNING if lost else Level.INFO, text)
+        self._report(Level.WARNING if lost else Level.INFO, text)
         session.finish()
         self._session, self._deadline, self._free = None, None, session.free
         return session.writer.path
@@ -429,12 +351,12 @@ class Recorder:
             raise RecorderError("no snapshot is kept: snapshot_seconds is 0")
         if not len(self._ring):
             raise RecorderError("nothing was received yet that a snapshot could hold")
-        path = self._path(name, "snapshot")
+        path = recording_path(self.folder, name, "snapshot")
         with self._writer(path, {}, in_place=False) as writer:
             self._ring.write(writer)
             for table, values in self._tables().items():
                 writer.add_metadata(table, values)
-        self._tell(Level.INFO, f"snapshot written to {path}")
+        self._report(Level.INFO, f"snapshot written to {path}")
         return path
 
     def _writer(self, path: Path, custom: dict[str, str], *, in_place: bool) -> BagWriter:
@@ -448,25 +370,16 @@ class Recorder:
             custom=custom,
         )
 
-    def _path(self, name: str, prefix: str) -> Path:
-        if name:
-            if name != Path(name).name or name.startswith("."):
-                raise RecorderError(f"{name!r} is no plain name for a recording")
-            path = self.folder / name
-            if path.exists():
-                raise RecorderError(f"{path} exists already; choose another name")
-            return path
-        now = datetime.datetime.now(datetime.UTC)
-        base = f"{prefix}_{now:%Y%m%dT%H%M%SZ}"
-        names = [base, *(f"{base}_{k}" for k in range(2, 1000))]
-        return next(self.folder / one for one in names if not (self.folder / one).exists())
+    def _refused(self) -> int:
+        """Return how many messages of this recording the queue refused."""
+        return self._queue.refused - self._refused_before
 
     def _running(self) -> Session:
         if self._session is None:
             raise RecorderError("no recording is running")
         return self._session
 
-    def _tell(self, level: Level, text: str) -> None:
+    def _report(self, level: Level, text: str) -> None:
         event = RecorderEvent(time.time_ns(), level, text)
         self._note(event)
         if self._session is not None:
@@ -474,32 +387,13 @@ class Recorder:
         if self._on_event is not None:
             try:
                 self._on_event(event)
-            except Exception as error:  # noqa: BLE001  (a listener's mistake must not end the recording)
-                self._note(RecorderEvent(time.time_ns(), Level.ERROR, f"a listener to events failed: {error!r}"))
+            except Exception as error:  # noqa: BLE001  (an error in a callback must not end the recording)
+                self._note(RecorderEvent(time.time_ns(), Level.ERROR, f"a callback for events failed: {error!r}"))
 
     def _note(self, event: RecorderEvent) -> None:
         self.events.append(event)
         self._untaken.append(event)
 
-    # For the recovery thread
-
-    def _recover(self, bags: list[Path]) -> None:
-        for bag in bags:
-            try:
-                if self._closing or not recovery.is_unfinished(bag):
-                    continue
-                reports = recovery.recover_bag(bag, lambda: not self._closing, thorough=False)
-            except InterruptedError:
-                return
-            except OSError as error:
-                self._tell_later(Level.ERROR, f"{bag} could not be recovered: {error}")
-                continue
-            for report in reports:
-                self._recovered.append(report)
-                if not report.sound:
-                    self._tell_later(Level.WARNING, f"recovered in {bag.name}: {report.sentence()}")
-
-    def _tell_later(self, level: Level, text: str) -> None:
+    def _report_later(self, level: Level, text: str) -> None:
         # Events are written by the writer thread only.
-        with self._lock:
-            self._queue.append(_Command(lambda: self._tell(level, text), concurrent.futures.Future()))
+        self._queue.command(lambda: self._report(level, text))

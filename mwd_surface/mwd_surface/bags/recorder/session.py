@@ -7,6 +7,7 @@ Used by one thread. What a disk refuses pauses the recording with as whole a fil
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import errno
 import shutil
 import time
@@ -16,6 +17,7 @@ from pathlib import Path
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import Definitions
+from mwd_surface.bags.recorder.message_queue import Item
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.bags.recorder.status import Level, RecorderEvent, RecorderState
 
@@ -24,10 +26,30 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _LOOK = 0.5  # s between looks at the disk's free space
 _LOOK_BYTES = 8 * 1024 * 1024  # or after so many bytes
 
-# Topic, type, bytes, time of logging and of publishing (ns), profiles as YAML, type hash.
-Item = tuple[str, str, bytes, int, int, str, str]
-OVERHEAD = 128  # what a waiting message costs beyond its bytes
 Tables = Callable[[], Mapping[str, Mapping[str, str]]]
+
+
+@dataclasses.dataclass(frozen=True)
+class SessionHooks:
+    """
+    What a session gets from its recorder.
+
+    Attributes
+    ----------
+    tables : callable
+        Returns named tables of strings that are put into every file.
+    space : callable
+        Returns the bytes free for a folder.
+    refused : callable
+        Returns how many messages of this recording the queue refused.
+    report : callable
+        Called with level and text of an event, which the recorder hands back to `Session.record`.
+    """
+
+    tables: Tables
+    space: Callable[[Path], int]
+    refused: Callable[[], int]
+    report: Callable[[Level, str], None]
 
 
 class Session:
@@ -44,14 +66,7 @@ class Session:
     definitions : Definitions
     event_topic : str
         Under which events are recorded.
-    tables : callable
-        Named tables of strings that are put into every file.
-    space : callable
-        Bytes free for a folder.
-    refused : callable
-        Messages of this recording that the queue did not take.
-    tell : callable
-        Called with level and text of what happens; hands an RecorderEvent back to `record`.
+    hooks : SessionHooks
 
     Attributes
     ----------
@@ -76,12 +91,8 @@ class Session:
         folder: Path,
         settings: RecorderSettings,
         definitions: Definitions,
-        *,
         event_topic: str,
-        tables: Tables,
-        space: Callable[[Path], int],
-        refused: Callable[[], int],
-        tell: Callable[[Level, str], None],
+        hooks: SessionHooks,
     ) -> None:
         self.writer = writer
         self.state, self.reason = RecorderState.RECORDING, ""
@@ -91,13 +102,12 @@ class Session:
         self.began = time.monotonic()
         self.unsaved_since: float | None = None
         self._folder, self._settings, self._definitions = folder, settings, definitions
-        self._event_topic, self._tables, self._space = event_topic, tables, space
-        self._refused, self._tell = refused, tell
+        self._event_topic, self._hooks = event_topic, hooks
         self._channels: dict[tuple[str, str], int] = {}
         self._file_began = self.began
         self._chunk_began: float | None = None
         self._last_ns = 0
-        self._dropped_told = 0
+        self._dropped_reported = 0
         self._pause_began = 0
         self._retry_at = 0.0
         self._checked_at = -1e9
@@ -107,7 +117,7 @@ class Session:
         self._put_tables()
 
     def take(self, item: Item) -> None:
-        """Write a message; what cannot be written is counted and told."""
+        """Write a message; one that cannot be written is counted and reported."""
         if not self.writing:
             self.dropped += 1
             return
@@ -120,12 +130,12 @@ class Session:
             self.disk_failed(error)
         except Exception as error:  # noqa: BLE001  (one odd message must not end the recording of the others)
             self.dropped += 1
-            if item[0] not in self._odd:
-                self._odd.add(item[0])
-                self._tell(Level.WARNING, f"messages of {item[0]} cannot be recorded: {error}")
+            if item.topic not in self._odd:
+                self._odd.add(item.topic)
+                self._hooks.report(Level.WARNING, f"messages of {item.topic} cannot be recorded: {error}")
 
     def periodic(self) -> None:
-        """What is due by time: chunk, sync, split, disk, drops."""
+        """Do what is due by time: chunk, sync, split, disk, lost messages."""
         now = time.monotonic()
         if now - self._checked_at >= _LOOK or not self.writing:
             self._watch_disk()
@@ -141,15 +151,15 @@ class Session:
             self.unsaved_since = None
         if self._settings.split_seconds and now - self._file_began >= self._settings.split_seconds:
             self._new_file()
-        count = self.lost - self._dropped_told
+        count = self.lost - self._dropped_reported
         if count > 0:
-            self._dropped_told += count
-            self._tell(Level.ERROR, f"{count} messages were lost: the disk is slower than the data")
+            self._dropped_reported += count
+            self._hooks.report(Level.ERROR, f"{count} messages were lost: the disk is slower than the data")
 
     @property
     def lost(self) -> int:
         """Messages of this recording that are not in it."""
-        return self._refused() + self.dropped
+        return self._hooks.refused() + self.dropped
 
     def _write(self, item: Item) -> None:
         topic, type_name, data, log_ns, publish_ns, qos, type_hash = item
@@ -166,7 +176,7 @@ class Session:
             if not self.writing:
                 self.dropped += 1
                 return
-            self._tell(Level.WARNING, text)
+            self._hooks.report(Level.WARNING, text)
         self._last_ns = log_ns
         if self._early:
             self._record_early()
@@ -187,11 +197,13 @@ class Session:
             profiles = bag_metadata.parse_qos(qos)
         except ValueError as error:
             profiles = []
-            self._tell(Level.WARNING, f"{topic}: recorded without its quality of service: {error}")
+            self._hooks.report(Level.WARNING, f"{topic}: recorded without its quality of service: {error}")
         channel = self.writer.topic(topic, type_name, profiles, type_hash, need_definition=False)
         self._channels[topic, type_name] = channel
         if not self.writer.has_definition(channel):
-            self._tell(Level.WARNING, f"{topic}: recorded without a definition, for {type_name} is unknown here")
+            self._hooks.report(
+                Level.WARNING, f"{topic}: recorded without a definition, for {type_name} is unknown here"
+            )
         return channel
 
     def _by_time(self) -> None:
@@ -211,7 +223,7 @@ class Session:
     def _watch_disk(self) -> None:
         self._checked_at, self._unchecked = time.monotonic(), 0
         try:
-            self.free = self._space(self._folder)
+            self.free = self._hooks.space(self._folder)
         except OSError as error:
             self.free = -1
             if self.writing:
@@ -225,7 +237,7 @@ class Session:
             self._resume()
 
     def _pause_writing(self, state: RecorderState, reason: str) -> None:
-        self._tell(Level.ERROR, f"recording paused: {reason}")
+        self._hooks.report(Level.ERROR, f"recording paused: {reason}")
         self.writing = False
         self._pause_began = time.time_ns()
         self._retry_at = time.monotonic() + self._settings.retry_seconds
@@ -239,7 +251,7 @@ class Session:
                 self.writer.finish_file(sync=True)
             except OSError:
                 self.dropped += self.writer.give_up_file()
-                self._tell(Level.ERROR, f"{self.writer.file.path.name} has no end; the next start recovers it")
+                self._hooks.report(Level.ERROR, f"{self.writer.file.path.name} has no end; the next start recovers it")
         # Only now: whoever sees the pause may rely on the file.
         self.state, self.reason = state, reason
 
@@ -258,11 +270,13 @@ class Session:
             return
         self.writing, self._file_began = True, time.monotonic()
         self.state, self.reason = RecorderState.RECORDING, ""
-        lost = self.lost - self._dropped_told
-        self._dropped_told += lost
+        lost = self.lost - self._dropped_reported
+        self._dropped_reported += lost
         seconds = (time.time_ns() - self._pause_began) * 1e-9
         self._put_tables()
-        self._tell(Level.WARNING, f"recording goes on after a pause of {seconds:.0f} s; {lost} messages were lost")
+        self._hooks.report(
+            Level.WARNING, f"recording goes on after a pause of {seconds:.0f} s; {lost} messages were lost"
+        )
 
     def split(self) -> Path:
         """Go on in a new file; the finished one comes back."""
@@ -302,13 +316,13 @@ class Session:
             full = error.errno in _FULL
             self.state = RecorderState.PAUSED_DISK_FULL if full else RecorderState.FAILED
             self.reason = self._words(error)
-            self._tell(Level.ERROR, f"recording paused: {self.reason}")
+            self._hooks.report(Level.ERROR, f"recording paused: {self.reason}")
             return
         self._file_began = time.monotonic()
         self._put_tables()
 
     def _put_tables(self) -> None:
-        for name, values in self._tables().items():
+        for name, values in self._hooks.tables().items():
             self.writer.add_metadata(name, values)
 
     def _record_early(self) -> None:

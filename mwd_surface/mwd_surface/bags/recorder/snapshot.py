@@ -7,7 +7,7 @@ from collections import deque
 
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.bags.recorder.session import OVERHEAD, Item
+from mwd_surface.bags.recorder.message_queue import Item
 
 
 class SnapshotRing:
@@ -25,9 +25,9 @@ class SnapshotRing:
         """Take a message; the oldest go."""
         now = time.monotonic()
         self._items.append((now, item))
-        self._bytes += len(item[2]) + OVERHEAD
+        self._bytes += item.size
         while self._items and (now - self._items[0][0] > self._seconds or self._bytes > self._most):
-            self._bytes -= len(self._items.popleft()[1][2]) + OVERHEAD
+            self._bytes -= self._items.popleft()[1].size
 
     def write(self, writer: BagWriter) -> None:
         """Write what is kept into a bag, oldest first."""

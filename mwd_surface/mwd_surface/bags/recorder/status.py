@@ -9,6 +9,10 @@ from pathlib import Path
 from mwd_surface.bags.mcap.recovery_report import RecoveryReport
 
 
+class RecorderError(Exception):
+    """A request that the recorder cannot carry out; one sentence with path and reason."""
+
+
 class RecorderState(enum.IntEnum):
     """State of the recorder; the numbers of mwd_msgs/RecorderStatus."""
 

@@ -21,9 +21,9 @@ from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.definitions import Definitions
 from mwd_surface.bags.mcap import recovery
-from mwd_surface.bags.recorder.recorder import Recorder, RecorderError
+from mwd_surface.bags.recorder.recorder import Recorder
 from mwd_surface.bags.recorder.settings import RecorderSettings
-from mwd_surface.bags.recorder.status import Level, RecorderState
+from mwd_surface.bags.recorder.status import Level, RecorderError, RecorderState
 
 START = 1_700_000_000_000_000_000
 STRING, IMU = "std_msgs/msg/String", "sensor_msgs/msg/Imu"

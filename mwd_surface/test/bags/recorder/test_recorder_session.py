@@ -11,7 +11,8 @@ from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import Definitions
 from mwd_surface.bags.recorder import session as recording_session
-from mwd_surface.bags.recorder.session import Session
+from mwd_surface.bags.recorder.message_queue import Item
+from mwd_surface.bags.recorder.session import Session, SessionHooks
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.bags.recorder.status import Level, RecorderEvent, RecorderState
 
@@ -39,11 +40,10 @@ class Bench:
             folder,
             settings,
             definitions,
-            event_topic=EVENTS,
-            tables=lambda: {"versions": {"at": f"{self.now:.0f}"}},
-            space=self._space,
-            refused=lambda: self.refused,
-            tell=self._tell,
+            EVENTS,
+            SessionHooks(
+                lambda: {"versions": {"at": f"{self.now:.0f}"}}, self._space, lambda: self.refused, self._tell
+            ),
         )
 
     def _space(self, _folder):
@@ -57,7 +57,7 @@ class Bench:
 
     def take(self, k, topic="/a", log_ns=None, size=300, type_name=STRING, qos=""):
         stamp = START + k * 1_000_000 if log_ns is None else log_ns
-        self.session.take((topic, type_name, bytes(size), stamp, stamp, qos, ""))
+        self.session.take(Item(topic, type_name, bytes(size), stamp, stamp, qos, ""))
 
     def later(self, seconds):
         self.now += seconds

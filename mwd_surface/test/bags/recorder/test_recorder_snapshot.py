@@ -3,14 +3,14 @@
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import installed
-from mwd_surface.bags.recorder.session import OVERHEAD
+from mwd_surface.bags.recorder.message_queue import OVERHEAD, Item
 from mwd_surface.bags.recorder.snapshot import SnapshotRing
 
 TYPE = "sensor_msgs/msg/Temperature"
 
 
 def item(k, size=40):
-    return ("/t", TYPE, bytes([k]) * size, k, k, "", "")
+    return Item("/t", TYPE, bytes([k]) * size, k, k, "", "")
 
 
 def test_the_oldest_go_when_the_bytes_are_used_up(tmp_path):

@@ -1,0 +1,105 @@
+"""The queue between the threads that hand messages over and the thread that writes them, bounded in bytes."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import dataclasses
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+OVERHEAD = 128  # bytes that a waiting message costs beyond its payload
+_BATCH = 1000
+
+
+class Item(NamedTuple):
+    """A message: log and publish time in ns since the epoch, offered profiles as YAML, RIHS01 hash of the type."""
+
+    topic: str
+    type_name: str
+    data: bytes
+    log_ns: int
+    publish_ns: int
+    qos: str = ""
+    type_hash: str = ""
+
+    @property
+    def size(self) -> int:
+        """Bytes of memory while it waits."""
+        return len(self.data) + OVERHEAD
+
+
+@dataclasses.dataclass
+class Command:
+    """A request carried out by the writer thread, in its place among the messages."""
+
+    run: Callable[[], Any]
+    answer: concurrent.futures.Future[Any] = dataclasses.field(default_factory=concurrent.futures.Future)
+
+    def carry_out(self) -> None:
+        """Run it and set its answer, or its exception."""
+        try:
+            self.answer.set_result(self.run())
+        except Exception as error:  # noqa: BLE001  (whatever it is belongs to the caller)
+            self.answer.set_exception(error)
+
+
+class MessageQueue:
+    """
+    Messages and commands in the order in which they were handed over; no call waits.
+
+    limit : int
+        Most bytes that may wait.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self.limit = limit
+        self.waiting_bytes = 0
+        self.refused = 0
+        self.wake = threading.Event()
+        self._items: deque[Item | Command] = deque()
+        self._lock = threading.Lock()
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def put(self, item: Item) -> bool:
+        """Take a message; return False, and count it as refused, where it does not fit."""
+        with self._lock:
+            if self.waiting_bytes + item.size > self.limit:
+                self.refused += 1
+                return False
+            self.waiting_bytes += item.size
+            self._items.append(item)
+            filling = self.waiting_bytes > self.limit // 4
+        if filling:
+            self.wake.set()
+        return True
+
+    def command(self, run: Callable[[], Any]) -> concurrent.futures.Future[Any]:
+        """Take a command; return its answer to come."""
+        command = Command(run)
+        with self._lock:
+            self._items.append(command)
+        return command.answer
+
+    def batch(self) -> list[Item | Command]:
+        """Return the next entries, at most a thousand; empty where none waits."""
+        taken: list[Item | Command] = []
+        with self._lock:
+            while self._items and len(taken) < _BATCH:
+                item = self._items.popleft()
+                taken.append(item)
+                if isinstance(item, Item):
+                    self.waiting_bytes -= item.size
+        return taken
+
+    def cancel(self, error: Exception) -> None:
+        """Empty the queue; the commands in it fail with the error."""
+        with self._lock:
+            commands = [item for item in self._items if isinstance(item, Command)]
+            self._items.clear()
+            self.waiting_bytes = 0
+        for command in commands:
+            command.answer.set_exception(error)
