@@ -18,7 +18,6 @@ from mwd_estimation.gravity.methods import method
 from mwd_estimation.gyrocompass.gyro_params import GyroParams
 from mwd_estimation.gyrocompass.session import SessionParams
 from mwd_estimation.health import monitor
-from mwd_estimation.health.unit_comparison import Settings as PrecisionHealthParams
 from mwd_estimation.magnetic import interference_filter
 from mwd_estimation.settings import EstimatorSettings, reference_of
 from mwd_estimation.survey import azimuth_fusion, run_history, tool_code
@@ -83,9 +82,9 @@ def health_params(settings: EstimatorSettings) -> monitor.Params:
     )
 
 
-def precision_health_params(settings: EstimatorSettings) -> PrecisionHealthParams:
-    """Parameters of the comparison of the two units."""
-    return PrecisionHealthParams(math.radians(settings.tool.precision.gyro.bias_deg_h) / 3600.0)
+def precision_gyro_bias(settings: EstimatorSettings) -> float:
+    """1 sigma of the bias of the precision unit's gyros, rad/s, for the comparison of the two units."""
+    return math.radians(settings.tool.precision.gyro.bias_deg_h) / 3600.0
 
 
 def time_alignment_params(settings: EstimatorSettings) -> time_alignment.Params:

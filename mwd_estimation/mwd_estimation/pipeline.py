@@ -35,9 +35,8 @@ from mwd_estimation.gyrocompass.session import NorthProgress, NorthSession
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.gyrocompass.station import GyroStation
 from mwd_estimation.health import monitor
-from mwd_estimation.health.fault_debounce import ACCEL, MAG
-from mwd_estimation.health.fault_debounce import GYRO as GYRO_BIT
-from mwd_estimation.health.fault_messages import Finding
+from mwd_estimation.health.sensor_fault import ACCEL, MAG, SensorFault
+from mwd_estimation.health.sensor_fault import GYRO as GYRO_BIT
 from mwd_estimation.health.unit_comparison import PrecisionHealth
 from mwd_estimation.magnetic import spike_filter
 from mwd_estimation.settings import EstimatorSettings, Place, latitude_of, reference_of
@@ -84,7 +83,7 @@ class Output:
     dynamics: Samples
     surveys: list[Survey] = dataclasses.field(default_factory=list)
     refusals: list[Refusal] = dataclasses.field(default_factory=list)
-    health: list[Finding] = dataclasses.field(default_factory=list)
+    health: list[SensorFault] = dataclasses.field(default_factory=list)
     north: list[Solution] = dataclasses.field(default_factory=list)
     rotary: list[Survey | Refusal] = dataclasses.field(default_factory=list)
 
@@ -153,7 +152,7 @@ class Pipeline:
         self._health_params = derivation.health_params(settings)
         self._health = monitor.initial(self._health_params)
         self._spikes = spike_filter.initial()
-        self._precision_health = PrecisionHealth(derivation.precision_health_params(settings))
+        self._precision_health = PrecisionHealth(derivation.precision_gyro_bias(settings))
         self._faults = FaultHistory()
         self._unusable, self._misled = 0, False
         # Since when the magnetometer, as far as is known a sound one, has been taken in.
@@ -219,13 +218,13 @@ class Pipeline:
         return self._field.interference
 
     @property
-    def sensor_faults(self) -> list[Finding]:
+    def sensor_faults(self) -> list[SensorFault]:
         """Faults of the sensors that stand now."""
-        return monitor.findings(self._health) + self._precision_health.findings
+        return monitor.faults(self._health) + self._precision_health.faults
 
     @property
-    def sensors_known(self) -> dict[str, str]:
-        """What of units, axes and signs is ok, a fault or not yet known."""
+    def sensors_known(self) -> dict[str, int]:
+        """Conditions of units, axes and signs: UNKNOWN, OK or FAULT of `health.fault_debounce`."""
         return monitor.known(self._health)
 
     def request_survey(self, duration_s: float = 0.0) -> None:
@@ -540,7 +539,7 @@ class Pipeline:
             output.health.append(change)
         if not unit.heard:
             return False
-        faulty = any(one.unusable for one in unit.findings)
+        faulty = any(one.unusable for one in unit.faults)
         refusal = quoted(unit.refusal) if unit.refusal else None
         self._gyro.refuse(refusal, faulty)
         if faulty:

@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.health import monitor as health
-from mwd_estimation.health.fault_debounce import ACCEL, GYRO
-from mwd_estimation.health.fault_messages import Finding
+from mwd_estimation.health.fault_messages import describe
+from mwd_estimation.health.sensor_fault import ACCEL, GYRO, FaultCode, SensorFault
 from mwd_estimation.health.signal_checks import BIN_NS
-from mwd_estimation.health.unit_comparison import PrecisionHealth, Settings
+from mwd_estimation.health.unit_comparison import PrecisionHealth
 from mwd_sensors.core import wire
 from mwd_sensors.simulator import faults, scenario
 from mwd_sensors.simulator.faults import Fault
@@ -162,7 +162,7 @@ def judged(streams: Streams, reference: tuple[float | None, ...]) -> tuple[healt
 class Watched:
     """What was said of a run: changes and the seconds after which, and the seconds from which on there was doubt."""
 
-    changes: list[tuple[float, Finding]]
+    changes: list[tuple[float, SensorFault]]
     doubts: NDArray[np.float64]
 
 
@@ -176,7 +176,7 @@ def watched(streams: Streams, reference: tuple[float | None, ...]) -> Watched:
 def fine_watched(streams: Streams, reference: tuple[float | None, ...]) -> Watched:
     """The precision unit over a run, bin by bin as the estimator does it: without a conventional unit in doubt."""
     step, _ = judged(streams, reference)
-    health_of = PrecisionHealth(Settings(math.radians(5.0) / 3600.0))
+    health_of = PrecisionHealth(math.radians(5.0) / 3600.0)
     imu, fine = streams["imu/data_raw"], streams["gyro/data_raw"]
     beside = np.hstack([imu["angular_velocity"], imu["linear_acceleration"]])
     felt = beside.copy()
@@ -206,12 +206,13 @@ def healthy() -> list[str]:
     counts: dict[str, list[float]] = {}
 
     def count(kind: str, name: str, said: Watched, every: float) -> None:
-        false = [one for _, one in said.changes if not (name.split(",")[0] in CLIPPING and one.kind == "saturated")]
+        clips = name.split(",")[0] in CLIPPING
+        false = [one for _, one in said.changes if not (clips and one.code == FaultCode.CLIPPED)]
         sums = counts.setdefault(kind, [0, 0, 0.0])
         sums[0] += 1
         sums[1] += len(false)
         sums[2] += every * len(said.doubts)
-        rows.extend(f"- `{name}`: {one.message}" for one in false)
+        rows.extend(f"- `{name}`: {describe(one).message}" for one in false)
 
     for seed, path in enumerate(sorted(SCENARIOS.rglob("*.yaml"))):
         name = str(path.relative_to(SCENARIOS).with_suffix(""))
@@ -281,14 +282,16 @@ def row(runs: list[Run], component: str, word: str, axis: str, watch: Callable[.
         for start in STARTS:
             said = watch(spoilt(run, Fault(component, word, axis, start_s=start)), run.reference)
             right = [(at - start, one) for at, one in said.changes if not one.cleared_ns and at >= start]
-            wrong = next((one.sensor for _, one in right if SENSOR[component] not in one.sensor), wrong)
+            named_as = [describe(one).sensor for _, one in right]
+            wrong = next((sensor for sensor in named_as if SENSOR[component] not in sensor), wrong)
             if not right:
                 named = math.inf
                 break
             later = said.doubts[said.doubts >= start]
             first = float(later[0]) - start if len(later) else math.inf
             doubted, named = max(doubted, min(first, right[0][0])), max(named, right[0][0])
-            names += [f"{one.kind} {one.axis}".strip() for _, one in right[:1]]
+            text = describe(right[0][1])
+            names.append(f"{text.kind} {text.axis}".strip())
             bits = bits or right[-1][1].unusable
         cells.append(f"wrong: {wrong}" if wrong else "-" if named == math.inf else f"{doubted:.1f}, {named:.1f}")
     name = max(names, key=names.count) if names else "-"

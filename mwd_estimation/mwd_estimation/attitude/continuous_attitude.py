@@ -23,7 +23,7 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
-from mwd_estimation.health.fault_debounce import ACCEL, GYRO
+from mwd_estimation.health.sensor_fault import ACCEL, GYRO
 from mwd_estimation.magnetic import interference_filter
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps
@@ -65,7 +65,7 @@ class Block:
         ns, rad/s (nan where the gyros are unusable), m/s^2.
     track : Track
     suspect : ndarray of uint8, shape (n,)
-        Sensors in doubt at each sample, bits of `health.fault_debounce`.
+        Sensors in doubt at each sample, bits of `health.sensor_fault`.
     unusable : int
         Sensors known to be faulty throughout the block, as such bits.
     contaminated : bool

@@ -1,126 +1,155 @@
 """
-The checks of sensor health: how what is observed, again and again, becomes a fault, and how a fault goes again.
+From observations to faults: a check is not yet known, ok or a fault, and changes after several observations in a row.
 
-Every check is not yet known, ok or fault. What judges the samples notes what it has seen, for the fault or against it;
-`weigh` counts: a fault needs several observations in a row for it, and as a rule more in a row against it to go. What
-speaks against a sensor and is no fault yet makes it doubtful meanwhile (`suspected`, `doubt`).
+What judges the samples observes a check FOR a fault or AGAINST it; `weigh` counts. What speaks against a sensor and is
+no fault yet makes it doubtful for some seconds (`doubt`).
 """
 
 from __future__ import annotations
 
+from typing import Annotated, Any, NamedTuple
+
 import numpy as np
-from numpy.typing import NDArray
 
+from mwd_estimation.health.sensor_fault import ACCEL, GYRO, MAG, PRECISION, FaultCode, SensorFault, Unit
+from mwd_sensors.core.arrays import Indices
 from mwd_sensors.core.compiled import compiled
-
-Whole = NDArray[np.int64]
+from mwd_sensors.core.records import dtype_of
 
 UNKNOWN, OK, FAULT = 0, 1, 2
-GYRO, ACCEL, MAG = 1, 2, 4  # bits of what cannot be used
-SENSORS = ("gyro", "accelerometer", "magnetometer")
-
-# Checks: first index of each; per axis (9), per sensor (3) or single.
-STUCK, SATURATED, INVALID, DEAD, UNIT, AXES, SIGN, FRAME, ABSENT, RATE, STAMPS, HELD, MISMATCH, CROSS, LENGTH, NOISE = (
-    0, 9, 18, 21, 24, 27, 28, 29, 30, 31, 32, 33, 35, 36, 37, 38,
-)  # fmt: skip
-CHECKS = 39
-
-# Of a check: state, observations for and against in a row, since, three details.
-STATE, UP, DOWN, FROM, D0, D1, D2 = range(7)
-# Of a note: what was seen, since when, three details; and what can have been seen.
-SEEN, BEGAN = 0, 1
-# STRONGLY counts as two observations for it.
+# STRONGLY counts as two observations for the fault.
 NOTHING, AGAINST, FOR, STRONGLY = -1, 0, 1, 2
-# Of the tally: events, sensors not to be used, place in the block of the sample that brings the judgement, sensors in
-# doubt; half seconds for which each sensor (3) stays so.
-EVENTS, UNUSABLE, PLACE, SUSPECT, _DOUBT, _TALLY = 0, 1, 2, 3, 4, 7
-_EVENTS = 256
-_HOLD = 12
+# Half seconds for which a sensor stays doubtful after the last reason: as long as naming a fault takes.
+DOUBT_BINS = 12
 
-# Of a saturated axis: at the limit often or, with which it cannot be used, always.
-OFTEN, ALWAYS = 25, 95
+CODES, PLACES = len(FaultCode), 9
 
 
-def _by_check(one: int, **others: int) -> Whole:
-    """Shape (CHECKS,): the same figure for every check but those named."""
-    first = {"saturated": SATURATED, "dead": DEAD, "unit": UNIT, "absent": ABSENT, "rate": RATE, "stamps": STAMPS,
-             "held": HELD, "mismatch": MISMATCH, "cross": CROSS, "length": LENGTH, "noise": NOISE}  # fmt: skip
-    edges = sorted((*first.values(), STUCK, INVALID, AXES, SIGN, FRAME, CHECKS))
-    figures = np.full(CHECKS, one, dtype=np.int64)
-    for name, figure in others.items():
-        figures[first[name] : edges[edges.index(first[name]) + 1]] = figure
-    return figures
+class Check:
+    """One check: its state, observations in a row, the fault; and the observation that is not counted yet."""
+
+    state: int
+    votes_for: int
+    votes_against: int
+    since_ns: int
+    value: float
+    limit: float
+    which: Annotated[Indices, 3]
+    changed: int
+    seen: int
+    seen_ns: int
+    seen_value: float
+    seen_limit: float
+    seen_which: Annotated[Indices, 3]
 
 
-# Observations in a row for a fault, and against it for its end.
-_NEED = _by_check(2, saturated=4, dead=1, absent=1, rate=5, stamps=1, held=8, mismatch=3, length=4, noise=4)
-_CLEAR = np.where(np.arange(CHECKS) < UNIT, 4, 2) + _by_check(0, saturated=8, rate=2, stamps=-1, held=6, noise=2)
-# Observations against it wipe those for it only when there are enough of them.
-_KEEPS = _by_check(0, saturated=1) == 1
-# A fault that stands and is narrowed down is told anew.
-_NARROWS = np.isin(np.arange(CHECKS), (AXES, FRAME, CROSS))
+CHECK = dtype_of(Check)
 
 
-def blank() -> tuple[Whole, Whole, Whole, Whole]:
-    """Checks (CHECKS, 7), notes (CHECKS, 5), tally and room for the events of a block before the first sample."""
-    notes = np.full((CHECKS, 5), NOTHING, dtype=np.int64)
-    return (
-        np.zeros((CHECKS, 7), dtype=np.int64),
-        notes,
-        np.zeros(_TALLY, dtype=np.int64),
-        np.zeros((_EVENTS, 8), np.int64),
-    )
+class Rule(NamedTuple):
+    """
+    When a check becomes a fault and when it is gone.
+
+    Attributes
+    ----------
+    need, clear : int
+        Observations in a row for the fault, and against it.
+    patient : int
+        1: a single observation against it does not begin the count anew.
+    narrows : int
+        1: a fault that stands and whose explanations become fewer is reported again.
+    accuses : int
+        1: the sensor of the check must not be used (AXES, SIGN and FRAME: those of the fault's own data).
+    """
+
+    need: int
+    clear: int
+    patient: int = 0
+    narrows: int = 0
+    accuses: int = 1
+
+
+# Half seconds for the checks of samples, windows of three seconds for those of motion.
+RULES = {
+    FaultCode.STUCK: Rule(5, 4),
+    FaultCode.SATURATED: Rule(4, 4),
+    FaultCode.CLIPPED: Rule(4, 8, patient=1, accuses=0),
+    FaultCode.INVALID: Rule(2, 4),
+    FaultCode.DEAD: Rule(6, 4),
+    FaultCode.NOISE: Rule(4, 4),
+    FaultCode.NEVER_CAME: Rule(10, 2, accuses=0),
+    FaultCode.SILENT: Rule(4, 2),
+    FaultCode.REPEATED: Rule(8, 8, accuses=0),
+    FaultCode.RATE: Rule(5, 4, accuses=0),
+    FaultCode.STAMPS: Rule(1, 1, accuses=0),
+    FaultCode.UNIT: Rule(2, 2),
+    FaultCode.AXES: Rule(2, 2, narrows=1),
+    FaultCode.SIGN: Rule(2, 2),
+    FaultCode.POINTS_UP: Rule(2, 2),
+    FaultCode.FRAME: Rule(2, 2, narrows=1),
+    FaultCode.MISMATCH: Rule(8, 8),
+    FaultCode.GRAVITY: Rule(4, 2),
+    FaultCode.REST_RATE: Rule(5, 4),
+}
+_RULES = np.array([RULES[code] for code in FaultCode], dtype=np.int64)
+# Mappings up to which a frame that does not fit accuses the accelerometer as well.
+_FEW_MAPPINGS = 4
+
+
+def blank() -> Any:
+    """Every check before the first sample, shape (CODES, PLACES), dtype CHECK."""
+    checks = np.zeros((CODES, PLACES), dtype=CHECK)
+    checks["seen"] = NOTHING
+    return checks
 
 
 @compiled
-def note(notes: Whole, k: int, seen: int, began: int, d0: int, d1: int, d2: int) -> None:
-    """Note an observation of a check: FOR a fault since `began`, ns, STRONGLY, AGAINST it, or NOTHING."""
-    row = notes[k]
-    row[0], row[1], row[2], row[3], row[4] = seen, began, d0, d1, d2
+def observe(check: Any, seen: int, since_ns: int, value: float, limit: float) -> None:
+    """Observe a check: NOTHING, AGAINST, FOR or STRONGLY, since a stamp, ns; value and limit: see `SensorFault`."""
+    check.seen, check.seen_ns, check.seen_value, check.seen_limit = seen, since_ns, value, limit
+    check.seen_which[0] = check.seen_which[1] = check.seen_which[2] = 0
 
 
 @compiled
-def weigh(checks: Whole, notes: Whole, tally: Whole, events: Whole, now: int) -> None:
-    """Weigh what was noted of the checks up to `now`, ns, and write down what changed."""
-    any_changed = False
-    for k in range(CHECKS):
-        seen, row, details = notes[k, SEEN], checks[k], notes[k, 2:]
-        notes[k, SEEN] = NOTHING
-        changed = False
-        if seen >= FOR:
-            if row[UP] == 0:
-                row[FROM] = notes[k, BEGAN]
-            row[UP] += seen
-            row[DOWN] = 0
-            enough = row[UP] >= _NEED[k]
-            if row[STATE] != FAULT:
-                changed = enough
-            elif _NARROWS[k]:
-                changed = row[D0] != details[0] or row[D1] != details[1] or row[D2] != details[2]
-            elif _KEEPS[k]:
-                changed = row[D0] != details[0]
-            if row[STATE] != FAULT or _NARROWS[k] or _KEEPS[k]:
-                for d in range(3):
-                    row[D0 + d] = details[d]
-            if enough:
-                row[STATE] = FAULT
-        elif seen == AGAINST:
-            row[DOWN] += 1
-            changed = row[STATE] == FAULT and row[DOWN] >= _CLEAR[k]
-            if changed or (row[STATE] != FAULT and (not _KEEPS[k] or row[DOWN] >= _CLEAR[k])):
-                row[UP] = 0
-            if changed or (row[STATE] != FAULT and row[UP] == 0):
-                row[STATE] = OK
-        any_changed = any_changed or changed
-        if changed and tally[EVENTS] < len(events):
-            event = events[tally[EVENTS]]
-            event[0], event[1], event[2], event[3], event[7] = now, k, row[STATE], row[FROM], tally[PLACE]
-            for d in range(3):
-                event[4 + d] = row[D0 + d]
-            tally[EVENTS] += 1
-    if any_changed:
-        tally[UNUSABLE] = unusable(checks)
-        tally[SUSPECT] &= ~tally[UNUSABLE]
+def _count(rule: Indices, check: Any) -> bool:
+    """Count the observation of a check; whether it changes what is to be reported."""
+    stood = check.state == FAULT
+    if check.seen == AGAINST:
+        check.votes_against += 1
+        enough = check.votes_against >= rule[1]
+        if enough or not (stood or rule[2]):
+            check.votes_for = 0
+        if check.votes_for == 0:
+            check.state = OK
+        return bool(stood and enough)
+    if check.votes_for == 0:
+        check.since_ns = check.seen_ns
+    check.votes_for += check.seen
+    check.votes_against = 0
+    other = False
+    if not stood or rule[3]:
+        check.value, check.limit = check.seen_value, check.seen_limit
+        for s in range(3):
+            other = other or check.which[s] != check.seen_which[s]
+            check.which[s] = check.seen_which[s]
+    if check.votes_for < rule[0]:
+        return False
+    check.state = FAULT
+    return bool(other or not stood)
+
+
+@compiled
+def weigh(checks: Any) -> int:
+    """Count what was observed since the last call; gives the number of checks that changed, and marks them."""
+    changes = 0
+    for code in range(CODES):
+        for place in range(PLACES):
+            check = checks[code, place]
+            if check.seen != NOTHING and _count(_RULES[code], check):
+                check.changed = 1
+                changes += 1
+            check.seen = NOTHING
+    return changes
 
 
 @compiled
@@ -132,59 +161,80 @@ def _ones(mask: int) -> int:
 
 
 @compiled
-def _against(k: int, d0: int, d1: int, d2: int) -> int:
-    """Bits of the sensors that a fault of check k with these details speaks against."""
-    if k < INVALID:
-        return 1 << (k % 9 // 3) if k < SATURATED or d0 == ALWAYS else 0
-    if k < AXES:
-        return 1 << (k - INVALID) % 3
-    if k == AXES:
-        return (GYRO if d0 != 0 else 0) | (ACCEL if d1 != 0 else 0) | (MAG if d2 != 0 else 0)
-    if k == SIGN:
-        return d0
-    if k == FRAME:
-        return MAG | (ACCEL if d1 != 0 and _ones(d1) + _ones(d2) <= 4 else 0)
-    if k == ABSENT:
-        return MAG if d0 == 1 else 0
-    if k == LENGTH:
+def accused(code: int, place: int, which: Indices) -> int:
+    """Bits of the sensors that a fault of this check speaks against."""
+    if not _RULES[code, 4]:
+        return 0
+    if code == FaultCode.SIGN:
+        return int(which[0])
+    if code == FaultCode.POINTS_UP:
         return ACCEL
-    if k == NOISE:
-        return MAG
-    return GYRO if k in (MISMATCH, CROSS) else 0
+    if code == FaultCode.AXES:
+        return (GYRO if which[0] else 0) | (ACCEL if which[1] else 0) | (MAG if which[2] else 0)
+    if code == FaultCode.FRAME:
+        return MAG | (ACCEL if which[1] != 0 and _ones(which[1]) + _ones(which[2]) <= _FEW_MAPPINGS else 0)
+    return int(1 << place // 3)
 
 
 @compiled
-def unusable(checks: Whole) -> int:
+def unusable(checks: Any) -> int:
     """Bits of the sensors that must not be used."""
     bits = 0
-    for k in range(CHECKS):
-        if checks[k, STATE] == FAULT:
-            bits |= _against(k, checks[k, D0], checks[k, D1], checks[k, D2])
+    for code in range(CODES):
+        for place in range(PLACES):
+            if checks[code, place].state == FAULT:
+                bits |= accused(code, place, checks[code, place].which)
     return bits
 
 
 @compiled
-def suspected(checks: Whole, notes: Whole) -> int:
-    """Bits of the sensors that these notes speak against, without those of faults that stand."""
+def suspected(checks: Any) -> int:
+    """Bits of the sensors that the observations not counted yet speak against, without those of faults that stand."""
     bits = 0
-    for k in range(CHECKS):
-        if notes[k, SEEN] >= (STRONGLY if k == LENGTH else FOR) and checks[k, STATE] != FAULT:
-            bits |= _against(k, notes[k, 2], notes[k, 3], notes[k, 4])
+    for code in range(CODES):
+        least = STRONGLY if code == FaultCode.GRAVITY else FOR
+        for place in range(PLACES):
+            check = checks[code, place]
+            if check.seen >= least and check.state != FAULT:
+                bits |= accused(code, place, check.seen_which)
     return bits
 
 
 @compiled
-def doubt(checks: Whole, tally: Whole, bits: int) -> None:
+def doubt(left: Indices, bits: int) -> int:
     """
     Doubt these sensors from now on, and let half a second of the older doubts pass.
 
-    A doubt lasts as long as it takes to name a fault; what is named is a fault and no doubt any more.
+    left, shape (3,): half seconds for which each sensor stays doubtful; changed. Returns the bits of those in doubt.
     """
-    left = 0
+    doubtful = 0
     for s in range(3):
-        if bits >> s & 1:
-            tally[_DOUBT + s] = _HOLD
-        elif tally[_DOUBT + s] > 0:
-            tally[_DOUBT + s] -= 1
-        left |= int(tally[_DOUBT + s] > 0) << s
-    tally[SUSPECT] = left & ~unusable(checks)
+        left[s] = DOUBT_BINS if bits >> s & 1 else max(left[s] - 1, 0)
+        doubtful |= int(left[s] > 0) << s
+    return doubtful
+
+
+def fault_of(checks: Any, code: int, place: int, now_ns: int, unit: Unit = Unit.CONVENTIONAL) -> SensorFault:
+    """The fault that a check holds, or its end at `now_ns`."""
+    check = checks[code, place]
+    which = tuple(int(v) for v in check.which)
+    bits = accused(code, place, check.which)
+    if unit != Unit.CONVENTIONAL:
+        bits = PRECISION * int(bool(bits) or code == FaultCode.STAMPS)
+    return SensorFault(
+        FaultCode(code), unit, place, float(check.value), float(check.limit), (which[0], which[1], which[2]),
+        bits, int(check.since_ns),
+        0 if check.state == FAULT else now_ns,
+    )  # fmt: skip
+
+
+def take_changes(checks: Any, now_ns: int, unit: Unit = Unit.CONVENTIONAL) -> list[SensorFault]:
+    """The faults that changed, at `now_ns`, since the last call."""
+    changed = np.argwhere(checks["changed"] > 0)
+    checks["changed"] = 0
+    return [fault_of(checks, int(code), int(place), now_ns, unit) for code, place in changed]
+
+
+def standing(checks: Any, unit: Unit = Unit.CONVENTIONAL) -> list[SensorFault]:
+    """Every fault that stands now."""
+    return [fault_of(checks, int(code), int(place), 0, unit) for code, place in np.argwhere(checks["state"] == FAULT)]

@@ -1,51 +1,44 @@
-"""Faults of sensors in words a driller understands: what is wrong, with which sensor and axis, and what to do."""
+"""Words for faults of sensors, for tables, logs and diagnostics: nothing reads them back."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable
 
-import numpy as np
+from mwd_estimation.health.axis_mappings import MAPPINGS, kind_of
+from mwd_estimation.health.fault_debounce import FAULT, OK, UNKNOWN
+from mwd_estimation.health.sensor_fault import SENSORS, FaultCode, SensorFault, Unit
 
-from mwd_estimation.health import axis_consistency as axes
-from mwd_estimation.health.fault_debounce import (
-    ABSENT,
-    ACCEL,
-    ALWAYS,
-    AXES,
-    CROSS,
-    DEAD,
-    FAULT,
-    FRAME,
-    GYRO,
-    HELD,
-    INVALID,
-    LENGTH,
-    MAG,
-    MISMATCH,
-    NOISE,
-    RATE,
-    SATURATED,
-    SENSORS,
-    SIGN,
-    STAMPS,
-    STATE,
-    UNIT,
-    UNKNOWN,
-    Whole,
-)
+# Units beside SI that a sensor may send, in the order of their numbers.
+OTHER_UNITS = (("deg/s",), ("g",), ("mT", "gauss", "uT", "mG", "nT"))
+_SI = ("rad/s", "m/s^2", "T")
+_CABLE = "check its plug and cable; if it stays, change the probe"
+# What a check can be found to be.
+CONDITIONS = {UNKNOWN: "not yet known", OK: "ok", FAULT: "fault"}
+_KINDS = {
+    FaultCode.CLIPPED: "saturated", FaultCode.NEVER_CAME: "absent", FaultCode.SILENT: "absent",
+    FaultCode.REPEATED: "held", FaultCode.SIGN: "flipped", FaultCode.POINTS_UP: "flipped",
+    FaultCode.REST_RATE: "unit",
+}  # fmt: skip
+_WARNINGS = (FaultCode.CLIPPED, FaultCode.NEVER_CAME, FaultCode.REPEATED, FaultCode.RATE)
+# Of what is seen indirectly; all else is certain.
+_CONFIDENCE = {
+    FaultCode.NOISE: 0.95, FaultCode.RATE: 0.9, FaultCode.REPEATED: 0.9, FaultCode.UNIT: 0.97,
+    FaultCode.GRAVITY: 0.9, FaultCode.MISMATCH: 0.9, FaultCode.REST_RATE: 0.9, FaultCode.FRAME: 0.6,
+    FaultCode.SIGN: 0.95, FaultCode.POINTS_UP: 0.95,
+}  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
-class Finding:
+class FaultText:
     """
-    One fault, or its end, in words a driller understands.
+    A fault in words.
 
     Attributes
     ----------
     kind : str
-        stuck, saturated, invalid, dead, unit, swapped, flipped, frame, absent, rate, stamps, held, mismatch, gravity or
-        noise.
+        stuck, saturated, invalid, dead, noise, absent, held, rate, stamps, unit, swapped, flipped, frame, mismatch or
+        gravity; several possible ones are joined by "/".
     sensor, axis : str
         Which; several possible ones are joined by "/" ("" where no single axis is meant).
     severity : str
@@ -53,14 +46,7 @@ class Finding:
     confidence : float
         0 to 1: share of the possible explanations that is named, less where the evidence is indirect.
     message, remedy : str
-    since_ns : int
-        Stamp from which on the evidence stands.
-    cleared_ns : int
-        Stamp at which it was gone; 0 while it lasts.
-    unusable : int
-        Bits GYRO, ACCEL, MAG of what must not be used while it lasts.
-    check : int
-        Number of the check: the same fault, narrowed down or cleared, has the same.
+        What is wrong, and what to do about it ("" for a fault that has ended).
     """
 
     kind: str
@@ -70,215 +56,194 @@ class Finding:
     confidence: float
     message: str
     remedy: str
-    since_ns: int = 0
-    cleared_ns: int = 0
-    unusable: int = 0
-    check: int = -1
 
 
-_UNITS = (
-    ("deg/s",),
-    ("g", "mg or cm/s^2", "ft/s^2"),
-    ("mT", "gauss", "uT", "mG", "nT"),
-)
-_SI = ("rad/s", "m/s^2", "T")
-CABLE = "check its plug and cable; if it stays, change the probe"
-# Behind the message of a fault that is over.
-ENDED = " (has ended)"
-_IMU = "gyro/accelerometer"
+def describe(fault: SensorFault) -> FaultText:
+    """Words of a fault."""
+    sensor = SENSORS[fault.place // 3]
+    message, remedy = (_WORDS.get(fault.code) or _axes_words)(fault, sensor)
+    text = FaultText(
+        _KINDS.get(fault.code, fault.code.name.lower()), _sensors(fault), _axis(fault),
+        "warning" if fault.code in _WARNINGS or (fault.code == FaultCode.FRAME and not any(_few(fault))) else "error",
+        _confidence(fault), message, remedy,
+    )  # fmt: skip
+    ways = [kind_of(k) for mask in _few(fault) for k in _bits(mask, len(MAPPINGS))]
+    if ways:
+        text = dataclasses.replace(text, kind=_joined(kind for kind, _ in ways), axis=_joined(axis for _, axis in ways))
+    if fault.cleared_ns:
+        return dataclasses.replace(text, message=f"{text.message} (has ended)", remedy="")
+    return text
 
 
-def known(checks: Whole) -> dict[str, str]:
-    """
-    What is ok, a fault, or not yet known: units, axes and signs, by the words a panel shows.
-
-    y and z of the gyro are listed once they are known: a string that rotates smoothly never shows them, and is healthy.
-    """
-    words = ("not yet known", "ok", "fault")
-    names = {
-        "gyro unit": UNIT, "accelerometer unit": UNIT + 1, "magnetometer unit": UNIT + 2, "axes": AXES,
-        "signs of accelerometer and magnetometer": SIGN,
-    }  # fmt: skip
-    if checks[CROSS, STATE] != UNKNOWN:
-        names["y and z of the gyro"] = CROSS
-    return {name: words[int(checks[k, STATE])] for name, k in names.items()}
+def _bits(mask: int, count: int) -> list[int]:
+    return [k for k in range(count) if mask >> k & 1]
 
 
-def finding(row: Sequence[int]) -> Finding:
-    """An event of `health_evidence` in words: its time, check, state, since when, and three details."""
-    now, k, condition, since = (int(v) for v in row[:4])
-    fault = _described(k, [int(v) for v in row[4:7]])
-    fault = dataclasses.replace(fault, since_ns=since, check=k)
-    return fault if condition == FAULT else over(fault, now)
+def _joined(names: Iterable[str]) -> str:
+    return "/".join(dict.fromkeys(names))
 
 
-def over(fault: Finding, now: int) -> Finding:
-    """The fault when it is gone, at `now`, ns."""
-    return dataclasses.replace(fault, message=fault.message + ENDED, remedy="", cleared_ns=now)
+def _few(fault: SensorFault) -> tuple[int, ...]:
+    """The mappings that explain it, unless a wrong frame leaves too many."""
+    if fault.code == FaultCode.AXES:
+        return fault.which
+    if fault.code == FaultCode.FRAME and 0 < sum(mask.bit_count() for mask in fault.which) <= 4:
+        return fault.which
+    return ()
 
 
-def _fault(
-    kind: str, sensor: str, axis: str, severity: str, confidence: float, message: str, remedy: str, unusable: int
-) -> Finding:
-    """A fault of no time yet."""
-    return Finding(kind, sensor, axis, severity, confidence, message, remedy, unusable=unusable)
+def _sensors(fault: SensorFault) -> str:
+    if fault.code == FaultCode.STAMPS or (fault.code == FaultCode.SILENT and fault.unit != Unit.CONVENTIONAL):
+        return "gyro/accelerometer" if fault.unit == Unit.CONVENTIONAL else "precision unit"
+    names = [SENSORS[s] for s in fault.sensors]
+    if fault.code == FaultCode.FRAME and not any(_few(fault)):
+        names = list(SENSORS[1:])
+    precise = [f"precision {name}" for name in names]
+    return "/".join({Unit.CONVENTIONAL: names, Unit.PRECISION: precise, Unit.EITHER: names + precise}[fault.unit])
 
 
-def _described(k: int, details: list[int]) -> Finding:
-    if k < INVALID:
-        return _axis(k, details[0])
-    if k < AXES:
-        return _sensor(k, details[0])
-    if k == AXES:
-        return _axes(details)
-    if k == CROSS:
-        return _axes([details[0], 0, 0])
-    if k == NOISE:
-        axis = "/".join(a for n, a in enumerate("xyz") if details[1] >> n & 1)
-        message = f"magnetometer reads noise: it jumps by {details[0]} uT from sample to sample"
-        return _fault("noise", "magnetometer", axis, "error", 0.95, message, CABLE, MAG)
-    if k == LENGTH:
-        return _length(0.01 * details[0], 0.01 * details[1], details[2] != 0)
-    if k == SIGN:
-        return _sign(details[0], details[1] != 0)
-    if k == FRAME:
-        return _frame(details)
-    if k == MISMATCH:
-        message = "gyro does not agree with gravity and the magnetic field, whatever its axes"
-        remedy = "check the gyro's scale and calibration, then the probe"
-        return _fault("mismatch", "gyro", "", "error", 0.7, message, remedy, GYRO)
-    return _stream(k, details)
+def _axis(fault: SensorFault) -> str:
+    if fault.code in (FaultCode.STUCK, FaultCode.SATURATED, FaultCode.CLIPPED):
+        return "xyz"[fault.place % 3]
+    if fault.code in (FaultCode.INVALID, FaultCode.NOISE):
+        return "/".join("xyz"[k] for k in _bits(fault.which[0], 3))
+    if fault.code in (FaultCode.RATE, FaultCode.STAMPS, FaultCode.FRAME):
+        return ""
+    return "y/z" if fault.code == FaultCode.REST_RATE else "all"
 
 
-def _axis(k: int, detail: int) -> Finding:
-    s, c = divmod(k % 9, 3)
-    sensor, axis = SENSORS[s], "xyz"[c]
-    if k < SATURATED:
-        value = "zero" if detail else "one value"
-        message = f"{sensor} {axis} axis is stuck at {value} while the tool feels something"
-        return _fault("stuck", sensor, axis, "error", 0.99, message, CABLE, 1 << s)
-    if detail == ALWAYS:
-        message = f"{sensor} {axis} axis is always at the end of its range"
+def _confidence(fault: SensorFault) -> float:
+    count = sum(mask.bit_count() for mask in _few(fault))
+    sure = (0.8 if fault.code == FaultCode.FRAME else 0.95) / count if count else _CONFIDENCE.get(fault.code, 0.99)
+    if fault.code == FaultCode.SIGN:
+        sure /= len(fault.sensors)
+    return 0.5 * sure if fault.unit == Unit.EITHER else sure
+
+
+def _stuck(fault: SensorFault, sensor: str) -> tuple[str, str]:
+    where = "zero" if fault.value == 0.0 else "one value"
+    return f"{_of(fault)}{sensor} {_axis(fault)} axis is stuck at {where} while the tool moves", _CABLE
+
+
+def _of(fault: SensorFault) -> str:
+    return {Unit.CONVENTIONAL: "", Unit.PRECISION: "precision ", Unit.EITHER: "one of the two units: "}[fault.unit]
+
+
+def _saturated(fault: SensorFault, sensor: str) -> tuple[str, str]:
+    if fault.code == FaultCode.SATURATED:
         remedy = "check the sensor's range setting; if it stays at rest, change the probe"
-        return _fault("saturated", sensor, axis, "error", 0.99, message, remedy, 1 << s)
-    message = f"{sensor} {axis} axis is often at the end of its range"
+        return f"{_of(fault)}{sensor} {_axis(fault)} axis is always at the end of its range", remedy
     remedy = "more than the sensor can read: reduce rotary speed or shocks, or fit a wider range"
-    return _fault("saturated", sensor, axis, "warning", 0.99, message, remedy, 0)
+    return f"{_of(fault)}{sensor} {_axis(fault)} axis is often at the end of its range", remedy
 
 
-def _sensor(k: int, detail: int) -> Finding:
-    s = (k - INVALID) % 3
-    sensor = SENSORS[s]
-    if k < DEAD:
-        axis = "/".join(a for n, a in enumerate("xyz") if detail >> n & 1)
-        message = f"{sensor} sends values that are no numbers"
-        return _fault("invalid", sensor, axis, "error", 1.0, message, CABLE, 1 << s)
-    if k < UNIT:
-        what = "only zeros" if detail else "the same values again and again"
-        kind = "stuck" if s == 1 else "dead"
-        return _fault(kind, sensor, "all", "error", 0.99, f"{sensor} is dead: it sends {what}", CABLE, 1 << s)
-    message = f"{sensor} looks like {_UNITS[s][max(detail - 1, 0)]}, not {_SI[s]}"
-    return _fault("unit", sensor, "all", "error", 0.97, message, f"convert it to {_SI[s]} in the driver", 1 << s)
+def _dead(fault: SensorFault, sensor: str) -> tuple[str, str]:
+    what = "only zeros" if fault.value == 0.0 else "the same values again and again"
+    return f"{_of(fault)}{sensor} is dead: it sends {what}", _CABLE
 
 
-def _stream(k: int, details: list[int]) -> Finding:
-    if k == ABSENT:
-        lost = details[0] == 1
-        message = "magnetometer has fallen silent" if lost else "no magnetometer data arrives"
-        severity = "error" if lost else "warning"
-        return _fault("absent", "magnetometer", "all", severity, 1.0, message, CABLE, MAG if lost else 0)
-    if k == RATE:
-        pace = "slower" if details[0] else "faster"
-        message = f"IMU samples come {pace} than the {details[1] / 1000.0:.0f} per second before"
-        return _fault("rate", _IMU, "", "warning", 0.9, message, "check the rate setting and the link's load", 0)
-    if k == STAMPS:
-        message = "IMU stamps repeat or run backwards"
-        return _fault("stamps", _IMU, "", "error", 1.0, message, "stamp samples where they are measured", 0)
-    sensor = SENSORS[k - HELD]
-    message = f"{sensor} sends values twice: about {details[0]} of 100 repeat the one before"
-    return _fault("held", sensor, "all", "warning", 0.9, message, "set the output rate to the sensor's own", 0)
+def _noise(fault: SensorFault, sensor: str) -> tuple[str, str]:
+    size = f"{1e6 * fault.value:.0f} uT" if fault.place == 6 else f"{fault.value:.0f} m/s^2"
+    return f"{sensor} reads noise of {size} from sample to sample", f"{_CABLE}; check its range setting"
 
 
-def _sign(bits: int, points_up: bool) -> Finding:
-    sensor = "/".join(SENSORS[s] for s in (1, 2) if bits >> s & 1)
-    if points_up:
-        message = "accelerometer reads upside down: the hole would point upwards"
-    elif bits == ACCEL:
-        message = "accelerometer reads gravity instead of specific force: all its signs are reversed"
-    elif bits == MAG:
-        message = "all signs of the magnetometer are reversed"
-    else:
-        message = "all signs of the accelerometer or of the magnetometer are reversed"
+def _unit(fault: SensorFault, sensor: str) -> tuple[str, str]:
+    s = fault.place // 3
+    name = OTHER_UNITS[s][max(fault.which[0] - 1, 0)]
+    return f"{_of(fault)}{sensor} looks like {name}, not {_SI[s]}", f"convert it to {_SI[s]} in the driver"
+
+
+def _silent(fault: SensorFault, sensor: str) -> tuple[str, str]:
+    return f"{sensor if fault.unit == Unit.CONVENTIONAL else 'precision unit'} no longer sends samples", _CABLE
+
+
+def _rate(fault: SensorFault, _: str) -> tuple[str, str]:
+    pace = f"{fault.value:.0f} IMU samples come per second, {fault.limit:.0f} came before"
+    return pace, "check the rate setting and the link's load"
+
+
+def _gravity(fault: SensorFault, sensor: str) -> tuple[str, str]:
+    says = "reads no gravity" if fault.value < fault.limit else "reads more than gravity"
+    mean = f"the mean force is {fault.value:.1f} m/s^2, expected {fault.limit:.1f}"
+    return f"{sensor} {says}: {mean}", f"{_CABLE}; check its range setting"
+
+
+def _sign(fault: SensorFault, _: str) -> tuple[str, str]:
     remedy = "reverse its signs in the driver: at rest the accelerometer reads up, the magnetometer along the field"
-    confidence = 0.95 if bits != ACCEL | MAG else 0.5
-    return _fault("flipped", sensor, "all", "error", confidence, message, remedy, bits)
+    if fault.code == FaultCode.POINTS_UP:
+        return "accelerometer reads upside down: the hole would point upwards", remedy
+    if fault.sensors == (1,):
+        return "accelerometer reads gravity instead of specific force: all its signs are reversed", remedy
+    return f"all signs of the {' or the '.join(SENSORS[s] for s in fault.sensors)} are reversed", remedy
 
 
-def _length(force: float, gravity: float, noise: bool) -> Finding:
-    if noise:
-        message = f"accelerometer reads noise of {force:.0f} m/s^2 on each axis: gravity is lost in it"
-    else:
-        says = "reads no gravity" if force < gravity else "reads more than gravity"
-        message = f"accelerometer {says}: the mean force is {force:.1f} m/s^2, expected {gravity:.1f}"
-    return _fault("gravity", "accelerometer", "all", "error", 0.9, message, f"{CABLE}; check its range setting", ACCEL)
-
-
-def _axes(masks: list[int]) -> Finding:
-    texts, kinds, named, sensors, bits, count = [], [], [], [], 0, 0
-    for s in range(3):
-        ways = [mistake(k) for k in range(48) if masks[s] >> k & 1]
-        if not ways:
-            continue
-        bits |= 1 << s
-        sensors.append(SENSORS[s])
-        count += len(ways)
-        texts.append(f"{SENSORS[s]}: " + " or ".join(text for _, _, text in ways))
-        kinds += [kind for kind, _, _ in ways]
-        named += [axis for _, axis, _ in ways]
-    return _fault(
-        "/".join(dict.fromkeys(kinds)), "/".join(sensors), "/".join(dict.fromkeys(named)), "error",
-        0.95 / max(count, 1), "the motion shows wrong axes; " + ", or ".join(texts),
-        "correct the axes in the driver or the mounting, then rotate the tool again", bits,
-    )  # fmt: skip
-
-
-def _frame(masks: list[int]) -> Finding:
-    found = [(s, *mistake(k)) for s in (1, 2) for k in range(48) if masks[s] >> k & 1]
+def _frame(fault: SensorFault, _: str) -> tuple[str, str]:
     message = "accelerometer and magnetometer do not belong together: the dip is wrong at the right field strength"
-    remedy = "check axes and frame of both, and the reference field; look for steel nearby"
-    if not 0 < len(found) <= 4:
-        return _fault("frame", "accelerometer/magnetometer", "", "warning", 0.6, message, remedy, MAG)
-    sensors = dict.fromkeys(SENSORS[s] for s, *_ in found)
-    text = ", or ".join(f"{SENSORS[s]}: {words}" for s, _, _, words in found)
-    bits = MAG
-    for s, *_ in found:
-        bits |= 1 << s
-    return _fault(
-        "/".join(dict.fromkeys(kind for _, kind, _, _ in found)), "/".join(sensors),
-        "/".join(dict.fromkeys(axis for _, _, axis, _ in found)), "error", 0.8 / len(found),
-        f"{message}; it fits with {text}", remedy, bits,
-    )  # fmt: skip
+    remedy = "check axes and frame of both, and the reference field; look for external interference"
+    ways = _way_words(_few(fault))
+    return (f"{message}; it fits with {ways}" if ways else message), remedy
 
 
-def mistake(k: int) -> tuple[str, str, str]:
-    """Kind, axes and words of a mapping of `axis_consistency`."""
-    m = axes.MAPPINGS[k]
-    flipped = [a for n, a in enumerate("xyz") if m[n].sum() < 0]
-    moved = [a for n, a in enumerate("xyz") if m[n, n] == 0]
-    if not moved:
-        if len(flipped) == 3:
-            return "flipped", "all", "all axes reversed (or the frame left-handed)"
-        if len(flipped) == 1:
-            return "flipped", flipped[0], f"{flipped[0]} axis reversed"
-        still = next(a for a in "xyz" if a not in flipped)
-        return "frame", "".join(flipped), f"turned half round about {still}"
-    if len(moved) == 2:
-        if not flipped:
-            return "swapped", "".join(moved), f"{moved[0]} and {moved[1]} exchanged"
-        if round(float(np.linalg.det(m))) == 1 and len(flipped) == 1:
-            still = next(a for a in "xyz" if a not in moved)
-            return "frame", "".join(moved), f"turned a quarter about {still}"
-    rows = ", ".join(
-        f"{a} is {'-' if m[n].sum() < 0 else ''}{'xyz'[int(np.argmax(np.abs(m[n])))]}" for n, a in enumerate("xyz")
+def _axes_words(fault: SensorFault, _: str) -> tuple[str, str]:
+    remedy = "correct the axes in the driver or the mounting, then rotate the tool again"
+    return f"{_of(fault)}the motion shows wrong axes; {_way_words(fault.which)}", remedy
+
+
+def _way_words(masks: tuple[int, ...]) -> str:
+    return ", or ".join(
+        f"{SENSORS[s]}: " + " or ".join(mapping_words(k) for k in _bits(mask, len(MAPPINGS)))
+        for s, mask in enumerate(masks)
+        if mask
     )
-    return "frame", "xyz", f"axes mixed up ({rows})"
+
+
+def mapping_words(k: int) -> str:
+    """What a mapping of `axis_mappings` does to the axes."""
+    kind, axes = kind_of(k)
+    still = [a for a in "xyz" if a not in axes]
+    if kind == "flipped":
+        return "all axes reversed (or the frame left-handed)" if axes == "all" else f"{axes} axis reversed"
+    if kind == "swapped":
+        return f"{axes[0]} and {axes[1]} exchanged"
+    if still:
+        half = all(MAPPINGS[k][n, n] for n in range(3))
+        return f"turned {'half round' if half else 'a quarter'} about {still[0]}"
+    signs = ("-" if row.sum() < 0 else "" for row in MAPPINGS[k])
+    sources = ("xyz"[int(abs(row).argmax())] for row in MAPPINGS[k])
+    return "axes mixed up ({})".format(
+        ", ".join(f"{a} is {s}{b}" for a, s, b in zip("xyz", signs, sources, strict=True))
+    )
+
+
+def _plain(message: str, remedy: str) -> Callable[[SensorFault, str], tuple[str, str]]:
+    return lambda fault, sensor: (message.format(sensor=_of(fault) + sensor, fault=fault), remedy)
+
+
+_WORDS: dict[FaultCode, Callable[[SensorFault, str], tuple[str, str]]] = {
+    FaultCode.STUCK: _stuck,
+    FaultCode.SATURATED: _saturated,
+    FaultCode.CLIPPED: _saturated,
+    FaultCode.INVALID: _plain("{sensor} sends values that are not finite", _CABLE),
+    FaultCode.DEAD: _dead,
+    FaultCode.NOISE: _noise,
+    FaultCode.NEVER_CAME: _plain("no {sensor} data arrives", _CABLE),
+    FaultCode.SILENT: _silent,
+    FaultCode.REPEATED: _plain(
+        "{sensor} sends values twice: {fault.value:.0%} repeat the one before",
+        "set the output rate to the sensor's own",
+    ),
+    FaultCode.RATE: _rate,
+    FaultCode.STAMPS: _plain("stamps of samples repeat or run backwards", "stamp samples where they are measured"),
+    FaultCode.UNIT: _unit,
+    FaultCode.SIGN: _sign,
+    FaultCode.POINTS_UP: _sign,
+    FaultCode.FRAME: _frame,
+    FaultCode.GRAVITY: _gravity,
+    FaultCode.MISMATCH: _plain(
+        "{sensor} agrees with no axis of the other unit's", "check its scale, its clock and its mounting"
+    ),
+    FaultCode.REST_RATE: _plain(
+        "{sensor} turns at rest by more than the Earth and its bias allow",
+        "check its unit (rad/s) and its calibration; tool.precision.gyro.bias_deg_h is the bias that is allowed",
+    ),
+}

@@ -1,9 +1,9 @@
 """
-Health of the sensors from their own samples: what is wrong, with which sensor and axis, since when, and what to do.
+Health of the sensors from their own samples: what is wrong, with which sensor and axis, and since when.
 
-Samples are counted half second by half second (`health_samples`); every three seconds the motion is asked whether the
-axes belong together (`health_motion`); what both note is weighed by `health_evidence` and said by `health_words`. What
-the motion so far cannot show stays "not yet known".
+Samples are judged half second by half second (`signal_checks`), once the magnetic samples of the same time are there.
+Windows of three seconds are judged for units, axes and signs (`window_checks`): while these are not known, once a
+minute, and whenever gravity, field or dip do not come out as expected. `fault_debounce` makes faults of what they see.
 """
 
 from __future__ import annotations
@@ -11,99 +11,135 @@ from __future__ import annotations
 import copy
 import dataclasses
 import math
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mwd_estimation.health import axis_consistency as axes
-from mwd_estimation.health import cross_axes, fault_debounce, fault_messages, motion_checks, signal_checks
-from mwd_estimation.health.fault_debounce import (
-    AGAINST,
-    CHECKS,
-    D0,
-    D2,
-    EVENTS,
-    FAULT,
-    FOR,
-    FROM,
-    GYRO,
-    NOTHING,
-    OK,
-    PLACE,
-    SEEN,
-    STAMPS,
-    STATE,
-    SUSPECT,
-    UNKNOWN,
-    UNUSABLE,
-    doubt,
-    note,
-    suspected,
-    weigh,
-)
-from mwd_estimation.health.fault_messages import Finding
-from mwd_estimation.health.motion_checks import DIP, GRAVITY, TOTAL
-from mwd_estimation.health.signal_checks import BIN_NS, HOLDS, IMU, LONG, SHORT, SPOILT, STEPS
-from mwd_sensors.core.arrays import Array
+from mwd_estimation.health import fault_debounce, motion_window, signal_checks
+from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, OK, UNKNOWN, observe, weigh
+from mwd_estimation.health.motion_window import CARRIED, PARTS, Consistency, Expected, Samples, Window
+from mwd_estimation.health.sensor_fault import GYRO, FaultCode, SensorFault
+from mwd_estimation.health.signal_checks import BIN_NS, Pace, SignalLimits
+from mwd_estimation.health.window_checks import BROKEN, CLIPPED, WindowJudge, WindowLimits
+from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.settings import setting
+from mwd_sensors.core.records import dtype_of
 
-Whole = NDArray[np.int64]
-
-_WINDOW = axes.PARTS  # bins
-_RING = 4096  # samples waiting for the magnetometer's of the same time
-_COUNTED = 256  # samples that are counted together
-
-# Integers: ring head and length, magnetic samples used, bin and whether one is open, last stamps taken, carried and
-# come, whether one came, bins of the window, score of the stamps.
-_HEAD, _LEN, _MHEAD, _BIN, _OPEN, _LAST_NS, _CARRY_NS, _NEWEST, _HAVE, _BINS, _STAMP_SCORE, _INTS = range(12)
-# Reals: reference; period, s, how many steps of time it is learned from, and these: the middle one, as some are lost.
-_PERIOD, _LEARNED, _FROM_STEPS, _LEARN = 3, 4, 5, 64
-_REALS = _FROM_STEPS + _LEARN
+# Moving windows that are judged in vain, one after the other; from then on one each minute, ns.
+_MINUTE_NS, _IN_VAIN = 60_000_000_000, 20
+# Turn of a window that may show axes, rad.
+_MOVES = 0.5
+# A stamp so much before the others begins anew, ns.
+_BACK_NS = 1_000_000_000
+# Samples that wait at most, where time stands still.
+_MOST_WAITING = 16384
+# Stamps that do not advance count two for the fault, those that do one against it.
+_STAMP_FAULT, _STAMP_MOST = 200, 400
+# Intervals that the sample rate is learned from, at least; and how long and short ones are off it.
+_LEARN, _LONG, _SHORT = 12, 1.4, 0.7
+# Readings count as the end of the range from so close to it.
+_AT_RANGE = 0.9995
+# The checks of windows, from and to before.
+_WINDOW_CODES = int(FaultCode.UNIT), int(FaultCode.REST_RATE)
+# Where a call of the kernel stands: at a new sample, behind the check of its stamp, behind a half second.
+_NEW, _STAMPED, _CLOSED = 0, 1, 2
 
 
 @dataclasses.dataclass(frozen=True)
 class Params:
-    """Settings of the health checks."""
+    """
+    Parameters of the health checks.
 
-    watch: bool = setting(True, "Watch the sensors")
-    gyro_range_deg_s: float = setting(
-        2000.0, "The gyro reads no more than this; 0: not known", unit="deg/s", low=0.0, high=1e5
-    )
-    accel_range_g: float = setting(
-        16.0, "The accelerometer reads no more than this; 0: not known", unit="g", low=0.0, high=1e4
-    )
-    mag_range_ut: float = setting(
-        800.0, "The magnetometer reads no more than this; 0: not known", unit="uT", low=0.0, high=1e5
-    )
-    rate_hz: float = setting(0.0, "Sample rate of the IMU; 0: learned from its first seconds", unit="Hz", low=0.0)
-    mag_lag_s: float = setting(
-        0.05, "Samples wait so long for the magnetometer's of their time", unit="s", low=0.0, high=0.4
-    )
-    mag_expected: bool = setting(True, "A magnetometer belongs to the tool")
+    Attributes
+    ----------
+    watch : bool
+        False: no fault is named.
+    gyro_range_deg_s, accel_range_g, mag_range_ut : float
+        Ends of the ranges; 0: not known, clipping is not seen.
+    mag_lag_s : float
+        Time that IMU samples wait for magnetic ones of their time; each fault is named later by as much.
+    mag_expected : bool
+        A magnetometer belongs to the tool: a missing one is a warning.
+    """
+
+    watch: bool = True
+    gyro_range_deg_s: float = 2000.0
+    accel_range_g: float = 16.0
+    mag_range_ut: float = 800.0
+    mag_lag_s: float = 0.05
+    mag_expected: bool = True
+
+
+class Stream:
+    """Where the stream of samples stands: half second, window, pace, and what must not be used."""
+
+    stage: int
+    open: int
+    bin: int
+    first: int
+    stop: int
+    mag_first: int
+    last_ns: int
+    newest_ns: int
+    stamp_score: int
+    period: float
+    mag_came: int
+    doubt_left: Annotated[Indices, 3]
+    doubtful: int
+    window: Annotated[Indices, 3]
+    window_ns: int
+    judged_ns: int
+    in_vain: int
+    broken: int
+    judge: int
+    end_ns: int
+    unusable: int
+    suspect: int
+
+
+STREAM = dtype_of(Stream)
+
+
+class Limits(NamedTuple):
+    """Limits of all checks of one unit."""
+
+    signal: SignalLimits = SignalLimits()
+    consistency: Consistency = Consistency()
+    window: WindowLimits = WindowLimits()
+
+
+LIMITS = Limits()
+
+
+class _Kernel(NamedTuple):
+    """What does not change: limits of the checks and ends of the ranges."""
+
+    signal: SignalLimits
+    consistency: Consistency
+    ranges: Array
+    lag_ns: int
+    mag_expected: bool
+
+
+class _Tables(NamedTuple):
+    """All arrays that change: checks, channels, stream (1), carried window (1), its steps."""
+
+    checks: Any
+    channels: Any
+    stream: Any
+    carried: Any
+    steps: Any
 
 
 @dataclasses.dataclass
 class State:
-    """All that changes; `copy` gives an independent one."""
+    """All that changes; `copy` gives an independent one. `samples`: those not judged yet."""
 
-    ring_ns: Whole
-    ring: Array
-    mag_ns: Whole
-    mag: Array
-    ints: Whole
-    reals: Array
-    channels: Array
-    counts: Whole
-    sums: Array
-    cross: Array
-    lengths: Array
-    checks: Whole
-    notes: Whole
-    glimpses: Whole
-    tally: Whole
-    events: Whole
+    tables: _Tables
+    expected: Expected
+    samples: Samples
 
     def copy(self) -> State:
         """An independent copy."""
@@ -121,7 +157,7 @@ class Step:
         Bits GYRO, ACCEL, MAG as known at each sample of the block.
     suspect : ndarray of uint8, shape (n,)
         Bits of the sensors that something speaks against at that sample, though it is no fault yet.
-    changes : list of Finding
+    changes : list of SensorFault
         Faults found, narrowed down or cleared, in order.
     places : list of int
         Sample of the block that brought each change.
@@ -129,7 +165,7 @@ class Step:
 
     unusable: NDArray[np.uint8]
     suspect: NDArray[np.uint8]
-    changes: list[Finding]
+    changes: list[SensorFault]
     places: list[int]
 
 
@@ -138,36 +174,27 @@ def initial(
 ) -> State:
     """State before the first sample; reference gravity, m/s^2, field, T, and dip, rad, where known."""
     del params
-    channels, counts = signal_checks.blank()
-    checks, notes, tally, events = fault_debounce.blank()
-    state = State(
-        ring_ns=np.zeros(_RING, dtype=np.int64),
-        ring=np.zeros((_RING, 6)),
-        mag_ns=np.zeros(0, dtype=np.int64),
-        mag=np.zeros((0, 3)),
-        ints=np.zeros(_INTS, dtype=np.int64),
-        reals=np.zeros(_REALS),
-        channels=channels,
-        counts=counts,
-        sums=np.zeros(axes.SIZE),
-        cross=np.zeros(cross_axes.SIZE),
-        lengths=np.zeros((2, 50)),
-        checks=checks,
-        notes=notes,
-        glimpses=notes.copy(),
-        tally=tally,
-        events=events,
+    tables = _Tables(
+        fault_debounce.blank(),
+        signal_checks.blank(),
+        np.zeros(1, dtype=STREAM),
+        np.zeros(1, dtype=CARRIED),
+        np.zeros(motion_window.ROWS, dtype=motion_window.STEP),
     )
-    axes.begin(state.sums)
+    empty = np.zeros(0, dtype=np.int64)
+    nothing = np.zeros((0, 3))
+    state = State(tables, Expected(0.0, 0.0, 0.0), Samples(empty, nothing, nothing, empty, nothing))
     set_reference(state, gravity, total, dip)
     return state
 
 
 def set_reference(state: State, gravity: float | None, total: float | None, dip: float | None) -> None:
     """Judge totals and dip by this from now on; None where unknown. m/s^2, T, rad."""
-    state.reals[GRAVITY] = STANDARD_GRAVITY if gravity is None else gravity
-    state.reals[TOTAL] = math.nan if total is None else total
-    state.reals[DIP] = math.nan if dip is None else dip
+    state.expected = Expected(
+        STANDARD_GRAVITY if gravity is None else float(gravity),
+        math.nan if total is None else float(total),
+        math.nan if dip is None else float(dip),
+    )
 
 
 def push_mag(state: State, stamp_ns: ArrayLike, b_t: ArrayLike) -> None:
@@ -183,11 +210,18 @@ def push_mag(state: State, stamp_ns: ArrayLike, b_t: ArrayLike) -> None:
     field = np.ascontiguousarray(b_t, dtype=np.float64)
     if field.shape != (*stamps.shape, 3) or stamps.ndim != 1:
         raise ValueError(f"b_t: expected shape ({stamps.size}, 3) beside stamps (n,), got {field.shape}")
-    state.mag_ns = np.concatenate([state.mag_ns, stamps])
-    state.mag = np.concatenate([state.mag, field])
+    held = state.samples
+    state.samples = held._replace(mag_ns=_joined(held.mag_ns, stamps), mag=_joined(held.mag, field))
 
 
-def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Step:
+def run(
+    params: Params,
+    state: State,
+    stamp_ns: ArrayLike,
+    gyro_t: ArrayLike,
+    accel_t: ArrayLike,
+    limits: Limits = LIMITS,
+) -> Step:
     """
     Take a block of IMU samples of any length; the state changes in place.
 
@@ -198,6 +232,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     stamp_ns : array_like of int64, shape (n,)
     gyro_t, accel_t : array_like, shape (n, 3)
         rad/s and m/s^2 as they come, not finite ones too.
+    limits : Limits
 
     Raises
     ------
@@ -209,216 +244,273 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     for name, block in (("gyro_t", gyro), ("accel_t", accel)):
         if block.shape != (*stamps.shape, 3) or stamps.ndim != 1:
             raise ValueError(f"{name}: expected shape ({stamps.size}, 3) beside stamps (n,), got {block.shape}")
-    unusable, suspect = np.zeros(len(stamps), dtype=np.uint8), np.zeros(len(stamps), dtype=np.uint8)
-    limits = 0.9995 * np.array(
+    step = Step(np.zeros(len(stamps), dtype=np.uint8), np.zeros(len(stamps), dtype=np.uint8), [], [])
+    if not params.watch or not len(stamps):
+        return step
+    kernel = _kernel(params, limits)
+    held, tables = state.samples, state.tables
+    at = offset = len(held.stamps)
+    samples = Samples(
+        _joined(held.stamps, stamps), _joined(held.gyro, gyro), _joined(held.accel, accel), held.mag_ns, held.mag
+    )
+    while at < len(samples.stamps):
+        at = _run(kernel, tables, state.expected, samples, at, offset, step.unusable, step.suspect)
+        if at < len(samples.stamps):
+            step.changes.extend(_after_bin(state, limits.window))
+            step.places.extend([at - offset] * (len(step.changes) - len(step.places)))
+    stream = tables.stream[0]
+    used, mag_used = int(stream.first), int(stream.mag_first)
+    state.samples = Samples(
+        samples.stamps[used:].copy(),
+        samples.gyro[used:].copy(),
+        samples.accel[used:].copy(),
+        samples.mag_ns[mag_used:].copy(),
+        samples.mag[mag_used:].copy(),
+    )
+    stream.first, stream.mag_first = 0, 0
+    stream.stop -= used
+    return step
+
+
+def _joined(held: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:
+    return np.concatenate([held, more]) if len(held) else more
+
+
+def _kernel(params: Params, limits: Limits) -> _Kernel:
+    ranges = _AT_RANGE * np.array(
         [math.radians(params.gyro_range_deg_s), params.accel_range_g * STANDARD_GRAVITY, params.mag_range_ut * 1e-6]
     )
-    limits[limits == 0.0] = math.inf
-    lag = round(params.mag_lag_s * 1e9)
-    changes: list[Finding] = []
-    places: list[int] = []
-    done = 0
-    while done < len(stamps) and params.watch:
-        state.tally[EVENTS] = 0
-        done = _run(
-            state.ring_ns, state.ring, state.mag_ns, state.mag, state.ints, state.reals, state.channels, state.counts,
-            state.sums, state.cross, state.lengths, state.checks, state.notes, state.glimpses, state.tally,
-            state.events, limits, params.rate_hz, params.mag_expected, lag, stamps, gyro, accel, done, unusable,
-            suspect,
-        )  # fmt: skip
-        for row in state.events[: state.tally[EVENTS]]:
-            changes.append(fault_messages.finding(row))
-            places.append(int(row[7]))
-    _forget_used(state)
-    return Step(unusable, suspect, changes, places)
+    ranges[ranges == 0.0] = math.inf
+    return _Kernel(limits.signal, limits.consistency, ranges, round(params.mag_lag_s * 1e9), params.mag_expected)
 
 
-def _forget_used(state: State) -> None:
-    used = int(state.ints[_MHEAD])
-    if used:
-        state.mag_ns, state.mag = state.mag_ns[used:].copy(), state.mag[used:].copy()
-        state.ints[_MHEAD] = 0
+def _after_bin(state: State, limits: WindowLimits) -> list[SensorFault]:
+    """Faults that changed; judges the window first where that is asked for."""
+    tables, stream = state.tables, state.tables.stream[0]
+    now = int(stream.end_ns)
+    changes = fault_debounce.take_changes(tables.checks, now)
+    if stream.judge:
+        stream.judge = 0
+        steps = tables.steps[: int(tables.carried[0].steps)]
+        window = Window(steps, int(stream.window_ns), 1e-9 * (now - int(stream.window_ns)))
+        WindowJudge(limits, state.expected, window, stream.window, tables.checks).judge()
+        stream.doubtful |= fault_debounce.suspected(tables.checks)
+        if tables.carried[0].parts == PARTS:
+            if tables.checks[FaultCode.AXES, 0].seen >= AGAINST:
+                stream.in_vain = 0
+            elif window.path > _MOVES:
+                stream.in_vain += 1
+            stream.judged_ns = now
+            weigh(tables.checks)
+            stream.unusable = fault_debounce.unusable(tables.checks)
+            changes += fault_debounce.take_changes(tables.checks, now)
+        else:
+            # What a part of the window shows raises a doubt and does not count for a fault.
+            tables.checks["seen"] = fault_debounce.NOTHING
+    return changes
 
 
-def findings(state: State) -> list[Finding]:
+def faults(state: State) -> list[SensorFault]:
     """Every fault that stands now."""
-    return [
-        fault_messages.finding([0, k, FAULT, *state.checks[k, [FROM, *range(D0, D2 + 1)]]])
-        for k in range(CHECKS)
-        if state.checks[k, STATE] == FAULT
-    ]
+    return fault_debounce.standing(state.tables.checks)
 
 
-def known(state: State) -> dict[str, str]:
-    """What is ok, a fault, or not yet known: units, axes and signs, by the words a panel shows."""
-    return fault_messages.known(state.checks)
+def known(state: State) -> dict[str, int]:
+    """Whether units, axes and signs are UNKNOWN, OK or a FAULT."""
+    condition = state.tables.checks["state"]
+    signs = [int(condition[code, 3]) for code in (FaultCode.SIGN, FaultCode.POINTS_UP)]
+    return {
+        "gyro unit": int(condition[FaultCode.UNIT, 0]),
+        "accelerometer unit": int(condition[FaultCode.UNIT, 3]),
+        "magnetometer unit": int(condition[FaultCode.UNIT, 6]),
+        "axes": int(condition[FaultCode.AXES, 0]),
+        "signs of accelerometer and magnetometer": max(signs),
+    }
 
 
 @compiled
-def _judge_stamp(ints: Whole, checks: Whole, notes: Whole, tally: Whole, events: Whole, stamp: int, last: int) -> None:
+def _judge_stamp(s: Any, checks: Any, stamp: int) -> int:
     """Judge a stamp as it comes: whatever waits for its time needs them to advance."""
-    if ints[_HAVE] == 1:
-        good = stamp > last
-        score = min(max(ints[_STAMP_SCORE] + (-1 if good else 2), 0), 400)
-        ints[_STAMP_SCORE] = score
-        bad = score >= 200 and not good and checks[STAMPS, STATE] != FAULT
-        if bad or (score == 0 and checks[STAMPS, STATE] != OK):
-            note(notes, STAMPS, FOR if bad else AGAINST, stamp, 0, 0, 0)
-            weigh(checks, notes, tally, events, stamp)
-    ints[_HAVE] = 1
+    good = stamp > s.newest_ns
+    s.newest_ns = stamp
+    s.stamp_score = min(max(s.stamp_score + (-1 if good else 2), 0), _STAMP_MOST)
+    check = checks[FaultCode.STAMPS, 0]
+    bad = s.stamp_score >= _STAMP_FAULT and not good and check.state != FAULT
+    if not bad and (s.stamp_score > 0 or check.state == OK):
+        return 0
+    observe(check, FOR if bad else AGAINST, stamp, 1.0 * s.stamp_score, 1.0 * _STAMP_FAULT)
+    return int(weigh(checks))
 
 
 @compiled
-def _close(
-    at: int, step_ns: int, ints: Whole, reals: Array, channels: Array, counts: Whole, sums: Array, cross: Array,
-    lengths: Array, checks: Whole, notes: Whole, glimpses: Whole, tally: Whole, events: Whole, limits: Array,
-    expects_mag: bool,
-) -> None:  # fmt: skip
-    """Close the half second before `at`, ns, and with enough of them the window, and open the next."""
-    began = ints[_BIN] * BIN_NS
-    doubtful = signal_checks.close_bin(began, channels, counts, notes, limits, reals[_PERIOD], expects_mag)
-    weigh(checks, notes, tally, events, began + BIN_NS)
-    ints[_BINS] += 1
-    broken = at // BIN_NS != ints[_BIN] + 1
-    full = ints[_BINS] == _WINDOW
-    cross_axes.add(cross, sums, 1e-9 * step_ns)
-    axes.carry(sums)
-    axes.mark(sums)
-    if not broken:
-        # What a part of the window shows does not count as evidence, but as a reason to doubt.
-        glimpses[:, SEEN] = NOTHING
-        motion_checks.judge(
-            reals, sums, cross, lengths, counts[SPOILT:], checks, glimpses, began + BIN_NS, 1e-9 * ints[_BINS] * BIN_NS
-        )
-        doubtful |= suspected(checks, glimpses)
-        if full:
-            weigh(checks, glimpses, tally, events, began + BIN_NS)
-    if checks[STAMPS, STATE] == FAULT:
-        doubtful |= GYRO
-    doubt(checks, tally, doubtful)
-    if full or broken:
-        axes.begin(sums)
-        cross_axes.begin(cross)
-        ints[_BINS] = 0
-        counts[SPOILT:] = 0
-    ints[_BIN] = at // BIN_NS
+def _pace(s: Any, samples: Samples) -> Pace:
+    """Counts of the half second that waits to be judged; learns the rate from the first with enough intervals."""
+    if s.period == 0.0 and s.stop - s.first > _LEARN:
+        # Not the middle one, as a third of the samples may be lost.
+        s.period = 1e-9 * np.sort(np.diff(samples.stamps[s.first : s.stop]))[(s.stop - s.first) // 3]
+    steps, long, short = 0, 0, 0
+    for i in range(s.first, s.stop):
+        interval = samples.stamps[i] - s.last_ns
+        if 0 < interval < BIN_NS:
+            steps += 1
+            long += int(1e-9 * interval > _LONG * s.period)
+            short += int(1e-9 * interval < _SHORT * s.period)
+        if interval > 0 or interval < -_BACK_NS:
+            s.last_ns = samples.stamps[i]
+    return Pace(steps, long, short, s.stop - s.first)
 
 
 @compiled
-def _count(
-    channels: Array, ring: Array, mag: Array, head: int, waiting: int, counted: int, used: int, limits: Array
-) -> None:
-    """Count the samples that wait for it: of the ring those before its head, and magnetic ones."""
-    first = (head - waiting) & (_RING - 1)
-    stop = min(first + waiting, _RING)
-    for c in range(6):
-        signal_checks.count(channels, c, ring, c, first, stop, limits[c // 3])
-        signal_checks.count(channels, c, ring, c, 0, first + waiting - stop, limits[c // 3])
+def _judge_silence(k: _Kernel, s: Any, tables: _Tables, began: int) -> None:
+    """Whether magnetic samples come."""
+    channels, checks = tables.channels, tables.checks
+    if channels[6].n + channels[6].not_finite > 0:
+        s.mag_came = 1
+        observe(checks[FaultCode.NEVER_CAME, 6], AGAINST, began, 0.0, 0.0)
+        observe(checks[FaultCode.SILENT, 6], AGAINST, began, 0.0, 0.0)
+    elif k.mag_expected:
+        code = FaultCode.SILENT if s.mag_came else FaultCode.NEVER_CAME
+        observe(checks[code, 6], FOR, began, 0.0, 0.0)
+
+
+@compiled
+def _spoils(channels: Any, sensor: int) -> int:
+    """Whether samples of a sensor in this half second are whole, at the end of the range, or missing or constant."""
+    found = 0
+    for c in range(3 * sensor, 3 * sensor + 3):
+        row = channels[c]
+        if row.not_finite > 0.01 * (row.n + row.not_finite) or (row.n >= 3 and row.repeats >= row.n):
+            found = max(found, BROKEN)
+        elif row.at_limit > 0.01 * row.n:
+            found = max(found, CLIPPED)
+    return found
+
+
+@compiled
+def _due(k: _Kernel, s: Any, tables: _Tables, expected: Expected, full: bool) -> bool:
+    """Whether the window is to be judged: it is not as expected, or whole and something of it open."""
+    carried, checks = tables.carried[0], tables.checks
+    if not motion_window.consistent(k.consistency, expected, carried, 1e-9 * (s.end_ns - s.window_ns)):
+        return True
+    if not full:
+        return False
+    for code in range(_WINDOW_CODES[0], _WINDOW_CODES[1]):
+        for place in range(7):
+            check = checks[code, place]
+            if check.votes_for > 0 or check.state == FAULT:
+                return True
+    if carried.path < _MOVES:
+        return bool(s.judged_ns == 0)
+    unknown = checks[FaultCode.AXES, 0].state == UNKNOWN or checks[FaultCode.UNIT, 0].state == UNKNOWN
+    return bool(unknown and (s.in_vain < _IN_VAIN or s.end_ns - s.judged_ns >= _MINUTE_NS))
+
+
+@compiled
+def _close(k: _Kernel, tables: _Tables, expected: Expected, samples: Samples, broken: bool) -> bool:
+    """Judge the half second that waits; True where its window is to be judged too, or a fault has changed."""
+    s, channels, checks, carried = tables.stream[0], tables.channels, tables.checks, tables.carried[0]
+    began = s.bin * BIN_NS
+    s.end_ns, s.broken = began + BIN_NS, int(broken)
+    if carried.parts == 0:
+        s.window_ns = began
+    used = motion_window.add(carried, tables.steps, samples, s.first, s.stop, s.mag_first, s.last_ns)
     for c in range(3):
-        signal_checks.count(channels, 6 + c, mag, c, counted, used, limits[2])
+        signal_checks.count(channels[c], samples.gyro, c, s.first, s.stop, k.ranges[0])
+        signal_checks.count(channels[3 + c], samples.accel, c, s.first, s.stop, k.ranges[1])
+        signal_checks.count(channels[6 + c], samples.mag, c, s.mag_first, used, k.ranges[2])
+    pace = _pace(s, samples)
+    s.mag_first = used
+    for sensor in range(3):
+        s.window[sensor] = max(s.window[sensor], _spoils(channels, sensor))
+    _judge_silence(k, s, tables, began)
+    late = signal_checks.judge_stream(k.signal, checks, channels, pace, s.period, began)
+    s.doubtful = signal_checks.judge_bin(k.signal, checks, channels, k.ranges, began)
+    if late or checks[FaultCode.STAMPS, 0].state == FAULT:
+        s.doubtful |= GYRO
+    changes = weigh(checks)
+    if changes:
+        s.unusable = fault_debounce.unusable(checks)
+    full = carried.parts == PARTS
+    s.judge = int(not broken and _due(k, s, tables, expected, full))
+    if s.judge and s.window[1] == BROKEN and s.window[2] == BROKEN:
+        s.judge = 0
+    return changes > 0 or s.judge == 1
+
+
+@compiled
+def _finish(tables: _Tables, samples: Samples) -> None:
+    """Open the next half second, and the next window behind a whole one."""
+    s, carried = tables.stream[0], tables.carried[0]
+    s.suspect = fault_debounce.doubt(s.doubt_left, s.doubtful) & ~s.unusable
+    if s.broken or carried.parts == PARTS:
+        motion_window.begin(carried)
+        s.window[:] = 0
+    s.first = s.stop
+    s.bin = samples.stamps[s.first] // BIN_NS
+
+
+@compiled
+def _plain(s: Any, checks: Any, samples: Samples, start: int, until: int) -> int:
+    """First sample from `start` on whose stamp does not advance, or is not before `until`, ns, or is looked at."""
+    i, newest = start, s.newest_ns
+    if s.stamp_score > 0 or checks[FaultCode.STAMPS, 0].state != OK:
+        return start
+    stop = min(len(samples.stamps), s.first + _MOST_WAITING)
+    while i < stop and newest < samples.stamps[i] < until:
+        newest = samples.stamps[i]
+        i += 1
+    s.newest_ns = newest
+    return i
+
+
+@compiled
+def _ready(k: _Kernel, s: Any, samples: Samples, i: int) -> bool:
+    """Whether sample i closes the half second: its magnetic samples are there, or time has gone back."""
+    stamps, end = samples.stamps, (s.bin + 1) * BIN_NS
+    if stamps[i] < s.bin * BIN_NS - _BACK_NS or i - s.first >= _MOST_WAITING:
+        s.stop = i
+        return True
+    if stamps[i] < end + k.lag_ns:
+        return False
+    while s.stop < i and stamps[s.stop] < end:
+        s.stop += 1
+    return bool(stamps[s.stop] >= end)
 
 
 @compiled
 def _run(
-    ring_ns: Whole, ring: Array, mag_ns: Whole, mag: Array, ints: Whole, reals: Array, channels: Array, counts: Whole,
-    sums: Array, cross: Array, lengths: Array, checks: Whole, notes: Whole, glimpses: Whole, tally: Whole,
-    events: Whole, limits: Array, rate_hz: float, expects_mag: bool, lag: int, stamps: Whole, gyro: Array, accel: Array,
-    start: int, unusable: NDArray[np.uint8], suspect: NDArray[np.uint8],
+    k: _Kernel, tables: _Tables, expected: Expected, samples: Samples, start: int, offset: int,
+    unusable: NDArray[np.uint8], suspect: NDArray[np.uint8],
 ) -> int:  # fmt: skip
-    head, length, used = ints[_HEAD], ints[_LEN], ints[_MHEAD]
-    last_ns, carry_ns, newest = ints[_LAST_NS], ints[_CARRY_NS], ints[_NEWEST]
-    begins, ends = ints[_BIN] * BIN_NS, (ints[_BIN] + 1) * BIN_NS
-    steps, long, short, count = counts[STEPS], counts[LONG], counts[SHORT], counts[IMU]
-    held_g, held_a = counts[HOLDS], counts[HOLDS + 1]
-    waiting, counted = 0, used
-    full = False
-    if rate_hz > 0.0:
-        reals[_PERIOD] = 1.0 / rate_hz
-    period = reals[_PERIOD]
+    """Take samples from `start` on; stops at one that closed a half second which needs `_after_bin`."""
+    s, stamps = tables.stream[0], samples.stamps
+    if not s.open:
+        s.open, s.last_ns, s.newest_ns = 1, stamps[0], stamps[0] - 1
+        s.bin = stamps[0] // BIN_NS
+        motion_window.begin(tables.carried[0])
     i = start
-    while i < len(stamps) and not full:
-        stamp = stamps[i]
-        tally[PLACE] = i
-        if stamp <= newest or ints[_STAMP_SCORE] > 0 or checks[STAMPS, STATE] == UNKNOWN:
-            _judge_stamp(ints, checks, notes, tally, events, stamp, newest)
-        newest = stamp
-        tail = (head + length) & (_RING - 1)
-        ring_ns[tail] = stamp
-        for k in range(3):
-            ring[tail, k] = gyro[i, k]
-            ring[tail, 3 + k] = accel[i, k]
-        length += 1
-        while length > 0:
-            at = ring_ns[head]
-            if stamp - at < lag and stamp - at > -1_000_000_000 and length < _RING:
+    while i < len(stamps):
+        if s.stage == _CLOSED:
+            _finish(tables, samples)
+            s.stage = _STAMPED
+        elif s.stage == _NEW:
+            plain = _plain(s, tables.checks, samples, i, (s.bin + 1) * BIN_NS + k.lag_ns)
+            unusable[i - offset : plain - offset] = s.unusable
+            suspect[i - offset : plain - offset] = s.suspect
+            i = plain
+            if i == len(stamps):
                 break
-            # One IMU sample and the magnetic ones up to its time.
-            if ints[_OPEN] == 0:
-                ints[_OPEN] = 1
-                last_ns = carry_ns = at
-                ints[_BIN] = at // BIN_NS
-                begins, ends = ints[_BIN] * BIN_NS, (ints[_BIN] + 1) * BIN_NS
-            elif at >= ends or at < begins - 2 * BIN_NS:
-                _count(channels, ring, mag, head, waiting, counted, used, limits)
-                waiting, counted = 0, used
-                counts[STEPS], counts[LONG], counts[SHORT], counts[IMU] = steps, long, short, count
-                counts[HOLDS], counts[HOLDS + 1] = held_g, held_a
-                steps = long = short = count = held_g = held_a = 0
-                _close(at, max(last_ns - carry_ns, 0), ints, reals, channels, counts, sums, cross, lengths, checks,
-                       notes, glimpses, tally, events, limits, expects_mag)  # fmt: skip
-                carry_ns = last_ns
-                begins, ends = ints[_BIN] * BIN_NS, (ints[_BIN] + 1) * BIN_NS
-                full = tally[EVENTS] > len(events) // 2
-            step = at - last_ns
-            dt = 0.0
-            if step > 0:
-                seconds = 1e-9 * step
-                if seconds < 0.5:
-                    steps += 1
-                    if period > 0.0:
-                        long += int(seconds > 1.4 * period)
-                        short += int(seconds < 0.7 * period)
-                    else:
-                        reals[_FROM_STEPS + int(reals[_LEARNED])] = seconds
-                        reals[_LEARNED] += 1.0
-                        if reals[_LEARNED] == _LEARN:
-                            period = reals[_PERIOD] = np.sort(reals[_FROM_STEPS:])[_LEARN // 2]
-                if seconds <= 0.25:
-                    dt = seconds
-                last_ns = at
-            elif step < -1_000_000_000:
-                last_ns = at
-            count += 1
-            w_x, w_y, w_z = ring[head, 0], ring[head, 1], ring[head, 2]
-            f_x, f_y, f_z = ring[head, 3], ring[head, 4], ring[head, 5]
-            before = (head - 1) & (_RING - 1)
-            held_g += int(w_x == ring[before, 0] and w_y == ring[before, 1] and w_z == ring[before, 2])
-            held_a += int(f_x == ring[before, 3] and f_y == ring[before, 4] and f_z == ring[before, 5])
-            waiting += 1
-            turned2 = 0.0
-            if abs(w_x) + abs(w_y) + abs(w_z) < signal_checks.ABSURD:
-                turned2 = axes.add_rate(sums, dt, w_x, w_y, w_z)
-            if abs(f_x) + abs(f_y) + abs(f_z) < signal_checks.ABSURD:
-                axes.add_force(sums, f_x, f_y, f_z)
-            while used < len(mag_ns) and mag_ns[used] <= at:
-                size = abs(mag[used, 0]) + abs(mag[used, 1]) + abs(mag[used, 2])
-                if at - mag_ns[used] < 250_000_000 and size < signal_checks.ABSURD:
-                    axes.add_field(sums, mag[used, 0], mag[used, 1], mag[used, 2])
-                used += 1
-            if turned2 > axes.STEP_ANGLE2 or at - carry_ns >= axes.STEP_NS or at < carry_ns:
-                cross_axes.add(cross, sums, max(1e-9 * (at - carry_ns), 0.0))
-                axes.carry(sums)
-                carry_ns = at
-            head = (head + 1) & (_RING - 1)
-            length -= 1
-            if waiting == _COUNTED:
-                _count(channels, ring, mag, head, waiting, counted, used, limits)
-                waiting, counted = 0, used
-        unusable[i], suspect[i] = tally[UNUSABLE], tally[SUSPECT]
+            s.stage = _STAMPED
+            if _judge_stamp(s, tables.checks, stamps[i]):
+                s.end_ns = stamps[i]
+                return i
+        while _ready(k, s, samples, i):
+            broken = stamps[s.stop] // BIN_NS != s.bin + 1
+            if _close(k, tables, expected, samples, broken):
+                s.stage = _CLOSED
+                return i
+            _finish(tables, samples)
+        unusable[i - offset], suspect[i - offset] = s.unusable, s.suspect
+        s.stage = _NEW
         i += 1
-    _count(channels, ring, mag, head, waiting, counted, used, limits)
-    ints[_HEAD], ints[_LEN], ints[_MHEAD] = head, length, used
-    ints[_LAST_NS], ints[_CARRY_NS], ints[_NEWEST] = last_ns, carry_ns, newest
-    counts[STEPS], counts[LONG], counts[SHORT], counts[IMU] = steps, long, short, count
-    counts[HOLDS], counts[HOLDS + 1] = held_g, held_a
     return i

@@ -1,81 +1,132 @@
 """
-What half a second of samples shows of a sensor by itself: values that stick, that are at the end of the range, that are
-no numbers, that do not come, that come twice or at another pace.
+What half a second of samples shows of a sensor by itself: stuck, at the end of its range, not finite, noise, silent.
 
-Samples are counted one by one; `close_bin` judges what was counted and notes it for `health_evidence`.
+`count` adds samples to the record of a channel (one axis of one sensor); `judge_bin` judges nine of them, gyro,
+accelerometer and magnetometer, and `judge_stream` the times of the samples. Both observe checks of `fault_debounce`.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mwd_estimation.health.fault_debounce import (
-    ABSENT,
-    AGAINST,
-    ALWAYS,
-    DEAD,
-    FOR,
-    GYRO,
-    HELD,
-    INVALID,
-    MAG,
-    NOISE,
-    NOTHING,
-    OFTEN,
-    RATE,
-    SATURATED,
-    STUCK,
-    note,
-)
+from mwd_estimation.health.fault_debounce import AGAINST, FOR, NOTHING, observe
+from mwd_estimation.health.sensor_fault import MAG, FaultCode
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
-
-Whole = NDArray[np.int64]
+from mwd_sensors.core.records import dtype_of
 
 BIN_NS = 500_000_000
+# Sum over three axes, in any unit, beyond which a value is no reading.
 ABSURD = 1e12
-BROKEN = 1000  # counts of a spoilt window: from here on values are missing or held, below some were clipped only
-
-_FEW = 10  # samples below which the repeats within a bin say nothing
-_SOME = 3.0  # samples below which half a second says nothing: a magnetometer may come at 10 Hz
-_TRUSTED = 6.0  # bins at rest in which an axis must have varied before its silence at rest counts
-
-# Per channel: last value, samples, not finite, repeats, first value, sums about it, at the limit, least step, bins that
-# were constant up to now, balance of bins at rest in which it varied, bins in a row that were wholly at the limit, sum
-# of the squares of its steps.
-LAST, _N, _BAD, _SAME, _FIRST, _S1, _S2, _CLIP, _STEP, CONST, _LIVELY, _WHOLE, _D2, _ROW = range(14)
-# Counts: steps of time, those long and short, samples of the bin; values held (2); magnetic bins missing and seen; of
-# the window: bins spoilt, by sensor (3), those in which a steady force pushed, those with samples missing, and those in
-# which the force was noise.
-STEPS, LONG, SHORT, IMU, HOLDS, _MAG_SILENT, _MAG_EVER, SPOILT, _PUSHED, _GAPS, _NOISY = (
-    0, 1, 2, 3, 4, 6, 7, 8, 11, 12, 13,
-)  # fmt: skip
-_COUNTS = 14
-# m/s^2 along an axis, mean of half a second: more than gravity and than what noise leaves of a mean.
-_PUSH = 15.0
-# m/s^2 that white noise leaves of such a mean, which no motion in a hole does; and mean square of a step of what is
-# white, in variances: 2 but for chance.
-_NOISE, _WHITE = 8.0, 1.4
-# T; a field that jumps so much from sample to sample is none, and one that is so large is in another unit.
-_FIELD_NOISE, _NO_TESLA = 1e-4, 3e-3
+# Samples of an axis below which half a second says nothing of it: a magnetometer may come at 10 Hz. And those below
+# which a spread says nothing.
+_SOME, _FEW = 3, 10
+# Readings this far beyond the end of the range are in another unit, not at the end of the range.
+_BEYOND = 1.02
 
 
-def blank() -> tuple[Array, Whole]:
-    """Channels (9, ...) of gyro, accelerometer and magnetometer, and counts, before the first sample."""
-    channels = np.zeros((9, _ROW))
-    channels[:, LAST], channels[:, _STEP] = math.nan, math.inf
-    return channels, np.zeros(_COUNTS, dtype=np.int64)
+class Channel:
+    """One axis of one sensor: counts of the half second, and what is remembered of those before."""
+
+    n: int
+    not_finite: int
+    repeats: int
+    at_limit: int
+    first: float
+    last: float
+    total: float
+    total2: float
+    steps2: float
+    mean: float
+    spread: float
+    least_step: float
+    constant_bins: int
+    varied: int
+
+
+CHANNEL = dtype_of(Channel)
+
+
+class SignalLimits(NamedTuple):
+    """
+    Limits of the checks of samples; each is kept because leaving it out costs something (docs/methods/sensor_health).
+
+    Attributes
+    ----------
+    gyro_moves, gyro_turns : float
+        Spread and mean of a rate that show motion to the other sensors, rad/s: above noise and bias of an AHRS.
+    shakes : float
+        Spread of a force that shows motion, m/s^2: ten times an accelerometer's noise at rest.
+    field_turns : float
+        Spread of the field that shows motion, as a share of the field.
+    steps : float
+        Spread of an axis, in its own least steps, beyond which its neighbour should vary as well.
+    varied_bins : int
+        Balance of half seconds at rest in which an axis varied, from which on its silence counts.
+    missing : float
+        Share of values that are not finite.
+    clipped, saturated : float
+        Share of samples at the end of the range: shocks clip fewer than the first, a broken axis more than the second.
+    white : float
+        Mean square of the steps in variances: 2 for independent samples, far less for any motion.
+    noise_of_range : float
+        1 sigma of a force that is random numbers, in ranges of the sensor: uniform numbers have 0.58.
+    field_noise : float
+        1 sigma of a field that is random numbers, T: the Earth's is 7e-5 at most.
+    no_tesla : float
+        Field that is in another unit, T: `window_checks` names that.
+    off_pace, in_pace : float
+        Share of intervals that are too long or too short for the rate: a fault above, none below.
+    lost : float
+        Share of intervals that are too long, from which on the turn in between is not known.
+    repeated : float
+        Share of samples that repeat the one before.
+    """
+
+    gyro_moves: float = 0.02
+    gyro_turns: float = 0.1
+    shakes: float = 0.3
+    field_turns: float = 0.01
+    steps: float = 10.0
+    varied_bins: int = 6
+    missing: float = 0.06
+    clipped: float = 0.2
+    saturated: float = 0.9
+    white: float = 1.4
+    noise_of_range: float = 0.36
+    field_noise: float = 1e-4
+    no_tesla: float = 3e-3
+    off_pace: float = 0.6
+    in_pace: float = 0.2
+    lost: float = 0.75
+    repeated: float = 0.3
+
+
+class Pace(NamedTuple):
+    """Counts of half a second: intervals, those too long and too short, samples of the IMU."""
+
+    steps: int
+    long: int
+    short: int
+    imu: int
+
+
+def blank() -> Any:
+    """Nine channels before the first sample."""
+    channels = np.zeros(9, dtype=CHANNEL)
+    channels["last"], channels["least_step"] = math.nan, math.inf
+    return channels
 
 
 @compiled
-def count(channels: Array, c: int, values: Array, k: int, start: int, stop: int, limit: float) -> None:
-    """Count column k of the rows from start to stop as values of channel c."""
-    # One channel at a time, whole numbers as such and no view of the row: this is most of what the watch costs.
-    last, first, fresh = channels[c, LAST], channels[c, _FIRST], channels[c, _N] == 0.0
-    s1, s2, least, steps2 = channels[c, _S1], channels[c, _S2], channels[c, _STEP], channels[c, _D2]
+def count(channel: Any, values: Array, k: int, start: int, stop: int, limit: float) -> None:
+    """Count column k of the rows from start to stop, as samples of a channel whose range ends at `limit`."""
+    # One channel at a time, in local names: this is most of what the health checks cost.
+    last, first, fresh = channel.last, channel.first, channel.n == 0
+    total, total2, least, steps2 = channel.total, channel.total2, channel.least_step, channel.steps2
     bad, same, clip = 0, 0, 0
     for i in range(start, stop):
         v = values[i, k]
@@ -92,173 +143,178 @@ def count(channels: Array, c: int, values: Array, k: int, start: int, stop: int,
             steps2 += away * away
         last = v
         away = v - first
-        s1 += away
-        s2 += away * away
-        # Far beyond the range is another unit, not the end of the range.
+        total += away
+        total2 += away * away
         if size >= limit:
-            clip += int(size <= 1.02 * limit)
-    channels[c, LAST], channels[c, _FIRST], channels[c, _STEP] = last, first, least
-    channels[c, _S1], channels[c, _S2], channels[c, _D2] = s1, s2, steps2
-    channels[c, _N] += stop - start - bad
-    channels[c, _BAD] += bad
-    channels[c, _SAME] += same
-    channels[c, _CLIP] += clip
+            clip += int(size <= _BEYOND * limit)
+    channel.last, channel.first, channel.least_step = last, first, least
+    channel.total, channel.total2, channel.steps2 = total, total2, steps2
+    channel.n += stop - start - bad
+    channel.not_finite += bad
+    channel.repeats += same
+    channel.at_limit += clip
 
 
 @compiled
-def _spread(row: Array) -> float:
-    n = row[_N]
-    if n < 2.0:
-        return 0.0
-    mean = row[_S1] / n
-    return math.sqrt(max(row[_S2] / n - mean * mean, 0.0))
-
-
-@compiled
-def _mean(row: Array) -> float:
-    return row[_FIRST] + row[_S1] / row[_N] if row[_N] > 0.0 else 0.0
-
-
-@compiled
-def close_bin(
-    began: int, channels: Array, counts: Whole, notes: Whole, limits: Array, period: float, expects_mag: bool
-) -> int:
-    """
-    Judge the half second that began at `began`, ns, note what it shows and make room for the next.
-
-    limits, shape (3,): ends of the ranges, in the sensors' units; period: of the IMU's samples, s, 0 while not known.
-    Returns the bits of sensors whose values stick, lie at the end of the range, are missing or late, however short.
-    """
-    doubtful = 0
-    now = began + BIN_NS
-    spreads = np.zeros(9)
-    gyro_moves, shakes, pushed, noisy = False, False, False, False
-    field2, size2, worst, noise, jumps, strong = 0.0, 0.0, 0.0, 0.0, False, 0
+def _summarise(channels: Any) -> None:
+    """Mean, spread and constant half seconds of every channel."""
     for c in range(9):
         row = channels[c]
-        if row[_N] >= _SOME:
-            row[CONST] = row[CONST] + 1.0 if row[_SAME] >= row[_N] else 0.0
-        spreads[c] = _spread(row)
-        mean = _mean(row)
-        n, variance = row[_N], spreads[c] ** 2
-        white = n >= _FEW and row[_D2] > _WHITE * n * variance
-        if c >= 6:
-            field2 += mean * mean
-            size2 += mean * mean + variance
-            if spreads[c] > _FIELD_NOISE:
-                jumps = jumps or white
-                strong |= 1 << (c - 6)
-                noise = max(noise, spreads[c])
-        elif c >= 3:
-            pushed = pushed or abs(mean) > _PUSH
-            noisy = noisy or (white and variance > n * _NOISE**2)
-        if row[CONST] == 0.0:
-            if c < 3:
-                gyro_moves = gyro_moves or spreads[c] > 0.02 or abs(mean) > 0.1
-            elif c < 6:
-                shakes = shakes or spreads[c] > 0.3
-            else:
-                worst = max(worst, spreads[c])
-    if jumps and size2 < _NO_TESLA**2:
-        doubtful |= MAG
-        note(notes, NOISE, FOR, began, int(1e6 * noise + 0.5), strong, 0)
-    elif channels[6, _N] >= _FEW:
-        note(notes, NOISE, AGAINST, began, 0, 0, 0)
-    counts[_PUSHED] += int(pushed)
-    counts[_NOISY] += int(noisy)
-    field_turns = worst > 0.01 * math.sqrt(field2)
-    any_motion = gyro_moves or shakes or field_turns
-    for s in range(3):
-        first = 3 * s
-        # What the other sensors feel; the magnetometer feels no shaking.
-        moving = (gyro_moves and s != 0) or (shakes and s == 0) or (field_turns and s != 2)
-        n, bad, axis, constant, zeros = 0.0, 0.0, 0, 0, 0
-        step, longest, lively = math.inf, math.inf, math.inf
-        for c in range(3):
-            row = channels[first + c]
-            n += row[_N]
-            bad += row[_BAD]
-            axis |= int(row[_BAD] > 0.0) << c
-            constant += int(row[CONST] > 0.0)
-            zeros += int(row[LAST] == 0.0)
-            step = min(step, row[_STEP])
-            longest = min(longest, row[CONST])
-            lively = min(lively, row[_LIVELY])
-            counts[SPOILT + s] += int(row[_CLIP] > 0.01 * row[_N])
-            counts[SPOILT + s] += BROKEN * int(row[_BAD] > 0.01 * (row[_N] + row[_BAD]) or row[CONST] > 0.0)
-        feels = zeros == 3 or moving or lively >= _TRUSTED
-        missing = bad > 0.06 * (n + bad)
-        doubtful |= int(missing or (constant == 3 and feels)) << s
-        if n + bad > 0.0:
-            note(notes, INVALID + s, int(missing), began, axis, 0, 0)
-        # A whole sensor that gives the same numbers.
-        if constant == 3:
-            if longest >= 6.0 and feels:
-                note(notes, DEAD + s, FOR, now - int(longest) * BIN_NS, int(zeros == 3), 0, 0)
-        elif n >= 3.0 * _SOME:
-            note(notes, DEAD + s, AGAINST, began, 0, 0, 0)
-        for c in range(3):
-            row = channels[first + c]
-            if row[_N] < _SOME:
-                continue
-            other = max(spreads[first + (c + 1) % 3], spreads[first + (c + 2) % 3])
-            k = first + c
-            if row[CONST] == 0.0:
-                note(notes, STUCK + k, AGAINST, began, 0, 0, 0)
-            elif constant < 3 and abs(row[LAST]) < limits[s]:
-                shown = (any_motion and other >= 10.0 * step) or row[_LIVELY] >= _TRUSTED
-                doubtful |= int(shown) << s
-                if row[CONST] >= 4.0:
-                    since = now - int(row[CONST]) * BIN_NS
-                    note(notes, STUCK + k, FOR if shown else NOTHING, since, int(row[LAST] == 0.0), 0, 0)
-            if limits[s] < math.inf:
-                share = row[_CLIP] / row[_N]
-                # "Always" takes two seconds of nothing else.
-                row[_WHOLE] = row[_WHOLE] + 1.0 if share > 0.9 else 0.0
-                # A gyro beyond its range for a while is a string that turns fast.
-                doubtful |= int(share > 0.9 and s != 0) << s
-                note(notes, SATURATED + k, int(share > 0.2), began, ALWAYS if row[_WHOLE] >= 4.0 else OFTEN, 0, 0)
-            # A healthy axis varies at rest, most of the time; one whose steps hide its noise never proves it.
-            if not any_motion and row[CONST] == 0.0:
-                varies = row[_N] - row[_SAME] >= 0.3 * row[_N]
-                row[_LIVELY] = min(row[_LIVELY] + 1.0, 30.0) if varies else max(row[_LIVELY] - 3.0, -30.0)
-    if _note_stream(began, channels, counts, notes, period, expects_mag, spreads):
-        # What the gyros turned between samples that did not come is not known.
-        doubtful |= GYRO
+        row.mean = row.spread = 0.0
+        if row.n > 0:
+            off = row.total / row.n
+            row.mean = row.first + off
+            row.spread = math.sqrt(max(row.total2 / row.n - off * off, 0.0)) if row.n > 1 else 0.0
+        if row.n >= _SOME:
+            row.constant_bins = row.constant_bins + 1 if row.repeats >= row.n else 0
+
+
+@compiled
+def _motion(p: SignalLimits, channels: Any) -> tuple[bool, bool, bool]:
+    """Whether gyro, accelerometer and magnetometer show that the tool moves."""
+    gyro, accel, spread, field2 = False, False, 0.0, 0.0
     for c in range(9):
-        for k in (_N, _BAD, _SAME, _S1, _S2, _CLIP, _D2):
-            channels[c, k] = 0.0
-    for k in range(_MAG_SILENT):
-        counts[k] = 0
+        row = channels[c]
+        if c >= 6:
+            field2 += row.mean**2
+        if row.constant_bins:
+            continue
+        if c < 3:
+            gyro = gyro or row.spread > p.gyro_moves or abs(row.mean) > p.gyro_turns
+        elif c < 6:
+            accel = accel or row.spread > p.shakes
+        else:
+            spread = max(spread, row.spread)
+    return gyro, accel, spread > p.field_turns * math.sqrt(field2)
+
+
+@compiled
+def _judge_noise(p: SignalLimits, checks: Any, channels: Any, s: int, limit: float, began: int) -> bool:
+    """Whether a sensor sends random numbers: of forces or of a field."""
+    worst, size2, axes, white = 0.0, 0.0, 0, False
+    for c in range(3):
+        row = channels[3 * s + c]
+        size2 += row.mean**2 + row.spread**2
+        if row.spread > limit:
+            axes |= 1 << c
+            worst = max(worst, row.spread)
+            white = white or (row.n >= _FEW and row.steps2 > p.white * row.n * row.spread**2)
+    check = checks[FaultCode.NOISE, 3 * s]
+    if white and (s == 1 or size2 < p.no_tesla**2):
+        observe(check, FOR, began, worst, limit)
+        check.seen_which[0] = axes
+        return True
+    if channels[3 * s].n >= _FEW:
+        observe(check, AGAINST, began, 0.0, limit)
+    return False
+
+
+@compiled
+def _judge_axis(
+    p: SignalLimits, checks: Any, channels: Any, k: int, moves: bool, whole: bool, limit: float, began: int
+) -> bool:
+    """Whether axis k is stuck or at the end of its range; `whole`: the whole sensor repeats. True for a doubt."""
+    row, s, doubtful = channels[k], k // 3, False
+    if row.n < _SOME:
+        return False
+    if not row.constant_bins:
+        observe(checks[FaultCode.STUCK, k], AGAINST, began, 0.0, 0.0)
+    elif not whole and abs(row.last) < limit:
+        others, least = 0.0, math.inf
+        for c in range(3 * s, 3 * s + 3):
+            others = max(others, channels[c].spread)
+            least = min(least, channels[c].least_step)
+        if (moves and others >= p.steps * least) or row.varied >= p.varied_bins:
+            observe(checks[FaultCode.STUCK, k], FOR, began, row.last, 0.0)
+            doubtful = True
+    if limit < math.inf:
+        share = row.at_limit / row.n
+        always = share > p.saturated
+        # A gyro at the end of its range for half a second is a string that turns fast.
+        doubtful = doubtful or (always and s != 0)
+        observe(checks[FaultCode.SATURATED, k], FOR if always else AGAINST, began, share, p.saturated)
+        seen = NOTHING if always else (FOR if share > p.clipped else AGAINST)
+        observe(checks[FaultCode.CLIPPED, k], seen, began, share, p.clipped)
     return doubtful
 
 
 @compiled
-def _note_stream(
-    began: int, channels: Array, counts: Whole, notes: Whole, period: float, expects_mag: bool, spreads: Array
-) -> bool:
-    """Whether samples come, at their pace, and each once; returns whether the IMU's come late."""
-    if expects_mag and counts[IMU] > 0:
-        if channels[6, _N] + channels[6, _BAD] == 0.0:
-            counts[_MAG_SILENT] += 1
-            long = counts[_MAG_SILENT] >= (4 if counts[_MAG_EVER] else 10)
-            since = began + BIN_NS - counts[_MAG_SILENT] * BIN_NS
-            note(notes, ABSENT, FOR if long else NOTHING, since, counts[_MAG_EVER], 0, 0)
-        else:
-            counts[_MAG_SILENT] = 0
-            counts[_MAG_EVER] = 1
-            note(notes, ABSENT, AGAINST, began, 0, 0, 0)
-    steps, odd = counts[STEPS], counts[LONG] + counts[SHORT]
-    if period > 0.0 and steps >= 2:
-        seen = FOR if odd > 0.6 * steps else (AGAINST if odd < 0.2 * steps else NOTHING)
-        note(notes, RATE, seen, began, int(counts[LONG] > counts[SHORT]), int(1000.0 / period), 0)
-    counts[_GAPS] += int(counts[LONG] > 0.02 * steps)
-    late = period > 0.0 and steps >= 2 and counts[LONG] > 0.75 * steps
+def _judge_sensor(p: SignalLimits, checks: Any, channels: Any, s: int, moves: bool, began: int) -> tuple[bool, bool]:
+    """Whether a sensor sends no numbers, or the same ones again; gives whether all axes repeat, and a doubt."""
+    n, bad, axes, constant, largest, varied = 0, 0, 0, True, 0.0, p.varied_bins
+    for c in range(3):
+        row = channels[3 * s + c]
+        n += row.n
+        bad += row.not_finite
+        axes |= int(row.not_finite > 0) << c
+        constant = constant and row.constant_bins > 0
+        largest = max(largest, abs(row.last))
+        varied = min(varied, row.varied)
+    if n + bad == 0:
+        return constant, False
+    missing = bad > p.missing * (n + bad)
+    check = checks[FaultCode.INVALID, 3 * s]
+    observe(check, FOR if missing else AGAINST, began, bad / (n + bad), p.missing)
+    check.seen_which[0] = axes if missing else 0
+    dead = constant and (largest == 0.0 or moves or varied >= p.varied_bins)
+    if dead:
+        observe(checks[FaultCode.DEAD, 3 * s], FOR, began, largest, 0.0)
+    elif not constant and n >= 3 * _SOME:
+        observe(checks[FaultCode.DEAD, 3 * s], AGAINST, began, 0.0, 0.0)
+    return constant, missing or dead
+
+
+@compiled
+def judge_bin(p: SignalLimits, checks: Any, channels: Any, limits: Array, began: int) -> int:
+    """
+    Judge the half second that began at `began`, ns, and make room for the next.
+
+    limits, shape (3,): ends of the ranges, rad/s, m/s^2 and T; inf: not known. Returns bits of the sensors whose values
+    repeat, lie at the end of the range or are missing, however short.
+    """
+    _summarise(channels)
+    gyro, accel, field = _motion(p, channels)
+    doubtful = MAG * int(_judge_noise(p, checks, channels, 2, p.field_noise, began))
+    if limits[1] < math.inf:
+        _judge_noise(p, checks, channels, 1, p.noise_of_range * limits[1], began)
+    for s in range(3):
+        # What the other sensors show of the motion; a magnetometer does not feel shaking.
+        moves = accel or field if s == 0 else (gyro or field if s == 1 else gyro)
+        whole, doubt = _judge_sensor(p, checks, channels, s, moves, began)
+        for k in range(3 * s, 3 * s + 3):
+            doubt |= _judge_axis(p, checks, channels, k, gyro or accel or field, whole, limits[s], began)
+        doubtful |= int(doubt) << s
+    for c in range(9):
+        row = channels[c]
+        if not (gyro or accel or field or row.constant_bins) and row.n >= _SOME:
+            # A healthy axis varies at rest, most of the time; one whose steps hide its noise never proves it.
+            varies = row.n - row.repeats >= 0.3 * row.n
+            row.varied = min(row.varied + 1, 30) if varies else max(row.varied - 3, -30)
+        row.n = row.not_finite = row.repeats = row.at_limit = 0
+        row.total = row.total2 = row.steps2 = 0.0
+    return doubtful
+
+
+@compiled
+def judge_stream(p: SignalLimits, checks: Any, channels: Any, pace: Pace, period: float, began: int) -> bool:
+    """
+    Judge whether samples come at their pace and each once; before `judge_bin`, which forgets the spreads.
+
+    period : of the IMU's samples, s; 0 while not known. Returns whether samples come so late that turns are not known.
+    """
+    if period > 0.0 and pace.steps >= 2:
+        odd = pace.long + pace.short
+        seen = FOR if odd > p.off_pace * pace.steps else (AGAINST if odd < p.in_pace * pace.steps else NOTHING)
+        observe(checks[FaultCode.RATE, 0], seen, began, pace.imu / (1e-9 * BIN_NS), 1.0 / period)
     for s in range(2):
-        n, lively, step = channels[3 * s, _N], 0.0, 0.0
+        lively, least, repeats = 0.0, 0.0, pace.imu
         for c in range(3 * s, 3 * s + 3):
-            lively, step = max(lively, spreads[c]), max(step, channels[c, _STEP])
-        if n >= _FEW and lively > 10.0 * step and channels[3 * s, CONST] == 0.0:
-            share = counts[HOLDS + s] / n
-            note(notes, HELD + s, int(share > 0.3), began, int(10.0 * share + 0.5) * 10, 0, 0)
-    return late
+            row = channels[c]
+            if row.n >= _FEW:
+                lively = max(lively, row.total2 / row.n - (row.total / row.n) ** 2)
+            least = max(least, row.least_step)
+            repeats = min(repeats, row.repeats)
+        if lively > (p.steps * least) ** 2 and not channels[3 * s].constant_bins:
+            share = repeats / max(pace.imu, 1)
+            observe(checks[FaultCode.REPEATED, 3 * s], FOR if share > p.repeated else AGAINST, began, share, p.repeated)
+    return bool(period > 0.0 and pace.steps >= 2 and pace.long > p.lost * pace.steps)

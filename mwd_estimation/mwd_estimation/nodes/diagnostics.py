@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status, words
+from mwd_estimation.health.fault_debounce import UNKNOWN
+from mwd_estimation.health.fault_messages import CONDITIONS, describe
 from mwd_estimation.pipeline import Pipeline
 from mwd_estimation.settings import EstimatorSettings
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
@@ -42,24 +44,26 @@ def sensor_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
     """One entry for each sensor fault; without a fault one entry with the checks that are still undecided."""
     faults = pipeline.sensor_faults
     if not faults:
-        undecided = [name for name, word in pipeline.sensors_known.items() if word == "not yet known"]
+        known = pipeline.sensors_known
+        undecided = [name for name, condition in known.items() if condition == UNKNOWN]
         message = f"no fault; not yet known: {', '.join(undecided)}" if undecided else "healthy"
-        return [Diagnostic("sensors", OK, message, values=tuple(pipeline.sensors_known.items()))]
+        values = tuple((name, CONDITIONS[condition]) for name, condition in known.items())
+        return [Diagnostic("sensors", OK, message, values=values)]
     return [
         Diagnostic(
             "sensors" if k == 0 else f"sensors {k + 1}",
-            ERROR if fault.severity == "error" else WARN,
-            fault.message,
-            fault.remedy,
+            ERROR if text.severity == "error" else WARN,
+            text.message,
+            text.remedy,
             (
-                ("kind", fault.kind),
-                ("sensor", fault.sensor),
-                ("axis", fault.axis),
-                ("confidence", f"{fault.confidence:.2f}"),
+                ("kind", text.kind),
+                ("sensor", text.sensor),
+                ("axis", text.axis),
+                ("confidence", f"{text.confidence:.2f}"),
                 ("since_s", f"{fault.since_ns * 1e-9:.1f}"),
             ),
         )
-        for k, fault in enumerate(faults)
+        for k, (fault, text) in enumerate((fault, describe(fault)) for fault in faults)
     ]
 
 

@@ -16,6 +16,7 @@ from tf2_msgs.msg import TFMessage
 
 from mwd_estimation.core.reason_text import joined, text
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.health.fault_messages import describe
 from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.action_servers import FEEDBACK_PERIOD, EstimatorActions
 from mwd_estimation.nodes.inputs import InputTopics
@@ -124,10 +125,11 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         frame = self._inputs.frames["imu/data_raw"]
         self._publish_streams(samples, output, frame)
         for change in output.health:
+            fault = describe(change)
             if change.cleared_ns:
-                self.get_logger().info(change.message)
+                self.get_logger().info(fault.message)
             else:
-                self.get_logger().warning(f"{change.message}; {change.remedy}")
+                self.get_logger().warning(f"{fault.message}; {fault.remedy}")
         for survey in output.surveys:
             verdict = self._publish_survey(survey, frame)[1]
             if survey.requested:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from mwd_estimation.core.reasons import Reason, quoted
 from mwd_estimation.core.reasons import ReasonCode as Code
-from mwd_estimation.health.fault_debounce import ACCEL, MAG, SENSORS
-from mwd_estimation.health.fault_messages import ENDED, Finding
+from mwd_estimation.health.fault_messages import describe
+from mwd_estimation.health.sensor_fault import ACCEL, MAG, SENSORS, FaultCode, SensorFault
 from mwd_estimation.survey.acceptance import DOUBTFUL, REJECT, worse
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.static_survey import StillAverage
@@ -24,9 +24,9 @@ from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Stamps
 
 # Kinds of fault that fed no wrong value to the estimate before they were named.
-_HARMLESS = ("absent", "invalid")
+_HARMLESS = (FaultCode.NEVER_CAME, FaultCode.SILENT, FaultCode.INVALID)
 # Kinds whose evidence shows from when on the values were wrong.
-_REPEATS = ("stuck", "dead")
+_REPEATS = (FaultCode.STUCK, FaultCode.DEAD)
 # Such a magnetometer did no harm where the azimuth had had a sound one for so long, ns, and it was in doubt so soon.
 _SOUND_NS, _IN_TIME_NS = 10_000_000_000, 1_000_000_000
 # Bits of the sensors that an azimuth rests on.
@@ -39,11 +39,11 @@ class FaultHistory:
     """Faults and doubts that last or ended lately, for surveys whose average reaches back to them."""
 
     def __init__(self) -> None:
-        self._known: dict[int, Finding] = {}
+        self._known: dict[int, SensorFault] = {}
         # Of each sensor: the stamps from which and up to which it was in doubt last.
         self._doubts: dict[int, tuple[int, int]] = {}
 
-    def note(self, change: Finding) -> None:
+    def note(self, change: SensorFault) -> None:
         """Take a change."""
         self._known[change.check] = change
 
@@ -56,7 +56,7 @@ class FaultHistory:
                 goes_on = hit[0] - last <= _EVIDENCE_NS
                 self._doubts[s] = first if goes_on else int(hit[0]), int(hit[-1])
 
-    def misleads(self, changes: Iterable[Finding], fed_ns: int) -> bool:
+    def misleads(self, changes: Iterable[SensorFault], fed_ns: int) -> bool:
         """
         Whether a fault was named that has fed wrong values of gravity or field to the azimuth up to now.
 
@@ -65,14 +65,14 @@ class FaultHistory:
         return any(
             not one.cleared_ns
             and one.unusable & AZIMUTH
-            and one.kind not in _HARMLESS
+            and one.code not in _HARMLESS
             and not self._left_out_in_time(one, fed_ns)
             for one in changes
         )
 
-    def _left_out_in_time(self, fault: Finding, fed_ns: int) -> bool:
+    def _left_out_in_time(self, fault: SensorFault, fed_ns: int) -> bool:
         """Whether a magnetometer that had been sound was in doubt, and so left out, as soon as it repeated itself."""
-        if fault.unusable != MAG or fault.kind not in _REPEATS or fault.since_ns - fed_ns < _SOUND_NS:
+        if fault.unusable != MAG or fault.code not in _REPEATS or fault.since_ns - fed_ns < _SOUND_NS:
             return False
         first, last = self._doubts.get(SENSORS.index("magnetometer"), (0, 0))
         return first - fault.since_ns < _IN_TIME_NS and last >= fault.since_ns
@@ -82,7 +82,7 @@ class FaultHistory:
         faulty = any(one.unusable & MAG for one in self._lately(still.start_ns))
         return dataclasses.replace(still, mag=None) if faulty else still
 
-    def _lately(self, begin: int) -> list[Finding]:
+    def _lately(self, begin: int) -> list[SensorFault]:
         return [one for one in self._known.values() if not one.cleared_ns or one.cleared_ns > begin]
 
     def judge(self, survey: Survey) -> Survey:
@@ -104,12 +104,13 @@ class FaultHistory:
         return _with(survey, worse(survey.station.verdict, DOUBTFUL), doubts) if doubts else survey
 
 
-def _reason(fault: Finding, begin: int) -> Reason:
+def _reason(fault: SensorFault, begin: int) -> Reason:
     """Why a survey that began at this stamp, ns, is not to be used."""
+    text = describe(dataclasses.replace(fault, cleared_ns=0))
     if fault.cleared_ns:
         until = 1e-9 * (fault.cleared_ns - begin)
-        return Reason(Code.SENSOR_FAULT_ENDED, until, causes=(quoted(fault.message.removesuffix(ENDED)),))
-    causes = [quoted(text) for text in (fault.message, fault.remedy) if text]
+        return Reason(Code.SENSOR_FAULT_ENDED, until, causes=(quoted(text.message),))
+    causes = [quoted(words) for words in (text.message, text.remedy)]
     return Reason(Code.SENSOR_FAULT, causes=tuple(causes))
 
 

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from mwd_estimation.core.reason_text import text
-from mwd_estimation.health.unit_comparison import PRECISION, PrecisionHealth, Settings
+from mwd_estimation.health.fault_messages import describe
+from mwd_estimation.health.sensor_fault import PRECISION, FaultCode
+from mwd_estimation.health.unit_comparison import PrecisionHealth
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline, Place
 from mwd_sensors.core import wire
 from mwd_sensors.simulator import faults, scenario
@@ -45,7 +47,7 @@ def spoilt(schedule, component, word, axis="all", start_s=START_S):
 
 def judged(streams, still=False):
     """Changes, with the seconds after which they were known, and whether the unit was ever in doubt."""
-    health = PrecisionHealth(Settings(np.radians(5.0) / 3600.0))
+    health = PrecisionHealth(np.radians(5.0) / 3600.0)
     imu, fine = streams["imu/data_raw"], streams["gyro/data_raw"]
     values = np.hstack([fine["angular_velocity"], fine["linear_acceleration"]])
     beside = np.hstack([imu["angular_velocity"], imu["linear_acceleration"]])
@@ -96,26 +98,29 @@ def test_a_fault_is_named_within_ten_seconds(schedule, component, word, axis, ki
     changes, _, health = judged(spoilt(schedule, component, word, axis), schedule == "still")
     after, first = changes[0]
     assert START_S < after <= START_S + 10.0
-    assert (first.kind, first.axis) == (kind, named)
-    assert "precision" in first.sensor
+    text = describe(first)
+    assert (text.kind, text.axis) == (kind, named)
+    assert "precision" in text.sensor
     assert first.unusable == PRECISION
-    assert first.remedy
+    assert text.remedy
     assert health.refusal
 
 
 @pytest.mark.parametrize("component", ["gyro", "precision_gyro"])
 def test_y_and_z_of_two_gyros_that_differ_are_held_against_both(component):
     changes, _, health = judged(spoilt("drilling", component, "flipped", "y"))
-    assert [(one.sensor, one.axis, one.unusable) for _, one in changes] == [("gyro/precision gyro", "y", PRECISION)]
+    assert [(describe(one).sensor, describe(one).axis, one.unusable) for _, one in changes] == [
+        ("gyro/precision gyro", "y", PRECISION)
+    ]
     assert "one of the two" in health.refusal
 
 
 def test_what_moves_on_without_a_doubt_of_the_first_unit_is_the_precision_units_own_mistake():
     changes, _, _ = judged(spoilt("drilling", "precision_gyro", "swapped", "xy"))
-    assert [one.sensor for _, one in changes] == ["gyro/precision gyro", "precision gyro"]
+    assert [describe(one).sensor for _, one in changes] == ["gyro/precision gyro", "precision gyro"]
     assert changes[1][0] - changes[0][0] < 6.0
     at_rest, _, _ = judged(spoilt("still", "precision_accel", "swapped", "xy"), True)
-    assert [one.sensor for _, one in at_rest] == ["accelerometer/precision accelerometer"]
+    assert [describe(one).sensor for _, one in at_rest] == ["accelerometer/precision accelerometer"]
 
 
 def test_what_was_held_against_both_is_dropped_when_the_first_unit_is_left_out():
@@ -123,7 +128,7 @@ def test_what_was_held_against_both_is_dropped_when_the_first_unit_is_left_out()
     imu = streams["imu/data_raw"].copy()
     imu["angular_velocity"][(imu["stamp_ns"] - imu["stamp_ns"][0]) * 1e-9 > START_S + 4.0] = np.nan
     changes, _, health = judged({**streams, "imu/data_raw": imu})
-    assert [(one.sensor, bool(one.cleared_ns)) for _, one in changes] == [
+    assert [(describe(one).sensor, bool(one.cleared_ns)) for _, one in changes] == [
         ("gyro/precision gyro", False), ("gyro/precision gyro", True),
     ]  # fmt: skip
     assert health.refusal == ""
@@ -147,7 +152,7 @@ def test_a_rate_at_rest_is_too_much_only_beyond_what_a_string_pulled_through_a_b
     ):
         units = {name: turned(name, rate_deg_h) for name in ("imu/data_raw", "gyro/data_raw")[not of_both :]}
         changes, _, _ = judged({**streams, **units}, True)
-        assert [one.axis for _, one in changes] == told
+        assert [describe(one).axis for _, one in changes] == told
 
 
 def test_a_unit_that_falls_silent_is_named_and_one_that_was_never_heard_is_not():
@@ -155,8 +160,8 @@ def test_a_unit_that_falls_silent_is_named_and_one_that_was_never_heard_is_not()
     fine = streams["gyro/data_raw"]
     part = fine[fine["stamp_ns"] < fine["stamp_ns"][0] + 10 * 10**9]
     changes, _, health = judged({**streams, "gyro/data_raw": part})
-    assert [(one.kind, one.sensor) for _, one in changes] == [("absent", "precision unit")]
-    assert "silent" in health.refusal
+    assert [(one.code, describe(one).sensor) for _, one in changes] == [(FaultCode.SILENT, "precision unit")]
+    assert "precision unit" in health.refusal
     assert judged({**streams, "gyro/data_raw": fine[:0]})[0] == []
 
 
@@ -166,7 +171,7 @@ def test_a_fault_that_has_gone_is_cleared():
     t = (fine["stamp_ns"] - fine["stamp_ns"][0]) * 1e-9
     fine["angular_velocity"][(t > 6.0) & (t < 12.0), 1] *= -1.0
     changes, _, health = judged({**streams, "gyro/data_raw": fine})
-    assert [(one.kind, bool(one.cleared_ns)) for _, one in changes] == [("flipped", False), ("flipped", True)]
+    assert [(describe(one).kind, bool(one.cleared_ns)) for _, one in changes] == [("flipped", False), ("flipped", True)]
     assert 12.0 < changes[1][0] < 16.0
     assert health.refusal == ""
 
@@ -259,7 +264,7 @@ def test_cross_axes_that_were_wrong_are_not_right_because_the_fast_axis_is():
     seen[1000:2000, 1:] = 0.1 * np.random.default_rng(5).normal(size=(1000, 2))
     rate[3000:5000, 0] = seen[3000:5000, 0] = 1.0
     changes, _, health = judged(both_units(rate, seen))
-    assert [one.kind for _, one in changes] == ["mismatch"]
+    assert [one.code for _, one in changes] == [FaultCode.MISMATCH]
     assert "agrees with no axis" in health.refusal
     # Until they are seen to be right.
     rate[5200:6000, 1] = seen[5200:6000, 1] = 0.1 * np.sin(3.0 * t[5200:6000])

@@ -11,8 +11,7 @@ import pytest
 from mwd_estimation.core.reason_text import text, texts
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.time_bins import Average
-from mwd_estimation.health.fault_debounce import ACCEL, GYRO, MAG
-from mwd_estimation.health.fault_messages import Finding
+from mwd_estimation.health.sensor_fault import ACCEL, GYRO, MAG, FaultCode, SensorFault, Unit
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline, Place
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.static_survey import StillAverage
@@ -158,7 +157,7 @@ def test_a_failed_magnetometer_is_no_reading_and_does_not_touch_a_gyro_azimuth()
     imu = Average(np.zeros(6), np.eye(6), 400)
     still = StillAverage(survey.stamp_ns - half, survey.stamp_ns + half, imu, Average(np.ones(3), np.eye(3), 400),
                          None, None, requested=False)  # fmt: skip
-    failed = Finding("stuck", "magnetometer", "x", "error", 0.99, "x is stuck", "", survey.stamp_ns, 0, MAG, 7)
+    failed = SensorFault(FaultCode.STUCK, Unit.CONVENTIONAL, 6, 0.0, 0.0, (0, 0, 0), MAG, survey.stamp_ns)
     gone = dataclasses.replace(failed, cleared_ns=survey.stamp_ns - half)
     by_gyro = dataclasses.replace(survey, weights={"raw": 0.0, "gyro": 1.0})
     shared = dataclasses.replace(survey, weights={"raw": 0.3, "gyro": 0.7})
@@ -169,16 +168,19 @@ def test_a_failed_magnetometer_is_no_reading_and_does_not_touch_a_gyro_azimuth()
         assert record.judge(by_gyro) is by_gyro
         for rests_on_it in (survey, shared):
             assert (record.judge(rests_on_it).station.verdict == "reject") != reads
-    record.note(dataclasses.replace(failed, sensor="accelerometer", unusable=ACCEL, check=5))
+    record.note(dataclasses.replace(failed, place=3, unusable=ACCEL))
     assert record.judge(by_gyro).station.verdict == "reject"
 
 
 def test_a_fault_that_ended_during_a_survey_is_told_with_how_long_it_lasted():
     survey = estimated(sent("temperature", "ok"))[0].surveys[0]
     begin = survey.stamp_ns - round(0.5e9 * survey.duration)
-    ended = "accelerometer is dead: it sends only zeros (has ended)"
     record = FaultHistory()
-    record.note(Finding("dead", "accelerometer", "all", "error", 0.99, ended, "", begin, begin + 25 * 10**8, ACCEL, 5))
+    record.note(
+        SensorFault(
+            FaultCode.DEAD, Unit.CONVENTIONAL, 3, 0.0, 0.0, (0, 0, 0), ACCEL, begin, cleared_ns=begin + 25 * 10**8
+        )
+    )
     station = record.judge(survey).station
     assert station.verdict == "reject"
     assert text(station.reasons[0]) == (
@@ -190,13 +192,13 @@ def test_a_field_that_no_tool_meets_is_not_used_and_stops_nothing():
     output, pipeline = estimated(sent("mag", "in_nt"))
     assert pipeline.counters.rejected >= 6000
     assert len(output.attitude)
-    assert any(one.kind == "unit" for one in pipeline.sensor_faults)
+    assert any(one.code == FaultCode.UNIT for one in pipeline.sensor_faults)
 
 
 def test_when_a_fault_has_gone_the_estimate_begins_anew_and_is_right():
     case = sent("accel", "stuck", "y", 10.0, 10.0)
     output, pipeline = estimated(case)
-    assert [one.kind for one in output.health] == ["stuck", "stuck"]
+    assert [one.code for one in output.health] == [FaultCode.STUCK, FaultCode.STUCK]
     assert pipeline.sensor_faults == []
     rows, truth = output.attitude, case[0]["truth"]
     named = rows["status"] & FAULT != 0

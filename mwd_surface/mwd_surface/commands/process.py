@@ -169,6 +169,8 @@ def _with_a_model(bag: Bag, estimator: EstimatorSettings) -> tuple[EstimatorSett
 def _show(summary: Summary, estimator: EstimatorSettings, folder: Path, elapsed: float) -> None:
     import math
 
+    from mwd_estimation.health.fault_messages import describe
+    from mwd_estimation.health.sensor_fault import FaultCode
     from mwd_surface.commands import terminal
     from mwd_surface.commands.survey_table import show_surveys
 
@@ -176,11 +178,12 @@ def _show(summary: Summary, estimator: EstimatorSettings, folder: Path, elapsed:
     for warning in summary.warnings:
         terminal.warn(warning)
     for fault in summary.faults:
-        if fault.kind == "absent" and fault.sensor == "magnetometer" and summary.topics.mag is None:
+        if fault.code == FaultCode.NEVER_CAME and summary.topics.mag is None:
             continue  # the recording has none, as the table below says
         # Relative to the first sample, as --start and --end count.
         moment = max((fault.cleared_ns or fault.since_ns) - summary.start_ns, 0)
-        terminal.warn(f"{moment * 1e-9:.1f} s: {fault.message}" + (f"; {fault.remedy}" if fault.remedy else ""))
+        text = describe(fault)
+        terminal.warn(f"{moment * 1e-9:.1f} s: {text.message}" + (f"; {text.remedy}" if text.remedy else ""))
     rate = (summary.rows - 1) / summary.seconds if summary.seconds > 0.0 else 0.0
     lines = [
         ("IMU", f"{summary.topics.imu}: {summary.rows} samples, {summary.seconds:.1f} s, {rate:.1f} Hz"),

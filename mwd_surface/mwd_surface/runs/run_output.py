@@ -10,7 +10,8 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from mwd_estimation.health.fault_messages import Finding
+from mwd_estimation.health.fault_messages import describe
+from mwd_estimation.health.sensor_fault import SensorFault
 from mwd_estimation.pipeline import Output
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.settings import setting
@@ -116,14 +117,15 @@ def survey_text(surveys: list[tuple[Survey, float]]) -> str:
     )
 
 
-def fault_text(faults: list[Finding]) -> str:
+def fault_text(faults: list[SensorFault]) -> str:
     """faults.csv: one line for every fault that was found, narrowed down or cleared, in that order."""
     return station_csv.text(
         FAULT_COLUMNS,
         (
-            {name: getattr(fault, name) for name in FAULT_COLUMNS}
-            | {"confidence": station_csv.number(fault.confidence, 2), "cleared_ns": fault.cleared_ns or ""}
-            for fault in faults
+            dataclasses.asdict(text)
+            | {"since_ns": fault.since_ns, "cleared_ns": fault.cleared_ns or ""}
+            | {"confidence": station_csv.number(text.confidence, 2)}
+            for fault, text in ((fault, describe(fault)) for fault in faults)
         ),
     )
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from mwd_estimation.core.status import Status
-from mwd_estimation.health.fault_messages import Finding
+from mwd_estimation.health.sensor_fault import SensorFault
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
 from mwd_estimation.survey.survey import Survey
 from mwd_surface.runs.bag_input import Topics
@@ -42,7 +42,7 @@ class Summary:
     surveys : list of (Survey, measured depth in m or nan)
     listed : SurveyList
         The same as the surface node keeps them: accepted ones in the path, the rest waiting for a decision.
-    faults : list of Finding
+    faults : list of SensorFault
         Faults of sensors, as they were found, narrowed down or cleared.
     warnings : list of str
     files : list of str
@@ -66,7 +66,7 @@ class Summary:
     reference: str = "none"
     surveys: list[tuple[Survey, float]] = dataclasses.field(default_factory=list)
     listed: SurveyList = dataclasses.field(default_factory=SurveyList)
-    faults: list[Finding] = dataclasses.field(default_factory=list)
+    faults: list[SensorFault] = dataclasses.field(default_factory=list)
     warnings: list[str] = dataclasses.field(default_factory=list)
     files: list[str] = dataclasses.field(default_factory=list)
 

@@ -1,0 +1,75 @@
+"""
+The 48 ways to exchange and reverse three axes, and what each looks like in vectors carried along by the gyros.
+
+A signed permutation P maps true to measured components, `v' = P v`. With gyros `w' = G w` and vectors `v' = V v`, and
+G = s Q' (Q proper, s = +1 or -1), the carried vector is `R v = Q R_s Q' V' v'`, where R_s is the attitude integrated
+from s w' and ' at a matrix its transpose. The length of its mean depends on s and M = Q' V' up to sign: 2 x 24 ways.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array, Indices
+
+GYRO, ACCEL, MAG = 0, 1, 2
+
+
+def _signed_permutations() -> list[Indices]:
+    made = []
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1, -1), repeat=3):
+            one = np.zeros((3, 3), dtype=np.int64)
+            one[np.arange(3), list(order)] = signs
+            made.append(one)
+    return made
+
+
+def _contrived(m: Indices) -> int:
+    """How contrived a mistake is: an axis reversed or two exchanged 1, then all reversed, turns, mixtures."""
+    fixed, flips = int(np.count_nonzero(np.diagonal(m))), int(np.count_nonzero(m < 0))
+    if fixed == 3:
+        return {1: 1, 3: 2, 2: 3}[flips]
+    return {0: 1, 1: 3, 2: 4, 3: 4}[flips] if fixed == 1 else 4
+
+
+MAPPINGS = _signed_permutations()
+"""All 48 as matrices, shape (3, 3), the identity first."""
+
+_PROPER = [m for m in MAPPINGS if round(float(np.linalg.det(m))) == 1]
+WAYS: Array = np.array(_PROPER, dtype=float)
+"""M of the ways with the attitude of +w, shape (24, 3, 3); the same again with that of -w make 48."""
+
+
+def _mistakes() -> tuple[Indices, Indices]:
+    """Of each mistake of one sensor: sensor, mapping, way seen in gravity, way seen in the field; and its weight."""
+    index = {m.tobytes(): k for k, m in enumerate(_PROPER)}
+    rows, weights = [], []
+    for k, m in enumerate(MAPPINGS[1:], start=1):
+        sign = round(float(np.linalg.det(m)))
+        by_gyro = index[np.ascontiguousarray(sign * m).tobytes()] + (0 if sign > 0 else len(_PROPER))
+        by_vector = index[np.ascontiguousarray(sign * m.T).tobytes()]
+        rows += [(GYRO, k, by_gyro, by_gyro), (ACCEL, k, by_vector, 0), (MAG, k, 0, by_vector)]
+        weights += [_contrived(m)] * 3
+    return np.array(rows, dtype=np.int64), np.array(weights, dtype=np.int64)
+
+
+MISTAKES, WEIGHTS = _mistakes()
+"""Mistakes, shape (141, 4), and how contrived each is, shape (141,)."""
+
+
+def kind_of(k: int) -> tuple[str, str]:
+    """What mapping k is, swapped, flipped or frame, and the axes it moves."""
+    m = MAPPINGS[k]
+    flipped = "".join(a for n, a in enumerate("xyz") if m[n].sum() < 0)
+    moved = "".join(a for n, a in enumerate("xyz") if m[n, n] == 0)
+    if not moved:
+        if len(flipped) == 2:
+            return "frame", flipped
+        return "flipped", "all" if len(flipped) == 3 else flipped
+    if len(moved) == 2 and not flipped:
+        return "swapped", moved
+    turned = len(moved) == 2 and len(flipped) == 1 and round(float(np.linalg.det(m))) == 1
+    return "frame", moved if turned else "xyz"

@@ -1,0 +1,335 @@
+"""
+Some seconds of motion as a plain array of steps, and whether it looks as healthy sensors see it.
+
+A step is a tenth of a second, or less where the tool turns fast: its turn and the sums of its samples. `window_checks`
+judges the array. Beside it the vectors are carried along by the gyros as they are, so that the long judgement is needed
+only where gravity, field or dip do not come out as expected (`consistent`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+
+from mwd_estimation.health.axis_mappings import WAYS
+from mwd_sensors.core.arrays import Array, Indices, Stamps
+from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.kalman import rotate_right
+from mwd_sensors.core.records import dtype_of
+
+PARTS = 6
+"""Half seconds of a window."""
+ROWS = 8192
+"""Steps that a window can hold: 3 s of a gyro in deg/s at 2 kHz make a step of each sample."""
+# A step ends after so much turn, squared, rad^2, or time, ns.
+_TURN2, _STEP_NS = 0.2, 100_000_000
+# An interval beyond which the turn between two samples is not known, s.
+_LONGEST = 0.25
+_ABSURD = 1e12
+
+
+class MotionStep:
+    """A tenth of a second of motion, or less: its turn, rad, and the sums of its samples, in the sensors' units."""
+
+    turn: Annotated[Array, 3]
+    force: Annotated[Array, 3]
+    field: Annotated[Array, 3]
+    forces: int
+    fields: int
+    force2: float
+    field2: float
+    part: int
+
+
+STEP = dtype_of(MotionStep)
+
+
+class Carried:
+    """The window as the gyros carry it: attitude, and sums of the carried vectors, in all and by half second."""
+
+    mat: Annotated[Array, 3, 3]
+    force: Annotated[Array, 3]
+    field: Annotated[Array, 3]
+    part_force: Annotated[Array, PARTS, 3]
+    part_forces: Annotated[Indices, PARTS]
+    product: float
+    products: int
+    forces: int
+    fields: int
+    force2: float
+    field2: float
+    path: float
+    turn_x: float
+    force_x: float
+    steps: int
+    parts: int
+
+
+CARRIED = dtype_of(Carried)
+
+
+class Samples(NamedTuple):
+    """Samples of the IMU and of the magnetometer: stamps, ns, shapes (n,) and (m,), and values, (n, 3) and (m, 3)."""
+
+    stamps: Stamps
+    gyro: Array
+    accel: Array
+    mag_ns: Stamps
+    mag: Array
+
+
+class Expected(NamedTuple):
+    """Gravity, m/s^2, total field, T, and dip, rad, of the place; nan where not known."""
+
+    gravity: float
+    total: float
+    dip: float
+
+
+class Consistency(NamedTuple):
+    """
+    How well a healthy window fits, below which it is judged in full: the narrowest limits of `window_checks`.
+
+    Attributes
+    ----------
+    length : float
+        Gravity too short or too long, as a share of it, beyond `sigmas` of its noise.
+    field : float
+        Least share of the field that the gyros hold together.
+    dip : float
+        Dip off the reference, rad.
+    """
+
+    length: float = 0.02
+    sigmas: float = 2.5
+    field: float = 0.9
+    dip: float = 0.2
+
+
+@compiled
+def begin(carried: Any) -> None:
+    """Open a window."""
+    carried.mat[:] = 0.0
+    carried.mat[0, 0] = carried.mat[1, 1] = carried.mat[2, 2] = 1.0
+    carried.force[:] = 0.0
+    carried.field[:] = 0.0
+    carried.part_force[:] = 0.0
+    carried.part_forces[:] = 0
+    carried.product = carried.force2 = carried.field2 = carried.path = carried.turn_x = carried.force_x = 0.0
+    carried.products = carried.forces = carried.fields = carried.steps = carried.parts = 0
+
+
+@compiled
+def _follow(carried: Any, step: Any) -> None:
+    """Carry a step's sums into the axes in which the window began, and turn on."""
+    part = min(step.part, PARTS - 1)
+    product = 0.0
+    for a in range(3):
+        force, field = 0.0, 0.0
+        for b in range(3):
+            force += carried.mat[a, b] * step.force[b]
+            field += carried.mat[a, b] * step.field[b]
+        carried.force[a] += force
+        carried.field[a] += field
+        carried.part_force[part, a] += force
+        product += step.force[a] * step.field[a]
+    if step.forces and step.fields:
+        carried.product += product / step.fields
+        carried.products += step.forces
+    carried.part_forces[part] += step.forces
+    carried.forces += step.forces
+    carried.fields += step.fields
+    carried.force2 += step.force2
+    carried.field2 += step.field2
+    carried.force_x += step.force[0]
+    carried.turn_x += step.turn[0]
+    carried.path += math.sqrt(step.turn[0] ** 2 + step.turn[1] ** 2 + step.turn[2] ** 2)
+    rotate_right(carried.mat, step.turn[0], step.turn[1], step.turn[2])
+
+
+@compiled
+def add(carried: Any, steps: Any, samples: Samples, start: int, stop: int, used: int, before_ns: int) -> int:
+    """
+    Add half a second: samples from start to stop, after one at `before_ns`; gives the magnetic samples used by then.
+
+    used : magnetic samples used before. A magnetic sample belongs to the first one of the IMU that is not earlier.
+    """
+    last, opened = before_ns, before_ns
+    # In local names: this runs for every sample.
+    tx, ty, tz, fx, fy, fz, force2, forces = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
+    for i in range(start, stop):
+        at = samples.stamps[i]
+        dt = 1e-9 * (at - last)
+        dt = dt if 0.0 < dt <= _LONGEST else 0.0
+        last = at if at > last or last - at > 1_000_000_000 else last
+        x, y, z = samples.gyro[i, 0], samples.gyro[i, 1], samples.gyro[i, 2]
+        if abs(x) + abs(y) + abs(z) < _ABSURD:
+            tx, ty, tz = tx + x * dt, ty + y * dt, tz + z * dt
+        x, y, z = samples.accel[i, 0], samples.accel[i, 1], samples.accel[i, 2]
+        if abs(x) + abs(y) + abs(z) < _ABSURD:
+            forces += 1
+            fx, fy, fz = fx + x, fy + y, fz + z
+            force2 += x * x + y * y + z * z
+        turn2 = tx * tx + ty * ty + tz * tz
+        if turn2 > _TURN2 or at - opened >= _STEP_NS or at < opened or i == stop - 1:
+            step = steps[carried.steps]
+            used = _add_fields(step, samples, used, at)
+            step.turn[0], step.turn[1], step.turn[2] = tx, ty, tz
+            step.force[0], step.force[1], step.force[2] = fx, fy, fz
+            step.force2, step.forces, step.part = force2, forces, carried.parts
+            _follow(carried, step)
+            carried.steps = min(carried.steps + 1, ROWS - 1)
+            tx, ty, tz, fx, fy, fz, force2, forces, opened = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, at
+    carried.parts += 1
+    return used
+
+
+@compiled
+def _add_fields(step: Any, samples: Samples, used: int, at: int) -> int:
+    """Add the magnetic samples up to a time, ns, to a step; gives the magnetic samples used by then."""
+    step.field[0] = step.field[1] = step.field[2] = step.field2 = 0.0
+    step.fields = 0
+    while used < len(samples.mag_ns) and samples.mag_ns[used] <= at:
+        x, y, z = samples.mag[used, 0], samples.mag[used, 1], samples.mag[used, 2]
+        if at - samples.mag_ns[used] < _LONGEST * 1e9 and abs(x) + abs(y) + abs(z) < _ABSURD:
+            step.fields += 1
+            step.field[0] += x
+            step.field[1] += y
+            step.field[2] += z
+            step.field2 += x * x + y * y + z * z
+        used += 1
+    return used
+
+
+@compiled
+def _length_noise(carried: Any) -> float:
+    """1 sigma of the mean force along one axis, from what the half seconds differ by; white noise's at least."""
+    mean2, total2, n = 0.0, 0.0, 0
+    for a in range(3):
+        total, n = 0.0, 0
+        for part in range(min(carried.parts, PARTS)):
+            if carried.part_forces[part]:
+                mean = carried.part_force[part, a] / carried.part_forces[part]
+                total += mean
+                total2 += mean * mean
+                n += 1
+        mean2 += total * total / max(n, 1)
+    own = math.sqrt(max(total2 - mean2, 0.0) / (3.0 * (n - 1) * n)) if n > 1 else 0.0
+    if n == PARTS:
+        return own
+    # A few half seconds say little of what they differ by.
+    length2 = (carried.force[0] ** 2 + carried.force[1] ** 2 + carried.force[2] ** 2) / carried.forces**2
+    return max(own, math.sqrt(max(carried.force2 / carried.forces - length2, 0.0) / (3.0 * carried.forces)))
+
+
+@compiled
+def consistent(p: Consistency, expected: Expected, carried: Any, seconds: float) -> bool:
+    """Whether gravity is g long, the field steady and of its size, and the dip the place's, with axes as they are."""
+    if carried.path > 50.0 * seconds:
+        return False
+    # Half a second does not show the noise of its mean.
+    if carried.forces >= 10 and carried.parts > 1:
+        length = math.sqrt(carried.force[0] ** 2 + carried.force[1] ** 2 + carried.force[2] ** 2) / carried.forces
+        off = abs(length / expected.gravity - 1.0)
+        if off > p.length + p.sigmas * _length_noise(carried) / expected.gravity:
+            return False
+        upwards = carried.force_x / carried.forces > 0.17 * expected.gravity
+        if upwards and not math.isfinite(expected.dip) and abs(carried.turn_x) > 3.0 * seconds:
+            return False
+    if carried.fields < 3:
+        return True
+    rms = math.sqrt(carried.field2 / carried.fields)
+    if not 5e-6 < rms < 3e-4:
+        return False
+    held = (carried.field[0] ** 2 + carried.field[1] ** 2 + carried.field[2] ** 2) / carried.fields**2
+    if held < p.field * rms**2 and carried.path < 0.6 * carried.fields:
+        return False
+    if not math.isfinite(expected.dip) or not carried.products or abs(rms / expected.total - 1.0) > 0.1:
+        return True
+    sine = -carried.product / carried.products / (expected.gravity * rms)
+    return abs(math.asin(min(max(sine, -1.0), 1.0)) - expected.dip) < p.dip
+
+
+@compiled
+def attitudes(turns: Array, scale: float) -> Array:
+    """Attitude before each step, shape (n, 3, 3), from turns, shape (n, 3), rad, that are read with a factor."""
+    mats = np.zeros((len(turns), 3, 3))
+    mat = np.eye(3)
+    for i in range(len(turns)):
+        mats[i] = mat
+        rotate_right(mat, scale * turns[i, 0], scale * turns[i, 1], scale * turns[i, 2])
+    return mats
+
+
+class Window:
+    """
+    Vectors of a window as every way to exchange and reverse axes carries them along.
+
+    Attributes
+    ----------
+    force, field : ndarray, shape (48,)
+        Squared length of the mean carried vector by each way of `axis_mappings`, in the sensors' units.
+    force_deg, field_deg, force_fixed, field_fixed : float
+        The same for gyros that were read in deg/s, and for a vector that stands still in the tool.
+    force2, field2 : float
+        Mean squared magnitude.
+    forces, fields : int
+        Samples.
+    product : ndarray, shape (3, 3)
+        Mean of force component i times field component j.
+    part_force : ndarray, shape (parts, 48, 3)
+        Mean carried force of each half second by each way.
+    mean_force : ndarray, shape (3,)
+        In tool axes.
+    push : float
+        Largest mean force of a half second along an axis of the tool.
+    path, turn_x : float
+        Angle turned through, and about the tool's axis, as the gyros tell it, rad.
+    began_ns : int
+        Begin of the window.
+    seconds : float
+        Its length.
+    """
+
+    def __init__(self, steps: Any, began_ns: int, seconds: float) -> None:
+        turn = np.ascontiguousarray(steps["turn"])
+        force, field, counts = steps["force"], steps["field"], steps["fields"]
+        self.began_ns, self.seconds = began_ns, seconds
+        self.forces, self.fields = int(steps["forces"].sum()), int(counts.sum())
+        self.force2 = float(steps["force2"].sum() / max(self.forces, 1))
+        self.field2 = float(steps["field2"].sum() / max(self.fields, 1))
+        self.path, self.turn_x = float(np.sqrt((turn**2).sum(axis=1)).sum()), float(turn[:, 0].sum())
+        starts = np.flatnonzero(np.diff(steps["part"], prepend=-1))
+        part_forces = np.add.reduceat(steps["forces"], starts)
+        by_part, in_all = [], []
+        for sign in (1.0, -1.0):
+            mats = attitudes(turn, sign)
+            carried = np.add.reduceat(np.einsum("nab,nj->nabj", mats, force), starts)
+            by_part.append(np.einsum("wbj,pabj->pwa", WAYS, carried))
+            in_all.append(np.einsum("wbj,abj->wa", WAYS, np.einsum("nab,nj->abj", mats, field)))
+        sums = np.concatenate(by_part, axis=1)
+        self.part_force = sums / np.maximum(part_forces, 1)[:, None, None]
+        self.whole_parts = bool((part_forces > 0).all())
+        n, m = max(self.forces, 1), max(self.fields, 1)
+        self.force = ((sums.sum(axis=0) / n) ** 2).sum(axis=1)
+        self.field = ((np.concatenate(in_all) / m) ** 2).sum(axis=1)
+        as_deg = attitudes(turn, math.radians(1.0))
+        self.force_deg = float(((np.einsum("nab,nb->a", as_deg, force) / n) ** 2).sum())
+        self.field_deg = float(((np.einsum("nab,nb->a", as_deg, field) / m) ** 2).sum())
+        tool_means = np.add.reduceat(force, starts) / np.maximum(part_forces, 1)[:, None]
+        self.push = float(np.abs(tool_means).max())
+        self.mean_force = force.sum(axis=0) / n
+        self.force_fixed = float((self.mean_force**2).sum())
+        self.field_fixed = float(((field.sum(axis=0) / m) ** 2).sum())
+        both = (counts > 0) & (steps["forces"] > 0)
+        product = np.einsum("ni,nj->ij", force[both], field[both] / counts[both, None])
+        self.product = product / max(int(steps["forces"][both].sum()), 1)
+
+    def noise(self, way: int) -> float:
+        """1 sigma of the mean force by a way, along one axis, from what its half seconds differ by; inf: not known."""
+        parts = self.part_force[:, way]
+        if len(parts) < 2 or not self.whole_parts:
+            return math.inf
+        return math.sqrt(float(parts.var(axis=0).sum()) / (3.0 * (len(parts) - 1)))

@@ -1,0 +1,101 @@
+"""What can be wrong with a sensor, as data: code, unit, place, value and limit. The words are in `fault_messages`."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+
+# Bits of the sensors that must not be used. The last one is the whole precision unit.
+GYRO, ACCEL, MAG, PRECISION = 1, 2, 4, 8
+SENSORS = ("gyro", "accelerometer", "magnetometer")
+
+
+class Unit(enum.IntEnum):
+    """Whose sensors are meant; EITHER: one of the two units, it is not known which."""
+
+    CONVENTIONAL = 0
+    PRECISION = 1
+    EITHER = 2
+
+
+class FaultCode(enum.IntEnum):
+    """
+    One check each, with the same meaning for every unit.
+
+    Of one axis: STUCK, SATURATED (always at the end of the range), CLIPPED (often). Of one sensor: INVALID (values that
+    are not finite), DEAD (all axes repeat), NOISE (random numbers), NEVER_CAME and SILENT (no samples), REPEATED (sent
+    twice), UNIT, MISMATCH (fits no axis of the other unit), GRAVITY (the mean force is not gravity), REST_RATE (turns
+    at rest). Of the stream: RATE, STAMPS. Between sensors: AXES, SIGN, POINTS_UP (a sign, seen without a reference),
+    FRAME.
+    """
+
+    STUCK = 0
+    SATURATED = 1
+    CLIPPED = 2
+    INVALID = 3
+    DEAD = 4
+    NOISE = 5
+    NEVER_CAME = 6
+    SILENT = 7
+    REPEATED = 8
+    RATE = 9
+    STAMPS = 10
+    UNIT = 11
+    AXES = 12
+    SIGN = 13
+    POINTS_UP = 14
+    FRAME = 15
+    MISMATCH = 16
+    GRAVITY = 17
+    REST_RATE = 18
+
+
+@dataclasses.dataclass(frozen=True)
+class SensorFault:
+    """
+    One fault, or its end.
+
+    Attributes
+    ----------
+    code : FaultCode
+    unit : Unit
+    place : int
+        Row of the check: three times the sensor (0 gyro, 1 accelerometer, 2 magnetometer), plus the axis.
+    value, limit : float
+        What was seen and what a healthy sensor keeps, in SI units; a share where samples are counted.
+    which : tuple of int
+        AXES and FRAME: bits of the mappings of gyro, accelerometer and magnetometer that explain what was seen
+        (`axis_mappings`). INVALID, NOISE: bits of the axes. UNIT: number of the unit, from 1
+        (`fault_messages.OTHER_UNITS`). SIGN: bits of the sensors. Each in the first place; otherwise zeros.
+    unusable : int
+        Bits GYRO, ACCEL, MAG, PRECISION of what must not be used while it lasts.
+    since_ns : int
+        Stamp from which on the evidence stands.
+    cleared_ns : int
+        Stamp at which it was gone; 0 while it lasts.
+    """
+
+    code: FaultCode
+    unit: Unit
+    place: int
+    value: float
+    limit: float
+    which: tuple[int, int, int]
+    unusable: int
+    since_ns: int
+    cleared_ns: int = 0
+
+    @property
+    def check(self) -> int:
+        """Number of the check: the same fault, narrowed down or cleared, has the same."""
+        return 1000 * int(self.unit != Unit.CONVENTIONAL) + 9 * int(self.code) + self.place
+
+    @property
+    def sensors(self) -> tuple[int, ...]:
+        """Sensors that are meant: 0 gyro, 1 accelerometer, 2 magnetometer."""
+        if self.code in (FaultCode.AXES, FaultCode.FRAME):
+            named = tuple(s for s in range(3) if self.which[s])
+            return named or (1, 2)
+        if self.code == FaultCode.SIGN:
+            return tuple(s for s in range(3) if self.which[0] >> s & 1)
+        return (0, 1) if self.code in (FaultCode.RATE, FaultCode.STAMPS) else (self.place // 3,)

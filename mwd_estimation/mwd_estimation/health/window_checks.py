@@ -1,0 +1,356 @@
+"""
+What a window of motion shows of units, axes and signs: gravity and field stand still as seen from the gyros, or do not.
+
+These are errors of the installation, constant for a run. Units follow from the lengths of gravity and field, axes from
+the ways that explain both, signs and frames from the dip where it is known. What is seen is noted for `fault_debounce`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_estimation.health.axis_mappings import ACCEL, MAG, MAPPINGS, MISTAKES, WEIGHTS
+from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, NOTHING, OK, STRONGLY, observe
+from mwd_estimation.health.motion_window import Expected, Window
+from mwd_estimation.health.sensor_fault import FaultCode
+from mwd_sensors.core.arrays import Array, Indices
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+
+Flags = NDArray[np.bool_]
+
+# State of a sensor's samples in a window: whole, some at the end of the range, missing or constant.
+WHOLE, CLIPPED, BROKEN = 0, 1, 2
+# Powers of ten of the units a field may come in beside T: mT, gauss, uT, mG, nT, in the order of their numbers.
+FIELD_POWERS = np.array([3.0, 4.0, 6.0, 7.0, 9.0])
+_MATRICES = np.array(MAPPINGS, dtype=float)
+_SENSOR, _MAPPING, _BY_FORCE, _BY_FIELD = MISTAKES.T
+_FEW_FORCES, _FEW_FIELDS = 40, 10
+
+
+class WindowLimits(NamedTuple):
+    """
+    Limits of the checks of motion; each is kept because leaving it out costs something (docs/methods/sensor_health).
+
+    Attributes
+    ----------
+    fits, rejects : float
+        Length of the mean force, off gravity by this share of it and 3 (6) sigma: explains it, does not.
+    margin : float
+        What a better way is longer by, as a share of gravity squared, with 2.2 sigma of noise.
+    quiet : float
+        Noise of the mean force, as a share of gravity, below which it judges axes.
+    field_held, field_better : float
+        Share of the field that the best way holds together, and by how much it is better than the axes as they are.
+    turned_between : float
+        Turn from one sample of the field to the next beyond which they do not show how it went, rad.
+    dip, dip_frame, dip_sign : float
+        Dip off the reference: what interference may do, a wrong frame does, a wrong sign does, rad.
+    dip_noise : float
+        Noise of the mean force, as a share of gravity, below which the dip is judged.
+    strength, strength_frame : float
+        Field off the reference, as a share, within which the dip is the sensors' own.
+    fastest : float
+        Rate beyond what a string turns, rad/s: gyros in deg/s.
+    no_gravity : float
+        Mean force off gravity, as a share of it, that is none; and its variances (`variances`).
+    pushed : float
+        Force that pushes along an axis for half a second, m/s^2: an alias of a vibration, which passes.
+    """
+
+    fits: float = 0.06
+    rejects: float = 0.12
+    margin: float = 0.05
+    quiet: float = 0.08
+    field_held: float = 0.93
+    field_better: float = 0.1
+    turned_between: float = 0.6
+    dip: float = 0.21
+    dip_frame: float = 0.26
+    dip_sign: float = 0.52
+    dip_noise: float = 0.12
+    strength: float = 0.1
+    strength_frame: float = 0.05
+    fastest: float = 50.0
+    no_gravity: float = 0.35
+    variances: float = 6.0
+    pushed: float = 15.0
+
+
+@dataclasses.dataclass
+class Shown:
+    """
+    What gravity or the field shows of the ways to exchange and reverse axes.
+
+    Attributes
+    ----------
+    fits : ndarray of bool, shape (48,)
+        The ways that explain it.
+    judged, bad, confirms, degrees : bool
+        Whether it can be judged, rejects the axes as they are, confirms them, is explained by gyros in deg/s.
+    """
+
+    fits: Flags = dataclasses.field(default_factory=lambda: np.zeros(48, dtype=np.bool_))
+    judged: bool = False
+    bad: bool = False
+    confirms: bool = False
+    degrees: bool = False
+
+
+class WindowJudge:
+    """
+    One window, judged: the observations are in `checks` afterwards.
+
+    Parameters
+    ----------
+    limits : WindowLimits
+    expected : Expected
+    window : Window
+    samples : ndarray of int64, shape (3,)
+        WHOLE, CLIPPED or BROKEN, of each sensor.
+    checks : ndarray
+        Of `fault_debounce`.
+    """
+
+    def __init__(self, limits: WindowLimits, expected: Expected, window: Window, samples: Indices, checks: Any) -> None:
+        self._limits, self._expected, self._window = limits, expected, window
+        self._samples, self._checks = samples, checks
+        self._force, self._field = Shown(), Shown()
+        self._length, self._sigma = expected.gravity, 1.0
+        self._accel_unit = -1
+        self._field_size = math.sqrt(window.field2)
+        self._gyro_usable = samples[0] == WHOLE and checks[FaultCode.DEAD, 0].state != FAULT
+        self._noisy = bool(checks[FaultCode.NOISE, 3].votes_for > 0)
+
+    def judge(self) -> None:
+        """Note what the window shows."""
+        self._judge_units()
+        if self._gyro_usable:
+            self._show_force()
+            self._show_field()
+        w, gravity = self._window, self._judge_gravity()
+        if gravity >= FOR or self._noisy:
+            self._force = Shown()
+        if self._judge_gyro_unit():
+            return
+        axes = self._judge_axes()
+        # What a string that surges does to the mean of less than the whole window is no other dip.
+        whole = w.seconds > 2.9
+        usable = whole and self._samples[0] < BROKEN and self._sigma < self._limits.dip_noise
+        if usable and gravity < FOR and axes != FOR and self._checks[FaultCode.AXES, 0].state != FAULT:
+            self._judge_signs()
+
+    def _note(self, code: FaultCode, place: int, seen: int, value: float = 0.0, limit: float = 0.0) -> Any:
+        check = self._checks[code, place]
+        observe(check, seen, self._window.began_ns, value, limit)
+        return check
+
+    def _judge_units(self) -> None:
+        w, gravity = self._window, self._expected.gravity
+        if w.forces >= _FEW_FORCES // 4 and self._samples[1] < BROKEN:
+            # Some way to carry it along is nearly right, whatever else is wrong.
+            carried = np.sqrt([*w.force, w.force_deg, w.force_fixed]) / gravity
+            rms = math.sqrt(w.force2)
+            if rms < 0.7 * gravity and bool((np.abs(STANDARD_GRAVITY * carried - 1.0) < 0.15).any()):
+                self._accel_unit, self._length = 1, gravity / STANDARD_GRAVITY
+            elif rms > 0.8 * gravity and bool((np.abs(carried - 1.0) < 0.15).any()):
+                self._accel_unit = 0
+            self._note_unit(3, self._accel_unit, rms, gravity)
+            if self._accel_unit >= 0 and self._samples[1] == WHOLE and w.forces >= _FEW_FORCES:
+                self._sigma = self._noise() / self._length
+        if w.fields >= 3 and self._samples[2] < BROKEN:
+            rms, unit = self._field_size, -1
+            if 5e-6 < rms < 3e-4:
+                unit = 0
+            elif rms > 3e-4:
+                total = self._expected.total if math.isfinite(self._expected.total) else 5e-5
+                away = np.abs(math.log10(rms / total) - FIELD_POWERS)
+                unit = int(np.argmin(away)) + 1 if away.min() < 0.5 else -1
+            self._note_unit(6, unit, rms, 3e-4)
+
+    def _note_unit(self, place: int, unit: int, value: float, limit: float) -> None:
+        """The unit of a sensor: 0 SI, else its number; -1: not known."""
+        seen = FOR if unit > 0 else (AGAINST if unit == 0 else NOTHING)
+        self._note(FaultCode.UNIT, place, seen, value, limit).seen_which[0] = max(unit, 0)
+
+    def _noise(self) -> float:
+        """1 sigma of the mean force along one axis, in its unit."""
+        w = self._window
+        best = int(np.argmax(w.force))
+        # Vibration that the sensor integrated leaves less of the mean than white noise; an alias far more.
+        own = min(w.noise(0), w.noise(best))
+        if not math.isfinite(own):
+            own = math.sqrt(max(w.force2 - w.force[best], 0.0) / (3.0 * w.forces))
+        return max(1.2 * own, 0.004 * math.sqrt(w.force[best]))
+
+    def _show_force(self) -> None:
+        """Wrong axes smear gravity: its carried mean is too short."""
+        p, sigma, shown = self._limits, self._sigma, self._force
+        length2 = self._window.force / self._length**2
+        if sigma >= p.quiet or math.sqrt(length2[0]) - 1.0 > p.rejects + 6.0 * sigma:
+            return
+        off = np.sqrt(np.maximum(length2 - 3.0 * sigma**2, 0.0)) - 1.0
+        near = np.abs(off) < p.fits + 3.0 * sigma
+        top = float(length2[near].max()) if near.any() else 0.0
+        # What is common to two ways, the part along the axis of rotation, cancels between them with its noise.
+        margin = p.margin + 2.2 * sigma
+        shown.fits = near & (length2 > top - margin)
+        shown.judged = True
+        shown.bad = bool(
+            abs(off[0]) > p.rejects + 6.0 * sigma or (off[0] < -0.02 - 2.5 * sigma and top - length2[0] > margin)
+        )
+        tells = not (np.abs(off) < 0.1 + 3.0 * sigma).all()
+        shown.confirms = bool(not shown.bad and abs(off[0]) < 0.1 + 3.0 * sigma and tells)
+        as_degrees = math.sqrt(self._window.force_deg) / self._length - 1.0
+        shown.degrees = abs(as_degrees) < p.fits + 3.0 * sigma
+
+    def _show_field(self) -> None:
+        """The field is steady: wrong axes smear its carried mean."""
+        p, w, shown = self._limits, self._window, self._field
+        dense = w.path < p.turned_between * w.fields
+        if self._samples[2] != WHOLE or w.fields < _FEW_FIELDS or not dense or w.field2 <= 0.0:
+            return
+        held = w.field / w.field2
+        best, own, as_degrees = float(held.max()), float(held[0]), w.field_deg / w.field2
+        shown.fits = held > best - 0.04
+        shown.judged = best > p.field_held
+        worse = best - own > p.field_better and w.field_fixed / w.field2 < 0.9
+        shown.bad = bool((shown.judged and worse) or (own < 0.8 and best < 0.85 and as_degrees < 0.9))
+        shown.confirms = bool(shown.judged and best - own < 0.04 and held.min() < best - 0.1)
+        shown.degrees = as_degrees > 0.95
+
+    def _judge_gravity(self) -> int:
+        """Whether the mean force is one that gravity cannot be in: nothing in a hole is pushed one way for seconds."""
+        w, gravity = self._window, self._expected.gravity
+        enough = w.seconds >= 1.5 and w.forces >= _FEW_FORCES
+        if not (enough and self._gyro_usable and self._samples[1] < BROKEN and self._accel_unit <= 0) or self._noisy:
+            return NOTHING
+        if self._force.fits.any():
+            self._note(FaultCode.GRAVITY, 3, AGAINST)
+            return AGAINST
+        # While it is not known that the axes are right any of them may explain it.
+        known = self._checks[FaultCode.AXES, 0].state == OK
+        most, least = (w.force[0], w.force[0]) if known else (w.force.max(), w.force.min())
+        seen = self._no_gravity(math.sqrt(most), math.sqrt(least))
+        self._note(FaultCode.GRAVITY, 3, seen, math.sqrt(most), gravity)
+        return seen
+
+    def _no_gravity(self, mean: float, least: float) -> int:
+        p, w, gravity = self._limits, self._window, self._expected.gravity
+        steady = float(w.field.max()) > 0.9 * w.field2 or w.field2 == 0.0
+        by_field = self._field.judged and not self._field.bad and w.field[0] > 0.9 * w.field2
+        if not (w.path < 1.0 and steady) and not by_field:
+            return NOTHING
+        variance = max(w.force2 - mean**2, 0.0) / (3.0 * w.forces)
+        pushed = w.push > p.pushed
+        # Too short: by the likelihood of no gravity against gravity. Half a second's push may be an alias.
+        missing = not pushed and gravity * (gravity - 2.0 * mean) > 2.0 * p.variances * variance
+        off = max(gravity - mean, math.sqrt(max(least**2 - 3.0 * variance, 0.0)) - gravity)
+        if missing or (off > p.no_gravity * gravity and off * off > 4.0 * p.variances * variance):
+            return FOR if pushed else STRONGLY
+        found = off < 0.2 * gravity + 2.0 * math.sqrt(variance) and variance < (0.15 * gravity) ** 2
+        return AGAINST if found else NOTHING
+
+    def _judge_gyro_unit(self) -> bool:
+        """Whether the gyros read deg/s: no string turns so fast, or it turns 57 times less than they say."""
+        w, p = self._window, self._limits
+        too_fast = w.path > p.fastest * w.seconds
+        if self._samples[0] != WHOLE and not too_fast:
+            return False
+        explained = bool(self._force.fits.any()) or self._field.judged
+        slower = w.path > 1.0 and (self._force.degrees or self._field.degrees) and not explained
+        seen = NOTHING
+        if slower or (too_fast and w.path < p.fastest * w.seconds * math.degrees(1.0)):
+            seen = FOR
+        elif (self._force.confirms or self._field.confirms) and w.path > 0.5:
+            seen = AGAINST
+        check = self._note(FaultCode.UNIT, 0, seen, w.path / w.seconds, p.fastest)
+        check.seen_which[0] = 1
+        return bool(seen == FOR or check.state == FAULT)
+
+    def _right_strength(self, share: float) -> bool:
+        total = self._expected.total
+        return math.isfinite(self._expected.dip) and abs(self._field_size / total - 1.0) < share
+
+    def _explaining(self) -> Flags:
+        """The mistakes that explain what gravity and field showed of the motion."""
+        by_force: Flags = self._force.fits[_BY_FORCE] | (not self._force.judged)
+        by_field: Flags = self._field.fits[_BY_FIELD] | (not self._field.judged)
+        return by_force & by_field
+
+    def _dips(self) -> tuple[Array, float]:
+        """Dip, rad, if each mistake were made, and as the axes are; nan where the readings allow none."""
+        product = self._window.product
+        of_force = np.einsum("krc,rc->k", _MATRICES, product)
+        of_field = np.einsum("krc,cr->k", _MATRICES, product)
+        total = np.where(_SENSOR == MAG, of_field[_MAPPING], of_force[np.where(_SENSOR == ACCEL, _MAPPING, 0)])
+        sine = -np.append(total, of_force[0]) / (self._length * max(self._field_size, 1e-150))
+        dips = np.where(np.abs(sine) < 1.1, np.arcsin(np.clip(sine, -1.0, 1.0)), math.nan)
+        return dips[:-1], float(dips[-1])
+
+    @staticmethod
+    def _least_contrived(possible: Flags) -> list[int]:
+        """The least contrived of these mistakes, as bits of their mappings by sensor."""
+        masks = [0, 0, 0]
+        if possible.any():
+            for m in np.flatnonzero(possible & (WEIGHTS[possible].min() == WEIGHTS)):
+                masks[int(_SENSOR[m])] |= 1 << int(_MAPPING[m])
+        return masks
+
+    def _judge_axes(self) -> int:
+        """The least contrived mistakes that explain the motion, and the dip where that is known."""
+        masks, seen = [0, 0, 0], NOTHING
+        if self._force.bad or (self._field.bad and self._field.judged):
+            explaining = self._explaining()
+            if self._right_strength(self._limits.strength) and self._window.fields:
+                with_dip = explaining & (np.abs(self._dips()[0] - self._expected.dip) < self._limits.dip)
+                masks = self._least_contrived(with_dip if with_dip.any() else explaining)
+            else:
+                masks = self._least_contrived(explaining)
+            seen = FOR if any(masks) else NOTHING
+        elif self._force.confirms or self._field.confirms:
+            seen = AGAINST
+        check = self._note(FaultCode.AXES, 0, seen)
+        common = [a & int(b) for a, b in zip(masks, check.which, strict=True)]
+        # What two windows leave possible together.
+        check.seen_which = common if seen == FOR and check.votes_for and any(common) else masks
+        return seen
+
+    def _judge_signs(self) -> None:
+        """Signs and frames: by the dip where the reference is known, else by which way a turning string points."""
+        w, p, expected = self._window, self._limits, self._expected.dip
+        up = float(w.mean_force[0]) / self._length
+        inclination = math.acos(min(max(-up, -1.0), 1.0))
+        known = self._right_strength(p.strength) and self._samples[2] == WHOLE and w.fields >= 3
+        if not known or abs(expected) <= 0.35:
+            if abs(w.turn_x) > 3.0 * w.seconds:
+                seen = FOR if inclination > 2.1 else (AGAINST if inclination < 1.75 else NOTHING)
+                self._note(FaultCode.POINTS_UP, 3, seen, inclination, 1.75)
+            return
+        dips, dip = self._dips()
+        off, sure = abs(dip - expected), 5.0 * self._sigma
+        flipped = abs(dip + expected) < p.dip and off > p.dip_sign + sure
+        seen = FOR if flipped else (AGAINST if off < p.dip_frame else NOTHING)
+        who = 2 if inclination > 1.75 else (4 if inclination < 1.4 else 6)
+        self._note(FaultCode.SIGN, 3, seen, dip, expected).seen_which[0] = who
+        wrong = off > p.dip_frame + sure and not flipped and self._right_strength(p.strength_frame)
+        seen = FOR if wrong else (AGAINST if off < 0.2 else NOTHING)
+        check = self._note(FaultCode.FRAME, 3, seen, dip, expected)
+        masks = self._frames(dips, up) if seen == FOR else [0, 0, 0]
+        before = [int(v) for v in check.which]
+        if check.votes_for and (before[1] or before[2]):
+            # What several windows leave possible together; where nothing is left, what was possible before.
+            common = [0, masks[1] & before[1], masks[2] & before[2]]
+            masks = common if any(common) else before
+        check.seen_which = masks
+
+    def _frames(self, dips: Array, up: float) -> list[int]:
+        """The least contrived mistakes that leave the hole pointing down and explain motion and dip."""
+        matrices = _MATRICES[_MAPPING]
+        rise = np.where(_SENSOR == ACCEL, matrices[:, :, 0] @ self._window.mean_force / self._length, up)
+        near = np.abs(dips - self._expected.dip) < 0.1
+        return self._least_contrived(self._explaining() & near & (rise < 0.34) & (_SENSOR > 0) & (WEIGHTS <= 3))
