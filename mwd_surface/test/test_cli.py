@@ -85,8 +85,6 @@ def test_help_needs_no_heavy_package():
 
 def test_the_surveys_of_a_real_well_are_reproduced_and_judged(tmp_path):
     """Volve 15/9-F-5 (Equinor, open data): published angles and totals; two stations beside casing, one sound."""
-    if not VOLVE.exists():
-        pytest.skip("the shared recordings are not beside the repository")
     done = mwd("survey", VOLVE, "-o", tmp_path / "out.csv")
     assert done.returncode == 0, done.stderr
     with (tmp_path / "out.csv").open() as file:

@@ -21,9 +21,7 @@ from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.mcap.encode import chunk_prefix, header_record
 from mwd_surface.bags.mcap.records import MAGIC, ChunkHead
-from project import REFERENCE_DATA
 
-BROAD = REFERENCE_DATA / "bags" / "broad_27"
 START = 1_700_000_000_000_000_000
 IMU, MAG = "sensor_msgs/msg/Imu", "sensor_msgs/msg/MagneticField"
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -95,18 +93,16 @@ def test_only_the_fields_asked_for_are_read_and_other_types_whole(bag_path):
     assert some["/well_7/imu/mag"].tobytes() == whole["/well_7/imu/mag"].tobytes()
 
 
-def test_a_real_recording_reads_as_rosbags_reads_it():
-    if not BROAD.exists():
-        pytest.skip("the shared recordings are not beside this checkout")
-    with RosbagsReader(BROAD) as reader:
+def test_a_recording_of_another_program_reads_as_rosbags_reads_it(broad_27):
+    with RosbagsReader(broad_27) as reader:
         expected = [(stamp, c.topic, bytes(data)) for c, stamp, data in reader.messages()]
-    with Bag(BROAD) as bag:
+    with Bag(broad_27) as bag:
         found = [(stamp, topic, data) for stamp, topic, _, data in bag.messages()]
         assert any("no checksums" in note for note in bag.notes)
     key = lambda row: (row[0], row[1])  # noqa: E731
     assert [row[0] for row in found] == [row[0] for row in expected]
     assert sorted(found, key=key) == sorted(expected, key=key)
-    with Bag(BROAD) as bag:
+    with Bag(broad_27) as bag:
         blocks = joined(bag, topics=["/imu/data_raw"])
     rows = [STORE.deserialize_cdr(data, IMU) for _, topic, data in expected[:3000] if topic == "/imu/data_raw"]
     gyro = [[m.angular_velocity.x, m.angular_velocity.y, m.angular_velocity.z] for m in rows]

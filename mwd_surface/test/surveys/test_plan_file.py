@@ -11,7 +11,6 @@ from mwd_surface.surveys import plan_file
 from mwd_surface.surveys.plan_file import PlanError, plan_from_table, plan_from_witsml, read_plan
 from project import REFERENCE_DATA
 
-SHARED = REFERENCE_DATA
 GOOD = "md_m,inclination_deg,azimuth_deg\n0,0,0\n500,0,45\n1000,30,45\n"
 
 
@@ -151,17 +150,13 @@ def test_what_is_wrong_with_an_xml_plan_is_said(data, says):
 
 
 def test_the_example_trajectory_of_the_schemas_is_one_station_and_says_so():
-    example = SHARED / "witsml" / "trajectory_1411_valid.xml"
-    if not example.exists():
-        pytest.skip(f"authority file not on this machine: {example.name}")
+    example = REFERENCE_DATA / "witsml" / "trajectory_1411_valid.xml"
     with pytest.raises(PlanError, match="at least two stations, got 1"):
         read_plan(example)
 
 
 def test_the_volve_f4_table_is_a_plan_whose_own_tvd_fits():
-    f4 = SHARED / "volve" / "F-4_gyro_ns_trajectory.csv"
-    if not f4.exists():
-        pytest.skip(f"authority table not on this machine: {f4.name}")
+    f4 = REFERENCE_DATA / "volve" / "F-4_gyro_ns_trajectory.csv"
     got = read_plan(f4)
     assert got.md.size == 87
     assert got.north == "true"

@@ -27,8 +27,6 @@ MODEL = "ISCWSA MWD Rev5.11"
 
 
 def rows(name):
-    if not (AUTHORITIES / name).exists():
-        pytest.skip(f"authority table not on this machine: {name}")
     with (AUTHORITIES / name).open() as file:
         return list(csv.DictReader(file))
 
