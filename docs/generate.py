@@ -7,7 +7,9 @@ the packages, examples from notebooks that are run, and the two pictures from th
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
+import io
 import json
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
@@ -74,8 +76,11 @@ def notebook(path: Path, images: Path) -> str:
         if cell["cell_type"] == "markdown":
             parts.append(source + "\n\n")
             continue
-        exec(compile(source, f"{path.name}, cell {number}", "exec"), names)  # noqa: S102  (our own notebooks)
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            exec(compile(source, f"{path.name}, cell {number}", "exec"), names)  # noqa: S102  (our own notebooks)
         parts.append(f"```python\n{source}\n```\n\n")
+        if printed.getvalue():
+            parts.append(f"```text\n{printed.getvalue().rstrip()}\n```\n\n")
         for figure in map(plt.figure, plt.get_fignums()):
             picture = images / f"{path.stem}_{number}.png"
             figure.savefig(picture, dpi=90)
@@ -152,7 +157,7 @@ def picture(what: dict[str, object], path: Path) -> None:
         arrow = {"arrowstyle": "-|>", "color": "#555", "shrinkA": 3, "shrinkB": 3}
         arrow |= {"patchA": boxes[start].get_bbox_patch(), "patchB": boxes[end].get_bbox_patch()}
         axes.annotate("", (x1, y1), (x0, y0), arrowprops=arrow)
-        axes.text((x0 + x1) / 2, (y0 + y1) / 2 + 0.1, label, ha="center", va="bottom", fontsize=8, color="#333")
+        axes.text((x0 + x1) / 2, (y0 + y1) / 2 + 0.1, label, ha="center", va="bottom", fontsize=8, color="#333", backgroundcolor="white")
     figure.savefig(path, bbox_inches="tight")
     plt.close(figure)
 
