@@ -19,6 +19,7 @@ myst_heading_anchors = 3
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_typehints = "description"
 napoleon_google_docstring = False
+napoleon_use_ivar = True
 # Docstrings are written for readers of the code; MyST's own warnings (links, headings) stay errors.
 suppress_warnings = ["docutils", "autodoc", "ref.python", "myst.xref_ambiguous"]
 html_theme = "pydata_sphinx_theme"

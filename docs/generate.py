@@ -157,7 +157,8 @@ def picture(what: dict[str, object], path: Path) -> None:
         arrow = {"arrowstyle": "-|>", "color": "#555", "shrinkA": 3, "shrinkB": 3}
         arrow |= {"patchA": boxes[start].get_bbox_patch(), "patchB": boxes[end].get_bbox_patch()}
         axes.annotate("", (x1, y1), (x0, y0), arrowprops=arrow)
-        axes.text((x0 + x1) / 2, (y0 + y1) / 2 + 0.1, label, ha="center", va="bottom", fontsize=8, color="#333", backgroundcolor="white")
+        style = {"ha": "center", "va": "bottom", "fontsize": 8, "color": "#333", "backgroundcolor": "white"}
+        axes.text((x0 + x1) / 2, (y0 + y1) / 2 + 0.1, label, **(style if label else {}))
     figure.savefig(path, bbox_inches="tight")
     plt.close(figure)
 
