@@ -17,7 +17,6 @@ TALK = """
 import json, time, rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from mwd_msgs.srv import InjectFault
-from project import SCENARIOS
 rclpy.init(); node = rclpy.create_node("talk"); said = {}
 client = node.create_client(InjectFault, "/w1/inject_fault")
 assert client.wait_for_service(30.0)
