@@ -24,10 +24,10 @@ for scenario in sys.argv[1:]:
     node.autostart()
     def after(**fields):
         node._on_command(RigCommand(valid_for=3.0, **fields))
-        found = [f for f in node.findings() if f.name == "rig command"]
+        found = [f for f in node.diagnostics() if f.name == "rig command"]
         said.append([f.message for f in found] + [dict(f.values) for f in found])
     after(mode=RigCommand.HOLD)
-    node._begin()
+    node._start()
     after(mode=RigCommand.ROTATE, rotary_speed=6.0)
     after(mode=RigCommand.ROTATE, rotary_speed=1000.0)
     after(mode=RigCommand.ORIENT, turn=-1.0)
