@@ -1,7 +1,4 @@
-"""
-One survey station: six averaged axes to angles, totals, azimuth by each method with its sigma, and a verdict with
-reasons.
-"""
+"""One survey station: six averaged axes to angles, totals, azimuth by each method with its sigma, and a verdict."""
 
 from __future__ import annotations
 

@@ -17,8 +17,7 @@ from mwd_sensors.core.arrays import Array
 @dataclass(frozen=True)
 class MethodAzimuth:
     """
-    Azimuth of one method, rad from the station's north, 1 sigma, and the reason it was refused (None where it was
-    not).
+    Azimuth of one method, rad from the station's north, 1 sigma, and why it was refused (None where it was not).
 
     Sigma is that of the tool's axis: how the tool lies in the hole errs alike for every method and is the station's
     `alignment`. A refused azimuth is still given with its sigma: it is to be looked at, not to be used.

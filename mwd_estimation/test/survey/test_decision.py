@@ -1,0 +1,105 @@
+"""The decision on a survey: rewording changes nothing; a fault and a rotating string have their effect."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mwd_estimation.survey
+from mwd_estimation.core import reason_text
+from mwd_estimation.core.reasons import Reason, ReasonCode
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.time_bins import Average
+from mwd_estimation.gyrocompass.solution import Solution
+from mwd_estimation.survey import run_history
+from mwd_estimation.survey.azimuth_fusion import Settings
+from mwd_estimation.survey.decision import SurveyDecision
+from mwd_estimation.survey.fault_history import FaultHistory
+from mwd_estimation.survey.static_survey import StillAverage
+from mwd_estimation.survey.station import StationSettings
+from mwd_estimation.survey.survey import ROTARY
+from mwd_estimation.survey.survey_message import survey_fields
+from mwd_sensors.core.frames import mat_nt
+
+REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, convergence=0.01, gravity=9.81, source="test")
+FIELD_N = 5e-5 * np.array([math.cos(1.1) * math.cos(0.05), math.cos(1.1) * math.sin(0.05), math.sin(1.1)])
+REFUSALS = (ReasonCode.GYRO_BIAS_UNKNOWN, ReasonCode.TWO_AZIMUTHS_FIT_GYRO, ReasonCode.SEEK_TOO_SHORT)
+NOTHING = np.full(5, np.nan)
+
+
+def average(k, inclination, azimuth, axial=0.0, turned=0.0, mag=True, scale=1.0):
+    """A still interval; turned: external interference turns the field about the vertical, rad; scale: of the force."""
+    mat = mat_nt(inclination, azimuth, 0.7 * k)
+    c, s = math.cos(turned), math.sin(turned)
+    field = mat.T @ (np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ FIELD_N) + [axial, 0.0, 0.0]
+    imu = Average(np.concatenate([np.zeros(3), scale * (mat.T @ [0.0, 0.0, -9.81])]), 4e-6 * np.eye(6), 800)
+    read = Average(field, 9e-16 * np.eye(3), 800) if mag else None
+    return StillAverage(10**11 * k, 10**11 * k + 10**10, imu, read, None, None, requested=False)
+
+
+def decision(faults=None):
+    return SurveyDecision(StationSettings(), Settings(), run_history.Params(), faults or FaultHistory())
+
+
+def drawn_run(seed):
+    """Surveys of a run drawn at random: interference of all kinds, a gyro that finds north, refuses it or is silent."""
+    rng = np.random.default_rng(seed)
+    faults, surveys = FaultHistory(), []
+    # The accelerometer is in doubt during the last survey.
+    faults.doubt(np.array([605, 606]) * 10**9, np.array([2, 2], dtype=np.uint8))
+    decide = decision(faults)
+    inclination, azimuth = rng.uniform(0.01, 1.8), rng.uniform(0.0, 2.0 * math.pi)
+    axial = rng.normal() * rng.choice([2e-7, 3e-6, 2e-5])
+    for k in range(6):
+        azimuth += rng.uniform(0.0, 0.1)
+        turned, scale = rng.choice([0.0, 0.0, 0.4]), rng.choice([1.0, 1.0, 1.0, 1.01])
+        still = average(k + 1, inclination, azimuth, axial, turned, rng.random() > 0.1, scale)
+        refused = Reason(rng.choice(REFUSALS), 0.3, 0.1, (0.2, 0.4)) if rng.random() < 0.4 else None
+        choices = ((azimuth, 0.03), (math.pi - azimuth, 0.03)) if rng.random() < 0.5 else ()
+        sigma, limit = rng.choice([0.005, 0.05, 0.2]), rng.choice([0.002, 0.2])
+        gyro = Solution(refused, "still", azimuth, sigma, inclination, 0.0, 60.0, limit, choices=choices)
+        begun = decide.begin(still, k + 1, REFERENCE, gyro if rng.random() < 0.8 else None)
+        propagated = np.array([azimuth + rng.normal(0.0, 0.05), 0.02, 0.005, azimuth + rng.normal(0.0, 0.05), 0.02])
+        surveys.append((begun, decide.complete(begun, propagated if rng.random() < 0.7 else NOTHING)))
+    return surveys
+
+
+def test_rewording_every_reason_changes_no_survey_verdict_azimuth_or_sigma(monkeypatch):
+    plain = [drawn_run(seed) for seed in range(12)]
+    messages = [survey_fields(survey, 0) for run in plain for _, survey in run]
+    for code in ReasonCode:
+        monkeypatch.setitem(reason_text.WORDS, code, "reworded")
+    again = [drawn_run(seed) for seed in range(12)]
+    assert repr(again) == repr(plain)
+    reworded = [survey_fields(survey, 0) for run in again for _, survey in run]
+    assert {message["verdict"] for message in messages} == {0, 1, 2}
+    for one, other in zip(reworded, messages, strict=True):
+        assert set(one["reasons"]) == {"reworded"}
+        assert one["verdict"] == other["verdict"]
+        np.testing.assert_array_equal(one["covariance"], other["covariance"])
+
+
+def test_only_the_message_of_a_survey_makes_words_of_reasons():
+    folder = Path(mwd_estimation.survey.__file__).parent
+    assert [path.name for path in sorted(folder.glob("*.py")) if "reason_text" in path.read_text()] == [
+        "survey_message.py"
+    ]
+
+
+def test_a_survey_of_a_rotating_string_has_no_toolface():
+    survey = decision().rotary(average(1, 0.8, 1.9), 3, REFERENCE, -2.0)
+    assert survey.kind == ROTARY
+    assert survey.station.sigma_toolface == math.pi
+    assert survey.station.reasons[-1] == Reason(ReasonCode.STRING_ROTATED, 2.0)
+
+
+@pytest.mark.parametrize("sound", [True, False])
+def test_nothing_is_learnt_from_a_survey_taken_during_a_fault(sound):
+    gyro = Solution(None, "still", 1.9, 0.01, 0.8, 0.0, 60.0, 0.001)
+    begun = decision().begin(average(1, 0.8, 1.9), 1, REFERENCE, gyro)
+    begun = dataclasses.replace(begun, sound=sound)
+    assert math.isfinite(begun.gyro[0]) == math.isfinite(begun.accepted_azimuth[0]) == sound
