@@ -255,7 +255,7 @@ def fusion_params(settings: EstimatorSettings) -> azimuth_fusion.Settings:
     return azimuth_fusion.Settings(
         disagreement_sigmas=verdict.disagreement_sigmas,
         alone_deg=verdict.max_gyro_alone_sigma_deg,
-        unwitnessed=verdict.unconfirmed,
+        unconfirmed=verdict.unconfirmed,
     )
 
 

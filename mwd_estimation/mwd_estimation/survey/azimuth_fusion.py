@@ -33,25 +33,42 @@ class Settings:
     """When azimuths disagree, and which are not worth weighing."""
 
     disagreement_sigmas: float = setting(
-        3.0, "azimuths farther apart than so many sigmas of their difference disagree", low=1.0, high=10.0
-    )
-    steel_sigmas: float = setting(
-        4.0,
-        "beyond so many a multi-station azimuth that disagrees with a gyro gives way to it; others do at once",
+        3.0,
+        "Two azimuths disagree when they are farther apart than so many sigma of their difference. Raising it hides "
+        "interference, lowering it raises false alarms.",
         low=1.0,
         high=10.0,
     )
-    widest_deg: float = setting(45.0, "an azimuth less certain than this is left out", unit="deg", low=1.0, high=90.0)
+    external_sigmas: float = setting(
+        4.0,
+        "Beyond so many sigma a multi-station azimuth gives way to the gyro; other magnetic azimuths do at "
+        "`disagreement_sigmas`. Raising it trusts the run longer against a gyro.",
+        low=1.0,
+        high=10.0,
+    )
+    widest_deg: float = setting(
+        45.0, "An azimuth with a larger sigma is neither weighed nor compared.", unit="deg", low=1.0, high=90.0
+    )
     open_sigmas: float = setting(
-        1.5, "A gyro too uncertain to contradict, but so far away, makes a station doubtful", low=0.5, high=20.0
+        1.5,
+        "A gyro too uncertain to contradict makes the station doubtful when it is so many sigma away. Raising it "
+        "accepts more surveys beside interference that keeps total field and dip.",
+        low=0.5,
+        high=20.0,
     )
-    open_deg: float = setting(8.0, "As long as it is also farther away than this", unit="deg", low=0.0, high=180.0)
+    open_deg: float = setting(
+        8.0, "Smaller differences from such a gyro do not make the station doubtful.", unit="deg", low=0.0, high=180.0
+    )
     alone_deg: float = setting(
-        4.0, "A station that the gyro carries alone is doubtful with a larger sigma", unit="deg", low=0.1, high=180.0
+        4.0,
+        "A station whose azimuth is the gyro's alone is doubtful with a larger sigma.",
+        unit="deg",
+        low=0.1,
+        high=180.0,
     )
-    unwitnessed: str = setting(
+    unconfirmed: str = setting(
         "doubtful",
-        "Verdict at best of a magnetic azimuth that the gyro could confirm after half a turn of the tool",
+        "Best verdict of a magnetic azimuth that the gyro could confirm after half a turn of the tool.",
         choices=("doubtful", "accept"),
     )
 
@@ -319,7 +336,7 @@ def _settle(
         a, b = candidates[i], candidates[j]
         ranked = a.family == b.family == MAGNETIC and RANK.get(a.method, -1) != RANK.get(b.method, -1)
         by_run = any(c.family == MAGNETIC and c.method == AzimuthMethod.MULTI_STATION for c in (a, b))
-        if a.family != b.family and (ratio > settings.steel_sigmas or not by_run):
+        if a.family != b.family and (ratio > settings.external_sigmas or not by_run):
             lose, keep = (i, j) if a.family == MAGNETIC else (j, i)
             code = Code.DISAGREES_EXTERNAL_INTERFERENCE
         elif ranked:

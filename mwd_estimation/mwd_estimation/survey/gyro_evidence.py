@@ -132,7 +132,7 @@ def unconfirmed(
 def could_confirm(gyro: Solution, settings: Settings) -> bool:
     """Whether a second position, or time, is all the gyro lacks to judge the azimuth, and the settings ask for it."""
     return (
-        settings.unwitnessed == DOUBTFUL
+        settings.unconfirmed == DOUBTFUL
         and gyro.reason is not None
         and gyro.reason.code in _SECOND_POSITION
         and gyro.limit <= math.radians(settings.alone_deg)

@@ -16,7 +16,7 @@ from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.constants import GRAVITY_SPREAD, STANDARD_GRAVITY
 from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.core.settings import setting
 
@@ -38,8 +38,6 @@ NAMES = (
     "reference gravity",
 )
 SENSORS = 12
-# Prior of gravity where no reference gives it: 1 sigma of normal gravity over the latitudes, 9.780 to 9.832 m/s^2.
-_GRAVITY_SIGMA = 0.02
 
 
 @dataclass(frozen=True)
@@ -125,7 +123,7 @@ class Problem:
         self.scale = np.zeros((15, 15))
         self.scale[range(SENSORS), range(SENSORS)] = magnetometer + accelerometer
         self.scale[12:14, 12:14] = np.linalg.cholesky(reference.covariance + np.eye(2) * 1e-22)
-        self.scale[14, 14] = _GRAVITY_SIGMA if reference.gravity is None else max(reference.sigma_gravity, 1e-7)
+        self.scale[14, 14] = GRAVITY_SPREAD if reference.gravity is None else max(reference.sigma_gravity, 1e-7)
         self.noise = np.diag(
             [settings.accelerometer_noise_mps2**2] * 3 + [(settings.magnetometer_noise_nt * 1e-9) ** 2] * 3
         )

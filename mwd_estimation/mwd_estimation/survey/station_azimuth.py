@@ -110,7 +110,7 @@ def weigh(
         return WeighedStation(base, {**magnetic.weights, GYRO: 0.0}, {**magnetic.reasons, GYRO: found.refused})
     if last_alarm:
         # External interference has been found in this run: no magnetic azimuth outlasts the gyro by its sigma.
-        settings = dataclasses.replace(settings, steel_sigmas=settings.disagreement_sigmas)
+        settings = dataclasses.replace(settings, external_sigmas=settings.disagreement_sigmas)
     field = _field_candidate(together, magnetic, gyro, shared, found, aided)
     return _against_gyro(base, magnetic, field, gyro_evidence.candidate(found, shared), settings, last_alarm)
 

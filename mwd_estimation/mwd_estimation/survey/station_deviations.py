@@ -14,10 +14,8 @@ from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.acceptance import Deviations
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.constants import GRAVITY_FARTHEST, STANDARD_GRAVITY
 
-# Largest distance of gravity on land and at sea from standard gravity, m/s^2 (9.764 to 9.834 as measured; 9.80665).
-_GRAVITY_FARTHEST = 0.04
 # So many sigma off local gravity is more than a tool shows that was calibrated by it.
 _NOT_LOCAL = 2.0
 
@@ -85,7 +83,7 @@ def deviations(
     delta_g = math.nan
     if reference is not None and reference.gravity is not None:
         delta_g = g_total - reference.gravity
-    elif abs(g_total - STANDARD_GRAVITY) > _GRAVITY_FARTHEST:
+    elif abs(g_total - STANDARD_GRAVITY) > GRAVITY_FARTHEST:
         # Gravity is not known here, but nowhere on Earth is it that.
         delta_g = g_total - STANDARD_GRAVITY
     b_earth = b_h - np.array([interference, 0.0, 0.0])

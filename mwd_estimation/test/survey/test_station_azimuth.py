@@ -93,7 +93,7 @@ def test_an_azimuth_that_half_a_turn_would_let_the_gyro_judge_is_doubtful_unless
     # A gyro too noisy to judge in any position, and who does not want to hear it.
     for other in (
         weigh(alone, alone, dataclasses.replace(coarse, limit=12.0 * DEG)),
-        weigh(alone, alone, coarse, azimuth_fusion.Settings(unwitnessed="accept")),
+        weigh(alone, alone, coarse, azimuth_fusion.Settings(unconfirmed="accept")),
     ):
         assert other.station.verdict == "accept"
         assert found.station.reasons[0] in other.station.reasons

@@ -6,6 +6,12 @@ import math
 
 # Standard acceleration of gravity, m/s^2 (CGPM 1901).
 STANDARD_GRAVITY = 9.80665
+# Farthest that gravity on land or at sea lies from standard gravity, m/s^2: WGS 84 normal gravity is 9.7803 at the
+# equator and 9.8322 at the pole, less 0.003 for each km of height. Beyond it a reading is wrong wherever the well is.
+GRAVITY_FARTHEST = 0.04
+# 1 sigma of gravity where the place is not known, m/s^2: half the range of normal gravity over the latitudes, and
+# heights of a km or two.
+GRAVITY_SPREAD = 0.03
 # Rotation rate of the Earth, rad/s (WGS 84, NGA.STND.0036, table 3.1).
 EARTH_RATE = 7.292115e-5
 # One micro-g, m/s^2.
