@@ -14,7 +14,6 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/launch", glob("launch/*.launch.py")),
         (f"share/{NAME}/config", [*glob("config/*"), "mwd_surface/runs/fastdds.xml"]),
-        (f"share/{NAME}/docs", glob("docs/*")),
     ],
     install_requires=[
         "numpy",
@@ -43,7 +42,7 @@ setup(
     zip_safe=False,
     maintainer="MWD telemetry maintainers",
     maintainer_email="maintainers@mwd-telemetry.example",
-    description="What the rig hears: recording, surveys, well path, live page, rig protocols, reports, the command.",
+    description="Recording, surveys, well path, live page, rig protocols, reports and the mwd command.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

@@ -60,9 +60,9 @@ def test_rviz_subscribes_to_topics_that_exist_with_profiles_that_match():
 def test_every_frame_is_one_of_the_two_of_a_well():
     frames = {text for text in [*strings(LAYOUT), *strings(RVIZ)] if re.fullmatch(r"well_1/\w+", text)}
     assert frames == {"well_1/local_enu", "well_1/sonde_link"}
-    told = (PACKAGE / "docs" / "frames.md").read_text()
+    text = (PACKAGE.parent / "docs" / "reference" / "frames.md").read_text()
     for frame in ("local_enu", "sonde_link", "wellhead", "rig_floor"):
-        assert f"`{frame}`" in told
+        assert f"`{frame}`" in text
 
 
 def test_they_are_installed():
