@@ -21,7 +21,9 @@ from numpy.typing import NDArray
 
 from mwd_estimation import derivation
 from mwd_estimation.attitude import drilling_dynamics
-from mwd_estimation.attitude.continuous_attitude import AttitudeStream, Block, Mark
+from mwd_estimation.attitude.block import BinEvent, Block
+from mwd_estimation.attitude.continuous_attitude import AttitudeStream
+from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode, quoted
 from mwd_estimation.core.reference_field import Reference
@@ -154,7 +156,7 @@ class Pipeline:
         self._spikes = spike_filter.initial()
         self._precision_health = PrecisionHealth(derivation.precision_gyro_bias(settings))
         self._faults = FaultHistory()
-        self._unusable, self._misled = 0, False
+        self._unusable, self._contaminated = 0, False
         # Since when the magnetometer, as far as is known a sound one, has been taken in.
         self._fed_ns = np.iinfo(np.int64).max
         self._attitude = self._attitude_stream()
@@ -394,9 +396,9 @@ class Pipeline:
             self._unusable = int(found.unusable[start])
             if self._faults.misleads(changes, self._fed_ns):
                 self._attitude.set_reference(self.reference)
-                self._misled = True
-            if self._misled and self._unusable & AZIMUTH == 0:
-                self._misled, self._fed_ns = False, int(stamps[start])
+                self._contaminated = True
+            if self._contaminated and self._unusable & AZIMUTH == 0:
+                self._contaminated, self._fed_ns = False, int(stamps[start])
             given = followed.part(part) if followed is not None else None
             piece = self._estimate(stamps[part], gyro[part], accel[part], found.suspect[part], given)
             piece.health = changes + piece.health
@@ -416,7 +418,7 @@ class Pipeline:
             unsure = (suspect | np.uint8(self._unusable)) & (GYRO_BIT | ACCEL) != 0
             self._precision_health.beside(stamps, np.where(unsure[:, None], np.nan, values) if unsure.any() else values)
         readings = [(0, self._field.reading)]
-        marks: list[Mark] = []
+        events: list[BinEvent] = []
         taken: list[tuple[int, Provisional]] = []
         doubted, doubtful = 0, bool(suspect.any())
         for closed, place in self._binners["imu"].add_placed(stamps, values):
@@ -428,24 +430,24 @@ class Pipeline:
                     doubted = place
                 step, survey_ = self._judge(self._waiting.pop(0), place, output)
                 if survey_ is not None:
-                    taken.append((len(marks), survey_))
-                marks.append(step)
+                    taken.append((len(events), survey_))
+                events.append(step)
                 if self._field.reading is not readings[-1][1]:
                     readings.append((place, self._field.reading))
         if doubtful:
             self._faults.doubt(stamps[doubted:], suspect[doubted:])
         gyro = without_faulty(self._unusable, gyro)
         self._attitude.leave_out_mag(stamps, (suspect | np.uint8(self._unusable)) & MAG != 0)
-        block = Block(stamps, gyro, accel, track, suspect, self._unusable, self._misled)
+        block = Block(stamps, gyro, accel, track, suspect, self._unusable, self._contaminated)
         output.interference, rejected = self._attitude.follow(
             block,
             readings,
-            marks,
-            (self._precision_ns, self._precision_t[:, :3]),
+            events,
+            PrecisionRates(self._precision_ns, self._precision_t[:, :3]),
             output.attitude,
             output.gravity,
         )
-        output.surveys += [self._decision.complete(one, self._attitude.anchors[at]) for at, one in taken]
+        output.surveys += [self._decision.complete(one, self._attitude.propagated[at]) for at, one in taken]
         if self._rotary is not None:
             self._turn_on(self._rotary, block, output)
         self.counters.rejected += rejected
@@ -492,7 +494,7 @@ class Pipeline:
             derivation.precision_gyro_params(settings),
         )
 
-    def _judge(self, imu: Bin, place: int, output: Output) -> tuple[Mark, Provisional | None]:
+    def _judge(self, imu: Bin, place: int, output: Output) -> tuple[BinEvent, Provisional | None]:
         """
         Everything that is done once for a bin, in the order of bins; its results hold from the sample at `place`.
 
@@ -526,8 +528,8 @@ class Pipeline:
         elif isinstance(result, StillAverage):
             found_north = so_far if result.moved else self._gyro.solution()
             taken = self._survey(result, found_north)
-            return Mark(place, imu.index, end_ns, *taken.gyro, taken.accepted_azimuth), taken
-        return Mark(place, imu.index, end_ns), None
+            return BinEvent(place, imu.index, end_ns, *taken.gyro, taken.accepted_azimuth), taken
+        return BinEvent(place, imu.index, end_ns), None
 
     def _judge_precision(self, end_ns: int, still: bool, samples: tuple[Stamps, Array], output: Output) -> bool:
         """Health of the precision unit in a bin: what is named, and whether it is left out from now on."""
@@ -560,7 +562,7 @@ class Pipeline:
         held = self._still.finish()
         if held is not None:
             taken = self._survey(held, self._gyro.solution())
-            output.surveys.append(self._decision.complete(taken, self._attitude.anchor))
+            output.surveys.append(self._decision.complete(taken, self._attitude.propagated_now))
         return output
 
     def _survey(self, still: StillAverage, found: Solution | None) -> Provisional:

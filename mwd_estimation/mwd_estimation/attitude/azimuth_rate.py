@@ -1,39 +1,110 @@
 """
-What turns the hole axis, summed over bins of time from the rates of two units, and the samples it is paired with.
+Integrals of the azimuth rate over bins of time, from the rates of two units, and the samples they are paired with.
 
     azimuth' = (w - w_ie) . (d - (d.x) x) / sin^2 I        d: unit vector down in tool axes, from any gravity method
 
-The x rate drops out, but for what leaks of it into the cross-axis gyros: in step with a turn whose speed wobbles once a
-turn that does not average out (2 % of 120 r/min and .2 mrad are 10 deg/h at 30 deg inclination). A bin's sums hold all
-that a filter needs to carry an azimuth and its covariance through it, and to find that leakage.
+The x rate drops out, except for its leakage into the cross-axis gyros: in step with a turn whose speed varies once a
+turn that does not average out (2 % of 120 r/min and .2 mrad are 10 deg/h at 30 deg inclination). The sums of a bin hold
+all that a filter needs to propagate an azimuth and its covariance through it, and to estimate that leakage.
 """
 
 from __future__ import annotations
 
-from mwd_sensors.core.arrays import Array, Stamps
+import math
+
+from mwd_estimation.attitude.gyro_azimuth_state import (
+    BIAS,
+    BINS,
+    DRIFT,
+    LEAKAGE,
+    RING,
+    BinSums,
+    GyroBlock,
+    KernelParams,
+    PrecisionRates,
+    State,
+)
 from mwd_sensors.core.compiled import compiled
 
-# Sums of a bin: its index; turn of the axis as the gyros say; integrals of d_y / across^2, d_z / across^2, time,
-# d_x / across, 1 / across^2 and of the squared rate that a tilted vertical mistakes; seconds of gaps; carried turn at
-# its end; whether the hole was vertical in it; integrals of w_x d_y / across^2, w_x d_z / across^2, w_x, w_y, w_z,
-# and of w_x (w_y d_z - w_z d_y) / across^2: what a second of lag behind gravity mistakes.
-S_BIN, S_TURN, S_Y, S_Z, S_TIME, S_EARTH, S_NOISE, S_TILT, S_GAP, S_CARRIED, S_VERTICAL = range(11)
-S_XY, S_XZ, S_SPIN, S_RATE_Y, S_RATE_Z, S_LAG, SUMS = 11, 12, 13, 14, 15, 16, 17
-BINS = 4  # bins whose sums are kept: the open one, those that wait, and one to spare
-RING = 8192  # samples kept for pairing with other streams: 1.5 s at 5 kHz; a power of two
-# What the ring keeps of a sample: unit vector down, carried turn, x rate.
-R_DOWN, R_CARRIED, R_SPIN, RING_ROW = 0, 3, 4, 5
-# Clock: last stamp, head and length of the ring, bins opened.
-LAST_NS, HEAD, LENGTH, OPENED, CLOCK = range(5)
+# A bin is left to the other unit where an interval of the precision unit is longer than this share of the bin, or
+# where its intervals cover less than this share of the bin's time.
+_MAX_STEP, _MIN_COVERED = 0.5, 0.8
 
 
 @compiled
-def place_in_ring(ring_ns: Stamps, head: int, length: int, at: int) -> int:
-    """How far back from the newest the first sample at or after a time lies, 1 the newest; 0 where none is."""
-    low, high = 0, length
+def clear_sums(sums: BinSums, bin_index: int) -> None:
+    """Begin the sums of a bin."""
+    sums.bin, sums.vertical = bin_index, False
+    sums.turn = sums.time = sums.earth = sums.noise = sums.tilt = sums.gap = sums.gyro_turn = 0.0
+    sums.spin = sums.lag = 0.0
+    for i in range(2):
+        sums.across[i] = sums.leakage[i] = sums.rate[i] = 0.0
+
+
+@compiled
+def _add_rate(sums: BinSums, dt: float, share: float, dy: float, dz: float, wx: float, wy: float, wz: float) -> float:
+    """Add a rate that held for dt, share = dt / across^2, to the sums of its unit; returns the turn of the axis."""
+    turn = (wy * dy + wz * dz) * share
+    y, z = dy * share, dz * share
+    sums.turn += turn
+    sums.across[0] += y
+    sums.across[1] += z
+    sums.noise += share
+    sums.leakage[0] += wx * y
+    sums.leakage[1] += wx * z
+    sums.spin += wx * dt
+    sums.rate[0] += wy * dt
+    sums.rate[1] += wz * dt
+    sums.lag += wx * (wy * dz - wz * dy) * share
+    return turn
+
+
+@compiled
+def add_sample(p: KernelParams, s: State, block: GyroBlock, i: int, earth_north: float) -> None:
+    """
+    Take in sample i of the conventional unit: later than the last one, its y and z rates and vertical finite.
+
+    earth_north: rate of the azimuth by the Earth's northward rotation per unit of `BinSums.earth`, rad/s.
+    """
+    stamp, wx, wy, wz = block.stamp_ns[i], block.gyro_t[i, 0], block.gyro_t[i, 1], block.gyro_t[i, 2]
+    dx, dy, dz = block.g_t[i, 0], block.g_t[i, 1], block.g_t[i, 2]
+    wx = wx if math.isfinite(wx) else 0.0
+    across2 = dy * dy + dz * dz
+    sums = s.sums[s.bins_opened % BINS]
+    if across2 < p.vertical_sin2:
+        sums.vertical = True
+    elif s.ring_length > 0:
+        dt = (stamp - s.last_ns) * 1e-9
+        if stamp - s.last_ns <= p.gap_ns:
+            inverse = 1.0 / across2
+            share = dt * inverse
+            earth = dx * math.sqrt(across2) * share
+            mistaken = (wy * dz - wz * dy) * inverse * block.sigma_tilt[i]
+            turn = _add_rate(sums, dt, share, dy, dz, wx, wy, wz)
+            sums.time += dt
+            sums.earth += earth
+            sums.tilt += mistaken * mistaken * dt
+            x = s.x
+            turn -= (x[BIAS] + x[LEAKAGE] * wx) * (dy * share) + (x[BIAS + 1] + x[LEAKAGE + 1] * wx) * (dz * share)
+            s.gyro_turn += turn - (p.earth_down + x[DRIFT]) * dt + earth_north * earth
+        else:
+            sums.gap += dt
+    sums.gyro_turn = s.gyro_turn
+    kept = s.ring[s.ring_head]
+    kept.stamp_ns, kept.gyro_turn, kept.spin_rate = stamp, s.gyro_turn, wx
+    kept.down[0], kept.down[1], kept.down[2] = dx, dy, dz
+    s.ring_head = (s.ring_head + 1) & (RING - 1)
+    s.ring_length = min(s.ring_length + 1, RING)
+    s.last_ns = stamp
+
+
+@compiled
+def place_in_ring(s: State, at: int) -> int:
+    """How far back from the newest the first sample at or after a time lies, 1 the newest; 0 where there is none."""
+    low, high = 0, s.ring_length
     while low < high:
         middle = (low + high + 1) // 2
-        if ring_ns[(head - middle) % RING] >= at:
+        if s.ring[(s.ring_head - middle) & (RING - 1)].stamp_ns >= at:
             low = middle
         else:
             high = middle - 1
@@ -41,81 +112,84 @@ def place_in_ring(ring_ns: Stamps, head: int, length: int, at: int) -> int:
 
 
 @compiled
-def carried_at(ring_ns: Stamps, ring: Array, head: int, length: int, at: int) -> float:
-    """Carried turn of the axis at a time, rad; the ends hold."""
-    back = place_in_ring(ring_ns, head, length, at)
+def gyro_turn_at(s: State, at: int) -> float:
+    """Turn of the axis by the conventional gyros at a time, rad; beyond the ends of the ring that of the end."""
+    back = place_in_ring(s, at)
     if back == 0:
-        return float(ring[(head - 1) % RING, R_CARRIED])
-    later = (head - back) % RING
-    if back == length:
-        return float(ring[later, R_CARRIED])
-    earlier = (head - back - 1) % RING
-    share = (at - ring_ns[earlier]) / (ring_ns[later] - ring_ns[earlier])
-    return float((1.0 - share) * ring[earlier, R_CARRIED] + share * ring[later, R_CARRIED])
+        newest: float = s.ring[(s.ring_head - 1) & (RING - 1)].gyro_turn
+        return newest
+    later = s.ring[(s.ring_head - back) & (RING - 1)]
+    if back == s.ring_length:
+        oldest: float = later.gyro_turn
+        return oldest
+    earlier = s.ring[(s.ring_head - back - 1) & (RING - 1)]
+    share = (at - earlier.stamp_ns) / (later.stamp_ns - earlier.stamp_ns)
+    between: float = (1.0 - share) * earlier.gyro_turn + share * later.gyro_turn
+    return between
 
 
 @compiled
-def precision_sums(
-    limit: float, vertical: float, sums: Array, fine: Array, bin_ns: int, ring_ns: Stamps, ring: Array, clock: Stamps,
-    stamps: Stamps, rates: Array, start: int,
-) -> tuple[bool, int]:  # fmt: skip
+def precision_sums(p: KernelParams, s: State, sums: BinSums, precision: PrecisionRates, start: int) -> tuple[bool, int]:
     """
-    The same sums by the precision unit, with gravity and x rate of the sample at or after each; whether of any use.
+    Fill `s.precision_sums` for the bin of `sums`, with gravity and x rate of the sample at or after each rate.
 
-    A rate is the mean over the interval that ends at its stamp. Returns also the first sample of a later bin.
+    A rate is the mean over the interval that ends at its stamp.
+
+    Returns
+    -------
+    usable : bool
+        Whether the unit covers the bin, within its range.
+    next : int
+        First rate of a later bin; `start` is the first of this one or of an earlier one.
     """
-    begin = int(sums[S_BIN]) * bin_ns
+    stamps, rates, fine = precision.stamp_ns, precision.rate_t, s.precision_sums
+    begin = sums.bin * p.bin_ns
     while start < len(stamps) and stamps[start] < begin:
         start += 1
-    for j in range(SUMS):
-        fine[j] = sums[j]
-    fine[S_TURN] = fine[S_Y] = fine[S_Z] = fine[S_NOISE] = 0.0
-    for j in range(S_XY, SUMS):
-        fine[j] = 0.0
+    clear_sums(fine, sums.bin)
+    fine.time, fine.earth, fine.tilt, fine.gap = sums.time, sums.earth, sums.tilt, sums.gap
     usable, covered = True, 0.0
-    head, length = clock[HEAD], clock[LENGTH]
     last, back = begin, 0
-    while start < len(stamps) and stamps[start] < begin + bin_ns:
+    while start < len(stamps) and stamps[start] < begin + p.bin_ns:
         stamp, wy, wz = stamps[start], rates[start, 1], rates[start, 2]
         start += 1
         dt = (stamp - last) * 1e-9
         if dt <= 0.0:
             continue
         last = stamp
-        if not (abs(wy) < limit and abs(wz) < limit):
+        if not (abs(wy) < p.precision_range and abs(wz) < p.precision_range):
             usable = False
             continue
         if back == 0:
-            back = place_in_ring(ring_ns, head, length, stamp)
-        while back > 1 and ring_ns[(head - back) % RING] < stamp:
+            back = place_in_ring(s, stamp)
+        while back > 1 and s.ring[(s.ring_head - back) & (RING - 1)].stamp_ns < stamp:
             back -= 1
         if back == 0:
             usable = False
             break
-        at = (head - back) % RING
-        dy, dz, wx = ring[at, R_DOWN + 1], ring[at, R_DOWN + 2], ring[at, R_SPIN]
+        near = s.ring[(s.ring_head - back) & (RING - 1)]
+        dy, dz = near.down[1], near.down[2]
         across2 = dy * dy + dz * dz
-        if across2 < vertical or dt > 0.5e-9 * bin_ns:
+        if across2 < p.vertical_sin2 or dt > _MAX_STEP * 1e-9 * p.bin_ns:
             usable = False
             continue
-        share = dt / across2
-        fine[S_TURN] += (wy * dy + wz * dz) * share
-        fine[S_Y] += dy * share
-        fine[S_Z] += dz * share
-        fine[S_NOISE] += share
-        fine[S_XY] += wx * dy * share
-        fine[S_XZ] += wx * dz * share
-        fine[S_SPIN] += wx * dt
-        fine[S_RATE_Y] += wy * dt
-        fine[S_RATE_Z] += wz * dt
-        fine[S_LAG] += wx * (wy * dz - wz * dy) * share
+        _add_rate(fine, dt, dt / across2, dy, dz, near.spin_rate, wy, wz)
         covered += dt
-    # Where it covers the bin but for a sample or two, the little that is missing is taken in proportion.
-    usable = usable and covered > 0.8 * sums[S_TIME] and sums[S_TIME] > 0.0
+    usable = usable and covered > _MIN_COVERED * sums.time and sums.time > 0.0
     if usable:
-        whole = sums[S_TIME] / covered
-        for j in (S_TURN, S_Y, S_Z, S_NOISE):
-            fine[j] *= whole
-        for j in range(S_XY, SUMS):
-            fine[j] *= whole
+        # Where it covers the bin except for a sample or two, the missing part is taken in proportion.
+        _scale(fine, sums.time / covered)
     return usable, start
+
+
+@compiled
+def _scale(sums: BinSums, factor: float) -> None:
+    """Multiply the sums that depend on the unit."""
+    sums.turn *= factor
+    sums.noise *= factor
+    sums.spin *= factor
+    sums.lag *= factor
+    for i in range(2):
+        sums.across[i] *= factor
+        sums.leakage[i] *= factor
+        sums.rate[i] *= factor

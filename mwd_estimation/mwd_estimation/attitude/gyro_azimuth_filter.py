@@ -1,12 +1,9 @@
 """
-The filter of the azimuth carried while drilling: one step a bin of time, compiled.
+The Kalman filter of the gyro-propagated azimuth: one step a bin of time, compiled.
 
-States: azimuth of the hole axis; the slow and the constant error of the magnetic azimuth; the *anchor*: the azimuth
-that the last station gave, carried on by the gyros alone; and of either unit the bias of the two cross-axis gyros, the
-x rate that leaks into them, the drift that stays in step with gravity, and their lag behind it. The anchor learns
-nothing of a magnetic azimuth (a Schmidt-Kalman state: no gain, whole covariance), so that it stands for another opinion
-at the next station. The leakage shows in the cross-axis rates of a turning tool themselves (`spun`). Derivation:
-``docs/fusion.md``.
+The azimuth of the last station takes in no magnetic azimuth (a Schmidt-Kalman state: no gain, whole covariance), so
+that it is an independent opinion at the next station. The leakage of the x rate shows in the cross-axis rates of a
+turning tool themselves (`estimate_leakage`). Derivation: ``docs/methods/continuous_attitude.md``.
 """
 
 from __future__ import annotations
@@ -15,314 +12,300 @@ import math
 
 import numpy as np
 
-from mwd_estimation.attitude.azimuth_rate import (
-    S_EARTH,
-    S_GAP,
-    S_LAG,
-    S_NOISE,
-    S_RATE_Y,
-    S_SPIN,
-    S_TILT,
-    S_TIME,
-    S_TURN,
-    S_XY,
-    S_XZ,
-    S_Y,
-    S_Z,
+from mwd_estimation.attitude.gyro_azimuth_state import (
+    AZIMUTH,
+    BIAS,
+    CONSTANT_ERROR,
+    DRIFT,
+    LAG,
+    LEAKAGE,
+    SLOW_ERROR,
+    STATES,
+    STATION,
+    BinStep,
+    BinSums,
+    KernelParams,
+    MagneticAzimuth,
+    State,
 )
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.kalman import project_covariance, reset_state, scalar_update, wrap_angle
 
-# States: azimuth, rad; slow and constant magnetic error, each in units of its own sigma; the last station's azimuth
-# carried on, rad; and of the conventional, then of the precision unit: bias of y and z, rad/s; x rate that y and z
-# feel, rad; rate about the vertical that stays in step with gravity, rad/s; lag of y and z behind gravity, s.
-AZIMUTH, ERROR, CONSTANT, ANCHOR, BIAS, LEAK, DRIFT, LAG, STATES = 0, 1, 2, 3, 4, 8, 12, 14, 16
-# Memory: a first azimuth exists; seconds since the last magnetic azimuth used, and since the last seen; seconds for
-# which good ones have been gated out; last innovation ratio; counts of gated, failed and taken-up-again azimuths; bits
-# of the last magnetic azimuth; last bin taken in, and the carried turn at its end; sigma of the last magnetic azimuth;
-# whether the azimuth rests on a north seek and the gyros alone; whether a station is carried on, what its azimuth errs
-# by that every magnetic azimuth does, rad, and whether the last one that came did not agree with it; mean of the last
-# innovation ratios of good magnetic azimuths.
-HAVE, SINCE_USED, SINCE_SEEN, REFUSING, RATIO, GATED, FAILED, TAKEN_UP, BITS, LAST_BIN = range(10)
-LAST_CARRIED, LAST_SIGMA, SOUGHT, ANCHORED, ANCHOR_LASTING, ANCHOR_OFF, LEAN, MEMORY = 10, 11, 12, 13, 14, 15, 16, 17
-# Settings handed to the kernel; the gyros' noise, bias and walk stand twice, conventional then precision.
-K_NORTH, K_DOWN, K_OFTEN, K_TAU, K_GATE, K_PATIENCE, K_TIMEOUT, K_VERTICAL, K_GAP_RATE, K_TILT_MEMORY = range(10)
-K_NOISE, K_BIAS, K_WALK, K_LEAK, K_DRIFT, K_LAG, K_RANGE, K_WIDEST, SETTINGS = 10, 12, 14, 16, 18, 20, 22, 23, 24
-# Fewer turns in a bin do not tell the leakage; the true rate across the axis of which a turn leaves what is left of a
-# part of one, rad/s: a curve drilled fast, whirl.
-_TURNS, _ACROSS = 0.5, math.radians(0.05)
-# An azimuth of a station or a gyro farther than so many sigma from the one carried on disagrees with it.
+# Turns in a bin below which it does not show the leakage; and the true rate across the axis (a curve drilled fast,
+# whirl) of which a bin leaves what is left of a part of one turn, rad/s.
+_MIN_TURNS, _ACROSS_RATE = 0.5, math.radians(0.05)
+# An azimuth of a station or a gyro more than so many sigma from the propagated one disagrees with it.
 _DISAGREES = 3.0
-
-# Good magnetic azimuths that lean to one side by so many sigma over this time, s, speak of a gyro whose bias moves (one
-# that warms up): its walk is then that of one which may lose all that is known of it in the same time.
-_LEANS, _LEAN_TIME = 1.5, 5.0
-
-# A sigma of the magnetic azimuth within this share of the last is the same error.
-_SAME = 0.9
+# A mean innovation of good magnetic azimuths beyond so many sigma over this time, s, shows a gyro whose bias moves (one
+# that warms up): the biases then walk as if all that is known of them were lost in the same time.
+_BIASED_MEAN, _MEAN_TIME = 1.5, 5.0
+# A sigma of the magnetic azimuth within this share of the last one is of the same error.
+_SAME_SIGMA = 0.9
 
 _DISTURBED = int(Status.MAG_DISTURBED)
 
 
 @compiled
-def begin(k: Array, x: Array, P: Array, m: Array) -> None:
-    """Begin anew; what leaks is known from the turning itself and stays."""
+def begin(p: KernelParams, s: State) -> None:
+    """Begin anew; the leakage is estimated from the turning itself and stays."""
     for i in range(STATES):
-        leaks = LEAK <= i < DRIFT and P[i, i] > 0.0
-        own = P[i, i] if leaks else 0.0
-        for j in range(STATES):
-            P[i, j] = P[j, i] = 0.0
-        P[i, i] = own
-        if not leaks:
-            x[i] = 0.0
-    for unit in range(2):
+        known = LEAKAGE <= i < DRIFT and s.P[i, i] > 0.0
+        reset_state(s.P, i, s.P[i, i] if known else 0.0)
+        if not known:
+            s.x[i] = 0.0
+    for u in range(2):
+        unit = p.units[u]
         for i in range(2):
-            P[BIAS + 2 * unit + i, BIAS + 2 * unit + i] = k[K_BIAS + unit] ** 2
-            at = LEAK + 2 * unit + i
-            P[at, at] = P[at, at] if P[at, at] > 0.0 else k[K_LEAK + unit] ** 2
-        P[DRIFT + unit, DRIFT + unit] = k[K_DRIFT + unit] ** 2
-        P[LAG + unit, LAG + unit] = k[K_LAG + unit] ** 2
-    P[ERROR, ERROR] = P[CONSTANT, CONSTANT] = 1.0
-    m[HAVE] = 1.0
-    m[ANCHORED] = m[ANCHOR_OFF] = 0.0
+            bias, leakage = BIAS + 2 * u + i, LEAKAGE + 2 * u + i
+            s.P[bias, bias] = unit.bias**2
+            if not s.P[leakage, leakage] > 0.0:
+                s.P[leakage, leakage] = unit.leakage**2
+        s.P[DRIFT + u, DRIFT + u] = unit.drift**2
+        s.P[LAG + u, LAG + u] = unit.lag**2
+    s.P[SLOW_ERROR, SLOW_ERROR] = s.P[CONSTANT_ERROR, CONSTANT_ERROR] = 1.0
+    s.have_azimuth = True
+    s.have_station = s.station_disagreed = False
 
 
 @compiled
-def _take_in(x: Array, P: Array, ph: Array, innovation: float, s: float) -> None:
-    """Kalman update by one number: ph its covariance with the states, s its variance; the anchor has no gain."""
-    # Its own row and column go down with the others' gains, its variance stays (Joseph's form with that gain zero).
-    kept = P[ANCHOR, ANCHOR]
-    for i in range(STATES):
-        if i != ANCHOR:
-            x[i] += ph[i] / s * innovation
-        for j in range(STATES):
-            P[i, j] -= ph[i] * ph[j] / s
-    P[ANCHOR, ANCHOR] = kept
-    x[AZIMUTH] %= 2.0 * math.pi
+def _update(s: State, ph: Array, innovation: float, variance: float) -> None:
+    """Kalman update by one number: ph its covariance with the states; the station's azimuth has no gain."""
+    # The covariances of that state change by the gains of the others, its variance stays (Joseph form, gain zero).
+    azimuth, own = s.x[STATION], s.P[STATION, STATION]
+    scalar_update(s.P, s.x, ph, variance, innovation)
+    s.x[STATION], s.P[STATION, STATION] = azimuth, own
+    s.x[AZIMUTH] %= 2.0 * math.pi
 
 
 @compiled
 def correct(
-    k: Array, x: Array, P: Array, m: Array, slow: float, lasting: float, azimuth: float, r2: float, more: float
+    p: KernelParams, s: State, azimuth: float, slow: float, constant: float, variance: float, extra: float
 ) -> bool:
     """
-    Update by an azimuth = x[AZIMUTH] + slow x[ERROR] + lasting x[CONSTANT] + noise of variance r2.
+    Update by an azimuth = x[AZIMUTH] + slow x[SLOW_ERROR] + constant x[CONSTANT_ERROR] + noise, rad.
 
-    more: variance to add once the azimuth has passed the gate, for noise that the next ones repeat. False, with nothing
-    changed, beyond the gate.
+    variance: of the noise. extra: variance to add once the azimuth has passed the gate, for noise that the next ones
+    repeat. Returns False, with nothing changed, beyond the gate.
     """
-    ph = np.zeros(STATES)
-    for i in range(STATES):
-        ph[i] = P[i, AZIMUTH] + slow * P[i, ERROR] + lasting * P[i, CONSTANT]
-    s = ph[AZIMUTH] + slow * ph[ERROR] + lasting * ph[CONSTANT] + r2
-    innovation = azimuth - x[AZIMUTH] - slow * x[ERROR] - lasting * x[CONSTANT]
-    innovation = (innovation + math.pi) % (2.0 * math.pi) - math.pi
-    m[RATIO] = innovation / math.sqrt(s)
-    if abs(m[RATIO]) > k[K_GATE]:
+    h, ph = np.zeros(STATES), np.empty(STATES)
+    h[AZIMUTH], h[SLOW_ERROR], h[CONSTANT_ERROR] = 1.0, slow, constant
+    total = project_covariance(s.P, h, ph) + variance
+    innovation = _innovation(s, azimuth, slow, constant)
+    s.innovation_ratio = innovation / math.sqrt(total)
+    if abs(s.innovation_ratio) > p.gate:
         return False
-    _take_in(x, P, ph, innovation, s + more)
+    _update(s, ph, innovation, total + extra)
     return True
 
 
 @compiled
-def fade(x: Array, P: Array, share: float) -> None:
-    """Let all but a share of the slow magnetic error be another one."""
-    x[ERROR] *= share
-    for j in range(STATES):
-        if j != ERROR:
-            P[ERROR, j] *= share
-            P[j, ERROR] = P[ERROR, j]
-    P[ERROR, ERROR] = 1.0 + share * share * (P[ERROR, ERROR] - 1.0)
+def _innovation(s: State, azimuth: float, slow: float, constant: float) -> float:
+    """Azimuth less the predicted one, rad in [-pi, pi)."""
+    return wrap_angle(azimuth - s.x[AZIMUTH] - slow * s.x[SLOW_ERROR] - constant * s.x[CONSTANT_ERROR])
 
 
 @compiled
-def propagate(k: Array, x: Array, P: Array, sums: Array, unit: int) -> None:
-    """
-    Carry azimuth and anchor through one bin; unit 0: conventional gyros, 1: precision gyros.
+def fade_slow_error(s: State, share: float) -> None:
+    """Let all but a share of the slow magnetic error be a new one of unit variance."""
+    s.x[SLOW_ERROR] *= share
+    for j in range(STATES):
+        if j != SLOW_ERROR:
+            s.P[SLOW_ERROR, j] *= share
+            s.P[j, SLOW_ERROR] = s.P[SLOW_ERROR, j]
+    s.P[SLOW_ERROR, SLOW_ERROR] = 1.0 + share * share * (s.P[SLOW_ERROR, SLOW_ERROR] - 1.0)
 
-    azimuth += turn - bias . (Y, Z) - leak . (XY, XZ) - lag LAG - drift time - K_DOWN time + K_NORTH cos(azimuth) EARTH:
-    of the rate about the vertical the part that moves the axis, (w - w_ie) . (d - (d.x) x) / sin^2(I), summed over the
-    bin.
+
+@compiled
+def propagate(p: KernelParams, s: State, sums: BinSums, unit: int) -> None:
     """
-    slopes = np.zeros((2, STATES))
-    rows = np.zeros((2, STATES))
-    turn = sums[S_TURN] - k[K_DOWN] * sums[S_TIME]
-    north = k[K_NORTH] * sums[S_EARTH]
+    Propagate the azimuth and the station's azimuth through one bin, by the sums of a unit.
+
+    azimuth += turn - bias . across - leakage . leakage sums - lag * lag sum - drift time - earth_down time
+               + earth_north cos(azimuth) earth:
+    the part of the rate about the vertical that moves the axis, (w - w_ie) . (d - (d.x) x) / sin^2(I), over the bin.
+    """
+    slopes, rows = np.zeros((2, STATES)), np.zeros((2, STATES))
+    turn = sums.turn - p.earth_down * sums.time
+    north = p.earth_north * sums.earth
     for n in range(2):
-        one = AZIMUTH if n == 0 else ANCHOR
-        slopes[n, one] = 1.0 - north * math.sin(x[one])
-        slopes[n, BIAS + 2 * unit], slopes[n, BIAS + 2 * unit + 1] = -sums[S_Y], -sums[S_Z]
-        slopes[n, LEAK + 2 * unit], slopes[n, LEAK + 2 * unit + 1] = -sums[S_XY], -sums[S_XZ]
-        slopes[n, DRIFT + unit], slopes[n, LAG + unit] = -sums[S_TIME], -sums[S_LAG]
-        moved = turn + north * math.cos(x[one])
+        azimuth = s.x[n]
+        slopes[n, n] = 1.0 - north * math.sin(azimuth)
+        for i in range(2):
+            slopes[n, BIAS + 2 * unit + i] = -sums.across[i]
+            slopes[n, LEAKAGE + 2 * unit + i] = -sums.leakage[i]
+        slopes[n, DRIFT + unit], slopes[n, LAG + unit] = -sums.time, -sums.lag
+        moved = turn + north * math.cos(azimuth)
         for i in range(BIAS, STATES):
-            moved += slopes[n, i] * x[i]
-        x[one] = (x[one] + moved) % (2.0 * math.pi)
+            moved += slopes[n, i] * s.x[i]
+        s.x[n] = (azimuth + moved) % (2.0 * math.pi)
         for i in range(STATES):
             if slopes[n, i] != 0.0:
                 for j in range(STATES):
-                    rows[n, j] += slopes[n, i] * P[i, j]
-    # Gyro noise; the cross-axis rate that an error of the gravity direction mistakes for azimuth; silence.
-    noise = k[K_NOISE + unit] ** 2 * sums[S_NOISE] + 2.0 * k[K_TILT_MEMORY] * sums[S_TILT]
-    noise += (k[K_GAP_RATE] * sums[S_GAP]) ** 2
+                    rows[n, j] += slopes[n, i] * s.P[i, j]
+    # Gyro noise; the cross-axis rate that an error of the gravity direction mistakes for azimuth; data gaps.
+    gyros = p.units[unit]
+    noise = gyros.noise**2 * sums.noise + 2.0 * p.tilt_memory_s * sums.tilt
+    noise += (p.gap_rate * sums.gap) ** 2
     for n in range(2):
-        one = AZIMUTH if n == 0 else ANCHOR
-        for j in range(STATES):
-            if j != AZIMUTH and j != ANCHOR:
-                P[one, j] = P[j, one] = rows[n, j]
+        for j in range(2, STATES):
+            s.P[n, j] = s.P[j, n] = rows[n, j]
     for n in range(2):
         for o in range(n + 1):
             both = noise
             for i in range(STATES):
                 both += rows[n, i] * slopes[o, i]
-            one, other = AZIMUTH if n == 0 else ANCHOR, AZIMUTH if o == 0 else ANCHOR
-            P[one, other] = P[other, one] = both
-    fade(x, P, math.exp(-sums[S_TIME] / k[K_TAU]))
+            s.P[n, o] = s.P[o, n] = both
+    fade_slow_error(s, math.exp(-sums.time / p.slow_error_time_s))
     for u in range(2):
         for i in range(2):
-            P[BIAS + 2 * u + i, BIAS + 2 * u + i] += k[K_WALK + u] ** 2 * sums[S_TIME]
+            s.P[BIAS + 2 * u + i, BIAS + 2 * u + i] += p.units[u].walk ** 2 * sums.time
 
 
 @compiled
-def spun(k: Array, x: Array, P: Array, sums: Array, unit: int) -> None:
+def estimate_leakage(p: KernelParams, s: State, sums: BinSums, unit: int) -> None:
     """
-    What leaks of the x rate into y and z, from a bin in which the tool turned; unit as in `propagate`.
+    Estimate the leakage of the x rate into y and z of a unit, from a bin in which the tool turned.
 
-    Whatever truly turns the axis turns round in the tool's own axes and leaves of whole turns nothing: what does not is
-    bias time + leak SPIN.
+    A true turn of the axis rotates in the tool's own axes and leaves nothing over whole turns; what is left is
+    bias time + leakage spin.
     """
-    turns = abs(sums[S_SPIN]) / (2.0 * math.pi)
-    if turns < _TURNS:
+    turns = abs(sums.spin) / (2.0 * math.pi)
+    if turns < _MIN_TURNS:
         return
-    time = sums[S_TIME]
-    r2 = k[K_NOISE + unit] ** 2 * time + (_ACROSS * time / turns) ** 2
+    time = sums.time
+    noise = p.units[unit].noise ** 2 * time + (_ACROSS_RATE * time / turns) ** 2
     ph = np.zeros(STATES)
     for axis in range(2):
-        bias, leak = BIAS + 2 * unit + axis, LEAK + 2 * unit + axis
+        bias, leakage = BIAS + 2 * unit + axis, LEAKAGE + 2 * unit + axis
         for i in range(STATES):
-            ph[i] = time * P[i, bias] + sums[S_SPIN] * P[i, leak]
-        s = time * ph[bias] + sums[S_SPIN] * ph[leak] + r2
-        innovation = sums[S_RATE_Y + axis] - time * x[bias] - sums[S_SPIN] * x[leak]
-        if innovation * innovation <= k[K_GATE] ** 2 * s:
-            _take_in(x, P, ph, innovation, s)
+            ph[i] = time * s.P[i, bias] + sums.spin * s.P[i, leakage]
+        variance = time * ph[bias] + sums.spin * ph[leakage] + noise
+        innovation = sums.rate[axis] - time * s.x[bias] - sums.spin * s.x[leakage]
+        if innovation * innovation <= p.gate**2 * variance:
+            _update(s, ph, innovation, variance)
 
 
 @compiled
-def _lean(k: Array, P: Array, m: Array, time: float) -> None:
-    """Follow to which side good magnetic azimuths lean, and let the biases move where they do; time since the last."""
-    gate = k[K_GATE]
-    m[LEAN] += min(time / _LEAN_TIME, 1.0) * (min(max(m[RATIO], -gate), gate) - m[LEAN])
-    if abs(m[LEAN]) > _LEANS:
-        for unit in range(2):
-            for i in range(BIAS + 2 * unit, BIAS + 2 * unit + 2):
-                P[i, i] = min(P[i, i] + k[K_BIAS + unit] ** 2 * time / _LEAN_TIME, k[K_BIAS + unit] ** 2)
+def _follow_innovations(p: KernelParams, s: State, dt: float) -> None:
+    """Follow the mean innovation of good magnetic azimuths, dt since the last, and let the biases walk by it."""
+    s.innovation_mean += min(dt / _MEAN_TIME, 1.0) * (min(max(s.innovation_ratio, -p.gate), p.gate) - s.innovation_mean)
+    if abs(s.innovation_mean) > _BIASED_MEAN:
+        for u in range(2):
+            prior = p.units[u].bias ** 2
+            for i in range(BIAS + 2 * u, BIAS + 2 * u + 2):
+                s.P[i, i] = min(s.P[i, i] + prior * dt / _MEAN_TIME, prior)
 
 
 @compiled
-def magnetic(k: Array, x: Array, P: Array, m: Array, azimuth: float, sigma: Array, good: bool, afresh: bool) -> None:
-    """
-    Take in one magnetic azimuth.
-
-    sigma, shape (4,), rad, of what stays (the tool's own field), of what stays for a while (the vertical's error), of
-    noise, and of what never changes (the declination).
-    """
-    slow, held, white, lasting = sigma[0], sigma[1], sigma[2], sigma[3]
-    fast2, more = held * held + white * white, held * held * (k[K_OFTEN] - 1.0)
-    m[BITS] = _DISTURBED
-    if afresh:
-        m[HAVE] = m[ANCHORED] = m[LEAN] = 0.0
-    kept = m[HAVE] != 0.0 and m[LAST_SIGMA] > 0.0 and slow > 0.0
-    share = min(slow / m[LAST_SIGMA], m[LAST_SIGMA] / slow) if kept else 0.0
-    if good and share < _SAME:
+def _scale_of_slow_error(s: State, measured: MagneticAzimuth) -> float:
+    """Sigma by which the state SLOW_ERROR enters a magnetic azimuth, rad; a sigma that has changed rescales it."""
+    slow = measured.sigma_slow
+    kept = s.have_azimuth and s.slow_sigma > 0.0 and slow > 0.0
+    share = min(slow / s.slow_sigma, s.slow_sigma / slow) if kept else 0.0
+    if measured.usable and share < _SAME_SIGMA:
         if kept:
-            # Who learns errs less and less: of the error of before this share is left in it, in units of the sigma of
-            # now. A sigma that only flickers has learnt nothing.
-            fade(x, P, share)
-        m[LAST_SIGMA] = slow
-    if kept:
-        # As it was when the error was found: by noise in it the filter would tell error and azimuth apart.
-        slow = m[LAST_SIGMA]
-    if not good:
-        m[FAILED] += 1.0
-        m[REFUSING] = 0.0
-    elif m[HAVE] == 0.0:
-        begin(k, x, P, m)
-        m[LEAN] = 0.0
-        x[AZIMUTH] = azimuth % (2.0 * math.pi)
-        # azimuth read = azimuth + slow * error + lasting * constant + noise: the first estimate errs by minus these.
-        P[AZIMUTH, AZIMUTH] = slow * slow + fast2 + lasting * lasting
-        P[AZIMUTH, ERROR] = P[ERROR, AZIMUTH] = -slow
-        P[AZIMUTH, CONSTANT] = P[CONSTANT, AZIMUTH] = -lasting
-        m[BITS] = 0.0
-    elif correct(k, x, P, m, slow, lasting, azimuth, fast2, more):
-        m[BITS] = 0.0
+            # An estimate that improves errs less: of its error of before this share is left in it, in units of the
+            # sigma of now. A sigma that only varies with the noise has not improved.
+            fade_slow_error(s, share)
+        s.slow_sigma = slow
+    # As it was when the error was estimated: noise in it would let the filter tell error and azimuth apart.
+    return s.slow_sigma if kept else slow
+
+
+@compiled
+def _first_azimuth(p: KernelParams, s: State, azimuth: float, slow: float, constant: float, variance: float) -> None:
+    """Begin at a magnetic azimuth = azimuth + slow x error + constant x error + noise: it errs by minus these."""
+    begin(p, s)
+    s.innovation_mean = 0.0
+    s.x[AZIMUTH] = azimuth % (2.0 * math.pi)
+    s.P[AZIMUTH, AZIMUTH] = slow * slow + variance + constant * constant
+    s.P[AZIMUTH, SLOW_ERROR] = s.P[SLOW_ERROR, AZIMUTH] = -slow
+    s.P[AZIMUTH, CONSTANT_ERROR] = s.P[CONSTANT_ERROR, AZIMUTH] = -constant
+
+
+@compiled
+def magnetic(p: KernelParams, s: State, measured: MagneticAzimuth, azimuth: float) -> None:
+    """Take in a magnetic azimuth; azimuth: `measured.azimuth`, propagated to the end of the bin, rad."""
+    held, white, constant = measured.sigma_held, measured.sigma_noise, measured.sigma_constant
+    variance, extra = held * held + white * white, held * held * (p.held_repeats - 1.0)
+    if measured.restart:
+        s.have_azimuth = s.have_station = False
+        s.innovation_mean = 0.0
+    slow = _scale_of_slow_error(s, measured)
+    # A data gap is no evidence: between two azimuths at most the time-out counts.
+    since = min(s.since_seen_s, p.mag_timeout_s)
+    used = False
+    if not measured.usable:
+        s.disturbed += 1
+        s.rejected_s = 0.0
+    elif not s.have_azimuth:
+        _first_azimuth(p, s, azimuth, slow, constant, variance)
+        used = True
+    elif correct(p, s, azimuth, slow, constant, variance, extra):
+        used = True
     else:
-        m[GATED] += 1.0
-        # Between two samples at most the time-out counts, so that a drop-out is no evidence.
-        m[REFUSING] += min(m[SINCE_SEEN], k[K_TIMEOUT])
-        if m[REFUSING] > k[K_PATIENCE]:
-            # Steadily elsewhere with its field in order: the carried azimuth is wrong by more than it said.
-            m[TAKEN_UP] += 1.0
-            innovation = azimuth - x[AZIMUTH] - slow * x[ERROR] - lasting * x[CONSTANT]
-            innovation = (innovation + math.pi) % (2.0 * math.pi) - math.pi
-            P[AZIMUTH, AZIMUTH] += innovation * innovation
-            correct(k, x, P, m, slow, lasting, azimuth, fast2, more)
-            m[BITS] = 0.0
-    if good:
-        _lean(k, P, m, min(m[SINCE_SEEN], k[K_TIMEOUT]))
-    m[SINCE_SEEN] = 0.0
-    if m[BITS] == 0.0:
-        m[SOUGHT] = 0.0
-        m[REFUSING] = 0.0
-        m[SINCE_USED] = 0.0
+        s.rejected += 1
+        s.rejected_s += since
+        if s.rejected_s > p.reset_time_s:
+            # Consistently elsewhere with its field in order: the propagated azimuth errs by more than its sigma.
+            s.resets += 1
+            innovation = _innovation(s, azimuth, slow, constant)
+            s.P[AZIMUTH, AZIMUTH] += innovation * innovation
+            correct(p, s, azimuth, slow, constant, variance, extra)
+            used = True
+    if measured.usable:
+        _follow_innovations(p, s, since)
+    s.since_seen_s = 0.0
+    s.mag_status = 0 if used else _DISTURBED
+    if used:
+        s.by_gyro_only = False
+        s.rejected_s = s.since_used_s = 0.0
 
 
 @compiled
-def seek(k: Array, x: Array, P: Array, m: Array, azimuth: float, sigma: float) -> None:
+def seek(p: KernelParams, s: State, azimuth: float, sigma: float) -> None:
     """
-    Take in an azimuth that owes nothing to the magnetometer; one that disagrees is begun anew from.
+    Take in an azimuth that owes nothing to the magnetometer, rad; where it disagrees the azimuth begins anew from it.
 
-    Seeks of one gyro err alike: where the azimuth rests on an earlier one, the better of both stands, not their mean.
+    North seeks of one gyro share their error: where the azimuth rests on an earlier one, the better of both stands,
+    not their mean.
     """
-    if m[HAVE] == 0.0:
-        begin(k, x, P, m)
-        P[AZIMUTH, AZIMUTH] = math.pi * math.pi
-        x[AZIMUTH] = azimuth
-    alone = m[SOUGHT] != 0.0
-    m[SOUGHT] = 1.0
-    away = (azimuth - x[AZIMUTH] + math.pi) % (2.0 * math.pi) - math.pi
-    agrees = away * away <= _DISAGREES**2 * (P[AZIMUTH, AZIMUTH] + sigma * sigma)
-    if alone and agrees and sigma * sigma >= P[AZIMUTH, AZIMUTH]:
+    if not s.have_azimuth:
+        begin(p, s)
+        s.P[AZIMUTH, AZIMUTH] = math.pi * math.pi
+        s.x[AZIMUTH] = azimuth
+    alone, s.by_gyro_only = s.by_gyro_only, True
+    away = wrap_angle(azimuth - s.x[AZIMUTH])
+    agrees = away * away <= _DISAGREES**2 * (s.P[AZIMUTH, AZIMUTH] + sigma * sigma)
+    if alone and agrees and sigma * sigma >= s.P[AZIMUTH, AZIMUTH]:
         return
-    if alone or not agrees or not correct(k, x, P, m, 0.0, 0.0, azimuth, sigma * sigma, 0.0):
-        m[TAKEN_UP] += 0.0 if agrees else 1.0
-        x[AZIMUTH] = azimuth % (2.0 * math.pi)
-        for i in range(STATES):
-            P[AZIMUTH, i] = P[i, AZIMUTH] = 0.0
-        P[AZIMUTH, AZIMUTH] = sigma * sigma
+    if alone or not agrees or not correct(p, s, azimuth, 0.0, 0.0, sigma * sigma, 0.0):
+        if not agrees:
+            s.resets += 1
+        s.x[AZIMUTH] = azimuth % (2.0 * math.pi)
+        reset_state(s.P, AZIMUTH, sigma * sigma)
 
 
 @compiled
-def station(x: Array, P: Array, m: Array, azimuth: float, sigma: float, lasting: float, sought: bool) -> None:
+def station(s: State, step: BinStep) -> None:
     """
-    Carry on the azimuth of a station from here.
+    Propagate the azimuth of an accepted station from here on.
 
-    sigma: its whole one; lasting: the part of it that every magnetic azimuth errs by, rad; sought: a gyro found north
-    there. One that disagrees with what is carried on, and no gyro vouches for it, takes its place only where the next
-    one disagrees too.
+    A station that disagrees with the propagated one before, and that no gyro confirms, takes its place only where the
+    next station disagrees too.
     """
-    if m[HAVE] == 0.0:
+    if not s.have_azimuth:
         return
-    if m[ANCHORED] != 0.0 and not sought:
-        apart = (azimuth - x[ANCHOR] + math.pi) % (2.0 * math.pi) - math.pi
-        variance = P[ANCHOR, ANCHOR] + sigma * sigma - 2.0 * lasting * m[ANCHOR_LASTING]
-        if apart * apart > _DISAGREES**2 * variance and m[ANCHOR_OFF] == 0.0:
-            m[ANCHOR_OFF] = 1.0
+    sigma, constant = step.station_sigma, step.station_constant_sigma
+    if s.have_station and not step.station_by_gyro:
+        apart = wrap_angle(step.station_azimuth - s.x[STATION])
+        variance = s.P[STATION, STATION] + sigma * sigma - 2.0 * constant * s.station_constant_sigma
+        if apart * apart > _DISAGREES**2 * variance and not s.station_disagreed:
+            s.station_disagreed = True
             return
-    m[ANCHOR_OFF] = 0.0
-    x[ANCHOR] = azimuth % (2.0 * math.pi)
-    for i in range(STATES):
-        P[ANCHOR, i] = P[i, ANCHOR] = 0.0
-    P[ANCHOR, ANCHOR] = sigma * sigma
-    m[ANCHORED], m[ANCHOR_LASTING] = 1.0, lasting
+    s.station_disagreed = False
+    s.x[STATION] = step.station_azimuth % (2.0 * math.pi)
+    reset_state(s.P, STATION, sigma * sigma)
+    s.have_station, s.station_constant_sigma = True, constant

@@ -1,10 +1,10 @@
 """
-Continuous attitude: gravity at every sample, the magnetic azimuth carried between magnetic samples.
+Attitude of every IMU sample from gravity and the magnetic samples, each magnetic sample paired with its own gravity.
 
 A magnetic sample is paired with the gravity of its own time, not of its arrival: it is taken into account a fixed
 `mag_lag` after its stamp, with gravity interpolated at that stamp. So the result does not depend on the order in which
 two topics happen to be delivered, live and replayed results are the same bits, and a turning tool loses no accuracy.
-The azimuth of the hole axis hardly moves in that time; the magnetic toolface does, and is carried on by the x gyro.
+The azimuth of the hole axis hardly moves in that time; the magnetic toolface does, and is propagated by the x gyro.
 """
 
 from __future__ import annotations
@@ -13,24 +13,27 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mwd_estimation.attitude.time_alignment_state import (
+    ATTITUDE_ROW,
+    PAIR,
+    RING,
+    AttitudeRow,
+    FieldModel,
+    GravityBlock,
+    KernelParams,
+    MagBlock,
+    Pair,
+    State,
+)
 from mwd_estimation.core.magnetic_geometry import raw_azimuth_sample
 from mwd_estimation.core.status import Status
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.settings import setting
 
-_RING = 1024  # samples of gravity kept for pairing: 0.2 s at 5 kHz
+_MAX_GAP = 0.5  # s between samples over which the turn about the axis is integrated
 _NO_MAG, _NEAR_VERTICAL = int(Status.NO_MAG), int(Status.NEAR_VERTICAL)
-# Integer state: ring head and length, last magnetic stamp and its presence, last stamp, smoothing begins anew, interval
-# in which a magnetic sample was last handed on.
-_HEAD, _LENGTH, _MAG_NS, _HAVE_MAG, _LAST_NS, _FRESH, _HANDED, _INTEGERS = range(8)
-# What is handed on of a magnetic sample: unit vector down, field, sigma of the tilt, azimuth and its sigma.
-_P_DOWN, _P_FIELD, _P_TILT, _P_AZIMUTH, _P_SIGMA, _PAIR = 0, 3, 6, 7, 8, 9
-# Real state: turn about x, smoothed azimuth vector, toolface from north less the turn, last total and dip; and what
-# follows from these and is asked for at every sample: azimuth, toolface less turn, the field's level and downward part.
-_TURN, _COS, _SIN, _MTF_COS, _MTF_SIN, _TOTAL, _DIP, _AZIMUTH, _MTF, _LEVEL, _DOWN, _REAL = range(12)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,202 +68,57 @@ class Params:
     )
 
 
-@dataclasses.dataclass(frozen=True)
-class FieldModel:
-    """
-    What the magnetic samples are to be read with; it changes at surveys, not at samples.
-
-    Attributes
-    ----------
-    interference : ndarray, shape (3,)
-        Field in tool axes that is not the Earth's, T, taken off before use.
-    sigma_axial, sigma_cross : float
-        1 sigma of what is left of it along and across the axis, T.
-    north_correction : float
-        Added to the magnetic azimuth to give the named north, rad.
-    sigma_north : float
-        Its 1 sigma, rad.
-    """
-
-    interference: Array
-    sigma_axial: float
-    sigma_cross: float
-    north_correction: float = 0.0
-    sigma_north: float = 0.0
-
-    def packed(self) -> Array:
-        """All figures in the order the kernel reads them."""
-        return np.array(
-            [
-                *self.interference,
-                self.sigma_axial,
-                self.sigma_cross,
-                self.north_correction,
-                self.sigma_north,
-            ]
-        )
-
-
-@dataclasses.dataclass
-class State:
-    """Everything that changes; a copy resumes."""
-
-    stamps: Stamps
-    ring: Array
-    counters: Stamps
-    values: Array
-    vertical: NDArray[np.uint8]
-
-    def copy(self) -> State:
-        """Independent copy."""
-        return State(*(getattr(self, f.name).copy() for f in dataclasses.fields(self)))
-
-
-@dataclasses.dataclass(frozen=True)
-class Rows:
-    """
-    Attitude of n samples, all of shape (n,).
-
-    Angles in rad, nan where not available (`azimuth`, `magnetic_toolface`) and then with a sigma of pi; `total` T and
-    `dip` rad of the last magnetic sample used, however old, nan before the first; `status` the bits this module adds.
-    """
-
-    inclination: Array
-    azimuth: Array
-    gravity_toolface: Array
-    magnetic_toolface: Array
-    sigma_azimuth: Array
-    sigma_magnetic_toolface: Array
-    total: Array
-    dip: Array
-    status: NDArray[np.uint32]
-
-
-@dataclasses.dataclass(frozen=True)
-class Pairs:
-    """
-    Magnetic samples handed on, each with gravity at its own stamp; m of them.
-
-    Attributes
-    ----------
-    place, stamp_ns : ndarray of int64, shape (m,)
-        IMU sample of the block with which one was taken, and its own stamp.
-    g_t, b_t : ndarray, shape (m, 3)
-        Unit vector down, and the field as read, T.
-    sigma_tilt : ndarray, shape (m,)
-        1 sigma of the direction down, rad.
-    azimuth, sigma : ndarray, shape (m,)
-        By the field model, from its north, and 1 sigma, rad.
-    """
-
-    place: Stamps
-    stamp_ns: Stamps
-    g_t: Array
-    b_t: Array
-    sigma_tilt: Array
-    azimuth: Array
-    sigma: Array
-
-    def where(self, chosen: NDArray[np.bool_]) -> Pairs:
-        """Those chosen."""
-        return Pairs(*(getattr(self, f.name)[chosen] for f in dataclasses.fields(self)))
-
-    @classmethod
-    def joined(cls, pairs: list[Pairs]) -> Pairs:
-        """All of them in order; places stay those of their own stretch."""
-        whole, one, three = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 3))
-        pairs = [Pairs(whole, whole, three, three, one, one, one), *pairs]
-        return cls(*(np.concatenate([getattr(p, f.name) for p in pairs]) for f in dataclasses.fields(cls)))
-
-
-def last_totals(state: State) -> tuple[float, float] | None:
-    """Total field, T, and dip, rad, of the last magnetic sample used; None before the first."""
-    if state.counters[_HAVE_MAG] == 0:
-        return None
-    return float(state.values[_TOTAL]), float(state.values[_DIP])
-
-
-def begin_smoothing(state: State) -> None:
-    """Forget what was smoothed, because the field model has changed: the next magnetic sample counts whole."""
-    state.counters[_FRESH] = 1
-
-
-def initial() -> State:
-    """State before the first sample."""
-    counters = np.zeros(_INTEGERS, dtype=np.int64)
-    counters[_HANDED] = -1
-    return State(
-        np.zeros(_RING, dtype=np.int64),
-        np.zeros((_RING, 4)),
-        counters,
-        np.zeros(_REAL),
-        np.zeros(1, dtype=np.uint8),
+def kernel_params(params: Params) -> KernelParams:
+    """Settings in SI units."""
+    return KernelParams(
+        mag_lag_ns=round(params.mag_lag_s * 1e9),
+        mag_timeout_ns=round(params.mag_timeout_s * 1e9),
+        interval_ns=round(params.handing_on_s * 1e9),
+        smoothing_s=params.smoothing_s,
+        vertical_enter=math.radians(params.vertical_enter_deg),
+        vertical_leave=math.radians(params.vertical_leave_deg),
+        latency_s=params.toolface_latency_s,
     )
 
 
+def last_totals(state: Samples) -> tuple[float, float] | None:
+    """Total field, T, and dip, rad, of the last magnetic sample used; None before the first."""
+    s = state[0]
+    return (float(s.total), float(s.dip)) if s.have_mag else None
+
+
+def restart_smoothing(state: Samples) -> None:
+    """Forget what was smoothed, because the field model has changed: the next magnetic sample counts whole."""
+    state["restart"] = True
+
+
 def run(
-    params: Params,
-    state: State,
-    model: FieldModel,
-    stamp_ns: Stamps,
-    g_t: Array,
-    rate_x: Array,
-    sigma_tilt: Array,
-    mag_ns: Stamps,
-    b_t: Array,
-) -> tuple[Rows, Pairs, int]:
+    p: KernelParams, state: Samples, model: FieldModel, block: GravityBlock, mag: MagBlock
+) -> tuple[Samples, Samples, int]:
     """
     Attitude of a block of samples.
 
     Parameters
     ----------
-    params, state, model :
-        State is changed in place.
-    stamp_ns, g_t, rate_x, sigma_tilt : ndarray, shapes (n,), (n, 3), (n,), (n,)
-        Stamps, unit vector down (nan while unknown), rate about the axis, rad/s, and 1 sigma of the tilt, rad.
-    mag_ns, b_t : ndarray, shapes (m,) and (m, 3)
-        Magnetic samples that wait, in order of their stamps, T.
+    p : KernelParams
+    state : ndarray, shape (1,)
+        From `time_alignment_state.initial`; changed in place. Blocks of any length give the same numbers.
+    model : FieldModel
+    block : GravityBlock
+    mag : MagBlock
 
     Returns
     -------
-    rows : Rows
-    pairs : Pairs
+    rows : ndarray of dtype ATTITUDE_ROW, shape (n,)
+    pairs : ndarray of dtype PAIR
         One magnetic sample in each interval of `handing_on_s`.
     used : int
         How many of the waiting magnetic samples were taken; the rest waits for the next block.
     """
-    n = len(stamp_ns)
-    out = np.empty((8, n))
-    status = np.empty(n, dtype=np.uint32)
-    limits = np.array(
-        [
-            params.smoothing_s,
-            math.radians(params.vertical_enter_deg),
-            math.radians(params.vertical_leave_deg),
-            params.toolface_latency_s,
-        ]
-    )
-    times = np.array([round(t * 1e9) for t in (params.mag_lag_s, params.mag_timeout_s, params.handing_on_s)])
-    pair_at, pairs = np.empty((len(mag_ns), 2), dtype=np.int64), np.empty((len(mag_ns), _PAIR))
-    used, handed = _run(
-        state.stamps, state.ring, state.counters, state.values, state.vertical, limits, times, model.packed(), stamp_ns,
-        g_t, rate_x, sigma_tilt, mag_ns, b_t, out, status, pair_at, pairs,
-    )  # fmt: skip
-    inclination, azimuth, gravity_toolface, magnetic_toolface, sigma_azimuth, sigma_mtf, total, dip = out
-    pair_at, pairs = pair_at[:handed].copy(), pairs[:handed].copy()
-    return (
-        Rows(inclination, azimuth, gravity_toolface, magnetic_toolface, sigma_azimuth, sigma_mtf, total, dip, status),
-        Pairs(
-            place=pair_at[:, 0],
-            stamp_ns=pair_at[:, 1],
-            g_t=pairs[:, _P_DOWN:_P_FIELD],
-            b_t=pairs[:, _P_FIELD:_P_TILT],
-            sigma_tilt=pairs[:, _P_TILT],
-            azimuth=pairs[:, _P_AZIMUTH],
-            sigma=pairs[:, _P_SIGMA],
-        ),
-        used,
-    )
+    rows = np.zeros(len(block.stamp_ns), dtype=ATTITUDE_ROW)
+    pairs = np.zeros(len(mag.stamp_ns), dtype=PAIR)
+    used, handed_on = _run(p, state[0], model, block, mag, rows, pairs)
+    return rows, pairs[:handed_on].copy(), used
 
 
 @compiled
@@ -273,182 +131,216 @@ def _wrap(angle: float) -> float:
 
 
 @compiled
-def _find(stamps: Stamps, counters: Stamps, at: int) -> tuple[int, int, float]:
+def _find(s: State, at: int) -> tuple[int, int, float]:
     """Ring places of the samples before and after a time, and the share of the later one; the ends hold."""
-    head, length = counters[_HEAD], counters[_LENGTH]
-    later = (head - 1) % _RING
-    if at >= stamps[later]:
+    later = (s.ring_head - 1) % RING
+    if at >= s.ring[later].stamp_ns:
         return later, later, 0.0
-    for k in range(2, length + 1):
-        earlier = (head - k) % _RING
-        if stamps[earlier] <= at:
-            span = stamps[later] - stamps[earlier]
-            return earlier, later, (at - stamps[earlier]) / span if span > 0 else 0.0
+    for k in range(2, s.ring_length + 1):
+        earlier = (s.ring_head - k) % RING
+        before = s.ring[earlier].stamp_ns
+        if before <= at:
+            span = s.ring[later].stamp_ns - before
+            return earlier, later, (at - before) / span if span > 0 else 0.0
         later = earlier
     return later, later, 0.0
 
 
 @compiled
-def _take_mag(
-    stamps: Stamps, ring: Array, counters: Stamps, values: Array, smoothing: float, model: Array, at: int,
-    b_x: float, b_y: float, b_z: float, pair: Array,
-) -> bool:  # fmt: skip
+def _turn_at(s: State, at: int) -> float:
+    """Turn about the axis at a time, rad."""
+    earlier, later, share = _find(s, at)
+    turn: float = (1.0 - share) * s.ring[earlier].turn + share * s.ring[later].turn
+    return turn
+
+
+@compiled
+def _gravity_at(s: State, at: int, down: Array) -> tuple[float, float]:
+    """Fill the vector down at a time, shape (3,), not of unit length; returns its length and the turn, rad."""
+    earlier, later, share = _find(s, at)
+    first, second = s.ring[earlier], s.ring[later]
+    turn = (1.0 - share) * first.turn + share * second.turn
+    # Both neighbours are turned to the time of the sample before they are mixed: the string may turn fast.
+    c_0, s_0 = math.cos(turn - first.turn), math.sin(turn - first.turn)
+    c_1, s_1 = math.cos(turn - second.turn), math.sin(turn - second.turn)
+    d_x = (1.0 - share) * first.down[0] + share * second.down[0]
+    d_y = (1.0 - share) * (c_0 * first.down[1] + s_0 * first.down[2])
+    d_y += share * (c_1 * second.down[1] + s_1 * second.down[2])
+    d_z = (1.0 - share) * (c_0 * first.down[2] - s_0 * first.down[1])
+    d_z += share * (c_1 * second.down[2] - s_1 * second.down[1])
+    down[0], down[1], down[2] = d_x, d_y, d_z
+    return math.sqrt(d_x * d_x + d_y * d_y + d_z * d_z), turn
+
+
+@compiled
+def _take_mag(p: KernelParams, s: State, model: FieldModel, at: int, b_t: Array, pair: Pair) -> bool:
     """
     Pair one magnetic sample with gravity at its stamp and move azimuth and magnetic toolface towards it.
 
-    Fills the directions and the azimuth of `pair`; False for a sample that says nothing.
+    Fills the directions and the azimuth of `pair`; False, with the state unchanged, for a sample that tells nothing.
     """
-    earlier, later, share = _find(stamps, counters, at)
-    turn = (1.0 - share) * ring[earlier, 3] + share * ring[later, 3]
-    # Both neighbours are turned to the time of the sample before they are mixed: the string may turn fast.
-    c_0, s_0 = math.cos(turn - ring[earlier, 3]), math.sin(turn - ring[earlier, 3])
-    c_1, s_1 = math.cos(turn - ring[later, 3]), math.sin(turn - ring[later, 3])
-    d_x = (1.0 - share) * ring[earlier, 0] + share * ring[later, 0]
-    d_y = (1.0 - share) * (c_0 * ring[earlier, 1] + s_0 * ring[earlier, 2])
-    d_y += share * (c_1 * ring[later, 1] + s_1 * ring[later, 2])
-    d_z = (1.0 - share) * (c_0 * ring[earlier, 2] - s_0 * ring[earlier, 1])
-    d_z += share * (c_1 * ring[later, 2] - s_1 * ring[later, 1])
-    size = math.sqrt(d_x * d_x + d_y * d_y + d_z * d_z)
-    pair[_P_FIELD], pair[_P_FIELD + 1], pair[_P_FIELD + 2] = b_x, b_y, b_z
-    b_x, b_y, b_z = b_x - model[0], b_y - model[1], b_z - model[2]
+    size, turn = _gravity_at(s, at, pair.g_t)
+    taken_off = model.interference
+    b_x, b_y, b_z = b_t[0] - taken_off[0], b_t[1] - taken_off[1], b_t[2] - taken_off[2]
     total = math.sqrt(b_x * b_x + b_y * b_y + b_z * b_z)
     if not (math.isfinite(total) and total > 0.0 and size > 0.0):
         return False
-    d_x, d_y, d_z = d_x / size, d_y / size, d_z / size
-    azimuth = raw_azimuth_sample(-d_x, -d_y, -d_z, b_x, b_y, b_z) + model[5]
-    pair[_P_DOWN], pair[_P_DOWN + 1], pair[_P_DOWN + 2], pair[_P_AZIMUTH] = d_x, d_y, d_z, azimuth
+    for i in range(3):
+        pair.g_t[i] /= size
+        pair.b_t[i] = b_t[i]
+    d_x, d_y, d_z = pair.g_t[0], pair.g_t[1], pair.g_t[2]
+    pair.azimuth = raw_azimuth_sample(-d_x, -d_y, -d_z, b_x, b_y, b_z) + model.north_correction
     # The scribe line's own direction in the horizontal plane: against north and east = down x north.
     along = b_x * d_x + b_y * d_y + b_z * d_z
     north_x, north_y, north_z = b_x - along * d_x, b_y - along * d_y, b_z - along * d_z
-    mtf = math.atan2(d_x * north_y - d_y * north_x, north_z) + model[5]
-    spin = 1.0 if d_x > 0.0 else -1.0
-    gap = (at - counters[_MAG_NS]) * 1e-9
-    fresh = counters[_HAVE_MAG] == 0 or counters[_FRESH] == 1
-    keep = 0.0 if fresh or smoothing <= 0.0 or gap <= 0.0 or gap > 10.0 * smoothing else math.exp(-gap / smoothing)
-    values[_COS] = keep * values[_COS] + (1.0 - keep) * math.cos(azimuth)
-    values[_SIN] = keep * values[_SIN] + (1.0 - keep) * math.sin(azimuth)
-    values[_MTF_COS] = keep * values[_MTF_COS] + (1.0 - keep) * math.cos(mtf - spin * turn)
-    values[_MTF_SIN] = keep * values[_MTF_SIN] + (1.0 - keep) * math.sin(mtf - spin * turn)
-    values[_TOTAL] = total
-    values[_LEVEL] = math.sqrt(max(total * total - along * along, 0.0))
-    values[_DOWN] = along
-    values[_DIP] = math.atan2(along, values[_LEVEL])
-    values[_AZIMUTH] = _wrap(math.atan2(values[_SIN], values[_COS]))
-    values[_MTF] = math.atan2(values[_MTF_SIN], values[_MTF_COS])
-    counters[_MAG_NS] = at
-    counters[_HAVE_MAG] = 1
-    counters[_FRESH] = 0
+    toolface = math.atan2(d_x * north_y - d_y * north_x, north_z) + model.north_correction
+    toolface -= (1.0 if d_x > 0.0 else -1.0) * turn
+    _smooth(p, s, at, pair.azimuth, toolface)
+    s.total, s.vertical = total, along
+    s.horizontal = math.sqrt(max(total * total - along * along, 0.0))
+    s.dip = math.atan2(along, s.horizontal)
     return True
 
 
 @compiled
-def _sigma_azimuth(
-    model: Array, axial: float, level: float, down: float, sine: float, cosine: float, tilt: float
-) -> float:
-    """1 sigma of a magnetic azimuth: interference along and across, tilt through the downward field, the north."""
-    if level <= 0.0 or sine <= 0.0:
-        return math.pi
-    field = (axial * axial + model[4] * model[4] + (down * tilt) ** 2) / (level * level)
-    return min(math.sqrt(field + (tilt * cosine / sine) ** 2 + model[6] * model[6]), math.pi)
+def _smooth(p: KernelParams, s: State, at: int, azimuth: float, toolface: float) -> None:
+    """Move the smoothed azimuth and toolface (less turn), rad, towards those of a magnetic sample."""
+    gap = (at - s.mag_ns) * 1e-9
+    whole = not s.have_mag or s.restart or p.smoothing_s <= 0.0 or gap <= 0.0 or gap > 10.0 * p.smoothing_s
+    keep = 0.0 if whole else math.exp(-gap / p.smoothing_s)
+    s.azimuth_vector[0] = keep * s.azimuth_vector[0] + (1.0 - keep) * math.cos(azimuth)
+    s.azimuth_vector[1] = keep * s.azimuth_vector[1] + (1.0 - keep) * math.sin(azimuth)
+    s.toolface_vector[0] = keep * s.toolface_vector[0] + (1.0 - keep) * math.cos(toolface)
+    s.toolface_vector[1] = keep * s.toolface_vector[1] + (1.0 - keep) * math.sin(toolface)
+    s.azimuth = _wrap(math.atan2(s.azimuth_vector[1], s.azimuth_vector[0]))
+    s.toolface = math.atan2(s.toolface_vector[1], s.toolface_vector[0])
+    s.mag_ns, s.have_mag, s.restart = at, True, False
 
 
 @compiled
-def _sigma_magnetic_toolface(model: Array, level: float, down: float, tilt: float) -> float:
+def _sigma_azimuth(model: FieldModel, s: State, axial: float, sine: float, cosine: float, tilt: float) -> float:
+    """
+    1 sigma of a magnetic azimuth: interference along and across, tilt through the downward field, the north.
+
+    axial: axial interference as it lies across the azimuth, T. sine, cosine: of the inclination. tilt: rad.
+    """
+    if s.horizontal <= 0.0 or sine <= 0.0:
+        return math.pi
+    field = axial * axial + model.sigma_cross * model.sigma_cross + (s.vertical * tilt) ** 2
+    field /= s.horizontal * s.horizontal
+    return min(math.sqrt(field + (tilt * cosine / sine) ** 2 + model.sigma_north * model.sigma_north), math.pi)
+
+
+@compiled
+def _sigma_magnetic_toolface(model: FieldModel, s: State, tilt: float) -> float:
     """1 sigma of the scribe line against north: as the azimuth, without what the axis itself loses near vertical."""
-    level = max(level, 1e-9)
-    field = (model[4] * model[4] + (down * tilt) ** 2) / (level * level)
-    return min(math.sqrt(field + model[6] * model[6]), math.pi)
+    horizontal = max(s.horizontal, 1e-9)
+    field = (model.sigma_cross * model.sigma_cross + (s.vertical * tilt) ** 2) / (horizontal * horizontal)
+    return min(math.sqrt(field + model.sigma_north * model.sigma_north), math.pi)
+
+
+@compiled
+def _keep(s: State, block: GravityBlock, i: int) -> None:
+    """Put a sample whose gravity is known and whose stamp advances into the ring."""
+    step = (block.stamp_ns[i] - s.last_ns) * 1e-9
+    if s.ring_length > 0 and step <= 0.0:
+        return
+    if s.ring_length > 0 and step < _MAX_GAP and math.isfinite(block.rate_x[i]):
+        s.turn += block.rate_x[i] * step
+    kept = s.ring[s.ring_head]
+    kept.stamp_ns, kept.turn = block.stamp_ns[i], s.turn
+    for c in range(3):
+        kept.down[c] = block.g_t[i, c]
+    s.ring_head = (s.ring_head + 1) % RING
+    s.ring_length = min(s.ring_length + 1, RING)
+    s.last_ns = block.stamp_ns[i]
+
+
+@compiled
+def _hand_on(s: State, model: FieldModel, at: int, sigma_tilt: float, pair: Pair) -> None:
+    """Complete a pair that was taken: its stamp and sigmas."""
+    cosine = pair.g_t[0]
+    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
+    axial = model.sigma_axial * sine * math.sin(pair.azimuth - model.north_correction)
+    pair.stamp_ns = at
+    pair.sigma_tilt = sigma_tilt if math.isfinite(sigma_tilt) else math.pi
+    pair.sigma = _sigma_azimuth(model, s, axial, sine, cosine, pair.sigma_tilt)
+
+
+@compiled
+def _follow_vertical(p: KernelParams, s: State, inclination: float) -> None:
+    from_vertical = min(inclination, math.pi - inclination)
+    if not s.near_vertical and from_vertical < p.vertical_enter:
+        s.near_vertical = True
+    elif s.near_vertical and from_vertical > p.vertical_leave:
+        s.near_vertical = False
+
+
+@compiled
+def _write(
+    p: KernelParams, s: State, model: FieldModel, block: GravityBlock, i: int, across_axis: float, row: AttitudeRow
+) -> None:
+    """Row of sample i; across_axis: axial interference across the azimuth of now, T, in a horizontal hole."""
+    row.total, row.dip = (s.total, s.dip) if s.have_mag else (math.nan, math.nan)
+    row.azimuth = row.magnetic_toolface = math.nan
+    row.sigma_azimuth = row.sigma_magnetic_toolface = math.pi
+    stamp, d_x, d_y, d_z = block.stamp_ns[i], block.g_t[i, 0], block.g_t[i, 1], block.g_t[i, 2]
+    if not math.isfinite(d_x + d_y + d_z):
+        row.inclination = row.gravity_toolface = math.nan
+        row.status = np.uint32(_NO_MAG)
+        return
+    across = math.sqrt(d_y * d_y + d_z * d_z)
+    row.inclination = math.atan2(across, d_x)
+    _follow_vertical(p, s, row.inclination)
+    status = _NEAR_VERTICAL if s.near_vertical else 0
+    turned = block.rate_x[i] * p.latency_s
+    if p.latency_s > 0.0 and math.isfinite(turned):
+        # Where the tool is by now: what was measured, turned on about its axis.
+        cosine, sine = math.cos(turned), math.sin(turned)
+        d_y, d_z = cosine * d_y + sine * d_z, cosine * d_z - sine * d_y
+    else:
+        turned = 0.0
+    row.gravity_toolface = _wrap(math.atan2(-d_y, -d_z))
+    if s.have_mag and stamp - s.mag_ns <= p.mag_timeout_ns:
+        row.azimuth = s.azimuth
+        if s.near_vertical:
+            # A stamp that came late lies in a time that has been passed already.
+            late = stamp < s.last_ns and math.isfinite(block.rate_x[i])
+            turn = _turn_at(s, stamp) if late else s.turn
+            row.magnetic_toolface = _wrap(s.toolface + (1.0 if d_x > 0.0 else -1.0) * (turn + turned))
+        else:
+            row.magnetic_toolface = _wrap(s.azimuth + math.atan2(-d_y / across, -d_z / across * d_x))
+        size = math.sqrt(across * across + d_x * d_x)
+        sine, cosine = across / size, d_x / size
+        row.sigma_azimuth = _sigma_azimuth(model, s, across_axis * sine, sine, cosine, block.sigma_tilt[i])
+        row.sigma_magnetic_toolface = _sigma_magnetic_toolface(model, s, block.sigma_tilt[i])
+    else:
+        status |= _NO_MAG
+    row.status = np.uint32(status)
 
 
 @compiled
 def _run(
-    stamps: Stamps, ring: Array, counters: Stamps, values: Array, vertical: NDArray[np.uint8], limits: Array,
-    times: Stamps, model: Array, stamp_ns: Stamps, g_t: Array, rate_x: Array, sigma_tilt: Array, mag_ns: Stamps,
-    b_t: Array, out: Array, status: NDArray[np.uint32], pair_at: Stamps, pairs: Array,
-) -> tuple[int, int]:  # fmt: skip
-    used, handed = 0, 0
-    lag, timeout, interval, latency = times[0], times[1], times[2], limits[3]
-    pair = np.zeros(_PAIR)
-    # Interference along the axis, as it lies across the azimuth of now.
-    across_axis = model[3] * math.sin(values[_AZIMUTH] - model[5])
-    for i in range(len(stamp_ns)):
-        stamp = stamp_ns[i]
-        d_x, d_y, d_z = g_t[i, 0], g_t[i, 1], g_t[i, 2]
-        known = math.isfinite(d_x + d_y + d_z)
-        step = (stamp - counters[_LAST_NS]) * 1e-9
-        if known and (counters[_LENGTH] == 0 or step > 0.0):
-            if counters[_LENGTH] > 0 and step < 0.5 and math.isfinite(rate_x[i]):
-                values[_TURN] += rate_x[i] * step
-            head = counters[_HEAD]
-            stamps[head] = stamp
-            ring[head, 0], ring[head, 1], ring[head, 2], ring[head, 3] = d_x, d_y, d_z, values[_TURN]
-            counters[_HEAD] = (head + 1) % _RING
-            counters[_LENGTH] = min(counters[_LENGTH] + 1, _RING)
-            counters[_LAST_NS] = stamp
-        while used < len(mag_ns) and mag_ns[used] <= stamp - lag:
-            if counters[_LENGTH] > 0 and (counters[_HAVE_MAG] == 0 or mag_ns[used] > counters[_MAG_NS]):
-                taken = _take_mag(stamps, ring, counters, values, limits[0], model, mag_ns[used], b_t[used, 0],
-                                  b_t[used, 1], b_t[used, 2], pair)  # fmt: skip
-                across_axis = model[3] * math.sin(values[_AZIMUTH] - model[5])
-                if taken and mag_ns[used] // interval != counters[_HANDED]:
-                    counters[_HANDED] = mag_ns[used] // interval
-                    cosine = pair[_P_DOWN]
-                    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
-                    axial = model[3] * sine * math.sin(pair[_P_AZIMUTH] - model[5])
-                    pair[_P_TILT] = sigma_tilt[i] if math.isfinite(sigma_tilt[i]) else math.pi
-                    pair[_P_SIGMA] = _sigma_azimuth(
-                        model, axial, values[_LEVEL], values[_DOWN], sine, cosine, pair[_P_TILT]
-                    )
-                    pair_at[handed, 0], pair_at[handed, 1] = i, mag_ns[used]
-                    for k in range(_PAIR):
-                        pairs[handed, k] = pair[k]
-                    handed += 1
+    p: KernelParams, s: State, model: FieldModel, block: GravityBlock, mag: MagBlock, rows: Samples, pairs: Samples
+) -> tuple[int, int]:
+    """Arguments as in `run`, the last two are filled; returns how many samples were used and handed on."""
+    used, handed_on = 0, 0
+    across_axis = model.sigma_axial * math.sin(s.azimuth - model.north_correction)
+    for i in range(len(block.stamp_ns)):
+        stamp = block.stamp_ns[i]
+        if math.isfinite(block.g_t[i, 0] + block.g_t[i, 1] + block.g_t[i, 2]):
+            _keep(s, block, i)
+        while used < len(mag.stamp_ns) and mag.stamp_ns[used] <= stamp - p.mag_lag_ns:
+            at = mag.stamp_ns[used]
+            if s.ring_length > 0 and (not s.have_mag or at > s.mag_ns):
+                pair = pairs[handed_on]
+                taken = _take_mag(p, s, model, at, mag.b_t[used], pair)
+                across_axis = model.sigma_axial * math.sin(s.azimuth - model.north_correction)
+                if taken and at // p.interval_ns != s.last_interval:
+                    s.last_interval = at // p.interval_ns
+                    pair.place = i
+                    _hand_on(s, model, at, block.sigma_tilt[i], pair)
+                    handed_on += 1
             used += 1
-        have_mag = counters[_HAVE_MAG] == 1
-        out[6, i], out[7, i] = (values[_TOTAL], values[_DIP]) if have_mag else (math.nan, math.nan)
-        out[1, i] = out[3, i] = math.nan
-        out[4, i] = out[5, i] = math.pi
-        if not known:
-            out[0, i] = out[2, i] = math.nan
-            status[i] = _NO_MAG
-            continue
-        bits = 0
-        across = math.sqrt(d_y * d_y + d_z * d_z)
-        inclination = math.atan2(across, d_x)
-        from_vertical = min(inclination, math.pi - inclination)
-        if vertical[0] == 0 and from_vertical < limits[1]:
-            vertical[0] = 1
-        elif vertical[0] == 1 and from_vertical > limits[2]:
-            vertical[0] = 0
-        if vertical[0] == 1:
-            bits |= _NEAR_VERTICAL
-        out[0, i] = inclination
-        turned = rate_x[i] * latency
-        if latency > 0.0 and math.isfinite(turned):
-            # Where the tool is by now: what was measured, turned on about its axis.
-            c, s = math.cos(turned), math.sin(turned)
-            d_y, d_z = c * d_y + s * d_z, c * d_z - s * d_y
-        else:
-            turned = 0.0
-        out[2, i] = _wrap(math.atan2(-d_y, -d_z))
-        if have_mag and stamp - counters[_MAG_NS] <= timeout:
-            out[1, i] = values[_AZIMUTH]
-            if vertical[0] == 1:
-                spin = 1.0 if d_x > 0.0 else -1.0
-                turn = values[_TURN]
-                if step < 0.0 and math.isfinite(rate_x[i]):
-                    # Of a time that has been passed already.
-                    earlier, later, share = _find(stamps, counters, stamp)
-                    turn = (1.0 - share) * ring[earlier, 3] + share * ring[later, 3]
-                out[3, i] = _wrap(values[_MTF] + spin * (turn + turned))
-            else:
-                out[3, i] = _wrap(values[_AZIMUTH] + math.atan2(-d_y / across, -d_z / across * d_x))
-            level, down, tilt = values[_LEVEL], values[_DOWN], sigma_tilt[i]
-            size = math.sqrt(across * across + d_x * d_x)
-            sine, cosine = across / size, d_x / size
-            out[4, i] = _sigma_azimuth(model, across_axis * sine, level, down, sine, cosine, tilt)
-            out[5, i] = _sigma_magnetic_toolface(model, level, down, tilt)
-        else:
-            bits |= _NO_MAG
-        status[i] = bits
-    return used, handed
+        _write(p, s, model, block, i, across_axis, rows[i])
+    return used, handed_on

@@ -17,6 +17,8 @@ from __future__ import annotations
 import dataclasses
 import math
 
+from mwd_estimation.attitude.block import StationAzimuth
+from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.survey.acceptance import ACCEPT, DOUBTFUL, REJECT, worse
@@ -25,7 +27,6 @@ from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.gyro_evidence import declination_sigma
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.survey import STATIC, Survey
-from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 GYRO, GYRO_PROPAGATED = AzimuthMethod.GYRO, AzimuthMethod.GYRO_PROPAGATED
@@ -34,28 +35,27 @@ GYRO, GYRO_PROPAGATED = AzimuthMethod.GYRO, AzimuthMethod.GYRO_PROPAGATED
 _LEAST = math.radians(1.0)
 
 
-def accepted_azimuth(survey: Survey) -> tuple[float, float, float, float]:
+def accepted_azimuth(survey: Survey) -> StationAzimuth:
     """
-    What the gyros propagate from a survey, as `gyro_azimuth.Steps.station`; nan where it was not accepted.
+    What the gyros propagate from a survey; nan where it was not accepted.
 
     Sigma is the tool axis' own, without how the tool lies in the hole: that is what the gyros propagate.
     """
     station = survey.station
     if survey.kind != STATIC or station.verdict != ACCEPT or not math.isfinite(station.azimuth):
-        return (math.nan,) * 4
-    return station.azimuth, _own_sigma(station), _lasting(survey), float(_by_gyro(survey))
+        return StationAzimuth()
+    return StationAzimuth(station.azimuth, _own_sigma(station), _lasting(survey), _by_gyro(survey))
 
 
-def checked(survey: Survey, propagated: Array, settings: Settings) -> Survey:
+def checked(survey: Survey, propagated: PropagatedAzimuth, settings: Settings) -> Survey:
     """
     The survey, checked for continuity.
 
     Parameters
     ----------
     survey : Survey
-    propagated : ndarray, shape (5,)
-        As `continuous_azimuth.Rows.anchor`, from the station's north: gyro-propagated azimuth, its 1 sigma and what of
-        it lasts; azimuth of the samples and its 1 sigma; rad.
+    propagated : PropagatedAzimuth
+        From the station's north.
     settings : azimuth_fusion.Settings
         When azimuths disagree, and which are too uncertain to compare.
 
@@ -72,8 +72,8 @@ def checked(survey: Survey, propagated: Array, settings: Settings) -> Survey:
     return _against_samples(_against_propagated(survey, propagated, settings), propagated, settings)
 
 
-def _against_propagated(survey: Survey, propagated: Array, settings: Settings) -> Survey:
-    azimuth, sigma, lasting = (float(value) for value in propagated[:3])
+def _against_propagated(survey: Survey, propagated: PropagatedAzimuth, settings: Settings) -> Survey:
+    azimuth, sigma, lasting, _, _ = propagated
     station = survey.station
     if not (math.isfinite(azimuth) and sigma > 0.0):
         return survey
@@ -125,9 +125,9 @@ def _stands_in(station: Station, azimuth: float, sigma: float, apart: float) -> 
     )
 
 
-def _against_samples(survey: Survey, propagated: Array, settings: Settings) -> Survey:
+def _against_samples(survey: Survey, propagated: PropagatedAzimuth, settings: Settings) -> Survey:
     """A magnetic station against the azimuth of the samples up to it: which errs less, nothing here shows."""
-    station, azimuth, sigma = survey.station, float(propagated[3]), float(propagated[4])
+    station, azimuth, sigma = survey.station, propagated.azimuth, propagated.sigma
     known = math.isfinite(azimuth + station.azimuth) and 0.0 < sigma <= math.radians(settings.widest_deg)
     decided = survey.alarm or survey.left_open or station.method == GYRO_PROPAGATED or station.verdict == REJECT
     if not known or decided or _by_gyro(survey):

@@ -14,6 +14,8 @@ import uuid
 
 import numpy as np
 
+from mwd_estimation.attitude.block import StationAzimuth
+from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
@@ -30,11 +32,9 @@ from mwd_estimation.survey.station_azimuth import WeighedStation, weigh
 from mwd_estimation.survey.station_record import Station
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.survey import ROTARY, Survey
-from mwd_sensors.core.arrays import Array
 
 # Names a survey by its time and readings, so that a replay names it alike whatever its number (RFC 4122, version 5).
 _SURVEYS = uuid.UUID("6b0d4f5e-6f0e-5c1b-9a55-3a5d2c1b7e10")
-_NOTHING = (math.nan,) * 4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,9 +64,9 @@ class Provisional:
         return found.azimuth, found.sigma
 
     @property
-    def accepted_azimuth(self) -> tuple[float, float, float, float]:
+    def accepted_azimuth(self) -> StationAzimuth:
         """What the gyros propagate from here, as `continuity_check.accepted_azimuth`; nan where nothing is."""
-        return continuity_check.accepted_azimuth(self.survey) if self.sound else _NOTHING
+        return continuity_check.accepted_azimuth(self.survey) if self.sound else StationAzimuth()
 
 
 class SurveyDecision:
@@ -127,8 +127,8 @@ class SurveyDecision:
         judged = self._faults.judge(taken)
         return Provisional(judged, analysis, judged is taken)
 
-    def complete(self, provisional: Provisional, propagated: Array) -> Survey:
-        """The survey, checked for continuity; propagated, shape (5,): as `continuity_check.checked`."""
+    def complete(self, provisional: Provisional, propagated: PropagatedAzimuth) -> Survey:
+        """The survey, checked for continuity with the azimuths propagated to it."""
         return continuity_check.checked(provisional.survey, propagated, self._fusing)
 
     def rotary(self, average: StillAverage, sequence: int, reference: Reference | None, rotary_speed: float) -> Survey:

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from mwd_estimation.attitude.continuous_attitude import Lesson, Reading
-from mwd_estimation.attitude.time_alignment import FieldModel
+from mwd_estimation.attitude.block import MagneticModelInForce, StationUpdate
+from mwd_estimation.attitude.time_alignment_state import FieldModel
 from mwd_estimation.core.reference_field import Reference, best_north, north_correction
 from mwd_estimation.magnetic import interference_filter
 from mwd_estimation.survey.acceptance import ACCEPT
@@ -30,7 +30,7 @@ class FieldReader:
 
     Attributes
     ----------
-    reading : Reading
+    reading : MagneticModelInForce
         In force now; a new object where it changes.
     reference : Reference or None
     interference : tuple of float or None
@@ -71,7 +71,7 @@ class FieldReader:
         if own is not None or math.isfinite(azimuth) or accepted:
             down = -station.f_t / np.linalg.norm(station.f_t)
             axial = (station.interference, station.sigma_interference) if station.corrected else (0.0, 0.0)
-            lesson = Lesson(own, down, station.b_t, azimuth, sigma, accepted, axial)
+            lesson = StationUpdate(own, down, station.b_t, azimuth, sigma, accepted, axial)
         # Where the gyro was believed against the magnetometer, it is until they agree again.
         steel = self._steel if taken.alarm is None else bool(taken.alarm) and counts
         # Where it was too uncertain to say, either may be right until they are compared again.
@@ -80,7 +80,7 @@ class FieldReader:
             self._steel, self._left_open = steel, left_open
             self.reading = self._read(lesson)
 
-    def _read(self, lesson: Lesson | None = None) -> Reading:
+    def _read(self, lesson: StationUpdate | None = None) -> MagneticModelInForce:
         reference, settings = self.reference, self._settings
         self.north = best_north(reference) if settings.north == "best" else settings.north
         correction = north_correction(reference, self.north)
@@ -99,4 +99,4 @@ class FieldReader:
             sigma_north=math.hypot(math.sqrt(variance), self._left_open),
         )
         corrected = self.interference is not None
-        return Reading(model, NORTH_CODES[self.north], corrected, lesson, self._steel, self._left_open)
+        return MagneticModelInForce(model, NORTH_CODES[self.north], corrected, lesson, self._steel, self._left_open)

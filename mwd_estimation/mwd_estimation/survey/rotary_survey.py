@@ -13,13 +13,12 @@ import math
 
 import numpy as np
 
-from mwd_estimation.attitude.time_alignment import Pairs
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.samples import ROTATING_ABOVE, Track
 from mwd_estimation.core.time_bins import Average
 from mwd_estimation.survey.static_survey import Refusal, StillAverage
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.settings import setting
 
 # Share of the samples in which the string may not turn.
@@ -87,7 +86,7 @@ class RotarySurvey:
         return Progress(elapsed, max(self.duration - elapsed, 0.0), self._samples, words)
 
     def add(
-        self, stamps: Stamps, gyro: Array, accel: Array, track: Track, pairs: Pairs
+        self, stamps: Stamps, gyro: Array, accel: Array, track: Track, pairs: Samples
     ) -> StillAverage | Refusal | None:
         """
         Take a block of samples, and the magnetic ones paired with gravity in its time.
@@ -109,9 +108,9 @@ class RotarySurvey:
         self._rates.append(gyro[use])
         self._samples += int(use.sum())
         self._turning += int((np.abs(track.rotary_speed[use]) > ROTATING_ABOVE).sum())
-        if len(pairs.stamp_ns):
-            within = pairs.stamp_ns < end_ns
-            self._field.append(_turned_back(pairs.b_t[within], pairs.g_t[within]))
+        if len(pairs["stamp_ns"]):
+            within = pairs["stamp_ns"] < end_ns
+            self._field.append(_turned_back(pairs["b_t"][within], pairs["g_t"][within]))
         self._last = int(min(stamps[-1], end_ns))
         return self._ended(end_ns) if stamps[-1] >= end_ns else None
 

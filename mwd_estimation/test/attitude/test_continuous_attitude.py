@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from mwd_estimation.attitude import gyro_azimuth, time_alignment
-from mwd_estimation.attitude.continuous_attitude import AttitudeStream, Block, Lesson, Mark, Reading
+from mwd_estimation.attitude.block import BinEvent, Block, MagneticModelInForce, StationUpdate
+from mwd_estimation.attitude.continuous_attitude import AttitudeStream
 from mwd_estimation.attitude.gyro_azimuth import Precision
-from mwd_estimation.attitude.time_alignment import FieldModel
+from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates
+from mwd_estimation.attitude.time_alignment_state import FieldModel
 from mwd_estimation.core.error_model import BENCH
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.samples import Track
@@ -22,7 +24,7 @@ BIN_NS = 500_000_000
 DIP = 1.1
 FIELD_N = 5e-5 * np.array([math.cos(DIP), 0.0, math.sin(DIP)])
 REFERENCE = Reference(total=5e-5, dip=DIP, declination=0.0, source="test")
-NO_PRECISION = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+NO_PRECISION = PrecisionRates(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
 
 
 def stream(reference=REFERENCE, **carry):
@@ -51,26 +53,26 @@ def samples(n, inclination, azimuth=1.0, rate=0.0, own=(0.0, 0.0, 0.0), sigma_ti
     return Block(stamps, gyro, -9.81 * down, track, np.zeros(n, dtype=np.uint8)), b_t
 
 
-def follow(made, block, b_t, lessons=(), seeks=(), steel_from=None, open_from=None):
-    """All samples as one block; marks as the bins close, one bin late."""
+def follow(made, block, b_t, updates=(), seeks=(), external_from=None, open_from=None):
+    """All samples as one block; bin events as the bins close, one bin late."""
     n = len(block.stamps)
     made.take_mag(block.stamps, b_t)
     attitude, gravity = wire.ATTITUDE.empty(n), wire.GRAVITY.empty(n)
     model = FieldModel(np.zeros(3), 2e-7, 7e-8)
-    readings = [
-        (0, Reading(model, 2, False)),
-        *((place, Reading(model, 2, False, lesson)) for place, lesson in lessons),
+    models = [
+        (0, MagneticModelInForce(model, 2, False)),
+        *((place, MagneticModelInForce(model, 2, False, update)) for place, update in updates),
     ]
-    if steel_from is not None:
-        readings.append((steel_from, Reading(model, 2, False, None, steel=True)))
+    if external_from is not None:
+        models.append((external_from, MagneticModelInForce(model, 2, False, external_interference=True)))
     if open_from is not None:
         unsure = FieldModel(np.zeros(3), 2e-7, 7e-8, sigma_north=0.4)
-        readings.append((open_from, Reading(unsure, 2, False, None, left_open=0.4)))
-    marks = [
-        Mark(place, START // BIN_NS + place // 50 - 2, START + (place - 50) * 10**7, *dict(seeks).get(place, ()))
+        models.append((open_from, MagneticModelInForce(unsure, 2, False, unresolved=0.4)))
+    events = [
+        BinEvent(place, START // BIN_NS + place // 50 - 2, START + (place - 50) * 10**7, *dict(seeks).get(place, ()))
         for place in range(100, n, 50)
     ]
-    interference, rejected = made.follow(block, readings, marks, NO_PRECISION, attitude, gravity)
+    interference, rejected = made.follow(block, models, events, NO_PRECISION, attitude, gravity)
     return attitude, gravity, interference, rejected
 
 
@@ -100,9 +102,9 @@ def test_a_horizontal_east_west_hole_hides_the_axial_field_and_sigma_and_status_
 
 def test_a_gyro_azimuth_there_teaches_both_azimuth_and_axial_field():
     block, b_t = samples(3000, math.pi / 2, azimuth=math.pi / 2, rate=6.0, own=(2e-6, 0.0, 0.0))
-    lesson = Lesson(None, block.track.g_t[2000], b_t[2000], math.pi / 2, math.radians(0.4))
+    update = StationUpdate(None, block.track.g_t[2000], b_t[2000], math.pi / 2, math.radians(0.4))
     attitude, _, interference, _ = follow(
-        stream(), block, b_t, [(2000, lesson)], [(2000, (math.pi / 2, math.radians(0.4)))]
+        stream(), block, b_t, [(2000, update)], [(2000, (math.pi / 2, math.radians(0.4)))]
     )
     assert interference["axial"][-1] == pytest.approx(2e-6, abs=3.0 * interference["sigma_axial"][-1])
     assert math.degrees(attitude["sigma_azimuth"][-1]) < 0.6
@@ -112,9 +114,9 @@ def test_a_gyro_azimuth_there_teaches_both_azimuth_and_axial_field():
 def test_what_many_stations_found_is_gone_on_from():
     block, b_t = samples(1000, math.pi / 2, azimuth=math.pi / 2, own=(2e-6, 0.0, 0.0))
     state = interference_filter.initial(interference_filter.Params(), REFERENCE, BENCH)
-    state.x[0], state.covariance[0, 0] = 2e-6, (5e-8) ** 2
-    lesson = Lesson((state.x, state.covariance), block.track.g_t[0], b_t[0])
-    attitude, _, interference, _ = follow(stream(), block, b_t, [(500, lesson)])
+    state[0].x[0], state[0].P[0, 0] = 2e-6, (5e-8) ** 2
+    update = StationUpdate((state[0].x, state[0].P), block.track.g_t[0], b_t[0])
+    attitude, _, interference, _ = follow(stream(), block, b_t, [(500, update)])
     assert interference["sigma_axial"][-1] < 6e-8
     assert abs(wrap_pi(attitude["azimuth"][-1] - math.pi / 2)) < 0.03
 
@@ -126,8 +128,10 @@ def test_interference_beyond_the_prior_gives_no_azimuth_until_an_accepted_statio
         rng = np.random.default_rng(seed)
         block, b_t = samples(n, 1.17, azimuth=0.7 + seed, own=(axial, 0.0, 0.0))
         b_t = b_t + 5e-8 * rng.normal(size=b_t.shape)
-        told = Lesson(None, block.track.g_t[0], b_t[0], accepted=True, axial=(axial + 2.2e-7 * rng.normal(), 2.2e-7))
-        attitude, *_ = follow(stream(), block, b_t, lessons=[(3000, told)])
+        told = StationUpdate(
+            None, block.track.g_t[0], b_t[0], accepted=True, axial=(axial + 2.2e-7 * rng.normal(), 2.2e-7)
+        )
+        attitude, *_ = follow(stream(), block, b_t, updates=[(3000, told)])
         assert (attitude["sigma_azimuth"][:3000] < 0.0).all()
         assert (attitude["status"][1000:3000] & int(Status.MAG_DISTURBED) != 0).all()
         late = attitude[-1]
@@ -142,7 +146,7 @@ def test_beside_steel_that_a_gyro_has_shown_the_gyros_carry_the_azimuth_alone():
     block, b_t = samples(3000, 0.9, azimuth=1.0)
     b_t = b_t + np.array([0.0, 3e-6, 0.0])
     seek = [(1500, (1.0, math.radians(1.0)))]
-    attitude, _, _, _ = follow(stream(), block, b_t, seeks=seek, steel_from=1500)
+    attitude, _, _, _ = follow(stream(), block, b_t, seeks=seek, external_from=1500)
     assert abs(wrap_pi(attitude["azimuth"][1400] - 1.0)) > math.radians(3.0)
     assert (attitude["status"][1500:] & Status.MAG_DISTURBED > 0).all()
     assert (attitude["status"][2000:] & Status.GYRO_AIDED > 0).all()

@@ -13,10 +13,16 @@ from north_signals import Motion, measured, motion, steady
 from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
-from mwd_estimation.attitude import gyro_azimuth as continuous
-from mwd_estimation.attitude import gyro_azimuth_filter
-from mwd_estimation.attitude.gyro_azimuth import Params, Precision, Rows, State, Steps
-from mwd_estimation.attitude.gyro_azimuth_filter import ERROR
+from mwd_estimation.attitude import gyro_azimuth
+from mwd_estimation.attitude.gyro_azimuth import Params, Precision, kernel_params
+from mwd_estimation.attitude.gyro_azimuth_state import (
+    BIN_STEP,
+    MAGNETIC_AZIMUTH,
+    SLOW_ERROR,
+    GyroBlock,
+    PrecisionRates,
+    initial,
+)
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import DEG_PER_HOUR
@@ -73,55 +79,55 @@ def magnetic(well: Drilling, rng: np.random.Generator, memory: float = 1800.0) -
     return mag
 
 
-def steps_of(stamps, mag, good, start, stop, mag_from, seek=None, fine=None, constant=0.0, anew=(), station=None):
-    """The bins that the samples from start to stop close, one bin late, and what was measured from `mag_from` on."""
+def steps_of(stamps, start, stop, seek=(), station=()):
+    """The bins that the samples from start to stop close, one bin late, with the seeks and stations of their time."""
     index = stamps // BIN_NS
     opens = np.flatnonzero(np.diff(index, prepend=index[0]) > 0)
-    places, bins = [], []
-    for before, place in itertools.pairwise(opens):
-        if start <= place < stop:
-            places.append(place - start)
-            bins.append(index[before - 1])
-    seeks, told = np.full((2, len(bins)), np.nan), np.full((len(bins), 4), np.nan)
-    if station is not None:
-        for at, *azimuth in station:
-            told[[k for k, b in enumerate(bins) if b == index[at]]] = azimuth
-    if seek is not None:
-        for at, azimuth, sigma in seek:
-            seeks[:, [k for k, b in enumerate(bins) if b == index[at]]] = [[azimuth], [sigma]]
-    seen = np.flatnonzero(np.isfinite(mag[mag_from:stop])) + mag_from
-    afresh = np.isin(np.arange(len(mag)), anew)
-    rates = np.zeros((0, 3)) if fine is None else fine[:stop]
-    return Steps(
-        np.array(places, dtype=np.int64), np.array(bins, dtype=np.int64), *seeks, told, stamps[seen], mag[seen],
-        np.tile([SHARE * MAG_SIGMA, 0.0, math.sqrt(1.0 - SHARE**2) * MAG_SIGMA, constant], (len(seen), 1)), good[seen],
-        afresh[seen], stamps[: len(rates)], rates,
-    ), seen  # fmt: skip
+    pairs = [(place - start, index[k - 1]) for k, place in itertools.pairwise(opens) if start <= place < stop]
+    steps = np.zeros(len(pairs), dtype=BIN_STEP)
+    for name in ("seek_azimuth", "seek_sigma", "station_azimuth", "station_sigma", "station_constant_sigma"):
+        steps[name] = np.nan
+    steps["place"], steps["bin"] = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    for given, names in ((seek, BIN_STEP.names[2:4]), (station, BIN_STEP.names[4:])):
+        for at, *values in given:
+            for name, value in zip(names, values, strict=True):
+                steps[name][steps["bin"] == index[at]] = value
+    return steps
+
+
+def azimuths_of(stamps, mag, good, seen, constant, anew):
+    """The magnetic azimuths of these samples."""
+    rows = np.zeros(len(seen), dtype=MAGNETIC_AZIMUTH)
+    rows["stamp_ns"], rows["azimuth"], rows["usable"] = stamps[seen], mag[seen], good[seen]
+    rows["sigma_slow"], rows["sigma_noise"] = SHARE * MAG_SIGMA, math.sqrt(1.0 - SHARE**2) * MAG_SIGMA
+    rows["sigma_constant"], rows["restart"] = constant, np.isin(seen, anew)
+    return rows
 
 
 def go(
-    well: Drilling, mag: Array, gyro: Array, params: Params = TACTICAL, good: Array | None = None, cuts=(), seek=None,
-    fine=None, precision=None, stamps=None, constant=0.0, anew=(), station=None,
-) -> tuple[Rows, State]:  # fmt: skip
+    well: Drilling, mag: Array, gyro: Array, params: Params = TACTICAL, good: Array | None = None, cuts=(), seek=(),
+    fine=None, precision=None, stamps=None, constant=0.0, anew=(), station=(),
+):  # fmt: skip
+    """Rows, propagated azimuths of the bins, and the state at the end."""
     n = len(mag)
     stamps = well.stamps[:n] if stamps is None else stamps
     ok = np.ones(n, dtype=bool) if good is None else good
-    state = continuous.initial()
-    k = continuous.kernel_settings(params, 60.0, precision)
-    parts, mag_from = [], 0
+    state = initial()
+    p = kernel_params(params, BIN_NS, 60.0, precision)
+    parts, bins, mag_from = [], [], 0
     for start, stop in zip((0, *cuts), (*cuts, n), strict=True):
         state = state.copy()
-        steps, seen = steps_of(stamps, mag, ok, start, stop, mag_from, seek, fine, constant, anew, station)
-        rows, used = continuous.run(
-            k, BIN_NS, GAP_NS, state, stamps[start:stop], gyro[start:stop], well.down[start:stop],
-            np.zeros(stop - start), steps,
+        seen = np.flatnonzero(np.isfinite(mag[mag_from:stop])) + mag_from
+        rates = np.zeros((0, 3)) if fine is None else fine[:stop]
+        block = GyroBlock(stamps[start:stop], gyro[start:stop], well.down[start:stop], np.zeros(stop - start))
+        rows, propagated, used = gyro_azimuth.run(
+            p, state, block, steps_of(stamps, start, stop, seek, station),
+            azimuths_of(stamps, mag, ok, seen, constant, anew), PrecisionRates(stamps[: len(rates)], rates),
         )  # fmt: skip
         mag_from = seen[used] if used < len(seen) else stop
         parts.append(rows)
-    fields = [
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("azimuth", "sigma", "status", "anchor")
-    ]
-    return Rows(*fields), state
+        bins.append(propagated)
+    return np.concatenate(parts), np.concatenate(bins), state[0]
 
 
 def noisy(well: Drilling, rng: np.random.Generator) -> Array:
@@ -141,8 +147,8 @@ def test_sigma_is_truthful_with_mag_without_it_and_after_it_comes_back(rpm: floa
     for _ in range(60):
         mag = magnetic(well, rng)
         mag[4000:5600] = np.nan
-        rows, _ = go(well, mag, noisy(well, rng))
-        ratios.append(wrap_pi(rows.azimuth[at] - well.azimuth[at]) / rows.sigma[at])
+        rows, _, _ = go(well, mag, noisy(well, rng))
+        ratios.append(wrap_pi(rows["azimuth"][at] - well.azimuth[at]) / rows["sigma"][at])
     nees = np.mean(np.square(ratios), axis=0)
     # Chi-square, 60 degrees of freedom: 99 % band.
     assert ((nees > 0.59) & (nees < 1.53)).all(), nees
@@ -158,52 +164,52 @@ def test_a_precision_unit_carries_better_and_its_sigma_is_truthful_too() -> None
         mag[2000:] = np.nan
         poor = measured(motion_like(well), rng, 0.42, bias=rng.standard_normal(3) * 36.0 * DEG_PER_HOUR)[0]
         fine = noisy(well, rng)
-        rows, _ = go(well, mag, poor, POOR, fine=fine, precision=unit)
-        alone, _ = go(well, mag, poor, POOR)
-        ratios.append(wrap_pi(rows.azimuth[-1] - well.azimuth[-1]) / rows.sigma[-1])
-        wide.append(alone.sigma[-1] - rows.sigma[-1])
+        rows, _, _ = go(well, mag, poor, POOR, fine=fine, precision=unit)
+        alone, _, _ = go(well, mag, poor, POOR)
+        ratios.append(wrap_pi(rows["azimuth"][-1] - well.azimuth[-1]) / rows["sigma"][-1])
+        wide.append(alone["sigma"][-1] - rows["sigma"][-1])
     assert 0.45 < np.mean(np.square(ratios)) < 1.79
     assert min(wide) > 0.0
 
 
 def test_the_magnetic_error_does_not_average_out() -> None:
     well = drilling(400.0, 60.0)
-    rows, _ = go(well, magnetic(well, np.random.default_rng(0)), well.gyro)
-    assert rows.sigma[-1] > 0.75 * MAG_SIGMA
-    assert rows.sigma[-1] < MAG_SIGMA
+    rows, _, _ = go(well, magnetic(well, np.random.default_rng(0)), well.gyro)
+    assert rows["sigma"][-1] > 0.75 * MAG_SIGMA
+    assert rows["sigma"][-1] < MAG_SIGMA
 
 
 def test_the_declination_s_error_never_averages_out() -> None:
     well = drilling(400.0, 60.0)
     quick = dataclasses.replace(TACTICAL, magnetic_memory_s=1.0)
     mag = magnetic(well, np.random.default_rng(0), memory=1.0)
-    rows, _ = go(well, mag + 0.5 * DEG, well.gyro, quick, constant=0.5 * DEG)
-    assert 0.5 * DEG < rows.sigma[-1] < 0.55 * DEG
-    assert abs(wrap_pi(rows.azimuth[-1] - well.azimuth[-1])) < 2.0 * rows.sigma[-1]
+    rows, _, _ = go(well, mag + 0.5 * DEG, well.gyro, quick, constant=0.5 * DEG)
+    assert 0.5 * DEG < rows["sigma"][-1] < 0.55 * DEG
+    assert abs(wrap_pi(rows["azimuth"][-1] - well.azimuth[-1])) < 2.0 * rows["sigma"][-1]
 
 
 def test_a_magnetic_azimuth_that_is_withdrawn_lets_the_azimuth_begin_anew() -> None:
     well = drilling(400.0, 60.0)
     mag = magnetic(well, np.random.default_rng(6))
     mag[:1000] += 30.0 * DEG
-    rows, state = go(well, mag, well.gyro, anew=(1000,))
-    assert np.abs(wrap_pi(rows.azimuth[1030:] - well.azimuth[1030:])).max() < 4.0 * MAG_SIGMA
-    assert state.memory[gyro_azimuth_filter.TAKEN_UP] == 0.0
+    rows, _, state = go(well, mag, well.gyro, anew=(1000,))
+    assert np.abs(wrap_pi(rows["azimuth"][1030:] - well.azimuth[1030:])).max() < 4.0 * MAG_SIGMA
+    assert state.resets == 0
 
 
 def test_without_mag_from_the_start_there_is_no_azimuth_until_the_gyro_gives_one() -> None:
     well = drilling(400.0, 60.0)
     none = np.full(2000, np.nan)
-    rows, _ = go(well, none, well.gyro)
-    assert np.isnan(rows.azimuth).all()
-    assert (rows.sigma == math.inf).all()
+    rows, _, _ = go(well, none, well.gyro)
+    assert np.isnan(rows["azimuth"]).all()
+    assert (rows["sigma"] == math.inf).all()
     # A north seek in the bin of sample 500, told one bin later.
-    rows, _ = go(well, none, well.gyro, seek=[(500, float(well.azimuth[509]), 0.5 * DEG)])
-    began = int(np.flatnonzero(np.isfinite(rows.azimuth))[0])
+    rows, _, _ = go(well, none, well.gyro, seek=[(500, float(well.azimuth[509]), 0.5 * DEG)])
+    began = int(np.flatnonzero(np.isfinite(rows["azimuth"]))[0])
     assert 510 < began <= 530
-    assert rows.status[-1] == int(Status.GYRO_AIDED)
-    assert np.abs(wrap_pi(rows.azimuth - well.azimuth[:2000])[began:]).max() < 0.1 * DEG
-    assert 0.49 * DEG < rows.sigma[-1] < 0.51 * DEG
+    assert rows["status"][-1] == int(Status.GYRO_AIDED)
+    assert np.abs(wrap_pi(rows["azimuth"] - well.azimuth[:2000])[began:]).max() < 0.1 * DEG
+    assert 0.49 * DEG < rows["sigma"][-1] < 0.51 * DEG
 
 
 @pytest.mark.parametrize("seconds", [5, 60])
@@ -214,25 +220,25 @@ def test_unplugged_mag_lets_sigma_grow_and_comes_back_without_a_flip(seconds: in
     out = slice(3000, 3000 + seconds * round(RATE))
     mag[out] = np.nan
     gyro = measured(motion_like(well), rng, 0.42, bias=rng.standard_normal(3) * 36.0 * DEG_PER_HOUR)[0]
-    rows, state = go(well, mag, gyro, POOR)
-    assert rows.status[out][-1] & Status.GYRO_AIDED
-    assert rows.sigma[out][-1] > rows.sigma[out][0]
-    assert np.abs(wrap_pi(np.diff(rows.azimuth[2900:]))).max() < 0.5 * DEG
-    assert state.memory[gyro_azimuth_filter.TAKEN_UP] == 0.0
-    error = np.abs(wrap_pi(rows.azimuth - well.azimuth))[200:]
-    assert (error < 4.0 * rows.sigma[200:]).all()
+    rows, _, state = go(well, mag, gyro, POOR)
+    assert rows["status"][out][-1] & Status.GYRO_AIDED
+    assert rows["sigma"][out][-1] > rows["sigma"][out][0]
+    assert np.abs(wrap_pi(np.diff(rows["azimuth"][2900:]))).max() < 0.5 * DEG
+    assert state.resets == 0
+    error = np.abs(wrap_pi(rows["azimuth"] - well.azimuth))[200:]
+    assert (error < 4.0 * rows["sigma"][200:]).all()
 
 
 def test_a_passing_tool_joint_is_gated_out() -> None:
     well = drilling(400.0, 60.0)
     mag = magnetic(well, np.random.default_rng(4))
     mag[3000:3200] += 25.0 * DEG
-    rows, state = go(well, mag, well.gyro)
-    assert (rows.status[3025:3200] & Status.MAG_DISTURBED).all()
-    assert np.abs(wrap_pi(rows.azimuth[3000:3200] - well.azimuth[3000:3200])).max() < 3.0 * MAG_SIGMA
-    assert rows.status[3195] & Status.GYRO_AIDED
-    assert not rows.status[3300] & Status.GYRO_AIDED
-    assert state.memory[gyro_azimuth_filter.GATED] == 20.0
+    rows, _, state = go(well, mag, well.gyro)
+    assert (rows["status"][3025:3200] & Status.MAG_DISTURBED).all()
+    assert np.abs(wrap_pi(rows["azimuth"][3000:3200] - well.azimuth[3000:3200])).max() < 3.0 * MAG_SIGMA
+    assert rows["status"][3195] & Status.GYRO_AIDED
+    assert not rows["status"][3300] & Status.GYRO_AIDED
+    assert state.rejected == 20
 
 
 def test_a_field_that_fails_its_check_is_never_used_however_long() -> None:
@@ -241,10 +247,10 @@ def test_a_field_that_fails_its_check_is_never_used_however_long() -> None:
     mag[3000:] += 8.0 * DEG
     good = np.ones(len(mag), dtype=bool)
     good[3000:] = False
-    rows, state = go(well, mag, well.gyro, good=good)
-    assert abs(wrap_pi(rows.azimuth[-1] - well.azimuth[-1])) < 3.0 * MAG_SIGMA
-    assert state.memory[gyro_azimuth_filter.FAILED] > 490.0
-    assert state.memory[gyro_azimuth_filter.TAKEN_UP] == 0.0
+    rows, _, state = go(well, mag, well.gyro, good=good)
+    assert abs(wrap_pi(rows["azimuth"][-1] - well.azimuth[-1])) < 3.0 * MAG_SIGMA
+    assert state.disturbed > 490
+    assert state.resets == 0
 
 
 def test_good_azimuths_that_stay_away_are_taken_up_again_after_the_patience() -> None:
@@ -252,23 +258,23 @@ def test_good_azimuths_that_stay_away_are_taken_up_again_after_the_patience() ->
     mag = magnetic(well, np.random.default_rng(6))
     # It began next to a fish: 30 deg off, and nothing said so.
     mag[:1000] += 30.0 * DEG
-    rows, state = go(well, mag, well.gyro)
-    assert state.memory[gyro_azimuth_filter.TAKEN_UP] == 1.0
-    assert np.abs(wrap_pi(rows.azimuth[2000] - well.azimuth[2000])) > 20.0 * DEG
-    assert np.abs(wrap_pi(rows.azimuth[-1] - well.azimuth[-1])) < 3.0 * rows.sigma[-1]
+    rows, _, state = go(well, mag, well.gyro)
+    assert state.resets == 1
+    assert np.abs(wrap_pi(rows["azimuth"][2000] - well.azimuth[2000])) > 20.0 * DEG
+    assert np.abs(wrap_pi(rows["azimuth"][-1] - well.azimuth[-1])) < 3.0 * rows["sigma"][-1]
 
 
 def test_a_north_seek_tells_the_magnetic_error_and_one_that_disagrees_is_begun_anew_from() -> None:
     well = drilling(400.0, 60.0)
     mag = magnetic(well, np.random.default_rng(7))[:4000]
-    without, plain = go(well, mag, well.gyro)
-    rows, state = go(well, mag, well.gyro, seek=[(3900, float(well.azimuth[3909]), 0.3 * DEG)])
-    assert rows.sigma[-1] < 0.45 * DEG < without.sigma[-1]
-    assert state.P[ERROR, ERROR] < 0.5 * plain.P[ERROR, ERROR]
+    without, _, plain = go(well, mag, well.gyro)
+    rows, _, state = go(well, mag, well.gyro, seek=[(3900, float(well.azimuth[3909]), 0.3 * DEG)])
+    assert rows["sigma"][-1] < 0.45 * DEG < without["sigma"][-1]
+    assert state.P[SLOW_ERROR, SLOW_ERROR] < 0.5 * plain.P[SLOW_ERROR, SLOW_ERROR]
     away = float(well.azimuth[3909]) + 20.0 * DEG
-    rows, state = go(well, mag, well.gyro, seek=[(3900, away, 0.3 * DEG)])
-    assert state.memory[gyro_azimuth_filter.TAKEN_UP] == 1.0
-    assert abs(wrap_pi(rows.azimuth[3930] - away)) < 0.2 * DEG
+    rows, _, state = go(well, mag, well.gyro, seek=[(3900, away, 0.3 * DEG)])
+    assert state.resets == 1
+    assert abs(wrap_pi(rows["azimuth"][3930] - away)) < 0.2 * DEG
 
 
 def test_seeks_of_one_gyro_do_not_average_but_the_better_one_stands() -> None:
@@ -280,13 +286,13 @@ def test_seeks_of_one_gyro_do_not_average_but_the_better_one_stands() -> None:
         (1500, at[1500] - 0.5 * DEG, 1.2 * DEG),
         (2500, at[2500], 0.5 * DEG),
     ]
-    rows, state = go(well, none, well.gyro, seek=seeks)
-    error = wrap_pi(rows.azimuth - well.azimuth[:4000]) / DEG
+    rows, _, state = go(well, none, well.gyro, seek=seeks)
+    error = wrap_pi(rows["azimuth"] - well.azimuth[:4000]) / DEG
     assert_allclose(error[[1400, 2400]], 0.5, atol=0.05)
-    assert (rows.sigma[[1400, 2400]] > 0.99 * DEG).all()
+    assert (rows["sigma"][[1400, 2400]] > 0.99 * DEG).all()
     assert_allclose(error[3400], 0.0, atol=0.05)
-    assert rows.sigma[3400] == pytest.approx(0.5 * DEG, rel=0.01)
-    assert state.memory[gyro_azimuth_filter.TAKEN_UP] == 0.0
+    assert rows["sigma"][3400] == pytest.approx(0.5 * DEG, rel=0.01)
+    assert state.resets == 0
 
 
 def test_a_station_is_carried_on_by_the_gyros_alone_and_its_sigma_is_truthful() -> None:
@@ -299,12 +305,13 @@ def test_a_station_is_carried_on_by_the_gyros_alone_and_its_sigma_is_truthful() 
         mag += np.maximum(np.arange(len(mag)) - 2000, 0) * 1e-3 * DEG
         off = 0.5 * DEG * rng.standard_normal()
         told = [(1000, float(well.azimuth[1009]) + off, 0.5 * DEG, 0.2 * DEG, 0.0)]
-        rows, _ = go(well, mag, noisy(well, rng), station=told)
-        assert np.isnan(rows.anchor[:100, :3]).all()
-        ratios.append(wrap_pi(rows.anchor[-1, 0] - well.azimuth[-11]) / rows.anchor[-1, 1])
-    assert (rows.anchor[103:, 2] == 0.2 * DEG).all()
-    assert abs(wrap_pi(rows.azimuth[-1] - well.azimuth[-1])) > 2.0 * DEG
-    assert rows.anchor[-1, 1] < 0.8 * DEG
+        rows, bins, _ = go(well, mag, noisy(well, rng), station=told)
+        assert np.isnan(bins["station_azimuth"][:100]).all()
+        last = bins[-1]
+        ratios.append(wrap_pi(last["station_azimuth"] - well.azimuth[-11]) / last["station_sigma"])
+    assert (bins["station_constant_sigma"][103:] == 0.2 * DEG).all()
+    assert abs(wrap_pi(rows["azimuth"][-1] - well.azimuth[-1])) > 2.0 * DEG
+    assert last["station_sigma"] < 0.8 * DEG
     # Chi-square, 40 degrees of freedom: 99 % band.
     assert 0.52 < np.mean(np.square(ratios)) < 1.67
 
@@ -313,8 +320,8 @@ def test_a_vertical_hole_has_no_azimuth() -> None:
     n = 400
     well = drilling(400.0, 60.0)
     vertical = dataclasses.replace(well, down=np.tile([1.0, 0.01, 0.0], (n, 1)))
-    rows, _ = go(vertical, magnetic(well, np.random.default_rng(1))[:n], np.zeros((n, 3)))
-    assert np.isnan(rows.azimuth).all()
+    rows, _, _ = go(vertical, magnetic(well, np.random.default_rng(1))[:n], np.zeros((n, 3)))
+    assert np.isnan(rows["azimuth"]).all()
 
 
 def test_the_axis_is_carried_as_it_turns() -> None:
@@ -322,17 +329,16 @@ def test_the_axis_is_carried_as_it_turns() -> None:
     well = drilling(400.0, 60.0)
     mag = np.full(len(well.stamps), np.nan)
     mag[10] = well.azimuth[10]
-    rows, _ = go(well, mag, well.gyro)
-    assert_allclose(wrap_pi(rows.azimuth[30:] - well.azimuth[30:]), 0.0, atol=0.1 * DEG)
+    rows, _, _ = go(well, mag, well.gyro)
+    assert_allclose(wrap_pi(rows["azimuth"][30:] - well.azimuth[30:]), 0.0, atol=0.1 * DEG)
 
 
 def test_an_unknown_latitude_counts_as_drift_which_turns_with_nothing() -> None:
-    known, unknown = (continuous.kernel_settings(TACTICAL, latitude) for latitude in (60.0, None))
-    assert unknown[gyro_azimuth_filter.K_NORTH] == 0.0
-    assert unknown[gyro_azimuth_filter.K_BIAS] == known[gyro_azimuth_filter.K_BIAS]
-    assert unknown[gyro_azimuth_filter.K_DRIFT] == pytest.approx(
-        np.hypot(known[gyro_azimuth_filter.K_DRIFT], 7.292e-5), rel=1e-3
-    )
+    known, unknown = (kernel_params(TACTICAL, BIN_NS, latitude) for latitude in (60.0, None))
+    assert unknown.earth_north == 0.0
+    for one, other in zip(unknown.units, known.units, strict=True):
+        assert one.bias == other.bias
+        assert one.drift == pytest.approx(np.hypot(other.drift, 7.292e-5), rel=1e-3)
 
 
 def test_blocks_of_any_length_bad_samples_and_gaps_give_the_same_bits() -> None:
@@ -345,12 +351,17 @@ def test_blocks_of_any_length_bad_samples_and_gaps_give_the_same_bits() -> None:
     fine = noisy(well, rng)[:n]
     fine[300:320, 1] = 9.0
     told = [(200, 0.1, 0.01, 0.005, 0.0)]
-    whole, _ = go(well, mag, gyro, stamps=stamps, fine=fine, station=told)
-    pieces, _ = go(well, mag, gyro, stamps=stamps, fine=fine, cuts=(1, 499, 501, 1000, 1001, 1003), station=told)
-    for name in ("azimuth", "sigma", "status", "anchor"):
-        assert_array_equal(getattr(pieces, name), getattr(whole, name))
-    assert whole.sigma[995] < whole.sigma[1025]
-    steps, _ = steps_of(stamps, mag, np.ones(n, dtype=bool), 0, n, 0)
-    k = continuous.kernel_settings(TACTICAL, 60.0)
+    whole, bins, _ = go(well, mag, gyro, stamps=stamps, fine=fine, station=told)
+    pieces, piece_bins, _ = go(
+        well, mag, gyro, stamps=stamps, fine=fine, cuts=(1, 499, 501, 1000, 1001, 1003), station=told
+    )
+    for found, expected in ((pieces, whole), (piece_bins, bins)):
+        for name in expected.dtype.names:
+            assert_array_equal(found[name], expected[name])
+    assert whole["sigma"][995] < whole["sigma"][1025]
+    block = GyroBlock(stamps, gyro, well.down[:n], np.zeros(3))
     with pytest.raises(ValueError, match="sigma_tilt"):
-        continuous.run(k, BIN_NS, GAP_NS, continuous.initial(), stamps, gyro, well.down[:n], np.zeros(3), steps)
+        gyro_azimuth.run(
+            kernel_params(TACTICAL, BIN_NS, 60.0), initial(), block, steps_of(stamps, 0, n),
+            np.zeros(0, dtype=MAGNETIC_AZIMUTH), PrecisionRates(stamps[:0], gyro[:0]),
+        )  # fmt: skip

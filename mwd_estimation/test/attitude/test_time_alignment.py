@@ -1,19 +1,26 @@
 """Continuous attitude: exact pairing on a turning tool, and the same bits for any cut of the streams."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_estimation.attitude import time_alignment
-from mwd_estimation.attitude.time_alignment import FieldModel, Params
+from mwd_estimation.attitude.time_alignment import Params, kernel_params
+from mwd_estimation.attitude.time_alignment_state import FieldModel, GravityBlock, MagBlock, initial
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.frames import TAU, gravity_toolface, magnetic_toolface, mat_nt, wrap_pi
 
 START = 10**18
 FIELD_N = np.array([2e-5, 0.0, 4e-5])
+
+
+def run(params, state, model, stamps, g_t, rate_x, sigma_tilt, mag_ns, b_t):
+    """Rows, pairs and the number of magnetic samples used."""
+    block = GravityBlock(stamps, np.ascontiguousarray(g_t), rate_x, sigma_tilt)
+    return time_alignment.run(kernel_params(params), state, model, block, MagBlock(mag_ns, np.ascontiguousarray(b_t)))
+
+
 CLEAN = FieldModel(np.zeros(3), 0.0, 0.0)
 
 
@@ -31,8 +38,8 @@ def _run(inclination, azimuth, *, model=CLEAN, params=None, mag_late=0.003, n=60
     mag_times = times[::3] + mag_late
     b_t = _seen(_turning(inclination, azimuth, mag_times, rate), FIELD_N) + model.interference
     to_ns = lambda t: START + np.round(t * 1e9).astype(np.int64)  # noqa: E731
-    rows, _, _ = time_alignment.run(
-        params or Params(), time_alignment.initial(), model, to_ns(times), _seen(mat, np.array([0.0, 0.0, 1.0])),
+    rows, _, _ = run(
+        params or Params(), initial(), model, to_ns(times), _seen(mat, np.array([0.0, 0.0, 1.0])),
         np.full(n, rate), np.zeros(n), to_ns(mag_times), b_t,
     )  # fmt: skip
     return rows, mat
@@ -41,64 +48,64 @@ def _run(inclination, azimuth, *, model=CLEAN, params=None, mag_late=0.003, n=60
 @pytest.mark.parametrize(("inclination", "azimuth"), [(0.6, 2.0), (1.5, 5.0), (3.1, 1.0), (0.02, 0.3), (2.2, 6.2)])
 def test_a_fast_turning_tool_keeps_its_azimuth_whatever_the_stamps_of_the_magnetometer(inclination, azimuth):
     rows, mat = _run(inclination, azimuth)
-    np.testing.assert_allclose(wrap_pi(rows.azimuth[5:] - azimuth), 0.0, atol=1e-9)
+    np.testing.assert_allclose(wrap_pi(rows["azimuth"][5:] - azimuth), 0.0, atol=1e-9)
     # Held between samples by the x gyro: exact along the axis, second order in the inclination near vertical.
     slack = 1e-9 if 0.1 < inclination < 3.0 else 1e-3
-    np.testing.assert_allclose(wrap_pi(rows.magnetic_toolface - magnetic_toolface(mat))[5:], 0.0, atol=slack)
+    np.testing.assert_allclose(wrap_pi(rows["magnetic_toolface"] - magnetic_toolface(mat))[5:], 0.0, atol=slack)
 
 
 def test_known_interference_is_taken_off_and_the_named_north_added():
     model = FieldModel(np.array([3e-6, -1e-6, 2e-6]), 0.0, 0.0, north_correction=0.1)
     rows, _ = _run(0.9, 4.0, model=model)
-    np.testing.assert_allclose(wrap_pi(rows.azimuth[5:] - 4.1), 0.0, atol=1e-9)
+    np.testing.assert_allclose(wrap_pi(rows["azimuth"][5:] - 4.1), 0.0, atol=1e-9)
 
 
 def test_no_azimuth_is_invented_before_the_first_magnetic_sample_or_after_the_last_is_old():
     times = np.arange(500) * 0.01
     mat = _turning(0.8, 1.0, times, 0.0)
     stamps = START + np.round(times * 1e9).astype(np.int64)
-    rows, _, used = time_alignment.run(
-        Params(mag_timeout_s=1.0), time_alignment.initial(), CLEAN, stamps, _seen(mat, np.array([0, 0, 1.0])),
+    rows, _, used = run(
+        Params(mag_timeout_s=1.0), initial(), CLEAN, stamps, _seen(mat, np.array([0.0, 0.0, 1.0])),
         np.zeros(500), np.zeros(500), stamps[100:200], _seen(mat[100:200], FIELD_N),
     )  # fmt: skip
     assert used == 100
-    known = np.isfinite(rows.azimuth)
+    known = np.isfinite(rows["azimuth"])
     assert not known[:100].any()
     assert known[103:290].all()
     assert not known[301:].any()
-    assert ((rows.status & Status.NO_MAG > 0) == ~known).all()
-    assert (rows.sigma_azimuth[~known] == np.pi).all()
+    assert ((rows["status"] & Status.NO_MAG > 0) == ~known).all()
+    assert (rows["sigma_azimuth"][~known] == np.pi).all()
 
 
 def test_near_vertical_is_entered_and_left_with_hysteresis():
     inclination = np.radians(np.concatenate([np.linspace(6, 2, 50), np.linspace(2, 6, 50)]))
     mat = mat_nt(inclination, np.zeros(100), np.zeros(100))
     stamps = START + np.arange(100) * 10**7
-    rows, _, _ = time_alignment.run(
-        Params(), time_alignment.initial(), CLEAN, stamps, _seen(mat, np.array([0, 0, 1.0])), np.zeros(100),
+    rows, _, _ = run(
+        Params(), initial(), CLEAN, stamps, _seen(mat, np.array([0.0, 0.0, 1.0])), np.zeros(100),
         np.zeros(100), stamps[:0], np.zeros((0, 3)),
     )  # fmt: skip
-    near = rows.status & Status.NEAR_VERTICAL > 0
+    near = rows["status"] & Status.NEAR_VERTICAL > 0
     np.testing.assert_array_equal(near[:50], np.degrees(inclination[:50]) < 3.0)
     np.testing.assert_array_equal(near[50:], np.degrees(inclination[50:]) <= 4.0)
 
 
 def test_the_sigma_of_the_azimuth_covers_interference_by_geometry():
-    north, _ = _run(0.9, 0.0, model=dataclasses.replace(CLEAN, sigma_axial=1e-6), rate=0.0)
-    east, _ = _run(0.9, np.pi / 2, model=dataclasses.replace(CLEAN, sigma_axial=1e-6), rate=0.0)
+    north, _ = _run(0.9, 0.0, model=CLEAN._replace(sigma_axial=1e-6), rate=0.0)
+    east, _ = _run(0.9, np.pi / 2, model=CLEAN._replace(sigma_axial=1e-6), rate=0.0)
     # Axial interference does not turn the azimuth of a north-going hole; east-going by E sin(I) / H.
-    assert north.sigma_azimuth[-1] == pytest.approx(0.0, abs=1e-6)
-    assert east.sigma_azimuth[-1] == pytest.approx(1e-6 * np.sin(0.9) / 2e-5, rel=1e-3)
+    assert north["sigma_azimuth"][-1] == pytest.approx(0.0, abs=1e-6)
+    assert east["sigma_azimuth"][-1] == pytest.approx(1e-6 * np.sin(0.9) / 2e-5, rel=1e-3)
 
 
 def test_the_sigma_of_the_magnetic_toolface_is_that_of_the_level_field_whatever_the_azimuth():
-    model = dataclasses.replace(CLEAN, sigma_cross=1e-7, sigma_axial=1e-6, sigma_north=2e-3)
+    model = CLEAN._replace(sigma_cross=1e-7, sigma_axial=1e-6, sigma_north=2e-3)
     for azimuth in (0.0, np.pi / 2):
         rows, _ = _run(0.9, azimuth, model=model, rate=0.0)
-        assert rows.sigma_magnetic_toolface[-1] == pytest.approx(np.hypot(1e-7 / 2e-5, 2e-3), rel=1e-6)
-        np.testing.assert_allclose(rows.total[5:], np.linalg.norm(FIELD_N), rtol=1e-12)
-    assert np.isnan(rows.total[0])
-    assert rows.sigma_magnetic_toolface[0] == np.pi
+        assert rows["sigma_magnetic_toolface"][-1] == pytest.approx(np.hypot(1e-7 / 2e-5, 2e-3), rel=1e-6)
+        np.testing.assert_allclose(rows["total"][5:], np.linalg.norm(FIELD_N), rtol=1e-12)
+    assert np.isnan(rows["total"][0])
+    assert rows["sigma_magnetic_toolface"][0] == np.pi
 
 
 @given(cuts=st.lists(st.integers(0, 300), max_size=5), mag_ahead=st.integers(0, 50))
@@ -107,34 +114,30 @@ def test_any_cut_into_blocks_gives_the_same_bits(cuts, mag_ahead):
     times = np.cumsum(rng.uniform(0.005, 0.015, 300))
     mat = _turning(1.1, 0.4, times)
     stamps = START + np.round(times * 1e9).astype(np.int64)
-    g_t, b_t = _seen(mat, np.array([0, 0, 1.0])), _seen(mat, FIELD_N) + 1e-7 * rng.normal(size=(300, 3))
-    whole, pairs, _ = time_alignment.run(
-        Params(), time_alignment.initial(), CLEAN, stamps, g_t, np.full(300, 16.2), np.full(300, 1e-3), stamps, b_t
-    )
-    state, pieces, handed_on = time_alignment.initial(), [], []
+    g_t, b_t = _seen(mat, np.array([0.0, 0.0, 1.0])), _seen(mat, FIELD_N) + 1e-7 * rng.normal(size=(300, 3))
+    whole, pairs, _ = run(Params(), initial(), CLEAN, stamps, g_t, np.full(300, 16.2), np.full(300, 1e-3), stamps, b_t)
+    state, pieces, handed_on = initial(), [], []
     mag_from = 0
     for block in np.split(np.arange(300), sorted(cuts)):
         if not len(block):
             continue
         mag_to = min(block[-1] + 1 + mag_ahead, 300)
-        rows, _, used = time_alignment.run(
+        rows, _, used = run(
             Params(), state.copy(), CLEAN, stamps[block], g_t[block], np.full(len(block), 16.2),
             np.full(len(block), 1e-3), stamps[mag_from:mag_to], b_t[mag_from:mag_to],
         )  # fmt: skip
-        again, handed, _ = time_alignment.run(
+        again, handed, _ = run(
             Params(), state, CLEAN, stamps[block], g_t[block], np.full(len(block), 16.2), np.full(len(block), 1e-3),
             stamps[mag_from:mag_to], b_t[mag_from:mag_to],
         )  # fmt: skip
-        np.testing.assert_array_equal(again.azimuth, rows.azimuth)
+        np.testing.assert_array_equal(again["azimuth"], rows["azimuth"])
         mag_from += used
         pieces.append(rows)
-        handed_on.append(dataclasses.replace(handed, place=handed.place + block[0]))
-    for field in dataclasses.fields(whole):
-        joined = np.concatenate([getattr(piece, field.name) for piece in pieces])
-        np.testing.assert_array_equal(joined, getattr(whole, field.name))
-    for field in dataclasses.fields(pairs):
-        joined = np.concatenate([getattr(piece, field.name) for piece in handed_on])
-        np.testing.assert_array_equal(joined, getattr(pairs, field.name))
+        handed["place"] += block[0]
+        handed_on.append(handed)
+    for parts, expected in ((pieces, whole), (handed_on, pairs)):
+        for name in expected.dtype.names:
+            np.testing.assert_array_equal(np.concatenate([part[name] for part in parts]), expected[name])
 
 
 def test_one_magnetic_sample_in_each_interval_is_handed_on_with_the_gravity_of_its_own_time():
@@ -145,17 +148,17 @@ def test_one_magnetic_sample_in_each_interval_is_handed_on_with_the_gravity_of_i
     to_ns = lambda t: START + np.round(t * 1e9).astype(np.int64)  # noqa: E731
     model = FieldModel(np.array([1e-6, 0.0, 0.0]), 2e-7, 1e-7)
     b_t = _seen(mag_mat, FIELD_N) + model.interference
-    rows, pairs, _ = time_alignment.run(
-        Params(handing_on_s=0.5), time_alignment.initial(), model, to_ns(times), _seen(mat, np.array([0.0, 0.0, 1.0])),
+    rows, pairs, _ = run(
+        Params(handing_on_s=0.5), initial(), model, to_ns(times), _seen(mat, np.array([0.0, 0.0, 1.0])),
         np.full(600, 16.2), np.full(600, 1e-3), to_ns(mag_times), b_t,
     )  # fmt: skip
-    assert len(pairs.place) == 12
-    assert (np.diff(pairs.stamp_ns // 500_000_000) == 1).all()
-    at = np.searchsorted(to_ns(mag_times), pairs.stamp_ns)
-    np.testing.assert_allclose(pairs.g_t, _seen(mag_mat, np.array([0.0, 0.0, 1.0]))[at], atol=1e-9)
-    np.testing.assert_array_equal(pairs.b_t, b_t[at])
-    np.testing.assert_allclose(wrap_pi(pairs.azimuth - 2.0), 0.0, atol=1e-9)
-    np.testing.assert_allclose(pairs.sigma[1:], rows.sigma_azimuth[pairs.place[1:]], rtol=1e-9)
+    assert len(pairs["place"]) == 12
+    assert (np.diff(pairs["stamp_ns"] // 500_000_000) == 1).all()
+    at = np.searchsorted(to_ns(mag_times), pairs["stamp_ns"])
+    np.testing.assert_allclose(pairs["g_t"], _seen(mag_mat, np.array([0.0, 0.0, 1.0]))[at], atol=1e-9)
+    np.testing.assert_array_equal(pairs["b_t"], b_t[at])
+    np.testing.assert_allclose(wrap_pi(pairs["azimuth"] - 2.0), 0.0, atol=1e-9)
+    np.testing.assert_allclose(pairs["sigma"][1:], rows["sigma_azimuth"][pairs["place"][1:]], rtol=1e-9)
 
 
 @pytest.mark.parametrize("inclination", [0.9, 0.01])
@@ -163,9 +166,9 @@ def test_toolfaces_are_carried_on_over_the_latency(inclination):
     late, _ = _run(inclination, 1.0, params=Params(toolface_latency_s=0.08), rate=2.0)
     ahead = mat_nt(inclination, np.full(600, 1.0), (2.0 * (np.arange(600) * 0.01 + 0.08)) % TAU)
     slack = 1e-9 if inclination > 0.1 else 1e-3
-    np.testing.assert_allclose(wrap_pi(late.magnetic_toolface - magnetic_toolface(ahead))[5:], 0.0, atol=slack)
-    np.testing.assert_allclose(wrap_pi(late.gravity_toolface - gravity_toolface(_up(ahead))), 0.0, atol=1e-9)
-    np.testing.assert_allclose(late.inclination, inclination, atol=1e-9)
+    np.testing.assert_allclose(wrap_pi(late["magnetic_toolface"] - magnetic_toolface(ahead))[5:], 0.0, atol=slack)
+    np.testing.assert_allclose(wrap_pi(late["gravity_toolface"] - gravity_toolface(_up(ahead))), 0.0, atol=1e-9)
+    np.testing.assert_allclose(late["inclination"], inclination, atol=1e-9)
 
 
 def _up(mat):

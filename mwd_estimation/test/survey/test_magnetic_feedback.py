@@ -51,12 +51,12 @@ def test_what_an_uncertain_gyro_left_open_is_in_the_sigma_until_the_two_are_comp
     one, _ = taken(0.0)
     usual = reader.reading.model.sigma_north
     reader.learn(dataclasses.replace(one, alarm=(), left_open=0.4), None)
-    assert reader.reading.left_open == 0.4
+    assert reader.reading.unresolved == 0.4
     assert reader.reading.model.sigma_north == pytest.approx(math.hypot(usual, 0.4))
     reader.learn(one, None)
-    assert reader.reading.left_open == 0.4
+    assert reader.reading.unresolved == 0.4
     reader.learn(dataclasses.replace(one, alarm=()), None)
-    assert (reader.reading.left_open, reader.reading.model.sigma_north) == (0.0, usual)
+    assert (reader.reading.unresolved, reader.reading.model.sigma_north) == (0.0, usual)
 
 
 def test_a_corrected_station_takes_its_interference_off_from_then_on_until_the_reference_changes():
@@ -69,7 +69,7 @@ def test_a_corrected_station_takes_its_interference_off_from_then_on_until_the_r
     assert reader.reading.corrected
     assert reader.interference[0] == pytest.approx(2e-6, abs=3.0 * reader.interference[1])
     assert reader.reading.model.interference[0] == reader.interference[0]
-    assert reader.reading.lesson.axial == reader.interference
+    assert reader.reading.update.axial == reader.interference
     reader.set_reference(dataclasses.replace(REFERENCE, total=4.9e-5))
     assert reader.interference is None
     assert not reader.reading.corrected
@@ -80,11 +80,11 @@ def test_a_gyro_that_was_believed_against_the_field_makes_it_suspect_until_they_
     one, analysis = taken()
     alarmed = dataclasses.replace(one, alarm=(ALARM,), weights={"gyro": 1.0})
     reader.learn(alarmed, analysis)
-    assert reader.reading.steel
+    assert reader.reading.external_interference
     reader.learn(dataclasses.replace(one, alarm=None), analysis)
-    assert reader.reading.steel
+    assert reader.reading.external_interference
     reader.learn(dataclasses.replace(one, alarm=()), analysis)
-    assert not reader.reading.steel
+    assert not reader.reading.external_interference
 
 
 def test_the_uncertainty_of_the_declination_is_in_the_reading():

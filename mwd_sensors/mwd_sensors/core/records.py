@@ -37,7 +37,7 @@ def dtype_of(description: type) -> np.dtype[Any]:
     numpy.dtype
         Of `numpy.record`, so that `record.name` works without numba too.
     """
-    fields: list[Any] = []
+    fields: list[tuple[str, Any]] = []
     for name, hint in typing.get_type_hints(description, include_extras=True).items():
         kind, shape = hint, ()
         if typing.get_origin(hint) is Annotated:
@@ -47,6 +47,32 @@ def dtype_of(description: type) -> np.dtype[Any]:
             kind = typing.get_args(kind)[-1]
             kind = typing.get_args(kind)[0] if typing.get_origin(kind) is np.dtype else kind
         scalar = _SCALARS.get(kind, kind)
-        element = scalar if issubclass(scalar, np.generic) else dtype_of(scalar)
-        fields.append((name, element, shape))
-    return np.dtype((np.record, np.dtype(fields, align=True)))
+        element = np.dtype(scalar) if issubclass(scalar, np.generic) else dtype_of(scalar)
+        fields.append((name, np.dtype((element, shape))))
+    return _aligned(fields)
+
+
+def _aligned(fields: list[tuple[str, np.dtype[Any]]]) -> np.dtype[Any]:
+    """Record dtype with every field on a multiple of its alignment; numpy takes that of a nested record for 1."""
+    offsets, end = [], 0
+    for _, dtype in fields:
+        step = _alignment(dtype)
+        offsets.append(-(-end // step) * step)
+        end = offsets[-1] + dtype.itemsize
+    step = max(_alignment(dtype) for _, dtype in fields)
+    layout: Any = {
+        "names": [name for name, _ in fields],
+        "formats": [dtype for _, dtype in fields],
+        "offsets": offsets,
+        "itemsize": -(-end // step) * step,
+    }
+    return np.dtype((np.record, np.dtype(layout, align=True)))
+
+
+def _alignment(dtype: np.dtype[Any]) -> int:
+    """Alignment of the largest scalar in a dtype, bytes."""
+    if dtype.subdtype is not None:
+        return _alignment(dtype.subdtype[0])
+    if dtype.fields is not None:
+        return max(_alignment(field[0]) for field in dtype.fields.values())
+    return dtype.alignment

@@ -23,6 +23,7 @@ class State:
     status: np.uint32
     age: float
     P: Annotated[Array, 2, 2]
+    flag: bool
     last: Sample
     ring: Annotated[Sequence[Sample], 4]
 
@@ -41,11 +42,13 @@ def step(s: State, dt: float) -> None:
 
 def test_a_dtype_has_the_fields_of_its_class_in_order():
     dtype = dtype_of(State)
-    assert dtype.names == ("count", "known", "status", "age", "P", "last", "ring")
+    assert dtype.names == ("count", "known", "status", "age", "P", "flag", "last", "ring")
     assert dtype["P"].shape == (2, 2)
     assert dtype["ring"].shape == (4,)
     assert dtype["status"] == np.uint32
     assert dtype.isalignedstruct
+    assert dtype.fields["last"][1] % 8 == 0
+    assert dtype.itemsize % 8 == 0
 
 
 def test_a_record_changes_in_place_the_same_with_and_without_compilation():

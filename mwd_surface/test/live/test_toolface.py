@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from mwd_estimation.attitude import time_alignment
-from mwd_estimation.attitude.time_alignment import FieldModel, Params
+from mwd_estimation.attitude.time_alignment import Params, kernel_params
+from mwd_estimation.attitude.time_alignment_state import FieldModel, GravityBlock, MagBlock, initial
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
 from mwd_surface.live.toolface import GRAVITY, MAGNETIC, ToolfaceSelector
@@ -40,11 +41,16 @@ def test_the_mode_is_the_estimators_through_its_hysteresis_and_at_any_inclinatio
     params = Params(vertical_enter_deg=5.0, vertical_leave_deg=6.0)
     model = FieldModel(np.zeros(3), 0.0, 0.0, 0.0, 0.0)
     rows, _, _ = time_alignment.run(
-        params, time_alignment.initial(), model, stamps, g_t, np.zeros(122), np.zeros(122), stamps[:0], none
+        kernel_params(params),
+        initial(),
+        model,
+        GravityBlock(stamps, g_t, np.zeros(122), np.zeros(122)),
+        MagBlock(stamps[:0], none),
     )
     selector = ToolfaceSelector()
     modes = [
-        selector.update(attitude(np.degrees(i), status=s)).mode for i, s in zip(inclination, rows.status, strict=True)
+        selector.update(attitude(np.degrees(i), status=s)).mode
+        for i, s in zip(inclination, rows["status"], strict=True)
     ]
     changes = [round(float(np.degrees(inclination[k]))) for k in range(1, 122) if modes[k] != modes[k - 1]]
     assert modes[0] == MAGNETIC

@@ -1,0 +1,200 @@
+"""The samples of the wire: attitude and gravity of a stretch of IMU samples, written once."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_estimation.attitude.gyro_azimuth_state import MagneticAzimuth
+from mwd_estimation.core.status import Status
+from mwd_estimation.health.sensor_fault import ACCEL, GYRO
+from mwd_sensors.core.arrays import Array, Samples, Stamps
+from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.records import dtype_of
+
+_REJECTED, _NEAR_VERTICAL = int(Status.REJECTED), int(Status.NEAR_VERTICAL)
+_DISTURBED, _AIDED = int(Status.MAG_DISTURBED), int(Status.GYRO_AIDED)
+_SUSPECT = int(Status.SENSOR_SUSPECT)
+# Sensors that inclination and gravity toolface rest on.
+_LEVEL_SENSORS = GYRO | ACCEL
+
+
+class LastMagnetic:
+    """Of the last magnetic azimuth: bits of `Status`, and 1 sigma, rad."""
+
+    status: int
+    sigma: float
+
+
+class Sources(NamedTuple):
+    """
+    What the samples of a stretch are written from, n samples and k magnetic azimuths.
+
+    Attributes
+    ----------
+    stamp_ns, g_t, sigma_inclination, sigma_toolface, non_gravity, rotary_speed, status : ndarray
+        Stamps, and gravity as in `core.samples.Track`.
+    suspect : ndarray of uint8, shape (n,)
+        Sensors in doubt.
+    plain : ndarray of dtype `time_alignment_state.ATTITUDE_ROW`, shape (n,)
+    azimuth : ndarray of dtype `gyro_azimuth_state.AZIMUTH_ROW`, shape (n,)
+    propagated : ndarray of dtype `rejected_samples.PROPAGATED_ROW`, shape (n,)
+    magnetic : ndarray of dtype `gyro_azimuth_state.MAGNETIC_AZIMUTH`, shape (k,)
+        Taken in the stretch.
+    """
+
+    stamp_ns: Stamps
+    g_t: Array
+    sigma_inclination: Array
+    sigma_toolface: Array
+    non_gravity: Array
+    rotary_speed: Array
+    status: NDArray[np.uint32]
+    suspect: NDArray[np.uint8]
+    plain: Samples
+    azimuth: Samples
+    propagated: Samples
+    magnetic: Samples
+
+
+class Stretch(NamedTuple):
+    """
+    What holds for all samples of a stretch.
+
+    Attributes
+    ----------
+    start : int
+        Its first sample in the block.
+    north : int
+        Code of the north.
+    status : int
+        Bits of `Status` to add.
+    gyro_only : bool
+        No azimuth is given but one that the gyros alone have propagated.
+    """
+
+    start: int
+    north: int
+    status: int
+    gyro_only: bool
+
+
+LAST_MAGNETIC = dtype_of(LastMagnetic)
+
+
+@compiled
+def write(stretch: Stretch, last: LastMagnetic, sources: Sources, attitude: Samples, gravity: Samples) -> int:
+    """
+    Fill the samples of a stretch, dtypes `wire.ATTITUDE` and `wire.GRAVITY`; returns how many were rejected.
+
+    Unknown values are 0 with a sigma of -1; what rests on a sensor in doubt has a sigma of pi.
+    """
+    rejected, pair = 0, 0
+    for i in range(len(sources.stamp_ns)):
+        while pair < len(sources.magnetic) and sources.magnetic[pair].place - stretch.start <= i:
+            _take(last, sources.magnetic[pair])
+            pair += 1
+        status = _write_attitude(stretch, last, sources, i, attitude[i])
+        _write_gravity(sources, i, status, gravity[i])
+        rejected += status & _REJECTED != 0
+    return rejected
+
+
+@compiled
+def _take(last: LastMagnetic, taken: MagneticAzimuth) -> None:
+    variance = taken.sigma_slow * taken.sigma_slow + taken.sigma_held * taken.sigma_held
+    variance += taken.sigma_noise * taken.sigma_noise
+    variance += taken.sigma_constant * taken.sigma_constant
+    last.status, last.sigma = int(np.int64(taken.status)), math.sqrt(variance)
+
+
+@compiled
+def _azimuth(sources: Sources, i: int, status: int, last_sigma: float) -> tuple[bool, float, float]:
+    """Whether there is an azimuth, the azimuth and its sigma, rad."""
+    plain, azimuth = sources.plain[i], sources.azimuth[i]
+    if math.isfinite(azimuth.azimuth):
+        return True, azimuth.azimuth, azimuth.sigma
+    # Where none can be propagated (at the start, near vertical) the plain magnetic one stands.
+    if azimuth.sigma == math.inf and math.isfinite(plain.azimuth) and status & _DISTURBED == 0:
+        return True, plain.azimuth, max(plain.sigma_azimuth, last_sigma)
+    return False, 0.0, -1.0
+
+
+@compiled
+def _magnetic_toolface(sources: Sources, i: int, near_vertical: bool) -> tuple[float, float]:
+    """Angle of the scribe line from north and its sigma, rad."""
+    plain, azimuth = sources.plain[i], sources.azimuth[i]
+    if near_vertical or not math.isfinite(azimuth.azimuth):
+        return plain.magnetic_toolface, plain.sigma_magnetic_toolface
+    # It follows the azimuth, by the same geometry as against the high side.
+    if math.isfinite(plain.azimuth):
+        toolface = plain.magnetic_toolface + (azimuth.azimuth - plain.azimuth)
+    else:
+        side = plain.gravity_toolface
+        toolface = azimuth.azimuth + math.atan2(math.sin(side), math.cos(side) * sources.g_t[i, 0])
+    tau = 2.0 * math.pi
+    toolface = toolface - tau if toolface >= tau else (toolface + tau if toolface < 0.0 else toolface)
+    return toolface, azimuth.sigma
+
+
+@compiled
+def _write_attitude(stretch: Stretch, last: LastMagnetic, sources: Sources, i: int, row: Samples) -> int:
+    """Fill the attitude of sample i; returns its status."""
+    plain, turned = sources.plain[i], sources.propagated[i].turned
+    has_gravity = math.isfinite(plain.inclination)
+    # Near vertical is what the attitude says, by its settings, not the gravity method by its own.
+    status = (int(np.int64(sources.status[i])) & ~_NEAR_VERTICAL) | int(np.int64(plain.status)) | stretch.status
+    status |= int(np.int64(sources.azimuth[i].status)) | (last.status & _DISTURBED)
+    near_vertical = status & _NEAR_VERTICAL != 0
+    has_azimuth, angle, sigma = _azimuth(sources, i, status, last.sigma)
+    toolface, sigma_toolface = _magnetic_toolface(sources, i, near_vertical)
+    # Of a rejected sample: how far the tool may have turned by its stamp.
+    has_turn = turned < math.inf
+    has_north = (has_azimuth or (math.isfinite(plain.azimuth) and near_vertical)) and has_turn
+    has_high_side = has_gravity and has_turn
+    if turned > 0.0:
+        sigma_toolface = min(math.hypot(sigma_toolface, turned), math.pi)
+    if has_azimuth:
+        status |= last.status & ~_DISTURBED
+    if stretch.gyro_only and status & _AIDED == 0:
+        has_azimuth, has_north, angle = False, False, 0.0
+    unsure, unsure_level = sources.suspect[i] != 0, sources.suspect[i] & _LEVEL_SENSORS != 0
+    if unsure:
+        status |= _SUSPECT
+    row["stamp_ns"] = sources.stamp_ns[i]
+    row["inclination"] = plain.inclination if has_gravity else 0.0
+    row["azimuth"] = angle
+    row["gravity_toolface"] = plain.gravity_toolface if has_high_side else 0.0
+    row["magnetic_toolface"] = toolface if has_north else 0.0
+    row["sigma_inclination"] = _sigma(sources.sigma_inclination[i], has_gravity, unsure_level)
+    row["sigma_azimuth"] = _sigma(sigma, has_azimuth, near_vertical or unsure)
+    row["sigma_gravity_toolface"] = _sigma(sources.sigma_toolface[i], has_high_side, near_vertical or unsure_level)
+    row["sigma_magnetic_toolface"] = _sigma(sigma_toolface, has_north, unsure)
+    row["status"] = status
+    row["north"] = stretch.north
+    return status
+
+
+@compiled
+def _sigma(sigma: float, known: bool, unsure: bool) -> float:
+    """A sigma as the wire has it: -1 where the value is not known, pi where nothing is known of its error, rad."""
+    return (math.pi if unsure else sigma) if known else -1.0
+
+
+@compiled
+def _write_gravity(sources: Sources, i: int, status: int, row: Samples) -> None:
+    """Fill the gravity of sample i."""
+    g_x, g_y, g_z = sources.g_t[i, 0], sources.g_t[i, 1], sources.g_t[i, 2]
+    known = math.isfinite(g_x + g_y + g_z) and sources.propagated[i].turned < math.inf
+    vector = row["gravity"]
+    for c in range(3):
+        vector[c] = sources.g_t[i, c] if known else 0.0
+    non_gravity, rotary_speed = sources.non_gravity[i], sources.rotary_speed[i]
+    row["stamp_ns"] = sources.stamp_ns[i]
+    row["sigma"] = _sigma(sources.propagated[i].sigma_down, known, sources.suspect[i] & _LEVEL_SENSORS != 0)
+    row["non_gravity"] = non_gravity if math.isfinite(non_gravity) else 0.0
+    row["rotary_speed"] = rotary_speed if math.isfinite(rotary_speed) else 0.0
+    row["status"] = status

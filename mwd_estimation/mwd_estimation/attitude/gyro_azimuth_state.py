@@ -1,0 +1,328 @@
+"""
+Settings and state of the gyro-propagated azimuth, as its kernels see them.
+
+Kalman states: azimuth of the hole axis and the azimuth of the last accepted station, both propagated by the gyros;
+the slow and the constant error of the magnetic azimuth, each in units of its own sigma; and of the conventional, then
+of the precision unit the bias of the y and z gyros, their leakage (the share of the x rate that they read), the drift
+about the vertical that g-sensitivity makes, and their lag behind the gravity vector. Derivation:
+``docs/methods/continuous_attitude.md``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array, Samples, Stamps
+from mwd_sensors.core.records import dtype_of
+
+# Places of the states in `State.x` and `State.P`; BIAS and LEAKAGE hold y and z of unit 0, then of unit 1.
+AZIMUTH, STATION, SLOW_ERROR, CONSTANT_ERROR, BIAS, LEAKAGE, DRIFT, LAG, STATES = 0, 1, 2, 3, 4, 8, 12, 14, 16
+CONVENTIONAL, PRECISION = 0, 1
+BINS = 4  # bins whose sums are kept: the open one, those that wait for other streams, and one to spare
+RING = 8192  # samples kept for pairing with other streams: 1.5 s at 5 kHz; a power of two
+NO_BIN = np.iinfo(np.int64).min
+
+
+class GyroUnit(NamedTuple):
+    """
+    Error model of the y and z gyros of one unit, each 1 sigma.
+
+    Attributes
+    ----------
+    noise : float
+        White noise, rad/sqrt(s).
+    bias : float
+        rad/s.
+    walk : float
+        Random walk of the bias, rad/s per sqrt(s).
+    leakage : float
+        Share of the x rate that y and z read.
+    drift : float
+        Rate about the vertical that g-sensitivity (and an unknown latitude) make, rad/s.
+    lag : float
+        Of the rates behind the gravity vector, s.
+    """
+
+    noise: float
+    bias: float
+    walk: float
+    leakage: float
+    drift: float
+    lag: float
+
+
+class KernelParams(NamedTuple):
+    """
+    Settings in SI units.
+
+    Attributes
+    ----------
+    bin_ns, gap_ns : int
+        Length of a bin; a longer interval between samples is a data gap.
+    earth_north, earth_down : float
+        The Earth's rotation, rad/s; 0 where the latitude is not known.
+    held_repeats : float
+        Magnetic azimuths over which an error of the vertical repeats itself.
+    slow_error_time_s : float
+        Time constant of the slow error of the magnetic azimuth.
+    gate : float
+        Innovation, sigma, beyond which an azimuth is rejected.
+    reset_time_s : float
+        After good azimuths were rejected for so long, the filter takes the next one in.
+    mag_timeout_s : float
+        Age of the last magnetic azimuth from which on the azimuth is called gyro-aided.
+    vertical_sin2 : float
+        Squared sine of the inclination below which there is no azimuth.
+    gap_rate : float
+        Rate at which the axis may turn during a data gap, rad/s, 1 sigma.
+    tilt_memory_s : float
+        Correlation time of the error of the gravity direction.
+    max_sigma : float
+        An azimuth with a larger sigma is not given, rad.
+    precision_range : float
+        Range of the precision unit, rad/s.
+    units : tuple of GyroUnit
+        Conventional, then precision.
+    """
+
+    bin_ns: int
+    gap_ns: int
+    earth_north: float
+    earth_down: float
+    held_repeats: float
+    slow_error_time_s: float
+    gate: float
+    reset_time_s: float
+    mag_timeout_s: float
+    vertical_sin2: float
+    gap_rate: float
+    tilt_memory_s: float
+    max_sigma: float
+    precision_range: float
+    units: tuple[GyroUnit, GyroUnit]
+
+
+class BinSums:
+    """
+    Integrals over a bin of time; d is the unit vector down, across^2 = d_y^2 + d_z^2, w the rate.
+
+    bin : index of the bin, NO_BIN where none is held.
+    turn : of the axis as the gyros read it, rad.
+    across : of d_y and d_z over across^2, s: what a bias turns.
+    time : s.
+    earth : of d_x / across, s: what the Earth's northward rotation turns.
+    noise : of 1 / across^2, s.
+    tilt : of the squared rate that a tilt of the vertical mistakes for azimuth, rad^2/s.
+    gap : data gaps, s.
+    gyro_turn : `State.gyro_turn` at the end of the bin, rad.
+    vertical : the hole was vertical in the bin.
+    leakage : of w_x d_y and w_x d_z over across^2, rad: what leakage turns.
+    spin : of w_x, rad.
+    rate : of w_y and w_z, rad.
+    lag : of w_x (w_y d_z - w_z d_y) / across^2, rad/s: what a second of lag turns.
+    """
+
+    bin: int
+    turn: float
+    across: Annotated[Array, 2]
+    time: float
+    earth: float
+    noise: float
+    tilt: float
+    gap: float
+    gyro_turn: float
+    vertical: bool
+    leakage: Annotated[Array, 2]
+    spin: float
+    rate: Annotated[Array, 2]
+    lag: float
+
+
+class RingSample:
+    """A sample kept for pairing: stamp, unit vector down, `State.gyro_turn` and rate about the axis, rad/s."""
+
+    stamp_ns: int
+    down: Annotated[Array, 3]
+    gyro_turn: float
+    spin_rate: float
+
+
+class State:
+    """
+    All that changes.
+
+    last_ns, ring_head, ring_length, bins_opened : clock of the samples.
+    gyro_turn : turn of the axis as the conventional gyros integrate it, rad.
+    x, P : Kalman states and covariance.
+    have_azimuth : a first azimuth exists.
+    since_used_s, since_seen_s : since the last magnetic azimuth used, and since the last one seen.
+    rejected_s : for which good magnetic azimuths have been rejected.
+    innovation_ratio, innovation_mean : last innovation over its sigma, and its running mean over good azimuths.
+    rejected, disturbed, resets : counts of magnetic azimuths that were gated out, that failed their field check, and
+        of times the azimuth was reset.
+    mag_status : bits of the last magnetic azimuth.
+    last_bin : taken in; NO_BIN before the first. bin_gyro_turn : `gyro_turn` at its end, rad.
+    slow_sigma : 1 sigma that the state SLOW_ERROR is in units of, rad.
+    by_gyro_only : the azimuth rests on a north seek and the gyros alone.
+    have_station : a station's azimuth is propagated. station_constant_sigma : 1 sigma of its error that every
+        magnetic azimuth shares, rad. station_disagreed : the last station did not agree with it.
+    sums : of the last bins. precision_sums : of the last closed bin, by the precision unit.
+    ring : the last samples.
+    """
+
+    last_ns: int
+    ring_head: int
+    ring_length: int
+    bins_opened: int
+    gyro_turn: float
+    x: Annotated[Array, STATES]
+    P: Annotated[Array, STATES, STATES]
+    have_azimuth: bool
+    since_used_s: float
+    since_seen_s: float
+    rejected_s: float
+    innovation_ratio: float
+    innovation_mean: float
+    rejected: int
+    disturbed: int
+    resets: int
+    mag_status: int
+    last_bin: int
+    bin_gyro_turn: float
+    slow_sigma: float
+    by_gyro_only: bool
+    have_station: bool
+    station_constant_sigma: float
+    station_disagreed: bool
+    sums: Annotated[Sequence[BinSums], BINS]
+    precision_sums: BinSums
+    ring: Annotated[Sequence[RingSample], RING]
+
+
+class MagneticAzimuth:
+    """
+    A magnetic azimuth from the named north, and the interference it was freed of.
+
+    place : IMU sample of the block with which it was taken. stamp_ns : its own stamp.
+    azimuth : rad.
+    sigma_slow, sigma_held, sigma_noise, sigma_constant : 1 sigma of the error that stays (the tool's own field), that
+        stays for a while (the vertical's), that is new in each (noise), and that never changes (declination), rad.
+    usable : its field passes the check; else it is never used.
+    restart : what was said before is withdrawn: the azimuth begins anew.
+    status : bits of `Status`.
+    interference, sigma_interference : the tool's own field and 1 sigma, T; -1 where it is not known.
+    """
+
+    place: int
+    stamp_ns: int
+    azimuth: float
+    sigma_slow: float
+    sigma_held: float
+    sigma_noise: float
+    sigma_constant: float
+    usable: bool
+    restart: bool
+    status: np.uint32
+    interference: Annotated[Array, 3]
+    sigma_interference: Annotated[Array, 3]
+
+
+class BinStep:
+    """
+    A bin that closes within a block, and the azimuths that were found at its end, rad from the named north.
+
+    place : sample of the block from which on the step holds, rising. bin : index of the bin.
+    seek_azimuth, seek_sigma : of a north seek, which owes nothing to the magnetometer; nan where there is none.
+    station_azimuth, station_sigma : of an accepted station, propagated to the next one; nan where there is none.
+    station_constant_sigma : the part of its sigma that every magnetic azimuth shares.
+    station_by_gyro : a gyro found north there.
+    """
+
+    place: int
+    bin: int
+    seek_azimuth: float
+    seek_sigma: float
+    station_azimuth: float
+    station_sigma: float
+    station_constant_sigma: float
+    station_by_gyro: bool
+
+
+class PropagatedAzimuth(NamedTuple):
+    """
+    Azimuths propagated to the end of a bin, rad from the named north; nan where there is none.
+
+    Attributes
+    ----------
+    station_azimuth, station_sigma : float
+        Of the last accepted station, by the gyros alone.
+    station_constant_sigma : float
+        The part of that sigma that every magnetic azimuth shares.
+    azimuth, sigma : float
+        Of the samples.
+    """
+
+    station_azimuth: float
+    station_sigma: float
+    station_constant_sigma: float
+    azimuth: float
+    sigma: float
+
+
+class AzimuthRow:
+    """
+    Azimuth of a sample.
+
+    azimuth : of the hole axis from the named north, rad in [0, 2 pi); nan where there is none.
+    sigma : 1 sigma, rad, at most pi; infinite where none is propagated, because none was ever known or the hole is
+        vertical.
+    status : GYRO_AIDED: propagated by the gyros alone. MAG_DISTURBED: the last magnetic azimuth was not used.
+    """
+
+    azimuth: float
+    sigma: float
+    status: np.uint32
+
+
+class GyroBlock(NamedTuple):
+    """
+    Samples of the conventional unit, n of them.
+
+    Attributes
+    ----------
+    stamp_ns : ndarray of int64, shape (n,)
+    gyro_t : ndarray, shape (n, 3)
+        Angular rate, rad/s, in tool axes; x counts only for its leakage into y and z.
+    g_t : ndarray, shape (n, 3)
+        Unit vector down in tool axes; nan before a gravity method has one.
+    sigma_tilt : ndarray, shape (n,)
+        Its 1 sigma, rad.
+    """
+
+    stamp_ns: Stamps
+    gyro_t: Array
+    g_t: Array
+    sigma_tilt: Array
+
+
+class PrecisionRates(NamedTuple):
+    """Rates of the precision unit: stamp_ns, shape (q,), and rate_t, shape (q, 3), rad/s in tool axes."""
+
+    stamp_ns: Stamps
+    rate_t: Array
+
+
+STATE, BIN_SUMS = dtype_of(State), dtype_of(BinSums)
+MAGNETIC_AZIMUTH, BIN_STEP = dtype_of(MagneticAzimuth), dtype_of(BinStep)
+PROPAGATED_AZIMUTH, AZIMUTH_ROW = dtype_of(PropagatedAzimuth), dtype_of(AzimuthRow)
+
+
+def initial() -> Samples:
+    """State before the first sample, shape (1,), dtype STATE; a copy of it resumes."""
+    state = np.zeros(1, dtype=STATE)
+    state["last_bin"] = NO_BIN
+    state["sums"]["bin"] = NO_BIN
+    return state

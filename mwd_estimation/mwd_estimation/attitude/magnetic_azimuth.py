@@ -1,0 +1,169 @@
+"""
+Magnetic azimuths that correct the gyro-propagated azimuth, freed of the tool's own field where a reference shows it.
+
+Each magnetic sample that is handed on by the time alignment passes the interference filter, which removes bias and
+scale as far as they are known and splits the sigma into parts by how long their error lasts.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_estimation.attitude.block import MagneticModelInForce, StationUpdate
+from mwd_estimation.attitude.gyro_azimuth_state import MAGNETIC_AZIMUTH
+from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.status import Status
+from mwd_estimation.magnetic import interference_filter
+from mwd_estimation.magnetic.interference_state import FieldSamples, field_samples
+from mwd_sensors.core.arrays import Samples
+
+_DISTURBED, _CORRECTED, _UNCORRECTED = int(Status.MAG_DISTURBED), int(Status.CORRECTED), int(Status.UNCORRECTED)
+_REFUSED = int(Status.CORRECTION_REFUSED)
+# An error whose sigma is still this share of its prior is called not observable.
+_UNOBSERVED = 0.7
+# An axial field that is not observed and may turn the azimuth by more than this is reported as not corrected, rad.
+_MAX_UNOBSERVED = math.radians(3.0)
+# White noise of each magnetometer axis of one sample, T.
+_MAG_NOISE = 100e-9
+# A station's tilt, rad; and the chi-square over the gate from which on it contradicts what was learnt on the way.
+_STATION_TILT = math.radians(0.1)
+_CONTRADICTED = 4.0
+# After a disturbed sample the field must be in order for so long before it is used again: on the way out of a casing
+# it passes through values that drill-string interference could explain.
+_SETTLED_NS = 3_000_000_000
+# External interference seen a moment ago still turns the azimuth by what its field may have across the two directions
+# that are checked, T, and goes on to for about so long.
+_EXTERNAL, _EXTERNAL_NS = 300e-9, 60_000_000_000
+
+
+class MagneticAzimuths:
+    """
+    Magnetic azimuths with their sigmas, and the interference filter that they pass.
+
+    Parameters
+    ----------
+    params : interference_filter.Params
+    errors : SensorErrors
+    constant_share : float
+        Share of the magnetic sigma that stays from sample to sample where no reference separates its parts.
+    """
+
+    def __init__(self, params: interference_filter.Params, errors: SensorErrors, constant_share: float) -> None:
+        self._params, self._errors, self._share = params, errors, constant_share
+        self._kernel = interference_filter.kernel_params(params)
+        self.withdrawn = False
+        self.set_reference(None)
+
+    def set_reference(self, reference: Reference | None) -> None:
+        """Read the field against this from the next sample on; the interference is estimated anew."""
+        self._reference = reference
+        self._state: Samples | None = None
+        if reference is not None and reference.has_field:
+            self._state = interference_filter.initial(self._params, reference, self._errors)
+        self._disturbed_ns = -_SETTLED_NS
+
+    @property
+    def has_reference(self) -> bool:
+        """Whether there is a field to read against."""
+        return self._state is not None
+
+    def update(self, station: StationUpdate | None) -> None:
+        """Take over what a station shows of the interference."""
+        state = self._state
+        if station is None or state is None or self._reference is None:
+            return
+        if station.accepted and self._contradicts(state, station):
+            # A station that passes its checks, in a field that is no longer the one that was learnt, or that is beyond
+            # what the prior thinks possible.
+            state = interference_filter.initial(self._params, self._reference, self._errors, station.axial)
+            self._state, self.withdrawn = state, True
+        s = state[0]
+        if station.interference is not None and station.interference[1][0, 0] < s.P[0, 0]:
+            # The same field, seen at rest and from more attitudes: it takes the place of what was learnt on the way.
+            s.x[:], s.P[:] = station.interference
+        if math.isfinite(station.azimuth):
+            interference_filter.aid_azimuth(
+                self._kernel, state, station.down, station.field, station.azimuth, station.sigma
+            )
+
+    def _contradicts(self, state: Samples, station: StationUpdate) -> bool:
+        sample = FieldSamples(
+            np.full(1, int(state[0].last_ns)),
+            station.down[None],
+            station.field[None],
+            np.full(1, _STATION_TILT),
+            np.full(1, _MAG_NOISE),
+            np.zeros(1, dtype=np.bool_),
+        )
+        found = interference_filter.run(self._kernel, state.copy(), sample)
+        return bool(found["ratio"][0] > (_CONTRADICTED if state[0].learnt_s > 0.0 else 1.0))
+
+    def read(self, pairs: Samples, in_force: MagneticModelInForce, start: int) -> Samples:
+        """
+        Azimuths of the pairs of a stretch of samples that begins at place `start` of its block.
+
+        pairs : ndarray of dtype `time_alignment_state.PAIR`, at least one. Returns dtype MAGNETIC_AZIMUTH.
+        """
+        rows = np.zeros(len(pairs), dtype=MAGNETIC_AZIMUTH)
+        rows["place"], rows["stamp_ns"] = pairs["place"] + start, pairs["stamp_ns"]
+        if self._state is None:
+            self._read_plain(pairs, in_force, rows)
+        else:
+            self._read_corrected(self._state, pairs, in_force, rows)
+        rows["usable"] = rows["status"] & _DISTURBED == 0
+        # What was withdrawn counts once.
+        rows["restart"][0] |= self.withdrawn
+        self.withdrawn = False
+        return rows
+
+    def _read_plain(self, pairs: Samples, in_force: MagneticModelInForce, rows: Samples) -> None:
+        """Without a reference: the azimuth as read."""
+        constant = min(in_force.model.sigma_north, math.pi)
+        rest = np.sqrt(np.maximum(pairs["sigma"] ** 2 - constant**2, 0.0))
+        rows["azimuth"], rows["sigma_constant"] = pairs["azimuth"], constant
+        rows["sigma_slow"], rows["sigma_noise"] = self._share * rest, math.sqrt(1.0 - self._share**2) * rest
+        rows["status"] = _UNCORRECTED | (_DISTURBED if in_force.external_interference else 0)
+        rows["sigma_interference"] = -1.0
+
+    def _read_corrected(self, state: Samples, pairs: Samples, in_force: MagneticModelInForce, rows: Samples) -> None:
+        """By the interference that the samples so far have shown."""
+        n, s = len(pairs), state[0]
+        samples = field_samples(
+            pairs["stamp_ns"], pairs["g_t"], pairs["b_t"], pairs["sigma_tilt"], np.full(n, _MAG_NOISE)
+        )
+        found = interference_filter.run(self._kernel, state, samples)
+        horizontal = float(s.field[0])
+        observed = found["sigma"] < _UNOBSERVED * np.sqrt(np.diagonal(s.prior)[:3])
+        quiet = self._since_disturbed(found["ratio"], samples.stamp_ns)
+        rows["status"] = _correction_status(found, samples, observed[:, 0] | in_force.corrected, horizontal)
+        usable = (quiet > _SETTLED_NS) & (not in_force.external_interference)
+        rows["status"] |= np.where(usable, 0, _DISTURBED).astype(np.uint32)
+        white = np.full(n, _MAG_NOISE / horizontal)
+        external = _EXTERNAL / horizontal * np.exp(-quiet / _EXTERNAL_NS)
+        held = np.maximum(found["sigma_azimuth"] ** 2 - found["sigma_own"] ** 2 - white**2, 0.0)
+        rows["azimuth"] = found["azimuth"] + in_force.model.north_correction
+        rows["sigma_slow"], rows["sigma_held"] = found["sigma_own"], np.sqrt(held + external**2)
+        rows["sigma_noise"], rows["sigma_constant"] = white, in_force.model.sigma_north
+        rows["restart"] = found["restarted"]
+        rows["interference"] = np.where(observed, found["bias"], 0.0)
+        rows["sigma_interference"] = np.where(observed, found["sigma"], -1.0)
+
+    def _since_disturbed(self, ratio: NDArray[np.float64], stamps: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Time since the last sample that the filter rejected, ns."""
+        disturbed = np.maximum.accumulate(np.where(ratio <= 1.0, self._disturbed_ns, stamps))
+        self._disturbed_ns = int(disturbed[-1])
+        return np.asarray(stamps - disturbed)
+
+
+def _correction_status(
+    found: Samples, samples: FieldSamples, corrected: NDArray[np.bool_], horizontal: float
+) -> NDArray[np.uint32]:
+    """Bits that tell whether the azimuth is corrected, and where it should be and is not."""
+    sine = np.sqrt(np.maximum(1.0 - samples.g_t[:, 0] ** 2, 0.0))
+    unobserved = found["sigma"][:, 0] * sine * np.abs(np.sin(found["azimuth"])) / horizontal
+    bits = np.where(unobserved > _MAX_UNOBSERVED, _UNCORRECTED | _REFUSED, _UNCORRECTED)
+    return np.asarray(np.where(corrected, _CORRECTED, bits), dtype=np.uint32)

@@ -1,0 +1,180 @@
+"""Settings, state and rows of the time alignment of magnetic samples with gravity, as its kernels see them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array, Samples, Stamps
+from mwd_sensors.core.records import dtype_of
+
+RING = 1024  # samples of gravity kept for pairing: 0.2 s at 5 kHz
+
+
+class KernelParams(NamedTuple):
+    """
+    `Params` in SI units.
+
+    Attributes
+    ----------
+    mag_lag_ns, mag_timeout_ns, interval_ns : int
+        After its stamp a magnetic sample is taken in; at that age there is no azimuth; one sample in each interval is
+        handed on.
+    smoothing_s : float
+        Time constant of azimuth and magnetic toolface.
+    vertical_enter, vertical_leave : float
+        Inclination below which the hole counts as near vertical, and above which it does no more, rad.
+    latency_s : float
+        Time over which toolfaces are propagated.
+    """
+
+    mag_lag_ns: int
+    mag_timeout_ns: int
+    interval_ns: int
+    smoothing_s: float
+    vertical_enter: float
+    vertical_leave: float
+    latency_s: float
+
+
+class FieldModel(NamedTuple):
+    """
+    What the magnetic samples are to be read with; it changes at surveys, not at samples.
+
+    Attributes
+    ----------
+    interference : ndarray, shape (3,)
+        Field in tool axes that is not the Earth's, T, taken off before use.
+    sigma_axial, sigma_cross : float
+        1 sigma of what is left of it along and across the axis, T.
+    north_correction : float
+        Added to the magnetic azimuth to give the named north, rad.
+    sigma_north : float
+        Its 1 sigma, rad.
+    """
+
+    interference: Array
+    sigma_axial: float
+    sigma_cross: float
+    north_correction: float = 0.0
+    sigma_north: float = 0.0
+
+
+class GravitySample:
+    """A sample kept for pairing: stamp, unit vector down in tool axes, and `State.turn`."""
+
+    stamp_ns: int
+    down: Annotated[Array, 3]
+    turn: float
+
+
+class State:
+    """
+    All that changes.
+
+    ring, ring_head, ring_length : the last samples of gravity. last_ns : stamp of the last one.
+    turn : about the tool axis since the start, rad.
+    near_vertical : the hole is near vertical, with hysteresis.
+    have_mag, mag_ns : whether a magnetic sample has been taken in, and the stamp of the last.
+    restart : the next magnetic sample counts whole. last_interval : in which one was handed on last.
+    azimuth_vector, toolface_vector : smoothed cosine and sine of azimuth, and of magnetic toolface less turn.
+    azimuth, toolface : their angles, rad.
+    total, dip, horizontal, vertical : of the last magnetic sample: strength T, dip rad, field across and along the
+        vertical, T.
+    """
+
+    ring: Annotated[Sequence[GravitySample], RING]
+    ring_head: int
+    ring_length: int
+    last_ns: int
+    turn: float
+    near_vertical: bool
+    have_mag: bool
+    mag_ns: int
+    restart: bool
+    last_interval: int
+    azimuth_vector: Annotated[Array, 2]
+    toolface_vector: Annotated[Array, 2]
+    azimuth: float
+    toolface: float
+    total: float
+    dip: float
+    horizontal: float
+    vertical: float
+
+
+class AttitudeRow:
+    """
+    Attitude of a sample.
+
+    Angles in rad, nan where not available (`azimuth`, `magnetic_toolface`) and then with a sigma of pi; `total` T and
+    `dip` rad of the last magnetic sample used, however old, nan before the first; `status` the bits this module adds.
+    """
+
+    inclination: float
+    azimuth: float
+    gravity_toolface: float
+    magnetic_toolface: float
+    sigma_azimuth: float
+    sigma_magnetic_toolface: float
+    total: float
+    dip: float
+    status: np.uint32
+
+
+class Pair:
+    """
+    A magnetic sample handed on, with gravity at its own stamp.
+
+    place : IMU sample of the block with which it was taken. stamp_ns : its own stamp.
+    g_t, b_t : unit vector down, and the field as read, T. sigma_tilt : 1 sigma of the direction down, rad.
+    azimuth, sigma : by the field model, from its north, and 1 sigma, rad.
+    """
+
+    place: int
+    stamp_ns: int
+    g_t: Annotated[Array, 3]
+    b_t: Annotated[Array, 3]
+    sigma_tilt: float
+    azimuth: float
+    sigma: float
+
+
+class GravityBlock(NamedTuple):
+    """
+    Samples of gravity, n of them.
+
+    Attributes
+    ----------
+    stamp_ns : ndarray of int64, shape (n,)
+    g_t : ndarray, shape (n, 3)
+        Unit vector down in tool axes, nan while unknown.
+    rate_x : ndarray, shape (n,)
+        Rate about the axis, rad/s.
+    sigma_tilt : ndarray, shape (n,)
+        1 sigma of the tilt, rad.
+    """
+
+    stamp_ns: Stamps
+    g_t: Array
+    rate_x: Array
+    sigma_tilt: Array
+
+
+class MagBlock(NamedTuple):
+    """Magnetic samples that wait, in order of their stamps: stamp_ns, shape (m,), and b_t, shape (m, 3), T."""
+
+    stamp_ns: Stamps
+    b_t: Array
+
+
+STATE, ATTITUDE_ROW, PAIR = dtype_of(State), dtype_of(AttitudeRow), dtype_of(Pair)
+
+
+def initial() -> Samples:
+    """State before the first sample, shape (1,), dtype STATE; a copy of it resumes."""
+    state = np.zeros(1, dtype=STATE)
+    state["last_interval"] = -1
+    return state

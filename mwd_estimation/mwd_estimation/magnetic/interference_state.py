@@ -1,0 +1,173 @@
+"""Settings, state and rows of the interference filter, as its kernels see them."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.records import dtype_of
+
+# Places of the states: bias and scale of x, y, z, error of the reference H and V.
+BIAS, SCALE, HORIZONTAL, VERTICAL, STATES = 0, 3, 6, 7, 8
+
+
+class KernelParams(NamedTuple):
+    """
+    Settings in SI units.
+
+    Attributes
+    ----------
+    walk, field_walk : float
+        Random walk of a bias and of the reference field, T^2/s.
+    varying : float
+        1 sigma of the error of H and V that lasts a correlation time, T.
+    correlation_s : float
+        Correlation time of errors that are not white.
+    gate : float
+        Chi-square of two degrees of freedom beyond which a sample is rejected.
+    max_reset_time_s, min_reset_time_s : float
+        Longest and shortest time that samples must be rejected before the filter restarts.
+    """
+
+    walk: float
+    field_walk: float
+    varying: float
+    correlation_s: float
+    gate: float
+    max_reset_time_s: float
+    min_reset_time_s: float
+
+
+class State:
+    """
+    All that changes.
+
+    x, P : bias T and scale of the three axes, error of the reference H and V, T; and covariance.
+    start, prior : state and covariance to restart from.
+    field : reference H and V, T.
+    last_ns : stamp of the last sample; -1 before the first.
+    disturbed_s, learnt_s : how long samples have been rejected without a break, and learnt from since the start.
+    """
+
+    x: Annotated[Array, STATES]
+    P: Annotated[Array, STATES, STATES]
+    start: Annotated[Array, STATES]
+    prior: Annotated[Array, STATES, STATES]
+    field: Annotated[Array, 2]
+    last_ns: int
+    disturbed_s: float
+    learnt_s: float
+
+
+class Interference:
+    """
+    Estimates after a sample.
+
+    bias, sigma : axial, y and z bias, T, and 1 sigma.
+    azimuth, sigma_azimuth : magnetic azimuth freed of bias and scale, rad in [0, 2 pi), and 1 sigma, at most pi.
+    sigma_own : the part of that sigma which the biases and scales left unknown make: it stays from sample to sample.
+    ratio : chi-square of the innovation over the gate; above one the sample was not learnt from.
+    learnt : the sample was taken in.
+    restarted : with this sample the filter forgot what it had learnt in a short time: that was from somewhere else.
+    """
+
+    bias: Annotated[Array, 3]
+    sigma: Annotated[Array, 3]
+    azimuth: float
+    sigma_azimuth: float
+    sigma_own: float
+    ratio: float
+    learnt: bool
+    restarted: bool
+
+
+class FieldSamples(NamedTuple):
+    """
+    Magnetic samples with gravity at the same instants, n of them.
+
+    Attributes
+    ----------
+    stamp_ns : ndarray of int64, shape (n,)
+        Not falling; a sample at or before the last one is not learnt from.
+    g_t, b_t : ndarray, shape (n, 3)
+        Unit vector down and field, T, in tool axes.
+    sigma_g : ndarray, shape (n,)
+        1 sigma of the direction down, rad, which lasts a correlation time.
+    sigma_b : ndarray, shape (n,)
+        White noise of each magnetometer axis, T, 1 sigma.
+    usable : ndarray of bool, shape (n,)
+        False for samples not to learn from (clipped, shaken); their azimuth is given all the same.
+    """
+
+    stamp_ns: Stamps
+    g_t: Array
+    b_t: Array
+    sigma_g: Array
+    sigma_b: Array
+    usable: NDArray[np.bool_]
+
+
+class Innovation:
+    """
+    The downward and horizontal field of a sample against the reference, and what its azimuth follows from.
+
+    north, east : unit vectors in tool axes. clean : the field as expected, T, free of the noise of the reading.
+    horizontal, vertical : of the reading less bias and scale, T.
+    slope, gain : of the innovations of V and H by the state, and the covariance of state and innovation.
+    off_v, off_h : innovations, T. p_vv, p_vh, p_hh : the state's part of their covariance, T^2.
+    r_vv, r_vh, r_hh : the part of errors that last a correlation time. bend : variance of H's second-order term.
+    """
+
+    north: Annotated[Array, 3]
+    east: Annotated[Array, 3]
+    clean: Annotated[Array, 3]
+    horizontal: float
+    vertical: float
+    slope: Annotated[Array, 2, STATES]
+    gain: Annotated[Array, 2, STATES]
+    off_v: float
+    off_h: float
+    p_vv: float
+    p_vh: float
+    p_hh: float
+    r_vv: float
+    r_vh: float
+    r_hh: float
+    bend: float
+
+
+STATE, INTERFERENCE, INNOVATION = dtype_of(State), dtype_of(Interference), dtype_of(Innovation)
+
+
+def field_samples(
+    stamp_ns: ArrayLike,
+    g_t: ArrayLike,
+    b_t: ArrayLike,
+    sigma_g: ArrayLike,
+    sigma_b: ArrayLike,
+    usable: ArrayLike | None = None,
+) -> FieldSamples:
+    """
+    Arrays of `FieldSamples`, checked for shape and laid out for the kernel; without `usable` all are.
+
+    Raises
+    ------
+    ValueError
+        Arrays of different length.
+    """
+    stamps = np.ascontiguousarray(stamp_ns, dtype=np.int64)
+    n = len(stamps)
+    arrays = {
+        "g_t": (np.ascontiguousarray(g_t, dtype=np.float64), (n, 3)),
+        "b_t": (np.ascontiguousarray(b_t, dtype=np.float64), (n, 3)),
+        "sigma_g": (np.ascontiguousarray(sigma_g, dtype=np.float64), (n,)),
+        "sigma_b": (np.ascontiguousarray(sigma_b, dtype=np.float64), (n,)),
+    }
+    used = np.ones(n, dtype=np.bool_) if usable is None else np.ascontiguousarray(usable, dtype=np.bool_)
+    for name, (array, shape) in {**arrays, "usable": (used, (n,))}.items():
+        if array.shape != shape:
+            raise ValueError(f"{name}: expected shape {shape} beside {n} stamps, got {array.shape}")
+    return FieldSamples(stamp_ns=stamps, **{name: array for name, (array, _) in arrays.items()}, usable=used)
