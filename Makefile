@@ -25,7 +25,7 @@ lint: setup
 	@$(BIN)/python .ci/config --check
 
 check: lint
-	@$(PYTEST) -m "not slow"
+	@$(PYTEST) -m "not slow and not ros"
 
 test: lint
 	@$(PYTEST)

@@ -198,7 +198,8 @@ def test_parameters_are_described_and_changed_all_or_nothing(played):
     assert said["good set"][0]
     assert not said["bad set"][0]
     assert not said["fixed set"][0]
-    assert said["description"][0].startswith("Averaging time of a survey [s]")
+    assert said["description"][0].startswith("Averaging time of a survey")
+    assert "[s] (1 to 600)" in said["description"][0]
     assert said["description"][1] == 600.0
     assert said["state"] == "active"
 
