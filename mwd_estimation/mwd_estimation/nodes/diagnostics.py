@@ -12,7 +12,7 @@ from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 
 
 def sample_diagnostic(pipeline: Pipeline, unreadable: int) -> Diagnostic:
-    """Samples that were not used, by cause; unreadable: messages that could not be decoded."""
+    """Count the samples that were not used, by cause; unreadable: messages that could not be decoded."""
     counters = pipeline.counters
     unused = counters.rejected + counters.late_mag + counters.spikes + unreadable
     values = (
@@ -29,7 +29,7 @@ def sample_diagnostic(pipeline: Pipeline, unreadable: int) -> Diagnostic:
 
 
 def reference_diagnostic(reference: Reference | None) -> Diagnostic:
-    """The reference field in force, with its values in T, rad and m/s^2 in full precision."""
+    """Report the reference field in force, with its values in T, rad and m/s^2 in full precision."""
     if reference is None or not reference.has_field:
         message = reference.source if reference is not None else "none: azimuth is magnetic and uncorrected"
         remedy = "set place.field, or call set_reference_field"

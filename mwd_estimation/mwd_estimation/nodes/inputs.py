@@ -52,7 +52,7 @@ class InputTopics:
         }
 
     def take(self, topic: str) -> Samples:
-        """Samples that wait on a topic, followed by those of the burst topic that replaces it."""
+        """Take the samples that wait on a topic, followed by those of the burst topic that replaces it."""
         layout = wire.SONDE_TOPICS[topic]
         messages = [message.data for message in self._buffers[topic].take()]
         samples, errors = decode_messages(layout, messages)
@@ -112,7 +112,7 @@ class InputTopics:
         return Diagnostic(topic, level, message, "check its QoS", values)
 
     def frames_diagnostics(self) -> tuple[Diagnostic, ...]:
-        """An error where IMU and magnetometer are published in two frames, else nothing."""
+        """Report an error where IMU and magnetometer are published in two frames, else nothing."""
         if not self.frames_differ():
             return ()
         imu, mag = self.frames["imu/data_raw"], self.frames["imu/mag"]

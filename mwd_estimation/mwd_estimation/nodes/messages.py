@@ -56,7 +56,7 @@ def tool_transform(oriented: Any, namespace: str, frame_id: str) -> TransformSta
 
 def published_rows(stamps: Stamps, last_ns: int) -> Indices:
     """
-    Indices of the samples whose estimates are published: at least `MIN_SPACING_NS` apart.
+    Select the samples whose estimates are published: at least `MIN_SPACING_NS` apart.
 
     stamps, shape (n,), and last_ns, stamp of the one published last: ns. Time that goes back starts anew.
     """
@@ -73,7 +73,7 @@ def published_rows(stamps: Stamps, last_ns: int) -> Indices:
 
 def oriented_imu(samples: Samples, attitude: Samples) -> Samples:
     """
-    The IMU samples with their orientation filled in, tool to east-north-up (REP-103, REP-145).
+    Fill in the orientation of IMU samples, tool to east-north-up (REP-103, REP-145).
 
     Without attitude the first covariance element is -1 (not reported); without azimuth the heading is zero with the
     variance of a full circle.

@@ -46,7 +46,7 @@ class Compensation:
         self._celsius = np.concatenate([self._celsius, good["temperature"]])[order]
 
     def imu(self, samples: Samples) -> Samples:
-        """Samples of the layout `wire.IMU`, gyros and accelerometers corrected; the others are left as they are."""
+        """Correct gyros and accelerometers of samples of the layout `wire.IMU`."""
         out = samples.copy()
         known = self._known(samples["stamp_ns"])
         self.without_temperature += int(np.count_nonzero(~known))
@@ -55,7 +55,7 @@ class Compensation:
         return out
 
     def mag(self, samples: Samples) -> Samples:
-        """Samples of the layout `wire.MAG`, corrected; as they are where the calibration has no magnetometer."""
+        """Correct samples of the layout `wire.MAG`; unchanged where the calibration has no magnetometer."""
         if self.calibration.magnetometer is None:
             return samples
         out = samples.copy()

@@ -34,7 +34,7 @@ class RunTemperature:
 
     @classmethod
     def of(cls, celsius: Array) -> RunTemperature:
-        """Reference and range of temperatures, shape (m,), degC."""
+        """Take reference and range from temperatures, shape (m,), degC."""
         reference, varied = float(celsius.mean()), bool(np.ptp(celsius) > 1.0)
         span = float(np.ptp(celsius)) if varied else 1.0
         return cls(reference, span, (celsius - reference) / span, varied)

@@ -67,7 +67,7 @@ def encode(samples: Samples, frame_id: str) -> bytes:
 
 def decode(message: bytes) -> Samples:
     """
-    Samples of a burst, dtype of `wire.IMU`, without orientation (its first covariance element is -1).
+    Decode a burst: samples, dtype of `wire.IMU`, without orientation (its first covariance element is -1).
 
     Raises
     ------
@@ -96,7 +96,7 @@ def decode(message: bytes) -> Samples:
 
 
 def bare(count: int = 1) -> Samples:
-    """Samples without orientation, as REP-145 says it: all zero but -1 in the first element of its covariance."""
+    """Take the orientation out of samples, as REP-145 says it: zeros, and -1 as first element of the covariance."""
     samples = wire.IMU.empty(count)
     samples["orientation_covariance"][:, 0] = -1.0
     return samples

@@ -82,7 +82,7 @@ class ReferenceField:
 
 
 def field_of(b_n: Array, convergence: float, gravity_mps2: float, source: str) -> ReferenceField:
-    """Reference of a field given in true north, east, down, T, shape (3,); convergence rad, gravity m/s^2."""
+    """Describe a field given in true north, east, down, T, shape (3,); convergence rad, gravity m/s^2."""
     horizontal = math.hypot(b_n[0], b_n[1])
     return ReferenceField(
         total=math.hypot(horizontal, b_n[2]),

@@ -141,7 +141,7 @@ def mat_from_quat(q: ArrayLike) -> Array:
 
 def quat_from_mat(mat: ArrayLike) -> Array:
     """
-    Unit quaternion (x, y, z, w), shape (..., 4), w >= 0, of a rotation matrix, shape (..., 3, 3).
+    Convert a rotation matrix, shape (..., 3, 3), to the unit quaternion (x, y, z, w), shape (..., 4), w >= 0.
 
     The largest of the four components is taken from the trace first (Shepperd), so that no angle loses digits.
     """

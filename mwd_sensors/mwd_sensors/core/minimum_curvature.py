@@ -22,7 +22,7 @@ REVERSAL = 1e-6
 
 
 def tangent(inclination: ArrayLike, azimuth: ArrayLike) -> Array:
-    """Unit vector down-hole, north-east-down, shape (..., 3), of inclination and azimuth, rad, broadcast to (...)."""
+    """Compute the unit vector down-hole, NED, shape (..., 3), of inclination and azimuth, rad, broadcast to (...)."""
     inc, azi = np.broadcast_arrays(np.asarray(inclination, dtype=float), np.asarray(azimuth, dtype=float))
     s_i = np.sin(inc)
     return np.stack([s_i * np.cos(azi), s_i * np.sin(azi), np.cos(inc)], axis=-1)
@@ -200,7 +200,7 @@ def vertical_section(positions: ArrayLike, azimuth: float, origin: ArrayLike = (
 
 def checked_stations(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike) -> tuple[Array, Array, Array]:
     """
-    The three columns as float arrays of shape (n,), n >= 1.
+    Check the three columns and return them as float arrays of shape (n,), n >= 1.
 
     Raises
     ------

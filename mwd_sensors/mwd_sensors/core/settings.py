@@ -143,7 +143,7 @@ def flat(settings: Any, prefix: str = "") -> dict[str, tuple[Any, Rule]]:
 
 def changed(settings: T, changes: Mapping[str, Any]) -> T:
     """
-    A copy with the given dotted names changed, all or nothing.
+    Copy the settings with the given dotted names changed, all or nothing.
 
     Raises
     ------
@@ -276,5 +276,5 @@ def _bound(value: float | None) -> str:
 
 
 def _figure(value: float) -> str:
-    """A number as people write it: whole ones with all their digits."""
+    """Write a number as people do: whole ones with all their digits."""
     return f"{value:.0f}" if float(value).is_integer() and abs(value) < 1e15 else f"{value:g}"

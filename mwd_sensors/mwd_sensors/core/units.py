@@ -27,7 +27,7 @@ _WORDS = {"acceleration": "specific force", "rate": "angular rate", "field": "ma
 
 def factor(quantity: str, unit: str) -> float:
     """
-    What to multiply readings by to get SI.
+    Find the factor from readings to SI.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def factor(quantity: str, unit: str) -> float:
 
 def doubt(quantity: str, readings: ArrayLike) -> tuple[str, str] | None:
     """
-    What is odd about readings that should be in SI.
+    Describe what is wrong with readings that should be in SI.
 
     readings, shape (n, 3): in m/s^2, rad/s or T, as they are said to be; rows that are not finite are left out.
     Returns None where their median magnitude is plausible or nothing finite is there, else (sentence, unit): the

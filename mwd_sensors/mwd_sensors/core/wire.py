@@ -54,7 +54,7 @@ class Layout:
 
     def dtype_of(self, fields: tuple[str, ...] | None) -> np.dtype[np.void]:
         """
-        Samples of ``stamp_ns`` and of some of the fields only, in wire order; None: all.
+        Decode samples of ``stamp_ns`` and of some of the fields only, in wire order; None: all.
 
         Raises
         ------
@@ -83,7 +83,7 @@ class Layout:
         return self.row_dtype(len(frame_id.encode())).itemsize
 
     def empty(self, count: int) -> Samples:
-        """Samples of this layout, all zero."""
+        """Create samples of this layout, all zero."""
         return np.zeros(count, dtype=self.dtype)
 
     def encode(self, samples: Samples, frame_id: str) -> Rows:
@@ -113,7 +113,7 @@ class Layout:
 
     def decode(self, rows: Rows | bytes, fields: tuple[str, ...] | None = None) -> Samples:
         """
-        Samples of messages that share one frame name.
+        Decode messages that share one frame name.
 
         Parameters
         ----------

@@ -115,7 +115,7 @@ class DeferredActionServer(ActionServer):
         super().__init__(node, action_type, name, lambda _handle: None, cancel_callback=self._on_cancel_request)
 
     def notify_execute(self, goal_handle: ServerGoalHandle, execute_callback: Any) -> None:  # noqa: ARG002
-        """A goal was accepted and is now executing (called by rclpy)."""
+        """Start an accepted goal (called by rclpy when its state is `executing`)."""
         for key in [key for key, goal in self._goals.items() if goal.done]:
             del self._goals[key]
         goal = self._goals[bytes(goal_handle.goal_id.uuid)] = DeferredGoal(self, goal_handle)

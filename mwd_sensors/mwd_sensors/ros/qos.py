@@ -68,7 +68,7 @@ DEADLINE_STATE = QoSProfile(
 
 
 def buffered(profile: QoSProfile) -> QoSProfile:
-    """That profile with a long queue, for a subscription whose messages wait until they are taken."""
+    """Copy a profile with a long queue, for a subscription whose messages wait until they are taken."""
     return QoSProfile(
         history=QoSHistoryPolicy.KEEP_LAST,
         depth=5000,

@@ -223,7 +223,7 @@ def _change(
 
 
 def mounting(fault: Fault) -> NDArray[np.float64]:
-    """What a fault of MOUNTING does to a vector, shape (3, 3): reported = matrix @ true."""
+    """Matrix of a fault of MOUNTING, shape (3, 3): reported = matrix @ true."""
     matrix = np.eye(3)
     at = "xyz".find(fault.axis[0])
     if fault.fault == "swapped":
@@ -293,7 +293,7 @@ def start_link(link: Link, rng: np.random.Generator) -> LinkState:
 
 def carry(state: LinkState, samples: Samples, t: NDArray[np.float64]) -> tuple[Samples, NDArray[np.float64]]:
     """
-    Samples as they arrive (lost, twice, out of order) and the times of arrival. t, shape (n,): time of the run, s.
+    Carry samples over the link (lost, twice, out of order), with times of arrival. t, shape (n,): time of the run, s.
 
     Each sample draws its own fate, so that blocks of any length give the same stream.
     """

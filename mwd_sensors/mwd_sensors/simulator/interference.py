@@ -86,6 +86,7 @@ class Interference:
     diurnal: Diurnal | None = setting(None, "daily variation of the Earth's field")
 
     def __post_init__(self) -> None:
+        """Check the values against each other."""
         if self.soft_iron and len(self.soft_iron) != 3:
             raise ValueError(f"soft_iron: three rows are needed, got {len(self.soft_iron)}")
         depths = [item.md_m for item in self.anomalies]

@@ -86,7 +86,7 @@ class ProfileBuilder:
         self.rate = factor * other.rate
 
     def build(self) -> Profile:
-        """The profile laid so far, continued at its last rate."""
+        """Finish the profile: it continues at its last rate."""
         starts = [*self._starts, self.time]
         terms = [*self._terms, [self.value, self.rate, 0.0, 0.0, 0.0, 0.0, 0.0]]
         return Profile(np.array(starts), np.array(terms))

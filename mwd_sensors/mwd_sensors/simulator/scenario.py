@@ -108,6 +108,7 @@ class Scenario:
     kinematics_hz: int = setting(2000, "instants at which the motion is evaluated", unit="Hz", low=100, high=32000)
 
     def __post_init__(self) -> None:
+        """Check the values against each other."""
         parse_date(self.date)
         if not self.schedule:
             raise ValueError("schedule: at least one phase is needed")

@@ -153,7 +153,7 @@ class Sonde:
 
     def blocks(self, seconds: float = 1.0) -> Iterator[dict[str, Samples]]:
         """
-        Samples of every topic, in blocks of that length of the run, to the end of the schedule.
+        Simulate the samples of every topic, in blocks of that length of the run, to the end of the schedule.
 
         Each block holds, for each topic of `wire.SONDE_TOPICS`, the samples that arrive in it, perhaps none. Asked
         again, the sonde goes on where the last block ended.
@@ -324,7 +324,7 @@ class Sonde:
 
 
 def reference_of(scenario: Scenario) -> earth.ReferenceField:
-    """Reference field of a scenario's place and date, or as it overrides it."""
+    """Compute the reference field of a scenario's place and date, or as the scenario overrides it."""
     place = scenario.place
     lat, lon = math.radians(place.latitude_deg), math.radians(place.longitude_deg)
     date = parse_date(scenario.date).date()

@@ -57,6 +57,7 @@ class Steering:
     most_turn_deg: float = setting(720.0, "largest turn it takes at once", unit="deg", low=1.0, high=36000.0)
 
     def __post_init__(self) -> None:
+        """Check the values against each other."""
         if self.kinetic_nm > self.static_nm:
             raise ValueError(f"kinetic_nm {self.kinetic_nm:g} must not be above static_nm {self.static_nm:g}")
         if self.motor_band_hz[0] >= self.motor_band_hz[1]:
@@ -168,7 +169,7 @@ class String:
 
     def advance(self, first: int, count: int) -> tuple[Array, Array]:
         """
-        The instants (first + k) / rate, s, k = 0 .. count - 1, which follow on those of the call before.
+        Advance over the instants (first + k) / rate, s, k = 0 .. count - 1, which follow on those of the call before.
 
         Returns
         -------

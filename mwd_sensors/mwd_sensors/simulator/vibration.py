@@ -32,6 +32,7 @@ class RandomVibration:
     when: str = setting("drilling", "phases in which it is felt", choices=WHEN)
 
     def __post_init__(self) -> None:
+        """Check the values against each other."""
         if self.band_hz[0] >= self.band_hz[1]:
             raise ValueError(f"band_hz {self.band_hz}: the lowest frequency must be below the highest")
 

@@ -51,7 +51,7 @@ class PlanServer:
         self._alarm_log.clear_alarm("plan.file")
 
     def with_section(self, well: Well) -> Well:
-        """The well as configured, with its vertical section along the plan where no other is configured."""
+        """Set the vertical section of a well along the plan, where no other is configured."""
         if self.plan is None or not self._settings.sets_section or well.section_azimuth_deg != 0.0:
             return well
         return dataclasses.replace(well, section_azimuth_deg=math.degrees(self.plan.section_azimuth))

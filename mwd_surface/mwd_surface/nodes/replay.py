@@ -325,7 +325,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
 
 
 def profile(recorded: str) -> QoSProfile:
-    """A profile to publish with that serves whoever the recorded one served."""
+    """Derive a profile to publish with, compatible with every subscriber of the recorded one."""
     try:
         first = parse_qos(recorded)[0]
     except (ValueError, IndexError):

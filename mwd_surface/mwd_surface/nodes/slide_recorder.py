@@ -46,7 +46,7 @@ class SlideRecorder:
         self._shown: tuple[Any, ...] = ()
 
     def stretches(self) -> tuple[Stretch, ...]:
-        """The intervals recorded so far."""
+        """Return the intervals recorded so far."""
         return self._sheet.stretches
 
     def on_surveys(self, surveys: SurveyList) -> None:

@@ -245,7 +245,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._page.update(now, without_clients=True)
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Recorder, page, Foxglove, rig interfaces, survey list, unreadable messages, topics to record."""
+        """Report on recorder, page, Foxglove, rig interfaces, survey list, unreadable messages, topics to record."""
         parts = (
             self._recording,
             self._page,

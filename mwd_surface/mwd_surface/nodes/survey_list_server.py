@@ -137,7 +137,7 @@ class SurveyListServer:
         self._alarm_log.raise_alarm("surveys.settings", Severity.WARNING, text)
 
     def definitive(self) -> Definitive:
-        """The well path, projected to the bit where the bit is deeper."""
+        """Compute the well path, projected to the bit where the bit is deeper."""
         return self.surveys.definitive(bit_depth=self.bit_depth)
 
     @property
@@ -296,7 +296,7 @@ class SurveyListServer:
         self._report()
 
     def _table(self) -> Callable[[], SurveyTable]:
-        """Function that computes the printed table of the present list, in any thread."""
+        """Return a function that computes the printed table of the present list, in any thread."""
         return functools.partial(
             survey_table, self.surveys, self._alarm_log.now_ns(), plan=self._plan.plan, stretches=self._slide_sheet()
         )

@@ -40,7 +40,7 @@ def trajectory_message(path: Definitive, changed_ns: int) -> msg.Trajectory:
 
 
 def path_message(path: Definitive, changed_ns: int, frame_id: str) -> Path:
-    """The well path as nav_msgs/Path in east-north-up, x of each pose down-hole."""
+    """Convert the well path to nav_msgs/Path in east-north-up, x of each pose down-hole."""
     message = Path()
     message.header.stamp = stamp(changed_ns)
     message.header.frame_id = frame_id

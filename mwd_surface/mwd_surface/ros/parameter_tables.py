@@ -80,5 +80,5 @@ class ParameterTables:
 
 
 def without_secrets(table: dict[str, Any]) -> dict[str, str]:
-    """The table as text, without tokens and passwords."""
+    """Convert a table to text, without tokens and passwords."""
     return {name: str(value) for name, value in table.items() if name.rsplit(".", 1)[-1] not in _SECRETS}

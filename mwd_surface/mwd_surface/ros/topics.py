@@ -62,7 +62,7 @@ def message_class(type_name: str) -> Any:
 
 def profile_yaml(profile: QoSProfile) -> str:
     """
-    A profile as rosbag2 writes it into ``offered_qos_profiles``: a list of one, in YAML.
+    Write a profile as rosbag2 does into ``offered_qos_profiles``: a list of one, in YAML.
 
     Without deadline and lease: a replay may be slow or paused, and promises neither.
     """
