@@ -1,7 +1,7 @@
 """
 Sensor health: alarms on healthy tools, and how long each fault takes to be doubted and named, as Markdown.
 
-    nice -n 10 python tests/benchmarks/bench_health.py
+    nice -n 10 python tests/benchmarks/bench_health.py [--ablation]
 
 Healthy: every scenario of the project (its first four minutes, without its own faults), with and without a reference
 field, and with what a poor link or point samples do to it: a third of the IMU's samples lost, white noise on each
@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -326,7 +327,13 @@ def table(cases: Cases, faulty: Sequence[tuple[str, str, str]], watch: Callable[
 
 
 def main() -> None:
-    """All tables."""
+    """All tables, or with --ablation what each check and limit is good for."""
+    if "--ablation" in sys.argv[1:]:
+        import health_ablation
+
+        for line in health_ablation.table():
+            print(line, flush=True)
+        return
     print("\n".join(healthy()))
     print("Seconds from a fault until the sensor is in doubt, and until it is named; the slower of two moments.\n")
     table(CASES, FAULTS, watched)

@@ -105,15 +105,6 @@ class SignalLimits(NamedTuple):
     repeated: float = 0.3
 
 
-class Pace(NamedTuple):
-    """Counts of half a second: intervals, those too long and too short, samples of the IMU."""
-
-    steps: int
-    long: int
-    short: int
-    imu: int
-
-
 def blank() -> Any:
     """Nine channels before the first sample."""
     channels = np.zeros(9, dtype=CHANNEL)
@@ -293,28 +284,3 @@ def judge_bin(p: SignalLimits, checks: Any, channels: Any, limits: Array, began:
         row.n = row.not_finite = row.repeats = row.at_limit = 0
         row.total = row.total2 = row.steps2 = 0.0
     return doubtful
-
-
-@compiled
-def judge_stream(p: SignalLimits, checks: Any, channels: Any, pace: Pace, period: float, began: int) -> bool:
-    """
-    Judge whether samples come at their pace and each once; before `judge_bin`, which forgets the spreads.
-
-    period : of the IMU's samples, s; 0 while not known. Returns whether samples come so late that turns are not known.
-    """
-    if period > 0.0 and pace.steps >= 2:
-        odd = pace.long + pace.short
-        seen = FOR if odd > p.off_pace * pace.steps else (AGAINST if odd < p.in_pace * pace.steps else NOTHING)
-        observe(checks[FaultCode.RATE, 0], seen, began, pace.imu / (1e-9 * BIN_NS), 1.0 / period)
-    for s in range(2):
-        lively, least, repeats = 0.0, 0.0, pace.imu
-        for c in range(3 * s, 3 * s + 3):
-            row = channels[c]
-            if row.n >= _FEW:
-                lively = max(lively, row.total2 / row.n - (row.total / row.n) ** 2)
-            least = max(least, row.least_step)
-            repeats = min(repeats, row.repeats)
-        if lively > (p.steps * least) ** 2 and not channels[3 * s].constant_bins:
-            share = repeats / max(pace.imu, 1)
-            observe(checks[FaultCode.REPEATED, 3 * s], FOR if share > p.repeated else AGAINST, began, share, p.repeated)
-    return bool(period > 0.0 and pace.steps >= 2 and pace.long > p.lost * pace.steps)

@@ -9,7 +9,8 @@ import pytest
 
 from mwd_estimation.health import motion_window
 from mwd_estimation.health.axis_mappings import ACCEL, GYRO, MAG, MAPPINGS, MISTAKES
-from mwd_estimation.health.motion_window import CARRIED, ROWS, STEP, Consistency, Expected, Samples, Window
+from mwd_estimation.health.carried_vectors import Window
+from mwd_estimation.health.motion_window import CARRIED, ROWS, STEP, Consistency, Expected, Samples
 from mwd_sensors.core.kalman import in_turned_axes
 
 F = np.array([-3.0, 2.0, -9.0])

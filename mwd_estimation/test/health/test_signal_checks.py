@@ -9,7 +9,7 @@ from mwd_estimation.health import fault_debounce as debounce
 from mwd_estimation.health import signal_checks as signals
 from mwd_estimation.health.fault_debounce import AGAINST, FOR, NOTHING
 from mwd_estimation.health.sensor_fault import ACCEL, MAG, FaultCode
-from mwd_estimation.health.signal_checks import Pace, SignalLimits
+from mwd_estimation.health.signal_checks import SignalLimits
 
 LIMITS = np.array([math.radians(2000.0), 16.0 * 9.80665, 800e-6])
 N = 50
@@ -23,7 +23,7 @@ class Tool:
         self.rng = np.random.default_rng(1)
         self.bins = 0
 
-    def half_second(self, change=None, pace=None):
+    def half_second(self, change=None):
         """What is observed of a tool that turns and shakes, its values changed by `change`: code and place."""
         self.checks["seen"] = NOTHING
         means, spreads = np.repeat([0.5, 5.0, 3e-5], 3), np.repeat([0.2, 2.0, 1e-6], 3)
@@ -33,8 +33,6 @@ class Tool:
         for c in range(9):
             signals.count(self.channels[c], values, c, 0, N, LIMITS[c // 3])
         began, limits = self.bins * signals.BIN_NS, SignalLimits()
-        if pace is not None:
-            self.late = signals.judge_stream(limits, self.checks, self.channels, pace, 0.01, began)
         self.doubtful = signals.judge_bin(limits, self.checks, self.channels, LIMITS, began)
         self.bins += 1
         return {(FaultCode(code), int(place)) for code, place in np.argwhere(self.checks["seen"] == FOR)}
@@ -80,16 +78,6 @@ def test_values_that_are_not_finite_are_noted_by_axis():
     tool = Tool()
     assert tool.half_second(put(slice(7, 9), math.nan)) == {(FaultCode.INVALID, 6)}
     assert tool.checks[FaultCode.INVALID, 6].seen_which[0] == 0b110
-
-
-def test_a_changed_pace_and_values_sent_twice_are_noted():
-    tool = Tool()
-    tool.half_second()
-    twice = np.arange(N) // 2 * 2
-    found = tool.half_second(lambda v: v.__setitem__((slice(None), slice(0, 3)), v[twice, :3]), Pace(N, 40, 0, N))
-    assert found == {(FaultCode.RATE, 0), (FaultCode.REPEATED, 0)}
-    assert tool.checks[FaultCode.REPEATED, 0].seen_value == pytest.approx(0.5)
-    assert tool.late
 
 
 def test_samples_counted_one_by_one_or_together_give_the_same():

@@ -1,0 +1,102 @@
+"""
+Gravity and field of a window as every way to exchange and reverse axes carries them along: `window_checks` judges them.
+
+Seen from axes that the gyros carry along, gravity and the Earth's field stand still. Axes exchanged, reversed or turned
+on one sensor break that: the vectors smear out and their mean gets shorter. What a motion cannot tell apart (a tool
+that stands, or turns about one axis only) comes out as several ways that explain the same data.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from mwd_estimation.health.axis_mappings import WAYS
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.kalman import rotate_right
+
+
+@compiled
+def attitudes(turns: Array, scale: float) -> Array:
+    """Attitude before each step, shape (n, 3, 3), from turns, shape (n, 3), rad, that are read with a factor."""
+    mats = np.zeros((len(turns), 3, 3))
+    mat = np.eye(3)
+    for i in range(len(turns)):
+        mats[i] = mat
+        rotate_right(mat, scale * turns[i, 0], scale * turns[i, 1], scale * turns[i, 2])
+    return mats
+
+
+class Window:
+    """
+    Vectors of a window as every way to exchange and reverse axes carries them along.
+
+    Attributes
+    ----------
+    force, field : ndarray, shape (48,)
+        Squared length of the mean carried vector by each way of `axis_mappings`, in the sensors' units.
+    force_deg, field_deg, force_fixed, field_fixed : float
+        The same for gyros that were read in deg/s, and for a vector that stands still in the tool.
+    force2, field2 : float
+        Mean squared magnitude.
+    forces, fields : int
+        Samples.
+    product : ndarray, shape (3, 3)
+        Mean of force component i times field component j.
+    part_force : ndarray, shape (parts, 48, 3)
+        Mean carried force of each half second by each way.
+    mean_force : ndarray, shape (3,)
+        In tool axes.
+    push : float
+        Largest mean force of a half second along an axis of the tool.
+    path, turn_x : float
+        Angle turned through, and about the tool's axis, as the gyros tell it, rad.
+    began_ns : int
+        Begin of the window.
+    seconds : float
+        Its length.
+    """
+
+    def __init__(self, steps: Any, began_ns: int, seconds: float) -> None:
+        turn = np.ascontiguousarray(steps["turn"])
+        force, field, counts = steps["force"], steps["field"], steps["fields"]
+        self.began_ns, self.seconds = began_ns, seconds
+        self.forces, self.fields = int(steps["forces"].sum()), int(counts.sum())
+        self.force2 = float(steps["force2"].sum() / max(self.forces, 1))
+        self.field2 = float(steps["field2"].sum() / max(self.fields, 1))
+        self.path, self.turn_x = float(np.sqrt((turn**2).sum(axis=1)).sum()), float(turn[:, 0].sum())
+        starts = np.flatnonzero(np.diff(steps["part"], prepend=-1))
+        part_forces = np.add.reduceat(steps["forces"], starts)
+        by_part, in_all = [], []
+        for sign in (1.0, -1.0):
+            mats = attitudes(turn, sign)
+            carried = np.add.reduceat(np.einsum("nab,nj->nabj", mats, force), starts)
+            by_part.append(np.einsum("wbj,pabj->pwa", WAYS, carried))
+            in_all.append(np.einsum("wbj,abj->wa", WAYS, np.einsum("nab,nj->abj", mats, field)))
+        sums = np.concatenate(by_part, axis=1)
+        self.part_force = sums / np.maximum(part_forces, 1)[:, None, None]
+        self.whole_parts = bool((part_forces > 0).all())
+        n, m = max(self.forces, 1), max(self.fields, 1)
+        self.force = ((sums.sum(axis=0) / n) ** 2).sum(axis=1)
+        self.field = ((np.concatenate(in_all) / m) ** 2).sum(axis=1)
+        as_deg = attitudes(turn, math.radians(1.0))
+        self.force_deg = float(((np.einsum("nab,nb->a", as_deg, force) / n) ** 2).sum())
+        self.field_deg = float(((np.einsum("nab,nb->a", as_deg, field) / m) ** 2).sum())
+        tool_means = np.add.reduceat(force, starts) / np.maximum(part_forces, 1)[:, None]
+        self.push = float(np.abs(tool_means).max())
+        self.mean_force = force.sum(axis=0) / n
+        self.force_fixed = float((self.mean_force**2).sum())
+        self.field_fixed = float(((field.sum(axis=0) / m) ** 2).sum())
+        both = (counts > 0) & (steps["forces"] > 0)
+        product = np.einsum("ni,nj->ij", force[both], field[both] / counts[both, None])
+        self.product = product / max(int(steps["forces"][both].sum()), 1)
+
+    def noise(self, way: int) -> float:
+        """1 sigma of the mean force by a way, along one axis, from what its half seconds differ by; inf: not known."""
+        parts = self.part_force[:, way]
+        if len(parts) < 2 or not self.whole_parts:
+            return math.inf
+        return math.sqrt(float(parts.var(axis=0).sum()) / (3.0 * (len(parts) - 1)))

@@ -1,0 +1,137 @@
+"""
+What the times of the samples show: whether they advance, come at their pace, each once, and come at all.
+
+`Stream` is the record of the stream as a whole, of which each function here keeps a part.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+
+from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, NOTHING, OK, observe, weigh
+from mwd_estimation.health.motion_window import Samples
+from mwd_estimation.health.sensor_fault import FaultCode
+from mwd_estimation.health.signal_checks import BIN_NS, SignalLimits
+from mwd_sensors.core.arrays import Indices
+from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.records import dtype_of
+
+# A stamp so much before the others begins anew, ns.
+BACK_NS = 1_000_000_000
+# Stamps that do not advance count two for the fault, those that do one against it.
+_STAMP_FAULT, _STAMP_MOST = 200, 400
+# Intervals that the sample rate is learned from, at least; and how long and short ones are off it.
+_LEARN, _LONG, _SHORT = 12, 1.4, 0.7
+# Samples below which a spread says nothing.
+_FEW = 10
+
+
+class Stream:
+    """Where the stream of samples stands: half second, window, pace, and what must not be used."""
+
+    stage: int
+    open: int
+    bin: int
+    first: int
+    stop: int
+    mag_first: int
+    last_ns: int
+    newest_ns: int
+    stamp_score: int
+    period: float
+    mag_came: int
+    doubt_left: Annotated[Indices, 3]
+    doubtful: int
+    window: Annotated[Indices, 3]
+    window_ns: int
+    judged_ns: int
+    in_vain: int
+    broken: int
+    judge: int
+    end_ns: int
+    unusable: int
+    suspect: int
+
+
+STREAM = dtype_of(Stream)
+
+
+class Pace(NamedTuple):
+    """Counts of half a second: intervals, those too long and too short, samples of the IMU."""
+
+    steps: int
+    long: int
+    short: int
+    imu: int
+
+
+@compiled
+def judge_stamp(s: Any, checks: Any, stamp: int) -> int:
+    """Judge a stamp as it comes: whatever waits for its time needs them to advance."""
+    good = stamp > s.newest_ns
+    s.newest_ns = stamp
+    s.stamp_score = min(max(s.stamp_score + (-1 if good else 2), 0), _STAMP_MOST)
+    check = checks[FaultCode.STAMPS, 0]
+    bad = s.stamp_score >= _STAMP_FAULT and not good and check.state != FAULT
+    if not bad and (s.stamp_score > 0 or check.state == OK):
+        return 0
+    observe(check, FOR if bad else AGAINST, stamp, 1.0 * s.stamp_score, 1.0 * _STAMP_FAULT)
+    return int(weigh(checks))
+
+
+@compiled
+def _pace(s: Any, samples: Samples) -> Pace:
+    """Counts of the half second that waits to be judged; learns the rate from the first with enough intervals."""
+    if s.period == 0.0 and s.stop - s.first > _LEARN:
+        # Not the middle one, as a third of the samples may be lost.
+        s.period = 1e-9 * np.sort(np.diff(samples.stamps[s.first : s.stop]))[(s.stop - s.first) // 3]
+    steps, long, short = 0, 0, 0
+    for i in range(s.first, s.stop):
+        interval = samples.stamps[i] - s.last_ns
+        if 0 < interval < BIN_NS:
+            steps += 1
+            long += int(1e-9 * interval > _LONG * s.period)
+            short += int(1e-9 * interval < _SHORT * s.period)
+        if interval > 0 or interval < -BACK_NS:
+            s.last_ns = samples.stamps[i]
+    return Pace(steps, long, short, s.stop - s.first)
+
+
+@compiled
+def judge_silence(expected: bool, s: Any, checks: Any, channels: Any, began: int) -> None:
+    """Judge whether magnetic samples come, where they are `expected`."""
+    if channels[6].n + channels[6].not_finite > 0:
+        s.mag_came = 1
+        observe(checks[FaultCode.NEVER_CAME, 6], AGAINST, began, 0.0, 0.0)
+        observe(checks[FaultCode.SILENT, 6], AGAINST, began, 0.0, 0.0)
+    elif expected:
+        code = FaultCode.SILENT if s.mag_came else FaultCode.NEVER_CAME
+        observe(checks[code, 6], FOR, began, 0.0, 0.0)
+
+
+@compiled
+def judge_stream(p: SignalLimits, checks: Any, channels: Any, s: Any, samples: Samples, began: int) -> bool:
+    """
+    Judge whether samples come at their pace and each once; before `judge_bin`, which forgets the spreads.
+
+    Returns whether samples come so late that turns are not known.
+    """
+    pace, period = _pace(s, samples), s.period
+    if period > 0.0 and pace.steps >= 2:
+        odd = pace.long + pace.short
+        seen = FOR if odd > p.off_pace * pace.steps else (AGAINST if odd < p.in_pace * pace.steps else NOTHING)
+        observe(checks[FaultCode.RATE, 0], seen, began, pace.imu / (1e-9 * BIN_NS), 1.0 / period)
+    for s in range(2):
+        lively, least, repeats = 0.0, 0.0, pace.imu
+        for c in range(3 * s, 3 * s + 3):
+            row = channels[c]
+            if row.n >= _FEW:
+                lively = max(lively, row.total2 / row.n - (row.total / row.n) ** 2)
+            least = max(least, row.least_step)
+            repeats = min(repeats, row.repeats)
+        if lively > (p.steps * least) ** 2 and not channels[3 * s].constant_bins:
+            share = repeats / max(pace.imu, 1)
+            observe(checks[FaultCode.REPEATED, 3 * s], FOR if share > p.repeated else AGAINST, began, share, p.repeated)
+    return bool(period > 0.0 and pace.steps >= 2 and pace.long > p.lost * pace.steps)
