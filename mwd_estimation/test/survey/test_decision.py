@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import mwd_estimation.survey
+from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
 from mwd_estimation.core import reason_text
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
@@ -28,7 +29,7 @@ from mwd_sensors.core.frames import mat_nt
 REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, convergence=0.01, gravity=9.81, source="test")
 FIELD_N = 5e-5 * np.array([math.cos(1.1) * math.cos(0.05), math.cos(1.1) * math.sin(0.05), math.sin(1.1)])
 REFUSALS = (ReasonCode.GYRO_BIAS_UNKNOWN, ReasonCode.TWO_AZIMUTHS_FIT_GYRO, ReasonCode.SEEK_TOO_SHORT)
-NOTHING = np.full(5, np.nan)
+NOTHING = PropagatedAzimuth(*[math.nan] * 5)
 
 
 def average(k, inclination, azimuth, axial=0.0, turned=0.0, mag=True, scale=1.0):
@@ -63,7 +64,8 @@ def drawn_run(seed):
         sigma, limit = rng.choice([0.005, 0.05, 0.2]), rng.choice([0.002, 0.2])
         gyro = Solution(refused, "still", azimuth, sigma, inclination, 0.0, 60.0, limit, choices=choices)
         begun = decide.begin(still, k + 1, REFERENCE, gyro if rng.random() < 0.8 else None)
-        propagated = np.array([azimuth + rng.normal(0.0, 0.05), 0.02, 0.005, azimuth + rng.normal(0.0, 0.05), 0.02])
+        here, before = azimuth + rng.normal(0.0, 0.05, 2)
+        propagated = PropagatedAzimuth(before, 0.02, 0.005, here, 0.02)
         surveys.append((begun, decide.complete(begun, propagated if rng.random() < 0.7 else NOTHING)))
     return surveys
 
@@ -102,4 +104,4 @@ def test_nothing_is_learnt_from_a_survey_taken_during_a_fault(sound):
     gyro = Solution(None, "still", 1.9, 0.01, 0.8, 0.0, 60.0, 0.001)
     begun = decision().begin(average(1, 0.8, 1.9), 1, REFERENCE, gyro)
     begun = dataclasses.replace(begun, sound=sound)
-    assert math.isfinite(begun.gyro[0]) == math.isfinite(begun.accepted_azimuth[0]) == sound
+    assert math.isfinite(begun.gyro[0]) == math.isfinite(begun.accepted_azimuth.azimuth) == sound
