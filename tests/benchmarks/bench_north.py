@@ -1,10 +1,6 @@
 """
-Monte Carlo of north seeking against its limits, S1's field case, and the azimuth carried while drilling, as Markdown.
+Monte Carlo of north seeking: its bounds, S1's cases, and the azimuth propagated by gyros while drilling, as Markdown.
 
-Limits: N / (We cos(latitude) sqrt(T)) for a still tool with known bias, the same over sqrt(1 - sin^2 I sin^2 azimuth)
-for one that rests in two positions or turns about its axis, N / sqrt(We cos(latitude)) for one that turns for hours. T
-counts from the end of levelling (3 s) and not while the tool is turned over. Every error that the settings state is
-drawn: biases, leakage, lag, lead, scale. Only answers count: a run that is refused gives no azimuth.
 ``python bench.py --only north``; by itself ``bench_north.py [RUNS] [--full]`` takes four minutes on one core (30 runs,
 6 of each case from raw samples); more runs, in proportion longer. ``--full``: 200 runs of the cells and of six hours'
 turning, twenty minutes more.
@@ -13,299 +9,16 @@ turning, twenty minutes more.
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import math
 
-import carried_runs
-import numpy as np
-from north_signals import Motion, measured, motion, steady, still
-from numpy.typing import NDArray
+import north_cells
+import propagated_runs
+import s1_runs
 from scipy.stats import chi2
 
-from mwd_estimation.gyrocompass import north_seek, static_ekf
-from mwd_estimation.gyrocompass.seek_params import SeekParams
-from mwd_estimation.pipeline import Pipeline
-from mwd_estimation.settings import EstimatorSettings, Place
-from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.constants import DEG_PER_HOUR, EARTH_RATE, MICRO_G
-from mwd_sensors.core.frames import wrap_pi
-from mwd_sensors.core.settings import changed
-from mwd_sensors.simulator import scenario
-from mwd_sensors.simulator.sonde import Sonde
-from project import SCENARIOS
-
-NOISES, LATITUDES, TIMES = (0.003, 0.01, 0.05, 0.15), (0.0, 34.0, 44.0, 60.0), (60.0, 120.0, 300.0)
-INCLINATION, AZIMUTH = math.radians(60.0), math.radians(40.0)
-LEVELLING, RATE = 3.2, 50.0
-S1_HEAD = "| case | stations | rms deg | mean deg | sigma deg | NEES | within 2 deg | magnetic off by deg |"
+NOISES, LATITUDES = (0.003, 0.01, 0.05, 0.15), (0.0, 34.0, 44.0, 60.0)
 HOURS_HEAD = "| N deg/rt h | latitude | limit deg | error over it | sigma over it | NEES | sigma after 24 h over it |"
 FULL = 200
-HEAD = "| tool | N deg/rt h | latitude | " + " | ".join(f"{seconds:g} s" for seconds in TIMES) + " | refused |"
-
-
-@dataclasses.dataclass(frozen=True)
-class Cell:
-    """A case's answers: azimuth errors and sigmas of the runs, rad, nan where refused, and its limit."""
-
-    method: str
-    noise: float
-    latitude: float
-    seconds: float
-    limit: float
-    error: Array
-    sigma: Array
-
-    @property
-    def given(self) -> NDArray[np.bool_]:
-        """Which runs were answered."""
-        return np.isfinite(self.error)
-
-    @property
-    def shares(self) -> tuple[float, float, float]:
-        """Error (rms) and mean sigma over the limit, and NEES."""
-        error, sigma = self.error[self.given], self.sigma[self.given]
-        if not len(error):
-            return math.nan, math.nan, math.nan
-        return (
-            float(np.sqrt(np.mean(error**2))) / self.limit,
-            float(np.mean(sigma)) / self.limit,
-            float(np.mean((error / sigma) ** 2)),
-        )
-
-    @property
-    def words(self) -> str:
-        """Limit, deg, and the three shares."""
-        return f"{math.degrees(self.limit):.3g}: " + ", ".join(f"{share:.2f}" for share in self.shares)
-
-
-def row(cells: list[Cell]) -> str:
-    """Row of a tool, a noise and a latitude, one cell for each time."""
-    one = cells[0]
-    refused = sum(int((~cell.given).sum()) for cell in cells)
-    return (
-        f"| {one.method} | {one.noise:g} | {one.latitude:g} | " + " | ".join(cell.words for cell in cells)
-        + f" | {refused} |"
-    )  # fmt: skip
-
-
-def band(runs: int) -> tuple[float, float]:
-    """95 % band of the mean of `runs` squared normal numbers (normal approximation)."""
-    half = 1.96 * math.sqrt(2.0 / runs)
-    return 1.0 - half, 1.0 + half
-
-
-def seek_params(mode: str, noise: float, lat: float) -> SeekParams:
-    """
-    Precision unit: in a still tool its x gyro counts and its bias is known; turning, x is an MTi-class gyro.
-
-    Alignment goes with the noise: 300 urad in a tactical unit, 20 urad in a navigation grade one.
-    """
-    quiet = mode == "still"
-    return SeekParams(
-        mode=mode,
-        latitude_deg=lat,
-        gyro_noise_deg_rth=noise,
-        gyro_x_noise_deg_rth=noise if quiet else 0.42,
-        gyro_bias_deg_h=noise / 50.0 if quiet else 1.0,
-        gyro_x_bias_deg_h=noise / 50.0 if quiet else 36.0,
-        scale_x_ppm=300.0 if quiet else 5000.0,
-        gyro_walk_deg_h_rth=0.0,
-        accel_bias_ug=20.0,
-        leak_urad=300.0 if noise > 0.02 else 20.0,
-        lag_sigma_ms=0.02,
-        lead_sigma_ms=0.02,
-    )
-
-
-def turned(vectors: Array, angle: Array) -> Array:
-    """Vectors, shape (n, 3), with their cross-axis part turned about x by angles, rad, shape (n,)."""
-    out = vectors.copy()
-    c, s = np.cos(angle), np.sin(angle)
-    out[:, 1] = c * vectors[:, 1] + s * vectors[:, 2]
-    out[:, 2] = c * vectors[:, 2] - s * vectors[:, 1]
-    return out
-
-
-def feel(clean: Motion, params: SeekParams, scale: float, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Rates and forces with every error of the settings drawn; scale: of the x gyro, one sigma."""
-    x_rate = clean.gyro_t[:, 0]
-    lag, lead = rng.standard_normal(2) * [params.lag_sigma_ms * 1e-3, params.lead_sigma_ms * 1e-3]
-    late = dataclasses.replace(
-        clean, gyro_t=turned(clean.gyro_t, -x_rate * lag), accel_t=turned(clean.accel_t, x_rate * lead)
-    )
-    bias, accel_bias = draw(params, rng)
-    return measured(
-        late, rng, params.gyro_noise_deg_rth, params.gyro_x_noise_deg_rth, params.accel_noise_ug_rthz, bias, accel_bias,
-        scale_x=scale * rng.standard_normal(), leak=params.leak_urad * 1e-6 * rng.standard_normal(2),
-    )  # fmt: skip
-
-
-def draw(params: SeekParams, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Gyro bias, rad/s, and force bias, m/s^2, drawn from the settings' own sigmas."""
-    gyro = np.array([params.gyro_x_bias_deg_h, params.gyro_bias_deg_h, params.gyro_bias_deg_h])
-    return rng.standard_normal(3) * gyro * DEG_PER_HOUR, rng.standard_normal(3) * params.accel_bias_ug * MICRO_G
-
-
-def seek(mode: str, noise: float, lat: float, runs: int, seed: int) -> list[Cell]:
-    """Cells of one mode, noise and latitude for all times."""
-    params = seek_params(mode, noise, lat)
-    roll = still if mode == "still" else steady(60.0)
-    clean = motion(TIMES[-1] + LEVELLING, math.radians(lat), INCLINATION, AZIMUTH, roll, RATE)
-    rng = np.random.default_rng(seed)
-    error, sigma = np.empty((runs, len(TIMES))), np.empty((runs, len(TIMES)))
-    limit = np.zeros(len(TIMES))
-    blind = math.sin(INCLINATION) * math.sin(AZIMUTH)
-    factor = 1.0 if mode == "still" else math.sqrt(1.0 - blind**2)
-    horizontal = EARTH_RATE * math.cos(math.radians(lat))
-    for j, seconds in enumerate(TIMES):
-        limit[j] = noise * math.radians(1 / 60) / (horizontal * math.sqrt(seconds) * factor)
-    for r in range(runs):
-        gyro, accel = feel(clean, params, 0.0003 if mode == "still" else 0.003, rng)
-        state, at = north_seek.initial(), 0
-        for j, seconds in enumerate(TIMES):
-            end = round((seconds + LEVELLING) * RATE)
-            north_seek.run(params, state, clean.stamp_ns[at:end], gyro[at:end], accel[at:end])
-            at = end
-            found = north_seek.solution(params, state)
-            error[r, j], sigma[r, j] = wrap_pi(found.azimuth - AZIMUTH), found.sigma
-            if not found.success:
-                error[r, j] = np.nan
-    return [
-        Cell(mode, noise, lat, seconds, float(limit[j]), error[:, j], sigma[:, j]) for j, seconds in enumerate(TIMES)
-    ]
-
-
-def half_turn(noise: float, lat: float, runs: int, seed: int) -> list[Cell]:
-    """Cells of a tool that rests, is turned half a turn in six seconds and rests again, for all times at rest."""
-    params = seek_params("rotating", noise, lat)
-    params = dataclasses.replace(params, mode="two_position", gyro_x_noise_deg_rth=noise, scale_x_ppm=300.0)
-    rng, table = np.random.default_rng(seed), []
-    blind = math.sin(INCLINATION) * math.sin(AZIMUTH)
-    for seconds in TIMES:
-        start = LEVELLING + 0.5 * seconds
-
-        def roll(t: Array, start: float = start) -> Array:
-            return np.asarray(0.4 + math.pi * np.clip((t - start) / 6.0, 0.0, 1.0))
-
-        clean = motion(seconds + LEVELLING + 6.0, math.radians(lat), INCLINATION, AZIMUTH, roll, RATE)
-        error, sigma = np.empty(runs), np.empty(runs)
-        for r in range(runs):
-            gyro, accel = feel(clean, params, 0.0003, rng)
-            state = north_seek.initial()
-            north_seek.run(params, state, clean.stamp_ns, gyro, accel)
-            found = north_seek.solution(params, state)
-            error[r], sigma[r] = wrap_pi(found.azimuth - AZIMUTH) if found.success else np.nan, found.sigma
-        horizontal = EARTH_RATE * math.cos(math.radians(lat)) * math.sqrt(1.0 - blind**2)
-        limit = noise * math.radians(1 / 60) / (horizontal * math.sqrt(seconds))
-        table.append(Cell("two positions", noise, lat, seconds, limit, error, sigma))
-    return table
-
-
-def s1(noise: float, lat: float, runs: int, seed: int) -> list[Cell]:
-    """Cells of S1's 15-state filter on a still tool with known bias."""
-    params = static_ekf.Params(
-        latitude_deg=lat, gyro_noise_deg_rth=noise, gyro_bias_deg_h=noise / 50.0, accel_bias_ug=20.0
-    )
-    clean = motion(TIMES[-1], math.radians(lat), INCLINATION, AZIMUTH, still, RATE)
-    rng = np.random.default_rng(seed)
-    at = [round(seconds * RATE) - 1 for seconds in TIMES]
-    error, sigma = np.empty((runs, len(TIMES))), np.empty((runs, len(TIMES)))
-    for r in range(runs):
-        gyro, accel = measured(
-            clean, rng, noise, None, params.accel_noise_ug_rthz,
-            rng.standard_normal(3) * params.gyro_bias_deg_h * DEG_PER_HOUR, rng.standard_normal(3) * 20 * MICRO_G,
-        )  # fmt: skip
-        north = static_ekf.run(params, static_ekf.initial(params), clean.stamp_ns, gyro, accel)
-        error[r], sigma[r] = wrap_pi(north.azimuth[at] - AZIMUTH), north.sigma_azimuth[at]
-    rate = EARTH_RATE * math.cos(math.radians(lat))
-    limits = [noise * math.radians(1 / 60) / (rate * math.sqrt(seconds)) for seconds in TIMES]
-    return [
-        Cell("S1, 15 states", noise, lat, seconds, limits[j], error[:, j], sigma[:, j])
-        for j, seconds in enumerate(TIMES)
-    ]
-
-
-def turning_for_hours(noise: float, lat: float, runs: int, hours: float, seed: int) -> Cell:
-    """The filter that turns for hours and does not trust the hole axis to keep still."""
-    params = SeekParams(
-        mode="continuous", latitude_deg=lat, gyro_noise_deg_rth=noise, gyro_walk_deg_h_rth=0.0, accel_bias_ug=20.0,
-        axis_walk_deg_rth=0.5, block_seconds=0.4, lead_sigma_ms=0.05, expected_azimuth_deg=math.degrees(AZIMUTH) + 10.0,
-    )  # fmt: skip
-    clean = motion(hours * 3600.0, math.radians(lat), INCLINATION, AZIMUTH, steady(12.0), 5.0)
-    rng = np.random.default_rng(seed)
-    error, sigma = np.empty(runs), np.empty(runs)
-    for r in range(runs):
-        bias, accel_bias = draw(params, rng)
-        gyro, accel = measured(clean, rng, noise, 0.42, params.accel_noise_ug_rthz, bias, accel_bias)
-        state = north_seek.initial()
-        north_seek.run(params, state, clean.stamp_ns, gyro, accel)
-        found = north_seek.solution(params, state)
-        error[r], sigma[r] = wrap_pi(found.azimuth - AZIMUTH), found.sigma
-    limit = noise * math.radians(1 / 60) / math.sqrt(EARTH_RATE * math.cos(math.radians(lat)))
-    return Cell("continuous", noise, lat, hours * 3600.0, limit, error, sigma)
-
-
-def s1_case(name: str, seeds: int, gyro: dict[str, float | str], changes: dict[str, object], alone: bool) -> str:
-    """
-    Row of S1's cases: a survey asked for at the end of each station's rest, from raw samples to the fused azimuth.
-
-    gyro: settings of the estimator; changes: of the precision unit's grade; alone: only the first position.
-    """
-    error, sigma, magnetic = [], [], []
-    path = SCENARIOS / f"{name}.yaml"
-    for seed in range(1, seeds + 1):
-        told = scenario.read(path, {"seed": seed})
-        if changes:
-            told = scenario.read(path, {"seed": seed, "precision": {"grade": "tactical_north", "changes": changes}})
-        place = told.place
-        field = Place(field="model", lat_deg=place.latitude_deg, lon_deg=place.longitude_deg, height_m=place.height_m)
-        pipeline = Pipeline(changed(EstimatorSettings(place=field), gyro))
-        rest, rests = 0, 0
-        for block in Sonde(told).blocks(1.0):
-            truth = block["truth"]
-            moves = bool(max(np.abs(truth["angular_velocity"]).max(), np.abs(truth["velocity"]).max()) > 1e-3)
-            rest = 0 if moves else rest + 1
-            rests += rest == 100
-            # Two rests of 150 s at a station, half a turn apart.
-            if rest == 138 and rests % 2 == (1 if alone else 0):
-                pipeline.request_survey(8.0)
-            pipeline.push_mag(block["imu/mag"])
-            pipeline.push_precision(block["gyro/data_raw"])
-            for survey in pipeline.push_imu(block["imu/data_raw"]).surveys:
-                if survey.requested:
-                    azimuth = float(truth["azimuth"][-1])
-                    error.append(float(wrap_pi(survey.station.azimuth - azimuth)))
-                    sigma.append(survey.station.sigma_azimuth)
-                    raw = survey.station.by_method("raw")
-                    magnetic.append(abs(float(wrap_pi(raw.azimuth - azimuth))) if raw else math.nan)
-    e, s = np.degrees(error), np.degrees(sigma)
-    return (
-        f"{len(e)} | {np.sqrt(np.mean(e**2)):.2f} | {e.mean():+.2f} | {s.mean():.2f} | {np.mean((e / s) ** 2):.2f} | "
-        f"{100.0 * np.mean(np.abs(e) <= 2.0):.0f} % | {np.degrees(np.max(magnetic)):.1f} |"
-    )
-
-
-def s1_rows(seeds: int) -> list[str]:
-    """Rows of S1's field and laboratory case with the gyros they are told with and with a quieter one."""
-    known = {"tool.precision.gyro.g_deg_h_g": 0.05}
-    tactical = {
-        "gyro": {
-            "noise_deg_sqrt_h": 0.01, "bias_deg_h": 0.02, "instability_deg_h": 0.005, "g_deg_h_g": 0.0,
-            "bias_deg_h_per_c": 0.001,
-        }
-    }  # fmt: skip
-    unit = "tool.precision.gyro"
-    told = {
-        f"{unit}.g_deg_h_g": 0.0, f"{unit}.bias_deg_h": 0.02, f"{unit}.bias_scale": "stated",
-        f"{unit}.walk_deg_h_sqrt_h": 0.1,
-    }  # fmt: skip
-    cases: list[tuple[str, str, dict[str, float | str], dict[str, object], bool]] = [
-        ("field, .05 deg/sqrt(h), 5 min, settings as they come", "s1_field", {}, {}, False),
-        ("field, the same, g-sensitivity told", "s1_field", dict(known), {}, False),
-        ("laboratory, the same", "s1_lab", dict(known), {}, False),
-        ("field, .01 deg/sqrt(h), one position of 2 min, told", "s1_field", dict(told), dict(tactical), True),
-    ]  # fmt: skip
-    return [f"| {title} | {s1_case(name, seeds, gyro, changes, alone)}" for title, name, gyro, changes, alone in cases]
 
 
 def main() -> None:
@@ -313,63 +26,71 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[1])
     parser.add_argument("runs", nargs="?", type=int, default=30, help="of each cell")
     parser.add_argument("--full", action="store_true", help=f"{FULL} runs of each cell")
-    asked = parser.parse_args()
-    few = max(asked.runs // 5, 2)
-    runs = FULL if asked.full else asked.runs
+    options = parser.parse_args()
+    runs = FULL if options.full else options.runs
+    limits(runs)
+    s1_filter(max(runs // 2, 2))
+    hours(max(runs, 2))
+    head("S1, from raw samples to the fused azimuth", s1_runs.HEAD)
+    show(*(s1_runs.case_row(case, max(options.runs // 20, 1)) for case in s1_runs.CASES))
+    drilling(max(options.runs // 5, 2))
 
-    def say(*lines: str) -> None:
-        print("\n".join(lines), flush=True)
 
-    def head(title: str, names: str) -> None:
-        say("", f"### {title}", "", names, "|" + "---|" * (names.count("|") - 1))
+def show(*lines: str) -> None:
+    """Print lines at once, so that a long run shows how far it is."""
+    print("\n".join(lines), flush=True)
 
-    low, high = band(runs)
-    head("Limit, deg: error and sigma over it, NEES", HEAD)
-    cells: list[Cell] = []
+
+def head(title: str, columns: str) -> None:
+    """Begin a section with one table."""
+    show("", f"### {title}", "", columns, "|" + "---|" * (columns.count("|") - 1))
+
+
+def limits(runs: int) -> None:
+    """Still, turning and two-position tools against the bounds, and a sentence on all of them."""
+    head("Limit, deg: error and sigma over it, NEES", north_cells.HEAD)
+    cells: list[north_cells.Cell] = []
     for number, noise in enumerate(NOISES):
         for lat in LATITUDES:
-            found = [seek("still", noise, lat, runs, 1000 + 10 * number + round(lat))]
-            found.append(seek("rotating", noise, lat, runs, 2000 + 100 * number + round(lat)))
+            found = [north_cells.seek("still", noise, lat, runs, 1000 + 10 * number + round(lat))]
+            found.append(north_cells.seek("rotating", noise, lat, runs, 2000 + 100 * number + round(lat)))
             if lat in (34.0, 60.0):
-                found.append(half_turn(noise, lat, runs, 3000 + 100 * number + round(lat)))
+                found.append(north_cells.half_turn(noise, lat, runs, 3000 + 100 * number + round(lat)))
             for one in found:
-                say(row(one))
+                show(north_cells.table_row(one))
                 cells += one
-    say("", verdict(cells, runs, low, high))
-    head("S1's own filter, still, bias known, the same", HEAD)
+    # Band of the mean of so many squared normal numbers, normal approximation.
+    half = 1.96 * math.sqrt(2.0 / runs)
+    show("", north_cells.conclusion(cells, runs, 1.0 - half, 1.0 + half))
+
+
+def s1_filter(runs: int) -> None:
+    """S1's filter at one latitude."""
+    head("S1's own filter, still, bias known, the same", north_cells.HEAD)
     for number, noise in enumerate(NOISES):
-        say(row(s1(noise, 34.0, max(runs // 2, 2), 300 + number)))
-    head(f"Turning for six hours, {max(runs, 2)} runs a row", HOURS_HEAD)
+        show(north_cells.table_row(north_cells.s1_filter(noise, 34.0, runs, 300 + number)))
+
+
+def hours(runs: int) -> None:
+    """Six hours of turning, and one run of a day."""
+    head(f"Turning for six hours, {runs} runs a row", HOURS_HEAD)
     for number, (noise, lat) in enumerate(((0.05, 34.0), (0.05, 60.0), (0.01, 34.0))):
-        one = turning_for_hours(noise, lat, max(runs, 2), 6.0, 400 + number)
+        one = north_cells.turning_for_hours(noise, lat, runs, 6.0, 400 + number)
         error, sigma, nees = one.shares
-        settled = turning_for_hours(noise, lat, 1, 24.0, 410 + number).shares[1]
+        settled = north_cells.turning_for_hours(noise, lat, 1, 24.0, 410 + number).shares[1]
         limit = math.degrees(one.limit)
-        say(f"| {noise:g} | {lat:g} | {limit:.3f} | {error:.2f} | {sigma:.2f} | {nees:.2f} | {settled:.2f} |")
-    head("S1, from raw samples to the fused azimuth", S1_HEAD)
-    say(*s1_rows(max(asked.runs // 20, 1)))
-    low, high = chi2.ppf([0.025, 0.975], few) / few
+        show(f"| {noise:g} | {lat:g} | {limit:.3f} | {error:.2f} | {sigma:.2f} | {nees:.2f} | {settled:.2f} |")
+
+
+def drilling(runs: int) -> None:
+    """Azimuth while drilling, from raw samples."""
+    low, high = chi2.ppf([0.025, 0.975], runs) / runs
     head(
-        f"Azimuth carried while drilling, {few} runs a row; 95 % band of NEES {low:.2f} to {high:.2f}",
-        carried_runs.HEAD,
+        f"Azimuth while drilling, {runs} runs a row; 95 % band of NEES {low:.2f} to {high:.2f}",
+        propagated_runs.HEAD,
     )
-    for name in carried_runs.CASES:
-        say(*carried_runs.carried(name, few, 500))
-
-
-def verdict(cells: list[Cell], runs: int, low: float, high: float) -> str:
-    """Sentence on the cells: all together, and how many are outside of what chance allows."""
-    shares = np.array([cell.shares for cell in cells])
-    error, sigma, nees = np.sqrt(np.nanmean(shares[:, 0] ** 2)), np.nanmean(shares[:, 1]), np.nanmean(shares[:, 2])
-    far = int((shares[:, 1] > 1.2).sum())
-    # An rms of so few runs is off by chance: 1.2 limits and two of its own sigma.
-    loud = int((shares[:, 0] > 1.2 * (1.0 + 1.96 / math.sqrt(2.0 * runs))).sum())
-    outside = int(((shares[:, 2] < low) | (shares[:, 2] > high)).sum())
-    return (
-        f"{len(cells)} cells of {runs} runs: error {error:.2f} and sigma {sigma:.2f} limits, NEES {nees:.2f} in the "
-        f"mean; sigma beyond 1.2 limits in {far}, error beyond 1.2 limits and chance in {loud}; NEES outside "
-        f"{low:.2f} to {high:.2f} in {outside}, by chance {0.05 * len(cells):.0f}."
-    )
+    for name in propagated_runs.CASES:
+        show(*propagated_runs.rows(name, runs, 500))
 
 
 if __name__ == "__main__":
