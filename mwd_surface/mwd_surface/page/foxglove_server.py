@@ -28,11 +28,17 @@ class FoxgloveSettings:
     enabled: bool = setting(
         False, "Serve the topics live to Foxglove; needs the extra package foxglove-sdk", fixed=True
     )
-    host: str = setting("127.0.0.1", "address to listen on", fixed=True)
+    host: str = setting("127.0.0.1", "address of the network interface to listen on", fixed=True)
     port: int = setting(8765, "TCP port; 0: any that is free", low=0, high=65535, fixed=True)
-    allow_network: bool = setting(False, "listen on an address that other machines can reach", fixed=True)
+    allow_network: bool = setting(
+        False, "allow an address that other machines can reach; needed for any host other than loopback", fixed=True
+    )
     backlog: int = setting(
-        1024, "messages that may wait for one client; of more the oldest go", low=16, high=1_000_000, fixed=True
+        1024,
+        "most messages waiting for one client; beyond it the oldest are dropped. Raise it for a slow network",
+        low=16,
+        high=1_000_000,
+        fixed=True,
     )
 
 

@@ -11,19 +11,39 @@ from mwd_sensors.core.settings import setting
 class PageSettings:
     """Where the page is, who may ask for it, and how much it may cost."""
 
-    host: str = setting("127.0.0.1", "address to listen on", fixed=True)
+    host: str = setting("127.0.0.1", "address of the network interface to listen on", fixed=True)
     port: int = setting(8080, "TCP port; 0: any that is free", low=0, high=65535, fixed=True)
-    allow_network: bool = setting(False, "listen on an address that other machines can reach", fixed=True)
-    allowed_hosts: tuple[str, ...] = setting((), "further host names the page may be called by", fixed=True)
-    token: str = setting("", "secret that operator controls ask for; empty: no controls", fixed=True)
-    max_rate: float = setting(15.0, "states sent to one browser per second", unit="Hz", low=0.5, high=20.0, fixed=True)
-    max_clients: int = setting(32, "browsers that watch at a time", low=1, high=500, fixed=True)
-    max_connections: int = setting(96, "connections at a time", low=4, high=1000, fixed=True)
-    max_per_peer: int = setting(64, "connections at a time from one address", low=2, high=1000, fixed=True)
-    request_timeout: float = setting(5.0, "time to send a request", unit="s", low=0.1, high=60.0, fixed=True)
+    allow_network: bool = setting(
+        False, "allow an address that other machines can reach; needed for any host other than loopback", fixed=True
+    )
+    allowed_hosts: tuple[str, ...] = setting(
+        (), "further host names in requests that are answered; protects against DNS rebinding", fixed=True
+    )
+    token: str = setting(
+        "", "secret for the operator controls, 8 characters or more; empty: the page is read-only", fixed=True
+    )
+    max_rate: float = setting(
+        15.0,
+        "most updates per second to one browser; more cost computing time per browser",
+        unit="Hz",
+        low=0.5,
+        high=20.0,
+        fixed=True,
+    )
+    max_clients: int = setting(32, "most browsers that receive updates at a time", low=1, high=500, fixed=True)
+    max_connections: int = setting(96, "most connections at a time", low=4, high=1000, fixed=True)
+    max_per_peer: int = setting(64, "most connections at a time from one address", low=2, high=1000, fixed=True)
+    request_timeout: float = setting(
+        5.0, "longest time a client may take to send a request", unit="s", low=0.1, high=60.0, fixed=True
+    )
     command_timeout: float = setting(
-        15.0, "longest wait for the answer to a command", unit="s", low=0.5, high=120.0, fixed=True
+        15.0, "longest wait for the node to answer a command", unit="s", low=0.5, high=120.0, fixed=True
     )
     send_timeout: float = setting(
-        10.0, "a browser that takes no byte for so long is dropped", unit="s", low=0.2, high=120.0, fixed=True
+        10.0,
+        "time without accepting data after which a browser is disconnected",
+        unit="s",
+        low=0.2,
+        high=120.0,
+        fixed=True,
     )

@@ -41,15 +41,28 @@ _DEPTHS = ("bit_depth", "hole_depth")
 class RigInputSettings:
     """What is believed of the rig's data."""
 
-    accept: bool = setting(False, "take rig data that peers send", fixed=True)
-    fastest: float = setting(5.0, "speed that a string cannot exceed", unit="m/s", low=0.1, fixed=True)
-    slack: float = setting(2.0, "step of a depth that is no jump", unit="m", low=0.0, fixed=True)
-    confirm: int = setting(3, "readings in a row that make a jump the truth", low=1, fixed=True)
-    deepest: float = setting(15000.0, "depth beyond which a reading is nonsense", unit="m", low=1.0, fixed=True)
-    slips_hookload: float = setting(
-        0.0, "below this hookload the string hangs in the slips; 0: not known", unit="N", low=0.0, fixed=True
+    accept: bool = setting(False, "accept rig data that peers send", fixed=True)
+    fastest: float = setting(
+        5.0,
+        "fastest plausible speed of the string; a faster change of depth is rejected until it is confirmed",
+        unit="m/s",
+        low=0.1,
+        fixed=True,
     )
-    max_rate: float = setting(20.0, "readings taken per second at most", unit="Hz", low=0.1, high=100.0, fixed=True)
+    slack: float = setting(
+        2.0, "change of depth that is always plausible, however short the time", unit="m", low=0.0, fixed=True
+    )
+    confirm: int = setting(
+        3,
+        "consecutive consistent readings that confirm a jump of depth; more delay a true correction of depth",
+        low=1,
+        fixed=True,
+    )
+    deepest: float = setting(15000.0, "depth above which a reading is rejected", unit="m", low=1.0, fixed=True)
+    slips_hookload: float = setting(
+        0.0, "hookload below which the string is in slips; 0: not known", unit="N", low=0.0, fixed=True
+    )
+    max_rate: float = setting(20.0, "most readings accepted per second", unit="Hz", low=0.1, high=100.0, fixed=True)
 
 
 @dataclasses.dataclass

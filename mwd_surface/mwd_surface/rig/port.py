@@ -41,7 +41,7 @@ _LOOK = 0.5  # s
 class RigSettings:
     """Every rig interface; all are off until switched on."""
 
-    wits0: Wits0Settings = setting(Wits0Settings, "What every WITS interface does alike")
+    wits0: Wits0Settings = setting(Wits0Settings, "Settings of all WITS interfaces")
     wits0_server: Wits0ServerSettings = setting(Wits0ServerSettings, "WITS where recorders connect to us")
     wits0_client: Wits0ClientSettings = setting(Wits0ClientSettings, "WITS where we connect to a recorder")
     wits0_serial: Wits0SerialSettings = setting(Wits0SerialSettings, "WITS over a serial line")
@@ -50,13 +50,15 @@ class RigSettings:
     modbus_serial: ModbusSerialSettings = setting(ModbusSerialSettings, "Modbus RTU")
     witsml_store: WitsmlStoreSettings = setting(WitsmlStoreSettings, "WITSML store")
     simulated: bool = setting(False, "tell the rig that the tool is a simulation", fixed=True)
-    strict: bool = setting(False, "do not start at all where an interface cannot", fixed=True)
+    strict: bool = setting(
+        False, "refuse to start where an interface cannot start; false: try again every retry_period", fixed=True
+    )
     retry_period: float = setting(
         10.0, "time between attempts to start an interface that is down", unit="s", low=0.05, high=3600.0, fixed=True
     )
     silent_after: float = setting(
         3.0,
-        "without new values for so long interfaces tell that nothing lives",
+        "time without new values after which the interfaces mark all values invalid",
         unit="s",
         low=0.2,
         high=60.0,

@@ -21,12 +21,24 @@ NS = 1e-9
 class DepthRules:
     """What counts as a depth and what as a jump."""
 
-    fastest: float = setting(5.0, "speed that a string cannot exceed", unit="m/s", low=0.1)
-    slack: float = setting(2.0, "step that is no jump, however short the time", unit="m", low=0.0)
-    confirm: int = setting(3, "readings in a row that make a jump the truth", low=1)
-    bridge: float = setting(60.0, "longest silence bridged by a straight line", unit="s", low=0.1)
-    deepest: float = setting(15000.0, "depth beyond which a reading is nonsense", unit="m", low=1.0)
-    history: int = setting(36000, "readings kept", low=10)
+    fastest: float = setting(
+        5.0,
+        "fastest plausible speed of the string; a faster change of depth is rejected until it is confirmed",
+        unit="m/s",
+        low=0.1,
+    )
+    slack: float = setting(2.0, "change of depth that is always plausible, however short the time", unit="m", low=0.0)
+    confirm: int = setting(
+        3, "consecutive consistent readings that confirm a jump of depth; more delay a true correction of depth", low=1
+    )
+    bridge: float = setting(
+        60.0,
+        "longest gap of rig data over which the depth is interpolated; a longer one leaves surveys without depth",
+        unit="s",
+        low=0.1,
+    )
+    deepest: float = setting(15000.0, "depth above which a reading is rejected", unit="m", low=1.0)
+    history: int = setting(36000, "depth readings kept in memory; at 1 Hz 36000 are ten hours", low=10)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -15,21 +15,23 @@ class LegSettings:
     """Tie-on of the main leg, and leg and tool that surveys to come belong to."""
 
     name: str = setting(
-        "", "leg of the surveys to come; empty: as it was; a new name with kick_off_depth begins a sidetrack"
+        "", "name of the leg of the next surveys; empty: unchanged. A new name with kick_off_depth starts a sidetrack"
     )
     kick_off_depth: float = setting(
         -1.0, "measured depth at which a new leg leaves its parent; below 0: no new leg", unit="m", low=-1.0
     )
-    parent: str = setting("", "leg that a new one leaves; empty: the one in force")
-    tool: str = setting("", "serial or name of the tool in the hole; empty: as it was")
+    parent: str = setting("", "leg from which a new leg branches off; empty: the present one")
+    tool: str = setting("", "serial number or name of the tool in the hole; empty: unchanged")
     tie_on_depth: float = setting(
-        -1.0, "measured depth of the station the main leg is tied on to; below 0: as it was", unit="m", low=-1.0
+        -1.0, "measured depth of the tie-on station of the main leg; below 0: unchanged", unit="m", low=-1.0
     )
-    tie_on_inclination_deg: float = setting(0.0, "its inclination", unit="deg", low=0.0, high=180.0)
-    tie_on_azimuth_deg: float = setting(0.0, "its azimuth, from the north of the well", unit="deg", low=0.0, high=360.0)
-    tie_on_north: float = setting(0.0, "how far north of the wellhead it is", unit="m")
-    tie_on_east: float = setting(0.0, "how far east of the wellhead it is", unit="m")
-    tie_on_vertical_depth: float = setting(0.0, "its vertical depth", unit="m")
+    tie_on_inclination_deg: float = setting(0.0, "inclination of the tie-on station", unit="deg", low=0.0, high=180.0)
+    tie_on_azimuth_deg: float = setting(
+        0.0, "azimuth of the tie-on station, from the north reference of the well", unit="deg", low=0.0, high=360.0
+    )
+    tie_on_north: float = setting(0.0, "distance of the tie-on station north of the wellhead", unit="m")
+    tie_on_east: float = setting(0.0, "distance of the tie-on station east of the wellhead", unit="m")
+    tie_on_vertical_depth: float = setting(0.0, "vertical depth of the tie-on station", unit="m")
 
 
 def arranged(surveys: SurveyList, asked: LegSettings) -> SurveyList:

@@ -23,8 +23,19 @@ _LONGEST_STEP = 30.0  # m; a hole that is suddenly so much deeper was not drille
 class SlideRules:
     """What counts as sliding and as a stretch."""
 
-    rotating_above: float = setting(10.0, "a string that turns faster than this rotates", unit="r/min", low=0.1)
-    least_length: float = setting(0.5, "a shorter stretch belongs to the one around it", unit="m", low=0.0, high=10.0)
+    rotating_above: float = setting(
+        10.0,
+        "rotary speed above which the string counts as rotating; raise it where a noisy sensor reads a standing string",
+        unit="r/min",
+        low=0.1,
+    )
+    least_length: float = setting(
+        0.5,
+        "shortest interval of its own on the slide sheet; a shorter one is added to its neighbours",
+        unit="m",
+        low=0.0,
+        high=10.0,
+    )
 
 
 @dataclasses.dataclass(frozen=True)

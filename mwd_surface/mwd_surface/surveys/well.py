@@ -18,16 +18,23 @@ class Well:
     company: str = setting("", "operating company")
     field: str = setting("", "oil or gas field, or site")
     rig: str = setting("", "drilling rig")
-    service_company: str = setting("", "company that surveys")
+    service_company: str = setting("", "company that runs the surveys")
     latitude_deg: float = setting(0.0, "WGS84 latitude of the wellhead", unit="deg", low=-90.0, high=90.0)
     longitude_deg: float = setting(0.0, "WGS84 longitude of the wellhead", unit="deg", low=-180.0, high=180.0)
-    depth_datum: str = setting("RKB", "what measured and vertical depth count from")
+    depth_datum: str = setting("RKB", "datum of measured and vertical depth, as printed in reports")
     datum_elevation: float = setting(0.0, "height of the depth datum above mean sea level", unit="m")
-    north_reference: str = setting("true", "north that azimuth and the map axes refer to", choices=NORTHS)
+    north_reference: str = setting(
+        "true", "north reference of azimuths and map axes; must be that of the plan", choices=NORTHS
+    )
     section_azimuth_deg: float = setting(
         0.0, "azimuth of the vertical section, from the same north", unit="deg", low=0.0, high=360.0
     )
-    sensor_to_bit: float = setting(0.0, "distance from the directional sensor to the bit", unit="m", low=0.0)
+    sensor_to_bit: float = setting(
+        0.0,
+        "distance from the directional sensor to the bit; a survey is this much shallower than the bit",
+        unit="m",
+        low=0.0,
+    )
     geomagnetic_model: str = setting("", "source of the reference field, as printed")
     error_model: str = setting("MWD+SRGM", "ISCWSA tool code of the position covariance; empty: none is computed")
 

@@ -71,7 +71,7 @@ class ModbusForm:
 
     word_order: str = setting("ABCD", "order of the words of long numbers", choices=WORD_ORDERS, fixed=True)
     nan_invalid: bool = setting(
-        False, "a value not to be used is a quiet NaN; otherwise the last one is held", fixed=True
+        False, "send a quiet NaN for an invalid value; false: hold the last valid one", fixed=True
     )
 
 

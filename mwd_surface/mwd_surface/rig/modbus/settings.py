@@ -14,16 +14,18 @@ class ModbusSettings:
     """Where registers are served, and what may be written."""
 
     enabled: bool = setting(False, "serve Modbus TCP", fixed=True)
-    host: str = setting("127.0.0.1", "address to listen on", fixed=True)
+    host: str = setting("127.0.0.1", "address of the network interface to listen on", fixed=True)
     port: int = setting(5020, "TCP port; 0: any that is free; 502 needs privileges", low=0, high=65535, fixed=True)
-    allow_network: bool = setting(False, "listen on an address that other machines can reach", fixed=True)
+    allow_network: bool = setting(
+        False, "allow an address that other machines can reach; needed for any host other than loopback", fixed=True
+    )
     unit: int = setting(1, "unit identifier", low=1, high=247, fixed=True)
     form: ModbusForm = setting(ModbusForm, "How numbers are laid into registers")
     allow_writes: bool = setting(False, "take the bit depth, float, m, from holding registers 100 and 101", fixed=True)
-    rig: RigInputSettings = setting(RigInputSettings, "What is believed of a depth that is written")
-    max_clients: int = setting(16, "connections at a time", low=1, high=200, fixed=True)
+    rig: RigInputSettings = setting(RigInputSettings, "Acceptance of a depth that a client writes")
+    max_clients: int = setting(16, "most connections at a time", low=1, high=200, fixed=True)
     idle_timeout: float = setting(
-        300.0, "a connection that asks nothing for so long is closed", unit="s", low=0.2, high=86400.0, fixed=True
+        300.0, "time without a request after which a connection is closed", unit="s", low=0.2, high=86400.0, fixed=True
     )
 
 

@@ -32,11 +32,18 @@ class Wits0Settings:
     """What every WITS interface does alike."""
 
     form: Wits0Format = setting(Wits0Format, "How records are written")
-    schedule: Wits0Schedule = setting(Wits0Schedule, "How often what is sent")
-    rig: RigInputSettings = setting(RigInputSettings, "What is believed of the rig's data")
-    queue_bytes: int = setting(16384, "most that waits for a slow peer; then the oldest goes", low=1024, fixed=True)
+    schedule: Wits0Schedule = setting(Wits0Schedule, "Sending intervals")
+    rig: RigInputSettings = setting(RigInputSettings, "Acceptance of the rig's data")
+    queue_bytes: int = setting(
+        16384, "most data waiting for a slow peer; beyond it the oldest packets are dropped", low=1024, fixed=True
+    )
     send_timeout: float = setting(
-        15.0, "a peer that takes no byte for so long is cut off", unit="s", low=0.2, high=300.0, fixed=True
+        15.0,
+        "time without accepting data after which a peer is disconnected",
+        unit="s",
+        low=0.2,
+        high=300.0,
+        fixed=True,
     )
 
 

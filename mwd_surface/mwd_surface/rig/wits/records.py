@@ -73,11 +73,9 @@ class Wits0Format:
     source: str = setting("", "name sent as item 1984 of every packet; empty: none", fixed=True)
     well_id: str = setting("", "item WID; empty: the name of the well in ASCII", fixed=True)
     section: int = setting(0, "item SKNO, sidetrack or hole section number", low=0, high=99, fixed=True)
-    null_text: str = setting(
-        "", "sent in place of a value that is not to be used; empty: the item is left out", fixed=True
-    )
-    mixed: bool = setting(False, "one packet for all records instead of one each", fixed=True)
-    toolface_while_rotating: bool = setting(False, "send toolfaces while the string turns", fixed=True)
+    null_text: str = setting("", "text sent in place of an invalid value; empty: the item is left out", fixed=True)
+    mixed: bool = setting(False, "send all records in one packet instead of one packet each", fixed=True)
+    toolface_while_rotating: bool = setting(False, "send toolfaces also while the string rotates", fixed=True)
 
     def __post_init__(self) -> None:
         """Refuse names that would break a frame."""

@@ -18,13 +18,27 @@ from mwd_surface.rig.wits.records import Items, RecordWriter, Wits0Format
 class Wits0Schedule:
     """How often what is sent."""
 
-    toolface_period: float = setting(4.0, "shortest time between toolfaces", unit="s", low=1.0, high=60.0, fixed=True)
-    record_period: float = setting(5.0, "time between records 8 and 9", unit="s", low=1.0, high=600.0, fixed=True)
+    toolface_period: float = setting(
+        4.0,
+        "shortest time between toolfaces; shorter loads a slow serial line",
+        unit="s",
+        low=1.0,
+        high=60.0,
+        fixed=True,
+    )
+    record_period: float = setting(
+        5.0, "time between records 8 and 9; shorter loads a slow serial line", unit="s", low=1.0, high=600.0, fixed=True
+    )
     keep_alive: float = setting(
-        30.0, "a keep-alive packet goes out at least so often", unit="s", low=5.0, high=600.0, fixed=True
+        30.0,
+        "longest time without a packet; then a keep-alive packet is sent",
+        unit="s",
+        low=5.0,
+        high=600.0,
+        fixed=True,
     )
     stream_survey: bool = setting(
-        False, "repeat the last accepted survey with every record period, not only when accepted", fixed=True
+        False, "send the last accepted survey with every record period; false: only when it was accepted", fixed=True
     )
 
 

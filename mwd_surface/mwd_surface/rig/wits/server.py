@@ -20,11 +20,13 @@ class Wits0ServerSettings:
     """Where we listen."""
 
     enabled: bool = setting(False, "serve WITS level 0 over TCP", fixed=True)
-    host: str = setting("127.0.0.1", "address to listen on", fixed=True)
+    host: str = setting("127.0.0.1", "address of the network interface to listen on", fixed=True)
     port: int = setting(8686, "TCP port; 0: any that is free", low=0, high=65535, fixed=True)
-    allow_network: bool = setting(False, "listen on an address that other machines can reach", fixed=True)
-    max_clients: int = setting(16, "peers at a time", low=1, high=500, fixed=True)
-    max_per_peer: int = setting(8, "connections at a time from one address", low=1, high=500, fixed=True)
+    allow_network: bool = setting(
+        False, "allow an address that other machines can reach; needed for any host other than loopback", fixed=True
+    )
+    max_clients: int = setting(16, "most peers at a time", low=1, high=500, fixed=True)
+    max_per_peer: int = setting(8, "most connections at a time from one address", low=1, high=500, fixed=True)
 
 
 class Wits0Server(Wits0Link):

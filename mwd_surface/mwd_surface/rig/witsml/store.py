@@ -48,7 +48,7 @@ class StoreRefusedError(RuntimeError):
 class WitsmlStoreSettings:
     """The store, and how hard it is tried."""
 
-    enabled: bool = setting(False, "push the definitive survey to a WITSML store", fixed=True)
+    enabled: bool = setting(False, "send the definitive survey to a WITSML store whenever it changes", fixed=True)
     url: str = setting("", "address of the store's SOAP interface, http:// or https://", fixed=True)
     user: str = setting("", "user name; empty: none is sent", fixed=True)
     password_file: str = setting("", "file whose first line is the password", fixed=True)
