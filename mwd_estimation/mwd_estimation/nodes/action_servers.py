@@ -45,7 +45,7 @@ class EstimatorActions:
 
     def cancel_north_seek(self, goal: DeferredGoal) -> None:
         """Stop to seek north."""
-        self._pipeline().cancel_north()
+        self._pipeline().requests.cancel_north()
         self._north = None
         goal.finish(_no_north("cancelled"))
 
@@ -59,7 +59,7 @@ class EstimatorActions:
 
     def cancel_rotary_survey(self, goal: DeferredGoal) -> None:
         """Stop to average."""
-        self._pipeline().cancel_rotary()
+        self._pipeline().requests.cancel_rotary()
         self._rotary = None
         goal.finish(_no_survey("cancelled"))
 
@@ -77,7 +77,7 @@ class EstimatorActions:
         if (self._north is not None or self._rotary is not None) and not self._samples_arrive():
             self.abort("the samples stopped")
             return
-        north, rotary = self._pipeline().north_progress, self._pipeline().rotary_progress
+        north, rotary = self._pipeline().requests.north_progress, self._pipeline().requests.rotary_progress
         if self._north is not None and north is not None:
             self._north.publish_feedback(
                 NorthSeek.Feedback(
@@ -97,8 +97,8 @@ class EstimatorActions:
 
     def abort(self, reason: str) -> None:
         """Finish every goal without success."""
-        self._pipeline().cancel_north()
-        self._pipeline().cancel_rotary()
+        self._pipeline().requests.cancel_north()
+        self._pipeline().requests.cancel_rotary()
         if self._north is not None:
             self._north.finish(_no_north(reason))
         if self._rotary is not None:

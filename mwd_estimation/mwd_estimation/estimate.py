@@ -1,0 +1,181 @@
+"""
+The stages of the estimator in the order of the signal, from the start of an estimate to its next start.
+
+Health (stretches with the same usable sensors) -> gravity -> half-second bins, which may take a survey and change how
+the field is read -> attitude, in one stretch for each reading of the field -> completion of the surveys -> dynamics.
+A step that changes the reading of the field belongs into the bins; one that needs attitude belongs behind it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mwd_estimation import derivation
+from mwd_estimation.attitude import drilling_dynamics
+from mwd_estimation.attitude.block import Block
+from mwd_estimation.attitude.continuous_attitude import AttitudeStream
+from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.samples import Track
+from mwd_estimation.core.samples import samples as arrays_of
+from mwd_estimation.gravity import methods as gravity
+from mwd_estimation.gravity.fallback import GravityWithFallback, without_faulty
+from mwd_estimation.health.sensor_fault import MAG
+from mwd_estimation.magnetic import spike_filter
+from mwd_estimation.output import Counters, Output
+from mwd_estimation.sensor_watch import SensorWatch, Stretch
+from mwd_estimation.settings import EstimatorSettings, latitude_of
+from mwd_estimation.survey.magnetic_feedback import FieldReader
+from mwd_estimation.survey.static_survey import BIN_NS
+from mwd_estimation.surveying import Numbering, Surveying
+from mwd_sensors.core.arrays import Samples
+
+_STRONGEST = 0.01  # T; a hundred times what a magnetised string adds
+
+
+class Estimate:
+    """
+    All that changes from one start of the estimate to the next.
+
+    Parameters
+    ----------
+    settings : EstimatorSettings
+    reference : Reference or None
+        Overrides what the settings say.
+    counters : Counters
+    numbering : Numbering
+    """
+
+    def __init__(
+        self, settings: EstimatorSettings, reference: Reference | None, counters: Counters, numbering: Numbering
+    ) -> None:
+        self.settings, self._counters, self._given = settings, counters, reference
+        self.watch = SensorWatch(settings)
+        self.field = FieldReader(derivation.station_params(settings), reference)
+        self.surveying = Surveying(settings, self.field, self.watch.history, numbering)
+        self._spikes = spike_filter.initial()
+        self._attitude = AttitudeStream(
+            derivation.time_alignment_params(settings), derivation.interference_params(settings),
+            derivation.gyro_azimuth_params(settings), derivation.sensor_errors(settings), BIN_NS,
+            latitude_of(settings), derivation.precision_gyro_params(settings),
+        )  # fmt: skip
+        self._use_gravity(None)
+        self._dynamics_state = drilling_dynamics.initial(self._dynamics_params)
+        self._lag_ns = round(settings.tool.magnetometer.delay_s * 1e9)
+        self.last_imu_ns = np.iinfo(np.int64).min
+        self._ready = False
+
+    def _use_gravity(self, known: float | None) -> None:
+        """Use this local gravity, m/s^2, in all that follows gravity; None: not known."""
+        settings = self.settings
+        self._gravity = GravityWithFallback(
+            gravity.method(settings.gravity.method), derivation.gravity_params(settings, known),
+            derivation.accelerometer_only_params(settings, known),
+        )  # fmt: skip
+        self._dynamics_params = derivation.dynamics_params(settings, known)
+
+    def _begin(self, first_ns: int) -> None:
+        """Set what depends on the day and place of the first sample."""
+        if self._given is None:
+            self.field.set_reference(derivation.reference(self.settings, first_ns))
+        self._ready = True
+        self._attitude.set_reference(self.field.reference)
+        self.watch.set_reference(self.field.reference)
+        self._use_gravity(self.local_gravity)
+        self.surveying.precision.begin(latitude_of(self.settings), self.local_gravity)
+
+    @property
+    def local_gravity(self) -> float | None:
+        """Local gravity, m/s^2; None where not known."""
+        return self.field.reference.gravity if self.field.reference is not None else None
+
+    def set_reference(self, reference: Reference) -> None:
+        """Judge and correct by this field from now on; the interference is estimated anew."""
+        self._given = reference
+        self.field.set_reference(reference)
+        if self._ready:
+            self._attitude.set_reference(reference)
+            self.watch.set_reference(reference)
+
+    def take_mag(self, samples: Samples) -> None:
+        """Take magnetic samples, dtype of `wire.MAG`."""
+        stamps, b_t = samples["stamp_ns"], samples["magnetic_field"]
+        self.watch.take_mag(stamps, b_t)
+        # A field that no tool meets is another unit, none at all is no reading; the health of the sensors names it.
+        usable = (np.abs(b_t) < _STRONGEST).all(axis=1) & b_t.any(axis=1)
+        stamps, b_t = np.ascontiguousarray(stamps[usable]), np.ascontiguousarray(b_t[usable])
+        self._counters.rejected += int(len(usable) - len(stamps))
+        sound = spike_filter.run(self._spikes, stamps, b_t)
+        self._counters.spikes += int(len(sound) - np.count_nonzero(sound))
+        stamps, b_t = stamps[sound], b_t[sound]
+        self._counters.late_mag += int((stamps <= self.last_imu_ns - self._lag_ns).sum())
+        if len(stamps):
+            self.watch.mag_used(int(stamps[0]))
+        self.surveying.streams.add("mag", stamps, b_t)
+        self._attitude.take_mag(stamps, b_t)
+
+    def take_precision(self, samples: Samples) -> None:
+        """Take samples of the high-precision unit, dtype of `wire.IMU`."""
+        values = np.hstack([samples["angular_velocity"], samples["linear_acceleration"]])
+        stamps = np.ascontiguousarray(samples["stamp_ns"])
+        self.surveying.streams.add("precision", stamps, values)
+        self.surveying.precision.take(stamps, values)
+
+    def take_temperature(self, samples: Samples) -> None:
+        """Take temperatures, dtype of `wire.TEMPERATURE`."""
+        values = np.ascontiguousarray(samples["temperature"])[:, None]
+        self.surveying.streams.add("temperature", np.ascontiguousarray(samples["stamp_ns"]), values)
+
+    def take_imu(self, samples: Samples, followed: Track | None = None) -> Output:
+        """Take samples of the conventional unit, dtype of `wire.IMU`; followed: their gravity, by a smoother."""
+        if not len(samples):
+            return Output.empty(0)
+        if not self._ready:
+            self._begin(int(samples["stamp_ns"][0]))
+        arrays = arrays_of(samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"])
+        output, *rest = (self._run_stages(stretch, followed) for stretch in self.watch.stretches(*arrays))
+        for piece in rest:
+            output = output.joined(piece)
+        return output
+
+    def _run_stages(self, stretch: Stretch, followed: Track | None) -> Output:
+        """Estimate samples during which the same sensors are usable."""
+        output = Output.empty(len(stretch.stamps))
+        output.health += stretch.changes
+        if stretch.begins_contamination:
+            self._attitude.set_reference(self.field.reference)
+        stamps, accel, unusable = stretch.stamps, stretch.accel, stretch.unusable
+        # Gravity.
+        given = followed.part(stretch.part) if followed is not None else None
+        track = self._gravity.run(unusable, stamps, stretch.gyro, accel, given)
+        # Bins, and surveys begun in them.
+        bins = self.surveying.close_bins(stretch, output)
+        # Attitude.
+        gyro = without_faulty(unusable, stretch.gyro)
+        self._attitude.leave_out_mag(stamps, (stretch.suspect | np.uint8(unusable)) & MAG != 0)
+        block = Block(stamps, gyro, accel, track, stretch.suspect, unusable, stretch.contaminated)
+        rates = PrecisionRates(*self.surveying.precision.rates)
+        output.interference, rejected = self._attitude.follow(
+            block, bins.readings, bins.events, rates, output.attitude, output.gravity
+        )
+        self._counters.rejected += rejected
+        # Surveys, complete now that the attitude up to them is known.
+        decision, propagated = self.surveying.decision, self._attitude.propagated
+        output.surveys += [decision.complete(taken, propagated[at]) for at, taken in bins.taken]
+        ended = self.surveying.requests.average(block, self._attitude.handed_on)
+        if ended is not None:
+            self.surveying.rotary(*ended, output)
+        # Dynamics.
+        output.dynamics = drilling_dynamics.run(
+            self._dynamics_params, self._dynamics_state, stamps, gyro, accel, track.g_t, output.attitude["status"]
+        )
+        self.last_imu_ns = int(stamps[-1])
+        return output
+
+    def finish(self) -> Output:
+        """Give the survey that waited for the gyro, when no more samples come."""
+        output = Output.empty(0)
+        held = self.surveying.finish()
+        if held is not None:
+            output.surveys.append(self.surveying.decision.complete(held, self._attitude.propagated_now))
+        return output

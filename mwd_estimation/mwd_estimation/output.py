@@ -1,0 +1,78 @@
+"""What the estimator gives for a block of samples, and what it counts."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from mwd_estimation.gyrocompass.solution import Solution
+from mwd_estimation.health.sensor_fault import SensorFault
+from mwd_estimation.survey.static_survey import Refusal
+from mwd_estimation.survey.survey import Survey
+from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
+
+
+@dataclasses.dataclass
+class Output:
+    """
+    Attitude and gravity of every IMU sample of a block, and all that came in its time.
+
+    Attributes
+    ----------
+    attitude, gravity : ndarray of dtype `wire.ATTITUDE` and `wire.GRAVITY`
+        One row for each IMU sample.
+    interference, dynamics : ndarray of dtype `wire.INTERFERENCE` and `wire.DYNAMICS`
+    surveys : list of Survey
+    refusals : list of Refusal
+        Requests for a survey that could not be met.
+    health : list of SensorFault
+        Faults of sensors that were found, narrowed down or cleared.
+    north : list of Solution
+        Results of north seeks on request.
+    rotary : list of Survey or Refusal
+        Surveys taken while the string turned, or why there is none.
+    """
+
+    attitude: Samples
+    gravity: Samples
+    interference: Samples
+    dynamics: Samples
+    surveys: list[Survey] = dataclasses.field(default_factory=list)
+    refusals: list[Refusal] = dataclasses.field(default_factory=list)
+    health: list[SensorFault] = dataclasses.field(default_factory=list)
+    north: list[Solution] = dataclasses.field(default_factory=list)
+    rotary: list[Survey | Refusal] = dataclasses.field(default_factory=list)
+
+    @classmethod
+    def empty(cls, n: int) -> Output:
+        """Make room for n IMU samples."""
+        return cls(wire.ATTITUDE.empty(n), wire.GRAVITY.empty(n), wire.INTERFERENCE.empty(0), wire.DYNAMICS.empty(0))
+
+    def joined(self, later: Output) -> Output:
+        """Return this output with a later one behind it."""
+        return Output(
+            np.concatenate([self.attitude, later.attitude]),
+            np.concatenate([self.gravity, later.gravity]),
+            np.concatenate([self.interference, later.interference]),
+            np.concatenate([self.dynamics, later.dynamics]),
+            self.surveys + later.surveys,
+            self.refusals + later.refusals,
+            self.health + later.health,
+            self.north + later.north,
+            self.rotary + later.rotary,
+        )
+
+
+@dataclasses.dataclass
+class Counters:
+    """What was received and not used, and how often time went back."""
+
+    imu: int = 0
+    mag: int = 0
+    precision: int = 0
+    rejected: int = 0
+    late_mag: int = 0
+    spikes: int = 0
+    set_back: int = 0

@@ -1,0 +1,118 @@
+"""The high-precision unit: its samples bin by bin, its health, and the north that a station finds with it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_estimation import derivation
+from mwd_estimation.core.reasons import Reason, quoted
+from mwd_estimation.core.time_bins import Bin
+from mwd_estimation.gyrocompass.station import GyroStation
+from mwd_estimation.health.sensor_fault import ACCEL, GYRO, SensorFault
+from mwd_estimation.health.unit_comparison import PrecisionHealth
+from mwd_estimation.settings import EstimatorSettings
+from mwd_estimation.survey.static_survey import BIN_NS
+from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.compiled import compiled
+
+
+@dataclasses.dataclass(frozen=True)
+class PrecisionBin:
+    """
+    The unit in one bin of time.
+
+    Attributes
+    ----------
+    samples : tuple of ndarray, shapes (n,) and (n, 6)
+        Stamps, ns, and rates, rad/s, and forces, m/s^2; not a number where the unit is faulty.
+    changes : list of SensorFault
+        Faults found, narrowed down or cleared.
+    fault : Reason or None
+        Why the unit is left out; None where it is used.
+    """
+
+    samples: tuple[Stamps, Array]
+    changes: list[SensorFault]
+    fault: Reason | None
+
+
+class PrecisionUnit:
+    """
+    The unit of one tool.
+
+    Parameters
+    ----------
+    settings : EstimatorSettings
+    """
+
+    def __init__(self, settings: EstimatorSettings) -> None:
+        self._watch = settings.health.watch
+        self._settle_ns = settings.survey.settle_s * 1e9
+        self._health = PrecisionHealth(derivation.precision_gyro_bias(settings))
+        self._params = derivation.gyrocompass_params(settings)
+        self.station = GyroStation(self._params, None, None)
+        self._stamps = np.zeros(0, dtype=np.int64)
+        self._values = np.zeros((0, 6))
+        self._at = 0
+
+    @property
+    def faults(self) -> list[SensorFault]:
+        """Faults of the unit that stand now."""
+        return self._health.faults
+
+    @property
+    def rates(self) -> tuple[Stamps, Array]:
+        """Stamps, ns, and rates, rad/s, shape (n, 3), of the samples kept."""
+        return self._stamps, self._values[:, :3]
+
+    def begin(self, latitude_deg: float | None, gravity: float | None) -> None:
+        """Seek north from now on with this latitude, deg, and local gravity, m/s^2; None where not known."""
+        self.station = GyroStation(self._params, latitude_deg, gravity)
+
+    def take(self, stamps: Stamps, values: Array) -> None:
+        """Take samples, shapes (n,) and (n, 6); they are kept until the bin of their time is over."""
+        self._stamps = np.concatenate([self._stamps[self._at :], stamps])
+        self._values = np.concatenate([self._values[self._at :], values])
+        self._at = 0
+
+    def compare(self, stamps: Stamps, values: Array, suspect: NDArray[np.uint8]) -> None:
+        """Take the conventional unit's samples of the same time; those of a suspect sensor are not compared."""
+        if self._watch:
+            unsure = suspect & (GYRO | ACCEL) != 0
+            self._health.beside(stamps, np.where(unsure[:, None], np.nan, values) if unsure.any() else values)
+
+    def close(self, imu: Bin, still_bins: int) -> PrecisionBin:
+        """
+        Close one bin: judge the unit, and seek north with it where it is in order.
+
+        imu : the conventional unit's bin; still_bins : number of bins for which the tool has kept still.
+        """
+        end_ns = (imu.index + 1) * BIN_NS
+        # By bins, not by blocks: the same samples go into the seek however the stream is cut.
+        first, self._at = self._at, first_not_before(self._stamps, self._at, end_ns)
+        samples = self._stamps[first : self._at], self._values[first : self._at]
+        changes = self._health.judge(end_ns, still_bins > 0, samples) if self._watch else []
+        fault = None
+        if self._watch and self._health.heard:
+            faulty = any(one.unusable for one in self.faults)
+            refusal = quoted(self._health.refusal) if self._health.refusal else None
+            self.station.refuse(refusal, faulty)
+            if faulty:
+                fault = refusal
+                samples[1][:] = math.nan
+        if fault is None:
+            settled = still_bins * BIN_NS > self._settle_ns
+            self.station.add(imu, BIN_NS * 1e-9, settled, still_bins > 0, samples)
+        return PrecisionBin(samples, changes, fault)
+
+
+@compiled
+def first_not_before(stamps: Stamps, start: int, end_ns: int) -> int:
+    """Return the first place from `start` on whose stamp is not before `end_ns`."""
+    while start < len(stamps) and stamps[start] < end_ns:
+        start += 1
+    return start

@@ -1,0 +1,120 @@
+"""What somebody asked the estimator for beside its own surveys: a north seek and a survey in a turning string."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from mwd_estimation import derivation
+from mwd_estimation.attitude.block import Block
+from mwd_estimation.core.reasons import Reason
+from mwd_estimation.gyrocompass.session import NorthProgress, NorthSession
+from mwd_estimation.gyrocompass.solution import Solution
+from mwd_estimation.precision_unit import first_not_before
+from mwd_estimation.settings import EstimatorSettings, latitude_of
+from mwd_estimation.survey.rotary_survey import Progress as RotaryProgress
+from mwd_estimation.survey.rotary_survey import RotarySurvey
+from mwd_estimation.survey.static_survey import BIN_NS, Refusal, StillAverage
+from mwd_sensors.core.arrays import Array, Samples, Stamps
+
+
+class Requests:
+    """
+    The north seek and the rotary survey under way, at most one of each.
+
+    Parameters
+    ----------
+    settings : EstimatorSettings
+    """
+
+    def __init__(self, settings: EstimatorSettings) -> None:
+        self._settings = settings
+        self._north: NorthSession | None = None
+        self._rotary: RotarySurvey | None = None
+        # Rates of the conventional unit since the request for north.
+        self._rates = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+
+    def start_north(self, duration_s: float, mode: str, gravity: float | None) -> None:
+        """
+        Seek north from now on; gravity: local, m/s^2, None where not known.
+
+        Raises
+        ------
+        ValueError
+            The request cannot be met, a seek is under way, or the latitude is not known.
+        """
+        latitude = latitude_of(self._settings)
+        if self._north is not None:
+            raise ValueError("north is already being sought")
+        if latitude is None:
+            raise ValueError("the latitude is not known: set place.lat_deg and place.lon_deg")
+        params, unit = derivation.north_params(self._settings), derivation.gyrocompass_params(self._settings)
+        self._north = NorthSession(params, unit, latitude, gravity, duration_s, mode)
+        self._rates = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+
+    def cancel_north(self) -> None:
+        """Seek north no longer."""
+        self._north = None
+
+    @property
+    def north_progress(self) -> NorthProgress | None:
+        """Progress of the seek; None where there is none."""
+        return self._north.progress() if self._north is not None else None
+
+    def take_rates(self, stamps: Stamps, gyro: Array) -> None:
+        """Take rates of the conventional unit, rad/s, shapes (n,) and (n, 3), for the seek."""
+        if self._north is not None:
+            self._rates = np.concatenate([self._rates[0], stamps]), np.concatenate([self._rates[1], gyro])
+
+    def seek(self, end_ns: int, precision: tuple[Stamps, Array]) -> Solution | None:
+        """Give a bin that ends at this time, ns, to the seek, unless the seek began later; its result where it ends."""
+        stamps, rates = self._rates
+        if self._north is None or not len(stamps) or stamps[0] >= end_ns:
+            return None
+        before = first_not_before(stamps, 0, end_ns)
+        self._north.add(BIN_NS * 1e-9, precision, (stamps[:before], rates[:before]))
+        self._rates = stamps[before:], rates[before:]
+        if not self._north.done:
+            return None
+        found, self._north = self._north.solution(), None
+        return found
+
+    def end_north(self, reason: Reason) -> Solution | None:
+        """End the seek for a reason; what it ends with, None where there was none."""
+        if self._north is None:
+            return None
+        found, self._north = dataclasses.replace(self._north.solution(), reason=reason), None
+        return found
+
+    def start_rotary(self, duration_s: float) -> None:
+        """
+        Average from now on in axes that do not turn.
+
+        Raises
+        ------
+        ValueError
+            The duration is no duration, or a rotary survey is under way.
+        """
+        if self._rotary is not None:
+            raise ValueError("a rotary survey is already being taken")
+        self._rotary = RotarySurvey(derivation.rotary_params(self._settings), duration_s)
+
+    def cancel_rotary(self) -> None:
+        """Take the rotary survey no longer."""
+        self._rotary = None
+
+    @property
+    def rotary_progress(self) -> RotaryProgress | None:
+        """Progress of the rotary survey; None where there is none."""
+        return self._rotary.progress() if self._rotary is not None else None
+
+    def average(self, block: Block, pairs: Samples) -> tuple[StillAverage | Refusal, float] | None:
+        """Give a block to the rotary survey; its average or refusal and the rotary speed, rad/s, where it ends."""
+        if self._rotary is None:
+            return None
+        result = self._rotary.add(block.stamps, block.gyro, block.accel, block.track, pairs)
+        if result is None:
+            return None
+        ended, self._rotary = self._rotary, None
+        return result, 0.0 if isinstance(result, Refusal) else ended.rotary_speed

@@ -1,0 +1,109 @@
+"""Health of the conventional unit and the magnetometer, as stretches of samples with the same usable sensors."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_estimation import derivation
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.health import monitor
+from mwd_estimation.health.sensor_fault import SensorFault
+from mwd_estimation.settings import EstimatorSettings
+from mwd_estimation.survey.fault_history import AZIMUTH, FaultHistory
+from mwd_sensors.core.arrays import Array, Stamps
+
+
+@dataclasses.dataclass(frozen=True)
+class Stretch:
+    """
+    Samples during which the same sensors are usable.
+
+    Attributes
+    ----------
+    part : slice
+        Of the block.
+    stamps, gyro, accel : ndarray, shapes (n,), (n, 3) and (n, 3)
+        ns, rad/s and m/s^2.
+    suspect : ndarray of uint8, shape (n,)
+        Bits of the sensors in doubt at each sample.
+    unusable : int
+        Bits of the sensors that are unusable throughout.
+    begins_contamination, contaminated : bool
+        Whether the azimuth is found to have taken in wrong values of a faulty sensor here, or since before.
+    changes : list of SensorFault
+        Faults found, narrowed down or cleared at the first sample.
+    """
+
+    part: slice
+    stamps: Stamps
+    gyro: Array
+    accel: Array
+    suspect: NDArray[np.uint8]
+    unusable: int
+    begins_contamination: bool
+    contaminated: bool
+    changes: list[SensorFault]
+
+
+class SensorWatch:
+    """
+    The sensors' health and its history.
+
+    Parameters
+    ----------
+    settings : EstimatorSettings
+    """
+
+    def __init__(self, settings: EstimatorSettings) -> None:
+        self._params = derivation.health_params(settings)
+        self._state = monitor.initial(self._params)
+        self.history = FaultHistory()
+        self._contaminated = False
+        # Since when the magnetometer, as far as is known a sound one, has been taken in.
+        self._mag_since_ns = np.iinfo(np.int64).max
+
+    @property
+    def faults(self) -> list[SensorFault]:
+        """Faults that stand now."""
+        return monitor.faults(self._state)
+
+    @property
+    def known(self) -> dict[str, int]:
+        """Conditions of units, axes and signs: UNKNOWN, OK or FAULT of `health.fault_debounce`."""
+        return monitor.known(self._state)
+
+    def set_reference(self, reference: Reference | None) -> None:
+        """Judge force and field against this from now on."""
+        known = (reference.gravity, reference.total, reference.dip) if reference is not None else (None, None, None)
+        monitor.set_reference(self._state, *known)
+
+    def take_mag(self, stamps: Stamps, b_t: Array) -> None:
+        """Take magnetic samples as they came, T."""
+        monitor.push_mag(self._state, stamps, b_t)
+
+    def mag_used(self, first_ns: int) -> None:
+        """Note that magnetic samples from this stamp on go into the azimuth."""
+        self._mag_since_ns = min(self._mag_since_ns, first_ns)
+
+    def stretches(self, stamps: Stamps, gyro: Array, accel: Array) -> Iterator[Stretch]:
+        """Cut a block where the health of a sensor changes, which is rare; each stretch is judged when asked for."""
+        found = monitor.run(self._params, self._state, stamps, gyro, accel)
+        for start, stop in itertools.pairwise(sorted({0, *found.places, len(stamps)})):
+            part = slice(start, stop)
+            changes = [one for one, at in zip(found.changes, found.places, strict=True) if at == start]
+            for change in changes:
+                self.history.note(change)
+            unusable = int(found.unusable[start])
+            misled = self.history.misleads(changes, self._mag_since_ns)
+            self._contaminated = self._contaminated or misled
+            if self._contaminated and unusable & AZIMUTH == 0:
+                self._contaminated, self._mag_since_ns = False, int(stamps[start])
+            yield Stretch(
+                part, stamps[part], gyro[part], accel[part], found.suspect[part], unusable, misled, self._contaminated,
+                changes,
+            )  # fmt: skip

@@ -1,0 +1,160 @@
+"""
+Half-second bins: what is done once for a bin, in the order of bins, and the surveys that come of it.
+
+A bin may end the still interval of a survey. What the survey shows of the magnetic field changes how the field is read
+from there on; its continuity check waits for the attitude up to it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from mwd_estimation import derivation
+from mwd_estimation.attitude.block import BinEvent, MagneticModelInForce
+from mwd_estimation.core.time_bins import Bin, Binner
+from mwd_estimation.gyrocompass.solution import Solution
+from mwd_estimation.output import Output
+from mwd_estimation.precision_unit import PrecisionUnit
+from mwd_estimation.requests import Requests
+from mwd_estimation.sensor_watch import Stretch
+from mwd_estimation.settings import EstimatorSettings
+from mwd_estimation.side_streams import SideStreams
+from mwd_estimation.survey.decision import Provisional, SurveyDecision
+from mwd_estimation.survey.fault_history import FaultHistory
+from mwd_estimation.survey.magnetic_feedback import FieldReader
+from mwd_estimation.survey.static_survey import BIN_NS, Refusal, StillAverage, StillSurvey
+
+
+@dataclasses.dataclass
+class Numbering:
+    """Number of the survey given last; it outlives a new start of the estimate."""
+
+    last: int = 0
+
+    def next(self) -> int:
+        """Return the next number."""
+        self.last += 1
+        return self.last
+
+
+@dataclasses.dataclass
+class Bins:
+    """
+    The bins closed within a stretch.
+
+    Attributes
+    ----------
+    events : list of BinEvent
+    readings : list of (int, MagneticModelInForce)
+        How the field is read from a sample of the stretch on; the first from its start.
+    taken : list of (int, Provisional)
+        Surveys, each with the place of its bin in `events`.
+    """
+
+    events: list[BinEvent]
+    readings: list[tuple[int, MagneticModelInForce]]
+    taken: list[tuple[int, Provisional]]
+
+
+class Surveying:
+    """
+    Bins and surveys of one tool.
+
+    Parameters
+    ----------
+    settings : EstimatorSettings
+    field : FieldReader
+        How the magnetic field is read; surveys change it.
+    faults : FaultHistory
+        Of the sensors.
+    numbering : Numbering
+    """
+
+    def __init__(
+        self, settings: EstimatorSettings, field: FieldReader, faults: FaultHistory, numbering: Numbering
+    ) -> None:
+        self._field, self._faults, self._numbering = field, faults, numbering
+        self.requests = Requests(settings)
+        self.precision = PrecisionUnit(settings)
+        self.streams = SideStreams()
+        self.still = StillSurvey(derivation.still_params(settings))
+        self.decision = SurveyDecision(
+            derivation.station_params(settings), derivation.fusion_params(settings), derivation.run_params(settings),
+            faults,
+        )  # fmt: skip
+        self._binner = Binner(6, BIN_NS)
+        self._waiting: list[Bin] = []
+        self._sensors_usable = True
+
+    def close_bins(self, stretch: Stretch, output: Output) -> Bins:
+        """Close the bins that end within a stretch; refusals, faults and results of requests go to the output."""
+        values = np.hstack([stretch.gyro, stretch.accel])
+        self.requests.take_rates(stretch.stamps, stretch.gyro)
+        self.precision.compare(stretch.stamps, values, stretch.suspect | np.uint8(stretch.unusable))
+        self._sensors_usable = not stretch.unusable
+        bins = Bins([], [(0, self._field.reading)], [])
+        doubted = 0
+        for closed, place in self._binner.add_placed(stretch.stamps, values):
+            self._waiting.append(closed)
+            # One bin late, so that the other streams of its time are there.
+            if len(self._waiting) > 1:
+                self._doubt(stretch, doubted, place)
+                doubted = place
+                self._close(self._waiting.pop(0), place, bins, output)
+        self._doubt(stretch, doubted, len(stretch.stamps))
+        return bins
+
+    def finish(self) -> Provisional | None:
+        """Return the survey that waited for the gyro when no more samples come; None where none waited."""
+        held = self.still.finish()
+        return None if held is None else self._survey(held, self.precision.station.solution())
+
+    def rotary(self, average: StillAverage | Refusal, rotary_speed: float, output: Output) -> None:
+        """Decide a survey averaged in a turning string; rotary_speed, rad/s."""
+        if isinstance(average, Refusal):
+            output.rotary.append(average)
+            return
+        number = self._numbering.next()
+        output.rotary.append(self.decision.rotary(average, number, self._field.reference, rotary_speed))
+
+    def _doubt(self, stretch: Stretch, start: int, stop: int) -> None:
+        if stretch.suspect.any():
+            self._faults.doubt(stretch.stamps[start:stop], stretch.suspect[start:stop])
+
+    def _close(self, imu: Bin, place: int, bins: Bins, output: Output) -> None:
+        """Do everything that is done once for a bin; its results hold from the sample at `place`."""
+        end_ns = (imu.index + 1) * BIN_NS
+        gyro = self.precision.station
+        beside = self.streams.beside(imu)
+        result = self.still.add(beside, gyro.pending() if self.still.complete else None)
+        # What the gyro had found before this bin, which ended the interval.
+        so_far = gyro.solution() if isinstance(result, StillAverage) and result.moved else None
+        unit = self.precision.close(imu, self.still.still_bins)
+        for change in unit.changes:
+            self._faults.note(change)
+        output.health += unit.changes
+        ended = self.requests.end_north(unit.fault) if unit.fault is not None else None
+        found = ended or self.requests.seek(end_ns, unit.samples)
+        if found is not None:
+            output.north.append(found)
+        event = BinEvent(place, imu.index, end_ns)
+        if isinstance(result, Refusal):
+            output.refusals.append(result)
+        elif isinstance(result, StillAverage):
+            north = so_far if result.moved else gyro.solution()
+            taken = self._survey(result, north)
+            event = BinEvent(place, imu.index, end_ns, *taken.gyro, taken.accepted_azimuth)
+            bins.taken.append((len(bins.events), taken))
+        bins.events.append(event)
+        if self._field.reading is not bins.readings[-1][1]:
+            bins.readings.append((place, self._field.reading))
+
+    def _survey(self, still: StillAverage, found: Solution | None) -> Provisional:
+        """Begin the survey of a still interval; what it shows of the field is used from here on."""
+        number, reference = self._numbering.next(), self._field.reference
+        taken = self.decision.begin(still, number, reference, found, usable=self._sensors_usable)
+        if taken.sound:
+            self._field.learn(taken.survey, taken.analysis)
+        return taken
