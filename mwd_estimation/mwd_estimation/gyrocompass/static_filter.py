@@ -164,14 +164,14 @@ def transition(p: KernelParams, mat: Array, dt: float, ax: float, ay: float, az:
         for j in range(3):
             phi[Error.VELOCITY + i, Error.ACCEL_BIAS + j] = -dt * mat[i, j]
             phi[Error.ATTITUDE + i, Error.GYRO_BIAS + j] = -dt * mat[i, j]
-    # -2 w_ie x v
-    phi[3, 4], phi[4, 3], phi[4, 5], phi[5, 4] = 2.0 * dt * down, -2.0 * dt * down, 2.0 * dt * north, -2.0 * dt * north
-    # attitude error x specific force
-    phi[3, 7], phi[3, 8] = dt * fd, -dt * fe
-    phi[4, 6], phi[4, 8] = -dt * fd, dt * fn
-    phi[5, 6], phi[5, 7] = dt * fe, -dt * fn
-    # -w_ie x attitude error
-    phi[6, 7], phi[7, 6], phi[7, 8], phi[8, 7] = dt * down, -dt * down, dt * north, -dt * north
+    # Rows v' and phi' of velocity and attitude error: -2 w_ie x v, attitude error x force, -w_ie x attitude error.
+    v, a = Error.VELOCITY, Error.ATTITUDE
+    phi[v, v + 1], phi[v + 1, v], phi[v + 1, v + 2] = 2.0 * dt * down, -2.0 * dt * down, 2.0 * dt * north
+    phi[v + 2, v + 1] = -2.0 * dt * north
+    phi[v, a + 1], phi[v, a + 2] = dt * fd, -dt * fe
+    phi[v + 1, a], phi[v + 1, a + 2] = -dt * fd, dt * fn
+    phi[v + 2, a], phi[v + 2, a + 1] = dt * fe, -dt * fn
+    phi[a, a + 1], phi[a + 1, a], phi[a + 1, a + 2], phi[a + 2, a + 1] = dt * down, -dt * down, dt * north, -dt * north
 
 
 @compiled
@@ -295,20 +295,21 @@ def _write(p: KernelParams, s: State, bits: int, row: Row) -> None:
         return
     # The hole axis is the first column; an attitude error moves its azimuth by H P H'.
     P, an, ae, ad = s.P, s.mat[0, 0], s.mat[1, 0], s.mat[2, 0]
+    n, e, d = Error.ATTITUDE, Error.ATTITUDE + 1, Error.ATTITUDE + 2
     across2 = an * an + ae * ae
     if across2 < math.sin(track.NEAR_VERTICAL_BELOW) ** 2:
         bits |= _NEAR_VERTICAL
     if across2 < 1e-12:
         row.sigma_azimuth = math.pi
-        row.sigma_inclination = math.sqrt(P[6, 6] + P[7, 7])
+        row.sigma_inclination = math.sqrt(P[n, n] + P[e, e])
     else:
-        h0, h1 = -an * ad / across2, -ae * ad / across2
-        variance = h0 * h0 * P[6, 6] + h1 * h1 * P[7, 7] + P[8, 8]
-        variance += 2.0 * (h0 * h1 * P[6, 7] + h0 * P[6, 8] + h1 * P[7, 8])
+        hn, he = -an * ad / across2, -ae * ad / across2
+        variance = hn * hn * P[n, n] + he * he * P[e, e] + P[d, d]
+        variance += 2.0 * (hn * he * P[n, e] + hn * P[n, d] + he * P[e, d])
         row.sigma_azimuth = min(math.pi, math.sqrt(variance))
         across = math.sqrt(across2)
-        t0, t1 = ae / across, -an / across
-        row.sigma_inclination = math.sqrt(t0 * t0 * P[6, 6] + t1 * t1 * P[7, 7] + 2.0 * t0 * t1 * P[6, 7])
+        tn, te = ae / across, -an / across
+        row.sigma_inclination = math.sqrt(tn * tn * P[n, n] + te * te * P[e, e] + 2.0 * tn * te * P[n, e])
     row.ratio = s.ratio
     if s.ratio <= p.moved_ratio:
         bits |= _STILL

@@ -44,6 +44,27 @@ def test_a_changed_callee_in_another_module_is_compiled_anew(tmp_path):
 
 
 @pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
+def test_a_kernel_is_compiled_anew_when_the_fields_of_its_parameters_change_places(tmp_path):
+    params = "from typing import NamedTuple\n\nclass Params(NamedTuple):\n    {}: float\n    {}: float\n"
+    (tmp_path / "mwd_params.py").write_text(params.format("low", "top"))
+    (tmp_path / "mwd_user.py").write_text(
+        "from mwd_params import Params\nfrom mwd_sensors.core.compiled import compiled\n\n"
+        "@compiled\ndef span(p):\n    return p.top - p.low\n\nprint(span(Params(low=1.0, top=4.0)))\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+
+    def run():
+        command = [sys.executable, "mwd_user.py"]
+        return subprocess.run(
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+        ).stdout.strip()
+
+    assert run() == "3.0"
+    (tmp_path / "mwd_params.py").write_text(params.format("top", "low"))
+    assert run() == "3.0"
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
 def test_a_callee_is_compiled_once_for_a_type_whatever_the_numbers_in_the_call(tmp_path):
     (tmp_path / "mwd_powers.py").write_text(
         "from mwd_sensors.core.compiled import compiled\n\n"
