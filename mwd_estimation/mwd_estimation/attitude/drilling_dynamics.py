@@ -1,5 +1,5 @@
 """
-Drilling dynamics in a driller's numbers, from IMU samples and the gravity followed through them.
+Drilling dynamics in the numbers of the field, from IMU samples and the gravity followed through them.
 
 Rotary speed and stick-slip severity as used in the field (SSI = (max - min) / (2 mean) of the down-hole rotary speed),
 vibration as the root mean square of the non-gravity acceleration along and across the axis, peaks, and shocks counted
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,16 +22,10 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.records import dtype_of
 from mwd_sensors.core.settings import setting
 
 _NONE = np.iinfo(np.int64).min
-# Integer state: open period and its samples, open slot, last stamp, last stamp beyond the threshold and whether the
-# last sample was, shocks since the start, status of the last sample.
-_PERIOD, _COUNT, _SLOT, _LAST_NS, _SHOCK_NS, _ABOVE, _TOTAL, _STATUS, _INTEGERS = range(9)
-# Sums of a period: rate, squares along and across, largest squares along, across and whole, shocks; the open slot.
-_RATE, _AXIAL2, _LATERAL2, _AXIAL_TOP, _LATERAL_TOP, _WHOLE_TOP, _SHOCKS, _SLOT_RATE, _SLOT_COUNT, _SUMS = range(10)
-# Row of a period that is over: its index, its samples, its slots, then its sums.
-_R_INDEX, _R_COUNT, _R_SLOTS, _R_SUMS = 0, 1, 2, 3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,39 +45,103 @@ class Params:
     gravity: float = setting(STANDARD_GRAVITY, "Magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
 
 
-@dataclasses.dataclass
-class State:
+class KernelParams(NamedTuple):
+    """Settings in SI units; `shock_separation_ns` holds a microsecond for stamps that are not even."""
+
+    period_ns: int
+    gravity: float
+    shock_threshold2: float
+    shock_separation_ns: float
+    min_speed: float
+
+
+class Period:
     """
-    Everything that changes; a copy resumes.
+    Sums over a period.
+
+    index : of the period, its start over its length. samples, slots : in it, and slots of rotary speed that had any.
+    rate : rad/s. axial2, lateral2 : squared non-gravity acceleration, (m/s^2)^2.
+    axial_peak2, lateral_peak2, whole_peak2 : their largest, and that of the whole. shocks : that began in it.
+    """
+
+    index: int
+    samples: int
+    slots: int
+    rate: float
+    axial2: float
+    lateral2: float
+    axial_peak2: float
+    lateral_peak2: float
+    whole_peak2: float
+    shocks: int
+
+
+class Now:
+    """
+    The open period and what is remembered of the last sample.
+
+    open : sums; its index is _NONE before the first sample.
+    slot, slot_rate, slot_samples : slot of the rotary speed that is open, and its sums, rad/s.
+    last_ns, shock_ns : stamps of the last sample, and of the last beyond the threshold; _NONE before the first.
+    above : the last sample was beyond the threshold.
+    shocks_total : since the start. status : bits of the last sample.
+    """
+
+    open: Period
+    slot: int
+    slot_rate: float
+    slot_samples: float
+    last_ns: int
+    shock_ns: int
+    above: bool
+    shocks_total: int
+    status: int
+
+
+NOW, PERIOD = dtype_of(Now), dtype_of(Period)
+
+
+class State(NamedTuple):
+    """
+    All that changes; a copy resumes.
 
     Attributes
     ----------
-    counters, sums, speeds : ndarray
-        Of the open period; `speeds` holds the mean rotary speed of its slots, rad/s.
-    rows, row_speeds : ndarray, shapes (periods of a window, ...)
-        The same of the periods that are over, each at its index modulo their number.
+    now : ndarray of dtype NOW, shape (1,)
+    speeds : ndarray, shape (slots,)
+        Mean rotary speed of the slots of the open period, rad/s; nan where a slot had no sample.
+    periods, period_speeds : ndarray of dtype PERIOD, shape (periods,), and ndarray, shape (periods, slots)
+        The periods of a window that are over, each at its index modulo their number, and their speeds.
     """
 
-    counters: Stamps
-    sums: Array
+    now: Samples
     speeds: Array
-    rows: Array
-    row_speeds: Array
+    periods: Samples
+    period_speeds: Array
 
     def copy(self) -> State:
         """Independent copy."""
-        return State(**{name: value.copy() for name, value in vars(self).items()})
+        return State(self.now.copy(), self.speeds.copy(), self.periods.copy(), self.period_speeds.copy())
+
+
+class _Block(NamedTuple):
+    """Arguments of `run`."""
+
+    stamp_ns: Stamps
+    gyro_t: Array
+    accel_t: Array
+    g_t: Array
+    status: NDArray[np.uint32]
 
 
 def initial(params: Params) -> State:
     """State before the first sample."""
     periods = max(round(params.window_s / params.period_s), 1)
     slots = max(round(params.period_s / params.speed_smoothing_s), 1)
-    counters = np.zeros(_INTEGERS, dtype=np.int64)
-    counters[[_PERIOD, _LAST_NS, _SHOCK_NS]] = _NONE
-    rows = np.zeros((periods, _R_SUMS + _SUMS))
-    rows[:, _R_INDEX] = -math.inf
-    return State(counters, np.zeros(_SUMS), np.zeros(slots), rows, np.zeros((periods, slots)))
+    state = State(np.zeros(1, NOW), np.zeros(slots), np.zeros(periods, PERIOD), np.zeros((periods, slots)))
+    state.periods["index"] = _NONE
+    state.now[0].open.index = state.now[0].last_ns = state.now[0].shock_ns = _NONE
+    return state
 
 
 def run(
@@ -133,146 +192,158 @@ def run(
     period_ns = round(params.period_s * 1e9)
     span = int(stamps.max() - stamps.min()) if len(stamps) else 0
     out = wire.DYNAMICS.empty(min(len(stamps), span // period_ns + 2))
-    limits = np.array(
-        [params.gravity, params.shock_threshold**2, params.shock_separation_s * 1e9 + 1e3, params.least_speed]
+    limits = KernelParams(
+        period_ns=period_ns,
+        gravity=params.gravity,
+        shock_threshold2=params.shock_threshold**2,
+        shock_separation_ns=params.shock_separation_s * 1e9 + 1e3,
+        min_speed=params.least_speed,
     )
-    count = _run(
-        limits, period_ns, state.counters, state.sums, state.speeds, state.rows, state.row_speeds, stamps, gyro, accel,
-        g, bits, out,
-    )  # fmt: skip
+    count = _run(limits, state, _Block(stamps, gyro, accel, g, bits), out)
     return out[:count]
 
 
 @compiled
-def _end_slot(counters: Stamps, sums: Array, speeds: Array) -> None:
-    if sums[_SLOT_COUNT] > 0.0:
-        speeds[counters[_SLOT]] = sums[_SLOT_RATE] / sums[_SLOT_COUNT]
-        sums[_SLOT_RATE] = sums[_SLOT_COUNT] = 0.0
+def _end_slot(s: State) -> None:
+    now = s.now[0]
+    if now.slot_samples > 0.0:
+        s.speeds[now.slot] = now.slot_rate / now.slot_samples
+        now.slot_rate = now.slot_samples = 0.0
 
 
 @compiled
-def _end_period(counters: Stamps, sums: Array, speeds: Array, rows: Array, row_speeds: Array) -> None:
-    """Move the open period to the rows."""
-    _end_slot(counters, sums, speeds)
-    at = counters[_PERIOD] % len(rows)
-    rows[at, _R_INDEX], rows[at, _R_COUNT] = counters[_PERIOD], counters[_COUNT]
+def _end_period(s: State) -> None:
+    """Move the open period to those of the window."""
+    _end_slot(s)
+    now = s.now[0]
+    at = now.open.index % len(s.periods)
     slots = 0
-    for k in range(len(speeds)):
-        if math.isfinite(speeds[k]):
-            row_speeds[at, slots] = speeds[k]
+    for k in range(len(s.speeds)):
+        if math.isfinite(s.speeds[k]):
+            s.period_speeds[at, slots] = s.speeds[k]
             slots += 1
-    rows[at, _R_SLOTS] = slots
-    for k in range(_SUMS):
-        rows[at, _R_SUMS + k] = sums[k]
+    now.open.slots = slots
+    s.periods[at] = now.open
 
 
 @compiled
-def _begin_period(counters: Stamps, sums: Array, speeds: Array, period: int) -> None:
-    counters[_PERIOD], counters[_COUNT], counters[_SLOT] = period, 0, 0
-    for k in range(_SUMS):
-        sums[k] = 0.0
-    for k in range(len(speeds)):
-        speeds[k] = math.nan
+def _begin_period(s: State, index: int) -> None:
+    now = s.now[0]
+    p = now.open
+    p.index, p.samples, p.slots, p.shocks, now.slot = index, 0, 0, 0, 0
+    p.rate = p.axial2 = p.lateral2 = p.axial_peak2 = p.lateral_peak2 = p.whole_peak2 = 0.0
+    now.slot_rate = now.slot_samples = 0.0
+    for k in range(len(s.speeds)):
+        s.speeds[k] = math.nan
 
 
 @compiled
-def _summarise(
-    counters: Stamps, rows: Array, row_speeds: Array, period_ns: int, least_speed: float, row: Samples
-) -> None:
-    """Put the rows of the window that ends with the period now over into one output sample."""
-    newest, periods = counters[_PERIOD], len(rows)
-    count, held, slots = 0.0, 0, 0
-    rate, axial2, lateral2, shocks = 0.0, 0.0, 0.0, 0.0
-    axial_top, lateral_top, whole_top = 0.0, 0.0, 0.0
-    least, most = math.inf, -math.inf
-    for k in range(periods):
-        if rows[k, _R_INDEX] <= newest - periods:
-            continue
-        held += 1
-        count += rows[k, _R_COUNT]
-        rate += rows[k, _R_SUMS + _RATE]
-        axial2 += rows[k, _R_SUMS + _AXIAL2]
-        lateral2 += rows[k, _R_SUMS + _LATERAL2]
-        shocks += rows[k, _R_SUMS + _SHOCKS]
-        axial_top = max(axial_top, rows[k, _R_SUMS + _AXIAL_TOP])
-        lateral_top = max(lateral_top, rows[k, _R_SUMS + _LATERAL_TOP])
-        whole_top = max(whole_top, rows[k, _R_SUMS + _WHOLE_TOP])
-        for s in range(int(rows[k, _R_SLOTS])):
-            least, most = min(least, row_speeds[k, s]), max(most, row_speeds[k, s])
-            slots += 1
-    mean = rate / count
-    sticking = 0
-    for k in range(periods):
-        if rows[k, _R_INDEX] > newest - periods:
-            for s in range(int(rows[k, _R_SLOTS])):
-                if row_speeds[k, s] * mean < 0.1 * mean * mean:
+def _speeds(s: State, mean: float) -> tuple[float, float, float]:
+    """Least and largest rotary speed of the window, rad/s, and the share of its slots below a tenth of the mean."""
+    oldest = s.now[0].open.index - len(s.periods)
+    least, most, slots, sticking = math.inf, -math.inf, 0, 0
+    for k in range(len(s.periods)):
+        if s.periods[k].index > oldest:
+            for i in range(s.periods[k].slots):
+                speed = s.period_speeds[k, i]
+                least, most, slots = min(least, speed), max(most, speed), slots + 1
+                if speed * mean < 0.1 * mean * mean:
                     sticking += 1
-    turns = abs(mean) >= least_speed
-    row["stamp_ns"] = (newest + 1) * period_ns
-    row["duration"] = held * period_ns * 1e-9
-    row["samples"] = int(count)
+    return least, most, sticking / slots
+
+
+@compiled
+def _summarise(p: KernelParams, s: State, row: Samples) -> None:
+    """Put the window that ends with the period now over into one output sample."""
+    now = s.now[0]
+    count, periods, shocks = 0, 0, 0
+    rate, axial2, lateral2, axial_peak2, lateral_peak2, whole_peak2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(len(s.periods)):
+        one = s.periods[k]
+        if one.index > now.open.index - len(s.periods):
+            periods, count, shocks = periods + 1, count + one.samples, shocks + one.shocks
+            rate += one.rate
+            axial2 += one.axial2
+            lateral2 += one.lateral2
+            axial_peak2 = max(axial_peak2, one.axial_peak2)
+            lateral_peak2 = max(lateral_peak2, one.lateral_peak2)
+            whole_peak2 = max(whole_peak2, one.whole_peak2)
+    mean = rate / count
+    least, most, sticking = _speeds(s, mean)
+    turns = abs(mean) >= p.min_speed
+    row["stamp_ns"] = (now.open.index + 1) * p.period_ns
+    row["duration"] = periods * p.period_ns * 1e-9
+    row["samples"] = count
     row["rotary_speed"] = mean
     row["rotary_speed_least"] = least
     row["rotary_speed_most"] = most
     row["stick_slip_index"] = (most - least) / (2.0 * abs(mean)) if turns else -1.0
-    row["stick_share"] = sticking / slots if turns else -1.0
+    row["stick_share"] = sticking if turns else -1.0
     row["axial_rms"] = math.sqrt(axial2 / count)
     row["lateral_rms"] = math.sqrt(lateral2 / count)
-    row["axial_peak"] = math.sqrt(axial_top)
-    row["lateral_peak"] = math.sqrt(lateral_top)
-    row["shocks"] = int(shocks)
-    row["shock_peak"] = math.sqrt(whole_top)
-    row["shocks_total"] = counters[_TOTAL]
-    row["status"] = counters[_STATUS]
+    row["axial_peak"] = math.sqrt(axial_peak2)
+    row["lateral_peak"] = math.sqrt(lateral_peak2)
+    row["shocks"] = shocks
+    row["shock_peak"] = math.sqrt(whole_peak2)
+    row["shocks_total"] = now.shocks_total
+    row["status"] = now.status
 
 
 @compiled
-def _run(
-    limits: Array, period_ns: int, counters: Stamps, sums: Array, speeds: Array, rows: Array, row_speeds: Array,
-    stamps: Stamps, gyro: Array, accel: Array, g: Array, status: NDArray[np.uint32], out: Samples,
-) -> int:  # fmt: skip
-    gravity, threshold2, separation, least_speed = limits[0], limits[1], limits[2], limits[3]
-    slot_ns = period_ns // len(speeds)
-    closed = 0
+def _count_shock(p: KernelParams, now: Now, stamp: int, whole2: float) -> None:
+    """Count an excursion beyond the threshold once; two samples in a row are one shock, however slow the samples."""
+    if whole2 < p.shock_threshold2:
+        now.above = False
+        return
+    far = now.shock_ns == _NONE or stamp - now.shock_ns > p.shock_separation_ns
+    if not now.above and far:
+        now.open.shocks += 1
+        now.shocks_total += 1
+    now.shock_ns, now.above = stamp, True
+
+
+@compiled
+def _add(now: Now, rate: float, axial2: float, lateral2: float) -> None:
+    """Add a sample to the open period."""
+    p, whole2 = now.open, axial2 + lateral2
+    p.samples += 1
+    now.slot_rate += rate
+    now.slot_samples += 1.0
+    p.rate += rate
+    p.axial2 += axial2
+    p.lateral2 += lateral2
+    p.axial_peak2 = max(p.axial_peak2, axial2)
+    p.lateral_peak2 = max(p.lateral_peak2, lateral2)
+    p.whole_peak2 = max(p.whole_peak2, whole2)
+
+
+@compiled
+def _run(p: KernelParams, s: State, block: _Block, out: Samples) -> int:
+    """Arguments as in `run`; fills `out` and returns how many periods closed."""
+    now, slot_ns, closed = s.now[0], p.period_ns // len(s.speeds), 0
     # Where the open period ends: a division for each sample would cost more than its sums.
-    end_ns = (counters[_PERIOD] + 1) * period_ns if counters[_PERIOD] != _NONE else _NONE
-    for i in range(len(stamps)):
-        stamp, rate = stamps[i], gyro[i, 0]
+    end_ns = (now.open.index + 1) * p.period_ns if now.open.index != _NONE else _NONE
+    for i in range(len(block.stamp_ns)):
+        stamp, rate = block.stamp_ns[i], block.gyro_t[i, 0]
         # Force is acceleration less gravity (f = a - g down), so that what is not gravity is f + g.
-        x, y, z = accel[i, 0] + gravity * g[i, 0], accel[i, 1] + gravity * g[i, 1], accel[i, 2] + gravity * g[i, 2]
+        x = block.accel_t[i, 0] + p.gravity * block.g_t[i, 0]
+        y = block.accel_t[i, 1] + p.gravity * block.g_t[i, 1]
+        z = block.accel_t[i, 2] + p.gravity * block.g_t[i, 2]
         axial2, lateral2 = x * x, y * y + z * z
-        if stamp <= counters[_LAST_NS] or not math.isfinite(rate + axial2 + lateral2):
+        if stamp <= now.last_ns or not math.isfinite(rate + axial2 + lateral2):
             continue
         if stamp >= end_ns:
-            if counters[_PERIOD] != _NONE:
-                _end_period(counters, sums, speeds, rows, row_speeds)
-                _summarise(counters, rows, row_speeds, period_ns, least_speed, out[closed])
+            if now.open.index != _NONE:
+                _end_period(s)
+                _summarise(p, s, out[closed])
                 closed += 1
-            _begin_period(counters, sums, speeds, stamp // period_ns)
-            end_ns = (counters[_PERIOD] + 1) * period_ns
-        counters[_LAST_NS] = stamp
-        slot = min((stamp - (end_ns - period_ns)) // slot_ns, len(speeds) - 1)
-        if slot != counters[_SLOT]:
-            _end_slot(counters, sums, speeds)
-            counters[_SLOT] = slot
-        counters[_COUNT] += 1
-        counters[_STATUS] = status[i]
-        whole2 = axial2 + lateral2
-        sums[_SLOT_RATE] += rate
-        sums[_SLOT_COUNT] += 1.0
-        sums[_RATE] += rate
-        sums[_AXIAL2] += axial2
-        sums[_LATERAL2] += lateral2
-        sums[_AXIAL_TOP] = max(sums[_AXIAL_TOP], axial2)
-        sums[_LATERAL_TOP] = max(sums[_LATERAL_TOP], lateral2)
-        sums[_WHOLE_TOP] = max(sums[_WHOLE_TOP], whole2)
-        if whole2 >= threshold2:
-            # Two samples in a row beyond it are one shock, however slow the samples.
-            far = counters[_SHOCK_NS] == _NONE or stamp - counters[_SHOCK_NS] > separation
-            if counters[_ABOVE] == 0 and far:
-                sums[_SHOCKS] += 1.0
-                counters[_TOTAL] += 1
-            counters[_SHOCK_NS], counters[_ABOVE] = stamp, 1
-        else:
-            counters[_ABOVE] = 0
+            _begin_period(s, stamp // p.period_ns)
+            end_ns = (now.open.index + 1) * p.period_ns
+        now.last_ns, now.status = stamp, block.status[i]
+        slot = min((stamp - (end_ns - p.period_ns)) // slot_ns, len(s.speeds) - 1)
+        if slot != now.slot:
+            _end_slot(s)
+            now.slot = slot
+        _add(now, rate, axial2, lateral2)
+        _count_shock(p, now, stamp, axial2 + lateral2)
     return closed

@@ -28,11 +28,11 @@ from mwd_sensors.core.frames import wrap_pi, wrap_tau
 _GRID = 360
 # A grid of one degree describes a posterior wider than this; below, the curvature at the peak does.
 _WIDE = np.radians(1.5)
-# Interference imaginable is spread as Student's t of seven degrees of freedom, strings unheard of included: they come
-# with small odds and no scale.
+# Prior of the interference: Student's t of seven degrees of freedom, with a small tail for strings magnetised beyond
+# any scale.
 _FREEDOM, _TAIL = 7.0, 0.005
-# A second azimuth with a smaller share of the probability is none; the limit is lower where the first asks for more
-# than the plausible interference too. From so many times it on the two share evenly: there nothing tells them apart.
+# A second azimuth with a smaller share of the probability does not count; the limit is lower where the first needs more
+# than the plausible interference too. From so many times it on the two share evenly: nothing separates them there.
 _MIRROR, _MIRROR_LOUD, _BEYOND = 3e-3, 3e-4, 2.0
 
 
@@ -112,9 +112,9 @@ def axial_correction(
         What interference is expected beforehand, 1 sigma, T. Infinite: the axial magnetometer is not used at all (S0,
         the short-collar method). A few hundred nT: an ordinary survey, the three directions weighed together.
     plausible : float
-        Interference imaginable at all, 1 sigma, T; of more there is a small chance that has no scale. It only decides
+        Interference possible at all, 1 sigma, T; of more there is a small chance that has no scale. It only decides
         between azimuths that fit alike (a horizontal hole without the axial magnetometer has a mirror, an east-west one
-        fits a range of them) and pulls at none that the readings tell.
+        fits a range of them) and changes none that the readings determine.
 
     Returns
     -------
@@ -133,71 +133,112 @@ def axial_correction(
     lead = f_t.shape[:-1]
     n = math.prod(lead)
     f, b = f_t.reshape(n, 3), b_t.reshape(n, 3)
-    h = np.broadcast_to(np.asarray(horizontal, dtype=float), lead).reshape(n)
-    v = np.broadcast_to(np.asarray(vertical, dtype=float), lead).reshape(n)
+    h, v = (np.broadcast_to(np.asarray(one, dtype=float), lead).reshape(n) for one in (horizontal, vertical))
     cov_s = np.broadcast_to(np.asarray(sensor_covariance, dtype=float), (*lead, 6, 6)).reshape(n, 6, 6)
     cov_r = np.broadcast_to(np.asarray(reference_covariance, dtype=float), (*lead, 2, 2)).reshape(n, 2, 2)
     # An exactly vertical hole has no azimuth: worked through with a stand-in attitude, then withheld.
     vertical_hole = ~(np.hypot(f[:, 1], f[:, 2]) > 1e-12 * np.linalg.norm(f, axis=1))
     f = np.where(vertical_hole[:, None], np.array([-1.0, 0.0, 1.0]), f)
-    station = _Stations(f, b, h, v, cov_s, cov_r, interference_sigma, plausible)
+    stations = _Stations(f, b, h, v, cov_s, cov_r, interference_sigma, plausible)
+    return _corrected(stations, vertical_hole, plausible, lead)
 
+
+def _corrected(stations: _Stations, vertical: np.ndarray, plausible: float, lead: tuple[int, ...]) -> AxialCorrection:
+    """Correct n stations; vertical, shape (n,): those without an azimuth. Arrays of the result have the shape lead."""
+    peaks = _peaks(stations)
+    best = _best(stations, peaks)
+    fit = stations.fit(best.azimuth)
+    share = _mirror_share(stations, peaks, plausible)
+    mirror = (share > 0.0) & ~vertical
+    sigma = np.where(best.wide, best.spread, fit.variance_azimuth + share * peaks.apart**2)
+    sigma = np.minimum(np.sqrt(sigma), np.pi / np.sqrt(3.0))
+    # The interference follows the azimuth through the field along the axis.
+    slope = stations.h * fit.sin_inc * np.sin(best.azimuth)
+    variance_e = fit.variance_interference + slope**2 * (sigma**2 - fit.variance_azimuth)
+    sigma_e = np.sqrt(np.maximum(variance_e, fit.variance_along))
+
+    def shaped(values: Array) -> Array:
+        return np.where(vertical, np.nan, values).reshape(lead)
+
+    both = np.where(mirror[:, None], wrap_tau(np.stack([peaks.azimuth, peaks.other], axis=1)), np.nan)
+    return AxialCorrection(
+        azimuth=shaped(wrap_tau(best.azimuth)),
+        sigma_azimuth=shaped(sigma),
+        interference=shaped(stations.misfit(best.azimuth[:, None])[2][:, 0]),
+        sigma_interference=shaped(sigma_e),
+        chi_square=shaped(stations.misfit(peaks.azimuth[:, None])[0][:, 0]),
+        mirror=mirror.reshape(lead),
+        both=both.reshape(*lead, 2),
+        share=np.where(vertical, 0.0, share).reshape(lead),
+        sensitivity=np.where(vertical[:, None], np.nan, fit.sensitivity).reshape(*lead, 6),
+    )
+
+
+@dataclass(frozen=True)
+class _Peaks:
+    """
+    The two most probable azimuths of n stations; all of shape (n,), angles in rad.
+
+    azimuth, other : the better and the second. apart : between them. cost, cost_other : of `_Stations.cost`, infinite
+    where there is no second. angles, density : grid (m,) and probability (n, m) of the whole circle.
+    """
+
+    azimuth: Array
+    other: Array
+    apart: Array
+    cost: Array
+    cost_other: Array
+    angles: Array
+    density: Array
+
+
+def _peaks(stations: _Stations) -> _Peaks:
+    """Search the whole circle and refine the two deepest basins."""
     angles = np.linspace(0.0, 2.0 * np.pi, _GRID, endpoint=False)
-    around = np.broadcast_to(angles, (n, _GRID))
-    misfit = station.misfit(around)[0]
-    cost = station.cost(around)
-    # Basins are those of the misfit alone: the interference imaginable would move them, far from what it imagines most.
+    around = np.broadcast_to(angles, (len(stations.h), _GRID))
+    misfit = stations.misfit(around)[0]
+    cost = stations.cost(around)
+    # Basins are those of the misfit alone: the prior of the interference would move them, farthest from its maximum.
     basin = (misfit <= np.roll(misfit, 1, axis=1)) & (misfit < np.roll(misfit, -1, axis=1))
     ranked = np.argsort(np.where(basin, misfit, np.inf), axis=1)[:, :2]
     two = np.take_along_axis(basin, ranked, axis=1)[:, 1]
-    candidates = station.polish(angles[ranked])
+    candidates = stations.polish(angles[ranked])
     first, second = candidates[:, 0], candidates[:, 1]
-    costs = station.cost(candidates)
+    costs = stations.cost(candidates)
     cost_1, cost_2 = costs[:, 0], np.where(two, costs[:, 1], np.inf)
-    best_at, other = np.where(cost_2 < cost_1, (second, first), (first, second))
-    best, next_best = np.minimum(cost_1, cost_2), np.maximum(cost_1, cost_2)
-    away = np.abs(wrap_pi(other - best_at))
-    local = station.fit(best_at).variance_azimuth
-    # Where no curvature tells, the posterior's mean errs least; its bottom may lie anywhere on a flat.
-    wide = local > _WIDE**2
+    azimuth, other = np.where(cost_2 < cost_1, (second, first), (first, second))
     with np.errstate(over="ignore"):
         density = np.exp(-0.5 * (cost - cost.min(axis=1, keepdims=True)))
     density /= density.sum(axis=1, keepdims=True)
-    from_best = wrap_pi(angles - best_at[:, None])
-    mean = np.sum(density * from_best, axis=1)
-    azimuth = np.where(wide, best_at + mean, best_at)
+    apart = np.abs(wrap_pi(other - azimuth))
+    return _Peaks(azimuth, other, apart, np.minimum(cost_1, cost_2), np.maximum(cost_1, cost_2), angles, density)
 
-    fit = station.fit(azimuth)
-    interference = station.misfit(azimuth[:, None])[2]
-    variance = fit.variance_azimuth
-    # The mirror's share of the probability, by the height of its peak.
-    share = 1.0 / (1.0 + np.exp(np.minimum(0.5 * (next_best - best), 700.0)))
-    loud = np.abs(station.misfit(best_at[:, None])[2][:, 0]) / plausible
-    mirror = two & (away > np.radians(1.0)) & (share > np.where(loud > 1.0, _MIRROR_LOUD, _MIRROR))
-    share = np.where(mirror, np.where(loud > _BEYOND, 0.5, share), 0.0)
-    spread = np.sum(density * from_best**2, axis=1) - mean**2
-    sigma = np.sqrt(np.where(wide, spread, variance + share * away**2))
-    sigma = np.minimum(sigma, np.pi / np.sqrt(3.0))
-    # The interference follows the azimuth through the field along the axis.
-    slope = h * fit.sin_inc * np.sin(azimuth)
-    sigma_e = np.sqrt(np.maximum(fit.variance_interference + slope**2 * (sigma**2 - variance), fit.variance_along))
 
-    def shaped(values: Array) -> Array:
-        return np.where(vertical_hole, np.nan, values).reshape(lead)
+@dataclass(frozen=True)
+class _Best:
+    """The azimuth given, rad, whether it is the mean of a wide posterior, and the variance of that, rad^2."""
 
-    return AxialCorrection(
-        azimuth=shaped(wrap_tau(azimuth)),
-        sigma_azimuth=shaped(sigma),
-        interference=shaped(interference[:, 0]),
-        sigma_interference=shaped(sigma_e),
-        chi_square=shaped(station.misfit(best_at[:, None])[0][:, 0]),
-        mirror=(mirror & ~vertical_hole).reshape(lead),
-        both=np.where((mirror & ~vertical_hole)[:, None], wrap_tau(np.stack([best_at, other], axis=1)), np.nan).reshape(
-            *lead, 2
-        ),
-        share=np.where(vertical_hole, 0.0, share).reshape(lead),
-        sensitivity=np.where(vertical_hole[:, None], np.nan, fit.sensitivity).reshape(*lead, 6),
-    )
+    azimuth: Array
+    wide: np.ndarray
+    spread: Array
+
+
+def _best(stations: _Stations, peaks: _Peaks) -> _Best:
+    """The peak, or where the posterior is flat its mean, which errs least: its maximum may lie anywhere on a flat."""
+    wide = stations.fit(peaks.azimuth).variance_azimuth > _WIDE**2
+    away = wrap_pi(peaks.angles - peaks.azimuth[:, None])
+    mean = np.sum(peaks.density * away, axis=1)
+    spread = np.sum(peaks.density * away**2, axis=1) - mean**2
+    return _Best(np.where(wide, peaks.azimuth + mean, peaks.azimuth), wide, spread)
+
+
+def _mirror_share(stations: _Stations, peaks: _Peaks, plausible: float) -> Array:
+    """Share of the second azimuth in the probability, by the height of its peak; 0 where it does not count."""
+    share = 1.0 / (1.0 + np.exp(np.minimum(0.5 * (peaks.cost_other - peaks.cost), 700.0)))
+    loud = np.abs(stations.misfit(peaks.azimuth[:, None])[2][:, 0]) / plausible
+    counts = np.isfinite(peaks.cost_other) & (peaks.apart > np.radians(1.0))
+    counts &= share > np.where(loud > 1.0, _MIRROR_LOUD, _MIRROR)
+    return np.where(counts, np.where(loud > _BEYOND, 0.5, share), 0.0)
 
 
 @dataclass(frozen=True)
@@ -318,8 +359,8 @@ class _Stations:
         """Minus twice the log probability of azimuths, shape (n, m), counting implausible interference against them."""
         misfit, log, interference = self.misfit(azimuth)
         square = interference**2 * self.information_plausible
-        imaginable = (1.0 + square / _FREEDOM) ** (-0.5 * (_FREEDOM + 1.0)) + _TAIL / (1.0 + square)
-        return np.asarray(misfit + log - 2.0 * np.log(imaginable))
+        density = (1.0 + square / _FREEDOM) ** (-0.5 * (_FREEDOM + 1.0)) + _TAIL / (1.0 + square)
+        return np.asarray(misfit + log - 2.0 * np.log(density))
 
     def polish(self, azimuth: Array) -> Array:
         """Azimuths, shape (n, m), at the bottom of their basins, by ever smaller windows around the least misfit."""
