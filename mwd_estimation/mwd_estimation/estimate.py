@@ -25,7 +25,7 @@ from mwd_estimation.magnetic import spike_filter
 from mwd_estimation.output import Counters, Output
 from mwd_estimation.sensor_watch import SensorWatch, Stretch
 from mwd_estimation.settings import EstimatorSettings, latitude_of
-from mwd_estimation.survey.magnetic_feedback import FieldReader
+from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS
 from mwd_estimation.surveying import Numbering, Surveying
 from mwd_sensors.core.arrays import Samples
@@ -51,7 +51,7 @@ class Estimate:
     ) -> None:
         self.settings, self._counters, self._given = settings, counters, reference
         self.watch = SensorWatch(settings)
-        self.field = FieldReader(derivation.station_params(settings), reference)
+        self.field = MagneticFeedback(derivation.station_params(settings), reference)
         self.surveying = Surveying(settings, self.field, self.watch.history, numbering)
         self._spikes = spike_filter.initial()
         self._attitude = AttitudeStream(
@@ -156,7 +156,7 @@ class Estimate:
         block = Block(stamps, gyro, accel, track, stretch.suspect, unusable, stretch.contaminated)
         rates = PrecisionRates(*self.surveying.precision.rates)
         output.interference, rejected = self._attitude.follow(
-            block, bins.readings, bins.events, rates, output.attitude, output.gravity
+            block, bins.models, bins.events, rates, output.attitude, output.gravity
         )
         self._counters.rejected += rejected
         # Surveys, complete now that the attitude up to them is known.

@@ -23,7 +23,7 @@ from mwd_estimation.settings import EstimatorSettings
 from mwd_estimation.side_streams import SideStreams
 from mwd_estimation.survey.decision import Provisional, SurveyDecision
 from mwd_estimation.survey.fault_history import FaultHistory
-from mwd_estimation.survey.magnetic_feedback import FieldReader
+from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS, Refusal, StillAverage, StillSurvey
 
 
@@ -47,14 +47,14 @@ class Bins:
     Attributes
     ----------
     events : list of BinEvent
-    readings : list of (int, MagneticModelInForce)
+    models : list of (int, MagneticModelInForce)
         How the field is read from a sample of the stretch on; the first from its start.
     taken : list of (int, Provisional)
         Surveys, each with the place of its bin in `events`.
     """
 
     events: list[BinEvent]
-    readings: list[tuple[int, MagneticModelInForce]]
+    models: list[tuple[int, MagneticModelInForce]]
     taken: list[tuple[int, Provisional]]
 
 
@@ -65,7 +65,7 @@ class Surveying:
     Parameters
     ----------
     settings : EstimatorSettings
-    field : FieldReader
+    field : MagneticFeedback
         How the magnetic field is read; surveys change it.
     faults : FaultHistory
         Of the sensors.
@@ -73,7 +73,7 @@ class Surveying:
     """
 
     def __init__(
-        self, settings: EstimatorSettings, field: FieldReader, faults: FaultHistory, numbering: Numbering
+        self, settings: EstimatorSettings, field: MagneticFeedback, faults: FaultHistory, numbering: Numbering
     ) -> None:
         self._field, self._faults, self._numbering = field, faults, numbering
         self.requests = Requests(settings)
@@ -94,7 +94,7 @@ class Surveying:
         self.requests.take_rates(stretch.stamps, stretch.gyro)
         self.precision.compare(stretch.stamps, values, stretch.suspect | np.uint8(stretch.unusable))
         self._sensors_usable = not stretch.unusable
-        bins = Bins([], [(0, self._field.reading)], [])
+        bins = Bins([], [(0, self._field.in_force)], [])
         doubted = 0
         for closed, place in self._binner.add_placed(stretch.stamps, values):
             self._waiting.append(closed)
@@ -148,13 +148,13 @@ class Surveying:
             event = BinEvent(place, imu.index, end_ns, *taken.gyro, taken.accepted_azimuth)
             bins.taken.append((len(bins.events), taken))
         bins.events.append(event)
-        if self._field.reading is not bins.readings[-1][1]:
-            bins.readings.append((place, self._field.reading))
+        if self._field.in_force is not bins.models[-1][1]:
+            bins.models.append((place, self._field.in_force))
 
     def _survey(self, still: StillAverage, found: Solution | None) -> Provisional:
         """Begin the survey of a still interval; what it shows of the field is used from here on."""
         number, reference = self._numbering.next(), self._field.reference
         taken = self.decision.begin(still, number, reference, found, usable=self._sensors_usable)
         if taken.sound:
-            self._field.learn(taken.survey, taken.analysis)
+            self._field.take(taken.survey, taken.analysis)
         return taken

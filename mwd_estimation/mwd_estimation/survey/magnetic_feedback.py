@@ -1,8 +1,8 @@
 """
-How the magnetic field is read, and what stations teach of it.
+What surveys change in how the magnetic field of the samples is read.
 
-The north in use, the tool's own axial field, and whether a gyro has shown that steel turns a field that looks in order,
-or left open whether it does.
+The north in use, the drill-string interference along the axis, and whether a gyro has shown external interference that
+turns a field whose total and dip are in order, or left open whether there is any.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from mwd_estimation.survey.survey import Survey
 NORTH_CODES = {"unknown": 0, "magnetic": 1, "true": 2, "grid": 3}
 
 
-class FieldReader:
+class MagneticFeedback:
     """
-    The reading of the field in force, and what it is made from.
+    The magnetic model in force, and what it is made from.
 
     Attributes
     ----------
-    reading : MagneticModelInForce
-        In force now; a new object where it changes.
+    in_force : MagneticModelInForce
+        A new object where it changes.
     reference : Reference or None
     interference : tuple of float or None
         Axial, and 1 sigma, T, as the last corrected station showed it.
@@ -41,17 +41,17 @@ class FieldReader:
 
     def __init__(self, settings: StationSettings, reference: Reference | None) -> None:
         self._settings = settings
-        self._steel, self._left_open = False, 0.0
+        self._external, self._left_open = False, 0.0
         self.set_reference(reference)
 
     def set_reference(self, reference: Reference | None) -> None:
         """Read the field against this from now on; the interference is estimated anew."""
         self.reference = reference
         self.interference: tuple[float, float] | None = None
-        self.reading = self._read()
+        self.in_force = self._model()
 
-    def learn(self, taken: Survey, analysis: Multistation | None) -> None:
-        """Read the field from here on as the station says, or the stations of the run together."""
+    def take(self, taken: Survey, analysis: Multistation | None) -> None:
+        """Read the field from here on as this survey shows it, or as the stations of its run do together."""
         station = taken.station
         if station.corrected:
             self.interference = (station.interference, station.sigma_interference)
@@ -67,20 +67,20 @@ class FieldReader:
         if analysis is not None and taken.weights.get(AzimuthMethod.MULTI_STATION, 0.0) > 0.0:
             at = interference_filter.OF_STATIONS
             own = analysis.estimate[at], analysis.covariance[np.ix_(at, at)]
-        lesson, accepted = None, station.verdict == ACCEPT
+        update, accepted = None, station.verdict == ACCEPT
         if own is not None or math.isfinite(azimuth) or accepted:
             down = -station.f_t / np.linalg.norm(station.f_t)
             axial = (station.interference, station.sigma_interference) if station.corrected else (0.0, 0.0)
-            lesson = StationUpdate(own, down, station.b_t, azimuth, sigma, accepted, axial)
-        # Where the gyro was believed against the magnetometer, it is until they agree again.
-        steel = self._steel if taken.alarm is None else bool(taken.alarm) and counts
-        # Where it was too uncertain to say, either may be right until they are compared again.
+            update = StationUpdate(own, down, station.b_t, azimuth, sigma, accepted, axial)
+        # Where the gyro was used against the magnetometer, it is until they agree again.
+        external = self._external if taken.alarm is None else bool(taken.alarm) and counts
+        # Where it was too uncertain to decide, either may be right until they are compared again.
         left_open = self._left_open if taken.alarm is None else taken.left_open
-        if station.corrected or lesson is not None or steel != self._steel or left_open != self._left_open:
-            self._steel, self._left_open = steel, left_open
-            self.reading = self._read(lesson)
+        if station.corrected or update is not None or external != self._external or left_open != self._left_open:
+            self._external, self._left_open = external, left_open
+            self.in_force = self._model(update)
 
-    def _read(self, lesson: StationUpdate | None = None) -> MagneticModelInForce:
+    def _model(self, update: StationUpdate | None = None) -> MagneticModelInForce:
         reference, settings = self.reference, self._settings
         self.north = best_north(reference) if settings.north == "best" else settings.north
         correction = north_correction(reference, self.north)
@@ -99,4 +99,4 @@ class FieldReader:
             sigma_north=math.hypot(math.sqrt(variance), self._left_open),
         )
         corrected = self.interference is not None
-        return MagneticModelInForce(model, NORTH_CODES[self.north], corrected, lesson, self._steel, self._left_open)
+        return MagneticModelInForce(model, NORTH_CODES[self.north], corrected, update, self._external, self._left_open)

@@ -153,33 +153,35 @@ def stations(
     columns = find_columns(table, axial)
     rows = len(table[columns.gravity[0]])
     values = {name: _numbers(table, name, rows, factor) for name, factor in columns.factors.items()}
-    f_t = columns.sign * np.stack([values[name] for name in columns.gravity], axis=1)
-    b_t = np.stack([values[name] for name in columns.field], axis=1)
-    out = []
-    for row in range(rows):
-        known = {
-            key: float(values[name][row])
-            for key, name in columns.references.items()
-            if math.isfinite(values[name][row])
-        }
-        try:
-            reference = _merged(known, override)
-        except ValueError as error:
-            raise ValueError(f"row {row + 1}: {error}") from error
-        bad = [
-            name
-            for name, axis in ((n, v) for n, v in values.items() if n in (*columns.gravity, *columns.field))
-            if not math.isfinite(axis[row])
-        ]
-        faults = (Reason(Code.NO_NUMBER, names=tuple(bad)),) if bad else ()
-        out.append(
-            TableStation(
-                md=float(values[columns.depth][row]) if columns.depth else math.nan,
-                time=str(table[columns.time][row]) if columns.time else "",
-                station=station(f_t[row], b_t[row], reference, settings, faults=faults),
-            )
-        )
-    return out
+    return [_computed(table, columns, values, row, override, settings) for row in range(rows)]
+
+
+def _computed(
+    table: Mapping[str, Sequence[Any]],
+    columns: Columns,
+    values: Mapping[str, Array],
+    row: int,
+    override: Reference | None,
+    settings: StationSettings | None,
+) -> TableStation:
+    """One row; values: every column in SI. ValueError as `stations`."""
+    known = {
+        key: float(values[name][row]) for key, name in columns.references.items() if math.isfinite(values[name][row])
+    }
+    try:
+        reference = _merged(known, override)
+    except ValueError as error:
+        raise ValueError(f"row {row + 1}: {error}") from error
+    sensors = (*columns.gravity, *columns.field)
+    bad = tuple(name for name in values if name in sensors and not math.isfinite(values[name][row]))
+    f_t = columns.sign * np.array([values[name][row] for name in columns.gravity])
+    b_t = np.array([values[name][row] for name in columns.field])
+    faults = (Reason(Code.NO_NUMBER, names=bad),) if bad else ()
+    return TableStation(
+        md=float(values[columns.depth][row]) if columns.depth else math.nan,
+        time=str(table[columns.time][row]) if columns.time else "",
+        station=station(f_t, b_t, reference, settings, faults=faults),
+    )
 
 
 def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -> Columns:
@@ -191,55 +193,27 @@ def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -
     if axial not in (None, "x", "z"):
         raise ValueError(f"axial: {axial!r} is not x or z")
     names = list(table)
-    used: set[str] = set()
-    factors: dict[str, float] = {}
-    assumed: list[str] = []
-    # A right-handed permutation, whichever letter runs down-hole.
-    letters = {"x": ("x", "y", "z"), "z": ("z", "x", "y"), None: ("", "", "")}[axial]
-
-    def triad(stems: Sequence[str], units: Mapping[str, float]) -> tuple[str, str, str] | None:
-        found = []
-        for axis, letter in zip(_AXES, letters, strict=True):
-            aliases = _sensor_names(stems, axis, letter or "\0")
-            match = _match(names, _Quantity(f"{axis} axis", units, aliases))
-            if match is None:
-                return None
-            found.append(match)
-        return found[0], found[1], found[2]
-
-    down, up = triad(_DOWN, _ACCELERATION), triad(_UP, _ACCELERATION)
+    down, up = _triad(names, _DOWN, _ACCELERATION, axial), _triad(names, _UP, _ACCELERATION, axial)
     if down and up:
         raise ValueError(f"gravity is given twice: {', '.join(down)} and {', '.join(up)}; leave one of them out")
-    gravity, field = down or up, triad(_MAGNETIC, _FIELD)
+    gravity, field = down or up, _triad(names, _MAGNETIC, _FIELD, axial)
     if gravity is None:
         raise ValueError(_missing(names, "gravity", _DOWN + _UP, axial))
     if field is None:
         raise ValueError(_missing(names, "magnetic field", _MAGNETIC, axial))
-    for three, units, kind in ((gravity, _ACCELERATION, "acceleration"), (field, _FIELD, "field")):
-        used.update(three)
-        told = [_unit(name, units) for name in three]
-        if all(told):
-            factors.update({name: units[unit] for name, unit in zip(three, told, strict=True) if unit})
-        elif any(told):
-            raise ValueError(f"{', '.join(three)}: give all three axes a unit, or none")
-        else:
-            factor, words = _guess(table, three, kind)
-            factors.update(dict.fromkeys(three, factor))
-            assumed.append(f"{', '.join(three)}: taken as {words} by their size")
+    assumed: list[str] = []
+    factors = _triad_factors(table, gravity, _ACCELERATION, "acceleration", assumed)
+    factors |= _triad_factors(table, field, _FIELD, "field", assumed)
     references: dict[str, str] = {}
     for key, quantity in _REFERENCES.items():
-        match = _match([name for name in names if name not in used], quantity)
+        match = _match([name for name in names if name not in factors], quantity)
         if match:
             references[key] = match
-            used.add(match)
             factors[match] = _factor(table, match, quantity, assumed)
-    depth = _match([name for name in names if name not in used], _DEPTH)
+    depth = _match([name for name in names if name not in factors], _DEPTH)
     if depth:
-        used.add(depth)
         factors[depth] = _factor(table, depth, _DEPTH, assumed)
     time = next((name for name in names if _plain(name) in _TIME), None)
-    if time:
-        used.add(time)
     return Columns(
         gravity=gravity,
         field=field,
@@ -249,8 +223,42 @@ def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -
         time=time,
         factors=factors,
         assumed=tuple(assumed),
-        ignored=tuple(name for name in names if name not in used),
+        ignored=tuple(name for name in names if name not in factors and name != time),
     )
+
+
+def _triad(
+    names: Sequence[str], stems: Sequence[str], units: Mapping[str, float], axial: str | None
+) -> tuple[str, str, str] | None:
+    """Columns of the axial and the two transverse axes of one sensor; None where one of them is missing."""
+    # A right-handed permutation, whichever letter runs down-hole.
+    letters = {"x": ("x", "y", "z"), "z": ("z", "x", "y"), None: ("", "", "")}[axial]
+    found = []
+    for axis, letter in zip(_AXES, letters, strict=True):
+        aliases = _sensor_names(stems, axis, letter or "\0")
+        match = _match(names, _Quantity(f"{axis} axis", units, aliases))
+        if match is None:
+            return None
+        found.append(match)
+    return found[0], found[1], found[2]
+
+
+def _triad_factors(
+    table: Mapping[str, Sequence[Any]],
+    three: tuple[str, str, str],
+    units: Mapping[str, float],
+    kind: str,
+    assumed: list[str],
+) -> dict[str, float]:
+    """Factors to SI of the columns of a sensor, by their units or the size of the total; ValueError if mixed."""
+    told = [_unit(name, units) for name in three]
+    if all(told):
+        return {name: units[unit] for name, unit in zip(three, told, strict=True) if unit}
+    if any(told):
+        raise ValueError(f"{', '.join(three)}: give all three axes a unit, or none")
+    factor, words = _guess(table, three, kind)
+    assumed.append(f"{', '.join(three)}: taken as {words} by their size")
+    return dict.fromkeys(three, factor)
 
 
 def _plain(name: str) -> str:

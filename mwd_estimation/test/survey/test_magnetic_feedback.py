@@ -11,7 +11,7 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Binner
 from mwd_estimation.survey.azimuth_fusion import Settings as FusionSettings
 from mwd_estimation.survey.decision import decided
-from mwd_estimation.survey.magnetic_feedback import NORTH_CODES, FieldReader
+from mwd_estimation.survey.magnetic_feedback import NORTH_CODES, MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS, BinSet, StillSurvey
 from mwd_estimation.survey.static_survey import Params as StillParams
 from mwd_estimation.survey.station import StationSettings
@@ -41,55 +41,59 @@ def taken(axial=2e-6):
 
 
 def test_without_a_reference_the_field_is_read_from_magnetic_north():
-    reader = FieldReader(StationSettings(), None)
-    assert (reader.north, reader.reading.north, reader.interference) == ("magnetic", NORTH_CODES["magnetic"], None)
-    assert not reader.reading.corrected
+    feedback = MagneticFeedback(StationSettings(), None)
+    assert (feedback.north, feedback.in_force.north, feedback.interference) == (
+        "magnetic",
+        NORTH_CODES["magnetic"],
+        None,
+    )
+    assert not feedback.in_force.corrected
 
 
 def test_what_an_uncertain_gyro_left_open_is_in_the_sigma_until_the_two_are_compared_again():
-    reader = FieldReader(StationSettings(), REFERENCE)
+    feedback = MagneticFeedback(StationSettings(), REFERENCE)
     one, _ = taken(0.0)
-    usual = reader.reading.model.sigma_north
-    reader.learn(dataclasses.replace(one, alarm=(), left_open=0.4), None)
-    assert reader.reading.unresolved == 0.4
-    assert reader.reading.model.sigma_north == pytest.approx(math.hypot(usual, 0.4))
-    reader.learn(one, None)
-    assert reader.reading.unresolved == 0.4
-    reader.learn(dataclasses.replace(one, alarm=()), None)
-    assert (reader.reading.unresolved, reader.reading.model.sigma_north) == (0.0, usual)
+    usual = feedback.in_force.model.sigma_north
+    feedback.take(dataclasses.replace(one, alarm=(), left_open=0.4), None)
+    assert feedback.in_force.unresolved == 0.4
+    assert feedback.in_force.model.sigma_north == pytest.approx(math.hypot(usual, 0.4))
+    feedback.take(one, None)
+    assert feedback.in_force.unresolved == 0.4
+    feedback.take(dataclasses.replace(one, alarm=()), None)
+    assert (feedback.in_force.unresolved, feedback.in_force.model.sigma_north) == (0.0, usual)
 
 
 def test_a_corrected_station_takes_its_interference_off_from_then_on_until_the_reference_changes():
-    reader = FieldReader(StationSettings(), REFERENCE)
-    before = reader.reading
-    assert reader.north == "grid"
+    feedback = MagneticFeedback(StationSettings(), REFERENCE)
+    before = feedback.in_force
+    assert feedback.north == "grid"
     one, analysis = taken()
-    reader.learn(one, analysis)
-    assert reader.reading is not before
-    assert reader.reading.corrected
-    assert reader.interference[0] == pytest.approx(2e-6, abs=3.0 * reader.interference[1])
-    assert reader.reading.model.interference[0] == reader.interference[0]
-    assert reader.reading.update.axial == reader.interference
-    reader.set_reference(dataclasses.replace(REFERENCE, total=4.9e-5))
-    assert reader.interference is None
-    assert not reader.reading.corrected
+    feedback.take(one, analysis)
+    assert feedback.in_force is not before
+    assert feedback.in_force.corrected
+    assert feedback.interference[0] == pytest.approx(2e-6, abs=3.0 * feedback.interference[1])
+    assert feedback.in_force.model.interference[0] == feedback.interference[0]
+    assert feedback.in_force.update.axial == feedback.interference
+    feedback.set_reference(dataclasses.replace(REFERENCE, total=4.9e-5))
+    assert feedback.interference is None
+    assert not feedback.in_force.corrected
 
 
 def test_a_gyro_that_was_believed_against_the_field_makes_it_suspect_until_they_agree():
-    reader = FieldReader(StationSettings(), REFERENCE)
+    feedback = MagneticFeedback(StationSettings(), REFERENCE)
     one, analysis = taken()
     alarmed = dataclasses.replace(one, alarm=(ALARM,), weights={"gyro": 1.0})
-    reader.learn(alarmed, analysis)
-    assert reader.reading.external_interference
-    reader.learn(dataclasses.replace(one, alarm=None), analysis)
-    assert reader.reading.external_interference
-    reader.learn(dataclasses.replace(one, alarm=()), analysis)
-    assert not reader.reading.external_interference
+    feedback.take(alarmed, analysis)
+    assert feedback.in_force.external_interference
+    feedback.take(dataclasses.replace(one, alarm=None), analysis)
+    assert feedback.in_force.external_interference
+    feedback.take(dataclasses.replace(one, alarm=()), analysis)
+    assert not feedback.in_force.external_interference
 
 
 def test_the_uncertainty_of_the_declination_is_in_the_reading():
-    sure = FieldReader(StationSettings(north="magnetic"), REFERENCE).reading.model
-    true = FieldReader(StationSettings(north="true"), REFERENCE).reading.model
+    sure = MagneticFeedback(StationSettings(north="magnetic"), REFERENCE).in_force.model
+    true = MagneticFeedback(StationSettings(north="true"), REFERENCE).in_force.model
     assert sure.sigma_north == 0.0
     assert true.sigma_north == pytest.approx(math.sqrt(REFERENCE.declination_variance(REFERENCE.horizontal)))
     assert true.north_correction == pytest.approx(0.05)
