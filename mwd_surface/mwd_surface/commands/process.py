@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mwd_surface.commands.reference_options import FIELD_PANEL, Changes, Config, Date, Field, Lat, Lon
+from mwd_surface.commands.reference_options import FIELD_PANEL, Changes, Config, Date, Field, Lat, Lon, Precision, Tool
 
 if TYPE_CHECKING:
     from mwd_estimation.pipeline import EstimatorSettings
@@ -32,6 +32,8 @@ def process(
         str | None,
         typer.Option("--north", help="North of the azimuth: magnetic, true or grid.", rich_help_panel=FIELD_PANEL),
     ] = None,
+    tool: Tool = None,
+    precision: Precision = None,
     config: Config = None,
     changes: Changes = None,
     imu_topic: Annotated[str | None, typer.Option(help="Topic of the IMU.", rich_help_panel=_INPUT)] = None,
@@ -106,13 +108,14 @@ def process(
     from mwd_sensors.core.compiled import when_compiling
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.reference_options import placed_settings, recording_changes
+    from mwd_surface.commands.reference_options import placed_settings, recording_changes, tool_changes
     from mwd_surface.runs import calibration_run
     from mwd_surface.runs import process as batch
     from mwd_surface.runs.bag_input import InputSettings
     from mwd_surface.runs.run_output import OutputSettings
 
-    estimator = placed_settings(config, changes, recording_changes(lat, lon, date, field), method, north)
+    place, sensors = recording_changes(lat, lon, date, field), tool_changes(tool, precision)
+    estimator = placed_settings(config, changes, place, method, north, sensors)
     asked = {
         "imu_topic": imu_topic,
         "mag_topic": mag_topic,

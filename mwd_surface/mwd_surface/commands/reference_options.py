@@ -48,15 +48,78 @@ Changes = Annotated[
 ]
 
 
+Tool = Annotated[
+    str | None,
+    typer.Option(
+        "--tool",
+        help="What the conventional unit can do: a tool file, or the name of a grade of the simulator.",
+        rich_help_panel=SETTINGS_PANEL,
+        metavar="FILE",
+    ),
+]
+Precision = Annotated[
+    str | None,
+    typer.Option(
+        "--precision", help="As --tool, of the high-precision unit.", rich_help_panel=SETTINGS_PANEL, metavar="FILE"
+    ),
+]
+
+
+def tool_changes(tool: str | None, precision: str | None) -> dict[str, Any]:
+    """
+    Settings `tool.*` by tool files or by names of the simulator's grades; empty where none was given.
+
+    Raises
+    ------
+    SettingsError
+        No such file or grade (the near misses are named), or a name in it that no tool has.
+    OSError
+        The file cannot be read.
+    """
+    from mwd_estimation.tool_file import from_file
+    from mwd_estimation.tool_settings import PrecisionUnit
+    from mwd_estimation.tool_settings import Tool as ToolSettings
+
+    changes = {} if tool is None else _flat(from_file(_tool_path(tool), ToolSettings), "tool.")
+    if precision is not None:
+        changes |= _flat(from_file(_tool_path(precision), PrecisionUnit), "tool.precision.")
+    return changes
+
+
+def _flat(table: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in table.items():
+        flat |= _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {prefix + name: value}
+    return flat
+
+
+def _tool_path(name: str) -> Path:
+    """Path of a tool file; a plain name is a grade that comes with the simulator."""
+    import importlib.resources
+
+    from mwd_sensors.core.settings import SettingsError, unknown_key
+
+    if Path(name).suffix or Path(name).exists():
+        return Path(name)
+    folder = Path(str(importlib.resources.files("mwd_sensors"))) / "simulator" / "grades"
+    grades = sorted(path.stem for path in folder.glob("*.yaml"))
+    if name not in grades:
+        raise SettingsError(unknown_key(name, grades, "--tool").replace("no such setting", "no such file or grade"))
+    return folder / f"{name}.yaml"
+
+
 def placed_settings(
     config: Path | None,
     changes: Sequence[str] | None,
     place: Mapping[str, Any],
     method: str | None = None,
     north: str | None = None,
+    tool: Mapping[str, Any] | None = None,
 ) -> EstimatorSettings:
     """
-    Settings of the estimator by the options of a command; `place` is what `place_changes` gives.
+    Settings of the estimator by the options of a command.
+
+    `place` is what `place_changes` gives, `tool` what `tool_changes` gives.
 
     Raises
     ------
@@ -71,7 +134,7 @@ def placed_settings(
         named["gravity.method"] = method
     if north is not None:
         named["survey.north"] = north
-    return estimator_settings(config, named, changes)
+    return estimator_settings(config, {**named, **(tool or {})}, changes)
 
 
 def estimator_settings(

@@ -2,7 +2,8 @@
 
 import pytest
 
-from mwd_surface.commands.reference_options import place_changes, recording_changes
+from mwd_sensors.core.settings import SettingsError
+from mwd_surface.commands.reference_options import place_changes, placed_settings, recording_changes, tool_changes
 
 FIELD = {
     "place.field": "fixed",
@@ -41,3 +42,14 @@ def test_the_gyro_of_a_recording_needs_no_more_than_the_latitude():
 def test_what_means_nothing_is_refused(given, sentence):
     with pytest.raises(ValueError, match=sentence):
         recording_changes(*given)
+
+
+def test_a_tool_file_or_a_grade_says_what_the_units_can_do(tmp_path):
+    file = tmp_path / "tool.yaml"
+    file.write_text("name: ours\naccelerometer: {range_g: [8.0, 8.0, 8.0], noise_ug_sqrt_hz: 90.0}\n")
+    made = placed_settings(None, None, {}, tool=tool_changes(str(file), "navigation"))
+    assert made.tool.accelerometer.range_g == (8.0, 8.0, 8.0)
+    assert made.tool.precision.gyro.bias_deg_h == 0.01
+    assert made.survey.north == "best"
+    with pytest.raises(SettingsError, match="no such file or grade; did you mean navigation"):
+        tool_changes("navigator", None)
