@@ -1,3 +1,3 @@
-"""What the tool feels: frames, earth, instruments, drilling dynamics, scenarios and the simulated sonde."""
+"""Frames, Earth models, wire layouts, calibration, the simulated sonde and the base class of the nodes."""
 
 __version__ = "0.1.0"

@@ -205,7 +205,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     def _set_reference_field(self, request: Any, response: Any) -> Any:
         if not request.source.strip():
-            response.success, response.message = False, "source: say where the field comes from"
+            response.success, response.message = False, "source: must name where the field comes from"
             return response
         try:
             reference = Reference(

@@ -32,7 +32,7 @@ class TriadCalibration:
     scale_per_c : ndarray, shape (3,)
         1/degC; like bias_per_c zero where the run was made at one temperature.
     sigma_matrix, sigma_bias, sigma_bias_per_c, sigma_scale_per_c : ndarray
-        1 sigma of each figure, as the scatter of the residuals says it.
+        1 sigma of each figure, from the scatter of the residuals.
     reference_c : float
         degC.
     before, after : float

@@ -162,7 +162,7 @@ def fit_gyro(gyro: ArrayLike, at_rest: Rests, accelerometer: TriadCalibration, r
     at_rest : Rests
         Of the same run.
     accelerometer : TriadCalibration
-        Tells the direction of gravity in each rest: a turn must carry one into the next.
+        Gives the direction of gravity in each rest: a turn must carry one into the next.
     rate : float
         Hz.
 

@@ -96,7 +96,7 @@ def decode(message: bytes) -> Samples:
 
 
 def bare(count: int = 1) -> Samples:
-    """Take the orientation out of samples, as REP-145 says it: zeros, and -1 as first element of the covariance."""
+    """Take the orientation out of samples, as REP-145 defines it: zeros, and -1 as first element of the covariance."""
     samples = wire.IMU.empty(count)
     samples["orientation_covariance"][:, 0] = -1.0
     return samples

@@ -34,7 +34,7 @@ _YEARS = {"wmm2025": (2025.0, 2030.0), "igrf": (1900.0, 2030.0)}
 @dataclasses.dataclass(frozen=True)
 class ReferenceField:
     """
-    What the tool should feel at one place and date.
+    Reference of gravity and magnetic field at one place and date.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ _SCALARS = {bool: "true or false", int: "a whole number", float: "a number", str
 
 
 class SettingsError(ValueError):
-    """A setting that does not exist or whose value is not allowed; the message says which, why, and what is."""
+    """A setting that does not exist or whose value is not allowed; the message names it and what is allowed."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,7 +65,7 @@ def setting(
     Parameters
     ----------
     default : any, optional
-        Value when nothing is said; left out, the field must be given. A list, dict or set is copied for each instance.
+        Value when none is given; else the field must be given. A list, dict or set is copied for each instance.
     doc, unit : str
         Meaning in one sentence; unit as people write it ("m/s^2", "deg").
     low, high : float, optional
@@ -190,7 +190,7 @@ def unknown_key(
 
 
 def checked(value: Any, kind: Any, rule: Rule, where: str) -> Any:
-    """Value brought to its declared type, or a SettingsError that says what is wrong with it."""
+    """Value brought to its declared type, or a SettingsError with the reason."""
     origin = typing.get_origin(kind)
     if origin in (typing.Union, types.UnionType):
         return _checked_union(value, kind, rule, where)

@@ -16,7 +16,7 @@ FACTORS: dict[str, dict[str, float]] = {
     "field": {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
 }
 # Quantity -> (unit, lowest, highest median magnitude that only this unit explains). Vibration can raise the specific
-# force several times above gravity but never halve its median; steel can treble the field.
+# force several times above gravity but never halve its median; external interference can treble the field.
 _RANGES = {
     "acceleration": (("g", 0.3, 5.0), ("mg", 400.0, 5e3), ("m/s2", 5.0, 400.0)),
     "rate": (("deg/s", 60.0, 1e4), ("rad/s", 0.0, 60.0)),
@@ -45,7 +45,7 @@ def doubt(quantity: str, readings: ArrayLike) -> tuple[str, str] | None:
     """
     Describe what is wrong with readings that should be in SI.
 
-    readings, shape (n, 3): in m/s^2, rad/s or T, as they are said to be; rows that are not finite are left out.
+    readings, shape (n, 3): declared as m/s^2, rad/s or T; rows that are not finite are left out.
     Returns None where their median magnitude is plausible or nothing finite is there, else (sentence, unit): the
     unit that would make it plausible, empty where none would.
     """

@@ -239,7 +239,7 @@ class SondeNode(GraphNode[SondeSettings]):
             return ()
         values = (("taken", str(self._commands_obeyed)), ("refused", str(self._commands_refused)))
         if self._refusal:
-            remedy = "mend the command; the one before stays in force until its time is over"
+            remedy = "correct the command; the previous one stays in force until its time is over"
             return (Diagnostic("rig command", WARN, self._refusal, remedy, values),)
         string = self._sonde.string if self._sonde is not None else None
         obeyed = string.obeys if string is not None else None

@@ -205,7 +205,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         except Exception:  # noqa: BLE001  (one bad message or request must not end the node)
             self._callback_failures[name] = self._callback_failures.get(name, 0) + 1
             self.get_logger().error(f"{name}:\n{traceback.format_exc()}", throttle_duration_sec=5.0)
-            return None, f"{name} failed inside the node; its log says where"
+            return None, f"{name} failed inside the node; see its log"
 
     def request_stop(self) -> None:
         """End the process in order, as a signal would."""

@@ -24,7 +24,7 @@ class SettingsParameters(Generic[T]):
 
     Every leaf of the dataclass is declared under its dotted name with meaning, unit, range and read-only flag. A
     change is checked as a whole by the rules of a configuration file; a refused one leaves everything as it was.
-    `live` says which names a running node can take; the others are read-only.
+    `live` decides which names can change at run time; the others are read-only.
 
     Raises
     ------
@@ -69,7 +69,7 @@ class SettingsParameters(Generic[T]):
             return node.declare_parameter(name, plain, descriptor).value
         except (InvalidParameterValueException, InvalidParameterTypeException) as error:
             given = self._given[name].value
-            settings.changed(self.value, {name: given})  # says it better where it can
+            settings.changed(self.value, {name: given})  # raises the more precise error where it can
             raise SettingsError(f"{name}: {given!r} is not allowed; {rule.text()}") from error
 
     def _collect(self, parameters: Sequence[Parameter]) -> dict[str, Any]:

@@ -43,8 +43,9 @@ LATCHED = QoSProfile(
     durability=QoSDurabilityPolicy.TRANSIENT_LOCAL,
 )
 
-# For topics that a controller steers by. A subscriber that requests this deadline and lease, or longer ones, is told by
-# the middleware when messages stop (a hung node) or the publisher dies; others receive the messages as before.
+# For topics that a controller steers by. A subscriber that requests this deadline and lease, or longer ones, is
+# notified by the middleware when messages stop (a hung node) or the publisher dies; others receive the messages as
+# before.
 DEADLINE = Duration(seconds=1)
 LEASE = Duration(seconds=2)
 DEADLINE_STREAM = QoSProfile(

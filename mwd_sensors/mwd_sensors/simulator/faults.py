@@ -1,11 +1,11 @@
 """
 Faults of sensors and of the link, named as PX4's failure injection names them.
 
-ok: as normal; off: nothing is published (of one axis: it reads zero and its covariance says "not reported"); stuck:
+ok: as normal; off: nothing is published (of one axis: it reads zero and its covariance is "not reported"); stuck:
 the last value for ever; garbage: random numbers over the whole range; wrong: plausible but false (scaled and shifted);
 slow: a tenth of the rate; delayed: old values; intermittent: comes and goes. To PX4's words come those of a tool put
 together wrongly (MOUNTING): axes swapped, flipped or turned, another unit; and what electronics do (nan, saturated,
-repeated stamps). Beside them, what a link does: loss, duplicates, reordering, a jump of the clock.
+repeated stamps). In addition, faults of the link: loss, duplicates, reordering, a jump of the clock.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def check(fault: Fault) -> None:
     ------
     ValueError
         A fault of a whole message, or of a sensor without axes, asked for one axis only; a unit of another quantity;
-        two axes for anything but a swap, or a swap or turn that does not say of which axes.
+        two axes for anything but a swap, or a swap or turn without its axes.
     """
     if fault.axis != "all" and fault.component == "temperature":
         raise ValueError(f"the temperature sensor has no axes: axis must be 'all', not {fault.axis!r}")
@@ -118,7 +118,7 @@ def check(fault: Fault) -> None:
     if (fault.fault == "swapped") != (len(fault.axis) == 2):
         raise ValueError(f"fault {fault.fault!r}: two axes (xy, yz, xz) go with 'swapped' and only with it")
     if fault.fault == "turned" and fault.axis == "all":
-        raise ValueError("fault 'turned': axis must say about which axis, x, y or z")
+        raise ValueError("fault 'turned': axis must be x, y or z: the axis of the turn")
 
 
 @dataclasses.dataclass

@@ -14,7 +14,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
 
-# A pole closer than this is felt as if it were this far, m: no sensor sits inside a pole.
+# A pole closer than this acts as if it were this far, m: no sensor is inside a pole.
 _CLOSEST = 0.3
 
 
@@ -48,7 +48,7 @@ class Anomaly:
 
 @dataclasses.dataclass(frozen=True)
 class ToolJoints:
-    """Magnetised joints of the string outside the sonde, felt as it passes them (a wireline probe inside the pipe)."""
+    """Magnetised joints of the string outside the sonde, passed one by one (a wireline probe inside the pipe)."""
 
     spacing_m: float = setting(9.0, "between joints", unit="m", low=0.5, high=50.0)
     axial_nt: float = setting(1500.0, "axial field at a joint", unit="nT", low=-1e6, high=1e6)
@@ -74,7 +74,7 @@ class Interference:
         0.0, "the same as a multiple of the local field (S0: 0.5, 1, 2)", low=-10.0, high=10.0
     )
     cross_nt: tuple[float, float] = setting(
-        (0.0, 0.0), "magnetised steel across the tool: y, z", unit="nT", low=-1e6, high=1e6
+        (0.0, 0.0), "magnetisation of the drill string across the tool: y, z", unit="nT", low=-1e6, high=1e6
     )
     soft_iron: tuple[tuple[float, float, float], ...] = setting(
         (), "three rows: induced field = rows times the Earth's field, tool axes; empty: none", low=-1.0, high=1.0

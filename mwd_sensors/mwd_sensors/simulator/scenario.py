@@ -1,5 +1,5 @@
 """
-A scenario: one run of a sonde, told in the words of people, checked word by word.
+A scenario: one run of a sonde as checked settings.
 
 Where and when, the hole, the schedule, what shakes it, which instruments, what disturbs and what fails, and the seed
 from which every random number comes.

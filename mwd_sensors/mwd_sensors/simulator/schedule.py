@@ -31,7 +31,7 @@ class Phase:
         30.0, "rate of penetration, or speed of a move (up is negative)", unit="m/h", low=-36000.0, high=36000.0
     )
     toolface_deg: float | None = setting(None, "of a slide; left out, as it stands", unit="deg", low=-360.0, high=360.0)
-    vibration: float = setting(1.0, "factor on everything felt while drilling", low=0.0, high=10.0)
+    vibration: float = setting(1.0, "factor on all vibration while drilling", low=0.0, high=10.0)
     pumps: bool = setting(True, "flow while still or moving")
     repeat: int = setting(1, "so many times", low=1, high=10000)
 

@@ -59,7 +59,7 @@ class Sonde:
     Attributes
     ----------
     reference : ReferenceField
-        Of the place and date (or as the scenario overrides it): what a survey would be told.
+        Of the place and date (or as the scenario overrides it): the reference of a survey.
     duration : float
         Length of the run, s.
     motion : Motion

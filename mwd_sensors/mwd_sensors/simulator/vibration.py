@@ -1,4 +1,4 @@
-"""Settings of a vibration: what a scenario says of shocks, random vibration, whirl, stick-slip and hunting toolface."""
+"""Settings of vibration in a scenario: shocks, random vibration, whirl, stick-slip and hunting toolface."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import dataclasses
 
 from mwd_sensors.core.settings import setting
 
-# When a vibration is felt: an envelope of the schedule.
+# When a vibration acts: an envelope of the schedule.
 WHEN = ("always", "rotating", "sliding", "drilling", "pumping")
 # Driven by the rotary speed of the phase, rad/s, and by whirl bursts: internal envelopes.
 ENVELOPES = (*WHEN, "stick_slip", "burst")
@@ -29,7 +29,7 @@ class RandomVibration:
         (0.0, 0.0, 0.0), f"angular rate, root mean square {_ANGLES}", unit="deg/s", low=0.0, high=2000.0
     )
     lines: int = setting(40, "sines for each channel", low=8, high=2000)
-    when: str = setting("drilling", "phases in which it is felt", choices=WHEN)
+    when: str = setting("drilling", "phases in which it acts", choices=WHEN)
 
     def __post_init__(self) -> None:
         """Check the values against each other."""
@@ -48,7 +48,7 @@ class Tone:
     rate_deg_s: tuple[float, float, float] = setting(
         (0.0, 0.0, 0.0), f"amplitude of the angular rate {_ANGLES}", unit="deg/s", low=0.0, high=2000.0
     )
-    when: str = setting("drilling", "phases in which it is felt", choices=WHEN)
+    when: str = setting("drilling", "phases in which it acts", choices=WHEN)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Shocks:
     width_ms: tuple[float, float] = setting((0.5, 4.0), "shortest and longest half-sine", unit="ms", low=0.1, high=50.0)
     clearance_mm: float = setting(15.0, "the tool moves no further than this", unit="mm", low=0.5, high=200.0)
     axial_share: float = setting(0.3, "of the direction along the hole, root mean square", low=0.0, high=1.0)
-    when: str = setting("drilling", "phases in which they are felt", choices=WHEN)
+    when: str = setting("drilling", "phases in which they act", choices=WHEN)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,7 +137,7 @@ class Vibrations:
     tones: tuple[Tone, ...] = setting((), "sines")
     per_turn: tuple[PerTurn, ...] = setting((), "motion locked to the rotation")
     whirl: tuple[Whirl, ...] = setting((), "whirl in bursts while rotating")
-    sweeps: tuple[Sweep, ...] = setting((), "frequency sweeps, always felt")
+    sweeps: tuple[Sweep, ...] = setting((), "frequency sweeps; they act always")
     shocks: tuple[Shocks, ...] = setting((), "shocks")
     stick_slip: StickSlip | None = setting(None, "stick-slip while rotating")
     hunting: Hunting | None = setting(None, "wandering toolface while sliding")

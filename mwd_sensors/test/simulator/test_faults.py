@@ -172,7 +172,7 @@ def test_repeated_stamps_come_in_pairs():
         (Fault("accel", "in_g", "x"), "all axes"),
         (Fault("accel", "swapped"), "two axes"),
         (Fault("accel", "flipped", "xy"), "two axes"),
-        (Fault("mag", "turned"), "which axis"),
+        (Fault("mag", "turned"), "the axis of the turn"),
         (Fault("temperature", "flipped"), "no other unit"),
     ],
 )

@@ -43,7 +43,7 @@ class PlanServer:
                 plan = _plan_from(Path(settings.file).expanduser(), north)
             except PlanError as error:
                 text = f"the plan is not used: {error}"
-                remedy = "mend the file, then set plan.file again"
+                remedy = "correct the file, then set plan.file again"
                 self._alarm_log.raise_alarm("plan.file", Severity.WARNING, text, remedy)
                 return
             self.plan = plan

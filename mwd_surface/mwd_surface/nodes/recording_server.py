@@ -80,7 +80,7 @@ class RecordingServer:
         self._node.add_service(Trigger, "snapshot_recording", self.snapshot)
 
     def activate(self) -> None:
-        """Start to record where the settings say so."""
+        """Start to record, if that is enabled."""
         self._wanted = self._settings.enabled
         self._tried_at = -_RETRY_S
         self._start_wanted()

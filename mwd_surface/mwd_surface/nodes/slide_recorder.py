@@ -65,7 +65,7 @@ class SlideRecorder:
         """
         last = samples[-1]
         valid = int(last["valid"])
-        # Without a rotary speed of the rig the attitude still tells whether the string rotates.
+        # Without a rotary speed of the rig the attitude still shows whether the string rotates.
         speed = _ROTATING_SPEED if self._rotating else 0.0
         if valid & msg.RigState.ROTARY_SPEED:
             speed = float(last["rotary_speed"])

@@ -1,8 +1,8 @@
 """
 The surface as a node: connects recorder, survey list, page and rig interfaces with the graph and with each other.
 
-Each part has a module of its own beside this one; this module creates the parts, calls them from two timers, and says
-which part gets which messages.
+Each part has a module of its own beside this one; this module creates the parts, calls them from two timers, and
+connects them with the topics.
 """
 
 from __future__ import annotations

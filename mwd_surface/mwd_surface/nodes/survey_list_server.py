@@ -37,7 +37,7 @@ from mwd_surface.surveys.survey_store import StoreError, SurveyStore
 from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_path import Definitive
 
-_BIT_STEP = 0.1  # m; movement of the bit after which its projection is shown anew
+_BIT_STEP = 0.1  # m; movement of the bit after which its projection is shown again
 
 
 class SurveyListServer:
@@ -163,7 +163,7 @@ class SurveyListServer:
         apart = disagreement(survey)
         if apart:
             self._alarm_log.raise_alarm(
-                "survey.azimuth", Severity.CRITICAL, apart, "steel nearby, or a faulty sensor: look at both"
+                "survey.azimuth", Severity.CRITICAL, apart, "external interference or a faulty sensor: check both"
             )
         else:
             self._alarm_log.clear_alarm("survey.azimuth")
@@ -217,7 +217,7 @@ class SurveyListServer:
     def set_depth(self, request: Any, response: Any) -> Any:
         """Set the bit depth by hand (service)."""
         if not request.operator_name.strip():
-            response.success, response.message = False, "operator_name: must not be empty: the log says who did it"
+            response.success, response.message = False, "operator_name: must not be empty: it goes into the log"
             return response
         try:
             self.depth.set_by_hand(self._alarm_log.now_ns(), request.bit_depth)
@@ -336,7 +336,7 @@ class SurveyListServer:
             self._live.on_trajectory(path, time.monotonic(), self._covariance)
 
     def update_projection(self, now: float) -> None:
-        """Show projection and offset to the plan anew when the bit has moved; called once a second. now: s."""
+        """Show projection and offset to the plan again when the bit has moved; called once a second. now: s."""
         bit = self.bit_depth
         if bit is None or (self._shown_bit is not None and abs(bit - self._shown_bit) < _BIT_STEP):
             return
