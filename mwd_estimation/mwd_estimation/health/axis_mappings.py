@@ -61,7 +61,7 @@ MISTAKES, WEIGHTS = _mistakes()
 
 
 def kind_of(k: int) -> tuple[str, str]:
-    """What mapping k is, swapped, flipped or frame, and the axes it moves."""
+    """Name what mapping k is, swapped, flipped or frame, and the axes it moves."""
     m = MAPPINGS[k]
     flipped = "".join(a for n, a in enumerate("xyz") if m[n].sum() < 0)
     moved = "".join(a for n, a in enumerate("xyz") if m[n, n] == 0)

@@ -215,7 +215,7 @@ def doubt(left: Indices, bits: int) -> int:
 
 
 def fault_of(checks: Any, code: int, place: int, now_ns: int, unit: Unit = Unit.CONVENTIONAL) -> SensorFault:
-    """The fault that a check holds, or its end at `now_ns`."""
+    """Make the fault that a check holds, or its end at `now_ns`."""
     check = checks[code, place]
     which = tuple(int(v) for v in check.which)
     bits = accused(code, place, check.which)
@@ -229,7 +229,7 @@ def fault_of(checks: Any, code: int, place: int, now_ns: int, unit: Unit = Unit.
 
 
 def take_changes(checks: Any, now_ns: int, unit: Unit = Unit.CONVENTIONAL) -> list[SensorFault]:
-    """The faults that changed, at `now_ns`, since the last call."""
+    """Give the faults that changed, at `now_ns`, since the last call."""
     changed = np.argwhere(checks["changed"] > 0)
     checks["changed"] = 0
     return [fault_of(checks, int(code), int(place), now_ns, unit) for code, place in changed]

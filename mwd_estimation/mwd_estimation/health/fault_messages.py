@@ -84,7 +84,7 @@ def _joined(names: Iterable[str]) -> str:
 
 
 def _few(fault: SensorFault) -> tuple[int, ...]:
-    """The mappings that explain it, unless a wrong frame leaves too many."""
+    """Give the mappings that explain it, unless a wrong frame leaves too many."""
     if fault.code == FaultCode.AXES:
         return fault.which
     if fault.code == FaultCode.FRAME and 0 < sum(mask.bit_count() for mask in fault.which) <= 4:
@@ -198,7 +198,7 @@ def _way_words(masks: tuple[int, ...]) -> str:
 
 
 def mapping_words(k: int) -> str:
-    """What a mapping of `axis_mappings` does to the axes."""
+    """Say what a mapping of `axis_mappings` does to the axes."""
     kind, axes = kind_of(k)
     still = [a for a in "xyz" if a not in axes]
     if kind == "flipped":

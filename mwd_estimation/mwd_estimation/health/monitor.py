@@ -76,7 +76,7 @@ class State:
     samples: Samples
 
     def copy(self) -> State:
-        """An independent copy."""
+        """Make an independent copy."""
         return copy.deepcopy(self)
 
 

@@ -25,7 +25,7 @@ from mwd_sensors.core.compiled import compiled
 # Turn of a window that may show axes, rad.
 MOVES = 0.5
 # Moving windows that are judged in vain, one after the other; from then on one each minute, ns.
-_MINUTE_NS, _IN_VAIN = 60_000_000_000, 20
+_MINUTE_NS, _IN_VAIN = 60_000_000_000, 3
 # Samples that wait at most, where time stands still.
 _MOST_WAITING = 16384
 # The checks of windows, from and to before.

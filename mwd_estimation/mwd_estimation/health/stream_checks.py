@@ -83,7 +83,7 @@ def judge_stamp(s: Any, checks: Any, stamp: int) -> int:
 
 @compiled
 def _pace(s: Any, samples: Samples) -> Pace:
-    """Counts of the half second that waits to be judged; learns the rate from the first with enough intervals."""
+    """Count the intervals of the half second; learn the rate from the first that has enough."""
     if s.period == 0.0 and s.stop - s.first > _LEARN:
         # Not the middle one, as a third of the samples may be lost.
         s.period = 1e-9 * np.sort(np.diff(samples.stamps[s.first : s.stop]))[(s.stop - s.first) // 3]

@@ -109,7 +109,7 @@ def compare(values: Array, own: Array, channels: Any, sums: Any) -> None:
 
 
 def _beside(stamps: Stamps, beside_ns: Stamps, beside: Array) -> Array:
-    """The conventional unit at these times, shape (n, 6); nan beyond its samples, in gaps and where not usable."""
+    """Interpolate the conventional unit, shape (n, 6); nan beyond its samples, in gaps and where not usable."""
     if len(beside_ns) < 2 or not len(stamps):
         return np.full((len(stamps), 6), np.nan)
     at = np.clip(np.searchsorted(beside_ns, stamps, side="left") - 1, 0, len(beside_ns) - 2)
@@ -152,7 +152,7 @@ def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
 
 
 def read_axes(sums: Any, s: int) -> tuple[list[int], bool]:
-    """What the axes of sensor s are, and whether one of them is none of the conventional unit's while all else fits."""
+    """Tell what the axes of sensor s are, and whether one of them is none of the other unit's while all else fits."""
     rows = sums[3 * s : 3 * s + 3]
     found, shaken = [SILENT_AXIS] * 3, 0.0
     n = np.maximum(rows["n"], 1.0)
@@ -174,7 +174,7 @@ def read_axes(sums: Any, s: int) -> tuple[list[int], bool]:
 
 
 def _mapping(found: list[int]) -> int:
-    """The mapping these axes are of, with those that do not tell taken as they should be; 0 where that cannot be."""
+    """Find the mapping of these axes, those that do not tell taken as they should be; 0 where that cannot be."""
     left = {0, 1, 2} - {one % 6 // 2 for one in found if one >= 0}
     matrix = np.zeros((3, 3), dtype=np.int64)
     for k, one in enumerate(found):
@@ -210,7 +210,7 @@ class PrecisionHealth:
         self._differ = 0
 
     def beside(self, stamps: Stamps, values: Array) -> None:
-        """Samples of the conventional unit, shape (n, 6), rad/s and m/s^2; not a number where it cannot be used."""
+        """Take samples of the conventional unit, shape (n, 6), rad/s and m/s^2; nan where it cannot be used."""
         self._beside.append((stamps, values))
 
     def judge(self, end_ns: int, still: bool, samples: tuple[Stamps, Array]) -> list[SensorFault]:
@@ -276,7 +276,7 @@ class PrecisionHealth:
         return beside_ns, beside
 
     def _named(self, fault: SensorFault) -> SensorFault:
-        """The fault with the unit that is meant: mappings that are not proved are of either."""
+        """Name the unit that is meant: mappings that are not proved are of either."""
         if fault.code != FaultCode.AXES or not fault.which[2]:
             return fault
         return dataclasses.replace(fault, unit=Unit.EITHER, which=(*fault.which[:2], 0))

@@ -174,7 +174,7 @@ class WindowJudge:
             self._note_unit(6, unit, rms, 3e-4)
 
     def _note_unit(self, place: int, unit: int, value: float, limit: float) -> None:
-        """The unit of a sensor: 0 SI, else its number; -1: not known."""
+        """Note the unit of a sensor: 0 SI, else its number; -1: not known."""
         seen = FOR if unit > 0 else (AGAINST if unit == 0 else NOTHING)
         self._note(FaultCode.UNIT, place, seen, value, limit).seen_which[0] = max(unit, 0)
 
@@ -189,7 +189,7 @@ class WindowJudge:
         return max(1.2 * own, 0.004 * math.sqrt(w.force[best]))
 
     def _show_force(self) -> None:
-        """Wrong axes smear gravity: its carried mean is too short."""
+        """Show which ways explain gravity: wrong axes smear it, and its carried mean is too short."""
         p, sigma, shown = self._limits, self._sigma, self._force
         length2 = self._window.force / self._length**2
         if sigma >= p.quiet or math.sqrt(length2[0]) - 1.0 > p.rejects + 6.0 * sigma:
@@ -210,7 +210,7 @@ class WindowJudge:
         shown.degrees = abs(as_degrees) < p.fits + 3.0 * sigma
 
     def _show_field(self) -> None:
-        """The field is steady: wrong axes smear its carried mean."""
+        """Show which ways hold the field together: it is steady, and wrong axes smear its carried mean."""
         p, w, shown = self._limits, self._window, self._field
         dense = w.path < p.turned_between * w.fields
         if self._samples[2] != WHOLE or w.fields < _FEW_FIELDS or not dense or w.field2 <= 0.0:
@@ -278,7 +278,7 @@ class WindowJudge:
         return math.isfinite(self._expected.dip) and abs(self._field_size / total - 1.0) < share
 
     def _explaining(self) -> Flags:
-        """The mistakes that explain what gravity and field showed of the motion."""
+        """Give the mistakes that explain what gravity and field showed of the motion."""
         by_force: Flags = self._force.fits[_BY_FORCE] | (not self._force.judged)
         by_field: Flags = self._field.fits[_BY_FIELD] | (not self._field.judged)
         return by_force & by_field
@@ -295,7 +295,7 @@ class WindowJudge:
 
     @staticmethod
     def _least_contrived(possible: Flags) -> list[int]:
-        """The least contrived of these mistakes, as bits of their mappings by sensor."""
+        """Give the least contrived of these mistakes, as bits of their mappings by sensor."""
         masks = [0, 0, 0]
         if possible.any():
             for m in np.flatnonzero(possible & (WEIGHTS[possible].min() == WEIGHTS)):
@@ -303,7 +303,7 @@ class WindowJudge:
         return masks
 
     def _judge_axes(self) -> int:
-        """The least contrived mistakes that explain the motion, and the dip where that is known."""
+        """Note the least contrived mistakes that explain the motion, and the dip where that is known."""
         masks, seen = [0, 0, 0], NOTHING
         if self._force.bad or (self._field.bad and self._field.judged):
             explaining = self._explaining()
@@ -350,7 +350,7 @@ class WindowJudge:
         check.seen_which = masks
 
     def _frames(self, dips: Array, up: float) -> list[int]:
-        """The least contrived mistakes that leave the hole pointing down and explain motion and dip."""
+        """Give the least contrived mistakes that leave the hole pointing down and explain motion and dip."""
         matrices = _MATRICES[_MAPPING]
         rise = np.where(_SENSOR == ACCEL, matrices[:, :, 0] @ self._window.mean_force / self._length, up)
         near = np.abs(dips - self._expected.dip) < 0.1
