@@ -121,7 +121,7 @@ def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth.Params:
 
 
 def precision_gyro_params(settings: EstimatorSettings) -> gyro_azimuth.Precision:
-    """The precision unit's gyros as the azimuth that the gyros carry takes them."""
+    """Parameters of the precision unit's gyros in the azimuth that the gyros carry."""
     gyro = settings.tool.precision.gyro
     return gyro_azimuth.Precision(
         noise_deg_rth=gyro.noise_deg_sqrt_h or _TACTICAL_NOISE,
@@ -188,9 +188,23 @@ def rotary_params(settings: EstimatorSettings) -> RotaryParams:
 
 def reference(settings: EstimatorSettings, first_ns: int) -> Reference | None:
     """
-    Reference field of the place, with the sigmas of the tool code where one is named; None where there is no field.
+    Make the reference field of the place, with the sigmas of the tool code where one is named.
 
-    first_ns: stamp whose day counts where no date is set. Raises ValueError as `reference_of` and `tool_code` do.
+    Parameters
+    ----------
+    settings : EstimatorSettings
+    first_ns : int
+        Stamp whose day counts where no date is set.
+
+    Returns
+    -------
+    Reference or None
+        None where there is no field.
+
+    Raises
+    ------
+    ValueError
+        As `reference_of` and `tool_code.reference_sigmas`.
     """
     found = reference_of(settings.place, first_ns)
     if found is None or not settings.survey.tool_code:

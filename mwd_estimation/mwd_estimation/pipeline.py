@@ -158,7 +158,7 @@ class Pipeline:
         return self._numbering.last
 
     def continue_numbering(self, last: int) -> None:
-        """Number the next survey after `last` at least, which others remember of a run before this process."""
+        """Give the next survey a number after `last`, which others remember of a run before this process."""
         self._numbering.last = max(self._numbering.last, last)
 
     @property

@@ -336,7 +336,7 @@ class EstimatorSettings:
 
 def reference_of(place: Place, first_ns: int) -> Reference | None:
     """
-    Reference field and gravity of a place; None where `place.field` is none.
+    Make the reference field and gravity of a place; None where `place.field` is none.
 
     first_ns: stamp whose day counts where no date is set.
 

@@ -32,7 +32,7 @@ _SIMULATED_ONLY = {
 
 def from_file(path: Path, unit: type[Tool] | type[PrecisionUnit] = Tool) -> dict[str, Any]:
     """
-    The part of a tool or grade file that the estimator uses, as a table for `Tool` or `PrecisionUnit`.
+    Read the part of a tool or grade file that the estimator uses, as a table for `Tool` or `PrecisionUnit`.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def from_file(path: Path, unit: type[Tool] | type[PrecisionUnit] = Tool) -> dict
 
 def used(table: Mapping[str, Any], unit: type[Any], where: str = "") -> dict[str, Any]:
     """
-    The part of a table that a class of settings declares; terms that only a simulated sensor has are left out.
+    Return the part of a table that a class of settings declares; terms that only a simulated sensor has are left out.
 
     Raises
     ------

@@ -1,6 +1,5 @@
 """
-What calibration leaves in the six axes of a survey tool, and how the tool lies in its hole: figures and their
-covariance.
+Errors that calibration leaves in the six axes of a survey tool, and of how the tool lies in its hole; their covariance.
 
 The defaults are the sensor and alignment terms of the ISCWSA / OWSG tool code for ordinary MWD (A001Mc rev 5.1: ABXY,
 ABZ, ASXY, ASZ, MBXY, MBZ, MSXY, MSZ, AMIL, SAGE, XYM1 to XYM4E), the sensors' per axis, so that they propagate
@@ -62,8 +61,7 @@ class SensorErrors:
 
     def alignment(self, inclination: float) -> Array:
         """
-        Covariance of (inclination, azimuth, toolface) because the tool does not lie along the hole; shape (3, 3),
-        rad^2.
+        Covariance of (inclination, azimuth, toolface), rad^2, shape (3, 3), as the tool does not lie along the hole.
 
         inclination: rad. The azimuth term grows as 1 / sin(inclination) towards the vertical, as the angle itself
         loses meaning.

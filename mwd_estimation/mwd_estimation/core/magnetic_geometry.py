@@ -63,7 +63,7 @@ def raw_azimuth_sample(f_x: float, f_y: float, f_z: float, b_x: float, b_y: floa
 
 def angle_jacobian(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     """
-    Derivatives of (inclination, raw magnetic azimuth, gravity toolface) by (f_t, b_t).
+    Differentiate (inclination, raw magnetic azimuth, gravity toolface) by (f_t, b_t).
 
     f_t, b_t, shape (..., 3). Returns shape (..., 3, 6), rad per m/s^2 and rad per T. Azimuth and toolface rows grow
     as 1 / sin(inclination) towards the vertical. The field must not be vertical.

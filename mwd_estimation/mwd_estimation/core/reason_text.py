@@ -200,7 +200,7 @@ class _Number(float):
 
 
 def text(reason: Reason) -> str:
-    """The sentence of one reason."""
+    """Say one reason as a sentence."""
     causes = [text(one) for one in reason.causes]
     fields: dict[str, Any] = {
         "value": None if reason.value is None else _Number(reason.value),
@@ -217,10 +217,10 @@ def text(reason: Reason) -> str:
 
 
 def texts(reasons: Iterable[Reason]) -> list[str]:
-    """The sentence of each reason, in order."""
+    """Say each reason as a sentence, in order."""
     return [text(one) for one in reasons]
 
 
 def joined(reasons: Iterable[Reason] | None) -> str:
-    """The sentences of all reasons as one text; empty where there is none."""
+    """Join the sentences of all reasons to one text; empty where there is none."""
     return "; ".join(texts(reasons or ()))

@@ -36,17 +36,28 @@ class Field(Protocol):
     """What a geomagnetic and gravity model hands over (`mwd_sensors.core.earth.ReferenceField`)."""
 
     @property
-    def total(self) -> float: ...
+    def total(self) -> float:
+        """Field strength, T."""
+
     @property
-    def dip(self) -> float: ...
+    def dip(self) -> float:
+        """Angle of the field below the horizontal, rad."""
+
     @property
-    def declination(self) -> float: ...
+    def declination(self) -> float:
+        """Magnetic north from true north, east positive, rad."""
+
     @property
-    def convergence(self) -> float: ...
+    def convergence(self) -> float:
+        """Grid north from true north, east positive, rad."""
+
     @property
-    def gravity(self) -> float: ...
+    def gravity(self) -> float:
+        """Local gravity, m/s^2."""
+
     @property
-    def source(self) -> str: ...
+    def source(self) -> str:
+        """Name of the model."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +95,7 @@ class Reference:
     sigma_gravity: float = SIGMA_GRAVITY
 
     def __post_init__(self) -> None:
+        """Refuse figures that no place of the Earth has."""
         for name in ("total", "dip", "declination", "convergence", "gravity"):
             value = getattr(self, name)
             if value is not None and not math.isfinite(value):
@@ -143,7 +155,7 @@ class Reference:
 
 
 def from_field(field: Field, **changes: float) -> Reference:
-    """Reference of a model's field; `changes` are other fields of `Reference`, such as better sigmas."""
+    """Make the reference of a model's field; `changes` are other fields of `Reference`, such as better sigmas."""
     reference = Reference(
         total=field.total,
         dip=field.dip,
@@ -165,7 +177,7 @@ def measured(
     sigma_dip: float = math.radians(0.1),
 ) -> Reference:
     """
-    Reference measured beforehand with the tool itself, away from any steel (S0 section 4).
+    Make the reference from a measurement with the tool itself, away from any steel (S0 section 4).
 
     Parameters
     ----------
@@ -215,7 +227,7 @@ def measured(
 
 
 def best_north(reference: Reference | None) -> str:
-    """The most useful north the reference allows: grid, else true, else magnetic."""
+    """Name the most useful north the reference allows: grid, else true, else magnetic."""
     for north in ("grid", "true"):
         if north_correction(reference, north) is not None:
             return north
@@ -224,7 +236,7 @@ def best_north(reference: Reference | None) -> str:
 
 def north_correction(reference: Reference | None, north: str) -> float | None:
     """
-    What to add to a magnetic azimuth to refer it to the named north, rad; None where the reference does not know.
+    Return what refers a magnetic azimuth to the named north when added, rad; None where the reference does not know.
 
     Raises
     ------

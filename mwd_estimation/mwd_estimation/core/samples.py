@@ -24,7 +24,7 @@ STILL_NON_GRAVITY = 0.5  # m/s^2, held peak of the non-gravity acceleration
 STILL_HOLD = 1.0  # s, time constant with which a peak is forgotten
 ROTARY_LAG = 0.5  # s, time constant of the rotary speed
 NEAR_VERTICAL_BELOW = math.radians(3.0)  # where the high side is too short to name a toolface
-BACKWARD_LIMIT = 50  # samples whose stamps advance again, after which a clock that jumped back is believed
+BACKWARD_LIMIT = 50  # samples whose stamps advance again, after which a clock that jumped back counts
 RATE_WITHIN = 200.0  # rad/s: beyond it a value is garbage, not motion
 FORCE_WITHIN = 4000.0  # m/s^2
 
@@ -95,7 +95,7 @@ class Track:
         )
 
     def part(self, samples: slice) -> Track:
-        """Some of the samples."""
+        """Return some of the samples."""
         return Track(*(getattr(self, field.name)[samples] for field in dataclasses.fields(self)))
 
     @property
@@ -132,7 +132,7 @@ def admit(
     Judge one sample and move the clock: FIRST, NEXT, AFTER_GAP or REJECTED.
 
     A stamp that does not advance is rejected. When the stamps after a backward jump advance among themselves for
-    BACKWARD_LIMIT samples the new clock is believed (AFTER_GAP), so that a clock set back does not end the estimate.
+    BACKWARD_LIMIT samples the new clock counts (AFTER_GAP), so that a clock set back does not end the estimate.
     """
     finite = math.isfinite(wx + wy + wz + fx + fy + fz)
     rate = max(abs(wx), abs(wy), abs(wz))

@@ -1,10 +1,10 @@
 """
 Stamps that go back: a recording that loops or is wound back, a clock that was set; and single stamps that are garbage.
 
-The leading stream (the AHRS) decides. One of its samples more than a second before the last is not believed; when a few
-in a row advance from there, time has gone back, and whoever listens begins anew with exactly those samples. The other
-streams may hear of it earlier or later: what is already of the new time waits for the leader, what is still of the old
-time is dropped.
+The leading stream (the AHRS) decides. One of its samples more than a second before the last is rejected; when a few in
+a row advance from there, time has gone back, and the estimate begins anew with exactly those samples. The other streams
+may change their time before or after the leader: samples that are already of the new time wait for the leader, samples
+that are still of the old time are dropped.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from mwd_sensors.core.arrays import Samples
 
 BACK_NS = 1_000_000_000
-# Samples in a row that make a new time believed.
-BELIEVED = 3
+# Samples in a row that confirm a new time.
+CONFIRMED = 3
 # Held samples of a stream that ran ahead of the leader; more means that the leader never followed.
 _MOST_HELD = 100_000
 _NONE = np.iinfo(np.int64).min
@@ -49,8 +49,8 @@ class Clocks:
         Returns
         -------
         list of (samples, new)
-            `samples` belong to the time so far (those not believed among them); where `new` is not None, time goes back
-            behind them, and begins anew with `new`: their last few, which were not believed before.
+            `samples` belong to the time so far (rejected ones included); where `new` is not None, time goes back behind
+            them and begins anew with `new`: their last few, which were rejected until then.
         """
         stamps = samples["stamp_ns"]
         if not len(stamps):
@@ -68,7 +68,7 @@ class Clocks:
             if self._back and stamp <= int(self._back[-1]["stamp_ns"][0]):
                 self._back = []
             self._back.append(samples[i : i + 1].copy())
-            if len(self._back) == BELIEVED:
+            if len(self._back) == CONFIRMED:
                 begun = np.concatenate(self._back)
                 pieces.append((samples[start : i + 1], begun))
                 self.went_back.append((self._lead_ns, int(begun["stamp_ns"][0])))
@@ -78,7 +78,7 @@ class Clocks:
         return pieces
 
     def beside(self, name: str, samples: Samples) -> Samples:
-        """The samples of another stream that belong to the leader's time; the rest waits or is dropped."""
+        """Return the samples of another stream that belong to the leader's time; the rest waits or is dropped."""
         stamps = samples["stamp_ns"]
         if not len(stamps):
             return samples
@@ -94,7 +94,7 @@ class Clocks:
 
     def _belongs(self, name: str, stamp: int, sample: Samples) -> bool:
         if name in self._behind:
-            # Still of the time before; one near the leader is of its time, even if it went on from a silence.
+            # Still of the time before; a sample near the leader is of its time, even if it comes after a data gap.
             if stamp > self._lead_ns + BACK_NS and stamp > self._last[name] - BACK_NS:
                 self._last[name] = max(self._last[name], stamp)
                 self.dropped += 1
@@ -103,8 +103,8 @@ class Clocks:
             self._last[name] = stamp
             return True
         last = self._last.get(name, _NONE)
-        if stamp > last - BACK_NS and len(self._ahead.get(name, [])) < BELIEVED:
-            # Stamps that were garbage, or no news at all.
+        if stamp > last - BACK_NS and len(self._ahead.get(name, [])) < CONFIRMED:
+            # The stamps before were garbage, or nothing has changed.
             self._ahead.pop(name, None)
             self._last[name] = max(last, stamp)
             return True
@@ -116,7 +116,7 @@ class Clocks:
         return False
 
     def release(self) -> dict[str, Samples]:
-        """Samples of each stream that waited for the leader to go back; called once it has."""
+        """Return the samples of each stream that waited for the leader to go back; to be called once it has."""
         waiting = {name: np.concatenate(held) for name, held in self._ahead.items() if held}
         self._ahead = {}
         for name, samples in waiting.items():

@@ -58,7 +58,7 @@ METHODS: dict[str, Method] = {one.name: one for one in _ALL}
 
 def method(name: str) -> Method:
     """
-    Method of that name.
+    Return the method of that name.
 
     Raises
     ------
