@@ -1,4 +1,9 @@
-"""The graph's nodes as processes, for tests: each run on a middleware domain that nobody else uses."""
+"""
+The graph's nodes as processes, for tests.
+
+Each graph runs on a middleware domain that no other run on this machine uses (a lock file holds it), in a folder of its
+own, and its nodes take free ports (port 0). Several test workers can therefore run real nodes at the same time.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +26,7 @@ PLACE = {"place.field": "model", "place.lat_deg": 38.3, "place.lon_deg": 109.6}
 
 
 class Graph:
-    """Nodes that were started, in order; what they wrote is in `folder`."""
+    """Running nodes; their logs are in `folder`."""
 
     def __init__(self, folder: Path, environment: dict[str, str]) -> None:
         self.folder = folder
@@ -43,7 +48,7 @@ class Graph:
         return name
 
     def log(self, name: str) -> str:
-        """What a node has printed."""
+        """Output of a node so far."""
         return (self.folder / f"{name.replace('/', '_')}.log").read_text()
 
     def end(self, name: str, number: signal.Signals = signal.SIGINT, within: float = 20.0) -> tuple[int, float]:
@@ -59,7 +64,7 @@ class Graph:
 
 @functools.cache
 def _compiled() -> None:
-    """Have the nodes' filters in the cache: how long compiling takes is no part of any test."""
+    """Compile the nodes' filters into the cache, so that no test waits for the compiler."""
     from mwd_estimation.nodes.warm_up import warm_up
     from mwd_estimation.pipeline import EstimatorSettings
     from mwd_sensors.core.settings import changed
@@ -69,7 +74,7 @@ def _compiled() -> None:
 
 @contextlib.contextmanager
 def graph(folder: Path) -> Iterator[Graph]:
-    """A domain of its own; whatever still runs at the end is killed."""
+    """Start a graph on a domain of its own; nodes that still run at the end are killed."""
     _compiled()
     with launch_plan.own_domain({}) as domain:
         environment = launch_plan.graph_environment(dict(os.environ), domain, folder)

@@ -10,7 +10,7 @@ import pytest
 import running_graph
 from running_graph import until
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 SETTINGS = {
     "tool__precision__gyro__noise_deg_sqrt_h": 0.01, "tool__precision__gyro__bias_deg_h": 0.02,

@@ -9,7 +9,7 @@ from mwd_sensors.simulator.scenario import read
 from mwd_sensors.simulator.sonde import Sonde
 from running_graph import PLACE, samples_of, until
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 RATE_HZ, BURST = 5000, 10
 SCENARIO = f"""

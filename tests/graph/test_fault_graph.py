@@ -11,7 +11,7 @@ from project import SCENARIOS
 from running_graph import PLACE, until
 
 SCENARIO = SCENARIOS / "bench" / "drillvib.yaml"
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 TALK = """
 import json, time, rclpy

@@ -21,7 +21,7 @@ from mwd_sensors.core.frames import wrap_pi
 from running_graph import PLACE, samples_of, until
 
 SCENARIO = Path(__file__).parent / "scenarios" / "short.yaml"
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
 class Talk:

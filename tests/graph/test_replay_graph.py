@@ -15,7 +15,7 @@ from mwd_sensors.simulator.scenario import read
 from mwd_surface.runs import simulate
 from running_graph import PLACE, samples_of, until
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 SCENARIO = """
 name: loop

@@ -13,7 +13,7 @@ import running_graph
 from running_graph import PLACE, until
 
 SCENARIO = Path(__file__).parent / "scenarios" / "short.yaml"
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
 async def watch(address, topic, count):

@@ -15,7 +15,7 @@ import pytest
 from mwd_surface.bags.bag_reader import Bag
 
 pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 SCENARIO = (
     "name: brief\nwell: {stations: [[0.0, 40.0, 70.0]], bit_m: 103.0}\nschedule: [{kind: still, seconds: 24.0}]\n"

@@ -103,6 +103,7 @@ def graph(monkeypatch):
 
 
 @pytest.mark.ros
+@pytest.mark.slow
 def test_every_message_comes_in_order_at_the_pace_asked_for(graph, tmp_path):
     listener, play = graph
     imu = recording(tmp_path / "bag")
@@ -125,6 +126,7 @@ def test_every_message_comes_in_order_at_the_pace_asked_for(graph, tmp_path):
 
 
 @pytest.mark.ros
+@pytest.mark.slow
 def test_a_part_of_the_time_and_one_topic_can_be_chosen(graph, tmp_path):
     listener, play = graph
     recording(tmp_path / "bag")
@@ -140,6 +142,7 @@ def test_a_part_of_the_time_and_one_topic_can_be_chosen(graph, tmp_path):
 
 
 @pytest.mark.ros
+@pytest.mark.slow
 def test_a_loop_begins_again_until_it_is_interrupted(graph, tmp_path):
     listener, play = graph
     imu = recording(tmp_path / "bag", seconds=0.5)
@@ -157,6 +160,7 @@ def test_a_loop_begins_again_until_it_is_interrupted(graph, tmp_path):
 
 
 @pytest.mark.ros
+@pytest.mark.slow
 def test_a_replay_stands_still_steps_seeks_and_changes_its_pace(graph, tmp_path):
     listener, play = graph
     imu = recording(tmp_path / "bag", seconds=60.0)
