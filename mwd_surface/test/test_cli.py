@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import pytest
 from rich.console import Console
 
+from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_surface import cli
 from mwd_surface.commands.survey_table import show_surveys
 from project import REFERENCE_DATA
@@ -123,7 +124,8 @@ def test_the_widest_figures_of_a_station_fit_a_plain_terminal():
     screen = io.StringIO()
     station = SimpleNamespace(
         inclination=2.0, sigma_inclination=0.005, azimuth=6.28, sigma_azimuth=0.2, north="magnetic",
-        gravity_toolface=6.0, b_total=51234.4e-9, dip=-1.2, verdict="doubtful", reasons=("no reference field",),
+        gravity_toolface=6.0, b_total=51234.4e-9, dip=-1.2, verdict="doubtful",
+        reasons=(Reason(ReasonCode.NO_FIELD_TO_CORRECT_BY),),
     )  # fmt: skip
     show_surveys(Console(file=screen, width=80), [(station, 12345.6)] * 120)
     row = screen.getvalue().splitlines()[2]

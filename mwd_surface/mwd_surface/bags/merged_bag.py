@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 from types import TracebackType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,17 @@ from mwd_surface.bags.mcap.records import MESSAGE_HEAD, MESSAGE_PREFIX, Opcode
 Numbers = NDArray[np.int64]
 
 _PREFIX, _HEAD, _MESSAGE = MESSAGE_PREFIX, MESSAGE_HEAD, Opcode.MESSAGE
+
+
+class _Rows(NamedTuple):
+    """Columns of messages, each of shape (n,): place of the record, log time, place and size of the payload ..."""
+
+    place: Numbers
+    log_ns: Numbers
+    offset: Numbers
+    size: Numbers
+    channel: NDArray[np.uint16]
+    sequence: Numbers
 
 
 @dataclasses.dataclass(frozen=True)
@@ -173,10 +185,8 @@ class MergedBag:
         begin = 0
         for source in ready:
             end = begin + len(source.log_ns)
-            _lay(
-                records, place[begin:end], source.data, source.log_ns, source.offset, source.size, source.channel,
-                source.sequence, source.framed,
-            )  # fmt: skip
+            rows = _Rows(place[begin:end], source.log_ns, source.offset, source.size, source.channel, source.sequence)
+            _write_records(records, source.data, rows, source.framed)
             begin = end
         channel = np.concatenate([source.channel for source in ready])[order]
         self._writer.write_records(records, offset, channel, log_ns[order])
@@ -206,21 +216,18 @@ def _put(out: Bytes, at: int, value: int, size: int) -> None:
 
 
 @compiled
-def _lay(
-    out: Bytes, place: Numbers, data: Bytes, log_ns: Numbers, offset: Numbers, size: Numbers,
-    channel: NDArray[np.uint16], sequence: Numbers, framed: bool,
-) -> None:  # fmt: skip
+def _write_records(out: Bytes, data: Bytes, rows: _Rows, framed: bool) -> None:
     """Write one record for each message to its place."""
-    for i in range(len(place)):
-        at, source = place[i], offset[i]
+    for i in range(len(rows.place)):
+        at, source = rows.place[i], rows.offset[i]
         out[at] = _MESSAGE
-        _put(out, at + 1, _HEAD + size[i], 8)
-        _put(out, at + 9, int(channel[i]), 2)
+        _put(out, at + 1, _HEAD + rows.size[i], 8)
+        _put(out, at + 9, int(rows.channel[i]), 2)
         if framed:
             # Sequence number, log and publish time stand right before the payload.
-            out[at + 11 : at + _PREFIX + size[i]] = data[source - 20 : source + size[i]]
+            out[at + 11 : at + _PREFIX + rows.size[i]] = data[source - 20 : source + rows.size[i]]
         else:
-            _put(out, at + 11, sequence[i] & 0xFFFFFFFF, 4)
-            _put(out, at + 15, log_ns[i], 8)
-            _put(out, at + 23, log_ns[i], 8)
-            out[at + _PREFIX : at + _PREFIX + size[i]] = data[source : source + size[i]]
+            _put(out, at + 11, rows.sequence[i] & 0xFFFFFFFF, 4)
+            _put(out, at + 15, rows.log_ns[i], 8)
+            _put(out, at + 23, rows.log_ns[i], 8)
+            out[at + _PREFIX : at + _PREFIX + rows.size[i]] = data[source : source + rows.size[i]]

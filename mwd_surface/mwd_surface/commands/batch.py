@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from mwd_surface.commands.reference_options import Changes, Config, Date, Field, Lat, Lon
 
+if TYPE_CHECKING:
+    from mwd_surface.fleet.fleet_task import Outcome
+
 _CLUSTER = "Cluster"
+
+Scheduler = Annotated[
+    str,
+    typer.Option(help="local, processes, threads, or the tcp://HOST:PORT of a Dask cluster.", rich_help_panel=_CLUSTER),
+]
+Workers = Annotated[int, typer.Option(help="Workers; 0: as many as there are cores.", min=0, rich_help_panel=_CLUSTER)]
 
 
 def batch(
@@ -24,22 +34,15 @@ def batch(
     config: Config = None,
     changes: Changes = None,
     partial: Annotated[bool, typer.Option("--partial", help="Use what can be read of damaged recordings.")] = False,
-    scheduler: Annotated[
-        str,
-        typer.Option(
-            help="local, processes, threads, or the tcp://HOST:PORT of a Dask cluster.", rich_help_panel=_CLUSTER
-        ),
-    ] = "local",
-    workers: Annotated[
-        int, typer.Option(help="Workers; 0: as many as there are cores.", min=0, rich_help_panel=_CLUSTER)
-    ] = 0,
+    scheduler: Scheduler = "local",
+    workers: Workers = 0,
 ) -> None:
     """
-    Work out many recordings into one data set of Parquet tables, with a page that lists what came of each.
+    Process many recordings into one data set of Parquet tables, with a page that lists the result of each.
 
     Writes DIR/bags, DIR/surveys and DIR/attitude (one row for every ten seconds), each a folder that polars, duckdb and
-    pandas read as one table, and DIR/index.html. Called again it goes on: what is worked out, by content and settings,
-    is kept. A recording that fails is listed with its reason and does not stop the rest; the exit status is then 1.
+    pandas read as one table, and DIR/index.html. Called again it continues: recordings already processed, by content
+    and settings, are kept. A recording that fails is listed with its reason; the exit status is then 1.
 
     \b
     Examples:
@@ -59,7 +62,6 @@ def batch(
         hint = "pip install distributed pyarrow"
         raise ValueError(f"a fleet needs the package {error.name}, which is not installed: {hint}") from error
     from mwd_surface.fleet.fleet_dataset import FAILED
-    from mwd_surface.fleet.fleet_task import Outcome
 
     estimator = placed_settings(config, changes, recording_changes(lat, lon, date, field), method)
     found = fleet_run.find_bags(bags)
@@ -70,19 +72,27 @@ def batch(
         terminal.progress(f"{len(found)} recordings") as progress,
     ):
 
-        def told(outcome: Outcome, share: float) -> None:
+        def report(outcome: Outcome, share: float) -> None:
             if outcome.row["outcome"] == FAILED:
                 terminal.warn(f"{outcome.bag}: {outcome.row['reason']}")
             progress(share)
 
-        outcomes = fleet_run.run(found, output, client, estimator, given, told)
-    elapsed = time.monotonic() - began
-    index = fleet_index.write_index(output, outcomes)
+        outcomes = fleet_run.run(found, output, client, estimator, given, report)
+    failed = _show(output, fleet_index.write_index(output, outcomes), outcomes, time.monotonic() - began)
+    if failed:
+        raise typer.Exit(1)
+
+
+def _show(output: Path, index: Path, outcomes: Sequence[Outcome], elapsed: float) -> int:
+    """Print the totals; return how many recordings failed."""
+    from mwd_surface.commands import terminal
+    from mwd_surface.fleet.fleet_dataset import FAILED
+
     fresh = [one for one in outcomes if not one.kept and one.row["outcome"] != FAILED]
     failures = [one for one in outcomes if one.row["outcome"] == FAILED]
     samples = sum(one.row["samples"] for one in fresh)
     lines = [
-        ("recordings", f"{len(outcomes)}: {len(fresh)} worked out, {len(outcomes) - len(fresh) - len(failures)} kept"),
+        ("recordings", f"{len(outcomes)}: {len(fresh)} processed, {len(outcomes) - len(fresh) - len(failures)} kept"),
         ("failed", str(len(failures))),
         ("surveys", str(sum(one.row["surveys"] or 0 for one in outcomes))),
         ("speed", f"{samples / max(elapsed, 1e-9):,.0f} samples/s ({elapsed:.1f} s)"),
@@ -91,5 +101,4 @@ def batch(
     console = terminal.output()
     for name, value in lines:
         console.print(f"{name:>10}  {value}", markup=False)
-    if failures:
-        raise typer.Exit(1)
+    return len(failures)

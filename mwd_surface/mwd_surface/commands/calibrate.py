@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from mwd_surface.commands.reference_options import FIELD_PANEL, Date, Field, Lat, Lon, field_figures
+
+if TYPE_CHECKING:
+    from mwd_sensors.calibration.triad_calibration import Calibration
+    from mwd_sensors.simulator.scenario import Scenario
+    from mwd_surface.runs.calibration_run import Run
 
 
 def calibrate(
@@ -38,29 +43,11 @@ def calibrate(
       mwd calibrate bags/tumble_12 -o probe_12.yaml --lat 60.4 --lon 5.3
       mwd calibrate tumble -o precision.yaml --unit precision --grade tactical_north
     """
-    from rich.table import Table
-
-    from mwd_sensors.core.settings import SettingsError, unknown_key
-    from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
     from mwd_surface.runs import calibration_run
 
-    if unit not in calibration_run.UNITS:
-        raise SettingsError(unknown_key(unit, calibration_run.UNITS, "--unit"))
-    path = Path(run)
-    found_field: tuple[float, float] | None = None
-    if path.is_dir() or path.suffix in (".mcap", ".db3"):
-        if grade is not None or seed is not None:
-            raise ValueError("--grade, --seed: a recording has its sensors already; they are for scenarios")
-        with Bag(path) as bag, terminal.waiting(f"reading {path.name}"):
-            data = calibration_run.recorded(bag, unit)
-            scenario, day = calibration_run.scenario_of(bag), bag.start_ns
-    else:
-        scenario = _scenario(run, unit, grade, seed)
-        day = 0
-        with terminal.waiting(f"simulating {scenario.name}"):
-            data = calibration_run.simulated(scenario, unit)
-    strength, found_field, source = _place(lat, lon, date, field, day)
+    data, scenario, day_ns = _data(run, unit, grade, seed)
+    strength, found_field, source = _place(lat, lon, date, field, day_ns)
     if strength is None and scenario is not None:
         strength, known = calibration_run.field_of(scenario)
         found_field, source = found_field or known, source or "its scenario"
@@ -74,8 +61,39 @@ def calibrate(
     if found_field is not None:
         about |= {"field_t": found_field[0], "dip_rad": found_field[1]}
     calibration_run.write(output, found, about)
+    _show(data.source, unit, found)
+    terminal.output().print(f"written: {output}", markup=False)
+
+
+def _data(run: str, unit: str, grade: str | None, seed: int | None) -> tuple[Run, Scenario | None, int]:
+    """Return the samples of a recording or simulation, its scenario where known, and the day, ns (0: unknown)."""
+    from mwd_sensors.core.settings import SettingsError, unknown_key
+    from mwd_surface.bags.bag_reader import Bag
+    from mwd_surface.commands import terminal
+    from mwd_surface.runs import calibration_run
+
+    if unit not in calibration_run.UNITS:
+        raise SettingsError(unknown_key(unit, calibration_run.UNITS, "--unit"))
+    path = Path(run)
+    if path.is_dir() or path.suffix in (".mcap", ".db3"):
+        if grade is not None or seed is not None:
+            raise ValueError("--grade, --seed: a recording has its sensors already; they are for scenarios")
+        with Bag(path) as bag, terminal.waiting(f"reading {path.name}"):
+            return calibration_run.recorded(bag, unit), calibration_run.scenario_of(bag), bag.start_ns
+    scenario = _scenario(run, unit, grade, seed)
+    with terminal.waiting(f"simulating {scenario.name}"):
+        return calibration_run.simulated(scenario, unit), scenario, 0
+
+
+def _show(source: str, unit: str, found: Calibration) -> None:
+    """Print residuals and errors."""
+    from rich.table import Table
+
+    from mwd_surface.commands import terminal
+    from mwd_surface.runs import calibration_run
+
     console = terminal.output()
-    table = Table(title=f"{data.source}, {unit}: residuals, root mean square")
+    table = Table(title=f"{source}, {unit}: residuals, root mean square")
     for name in ("triad", "rests or turns", "before", "after", "unit"):
         table.add_column(name, justify="left" if name in ("triad", "unit") else "right")
     for name, count, before, after, words in calibration_run.residuals(found):
@@ -87,7 +105,6 @@ def calibrate(
     for name, words, values in calibration_run.errors(found):
         axes.add_row(name, words, *values)
     console.print(axes, soft_wrap=False)
-    console.print(f"written: {output}", markup=False)
 
 
 def _scenario(name: str, unit: str, grade: str | None, seed: int | None) -> Any:

@@ -4,143 +4,128 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from mwd_surface.commands.reference_options import FIELD_PANEL, Changes, Config, Date, Field, Lat, Lon, Precision, Tool
+from mwd_surface.commands.process_options import (
+    AccelUnit,
+    CalibrationFile,
+    End,
+    Format,
+    GyroTopic,
+    GyroUnit,
+    ImuTopic,
+    MagTopic,
+    MagUnit,
+    Method,
+    NorthName,
+    Output,
+    Partial,
+    Rate,
+    Recording,
+    RigTopic,
+    SameAxes,
+    SensorToBit,
+    Smooth,
+    Start,
+    TemperatureTopic,
+)
+from mwd_surface.commands.reference_options import (
+    Changes,
+    Config,
+    Date,
+    Field,
+    Lat,
+    Lon,
+    Precision,
+    Tool,
+    given_settings,
+    placed_settings,
+    recording_changes,
+    tool_changes,
+)
 
 if TYPE_CHECKING:
     from mwd_estimation.pipeline import EstimatorSettings
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.runs.run_summary import Summary
 
-_INPUT, _OUTPUT = "Input", "Output"
-
 
 def process(
-    bag: Annotated[Path, typer.Argument(help="Folder of a rosbag2 recording, or its .mcap or .db3 file.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; made if need be.")],
-    method: Annotated[
-        str | None, typer.Option("--method", help="Gravity extraction: s3, mahony, raw ... (`mwd doctor` lists them).")
-    ] = None,
+    bag: Recording,
+    output: Output,
+    method: Method = None,
     lat: Lat = None,
     lon: Lon = None,
     date: Date = None,
     field: Field = None,
-    north: Annotated[
-        str | None,
-        typer.Option("--north", help="North of the azimuth: magnetic, true or grid.", rich_help_panel=FIELD_PANEL),
-    ] = None,
+    north: NorthName = None,
     tool: Tool = None,
     precision: Precision = None,
     config: Config = None,
     changes: Changes = None,
-    imu_topic: Annotated[str | None, typer.Option(help="Topic of the IMU.", rich_help_panel=_INPUT)] = None,
-    mag_topic: Annotated[str | None, typer.Option(help="Topic of the magnetometer.", rich_help_panel=_INPUT)] = None,
-    gyro_topic: Annotated[str | None, typer.Option(help="Topic of the precision unit.", rich_help_panel=_INPUT)] = None,
-    temperature_topic: Annotated[
-        str | None, typer.Option(help="Topic of the IMU's temperature.", rich_help_panel=_INPUT)
-    ] = None,
-    rig_topic: Annotated[
-        str | None, typer.Option(help="Topic of the rig state, for depths.", rich_help_panel=_INPUT)
-    ] = None,
-    accel_unit: Annotated[str | None, typer.Option(help="m/s2, g or mg.", rich_help_panel=_INPUT)] = None,
-    gyro_unit: Annotated[str | None, typer.Option(help="rad/s or deg/s.", rich_help_panel=_INPUT)] = None,
-    mag_unit: Annotated[str | None, typer.Option(help="T, mT, uT, nT, G or mG.", rich_help_panel=_INPUT)] = None,
-    start: Annotated[
-        float | None, typer.Option(help="Begin so many seconds after the first message.", rich_help_panel=_INPUT)
-    ] = None,
-    end: Annotated[
-        float | None, typer.Option(help="End so many seconds after the first message.", rich_help_panel=_INPUT)
-    ] = None,
-    sensor_to_bit: Annotated[
-        float | None, typer.Option(help="Sonde behind the bit, m, for depths.", rich_help_panel=_INPUT)
-    ] = None,
-    calibration: Annotated[
-        Path | None,
-        typer.Option(help="Calibration of the IMU and magnetometer, from `mwd calibrate`.", rich_help_panel=_INPUT),
-    ] = None,
-    same_axes: Annotated[
-        bool,
-        typer.Option("--same-axes", help="IMU and magnetometer share axes under two names.", rich_help_panel=_INPUT),
-    ] = False,
-    form: Annotated[
-        str | None,
-        typer.Option("--format", "-f", help="Attitude as csv, parquet or mcap.", rich_help_panel=_OUTPUT),
-    ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(help="At most so many rows of attitude a second.", metavar="HZ", rich_help_panel=_OUTPUT),
-    ] = None,
-    smooth: Annotated[
-        bool,
-        typer.Option(
-            "--smooth", help="Gravity from what came after each sample too: never live.", rich_help_panel=_OUTPUT
-        ),
-    ] = False,
-    partial: Annotated[
-        bool, typer.Option("--partial", help="Use what can be read of a damaged bag.", rich_help_panel=_INPUT)
-    ] = False,
+    imu_topic: ImuTopic = None,
+    mag_topic: MagTopic = None,
+    gyro_topic: GyroTopic = None,
+    temperature_topic: TemperatureTopic = None,
+    rig_topic: RigTopic = None,
+    accel_unit: AccelUnit = None,
+    gyro_unit: GyroUnit = None,
+    mag_unit: MagUnit = None,
+    start_s: Start = None,
+    end_s: End = None,
+    sensor_to_bit_m: SensorToBit = None,
+    calibration: CalibrationFile = None,
+    same_axes: SameAxes = False,
+    form: Format = None,
+    rate_hz: Rate = None,
+    smooth: Smooth = False,
+    partial: Partial = False,
 ) -> None:
     """
-    Work out attitude and surveys of a recording.
+    Compute attitude and surveys from a recording.
 
     Writes DIR/attitude.csv (one line per IMU message), DIR/surveys.csv, DIR/surveys.json (for `mwd export DIR` and
-    `mwd report DIR`), DIR/faults.csv (what was found wrong with a sensor, and when) and DIR/config.yaml (the settings
-    in force). Needs no middleware; the results equal those of the live graph. --format parquet writes
-    DIR/attitude.parquet, --format mcap a copy of the recording with the estimates beside its messages, DIR/merged,
-    for Foxglove.
+    `mwd report DIR`), DIR/faults.csv (sensor faults and their times) and DIR/config.yaml (the settings in force). The
+    results equal those of the live graph. --format mcap writes a copy of the recording with the estimates, DIR/merged.
 
     \b
     Examples:
       mwd process bags/run_7 -o out
       mwd process bags/run_7 -o out --lat 58.44 --lon 1.88 --date 2026-03-01
       mwd process bags/run_7 -o out --field 50360,71.63,-2.2 --method s3
-      mwd process bags/run_7 -o out --field 50360,71.63,-2.2 --lat 58.44
       mwd process bags/run_7 -o out --format parquet --rate 10
       mwd process bags/run_7 -o out --format mcap --smooth
-      mwd process bags/two_wells -o out --imu-topic /well_2/imu/data_raw
       mwd process bags/other_names -o out --imu-topic /tool/imu --gyro-topic /tool/fog
     """
+    options = locals()  # first of all: the options alone, by name
+    place, sensors = recording_changes(lat, lon, date, field), tool_changes(tool, precision)
+    estimator = placed_settings(config, changes, place, method, north, sensors)
+    _run(bag, output, estimator, options, calibration)
+
+
+def _run(
+    path: Path, output: Path, estimator: EstimatorSettings, options: dict[str, Any], calibration: Path | None
+) -> None:
+    """Process a recording and show the summary; options: those of the command, by the names of the settings."""
     from mwd_sensors.calibration.compensation import Compensation
-    from mwd_sensors.core import settings
     from mwd_sensors.core.compiled import when_compiling
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.reference_options import placed_settings, recording_changes, tool_changes
     from mwd_surface.runs import calibration_run
     from mwd_surface.runs import process as batch
     from mwd_surface.runs.bag_input import InputSettings
     from mwd_surface.runs.run_output import OutputSettings
 
-    place, sensors = recording_changes(lat, lon, date, field), tool_changes(tool, precision)
-    estimator = placed_settings(config, changes, place, method, north, sensors)
-    asked = {
-        "imu_topic": imu_topic,
-        "mag_topic": mag_topic,
-        "gyro_topic": gyro_topic,
-        "temperature_topic": temperature_topic,
-        "rig_topic": rig_topic,
-        "accel_unit": accel_unit,
-        "gyro_unit": gyro_unit,
-        "mag_unit": mag_unit,
-        "start_s": start,
-        "end_s": end,
-        "sensor_to_bit_m": sensor_to_bit,
-        "same_axes": same_axes,
-        "partial": partial,
-    }
+    start, end = options["start_s"], options["end_s"]
     if start is not None and end is not None and end <= start:
         raise ValueError(f"--end {end:g}: not after --start {start:g}")
-    given = settings.from_mapping(InputSettings, {k: v for k, v in asked.items() if v is not None})
-    asked = {"format": form, "rate_hz": rate, "smooth": smooth}
-    wanted = settings.from_mapping(OutputSettings, {k: v for k, v in asked.items() if v is not None})
+    options["format"] = options.pop("form")
+    given, wanted = given_settings(InputSettings, options), given_settings(OutputSettings, options)
     compensation = Compensation(calibration_run.read(calibration)) if calibration is not None else None
     began = time.monotonic()
     with (
-        Bag(bag) as opened,
-        terminal.progress(f"processing {bag.name}") as progress,
+        Bag(path) as opened,
+        terminal.progress(f"processing {path.name}") as progress,
         when_compiling(lambda: terminal.remark("compiling filters that are new here, which may take minutes, once")),
     ):
         estimator, remark = _with_a_model(opened, estimator)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
 if TYPE_CHECKING:
     from mwd_estimation.pipeline import EstimatorSettings
+
+S = TypeVar("S")
 
 FIELD_PANEL = "Reference field"
 SETTINGS_PANEL = "Settings"
@@ -242,3 +244,13 @@ def recording_changes(lat: float | None, lon: float | None, date: str | None, fi
     if date is not None:
         raise ValueError("--date: means nothing without both --lat and --lon, or beside --field")
     return place_changes(None, None, None, field) | {"place.lat_deg": lat}
+
+
+def given_settings(kind: type[S], options: Mapping[str, Any]) -> S:
+    """Return settings of a kind from the options of the same names; an option that is None keeps the default."""
+    import dataclasses
+
+    from mwd_sensors.core import settings
+
+    names = (field.name for field in dataclasses.fields(kind))  # type: ignore[arg-type]
+    return settings.from_mapping(kind, {name: options[name] for name in names if options.get(name) is not None})

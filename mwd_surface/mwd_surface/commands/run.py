@@ -10,6 +10,7 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from mwd_sensors.simulator.scenario import Scenario
     from mwd_surface.runs.supervise import Supervisor
     from mwd_surface.surveys.score import Scored
 
@@ -48,14 +49,10 @@ def run(
       mwd run horizontal_east_west --rate 5
       mwd run --well pad_7/well_2 --port 8082 -o logs/well_2
     """
-    import contextlib
-    import os
-
     from mwd_sensors.simulator import scenario_files
     from mwd_sensors.simulator.scenario import read
     from mwd_surface.commands import terminal
     from mwd_surface.runs import launch_plan
-    from mwd_surface.runs.supervise import Order, Supervisor, SupervisorError
 
     namespace = launch_plan.checked_well(well)
     path = scenario_files.find(scenario).resolve()
@@ -63,31 +60,37 @@ def run(
     if not 0.0 <= rate <= 1000.0:
         raise ValueError(f"--rate {rate:g}: must be from 0 to 1000")
     folder = _new_folder(output, namespace)
-    logs = folder / "logs"
-    logs.mkdir(parents=True, exist_ok=True)
+    (folder / "logs").mkdir(parents=True, exist_ok=True)
     console = terminal.output()
     name = folder.name if output is None else f"{namespace.replace('/', '_')}_{_now_text()}"
-    surface: dict[str, Any] = {
+    parameters = _parameters(story, path, method=method, rate=rate, seed=seed)
+    parameters["surface"] |= {
         "folder": str(folder.resolve()),
-        "strict": True,
         "record.enabled": not no_record,
         "record.name": name,
         "well.name": namespace,
-        "well.sensor_to_bit": story.well.sensor_to_bit_m,
     }
-    estimator = launch_plan.reference_parameters(story) | ({"gravity.method": method} if method else {})
-    sonde: dict[str, Any] = {
-        "scenario": str(path),
-        "rate": rate,
-        "exit_at_end": True,
-        "fault_injection": True,
-        "wait_for_listener_s": 10.0,
-    }
-    sonde |= {"seed": seed} if seed is not None else {}
+    _run_graph(story.name, namespace, parameters, folder, port=port, rig=not no_rig)
+    _conclude(console, folder / namespace.replace("/", "_") / "bags" / name, no_record)
+    console.print(f"surveys and logs: {folder}", markup=False)
+
+
+def _run_graph(
+    story: str, namespace: str, parameters: dict[str, dict[str, Any]], folder: Path, *, port: int | None, rig: bool
+) -> None:
+    """Start the nodes, play the scenario to its end or until somebody interrupts, and stop them."""
+    import contextlib
+    import os
+
+    from mwd_surface.commands import terminal
+    from mwd_surface.runs import launch_plan
+    from mwd_surface.runs.supervise import Order, Supervisor, SupervisorError
+
+    console, logs = terminal.output(), folder / "logs"
     own_domain, page_port = launch_plan.own_domain(os.environ), launch_plan.page_port(port)
     with own_domain as domain, page_port as page, contextlib.ExitStack() as held, _Interrupts() as interrupts:
-        interfaces = {} if no_rig else held.enter_context(launch_plan.rig_parameters())
-        parameters = {"surface": surface | interfaces | {"page.port": page}, "estimator": estimator, "sonde": sonde}
+        interfaces = {} if not rig else held.enter_context(launch_plan.rig_parameters())
+        parameters["surface"] |= {**interfaces, "page.port": page}
         orders = {
             node: Order(node, launch_plan.node_words(node, namespace, given), logs / f"{node}.log")
             for node, given in parameters.items()
@@ -99,12 +102,12 @@ def run(
             for node in ("surface", "estimator"):
                 supervisor.start(orders[node])
             if _wait_until_ready(supervisor, interrupts, address, logs):
-                console.print(f"{story.name}: page at {address} (well /{namespace}, domain {domain})", markup=False)
-                if not no_rig:
+                console.print(f"{story}: page at {address} (well /{namespace}, domain {domain})", markup=False)
+                if rig:
                     where = ", ".join(launch_plan.rig_addresses(interfaces))
                     console.print(f"rig: {where} (`mwd rig status {folder}`)", markup=False)
                 supervisor.start(orders["sonde"])
-                _play(supervisor, interrupts, address, story.name)
+                _play(supervisor, interrupts, address, story)
         except SupervisorError as error:
             terminal.warn(f"{error}; logs in {logs}")
             raise typer.Exit(1) from error
@@ -112,8 +115,26 @@ def run(
             killed = supervisor.stop((("sonde", "estimator"), ("surface",)))
     for node in killed:
         terminal.warn(f"{node} did not end by itself and was killed")
-    _conclude(console, folder / namespace.replace("/", "_") / "bags" / name, no_record)
-    console.print(f"surveys and logs: {folder}", markup=False)
+
+
+def _parameters(
+    story: Scenario, path: Path, *, method: str | None, rate: float, seed: int | None
+) -> dict[str, dict[str, Any]]:
+    """Return the parameters of the nodes that follow from the scenario."""
+    from mwd_surface.runs import launch_plan
+
+    sonde: dict[str, Any] = {
+        "scenario": str(path),
+        "rate": rate,
+        "exit_at_end": True,
+        "fault_injection": True,
+        "wait_for_listener_s": 10.0,
+    }
+    return {
+        "surface": {"strict": True, "well.sensor_to_bit": story.well.sensor_to_bit_m},
+        "estimator": launch_plan.reference_parameters(story) | ({"gravity.method": method} if method else {}),
+        "sonde": sonde | ({"seed": seed} if seed is not None else {}),
+    }
 
 
 class _Interrupts:

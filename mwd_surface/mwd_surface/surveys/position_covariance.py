@@ -93,17 +93,7 @@ def position_covariance(
     to_true = {North.TRUE: 0.0, North.MAGNETIC: reference.declination, North.GRID: reference.convergence}
     if north not in to_true:
         raise ValueError("north: azimuths from an unknown north have no error model")
-    try:
-        from welleng.error import get_error_models
-        from welleng.survey import Survey, SurveyHeader
-    except ImportError as error:
-        raise CovarianceUnavailableError(
-            "position covariance needs the Python package welleng, which is not installed: pip install welleng"
-        ) from error
-    known = list(get_error_models())
-    if model not in known:
-        near = difflib.get_close_matches(model, known, n=3, cutoff=0.4) or known[:3]
-        raise ValueError(f"model: no tool code {model!r}; did you mean {' or '.join(near)}?")
+    check_tool_code(model)
     if depth.size == 1:
         return np.zeros((1, 3, 3))
     count = depth.size
@@ -112,7 +102,41 @@ def position_covariance(
         depth = np.append(depth, 2.0 * depth[1] - depth[0])
         inc, azi = np.append(inc, inc[1]), np.append(azi, azi[1])
     turn = to_true[north]
-    # In true north and without convergence there is one set of axes; turned to the well's own afterwards.
+    covariance = _in_true_axes(depth, inc, wrap_tau(azi + turn), model, reference)[:count]
+    c, s = math.cos(turn), math.sin(turn)
+    # Rows: the well's north and east in true axes.
+    mat = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(mat @ covariance @ mat.T)
+
+
+def check_tool_code(model: str) -> None:
+    """
+    Check that a tool code exists.
+
+    Raises
+    ------
+    ValueError
+        It does not; the message names near misses.
+    CovarianceUnavailableError
+        `welleng` is not installed.
+    """
+    try:
+        from welleng.error import get_error_models
+    except ImportError as error:
+        raise CovarianceUnavailableError(
+            "position covariance needs the Python package welleng, which is not installed: pip install welleng"
+        ) from error
+    known = list(get_error_models())
+    if model not in known:
+        near = difflib.get_close_matches(model, known, n=3, cutoff=0.4) or known[:3]
+        raise ValueError(f"model: no tool code {model!r}; did you mean {' or '.join(near)}?")
+
+
+def _in_true_axes(depth: Array, inc: Array, azi_true: Array, model: str, reference: ErrorReference) -> Array:
+    """Return the covariances by welleng, shape (n, 3, 3), m^2, in true north, east, down."""
+    from welleng.survey import Survey, SurveyHeader
+
+    # Without convergence welleng has one set of axes, those of true north.
     header = SurveyHeader(
         latitude=math.degrees(reference.latitude),
         longitude=0.0,
@@ -130,16 +154,12 @@ def position_covariance(
         survey = Survey(
             md=depth,
             inc=np.degrees(inc),
-            azi=np.degrees(wrap_tau(azi + turn)),
+            azi=np.degrees(azi_true),
             header=header,
             error_model=model,
             deg=True,
         )
-    covariance = np.asarray(survey.cov_nev, dtype=float)[:count]
-    c, s = math.cos(turn), math.sin(turn)
-    # Rows: the well's north and east in true axes.
-    mat = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(mat @ covariance @ mat.T)
+    return np.asarray(survey.cov_nev, dtype=float)
 
 
 def ellipse(covariance: ArrayLike, sigmas: float = 2.0) -> Ellipse:
