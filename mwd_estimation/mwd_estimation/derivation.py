@@ -209,8 +209,7 @@ def reference(settings: EstimatorSettings, first_ns: int) -> Reference | None:
     found = reference_of(settings.place, first_ns)
     if found is None or not settings.survey.tool_code:
         return found
-    sigmas: dict[str, Any] = tool_code.reference_sigmas(settings.survey.tool_code)
-    return dataclasses.replace(found, **sigmas)
+    return tool_code.reference_for(settings.survey.tool_code, found)
 
 
 def sensor_errors(settings: EstimatorSettings) -> SensorErrors:

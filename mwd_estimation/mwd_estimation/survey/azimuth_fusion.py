@@ -162,7 +162,7 @@ def covariance(candidates: Sequence[Candidate]) -> Array:
 
 def same_sensors(candidates: Sequence[Candidate], name: str = "magnetometer") -> list[Candidate]:
     """
-    The same candidates, said to share all that the most certain of them does not know.
+    The same candidates with a shared error: all that the most certain of them does not know.
 
     For methods that work on one and the same reading (raw, axial): a second one is no second opinion. Terms already
     shared by name stay; candidates without a number stay as they are.
@@ -267,7 +267,7 @@ def _sound(
     """
     The candidates to weigh: those whose own check passed, else all.
 
-    A failed field check says that sigma no longer covers the error: such an azimuth is compared, not weighed.
+    After a failed field check sigma no longer covers the error: such an azimuth is compared, not weighed.
     """
     use = [i for i, reason in enumerate(reasons) if reason is None]
     sound = [i for i in use if not candidates[i].doubt]

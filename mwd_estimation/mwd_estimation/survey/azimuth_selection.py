@@ -22,7 +22,7 @@ from mwd_sensors.core.frames import wrap_pi
 
 # An axial field this many times what is expected, with its own sigma, is no accident.
 _SIGNIFICANT = 2.0
-# One this many times them is there: how far it turns the azimuth is worked out, not taken from the slope.
+# From this many times them on, how far it turns the azimuth is computed, not taken from the slope.
 _PLAIN = 3.0
 # Odds of a scale ten times the plausible against one of those up to it.
 _BEYOND, _BEYOND_ODDS = 10.0, 0.03
@@ -83,8 +83,9 @@ def turned_variance(
     """
     Mean square by which interference turns a raw azimuth, rad^2, where it is no small part of the horizontal field.
 
-    There the slope of the azimuth says too little (none where the field of the string lies along that of the Earth and
-    turns it right round): the corrected azimuth says how far, the mean square interference how much of it to believe.
+    There the slope of the azimuth is too small a measure (zero where the field of the string lies along that of the
+    Earth and turns it right round): the distance to the corrected azimuth is taken, weighted by the mean square
+    interference over the square of what shows.
     azimuth: the raw one, rad; expected, plausible: 1 sigma, T; variance: as `shown_variance` gives it, T^2.
     """
     shown, sigma = float(correction.interference), math.hypot(expected, float(correction.sigma_interference))

@@ -31,7 +31,7 @@ _REPEATS = (FaultCode.STUCK, FaultCode.DEAD)
 _SOUND_NS, _IN_TIME_NS = 10_000_000_000, 1_000_000_000
 # Bits of the sensors that an azimuth rests on.
 AZIMUTH = ACCEL | MAG
-# A doubt rests on what was felt so long before, ns.
+# A doubt rests on samples of so long before, ns.
 _EVIDENCE_NS = 3_000_000_000
 
 

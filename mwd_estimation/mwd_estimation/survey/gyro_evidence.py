@@ -125,8 +125,8 @@ def unconfirmed(
         return None, None
     if last_alarm:
         return Reason(Code.NOT_CONFIRMED_BY_GYRO, causes=(missing, *last_alarm)), None
-    said = Reason(Code.NOT_COMPARED_WITH_GYRO, causes=(missing,))
-    return (said, None) if could else (None, said)
+    remark = Reason(Code.NOT_COMPARED_WITH_GYRO, causes=(missing,))
+    return (remark, None) if could else (None, remark)
 
 
 def could_confirm(gyro: Solution, settings: Settings) -> bool:

@@ -79,7 +79,7 @@ _TIME = ("dtim_utc", "dtim", "time", "time_utc", "date_time", "datetime", "times
 
 @dataclass(frozen=True)
 class TableStation:
-    """One row worked out: measured depth, m (nan where the table has none), time as written, and the station."""
+    """One row, computed: measured depth, m (nan where the table has none), time as written, and the station."""
 
     md: float
     time: str
@@ -103,7 +103,7 @@ class Columns:
     factors : dict of str
         Column -> what to multiply it by to get SI.
     assumed : tuple of str
-        Sentences on units that no name told.
+        Sentences on units that follow from the size of the readings.
     ignored : tuple of str
         Columns without a meaning here.
     """
@@ -127,7 +127,7 @@ def stations(
     axial: str | None = None,
 ) -> list[TableStation]:
     """
-    Work out every row of a six-axis table.
+    Compute every row of a six-axis table.
 
     Parameters
     ----------
@@ -251,10 +251,10 @@ def _triad_factors(
     assumed: list[str],
 ) -> dict[str, float]:
     """Factors to SI of the columns of a sensor, by their units or the size of the total; ValueError if mixed."""
-    told = [_unit(name, units) for name in three]
-    if all(told):
-        return {name: units[unit] for name, unit in zip(three, told, strict=True) if unit}
-    if any(told):
+    given = [_unit(name, units) for name in three]
+    if all(given):
+        return {name: units[unit] for name, unit in zip(three, given, strict=True) if unit}
+    if any(given):
         raise ValueError(f"{', '.join(three)}: give all three axes a unit, or none")
     factor, words = _guess(table, three, kind)
     assumed.append(f"{', '.join(three)}: taken as {words} by their size")
@@ -355,7 +355,7 @@ def _number(cell: Any) -> float:
 
 
 def _merged(known: Mapping[str, float], override: Reference | None) -> Reference | None:
-    """Reference of one row: what the override knows, else what the row says; None where neither knows anything."""
+    """Reference of one row: the override, else the columns of the row; None where neither knows anything."""
     if override is not None:
         fill: dict[str, Any] = {key: value for key, value in known.items() if getattr(override, key) is None}
         return replace(override, **fill)

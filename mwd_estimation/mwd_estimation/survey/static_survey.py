@@ -50,7 +50,7 @@ class Params:
 @dataclasses.dataclass(frozen=True)
 class StillAverage:
     """
-    What the sensors said while the tool kept still.
+    Mean readings of the sensors while the tool kept still.
 
     Attributes
     ----------

@@ -39,7 +39,7 @@ from mwd_sensors.core.frames import (
 
 __all__ = ["MethodAzimuth", "Station", "StationSettings", "station"]
 
-# What an unknown angle of the azimuth's kind is said to be known to.
+# 1 sigma of an azimuth of which nothing is known.
 _UNKNOWN_SIGMA = math.pi
 # With a smaller share of the field horizontal there is no azimuth at all.
 _LEVEL = 1e-6
@@ -104,7 +104,7 @@ def station(
     f_t, b_t : array_like, shape (3,)
         Mean specific force, m/s^2 (up at rest), and mean field, T, in tool axes. A nan marks a missing sensor.
     reference : Reference, optional
-        Without one the azimuth is magnetic and uncorrected, and the station says so.
+        Without one the azimuth is magnetic and uncorrected, and the station doubtful.
     settings : StationSettings, optional
     covariance_f, covariance_b : array_like, shape (3, 3), optional
         Noise of the two means, (m/s^2)^2 and T^2; what the sensors get wrong alike comes from the settings.

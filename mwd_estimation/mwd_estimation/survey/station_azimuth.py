@@ -138,7 +138,7 @@ def _magnetic(alone: Station, together: Station, aided: float, settings: Setting
     fused = azimuth_fusion.fuse(azimuth_fusion.same_sensors(group), settings)
     names = [one.method for one in together.azimuths]
     weights = {str(name): weight for name, weight in zip(names, fused.weights, strict=True)}
-    reasons = {name: reason or said for (name, reason), said in zip(reasons.items(), fused.reasons, strict=True)}
+    reasons = {name: own or left_out for (name, own), left_out in zip(reasons.items(), fused.reasons, strict=True)}
     return _Magnetic(group, fused, weights, reasons)
 
 

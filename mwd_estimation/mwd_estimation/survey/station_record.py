@@ -65,7 +65,7 @@ class Station:
     verdict : str
         accept, doubtful or reject.
     reasons : tuple of Reason
-        An accepted station says what it was measured against.
+        Those of an accepted station are the totals within their limits.
     azimuth_doubts : tuple of Reason
         Those of the reasons that doubt nothing but the magnetic azimuth: with another azimuth they have no weight.
     limits : tuple of float

@@ -1,5 +1,5 @@
 """
-ISCWSA / OWSG tool codes: what the industry's error model says a survey tool is worth at an attitude.
+ISCWSA / OWSG tool codes: the industry's error model of a survey tool at an attitude.
 
 The codes, their magnitudes and weighting functions are welleng's (checked against the ISCWSA's own example well);
 they are read when first asked for. A code serves in two ways: `at_attitude` is the model's own sigma of inclination
