@@ -52,7 +52,7 @@ BROKEN = (
 )
 # Value of a limit with which it decides nothing.
 SIGNAL = {
-    "gyro_moves": math.inf, "gyro_turns": math.inf, "shakes": math.inf, "field_turns": math.inf, "steps": 0.0,
+    "gyro_turns": math.inf, "shakes": math.inf, "steps": 0.0,
     "varied_bins": 1 << 40, "missing": math.inf, "clipped": math.inf, "saturated": math.inf, "white": 0.0,
     "noise_of_range": math.inf, "field_noise": math.inf, "no_tesla": math.inf, "off_pace": math.inf,
     "in_pace": 0.0, "lost": math.inf, "repeated": math.inf,

@@ -52,16 +52,14 @@ CHANNEL = dtype_of(Channel)
 
 class SignalLimits(NamedTuple):
     """
-    Limits of the checks of samples; each is kept because leaving it out costs something (docs/methods/sensor_health).
+    Limits of the checks of samples; what each is good for: docs/methods/sensor_health_ablation.md.
 
     Attributes
     ----------
-    gyro_moves, gyro_turns : float
-        Spread and mean of a rate that show motion to the other sensors, rad/s: above noise and bias of an AHRS.
+    gyro_turns : float
+        Mean of a rate that shows motion to the other sensors, rad/s: above the bias of an AHRS.
     shakes : float
         Spread of a force that shows motion, m/s^2: ten times an accelerometer's noise at rest.
-    field_turns : float
-        Spread of the field that shows motion, as a share of the field.
     steps : float
         Spread of an axis, in its own least steps, beyond which its neighbour should vary as well.
     varied_bins : int
@@ -86,10 +84,8 @@ class SignalLimits(NamedTuple):
         Share of samples that repeat the one before.
     """
 
-    gyro_moves: float = 0.02
     gyro_turns: float = 0.1
     shakes: float = 0.3
-    field_turns: float = 0.01
     steps: float = 10.0
     varied_bins: int = 6
     missing: float = 0.06
@@ -161,22 +157,15 @@ def _summarise(channels: Any) -> None:
 
 
 @compiled
-def _motion(p: SignalLimits, channels: Any) -> tuple[bool, bool, bool]:
-    """Whether gyro, accelerometer and magnetometer show that the tool moves."""
-    gyro, accel, spread, field2 = False, False, 0.0, 0.0
-    for c in range(9):
+def _motion(p: SignalLimits, channels: Any) -> tuple[bool, bool]:
+    """Whether gyro and accelerometer show that the tool moves."""
+    gyro, accel = False, False
+    for c in range(6):
         row = channels[c]
-        if c >= 6:
-            field2 += row.mean**2
-        if row.constant_bins:
-            continue
-        if c < 3:
-            gyro = gyro or row.spread > p.gyro_moves or abs(row.mean) > p.gyro_turns
-        elif c < 6:
-            accel = accel or row.spread > p.shakes
-        else:
-            spread = max(spread, row.spread)
-    return gyro, accel, spread > p.field_turns * math.sqrt(field2)
+        if row.constant_bins == 0:
+            gyro = gyro or (c < 3 and abs(row.mean) > p.gyro_turns)
+            accel = accel or (c >= 3 and row.spread > p.shakes)
+    return gyro, accel
 
 
 @compiled
@@ -264,20 +253,20 @@ def judge_bin(p: SignalLimits, checks: Any, channels: Any, limits: Array, began:
     repeat, lie at the end of the range or are missing, however short.
     """
     _summarise(channels)
-    gyro, accel, field = _motion(p, channels)
+    gyro, accel = _motion(p, channels)
     doubtful = MAG * int(_judge_noise(p, checks, channels, 2, p.field_noise, began))
     if limits[1] < math.inf:
         _judge_noise(p, checks, channels, 1, p.noise_of_range * limits[1], began)
     for s in range(3):
         # What the other sensors show of the motion; a magnetometer does not feel shaking.
-        moves = accel or field if s == 0 else (gyro or field if s == 1 else gyro)
+        moves = accel if s == 0 else gyro
         whole, doubt = _judge_sensor(p, checks, channels, s, moves, began)
         for k in range(3 * s, 3 * s + 3):
-            doubt |= _judge_axis(p, checks, channels, k, gyro or accel or field, whole, limits[s], began)
+            doubt |= _judge_axis(p, checks, channels, k, gyro or accel, whole, limits[s], began)
         doubtful |= int(doubt) << s
     for c in range(9):
         row = channels[c]
-        if not (gyro or accel or field or row.constant_bins) and row.n >= _SOME:
+        if not (gyro or accel or row.constant_bins) and row.n >= _SOME:
             # A healthy axis varies at rest, most of the time; one whose steps hide its noise never proves it.
             varies = row.n - row.repeats >= 0.3 * row.n
             row.varied = min(row.varied + 1, 30) if varies else max(row.varied - 3, -30)

@@ -35,7 +35,7 @@ _FEW_FORCES, _FEW_FIELDS = 40, 10
 
 class WindowLimits(NamedTuple):
     """
-    Limits of the checks of motion; each is kept because leaving it out costs something (docs/methods/sensor_health).
+    Limits of the checks of motion; what each is good for: docs/methods/sensor_health_ablation.md.
 
     Attributes
     ----------
