@@ -77,8 +77,8 @@ class AttitudeStream:
         precision: gyro_azimuth.Precision,
     ) -> None:
         self._alignment = time_alignment.kernel_params(alignment)
-        self._azimuth = gyro_azimuth.kernel_params(azimuth, bin_ns, latitude_deg, precision, alignment.handing_on_s)
-        self._magnetic = MagneticAzimuths(interference, errors, azimuth.magnetic_share)
+        self._azimuth = gyro_azimuth.kernel_params(azimuth, bin_ns, latitude_deg, precision, alignment.pair_interval_s)
+        self._magnetic = MagneticAzimuths(interference, errors, azimuth.slow_share)
         self._alignment_state = initial_alignment()
         self._rejected_state = rejected_samples.initial()
         self._mag = MagBlock(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
@@ -188,7 +188,7 @@ class AttitudeStream:
             if level.any():
                 magnetic.append(self._magnetic.read(pairs[level], in_force, part.start))
         self.handed_on = np.concatenate(handed_on)
-        return np.concatenate(plain), np.concatenate(magnetic)
+        return plain[0] if len(plain) == 1 else np.concatenate(plain), np.concatenate(magnetic)
 
     def _propagate(self, block: Block, events: list[BinEvent], magnetic: Samples, precision: PrecisionRates) -> Samples:
         """Azimuth of every sample, by the gyros and the magnetic azimuths of the bins that close."""

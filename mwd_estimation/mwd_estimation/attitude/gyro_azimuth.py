@@ -54,36 +54,50 @@ class Params:
     """Settings; noise and bias are one sigma and belong to the conventional unit's y and z gyros."""
 
     gyro_noise_deg_rth: float = setting(0.42, "White noise, y and z", unit="deg/sqrt(h)", low=1e-5, high=100.0)
-    gyro_bias_deg_h: float = setting(400.0, "Bias not known to better than", unit="deg/h", low=0.0, high=1e5)
+    gyro_bias_deg_h: float = setting(400.0, "Bias, y and z, 1 sigma", unit="deg/h", low=0.0, high=1e5)
     gyro_walk_deg_h_rth: float = setting(10.0, "Bias random walk per root hour", unit="deg/h", low=0.0, high=1e4)
-    gyro_leak_urad: float = setting(1000.0, "x rate that y and z feel", unit="urad", low=0.0, high=1e5)
+    gyro_leak_urad: float = setting(1000.0, "Share of the x rate that y and z read", unit="urad", low=0.0, high=1e5)
     gyro_g_sensitivity_deg_h_g: float = setting(
         3.6, "g-sensitivity of y and z, each to itself", unit="deg/h/g", low=0.0, high=1e4
     )
     gyro_lag_ms: float = setting(0.5, "Lag of y and z behind the gravity found", unit="ms", low=0.0, high=100.0)
-    magnetic_share: float = setting(
-        0.95, "Share of the magnetic sigma that stays where no reference tells its parts apart", low=0.0, high=0.999
+    slow_share: float = setting(
+        0.95, "Share of the magnetic sigma that stays, without a reference to separate its parts", low=0.0, high=0.999
     )
-    magnetic_memory_s: float = setting(14400.0, "Time in which what stays changes", unit="s", low=1.0, high=1e6)
-    magnetic_held_s: float = setting(
+    slow_error_time_s: float = setting(
+        14400.0, "Time constant of the slow error of the magnetic azimuth", unit="s", low=1.0, high=1e6
+    )
+    held_time_s: float = setting(
         10.0, "Time for which an error of the vertical stays in the magnetic azimuth", unit="s", low=0.0, high=3600.0
     )
     gate_sigmas: float = setting(4.0, "Innovation beyond which a magnetic azimuth is not used", low=1.0, high=20.0)
-    patience_s: float = setting(
-        60.0, "Good azimuths gated out for so long are taken up again", unit="s", low=1.0, high=1e5
+    reset_time_s: float = setting(
+        60.0,
+        "Time for which good azimuths must be rejected before the azimuth is reset to them",
+        unit="s",
+        low=1.0,
+        high=1e5,
     )
     mag_timeout_s: float = setting(
-        2.0, "Age of the magnetic azimuth that counts as none", unit="s", low=0.05, high=600.0
+        2.0,
+        "Age of the last magnetic azimuth used, beyond which the azimuth is gyro-aided",
+        unit="s",
+        low=0.05,
+        high=600.0,
     )
     vertical_below_deg: float = setting(3.0, "Inclination without an azimuth", unit="deg", low=0.5, high=20.0)
-    gap_s: float = setting(0.5, "A longer silence is bridged with a wide sigma", unit="s", low=0.01, high=60.0)
+    gap_s: float = setting(
+        0.5, "Interval between samples beyond which it counts as a data gap", unit="s", low=0.01, high=60.0
+    )
     gap_rate_dps: float = setting(
-        0.05, "Rate at which the axis may have turned meanwhile", unit="deg/s", low=0.0, high=90.0
+        0.05, "Rate at which the axis may turn during a data gap, 1 sigma", unit="deg/s", low=0.0, high=90.0
     )
     tilt_memory_s: float = setting(
-        5.0, "Time for which an error of the gravity direction stays the same", unit="s", low=0.01, high=3600.0
+        5.0, "Correlation time of the error of the gravity direction", unit="s", low=0.01, high=3600.0
     )
-    widest_deg: float = setting(45.0, "An azimuth less certain is not given", unit="deg", low=1.0, high=180.0)
+    max_sigma_deg: float = setting(
+        45.0, "Largest sigma with which an azimuth is given", unit="deg", low=1.0, high=180.0
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,15 +157,15 @@ def kernel_params(
         gap_ns=round(params.gap_s * 1e9),
         earth_north=north,
         earth_down=down,
-        held_repeats=max(2.0 * params.magnetic_held_s / interval_s, 1.0),
-        slow_error_time_s=params.magnetic_memory_s,
+        held_repeats=max(2.0 * params.held_time_s / interval_s, 1.0),
+        slow_error_time_s=params.slow_error_time_s,
         gate=params.gate_sigmas,
-        reset_time_s=params.patience_s,
+        reset_time_s=params.reset_time_s,
         mag_timeout_s=params.mag_timeout_s,
         vertical_sin2=math.sin(math.radians(params.vertical_below_deg)) ** 2,
         gap_rate=math.radians(params.gap_rate_dps),
         tilt_memory_s=params.tilt_memory_s,
-        max_sigma=math.radians(params.widest_deg),
+        max_sigma=math.radians(params.max_sigma_deg),
         precision_range=0.98 * math.radians(fine.range_dps),
         units=(_unit(conventional, unknown), _unit(fine, unknown)),
     )

@@ -53,15 +53,15 @@ class Params:
     vertical_leave_deg: float = setting(
         4.0, "Inclination above which they are defined again", unit="deg", low=0.1, high=20.0
     )
-    handing_on_s: float = setting(
+    pair_interval_s: float = setting(
         0.2,
-        "A magnetic sample every so often teaches the tool's own field and corrects the azimuth",
+        "Interval in which one magnetic sample updates the interference filter and the azimuth",
         unit="s",
         low=0.01,
     )
     toolface_latency_s: float = setting(
         0.0,
-        "Age of a reading at its stamp: both toolfaces are carried on by the x gyro for so long",
+        "Age of a reading at its stamp, over which both toolfaces are propagated by the x gyro",
         unit="s",
         low=0.0,
         high=2.0,
@@ -73,7 +73,7 @@ def kernel_params(params: Params) -> KernelParams:
     return KernelParams(
         mag_lag_ns=round(params.mag_lag_s * 1e9),
         mag_timeout_ns=round(params.mag_timeout_s * 1e9),
-        interval_ns=round(params.handing_on_s * 1e9),
+        interval_ns=round(params.pair_interval_s * 1e9),
         smoothing_s=params.smoothing_s,
         vertical_enter=math.radians(params.vertical_enter_deg),
         vertical_leave=math.radians(params.vertical_leave_deg),
@@ -111,7 +111,7 @@ def run(
     -------
     rows : ndarray of dtype ATTITUDE_ROW, shape (n,)
     pairs : ndarray of dtype PAIR
-        One magnetic sample in each interval of `handing_on_s`.
+        One magnetic sample in each interval of `pair_interval_s`.
     used : int
         How many of the waiting magnetic samples were taken; the rest waits for the next block.
     """

@@ -61,10 +61,8 @@ _AZIMUTH_GATE = 10.83
 class Params:
     """Priors, noise and gates of the filter."""
 
-    axial_nt: float = setting(2000.0, "Axial interference thought possible, 1 sigma", unit="nT", low=1.0, high=100000.0)
-    cross_axial_nt: float = setting(
-        200.0, "Cross-axial bias thought possible, 1 sigma", unit="nT", low=1.0, high=100000.0
-    )
+    axial_nt: float = setting(2000.0, "Prior of the axial interference, 1 sigma", unit="nT", low=1.0, high=100000.0)
+    cross_axial_nt: float = setting(200.0, "Prior of the cross-axial bias, 1 sigma", unit="nT", low=1.0, high=100000.0)
     scale: float = setting(0.0016, "Scale error of each magnetometer, 1 sigma", low=0.0, high=0.1)
     walk_nt: float = setting(20.0, "Drift of every bias in an hour, 1 sigma", unit="nT/sqrt(h)", low=0.0, high=10000.0)
     field_walk_nt: float = setting(
@@ -81,16 +79,22 @@ class Params:
         10.0, "Correlation time of errors that are not white", unit="s", low=0.0, high=3600.0
     )
     gate: float = setting(
-        16.0, "Chi-square of two degrees of freedom beyond which a sample is taken for disturbed", low=4.0, high=1e6
+        16.0, "Chi-square of two degrees of freedom beyond which a sample is rejected", low=4.0, high=1e6
     )
-    patience_s: float = setting(
+    max_reset_time_s: float = setting(
         900.0,
-        "Disturbed for as long as it had learnt, but for so long at most, the filter starts again from its priors",
+        "Longest time for which samples must be rejected before the filter restarts from its priors",
         unit="s",
         low=1.0,
         high=1e6,
     )
-    least_patience_s: float = setting(10.0, "And for so long at least", unit="s", low=0.1, high=1e6)
+    min_reset_time_s: float = setting(
+        10.0,
+        "Shortest time for which samples must be rejected before the filter restarts; lower restarts on short shocks",
+        unit="s",
+        low=0.1,
+        high=1e6,
+    )
 
 
 def kernel_params(params: Params) -> KernelParams:
@@ -101,8 +105,8 @@ def kernel_params(params: Params) -> KernelParams:
         varying=params.varying_nt * 1e-9,
         correlation_s=params.correlation_s,
         gate=params.gate,
-        max_reset_time_s=params.patience_s,
-        min_reset_time_s=params.least_patience_s,
+        max_reset_time_s=params.max_reset_time_s,
+        min_reset_time_s=params.min_reset_time_s,
     )
 
 

@@ -190,7 +190,7 @@ def test_without_a_reference_the_azimuth_is_carried_all_the_same_and_says_that_i
 def test_an_azimuth_that_has_grown_too_uncertain_is_withheld_not_replaced():
     block, b_t = samples(3000, 0.9)
     b_t[500:] += 2e-5
-    attitude, _, _, _ = follow(stream(gyro_noise_deg_rth=100.0, widest_deg=5.0), block, b_t)
+    attitude, _, _, _ = follow(stream(gyro_noise_deg_rth=100.0, max_sigma_deg=5.0), block, b_t)
     assert attitude["sigma_azimuth"][490] > 0.0
     assert (attitude["sigma_azimuth"][2000:] == -1.0).all()
     assert (attitude["azimuth"][2000:] == 0.0).all()

@@ -37,7 +37,7 @@ MAG_SIGMA = 1.0 * DEG
 # Of the magnetic sigma, what stays from sample to sample.
 SHARE = 0.9
 # A tactical unit; the bias is known to 2 deg/h.
-TACTICAL = Params(gyro_noise_deg_rth=0.05, gyro_bias_deg_h=2.0, gyro_walk_deg_h_rth=0.0, magnetic_memory_s=1800.0)
+TACTICAL = Params(gyro_noise_deg_rth=0.05, gyro_bias_deg_h=2.0, gyro_walk_deg_h_rth=0.0, slow_error_time_s=1800.0)
 POOR = dataclasses.replace(TACTICAL, gyro_noise_deg_rth=0.42, gyro_bias_deg_h=36.0)
 
 
@@ -181,7 +181,7 @@ def test_the_magnetic_error_does_not_average_out() -> None:
 
 def test_the_declination_s_error_never_averages_out() -> None:
     well = drilling(400.0, 60.0)
-    quick = dataclasses.replace(TACTICAL, magnetic_memory_s=1.0)
+    quick = dataclasses.replace(TACTICAL, slow_error_time_s=1.0)
     mag = magnetic(well, np.random.default_rng(0), memory=1.0)
     rows, _, _ = go(well, mag + 0.5 * DEG, well.gyro, quick, constant=0.5 * DEG)
     assert 0.5 * DEG < rows["sigma"][-1] < 0.55 * DEG

@@ -149,7 +149,7 @@ def test_one_magnetic_sample_in_each_interval_is_handed_on_with_the_gravity_of_i
     model = FieldModel(np.array([1e-6, 0.0, 0.0]), 2e-7, 1e-7)
     b_t = _seen(mag_mat, FIELD_N) + model.interference
     rows, pairs, _ = run(
-        Params(handing_on_s=0.5), initial(), model, to_ns(times), _seen(mat, np.array([0.0, 0.0, 1.0])),
+        Params(pair_interval_s=0.5), initial(), model, to_ns(times), _seen(mat, np.array([0.0, 0.0, 1.0])),
         np.full(600, 16.2), np.full(600, 1e-3), to_ns(mag_times), b_t,
     )  # fmt: skip
     assert len(pairs["place"]) == 12

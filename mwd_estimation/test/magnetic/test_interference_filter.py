@@ -145,7 +145,7 @@ def test_slopes_of_the_innovations_agree_with_finite_differences():
 
 
 def test_casing_is_not_learnt_and_a_new_assembly_is_after_patience():
-    params = Params(axial_nt=900.0, cross_axial_nt=150.0, patience_s=20.0)
+    params = Params(axial_nt=900.0, cross_axial_nt=150.0, max_reset_time_s=20.0)
     samples, reference, truth, _ = drilled(2, [30], [60], 60, 120)
     stamps, g_t, b_t, sigma_g, sigma_b = samples
     state = initial(params, reference)
@@ -165,7 +165,7 @@ def test_casing_is_not_learnt_and_a_new_assembly_is_after_patience():
 
 
 def test_from_the_interference_a_station_showed_it_starts_and_after_casing_starts_again():
-    params = Params(axial_nt=900.0, cross_axial_nt=150.0, patience_s=20.0)
+    params = Params(axial_nt=900.0, cross_axial_nt=150.0, max_reset_time_s=20.0)
     (stamps, g_t, b_t, sigma_g, sigma_b), reference, truth, bias = drilled(2, [30], [60], 60, 120)
     strong = 4e-5
     b_t = b_t + np.array([strong, 0, 0])
