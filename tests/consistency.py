@@ -36,7 +36,7 @@ class Consistency(NamedTuple):
 
 def independent_samples(u: Array) -> float:
     """
-    Number of independent samples in the squares of a normalised error, a series of one run.
+    Return the number of independent samples in the squares of a normalised error, a series of one run.
 
     Squares of a Gaussian series correlate as the square of its autocorrelation r: n / (1 + 2 sum r^2). The mean is
     not taken out: an error that stays all run, as one of calibration, counts as one or two samples. r is estimated from

@@ -48,8 +48,6 @@ def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
         "calibration_sigma": calibration,
         # The simpler methods do not know their sigma so well: theirs has a floor of its own.
         "sigma_floor": max(getattr(default, "sigma_floor", 0.0), calibration),
-        "travel": expert.get("axial_speed"),
-        "bridge": expert.get("max_bridged_gap_s"),
         **expert,
     }
     if hasattr(default, "_replace"):

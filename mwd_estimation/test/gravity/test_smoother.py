@@ -6,7 +6,9 @@ import pytest
 from mwd_estimation.core.samples import Track
 from mwd_estimation.gravity import smoother
 from mwd_estimation.gravity.bounded import filter as bounded
-from mwd_estimation.gravity.bounded import mechanisation as model
+from mwd_estimation.gravity.bounded import mechanisation
+from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, Sums
+from mwd_sensors.core.records import dtype_of
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import SCENARIOS
@@ -33,15 +35,18 @@ def rms_deg(track: Track, down: np.ndarray, skip: int) -> float:
 
 def test_transition_is_the_one_the_filter_propagates_with():
     rng = np.random.default_rng(2)
-    sums = rng.standard_normal(model.SUMS)
-    sums[model.S_TIME] = 0.04
-    root = rng.standard_normal((model.ERRORS, model.ERRORS))
+    sums = np.zeros(1, dtype_of(Sums))[0]
+    sums.time = 0.04
+    sums.bias[:] = rng.standard_normal((2, 3))
+    sums.scale[:] = rng.standard_normal(2)
+    sums.force[:] = rng.standard_normal(3)
+    root = rng.standard_normal((ERRORS, ERRORS))
     P = root @ root.T
-    P[model.STEADY :], P[:, model.STEADY :] = 0.0, 0.0
+    P[STEADY:], P[:, STEADY:] = 0.0, 0.0
     F = smoother.transition(sums)
-    expected = F @ P[: model.STEADY, : model.STEADY] @ F.T
-    model.propagate(P, sums, model.STEADY)
-    assert P[: model.STEADY, : model.STEADY] == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    expected = F @ P[:STEADY, :STEADY] @ F.T
+    mechanisation.propagate(P, sums, STEADY)
+    assert P[:STEADY, :STEADY] == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize("case", ["biasdrift", "surge", "stickslip", "gyroclip"])

@@ -1,86 +1,57 @@
 """
-How the bounded filter goes over a silence: by the rates on either side of it, as far as those can be trusted.
+How the bounded filter goes over a data gap: by the rates on either side of it, as far as those can be trusted.
 
 Between two known rates the lost ones are taken for a random walk tied at both ends: the angle is that of the mean rate,
-its variance q T^3 / 12, with q how much rates have changed lately. How the tool shook meanwhile nobody knows: velocity
-and position begin anew, attitude and all that was learnt of the sensors stay. Derivation: ``docs/gravity_bounded.md``.
+its variance q T^3 / 12, with q how much rates have changed lately. How the tool vibrated meanwhile is not known:
+velocity and position begin anew; attitude and all that was learnt of the sensors stay.
 """
 
 from __future__ import annotations
 
-from mwd_estimation.gravity.bounded import mechanisation as model
-from mwd_estimation.gravity.bounded.mechanisation import BIAS, ERRORS, N_DOWN, N_VEL, POS, STEADY, SUMS, TILT, VEL
-from mwd_estimation.gravity.bounded.motion import (
-    AGE,
-    DRIFT,
-    EPOCH,
-    LAST_W,
-    PERIOD,
-    SETTLED,
-    STRONG,
-    SWING_X,
-    WALK_ACROSS,
-    WALK_ALONG,
-)
-from mwd_estimation.gravity.bounded.params import K_BIAS_WALK, K_GRAVITY, K_GYRO_NOISE
+from mwd_estimation.gravity.bounded import alignment, mechanisation
+from mwd_estimation.gravity.bounded.params import KernelParams
+from mwd_estimation.gravity.bounded.state import BIAS, STEADY, TILT, Record
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-_MEMORY = 5.0  # s, over which the changes of the rates are followed
-_MORE = 4.0  # times that: rates that swing change by more over a silence than a walk does
-_STEPS = 4.0  # times the usual step that are a silence
-_LOST = 0.25  # rad^2, variance of the roll from which on it counts as lost
+GAP_NS = 250_000_000  # a step as long is a gap; so is half of it where it stands out
+STANDS_OUT = 4.0  # times the usual step
+MORE = 4.0  # times the random walk: rates that swing change by more over a gap than a walk does
+LOST_ROLL = 0.25  # rad^2, variance of the roll from which on it counts as lost
 
 
 @compiled
-def follow_changes(st: Array, dt: float, wx: float, wy: float, wz: float) -> None:
-    """How fast the variance of the rates would grow, were they a random walk: along and across, (rad/s)^2/s."""
-    if dt > 0.0:
-        share = dt / (min(_MEMORY, st[AGE] + st[SETTLED]) + dt)
-        along = wx - st[LAST_W]
-        across = 0.5 * ((wy - st[LAST_W + 1]) ** 2 + (wz - st[LAST_W + 2]) ** 2)
-        st[WALK_ALONG] += share * (along * along / dt - st[WALK_ALONG])
-        st[WALK_ACROSS] += share * (across / dt - st[WALK_ACROSS])
+def stands_out(s: Record, dt: float) -> bool:
+    """Whether a step of dt s is a gap though it is shorter than `GAP_NS`."""
+    return bool(2e9 * dt > GAP_NS and s.period > 0.0 and dt > STANDS_OUT * s.period)
 
 
 @compiled
-def stands_out(st: Array, dt: float) -> bool:
-    """Whether a step of dt s is several times the usual one."""
-    return bool(st[PERIOD] > 0.0 and dt > _STEPS * st[PERIOD])
-
-
-@compiled
-def bridge(
-    k: Array, x: Array, P: Array, s: Array, st: Array, C: Array, T: float, wx: float, wy: float, wz: float
-) -> bool:  # fmt: skip
+def bridge(p: KernelParams, s: Record, T: float, w: Array) -> bool:
     """
-    Carry the attitude over a silence of T s, at whose end the rates are w, rad/s; False where the roll is lost.
+    Carry the attitude over a gap of T s, at whose end the rates are w, rad/s; False where the roll is lost.
 
     The sums must be empty. Inclination is carried either way.
     """
-    mean_x, mean_y, mean_z = 0.5 * (wx + st[LAST_W]), 0.5 * (wy + st[LAST_W + 1]), 0.5 * (wz + st[LAST_W + 2])
-    model.mechanise(x, s, C, -x[N_DOWN], T, mean_x, mean_y, mean_z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    model.propagate(P, s, STEADY)
-    for j in range(SUMS):
-        s[j] = 0.0
-    cube = _MORE * T * T * T / 12.0
+    P, C = s.P, s.C
+    mean = 0.5 * (w + s.last_w)
+    # Down is known to the axes before the gap; without a force nothing else moves.
+    mechanisation.mechanise(p, s, T, mean, mean * 0.0)
+    s.sums.force[0] = s.sums.force[1] = s.sums.force[2] = 0.0
+    mechanisation.propagate(P, s.sums, STEADY)
+    mechanisation.clear_sums(s.sums)
+    cube, square = MORE * T * T * T / 12.0, T * T / 12.0
     # When a rate changed between two that differ is not known.
-    square = T * T / 12.0
-    turned_y, turned_z = wy - st[LAST_W + 1], wz - st[LAST_W + 2]
-    across = st[WALK_ACROSS] * cube + (turned_y * turned_y + turned_z * turned_z) * square + k[K_GYRO_NOISE] ** 2 * T
-    along = st[WALK_ALONG] * cube + (wx - st[LAST_W]) ** 2 * square
-    P[TILT, TILT] += across + along * C[0, 0] * C[0, 0]
-    P[TILT + 1, TILT + 1] += across + along * C[1, 0] * C[1, 0]
-    P[TILT, TILT + 1] += along * C[0, 0] * C[1, 0]
-    P[TILT + 1, TILT] = P[TILT, TILT + 1]
-    speed = 0.25 + 0.25 * st[STRONG] / (k[K_GRAVITY] * k[K_GRAVITY])
+    turned = (w[1] - s.last_w[1]) ** 2 + (w[2] - s.last_w[2]) ** 2
+    across = s.rate_walk[1] * cube + turned * square + p.gyro_noise**2 * T
+    along = s.rate_walk[0] * cube + (w[0] - s.last_w[0]) ** 2 * square
+    for j in range(2):
+        P[TILT + j, TILT + j] += across
+        for m in range(2):
+            P[TILT + j, TILT + m] += along * C[j, 0] * C[m, 0]
+    alignment.forget_motion(s)
+    alignment.unknown_motion(s, s.power / p.gravity**2)
     for j in range(3):
-        x[N_VEL + j] = x[N_VEL + 3 + j] = 0.0
-        for m in range(ERRORS):
-            P[VEL + j, m] = P[m, VEL + j] = P[POS + j, m] = P[m, POS + j] = 0.0
-        P[VEL + j, VEL + j], P[POS + j, POS + j] = speed, 0.01
-        P[BIAS + j, BIAS + j] += k[K_BIAS_WALK] ** 2 * T
-    for j in range(DRIFT, SWING_X):
-        st[j] = 0.0
-    st[EPOCH] += 1.0
-    return bool(along < _LOST)
+        P[BIAS + j, BIAS + j] += p.bias_walk**2 * T
+    s.epoch += 1
+    return bool(along < LOST_ROLL)

@@ -1,117 +1,152 @@
 """
-Whether forces are white: what point samples fold down, or what a simulator adds to each of them.
+Noise of the bounded filter: how the tool moves decides how firmly its displacement is known to be none.
 
-Vibration integrates to a bounded velocity; force that is white down to a few Hz does not, each sample of it is noise to
-the velocity. Which of the two it is shows in the spectrum: differences of neighbours (top of the band), of blocks (some
-Hz) and the swing of the vertical (below) agree if it is white. Derivation: ``docs/gravity_bounded.md``.
+The displacement behind a fixed high-pass (`SWING_TIME`, three times), along the hole and across it, is the vibration of
+the tool: it sets the white noise of the displacement (play) and its random walk, which is a white velocity. Force that
+is white down to low frequencies is bounded by no velocity: it is noise of the velocity. It shows alike in the
+difference of neighbouring samples, across the hole and in the vertical, which tilt does not reach to first order.
 """
 
 from __future__ import annotations
 
-from mwd_estimation.gravity.bounded.mechanisation import N_LEVER, S_FORCE, S_TIME
-from mwd_estimation.gravity.bounded.motion import (
-    ALIAS,
-    BLOCK,
-    BLOCK_TIME,
-    LAST_BLOCK,
-    ROUGH,
-    SETTLED,
-    SLOW_ROUGH,
-    SWING_Z,
-    TURNING,
-    UNSETTLED,
-)  # fmt: skip
-from mwd_estimation.gravity.bounded.params import K_ALIAS_NOISE, K_GRAVITY, K_SWING_TIME
+import math
+
+from mwd_estimation.gravity.bounded.clipping import FREQUENT
+from mwd_estimation.gravity.bounded.params import KernelParams
+from mwd_estimation.gravity.bounded.state import BIAS, DOWN, POS, SCALE, SLOPE, TILT, VEL, Record
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-BLOCK_LENGTH, BLOCK_MEMORY = 0.15, 4.0  # s, of the means whose differences show the density at a few Hz
-QUIET = 0.002  # (m/s^2)^2 s, density below which it does not matter
-SWING_LEAST, SWING_MOST = 0.45, 3.0  # swing as a multiple of the explained that is white
-SWING_NONE = 0.1  # and below which there is none, once there is enough to judge by
-BLOCK_LEAST, BLOCK_MOST = 0.65, 1.8  # the same of the density at a few Hz
-COLOUR = 0.8  # and how far beyond that it is not white for sure
-FIRST = 0.6  # s, before which nothing is judged
-RISE, FALL, FALL_SWING, FALL_SLOW, FALL_LIKE = 3.0, 0.3, 1.0, 6.0, 20.0  # s, how fast the verdict changes
-WHITE_FROM, WHITE_AT = 0.25, 0.5  # verdict from which, and at which, all roughness counts
-RESERVE = 2.0  # density that counts, as a multiple of roughness, where the verdict is white
-FORCE_SHARE = 0.1  # share of gravity that the noise of the force may have in an interval before it is left out
+SWING_TIME = 0.5  # s, time constant of the three high-passes
+SWING_MEMORY = 2.1  # s, over which the displacement is averaged
+START_SWING = 0.1  # m, displacement assumed at a start
+KNOWN_TILT = 0.0025  # rad^2, variance of the tilt below which displacement is the tool's own
+ROTATING = 3.0  # rad/s, mean rate about the axis from which the sensor circles with its lever arm
+PLAY_SWING = 0.1  # white displacement for each displacement seen
+WALK_SWING = 2.7  # random walk of the point that stays for each displacement seen, 1/sqrt(s)
+WHITE_SHARE = 0.16  # of the density that the displacement shows, in the noise: not all of it is white
+ROTARY_NOISE = 0.0001  # gyro noise for each rate about the axis, whose scale is a state
+CROSS_TURN = 5.0  # rad/s, rate lost while a cross-axis gyro clips
+LONG_STEP = 1.6  # times the usual step of the stamps: samples are missing
+SCALE_WALK, DOWN_WALK = 1e-6, 1e-4  # 1/sqrt(s), m/s^2/sqrt(s): what is learnt ages
+CLIP_JERK = 200.0  # rad/s^2/sqrt(s), random walk of the slope of a clipped rate
+RATE_MEMORY = 5.0  # s, over which changes of the rates are averaged
+TURNING_MEMORY = 10.0  # s
+DRIFT_MEMORY = 3.0  # s
+ALIASED_SHARE, ALIASED_LEAST, ALIASED_AFTER = 0.3, 0.002, 3.0  # of the displacement; (m/s^2)^2 s; s since a start
 
 
 @compiled
-def explained_swing(k: Array, st: Array) -> float:
-    """Swing, m^2, that forces would leave that are as white as neighbouring samples say."""
-    # White force of density one leaves the variance time^3 / 16 after the high-pass and the two leaky integrations.
-    return k[K_SWING_TIME] ** 3 / 16.0 * st[ROUGH]  # type: ignore[no-any-return]
+def follow_rates(p: KernelParams, s: Record, dt: float, w: Array, f: Array) -> None:
+    """Noise of the attitude from errors in proportion to the rates, from clipping and from samples that are missing."""
+    sums, motion = s.sums, s.motion
+    sums.turn += (p.rate_noise**2 * (w[1] * w[1] + w[2] * w[2]) + ROTARY_NOISE**2 * w[0] * w[0]) * dt
+    if max(abs(w[1]), abs(w[2])) >= p.gyro_range:
+        sums.turn += (CROSS_TURN * dt) ** 2
+    df2 = (f[0] - s.last_f[0]) ** 2 + (f[1] - s.last_f[1]) ** 2 + (f[2] - s.last_f[2]) ** 2
+    if dt > 0.0:
+        motion.rough += dt / (min(SWING_MEMORY, s.settled) + dt) * (df2 * dt / 6.0 - motion.rough)
+    # How rates and forces went on while samples are missing is known roughly.
+    if dt > LONG_STEP * s.period and s.period > 0.0:
+        rate = abs(w[0] - s.last_w[0]) + abs(w[1] - s.last_w[1]) + abs(w[2] - s.last_w[2]) + 0.05
+        sums.turn += (0.5 * rate * dt) ** 2
+        sums.jump += s.power * dt * dt / 3.0
+    s.period += (0.05 if s.period > 0.0 else 1.0) * (dt - s.period)
 
 
 @compiled
-def follow_white(k: Array, x: Array, s: Array, st: Array) -> tuple[float, float]:
-    """
-    Follow the verdict over one interval; returns the swing, m^2, that is white, and the density that counts as noise.
-
-    The density is that of the velocity's random walk, (m/s^2)^2 s.
-    """
-    _follow_blocks(s, st)
-    T = s[S_TIME]
-    explained = explained_swing(k, st)
-    settled = 1.0 - st[UNSETTLED]
-    # As it would be had the high-pass settled.
-    swing = st[SWING_Z] / max(settled * settled * settled, 1e-4)
-    # A sensor off the axis of a string that turns runs a circle, which blocks see.
-    pull2 = st[TURNING] ** 4 * (x[N_LEVER + 1] ** 2 + x[N_LEVER + 2] ** 2)
-    circle = 0.5 * pull2 * BLOCK_LENGTH
-    least, most = BLOCK_LEAST * st[ROUGH], BLOCK_MOST * st[ROUGH] + circle
-    like_white = least < st[SLOW_ROUGH] < most
-    aliased = like_white and SWING_LEAST * explained < swing < SWING_MOST * explained
-    # Few swings and few blocks say little.
-    few = st[SETTLED] / (1.0 + st[SETTLED]) if st[SETTLED] > FIRST else 0.0
-    coloured = st[SLOW_ROUGH] < few * COLOUR * least or few * COLOUR * st[SLOW_ROUGH] > most
-    calm = swing < SWING_NONE * few * few * explained
-    if st[ROUGH] < QUIET or coloured or (calm and not like_white):
-        st[ALIAS] -= T / FALL * st[ALIAS]
-    elif calm:
-        st[ALIAS] -= T / FALL_SWING * st[ALIAS]
-    elif aliased:
-        st[ALIAS] += T / RISE * (1.0 - st[ALIAS])
-    else:
-        st[ALIAS] -= T / (FALL_LIKE if like_white else FALL_SLOW) * st[ALIAS]
-    surely = min(max((st[ALIAS] - WHITE_FROM) / (WHITE_AT - WHITE_FROM), 0.0), 1.0)
-    # Where it is not sure, as much of the swing as roughness can explain. The vertical shows it: tilt errors, which
-    # swing too, do not reach it to first order.
-    white = min(swing, explained)
-    counts = k[K_ALIAS_NOISE] ** 2 * white * 16.0 / k[K_SWING_TIME] ** 3
-    return white, surely * RESERVE * st[ROUGH] + (1.0 - surely) * counts
-
-
-@compiled
-def _follow_blocks(s: Array, st: Array) -> None:
-    """Density of the forces at a few Hz, from the differences of means."""
-    st[BLOCK_TIME] += s[S_TIME]
+def follow_motion(s: Record, w: Array) -> None:
+    """Follow displacement, drift, the axis and the rates w over one interval."""
+    T, motion = s.sums.time, s.motion
+    keep = math.exp(-T / SWING_TIME)
+    along, whole, down = 0.0, 0.0, 0.0
     for j in range(3):
-        st[BLOCK + j] += s[S_FORCE + j]
-    if st[BLOCK_TIME] >= BLOCK_LENGTH:
-        power = 0.0
-        for j in range(3):
-            mean = st[BLOCK + j] / st[BLOCK_TIME]
-            power += (mean - st[LAST_BLOCK + j]) ** 2 / 6.0
-            st[LAST_BLOCK + j] = mean
-            st[BLOCK + j] = 0.0
-        if st[SETTLED] > 1.5 * BLOCK_LENGTH:
-            share = st[BLOCK_TIME] / min(BLOCK_MEMORY, st[SETTLED] - BLOCK_LENGTH)
-            st[SLOW_ROUGH] += share * (power * st[BLOCK_TIME] - st[SLOW_ROUGH])
-        st[BLOCK_TIME] = 0.0
+        a = s.sums.velocity[j] / T
+        motion.drift[j] += T / DRIFT_MEMORY * (a - motion.drift[j])
+        motion.slow_acceleration[j] += (1.0 - keep) * (a - motion.slow_acceleration[j])
+        slow = motion.slow_acceleration[j]
+        moved = motion.velocity[j] * T + s.sums.position[j] - 0.5 * slow * T * T
+        motion.position[j] = keep * (motion.position[j] + moved)
+        motion.velocity[j] = keep * (motion.velocity[j] + s.sums.velocity[j] - slow * T)
+        # The lever arm's circle, seen through the same three high-passes, is no vibration.
+        arm = s.C[j, 0] * s.lever[0] + s.C[j, 1] * s.lever[1] + s.C[j, 2] * s.lever[2]
+        for n in range(3):
+            motion.arm[j, n] += (1.0 - keep) * (arm - motion.arm[j, n])
+            arm -= motion.arm[j, n]
+        down = motion.position[j] - (arm if s.turning > ROTATING else 0.0)
+        whole += down * down
+        along += s.C[j, 0] * down
+    # Tilt not yet found moves the position as well; the tool's own displacement is learnt when tilt is known.
+    known = s.P[TILT, TILT] + s.P[TILT + 1, TILT + 1] < KNOWN_TILT
+    if s.clipping.sign == 0.0 and known:
+        share = T / (SWING_MEMORY + T)
+        motion.along += share * (along * along - motion.along)
+        motion.across += share * (0.5 * max(whole - along * along, 0.0) - motion.across)
+    motion.down += T / (min(3.0 * SWING_MEMORY, 0.3 * s.settled) + T) * (down * down - motion.down)
+    motion.white = min(motion.down, explained(s))
+    if known:
+        # The tool moves along its hole, white force in all directions.
+        motion.white = min(motion.across, motion.white)
+    s.turning += T / (TURNING_MEMORY + T) * (abs(w[0]) - s.turning)
+    share = T / (min(RATE_MEMORY, s.age + s.settled) + T)
+    s.rate_walk[0] += share * ((w[0] - s.tick_w[0]) ** 2 / T - s.rate_walk[0])
+    across = 0.5 * ((w[1] - s.tick_w[1]) ** 2 + (w[2] - s.tick_w[2]) ** 2)
+    s.rate_walk[1] += share * (across / T - s.rate_walk[1])
+    for j in range(3):
+        s.tick_w[j] = w[j]
 
 
 @compiled
-def leave_out_noise(k: Array, s: Array, density: float) -> None:
-    """
-    Take the noise out of the force through which tilt acts on velocity.
+def explained(s: Record) -> float:
+    """Displacement, m^2, that forces would leave that are as white as neighbouring samples are."""
+    # White force of density one leaves a displacement of variance time^3 / 16 behind the three high-passes.
+    return SWING_TIME**3 / 16.0 * s.motion.rough
 
-    It acts through the force there is, of which white noise is no part: what is not gravity is believed by its share.
-    """
-    pull = k[K_GRAVITY] * s[S_TIME]
-    share = 1.0 / (1.0 + density * s[S_TIME] / (FORCE_SHARE * pull * pull))
-    s[S_FORCE] *= share
-    s[S_FORCE + 1] *= share
-    s[S_FORCE + 2] = share * s[S_FORCE + 2] - (1.0 - share) * pull
+
+@compiled
+def aliased(s: Record) -> bool:
+    """Whether vibration folds down into point samples: white force explains the displacement, and is not shocks."""
+    white = s.motion.white > ALIASED_SHARE * explained(s) and s.motion.rough > ALIASED_LEAST
+    return bool(white and s.settled > ALIASED_AFTER and s.shocks < FREQUENT)
+
+
+@compiled
+def play(p: KernelParams, s: Record) -> tuple[float, float]:
+    """Variance of the white displacement along the hole and across it, m^2."""
+    along, across = _displacement(s)
+    return p.displacement**2 + PLAY_SWING**2 * along, p.displacement**2 + PLAY_SWING**2 * across
+
+
+@compiled
+def _displacement(s: Record) -> tuple[float, float]:
+    motion = s.motion
+    along, across = max(motion.along - motion.white, 0.0), max(motion.across - motion.white, 0.0)
+    if s.clipping.sign != 0.0:
+        # With a roll that is uncertain the two cannot be told apart.
+        along = across = max(along, across)
+    return along, across
+
+
+@compiled
+def add_noise(p: KernelParams, s: Record) -> float:
+    """Noise of one interval; returns the variance that is added to the tilt, rad^2."""
+    P, T = s.P, s.sums.time
+    turn = p.gyro_noise**2 * T + s.sums.turn
+    density = WHITE_SHARE * 16.0 / SWING_TIME**3 * s.motion.white
+    force = (p.accel_noise**2 + density) * T + s.sums.jump
+    along, across = _displacement(s)
+    along = (p.walk**2 + WALK_SWING**2 * along) * T
+    across = (p.walk**2 + WALK_SWING**2 * across) * T
+    for j in range(2):
+        P[TILT + j, TILT + j] += turn
+    for j in range(3):
+        P[VEL + j, VEL + j] += force
+        P[BIAS + j, BIAS + j] += p.bias_walk**2 * T
+        P[POS + j, POS + j] += across
+        for m in range(3):
+            P[POS + j, POS + m] += (along - across) * s.C[j, 0] * s.C[m, 0]
+    P[SCALE, SCALE] += SCALE_WALK**2 * T
+    P[DOWN, DOWN] += DOWN_WALK**2 * T
+    if s.clipping.sign != 0.0:
+        P[SLOPE, SLOPE] += CLIP_JERK**2 * T
+    return turn

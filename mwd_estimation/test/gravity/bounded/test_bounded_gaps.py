@@ -95,7 +95,7 @@ def test_where_the_speed_may_have_been_anything_only_the_roll_begins_anew():
 
 def test_a_silence_beyond_the_bridge_begins_anew():
     data = without(turning(resting), [(20.0, 24.0)])
-    track = followed(data, Params(bridge=3.0))
+    track = followed(data, Params(max_bridged_gap_s=3.0))
     after = int(np.flatnonzero(track.status & Status.GAP)[0])
     assert track.status[after] & Status.INITIALISING
 

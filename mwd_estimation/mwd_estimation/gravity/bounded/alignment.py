@@ -1,0 +1,164 @@
+"""
+Start of the bounded filter: the first attitude from the mean force, and what a new start keeps.
+
+Bias, scale and lever arm of the sensors outlive a start. Where only the roll was lost the inclination does too.
+"""
+
+from __future__ import annotations
+
+import math
+
+from mwd_estimation.gravity.bounded import clipping, mechanisation, noise
+from mwd_estimation.gravity.bounded.params import KernelParams
+from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, POS, SCALE, TILT, VEL, Record
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.compiled import compiled
+
+START_TIME = 0.3  # s, over which forces are averaged
+CORRELATED = 0.05  # s, for which the scatter of the force lasts
+START_SIGMA = 0.06  # rad, least sigma of the first tilt
+START_SPEED = 0.5  # m/s, and as much more for each g of scatter
+START_PLACE = 0.1  # m
+KEPT_SIGMA = 0.05  # rad, added to the sigma of an inclination that is only kept
+LOST_FORCE2 = 25.0  # (m/s^2)^2, square of a mean force that shows the attitude lost
+WHITE2 = 9.0  # times the density of white force: what its mean may have by chance
+LIKE_GRAVITY = 0.5  # m/s^2, by which the mean force may differ from gravity and still be it
+
+
+@compiled
+def begin(s: Record) -> None:
+    """Attitude, velocity and position start anew; what was learnt of the sensors stays."""
+    mechanisation.clear_sums(s.sums)
+    for j in range(ERRORS):
+        for m in range(ERRORS):
+            if j < BIAS or m < BIAS or j >= MISSING or m >= MISSING:
+                s.P[j, m] = 0.0
+    s.q[0] = s.q[1] = s.q[2] = 0.0
+    s.q[3] = 1.0
+    mechanisation.set_matrix(s)
+    clipping.clear(s)
+    forget_motion(s)
+    s.motion.along = s.motion.across = noise.START_SWING**2
+    s.motion.down = s.motion.white = s.motion.rough = 0.0
+    found = s.innovations
+    found.near_along[0] = found.near_along[1] = found.near_across[0] = found.near_across[1] = 0.0
+    found.near_down = found.down = 0.0
+    found.along = found.across = 1.0
+    s.age = s.settled = s.mean_power = s.kept_tilt = 0.0
+    for j in range(3):
+        s.mean[j] = 0.0
+    s.started = False
+    s.epoch += 1
+
+
+@compiled
+def begin_roll(s: Record) -> None:
+    """As `begin` where only the roll is lost: the rates across the axis keep the inclination."""
+    down, tilt = s.C[2, 0], clipping.split_tilt(s)
+    begin(s)
+    s.kept_down, s.kept_tilt = down, tilt
+
+
+@compiled
+def forget_motion(s: Record) -> None:
+    """Velocity, position and what is followed of them are not known."""
+    motion = s.motion
+    for j in range(3):
+        s.vel[j] = s.pos[j] = 0.0
+        motion.drift[j] = motion.slow_acceleration[j] = motion.velocity[j] = motion.position[j] = 0.0
+        for m in range(3):
+            motion.arm[j, m] = 0.0
+
+
+@compiled
+def unknown_motion(s: Record, scatter: float) -> None:
+    """Covariance of velocity and position at a start; scatter: of the force, over gravity, squared."""
+    for j in range(3):
+        for m in range(ERRORS):
+            s.P[VEL + j, m] = s.P[m, VEL + j] = s.P[POS + j, m] = s.P[m, POS + j] = 0.0
+        s.P[VEL + j, VEL + j] = START_SPEED**2 * (1.0 + scatter)
+        s.P[POS + j, POS + j] = START_PLACE**2
+
+
+@compiled
+def average(p: KernelParams, s: Record, dt: float, f: Array) -> bool:
+    """Add a force, m/s^2, to the mean, in axes that the gyro carries; True when the attitude was found."""
+    step, C = max(dt, 1e-3), s.C
+    s.age += step
+    for j in range(3):
+        s.mean[j] += step * (C[j, 0] * f[0] + C[j, 1] * f[1] + C[j, 2] * f[2])
+    s.mean_power += step * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+    mechanisation.clear_sums(s.sums)
+    direction(s)
+    if dt == 0.0 or s.age < START_TIME:
+        return False
+    _start(p, s)
+    return True
+
+
+@compiled
+def direction(s: Record) -> float:
+    """Set gravity to the mean force so far, in the tool axes of now; returns the sigma of inclination, rad."""
+    C, mean, g = s.C, s.mean, s.g_t
+    norm = max(math.sqrt(mean[0] ** 2 + mean[1] ** 2 + mean[2] ** 2), 1e-9)
+    for j in range(3):
+        g[j] = -(C[0, j] * mean[0] + C[1, j] * mean[1] + C[2, j] * mean[2]) / norm
+    if s.kept_tilt == 0.0:
+        return math.pi
+    # Only the roll is sought.
+    g[0] = min(max(s.kept_down, -1.0), 1.0)
+    side = math.sqrt((1.0 - g[0] ** 2) / max(g[1] ** 2 + g[2] ** 2, 1e-18))
+    g[1] *= side
+    g[2] *= side
+    return math.sqrt(min(s.kept_tilt, 1.0)) + KEPT_SIGMA
+
+
+@compiled
+def _start(p: KernelParams, s: Record) -> None:
+    """First attitude from the mean force and what its scatter says of its error."""
+    P = s.P
+    mx, my, mz = s.mean[0] / s.age, s.mean[1] / s.age, s.mean[2] / s.age
+    size = math.sqrt(mx * mx + my * my + mz * mz)
+    scatter = max(0.0, s.mean_power / s.age - size * size) / p.gravity**2
+    turned = 0.5 * s.age * (math.sqrt(P[BIAS, BIAS]) + math.sqrt(P[SCALE, SCALE]) * abs(s.last_w[0]))
+    # A mean that is not one g long holds an acceleration that did not average out, likely across gravity as well.
+    off = size / p.gravity - 1.0
+    tilt = min(scatter * CORRELATED / s.age + START_SIGMA**2 + off * off + turned * turned, 1.0)
+    g = s.g_t
+    if s.kept_tilt > 0.0:
+        # Two inclinations, that of the mean and the one kept, by their variances.
+        mean = math.acos(min(max(-(s.C[0, 0] * mx + s.C[1, 0] * my + s.C[2, 0] * mz) / size, -1.0), 1.0))
+        share = s.kept_tilt / (s.kept_tilt + tilt)
+        inclination = share * mean + (1.0 - share) * math.acos(g[0])
+        side = math.sin(inclination) / max(math.sqrt(g[1] ** 2 + g[2] ** 2), 1e-9)
+        g[0], g[1], g[2] = math.cos(inclination), side * g[1], side * g[2]
+    if g[2] > -0.9999:
+        w = math.sqrt(0.5 * (1.0 + g[2]))
+        s.q[0], s.q[1], s.q[2], s.q[3] = 0.5 * g[1] / w, -0.5 * g[0] / w, 0.0, w
+    else:
+        s.q[0], s.q[1], s.q[2], s.q[3] = 1.0, 0.0, 0.0, 0.0
+    mechanisation.set_matrix(s)
+    unknown_motion(s, scatter)
+    for j in range(2):
+        P[TILT + j, TILT + j] = tilt
+        s.slow_axis[j] = s.C[j, 0]
+    if s.kept_tilt > 0.0:
+        clipping.split_tilt(s)
+        clipping.join_tilt(s, s.kept_tilt * tilt / (s.kept_tilt + tilt))
+        s.kept_tilt = 0.0
+    s.power = max(s.power, scatter * p.gravity**2)
+    s.started = True
+
+
+@compiled
+def attitude_lost(p: KernelParams, s: Record) -> bool:
+    """
+    Whether there is half of gravity for seconds where there should be none, and gravity somewhere else.
+
+    A mean force that is not as long as gravity is one of the tool: vibration that point samples fold down to zero.
+    """
+    drift = s.motion.drift
+    level = drift[0] ** 2 + drift[1] ** 2
+    size = math.sqrt(level + (drift[2] - p.gravity) ** 2)
+    much = level + drift[2] ** 2 > LOST_FORCE2 + WHITE2 * s.motion.rough
+    return bool(much and abs(size - p.gravity) < LIKE_GRAVITY)

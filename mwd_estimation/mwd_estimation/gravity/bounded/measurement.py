@@ -1,0 +1,145 @@
+"""
+Measurement of the bounded filter: the point of the tool that stays has no displacement along either level axis.
+
+The sensor is `lever` away from that point. What integrates to a displacement that runs away is tilt or an error of a
+sensor that acts like tilt; what does not is vibration.
+"""
+
+from __future__ import annotations
+
+import math
+
+from mwd_estimation.gravity.bounded.mechanisation import set_matrix
+from mwd_estimation.gravity.bounded.state import (
+    BIAS,
+    DOWN,
+    ERRORS,
+    LEVER,
+    MISSING,
+    POS,
+    SCALE,
+    SLOPE,
+    TILT,
+    VEL,
+    Record,
+)
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.compiled import compiled
+
+JUMP_TIME = 0.06  # s, after which a velocity lost in a shock shows as a displacement
+
+
+@compiled
+def hole_direction(s: Record) -> tuple[float, float]:
+    """Level unit vector along the hole; any at a vertical tool."""
+    dx, dy = s.C[0, 0], s.C[1, 0]
+    norm = math.sqrt(dx * dx + dy * dy)
+    if norm < 1e-9:
+        return 1.0, 0.0
+    return dx / norm, dy / norm
+
+
+@compiled
+def update(s: Record, size: int, axis: int, noise: float, gate: float) -> float:
+    """
+    One scalar update along a tool axis; adds to `correction` and returns the whitened innovation.
+
+    noise: variance of the white displacement, m^2. An innovation whose square is more than `gate` times its variance is
+    taken for a velocity lost in a shock: velocity and displacement along that axis become as uncertain as it is large.
+    """
+    P, C, e, PH = s.P, s.C, s.correction, s.work
+    # Tilt enters through the axis the position is measured along, times the position there truly is: the lever arm, not
+    # the position as it is carried, whose noise would count as knowledge of the tilt.
+    lx, ly, lz = 0.0, 0.0, 0.0
+    if axis == 0:
+        ly, lz = -s.lever[2], s.lever[1]
+    elif axis == 1:
+        lx, lz = s.lever[2], -s.lever[0]
+    else:
+        lx, ly = -s.lever[1], s.lever[0]
+    hx = C[0, 0] * lx + C[0, 1] * ly + C[0, 2] * lz
+    hy = C[1, 0] * lx + C[1, 1] * ly + C[1, 2] * lz
+    ux, uy, uz = C[0, axis], C[1, axis], C[2, axis]
+    y = s.lever[axis] + e[LEVER + axis] - hx * e[TILT] - hy * e[TILT + 1]
+    y -= ux * (s.pos[0] + e[POS]) + uy * (s.pos[1] + e[POS + 1]) + uz * (s.pos[2] + e[POS + 2])
+    for j in range(size):
+        turned = hx * P[TILT, j] + hy * P[TILT + 1, j]
+        PH[j] = turned + ux * P[POS, j] + uy * P[POS + 1, j] + uz * P[POS + 2, j] - P[LEVER + axis, j]
+    S = noise + hx * PH[TILT] + hy * PH[TILT + 1]
+    S += ux * PH[POS] + uy * PH[POS + 1] + uz * PH[POS + 2] - PH[LEVER + axis]
+    if y * y > gate * S:
+        _lose_velocity(s, axis, y)
+        S += y * y
+    inverse = 1.0 / S
+    for j in range(size):
+        gain = PH[j] * inverse
+        e[j] += gain * y
+        for m in range(size):
+            P[j, m] -= gain * PH[m]
+    whitened: float = y / math.sqrt(S)
+    return whitened
+
+
+@compiled
+def symmetrise(P: Array, size: int) -> None:
+    """Take out what rounding leaves between the two halves of a covariance, lest it grow."""
+    for j in range(size):
+        for m in range(j):
+            P[m, j] = P[j, m]
+
+
+@compiled
+def _lose_velocity(s: Record, axis: int, y: float) -> None:
+    """Make displacement and velocity along a tool axis uncertain by y, m, in the covariance and its product."""
+    P, C, PH, rate = s.P, s.C, s.work, 1.0 / JUMP_TIME
+    for j in range(3):
+        for m in range(3):
+            both = C[j, axis] * C[m, axis] * y * y
+            P[POS + j, POS + m] += both
+            P[POS + j, VEL + m] += both * rate
+            P[VEL + j, POS + m] += both * rate
+            P[VEL + j, VEL + m] += both * rate * rate
+        PH[POS + j] += y * y * C[j, axis]
+        PH[VEL + j] += y * y * rate * C[j, axis]
+
+
+@compiled
+def correct(s: Record, size: int) -> None:
+    """Put the correction into the nominal values: exp(tilt and change of heading) from the left, the rest by adding."""
+    # What a clipped gyro missed was about the tool axis: the heading, which is free, turns with it.
+    yaw = 0.0
+    C, e = s.C, s.correction
+    if size == ERRORS:
+        yaw = (e[TILT] * C[0, 0] + e[TILT + 1] * C[1, 0]) * C[2, 0] / max(C[0, 0] ** 2 + C[1, 0] ** 2, 0.01)
+    a, b, c = 0.5 * e[TILT], 0.5 * e[TILT + 1], 0.5 * yaw
+    qx, qy, qz, qw = s.q[0], s.q[1], s.q[2], s.q[3]
+    ax = qx + a * qw + b * qz - c * qy
+    ay = qy + b * qw + c * qx - a * qz
+    az = qz + c * qw + a * qy - b * qx
+    aw = qw - a * qx - b * qy - c * qz
+    unit = 1.0 / math.sqrt(ax * ax + ay * ay + az * az + aw * aw)
+    s.q[0], s.q[1], s.q[2], s.q[3] = unit * ax, unit * ay, unit * az, unit * aw
+    s.down += e[DOWN]
+    for j in range(3):
+        s.vel[j] += e[VEL + j]
+        s.pos[j] += e[POS + j]
+        s.bias[j] += e[BIAS + j]
+        s.lever[j] += e[LEVER + j]
+    s.scale += e[SCALE]
+    if size == ERRORS:
+        s.missing += e[MISSING]
+        s.slope += e[SLOPE]
+    set_matrix(s)
+
+
+@compiled
+def sound(s: Record) -> bool:
+    """Return whether variances are positive and all is finite."""
+    total = s.q[0] + s.q[1] + s.q[2] + s.q[3] + s.scale + s.missing + s.slope + s.down
+    for j in range(3):
+        total += s.vel[j] + s.pos[j] + s.bias[j] + s.lever[j]
+    least = 0.0
+    for j in range(ERRORS):
+        total += s.P[j, j]
+        least = min(least, s.P[j, j])
+    return math.isfinite(total) and least >= 0.0
