@@ -303,7 +303,7 @@ class Tool:
         high=500.0,
     )
     lever_m: float = setting(
-        0.1,
+        0.03,
         "Distance of the accelerometers from the tool axis or another point that stays, 1 sigma. Raising it lets the "
         "filter explain more force by rotation and slows its start.",
         unit="m",

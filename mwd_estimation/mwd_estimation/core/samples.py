@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.records import dtype_of
 
 ROTATING_ABOVE = 0.5  # rad/s, low-passed rate about the tool axis (4.8 r/min)
 STILL_RATE = 0.05  # rad/s, held peak of the angular rate
@@ -29,12 +30,49 @@ RATE_WITHIN = 200.0  # rad/s: beyond it a value is garbage, not motion
 FORCE_WITHIN = 4000.0  # m/s^2
 
 FIRST, NEXT, AFTER_GAP, REJECTED = 0, 1, 2, 3
-# Layout of the integer and the real part of the common state.
-LAST_NS, HAVE_LAST, BACKWARD_NS, BACKWARD_COUNT, CLOCK_SIZE = 0, 1, 2, 3, 4
-ROTARY, PEAK_RATE, PEAK_FORCE, MOTION_SIZE = 0, 1, 2, 3
 
 _STILL, _SLIDING, _ROTATING = int(Status.STILL), int(Status.SLIDING), int(Status.ROTATING)
 _NEAR_VERTICAL = int(Status.NEAR_VERTICAL)
+
+
+class Clock:
+    """
+    Stamps of the samples admitted so far; zeros before the first.
+
+    Attributes
+    ----------
+    last_ns : int
+        Stamp of the last sample admitted.
+    started : bool
+        Whether there is one.
+    backward_ns, backward_count : int
+        Last of the stamps that went back, and how many of these have advanced among themselves.
+    """
+
+    last_ns: int
+    started: bool
+    backward_ns: int
+    backward_count: int
+
+
+class Motion:
+    """
+    Rotary speed and held peaks; zeros before the first sample.
+
+    Attributes
+    ----------
+    rotary_speed : float
+        Low-passed rate about the tool axis, rad/s.
+    peak_rate, peak_force : float
+        Peaks of the angular rate, rad/s, and of the non-gravity acceleration, m/s^2, forgotten over STILL_HOLD.
+    """
+
+    rotary_speed: float
+    peak_rate: float
+    peak_force: float
+
+
+CLOCK, MOTION = dtype_of(Clock), dtype_of(Motion)
 
 
 class TrackRows(NamedTuple):
@@ -125,56 +163,56 @@ def samples(stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> tuple
 
 
 @compiled
-def admit(
-    clock: Stamps, stamp: int, wx: float, wy: float, wz: float, fx: float, fy: float, fz: float, gap_ns: int
-) -> int:
+def admit(clock: Clock, stamp: int, w: Array, f: Array, gap_ns: int) -> int:
     """
     Judge one sample and move the clock: FIRST, NEXT, AFTER_GAP or REJECTED.
+
+    clock : record of `Clock`; stamp, gap_ns : ns; w, f, shape (3,) : rate, rad/s, and force, m/s^2.
 
     A stamp that does not advance is rejected. When the stamps after a backward jump advance among themselves for
     BACKWARD_LIMIT samples the new clock counts (AFTER_GAP), so that a clock set back does not end the estimate.
     """
-    finite = math.isfinite(wx + wy + wz + fx + fy + fz)
-    rate = max(abs(wx), abs(wy), abs(wz))
-    force = max(abs(fx), abs(fy), abs(fz))
+    finite = math.isfinite(w[0] + w[1] + w[2] + f[0] + f[1] + f[2])
+    rate = max(abs(w[0]), abs(w[1]), abs(w[2]))
+    force = max(abs(f[0]), abs(f[1]), abs(f[2]))
     if not finite or rate > RATE_WITHIN or force > FORCE_WITHIN:
         return REJECTED
-    if clock[HAVE_LAST] == 0:
-        clock[HAVE_LAST] = 1
-        clock[LAST_NS] = stamp
+    if not clock.started:
+        clock.started = True
+        clock.last_ns = stamp
         return FIRST
-    step = stamp - clock[LAST_NS]
+    step = stamp - clock.last_ns
     if step > 0:
-        clock[LAST_NS] = stamp
-        clock[BACKWARD_COUNT] = 0
+        clock.last_ns = stamp
+        clock.backward_count = 0
         return NEXT if step <= gap_ns else AFTER_GAP
-    if clock[BACKWARD_COUNT] == 0 or stamp > clock[BACKWARD_NS]:
-        clock[BACKWARD_COUNT] += 1
-    clock[BACKWARD_NS] = stamp
-    if clock[BACKWARD_COUNT] > BACKWARD_LIMIT:
-        clock[BACKWARD_COUNT] = 0
-        clock[LAST_NS] = stamp
+    if clock.backward_count == 0 or stamp > clock.backward_ns:
+        clock.backward_count += 1
+    clock.backward_ns = stamp
+    if clock.backward_count > BACKWARD_LIMIT:
+        clock.backward_count = 0
+        clock.last_ns = stamp
         return AFTER_GAP
     return REJECTED
 
 
 @compiled
-def follow_motion(motion: Array, dt: float, wx: float, wy: float, wz: float, non_gravity: float) -> int:
+def follow_motion(motion: Motion, dt: float, w: Array, non_gravity: float) -> int:
     """Rotary speed (S3 eq 11 with the previous output in its second term) and STILL, SLIDING or ROTATING."""
     share = dt / (ROTARY_LAG + dt)
-    motion[ROTARY] += share * (wx - motion[ROTARY])
+    motion.rotary_speed += share * (w[0] - motion.rotary_speed)
     forget = math.exp(-dt / STILL_HOLD)
-    motion[PEAK_RATE] = max(motion[PEAK_RATE] * forget, math.sqrt(wx * wx + wy * wy + wz * wz))
-    motion[PEAK_FORCE] = max(motion[PEAK_FORCE] * forget, non_gravity)
-    if abs(motion[ROTARY]) > ROTATING_ABOVE:
+    motion.peak_rate = max(motion.peak_rate * forget, math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]))
+    motion.peak_force = max(motion.peak_force * forget, non_gravity)
+    if abs(motion.rotary_speed) > ROTATING_ABOVE:
         return _ROTATING
-    if motion[PEAK_RATE] < STILL_RATE and motion[PEAK_FORCE] < STILL_NON_GRAVITY:
+    if motion.peak_rate < STILL_RATE and motion.peak_force < STILL_NON_GRAVITY:
         return _STILL
     return _SLIDING
 
 
 @compiled
-def write_row(out: TrackRows, i: int, across: float, sigma: float, motion: Array, bits: int) -> None:
+def write_row(out: TrackRows, i: int, across: float, sigma: float, motion: Motion, bits: int) -> None:
     """
     Fill row i but for its direction.
 
@@ -186,6 +224,6 @@ def write_row(out: TrackRows, i: int, across: float, sigma: float, motion: Array
     out.sigma_inclination[i] = sigma
     # The toolface turns by the error across the axis over the sine of the inclination.
     out.sigma_toolface[i] = min(math.pi, sigma / max(across, 1e-3))
-    out.non_gravity[i] = motion[PEAK_FORCE]
-    out.rotary_speed[i] = motion[ROTARY]
+    out.non_gravity[i] = motion.peak_force
+    out.rotary_speed[i] = motion.rotary_speed
     out.status[i] = bits

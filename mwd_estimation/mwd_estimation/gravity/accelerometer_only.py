@@ -56,8 +56,8 @@ class Params(NamedTuple):
 class Record:
     """Common clock and motion; last direction down, mean square of the force's error in magnitude, (m/s^2)^2."""
 
-    clock: Annotated[Stamps, track.CLOCK_SIZE]
-    motion: Annotated[Array, track.MOTION_SIZE]
+    clock: track.Clock
+    motion: track.Motion
     down: Annotated[Array, 3]
     power: float
 
@@ -90,8 +90,8 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
     gap_ns = round(p.gap_s * 1e9)
     for i in range(len(stamps)):
         w, f = gyro[i], accel[i]
-        before = s.clock[track.LAST_NS]
-        verdict = track.admit(s.clock, stamps[i], w[0], w[1], w[2], f[0], f[1], f[2], gap_ns)
+        before = s.clock.last_ns
+        verdict = track.admit(s.clock, stamps[i], w, f, gap_ns)
         bits = 0
         norm = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
         if verdict == track.REJECTED or norm == 0.0:
@@ -109,7 +109,7 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
             non_gravity = abs(norm - p.gravity)
             share = dt / (p.memory + dt) if dt > 0.0 else 1.0
             s.power += share * (non_gravity * non_gravity - s.power)
-            bits |= track.follow_motion(s.motion, dt, w[0], w[1], w[2], non_gravity)
+            bits |= track.follow_motion(s.motion, dt, w, non_gravity)
         sigma = min(math.pi, math.sqrt(s.power / (p.gravity * p.gravity) + p.sigma_floor * p.sigma_floor))
         for c in range(3):
             out.g_t[i, c] = s.down[c]

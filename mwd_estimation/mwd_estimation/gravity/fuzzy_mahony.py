@@ -108,8 +108,8 @@ class Record:
         Non-gravity acceleration of the last samples, m/s^2, and the place of the next.
     """
 
-    clock: Annotated[Stamps, track.CLOCK_SIZE]
-    motion: Annotated[Array, track.MOTION_SIZE]
+    clock: track.Clock
+    motion: track.Motion
     down: Annotated[Array, 3]
     integral: Annotated[Array, 3]
     last_angle: Annotated[Array, 3]
@@ -199,12 +199,12 @@ def _run(p: Params, s: Any, rules: Array, stamps: Stamps, gyro: Array, accel: Ar
     u = np.zeros(3)
     for i in range(len(stamps)):
         w, f = gyro[i], accel[i]
-        before = s.clock[track.LAST_NS]
-        verdict = track.admit(s.clock, stamps[i], w[0], w[1], w[2], f[0], f[1], f[2], gap_ns)
+        before = s.clock.last_ns
+        verdict = track.admit(s.clock, stamps[i], w, f, gap_ns)
         bits = 0
         if verdict == track.REJECTED:
             bits = _REJECTED
-            if s.age < p.start_s or s.clock[track.HAVE_LAST] == 0:
+            if s.age < p.start_s or not s.clock.started:
                 bits |= _INITIALISING
         else:
             if max(abs(w[0]), abs(w[1]), abs(w[2])) >= p.gyro_range:
@@ -229,7 +229,7 @@ def _run(p: Params, s: Any, rules: Array, stamps: Stamps, gyro: Array, accel: Ar
                 _average(p, s, dt, u, turn)
             else:
                 _correct(p, s, rules, dt, w, u, turn)
-            bits |= track.follow_motion(s.motion, dt, w[0], w[1], w[2], s.non_gravity)
+            bits |= track.follow_motion(s.motion, dt, w, s.non_gravity)
             s.sigma = min(math.pi, math.sqrt(s.slow_power + s.start_power + p.sigma_floor * p.sigma_floor))
         for c in range(3):
             out.g_t[i, c] = s.down[c]
@@ -274,7 +274,7 @@ def _proportional_gain(p: Params, s: Any, rules: Array) -> float:
     most = 0.0
     for c in range(p.window):
         most = max(most, s.ring[c])
-    return max(p.k_p_least, p.k_p + fuzzy_step(most, s.motion[track.ROTARY] * RPM, rules))
+    return max(p.k_p_least, p.k_p + fuzzy_step(most, s.motion.rotary_speed * RPM, rules))
 
 
 @compiled

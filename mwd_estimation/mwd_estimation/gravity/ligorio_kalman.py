@@ -98,8 +98,8 @@ class Record:
         Mean square of the innovations over what the covariance says of them.
     """
 
-    clock: Annotated[Stamps, track.CLOCK_SIZE]
-    motion: Annotated[Array, track.MOTION_SIZE]
+    clock: track.Clock
+    motion: track.Motion
     gravity: Annotated[Array, 3]
     acceleration: Annotated[Array, 3]
     last_angle: Annotated[Array, 3]
@@ -136,8 +136,8 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
     gap_ns = round(p.gap_s * 1e9)
     for i in range(len(stamps)):
         w, f = gyro[i], accel[i]
-        before = s.clock[track.LAST_NS]
-        verdict = track.admit(s.clock, stamps[i], w[0], w[1], w[2], f[0], f[1], f[2], gap_ns)
+        before = s.clock.last_ns
+        verdict = track.admit(s.clock, stamps[i], w, f, gap_ns)
         bits = 0
         norm = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
         if verdict == track.REJECTED or (verdict != track.NEXT and norm == 0.0):
@@ -155,7 +155,7 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
                 if verdict == track.AFTER_GAP:
                     bits |= _GAP
             non_gravity = _step(p, s, dt, w, f)
-            bits |= track.follow_motion(s.motion, dt, w[0], w[1], w[2], non_gravity)
+            bits |= track.follow_motion(s.motion, dt, w, non_gravity)
         if s.age < p.start_s or not math.isfinite(s.gravity[0]):
             bits |= _INITIALISING
         # Innovations larger or smaller than expected scale the covariance they came from.

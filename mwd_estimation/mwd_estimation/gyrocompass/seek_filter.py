@@ -241,8 +241,8 @@ def advance(p: KernelParams, s: State, work: Work, stamps: Stamps, gyro: Array, 
     """Take samples in, as `north_seek.run`: the loop over `sample`, and a Kalman step where a block ends."""
     for i in range(len(stamps)):
         w, f = gyro[i], accel[i]
-        last = s.clock[track.LAST_NS]
-        verdict = track.admit(s.clock, stamps[i], w[0], w[1], w[2], f[0], f[1], f[2], p.gap_ns)
+        last = s.clock.last_ns
+        verdict = track.admit(s.clock, stamps[i], w, f, p.gap_ns)
         s.samples += 1
         if verdict == track.REJECTED or verdict == track.FIRST:
             continue

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_estimation.core import samples as track
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.records import dtype_of
 
 
@@ -108,7 +109,7 @@ class State:
 
     Attributes
     ----------
-    clock : ndarray, shape (4,)
+    clock : samples.Clock
         As of `mwd_estimation.core.samples.admit`.
     mat : ndarray, shape (3, 3)
         Tool to level frame.
@@ -140,7 +141,7 @@ class State:
     samples, clipped : int
     """
 
-    clock: Annotated[Stamps, 4]
+    clock: track.Clock
     mat: Annotated[Array, 3, 3]
     velocity: Annotated[Array, 2]
     earth_rate: Annotated[Array, 2]

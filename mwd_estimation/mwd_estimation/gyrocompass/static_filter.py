@@ -66,7 +66,7 @@ class State:
 
     Attributes
     ----------
-    clock : ndarray, shape (4,)
+    clock : samples.Clock
         As of `mwd_estimation.core.samples.admit`.
     aligned : bool
         Whether the coarse alignment is done.
@@ -84,7 +84,7 @@ class State:
         Covariance of the error, in the order of `Error`.
     """
 
-    clock: Annotated[Stamps, 4]
+    clock: track.Clock
     aligned: bool
     mean_time: float
     rate: Annotated[Array, 3]
@@ -323,8 +323,8 @@ def advance(
     """Take samples as `static_ekf.run`: fill `out` with a row for each."""
     for i in range(len(stamps)):
         w, f = gyro[i], accel[i]
-        last = s.clock[track.LAST_NS]
-        verdict = track.admit(s.clock, stamps[i], w[0], w[1], w[2], f[0], f[1], f[2], p.gap_ns)
+        last = s.clock.last_ns
+        verdict = track.admit(s.clock, stamps[i], w, f, p.gap_ns)
         bits = 0
         if verdict == track.REJECTED:
             bits = _REJECTED

@@ -7,11 +7,11 @@ from mwd_estimation.core import samples as track
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import frames
 
-GOOD = (0.1, 0.0, 0.0, 0.0, 0.0, 9.8)
+GOOD = np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.0, 9.8])
 
 
-def clock() -> np.ndarray:
-    return np.zeros(track.CLOCK_SIZE, dtype=np.int64)
+def clock() -> np.record:
+    return np.zeros(1, track.CLOCK)[0]
 
 
 def test_samples_are_first_then_next_then_after_a_gap():
@@ -19,7 +19,7 @@ def test_samples_are_first_then_next_then_after_a_gap():
     assert track.admit(c, 5, *GOOD, 100) == track.FIRST
     assert track.admit(c, 105, *GOOD, 100) == track.NEXT
     assert track.admit(c, 206, *GOOD, 100) == track.AFTER_GAP
-    assert c[track.LAST_NS] == 206
+    assert c.last_ns == 206
 
 
 @pytest.mark.parametrize("place", range(6))
@@ -27,10 +27,10 @@ def test_samples_are_first_then_next_then_after_a_gap():
 def test_a_value_that_is_no_measurement_is_rejected_and_does_not_move_the_clock(place, bad):
     c = clock()
     track.admit(c, 5, *GOOD, 100)
-    values = list(GOOD)
+    values = np.concatenate(GOOD)
     values[place] = bad
-    assert track.admit(c, 50, *values, 100) == track.REJECTED
-    assert c[track.LAST_NS] == 5
+    assert track.admit(c, 50, values[:3], values[3:], 100) == track.REJECTED
+    assert c.last_ns == 5
 
 
 def test_one_stamp_from_the_future_does_not_end_the_estimate():
@@ -60,18 +60,18 @@ def test_a_stamp_that_is_stuck_is_never_believed():
     ],
 )
 def test_still_sliding_and_rotating_are_told_apart(rate, non_gravity, expected):
-    motion = np.zeros(track.MOTION_SIZE)
+    motion = np.zeros(1, track.MOTION)[0]
     for _ in range(500):
-        bits = track.follow_motion(motion, 0.01, *rate, non_gravity)
+        bits = track.follow_motion(motion, 0.01, np.array(rate), non_gravity)
     assert bits == int(expected)
 
 
 def test_rotary_speed_is_a_first_order_low_pass_of_its_own_output():
-    motion = np.zeros(track.MOTION_SIZE)
+    motion = np.zeros(1, track.MOTION)[0]
     dt, out = 0.01, []
     for _ in range(100):
-        track.follow_motion(motion, dt, 10.0, 0.0, 0.0, 0.0)
-        out.append(motion[track.ROTARY])
+        track.follow_motion(motion, dt, np.array([10.0, 0.0, 0.0]), 0.0)
+        out.append(motion.rotary_speed)
     share = dt / (track.ROTARY_LAG + dt)
     assert out == pytest.approx(10.0 * (1.0 - (1.0 - share) ** np.arange(1, 101)))
 

@@ -90,15 +90,15 @@ def _follow(params: Params, state: State, stamps: Stamps, gyro: Array, accel: Ar
     out = Track.empty(len(stamps))
     rows = _Rows(out.g_t, out.sigma_inclination, out.sigma_toolface, out.non_gravity, out.rotary_speed, out.status)
     p, s = kernel_params(params), state.record[0]
-    _run(p, state.clock, state.motion, s, (stamps, gyro, accel), rows, log)
+    _run(p, state.clock[0], state.motion[0], s, (stamps, gyro, accel), rows, log)
     return out
 
 
 @compiled
 def _run(
     p: KernelParams,
-    clock: Stamps,
-    motion: Array,
+    clock: track.Clock,
+    motion: track.Motion,
     s: Record,
     samples: tuple[Stamps, Array, Array],
     out: _Rows,
@@ -107,8 +107,8 @@ def _run(
     stamps, gyro, accel = samples
     for i in range(len(stamps)):
         w, f = gyro[i], accel[i]
-        before = clock[track.LAST_NS]
-        verdict = track.admit(clock, stamps[i], w[0], w[1], w[2], f[0], f[1], f[2], gaps.GAP_NS)
+        before = clock.last_ns
+        verdict = track.admit(clock, stamps[i], w, f, gaps.GAP_NS)
         bits = _REJECTED
         if verdict != track.REJECTED:
             dt = 1e-9 * (stamps[i] - before)
@@ -123,7 +123,7 @@ def _run(
             non_gravity = _take(p, s, dt, w, f)
             if s.started and s.sums.time >= TICK - 1e-6:
                 _update(p, s, w, i, log)
-            bits |= track.follow_motion(motion, dt, w[0], w[1], w[2], non_gravity)
+            bits |= track.follow_motion(motion, dt, w, non_gravity)
             if max(abs(f[0]), abs(f[1]), abs(f[2])) >= p.accel_range:
                 bits |= _CLIPPED
             if max(abs(w[0]), abs(w[1]), abs(w[2])) >= p.gyro_range:
@@ -132,8 +132,8 @@ def _run(
         for j in range(3):
             out.g_t[i, j] = s.g_t[j]
         out.sigma_inclination[i], out.sigma_toolface[i] = s.sigma_inclination, s.sigma_toolface
-        out.non_gravity[i] = motion[track.PEAK_FORCE]
-        out.rotary_speed[i] = motion[track.ROTARY]
+        out.non_gravity[i] = motion.peak_force
+        out.rotary_speed[i] = motion.rotary_speed
         if len(log.updates) > 0:
             for j in range(3):
                 log.north_t[i, j] = s.C[0, j]

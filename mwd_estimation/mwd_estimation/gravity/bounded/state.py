@@ -10,7 +10,7 @@ import numpy as np
 
 from mwd_estimation.core import samples as track
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.records import dtype_of
 
 # Errors, true minus estimate: tilt about the level x and y axes; velocity and displacement in level axes (x, y, down);
@@ -187,8 +187,8 @@ RECORD = dtype_of(Record)
 class State:
     """All that changes: clock and motion common to all methods, and the record of the filter, shape (1,)."""
 
-    clock: Stamps
-    motion: Array
+    clock: Any
+    motion: Any
     record: Any
 
     def copy(self) -> State:
@@ -208,4 +208,4 @@ def initial(params: Params) -> State:
         s.P[LEVER + j, LEVER + j] = params.lever_sigma**2
     s.P[SCALE, SCALE] = params.scale_sigma**2
     s.P[DOWN, DOWN] = DOWN_SIGMA**2
-    return State(np.zeros(track.CLOCK_SIZE, dtype=np.int64), np.zeros(track.MOTION_SIZE), record)
+    return State(np.zeros(1, track.CLOCK), np.zeros(1, track.MOTION), record)
