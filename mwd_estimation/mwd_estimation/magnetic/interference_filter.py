@@ -7,10 +7,8 @@ state is
 
     x = (bias x, y, z,  scale x, y, z,  error of the reference H, error of the reference V)
 
-Rotation turns V and H with the cross-axial biases, so those are seen within a turn or two; the axial bias is seen
-against the reference and as the hole changes attitude. Near the horizontal east-west hole the axial bias moves H only
-by its square: the second-order term is part of the innovation and of its variance, so that the filter does not use a
-slope that is not there. A gyro's azimuth, where there is one, is taken as a third measurement.
+Near the horizontal east-west hole the axial bias moves H only by its square: the second-order term is part of the
+innovation and of its variance. A gyro's azimuth, where there is one, is taken as a third measurement.
 
 What is not white (the gravity filter's own error, the field's variation along the hole) is counted once in a
 correlation time, however often it is sampled. A block of n samples gives the same bits as n blocks of one. Derivation:
