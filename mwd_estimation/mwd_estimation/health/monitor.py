@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation.health import fault_debounce, motion_window, sample_stream, signal_checks
 from mwd_estimation.health.carried_vectors import Window
-from mwd_estimation.health.fault_debounce import AGAINST, weigh
+from mwd_estimation.health.fault_debounce import weigh
 from mwd_estimation.health.motion_window import CARRIED, PARTS, Consistency, Expected, Samples
 from mwd_estimation.health.sample_stream import Kernel, Tables
 from mwd_estimation.health.sensor_fault import FaultCode, SensorFault
@@ -230,10 +230,7 @@ def _after_bin(state: State, limits: WindowLimits) -> list[SensorFault]:
         WindowJudge(limits, state.expected, window, stream.window, tables.checks).judge()
         stream.doubtful |= fault_debounce.suspected(tables.checks)
         if tables.carried[0].parts == PARTS:
-            if tables.checks[FaultCode.AXES, 0].seen >= AGAINST:
-                stream.in_vain = 0
-            elif window.path > sample_stream.MOVES:
-                stream.in_vain += 1
+            stream.in_vain += int(window.path > sample_stream.MOVES)
             stream.judged_ns = now
             weigh(tables.checks)
             stream.unusable = fault_debounce.unusable(tables.checks)

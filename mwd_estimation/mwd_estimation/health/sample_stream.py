@@ -24,7 +24,7 @@ from mwd_sensors.core.compiled import compiled
 
 # Turn of a window that may show axes, rad.
 MOVES = 0.5
-# Moving windows that are judged in vain, one after the other; from then on one each minute, ns.
+# Moving windows that are judged while something is not known; from then on one each minute, ns.
 _MINUTE_NS, _IN_VAIN = 60_000_000_000, 3
 # Samples that wait at most, where time stands still.
 _MOST_WAITING = 16384
@@ -83,6 +83,7 @@ def _due(k: Kernel, s: Any, tables: Tables, expected: Expected, full: bool) -> b
     if carried.path < MOVES:
         return bool(s.judged_ns == 0)
     unknown = checks[FaultCode.AXES, 0].state == UNKNOWN or checks[FaultCode.UNIT, 0].state == UNKNOWN
+    unknown = unknown or max(checks[FaultCode.SIGN, 3].state, checks[FaultCode.POINTS_UP, 3].state) == UNKNOWN
     return bool(unknown and (s.in_vain < _IN_VAIN or s.end_ns - s.judged_ns >= _MINUTE_NS))
 
 
