@@ -2,10 +2,8 @@
 The magnetic interference of the tool and its string, estimated sample by sample: axial and cross-axial bias and scale.
 
 Gravity's direction and the magnetometers give two numbers that do not depend on the unknown azimuth: the downward
-field V and the horizontal field H. Against the reference they are the measurement of an extended Kalman filter whose
-state is
-
-    x = (bias x, y, z,  scale x, y, z,  error of the reference H, error of the reference V)
+field V and the horizontal field H. Against the reference they are the measurement of an extended Kalman filter; its
+states are bias and scale of x, y and z and the errors of the reference H and V.
 
 Near the horizontal east-west hole the axial bias moves H only by its square: the second-order term is part of the
 innovation and of its variance. A gyro's azimuth, where there is one, is taken as a third measurement.
