@@ -29,16 +29,16 @@ def doctor(
     from mwd_surface.runs.doctor import Level, examine
 
     marks = {Level.OK: "[green]ok[/]", Level.NOTE: "[yellow]note[/]", Level.MISSING: "[red]missing[/]"}
-    findings = examine(os.environ, output)
+    results = examine(os.environ, output)
     table = Table(box=None, padding=(0, 2, 0, 0))
     for name in ("", "what", "how it is", "what to do"):
         table.add_column(name)
-    for finding in findings:
-        table.add_row(marks[finding.level], finding.name, finding.state, finding.remedy)
+    for result in results:
+        table.add_row(marks[result.level], result.name, result.state, result.remedy)
     console = terminal.output()
     console.print(table, soft_wrap=False)
     methods = "; ".join(f"{method.name} ({method.doc})" for method in gravity.METHODS.values())
     console.print(f"gravity methods: {methods}", markup=False)
-    missing = sum(finding.level == Level.MISSING for finding in findings)
+    missing = sum(result.level == Level.MISSING for result in results)
     console.print("everything that is needed is here" if not missing else f"{missing} things are missing")
     raise typer.Exit(1 if missing else 0)

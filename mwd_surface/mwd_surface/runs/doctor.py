@@ -1,5 +1,5 @@
 """
-What this machine lacks for the graph, and how to get it: one finding per thing looked at.
+What this machine lacks for the graph, and how to get it: one result per check.
 
 Nothing is changed and no node is started.
 """
@@ -27,7 +27,7 @@ _LEAST_SHARED_MEMORY = 64 * 10**6
 
 
 class Level(enum.IntEnum):
-    """How bad a finding is."""
+    """Severity of a result."""
 
     OK = 0
     NOTE = 1
@@ -35,7 +35,7 @@ class Level(enum.IntEnum):
 
 
 @dataclasses.dataclass(frozen=True)
-class Finding:
+class CheckResult:
     """What was looked at, how it is, and what to do about it (empty where nothing is to be done)."""
 
     name: str
@@ -44,7 +44,7 @@ class Finding:
     remedy: str = ""
 
 
-def examine(environment: Mapping[str, str], folder: Path, port: int = PAGE_PORT) -> list[Finding]:
+def examine(environment: Mapping[str, str], folder: Path, port: int = PAGE_PORT) -> list[CheckResult]:
     """
     Everything, in the order in which to mend it.
 
@@ -57,7 +57,7 @@ def examine(environment: Mapping[str, str], folder: Path, port: int = PAGE_PORT)
     port : int
         The live page would listen on.
     """
-    checks: tuple[Callable[[], Finding], ...] = (
+    checks: tuple[Callable[[], CheckResult], ...] = (
         python,
         *(lambda name=name, why=why: package(name, why) for name, why in _PACKAGES),
         *(lambda one=one: interface(*one) for one in _INTERFACES),
@@ -104,102 +104,106 @@ _TOOLS = (
 )
 
 
-def python() -> Finding:
+def python() -> CheckResult:
     """The version, against those the wheels are made for."""
     version = platform.python_version()
     if sys.version_info[:2] in _PYTHONS:
-        return Finding("Python", Level.OK, version)
+        return CheckResult("Python", Level.OK, version)
     wanted = " or ".join(f"{a}.{b}" for a, b in _PYTHONS)
-    return Finding("Python", Level.MISSING, version, f"install Python {wanted} and run `make setup PYTHON=python3.12`")
+    return CheckResult(
+        "Python", Level.MISSING, version, f"install Python {wanted} and run `make setup PYTHON=python3.12`"
+    )
 
 
-def package(name: str, why: str) -> Finding:
+def package(name: str, why: str) -> CheckResult:
     """An importable package."""
     if importlib.util.find_spec(name) is None:
         level = Level.NOTE if "without it" in why else Level.MISSING
-        return Finding(name, level, f"not installed: {why}", "run `make setup`, or pip install it into this Python")
+        return CheckResult(name, level, f"not installed: {why}", "run `make setup`, or pip install it into this Python")
     distribution = {"yaml": "PyYAML"}.get(name, name)
-    return Finding(name, Level.OK, _version(distribution))
+    return CheckResult(name, Level.OK, _version(distribution))
 
 
-def interface(what: str, module: str, distribution: str) -> Finding:
+def interface(what: str, module: str, distribution: str) -> CheckResult:
     """Something that can be done without, by the package it needs."""
     if importlib.util.find_spec(module) is None:
         remedy = f"{Path(sys.prefix) / 'bin' / 'python'} -m pip install {distribution}"
-        return Finding(what, Level.NOTE, f"off: {distribution} is not installed", remedy)
-    return Finding(what, Level.OK, f"{distribution} {_version(distribution)}")
+        return CheckResult(what, Level.NOTE, f"off: {distribution} is not installed", remedy)
+    return CheckResult(what, Level.OK, f"{distribution} {_version(distribution)}")
 
 
-def rig_port(what: str, port: int) -> Finding:
+def rig_port(what: str, port: int) -> CheckResult:
     """Whether a rig interface can listen where it usually does."""
     taken = _taken(port)
     if taken:
         remedy = "`mwd run` takes another; a surface node: set its rig.*.port"
-        return Finding(f"{what} port", Level.NOTE, f"port {port}: {taken}", remedy)
-    return Finding(f"{what} port", Level.OK, f"port {port} is free")
+        return CheckResult(f"{what} port", Level.NOTE, f"port {port}: {taken}", remedy)
+    return CheckResult(f"{what} port", Level.OK, f"port {port} is free")
 
 
-def middleware() -> Finding:
+def middleware() -> CheckResult:
     """Whether rclpy imports, asked of another process so that a crash is an answer too."""
     environment = {k: v for k, v in os.environ.items() if k != "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
     words = "import rclpy, sys; from rclpy.utilities import get_rmw_implementation_identifier as f; print(f())"
     done = _ask([sys.executable, "-c", words], environment)
     if done.returncode == 0:
-        return Finding("ROS 2", Level.OK, f"rclpy with {done.stdout.strip()}")
+        return CheckResult("ROS 2", Level.OK, f"rclpy with {done.stdout.strip()}")
     last = (done.stderr.strip().splitlines() or ["no answer"])[-1]
     remedy = "run `make setup` for the wheels, or source /opt/ros/jazzy/setup.bash; recordings can be processed without"
-    return Finding("ROS 2", Level.MISSING, f"rclpy does not import: {last}", remedy)
+    return CheckResult("ROS 2", Level.MISSING, f"rclpy does not import: {last}", remedy)
 
 
-def messages() -> Finding:
+def messages() -> CheckResult:
     """Whether mwd_msgs is built for this Python."""
     if importlib.util.find_spec("mwd_msgs") is None:
         remedy = "run `make setup`, or `colcon build` and source install/setup.bash"
-        return Finding("mwd_msgs", Level.MISSING, "not built", remedy)
-    return Finding("mwd_msgs", Level.OK, "built")
+        return CheckResult("mwd_msgs", Level.MISSING, "not built", remedy)
+    return CheckResult("mwd_msgs", Level.OK, "built")
 
 
-def foreign_ros(environment: Mapping[str, str]) -> Finding:
+def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
     """Another ROS in the environment would be mixed with this one."""
     distro = environment.get("ROS_DISTRO", "")
     if distro and distro != "jazzy":
         remedy = "open a new shell without sourcing it"
-        return Finding("environment", Level.MISSING, f"ROS {distro} is sourced; this is for jazzy", remedy)
+        return CheckResult("environment", Level.MISSING, f"ROS {distro} is sourced; this is for jazzy", remedy)
     here = Path(sys.prefix).resolve()
     prefixes = [p for p in environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
     others = [p for p in prefixes if Path(p).resolve() != here]
     if others and importlib.util.find_spec("ros_wheels_bootstrapper") is not None:
         state = f"AMENT_PREFIX_PATH also names {', '.join(others)}"
-        return Finding("environment", Level.NOTE, state, "unset AMENT_PREFIX_PATH unless that workspace is meant")
-    return Finding("environment", Level.OK, distro or "wheels, nothing sourced")
+        return CheckResult("environment", Level.NOTE, state, "unset AMENT_PREFIX_PATH unless that workspace is meant")
+    return CheckResult("environment", Level.OK, distro or "wheels, nothing sourced")
 
 
-def discovery(environment: Mapping[str, str]) -> Finding:
+def discovery(environment: Mapping[str, str]) -> CheckResult:
     """Who would hear this machine's nodes."""
     reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
     domain = environment.get("ROS_DOMAIN_ID", "0")
     if not domain.isdigit() or int(domain) > 232:
-        return Finding("domain", Level.MISSING, f"ROS_DOMAIN_ID is {domain!r}", "set it to a number from 0 to 101")
+        return CheckResult("domain", Level.MISSING, f"ROS_DOMAIN_ID is {domain!r}", "set it to a number from 0 to 101")
     if reach.upper() == "SUBNET":
         remedy = "`mwd run` sets LOCALHOST; for single nodes: export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"
-        return Finding("discovery", Level.NOTE, f"domain {domain}, the whole network hears single nodes", remedy)
-    return Finding("discovery", Level.OK, f"domain {domain}, {reach}")
+        return CheckResult("discovery", Level.NOTE, f"domain {domain}, the whole network hears single nodes", remedy)
+    return CheckResult("discovery", Level.OK, f"domain {domain}, {reach}")
 
 
-def shared_memory() -> Finding:
+def shared_memory() -> CheckResult:
     """Room for the middleware, and what killed processes left there."""
     folder = Path("/dev/shm")  # noqa: S108  (the fixed place of shared memory on Linux)
     if not folder.is_dir():
-        return Finding("shared memory", Level.NOTE, "no /dev/shm: messages go over UDP", "mount a tmpfs on /dev/shm")
+        return CheckResult(
+            "shared memory", Level.NOTE, "no /dev/shm: messages go over UDP", "mount a tmpfs on /dev/shm"
+        )
     free = shutil.disk_usage(folder).free
     left = len(list(folder.glob("fastrtps_*")))
     state = f"{free / 1e6:.0f} MB free, {left} files of the middleware"
     if free < _LEAST_SHARED_MEMORY:
-        return Finding("shared memory", Level.NOTE, state, "stop all nodes, then remove /dev/shm/fastrtps_*")
-    return Finding("shared memory", Level.OK, state)
+        return CheckResult("shared memory", Level.NOTE, state, "stop all nodes, then remove /dev/shm/fastrtps_*")
+    return CheckResult("shared memory", Level.OK, state)
 
 
-def disk(folder: Path) -> Finding:
+def disk(folder: Path) -> CheckResult:
     """Whether recordings can be written, and for how long (175 MB/h at 1 kHz)."""
     place = folder.resolve()
     while not place.exists():
@@ -208,39 +212,39 @@ def disk(folder: Path) -> Finding:
         with tempfile.TemporaryFile(dir=place):
             free = shutil.disk_usage(place).free
     except OSError as error:
-        return Finding("recordings", Level.MISSING, f"{folder}: {error.strerror}", "choose another --output folder")
+        return CheckResult("recordings", Level.MISSING, f"{folder}: {error.strerror}", "choose another --output folder")
     state = f"{folder}: {free / 1e9:.0f} GB free"
     if free < _LEAST_DISK:
-        return Finding("recordings", Level.NOTE, state, "free some space, or choose another --output folder")
-    return Finding("recordings", Level.OK, state)
+        return CheckResult("recordings", Level.NOTE, state, "free some space, or choose another --output folder")
+    return CheckResult("recordings", Level.OK, state)
 
 
-def page_port(port: int) -> Finding:
+def page_port(port: int) -> CheckResult:
     """Whether the live page can listen."""
     taken = _taken(port)
     if taken:
-        return Finding("page", Level.NOTE, f"port {port}: {taken}", "`mwd run` takes another; or --port")
-    return Finding("page", Level.OK, f"port {port} is free")
+        return CheckResult("page", Level.NOTE, f"port {port}: {taken}", "`mwd run` takes another; or --port")
+    return CheckResult("page", Level.OK, f"port {port} is free")
 
 
-def clock() -> Finding:
+def clock() -> CheckResult:
     """Whether something keeps the clock right; stamps of different machines are compared."""
     if shutil.which("timedatectl") is None:
-        return Finding("clock", Level.OK, "not known here")
+        return CheckResult("clock", Level.OK, "not known here")
     done = _ask(["timedatectl", "show", "-p", "NTPSynchronized", "--value"], dict(os.environ))
     if done.returncode == 0 and done.stdout.strip() == "no":
         remedy = "install chrony, if rig data comes from another machine"
-        return Finding("clock", Level.NOTE, "not synchronised", remedy)
-    return Finding("clock", Level.OK, "synchronised" if done.returncode == 0 else "not known here")
+        return CheckResult("clock", Level.NOTE, "not synchronised", remedy)
+    return CheckResult("clock", Level.OK, "synchronised" if done.returncode == 0 else "not known here")
 
 
-def tool(name: str, why: str) -> Finding:
+def tool(name: str, why: str) -> CheckResult:
     """A program needed only for building."""
     found = shutil.which(name)
     if found:
-        return Finding(name, Level.OK, found)
+        return CheckResult(name, Level.OK, found)
     remedy = f"on Debian or Ubuntu: sudo apt install {'g++' if name == 'c++' else name}"
-    return Finding(name, Level.NOTE, f"not found: {why}", remedy)
+    return CheckResult(name, Level.NOTE, f"not found: {why}", remedy)
 
 
 def _version(distribution: str) -> str:

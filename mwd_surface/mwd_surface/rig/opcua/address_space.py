@@ -83,7 +83,7 @@ class Variable:
 
 
 @dataclasses.dataclass(frozen=True)
-class Reading:
+class VariableValue:
     """What a variable holds now: value, status code, and the time of the measurement, ns, or 0."""
 
     value: float | int | bool | str
@@ -95,16 +95,16 @@ VARIABLES: tuple[Variable, ...] = (
     *(Variable(name, "Double", *QUANTITIES[quantity]) for name, quantity in NUMBERS.items()),
     Variable("ToolfaceMode", "String", "", "toolface in force: gravity or magnetic"),
     Variable("ToolfaceAge", "Double", "s", "age of the toolface in force"),
-    Variable("Rotating", "Boolean", "", "the string turns: a toolface is a snapshot"),
+    Variable("Rotating", "Boolean", "", "the string rotates: the toolface is that of one moment"),
     Variable("SurveySequence", "UInt32", "", "number of the last accepted survey"),
     Variable("SurveyQuality", "UInt32", "", "verdict on the last accepted survey: 0 good, 1 doubtful, 2 bad"),
     Variable("NorthReference", "String", "", "north of azimuths: magnetic, true or grid"),
-    Variable("SondeLink", "Boolean", "", "the sonde is heard"),
+    Variable("SondeLink", "Boolean", "", "data of the sonde arrives"),
     Variable("Circulating", "Boolean", "", "mud flows, so that telemetry can be valid"),
     Variable("InSlips", "Boolean", "", "the string hangs in the slips"),
     Variable("Recording", "Boolean", "", "everything is being recorded"),
     Variable("Simulated", "Boolean", "", "the tool is a simulation"),
-    Variable("Heartbeat", "UInt32", "", "grows by one each second; standing still it says that nothing lives"),
+    Variable("Heartbeat", "UInt32", "", "grows by one each second; where it stops, the node has stopped"),
 )
 
 
@@ -116,10 +116,10 @@ def unit_id(unit: str) -> int:
     return number
 
 
-def readings(values: RigValues) -> dict[str, Reading]:
+def variable_values(values: RigValues) -> dict[str, VariableValue]:
     """What every variable holds at a moment."""
     table = {
-        name: Reading(v.value, STATUS_CODES[v.condition], v.stamp_ns)
+        name: VariableValue(v.value, STATUS_CODES[v.condition], v.stamp_ns)
         for name, v in ((name, values.values[quantity]) for name, quantity in NUMBERS.items())
     }
     toolface, survey = values.toolface, values.survey
@@ -129,19 +129,19 @@ def readings(values: RigValues) -> dict[str, Reading]:
     taken = table["Inclination"].status
     now = values.made_ns
     mode = "gravity" if values.mode == GRAVITY else "magnetic"
-    table["ToolfaceMode"] = Reading(mode, face, toolface.stamp_ns)
+    table["ToolfaceMode"] = VariableValue(mode, face, toolface.stamp_ns)
     # An age is a true statement however old the toolface is.
     age_state = waiting if toolface.age is None else state
-    table["ToolfaceAge"] = Reading(0.0 if toolface.age is None else toolface.age, age_state, now)
-    table["Rotating"] = Reading(values.rotating, face, toolface.stamp_ns)
+    table["ToolfaceAge"] = VariableValue(0.0 if toolface.age is None else toolface.age, age_state, now)
+    table["Rotating"] = VariableValue(values.rotating, face, toolface.stamp_ns)
     number, verdict, stamp = (0, 0, 0) if survey is None else (survey.sequence, int(survey.verdict), survey.stamp_ns)
-    table["SurveySequence"] = Reading(number, taken, stamp)
-    table["SurveyQuality"] = Reading(verdict, taken, stamp)
-    table["NorthReference"] = Reading(values.north, state, now)
-    table["SondeLink"] = Reading(values.sonde_link, state, now)
+    table["SurveySequence"] = VariableValue(number, taken, stamp)
+    table["SurveyQuality"] = VariableValue(verdict, taken, stamp)
+    table["NorthReference"] = VariableValue(values.north, state, now)
+    table["SondeLink"] = VariableValue(values.sonde_link, state, now)
     for name, fact in (("Circulating", values.circulating), ("InSlips", values.in_slips)):
-        table[name] = Reading(bool(fact), waiting if fact is None else state, now)
-    table["Recording"] = Reading(values.recording, state, now)
-    table["Simulated"] = Reading(values.simulated, state, now)
-    table["Heartbeat"] = Reading(values.heartbeat & 0xFFFFFFFF, state, now)
+        table[name] = VariableValue(bool(fact), waiting if fact is None else state, now)
+    table["Recording"] = VariableValue(values.recording, state, now)
+    table["Simulated"] = VariableValue(values.simulated, state, now)
+    table["Heartbeat"] = VariableValue(values.heartbeat & 0xFFFFFFFF, state, now)
     return table

@@ -37,10 +37,10 @@ from mwd_surface.rig.opcua.address_space import (
     UNITS,
     UNITS_NAMESPACE,
     VARIABLES,
-    Reading,
     Variable,
-    readings,
+    VariableValue,
     unit_id,
+    variable_values,
 )
 from mwd_surface.rig.opcua.settings import OpcuaSettings
 from mwd_surface.rig.values import nothing_yet
@@ -101,7 +101,7 @@ class OpcuaServer(LoopInterface):
         self._written = 0
         self._commands = 0
         self.refused = 0
-        self._last: dict[str, Reading] = {}
+        self._last: dict[str, VariableValue] = {}
         self._ids: dict[str, Any] = {}
 
     @property
@@ -179,7 +179,7 @@ class OpcuaServer(LoopInterface):
         ua = self._ua
         index = await server.register_namespace(NAMESPACE)
         well = await server.nodes.objects.add_object(ua.NodeId(f"{MANIFEST}", index), f"{index}:{self.well}")
-        now = readings(nothing_yet())
+        now = variable_values(nothing_yet())
         for variable in VARIABLES:
             await self._add(well, index, variable, now[variable.name])
         if self._on_command is None:
@@ -194,7 +194,7 @@ class OpcuaServer(LoopInterface):
                 ua.NodeId(f"{MANIFEST}.{name}", index), f"{index}:{name}", self._method(name), inputs, outputs
             )
 
-    async def _add(self, well: Any, index: int, variable: Variable, first: Reading) -> None:
+    async def _add(self, well: Any, index: int, variable: Variable, first: VariableValue) -> None:
         ua = self._ua
         kind = getattr(ua.VariantType, variable.kind)
         node = await well.add_variable(
@@ -213,7 +213,7 @@ class OpcuaServer(LoopInterface):
         self._ids[variable.name] = node.nodeid
 
     async def _follow(self, server: Any, stop: asyncio.Event) -> None:
-        await self._write(server, readings(self.values or nothing_yet()))
+        await self._write(server, variable_values(self.values or nothing_yet()))
         while not stop.is_set():
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(_TICK):
@@ -222,9 +222,9 @@ class OpcuaServer(LoopInterface):
             clients = {client for client in server.bserver.clients if client.peer_name}
             self._since = {client: self._since.get(client, self._clock()) for client in clients}
             if self.values is not None:
-                await self._write(server, readings(self.values))
+                await self._write(server, variable_values(self.values))
 
-    async def _write(self, server: Any, table: dict[str, Reading]) -> None:
+    async def _write(self, server: Any, table: dict[str, VariableValue]) -> None:
         ua = self._ua
         for variable in VARIABLES:
             reading = table[variable.name]

@@ -7,7 +7,7 @@ from example_rig import NOW_NS, attitude, values
 from example_surveys import S
 
 from mwd_estimation.core.status import Status
-from mwd_surface.rig.opcua.address_space import NUMBERS, STATUS_CODES, UNITS, VARIABLES, readings, unit_id
+from mwd_surface.rig.opcua.address_space import NUMBERS, STATUS_CODES, UNITS, VARIABLES, unit_id, variable_values
 from mwd_surface.rig.values import QUANTITIES, Condition, nothing_yet
 
 ASKED = (
@@ -22,7 +22,7 @@ def test_every_variable_of_the_manifest_is_there_once_and_read_at_every_moment()
     assert set(ASKED) <= set(names)
     assert len(set(names)) == len(names)
     for table in (values(), values(later=100.0), values(active=False), nothing_yet()):
-        assert set(readings(table)) == set(names)
+        assert set(variable_values(table)) == set(names)
 
 
 def test_every_quantity_is_told():
@@ -53,20 +53,20 @@ def test_every_condition_has_its_status_code():
 
 def test_values_carry_the_time_of_their_measurement():
     table = values()
-    now = readings(table)
+    now = variable_values(table)
     assert now["Inclination"].stamp_ns == table.survey.stamp_ns
     assert now["GravityToolface"].stamp_ns == NOW_NS - S // 10
     assert (now["Inclination"].value, now["Inclination"].status) == (table.survey.inclination, 0)
 
 
 def test_a_turning_string_makes_the_toolface_uncertain_and_says_so():
-    now = readings(values(sample=attitude(Status.ROTATING)))
+    now = variable_values(values(sample=attitude(Status.ROTATING)))
     assert now["GravityToolface"].status == STATUS_CODES[Condition.DOUBTFUL]
     assert now["Rotating"].value is True
 
 
 def test_an_age_stays_good_while_the_toolface_grows_old():
-    now = readings(values(later=30.0))
+    now = variable_values(values(later=30.0))
     assert now["GravityToolface"].status == STATUS_CODES[Condition.NO_LINK]
     assert now["ToolfaceAge"].status == 0
     assert now["ToolfaceAge"].value == pytest.approx(30.1)
@@ -74,5 +74,5 @@ def test_an_age_stays_good_while_the_toolface_grows_old():
 
 def test_what_the_rig_does_not_say_is_waiting_not_false():
     table = dataclasses.replace(values(), circulating=None, in_slips=None)
-    now = readings(table)
+    now = variable_values(table)
     assert {now[n].status for n in ("Circulating", "InSlips")} == {STATUS_CODES[Condition.WAITING]}
