@@ -162,7 +162,7 @@ def robustness(folder: Path, count: int) -> list[str]:
     damage(bags)
     killer = Killer()
     with fleet_run.cluster("processes", 2) as client:
-        outcomes = fleet_run.run(bags, folder / "fleet", client, EstimatorSettings(), told=killer)
+        outcomes = fleet_run.run(bags, folder / "fleet", client, EstimatorSettings(), report=killer)
         again = fleet_run.run(bags, folder / "fleet", client, EstimatorSettings())
     surveys = parquet.read_table(folder / "fleet" / "surveys")
     failed = [one for one in outcomes if one.row["outcome"] == fleet_dataset.FAILED]

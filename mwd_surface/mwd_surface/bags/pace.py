@@ -1,7 +1,7 @@
 """
 The pace of a replay: which moment of the recording belongs to which moment of the clock on the wall.
 
-Kept apart from clocks and threads: every method is told what the time is. Due times are counted from one anchor, so
+Kept apart from clocks and threads: every method takes the time. Due times are counted from one anchor, so
 that errors of single waits never add up.
 """
 

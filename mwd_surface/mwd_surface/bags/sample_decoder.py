@@ -1,7 +1,7 @@
 """
 Messages to samples: as rows of numbers where their layout is fixed, one by one through `rosbags` where it is not.
 
-Whatever cannot be decoded is counted, told and left out.
+A message that cannot be decoded is counted, reported and left out.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ class SampleDecoder:
         return sample[0]  # type: ignore[no-any-return]
 
     def unzipped(self, data: bytes) -> bytes | None:
-        """A message that was compressed by itself; None where it is damaged, which is counted and told."""
+        """A message that was compressed by itself; None where it is damaged, which is counted and reported."""
         reason = f"it claims more than {_MAX_MESSAGE_BYTES} bytes"
         try:
             if zstandard.frame_content_size(data) <= _MAX_MESSAGE_BYTES:

@@ -110,14 +110,14 @@ def _time_series(source: Path, output: Path, well: str) -> None:
 
     path = output if output.suffix and not output.is_dir() else output / f"{safe_name(source.stem, 'timeseries')}.csv"
     with Bag(source) as opened, terminal.progress(f"reading {source.name}") as progress:
-        told = time_series.write(opened, path, well, progress)
+        written = time_series.write(opened, path, well, progress)
         notes = list(dict.fromkeys(opened.notes))
-    if told.late:
-        notes.append(f"{told.late} samples came more than half a minute after their time and are left out")
+    if written.late:
+        notes.append(f"{written.late} samples came more than half a minute after their time and are left out")
     for note in notes:
         terminal.warn(note)
     console = terminal.output()
-    console.print(f"written: {path} ({told.rows} rows of {', '.join(told.topics)})", markup=False)
+    console.print(f"written: {path} ({written.rows} rows of {', '.join(written.topics)})", markup=False)
 
 
 def _table(

@@ -95,8 +95,8 @@ def _reference(
             raise ValueError("--lat and --lon: a table has no clock, give the day of the field with --date")
         day = datetime.date.fromisoformat(date) if _is_day(date) else None
         model = "igrf" if day is not None and day < datetime.date(2025, 1, 1) else "wmm2025"
-        told = settings.changed(EstimatorSettings(), {**changes, "place.model": model})
-        reference = reference_of(told.place, 0)
+        chosen = settings.changed(EstimatorSettings(), {**changes, "place.model": model})
+        reference = reference_of(chosen.place, 0)
     elif field is not None:
         total, dip, given = field_figures(field)
         known = {"total": total * 1e-9, "dip": math.radians(dip)}

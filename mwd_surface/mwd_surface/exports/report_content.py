@@ -157,7 +157,7 @@ def _slides(table: SurveyTable) -> tuple[Sheet, ...]:
     if made[SLIDE] <= 0.0:
         return ()
     share = 100.0 * made[SLIDE] / (made[SLIDE] + made[ROTATE])
-    legs = "" if len(table.surveys.legs) == 1 else "; legs are not told apart"
+    legs = "" if len(table.surveys.legs) == 1 else "; legs are not separated"
     sheet = Sheet(
         f"Slide sheet: slid {fixed(made[SLIDE], 1)} m, rotated {fixed(made[ROTATE], 1)} m, {share:.0f} % slid{legs}",
         ("From", "To", "Length", "Mode", "Toolface", "Counted from", "Steady", "Rotary", "Begun, UTC", "Ended, UTC"),

@@ -16,7 +16,7 @@ from mwd_surface.surveys.position_covariance import ellipse, in_section
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette: told apart by colour-blind readers; the marks differ too.
+# Okabe and Ito's palette: distinguishable for colour-blind readers; the marks differ too.
 _SURVEY, _PLAN, _BAD, _ELLIPSE = "#0072B2", "#009E73", "#D55E00", "#999999"
 _SIGMAS = 2.0
 _DEG = 180.0 / math.pi

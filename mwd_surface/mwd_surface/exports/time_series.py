@@ -79,7 +79,7 @@ class Row:
 
 
 @dataclasses.dataclass
-class Told:
+class Written:
     """What came of a recording: rows written, samples that came too late for theirs, and the topics."""
 
     rows: int = 0
@@ -88,7 +88,7 @@ class Told:
 
 
 def rows(
-    bag: Bag, told: Told, well: str = "", progress: Callable[[float], None] = lambda _share: None
+    bag: Bag, written: Written, well: str = "", progress: Callable[[float], None] = lambda _share: None
 ) -> Iterator[Row]:
     """
     The rows of a recording, in time.
@@ -96,12 +96,12 @@ def rows(
     Parameters
     ----------
     bag : Bag
-    told : Told
+    written : Written
         Filled on the way.
     well : str
         Namespace, where the recording has several wells.
     progress : callable
-        Told the share that is done, 0 to 1.
+        Called with the share that is done, 0 to 1.
 
     Raises
     ------
@@ -110,22 +110,22 @@ def rows(
     """
     names = {relative: _topic(bag, layout, relative, well)
              for relative, layout in ((ATTITUDE, wire.ATTITUDE), (RIG, wire.RIG_STATE))}  # fmt: skip
-    told.topics = tuple(name for name in names.values() if name)
-    if not told.topics:
+    written.topics = tuple(name for name in names.values() if name)
+    if not written.topics:
         raise BagError(
             f"{bag.path} has neither attitude nor rig data" + (f" of {well}" if well else ""),
             "`mwd process` works out the attitude of a recording",
         )
     waiting: dict[int, Row] = {}
     done = -(2**62)
-    for block in bag.blocks(list(told.topics)):
+    for block in bag.blocks(list(written.topics)):
         for relative, take in ((ATTITUDE, _attitude), (RIG, _rig)):
             part = block.get(names[relative] or "")
             if part is not None:
                 samples = part[1]
                 seconds = -(-samples["stamp_ns"] // _S)
                 late = seconds <= done
-                told.late += int(np.count_nonzero(late))
+                written.late += int(np.count_nonzero(late))
                 take(samples[~late], seconds[~late], waiting)
         # The middle of the slowest topic: one stamp that lies decides nothing.
         middle = min(int(np.median(part[1]["stamp_ns"])) // _S for part in block.values())
@@ -139,7 +139,7 @@ def rows(
         yield waiting[second]
 
 
-def write(bag: Bag, path: Path, well: str = "", progress: Callable[[float], None] = lambda _share: None) -> Told:
+def write(bag: Bag, path: Path, well: str = "", progress: Callable[[float], None] = lambda _share: None) -> Written:
     """
     Write the rows of a recording as .csv or .parquet, whole or not at all.
 
@@ -155,11 +155,11 @@ def write(bag: Bag, path: Path, well: str = "", progress: Callable[[float], None
     writers = {".csv": _write_csv, ".parquet": _write_parquet}
     if path.suffix not in writers:
         raise ValueError(f"{path}: a time series is written as {' or '.join(writers)}")
-    told = Told()
+    written = Written()
 
     def counted() -> Iterator[Row]:
-        for row in rows(bag, told, well, progress):
-            told.rows += 1
+        for row in rows(bag, written, well, progress):
+            written.rows += 1
             yield row
 
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -170,7 +170,7 @@ def write(bag: Bag, path: Path, well: str = "", progress: Callable[[float], None
     finally:
         with contextlib.suppress(FileNotFoundError):
             fresh.unlink()
-    return told
+    return written
 
 
 def _write_csv(path: Path, lines: Iterator[Row]) -> None:

@@ -96,7 +96,7 @@ def run(
     client: distributed.Client,
     estimator: EstimatorSettings,
     given: InputSettings | None = None,
-    told: Callable[[Outcome, float], None] = lambda _outcome, _share: None,
+    report: Callable[[Outcome, float], None] = lambda _outcome, _share: None,
 ) -> list[Outcome]:
     """
     Work out every recording that is not worked out yet, into the data set in `folder`.
@@ -105,8 +105,8 @@ def run(
     ----------
     bags : sequence of Path
         As `find_bags` gives them. Workers on other machines must see them, and `folder`, under the same paths.
-    told : callable
-        Told each outcome as it comes, and the share of recordings that are through.
+    report : callable
+        Called with each outcome, and the share of recordings done.
 
     Returns
     -------
@@ -135,6 +135,6 @@ def run(
                 raise error
             outcome = failed(work, "", f"the worker failed: {type(error).__name__}: {error}"[:500])
         outcomes[work.bag] = outcome
-        told(outcome, len(outcomes) / len(works))
+        report(outcome, len(outcomes) / len(works))
     fleet_dataset.tidy(folder, {one.bag: one.key for one in outcomes.values() if one.key})
     return [outcomes[work.bag] for work in works]

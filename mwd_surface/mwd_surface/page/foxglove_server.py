@@ -134,7 +134,7 @@ class FoxgloveServer:
         log_ns : int
             When it was received, ns since the epoch.
         latched : bool
-            The last one is told again to whoever subscribes later.
+            The last one is sent again to later subscribers.
         """
         if self._server is None:
             return
@@ -179,7 +179,7 @@ class FoxgloveServer:
         return type("Listener", (self._sdk.ServerListener,), answers)()
 
     def _again(self, channel_id: int) -> None:
-        """Somebody subscribed: the last of a latched topic is told again."""
+        """Send the last message of a latched topic to a new subscriber."""
         with self._lock:
             last = self._last.get(channel_id)
         channel = next((c for c in list(self._channels.values()) if c.id() == channel_id), None)

@@ -4,7 +4,7 @@ Serves the driller's page and pushes the state to every browser; one thread with
 Each client gets what changed since the last thing it got, at a bounded rate: a slow one skips states instead of
 queueing them, so memory does not grow. The page is read-only; commands need a token and go to a callback.
 
-Guarded against the open web: loopback unless told otherwise, Host and Origin checked (a name that is not ours may be a
+Guarded against the open web: loopback unless set otherwise, Host and Origin checked (a name that is not ours may be a
 rebound one), a content policy without any other source, limits on size, time and number of connections.
 """
 

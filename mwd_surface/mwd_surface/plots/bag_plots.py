@@ -20,7 +20,7 @@ from mwd_surface.plots.traces import WHAT
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-# Okabe and Ito's palette: told apart by colour-blind readers.
+# Okabe and Ito's palette: distinguishable for colour-blind readers.
 _COLOURS = ("#D55E00", "#0072B2", "#009E73", "#000000")
 _HEADINGS = {
     "sensors": "Sensors",

@@ -123,7 +123,7 @@ def gather(
     bins : int
         Columns of the picture.
     progress : callable
-        Told the share that is done, 0 to 1.
+        Called with the share that is done, 0 to 1.
 
     Raises
     ------
@@ -382,7 +382,7 @@ class _StillPen(_Pen):
 
 
 def rate_of(stamps: Stamps) -> float:
-    """Samples in a second, from the usual step of their stamps; 0 where it cannot be told."""
+    """Samples in a second, from the usual step of their stamps; 0 where it is unknown."""
     steps = np.diff(stamps)
     steps = steps[steps > 0]
     return float(1e9 / np.median(steps)) if len(steps) >= 8 else 0.0

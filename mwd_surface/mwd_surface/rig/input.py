@@ -39,7 +39,7 @@ _DEPTHS = ("bit_depth", "hole_depth")
 
 @dataclasses.dataclass(frozen=True)
 class RigInputSettings:
-    """What is believed of the rig's data."""
+    """Which data of the rig is accepted."""
 
     accept: bool = setting(False, "accept rig data that peers send", fixed=True)
     fastest: float = setting(
@@ -76,7 +76,7 @@ class RigInputCounts:
 
 
 class RigInput:
-    """Readings to samples; state: the last believed depths."""
+    """Readings to samples; state: the last accepted depths."""
 
     def __init__(self, settings: RigInputSettings | None = None) -> None:
         self.settings = settings or RigInputSettings()
@@ -93,14 +93,14 @@ class RigInput:
 
     def take(self, readings: Mapping[str, float], stamp_ns: int) -> Samples | None:
         """
-        One sample, `wire.RIG_STATE`, shape (1,), of readings taken together; None where nothing of them is believed.
+        One sample, `wire.RIG_STATE`, shape (1,), of readings taken together; None where nothing of them is accepted.
 
         A stamp not after the last one is counted and left out, as is a reading too soon after it.
         """
         if self._last_ns is not None and stamp_ns - self._last_ns < NANOSECONDS / self.settings.max_rate:
             self.counts.hurried += 1
             return None
-        good = {name: value for name, value in readings.items() if self._believed(name, value, stamp_ns)}
+        good = {name: value for name, value in readings.items() if self._is_accepted(name, value, stamp_ns)}
         if good:
             self._last_ns = stamp_ns
         if (
@@ -127,14 +127,14 @@ class RigInput:
         self.counts.taken += 1
         return sample
 
-    def _believed(self, name: str, value: float, stamp_ns: int) -> bool:
+    def _is_accepted(self, name: str, value: float, stamp_ns: int) -> bool:
         if name in self._tracks:
             track = self._tracks[name]
             nonsense = track.refused_null
-            believed = track.update(stamp_ns, value)
+            accepted = track.update(stamp_ns, value)
             self.counts.refused += track.refused_null - nonsense
-            self.counts.held += not believed and track.refused_null == nonsense
-            return believed
+            self.counts.held += not accepted and track.refused_null == nonsense
+            return accepted
         low, high = PLAUSIBLE.get(name, (math.inf, -math.inf))
         if not (math.isfinite(value) and low <= value <= high):
             self.counts.refused += 1

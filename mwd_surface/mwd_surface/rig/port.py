@@ -2,7 +2,7 @@
 The one door between the surface node and all rig interfaces: values in, everything out, rig data and commands back.
 
 Interfaces that are switched on are started, each by itself: one that cannot start says why and is tried again, the rest
-runs. When nobody publishes for a while every interface is told so, with the heartbeat standing still.
+runs. When nobody publishes for a while every interface gets stale values, and the heartbeat stops.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class RigPort:
         self._down: dict[str, str] = {}
         self._lock = threading.Lock()
         self._values: RigValues | None = None
-        self._told_at = 0.0
+        self._published_at = 0.0
         self._silent = False
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
@@ -161,7 +161,7 @@ class RigPort:
     def publish(self, values: RigValues) -> None:
         """The newest values, to every interface; never blocks."""
         with self._lock:
-            self._values, self._told_at, self._silent = values, self._clock(), False
+            self._values, self._published_at, self._silent = values, self._clock(), False
         for interface in self._interfaces:
             interface.publish(values)
 
@@ -222,7 +222,7 @@ class RigPort:
 
     def _tell_silence(self, now: float) -> None:
         with self._lock:
-            values, age = self._values, now - self._told_at
+            values, age = self._values, now - self._published_at
             if values is None or self._silent or age < self.settings.silent_after:
                 return
             self._silent = True

@@ -1,7 +1,7 @@
 """
 What of a bag goes into the estimator: the topics of one well, in SI, plausible, of a recording that is whole.
 
-What cannot be used is refused with what to do about it, or told as a warning.
+What cannot be used is refused with what to do about it, or reported as a warning.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mwd_surface.bags.mcap.records import MAGIC
 IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
 IMU_BURST, PRECISION_BURST = burst.TOPICS
 _LOOKED_AT = 2000  # messages, of all topics together, before frames and times count as seen
-_SAME_AT_LEAST = 10  # messages of one and the same time, before it is believed to be none
+_SAME_AT_LEAST = 10  # messages of one and the same time, before it counts as none
 
 
 @dataclasses.dataclass(frozen=True)

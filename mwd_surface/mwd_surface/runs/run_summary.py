@@ -114,7 +114,7 @@ def pipeline_warnings(summary: Summary, pipeline: Pipeline, estimator: Estimator
         warnings.append(
             f"{summary.disturbed} of {summary.rows} rows have no azimuth because the magnetic field is not the "
             f"reference's (up to {summary.total_off * 1e9:+,.0f} nT and {math.degrees(summary.dip_off):+.1f} deg of "
-            "dip off): steel nearby, or a string magnetised beyond tool.possible_axial_nt "
+            "dip off): external interference, or a string magnetised beyond tool.possible_axial_nt "
             f"({estimator.tool.possible_axial_nt:,.0f} nT), which the first survey that is accepted tells"
         )
     if pipeline.went_back:

@@ -37,7 +37,7 @@ def record(
     source : bytes
         The scenario as its author wrote it, kept inside the bag.
     progress : callable
-        Told the share that is done, 0 to 1.
+        Called with the share that is done, 0 to 1.
 
     Returns
     -------

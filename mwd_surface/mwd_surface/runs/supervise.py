@@ -53,14 +53,14 @@ class _Child:
 
 class Supervisor:
     """
-    Keeps processes alive until told to stop.
+    Keeps processes alive until `stop`.
 
     Parameters
     ----------
     environment : mapping
         Of every process.
     say : callable
-        Told in one sentence about each crash and restart.
+        Called with one sentence about each crash and restart.
     clock : callable
         Steady seconds.
     """

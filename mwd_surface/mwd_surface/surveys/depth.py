@@ -2,7 +2,7 @@
 Measured depth of a survey: the bit depth of the rig, paired by time, less the distance from sensor to bit.
 
 Rig data carries placeholders, spikes and silences. A reading that is no depth is counted and left out; a jump faster
-than a string can move is believed only when the following readings confirm it; a survey is paired only with what
+than a string can move is accepted only when the following readings confirm it; a survey is paired only with what
 lies around its own time, and always with the age of the reading used. Stamps are ns, depths m.
 """
 
@@ -80,12 +80,12 @@ class DepthTrack:
 
     @property
     def latest(self) -> tuple[int, float] | None:
-        """Stamp and bit depth of the last reading believed, ns and m."""
+        """Stamp and bit depth of the last reading accepted, ns and m."""
         return (self._stamps[-1], self._depths[-1]) if self._stamps else None
 
     def update(self, stamp_ns: int, bit_depth: float, valid: bool = True) -> bool:
         """
-        Take one reading of the rig; True where it is believed now.
+        Take one reading of the rig; return whether it is accepted now.
 
         A placeholder (not marked valid, not finite, negative as -999.25 is, or too deep) is counted, not used. A jump
         waits until `rules.confirm` readings in a row agree with each other; then all of them count.
@@ -126,7 +126,7 @@ class DepthTrack:
         if not math.isfinite(bit_depth) or not 0.0 <= bit_depth <= self.rules.deepest:
             raise ValueError(f"bit_depth: must be within 0 and {self.rules.deepest:g} m, got {bit_depth}")
         at = bisect.bisect_left(self._stamps, stamp_ns)
-        # What was believed after that time was believed wrongly.
+        # Readings accepted after that time were accepted wrongly.
         del self._stamps[at:], self._depths[at:], self._by_hand[at:]
         self._waiting = []
         self._append(stamp_ns, bit_depth, True)

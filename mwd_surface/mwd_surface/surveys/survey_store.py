@@ -4,7 +4,7 @@ The survey list on disk: written whole, checked when read, never lost to a crash
 Two files stand in the folder: the list as it is and as it was one change before. A file carries the SHA-256 of its
 own content. A new one is written beside, flushed to the disk and put in place by renaming, so that at any moment (a
 kill, a power cut) at least one whole file is there. A file that fails its check is kept under another name, and the
-one before is used; both facts are told in words.
+one before is used; both facts are reported.
 """
 
 from __future__ import annotations
@@ -117,8 +117,8 @@ class SurveyStore:
             if path == self.previous:
                 lost = "the last change may be missing" if damaged else f"{self.current.name} was missing"
                 messages.append(f"survey list taken from {path.name}: {lost}; check it against the log")
-            surveys, told = _under(stored, well, rules)
-            return Loaded(surveys, (*messages, *told), path == self.previous)
+            surveys, remarks = _under(stored, well, rules)
+            return Loaded(surveys, (*messages, *remarks), path == self.previous)
         if damaged:
             messages.append("no whole survey list is left: starting with an empty one; the log has every survey")
         return Loaded(SurveyList(well=well, rules=rules), tuple(messages), damaged)
@@ -181,15 +181,15 @@ def decoded(data: bytes, rules: ListRules | None = None) -> SurveyList:
 
 
 def _under(stored: SurveyList, well: Well, rules: ListRules) -> tuple[SurveyList, list[str]]:
-    told = []
+    remarks = []
     if stored.records and stored.well.name != well.name:
-        told.append(f"the stored list is of well {stored.well.name!r}, the configuration says {well.name!r}")
+        remarks.append(f"the stored list is of well {stored.well.name!r}, the configuration says {well.name!r}")
     try:
-        return stored.configured(well, rules), told
+        return stored.configured(well, rules), remarks
     except ValueError as error:
         old = stored.well.north_reference
-        told.append(f"{error}; {old} north stays in force")
-        return stored.configured(dataclasses.replace(well, north_reference=old), rules), told
+        remarks.append(f"{error}; {old} north stays in force")
+        return stored.configured(dataclasses.replace(well, north_reference=old), rules), remarks
 
 
 def _canonical(value: Any) -> str:

@@ -79,4 +79,4 @@ def test_what_the_slides_gave_is_the_dogleg_of_the_definitive_survey():
 def test_a_well_of_several_legs_says_that_its_slides_are_not_told_apart():
     whole = example.surveys().sidetracked("ST 1", 400.0)
     sheet, *_ = content(survey_table(whole, example.MADE, stretches=example.stretches())).slides
-    assert sheet.heading.endswith("; legs are not told apart")
+    assert sheet.heading.endswith("; legs are not separated")

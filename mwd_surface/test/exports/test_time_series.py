@@ -52,8 +52,8 @@ def test_a_row_is_the_last_known_value_of_the_second_that_ends_there(tmp_path):
     samples["sigma_azimuth"][4:] = -1.0
     samples["azimuth"][3] = math.radians(359.99999)
     with Bag(bag_of(tmp_path / "bag", samples)) as bag:
-        told = time_series.write(bag, tmp_path / "ts.csv")
-    assert (told.rows, told.late, told.topics) == (2, 0, ("/w1/attitude",))
+        written = time_series.write(bag, tmp_path / "ts.csv")
+    assert (written.rows, written.late, written.topics) == (2, 0, ("/w1/attitude",))
     first, second = table(tmp_path / "ts.csv")
     assert first["timestamp_utc_iso"] == "2026-02-25T06:13:21.000Z"
     assert (first["inc_deg"], second["inc_deg"]) == ("3.0000", "7.0000")
@@ -87,7 +87,7 @@ def test_rows_do_not_depend_on_how_a_recording_falls_into_blocks(tmp_path, monke
             Bag, "blocks", lambda self, topics, size=size, blocks=blocks: blocks(self, topics, None, None, size)
         )
         with Bag(tmp_path / "bag") as bag:
-            found.append(list(time_series.rows(bag, time_series.Told())))
+            found.append(list(time_series.rows(bag, time_series.Written())))
         monkeypatch.undo()
     assert found[0] == found[1]
     assert len(found[0]) > 30
@@ -104,10 +104,10 @@ def test_memory_does_not_grow_with_the_recording(tmp_path):
         path = bag_of(tmp_path / str(hours), *blocks(hours))
         with Bag(path) as bag:
             tracemalloc.start()
-            told = time_series.write(bag, tmp_path / "ts.csv")
+            written = time_series.write(bag, tmp_path / "ts.csv")
             peaks.append(tracemalloc.get_traced_memory()[1])
             tracemalloc.stop()
-        assert told.rows == hours * 3600 + 1
+        assert written.rows == hours * 3600 + 1
     assert peaks[1] < 1.3 * peaks[0]
 
 
@@ -115,9 +115,9 @@ def test_one_stamp_that_lies_makes_nothing_else_late(tmp_path):
     stamps = START * S + np.arange(40_000) * (S // 100)
     stamps[20_000] = 2 * 10**18
     with Bag(bag_of(tmp_path / "bag", attitudes(stamps))) as bag:
-        told = time_series.write(bag, tmp_path / "ts.csv")
-    assert told.late == 0
-    assert told.rows == 402
+        written = time_series.write(bag, tmp_path / "ts.csv")
+    assert written.late == 0
+    assert written.rows == 402
 
 
 def test_parquet_holds_the_numbers_of_the_csv(tmp_path):

@@ -42,7 +42,7 @@ def recording(path, seed=0, seconds=16.0, wells=("",), rate=50):
 
 def run(bags, folder, scheduler="threads", workers=2, estimator=RAW, told=lambda _outcome, _share: None):
     with fleet_run.cluster(scheduler, workers) as client:
-        return fleet_run.run(bags, folder, client, estimator, told=told)
+        return fleet_run.run(bags, folder, client, estimator, report=told)
 
 
 def by_name(outcomes):

@@ -340,7 +340,7 @@ class McapFile:
         if isinstance(piece, Chunk):
             found.checksums = found.checksums and piece.head.crc != 0
             schemas, channels = declarations(piece)
-            # What a checksum guards is believed before what lies in the clear.
+            # Data with a checksum has precedence over data without.
             found.schemas.update(schemas)
             found.channels.update(channels)
             guarded.update(channels)

@@ -46,7 +46,7 @@ class _Connection:
     transport: Any
     address: str
     since: float
-    heard: float
+    last_request: float
     requests: int = 0
 
 
@@ -140,7 +140,7 @@ class ModbusServer(LoopInterface):
         """Close connections that only hold a place."""
         now = self._clock()
         for connection in list(self._connections.values()):
-            if now - connection.heard > self.settings.idle_timeout:
+            if now - connection.last_request > self.settings.idle_timeout:
                 connection.transport.close()
 
     def _devices(self) -> list[Any]:
@@ -223,7 +223,7 @@ class ModbusServer(LoopInterface):
         def data_received(data: bytes) -> None:
             connection = self._connections.get(number)
             if connection is not None:
-                connection.heard = self._clock()
+                connection.last_request = self._clock()
                 connection.requests += 1
                 answer = self._at_once(data)
                 if answer is None:

@@ -3,7 +3,7 @@ Records of WITS level 0: 7 (survey), 8 (formation) and 9 (mechanical) out, 1 (ti
 
 Codes, short names and units are those of the WITS specification as two independent transcriptions give them. No
 standard item exists for totals, dip, quality or temperature: the spare items of record 7 carry what a profile says,
-and the peer must be told which.
+and the peer must know which.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ class Wits0Sender:
     def __init__(self, form: Wits0Format, schedule: Wits0Schedule) -> None:
         self.form, self.schedule = form, schedule
         self._writer = RecordWriter(form)
-        self._told: set[tuple[str, int]] | None = None
+        self._sent_keys: set[tuple[str, int]] | None = None
         self._toolface_at = self._records_at = self._alive_at = -1e9
         self._toolface_stamp = 0
 
@@ -80,12 +80,12 @@ class Wits0Sender:
         return self._packets([*groups, self._writer.toolface(values)])
 
     def _surveys(self, values: RigValues) -> list[Items]:
-        if self._told is None:
+        if self._sent_keys is None:
             # What was accepted before we came up is history; the last of it is the greeting.
-            self._told = {s.key for s in values.surveys}
+            self._sent_keys = {s.key for s in values.surveys}
             return []
-        fresh = [s for s in values.surveys if s.key not in self._told]
-        self._told = {s.key for s in values.surveys}
+        fresh = [s for s in values.surveys if s.key not in self._sent_keys]
+        self._sent_keys = {s.key for s in values.surveys}
         return [self._writer.survey(values, s) for s in fresh]
 
     def _packets(self, groups: list[Items]) -> list[bytes]:

@@ -76,7 +76,7 @@ class WitsmlStore(LoopInterface):
         self.settings = settings
         self._clock = clock
         self._document = ""
-        self._told = ""
+        self._sent_document = ""
         # Of each trajectory that the store has from us: the stations in it.
         self._stations_of: dict[str, set[str]] = {}
         self._sent = self._failures = 0
@@ -115,7 +115,7 @@ class WitsmlStore(LoopInterface):
         while not stop.is_set():
             self.wake.clear()
             document = self._document
-            if document and document != self._told:
+            if document and document != self._sent_document:
                 try:
                     await asyncio.to_thread(self._deliver, document)
                 except (OSError, StoreRefusedError, ValueError) as error:
@@ -123,7 +123,7 @@ class WitsmlStore(LoopInterface):
                     self._failures += 1
                     self._reason = str(error)[:_SHOWN]
                 else:
-                    failed, self._reason, self._told = 0, "", document
+                    failed, self._reason, self._sent_document = 0, "", document
                     self._sent += 1
                     continue
             wait = None
