@@ -1,8 +1,8 @@
 """
-What a survey report says, apart from how it is set: head, definitive table, quality page, decisions, slide sheet,
-certificate.
+What a survey report says, apart from how it is set.
 
-HTML and PDF print exactly these texts, so they cannot differ in a number.
+It has a head, the definitive table, the quality page, decisions, the slide sheet and a certificate. HTML and
+PDF print exactly these texts, so they cannot differ in a number.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """
-The data set of a fleet: `bags/`, `surveys/` and `attitude/`, one Parquet file each for every recording, named by what
-made it.
+The data set of a fleet: folders `bags/`, `surveys/` and `attitude/` of Parquet files.
 
-The name (key) is the hash of the recording's bytes, of the settings and of this project's version. A file appears whole
-or not at all, that of `bags/` last: what it names is finished. So a run that was cut off goes on where it stopped, and
-nothing is in the data set twice. polars, duckdb and pandas read each folder as one table.
+Each recording has one file in each folder, named by what made it. The name (key) is the hash of the
+recording's bytes, of the settings and of this project's version. A file appears whole or not at all, that of
+`bags/` last: what it names is finished. So a run that was cut off goes on where it stopped, and nothing is in
+the data set twice. polars, duckdb and pandas read each folder as one table.
 """
 
 from __future__ import annotations
@@ -158,8 +158,9 @@ def finished(folder: Path, key: str) -> dict[str, Any] | None:
 
 def tidy(folder: Path, keys: Mapping[str, str]) -> int:
     """
-    Take away what does not belong: unfinished files, results without their row in `bags`, and earlier results of the
-    recordings in `keys` (path -> key now). Returns how many files went.
+    Delete unfinished files, results without their row in `bags`, and earlier results of the given recordings.
+
+    keys : key now by path of the recording. Returns the number of files deleted.
     """
     going: list[Path] = []
     for name in TABLES:

@@ -60,17 +60,17 @@ class SurveyListServer:
     slide_sheet : callable
         Returns the slide sheet, for reports.
 
-    Raises
-    ------
-    StoreError
-        The list on disk cannot be used.
-
     Attributes
     ----------
     surveys : SurveyList
         The list in force.
     depth : DepthTrack
         Bit depth over time.
+
+    Raises
+    ------
+    StoreError
+        The list on disk cannot be used.
     """
 
     def __init__(

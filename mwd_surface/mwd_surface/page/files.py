@@ -27,6 +27,8 @@ def page_files(folder: Path) -> dict[str, tuple[bytes, str]]:
 
 
 def sender(body: bytes, kind: str) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:
+    """Handler that sends a file kept in memory."""
+
     async def send(_request: web.Request) -> web.StreamResponse:
         charset = "utf-8" if kind.startswith("text/") else None
         return web.Response(body=body, content_type=kind, charset=charset, headers={"Cache-Control": "no-cache"})

@@ -8,11 +8,13 @@ import socket
 
 
 def peer_of(transport: asyncio.BaseTransport | None) -> str:
+    """Address of the other side; empty where it is gone."""
     name = None if transport is None else transport.get_extra_info("peername")
     return str(name[0]) if name else ""
 
 
 def listener(host: str, port: int) -> socket.socket:
+    """Listening socket that does not block; OSError where the address is not to be had."""
     family, _, _, _, where = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
     listener = socket.create_server(where[:2], family=family, backlog=64)
     listener.setblocking(False)
@@ -20,6 +22,7 @@ def listener(host: str, port: int) -> socket.socket:
 
 
 def port_error(error: OSError, host: str, port: int) -> OSError:
+    """The error again, with what to do about it."""
     if error.errno == errno.EADDRINUSE:
         why = "is taken by another program; end that one or set another port (0: any that is free)"
     elif error.errno == errno.EACCES:

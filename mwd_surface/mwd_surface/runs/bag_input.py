@@ -191,6 +191,7 @@ def frames_differ(bag: Bag, topics: Topics) -> str:
 
 
 def refuse_damaged(bag: Bag, given: InputSettings) -> None:
+    """Raise BagError for a damaged recording, unless what can be read is asked for."""
     if given.partial or (bag.complete and not _cut_off(bag.path)):
         return
     notes = worth_saying(bag)
@@ -202,6 +203,7 @@ def refuse_damaged(bag: Bag, given: InputSettings) -> None:
 
 
 def worth_saying(bag: Bag) -> list[str]:
+    """Notes on a recording that a user should see."""
     # Most recordings of others carry no checksums; that is no news to who processes one.
     return [note for note in dict.fromkeys(bag.notes) if not note.startswith("the recording carries no checksums")]
 

@@ -82,7 +82,7 @@ class Stretch:
 
     @property
     def length(self) -> float:
-        """m."""
+        """Length of the stretch, m."""
         return self.to_depth - self.from_depth
 
 

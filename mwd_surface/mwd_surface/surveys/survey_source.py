@@ -1,6 +1,5 @@
 """
-The survey list of whatever people point at: the list's own file, the folder of a well or a run, or a recording; and the
-slide sheet that lies beside it.
+The survey list of a list file, of the folder of a well or a run, or of a recording, and its slide sheet.
 
 Only reads: a list that a running surface node keeps can be exported at the same time.
 """

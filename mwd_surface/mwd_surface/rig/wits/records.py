@@ -90,9 +90,7 @@ Items = list[tuple[int, str]]
 
 
 class RecordWriter:
-    """
-    Values to the items of records; all that changes is the last sequence number of each record.
-    """
+    """Values to the items of records; all that changes is the last sequence number of each record."""
 
     def __init__(self, form: Wits0Format) -> None:
         self.form = form
