@@ -35,9 +35,13 @@ from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 CHROMEDRIVER = shutil.which("chromedriver")
-pytestmark = pytest.mark.skipif(
-    not (CHROMIUM and CHROMEDRIVER), reason="no chromium and chromedriver here (apt install chromium chromium-driver)"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not (CHROMIUM and CHROMEDRIVER),
+        reason="no chromium and chromedriver here (apt install chromium chromium-driver)",
+    ),
+]
 AXE = Path(__file__).parent / "vendor" / "axe.min.js"
 TOKEN = "drill-baby-drill"  # noqa: S105
 FLAGS = (
@@ -77,10 +81,10 @@ class Rig:
         self.calls.append((name, arguments))
         if name == "accept_survey":
             self.list = self.list.accept(arguments["sequence"], arguments["operator_name"], arguments["reason"], 9)
-            self.tell()
+            self.publish()
         if name == "acknowledge_alarm":
             answer = self.book.acknowledge(arguments["id"], arguments["operator_name"], 9)
-            self.tell()
+            self.publish()
             return answer
         return True, f"{name} done"
 
@@ -90,9 +94,9 @@ class Rig:
             self.list = self.list.add(survey(k, **(odd if k == 4 else {})), 300.0 * k, 1.0, comment=EVIL)
         self.book.raise_alarm("mag.field", Severity.WARNING, f"total field is off {EVIL}", "check", 10**18)
         self.live()
-        self.tell()
+        self.publish()
 
-    def tell(self):
+    def publish(self):
         now = time.monotonic()
         reference = ReferenceField(declination=-0.014, convergence=-0.0157, source="WMM2025")
         self.state.on_well(self.list.well, now, reference)
@@ -481,7 +485,7 @@ def test_the_operator_sets_the_bit_depth_and_asks_for_a_report_and_a_snapshot(br
 
 
 def steered(rig):
-    """A slide between two stretches of rotation, as the rig and the tool tell it."""
+    """A slide between two stretches of rotation, as the rig and the tool report it."""
     sheet, now = SlideSheet(), time.monotonic()
     for k in range(121):
         depth, slide = 870.0 + 0.5 * k, 40 <= k < 80
@@ -500,8 +504,8 @@ def test_the_slide_sheet_lists_what_was_slid_at_which_toolface_and_what_it_gave(
         steered(rig)
         tab(browser, "steering")
         wait(browser, lambda: "126° GTF 100 %" in text(browser, "#tab-steering"))
-        said = text(browser, "#tab-steering")
-        assert "slid 20.00 m, rotated 40.00 m, 33 % slid" in said
+        shown_text = text(browser, "#tab-steering")
+        assert "slid 20.00 m, rotated 40.00 m, 33 % slid" in shown_text
         rows = browser.execute_script(
             "return [...document.querySelectorAll('.sheet tbody tr')].map((r) => r.className)"
         )

@@ -1,6 +1,6 @@
 // Single values on the page: number, unit, sigma, age, and a word where the value no longer counts.
 
-import { el, mark, say } from "./dom.js";
+import { el, mark, setText } from "./dom.js";
 import * as units from "./units.js";
 
 const shown = [];
@@ -40,20 +40,20 @@ export function refresh(sections, now, silent) {
     const cell = lookup(sections, where);
     const state = stateOf(cell, now, silent);
     mark(box, "data-state", state);
-    if (options.label) say(parts.name, options.label(sections));
+    if (options.label) setText(parts.name, options.label(sections));
     if (state === "none") {
-      say(parts.number, "no data");
-      say(parts.unit, "");
-      say(parts.sigma, "");
-      say(parts.age, cell?.reason || "");
+      setText(parts.number, "no data");
+      setText(parts.unit, "");
+      setText(parts.sigma, "");
+      setText(parts.age, cell?.reason || "");
       continue;
     }
     const text = options.bearing ? units.bearing(cell.value, options.decimals ?? 2) : units.number(kind, cell.value);
-    say(parts.number, text);
-    say(parts.unit, units.unit(kind));
+    setText(parts.number, text);
+    setText(parts.unit, units.unit(kind));
     const sigma = options.big ? " 1σ" : "";
-    say(parts.sigma, cell.sigma === null ? "" : `± ${units.spread(kind, cell.sigma)}${sigma}`);
+    setText(parts.sigma, cell.sigma === null ? "" : `± ${units.spread(kind, cell.sigma)}${sigma}`);
     const old = units.age(Math.max(0, now - cell.at));
-    say(parts.age, state === "stale" ? `STALE ${old}${cell.reason ? ` · ${cell.reason}` : ""}` : old);
+    setText(parts.age, state === "stale" ? `STALE ${old}${cell.reason ? ` · ${cell.reason}` : ""}` : old);
   }
 }

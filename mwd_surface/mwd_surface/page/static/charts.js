@@ -1,6 +1,6 @@
 // Strip charts of the last minutes; time runs in minutes before now, by the server's clock.
 
-import { byId, el, say } from "./dom.js";
+import { byId, el, setText } from "./dom.js";
 import * as units from "./units.js";
 
 // Title, unit kind, and the lines: column, word, colour, dashes. Several lines differ in more than colour.
@@ -89,7 +89,7 @@ export class Charts {
       const columns = lines.map(([name]) => history.columns.indexOf(name));
       plot.setData([times, ...columns.map((k) => rows.map((row) => (row[k] === null ? null : units.plain(kind, row[k]))))]);
       const raw = columns.flatMap((k) => rows.map((row) => row[k])).filter((v) => v !== null);
-      say(
+      setText(
         value,
         raw.length ? spanOf(raw, kind, lines.length > 1)
           : "no data",

@@ -1,4 +1,4 @@
-// The state as the server last told it, and how long ago that was by the server's own clock.
+// The state as the server last sent it, and how long ago that was by the server's own clock.
 
 const SILENT_AFTER = 2.5;
 const POLL_EVERY = 1000;
@@ -7,12 +7,12 @@ const DRIFT = 1e-4;
 const seconds = () => performance.now() / 1000;
 
 export class Connection {
-  constructor(onNews) {
+  constructor(onChange) {
     this.sections = {};
     this.server = {};
     this.mode = "websocket";
-    this.onNews = onNews;
-    this.heard = null;
+    this.onChange = onChange;
+    this.receivedAt = null;
     this.offset = null;
     this.failures = 0;
     this.polling = null;
@@ -24,13 +24,13 @@ export class Connection {
   }
 
   // Seconds on the server's steady clock. The smallest offset is the message that travelled fastest; creeping up
-  // slowly follows two clocks that do not run at quite the same speed. The browser's time of day plays no part.
+  // slowly follows two clocks that do not run at quite the same speed. The browser's time of day is not used.
   now() {
     return this.offset === null ? null : seconds() - this.offset;
   }
 
   silence() {
-    return this.heard === null ? Infinity : seconds() - this.heard;
+    return this.receivedAt === null ? Infinity : seconds() - this.receivedAt;
   }
 
   silent() {
@@ -88,14 +88,14 @@ export class Connection {
     const at = seconds();
     const offset = at - message.now;
     if (whole || this.offset === null || offset < this.offset) this.offset = offset;
-    else this.offset += Math.min(offset - this.offset, DRIFT * (at - this.heard));
-    this.heard = at;
+    else this.offset += Math.min(offset - this.offset, DRIFT * (at - this.receivedAt));
+    this.receivedAt = at;
     this.server = message.server;
     if (whole) this.sections = {};
     for (const [name, section] of Object.entries(message.sections)) {
       this.sections[name] = "whole" in section ? this.joined(name, section) : section;
     }
-    this.onNews(whole ? null : new Set(Object.keys(message.sections)));
+    this.onChange(whole ? null : new Set(Object.keys(message.sections)));
   }
 
   // Strips come by their new rows.

@@ -1,6 +1,6 @@
 // The toolface dial: high side or north up, clockwise looking down-hole.
 
-import { el, mark, say, svg } from "./dom.js";
+import { el, mark, setText, svg } from "./dom.js";
 import { stateOf } from "./cells.js";
 import * as units from "./units.js";
 
@@ -93,24 +93,24 @@ export class Dial {
     this.showAdvisory(toolface, state);
     this.showReadings(toolface.readings, now);
     const words = gravity ? "GTF · high side up" : `MTF · ${toolface.north || "unnamed"} north up`;
-    say(this.mode, gravity ? "GTF" : "MTF");
+    setText(this.mode, gravity ? "GTF" : "MTF");
     if (state === "none") {
-      say(this.number, "no data");
-      say(this.side, "");
-      say(this.note, cell.reason || "");
+      setText(this.number, "no data");
+      setText(this.side, "");
+      setText(this.note, cell.reason || "");
       mark(this.needle, "visibility", "hidden");
       mark(this.svg, "aria-label", `Toolface, ${words}: no data`);
     } else {
       const degrees = Number(units.bearing(cell.value, 0));
       mark(this.needle, "visibility", "visible");
       mark(this.needle, "transform", `rotate(${((cell.value * 180) / Math.PI).toFixed(1)} 200 200)`);
-      say(this.number, `${degrees}°`);
-      say(this.side, gravity ? sideOf(degrees) : "");
+      setText(this.number, `${degrees}°`);
+      setText(this.side, gravity ? sideOf(degrees) : "");
       const old = units.age(Math.max(0, now - cell.at));
       const inside = toolface.advisory?.inside;
       const word = inside === undefined || inside === null ? "" : inside ? "INSIDE " : "OUTSIDE ";
       const note = state === "stale" ? `STALE ${old}` : toolface.rotating ? "ROTATING" : word + old;
-      say(this.note, note);
+      setText(this.note, note);
       mark(this.svg, "aria-label", `Toolface ${degrees} degrees, ${words}, ${note}`);
     }
     this.showLegend(toolface, words, cell, state);

@@ -1,4 +1,4 @@
-// Elements from words. Text only ever goes in as text, so nothing a well or a person is called can become markup.
+// Elements of the page. Text is only ever inserted as text: the name of a well or a person cannot become markup.
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -23,7 +23,7 @@ export const svg = (name, attributes = {}, ...children) =>
 export const byId = (id) => document.getElementById(id);
 
 // Writing the same text again would cost layout and make screen readers repeat it.
-export function say(element, text) {
+export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 

@@ -1,0 +1,75 @@
+// Operator controls: a name for the log, a token for the server.
+
+import { command } from "./connection.js";
+import { byId, el, setText } from "./dom.js";
+import * as units from "./units.js";
+
+const EXPORTS = [["html", "HTML report"], ["pdf", "PDF report"], ["csv", "CSV, definitive"], ["raw_csv", "CSV, every survey"], ["las", "LAS 2.0"], ["witsml", "WITSML 1.4.1.1"]];
+
+const operator = { name: sessionStorage.getItem("operator") || "", token: "" };
+
+let answerBox = null;
+
+export const operatorName = () => operator.name;
+
+export const mayCommand = (server) => server.controls && operator.token !== "";
+
+export async function act(name, values) {
+  const request = Object.fromEntries(Object.entries(values).filter(([, value]) => value !== ""));
+  if ("operator_name" in values && !operator.name.trim()) {
+    const message = "give your name under Operator first";
+    if (answerBox) setText(answerBox, message);
+    return { ok: false, message };
+  }
+  const answer = await command(name, operator.token, request);
+  if (answerBox) setText(answerBox, `${name.replace("_", " ")}: ${answer.message}`);
+  return answer;
+}
+
+export function showControls(server, onToken) {
+  const place = byId("tab-controls");
+  if (!server.controls) {
+    place.replaceChildren(el("h2", {}, "Operator"), el("p", { id: "read-only" }, "This page is read-only: the surface unit has no token configured."));
+    answerBox = null;
+    return;
+  }
+  if (answerBox) return;
+  answerBox = el("output", { class: "answer", id: "answer" });
+  const name = el("input", { type: "text", id: "operator-name", autocomplete: "off", maxlength: 80 });
+  const token = el("input", { type: "password", id: "operator-token", autocomplete: "off", maxlength: 200 });
+  name.value = operator.name;
+  name.addEventListener("input", () => { operator.name = name.value; sessionStorage.setItem("operator", name.value); });
+  token.addEventListener("input", () => {
+    const had = operator.token !== "";
+    operator.token = token.value;
+    for (const one of all) one.disabled = operator.token === "";
+    if (had !== (operator.token !== "")) onToken();
+  });
+  const button = (id, text, command_, given = () => ({})) => el("button", { type: "button", id, disabled: true, onclick: () => act(command_, given()) }, text);
+  const depth = el("input", { type: "text", id: "bit-depth", inputmode: "decimal", autocomplete: "off", maxlength: 12 });
+  const format = el("select", { id: "export-format" }, EXPORTS.map(([key, text]) => el("option", { value: key }, text)));
+  const setDepth = el("button", { type: "button", id: "set-depth", disabled: true, onclick: () => {
+    const metres = units.metres(depth.value);
+    if (metres === null) setText(answerBox, `bit depth: ${depth.value || "nothing"} is no number of ${units.unit("length")}`);
+    else act("set_depth", { bit_depth: metres, operator_name: operator.name });
+  } }, "Set bit depth");
+  const buttons = [
+    button("take-survey", "Take survey", "take_survey"),
+    button("start-recording", "Start recording", "start_recording"),
+    button("stop-recording", "Stop recording", "stop_recording"),
+    button("split-recording", "Split recording", "split_recording"),
+    button("snapshot-recording", "Snapshot", "snapshot_recording"),
+  ];
+  const writing = button("export", "Export", "export", () => ({ format: format.value }));
+  const all = [...buttons, setDepth, writing];
+  place.replaceChildren(
+    el("h2", {}, "Operator"),
+    el("p", { class: "quiet-text" }, "With the token surveys can be judged in their table line and alarms acknowledged; without it this page only shows."),
+    el("form", { class: "form", onsubmit: (event) => event.preventDefault() }, el("label", { for: "operator-name" }, "Your name, for the log"), name, el("label", { for: "operator-token" }, "Token"), token),
+    el("div", { class: "buttons" }, buttons),
+    el("div", { class: "buttons" },
+      el("label", { for: "bit-depth" }, "Bit depth, ", el("span", { id: "bit-depth-unit" }, units.unit("length"))), depth, setDepth,
+      el("label", { for: "export-format" }, "Survey list as"), format, writing),
+    answerBox,
+  );
+}

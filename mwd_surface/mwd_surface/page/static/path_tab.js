@@ -1,0 +1,48 @@
+// The well path: plan and section side by side, or one view in space that can be turned.
+
+import { byId, el } from "./dom.js";
+import { legend, planView, sectionView, spaceView } from "./path_plot.js";
+
+const view = { on: false, turn: 0.6, tilt: 0.35 };
+
+export function showPath(sections) {
+  const { path, plan, offset } = sections;
+  const place = byId("tab-path");
+  if (!path || !plan || place.hidden) return;
+  if (!path.measured_depth.length && !plan.north.length) {
+    place.replaceChildren(el("p", { class: "empty" }, "No path yet: it starts with the first accepted survey."));
+    return;
+  }
+  const choice = el("button", { type: "button", class: "choice", "aria-pressed": String(view.on), onclick: () => { view.on = !view.on; showPath(sections); place.querySelector(".choice").focus(); } }, "3-D");
+  const box = el("div", { class: "plots" });
+  place.replaceChildren(el("div", { class: "path-head" }, legend(plan, path), choice), box);
+  // Drawn at the size it has, so that letters keep theirs.
+  const [width, height] = [Math.max(260, box.clientWidth), Math.max(190, box.clientHeight)];
+  if (view.on) box.append(turnable(path, plan, { width, height }));
+  else {
+    const beside = width >= 560;
+    const size = { width: Math.floor(beside ? width / 2 - 4 : width), height: beside ? height : 280 };
+    box.append(planView(path, plan, offset, size), sectionView(path, plan, offset, size));
+  }
+}
+
+function turnable(path, plan, size) {
+  const box = el("div", { class: "turnable", tabindex: "0", role: "group", "aria-label": "View in space; arrow keys or a finger turn it" });
+  const draw = () => box.replaceChildren(spaceView(path, plan, view.turn, view.tilt, size));
+  const turn = (across, up) => {
+    view.turn += across;
+    view.tilt = Math.max(-0.2, Math.min(1.5, view.tilt + up));
+    draw();
+  };
+  box.addEventListener("keydown", (event) => {
+    const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[event.key];
+    if (!step) return;
+    event.preventDefault();
+    turn(...step);
+  });
+  box.addEventListener("pointermove", (event) => {
+    if (event.buttons) turn(event.movementX * 0.008, event.movementY * 0.008);
+  });
+  draw();
+  return box;
+}
