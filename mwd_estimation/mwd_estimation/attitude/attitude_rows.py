@@ -8,7 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.attitude.gyro_azimuth_state import MagneticAzimuth
+from mwd_estimation.attitude.gyro_azimuth_state import AzimuthRow, MagneticAzimuth
+from mwd_estimation.attitude.rejected_samples import PropagatedRow
+from mwd_estimation.attitude.time_alignment_state import AttitudeRow
 from mwd_estimation.core.status import Status
 from mwd_estimation.health.sensor_fault import ACCEL, GYRO
 from mwd_sensors.core.arrays import Array, Samples, Stamps
@@ -60,6 +62,35 @@ class Sources(NamedTuple):
     magnetic: Samples
 
 
+class GravitySample(NamedTuple):
+    """
+    Gravity and status of one sample, by their numbers, as `time_alignment_state.Gravity`.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    x, y, z : float
+        Unit vector down in tool axes.
+    sigma_inclination, sigma_toolface : float
+        1 sigma, rad.
+    non_gravity, rotary_speed : float
+        As in `core.samples.Track`.
+    status, suspect : int
+        Bits of `Status`; sensors in doubt.
+    """
+
+    stamp_ns: int
+    x: float
+    y: float
+    z: float
+    sigma_inclination: float
+    sigma_toolface: float
+    non_gravity: float
+    rotary_speed: float
+    status: int
+    suspect: int
+
+
 class Stretch(NamedTuple):
     """
     What holds for all samples of a stretch.
@@ -93,12 +124,27 @@ def write(stretch: Stretch, last: LastMagnetic, sources: Sources, attitude: Samp
     Unknown values are 0 with a sigma of -1; what rests on a sensor in doubt has a sigma of pi.
     """
     rejected, pair = 0, 0
-    for i in range(len(sources.stamp_ns)):
-        while pair < len(sources.magnetic) and sources.magnetic[pair].place - stretch.start <= i:
-            _take(last, sources.magnetic[pair])
+    # Kernels called for each sample are given numbers and rows: numba counts the references of an array at each call.
+    stamps, g_t, sigma_inclination, sigma_toolface, non_gravity, rotary_speed, status_of, suspect = sources[:8]
+    plain, azimuth, propagated, magnetic = sources[8:]
+    for i in range(len(stamps)):
+        while pair < len(magnetic) and magnetic[pair].place - stretch.start <= i:
+            _take(last, magnetic[pair])
             pair += 1
-        status = _write_attitude(stretch, last, sources, i, attitude[i])
-        _write_gravity(sources, i, status, gravity[i])
+        sample = GravitySample(
+            stamps[i],
+            g_t[i, 0],
+            g_t[i, 1],
+            g_t[i, 2],
+            sigma_inclination[i],
+            sigma_toolface[i],
+            non_gravity[i],
+            rotary_speed[i],
+            int(np.int64(status_of[i])),
+            int(np.int64(suspect[i])),
+        )
+        status = _write_attitude(stretch, last, sample, plain[i], azimuth[i], propagated[i].turned, attitude[i])
+        _write_gravity(sample, propagated[i], status, gravity[i])
         rejected += status & _REJECTED != 0
     return rejected
 
@@ -112,9 +158,8 @@ def _take(last: LastMagnetic, taken: MagneticAzimuth) -> None:
 
 
 @compiled
-def _azimuth(sources: Sources, i: int, status: int, last_sigma: float) -> tuple[bool, float, float]:
+def _azimuth(plain: AttitudeRow, azimuth: AzimuthRow, status: int, last_sigma: float) -> tuple[bool, float, float]:
     """Whether there is an azimuth, the azimuth and its sigma, rad."""
-    plain, azimuth = sources.plain[i], sources.azimuth[i]
     if math.isfinite(azimuth.azimuth):
         return True, azimuth.azimuth, azimuth.sigma
     # Where none can be propagated (at the start, near vertical) the plain magnetic one stands.
@@ -124,9 +169,10 @@ def _azimuth(sources: Sources, i: int, status: int, last_sigma: float) -> tuple[
 
 
 @compiled
-def _magnetic_toolface(sources: Sources, i: int, near_vertical: bool) -> tuple[float, float]:
-    """Angle of the scribe line from north and its sigma, rad."""
-    plain, azimuth = sources.plain[i], sources.azimuth[i]
+def _magnetic_toolface(
+    plain: AttitudeRow, azimuth: AzimuthRow, down_x: float, near_vertical: bool
+) -> tuple[float, float]:
+    """Angle of the scribe line from north and its sigma, rad; down_x: axial part of the unit vector down."""
     if near_vertical or not math.isfinite(azimuth.azimuth):
         return plain.magnetic_toolface, plain.sigma_magnetic_toolface
     # It follows the azimuth, by the same geometry as against the high side.
@@ -134,23 +180,30 @@ def _magnetic_toolface(sources: Sources, i: int, near_vertical: bool) -> tuple[f
         toolface = plain.magnetic_toolface + (azimuth.azimuth - plain.azimuth)
     else:
         side = plain.gravity_toolface
-        toolface = azimuth.azimuth + math.atan2(math.sin(side), math.cos(side) * sources.g_t[i, 0])
+        toolface = azimuth.azimuth + math.atan2(math.sin(side), math.cos(side) * down_x)
     tau = 2.0 * math.pi
     toolface = toolface - tau if toolface >= tau else (toolface + tau if toolface < 0.0 else toolface)
     return toolface, azimuth.sigma
 
 
 @compiled
-def _write_attitude(stretch: Stretch, last: LastMagnetic, sources: Sources, i: int, row: Samples) -> int:
-    """Fill the attitude of sample i; returns its status."""
-    plain, turned = sources.plain[i], sources.propagated[i].turned
+def _write_attitude(
+    stretch: Stretch,
+    last: LastMagnetic,
+    sample: GravitySample,
+    plain: AttitudeRow,
+    azimuth: AzimuthRow,
+    turned: float,
+    row: Samples,
+) -> int:
+    """Fill the attitude of a sample; turned: `rejected_samples.PropagatedRow.turned`, rad. Returns its status."""
     has_gravity = math.isfinite(plain.inclination)
     # Near vertical is what the attitude says, by its settings, not the gravity method by its own.
-    status = (int(np.int64(sources.status[i])) & ~_NEAR_VERTICAL) | int(np.int64(plain.status)) | stretch.status
-    status |= int(np.int64(sources.azimuth[i].status)) | (last.status & _DISTURBED)
+    status = (sample.status & ~_NEAR_VERTICAL) | int(np.int64(plain.status)) | stretch.status
+    status |= int(np.int64(azimuth.status)) | (last.status & _DISTURBED)
     near_vertical = status & _NEAR_VERTICAL != 0
-    has_azimuth, angle, sigma = _azimuth(sources, i, status, last.sigma)
-    toolface, sigma_toolface = _magnetic_toolface(sources, i, near_vertical)
+    has_azimuth, angle, sigma = _azimuth(plain, azimuth, status, last.sigma)
+    toolface, sigma_toolface = _magnetic_toolface(plain, azimuth, sample.x, near_vertical)
     # Of a rejected sample: how far the tool may have turned by its stamp.
     has_turn = turned < math.inf
     has_north = (has_azimuth or (math.isfinite(plain.azimuth) and near_vertical)) and has_turn
@@ -161,17 +214,17 @@ def _write_attitude(stretch: Stretch, last: LastMagnetic, sources: Sources, i: i
         status |= last.status & ~_DISTURBED
     if stretch.gyro_only and status & _AIDED == 0:
         has_azimuth, has_north, angle = False, False, 0.0
-    unsure, unsure_level = sources.suspect[i] != 0, sources.suspect[i] & _LEVEL_SENSORS != 0
+    unsure, unsure_level = sample.suspect != 0, sample.suspect & _LEVEL_SENSORS != 0
     if unsure:
         status |= _SUSPECT
-    row["stamp_ns"] = sources.stamp_ns[i]
+    row["stamp_ns"] = sample.stamp_ns
     row["inclination"] = plain.inclination if has_gravity else 0.0
     row["azimuth"] = angle
     row["gravity_toolface"] = plain.gravity_toolface if has_high_side else 0.0
     row["magnetic_toolface"] = toolface if has_north else 0.0
-    row["sigma_inclination"] = _sigma(sources.sigma_inclination[i], has_gravity, unsure_level)
+    row["sigma_inclination"] = _sigma(sample.sigma_inclination, has_gravity, unsure_level)
     row["sigma_azimuth"] = _sigma(sigma, has_azimuth, near_vertical or unsure)
-    row["sigma_gravity_toolface"] = _sigma(sources.sigma_toolface[i], has_high_side, near_vertical or unsure_level)
+    row["sigma_gravity_toolface"] = _sigma(sample.sigma_toolface, has_high_side, near_vertical or unsure_level)
     row["sigma_magnetic_toolface"] = _sigma(sigma_toolface, has_north, unsure)
     row["status"] = status
     row["north"] = stretch.north
@@ -185,16 +238,15 @@ def _sigma(sigma: float, known: bool, unsure: bool) -> float:
 
 
 @compiled
-def _write_gravity(sources: Sources, i: int, status: int, row: Samples) -> None:
-    """Fill the gravity of sample i."""
-    g_x, g_y, g_z = sources.g_t[i, 0], sources.g_t[i, 1], sources.g_t[i, 2]
-    known = math.isfinite(g_x + g_y + g_z) and sources.propagated[i].turned < math.inf
+def _write_gravity(sample: GravitySample, propagated: PropagatedRow, status: int, row: Samples) -> None:
+    """Fill the gravity of a sample."""
+    known = math.isfinite(sample.x + sample.y + sample.z) and propagated.turned < math.inf
     vector = row["gravity"]
-    for c in range(3):
-        vector[c] = sources.g_t[i, c] if known else 0.0
-    non_gravity, rotary_speed = sources.non_gravity[i], sources.rotary_speed[i]
-    row["stamp_ns"] = sources.stamp_ns[i]
-    row["sigma"] = _sigma(sources.propagated[i].sigma_down, known, sources.suspect[i] & _LEVEL_SENSORS != 0)
-    row["non_gravity"] = non_gravity if math.isfinite(non_gravity) else 0.0
-    row["rotary_speed"] = rotary_speed if math.isfinite(rotary_speed) else 0.0
+    vector[0] = sample.x if known else 0.0
+    vector[1] = sample.y if known else 0.0
+    vector[2] = sample.z if known else 0.0
+    row["stamp_ns"] = sample.stamp_ns
+    row["sigma"] = _sigma(propagated.sigma_down, known, sample.suspect & _LEVEL_SENSORS != 0)
+    row["non_gravity"] = sample.non_gravity if math.isfinite(sample.non_gravity) else 0.0
+    row["rotary_speed"] = sample.rotary_speed if math.isfinite(sample.rotary_speed) else 0.0
     row["status"] = status

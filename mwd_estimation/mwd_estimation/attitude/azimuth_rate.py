@@ -19,7 +19,7 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     LEAKAGE,
     RING,
     BinSums,
-    GyroBlock,
+    GyroSample,
     KernelParams,
     PrecisionRates,
     State,
@@ -60,14 +60,13 @@ def _add_rate(sums: BinSums, dt: float, share: float, dy: float, dz: float, wx: 
 
 
 @compiled
-def add_sample(p: KernelParams, s: State, block: GyroBlock, i: int, earth_north: float) -> None:
+def add_sample(p: KernelParams, s: State, sample: GyroSample, earth_north: float) -> None:
     """
-    Take in sample i of the conventional unit: later than the last one, its y and z rates and vertical finite.
+    Take in a sample of the conventional unit: later than the last one, its y and z rates and vertical finite.
 
     earth_north: rate of the azimuth by the Earth's northward rotation per unit of `BinSums.earth`, rad/s.
     """
-    stamp, wx, wy, wz = block.stamp_ns[i], block.gyro_t[i, 0], block.gyro_t[i, 1], block.gyro_t[i, 2]
-    dx, dy, dz = block.g_t[i, 0], block.g_t[i, 1], block.g_t[i, 2]
+    stamp, wx, wy, wz, dx, dy, dz, sigma_tilt = sample
     wx = wx if math.isfinite(wx) else 0.0
     across2 = dy * dy + dz * dz
     sums = s.sums[s.bins_opened % BINS]
@@ -79,7 +78,7 @@ def add_sample(p: KernelParams, s: State, block: GyroBlock, i: int, earth_north:
             inverse = 1.0 / across2
             share = dt * inverse
             earth = dx * math.sqrt(across2) * share
-            mistaken = (wy * dz - wz * dy) * inverse * block.sigma_tilt[i]
+            mistaken = (wy * dz - wz * dy) * inverse * sigma_tilt
             turn = _add_rate(sums, dt, share, dy, dz, wx, wy, wz)
             sums.time += dt
             sums.earth += earth

@@ -33,6 +33,7 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     AzimuthRow,
     BinStep,
     GyroBlock,
+    GyroSample,
     GyroUnit,
     KernelParams,
     MagneticAzimuth,
@@ -342,7 +343,8 @@ def _run(
     sigma = math.sqrt(max(s.P[AZIMUTH, AZIMUTH], 0.0))
     earth_north = p.earth_north * math.cos(s.x[AZIMUTH])
     end = (s.last_ns // p.bin_ns + 1) * p.bin_ns if s.ring_length > 0 else NO_BIN
-    for i in range(len(block.stamp_ns)):
+    stamps, gyro_t, g_t, sigma_tilt = block
+    for i in range(len(stamps)):
         while step < len(steps) and steps[step].place <= i:
             has_azimuth, precision_used = _step(p, s, steps[step], precision, precision_used)
             bin_end = (steps[step].bin + 1) * p.bin_ns
@@ -354,15 +356,17 @@ def _run(
             sigma = math.sqrt(max(s.P[AZIMUTH, AZIMUTH], 0.0))
             earth_north = p.earth_north * math.cos(s.x[AZIMUTH])
             step += 1
-        stamp = block.stamp_ns[i]
-        across2 = block.g_t[i, 1] * block.g_t[i, 1] + block.g_t[i, 2] * block.g_t[i, 2]
+        stamp, d_x, d_y, d_z = stamps[i], g_t[i, 0], g_t[i, 1], g_t[i, 2]
+        w_x, w_y, w_z = gyro_t[i, 0], gyro_t[i, 1], gyro_t[i, 2]
+        across2 = d_y * d_y + d_z * d_z
         fresh = s.ring_length == 0 or stamp > s.last_ns
-        if fresh and math.isfinite(block.gyro_t[i, 1] + block.gyro_t[i, 2] + block.g_t[i, 0] + across2):
+        if fresh and math.isfinite(w_y + w_z + d_x + across2):
             if stamp >= end:
                 # A division for each sample would cost more than its sums.
                 end = (stamp // p.bin_ns + 1) * p.bin_ns
                 s.bins_opened += 1
                 azimuth_rate.clear_sums(s.sums[s.bins_opened % BINS], stamp // p.bin_ns)
-            azimuth_rate.add_sample(p, s, block, i, earth_north)
+            sample = GyroSample(stamp, w_x, w_y, w_z, d_x, d_y, d_z, sigma_tilt[i])
+            azimuth_rate.add_sample(p, s, sample, earth_north)
         _write(p, s, sigma, across2, rows[i])
     return used

@@ -287,6 +287,31 @@ class AzimuthRow:
     status: np.uint32
 
 
+class GyroSample(NamedTuple):
+    """
+    One sample of the conventional unit, by its numbers, as `time_alignment_state.Gravity`.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    w_x, w_y, w_z : float
+        Angular rate in tool axes, rad/s.
+    d_x, d_y, d_z : float
+        Unit vector down in tool axes.
+    sigma_tilt : float
+        Its 1 sigma, rad.
+    """
+
+    stamp_ns: int
+    w_x: float
+    w_y: float
+    w_z: float
+    d_x: float
+    d_y: float
+    d_z: float
+    sigma_tilt: float
+
+
 class GyroBlock(NamedTuple):
     """
     Samples of the conventional unit, n of them.

@@ -20,6 +20,7 @@ from mwd_estimation.attitude.time_alignment_state import (
     RING,
     AttitudeRow,
     FieldModel,
+    Gravity,
     GravityBlock,
     KernelParams,
     MagBlock,
@@ -173,21 +174,21 @@ def _gravity_at(s: State, at: int, down: Array) -> tuple[float, float]:
 
 
 @compiled
-def _take_mag(p: KernelParams, s: State, model: FieldModel, at: int, b_t: Array, pair: Pair) -> bool:
+def _take_mag(p: KernelParams, s: State, model: FieldModel, at: int, pair: Pair) -> bool:
     """
     Pair one magnetic sample with gravity at its stamp and move azimuth and magnetic toolface towards it.
 
-    Fills the directions and the azimuth of `pair`; False, with the state unchanged, for a sample that tells nothing.
+    `pair` holds its field; its directions and azimuth are filled. False, with the state unchanged, for a sample that
+    tells nothing.
     """
     size, turn = _gravity_at(s, at, pair.g_t)
-    taken_off = model.interference
-    b_x, b_y, b_z = b_t[0] - taken_off[0], b_t[1] - taken_off[1], b_t[2] - taken_off[2]
+    off_x, off_y, off_z = model.interference
+    b_x, b_y, b_z = pair.b_t[0] - off_x, pair.b_t[1] - off_y, pair.b_t[2] - off_z
     total = math.sqrt(b_x * b_x + b_y * b_y + b_z * b_z)
     if not (math.isfinite(total) and total > 0.0 and size > 0.0):
         return False
     for i in range(3):
         pair.g_t[i] /= size
-        pair.b_t[i] = b_t[i]
     d_x, d_y, d_z = pair.g_t[0], pair.g_t[1], pair.g_t[2]
     pair.azimuth = raw_azimuth_sample(-d_x, -d_y, -d_z, b_x, b_y, b_z) + model.north_correction
     # The scribe line's own direction in the horizontal plane: against north and east = down x north.
@@ -240,20 +241,19 @@ def _sigma_magnetic_toolface(model: FieldModel, s: State, tilt: float) -> float:
 
 
 @compiled
-def _keep(s: State, block: GravityBlock, i: int) -> None:
+def _keep(s: State, sample: Gravity) -> None:
     """Put a sample whose gravity is known and whose stamp advances into the ring."""
-    step = (block.stamp_ns[i] - s.last_ns) * 1e-9
+    step = (sample.stamp_ns - s.last_ns) * 1e-9
     if s.ring_length > 0 and step <= 0.0:
         return
-    if s.ring_length > 0 and step < _MAX_GAP and math.isfinite(block.rate_x[i]):
-        s.turn += block.rate_x[i] * step
+    if s.ring_length > 0 and step < _MAX_GAP and math.isfinite(sample.rate_x):
+        s.turn += sample.rate_x * step
     kept = s.ring[s.ring_head]
-    kept.stamp_ns, kept.turn = block.stamp_ns[i], s.turn
-    for c in range(3):
-        kept.down[c] = block.g_t[i, c]
+    kept.stamp_ns, kept.turn = sample.stamp_ns, s.turn
+    kept.down[0], kept.down[1], kept.down[2] = sample.x, sample.y, sample.z
     s.ring_head = (s.ring_head + 1) % RING
     s.ring_length = min(s.ring_length + 1, RING)
-    s.last_ns = block.stamp_ns[i]
+    s.last_ns = sample.stamp_ns
 
 
 @compiled
@@ -277,14 +277,12 @@ def _follow_vertical(p: KernelParams, s: State, inclination: float) -> None:
 
 
 @compiled
-def _write(
-    p: KernelParams, s: State, model: FieldModel, block: GravityBlock, i: int, across_axis: float, row: AttitudeRow
-) -> None:
-    """Row of sample i; across_axis: axial interference across the azimuth of now, T, in a horizontal hole."""
+def _write(p: KernelParams, s: State, model: FieldModel, sample: Gravity, across_axis: float, row: AttitudeRow) -> None:
+    """Row of a sample; across_axis: axial interference across the azimuth of now, T, in a horizontal hole."""
     row.total, row.dip = (s.total, s.dip) if s.have_mag else (math.nan, math.nan)
     row.azimuth = row.magnetic_toolface = math.nan
     row.sigma_azimuth = row.sigma_magnetic_toolface = math.pi
-    stamp, d_x, d_y, d_z = block.stamp_ns[i], block.g_t[i, 0], block.g_t[i, 1], block.g_t[i, 2]
+    d_x, d_y, d_z = sample.x, sample.y, sample.z
     if not math.isfinite(d_x + d_y + d_z):
         row.inclination = row.gravity_toolface = math.nan
         row.status = np.uint32(_NO_MAG)
@@ -293,7 +291,7 @@ def _write(
     row.inclination = math.atan2(across, d_x)
     _follow_vertical(p, s, row.inclination)
     status = _NEAR_VERTICAL if s.near_vertical else 0
-    turned = block.rate_x[i] * p.latency_s
+    turned = sample.rate_x * p.latency_s
     if p.latency_s > 0.0 and math.isfinite(turned):
         # Where the tool is by now: what was measured, turned on about its axis.
         cosine, sine = math.cos(turned), math.sin(turned)
@@ -301,19 +299,19 @@ def _write(
     else:
         turned = 0.0
     row.gravity_toolface = _wrap(math.atan2(-d_y, -d_z))
-    if s.have_mag and stamp - s.mag_ns <= p.mag_timeout_ns:
+    if s.have_mag and sample.stamp_ns - s.mag_ns <= p.mag_timeout_ns:
         row.azimuth = s.azimuth
         if s.near_vertical:
             # A stamp that came late lies in a time that has been passed already.
-            late = stamp < s.last_ns and math.isfinite(block.rate_x[i])
-            turn = _turn_at(s, stamp) if late else s.turn
+            late = sample.stamp_ns < s.last_ns and math.isfinite(sample.rate_x)
+            turn = _turn_at(s, sample.stamp_ns) if late else s.turn
             row.magnetic_toolface = _wrap(s.toolface + (1.0 if d_x > 0.0 else -1.0) * (turn + turned))
         else:
             row.magnetic_toolface = _wrap(s.azimuth + math.atan2(-d_y / across, -d_z / across * d_x))
         size = math.sqrt(across * across + d_x * d_x)
         sine, cosine = across / size, d_x / size
-        row.sigma_azimuth = _sigma_azimuth(model, s, across_axis * sine, sine, cosine, block.sigma_tilt[i])
-        row.sigma_magnetic_toolface = _sigma_magnetic_toolface(model, s, block.sigma_tilt[i])
+        row.sigma_azimuth = _sigma_azimuth(model, s, across_axis * sine, sine, cosine, sample.sigma_tilt)
+        row.sigma_magnetic_toolface = _sigma_magnetic_toolface(model, s, sample.sigma_tilt)
     else:
         status |= _NO_MAG
     row.status = np.uint32(status)
@@ -326,21 +324,24 @@ def _run(
     """Arguments as in `run`, the last two are filled; returns how many samples were used and handed on."""
     used, handed_on = 0, 0
     across_axis = model.sigma_axial * math.sin(s.azimuth - model.north_correction)
-    for i in range(len(block.stamp_ns)):
-        stamp = block.stamp_ns[i]
-        if math.isfinite(block.g_t[i, 0] + block.g_t[i, 1] + block.g_t[i, 2]):
-            _keep(s, block, i)
-        while used < len(mag.stamp_ns) and mag.stamp_ns[used] <= stamp - p.mag_lag_ns:
+    stamps, g_t, rate_x, sigma_tilt = block
+    for i in range(len(stamps)):
+        sample = Gravity(stamps[i], g_t[i, 0], g_t[i, 1], g_t[i, 2], rate_x[i], sigma_tilt[i])
+        if math.isfinite(sample.x + sample.y + sample.z):
+            _keep(s, sample)
+        while used < len(mag.stamp_ns) and mag.stamp_ns[used] <= sample.stamp_ns - p.mag_lag_ns:
             at = mag.stamp_ns[used]
             if s.ring_length > 0 and (not s.have_mag or at > s.mag_ns):
                 pair = pairs[handed_on]
-                taken = _take_mag(p, s, model, at, mag.b_t[used], pair)
+                for c in range(3):
+                    pair.b_t[c] = mag.b_t[used, c]
+                taken = _take_mag(p, s, model, at, pair)
                 across_axis = model.sigma_axial * math.sin(s.azimuth - model.north_correction)
                 if taken and at // p.interval_ns != s.last_interval:
                     s.last_interval = at // p.interval_ns
                     pair.place = i
-                    _hand_on(s, model, at, block.sigma_tilt[i], pair)
+                    _hand_on(s, model, at, sample.sigma_tilt, pair)
                     handed_on += 1
             used += 1
-        _write(p, s, model, block, i, across_axis, rows[i])
+        _write(p, s, model, sample, across_axis, rows[i])
     return used, handed_on

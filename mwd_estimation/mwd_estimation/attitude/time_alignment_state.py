@@ -45,7 +45,7 @@ class FieldModel(NamedTuple):
 
     Attributes
     ----------
-    interference : ndarray, shape (3,)
+    interference : tuple of float
         Field in tool axes that is not the Earth's, T, taken off before use.
     sigma_axial, sigma_cross : float
         1 sigma of what is left of it along and across the axis, T.
@@ -55,7 +55,7 @@ class FieldModel(NamedTuple):
         Its 1 sigma, rad.
     """
 
-    interference: Array
+    interference: tuple[float, float, float]
     sigma_axial: float
     sigma_cross: float
     north_correction: float = 0.0
@@ -140,6 +140,32 @@ class Pair:
     sigma_tilt: float
     azimuth: float
     sigma: float
+
+
+class Gravity(NamedTuple):
+    """
+    One sample of gravity.
+
+    Its numbers, and not the columns of its block, are passed from kernel to kernel: numba counts the references of an
+    array at each call, which costs more than most calls do.
+
+    Attributes
+    ----------
+    stamp_ns : int
+    x, y, z : float
+        Unit vector down in tool axes, nan while unknown.
+    rate_x : float
+        Rate about the axis, rad/s.
+    sigma_tilt : float
+        1 sigma of the tilt, rad.
+    """
+
+    stamp_ns: int
+    x: float
+    y: float
+    z: float
+    rate_x: float
+    sigma_tilt: float
 
 
 class GravityBlock(NamedTuple):

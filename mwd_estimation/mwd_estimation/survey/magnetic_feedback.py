@@ -92,7 +92,7 @@ class MagneticFeedback:
         if reference is not None and known and self.north != "magnetic":
             variance = reference.declination_variance(reference.horizontal)
         model = FieldModel(
-            interference=np.array([axial, 0.0, 0.0]),
+            interference=(axial, 0.0, 0.0),
             sigma_axial=sigma_axial,
             sigma_cross=settings.errors.magnetometer_bias_nt * 1e-9,
             north_correction=correction,

@@ -58,7 +58,7 @@ def follow(made, block, b_t, updates=(), seeks=(), external_from=None, open_from
     n = len(block.stamps)
     made.take_mag(block.stamps, b_t)
     attitude, gravity = wire.ATTITUDE.empty(n), wire.GRAVITY.empty(n)
-    model = FieldModel(np.zeros(3), 2e-7, 7e-8)
+    model = FieldModel((0.0, 0.0, 0.0), 2e-7, 7e-8)
     models = [
         (0, MagneticModelInForce(model, 2, False)),
         *((place, MagneticModelInForce(model, 2, False, update)) for place, update in updates),
@@ -66,7 +66,7 @@ def follow(made, block, b_t, updates=(), seeks=(), external_from=None, open_from
     if external_from is not None:
         models.append((external_from, MagneticModelInForce(model, 2, False, external_interference=True)))
     if open_from is not None:
-        unsure = FieldModel(np.zeros(3), 2e-7, 7e-8, sigma_north=0.4)
+        unsure = FieldModel((0.0, 0.0, 0.0), 2e-7, 7e-8, sigma_north=0.4)
         models.append((open_from, MagneticModelInForce(unsure, 2, False, unresolved=0.4)))
     events = [
         BinEvent(place, START // BIN_NS + place // 50 - 2, START + (place - 50) * 10**7, *dict(seeks).get(place, ()))

@@ -21,7 +21,7 @@ def run(params, state, model, stamps, g_t, rate_x, sigma_tilt, mag_ns, b_t):
     return time_alignment.run(kernel_params(params), state, model, block, MagBlock(mag_ns, np.ascontiguousarray(b_t)))
 
 
-CLEAN = FieldModel(np.zeros(3), 0.0, 0.0)
+CLEAN = FieldModel((0.0, 0.0, 0.0), 0.0, 0.0)
 
 
 def _turning(inclination, azimuth, times, rate=16.2):
@@ -55,7 +55,7 @@ def test_a_fast_turning_tool_keeps_its_azimuth_whatever_the_stamps_of_the_magnet
 
 
 def test_known_interference_is_taken_off_and_the_named_north_added():
-    model = FieldModel(np.array([3e-6, -1e-6, 2e-6]), 0.0, 0.0, north_correction=0.1)
+    model = FieldModel((3e-6, -1e-6, 2e-6), 0.0, 0.0, north_correction=0.1)
     rows, _ = _run(0.9, 4.0, model=model)
     np.testing.assert_allclose(wrap_pi(rows["azimuth"][5:] - 4.1), 0.0, atol=1e-9)
 
@@ -146,7 +146,7 @@ def test_one_magnetic_sample_in_each_interval_is_handed_on_with_the_gravity_of_i
     mag_times = times[::3] + 0.003
     mag_mat = _turning(0.9, 2.0, mag_times)
     to_ns = lambda t: START + np.round(t * 1e9).astype(np.int64)  # noqa: E731
-    model = FieldModel(np.array([1e-6, 0.0, 0.0]), 2e-7, 1e-7)
+    model = FieldModel((1e-6, 0.0, 0.0), 2e-7, 1e-7)
     b_t = _seen(mag_mat, FIELD_N) + model.interference
     rows, pairs, _ = run(
         Params(pair_interval_s=0.5), initial(), model, to_ns(times), _seen(mat, np.array([0.0, 0.0, 1.0])),

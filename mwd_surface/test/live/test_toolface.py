@@ -39,7 +39,7 @@ def test_the_mode_is_the_estimators_through_its_hysteresis_and_at_any_inclinatio
     g_t = np.stack([np.cos(inclination), np.zeros(122), np.sin(inclination)], axis=1)
     stamps, none = np.arange(122) * 10**7, np.zeros((0, 3))
     params = Params(vertical_enter_deg=5.0, vertical_leave_deg=6.0)
-    model = FieldModel(np.zeros(3), 0.0, 0.0, 0.0, 0.0)
+    model = FieldModel((0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
     rows, _, _ = time_alignment.run(
         kernel_params(params),
         initial(),
