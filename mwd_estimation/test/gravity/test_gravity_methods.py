@@ -10,6 +10,8 @@ from mwd_estimation.core.status import Status
 from mwd_estimation.gravity import methods as gravity
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
+pytestmark = pytest.mark.slow
+
 FIELDS = ("g_t", "sigma_inclination", "sigma_toolface", "non_gravity", "rotary_speed", "status")
 every_method = pytest.mark.parametrize("name", list(gravity.METHODS))
 

@@ -17,6 +17,8 @@ from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import REFERENCE_DATA, ROOT
 
+pytestmark = pytest.mark.slow
+
 SCENARIOS = ROOT / "bags" / "scenarios"
 BROAD = REFERENCE_DATA / "broad"
 PARAMS = health.Params()

@@ -18,6 +18,8 @@ from mwd_sensors.simulator.faults import Fault
 from mwd_sensors.simulator.sonde import Sonde
 from project import SCENARIOS
 
+pytestmark = pytest.mark.slow
+
 SCENARIO = SCENARIOS / "bench" / "drillvib.yaml"
 BIN = 500_000_000
 START_S = 12.1

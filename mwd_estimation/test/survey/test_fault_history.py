@@ -19,6 +19,8 @@ from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import SCENARIOS
 
+pytestmark = pytest.mark.slow
+
 SCENARIO = SCENARIOS / "bench" / "drillvib.yaml"
 TOPICS = ("imu/mag", "imu/data_raw", "truth")
 SCHEDULE = [

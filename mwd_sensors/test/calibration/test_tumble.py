@@ -16,6 +16,8 @@ from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import SCENARIOS
 
+pytestmark = pytest.mark.slow
+
 
 @functools.cache
 def tumbled():

@@ -9,6 +9,8 @@ from mwd_surface.commands.calibrate import calibrate
 from mwd_surface.runs import calibration_run, simulate
 from project import SCENARIOS
 
+pytestmark = pytest.mark.slow
+
 TUMBLE = SCENARIOS / "tumble.yaml"
 APP = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 APP.command()(calibrate)

@@ -8,6 +8,8 @@ from typer.testing import CliRunner
 from mwd_surface.bags.bag_reader import BagError
 from mwd_surface.commands.plot import plot
 
+pytestmark = pytest.mark.slow
+
 APP = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 APP.command()(plot)
 

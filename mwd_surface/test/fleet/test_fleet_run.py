@@ -19,6 +19,8 @@ from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.fleet import fleet_index, fleet_run
 from mwd_surface.fleet.fleet_dataset import DONE, FAILED
 
+pytestmark = pytest.mark.slow
+
 START = 1_772_344_800_000_000_000
 RAW = settings.changed(EstimatorSettings(), {"gravity.method": "raw"})
 

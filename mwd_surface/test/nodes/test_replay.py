@@ -27,6 +27,8 @@ from mwd_sensors.ros.time_stamps import stamp  # noqa: E402
 from mwd_surface.nodes import replay  # noqa: E402
 from mwd_surface.ros.topics import message_class  # noqa: E402
 
+pytestmark = pytest.mark.slow
+
 START = 1_772_344_800_000_000_000
 STREAM = QoSProfile(depth=5000, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 

@@ -15,6 +15,8 @@ from mwd_surface.plots import bag_plots
 from mwd_surface.plots.plot_data import gather
 from mwd_surface.plots.traces import WHAT
 
+pytestmark = pytest.mark.slow
+
 
 @functools.cache
 def folder():

@@ -20,6 +20,8 @@ from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.runs import calibration_run, simulate
 from project import SCENARIOS
 
+pytestmark = pytest.mark.slow
+
 TUMBLE = SCENARIOS / "tumble.yaml"
 
 

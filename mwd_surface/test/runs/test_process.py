@@ -24,6 +24,8 @@ from mwd_surface.runs.run_config import read_config
 from mwd_surface.runs.run_output import OutputSettings
 from mwd_surface.surveys.survey_source import surveys_of
 
+pytestmark = pytest.mark.slow
+
 START = 1_772_344_800_000_000_000
 S3 = settings.changed(EstimatorSettings(), {"gravity.method": "s3"})
 FIELD_N = np.array([2.6e-5, 0.0, 4.0e-5])

@@ -20,6 +20,8 @@ from mwd_surface.rig.opcua.address_space import NAMESPACE
 from mwd_surface.rig.opcua.server import OpcuaServer
 from mwd_surface.rig.opcua.settings import OpcuaSettings
 
+pytestmark = pytest.mark.slow
+
 PEERS = Path(__file__).parents[2] / "peers"
 asyncua = pytest.importorskip("asyncua", reason="asyncua is not installed: pip install asyncua")
 ua = asyncua.ua

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 
 from mwd_surface.rig.wits.format import KEEP_ALIVE, Decoder, checked_text, encode, number_text, plain_text
 
+pytestmark = pytest.mark.slow
+
 
 def numbers(frame):
     return {item.code: item.number for item in frame.items}
