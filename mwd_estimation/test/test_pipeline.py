@@ -194,12 +194,12 @@ def test_the_residual_of_a_bin_is_that_of_the_last_magnetic_sample_before_its_ju
     imu, mag = _samples(seconds=10.0)
     mag["magnetic_field"] *= np.linspace(1.0, 1.02, len(mag))[:, None]
     (output,) = _run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE))
-    said = output.interference
-    assert len(said) == 18
+    reported = output.interference
+    assert len(reported) == 18
     # Judged one bin late, with the sample of 20 ms before.
-    at = np.searchsorted(mag["stamp_ns"], said["stamp_ns"] + 500_000_000 - 30_000_000)
+    at = np.searchsorted(mag["stamp_ns"], reported["stamp_ns"] + 500_000_000 - 30_000_000)
     total = np.linalg.norm(mag["magnetic_field"], axis=1)[at]
-    np.testing.assert_allclose(said["total_residual"], total - REFERENCE.total, atol=1e-12)
+    np.testing.assert_allclose(reported["total_residual"], total - REFERENCE.total, atol=1e-12)
 
 
 def test_a_new_reference_holds_from_there_on():
@@ -290,9 +290,9 @@ def test_a_recording_that_ends_while_a_survey_waits_for_the_gyro_gives_that_surv
     assert not pipeline.finish().surveys
 
 
-def test_steel_between_two_stations_is_shown_by_what_the_gyros_carried_on_however_the_stream_is_cut():
+def test_external_interference_between_two_stations_is_shown_by_what_the_gyros_carried_on_however_the_stream_is_cut():
     imu, mag = _samples(seconds=60.0, axial=0.0, rate=3.0, still_after=0.0)
-    # Two still intervals with a shaken one between; from there on steel turns the field by 15 deg about the vertical.
+    # Two still intervals with a shaken one between; then interference turns the field by 15 deg about the vertical.
     times = np.arange(len(imu)) * 0.01
     shaken = (times > 24.0) & (times < 32.0)
     imu["linear_acceleration"][shaken] += np.random.default_rng(5).normal(size=(int(shaken.sum()), 3))
@@ -301,9 +301,9 @@ def test_steel_between_two_stations_is_shown_by_what_the_gyros_carried_on_howeve
     turn = np.radians(15.0)
     along = (field @ down)[:, None] * down
     mag["magnetic_field"][times >= 28.0] = along + (field - along) * np.cos(turn) + np.cross(down, field) * np.sin(turn)
-    told = changed(EstimatorSettings(), {"tool.gyro.bias_deg_h": 20.0})
-    whole = [survey for output in _run(imu, mag, Pipeline(told, REFERENCE)) for survey in output.surveys]
-    pieces = _run(imu, mag, Pipeline(told, REFERENCE), range(50, 6000, 370))
+    settings = changed(EstimatorSettings(), {"tool.gyro.bias_deg_h": 20.0})
+    whole = [survey for output in _run(imu, mag, Pipeline(settings, REFERENCE)) for survey in output.surveys]
+    pieces = _run(imu, mag, Pipeline(settings, REFERENCE), range(50, 6000, 370))
     assert [s.weights.get("carried") for s in whole] == [None, 0.0]
     first, second = whole
     assert first.station.verdict == "accept"

@@ -1,3 +1,3 @@
-"""What the rig hears: recording, survey list and well path, live page, rig protocols, reports, the mwd command."""
+"""The surface: recording, survey list and well path, live page, rig protocols, reports, the mwd command."""
 
 __version__ = "0.1.0"

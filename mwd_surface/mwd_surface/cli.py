@@ -1,4 +1,4 @@
-"""The door of the `mwd` command: one line per command, and one way to end when something is wrong."""
+"""The `mwd` command: one line for each command, and one way to end with an error."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def _versions(wanted: bool) -> None:
 
 @app.callback()
 def _top(
-    _told: Annotated[
-        bool, typer.Option("--version", help="Say the versions and end.", is_eager=True, callback=_versions)
+    _version_option: Annotated[
+        bool, typer.Option("--version", help="Print the versions and end.", is_eager=True, callback=_versions)
     ] = False,
 ) -> None:
     """Options of `mwd` itself."""

@@ -10,7 +10,7 @@ from mwd_sensors.core import settings, wire
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.surveys import survey_message
+from mwd_surface.surveys import message_conversion
 from mwd_surface.surveys.survey_source import LIST_TYPE, PATH_TYPE
 
 RUN = """
@@ -50,7 +50,7 @@ def survey_rows(definitions):
     store = definitions.typestore
     for record in example.surveys().records:
         message = blank(store, RECORD)
-        survey_message.fill_record(message, record, lambda: blank(store, "mwd_msgs/msg/AzimuthEstimate"))
+        message_conversion.fill_record(message, record, lambda: blank(store, "mwd_msgs/msg/AzimuthEstimate"))
         for part in (message, message.survey):
             for field in dataclasses.fields(part):
                 value = getattr(part, field.name)
@@ -108,14 +108,14 @@ def recorded(path, lists, trajectory=True):
         channels = [bag.topic("/w1/surveys", LIST_TYPE), bag.topic("/w1/trajectory", PATH_TYPE)]
         for k, surveys in enumerate(lists):
             table = blank(store, LIST_TYPE)
-            survey_message.fill_list(
+            message_conversion.fill_list(
                 table,
                 surveys,
                 lambda: blank(store, "mwd_msgs/msg/SurveyRecord"),
                 lambda: blank(store, "mwd_msgs/msg/AzimuthEstimate"),
             )
             way = blank(store, PATH_TYPE)
-            survey_message.fill_trajectory(way, surveys.definitive(), surveys.changed_ns)
+            message_conversion.fill_trajectory(way, surveys.definitive(), surveys.changed_ns)
             for channel, kind, message in zip(channels, (LIST_TYPE, PATH_TYPE), (table, way), strict=True):
                 if kind == LIST_TYPE or trajectory:
                     data = bytes(store.serialize_cdr(arrays(message), kind))

@@ -69,7 +69,7 @@ def test_every_command_has_an_example(command):
     assert f"mwd {command}" in done.stdout
 
 
-def test_the_version_is_told_by_command_and_by_option():
+def test_the_version_is_printed_by_command_and_by_option():
     asked, option = mwd("version"), mwd("--version")
     assert option.returncode == 0
     assert option.stdout == asked.stdout

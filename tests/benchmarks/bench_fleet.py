@@ -35,12 +35,12 @@ ROUNDS = 3
 
 def simulated(folder: Path, source: Path, count: int) -> list[Path]:
     """Bags of a scenario, each with a seed of its own."""
-    told = scenario.read(source, {})
+    given = scenario.read(source, {})
     bags = []
     for seed in range(count):
         path = folder / f"{seed:04d}"
         bags.append(path)
-        simulate.record(dataclasses.replace(told, seed=seed), path)
+        simulate.record(dataclasses.replace(given, seed=seed), path)
     return bags
 
 
@@ -55,12 +55,12 @@ class Killer:
     """Ends the worker of the tenth outcome."""
 
     def __init__(self) -> None:
-        self.told = self.killed = 0
+        self.given = self.killed = 0
 
     def __call__(self, outcome: Outcome, _share: float) -> None:
         """Count, and kill once."""
-        self.told += 1
-        if self.told == 10:
+        self.given += 1
+        if self.given == 10:
             self.killed = int(outcome.row["worker"].rpartition(":")[2])
             os.kill(self.killed, signal.SIGKILL)
 

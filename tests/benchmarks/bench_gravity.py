@@ -145,14 +145,14 @@ def drilled(path: Path, changes: Changes, calibrated: bool = False) -> Data:
     for block in sonde.blocks(5.0):
         imu.append(block["imu/data_raw"])
         truth.append(block["truth"])
-    felt, known = np.concatenate(imu), np.concatenate(truth)
-    known = known[np.searchsorted(known["stamp_ns"], felt["stamp_ns"])]
-    w, f = felt["angular_velocity"], felt["linear_acceleration"]
+    sensed, known = np.concatenate(imu), np.concatenate(truth)
+    known = known[np.searchsorted(known["stamp_ns"], sensed["stamp_ns"])]
+    w, f = sensed["angular_velocity"], sensed["linear_acceleration"]
     if calibrated:
         gyro = sonde.ahrs.gyro.matrix
         w = w @ np.linalg.inv(gyro / np.diag(gyro)[:, None]).T
         f = (f - known["accel_bias"]) @ np.linalg.inv(sonde.ahrs.accelerometer.matrix).T
-    _MADE[key] = felt["stamp_ns"], w, f, known["gravity"]
+    _MADE[key] = sensed["stamp_ns"], w, f, known["gravity"]
     return _MADE[key]
 
 
@@ -397,22 +397,22 @@ def paper_tables() -> list[str]:
     t, w, f, down = drilled(SCENARIOS / "s3_rotation.yaml", {})
     turning = np.abs(w[:, 0]) > 10.0
     out += ["", "| S3 rotation, inclination error, deg | paper | ours, rms | ours, largest |", "|---|---|---|---|"]
-    for label, name, said in (("raw", "raw", "3.5"), ("S3", "s3", "within 1.0"), ("bounded", "bounded", "")):
+    for label, name, reported in (("raw", "raw", "3.5"), ("S3", "s3", "within 1.0"), ("bounded", "bounded", "")):
         error = (inclination(ours(name)(t, w, f)) - inclination(down))[turning]
-        out.append(f"| {label} | {said} | {rms(error):.3f} | {np.abs(error).max():.3f} |")
+        out.append(f"| {label} | {reported} | {rms(error):.3f} | {np.abs(error).max():.3f} |")
     # The paper's raw deviation shows how little of the 50 m/s^2 its sensor let through; its gyro had no bias to learn.
-    felt = {"low_hz": 10.0, "high_hz": 150.0, "period_s": 332.0, "acceleration_mps2": [0.13, 0.2, 3.35]}
+    sensed = {"low_hz": 10.0, "high_hz": 150.0, "period_s": 332.0, "acceleration_mps2": [0.13, 0.2, 3.35]}
     matched: dict[str, Any] = {
         "ahrs": {"grade": "mti3_calibrated", "changes": {"gyro": {"bias_deg_h": 0.0}}},
-        "vibration": {"sweeps": [{**felt, "rate_deg_s": [0.0, 0.2, 0.0]}]},
+        "vibration": {"sweeps": [{**sensed, "rate_deg_s": [0.0, 0.2, 0.0]}]},
     }
     t, w, f, _ = drilled(SCENARIOS / "s3_vibration.yaml", {})
     out += [
         "",
-        f"| S3 table 2 ({len(t)} samples), mean / std, deg | paper | ours, all of it felt | ours, as much felt |",
+        f"| S3 table 2 ({len(t)} samples), mean / std, deg | paper | ours, all measured | ours, as much measured |",
     ]
     out.append("|---|---|---|---|")
-    for label, name, said in (
+    for label, name, reported in (
         ("raw", "raw", "0.8269 / 0.6586"), ("S3", "s3", "0.0068 / 0.0379"), ("Kalman", "kalman", "0.0902 / 0.0485"),
         ("bounded", "bounded", ""),
     ):  # fmt: skip
@@ -421,10 +421,10 @@ def paper_tables() -> list[str]:
             t, w, f, down = drilled(SCENARIOS / "s3_vibration.yaml", changes)
             error = (inclination(ours(name)(t, w, f)) - inclination(down))[t - t[0] > SKIP_NS]
             cells.append(f"{abs(error.mean()):.4f} / {error.std():.4f}")
-        out.append(f"| {label} | {said} | {' | '.join(cells)} |")
+        out.append(f"| {label} | {reported} | {' | '.join(cells)} |")
     out += ["", "| S3 table 3, per update called alone, us | paper (MATLAB, PC) | ours |", "|---|---|---|"]
-    for label, name, said in (("S3", "s3", "38.3"), ("Kalman", "kalman", "56.3"), ("bounded", "bounded", "")):
-        out.append(f"| {label} | {said} | {alone(name, t, w, f):.1f} |")
+    for label, name, reported in (("S3", "s3", "38.3"), ("Kalman", "kalman", "56.3"), ("bounded", "bounded", "")):
+        out.append(f"| {label} | {reported} | {alone(name, t, w, f):.1f} |")
     return out
 
 

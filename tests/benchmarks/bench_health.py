@@ -161,7 +161,7 @@ def judged(streams: Streams, reference: tuple[float | None, ...]) -> tuple[healt
 
 @dataclasses.dataclass
 class Watched:
-    """What was said of a run: changes and the seconds after which, and the seconds from which on there was doubt."""
+    """What a run reported: changes and the seconds after which, and the seconds from which on there was doubt."""
 
     changes: list[tuple[float, SensorFault]]
     doubts: NDArray[np.float64]
@@ -180,7 +180,7 @@ def fine_watched(streams: Streams, reference: tuple[float | None, ...]) -> Watch
     health_of = PrecisionHealth(math.radians(5.0) / 3600.0)
     imu, fine = streams["imu/data_raw"], streams["gyro/data_raw"]
     beside = np.hstack([imu["angular_velocity"], imu["linear_acceleration"]])
-    felt = beside.copy()
+    sensed = beside.copy()
     beside[(step.suspect | step.unusable) & (GYRO | ACCEL) > 0] = np.nan
     values = np.hstack([fine["angular_velocity"], fine["linear_acceleration"]])
     begin, found = int(imu["stamp_ns"][0]), Watched([], np.zeros(0))
@@ -189,12 +189,12 @@ def fine_watched(streams: Streams, reference: tuple[float | None, ...]) -> Watch
         c, d = np.searchsorted(fine["stamp_ns"], [k * BIN_NS, (k + 1) * BIN_NS])
         if a == b:
             continue
-        here = felt[a:b]
+        here = sensed[a:b]
         still = bool((np.abs(here[:, :3].mean(axis=0)) < 0.03).all() and here[:, 3:].std(axis=0).max() < 0.25)
         health_of.beside(imu["stamp_ns"][a + 1 : b + 1], beside[a + 1 : b + 1])
         now = ((k + 1) * BIN_NS - begin) * 1e-9
-        said = health_of.judge((k + 1) * BIN_NS, still, (fine["stamp_ns"][c:d].copy(), values[c:d]))
-        found.changes += [(now, one) for one in said]
+        reported = health_of.judge((k + 1) * BIN_NS, still, (fine["stamp_ns"][c:d].copy(), values[c:d]))
+        found.changes += [(now, one) for one in reported]
         if health_of.suspect:
             found.doubts = np.append(found.doubts, now)
     return found
@@ -206,13 +206,13 @@ def healthy() -> list[str]:
     speeds: list[float] = []
     counts: dict[str, list[float]] = {}
 
-    def count(kind: str, name: str, said: Watched, every: float) -> None:
+    def count(kind: str, name: str, reported: Watched, every: float) -> None:
         clips = name.split(",")[0] in CLIPPING
-        false = [one for _, one in said.changes if not (clips and one.code == FaultCode.CLIPPED)]
+        false = [one for _, one in reported.changes if not (clips and one.code == FaultCode.CLIPPED)]
         sums = counts.setdefault(kind, [0, 0, 0.0])
         sums[0] += 1
         sums[1] += len(false)
-        sums[2] += every * len(said.doubts)
+        sums[2] += every * len(reported.doubts)
         rows.extend(f"- `{name}`: {describe(one).message}" for one in false)
 
     for seed, path in enumerate(sorted(SCENARIOS.rglob("*.yaml"))):
@@ -234,8 +234,8 @@ def healthy() -> list[str]:
         imu["stamp_ns"] = mag["stamp_ns"] = stamps
         imu["angular_velocity"], imu["linear_acceleration"] = data["gyr"], data["acc"]
         mag["magnetic_field"] = data["mag"] * 1e-6
-        said = watched({"imu/data_raw": imu, "imu/mag": mag}, (None, None, None))
-        count("BROAD", file.stem, said, 1.0 / float(data["fs"]))
+        reported = watched({"imu/data_raw": imu, "imu/mag": mag}, (None, None, None))
+        count("BROAD", file.stem, reported, 1.0 / float(data["fs"]))
     return [
         "| healthy | runs | false alarms | in doubt, s |",
         "|---|---|---|---|",
@@ -281,14 +281,14 @@ def row(runs: list[Run], component: str, word: str, axis: str, watch: Callable[.
     for run in runs:
         doubted, named, wrong = 0.0, 0.0, ""
         for start in STARTS:
-            said = watch(spoilt(run, Fault(component, word, axis, start_s=start)), run.reference)
-            right = [(at - start, one) for at, one in said.changes if not one.cleared_ns and at >= start]
+            reported = watch(spoilt(run, Fault(component, word, axis, start_s=start)), run.reference)
+            right = [(at - start, one) for at, one in reported.changes if not one.cleared_ns and at >= start]
             named_as = [describe(one).sensor for _, one in right]
             wrong = next((sensor for sensor in named_as if SENSOR[component] not in sensor), wrong)
             if not right:
                 named = math.inf
                 break
-            later = said.doubts[said.doubts >= start]
+            later = reported.doubts[reported.doubts >= start]
             first = float(later[0]) - start if len(later) else math.inf
             doubted, named = max(doubted, min(first, right[0][0])), max(named, right[0][0])
             text = describe(right[0][1])

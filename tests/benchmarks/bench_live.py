@@ -55,7 +55,7 @@ _WARM_S = 5.0
 
 
 @dataclasses.dataclass(frozen=True)
-class Heard:
+class Received:
     """A stream as a listener of its own process had it: stamps, times of sending and of arrival, shape (n,), ns."""
 
     stamp_ns: NDArray[np.int64]
@@ -74,7 +74,7 @@ class Result:
     """
     What a chain did.
 
-    cores: used by each process. samples, attitudes: heard a second. missing: of samples and of attitudes, in per cent
+    cores: used by each process. samples, attitudes: received a second. missing: of samples and attitudes, in per cent
     of those between the first and the last. latency_ms: median, 99th percentile. recorded: of each stream, messages
     and how many are missing between them.
     """
@@ -117,7 +117,7 @@ def cores(processes: dict[str, subprocess.Popen[bytes]], seconds: float) -> dict
     return {name: (cpu_seconds(one.pid) - before[name]) / spent for name, one in processes.items()}
 
 
-# A listener of its own process: it counts from when it hears every stream, for discovery finds one after the other.
+# A listener of its own process: it counts from when it receives every stream, for discovery finds one after the other.
 LISTENER = """
 import json, struct, sys, time, rclpy
 from sensor_msgs.msg import Imu
@@ -126,7 +126,7 @@ from mwd_sensors.ros.qos import STREAM, buffered
 rclpy.init(); node = rclpy.create_node("bench")
 kinds, qos = {"imu/data_raw": Imu, "attitude": Attitude}, buffered(STREAM)
 readers = {name: node.create_subscription(kinds[name], "/w1/" + name, print, qos, raw=True) for name in sys.argv[2:]}
-heard, end = {name: [] for name in readers}, None
+received, end = {name: [] for name in readers}, None
 while end is None or time.monotonic() < end:
     time.sleep(0.02)
     for name, reader in readers.items():
@@ -134,26 +134,26 @@ while end is None or time.monotonic() < end:
             while (found := reader.handle.take_message(reader.msg_type, True)) is not None:
                 sec, nanosec = struct.unpack_from("<iI", found[0], 4)
                 times = found[1]["source_timestamp"], found[1]["received_timestamp"]
-                heard[name].append((sec * 10**9 + nanosec, *times))
-    if end is None and all(heard.values()):
-        heard, end = {name: [] for name in readers}, time.monotonic() + float(sys.argv[1])
-print(json.dumps(heard))
+                received[name].append((sec * 10**9 + nanosec, *times))
+    if end is None and all(received.values()):
+        received, end = {name: [] for name in readers}, time.monotonic() + float(sys.argv[1])
+print(json.dumps(received))
 """
 
 
 @contextlib.contextmanager
-def listening(environment: dict[str, str], seconds: float, *topics: str) -> Iterator[dict[str, Heard]]:
-    """Listen so long from when every topic is heard; what was heard is there at the end of the block."""
-    heard: dict[str, Heard] = {}
+def listening(environment: dict[str, str], seconds: float, *topics: str) -> Iterator[dict[str, Received]]:
+    """Listen so long from when every topic has arrived; what arrived is there at the end of the block."""
+    received: dict[str, Received] = {}
     words = [sys.executable, "-c", LISTENER, str(seconds), *topics]
     with subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True) as listener:
         try:
-            yield heard
+            yield received
             out = listener.communicate(timeout=300.0 + seconds)[0]
         finally:
             listener.kill()
     for name, rows in json.loads(out.splitlines()[-1]).items():
-        heard[name] = Heard(*np.array(rows, dtype=np.int64).T)
+        received[name] = Received(*np.array(rows, dtype=np.int64).T)
 
 
 @contextlib.contextmanager
@@ -217,9 +217,9 @@ def _measured(graph: running_graph.Graph, seconds: float) -> Result:
     time.sleep(_WARM_S)
     used = cores(graph.running, seconds)
     listened = min(seconds, 10.0)
-    with listening(graph.environment, listened, "imu/data_raw", "attitude") as heard:
+    with listening(graph.environment, listened, "imu/data_raw", "attitude") as received:
         pass
-    imu, attitude = heard["imu/data_raw"], heard["attitude"]
+    imu, attitude = received["imu/data_raw"], received["attitude"]
     _, sent, arrived = np.intersect1d(imu.stamp_ns, attitude.stamp_ns, return_indices=True)
     latency_ms = (attitude.arrived_ns[arrived] - imu.sent_ns[sent]) * 1e-6
     p50, p99 = np.percentile(latency_ms, [50.0, 99.0])
@@ -246,11 +246,14 @@ def replayed(folder: Path, rate: float, seconds: float) -> tuple[float, float, i
         simulate.record(read(folder / "replay.yaml"), bag, "w1")
     with running_graph.graph(folder) as graph:
         words = [sys.executable, "-P", "-m", "mwd_surface.cli", "replay", str(bag), "--rate", str(rate), "--wait", "60"]
-        with listening(graph.environment, seconds, "imu/data_raw") as heard, (folder / "replay.log").open("wb") as log:
+        with (
+            listening(graph.environment, seconds, "imu/data_raw") as received,
+            (folder / "replay.log").open("wb") as log,
+        ):
             graph.running["replay"] = subprocess.Popen(
                 words, env=graph.environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log
             )
-    imu = heard["imu/data_raw"]
+    imu = received["imu/data_raw"]
     wall_s, run_s = ((times - times[0]) * 1e-9 for times in (imu.sent_ns, imu.stamp_ns))
     late_s = wall_s - run_s / rate
     error = float(run_s[-1] / wall_s[-1]) / rate - 1.0
@@ -260,7 +263,7 @@ def replayed(folder: Path, rate: float, seconds: float) -> tuple[float, float, i
 def chains(ours_: Result, plain_: Result) -> list[str]:
     """What each chain costs and loses."""
     head = f"Two units, magnetometer and truth at {RATE_HZ} Hz, estimator, recorder; {load()}."
-    text = [head, "", "| | cores | of them | sample to attitude, p50 / p99 | heard a second | missing |"]
+    text = [head, "", "| | cores | of them | sample to attitude, p50 / p99 | received a second | missing |"]
     text.append("|---|---|---|---|---|---|")
     for name, one in (("ours", ours_), ("plain rclpy", plain_)):
         parts = ", ".join(f"{who.rpartition('/')[2]} {share:.2f}" for who, share in one.cores.items())

@@ -107,10 +107,10 @@ def multi(kind: str, small: bool, runs: int) -> str:
             together.append(wrap_pi(azimuth_fusion.fuse(pair).azimuth - azi[k]))
     figures = [rms(np.concatenate(v)) for v in (raw, single, msa, sigma)]
     name = "build 5-85 deg, 650 nT" if kind == "build" else "east-west horizontal, 900 nT"
-    told = {"build": "1.63, .34, .089", "east-west": "3.21, 3.72, .290"}[kind] if small else ""
+    given = {"build": "1.63, .34, .089", "east-west": "3.21, 3.72, .290"}[kind] if small else ""
     words = [f"{v:.3f}" for v in figures]
     words += [ratio(np.concatenate(msa), np.concatenate(sigma)), str(refused)]
-    words += [f"{rms(np.array(together)):.3f}", f"{rms(np.concatenate(aided)):.3f}", told]
+    words += [f"{rms(np.array(together)):.3f}", f"{rms(np.concatenate(aided)):.3f}", given]
     return f"| {name} | {'small' if small else 'tool code'} | " + " | ".join(words) + " |"
 
 
@@ -121,7 +121,7 @@ def drawn_station(inc: float, azi: float, axial: float, rng: np.random.Generator
     b_t = mat_tn @ np.array([REFERENCE.horizontal, 0.0, REFERENCE.vertical])
     b_t = b_t + np.array([rng.normal(0.0, axial), 0.0, 0.0])
     declination = math.sqrt(REFERENCE.declination_variance(REFERENCE.horizontal))
-    told = dataclasses.replace(
+    given = dataclasses.replace(
         REFERENCE,
         total=50e-6 + rng.normal(0.0, REFERENCE.sigma_total),
         dip=72 * DEG + rng.normal(0.0, REFERENCE.sigma_dip),
@@ -129,7 +129,7 @@ def drawn_station(inc: float, azi: float, axial: float, rng: np.random.Generator
     )
     f_t = f_t * (1.0 + rng.normal(0.0, 0.0005, 3)) + rng.normal(0.0, 0.004, 3)
     b_t = b_t * (1.0 + rng.normal(0.0, 0.0016, 3)) + rng.normal(0.0, 70e-9, 3)
-    return station(f_t, b_t, told, StationSettings(errors=BENCH))
+    return station(f_t, b_t, given, StationSettings(errors=BENCH))
 
 
 def gyro_solution(azimuth: float, sigma: float, inclination: float) -> Solution:

@@ -63,11 +63,11 @@ def watching(address: str) -> Iterator[list[int]]:
     async def talk() -> None:
         async with aiohttp.ClientSession() as session, session.ws_connect(f"{address}live") as socket:
             while not ended.is_set():
-                said = await socket.receive()
-                if said.type != aiohttp.WSMsgType.TEXT:
+                reported = await socket.receive()
+                if reported.type != aiohttp.WSMsgType.TEXT:
                     return
                 counts[0] += 1
-                counts[1] += len(said.data)
+                counts[1] += len(reported.data)
 
     thread = threading.Thread(target=lambda: asyncio.run(talk()), daemon=True)
     thread.start()
@@ -123,8 +123,8 @@ def share(pid: int, seconds: float, counts: list[int], address: str) -> tuple[fl
         time.sleep(0.5)
     took = time.monotonic() - began
     cpu = 100.0 * (processor_seconds(pid) - used) / took
-    told = (counts[0] - states) / took, (counts[1] - size) / took / 1e3
-    return cpu, (recorded(address) - written) / took, *told
+    given = (counts[0] - states) / took, (counts[1] - size) / took / 1e3
+    return cpu, (recorded(address) - written) / took, *given
 
 
 PUBLISHER = """
@@ -177,7 +177,7 @@ def fast(folder: Path, seconds: float) -> list[str]:
     return [*head, f"| {seconds:.0f} s | {done.stdout.strip()} | {written} | {cpu:.1f} |"]
 
 
-def replayed(folder: Path, seconds: float, rate: float, told: Callable[[str], None]) -> list[str]:
+def replayed(folder: Path, seconds: float, rate: float, given: Callable[[str], None]) -> list[str]:
     """Memory while a long recording is played fast into estimator and surface."""
     mwd = [sys.executable, "-P", "-m", "mwd_surface.cli"]
     scenario, bag = written_scenario(folder, seconds), folder / "long"
@@ -194,7 +194,7 @@ def replayed(folder: Path, seconds: float, rate: float, told: Callable[[str], No
             began, used = time.monotonic(), processor_seconds(pid)
             while player.poll() is None:
                 found.append(((time.monotonic() - began) * rate, resident_mb(pid)))
-                told(f"{found[-1][0]:.0f} s: {found[-1][1]:.1f} MB")
+                given(f"{found[-1][0]:.0f} s: {found[-1][1]:.1f} MB")
                 time.sleep(2.0)
             took = time.monotonic() - began
         cpu = (processor_seconds(pid) - used) / took
@@ -218,7 +218,7 @@ def main() -> None:
     parser.add_argument("--replay", type=float, default=300.0, help="seconds of recording to replay; 3600 for the hour")
     parser.add_argument("--fast", type=float, default=10.0, help="seconds of 2 kHz input")
     parser.add_argument("--rate", type=float, default=10.0, help="how fast it is replayed")
-    parser.add_argument("--tell", action="store_true", help="print memory as it goes")
+    parser.add_argument("--progress", action="store_true", help="print memory as it goes")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         # Each in a folder of its own: logs of nodes of the same name must not be mixed up.
@@ -230,9 +230,9 @@ def main() -> None:
             three.mkdir()
             print("\n" + "\n".join(fast(three, options.fast)), flush=True)
         if options.replay > 0.0:
-            say = (lambda text: print(text, file=sys.stderr, flush=True)) if options.tell else (lambda _text: None)
+            show = (lambda text: print(text, file=sys.stderr, flush=True)) if options.progress else (lambda _text: None)
             two.mkdir()
-            print("\n" + "\n".join(replayed(two, options.replay, options.rate, say)), flush=True)
+            print("\n" + "\n".join(replayed(two, options.replay, options.rate, show)), flush=True)
 
 
 if __name__ == "__main__":

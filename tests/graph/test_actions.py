@@ -34,7 +34,7 @@ from mwd_sensors.ros import qos
 LATITUDE, RATE = math.radians(50.0), 50
 EARTH = math.radians(15.041) / 3600.0 * np.array([math.cos(LATITUDE), 0.0, -math.sin(LATITUDE)])
 FIELD = 48e-6 * np.array([math.cos(math.radians(66.0)), 0.0, math.sin(math.radians(66.0))])
-rclpy.init(); node = rclpy.create_node("client"); said = {}
+rclpy.init(); node = rclpy.create_node("client"); reported = {}
 rng = np.random.default_rng(1)
 deep = qos.buffered(qos.STREAM)
 sinks = {name: node.create_publisher(kind, name, deep)
@@ -65,45 +65,45 @@ def wait(future, feed=True, also=lambda: True, within=40.0):
     return future.result()
 
 def ask(client, goal, feed=True, cancel_after=None):
-    told = []
-    handle = wait(client.send_goal_async(goal, lambda m: told.append(m.feedback)), feed)
+    feedback = []
+    handle = wait(client.send_goal_async(goal, lambda m: feedback.append(m.feedback)), feed)
     assert handle.accepted
     if cancel_after is not None:
         end = time.monotonic() + 20
-        while len(told) < cancel_after and time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
+        while len(feedback) < cancel_after and time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
         wait(handle.cancel_goal_async(), feed)
     answer = wait(handle.get_result_async(), feed)
-    return answer.status, answer.result, told
+    return answer.status, answer.result, feedback
 
-heard = []
-node.create_subscription(Dynamics, "dynamics", heard.append, qos.STATE)
+received = []
+node.create_subscription(Dynamics, "dynamics", received.append, qos.STATE)
 north, rotary = ActionClient(node, NorthSeek, "north_seek"), ActionClient(node, RotarySurvey, "rotary_survey")
 assert north.wait_for_server(30.0) and rotary.wait_for_server(30.0)
 status, result, _ = ask(north, NorthSeek.Goal(), feed=False)
-said["silent"] = status, result.message
+reported["silent"] = status, result.message
 end = time.monotonic() + 3
 while time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
-status, result, told = ask(north, NorthSeek.Goal(duration=30.0))
-said["north"] = status, result.success, result.azimuth, result.sigma, result.method, result.message
-said["progress"] = [(f.elapsed, f.remaining, f.sigma) for f in told]
+status, result, feedback = ask(north, NorthSeek.Goal(duration=30.0))
+reported["north"] = status, result.success, result.azimuth, result.sigma, result.method, result.message
+reported["progress"] = [(f.elapsed, f.remaining, f.sigma) for f in feedback]
 status, result, _ = ask(north, NorthSeek.Goal(duration=30.0, mode="sideways"))
-said["bad"] = status, result.message
+reported["bad"] = status, result.message
 status, result, _ = ask(north, NorthSeek.Goal(duration=600.0), cancel_after=1)
-said["cancelled"] = status, result.message
+reported["cancelled"] = status, result.message
 first = wait(north.send_goal_async(NorthSeek.Goal(duration=600.0)))
 status, result, _ = ask(north, NorthSeek.Goal(duration=30.0))
-said["second"] = status, result.message
+reported["second"] = status, result.message
 wait(first.cancel_goal_async())
-said["first"] = wait(first.get_result_async()).status
+reported["first"] = wait(first.get_result_async()).status
 status, result, _ = ask(rotary, RotarySurvey.Goal(duration=8.0))
-said["at rest"] = status, result.message
+reported["at rest"] = status, result.message
 state["rate"] = 6.0
 end = time.monotonic() + 2
 while time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
-status, result, told = ask(rotary, RotarySurvey.Goal(duration=12.0))
+status, result, feedback = ask(rotary, RotarySurvey.Goal(duration=12.0))
 s = result.survey
-said["rotary"] = status, result.message, s.kind, s.inclination, s.azimuth, s.covariance[8], len(told)
-said["dynamics"] = [(d.rotary_speed, d.samples, d.stick_slip_index) for d in heard][-1]
+reported["rotary"] = status, result.message, s.kind, s.inclination, s.azimuth, s.covariance[8], len(feedback)
+reported["dynamics"] = [(d.rotary_speed, d.samples, d.stick_slip_index) for d in received][-1]
 
 # Another surface remembers seven surveys; then the recording that is fed begins again.
 table = node.create_publisher(SurveyList, "surveys", qos.LATCHED)
@@ -114,18 +114,18 @@ assert asked.wait_for_service(20.0)
 end = time.monotonic() + 2
 while time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
 answer = wait(asked.call_async(TakeSurvey.Request(duration=3.0)))
-said["numbered"] = answer.success, answer.sequence, answer.message
+reported["numbered"] = answer.success, answer.sequence, answer.message
 state["k"] = 0
 end = time.monotonic() + 1
 while time.monotonic() < end: pump(5); rclpy.spin_once(node, timeout_sec=0.01)
 answer = wait(asked.call_async(TakeSurvey.Request(duration=3.0)))
-said["again"] = answer.success, answer.sequence, answer.message
-print(json.dumps(said))
+reported["again"] = answer.success, answer.sequence, answer.message
+print(json.dumps(reported))
 """
 
 
 @pytest.fixture(scope="module")
-def said(tmp_path_factory):
+def reported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("actions")
     with running_graph.graph(folder) as graph:
         estimator = graph.start("estimator", **SETTINGS)
@@ -147,34 +147,34 @@ def said(tmp_path_factory):
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
 
 
-def test_a_north_seek_tells_its_progress_and_finds_north(said):
-    status, success, azimuth, sigma, method, message = said["north"]
+def test_a_north_seek_reports_its_progress_and_finds_north(reported):
+    status, success, azimuth, sigma, method, message = reported["north"]
     assert (status, success) == (SUCCEEDED, True), message
     assert abs(azimuth - math.radians(100.0)) < 4.0 * sigma < math.radians(8.0)
     assert method == "still"
     assert "from true north" in message
-    elapsed = [told[0] for told in said["progress"]]
+    elapsed = [given[0] for given in reported["progress"]]
     assert elapsed == sorted(elapsed)
     assert len(elapsed) >= 2
-    assert all(told[0] + told[1] == pytest.approx(30.0) for told in said["progress"])
+    assert all(given[0] + given[1] == pytest.approx(30.0) for given in reported["progress"])
 
 
-def test_what_cannot_be_done_is_ended_with_its_reason(said):
-    assert said["silent"] == [ABORTED, "no north found: no samples arrive from the sonde"]
-    assert said["bad"][0] == ABORTED
-    assert "mode: must be still" in said["bad"][1]
-    assert said["second"] == [ABORTED, "no north found: north is already being sought"]
-    assert said["at rest"][0] == ABORTED
-    assert "take a survey at rest" in said["at rest"][1]
+def test_what_cannot_be_done_is_ended_with_its_reason(reported):
+    assert reported["silent"] == [ABORTED, "no north found: no samples arrive from the sonde"]
+    assert reported["bad"][0] == ABORTED
+    assert "mode: must be still" in reported["bad"][1]
+    assert reported["second"] == [ABORTED, "no north found: north is already being sought"]
+    assert reported["at rest"][0] == ABORTED
+    assert "take a survey at rest" in reported["at rest"][1]
 
 
-def test_a_seek_can_be_cancelled(said):
-    assert said["cancelled"] == [CANCELED, "no north found: cancelled"]
-    assert said["first"] == CANCELED
+def test_a_seek_can_be_cancelled(reported):
+    assert reported["cancelled"] == [CANCELED, "no north found: cancelled"]
+    assert reported["first"] == CANCELED
 
 
-def test_a_rotary_survey_gives_inclination_and_azimuth_and_no_toolface(said):
-    status, message, kind, inclination, azimuth, toolface_variance, _ = said["rotary"]
+def test_a_rotary_survey_gives_inclination_and_azimuth_and_no_toolface(reported):
+    status, message, kind, inclination, azimuth, toolface_variance, _ = reported["rotary"]
     assert status == SUCCEEDED, message
     assert kind == 1
     assert math.degrees(inclination) == pytest.approx(40.0, abs=0.1)
@@ -182,21 +182,21 @@ def test_a_rotary_survey_gives_inclination_and_azimuth_and_no_toolface(said):
     assert toolface_variance == pytest.approx(math.pi**2)
 
 
-def test_dynamics_are_published_while_it_turns(said):
-    speed, samples, index = said["dynamics"]
+def test_dynamics_are_published_while_it_turns(reported):
+    speed, samples, index = reported["dynamics"]
     assert speed == pytest.approx(6.0, abs=0.2)
     assert samples > 100
     assert 0.0 <= index < 0.1
 
 
-def test_numbers_that_a_list_remembers_are_not_given_again(said):
-    success, sequence, message = said["numbered"]
+def test_numbers_that_a_list_remembers_are_not_given_again(reported):
+    success, sequence, message = reported["numbered"]
     assert success, message
     assert sequence == 18
 
 
-def test_a_recording_that_begins_again_begins_the_estimate_again_and_the_numbers_go_on(said):
-    success, sequence, message = said["again"]
+def test_a_recording_that_begins_again_begins_the_estimate_again_and_the_numbers_go_on(reported):
+    success, sequence, message = reported["again"]
     assert success, message
     assert sequence == 19
-    assert said["log"].count("time went back by more than a second: the estimate began anew") == 1
+    assert reported["log"].count("time went back by more than a second: the estimate began anew") == 1

@@ -50,7 +50,7 @@ def test_every_sample_of_a_five_kilohertz_unit_in_bursts_is_recorded_and_estimat
         assert (np.diff(kept["stamp_ns"]) == wire.NANOSECONDS // RATE_HZ).all()
         for field in ("angular_velocity", "linear_acceleration"):
             assert kept[field].tobytes() == made[field].tobytes()
-    # A fast unit is estimated at its rate and told of at a kilohertz or little more: never 1 ms without an attitude.
+    # A fast unit is estimated at its rate and published at a kilohertz or little more: never 1 ms without an attitude.
     attitude = samples_of(bag, "/w1/attitude")
     assert np.ptp(attitude["stamp_ns"]) > 3.99 * wire.NANOSECONDS
     assert np.diff(attitude["stamp_ns"]).max() <= wire.NANOSECONDS // 1000

@@ -17,32 +17,32 @@ TALK = """
 import json, time, rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from mwd_msgs.srv import InjectFault
-rclpy.init(); node = rclpy.create_node("talk"); said = {}
+rclpy.init(); node = rclpy.create_node("talk"); reported = {}
 client = node.create_client(InjectFault, "/w1/inject_fault")
 assert client.wait_for_service(30.0)
 def inject(**fields):
     future = client.call_async(InjectFault.Request(**fields))
     rclpy.spin_until_future_complete(node, future, timeout_sec=30.0)
     return future.result()
-heard = []
-node.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
-def told(words, within):
+received = []
+node.create_subscription(DiagnosticArray, "/diagnostics", received.append, 10)
+def found(words, within):
     end = time.monotonic() + within
     while time.monotonic() < end:
         rclpy.spin_once(node, timeout_sec=0.1)
-        for status in [one for array in heard for one in array.status]:
+        for status in [one for array in received for one in array.status]:
             if "sensors" in status.name and words in status.message:
                 level = status.level
                 return [level[0] if isinstance(level, bytes) else int(level), status.message]
-        heard.clear()
+        received.clear()
     return None
-said["healthy"] = told("healthy", 60.0)
-said["refused"] = inject(component="accel", fault="swapped").message
-said["injected"] = inject(component="accel", fault="swapped", axis="xz").success
-said["named"] = told("x and z exchanged", 30.0)
-said["cleared"] = inject(component="accel", fault="ok").success
-said["well"] = told("healthy", 40.0)
-print(json.dumps(said))
+reported["healthy"] = found("healthy", 60.0)
+reported["refused"] = inject(component="accel", fault="swapped").message
+reported["injected"] = inject(component="accel", fault="swapped", axis="xz").success
+reported["named"] = found("x and z exchanged", 30.0)
+reported["cleared"] = inject(component="accel", fault="ok").success
+reported["well"] = found("healthy", 40.0)
+print(json.dumps(reported))
 """
 
 
@@ -60,15 +60,15 @@ def test_an_injected_fault_is_named_in_diagnostics_and_goes_when_it_is_taken_bac
             check=False,
         )
         assert done.returncode == 0, done.stderr
-        said = json.loads(done.stdout.splitlines()[-1])
+        reported = json.loads(done.stdout.splitlines()[-1])
         log = graph.log(estimator)
         graph.end(estimator)
-    assert said["healthy"][0] == 0
-    assert "two axes" in said["refused"]
-    assert said["injected"]
-    assert said["named"][0] == 2
-    assert "accelerometer" in said["named"][1]
-    assert said["cleared"]
-    assert said["well"][0] == 0
+    assert reported["healthy"][0] == 0
+    assert "two axes" in reported["refused"]
+    assert reported["injected"]
+    assert reported["named"][0] == 2
+    assert "accelerometer" in reported["named"][1]
+    assert reported["cleared"]
+    assert reported["well"][0] == 0
     assert "x and z exchanged; correct the axes" in log
     assert "(has ended)" in log

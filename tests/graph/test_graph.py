@@ -37,7 +37,7 @@ class Talk:
             check=False,
         )
         assert self.done.returncode == 0, self.done.stderr
-        self.said = json.loads(self.done.stdout.splitlines()[-1])
+        self.reported = json.loads(self.done.stdout.splitlines()[-1])
 
 
 TALK = """
@@ -48,7 +48,7 @@ from lifecycle_msgs.srv import GetState
 from mwd_msgs.msg import SurveyList
 from mwd_msgs.srv import JudgeSurvey, SetDepth, SetReferenceField, InjectFault, Export
 from mwd_sensors.ros import qos
-rclpy.init(); node = rclpy.create_node("talk"); said = {}
+rclpy.init(); node = rclpy.create_node("talk"); reported = {}
 def call(kind, name, **fields):
     client = node.create_client(kind, name)
     assert client.wait_for_service(30.0), name
@@ -95,7 +95,7 @@ def played(tmp_path_factory):
         facts["page"] = until(page, 10, "the survey is on the page")
         progress = until(lambda: page()["sections"]["survey_progress"]["result"], 10, "what came of the survey")
         facts["progress"] = progress
-        facts["said"] = Talk(
+        facts["reported"] = Talk(
             graph,
             TALK
             + """
@@ -103,29 +103,29 @@ got = []
 node.create_subscription(SurveyList, "/w1/surveys", got.append, qos.LATCHED)
 end = time.monotonic() + 10
 while not got and time.monotonic() < end: rclpy.spin_once(node, timeout_sec=0.1)
-said["late joiner sees"] = len(got[0].records)
+reported["late joiner sees"] = len(got[0].records)
 def set_all(target, **values):
     parameters = [Parameter(k.replace("__", "."), value=v).to_parameter_msg() for k, v in values.items()]
     result = call(SetParametersAtomically, f"/w1/{target}/set_parameters_atomically", parameters=parameters).result
     return result.successful, result.reason
-said["good set"] = set_all("surface", rules__gap_limit=80.0, well__rig="Rig 7")
-said["bad plan"] = set_all("surface", plan__file="no/such.csv", advisory__toolface_deg=-1.0)
-said["bad set"] = set_all("estimator", survey__settle_s=1.0, survey__duration_s=1000.0)
-said["fixed set"] = set_all("sonde", rate=5.0)
+reported["good set"] = set_all("surface", rules__gap_limit=80.0, well__rig="Rig 7")
+reported["bad plan"] = set_all("surface", plan__file="no/such.csv", advisory__toolface_deg=-1.0)
+reported["bad set"] = set_all("estimator", survey__settle_s=1.0, survey__duration_s=1000.0)
+reported["fixed set"] = set_all("sonde", rate=5.0)
 found = call(DescribeParameters, "/w1/estimator/describe_parameters", names=["survey.duration_s"]).descriptors[0]
-said["description"] = [found.description, found.floating_point_range[0].to_value]
-said["state"] = call(GetState, "/w1/estimator/get_state").current_state.label
+reported["description"] = [found.description, found.floating_point_range[0].to_value]
+reported["state"] = call(GetState, "/w1/estimator/get_state").current_state.label
 judged = dict(sequence=1, reason="looks odd", measured_depth=-1.0)
-said["nameless"] = call(JudgeSurvey, "/w1/reject_survey", **judged).message
-said["rejected"] = call(JudgeSurvey, "/w1/reject_survey", operator_name="Ann", **judged).success
-said["accepted"] = call(JudgeSurvey, "/w1/accept_survey", operator_name="Bob", **judged).success
-said["nan depth"] = call(SetDepth, "/w1/set_depth", bit_depth=math.nan, operator_name="Ann").message
-said["bad field"] = call(SetReferenceField, "/w1/set_reference_field", total=50000.0, dip=1.0, source="pad").message
-said["fault"] = call(InjectFault, "/w1/inject_fault", component="mag", fault="stuck").message
-said["export"] = call(Export, "/w1/export", format="csv").path
-print(json.dumps(said))
+reported["nameless"] = call(JudgeSurvey, "/w1/reject_survey", **judged).message
+reported["rejected"] = call(JudgeSurvey, "/w1/reject_survey", operator_name="Ann", **judged).success
+reported["accepted"] = call(JudgeSurvey, "/w1/accept_survey", operator_name="Bob", **judged).success
+reported["nan depth"] = call(SetDepth, "/w1/set_depth", bit_depth=math.nan, operator_name="Ann").message
+reported["bad field"] = call(SetReferenceField, "/w1/set_reference_field", total=50000.0, dip=1.0, source="pad").message
+reported["fault"] = call(InjectFault, "/w1/inject_fault", component="mag", fault="stuck").message
+reported["export"] = call(Export, "/w1/export", format="csv").path
+print(json.dumps(reported))
 """,
-        ).said
+        ).reported
         facts["page without plan"] = page()
         until(lambda: "scenario is over" in graph.log(sonde), 90, "the scenario is over")
         until(lambda: "survey: survey 2" in graph.log(surface), 30, "second survey")
@@ -144,7 +144,7 @@ def test_every_node_ends_in_order_and_in_time(played):
 
 
 def test_a_late_joiner_sees_the_survey_table_and_the_page_shows_it(played):
-    assert played["said"]["late joiner sees"] == 1
+    assert played["reported"]["late joiner sees"] == 1
     assert len(played["page"]["sections"]["surveys"]["rows"]) == 1
     assert played["page"]["sections"]["attitude"]["inclination"]["state"] == "live"
 
@@ -167,7 +167,7 @@ def test_the_page_shows_plan_offset_advice_reference_field_and_progress(played):
 
 
 def test_a_plan_that_cannot_be_read_is_an_alarm_and_the_page_goes_on_without(played):
-    assert played["said"]["bad plan"][0]
+    assert played["reported"]["bad plan"][0]
     sections = played["page without plan"]["sections"]
     assert sections["plan"]["name"] == ""
     assert not sections["offset"]["known"]
@@ -194,25 +194,25 @@ def test_a_taken_port_is_an_alarm_and_the_page_comes_once_it_is_free(tmp_path):
 
 
 def test_parameters_are_described_and_changed_all_or_nothing(played):
-    said = played["said"]
-    assert said["good set"][0]
-    assert not said["bad set"][0]
-    assert not said["fixed set"][0]
-    assert said["description"][0].startswith("Averaging time of a survey")
-    assert "[s] (1 to 600)" in said["description"][0]
-    assert said["description"][1] == 600.0
-    assert said["state"] == "active"
+    reported = played["reported"]
+    assert reported["good set"][0]
+    assert not reported["bad set"][0]
+    assert not reported["fixed set"][0]
+    assert reported["description"][0].startswith("Averaging time of a survey")
+    assert "[s] (1 to 600)" in reported["description"][0]
+    assert reported["description"][1] == 600.0
+    assert reported["state"] == "active"
 
 
 def test_services_say_why_not(played):
-    said = played["said"]
-    assert "operator_name" in said["nameless"]
-    assert said["rejected"]
-    assert said["accepted"]
-    assert "bit_depth" in said["nan depth"]
-    assert "nT would be" in said["bad field"]
-    assert "fault_injection" in said["fault"]
-    assert Path(said["export"]).read_text().count("\n") > 5
+    reported = played["reported"]
+    assert "operator_name" in reported["nameless"]
+    assert reported["rejected"]
+    assert reported["accepted"]
+    assert "bit_depth" in reported["nan depth"]
+    assert "nT would be" in reported["bad field"]
+    assert "fault_injection" in reported["fault"]
+    assert Path(reported["export"]).read_text().count("\n") > 5
 
 
 def test_surveys_agree_with_the_simulated_truth(played):

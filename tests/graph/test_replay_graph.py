@@ -64,17 +64,17 @@ def test_each_round_of_a_loop_and_what_follows_a_seek_equal_a_fresh_start(tmp_pa
         for name in (surface, estimator):
             until(lambda name=name: ": active" in graph.log(name), 90, f"{name} is active")
         words = ["--sensors", "--loop", "--rate", "2", "--wait", "60"]
-        said = tmp_path / "replay.log"
-        with said.open("w") as log:
+        reported = tmp_path / "replay.log"
+        with reported.open("w") as log:
             replay = graph.running["replay"] = subprocess.Popen(
                 [sys.executable, "-P", "-m", "mwd_surface.cli", "replay", str(bag), *words],
                 env=graph.environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
             )  # fmt: skip
-        until(lambda: "round 2 is over" in said.read_text(), 120, "two rounds")
+        until(lambda: "round 2 is over" in reported.read_text(), 120, "two rounds")
         # To 7 s, forward or backward as it comes; then backward to 4 s.
         subprocess.run([sys.executable, "-c", SEEK, "7", "4"], env=graph.environment, check=True, timeout=60)
-        rounds = said.read_text().count("is over")
-        until(lambda: said.read_text().count("is over") > rounds, 60, "the end of that round")
+        rounds = reported.read_text().count("is over")
+        until(lambda: reported.read_text().count("is over") > rounds, 60, "the end of that round")
         assert graph.end("replay")[0] == 0
         assert replay.returncode == 0
         for name in (estimator, surface):

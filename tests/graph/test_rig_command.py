@@ -18,14 +18,14 @@ from mwd_msgs.msg import RigCommand
 from rclpy.parameter import Parameter
 from mwd_sensors.nodes.sonde import SondeNode
 rclpy.init()
-said = []
+reported = []
 for scenario in sys.argv[1:]:
     node = SondeNode(parameter_overrides=[Parameter("scenario", value=scenario)])
     node.autostart()
     def after(**fields):
         node._on_command(RigCommand(valid_for=3.0, **fields))
         found = [f for f in node.diagnostics() if f.name == "rig command"]
-        said.append([f.message for f in found] + [dict(f.values) for f in found])
+        reported.append([f.message for f in found] + [dict(f.values) for f in found])
     after(mode=RigCommand.HOLD)
     node._start()
     after(mode=RigCommand.ROTATE, rotary_speed=6.0)
@@ -34,12 +34,12 @@ for scenario in sys.argv[1:]:
     node.trigger_shutdown()
     node.destroy_node()
 rclpy.shutdown()
-print(json.dumps(said))
+print(json.dumps(reported))
 """
 
 
 @pytest.fixture(scope="module")
-def said(tmp_path_factory):
+def reported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("commanded")
     with running_graph.graph(folder) as graph:
         scenarios = [str(HERE / "scenarios" / name) for name in ("steered.yaml", "short.yaml")]
@@ -56,15 +56,15 @@ def said(tmp_path_factory):
         return {"steered": lines[:4], "short": lines[4:]}
 
 
-def test_a_rig_that_obeys_says_what_it_does_and_why_not(said):
-    words = [message for message, _ in said["steered"]]
+def test_a_rig_that_obeys_says_what_it_does_and_why_not(reported):
+    words = [message for message, _ in reported["steered"]]
     assert words[0] == "the scenario has not started"
     assert words[1] == "rotating"
     assert words[2].startswith("rotary_speed: must be within")
     assert words[3] == "turning to an angle"
-    assert said["steered"][3][1] == {"taken": "2", "refused": "2"}
+    assert reported["steered"][3][1] == {"taken": "2", "refused": "2"}
 
 
-def test_a_rig_that_takes_no_commands_says_how_it_would(said):
-    assert all("steering: {}" in message for message, _ in said["short"][1:])
-    assert said["short"][3][1] == {"taken": "0", "refused": "4"}
+def test_a_rig_that_takes_no_commands_says_how_it_would(reported):
+    assert all("steering: {}" in message for message, _ in reported["short"][1:])
+    assert reported["short"][3][1] == {"taken": "0", "refused": "4"}

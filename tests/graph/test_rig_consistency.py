@@ -1,5 +1,5 @@
 """
-One accepted survey has the same numbers wherever it is told: every rig interface, every export, the report, the page.
+One accepted survey has the same numbers everywhere: in every rig interface, every export, the report and the page.
 
 The tolerance is the rounding of each format; units change at the edge only.
 """
@@ -104,8 +104,8 @@ def truth(whole):
 
 
 @pytest.fixture(scope="module", params=["magnetic", "true", "grid"])
-def told(request):
-    """The survey as told by everything at once: name of the teller to (numbers, half of the last digit) in SI."""
+def given(request):
+    """The survey as every output gives it: name of the output to (numbers, half of the last digit) in SI."""
     pytest.importorskip("pymodbus", reason="pymodbus is not installed: pip install pymodbus")
     pytest.importorskip("asyncua", reason="asyncua is not installed: pip install asyncua")
     whole = surveys(request.param)
@@ -120,7 +120,7 @@ def told(request):
     state = live.at(100.0)
     snapshot = StateJson().snapshot(state)
     values = rig_values(state, accepted_surveys(whole), now_ns=START + 10_000 * S)
-    tellers = {
+    outputs = {
         "CSV": definitive(definitive_csv(table)),
         "raw CSV": raw(raw_csv(whole)),
         "LAS": log(las(table)),
@@ -141,13 +141,13 @@ def told(request):
             assert port.start() == {}
             port.publish(values)
             where = {s.name: s.address for s in port.status()}
-            tellers[f"WITS {units}"] = recorder(where["wits0_server"], units)
+            outputs[f"WITS {units}"] = recorder(where["wits0_server"], units)
             if units == "metric":
-                tellers["Modbus"] = registers(where["modbus"])
-                tellers["OPC UA"] = asyncio.run(variables(where["opcua"]))
+                outputs["Modbus"] = registers(where["modbus"])
+                outputs["OPC UA"] = asyncio.run(variables(where["opcua"]))
         finally:
             port.stop()
-    return SimpleNamespace(whole=whole, table=table, truth=truth(whole), tellers=tellers)
+    return SimpleNamespace(whole=whole, table=table, truth=truth(whole), outputs=outputs)
 
 
 DEG = math.pi / 180.0
@@ -213,8 +213,8 @@ def trajectory(text):
     return found
 
 
-def paper(said):
-    sheet, quality = said.definitive, said.quality
+def paper(reported):
+    sheet, quality = reported.definitive, reported.quality
     row = dict(zip(sheet.titles, next(r for r in sheet.rows if r[0] == str(LAST)), strict=True))
     test = dict(zip(quality.titles, next(r for r in quality.rows if r[0] == str(LAST)), strict=True))
     titles = {
@@ -294,40 +294,40 @@ async def variables(address):
         return {name: (await (await well.get_child(f"{index}:{key}")).read_value(), 0.0) for name, key in names.items()}
 
 
-def test_every_teller_tells_the_numbers_of_the_list_within_its_own_rounding(told):
-    assert len(told.tellers) == 10
-    for teller, numbers in told.tellers.items():
+def test_every_output_gives_the_numbers_of_the_list_within_its_own_rounding(given):
+    assert len(given.outputs) == 10
+    for output, numbers in given.outputs.items():
         for name, (value, half) in numbers.items():
-            expected = told.truth[name]
-            assert abs(value - expected) <= half * (1.0 + 1e-6) + 1e-12, (teller, name, value, expected)
+            expected = given.truth[name]
+            assert abs(value - expected) <= half * (1.0 + 1e-6) + 1e-12, (output, name, value, expected)
 
 
-def test_no_teller_leaves_out_depth_and_direction(told):
-    for teller, numbers in told.tellers.items():
-        assert {"md", "inclination"} <= set(numbers), teller
+def test_no_output_leaves_out_depth_and_direction(given):
+    for output, numbers in given.outputs.items():
+        assert {"md", "inclination"} <= set(numbers), output
     full = ("WITSML", "report", "page", "WITS metric", "WITS fps", "OPC UA")
-    assert all(set(told.tellers[teller]) == set(NAMES) for teller in full)
+    assert all(set(given.outputs[output]) == set(NAMES) for output in full)
 
 
-def test_the_html_of_the_report_prints_the_texts_of_its_content(told):
-    html = report_html(told.table)
-    sheet = content(told.table).definitive
+def test_the_html_of_the_report_prints_the_texts_of_its_content(given):
+    html = report_html(given.table)
+    sheet = content(given.table).definitive
     row = next(r for r in sheet.rows if r[0] == str(LAST))
     for text in row[:8]:
         assert text in html
 
 
-def test_the_ros_message_carries_the_numbers_of_the_list(told):
-    between = pytest.importorskip("mwd_surface.surveys.survey_message")
+def test_the_ros_message_carries_the_numbers_of_the_list(given):
+    between = pytest.importorskip("mwd_surface.surveys.message_conversion")
     msg = pytest.importorskip("mwd_msgs.msg", reason="mwd_msgs is not built")
     if not hasattr(msg, "SurveyRecord"):
         pytest.skip("mwd_msgs is not built")
     message = msg.SurveyRecord()
-    between.fill_record(message, told.whole.find(LAST), msg.AzimuthEstimate)
+    between.fill_record(message, given.whole.find(LAST), msg.AzimuthEstimate)
     fields = ("measured_depth", None, None, "vertical_depth", "north", "east", "dogleg_severity")
     for name, field in zip(NAMES, fields, strict=False):
         if field is not None:
-            assert getattr(message, field) == told.truth[name]
+            assert getattr(message, field) == given.truth[name]
 
 
 def test_units_are_turned_at_the_edge_only():

@@ -25,16 +25,16 @@ async def watch(address, topic, count):
         session.ws_connect(address.replace("ws:", "http:"), protocols=["foxglove.sdk.v1"]) as talk,
     ):
         while len(found) < count:
-            said = await talk.receive()
-            if said.type == aiohttp.WSMsgType.TEXT:
-                for channel in json.loads(said.data).get("channels", []):
+            reported = await talk.receive()
+            if reported.type == aiohttp.WSMsgType.TEXT:
+                for channel in json.loads(reported.data).get("channels", []):
                     if channel["topic"] == topic:
                         one = {"id": 1, "channelId": channel["id"]}
                         await talk.send_json({"op": "subscribe", "subscriptions": [one]})
-            elif said.type == aiohttp.WSMsgType.BINARY and said.data[0] == 1:
-                found.append((struct.unpack_from("<Q", said.data, 5)[0], said.data[13:]))
+            elif reported.type == aiohttp.WSMsgType.BINARY and reported.data[0] == 1:
+                found.append((struct.unpack_from("<Q", reported.data, 5)[0], reported.data[13:]))
             else:
-                assert said.type == aiohttp.WSMsgType.BINARY, said
+                assert reported.type == aiohttp.WSMsgType.BINARY, reported
     return found
 
 

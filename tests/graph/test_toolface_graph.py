@@ -43,7 +43,7 @@ class Controller:
 
     @property
     def readings(self):
-        """Stamp and degrees off of what it heard, one a second of the run."""
+        """Stamp and degrees off of what it received, one a second of the run."""
         rows = [words.split() for _, words in self.lines if words.startswith("at ")]
         return np.array([(float(row[1]), float(row[3])) for row in rows]).reshape(-1, 2)
 
@@ -59,7 +59,7 @@ class Controller:
 
     def notices(self, words, since):
         """Seconds from a moment to the first such line after it."""
-        found = until(lambda: [at for at, said in self.lines if said == words and at > since], 15, words)
+        found = until(lambda: [at for at, reported in self.lines if reported == words and at > since], 15, words)
         return found[0] - since
 
 
@@ -105,7 +105,7 @@ def steered(tmp_path_factory):
         facts["words after"] = [words for at, words in controller.lines if at > killed]
         graph.end(estimator)
         graph.end(sonde)
-        facts["said"] = controller.path.read_text() + graph.log(sonde)
+        facts["reported"] = controller.path.read_text() + graph.log(sonde)
         yield facts
 
 
@@ -147,5 +147,5 @@ def test_the_state_of_the_rig_interfaces_lies_in_the_folder_while_the_graph_live
 
 
 def test_nobody_complained(steered):
-    assert "Traceback" not in steered["said"]
-    assert "not obeyed" not in steered["said"]
+    assert "Traceback" not in steered["reported"]
+    assert "not obeyed" not in steered["reported"]

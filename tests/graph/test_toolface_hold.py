@@ -16,7 +16,7 @@ from mwd_sensors.simulator.sonde import Sonde
 SCENARIO = Path(__file__).parent / "scenarios" / "steered.yaml"
 TAKES_OVER, SETTLED = 15.0, 75.0  # s
 WANTED = math.radians(60.0)
-GOOD = Reading(stamp=100.0, heard=100.0, mode=0, angle=0.5, sigma=0.01, rotating=False)
+GOOD = Reading(stamp=100.0, received=100.0, mode=0, angle=0.5, sigma=0.01, rotating=False)
 
 
 def error_deg(angle, wanted):
@@ -101,9 +101,9 @@ def test_it_turns_the_shorter_way_at_most_one_step_a_period():
     controller = ToolfaceHold(HoldSettings(math.radians(10.0)))
     command = controller.update(100.0, dataclasses.replace(GOOD, angle=math.radians(350.0)))
     assert command == Command(ORIENT, HoldSettings(0.0).step)
-    assert controller.update(100.1, dataclasses.replace(GOOD, stamp=100.1, heard=100.1)) is None
+    assert controller.update(100.1, dataclasses.replace(GOOD, stamp=100.1, received=100.1)) is None
 
 
-def test_a_turning_string_is_told_to_hold_first():
+def test_a_turning_string_gets_the_command_to_hold_first():
     controller = ToolfaceHold(HoldSettings(WANTED))
     assert controller.update(100.0, dataclasses.replace(GOOD, rotating=True)) == Command(HOLD)

@@ -16,10 +16,10 @@ HOLD, ROTATE, ORIENT = range(3)
 
 @dataclasses.dataclass(frozen=True)
 class Reading:
-    """A toolface as it came: stamp, s of the measurement; heard, s of a steady clock; rad; sigma -1: not available."""
+    """A toolface as it came: stamp, s of the measurement; received, s (steady clock); rad; sigma -1: not available."""
 
     stamp: float
-    heard: float
+    received: float
     mode: int
     angle: float
     sigma: float
@@ -99,8 +99,8 @@ class ToolfaceHold:
         s = self.settings
         if reading is None:
             return "no toolface yet"
-        if now - reading.heard > s.stale_after:
-            return f"the toolface is {now - reading.heard:.1f} s old"
+        if now - reading.received > s.stale_after:
+            return f"the toolface is {now - reading.received:.1f} s old"
         if reading.mode != s.mode:
             return "the toolface is of the other kind"
         if not 0.0 <= reading.sigma <= s.worst_sigma:

@@ -22,7 +22,7 @@ from toolface_hold import HoldSettings, Reading, ToolfaceHold
 from mwd_sensors.ros import qos
 
 PERIOD = 0.1  # s
-TELL_EVERY = 1.0  # s of the measurement
+REPORT_EVERY = 1.0  # s of the measurement
 
 
 class ToolfaceHoldNode(Node):
@@ -34,16 +34,16 @@ class ToolfaceHoldNode(Node):
         self._controller = ToolfaceHold(HoldSettings(wanted))
         self._reading: Reading | None = None
         self._wanted = wanted
-        self._said = ""
-        self._told = -math.inf
+        self._printed = ""
+        self._last_report = -math.inf
         self._out = self.create_publisher(RigCommand, "rig/command", qos.STATE)
         watch = SubscriptionEventCallbacks(deadline=self._on_deadline, liveliness=self._on_liveliness)
         self.create_subscription(Toolface, "toolface", self._on_toolface, qos.DEADLINE_STATE, event_callbacks=watch)
         self.create_timer(PERIOD, self._act)
 
-    def _say(self, words: str) -> None:
-        if words != self._said:
-            self._said = words
+    def _print_change(self, words: str) -> None:
+        if words != self._printed:
+            self._printed = words
             print(f"{time.monotonic():.3f} {words}", flush=True)
 
     def _on_toolface(self, message: Toolface) -> None:
@@ -56,10 +56,10 @@ class ToolfaceHoldNode(Node):
             message.sigma,
             message.rotating,
         )
-        if self._reading.stamp - self._told >= TELL_EVERY:
-            self._told = self._reading.stamp
+        if self._reading.stamp - self._last_report >= REPORT_EVERY:
+            self._last_report = self._reading.stamp
             off = math.remainder(message.angle - self._wanted, math.tau)
-            print(f"{self._reading.heard:.3f} at {self._told:.3f} off {math.degrees(off):.2f}", flush=True)
+            print(f"{self._reading.received:.3f} at {self._last_report:.3f} off {math.degrees(off):.2f}", flush=True)
 
     def _on_deadline(self, _event: Any) -> None:
         self._lose("deadline missed")
@@ -74,7 +74,7 @@ class ToolfaceHoldNode(Node):
 
     def _act(self) -> None:
         command = self._controller.update(time.monotonic(), self._reading)
-        self._say(f"refuses: {self._controller.why}" if self._controller.why else "steers")
+        self._print_change(f"refuses: {self._controller.why}" if self._controller.why else "steers")
         if command is None:
             return
         message = RigCommand(mode=command.mode, turn=command.turn, valid_for=command.valid_for)

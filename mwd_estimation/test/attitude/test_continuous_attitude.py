@@ -128,10 +128,10 @@ def test_interference_beyond_the_prior_gives_no_azimuth_until_an_accepted_statio
         rng = np.random.default_rng(seed)
         block, b_t = samples(n, 1.17, azimuth=0.7 + seed, own=(axial, 0.0, 0.0))
         b_t = b_t + 5e-8 * rng.normal(size=b_t.shape)
-        told = StationUpdate(
+        given = StationUpdate(
             None, block.track.g_t[0], b_t[0], accepted=True, axial=(axial + 2.2e-7 * rng.normal(), 2.2e-7)
         )
-        attitude, *_ = follow(stream(), block, b_t, updates=[(3000, told)])
+        attitude, *_ = follow(stream(), block, b_t, updates=[(3000, given)])
         assert (attitude["sigma_azimuth"][:3000] < 0.0).all()
         assert (attitude["status"][1000:3000] & int(Status.MAG_DISTURBED) != 0).all()
         late = attitude[-1]
@@ -142,7 +142,7 @@ def test_interference_beyond_the_prior_gives_no_azimuth_until_an_accepted_statio
     assert np.abs(np.array(errors) / sigmas).max() < 3.0
 
 
-def test_beside_steel_that_a_gyro_has_shown_the_gyros_carry_the_azimuth_alone():
+def test_beside_external_interference_that_a_gyro_has_shown_the_gyros_carry_the_azimuth_alone():
     block, b_t = samples(3000, 0.9, azimuth=1.0)
     b_t = b_t + np.array([0.0, 3e-6, 0.0])
     seek = [(1500, (1.0, math.radians(1.0)))]

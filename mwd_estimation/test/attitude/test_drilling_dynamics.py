@@ -39,7 +39,7 @@ def test_steady_rotation_has_no_stick_slip():
 
 
 @pytest.mark.parametrize("depth", [0.3, 1.0, 1.4])
-def test_stick_slip_index_is_half_the_swing_over_the_mean(depth):
+def test_stick_slip_index_is_half_the_range_over_the_mean(depth):
     t, stamps, gyro, accel, g = window()
     gyro[:, 0] = -15.0 * (1 - depth * np.cos(2 * np.pi * 0.2 * t))
     got = run(stamps, gyro, accel, g, speed_smoothing_s=0.01)[-1]

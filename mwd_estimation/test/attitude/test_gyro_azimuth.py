@@ -203,7 +203,7 @@ def test_without_mag_from_the_start_there_is_no_azimuth_until_the_gyro_gives_one
     rows, _, _ = go(well, none, well.gyro)
     assert np.isnan(rows["azimuth"]).all()
     assert (rows["sigma"] == math.inf).all()
-    # A north seek in the bin of sample 500, told one bin later.
+    # A north seek in the bin of sample 500, reported one bin later.
     rows, _, _ = go(well, none, well.gyro, seek=[(500, float(well.azimuth[509]), 0.5 * DEG)])
     began = int(np.flatnonzero(np.isfinite(rows["azimuth"]))[0])
     assert 510 < began <= 530
@@ -256,7 +256,7 @@ def test_a_field_that_fails_its_check_is_never_used_however_long() -> None:
 def test_good_azimuths_that_stay_away_are_taken_up_again_after_the_patience() -> None:
     well = drilling(400.0, 60.0)
     mag = magnetic(well, np.random.default_rng(6))
-    # It began next to a fish: 30 deg off, and nothing said so.
+    # It began next to a fish: 30 deg off, and no check reported it.
     mag[:1000] += 30.0 * DEG
     rows, _, state = go(well, mag, well.gyro)
     assert state.resets == 1
@@ -296,7 +296,7 @@ def test_seeks_of_one_gyro_do_not_average_but_the_better_one_stands() -> None:
 
 
 def test_a_station_is_carried_on_by_the_gyros_alone_and_its_sigma_is_truthful() -> None:
-    """Steel that turns later magnetic azimuths by up to 6 deg drags the carried azimuth along, not the station's."""
+    """Interference that turns later magnetic azimuths by up to 6 deg moves the carried azimuth, not the station's."""
     well = drilling(400.0, 60.0)
     rng = np.random.default_rng(21)
     ratios = []
@@ -304,8 +304,8 @@ def test_a_station_is_carried_on_by_the_gyros_alone_and_its_sigma_is_truthful() 
         mag = magnetic(well, rng)
         mag += np.maximum(np.arange(len(mag)) - 2000, 0) * 1e-3 * DEG
         off = 0.5 * DEG * rng.standard_normal()
-        told = [(1000, float(well.azimuth[1009]) + off, 0.5 * DEG, 0.2 * DEG, 0.0)]
-        rows, bins, _ = go(well, mag, noisy(well, rng), station=told)
+        stations = [(1000, float(well.azimuth[1009]) + off, 0.5 * DEG, 0.2 * DEG, 0.0)]
+        rows, bins, _ = go(well, mag, noisy(well, rng), station=stations)
         assert np.isnan(bins["station_azimuth"][:100]).all()
         last = bins[-1]
         ratios.append(wrap_pi(last["station_azimuth"] - well.azimuth[-11]) / last["station_sigma"])
@@ -350,10 +350,10 @@ def test_blocks_of_any_length_bad_samples_and_gaps_give_the_same_bits() -> None:
     stamps[1000:] += 3 * 10**9
     fine = noisy(well, rng)[:n]
     fine[300:320, 1] = 9.0
-    told = [(200, 0.1, 0.01, 0.005, 0.0)]
-    whole, bins, _ = go(well, mag, gyro, stamps=stamps, fine=fine, station=told)
+    stations = [(200, 0.1, 0.01, 0.005, 0.0)]
+    whole, bins, _ = go(well, mag, gyro, stamps=stamps, fine=fine, station=stations)
     pieces, piece_bins, _ = go(
-        well, mag, gyro, stamps=stamps, fine=fine, cuts=(1, 499, 501, 1000, 1001, 1003), station=told
+        well, mag, gyro, stamps=stamps, fine=fine, cuts=(1, 499, 501, 1000, 1001, 1003), station=stations
     )
     for found, expected in ((pieces, whole), (piece_bins, bins)):
         for name in expected.dtype.names:

@@ -43,7 +43,7 @@ def test_one_stamp_from_the_future_does_not_end_the_estimate():
     assert verdicts[-1] == track.NEXT
 
 
-def test_a_stamp_that_is_stuck_is_never_believed():
+def test_a_stamp_that_is_stuck_is_never_accepted():
     c = clock()
     track.admit(c, 1000, *GOOD, 100)
     assert {track.admit(c, 500, *GOOD, 100) for _ in range(200)} == {track.REJECTED}
@@ -59,7 +59,7 @@ def test_a_stamp_that_is_stuck_is_never_believed():
         ((-6.0, 0.0, 0.0), 0.0, Status.ROTATING),
     ],
 )
-def test_still_sliding_and_rotating_are_told_apart(rate, non_gravity, expected):
+def test_still_sliding_and_rotating_are_distinguished(rate, non_gravity, expected):
     motion = np.zeros(1, track.MOTION)[0]
     for _ in range(500):
         bits = track.follow_motion(motion, 0.01, np.array(rate), non_gravity)

@@ -1,4 +1,4 @@
-"""Stamps that go back: believed when several do, with nothing of the new time lost and nothing of the old mixed in."""
+"""Stamps that go back: accepted when several do, with nothing of the new time lost and nothing of the old mixed in."""
 
 import numpy as np
 
@@ -74,7 +74,7 @@ def test_what_a_stream_still_says_of_the_old_time_is_dropped():
     assert seconds(clocks.beside("mag", samples(23))) == [23]
 
 
-def test_a_stream_that_was_silent_meanwhile_is_heard_again():
+def test_a_stream_that_was_silent_meanwhile_is_used_again():
     clocks = Clocks()
     clocks.beside("mag", samples(10, 11))
     clocks.lead(samples(100, 101, 50, 51, 52))

@@ -89,7 +89,7 @@ def test_correction_pulls_towards_the_accelerometer_and_not_away():
     p = fuzzy_mahony.Params(start_s=0.0, k_i=0.0)
     state = fuzzy_mahony.initial(p)
     f = np.array([[-np.cos(0.5), 0.0, np.sin(0.5)]]) * G0
-    # Starts from one tilted sample, then hears the truth: the error must shrink.
+    # Starts from one tilted sample, then gets true samples: the error must shrink.
     fuzzy_mahony.run(p, state, [0], np.zeros((1, 3)), [[-G0, 0.0, 0.0]])
     got = fuzzy_mahony.run(p, state, stamps_of(6000, 100.0)[1:], np.zeros((5999, 3)), np.repeat(f, 5999, axis=0))
     assert got.g_t[-1] == pytest.approx(-f[0] / G0, abs=1e-3)

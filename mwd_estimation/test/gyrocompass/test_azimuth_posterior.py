@@ -38,7 +38,7 @@ def test_a_gaussian_wider_than_the_circle_knows_nothing_but_its_side() -> None:
     assert found.sigma == pytest.approx(math.pi / math.sqrt(3.0), rel=0.1)
 
 
-def test_the_distance_from_the_circle_is_told_in_sigmas() -> None:
+def test_the_distance_from_the_circle_is_given_in_sigmas() -> None:
     assert azimuth_posterior.posterior([one(1.0, 0.02, length=1.1)], RATE).misfit == pytest.approx(25.0, rel=1e-3)
 
 

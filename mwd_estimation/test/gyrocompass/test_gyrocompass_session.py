@@ -37,21 +37,21 @@ def bins(seconds, rpm=0.0, seed=1):
 @pytest.mark.parametrize(("rpm", "method"), [(0.0, "still"), (60.0, "rotating")])
 def test_north_is_found_in_the_time_asked_for_at_rest_and_turning(rpm, method):
     run = NorthSession(SessionParams(), GYRO, LATITUDE, None, 60.0, "")
-    told = []
+    given = []
     for one in bins(90.0, rpm):
         assert not run.done
         run.add(*one)
-        told.append(run.progress())
+        given.append(run.progress())
         if run.done:
             break
-    assert len(told) == 120
-    assert (told[0].elapsed, told[0].remaining) == (0.5, 59.5)
-    assert math.isnan(told[0].azimuth)
+    assert len(given) == 120
+    assert (given[0].elapsed, given[0].remaining) == (0.5, 59.5)
+    assert math.isnan(given[0].azimuth)
     found = run.solution()
     assert found.success, found.reason
     assert found.method == method
     assert abs(wrap_pi(found.azimuth - 100.0 * DEG)) < 3.0 * found.sigma < 8.0 * DEG
-    assert told[-1].sigma < told[60].sigma
+    assert given[-1].sigma < given[60].sigma
 
 
 def test_without_a_precision_unit_there_is_a_reason_instead_of_an_azimuth():

@@ -1,4 +1,4 @@
-"""A gyro azimuth of a station: two positions show the bias, what cannot be said is refused, cuts change nothing."""
+"""A gyro azimuth of a station: two positions show the bias, what cannot be found is refused, cuts change nothing."""
 
 import dataclasses
 import math
@@ -112,7 +112,7 @@ def test_any_cut_into_blocks_gives_the_same_gyro_azimuth():
     assert _gyro(whole[-1]) == _gyro(pieces[-1])
 
 
-def test_an_unknown_latitude_is_said_and_costs_nothing_else():
+def test_an_unknown_latitude_is_reported_and_costs_nothing_else():
     survey = _surveys(_samples(), _settings(**{"place.lat_deg": 0.0}))[-1]
     assert survey.azimuth_reasons["gyro"].code is ReasonCode.LATITUDE_UNKNOWN
     assert survey.station.method in ("raw", "corrected")
@@ -224,7 +224,7 @@ def test_the_bias_that_two_positions_showed_serves_the_next_station_while_the_to
     assert not station.solution().success
 
 
-def test_what_the_gyro_waits_for_is_said_until_waiting_brings_nothing():
+def test_what_the_gyro_waits_for_is_reported_until_waiting_brings_nothing():
     station = _station(bias_deg_h=0.05, bias_scale="stated")
     assert station.pending() is None
     _rest(station, 10.0, 0.0)

@@ -129,13 +129,13 @@ def test_x_leakage_times_speed_wobble_is_regressed_out() -> None:
 
 def test_a_known_lag_of_one_millisecond_is_undone() -> None:
     clean = motion(123.5, 34.0 * DEG, 1.0, 0.5, steady(120.0), RATE, lag=0.001)
-    told = settings("rotating", 0.003, 34.0, lag_ms=1.0, lag_sigma_ms=0.01)
-    error, sigma, _ = monte_carlo(told, clean, runs=20)
+    given = settings("rotating", 0.003, 34.0, lag_ms=1.0, lag_sigma_ms=0.01)
+    error, sigma, _ = monte_carlo(given, clean, runs=20)
     assert abs(error.mean()) < 0.05 * DEG
-    untold = dataclasses.replace(told, lag_ms=0.0)
-    error, sigma, _ = monte_carlo(untold, clean, runs=5)
+    without_lag = dataclasses.replace(given, lag_ms=0.0)
+    error, sigma, _ = monte_carlo(without_lag, clean, runs=5)
     assert abs(error.mean()) > 0.4 * DEG
-    honest = dataclasses.replace(told, lag_ms=0.0, lag_sigma_ms=1.0)
+    honest = dataclasses.replace(given, lag_ms=0.0, lag_sigma_ms=1.0)
     error, sigma, _ = monte_carlo(honest, clean, runs=5)
     assert np.abs(error / sigma).max() < 3.0
 
@@ -224,12 +224,12 @@ def test_a_horizontal_hole_turned_about_its_axis_has_two_answers_until_one_is_ex
     assert not found.success
     assert found.reason.code is ReasonCode.TWO_AZIMUTHS_FIT_GYRO
     choices = sorted(found.choices)
-    told = dataclasses.replace(params, expected_azimuth_deg=50.0)
-    found = north_seek.solution(told, state)
+    given = dataclasses.replace(params, expected_azimuth_deg=50.0)
+    found = north_seek.solution(given, state)
     assert found.success, found.reason
     assert found.choices == ()
     assert abs(wrap_pi(found.azimuth - 20.0 * DEG)) < 3.0 * found.sigma
-    # Both are told, each as if it had been expected.
+    # Both are reported, each as if it had been expected.
     assert choices[0] == pytest.approx((found.azimuth, found.sigma), rel=1e-6)
     assert abs(wrap_pi(choices[1][0] - 160.0 * DEG)) < 3.0 * choices[1][1]
 

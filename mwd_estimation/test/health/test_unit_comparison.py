@@ -146,7 +146,7 @@ def test_a_rate_at_rest_is_too_much_only_beyond_what_a_string_pulled_through_a_b
         return samples
 
     # In the last case only the precision unit reads it, and less than the comparison of the two units resolves.
-    for rate_deg_h, of_both, told in (
+    for rate_deg_h, of_both, given in (
         (lambda t: np.full_like(t, 700.0), True, []),
         (lambda t: 9000.0 * np.exp(-t / 3.0), True, []),
         (lambda t: np.full_like(t, 950.0), False, []),
@@ -154,10 +154,10 @@ def test_a_rate_at_rest_is_too_much_only_beyond_what_a_string_pulled_through_a_b
     ):
         units = {name: turned(name, rate_deg_h) for name in ("imu/data_raw", "gyro/data_raw")[not of_both :]}
         changes, _, _ = judged({**streams, **units}, True)
-        assert [describe(one).axis for _, one in changes] == told
+        assert [describe(one).axis for _, one in changes] == given
 
 
-def test_a_unit_that_falls_silent_is_named_and_one_that_was_never_heard_is_not():
+def test_a_unit_that_falls_silent_is_named_and_one_that_never_sent_is_not():
     streams = sent("drilling")[0]
     fine = streams["gyro/data_raw"]
     part = fine[fine["stamp_ns"] < fine["stamp_ns"][0] + 10 * 10**9]
@@ -210,7 +210,7 @@ def test_without_the_unit_the_gyro_azimuth_is_refused_in_words_and_the_magnetic_
         assert says in text(survey.azimuth_reasons["gyro"])
         assert survey.weights["gyro"] == 0.0
         assert np.isfinite(survey.station.azimuth)
-        # A sound gyro that half a turn could make a witness raises a doubt that one refused does not.
+        # A sound gyro that half a turn could make useful raises a doubt that one refused does not.
         assert survey.station.verdict == "accept"
         assert any(one.unusable == PRECISION for one in pipeline.sensor_faults)
 

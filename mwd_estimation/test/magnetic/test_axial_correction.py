@@ -120,7 +120,7 @@ def test_sigma_stays_honest_there_with_interference_as_strong_as_the_field(inc, 
 
 
 @pytest.mark.parametrize(("azi", "axial"), [(0, -40e-6), (60, -40e-6), (135, 22e-6), (180, 40e-6), (225, 22e-6)])
-def test_a_mirror_is_told_where_neither_interference_is_imaginable(azi, axial):
+def test_a_mirror_is_reported_where_neither_interference_is_imaginable(azi, axial):
     # Exactly horizontal, 50 uT at 60 deg dip: the mirror asks for several times the plausible interference too.
     h, v = 25e-6, 43.3e-6
     f_t, b_t = readings(90 * DEG, azi * DEG, 0.7, h, v, axial)

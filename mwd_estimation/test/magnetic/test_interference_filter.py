@@ -183,7 +183,7 @@ def test_from_the_interference_a_station_showed_it_starts_and_after_casing_start
     assert axial(initial(params, reference, axial=(strong, 3e-6))) == (strong, pytest.approx(3e-6))
 
 
-def test_samples_said_unusable_or_not_finite_or_repeated_are_not_learnt():
+def test_samples_marked_unusable_or_not_finite_or_repeated_are_not_learnt():
     samples, reference, *_ = drilled(4, [30], [60], 60, 10)
     stamps, g_t, b_t, sigma_g, sigma_b = samples
     state = initial(PARAMS, reference)

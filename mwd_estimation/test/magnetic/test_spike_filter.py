@@ -1,4 +1,4 @@
-"""Spikes of a magnetometer go, steel that stays and a turning tool with a bias do not."""
+"""Spikes of a magnetometer go, a lasting disturbance and a turning tool with a bias do not."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def field(n=400, turns_per_s=0.0, bias=0.0, seed=1):
 
 
 @pytest.mark.parametrize("turns_per_s", [0.0, 1.3])
-def test_spikes_are_told_and_nothing_else(turns_per_s):
+def test_spikes_are_marked_and_nothing_else(turns_per_s):
     stamps, b_t = field(turns_per_s=turns_per_s)
     spikes = np.arange(20, 400, 50)
     b_t[spikes] *= 3.0
@@ -31,7 +31,7 @@ def test_a_turning_tool_with_a_bias_is_no_spike():
     assert spike_filter.run(spike_filter.initial(), stamps, b_t).all()
 
 
-def test_steel_that_stays_counts_after_a_few_samples():
+def test_external_interference_that_stays_counts_after_a_few_samples():
     stamps, b_t = field()
     b_t[200:] *= 1.4
     sound = spike_filter.run(spike_filter.initial(), stamps, b_t)

@@ -165,7 +165,7 @@ def test_s1_field_case_follows_the_gyro_where_the_magnetic_tool_is_22_degrees_of
     assert "sigma) from gyro and its check failed: total field +3100 nT off" in joined(fused.alarm)
 
 
-def test_where_no_check_failed_the_gyro_wins_over_steel_and_the_alarm_is_raised() -> None:
+def test_where_no_check_failed_the_gyro_wins_over_external_interference_and_the_alarm_is_raised() -> None:
     fused = azimuth_fusion.fuse([candidate("corrected", 100.0, 0.5), candidate("gyro", 110.0, 1.0)])
     assert fused.azimuth / DEG == pytest.approx(110.0)
     assert fused.sigma / DEG == pytest.approx(1.0)
@@ -268,10 +268,10 @@ def test_s1_field_scenario_from_raw_samples_to_the_fused_azimuth() -> None:
     read = magnetic_geometry.raw_azimuth(
         ahrs["linear_acceleration"][at_rest].mean(axis=0), mag["magnetic_field"][at_rest].mean(axis=0)
     )
-    steel = Candidate("raw", float(read) + sonde.reference.declination, 1.0 * DEG)
+    disturbed = Candidate("raw", float(read) + sonde.reference.declination, 1.0 * DEG)
     azimuth = float(truth["azimuth"][-1])
-    assert abs(wrap_pi(steel.azimuth - azimuth)) > 20.0 * DEG
-    fused = azimuth_fusion.fuse([steel, Candidate("gyro", north.azimuth, north.sigma, GYRO)])
+    assert abs(wrap_pi(disturbed.azimuth - azimuth)) > 20.0 * DEG
+    fused = azimuth_fusion.fuse([disturbed, Candidate("gyro", north.azimuth, north.sigma, GYRO)])
     assert fused.method == "gyro"
     assert fused.alarm[0].code == ReasonCode.DISAGREES_EXTERNAL_INTERFERENCE
     error = abs(float(wrap_pi(fused.azimuth - azimuth)))

@@ -60,7 +60,7 @@ def test_a_carried_azimuth_that_agrees_is_listed_and_never_narrows_the_sigma() -
     assert found.azimuth_reasons[PROPAGATED].code == ReasonCode.PROPAGATED_AGREES
 
 
-def test_steel_that_came_since_the_last_station_is_an_alarm_and_makes_the_station_doubtful() -> None:
+def test_external_interference_that_came_since_the_last_station_is_an_alarm_and_makes_the_station_doubtful() -> None:
     one = taken(azimuth_deg=46.0)
     found = checked(one, carried(40.0), Settings())
     assert found.station.verdict == DOUBTFUL
@@ -77,13 +77,13 @@ def test_a_difference_of_less_than_a_degree_is_no_alarm_however_certain_both_are
     assert not checked(one, PropagatedAzimuth(40.0 * DEG, 0.05 * DEG, 0.05 * DEG, math.nan, math.nan), Settings()).alarm
 
 
-def test_what_both_errors_share_makes_a_difference_tell_more() -> None:
+def test_what_both_errors_share_makes_a_difference_count_more() -> None:
     one = taken(azimuth_deg=42.2)
     assert checked(one, carried(40.0), Settings()).alarm
     assert not checked(one, carried(40.0)._replace(station_constant_sigma=0.0), Settings()).alarm
 
 
-def test_where_a_gyro_found_north_the_station_stands_and_the_difference_is_said() -> None:
+def test_where_a_gyro_found_north_the_station_stands_and_the_difference_is_reported() -> None:
     one = taken(azimuth_deg=46.0, weights={"raw": 0.3, "corrected": 0.0, "gyro": 0.7})
     found = checked(one, carried(40.0), Settings())
     assert found.station.verdict == ACCEPT

@@ -174,7 +174,7 @@ def test_a_failed_magnetometer_is_no_reading_and_does_not_touch_a_gyro_azimuth()
     assert record.judge(by_gyro).station.verdict == "reject"
 
 
-def test_a_fault_that_ended_during_a_survey_is_told_with_how_long_it_lasted():
+def test_a_fault_that_ended_during_a_survey_is_reported_with_how_long_it_lasted():
     survey = estimated(sent("temperature", "ok"))[0].surveys[0]
     begin = survey.stamp_ns - round(0.5e9 * survey.duration)
     record = FaultHistory()

@@ -79,7 +79,7 @@ def test_a_corrected_station_takes_its_interference_off_from_then_on_until_the_r
     assert not feedback.in_force.corrected
 
 
-def test_a_gyro_that_was_believed_against_the_field_makes_it_suspect_until_they_agree():
+def test_a_gyro_that_was_preferred_to_the_field_makes_it_suspect_until_they_agree():
     feedback = MagneticFeedback(StationSettings(), REFERENCE)
     one, analysis = taken()
     alarmed = dataclasses.replace(one, alarm=(ALARM,), weights={"gyro": 1.0})

@@ -174,7 +174,7 @@ def test_what_the_attitudes_do_not_show_is_named_and_keeps_its_prior():
     assert (done.sigma_azimuth > 5 * DEG).all()
 
 
-def test_a_station_beside_casing_is_left_out_and_said():
+def test_a_station_beside_casing_is_left_out_and_reported():
     f_t, b_t, reference, _, azi, _, _ = drawn_run("build", 4, **QUIET)
     b_t[7] += [0.5e-6, -2e-6, 1.5e-6]
     done = analyse(f_t, b_t, reference)

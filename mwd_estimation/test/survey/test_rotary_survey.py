@@ -78,7 +78,7 @@ def test_progress_tells_time_and_samples():
     survey = RotarySurvey(Params())
     assert survey.progress().samples == 0
     assert survey.add(*turning(4.0)) is None
-    told = survey.progress()
-    assert (told.elapsed, told.remaining, told.samples, told.state) == (4.0, 26.0, 401, "averaging")
+    given = survey.progress()
+    assert (given.elapsed, given.remaining, given.samples, given.state) == (4.0, 26.0, 401, "averaging")
     with pytest.raises(ValueError, match="duration"):
         RotarySurvey(Params(), 1.0)

@@ -104,7 +104,7 @@ def test_a_reference_given_by_hand_comes_before_the_rows_own():
     assert (given.north, given.reference.source) == ("grid", "by hand")
 
 
-def test_depths_in_feet_come_out_in_metres_and_unit_guesses_are_told():
+def test_depths_in_feet_come_out_in_metres_and_unit_guesses_are_reported():
     table = plain_table(
         MD_ft=[1000.0, 1100.0, 1200.0], comment=["a", "b", "c"], dip_ref=[71.0] * 3, b_ref=[49650.0] * 3
     )

@@ -101,7 +101,7 @@ def test_a_stream_that_was_silent_for_part_of_the_time_is_not_averaged():
     assert results[0].mag is None
 
 
-def test_a_survey_taken_by_itself_waits_while_told_what_for_and_averages_all_of_it():
+def test_a_survey_taken_by_itself_reports_what_it_waits_for_and_averages_all_of_it():
     survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=30.0))
     bins = _bins(30.0)
     results = [survey.add(BinSet(one), WAIT if k < 40 else None) for k, one in enumerate(bins)]

@@ -43,7 +43,7 @@ def test_the_north_asked_for_is_the_north_given(north, azimuth):
     assert shot.north == ("grid" if north == "best" else north)
 
 
-def test_axial_interference_is_corrected_when_there_is_some_and_said_with_its_sigma():
+def test_axial_interference_is_corrected_when_there_is_some_and_reported_with_its_sigma():
     shot = station(*readings(60, 100, 40, 2e-6), REFERENCE)
     assert shot.method == "corrected"
     assert shot.corrected
@@ -177,8 +177,8 @@ def test_an_attitude_that_hides_interference_makes_the_azimuth_doubtful(inc, azi
         assert "can hardly be seen in this attitude, 1000 nT of it turn the azimuth by" in text(doubt)
         assert shot.sigma_azimuth > 1.5 * DEG
     # Who counts on as much, knows what he has.
-    told = StationSettings(errors=SensorErrors(axial_interference_nt=3000.0))
-    shot = station(*readings(inc, azi, 40), REFERENCE, told)
+    settings = StationSettings(errors=SensorErrors(axial_interference_nt=3000.0))
+    shot = station(*readings(inc, azi, 40), REFERENCE, settings)
     assert shot.azimuth_doubts == ()
     assert shot.sigma_azimuth > 8.0 * DEG or shot.corrected
 
@@ -349,6 +349,6 @@ def test_better_sensors_give_smaller_sigmas():
 
 
 def test_without_a_magnetometer_true_north_needs_no_declination():
-    told = StationSettings(north="true")
-    assert station([-6.0, 1.0, 7.7], [math.nan] * 3, None, told).north == "true"
-    assert station([-6.0, 1.0, 7.7], [2e-5, 1e-5, 4e-5], None, told).north == "magnetic"
+    settings = StationSettings(north="true")
+    assert station([-6.0, 1.0, 7.7], [math.nan] * 3, None, settings).north == "true"
+    assert station([-6.0, 1.0, 7.7], [2e-5, 1e-5, 4e-5], None, settings).north == "magnetic"

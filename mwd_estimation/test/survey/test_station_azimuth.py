@@ -23,12 +23,12 @@ REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.1, gravity=9.81, source
 FIELD_N = 5e-5 * np.array([math.cos(1.1) * math.cos(0.1), math.cos(1.1) * math.sin(0.1), math.sin(1.1)])
 
 
-def shot(inclination_deg=50.0, azimuth_deg=40.0, turned_deg=0.0, **told):
-    """A station; `turned_deg`: steel turns the field about the vertical and leaves total and dip in order."""
+def shot(inclination_deg=50.0, azimuth_deg=40.0, turned_deg=0.0, **given):
+    """A station; `turned_deg`: interference turns the field about the vertical; total and dip are kept."""
     mat = mat_nt(inclination_deg * DEG, azimuth_deg * DEG, 0.5)
     c, s = math.cos(turned_deg * DEG), math.sin(turned_deg * DEG)
     field = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ FIELD_N
-    return station(mat.T @ [0.0, 0.0, -9.81], mat.T @ field, REFERENCE, StationSettings(), **told)
+    return station(mat.T @ [0.0, 0.0, -9.81], mat.T @ field, REFERENCE, StationSettings(), **given)
 
 
 def gyro(azimuth_deg, sigma_deg, reason=None):
@@ -55,7 +55,7 @@ def test_gyro_and_magnetic_azimuth_that_agree_are_weighed_by_their_covariance():
     assert 40.0 < math.degrees(found.station.azimuth) < 40.3
 
 
-def test_steel_that_keeps_total_and_dip_is_an_alarm_and_the_gyro_carries_the_station():
+def test_external_interference_that_keeps_total_and_dip_is_an_alarm_and_the_gyro_carries_the_station():
     alone = shot(turned_deg=22.0)
     assert alone.verdict == "accept"
     found = weigh(alone, alone, gyro(40.0, 1.0))
@@ -90,7 +90,7 @@ def test_an_azimuth_that_half_a_turn_would_let_the_gyro_judge_is_doubtful_unless
     assert found.station.azimuth == pytest.approx(alone.azimuth)
     assert found.weights["gyro"] == 0.0
     assert found.alarm is None
-    # A gyro too noisy to judge in any position, and who does not want to hear it.
+    # A gyro too noisy to judge in any position, and a setting that mutes that remark.
     for other in (
         weigh(alone, alone, dataclasses.replace(coarse, limit=12.0 * DEG)),
         weigh(alone, alone, coarse, azimuth_fusion.Settings(unconfirmed="accept")),

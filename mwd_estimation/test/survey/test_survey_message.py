@@ -46,7 +46,7 @@ def test_the_fields_and_codes_are_those_of_the_message():
 
 
 @pytest.mark.parametrize("with_mag", [True, False])
-def test_unknown_is_said_as_the_message_says_it_and_nothing_is_not_a_number(with_mag):
+def test_unknown_is_written_as_the_message_defines_it_and_nothing_is_not_a_number(with_mag):
     found = survey_message.survey_fields(_survey(with_mag), 0)
     assert (found["magnetic_field_covariance"][0] == -1.0) == (not with_mag)
     assert (found["b_total"] == -1.0) == (not with_mag)

@@ -79,7 +79,7 @@ def test_a_callee_is_compiled_once_for_a_type_whatever_the_numbers_in_the_call(t
 
 
 @pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
-def test_that_kernels_are_being_compiled_is_told_once_and_not_where_they_come_from_the_cache(tmp_path):
+def test_that_kernels_are_being_compiled_is_reported_once_and_not_where_they_come_from_the_cache(tmp_path):
     (tmp_path / "mwd_sums.py").write_text(
         "from mwd_sensors.core.compiled import compiled, when_compiling\n\n"
         "@compiled\ndef total(n):\n    return n + 1\n\n"

@@ -29,7 +29,7 @@ class Node:
 
 @dataclasses.dataclass(frozen=True)
 class Needed:
-    depth: float = setting(doc="must be said", unit="m")
+    depth: float = setting(doc="must be given", unit="m")
 
 
 def test_defaults_round_trip_through_plain_tables():
@@ -101,7 +101,7 @@ def test_instances_do_not_share_their_lists():
     assert Node().names == ["a"]
 
 
-def test_bounds_are_said_to_the_last_digit():
+def test_bounds_are_printed_to_the_last_digit():
     @dataclasses.dataclass(frozen=True)
     class Seeds:
         seed: int = setting(1, "seed", low=-1, high=2_147_483_647)

@@ -17,7 +17,7 @@ from project import SCENARIOS
 EARTH = np.array([[20e-6, -2e-6, 45e-6]])
 
 
-def felt(item, inclination=0.7, azimuth=1.0, toolface=2.0, position=(0.0, 0.0, 0.0), md=0.0, seed=1):
+def sensed(item, inclination=0.7, azimuth=1.0, toolface=2.0, position=(0.0, 0.0, 0.0), md=0.0, seed=1):
     made = interference.disturbance(item, 5e-5, np.random.default_rng(seed))
     mat = mat_nt(inclination, azimuth, toolface)[None]
     return made.at(mat, EARTH, np.array([position], dtype=float), np.array([md], dtype=float))[0]
@@ -26,20 +26,20 @@ def felt(item, inclination=0.7, azimuth=1.0, toolface=2.0, position=(0.0, 0.0, 0
 def test_the_string_s_field_turns_with_the_tool():
     item = Interference(axial_nt=2000.0, axial_relative=0.5, cross_nt=(100.0, -50.0))
     for toolface in (0.0, 1.0, 4.0):
-        assert_allclose(felt(item, toolface=toolface), [27e-6, 1e-7, -0.5e-7], atol=1e-18)
+        assert_allclose(sensed(item, toolface=toolface), [27e-6, 1e-7, -0.5e-7], atol=1e-18)
 
 
 @pytest.mark.parametrize(("relative", "b_x"), [(0.5, 5.0014), (1.0, 7.0014), (2.0, 11.0014)])
 def test_s0_table_1_is_what_the_sonde_reads(relative, b_x):
-    told = scenario.read(SCENARIOS / "s0_table.yaml", {"interference": {"axial_relative": relative}})
-    mag = next(Sonde(told).blocks())["imu/mag"]["magnetic_field"]
+    given = scenario.read(SCENARIOS / "s0_table.yaml", {"interference": {"axial_relative": relative}})
+    mag = next(Sonde(given).blocks())["imu/mag"]["magnetic_field"]
     # S0 table 1, 1e-5 T, last digit printed.
     assert_allclose(mag * 1e5, np.tile([b_x, -0.6372, -2.5662], (len(mag), 1)), atol=6e-5)
 
 
 def test_s1_s_field_case_turns_the_magnetic_azimuth_as_printed():
-    told = scenario.read(SCENARIOS / "s1_field.yaml")
-    sonde = Sonde(told)
+    given = scenario.read(SCENARIOS / "s1_field.yaml")
+    sonde = Sonde(given)
     reference = sonde.reference
     for md, true_deg, off_deg in ((30.0, 159.42, 22.79), (60.0, 161.53, -17.70), (90.0, 163.17, -22.43)):
         mat = mat_nt(math.radians(70.0), math.radians(true_deg), 0.3)[None]
@@ -64,30 +64,30 @@ def test_a_pole_s_field_falls_with_the_square_and_two_make_a_dipole():
     assert np.isfinite(inside).all()
 
 
-def test_the_poles_of_an_offset_well_sum_to_zero_and_it_is_felt_only_near_by():
+def test_the_poles_of_an_offset_well_sum_to_zero_and_its_field_is_local():
     item = Interference(offset_wells=(OffsetWell((0.0, 5.0, 0.0), (0.0, 5.0, 240.0)),))
     made = interference.disturbance(item, 5e-5, np.random.default_rng(3))
     assert made.pole_strength.sum() == pytest.approx(0.0, abs=1e-18)
     assert len(made.pole_strength) == 21
-    near = np.linalg.norm(felt(item, position=(0.0, 0.0, 120.0)))
-    assert near > 50 * np.linalg.norm(felt(item, position=(0.0, 400.0, 120.0)))
+    near = np.linalg.norm(sensed(item, position=(0.0, 0.0, 120.0)))
+    assert near > 50 * np.linalg.norm(sensed(item, position=(0.0, 400.0, 120.0)))
 
 
 def test_soft_iron_is_induced_by_the_field_in_the_tool():
     mat = mat_nt(0.7, 1.0, 2.0)
     rows = ((0.01, 0.0, 0.002), (0.0, -0.005, 0.0), (0.0, 0.0, 0.003))
-    assert_allclose(felt(Interference(soft_iron=rows)), np.array(rows) @ mat.T @ EARTH[0], atol=1e-18)
+    assert_allclose(sensed(Interference(soft_iron=rows)), np.array(rows) @ mat.T @ EARTH[0], atol=1e-18)
 
 
 def test_tool_joints_pass_and_anomalies_are_interpolated():
     item = Interference(tool_joints=ToolJoints(9.0, 1500.0, 0.4))
-    assert felt(item, md=18.0)[0] == pytest.approx(1.5e-6)
-    assert felt(item, md=18.4)[0] == pytest.approx(0.75e-6)
-    assert felt(item, md=22.5)[0] == pytest.approx(0.0, abs=1e-15)
+    assert sensed(item, md=18.0)[0] == pytest.approx(1.5e-6)
+    assert sensed(item, md=18.4)[0] == pytest.approx(0.75e-6)
+    assert sensed(item, md=22.5)[0] == pytest.approx(0.0, abs=1e-15)
     item = Interference(anomalies=(Anomaly(10.0, (0.0, 0.0, 0.0)), Anomaly(20.0, (1000.0, 0.0, 0.0))))
     mat = mat_nt(0.7, 1.0, 2.0)
-    assert_allclose(mat @ felt(item, md=15.0), [0.5e-6, 0.0, 0.0], atol=1e-18)
-    assert_allclose(mat @ felt(item, md=99.0), [1e-6, 0.0, 0.0], atol=1e-18)
+    assert_allclose(mat @ sensed(item, md=15.0), [0.5e-6, 0.0, 0.0], atol=1e-18)
+    assert_allclose(mat @ sensed(item, md=99.0), [1e-6, 0.0, 0.0], atol=1e-18)
 
 
 def test_the_day_goes_round():
@@ -103,7 +103,7 @@ def test_the_day_goes_round():
 
 def test_a_pole_in_the_ground_stays_there_while_the_tool_turns():
     item = Interference(poles=(Pole((0.0, 3.0, 0.0), 200.0),))
-    fields = [mat_nt(0.7, 1.0, tf) @ felt(item, toolface=tf) for tf in (0.0, 2.0)]
+    fields = [mat_nt(0.7, 1.0, tf) @ sensed(item, toolface=tf) for tf in (0.0, 2.0)]
     assert_allclose(fields[0], fields[1], atol=1e-18)
     assert fields[0][1] < 0.0
 

@@ -18,12 +18,12 @@ FILES = sorted(FOLDER.rglob("*.yaml"))
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_every_shipped_scenario_starts_and_makes_finite_samples(path):
-    told = scenario.read(path)
-    assert told.name == path.stem
-    assert told.about.endswith(".")
-    sonde = Sonde(told)
+    given = scenario.read(path)
+    assert given.name == path.stem
+    assert given.about.endswith(".")
+    sonde = Sonde(given)
     block = next(sonde.blocks(0.5))
-    assert len(block["truth"]) == told.rate_hz // 2
+    assert len(block["truth"]) == given.rate_hz // 2
     for samples in block.values():
         for field in samples.dtype.names:
             assert np.isfinite(samples[field]).all()
@@ -82,9 +82,9 @@ def test_dates_may_be_written_with_or_without_quotes_and_with_a_time():
 
 
 def test_a_seed_or_any_setting_can_be_changed():
-    told = scenario.parse("{seed: 1}", {"seed": 2})
-    assert told.seed == 2
-    assert changed(told, {"place.latitude_deg": 60.0}).place.latitude_deg == 60.0
+    given = scenario.parse("{seed: 1}", {"seed": 2})
+    assert given.seed == 2
+    assert changed(given, {"place.latitude_deg": 60.0}).place.latitude_deg == 60.0
 
 
 def test_errors_of_a_file_name_the_file(tmp_path):

@@ -36,7 +36,7 @@ def test_the_still_intervals_are_still_and_at_least_as_long_as_asked():
         assert np.abs(drilling).max() == 0.0
 
 
-def test_depths_tell_one_story():
+def test_all_depths_are_consistent():
     line = laid()
     t = np.arange(0.0, line.seconds, 0.01)
     bit, hole, block = line.bit(t)[0], line.hole(t)[0], line.block(t)[0]

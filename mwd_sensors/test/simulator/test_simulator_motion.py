@@ -129,12 +129,12 @@ def test_shocks_leave_neither_velocity_nor_displacement_and_keep_their_area():
 def test_a_lever_arm_feels_the_centripetal_acceleration():
     m = moved(Vibrations(), (Phase("circulate", 20.0, rpm=180.0),), Rig(running_start=True), ((0.0, 90.0, 0.0),))
     k = m.at(2000, 400, 2000.0)
-    felt, rates = np.empty((400, 3)), np.empty((400, 3))
+    measured, rates = np.empty((400, 3)), np.empty((400, 3))
     lever = np.array([0.0, 0.05, 0.0])
-    kinematics.sensed(k, lever, kinematics.Place(np.zeros(3), 9.8, 0.0), rates, felt)
+    kinematics.sensed(k, lever, kinematics.Place(np.zeros(3), 9.8, 0.0), rates, measured)
     omega = 180.0 * 2.0 * np.pi / 60.0
     expected = np.array([0.0, -(omega**2) * 0.05, 0.0]) - 9.8 * k.mat_nt[:, 2, :]
-    assert_allclose(felt, expected, atol=1e-9)
+    assert_allclose(measured, expected, atol=1e-9)
     assert_allclose(rates, [[omega, 0.0, 0.0]] * 400, atol=1e-12)
 
 

@@ -242,12 +242,12 @@ STEERED = {
 def test_commands_steer_and_are_the_same_run_whatever_the_block_length():
     def run_with(seconds):
         sonde = Sonde(scenario.read(SCENARIOS / "default.yaml", STEERED))
-        parts, told = [], False
+        parts, given = [], False
         for block in sonde.blocks(seconds):
             parts.append(block)
-            if not told and sonde.time >= 6.0 - 1e-9:
+            if not given and sonde.time >= 6.0 - 1e-9:
                 sonde.command(steering.Command(steering.HOLD))
-                told = True
+                given = True
         return {topic: np.concatenate([part[topic] for part in parts]) for topic in wire.SONDE_TOPICS}
 
     whole, fine = run_with(0.5), run_with(0.1)
@@ -256,8 +256,8 @@ def test_commands_steer_and_are_the_same_run_whatever_the_block_length():
     assert whole["rig/state"]["rotary_speed"][-1] == 0.0
     assert set(whole["truth"]["activity"][[500, -1]]) == {2, 1}
     # The gyro feels what the truth says.
-    felt, true = whole["imu/data_raw"]["angular_velocity"][:, 0], whole["truth"]["angular_velocity"][:, 0]
-    assert np.abs(felt - true)[100:-100].max() < 0.2
+    sensed, true = whole["imu/data_raw"]["angular_velocity"][:, 0], whole["truth"]["angular_velocity"][:, 0]
+    assert np.abs(sensed - true)[100:-100].max() < 0.2
     assert true.max() > 9.0
 
 

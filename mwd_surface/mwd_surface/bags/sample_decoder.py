@@ -33,7 +33,7 @@ class SampleDecoder:
     topics : dict of str to TopicInfo
     message_compression : bool
         Each message is compressed by itself.
-    tell : callable
+    report : callable
         Handed a sentence on whatever cannot be decoded.
 
     Attributes
@@ -42,9 +42,11 @@ class SampleDecoder:
         Messages left out so far.
     """
 
-    def __init__(self, topics: Mapping[str, TopicInfo], message_compression: bool, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self, topics: Mapping[str, TopicInfo], message_compression: bool, report: Callable[[str], None]
+    ) -> None:
         self.damaged = 0
-        self._topics, self._message_compression, self._tell = topics, message_compression, tell
+        self._topics, self._message_compression, self._report = topics, message_compression, report
         self._definitions: Definitions | None = None
 
     def decode(self, topic: str, data: bytes) -> Any:
@@ -103,7 +105,7 @@ class SampleDecoder:
             if 1 < len(kinds) <= 16:
                 # Frame names of other lengths can hide in messages of one size, behind the padding.
                 return merged([self._from_rows(name, layout, part.at(frames == kind), some) for kind in kinds])
-            self._tell(f"{name}: some messages are not in the fixed layout ({error}); read through rosbags")
+            self._report(f"{name}: some messages are not in the fixed layout ({error}); read through rosbags")
         listed = [part.data[a : a + size].tobytes() for a in part.offset]
         log_ns, samples = self._from_list(name, layout, part.log_ns, listed, some)
         return log_ns, samples
@@ -120,7 +122,7 @@ class SampleDecoder:
             except wire.WireError as error:
                 counts.append(0)
                 self.damaged += 1
-                self._tell(f"{name}: a message cannot be decoded and is left out: {error}")
+                self._report(f"{name}: a message cannot be decoded and is left out: {error}")
         return np.repeat(log_ns, counts), _with_fields(np.concatenate(parts), wire.IMU, some)
 
     def _from_list(
@@ -144,7 +146,7 @@ class SampleDecoder:
             except (BagError, ValueError, AttributeError) as error:
                 keep[k] = False
                 self.damaged += 1
-                self._tell(f"{name}: a message cannot be decoded and is left out: {error}")
+                self._report(f"{name}: a message cannot be decoded and is left out: {error}")
         return log_ns[keep], _with_fields(samples[keep], layout, some)
 
     def _one_sample(self, name: str, layout: wire.Layout, data: bytes) -> np.void:
@@ -168,7 +170,7 @@ class SampleDecoder:
         except (zstandard.ZstdError, MemoryError) as error:
             reason = str(error)
         self.damaged += 1
-        self._tell(f"a compressed message is damaged and left out: {reason}")
+        self._report(f"a compressed message is damaged and left out: {reason}")
         return None
 
     def _knowing(self, about: TopicInfo) -> Definitions:

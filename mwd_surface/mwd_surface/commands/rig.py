@@ -14,8 +14,8 @@ rig = typer.Typer(help="Interfaces to the rig: WITS, OPC UA, Modbus, WITSML.", n
 
 
 @rig.callback()
-def door() -> None:
-    """Keep `status` a word of its own."""
+def rig_group() -> None:
+    """Keep `status` a subcommand although it is the only one."""
 
 
 @rig.command()
@@ -27,7 +27,7 @@ def status(
     as_json: Annotated[bool, typer.Option("--json", help="For programs: one JSON list.")] = False,
 ) -> None:
     """
-    Say how the rig interfaces of running graphs go: state and address, peers, rates, drops, last values.
+    Show the rig interfaces of running graphs: state and address, peers, rates, drops, last values.
 
     Ends with status 1 where none runs.
 

@@ -36,7 +36,7 @@ def rows(attitude: Samples, gravity: Samples) -> bytes:
     Parameters
     ----------
     attitude, gravity : samples of `wire.ATTITUDE` and `wire.GRAVITY`, shape (n,)
-        Of the same stamps. A negative sigma says that its value is unknown.
+        Of the same stamps. A negative sigma: its value is unknown.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""One door to every file a survey list can be written to; the same words name the formats on the wire and the CLI."""
+"""Writes a survey list in any format; the formats have the same names in messages and in the CLI."""
 
 from __future__ import annotations
 

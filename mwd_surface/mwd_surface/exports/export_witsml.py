@@ -89,7 +89,7 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
 
 
 def _increasing(table: SurveyTable) -> tuple[list[int], list[str]]:
-    """Stations whose printed depth lies below the one before, and what to say about the others."""
+    """Stations whose printed depth lies below the one before, and a remark on the others."""
     md = table.column("md_m")
     rows: list[int] = []
     why = []

@@ -1,5 +1,5 @@
 """
-What a survey report says, apart from how it is set.
+The content of a survey report, apart from its layout.
 
 It has a head, the definitive table, the quality page, decisions, the slide sheet and a certificate. HTML and
 PDF print exactly these texts, so they cannot differ in a number.

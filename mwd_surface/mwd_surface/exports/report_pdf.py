@@ -20,8 +20,8 @@ def report_pdf(table: SurveyTable) -> bytes:
     import matplotlib as mpl
     from fpdf import FPDF
 
-    said = content(table)
-    title = said.title
+    report = content(table)
+    title = report.title
 
     class Page(FPDF):  # type: ignore[misc]
         """Pages that carry the title and their number."""
@@ -51,8 +51,8 @@ def report_pdf(table: SurveyTable) -> bytes:
     pdf.add_page()
     pdf.set_font(_FONT, "B", 15)
     pdf.multi_cell(0, 8, title, new_x="LMARGIN", new_y="NEXT")
-    _head(pdf, said)
-    _sheet(pdf, said.definitive)
+    _head(pdf, report)
+    _sheet(pdf, report.definitive)
     pdf.add_page()
     width = 130.0
     pictures = list(figures(table).items())
@@ -68,18 +68,18 @@ def report_pdf(table: SurveyTable) -> bytes:
         pdf.image(io.BytesIO(png(figure)), w=width)
         figure.clear()
     pdf.set_x(10)
-    _sheet(pdf, said.quality)
-    if said.decisions.rows:
-        _sheet(pdf, said.decisions)
-    for sheet in said.slides:
+    _sheet(pdf, report.quality)
+    if report.decisions.rows:
+        _sheet(pdf, report.decisions)
+    for sheet in report.slides:
         _sheet(pdf, sheet)
-    _certificate(pdf, said)
+    _certificate(pdf, report)
     return bytes(pdf.output())
 
 
-def _head(pdf: Any, said: Content) -> None:
+def _head(pdf: Any, report: Content) -> None:
     pdf.set_font(_FONT, "", 8)
-    half = (len(said.header) + 1) // 2
+    half = (len(report.header) + 1) // 2
     with pdf.table(
         col_widths=(38, 100, 38, 100),
         borders_layout="NONE",
@@ -90,10 +90,10 @@ def _head(pdf: Any, said: Content) -> None:
         for k in range(half):
             row = grid.row()
             for j in (k, k + half):
-                label, value = said.header[j] if j < len(said.header) else ("", "")
+                label, value = report.header[j] if j < len(report.header) else ("", "")
                 row.cell(label)
                 row.cell(value)
-    for note in said.notes:
+    for note in report.notes:
         pdf.multi_cell(0, 4.6, f"• {note}", new_x="LMARGIN", new_y="NEXT")
     pdf.ln(2)
 
@@ -128,15 +128,15 @@ def _sheet(pdf: Any, sheet: Sheet) -> None:
     pdf.ln(3)
 
 
-def _certificate(pdf: Any, said: Content) -> None:
+def _certificate(pdf: Any, report: Content) -> None:
     if pdf.will_page_break(40):
         pdf.add_page()
     pdf.set_font(_FONT, "B", 11)
     pdf.cell(0, 8, "Certificate", new_x="LMARGIN", new_y="NEXT")
     pdf.set_font(_FONT, "", 8)
-    pdf.multi_cell(0, 5, said.certificate, new_x="LMARGIN", new_y="NEXT")
+    pdf.multi_cell(0, 5, report.certificate, new_x="LMARGIN", new_y="NEXT")
     pdf.ln(14)
-    for who in said.signatures:
+    for who in report.signatures:
         x, y = pdf.get_x(), pdf.get_y()
         pdf.set_draw_color(0)
         pdf.line(x, y, x + 70, y)

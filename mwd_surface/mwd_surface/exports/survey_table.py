@@ -257,7 +257,7 @@ def _covariance(surveys: SurveyList, path: Definitive, reference: Survey | None)
         convergence=reference.convergence,
         g_total=reference.g_reference if reference.g_reference > 0.0 else reference.g_total,
     )
-    # The projection is no measurement: the model has nothing to say about it.
+    # The projection is no measurement: no error model applies to it.
     measured = len(path.kind) - (path.kind[-1] == "projected")
     try:
         got = position_covariance(

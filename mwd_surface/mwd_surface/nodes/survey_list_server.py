@@ -29,9 +29,9 @@ from mwd_surface.surveys.azimuth_check import disagreement
 from mwd_surface.surveys.depth import DepthTrack
 from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.list_rules import ListRules
+from mwd_surface.surveys.message_conversion import survey_of
 from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_message import survey_of
 from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.surveys.survey_store import StoreError, SurveyStore
 from mwd_surface.surveys.well import Well

@@ -59,7 +59,7 @@ def checked_arguments(command: str, body: bytes) -> dict[str, Any]:
             raise web.HTTPBadRequest(text=f"{name}: must be given")
         arguments[name] = _argument(name, given[name], kind)
     if "operator_name" in fields and not arguments["operator_name"].strip():
-        raise web.HTTPBadRequest(text="operator_name: must not be empty: the log says who did it")
+        raise web.HTTPBadRequest(text="operator_name: must not be empty: the log records who did it")
     return arguments
 
 

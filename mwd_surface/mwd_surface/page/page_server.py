@@ -342,7 +342,7 @@ class PageServer:
         except ValueError as error:
             ok, message = False, str(error)
         except TimeoutError:
-            raise web.HTTPGatewayTimeout(text=f"{name} is still at work; the event log will tell") from None
+            raise web.HTTPGatewayTimeout(text=f"{name} is still at work; the event log will show the result") from None
         return _json({"ok": ok, "message": message}, 200 if ok else 409)
 
 

@@ -1,8 +1,8 @@
 """
 Allan deviation of a record of any length, in constant memory.
 
-The first part is kept as it is and tells of short averaging times, where it holds averages enough; the whole is kept
-as means of ever more samples and tells of long ones. A record that
+The first part is kept as it is and gives the short averaging times, where it holds averages enough; the whole is kept
+as means of ever more samples and gives the long ones. A record that
 fits gives exactly `mwd_sensors.calibration.allan.allan`.
 """
 

@@ -18,7 +18,7 @@ from mwd_surface.plots.envelope import Envelope
 from mwd_surface.plots.long_allan import LongAllan
 from mwd_surface.plots.spectrum import Spectrum
 from mwd_surface.plots.traces import NORTHS, WHAT, Trace, north_of, traces_of
-from mwd_surface.surveys.survey_message import record_of, survey_of
+from mwd_surface.surveys.message_conversion import record_of, survey_of
 from mwd_surface.surveys.survey_record import Survey, SurveyRecord
 
 _SURVEY, _RECORD = "mwd_msgs/msg/Survey", "mwd_msgs/msg/SurveyRecord"
@@ -354,7 +354,7 @@ class _StillPen(_Pen):
         quiet &= (edges[:, 1] - edges[:, 0]) * 1e-9 < 0.75
         if not quiet.any():
             return 0, 0
-        # Pumps shake a still tool by less than that: only what is as quiet as the quietest tells of the sensor.
+        # Pumps shake a still tool by less than that: only what is as quiet as the quietest shows the sensor.
         floor = np.percentile(spread[quiet], 10, axis=0)
         quiet &= (spread <= np.maximum(_AS_QUIET * floor, 1e-9)).all(axis=1)
         changes = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]]))).reshape(-1, 2)

@@ -84,8 +84,8 @@ class Spectrum:
         usual = (self.segment - 1) / self.rate
         if abs(seconds - usual) > 0.02 * usual + 1.5 / self.rate or not np.isfinite(signal).all():
             return
-        swing = np.fft.rfft((signal - signal.mean(axis=0)) * self._window[:, None], axis=0)
-        power = (swing.real**2 + swing.imag**2) / (self.rate * np.sum(self._window**2))
+        amplitude = np.fft.rfft((signal - signal.mean(axis=0)) * self._window[:, None], axis=0)
+        power = (amplitude.real**2 + amplitude.imag**2) / (self.rate * np.sum(self._window**2))
         power[1 : (self.segment + 1) // 2] *= 2.0
         middle = (int(stamps[self.segment // 2]) - self._start) / self._span
         k = min(max(int(middle * len(self._count)), 0), len(self._count) - 1)

@@ -75,7 +75,7 @@ def _vector(field: str, scale: float = 1.0) -> Callable[[Samples], Array]:
     def values(samples: Samples) -> Array:
         out = samples[field] * scale
         if covariance in (samples.dtype.names or ()):
-            # REP-145: -1 says that the sensor does not report.
+            # REP-145: -1 means that the sensor does not report.
             out = np.where(samples[covariance][:, :1] == -1.0, np.nan, out)
         return np.asarray(out)
 
@@ -137,7 +137,7 @@ def _interference(samples: Samples) -> Array:
 
 
 def _stick_slip(samples: Samples) -> Array:
-    """Index and share of standing time; -1 says that the string did not turn."""
+    """Index and share of standing time; -1: the string did not turn."""
     both = np.column_stack([samples["stick_slip_index"], samples["stick_share"]])
     return np.where(both >= 0.0, both, np.nan)
 

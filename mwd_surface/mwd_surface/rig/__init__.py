@@ -1,1 +1,1 @@
-"""What rig control hears and says: WITS, OPC UA, Modbus, WITSML, behind one port."""
+"""Rig interfaces: WITS, OPC UA, Modbus and WITSML, with one entry point."""

@@ -1,5 +1,5 @@
 """
-What the rig tells us, before anybody believes it: placeholders out, impossible values out, jumps only when confirmed.
+Checks of rig data: placeholders and impossible values are left out, jumps are accepted only when confirmed.
 
 Readings come in SI with the names of RigState; samples go out with a bit for each value that may be used. A depth that
 leaps is held back until the readings after it agree, since a survey would take its depth from it.

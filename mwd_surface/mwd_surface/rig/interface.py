@@ -1,5 +1,5 @@
 """
-What every rig interface is: it starts, is told values without ever blocking the teller, tells its state, and stops.
+What every rig interface is: it starts, takes values without blocking the caller, reports its state, and stops.
 
 An interface lives in a thread of its own with an event loop; it may hand rig data or a command back through callbacks,
 which are called in that thread.
@@ -172,7 +172,7 @@ class LoopInterface(RigInterface):
             try:
                 loop.call_soon_threadsafe(wake.set)
             except RuntimeError:
-                # The loop closed between the two lines: there is nobody left to tell.
+                # The loop closed between the two lines: nobody waits for the answer.
                 return
 
     def stop(self) -> None:
@@ -237,7 +237,7 @@ def checked_host(host: str, allow_network: bool) -> str:
     Raises
     ------
     InterfaceError
-        Other machines can reach it and nobody said they may.
+        Other machines can reach it and the settings do not allow that.
     """
     if not allow_network and not is_loopback(host):
         raise InterfaceError(f"host: {host} can be reached from other machines; set allow_network if that is meant")
@@ -246,12 +246,12 @@ def checked_host(host: str, allow_network: bool) -> str:
 
 def probe_port(host: str, port: int) -> None:
     """
-    Try a port before a library does that would only say that it cannot have it.
+    Try a port first: the library's own error would not give the cause.
 
     Raises
     ------
     InterfaceError
-        It cannot be had; the message says why.
+        It cannot be opened; the message gives the reason.
     """
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
@@ -263,7 +263,7 @@ def probe_port(host: str, port: int) -> None:
 
 
 def port_error(error: OSError, host: str, port: int) -> InterfaceError:
-    """What to say of a port that could not be had."""
+    """The message for a port that cannot be opened."""
     where = f"{host} port {port}"
     if error.errno == errno.EADDRINUSE:
         text = f"{where} is taken (`ss -ltnp 'sport = :{port}'` names the program); stop that or set another port"

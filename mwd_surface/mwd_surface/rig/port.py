@@ -1,5 +1,5 @@
 """
-The one door between the surface node and all rig interfaces: values in, everything out, rig data and commands back.
+Between the surface node and all rig interfaces: values to every interface, rig data and commands back.
 
 Interfaces that are switched on are started, each by itself: one that cannot start says why and is tried again, the rest
 runs. When nobody publishes for a while every interface gets stale values, and the heartbeat stops.
@@ -49,7 +49,7 @@ class RigSettings:
     modbus: ModbusSettings = setting(ModbusSettings, "Modbus TCP")
     modbus_serial: ModbusSerialSettings = setting(ModbusSerialSettings, "Modbus RTU")
     witsml_store: WitsmlStoreSettings = setting(WitsmlStoreSettings, "WITSML store")
-    simulated: bool = setting(False, "tell the rig that the tool is a simulation", fixed=True)
+    simulated: bool = setting(False, "mark all values to the rig as simulated", fixed=True)
     strict: bool = setting(
         False, "refuse to start where an interface cannot start; false: try again every retry_period", fixed=True
     )
@@ -208,7 +208,7 @@ class RigPort:
                 interface.publish(self._values)
 
     def _watch(self) -> None:
-        """Try again what is down; tell everybody when the values stop."""
+        """Try again what is down; send stale values when the values stop."""
         tried = self._clock()
         while not self._ended.wait(min(_LOOK, self.settings.retry_period)):
             now = self._clock()
@@ -218,9 +218,9 @@ class RigPort:
                     state = interface.status()
                     if interface.name in self._down or (state.reason and state.state == "stopped"):
                         self._try(interface)
-            self._tell_silence(now)
+            self._publish_silence(now)
 
-    def _tell_silence(self, now: float) -> None:
+    def _publish_silence(self, now: float) -> None:
         with self._lock:
             values, age = self._values, now - self._published_at
             if values is None or self._silent or age < self.settings.silent_after:

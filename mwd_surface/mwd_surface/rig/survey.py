@@ -1,5 +1,5 @@
 """
-An accepted survey as every rig interface tells it: the numbers of the well path, once, in SI and rad.
+An accepted survey as every rig interface sends it: the numbers of the well path, once, in SI and rad.
 
 Inclination, azimuth and place are those of the definitive path, the same that the exports and the report print; what
 only the survey knows (totals, six axes, sigmas) stands beside them. None is "not known", never a stand-in.

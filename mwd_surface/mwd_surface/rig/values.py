@@ -117,7 +117,7 @@ _DOUBTS: tuple[tuple[Status, tuple[str, ...], str], ...] = (
 @dataclasses.dataclass(frozen=True)
 class RigValues:
     """
-    Everything an interface may tell, as of made_ns.
+    Everything an interface may send, as of made_ns.
 
     heartbeat: seconds of a steady clock, so that a watcher sees it stand still. values: of every name in
     `QUANTITIES`. surveys: the accepted ones, oldest measurement first. circulating, in_slips: None where the rig does

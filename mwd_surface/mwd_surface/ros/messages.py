@@ -12,8 +12,8 @@ from mwd_sensors.core import frames
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.live.alarms import Alarm
+from mwd_surface.surveys.message_conversion import fill_list, fill_record, fill_trajectory
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_message import fill_list, fill_record, fill_trajectory
 from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.well_path import Definitive
 

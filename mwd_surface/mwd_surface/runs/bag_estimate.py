@@ -40,8 +40,8 @@ from mwd_surface.runs.merger import Merger, end_rows
 from mwd_surface.runs.overlap import ahead, behind
 from mwd_surface.runs.run_summary import Summary, pipeline_warnings
 from mwd_surface.surveys.depth import DepthTrack
+from mwd_surface.surveys.message_conversion import survey_of_fields
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_message import survey_of_fields
 from mwd_surface.surveys.well import Well
 
 # The other fields are most of the bytes of these messages, and are not read.

@@ -99,12 +99,12 @@ class Merger:
                 self._add(relative, samples, np.maximum.accumulate(log_ns[at]))
             # With the sample that ends the interval, or the first one after it that is not written yet.
             for survey, at in zip(output.surveys, end_rows(output), strict=True):
-                self._tell(survey, int(output.attitude["status"][at]), int(log_ns[at]))
+                self._write_survey(survey, int(output.attitude["status"][at]), int(log_ns[at]))
             self._status = int(output.attitude["status"][-1])
         elif output is not None:
             # What was held back until no more samples came.
             for survey in output.surveys:
-                self._tell(survey, self._status, self._last_ns)
+                self._write_survey(survey, self._status, self._last_ns)
         if until_ns is not None:
             self._merged.flush(until_ns)
 
@@ -112,7 +112,7 @@ class Merger:
         if len(samples):
             self._merged.add_rows(self._channels[relative], _TOPICS[relative].encode(samples, self._frame), log_ns)
 
-    def _tell(self, survey: Survey, status: int, log_ns: int) -> None:
+    def _write_survey(self, survey: Survey, status: int, log_ns: int) -> None:
         data = np.frombuffer(self._serialised(survey, status), dtype=np.uint8)
         self._merged.add_rows(self._channels[_SURVEY], data[None, :], np.array([log_ns]))
 

@@ -59,7 +59,7 @@ class Supervisor:
     ----------
     environment : mapping
         Of every process.
-    say : callable
+    report : callable
         Called with one sentence about each crash and restart.
     clock : callable
         Steady seconds.
@@ -68,11 +68,11 @@ class Supervisor:
     def __init__(
         self,
         environment: Mapping[str, str],
-        say: Callable[[str], None] = lambda _sentence: None,
+        report: Callable[[str], None] = lambda _sentence: None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._environment = {**environment, SUPERVISOR_VARIABLE: str(os.getpid())}
-        self._say = say
+        self._report = report
         self._clock = clock
         self._children: dict[str, _Child] = {}
 
@@ -118,7 +118,7 @@ class Supervisor:
                     self._ended(child, status, now)
             elif child.due is not None and now >= child.due:
                 child.due = None
-                self._say(f"{child.order.name} is started again")
+                self._report(f"{child.order.name} is started again")
                 self._spawn(child)
 
     def stop(self, groups: Sequence[Sequence[str]], patience: float = 5.0) -> list[str]:
@@ -181,7 +181,7 @@ class Supervisor:
             )
         pause = min(_FIRST_PAUSE * 2.0 ** (child.crashes - 1), _LONGEST_PAUSE)
         child.due = now + pause
-        self._say(f"{name} ended unexpectedly ({in_words(status)}); it is started again in {pause:g} s")
+        self._report(f"{name} ended unexpectedly ({in_words(status)}); it is started again in {pause:g} s")
 
 
 def die_with_supervisor(environment: Mapping[str, str]) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mwd_sensors.core import wire
 from mwd_sensors.core.frames import wrap_pi
 from mwd_surface.bags.bag_reader import Bag, BagError
-from mwd_surface.surveys.survey_message import survey_of
+from mwd_surface.surveys.message_conversion import survey_of
 from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, Verdict
 
 SURVEY_TYPE = "mwd_msgs/msg/Survey"

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.surveys.leg import Leg, TieOn
+from mwd_surface.surveys.message_conversion import record_of, stamp_of
 from mwd_surface.surveys.slide_file import NAME, read_stretches
 from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_message import record_of, stamp_of
 from mwd_surface.surveys.survey_record import North
 from mwd_surface.surveys.survey_store import decoded
 from mwd_surface.surveys.well import Well

@@ -1,4 +1,4 @@
-"""The files of a bag, found and opened: what is there is used, what is not or is unusual is said."""
+"""The files of a bag, found and opened: what is there is used, what is not or is unusual is reported."""
 
 from __future__ import annotations
 

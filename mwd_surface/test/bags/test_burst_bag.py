@@ -61,7 +61,7 @@ def test_the_estimate_of_a_bag_takes_bursts_where_there_are_no_single_messages(b
         assert find_topics(bag, InputSettings()).imu == "/w/imu/data_raw"
 
 
-def test_a_burst_that_cannot_be_read_is_left_out_and_told(tmp_path):
+def test_a_burst_that_cannot_be_read_is_left_out_and_reported(tmp_path):
     with BagWriter(tmp_path / "bag") as bag:
         channel = bag.topic("/w/imu/burst", burst.TYPE_NAME, STREAM)
         bag.write(channel, burst.encode(samples(5), "sonde_link"), START)

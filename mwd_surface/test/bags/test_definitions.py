@@ -84,7 +84,7 @@ def test_without_mwd_msgs_the_error_says_how_to_install_it(tmp_path):
         Definitions([tmp_path]).definition("mwd_msgs/msg/Survey")
 
 
-def test_an_unknown_message_of_an_installed_package_is_told_apart_from_a_missing_package(tmp_path):
+def test_an_unknown_message_of_an_installed_package_is_distinguished_from_a_missing_package(tmp_path):
     (tmp_path / "rig_msgs" / "msg").mkdir(parents=True)
     with pytest.raises(DefinitionError, match="has no such message"):
         Definitions([tmp_path]).definition("rig_msgs/msg/Pump")

@@ -18,7 +18,7 @@ sys.stdin.read()
 """
 
 
-def test_the_second_is_told_who_the_first_is(tmp_path):
+def test_a_second_owner_is_refused_with_the_name_of_the_first(tmp_path):
     first = FolderLock(tmp_path / "new", ".lock")
     with pytest.raises(FolderTakenError, match=f"process {os.getpid()} has"):
         FolderLock(tmp_path / "new", ".lock")

@@ -42,11 +42,11 @@ def part(messages, channel=IMU_):
 
 
 class Bench:
-    """A decoder and what it told."""
+    """A decoder and what it reported."""
 
     def __init__(self, compressed=False):
-        self.told = []
-        self.decoder = SampleDecoder(TOPICS, compressed, self.told.append)
+        self.given = []
+        self.decoder = SampleDecoder(TOPICS, compressed, self.given.append)
 
     def samples(self, messages, channel=IMU_, fields=None, wanted=None):
         found = list(self.decoder.samples(part(messages, channel), NAMES, fields or {}, wanted))
@@ -63,7 +63,7 @@ def test_messages_of_one_size_come_back_to_the_bit(bench):
     ((name, log_ns, samples),) = bench.samples(encoded(imu(50)))
     assert (name, samples.tobytes()) == ("/imu", imu(50).tobytes())
     assert log_ns.tolist() == [START + k for k in range(50)]
-    assert not bench.told
+    assert not bench.given
 
 
 def test_messages_of_several_sizes_keep_their_order(bench):
@@ -84,29 +84,29 @@ def test_only_the_fields_asked_for_are_read_whatever_the_way(bench):
         assert samples.dtype.names == ("stamp_ns", "angular_velocity")
         assert (samples["angular_velocity"] == imu(5)["angular_velocity"]).all()
     # Told each time; the bag keeps one note of a kind.
-    assert bench.told
-    assert all("read through rosbags" in text for text in bench.told)
+    assert bench.given
+    assert all("read through rosbags" in text for text in bench.given)
 
 
 def test_topics_that_are_not_wanted_are_passed_over(bench):
     assert bench.samples(encoded(imu(5)), wanted={"/note"}) == []
 
 
-def test_a_message_that_is_not_of_its_type_is_counted_told_and_left_out(bench):
+def test_a_message_that_is_not_of_its_type_is_counted_reported_and_left_out(bench):
     messages = encoded(imu(10))
     messages[4] = b"\0\1\0\0junk"
     ((_, log_ns, samples),) = bench.samples(messages)
     assert len(samples) == 9
     assert START + 4 not in log_ns
     assert bench.decoder.damaged == 1
-    assert any("/imu: a message cannot be decoded and is left out" in text for text in bench.told)
+    assert any("/imu: a message cannot be decoded and is left out" in text for text in bench.given)
 
 
 def test_a_burst_gives_its_samples_at_the_time_of_the_burst(bench):
-    felt = imu(8)
+    sensed = imu(8)
     for name in ("orientation", "orientation_covariance"):
-        felt[name] = burst.bare()[name]
-    messages = [burst.encode(felt[k : k + 4], "sonde") for k in (0, 4)]
+        sensed[name] = burst.bare()[name]
+    messages = [burst.encode(sensed[k : k + 4], "sonde") for k in (0, 4)]
     ((_, log_ns, samples),) = bench.samples([*messages, b"\0\1\0\0junk"], channel=BURST)
     assert samples["angular_velocity"].tobytes() == imu(8)["angular_velocity"].tobytes()
     assert log_ns.tolist() == [START] * 4 + [START + 1] * 4
@@ -146,4 +146,4 @@ def test_messages_compressed_singly_are_unpacked_and_damaged_ones_left_out():
 def test_a_message_that_claims_to_be_enormous_is_refused_without_unpacking_it():
     bench = Bench(compressed=True)
     assert bench.decoder.unzipped(zstandard.ZstdCompressor().compress(bytes(2**27))) is None
-    assert "claims more than" in bench.told[0]
+    assert "claims more than" in bench.given[0]

@@ -48,7 +48,7 @@ def test_the_precision_unit_of_another_grade_is_calibrated(tmp_path):
     assert abs(found.accelerometer.bias).max() < 1e-2
 
 
-def test_a_recording_is_told_where_it_was_made(bag, tmp_path):
+def test_the_place_of_a_recording_can_be_given(bag, tmp_path):
     place = scenario.read(TUMBLE).place
     where = ("--lat", place.latitude_deg, "--lon", place.longitude_deg)
     run(bag, "-o", tmp_path / "a.yaml", *where)

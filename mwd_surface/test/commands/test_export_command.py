@@ -44,14 +44,14 @@ def test_the_numbers_are_those_of_the_export_kernel(run, tmp_path):
     assert numbers(out.read_text(encoding="utf-8")) == numbers(definitive_csv(table))
 
 
-def test_a_recording_with_the_well_told_gives_the_same_numbers(run, tmp_path):
+def test_a_recording_with_the_well_given_gives_the_same_numbers(run, tmp_path):
     bag = recorded(tmp_path / "bag", [example.surveys()])
-    told = []
+    given = []
     for field in dataclasses.fields(example.WELL):
         value = getattr(example.WELL, field.name)
         if value != field.default:
-            told += ["--set", f"well.{field.name}={json.dumps(value)}"]
-    done = mwd("export", bag, "-o", tmp_path / "bag.csv", *told)
+            given += ["--set", f"well.{field.name}={json.dumps(value)}"]
+    done = mwd("export", bag, "-o", tmp_path / "bag.csv", *given)
     assert done.returncode == 0, done.stderr
     assert "description of the well" in done.stderr
     assert mwd("export", run, "-o", tmp_path / "run.csv").returncode == 0

@@ -62,7 +62,7 @@ def line_with(process, words):
     raise AssertionError(process.stderr.read())
 
 
-def test_two_wells_play_side_by_side_and_end_with_their_tables(start, tmp_path):
+def test_two_wells_run_side_by_side_and_end_with_their_tables(start, tmp_path):
     first = start("--well", "a", "--rate", 2)
     second = start("--well", "pad/b", "--rate", 2, "-o", tmp_path / "mine")
     pages = [re.search(r"http://\S+", line_with(process, "http://"))[0] for process in (first, second)]

@@ -9,10 +9,10 @@ from mwd_surface.surveys.slide_sheet import Stretch
 
 
 def test_the_definitive_table_ends_at_the_bit_and_says_so():
-    said = content(example.table())
-    assert said.definitive.rows[-1][0] == "projected"
-    assert said.definitive.marks[-1] == "projected"
-    assert "The last station is projected to the bit; it was not surveyed." in said.notes
+    reported = content(example.table())
+    assert reported.definitive.rows[-1][0] == "projected"
+    assert reported.definitive.marks[-1] == "projected"
+    assert "The last station is projected to the bit; it was not surveyed." in reported.notes
 
 
 def test_the_quality_page_has_every_survey_used_or_not():
@@ -24,12 +24,12 @@ def test_the_quality_page_has_every_survey_used_or_not():
 
 
 def test_only_what_needs_a_word_is_among_the_decisions():
-    said = content(example.table())
-    assert [row[0] for row in said.decisions.rows] == ["3", "6", "9"]
-    judged = said.decisions.rows[-1]
+    reported = content(example.table())
+    assert [row[0] for row in reported.decisions.rows] == ["3", "6", "9"]
+    judged = reported.decisions.rows[-1]
     assert judged[1] == "doubtful: total field 480 nT off, limit 300"
     assert judged[2].startswith("accepted by Aslaug, 2026-05-15T")
-    assert "Used on a person's word against the automatic verdict: survey 9." in said.notes
+    assert "Used on a person's word against the automatic verdict: survey 9." in reported.notes
 
 
 def test_the_certificate_names_method_and_north():
@@ -49,7 +49,7 @@ def test_the_slide_sheet_has_every_stretch_with_toolface_steadiness_and_speed():
     assert len(sheet.rows) == len(example.stretches())
     assert all(len(row) == len(sheet.titles) == len(sheet.units) for row in sheet.rows)
     assert sheet.rows[0][:8] == ("300.00", "330.00", "30.00", "rotate", "", "", "", "119")
-    # Rounded up it is straight up again, not 360; and what it counts from is said.
+    # Rounded up it is straight up again, not 360; and its reference is printed.
     assert sheet.rows[1][:8] == ("330.00", "339.00", "9.00", "slide", "0", "north", "93", "")
     assert sheet.rows[-2][4:6] == ("8", "high side")
     assert sheet.rows[1][8:] == ("2026-05-14 14:27:00", "2026-05-14 14:42:00")
@@ -76,7 +76,7 @@ def test_what_the_slides_gave_is_the_dogleg_of_the_definitive_survey():
     assert all(row[titles["Motor yield"]] == "" for row in gave.rows if row[titles["Slid"]] == "0.0")
 
 
-def test_a_well_of_several_legs_says_that_its_slides_are_not_told_apart():
+def test_a_well_of_several_legs_says_that_its_slides_are_not_distinguished():
     whole = example.surveys().sidetracked("ST 1", 400.0)
     sheet, *_ = content(survey_table(whole, example.MADE, stretches=example.stretches())).slides
     assert sheet.heading.endswith("; legs are not separated")

@@ -27,15 +27,17 @@ def test_nothing_is_fetched_and_nothing_runs(page):
 
 @pytest.mark.parametrize("stretches", [(), example.stretches()])
 def test_every_cell_of_every_table_is_on_the_page(stretches):
-    told = example.table(stretches=stretches)
-    tree = etree.HTML(report_html(told))
-    said = content(told)
+    given = example.table(stretches=stretches)
+    tree = etree.HTML(report_html(given))
+    reported = content(given)
     tables = tree.findall(".//table")
-    for table, sheet in zip(tables, (said.definitive, said.quality, said.decisions, *said.slides), strict=True):
+    for table, sheet in zip(
+        tables, (reported.definitive, reported.quality, reported.decisions, *reported.slides), strict=True
+    ):
         rows = [tuple("".join(td.itertext()) for td in tr.findall("td")) for tr in table.findall("tbody/tr")]
         assert tuple(rows) == sheet.rows
     heads = dict(zip((dt.text for dt in tree.findall(".//dt")), (dd.text for dd in tree.findall(".//dd")), strict=True))
-    assert heads == dict(said.header)
+    assert heads == dict(reported.header)
 
 
 def test_what_people_wrote_is_escaped():

@@ -19,8 +19,8 @@ def pages():
 
 def test_every_number_of_every_table_is_in_the_pdf(pages):
     words = " ".join(pages).split()
-    said = content(TABLE)
-    for sheet in (said.definitive, said.quality, *said.slides):
+    reported = content(TABLE)
+    for sheet in (reported.definitive, reported.quality, *reported.slides):
         for row in sheet.rows:
             for k, cell in enumerate(row):
                 if k not in sheet.words:

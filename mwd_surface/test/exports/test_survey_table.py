@@ -33,7 +33,7 @@ def test_the_head_block_names_every_reference_and_correction():
     assert "ISCWSA MWD Rev5.11" in got["Position uncertainty"]
 
 
-def test_the_last_row_is_the_bit_as_far_below_as_the_sensor_is_or_where_it_is_said_to_be():
+def test_the_last_row_is_the_bit_as_far_below_as_the_sensor_is_or_where_it_is_set_to_be():
     table = example.table()
     assert (table.path.kind[-1], table.column("md_m").cell(len(table.records) - 1)) == ("projected", "642.500")
     assert example.table(bit_depth=660.0).path.md[-1] == 660.0
@@ -46,7 +46,7 @@ def test_the_bit_has_no_covariance_because_it_was_not_measured():
     assert float(table.column("sigma_north_m").cell(len(table.records) - 2)) > 1.0
 
 
-def test_where_no_covariance_can_be_had_the_reason_is_told():
+def test_where_no_covariance_can_be_had_the_reason_is_reported():
     assert example.table(well={"error_model": ""}).covariance_note == "no error model is configured"
     assert "no tool code 'MWD'" in example.table(well={"error_model": "MWD"}).covariance_note
     empty = tables.survey_table(SurveyList(), 1)

@@ -42,9 +42,9 @@ def recording(path, seed=0, seconds=16.0, wells=("",), rate=50):
     return path
 
 
-def run(bags, folder, scheduler="threads", workers=2, estimator=RAW, told=lambda _outcome, _share: None):
+def run(bags, folder, scheduler="threads", workers=2, estimator=RAW, given=lambda _outcome, _share: None):
     with fleet_run.cluster(scheduler, workers) as client:
-        return fleet_run.run(bags, folder, client, estimator, report=told)
+        return fleet_run.run(bags, folder, client, estimator, report=given)
 
 
 def by_name(outcomes):
@@ -63,7 +63,7 @@ def test_bags_are_found_by_folder_file_and_pattern_each_once(tmp_path):
         fleet_run.find_bags([f"{tmp_path}/nothing/**"])
 
 
-def test_an_unknown_scheduler_is_refused_and_one_that_is_not_there_is_said():
+def test_an_unknown_scheduler_is_refused_and_one_that_is_not_there_is_reported():
     with pytest.raises(ValueError, match="expected local, processes, threads or tcp"), fleet_run.cluster("spark"):
         pass
 
@@ -139,7 +139,7 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(tmp_path):
             killed.append(int(outcome.row["worker"].rpartition(":")[2]))
             os.kill(killed[0], signal.SIGKILL)
 
-    outcomes = run(bags, tmp_path / "fleet", "processes", told=kill_the_first)
+    outcomes = run(bags, tmp_path / "fleet", "processes", given=kill_the_first)
     assert killed
     assert [one.row["outcome"] for one in outcomes] == [DONE] * 10
     assert len({one.row["worker"] for one in outcomes}) > 1

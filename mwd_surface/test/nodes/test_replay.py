@@ -1,4 +1,4 @@
-"""A recording published again by a real node, heard by a real subscriber on a middleware domain of its own."""
+"""A recording published again by a real node, received by a real subscriber on a middleware domain of its own."""
 
 import os
 import subprocess
@@ -46,7 +46,7 @@ def recording(path, seconds=4.0, rate=100):
 
 
 class Listener:
-    """Hears a domain until told to stop: bytes with their time of arrival, by topic."""
+    """Listens to a domain until stopped: bytes with their time of arrival, by topic."""
 
     def __init__(self, domain):
         self.context = rclpy.Context()
@@ -54,18 +54,18 @@ class Listener:
         self.node = rclpy.create_node("listener", context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
-        self.heard = {}
+        self.received = {}
 
     def listen(self, kind, topic):
-        heard = self.heard[topic] = []
+        received = self.received[topic] = []
         self.node.create_subscription(
-            kind, topic, lambda data: heard.append((time.monotonic(), data)), STREAM, raw=True
+            kind, topic, lambda data: received.append((time.monotonic(), data)), STREAM, raw=True
         )
 
     def until(self, condition, seconds=20.0):
         end = time.monotonic() + seconds
         while not condition():
-            assert time.monotonic() < end, {topic: len(heard) for topic, heard in self.heard.items()}
+            assert time.monotonic() < end, {topic: len(received) for topic, received in self.received.items()}
             try:
                 self.executor.spin_once(timeout_sec=0.05)
             except ExternalShutdownException:
@@ -114,13 +114,13 @@ def test_every_message_comes_in_order_at_the_pace_asked_for(graph, tmp_path):
     process = play(tmp_path / "bag", "--rate", 2)
     listener.until(lambda: process.poll() is not None)
     assert process.returncode == 0
-    arrived = listener.heard["/well_9/imu/data_raw"]
+    arrived = listener.received["/well_9/imu/data_raw"]
     samples = np.concatenate([wire.IMU.decode(data) for _, data in arrived])
     assert (samples == imu).all()
-    assert len(listener.heard["/well_9/imu/mag"]) == len(imu)
+    assert len(listener.received["/well_9/imu/mag"]) == len(imu)
     # 3.99 s of recording in 1.995 s: within 1 %, and what a busy machine adds to one wake-up.
     assert arrived[-1][0] - arrived[0][0] == pytest.approx(3.99 / 2, rel=0.01, abs=0.03)
-    times = [deserialize_message(data, Clock).clock for _, data in listener.heard["/clock"]]
+    times = [deserialize_message(data, Clock).clock for _, data in listener.received["/clock"]]
     clock = [time.sec * 10**9 + time.nanosec for time in times]
     assert clock == sorted(clock)
     assert START <= clock[0] < clock[-1] <= START + 4_100_000_000
@@ -138,9 +138,9 @@ def test_a_part_of_the_time_and_one_topic_can_be_chosen(graph, tmp_path):
         tmp_path / "bag", "--rate", 4, "--start", 1, "--end", 2, "--topic", "/well_9/imu/data_raw", "--no-clock"
     )
     listener.until(lambda: process.poll() is not None)
-    samples = np.concatenate([wire.IMU.decode(data) for _, data in listener.heard["/well_9/imu/data_raw"]])
+    samples = np.concatenate([wire.IMU.decode(data) for _, data in listener.received["/well_9/imu/data_raw"]])
     assert samples["stamp_ns"].tolist() == [START + k * 10_000_000 for k in range(100, 200)]
-    assert listener.heard["/well_9/imu/mag"] == listener.heard["/clock"] == []
+    assert listener.received["/well_9/imu/mag"] == listener.received["/clock"] == []
 
 
 @pytest.mark.ros
@@ -150,7 +150,7 @@ def test_a_loop_begins_again_until_it_is_interrupted(graph, tmp_path):
     imu = recording(tmp_path / "bag", seconds=0.5)
     listener.listen(Imu, "/well_9/imu/data_raw")
     process = play(tmp_path / "bag", "--rate", 2, "--loop")
-    arrived = listener.heard["/well_9/imu/data_raw"]
+    arrived = listener.received["/well_9/imu/data_raw"]
     listener.until(lambda: len(arrived) > 2.5 * len(imu))
     began = time.monotonic()
     process.send_signal(2)
@@ -169,7 +169,7 @@ def test_a_replay_stands_still_steps_seeks_and_changes_its_pace(graph, tmp_path)
     for kind, topic in ((Imu, "/well_9/imu/data_raw"), (Clock, "/clock")):
         listener.listen(kind, topic)
     process = play(tmp_path / "bag", "--topic", "/well_9/imu/data_raw", "--rate", 0.5)
-    arrived, clock = listener.heard["/well_9/imu/data_raw"], listener.heard["/clock"]
+    arrived, clock = listener.received["/well_9/imu/data_raw"], listener.received["/clock"]
 
     def places():
         return [int(wire.IMU.decode(data)["linear_acceleration"][0, 0]) for _, data in arrived]
@@ -198,8 +198,8 @@ def test_a_replay_stands_still_steps_seeks_and_changes_its_pace(graph, tmp_path)
     listener.until(lambda: 300 in places()[stood + 52 :])
     onward = places()
     assert onward[onward.index(100, stood + 1) :] == list(range(100, onward[-1] + 1))
-    told = [time_of(deserialize_message(data, Clock).clock) for _, data in clock]
-    assert min(told[k + 1] - told[k] for k in range(len(told) - 1)) < -(10**10)
+    given = [time_of(deserialize_message(data, Clock).clock) for _, data in clock]
+    assert min(given[k + 1] - given[k] for k in range(len(given) - 1)) < -(10**10)
 
     assert "rate" in listener.call(SetReplayRate, "/replay/set_rate", rate=-1.0).message
     refused = listener.call(SeekReplay, "/replay/seek", offset=61.0)

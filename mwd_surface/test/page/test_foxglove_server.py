@@ -34,17 +34,17 @@ class Client:
     async def until(self, true):
         async with asyncio.timeout(5.0):
             while not true(self):
-                said = await self.talk.receive()
-                if said.type == TEXT:
-                    table = json.loads(said.data)
+                reported = await self.talk.receive()
+                if reported.type == TEXT:
+                    table = json.loads(reported.data)
                     if table["op"] == "serverInfo":
                         self.info = table
                     elif table["op"] == "advertise":
                         self.channels |= {c["topic"]: c for c in table["channels"]}
-                elif said.type == BINARY and said.data[0] == MESSAGE:
-                    subscription, stamp = struct.unpack_from("<IQ", said.data, 1)
-                    self.messages.append((subscription, stamp, said.data[13:]))
-                elif said.type in (aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.CLOSE):
+                elif reported.type == BINARY and reported.data[0] == MESSAGE:
+                    subscription, stamp = struct.unpack_from("<IQ", reported.data, 1)
+                    self.messages.append((subscription, stamp, reported.data[13:]))
+                elif reported.type in (aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.CLOSE):
                     raise ConnectionError("the server closed")
 
     async def subscribe(self, subscription, topic):
@@ -130,7 +130,7 @@ def test_a_taken_port_is_named_and_a_stopped_server_gives_it_free(server):
     with pytest.raises(FoxgloveError, match=str(port)):
         again.start()
     server.stop()
-    # The library closes its socket in a thread of its own, a moment after it has said that it stopped.
+    # The library closes its socket in a thread of its own, a moment after it has reported that it stopped.
     end = time.monotonic() + 10.0
     while not again.address and time.monotonic() < end:
         with contextlib.suppress(FoxgloveError):

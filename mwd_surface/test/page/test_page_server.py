@@ -361,12 +361,12 @@ def test_a_command_with_the_token_reaches_the_node_and_its_answer_comes_back():
 
     def act(name, arguments):
         calls.append((name, arguments))
-        return (name != "take_survey", f"{name} heard")
+        return (name != "take_survey", f"{name} done")
 
     with running(act, token=TOKEN) as server:
         given_ = {"sequence": 4, "operator_name": "A. Berg", "reason": "gyro agrees", "measured_depth": 1200}
-        assert order(server, "accept_survey", given_) == (200, {"ok": True, "message": "accept_survey heard"})
-        assert order(server, "take_survey", {}) == (409, {"ok": False, "message": "take_survey heard"})
+        assert order(server, "accept_survey", given_) == (200, {"ok": True, "message": "accept_survey done"})
+        assert order(server, "take_survey", {}) == (409, {"ok": False, "message": "take_survey done"})
         assert calls == [("accept_survey", {**given_, "measured_depth": 1200.0}), ("take_survey", {})]
 
 
@@ -455,7 +455,7 @@ def test_an_address_of_another_machine_is_named():
         server.start()
 
 
-def test_other_machines_are_let_in_only_where_that_was_said():
+def test_other_machines_are_let_in_only_where_that_was_set():
     with pytest.raises(ValueError, match="can be reached from other machines; set allow_network"):
         PageServer(PageSettings(host="0.0.0.0"))  # noqa: S104
     PageServer(PageSettings(host="0.0.0.0", allow_network=True))  # noqa: S104

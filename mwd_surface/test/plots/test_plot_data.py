@@ -109,7 +109,7 @@ def test_a_run_without_rest_says_so_instead_of_an_allan_plot():
         (("allan",), {"start_s": 17.0, "end_s": 25.0}, "no still interval"),
     ],
 )
-def test_what_cannot_be_drawn_is_said(what, options, sentence):
+def test_what_cannot_be_drawn_is_reported(what, options, sentence):
     path, _ = made()
     with pytest.raises((ValueError, BagError), match=sentence):
         gathered(path, *what, **options)

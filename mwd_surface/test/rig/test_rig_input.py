@@ -48,7 +48,7 @@ def test_every_other_value_has_bounds(name):
     assert rig.take({name: (low + high) / 2.0}, 9 * S) is not None
 
 
-def test_a_bit_below_the_bottom_is_not_believed():
+def test_a_bit_below_the_bottom_is_not_accepted():
     rig = RigInput()
     (sample,) = rig.take({"bit_depth": 1010.0, "hole_depth": 1000.0, "pressure": 1e7}, S)
     assert sample["valid"] == 1 << FIELDS.index("pressure")

@@ -122,7 +122,7 @@ def test_only_addresses_of_this_machine_alone_need_no_leave(host, own):
         (errno.ENETDOWN, "Network is down"),
     ],
 )
-def test_what_hinders_a_port_is_said_in_words(number, words):
+def test_what_hinders_a_port_is_reported_in_words(number, words):
     text = str(port_error(OSError(number, "Network is down"), "10.0.0.5", 502))
     assert words in text
     assert "10.0.0.5 port 502" in text

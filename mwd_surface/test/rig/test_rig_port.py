@@ -1,4 +1,4 @@
-"""One door to all rig interfaces: each fails alone, comes back by itself, and silence is told."""
+"""All rig interfaces: each fails alone and restarts by itself, and missing values are reported."""
 
 import contextlib
 import dataclasses
@@ -110,7 +110,7 @@ def test_strict_means_all_or_nothing():
         assert state_of(port, "wits0_server").state == "stopped"
 
 
-def test_a_missing_package_is_told_with_the_way_to_install_it_and_the_rest_runs(monkeypatch):
+def test_a_missing_package_is_reported_with_the_way_to_install_it_and_the_rest_runs(monkeypatch):
     monkeypatch.setitem(sys.modules, "pymodbus.server", None)
     with running(rig_settings()) as port:
         assert "pip install pymodbus" in state_of(port, "modbus").reason

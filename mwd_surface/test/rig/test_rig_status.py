@@ -81,12 +81,12 @@ def test_the_command_shows_what_runs_and_says_what_does_not(tmp_path):
     for name, written in (("well_1", now), ("well_2", now - 60.0)):
         (tmp_path / name).mkdir()
         write_status(tmp_path / name / FILE_NAME, RigStatus(name, written, 1, dated(TABLE, written - 100.0)))
-    said = invoke(tmp_path)
-    assert said.exit_code == 0
-    assert "wits0_server: listening at 127.0.0.1:8686" in said.output
-    assert "10.0.0.7:4711: 60 s, out 25 (0.50/s)" in said.output
-    assert "well_2" in said.output
-    assert "killed" in said.output
+    reported = invoke(tmp_path)
+    assert reported.exit_code == 0
+    assert "wits0_server: listening at 127.0.0.1:8686" in reported.output
+    assert "10.0.0.7:4711: 60 s, out 25 (0.50/s)" in reported.output
+    assert "well_2" in reported.output
+    assert "killed" in reported.output
     (one,) = json.loads(invoke(tmp_path / "well_1", "--json").output)
     assert one["well"] == "well_1"
     assert one["interfaces"][0]["peers"][0]["rate"] == 0.5
@@ -94,7 +94,7 @@ def test_the_command_shows_what_runs_and_says_what_does_not(tmp_path):
 
 
 def test_where_nothing_runs_it_says_what_to_do(tmp_path):
-    said = invoke(tmp_path)
-    assert said.exit_code == 1
-    assert "mwd run" in said.output
+    reported = invoke(tmp_path)
+    assert reported.exit_code == 1
+    assert "mwd run" in reported.output
     assert json.loads(invoke(tmp_path, "--json").output) == []

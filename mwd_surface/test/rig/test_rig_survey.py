@@ -28,7 +28,7 @@ def test_no_more_than_asked_are_kept_and_they_are_the_last():
     assert accepted_surveys(SurveyList()) == ()
 
 
-def test_a_persons_word_against_the_verdict_is_told_and_makes_news():
+def test_a_judgement_against_the_verdict_is_published_and_is_a_change():
     before = next(s for s in accepted_surveys(surveys()) if s.sequence == 9)
     assert before.overridden
     assert before.verdict == Verdict.DOUBTFUL

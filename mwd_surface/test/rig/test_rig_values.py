@@ -64,7 +64,7 @@ def test_a_silent_sonde_is_no_link_and_an_accepted_survey_does_not_age_away():
     assert all(table.values[name].condition == Condition.GOOD for name in SURVEY_QUANTITIES)
 
 
-def test_a_sensor_fault_is_told_of_everything_the_tool_says():
+def test_a_sensor_fault_marks_every_value_of_the_tool():
     table = values(sample=attitude(Status.SENSOR_FAULT))
     assert all(table.values[name].condition == Condition.FAULT for name in TOOL)
     assert table.values["bit_depth"].condition == Condition.GOOD

@@ -47,7 +47,7 @@ def test_a_request_that_fails_inside_is_answered_in_words():
     assert "export failed inside the node" in message
 
 
-def test_work_that_ends_while_the_node_asks_is_told_once():
+def test_work_that_ends_while_the_node_asks_is_reported_once():
     class EndsWhileAsked(concurrent.futures.Future):
         def done(self):
             was = super().done()
@@ -59,22 +59,22 @@ def test_work_that_ends_while_the_node_asks_is_told_once():
         def submit(self, _job):
             return EndsWhileAsked()
 
-    worker, told = BackgroundWorker(), []
+    worker, given = BackgroundWorker(), []
     worker.close()
     worker._executor = Worker()
-    worker.submit(str, lambda job: told.append(job.result()))
+    worker.submit(str, lambda job: given.append(job.result()))
     for _ in range(3):
         worker.run_callbacks()
-    assert told == ["written"]
+    assert given == ["written"]
 
 
 def test_slow_work_tells_of_itself_only_when_the_node_asks():
-    worker, told, go = BackgroundWorker(), [], threading.Event()
-    worker.submit(lambda: go.wait(5.0), lambda job: told.append(job.result()))
+    worker, given, go = BackgroundWorker(), [], threading.Event()
+    worker.submit(lambda: go.wait(5.0), lambda job: given.append(job.result()))
     worker.run_callbacks()
-    assert told == []
+    assert given == []
     go.set()
-    while not told:
+    while not given:
         worker.run_callbacks()
-    assert told == [True]
+    assert given == [True]
     worker.close()

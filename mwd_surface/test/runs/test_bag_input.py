@@ -50,7 +50,7 @@ def test_the_topics_of_the_well_are_those_beside_its_imu(tmp_path):
     assert len(topics.all) == 4
 
 
-def test_two_wells_must_be_told_apart(tmp_path):
+def test_two_wells_must_be_distinguished(tmp_path):
     bag = written(tmp_path / "bag", ("/a/imu/data_raw", IMU), ("/b/imu/data_raw", IMU), ("/b/imu/mag", MAG))
     with pytest.raises(BagError, match=r"2 topics .* name the one you mean with --imu-topic"):
         found(bag)
@@ -66,7 +66,7 @@ def test_an_imu_of_any_name_has_the_only_magnetometer_that_can_be_its_own(tmp_pa
     assert found(two, imu_topic="/phone").mag is None
 
 
-def test_the_only_sensors_of_a_recording_are_taken_under_any_name_and_that_is_said(tmp_path):
+def test_the_only_sensors_of_a_recording_are_taken_under_any_name_and_that_is_reported(tmp_path):
     path = written(tmp_path / "one", ("/tool/imu", IMU), ("/tool/magnetic_field", MAG), ("/driller", RIG))
     with Bag(path) as bag:
         topics = find_topics(bag, InputSettings())

@@ -34,12 +34,12 @@ def folder():
 def tumbled():
     """Folder of the bag, its run, the calibration and the sonde that was asked for the truth."""
     path = Path(folder().name) / "tumble"
-    told = scenario.read(TUMBLE)
-    simulate.record(told, path, "w1", TUMBLE.read_bytes())
+    given = scenario.read(TUMBLE)
+    simulate.record(given, path, "w1", TUMBLE.read_bytes())
     with Bag(path) as bag:
         run = calibration_run.recorded(bag, "ahrs")
         gravity, field = calibration_run.field_of(calibration_run.scenario_of(bag))
-    return path, run, calibration_run.calibrated(run, gravity, field), Sonde(told)
+    return path, run, calibration_run.calibrated(run, gravity, field), Sonde(given)
 
 
 def rests_of(run):

@@ -78,7 +78,7 @@ def test_a_difference_across_north_is_the_short_way_round(tmp_path):
         ({"stamp_ns": "10500000000"}, "taken +0.500 s"),
     ],
 )
-def test_what_differs_at_a_station_is_said(tmp_path, changes, words):
+def test_what_differs_at_a_station_is_reported(tmp_path, changes, words):
     ours = write_run(tmp_path / "a", [{**STATION, **changes}])
     found = compare.compare(ours, write_run(tmp_path / "b"))
     assert any(words in failure for failure in found.failures), found.failures

@@ -53,7 +53,7 @@ def test_a_run_without_answers_or_limits_is_refused(tmp_path):
     assert isinstance(result.exception, ValueError)
 
 
-def test_a_recording_is_told_from_the_results_of_one():
+def test_a_recording_is_distinguished_from_the_results_of_one():
     assert golden.is_recording(GOLDEN[0] / "bag")
     assert golden.is_recording(next((GOLDEN[0] / "bag").glob("*.mcap")))
     assert not golden.is_recording(GOLDEN[0])

@@ -40,10 +40,10 @@ def test_parameters_keep_their_type_through_the_yaml_of_ros():
 
 
 @pytest.mark.parametrize("override", ["", "field_override: [48000.0, 62.5, -3.0]"])
-def test_the_estimator_is_told_the_field_of_the_scenario(override):
+def test_the_estimator_gets_the_field_of_the_scenario(override):
     scenario = parse(f"{{name: x, date: 2026-05-04T10:00:00, {override}}}")
-    told = settings.changed(EstimatorSettings(), launch_plan.reference_parameters(scenario))
-    reference, truth = reference_of(told.place, 0), Sonde(scenario).reference
+    set_value = settings.changed(EstimatorSettings(), launch_plan.reference_parameters(scenario))
+    reference, truth = reference_of(set_value.place, 0), Sonde(scenario).reference
     assert reference.total == pytest.approx(truth.total, rel=1e-12)
     assert reference.dip == pytest.approx(truth.dip, rel=1e-12)
     assert reference.declination == pytest.approx(truth.declination, rel=1e-9)
@@ -102,17 +102,17 @@ def test_the_domain_somebody_chose_is_kept():
         pass
 
 
-def test_nodes_are_heard_on_this_machine_only_unless_told_otherwise(tmp_path):
+def test_nodes_are_discovered_on_this_machine_only_unless_set_otherwise(tmp_path):
     environment = launch_plan.graph_environment({}, 5, tmp_path)
     assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
     assert environment["ROS_DOMAIN_ID"] == "5"
     assert Path(environment["FASTRTPS_DEFAULT_PROFILES_FILE"]).is_file()
     own = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "FASTRTPS_DEFAULT_PROFILES_FILE": "mine.xml"}
-    told = launch_plan.graph_environment(own, 5, tmp_path)
-    assert {name: told[name] for name in own} == own
+    set_value = launch_plan.graph_environment(own, 5, tmp_path)
+    assert {name: set_value[name] for name in own} == own
 
 
-def test_a_node_started_alone_has_the_same_middleware_unless_it_is_told_another(monkeypatch):
+def test_a_node_started_alone_has_the_same_middleware_unless_another_is_set(monkeypatch):
     monkeypatch.setitem(sys.modules, "some_node", types.SimpleNamespace(main=int))
     monkeypatch.setenv(launch_plan.PROFILES, "mine.xml")
     assert node_main("some_node") is int

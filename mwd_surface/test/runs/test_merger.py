@@ -1,4 +1,4 @@
-"""Estimates beside the messages they come from: logged with their IMU sample, thinned if asked, told when renamed."""
+"""Estimates beside the messages they come from: logged with the IMU sample, thinned if asked, reported when renamed."""
 
 import numpy as np
 

@@ -206,7 +206,7 @@ def test_a_still_interval_becomes_a_survey_with_its_depth(tmp_path):
 
 def test_the_survey_list_of_the_run_can_be_exported(tmp_path):
     recording(tmp_path / "bag", namespace="/pad/well_3/")
-    told = settings.changed(
+    with_option = settings.changed(
         S3,
         {
             "place.field": "fixed",
@@ -215,7 +215,7 @@ def test_the_survey_list_of_the_run_can_be_exported(tmp_path):
             "survey.north": "magnetic",
         },
     )
-    run(tmp_path / "bag", tmp_path / "out", told)
+    run(tmp_path / "bag", tmp_path / "out", with_option)
     listed, notes = surveys_of(tmp_path / "out")
     assert notes == ()
     assert (listed.well.name, listed.well.north_reference) == ("pad/well_3", "magnetic")
@@ -284,13 +284,13 @@ def test_a_bag_without_imu_is_refused(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_start_beyond_the_end_of_a_bag_is_told(tmp_path):
+def test_a_start_beyond_the_end_of_a_bag_is_reported(tmp_path):
     recording(tmp_path / "bag", seconds=5.0)
     with pytest.raises(BagError, match=r"ends after 5\.0 s, before --start 60"):
         run(tmp_path / "bag", tmp_path / "out", start_s=60.0)
 
 
-def test_a_field_in_another_unit_is_not_used_until_its_unit_is_said(tmp_path):
+def test_a_field_in_another_unit_is_not_used_until_its_unit_is_given(tmp_path):
     recording(tmp_path / "bag", mag_scale=1e6)
     summary = run(tmp_path / "bag", tmp_path / "out")
     assert any("looks like uT" in warning and "--mag-unit uT" in warning for warning in summary.warnings)
@@ -325,7 +325,7 @@ def test_an_older_sqlite3_recording_gives_the_same_lines(tmp_path):
     assert (tmp_path / "out" / "attitude.csv").read_bytes() == (tmp_path / "out_2" / "attitude.csv").read_bytes()
 
 
-def test_a_force_in_g_is_refused_until_its_unit_is_said(tmp_path):
+def test_a_force_in_g_is_refused_until_its_unit_is_given(tmp_path):
     recording(tmp_path / "bag", accel_scale=1.0 / 9.80665)
     with pytest.raises(ValueError, match=r"looks like g; say so with --accel-unit g"):
         run(tmp_path / "bag", tmp_path / "out")
@@ -382,7 +382,7 @@ def test_a_sensor_that_fails_is_named_with_its_time(tmp_path):
     assert "accelerometer z axis is stuck" in line["message"]
 
 
-def test_that_many_samples_were_refused_is_said(tmp_path):
+def test_that_many_samples_were_refused_is_reported(tmp_path):
     imu, _ = recording(tmp_path / "bag", seconds=4.0)
     logged = imu["stamp_ns"].copy()
     imu["stamp_ns"][4::5] = imu["stamp_ns"][3::5]
@@ -393,7 +393,7 @@ def test_that_many_samples_were_refused_is_said(tmp_path):
     assert warning.startswith("80 of 400 IMU samples were refused")
 
 
-def test_that_time_went_back_is_said_once_and_the_estimate_goes_on(tmp_path):
+def test_that_time_went_back_is_reported_once_and_the_estimate_goes_on(tmp_path):
     imu, _ = recording(tmp_path / "bag", seconds=8.0)
     logged = imu["stamp_ns"].copy()
     imu["stamp_ns"][400:] -= 3_000_000_000
@@ -406,7 +406,7 @@ def test_that_time_went_back_is_said_once_and_the_estimate_goes_on(tmp_path):
     assert summary.rejected == 3
 
 
-def test_a_string_magnetised_beyond_the_prior_is_said_and_the_first_accepted_survey_gives_the_azimuth(tmp_path):
+def test_a_string_magnetised_beyond_the_prior_is_reported_and_the_first_accepted_survey_gives_the_azimuth(tmp_path):
     imu, mag = recording(tmp_path / "bag", seconds=30.0)
     mag["magnetic_field"][:, 0] += 2e-5
     imu["angular_velocity"][2000:, 0] += np.where(np.arange(1000) < 100, 0.2, 0.0)  # the survey ends
@@ -436,7 +436,7 @@ def test_a_part_of_the_time_can_be_chosen(tmp_path):
     assert summary.start_ns == START + 2_000_000_000
 
 
-def test_a_magnetometer_in_another_frame_is_not_used_until_told(tmp_path):
+def test_a_magnetometer_in_another_frame_is_not_used_until_that_is_set(tmp_path):
     recording(tmp_path / "bag", seconds=2.0, frames=("imu_link", "mag_link"))
     summary = run(tmp_path / "bag", tmp_path / "out")
     assert any("'imu_link'" in warning and "'mag_link'" in warning for warning in summary.warnings)

@@ -53,7 +53,7 @@ def test_a_ros_parameter_file_serves_as_configuration(tmp_path):
 
 def test_an_empty_file_changes_nothing(tmp_path):
     path = tmp_path / "config.yaml"
-    path.write_text("# nothing said\n")
+    path.write_text("# empty\n")
     assert read_config(path) == {}
 
 
@@ -67,6 +67,6 @@ def test_what_is_no_table_of_settings_is_refused_with_the_name_of_the_file(tmp_p
         read_config(path)
 
 
-def test_a_file_that_is_not_there_is_said(tmp_path):
+def test_a_file_that_is_not_there_is_reported(tmp_path):
     with pytest.raises(FileNotFoundError):
         read_config(tmp_path / "config.yaml")

@@ -1,4 +1,4 @@
-"""What `mwd process` left is read back alike from CSV and Parquet, and what is no run is said to be none."""
+"""What `mwd process` left is read back alike from CSV and Parquet, and what is no run is reported as such."""
 
 import csv
 

@@ -61,7 +61,7 @@ def alive(pid):
         return False
 
 
-def said(folder, name, text="up"):
+def reported(folder, name, text="up"):
     return lambda: text in (folder / f"{name}.log").read_text()
 
 
@@ -78,7 +78,7 @@ def test_a_process_that_ends_well_is_done_and_not_started_again(make, tmp_path):
 
 def test_a_crashed_process_is_started_again_after_a_pause_that_doubles(make, tmp_path):
     clock, sentences = Clock(), []
-    supervisor = make(say=sentences.append, clock=clock)
+    supervisor = make(report=sentences.append, clock=clock)
     supervisor.start(order(tmp_path, "a", "import os; os.abort()"))
     for pause in (0.5, 1.0, 2.0):
         until(lambda: not supervisor.runs("a"))
@@ -119,8 +119,8 @@ def test_processes_end_by_request_and_in_order(make, tmp_path):
     supervisor = make()
     for name in ("a", "b"):
         supervisor.start(order(tmp_path, name, PATIENT))
-    until(said(tmp_path, "a"))
-    until(said(tmp_path, "b"))
+    until(reported(tmp_path, "a"))
+    until(reported(tmp_path, "b"))
     assert supervisor.stop([["b"], ["a"]]) == []
     assert not supervisor.runs("a")
     assert not supervisor.runs("b")
@@ -132,7 +132,7 @@ def test_a_deaf_process_is_killed_and_named(make, tmp_path, monkeypatch):
     monkeypatch.setattr(supervise, "_TERM_PATIENCE", 0.1)
     supervisor = make()
     supervisor.start(order(tmp_path, "a", DEAF))
-    until(said(tmp_path, "a"))
+    until(reported(tmp_path, "a"))
     assert supervisor.stop([["a"]], patience=0.1) == ["a"]
     assert not supervisor.runs("a")
 
@@ -140,7 +140,7 @@ def test_a_deaf_process_is_killed_and_named(make, tmp_path, monkeypatch):
 def test_what_a_process_started_ends_with_it(make, tmp_path):
     supervisor = make()
     supervisor.start(order(tmp_path, "a", PARENT))
-    until(said(tmp_path, "a", "\n"))
+    until(reported(tmp_path, "a", "\n"))
     grandchild = int((tmp_path / "a.log").read_text())
     assert alive(grandchild)
     supervisor.stop([["a"]])
@@ -150,7 +150,7 @@ def test_what_a_process_started_ends_with_it(make, tmp_path):
 def test_what_a_crashed_process_left_behind_ends_too(make, tmp_path):
     supervisor = make()
     supervisor.start(order(tmp_path, "a", PARENT))
-    until(said(tmp_path, "a", "\n"))
+    until(reported(tmp_path, "a", "\n"))
     grandchild = int((tmp_path / "a.log").read_text())
     os.kill(supervisor._children["a"].process.pid, signal.SIGKILL)
     until(lambda: not supervisor.runs("a"))
@@ -172,7 +172,7 @@ def test_a_process_does_not_outlive_a_killed_supervisor(tmp_path):
     with subprocess.Popen([sys.executable, "-c", parent], stdout=subprocess.PIPE, text=True) as process:
         pid = int(process.stdout.readline())
         until((tmp_path / "a.log").exists)
-        until(said(tmp_path, "a"))
+        until(reported(tmp_path, "a"))
         process.kill()
     until(lambda: not alive(pid))
 

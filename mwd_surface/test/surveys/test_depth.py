@@ -58,7 +58,7 @@ def test_a_placeholder_is_counted_and_not_used(null):
     assert got.latest == (0, 1000.0)
 
 
-def test_a_spike_is_ignored_and_a_confirmed_jump_is_believed_from_its_first_reading():
+def test_a_spike_is_ignored_and_a_confirmed_jump_is_accepted_from_its_first_reading():
     got = track((0, 1000.0), (1, 0.0), (2, 1000.2))
     assert got.refused_jump == 1
     assert got.sensor_depth(S, 0.0).measured_depth == pytest.approx(1000.1)
@@ -78,7 +78,7 @@ def test_readings_out_of_order_are_counted():
     assert got.refused_order == 2
 
 
-def test_a_person_sets_the_depth_against_what_the_rig_said():
+def test_a_person_sets_the_depth_against_what_the_rig_reported():
     got = track((0, 1000.0), (10, 1000.0), (20, 1000.0))
     got.set_by_hand(15 * S, 1034.0)
     assert got.sensor_depth(16 * S, 4.0).measured_depth == 1030.0

@@ -1,4 +1,4 @@
-"""Tie-on, legs and tools by settings: applied once, refused whole, kept where nothing is said."""
+"""Tie-on, legs and tools by settings: applied once, refused whole, kept where nothing is set."""
 
 import math
 

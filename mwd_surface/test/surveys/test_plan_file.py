@@ -70,13 +70,13 @@ def test_the_north_that_the_header_names_is_kept():
         (GOOD.replace("500,0,45", "500,0," + "9" * 200_000), "line 3: field larger than field limit"),
     ],
 )
-def test_what_is_wrong_is_said_with_its_line(text, says):
+def test_what_is_wrong_is_reported_with_its_line(text, says):
     with pytest.raises(PlanError, match=r"plan\.csv") as error:
         table(text)
     assert says in str(error.value)
 
 
-def test_a_missing_or_huge_file_is_said(tmp_path, monkeypatch):
+def test_a_missing_or_huge_file_is_reported(tmp_path, monkeypatch):
     with pytest.raises(PlanError, match="No such file"):
         read_plan(tmp_path / "none.csv")
     (tmp_path / "big.csv").write_text(GOOD)
@@ -143,7 +143,7 @@ def test_a_witsml_trajectory_is_a_plan(tmp_path):
         ),
     ],
 )
-def test_what_is_wrong_with_an_xml_plan_is_said(data, says):
+def test_what_is_wrong_with_an_xml_plan_is_reported(data, says):
     with pytest.raises(PlanError) as error:
         plan_from_witsml(data, "plan.xml")
     assert says in str(error.value)

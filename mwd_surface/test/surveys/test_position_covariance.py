@@ -83,7 +83,7 @@ def test_a_covariance_is_cut_along_the_section():
     assert in_section(np.array([cov, cov]), 0.3).shape == (2, 2, 2)
 
 
-def test_what_has_no_model_is_said():
+def test_what_has_no_model_is_reported():
     stations = ([0.0, 30.0], [0.0, 0.1], [0.0, 0.0])
     with pytest.raises(ValueError, match=r"no tool code 'MWD\+SRGN'; did you mean MWD\+SRGM"):
         position_covariance(*stations, North.TRUE, "MWD+SRGN", REFERENCE)

@@ -12,8 +12,8 @@ from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import installed
 from mwd_surface.surveys import score as module
+from mwd_surface.surveys.message_conversion import fill_survey
 from mwd_surface.surveys.score import score
-from mwd_surface.surveys.survey_message import fill_survey
 from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, Verdict
 
 START = 1_772_344_800_000_000_000

@@ -62,7 +62,7 @@ def test_a_stretch_is_on_the_disk_when_the_call_returns(tmp_path, monkeypatch):
     assert forced == [path.read_bytes()]
 
 
-def test_what_the_disk_refuses_is_said(tmp_path):
+def test_what_the_disk_refuses_is_reported(tmp_path):
     (tmp_path / "surveys").write_text("a file where the folder should be")
     with pytest.raises(OSError, match="surveys"):
         append_stretch(tmp_path / "surveys" / "slides.jsonl", ONE)

@@ -36,6 +36,6 @@ def test_missing_cells_are_empty(tmp_path):
         (b"md,gx\n\xff\xfe,1\n", "is not a text file"),
     ],
 )
-def test_what_is_wrong_is_said(tmp_path, text, sentence):
+def test_what_is_wrong_is_reported(tmp_path, text, sentence):
     with pytest.raises(ValueError, match=sentence):
         read_table(written(tmp_path, text))

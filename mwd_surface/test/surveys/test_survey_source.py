@@ -1,4 +1,4 @@
-"""The same list from its file, the folder of a run and a recording; what cannot be told is refused with a sentence."""
+"""The same list from its file, the folder of a run and a recording; what is ambiguous is refused with a reason."""
 
 import dataclasses
 
@@ -73,7 +73,7 @@ def test_two_wells_in_one_folder_must_be_named(tmp_path):
         surveys_of(tmp_path)
 
 
-def test_a_bag_without_surveys_and_an_empty_folder_are_told_apart(tmp_path):
+def test_a_bag_without_surveys_and_an_empty_folder_are_distinguished(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(BagError, match="holds no recording"):
         surveys_of(tmp_path / "empty")

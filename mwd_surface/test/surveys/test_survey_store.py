@@ -98,7 +98,7 @@ def test_two_damaged_files_are_both_kept_and_an_empty_list_says_so(tmp_path):
     assert {p.name for p in tmp_path.glob("*damaged*")} == {"surveys.damaged-1.json", "surveys.damaged-2.json"}
 
 
-def test_a_missing_current_file_is_said(tmp_path):
+def test_a_missing_current_file_is_reported(tmp_path):
     two, _ = saved_twice(tmp_path)
     (tmp_path / "surveys.json").unlink()
     got = loaded(tmp_path)
@@ -150,7 +150,7 @@ def test_a_disk_that_refuses_leaves_the_files_as_they_were(tmp_path, monkeypatch
     assert {n: (tmp_path / n).read_bytes() for n in before} == before
 
 
-def test_another_well_or_an_impossible_north_is_told(tmp_path):
+def test_another_well_or_an_impossible_north_is_reported(tmp_path):
     tied = grown(SurveyList(well=WELL)).tied_on(TieOn(10.0, 0.01, 0.2, 1.0, 1.0, 10.0))
     with SurveyStore(tmp_path) as store:
         store.save(tied)

@@ -26,7 +26,7 @@ UNITS: dict[str, tuple[str, str]] = {
     "degC": ("CEL", "degree Celsius"),
     "s": ("SEC", "second"),
 }
-# OPC 10000-4, annex A, by what we say of a value.
+# OPC 10000-4, annex A, by the state of a value.
 STATUS_CODES: dict[Condition, int] = {
     Condition.GOOD: 0x00000000,
     Condition.OVERRIDE: 0x00960000,  # GoodLocalOverride

@@ -90,7 +90,7 @@ class _Caller(Wits0Link, abc.ABC):
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
         """Connect, talk, and begin again, until `stop`."""
         ready(self._where)
-        tasks = [asyncio.ensure_future(work) for work in (self.tell(stop), self._call(), stop.wait())]
+        tasks = [asyncio.ensure_future(work) for work in (self.send_due(stop), self._call(), stop.wait())]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:

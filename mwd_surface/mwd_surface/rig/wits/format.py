@@ -15,7 +15,7 @@ from collections.abc import Iterable, Sequence
 BEGIN, END, EOL = b"&&", b"!!", b"\r\n"
 MAX_FRAME_BYTES = 65536
 NULLS = (-9999.0, -8888.0, -999.25)
-# What a Pason-type recorder wants to hear every half minute, and sends itself: a null vertical depth.
+# What a Pason-type recorder expects every half minute, and sends itself: a null vertical depth.
 KEEP_ALIVE = b"&&\r\n0111-9999\r\n!!\r\n"
 _LINE = re.compile(rb"[ \t]*(\d\d)(\d\d)(.*)", re.DOTALL)
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")

@@ -169,7 +169,7 @@ class Wits0Link(LoopInterface):
         """Conversations now."""
         return len(self._peers)
 
-    async def tell(self, stop: asyncio.Event) -> None:
+    async def send_due(self, stop: asyncio.Event) -> None:
         """Send what is due to everybody until `stop`."""
         while not stop.is_set():
             with contextlib.suppress(TimeoutError):
@@ -209,7 +209,7 @@ class Wits0Link(LoopInterface):
             peer.end.set()
 
     def _greet(self, peer: Peer) -> None:
-        """What a peer gets first, as soon as there is anything to tell."""
+        """What a peer gets first, as soon as there is anything to send."""
         if self.values is None or peer.greeted:
             return
         peer.greeted = True

@@ -2,7 +2,7 @@
 Records of WITS level 0: 7 (survey), 8 (formation) and 9 (mechanical) out, 1 (time based) in.
 
 Codes, short names and units are those of the WITS specification as two independent transcriptions give them. No
-standard item exists for totals, dip, quality or temperature: the spare items of record 7 carry what a profile says,
+standard item exists for totals, dip, quality or temperature: the spare items of record 7 carry what a profile defines,
 and the peer must know which.
 """
 
@@ -105,7 +105,7 @@ class RecordWriter:
             ((708, survey.measured_depth * self._length), (709, survey.vertical_depth * self._length))
         )
         hole = values.values["hole_depth"]
-        # Of an old survey the hole depth of now would say nothing.
+        # The hole depth of now does not belong to an old survey.
         if hole.condition.usable and abs(hole.stamp_ns - survey.stamp_ns) < _SAME_TIME_NS:
             items += self._numbers(((711, hole.value * self._length),))
         items.append((712, _TYPES.get(survey.method, "MWD")))
@@ -215,7 +215,7 @@ class RecordWriter:
 
 def activity_code(values: RigValues) -> int | None:
     """
-    What the rig does, as far as its data say: 2 drilling, 3 connection, 7 circulating; None otherwise.
+    What the rig does, as far as its data show: 2 drilling, 3 connection, 7 circulating; None otherwise.
 
     Codes as DigiDrill's WITS quick reference prints the specification's table.
     """
@@ -228,7 +228,7 @@ def activity_code(values: RigValues) -> int | None:
 
 
 def rig_readings(frame: Frame, units: str) -> dict[str, float]:
-    """What a frame of record 1 says of the rig: names of RigState and SI values; nulls and other records left out."""
+    """Rig values of a frame of record 1, by the names of RigState, in SI; nulls and other records are left out."""
     readings = {}
     for code, (name, metric, fps) in RECORD_1.items():
         number = frame.number(code)

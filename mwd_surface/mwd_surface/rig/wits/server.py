@@ -59,7 +59,7 @@ class Wits0Server(Wits0Link):
         ready(f"{bound[0]}:{bound[1]}")
         self._conversations: set[asyncio.Task[None]] = set()
         try:
-            await self.tell(stop)
+            await self.send_due(stop)
         finally:
             server.close()
             self.end_all()

@@ -158,12 +158,12 @@ class WitsmlStore(LoopInterface):
         add, update = "WMLS_AddToStore", "WMLS_UpdateInStore"
         arguments = {"WMLtypeIn": "trajectory", "XMLin": document, "OptionsIn": "", "CapabilitiesIn": ""}
         first, second = (update, add) if uid in self._stations_of else (add, update)
-        result, said = self._order(first, arguments)
+        result, message = self._order(first, arguments)
         if result == (ALREADY_THERE if first == add else NOT_THERE):
             first = second
-            result, said = self._order(second, arguments)
+            result, message = self._order(second, arguments)
         if result < SUCCESS:
-            raise StoreRefusedError(f"{first}: the store refused with {result}" + (f": {said}" if said else ""))
+            raise StoreRefusedError(f"{first}: the store refused with {result}" + (f": {message}" if message else ""))
         before = self._stations_of.get(uid, set())
         self._stations_of[uid] = before | stations
         gone = before - stations
@@ -174,9 +174,9 @@ class WitsmlStore(LoopInterface):
                 "OptionsIn": "",
                 "CapabilitiesIn": "",
             }
-            result, said = self._order("WMLS_DeleteFromStore", arguments)
+            result, message = self._order("WMLS_DeleteFromStore", arguments)
             if result < SUCCESS:
-                raise StoreRefusedError(f"WMLS_DeleteFromStore: the store refused with {result}: {said}")
+                raise StoreRefusedError(f"WMLS_DeleteFromStore: the store refused with {result}: {message}")
         self._stations_of[uid] = stations
 
     def _order(self, order: str, arguments: dict[str, str]) -> tuple[int, str]:

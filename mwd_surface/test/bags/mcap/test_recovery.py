@@ -190,7 +190,7 @@ def test_a_disk_without_hard_links_keeps_the_original_too(tmp_path, monkeypatch)
     assert report.target.exists()
 
 
-def test_a_file_with_nothing_in_it_is_set_aside_and_said_so(tmp_path):
+def test_a_file_with_nothing_in_it_is_set_aside_and_reported_so(tmp_path):
     (tmp_path / "bag").mkdir()
     (tmp_path / "bag" / "bag_0.mcap").write_bytes(b"")
     (report,) = recovery.recover_bag(tmp_path / "bag")

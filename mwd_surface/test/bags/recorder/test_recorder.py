@@ -386,7 +386,7 @@ def test_a_name_that_leads_out_of_the_folder_is_refused(tmp_path, name):
         recorder.start(name)
 
 
-def test_what_cannot_be_done_is_said(tmp_path):
+def test_what_cannot_be_done_is_reported(tmp_path):
     with Recorder(tmp_path, QUICK) as recorder:
         for ask in (recorder.stop, recorder.split, lambda: recorder.attach("a", "b", b"", START)):
             with pytest.raises(RecorderError, match="no recording is running"):

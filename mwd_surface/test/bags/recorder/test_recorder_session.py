@@ -26,11 +26,11 @@ SETTINGS = RecorderSettings(
 
 
 class Bench:
-    """A session, with its clock, its disk and what it told."""
+    """A session, with its clock, its disk and what it reported."""
 
     def __init__(self, folder, monkeypatch, settings=SETTINGS):
         self.now, self.free, self.refused = 100.0, 10 * LOW, 0
-        self.told: list[tuple[Level, str]] = []
+        self.given: list[tuple[Level, str]] = []
         clock = types.SimpleNamespace(monotonic=lambda: self.now, time_ns=lambda: START + round(self.now * 1e9))
         monkeypatch.setattr(recording_session, "time", clock)
         definitions = Definitions()
@@ -42,7 +42,7 @@ class Bench:
             definitions,
             EVENTS,
             SessionHooks(
-                lambda: {"versions": {"at": f"{self.now:.0f}"}}, self._space, lambda: self.refused, self._tell
+                lambda: {"versions": {"at": f"{self.now:.0f}"}}, self._space, lambda: self.refused, self._report
             ),
         )
 
@@ -51,8 +51,8 @@ class Bench:
             raise self.free
         return self.free
 
-    def _tell(self, level, text):
-        self.told.append((level, text))
+    def _report(self, level, text):
+        self.given.append((level, text))
         self.session.record(RecorderEvent(START, level, text))
 
     def take(self, k, topic="/a", log_ns=None, size=300, type_name=STRING, qos=""):
@@ -144,7 +144,7 @@ def test_split_gives_back_the_finished_file(bench):
 def test_a_clock_that_jumps_begins_a_new_file_and_says_by_how_much(bench, jump_s):
     bench.take(0)
     bench.take(1, log_ns=START + jump_s * 10**9)
-    assert bench.told == [(Level.WARNING, f"the clock jumped by {jump_s:+d} s; a new file was begun")]
+    assert bench.given == [(Level.WARNING, f"the clock jumped by {jump_s:+d} s; a new file was begun")]
     assert bench.file.path.name == "run_1.mcap"
     bench.session.finish()
     assert bench.recorded()[0] == 2
@@ -168,7 +168,7 @@ def test_a_disk_about_to_be_full_pauses_with_a_whole_file_and_goes_on_when_there
     bench.free = 2 * LOW
     bench.later(1.0)
     assert (session.state, session.reason) == (RecorderState.RECORDING, "")
-    assert bench.told[-1] == (Level.WARNING, "recording goes on after a pause of 11 s; 1 messages were lost")
+    assert bench.given[-1] == (Level.WARNING, "recording goes on after a pause of 11 s; 1 messages were lost")
     bench.take(2)
     session.finish()
     messages, events, _ = bench.recorded()
@@ -207,38 +207,38 @@ def test_a_disk_that_refuses_a_write_pauses_as_full_or_failed(bench, monkeypatch
     assert bench.recorded()[0] == 1
 
 
-def test_a_disk_whose_room_cannot_be_told_pauses(bench):
+def test_a_disk_whose_free_space_cannot_be_read_pauses(bench):
     bench.free = OSError(errno.EIO, "no answer")
     bench.later(0.5)
     assert (bench.session.state, bench.session.free) == (RecorderState.FAILED, -1)
     assert bench.session.reason.endswith(": no answer")
 
 
-def test_one_odd_message_is_counted_and_told_once_and_the_others_go_on(bench):
+def test_one_odd_message_is_counted_and_reported_once_and_the_others_go_on(bench):
     for k in range(3):
         bench.take(k, topic="/odd", log_ns=-1)
         bench.take(k)
     assert bench.session.dropped == 3
-    (told,) = bench.told
-    assert told[0] == Level.WARNING
-    assert "messages of /odd cannot be recorded: its stamp -1 lies before 1970" in told[1]
+    (given,) = bench.given
+    assert given[0] == Level.WARNING
+    assert "messages of /odd cannot be recorded: its stamp -1 lies before 1970" in given[1]
     bench.session.finish()
     assert bench.recorded()[0] == 3
 
 
-def test_what_the_queue_did_not_take_is_told_once_and_counts_as_lost(bench):
+def test_what_the_queue_did_not_take_is_reported_once_and_counts_as_lost(bench):
     bench.take(0)
     bench.refused = 7
     bench.later(1.0)
     bench.later(1.0)
-    assert bench.told == [(Level.ERROR, "7 messages were lost: the disk is slower than the data")]
+    assert bench.given == [(Level.ERROR, "7 messages were lost: the disk is slower than the data")]
     assert bench.session.lost == 7
 
 
-def test_a_type_or_a_profile_that_is_not_known_is_recorded_and_said(bench):
+def test_a_type_or_a_profile_that_is_not_known_is_recorded_and_reported(bench):
     bench.take(0, topic="/new", type_name="nobody_msgs/msg/New")
     bench.take(1, qos="- [")
-    assert [text.split(":")[0] for _, text in bench.told] == ["/new", "/a"]
+    assert [text.split(":")[0] for _, text in bench.given] == ["/new", "/a"]
     bench.session.finish()
     with Bag(bench.path) as bag:
         assert {name: about.count for name, about in bag.topics.items() if name != EVENTS} == {"/new": 1, "/a": 1}
@@ -265,4 +265,4 @@ def test_a_disk_that_refuses_to_the_last_ends_the_recording_all_the_same(bench, 
     assert bench.session.state == RecorderState.PAUSED_DISK_FULL
     # The message, and the word of the pause that went the same way.
     assert bench.session.dropped == 2
-    assert any("has no end; the next start recovers it" in text for _, text in bench.told)
+    assert any("has no end; the next start recovers it" in text for _, text in bench.given)

@@ -302,7 +302,7 @@ def test_a_line_that_is_not_there_is_named():
         ModbusSerial(ModbusSerialSettings(device="/dev/no-such-line"), ModbusSettings()).start()
 
 
-def test_a_line_that_goes_away_is_told_so_that_it_is_opened_anew():
+def test_a_line_that_goes_away_is_reported_so_that_it_is_opened_anew():
     pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
     theirs, ours = pty.openpty()
     with started(ModbusSerial(ModbusSerialSettings(device=os.ttyname(ours)), ModbusSettings())) as s:

@@ -25,7 +25,7 @@ def test_every_variable_of_the_manifest_is_there_once_and_read_at_every_moment()
         assert set(variable_values(table)) == set(names)
 
 
-def test_every_quantity_is_told():
+def test_every_quantity_is_published():
     assert set(NUMBERS.values()) == set(QUANTITIES)
 
 

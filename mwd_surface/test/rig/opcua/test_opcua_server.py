@@ -1,4 +1,4 @@
-"""OPC UA as clients see it: found by name, units and times told, nothing to write, commands only for the trusted."""
+"""OPC UA as clients see it: found by name, with units and times, nothing to write, commands only for the trusted."""
 
 import asyncio
 import contextlib
@@ -37,7 +37,7 @@ def served():
 BEATS = itertools.count(1)
 
 
-def tell(server, table):
+def publish(server, table):
     """Publish with a heartbeat of its own, and wait until that is written."""
     table = dataclasses.replace(table, heartbeat=next(BEATS))
     server.publish(table)
@@ -56,7 +56,7 @@ async def found(client, name):
 
 def test_a_variable_is_found_by_name_and_tells_value_unit_and_time(served):
     table = values()
-    tell(served, table)
+    publish(served, table)
 
     async def look():
         async with asyncua.Client(served.address) as client:
@@ -87,12 +87,12 @@ def test_status_codes_follow_the_state(served):
         (values(), "DistanceToPlan", ua.StatusCodes.BadWaitingForInitialData),
         (values(active=False), "Inclination", ua.StatusCodes.BadOutOfService),
     ):
-        tell(served, table)
+        publish(served, table)
         assert run(codes(name)) == code
 
 
-def test_a_last_usable_value_is_still_told(served):
-    tell(served, values(later=2.0))
+def test_a_last_usable_value_is_still_published(served):
+    publish(served, values(later=2.0))
 
     async def look():
         async with asyncua.Client(served.address) as client:
@@ -102,8 +102,8 @@ def test_a_last_usable_value_is_still_told(served):
     assert (got.Value.Value, got.StatusCode.value) == (650.25, ua.StatusCodes.UncertainLastUsableValue)
 
 
-def test_a_subscriber_is_told_of_changes(served):
-    tell(served, values())
+def test_a_subscriber_gets_changes(served):
+    publish(served, values())
 
     async def watch():
         got = asyncio.Queue()
@@ -116,7 +116,7 @@ def test_a_subscriber_is_told_of_changes(served):
             subscription = await client.create_subscription(50, Handler())
             await subscription.subscribe_data_change(await found(client, "Heartbeat"))
             first = await asyncio.wait_for(got.get(), 10.0)
-            await asyncio.to_thread(tell, served, values(later=1.0))
+            await asyncio.to_thread(publish, served, values(later=1.0))
             second = await asyncio.wait_for(got.get(), 10.0)
             await subscription.delete()
         return first, second
@@ -158,7 +158,7 @@ def test_subscriptions_are_limited(served):
 def test_junk_and_idle_connections_leave_the_others_alone(served):
     with socket.create_connection(("127.0.0.1", served.port)) as bad:
         bad.sendall(b"GET / HTTP/1.1\r\n\r\n" + b"\xff" * 5000)
-        tell(served, values())
+        publish(served, values())
         test_a_variable_is_found_by_name_and_tells_value_unit_and_time(served)
 
 
@@ -167,7 +167,7 @@ def test_five_hundred_connections_are_turned_away_counted_and_leave_those_that_a
         started(OpcuaServer(OpcuaSettings(port=0, max_clients=2), "Well 1")) as server,
         contextlib.ExitStack() as stack,
     ):
-        tell(server, values())
+        publish(server, values())
 
         async def read_meanwhile():
             async with asyncua.Client(server.address) as client:
@@ -185,7 +185,7 @@ def test_node_opcua_reads_the_same(served):
     node = shutil.which("node")
     if node is None or not (PEERS / "node_modules" / "node-opcua-client").exists():
         pytest.skip("node or node-opcua-client is not there: npm install --prefix mwd_surface/test/peers")
-    tell(served, values(later=2.0))
+    publish(served, values(later=2.0))
     done = subprocess.run(
         [node, str(PEERS / "opcua_read.js"), served.address, NAMESPACE, "Well 1", "Inclination", "BitMeasuredDepth"],
         capture_output=True, text=True, timeout=90, check=False,

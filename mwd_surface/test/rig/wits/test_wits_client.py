@@ -76,7 +76,7 @@ def test_a_link_that_drops_again_and_again_is_taken_up_again_each_time():
             assert dict(status.counts)["connections"] >= 5
 
 
-def test_a_recorder_that_is_not_there_is_said_and_it_goes_on_trying():
+def test_a_recorder_that_is_not_there_is_reported_and_it_goes_on_trying():
     with recorder() as listener:
         port = listener.getsockname()[1]
     with started(Wits0Client(Wits0ClientSettings(port=port, backoff=FAST))) as client:
@@ -112,7 +112,7 @@ def test_a_serial_line_carries_the_same_both_ways():
         os.close(theirs)
 
 
-def test_a_serial_device_that_is_not_there_is_said_and_tried_again():
+def test_a_serial_device_that_is_not_there_is_reported_and_tried_again():
     pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
     with started(Wits0Serial(Wits0SerialSettings(device="/dev/no-such-line", backoff=FAST))) as line:
         eventually(lambda: line.failures >= 2)

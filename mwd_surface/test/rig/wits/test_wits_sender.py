@@ -63,14 +63,14 @@ def test_a_toolface_goes_out_when_it_is_new_and_not_more_often_than_its_period()
     assert not any(717 in p for p in codes(s.due(stamped(12), 40.0)))
 
 
-def test_a_toolface_that_is_lost_is_told_as_a_null_where_nulls_are_sent():
+def test_a_toolface_that_is_lost_is_sent_as_a_null_where_nulls_are_sent():
     s = sender(null_text="-9999")
     s.due(values(), 0.0)
     lost = [f for p in s.due(values(later=50.0), 50.0) for f in Decoder().feed(p)]
     assert any(i.code == 717 and i.null for f in lost for i in f.items)
 
 
-def test_a_keep_alive_goes_out_every_half_minute_even_with_nothing_to_say():
+def test_a_keep_alive_goes_out_every_half_minute_even_with_nothing_to_send():
     s = sender()
     empty = nothing_yet()
     alive = [k for k in range(91) if KEEP_ALIVE in s.due(empty, float(k))]

@@ -55,8 +55,8 @@ class Stub(http.server.BaseHTTPRequestHandler):
             self.server.deleted += [station.get("uid") for station in trajectory]
         elif code == 1:
             kept[uid] = document
-        said = escape("no such <object>" if code < 0 else "")
-        inside = f"<Result>{code}</Result><SuppMsgOut>{said}</SuppMsgOut>"
+        reported = escape("no such <object>" if code < 0 else "")
+        inside = f"<Result>{code}</Result><SuppMsgOut>{reported}</SuppMsgOut>"
         return ENVELOPE.format(f"<m:{order}Response xmlns:m='urn:x'>{inside}</m:{order}Response>").encode()
 
     def log_message(self, *_about):
@@ -150,14 +150,14 @@ def test_after_failures_it_is_tried_again_until_it_goes_through():
         ((302, b""), "HTTP 302"),
     ],
 )
-def test_the_reason_of_a_failure_is_told(answer, reason):
+def test_the_reason_of_a_failure_is_reported(answer, reason):
     with store(answers=[answer] * 10_000) as server, started(client(server)) as push:
         push.push(DOCUMENT)
         eventually(lambda: reason in push.status().reason)
         assert push.status().state == "connecting"
 
 
-def test_a_store_that_is_not_there_is_told_and_tried_again():
+def test_a_store_that_is_not_there_is_reported_and_tried_again():
     with store() as server:
         push = client(server)
     with started(push):

@@ -6,7 +6,7 @@ import types
 import example_surveys as example
 import pytest
 
-from mwd_surface.surveys import survey_message as between
+from mwd_surface.surveys import message_conversion as between
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, SurveyRecord
 
