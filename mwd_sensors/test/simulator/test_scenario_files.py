@@ -54,7 +54,7 @@ def test_the_table_of_the_readme_lists_every_scenario_with_its_length(checkout):
 
 
 def test_the_scenario_of_the_document_can_be_simulated():
-    text = (ROOT / "mwd_sensors" / "docs" / "scenarios.md").read_text()
+    text = (ROOT / "docs" / "guide" / "scenarios.md").read_text()
     given = scenario.parse(re.search(r"```yaml\n(.*?)```", text, re.DOTALL).group(1))
     block = next(Sonde(given).blocks(1.0))
     assert given.name == "my_well"
