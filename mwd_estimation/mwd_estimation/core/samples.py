@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation.core.status import Status
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.arrays import Array, Stamps, Vector
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
@@ -163,7 +163,7 @@ def samples(stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> tuple
 
 
 @compiled
-def admit(clock: Clock, stamp: int, w: Array, f: Array, gap_ns: int) -> int:
+def admit(clock: Clock, stamp: int, w: Vector, f: Vector, gap_ns: int) -> int:
     """
     Judge one sample and move the clock: FIRST, NEXT, AFTER_GAP or REJECTED.
 
@@ -197,7 +197,7 @@ def admit(clock: Clock, stamp: int, w: Array, f: Array, gap_ns: int) -> int:
 
 
 @compiled
-def follow_motion(motion: Motion, dt: float, w: Array, non_gravity: float) -> int:
+def follow_motion(motion: Motion, dt: float, w: Vector, non_gravity: float) -> int:
     """Rotary speed (S3 eq 11 with the previous output in its second term) and STILL, SLIDING or ROTATING."""
     share = dt / (ROTARY_LAG + dt)
     motion.rotary_speed += share * (w[0] - motion.rotary_speed)

@@ -89,7 +89,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
 def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: TrackRows) -> None:
     gap_ns = round(p.gap_s * 1e9)
     for i in range(len(stamps)):
-        w, f = gyro[i], accel[i]
+        w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
         before = s.clock.last_ns
         verdict = track.admit(s.clock, stamps[i], w, f, gap_ns)
         bits = 0

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from mwd_estimation.core import samples as track
 from mwd_estimation.core.samples import Track, TrackRows
 from mwd_estimation.core.status import Status
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.arrays import Array, Stamps, Vector
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.kalman import coning_rotation, in_turned_axes
@@ -196,9 +196,8 @@ def fuzzy_step(non_gravity: float, rotary_rpm: float, rules: Array) -> float:
 @compiled
 def _run(p: Params, s: Any, rules: Array, stamps: Stamps, gyro: Array, accel: Array, out: TrackRows) -> None:
     gap_ns = round(p.gap_s * 1e9)
-    u = np.zeros(3)
     for i in range(len(stamps)):
-        w, f = gyro[i], accel[i]
+        w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
         before = s.clock.last_ns
         verdict = track.admit(s.clock, stamps[i], w, f, gap_ns)
         bits = 0
@@ -211,8 +210,7 @@ def _run(p: Params, s: Any, rules: Array, stamps: Stamps, gyro: Array, accel: Ar
                 bits |= _CLIPPED
             if max(abs(f[0]), abs(f[1]), abs(f[2])) >= p.accel_range:
                 bits |= _CLIPPED
-            for c in range(3):
-                u[c] = -f[c] / p.gravity
+            u = (-f[0] / p.gravity, -f[1] / p.gravity, -f[2] / p.gravity)
             dt = 0.0
             if verdict == track.NEXT:
                 dt = 1e-9 * (stamps[i] - before)
@@ -247,7 +245,7 @@ def _begin(p: Params, s: Any) -> None:
 
 
 @compiled
-def _average(p: Params, s: Any, dt: float, u: Array, turn: tuple[float, float, float]) -> None:
+def _average(p: Params, s: Any, dt: float, u: Vector, turn: tuple[float, float, float]) -> None:
     """Mean force in axes that the gyro carries along: vibration averages out, rotation does not matter."""
     mx, my, mz = in_turned_axes(s.mean[0], s.mean[1], s.mean[2], turn[0], turn[1], turn[2])
     step = max(dt, 1e-3)
@@ -278,7 +276,9 @@ def _proportional_gain(p: Params, s: Any, rules: Array) -> float:
 
 
 @compiled
-def _correct(p: Params, s: Any, rules: Array, dt: float, w: Array, u: Array, turn: tuple[float, float, float]) -> None:
+def _correct(
+    p: Params, s: Any, rules: Array, dt: float, w: Vector, u: Vector, turn: tuple[float, float, float]
+) -> None:
     """S3 figure 4: the last filtered gravity carried by the raw gyro, and its error against the accelerometer."""
     px, py, pz = turn
     hx, hy, hz = in_turned_axes(s.down[0], s.down[1], s.down[2], px, py, pz)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from mwd_estimation.core import samples as track
 from mwd_estimation.core.samples import Track, TrackRows
 from mwd_estimation.core.status import Status
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.arrays import Array, Stamps, Vector
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.kalman import coning_rotation, in_turned_axes
@@ -135,7 +135,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
 def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: TrackRows) -> None:
     gap_ns = round(p.gap_s * 1e9)
     for i in range(len(stamps)):
-        w, f = gyro[i], accel[i]
+        w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
         before = s.clock.last_ns
         verdict = track.admit(s.clock, stamps[i], w, f, gap_ns)
         bits = 0
@@ -167,7 +167,7 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
 
 
 @compiled
-def _begin(p: Params, s: Any, f: Array, norm: float) -> None:
+def _begin(p: Params, s: Any, f: Vector, norm: float) -> None:
     """Start from the first force, whose error is the tool's acceleration."""
     scale = p.gravity / norm
     for c in range(3):
@@ -180,7 +180,7 @@ def _begin(p: Params, s: Any, f: Array, norm: float) -> None:
 
 
 @compiled
-def _step(p: Params, s: Any, dt: float, w: Array, f: Array) -> float:
+def _step(p: Params, s: Any, dt: float, w: Vector, f: Vector) -> float:
     """Predict over dt, s, and update with one force; returns the acceleration that is not gravity, m/s^2."""
     s.age += dt
     bx, by, bz = (w[0] + s.bias[0]) * dt, (w[1] + s.bias[1]) * dt, (w[2] + s.bias[2]) * dt

@@ -6,6 +6,13 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 """Measurements, states, covariances; the docstring beside it names shape and unit."""
 
+Vector = Array | tuple[float, float, float]
+"""
+Three components: an array of shape (3,), or the numbers themselves.
+
+Kernels that run once a sample pass numbers: numba counts the references of an array at each call.
+"""
+
 Stamps = NDArray[np.int64]
 """Times of measurement, ns since 1970."""
 
