@@ -11,7 +11,7 @@ import math
 from mwd_estimation.gravity.bounded import clipping, mechanisation, noise
 from mwd_estimation.gravity.bounded.params import KernelParams
 from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, POS, SCALE, TILT, VEL, Record
-from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.arrays import Vector
 from mwd_sensors.core.compiled import compiled
 
 START_TIME = 0.3  # s, over which forces are averaged
@@ -81,7 +81,7 @@ def unknown_motion(s: Record, scatter: float) -> None:
 
 
 @compiled
-def average(p: KernelParams, s: Record, dt: float, f: Array) -> bool:
+def average(p: KernelParams, s: Record, dt: float, f: Vector) -> bool:
     """Add a force, m/s^2, to the mean, in axes that the gyro carries; True when the attitude was found."""
     step, C = max(dt, 1e-3), s.C
     s.age += step

@@ -6,7 +6,7 @@ import math
 
 from mwd_estimation.gravity.bounded.params import KernelParams
 from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, SLOPE, TILT, VEL, Record
-from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 
 HIDDEN = 0.0014  # s of clipping that a sample must be able to show before it counts as a shock
@@ -27,7 +27,7 @@ NEVER = 1e30  # gate that no innovation passes
 
 
 @compiled
-def follow_shocks(p: KernelParams, s: Record, dt: float, f: Array, power: float) -> None:
+def follow_shocks(p: KernelParams, s: Record, dt: float, f: Vector, power: float) -> None:
     """
     Count shocks, and make the velocity uncertain by what each may have hidden.
 

@@ -33,7 +33,7 @@ from mwd_estimation.gravity.bounded.state import (
     State,
     initial,
 )
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.arrays import Array, Stamps, Vector
 from mwd_sensors.core.compiled import compiled
 
 __all__ = ["Log", "Params", "State", "initial", "run", "run_logged"]
@@ -106,7 +106,7 @@ def _run(
 ) -> None:
     stamps, gyro, accel = samples
     for i in range(len(stamps)):
-        w, f = gyro[i], accel[i]
+        w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
         before = clock.last_ns
         verdict = track.admit(clock, stamps[i], w, f, gaps.GAP_NS)
         bits = _REJECTED
@@ -118,11 +118,11 @@ def _run(
             if verdict != track.NEXT:
                 if verdict == track.AFTER_GAP:
                     bits = _GAP
-                _resume(p, s, verdict, dt, w, i, log)
+                _resume(p, s, verdict, dt, gyro[i], i, log)
                 dt = 0.0
             non_gravity = _take(p, s, dt, w, f)
             if s.started and s.sums.time >= TICK - 1e-6:
-                _update(p, s, w, i, log)
+                _update(p, s, s.last_w, i, log)
             bits |= track.follow_motion(motion, dt, w, non_gravity)
             if max(abs(f[0]), abs(f[1]), abs(f[2])) >= p.accel_range:
                 bits |= _CLIPPED
@@ -169,7 +169,7 @@ def _resume(p: KernelParams, s: Record, verdict: int, dt: float, w: Array, i: in
 
 
 @compiled
-def _take(p: KernelParams, s: Record, dt: float, w: Array, f: Array) -> float:
+def _take(p: KernelParams, s: Record, dt: float, w: Vector, f: Vector) -> float:
     """One admitted sample; returns the magnitude of the force that is not gravity, m/s^2."""
     power = mechanisation.mechanise(p, s, dt, w, f)
     if s.started:

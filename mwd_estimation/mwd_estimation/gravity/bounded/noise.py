@@ -14,7 +14,7 @@ import math
 from mwd_estimation.gravity.bounded.clipping import FREQUENT
 from mwd_estimation.gravity.bounded.params import KernelParams
 from mwd_estimation.gravity.bounded.state import BIAS, DOWN, POS, SCALE, SLOPE, TILT, VEL, Record
-from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 
 SWING_TIME = 0.5  # s, time constant of the three high-passes
@@ -37,7 +37,7 @@ ALIASED_SHARE, ALIASED_LEAST, ALIASED_AFTER = 0.3, 0.002, 3.0  # of the displace
 
 
 @compiled
-def follow_rates(p: KernelParams, s: Record, dt: float, w: Array, f: Array) -> None:
+def follow_rates(p: KernelParams, s: Record, dt: float, w: Vector, f: Vector) -> None:
     """Noise of the attitude from errors in proportion to the rates, from clipping and from samples that are missing."""
     sums, motion = s.sums, s.motion
     sums.turn += (p.rate_noise**2 * (w[1] * w[1] + w[2] * w[2]) + ROTARY_NOISE**2 * w[0] * w[0]) * dt
