@@ -1,5 +1,5 @@
 """
-The parameters of every filter, from what is said once in the settings: one function for each filter.
+The parameters of every filter, from the settings, where each fact is set once: one function for each filter.
 
 Facts of the tool and the place enter here and nowhere else; what is not derived keeps the filter's own default.
 """
@@ -28,7 +28,7 @@ from mwd_estimation.survey.static_survey import Params as StillParams
 from mwd_estimation.survey.station import StationSettings
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-# White noise of a precision unit whose noise is not said, deg/sqrt(h): a tactical MEMS gyro (DESIGN, section 3).
+# White noise of a precision unit whose noise is not set, deg/sqrt(h): a tactical MEMS gyro (DESIGN, section 3).
 _TACTICAL_NOISE = 0.05
 
 
@@ -74,7 +74,7 @@ def health_params(settings: EstimatorSettings) -> monitor.Params:
         gyro_range_deg_s=min(tool.gyro.range_deg_s),
         accel_range_g=min(tool.accelerometer.range_g),
         mag_range_ut=tool.magnetometer.range_ut,
-        # How long the checks wait for the magnetometer is theirs to say, as long as it covers the delay.
+        # The checks set how long they wait for the magnetometer, as long as that covers the delay.
         mag_lag_s=max(monitor.Params().mag_lag_s, tool.magnetometer.delay_s),
         mag_expected=tool.magnetometer.present,
     )

@@ -41,7 +41,7 @@ class Estimate:
     ----------
     settings : EstimatorSettings
     reference : Reference or None
-        Overrides what the settings say.
+        Overrides the settings.
     counters : Counters
     numbering : Numbering
     """

@@ -39,7 +39,7 @@ class Pipeline:
     ----------
     settings : EstimatorSettings
     reference : Reference, optional
-        Overrides what the settings say, for a field measured beforehand.
+        Overrides the settings, for a field measured beforehand.
     """
 
     def __init__(self, settings: EstimatorSettings, reference: Reference | None = None) -> None:

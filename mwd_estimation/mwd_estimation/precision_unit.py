@@ -97,7 +97,7 @@ class PrecisionUnit:
         samples = self._stamps[first : self._at], self._values[first : self._at]
         changes = self._health.judge(end_ns, still_bins > 0, samples) if self._watch else []
         fault = None
-        if self._watch and self._health.heard:
+        if self._watch and self._health.active:
             faulty = any(one.unusable for one in self.faults)
             refusal = quoted(self._health.refusal) if self._health.refusal else None
             self.station.refuse(refusal, faulty)

@@ -99,11 +99,11 @@ class SensorWatch:
             for change in changes:
                 self.history.note(change)
             unusable = int(found.unusable[start])
-            misled = self.history.misleads(changes, self._mag_since_ns)
-            self._contaminated = self._contaminated or misled
+            harmful = self.history.contaminates(changes, self._mag_since_ns)
+            self._contaminated = self._contaminated or harmful
             if self._contaminated and unusable & AZIMUTH == 0:
                 self._contaminated, self._mag_since_ns = False, int(stamps[start])
             yield Stretch(
-                part, stamps[part], gyro[part], accel[part], found.suspect[part], unusable, misled, self._contaminated,
+                part, stamps[part], gyro[part], accel[part], found.suspect[part], unusable, harmful, self._contaminated,
                 changes,
             )  # fmt: skip

@@ -1,7 +1,7 @@
 """
 What can be set about the estimator, in the words of its users.
 
-Each fact is said once: the tool in `tool`, the place in `place`. `derivation` makes the parameters of every filter
+Each fact is set once: the tool in `tool`, the place in `place`. `derivation` makes the parameters of every filter
 from them.
 """
 
@@ -178,7 +178,7 @@ class Survey:
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
-    """When a survey is accepted, doubtful or rejected, and when azimuths are said to disagree."""
+    """When a survey is accepted, doubtful or rejected, and when azimuths count as different."""
 
     limits: str = setting(
         "toolcode",
@@ -214,7 +214,7 @@ class Verdict:
     unconfirmed: str = setting(
         "doubtful",
         "Best verdict of a magnetic azimuth that the gyro could confirm after half a turn of the tool. Set accept "
-        "where nobody can turn the tool and steel is known to be far.",
+        "where nobody can turn the tool and no external interference is possible.",
         choices=("doubtful", "accept"),
         expert=True,
     )
@@ -368,7 +368,7 @@ def reference_of(place: Place, first_ns: int) -> Reference | None:
             math.radians(place.lat_deg), math.radians(place.lon_deg), place.height_m, day, place.model
         )
     )
-    # A place says where true north is; which grid the well's maps use, the settings say.
+    # A place says where true north is; the settings give the grid of the well's maps.
     return reference if place.grid == "utm" else dataclasses.replace(reference, convergence=None)
 
 

@@ -15,7 +15,7 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Gyro:
-    """Gyros of the conventional unit, 1 sigma where nothing else is said."""
+    """Gyros of the conventional unit, 1 sigma unless stated otherwise."""
 
     range_deg_s: Vector = setting(
         (2000.0, 2000.0, 2000.0),
@@ -120,7 +120,7 @@ class Accelerometer:
 
 @dataclass(frozen=True)
 class Magnetometer:
-    """The magnetometer, without the field of the steel around it."""
+    """The magnetometer, without the field of the drill string."""
 
     present: bool = setting(
         True, "The tool has a magnetometer. Set it to false for a tool without one: its absence is then no fault.",
@@ -281,7 +281,7 @@ class PrecisionUnit:
 
 @dataclass(frozen=True)
 class Tool:
-    """What the tool's sensors can do and how the tool lies in the hole; the one place where it is said."""
+    """What the tool's sensors can do and how the tool lies in the hole; the only place where it is set."""
 
     gyro: Gyro = setting(Gyro, "Gyros of the conventional (AHRS) unit")
     accelerometer: Accelerometer = setting(Accelerometer, "Accelerometers of the conventional unit")

@@ -39,7 +39,7 @@ for offset in sys.argv[1:]:
     assert future.result().success, future.result().message
 """
 TOPICS = ("imu/mag", "gyro/data_raw", "imu/temperature", "imu/data_raw")
-# A stamp behind the last may be a stray one; the estimator waits for a few before it believes that time went back.
+# A stamp behind the last may be a stray one; the estimator waits for a few before it takes it that time went back.
 DOUBTED = 3
 
 

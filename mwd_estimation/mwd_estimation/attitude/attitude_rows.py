@@ -198,7 +198,7 @@ def _write_attitude(
 ) -> int:
     """Fill the attitude of a sample; turned: `rejected_samples.PropagatedRow.turned`, rad. Returns its status."""
     has_gravity = math.isfinite(plain.inclination)
-    # Near vertical is what the attitude says, by its settings, not the gravity method by its own.
+    # Near vertical is decided by the attitude, by its settings, not the gravity method by its own.
     status = (sample.status & ~_NEAR_VERTICAL) | int(np.int64(plain.status)) | stretch.status
     status |= int(np.int64(azimuth.status)) | (last.status & _DISTURBED)
     near_vertical = status & _NEAR_VERTICAL != 0

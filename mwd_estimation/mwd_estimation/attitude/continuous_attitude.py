@@ -39,7 +39,7 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 
 _NO_REFERENCE, _FAULT = int(Status.NO_REFERENCE), int(Status.SENSOR_FAULT)
-# With a vertical less certain than this a magnetic sample tells nothing of the tool's own field, rad.
+# With a vertical less certain than this a magnetic sample shows nothing of the tool's own field, rad.
 _MAX_TILT = 0.1
 
 

@@ -210,7 +210,7 @@ def _scale_of_slow_error(s: State, measured: MagneticAzimuth) -> float:
             # sigma of now. A sigma that only varies with the noise has not improved.
             fade_slow_error(s, share)
         s.slow_sigma = slow
-    # As it was when the error was estimated: noise in it would let the filter tell error and azimuth apart.
+    # As it was when the error was estimated: noise in it would let the filter separate error and azimuth.
     return s.slow_sigma if kept else slow
 
 

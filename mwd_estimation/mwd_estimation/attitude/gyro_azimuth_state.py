@@ -211,7 +211,7 @@ class MagneticAzimuth:
     sigma_slow, sigma_held, sigma_noise, sigma_constant : 1 sigma of the error that stays (the tool's own field), that
         stays for a while (the vertical's), that is new in each (noise), and that never changes (declination), rad.
     usable : its field passes the check; else it is never used.
-    restart : what was said before is withdrawn: the azimuth begins anew.
+    restart : earlier rows are withdrawn: the azimuth begins anew.
     status : bits of `Status`.
     interference, sigma_interference : the tool's own field and 1 sigma, T; -1 where it is not known.
     """

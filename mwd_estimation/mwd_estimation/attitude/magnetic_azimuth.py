@@ -162,7 +162,7 @@ class MagneticAzimuths:
 def _correction_status(
     found: Samples, samples: FieldSamples, corrected: NDArray[np.bool_], horizontal: float
 ) -> NDArray[np.uint32]:
-    """Bits that tell whether the azimuth is corrected, and where it should be and is not."""
+    """Bits that show whether the azimuth is corrected, and where it should be and is not."""
     sine = np.sqrt(np.maximum(1.0 - samples.g_t[:, 0] ** 2, 0.0))
     unobserved = found["sigma"][:, 0] * sine * np.abs(np.sin(found["azimuth"])) / horizontal
     bits = np.where(unobserved > _MAX_UNOBSERVED, _UNCORRECTED | _REFUSED, _UNCORRECTED)

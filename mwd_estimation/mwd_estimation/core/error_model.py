@@ -29,7 +29,7 @@ class SensorErrors:
     magnetometer_scale: float = setting(0.0016, "Magnetometer scale error of each axis", low=0.0, high=0.1)
     axial_interference_nt: float = setting(
         220.0,
-        "Axial field of the steel above and below, expected with a proper collar",
+        "Axial field of the drill string above and below, expected with a proper collar",
         unit="nT",
         low=0.0,
         high=50000.0,

@@ -3,7 +3,7 @@ The reference a magnetic survey is judged and corrected by: local field, gravity
 
 It comes from a geomagnetic model (S0 section 4, "by table") or from a measurement made beforehand where nothing
 disturbs the field (same section), or from a settings file. Every figure carries its own sigma, because an axial
-correction is only as good as the field it leans on.
+correction is only as good as the field it uses.
 """
 
 from __future__ import annotations

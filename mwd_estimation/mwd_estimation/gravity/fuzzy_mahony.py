@@ -2,7 +2,7 @@
 S3: gravity while drilling from a rotation-vector recursion, a PI correction and a fuzzy proportional gain.
 
 The recursion (S3 eq 5, sign in the exponent as eq 1 demands) carries the filtered gravity of the last sample by the
-raw gyro; what the accelerometer says against it drives a proportional-integral correction of the rates (S3 figure 4,
+raw gyro; its difference from the accelerometer drives a proportional-integral correction of the rates (S3 figure 4,
 Mahony's filter with one vector); the proportional gain follows non-gravity acceleration and rotary speed by the fuzzy
 table 1. Derivation, limits and what is observable when: ``docs/methods/fuzzy_mahony.md``.
 """

@@ -95,7 +95,7 @@ class Record:
     age : float
         Time since the start, s.
     square : float
-        Mean square of the innovations over what the covariance says of them.
+        Mean square of the innovations over those expected by the covariance.
     """
 
     clock: track.Clock

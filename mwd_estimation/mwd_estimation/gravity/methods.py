@@ -3,7 +3,7 @@ Gravity methods by name: each source's system is a row that can be chosen, and a
 
 A method is four things with the same meaning everywhere: `Params` (settings with defaults), `initial(params)` (the
 state before the first sample, with `copy`), `run(params, state, stamp_ns, gyro_t, accel_t)` (a block of any length,
-state changed in place) and a sentence that says what it is.
+state changed in place) and a sentence that describes it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """
 Gravity after the fact: Rauch-Tung-Striebel smoothing of the bounded filter, for logs and reports.
 
-The forward pass is `bounded.filter` itself; the backward pass carries what later measurements said of the errors back
+The forward pass is `bounded.filter` itself; the backward pass carries what later measurements show of the errors back
 over each start of the filter. Tilt between updates is interpolated. Never live: every value uses the whole log.
 """
 

@@ -1,5 +1,5 @@
 """
-An azimuth on the circle of the latitude: what a Gaussian of the horizontal Earth rate says once its length is known.
+An azimuth on the circle of the latitude: a Gaussian of the horizontal Earth rate, given its length.
 
 The prior of the Earth-rate state is isotropic about zero, hence constant on the circle |horizontal Earth rate| =
 We cos(latitude): restricting the filter's Gaussian to the circle is the posterior, however wide, with one mode or two.
@@ -84,7 +84,7 @@ def part(log_weight: float, earth: Array, P: Array, right: Array, at: slice, shi
 
 
 class _Cost:
-    """What the parts say along the circle: squared distances in sigmas and log likelihoods, shape (parts, n)."""
+    """The parts along the circle: squared distances in sigmas and log likelihoods, shape (parts, n)."""
 
     def __init__(self, parts: Sequence[Part], horizontal: float) -> None:
         self.inverses = [np.linalg.inv(one.S) for one in parts]
@@ -141,7 +141,7 @@ def posterior(parts: Sequence[Part], horizontal: float, expected: float | None =
     Parameters
     ----------
     parts : sequence of Part
-        What the data say, weighed by their evidence; the misfit is that of the first one.
+        The estimate from the data, weighed by their evidence; the misfit is that of the first one.
     horizontal : float
         Earth rate times the cosine of the latitude, rad/s.
     expected : float, optional

@@ -150,7 +150,7 @@ def seek_params(
 
 def white_noise(stamp_ns: Stamps, gyro_t: Array) -> float | None:
     """
-    White noise of the y and z gyros of a tool at rest, deg/sqrt(h); None where there are too few samples to tell.
+    White noise of the y and z gyros of a tool at rest, deg/sqrt(h); None where there are too few samples.
 
     stamp_ns, shape (n,); gyro_t, shape (n, 3), rad/s. From neighbours' differences, which know no bias and no Earth
     rate. Pumps shake single samples and leave tenths of a second alone: where both disagree, the latter count.

@@ -14,8 +14,8 @@ from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR
 
 # Share of clipped samples, of turning in a still shot and of turning in a rotating one.
 _CLIPPED_SHARE, _TURNED_MOST, _TURNED_LEAST = 0.001, 0.02, 0.5
-# Swing of the hole axis from block to block that a still shot allows, and inclination from which a hole has an azimuth.
-_SWING, _LEAST_INCLINATION = math.radians(0.05), math.radians(3.0)
+# Variation of the hole axis between blocks that a still shot allows, and inclination from which a hole has an azimuth.
+_AXIS_VARIATION, _LEAST_INCLINATION = math.radians(0.05), math.radians(3.0)
 # Turning about an axis this near horizontal east-west, as the share of the Earth rate it shows, shows no north.
 _LEAST_SENSITIVITY = 0.17
 # Sigmas: of the horizontal Earth rate off the latitude's, and of an instrument error off its statement.
@@ -25,7 +25,7 @@ _MISFIT, _EXCESSIVE = 4.0, 5.0
 @dataclasses.dataclass(frozen=True)
 class Fit:
     """
-    What the filter's estimate says of north.
+    The filter's estimate of north.
 
     Attributes
     ----------
@@ -96,9 +96,9 @@ def _motion(params: SeekParams, state: State) -> Reason | None:
         return Reason(Code.NO_SECOND_POSITION, float(state.positions), 2.0)
     if mode != "continuous" and state.moved > 0:
         return Reason(Code.HOLE_AXIS_MOVED, float(state.moved), 0.0)
-    swing = math.sqrt(max(state.scatter[0], state.scatter[1], 0.0))
-    if mode == "still" and swing > _SWING:
-        return Reason(Code.HOLE_AXIS_SWINGS, swing, _SWING)
+    variation = math.sqrt(max(state.scatter[0], state.scatter[1], 0.0))
+    if mode == "still" and variation > _AXIS_VARIATION:
+        return Reason(Code.HOLE_AXIS_AXIS_VARIATIONS, variation, _AXIS_VARIATION)
     return None
 
 
@@ -118,7 +118,7 @@ def _attitude(params: SeekParams, fit: Fit) -> Reason | None:
 
 
 def _instrument(params: SeekParams, state: State) -> Reason | None:
-    """Refuse an error of the instrument found far from where the parameters say it lies."""
+    """Refuse an error of the instrument found far from its stated range."""
     bias, scale, leak = Code.GYRO_BIAS_EXCESSIVE, Code.GYRO_SCALE_EXCESSIVE, Code.GYRO_LEAK_EXCESSIVE
     stated = (
         (bias, "x gyro bias", state.gyro_bias[0], params.gyro_x_bias_deg_h * DEG_PER_HOUR),

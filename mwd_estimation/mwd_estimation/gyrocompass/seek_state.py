@@ -1,7 +1,7 @@
 """
 What the compiled filter of north seeking reads and carries: parameters in SI, the order of its errors, its records.
 
-`mwd_estimation.gyrocompass.seek_filter` says how they change.
+`mwd_estimation.gyrocompass.seek_filter` changes them.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Phase(enum.IntEnum):
 
 
 class KernelParams(NamedTuple):
-    """`mwd_estimation.gyrocompass.seek_params.SeekParams` in SI; sigmas unless said otherwise."""
+    """`mwd_estimation.gyrocompass.seek_params.SeekParams` in SI; sigmas unless stated otherwise."""
 
     gap_ns: int
     horizontal: float  # horizontal Earth rate, rad/s

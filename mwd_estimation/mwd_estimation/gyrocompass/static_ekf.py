@@ -78,7 +78,7 @@ class North:
     ratio : ndarray, shape (n,)
         Mean normalised innovation squared of the zero-motion measurement; 1 when the tool keeps as still as stated.
     status : ndarray of uint32, shape (n,)
-        Bits of `mwd_estimation.core.status.Status`; STILL is absent where `ratio` says that the tool has moved.
+        Bits of `mwd_estimation.core.status.Status`; STILL is absent where `ratio` shows that the tool has moved.
     """
 
     azimuth: Array

@@ -4,7 +4,7 @@ Gyro azimuth of a station: north sought while the tool keeps still, and while it
 The seek runs on the precision unit's own samples, bin by bin, from the moment the string has settled. A quiet turn
 about the axis goes into it, because the second position is what shows the gyro's bias; shaking, a turn that takes too
 long or an axis that lies elsewhere end it. What it found of the instrument goes into the seek of the next station.
-Whether the azimuth it found may be used is said by its solution.
+Its solution states whether the azimuth found may be used.
 """
 
 from __future__ import annotations

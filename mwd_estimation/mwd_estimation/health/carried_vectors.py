@@ -2,7 +2,7 @@
 Gravity and field of a window as every way to exchange and reverse axes carries them along: `window_checks` judges them.
 
 Seen from axes that the gyros carry along, gravity and the Earth's field stand still. Axes exchanged, reversed or turned
-on one sensor break that: the vectors smear out and their mean gets shorter. What a motion cannot tell apart (a tool
+on one sensor break that: the vectors smear out and their mean gets shorter. What a motion cannot distinguish (a tool
 that stands, or turns about one axis only) comes out as several ways that explain the same data.
 """
 
@@ -53,7 +53,7 @@ class Window:
     push : float
         Largest mean force of a half second along an axis of the tool.
     path, turn_x : float
-        Angle turned through, and about the tool's axis, as the gyros tell it, rad.
+        Angle turned through, and about the tool's axis, as the gyros read it, rad.
     began_ns : int
         Begin of the window.
     seconds : float

@@ -216,7 +216,7 @@ def _length_noise(carried: Any) -> float:
     own = math.sqrt(max(total2 - mean2, 0.0) / (3.0 * (n - 1) * n)) if n > 1 else 0.0
     if n == PARTS:
         return own
-    # A few half seconds say little of what they differ by.
+    # A few half seconds show little of what they differ by.
     length2 = (carried.force[0] ** 2 + carried.force[1] ** 2 + carried.force[2] ** 2) / carried.forces**2
     return max(own, math.sqrt(max(carried.force2 / carried.forces - length2, 0.0) / (3.0 * carried.forces)))
 

@@ -21,8 +21,8 @@ from mwd_sensors.core.records import dtype_of
 BIN_NS = 500_000_000
 # Sum over three axes, in any unit, beyond which a value is no reading.
 ABSURD = 1e12
-# Samples of an axis below which half a second says nothing of it: a magnetometer may come at 10 Hz. And those below
-# which a spread says nothing.
+# Samples of an axis below which half a second is not judged: a magnetometer may come at 10 Hz. And those below
+# which a spread is not used.
 _SOME, _FEW = 3, 10
 # Readings this far beyond the end of the range are in another unit, not at the end of the range.
 _BEYOND = 1.02

@@ -24,7 +24,7 @@ BACK_NS = 1_000_000_000
 _STAMP_FAULT, _STAMP_MOST = 200, 400
 # Intervals that the sample rate is learned from, at least; and how long and short ones are off it.
 _LEARN, _LONG, _SHORT = 12, 1.4, 0.7
-# Samples below which a spread says nothing.
+# Samples below which a spread is not used.
 _FEW = 10
 
 

@@ -3,9 +3,9 @@ Health of the precision unit: its own samples, and what the conventional unit be
 
 Two units on one tool read the same vectors. Over a second and a half each axis of the precision unit is compared with
 each of the conventional one, at the same times. It should be its own axis, one to one; reversed, another axis or in
-another unit are mistakes with a name. Which unit is wrong a third sensor must say: first either is named, and the
+another unit are mistakes with a name. Which unit is wrong only a third sensor can show: first either is named, and the
 precision unit alone where the tool has moved on for some seconds and nothing has spoken against the conventional one.
-What moves too little to tell stays unknown, but for what no gyro at rest can read: much more than the Earth turns.
+What moves too little stays unknown, but for what no gyro at rest can read: much more than the Earth turns.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from mwd_sensors.core.records import dtype_of
 # were its own; at rest before a rate is judged, and for which it must stay, within this share of it.
 _WINDOW, _MOVED_BINS, _REST_BINS, _STEADY_BINS, _STEADY = 3, 12, 4, 6, 1.0
 _FEW = 20
-# Root mean square below which an axis says nothing, rad/s and m/s^2; that of forces beyond which two accelerometers
+# Root mean square below which an axis shows nothing, rad/s and m/s^2; that of forces beyond which two accelerometers
 # need not agree: shocks are not the same to another bandwidth in another place.
 _LEAST = (0.005, 0.3)
 _SHAKEN = 15.0
@@ -90,7 +90,7 @@ def compare(values: Array, own: Array, channels: Any, sums: Any) -> None:
             if not (row < 3 and at_most and abs(beside) > 1.02 * abs(v) > 0.5):
                 signal_checks.count(channels[row], values, row, i, i + 1, math.inf)
             if row >= 3 and math.isfinite(beside):
-                # The third sensor of the count only says whether the tool moves.
+                # The third sensor of the count only shows whether the tool moves.
                 signal_checks.count(channels[3 + row], own, row, i, i + 1, math.inf)
             if not math.isfinite(beside) or not abs(v) < ABSURD:
                 continue
@@ -152,7 +152,7 @@ def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
 
 
 def read_axes(sums: Any, s: int) -> tuple[list[int], bool]:
-    """Tell what the axes of sensor s are, and whether one of them is none of the other unit's while all else fits."""
+    """Find what the axes of sensor s are, and whether one of them is none of the other unit's while all else fits."""
     rows = sums[3 * s : 3 * s + 3]
     found, shaken = [SILENT_AXIS] * 3, 0.0
     n = np.maximum(rows["n"], 1.0)
@@ -174,7 +174,7 @@ def read_axes(sums: Any, s: int) -> tuple[list[int], bool]:
 
 
 def _mapping(found: list[int]) -> int:
-    """Find the mapping of these axes, those that do not tell taken as they should be; 0 where that cannot be."""
+    """Find the mapping of these axes, those that show nothing taken as they should be; 0 where that cannot be."""
     left = {0, 1, 2} - {one % 6 // 2 for one in found if one >= 0}
     matrix = np.zeros((3, 3), dtype=np.int64)
     for k, one in enumerate(found):
@@ -195,7 +195,7 @@ class PrecisionHealth:
     """
 
     def __init__(self, bias: float) -> None:
-        self.heard = False
+        self.active = False
         self.suspect = False
         self._most_at_rest = 2.0 * EARTH_RATE + _BIASES * bias + _PULLED
         self._checks = fault_debounce.blank()
@@ -220,8 +220,8 @@ class PrecisionHealth:
         still : whether the conventional unit finds the tool at rest; samples : stamps (n,), ns, and values (n, 6).
         """
         stamps, values = samples[0], np.ascontiguousarray(samples[1])
-        self.heard = self.heard or len(stamps) > 0
-        if not self.heard:
+        self.active = self.active or len(stamps) > 0
+        if not self.active:
             # The last piece that began before the next half second holds the sample to interpolate from.
             while len(self._beside) > 1 and self._beside[1][0][0] < end_ns:
                 del self._beside[0]
@@ -289,7 +289,7 @@ class PrecisionHealth:
         constant = self._channels["constant_bins"][:3]
         if not still and not constant.all():
             for k in np.flatnonzero(constant > 0):
-                # Also where the x gyro is at the end of its range and cannot tell.
+                # Also where the x gyro is at the end of its range.
                 observe(self._checks[FaultCode.STUCK, k], FOR, began, float(self._channels["last"][k]), 0.0)
         return doubtful
 
@@ -319,7 +319,7 @@ class PrecisionHealth:
             strange = strange or not (right or mapping)
             if mapping or len(known) > 1 or not self._wrong[s]:
                 self._wrong[s] = 1 << mapping if mapping else 0
-        # That the fast axis agrees says nothing of the two that north is sought with.
+        # That the fast axis agrees shows nothing of the two that north is sought with.
         shown = found[1:] if states[FaultCode.MISMATCH, 3 * s] == FAULT else found
         agrees = any(one >= 0 for one in shown)
         seen = FOR if strange else (AGAINST if agrees else NOTHING)

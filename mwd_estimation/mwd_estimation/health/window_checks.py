@@ -204,8 +204,8 @@ class WindowJudge:
         shown.bad = bool(
             abs(off[0]) > p.rejects + 6.0 * sigma or (off[0] < -0.02 - 2.5 * sigma and top - length2[0] > margin)
         )
-        tells = not (np.abs(off) < 0.1 + 3.0 * sigma).all()
-        shown.confirms = bool(not shown.bad and abs(off[0]) < 0.1 + 3.0 * sigma and tells)
+        differs = not (np.abs(off) < 0.1 + 3.0 * sigma).all()
+        shown.confirms = bool(not shown.bad and abs(off[0]) < 0.1 + 3.0 * sigma and differs)
         as_degrees = math.sqrt(self._window.force_deg) / self._length - 1.0
         shown.degrees = abs(as_degrees) < p.fits + 3.0 * sigma
 
@@ -257,7 +257,7 @@ class WindowJudge:
         return AGAINST if found else NOTHING
 
     def _judge_gyro_unit(self) -> bool:
-        """Whether the gyros read deg/s: no string turns so fast, or it turns 57 times less than they say."""
+        """Whether the gyros read deg/s: no string turns so fast, or it turns 57 times less than they read."""
         w, p = self._window, self._limits
         too_fast = w.path > p.fastest * w.seconds
         if self._samples[0] != WHOLE and not too_fast:

@@ -75,7 +75,7 @@ class Deviations:
     Attributes
     ----------
     gravity, field, dip : float
-        m/s^2, T, rad; nan where the reference does not say.
+        m/s^2, T, rad; nan where the reference has none.
     covariance : ndarray, shape (3, 3)
         Of the three, from sensors, interference expected and reference.
     standard : bool

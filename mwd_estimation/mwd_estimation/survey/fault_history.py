@@ -56,7 +56,7 @@ class FaultHistory:
                 goes_on = hit[0] - last <= _EVIDENCE_NS
                 self._doubts[s] = first if goes_on else int(hit[0]), int(hit[-1])
 
-    def misleads(self, changes: Iterable[SensorFault], fed_ns: int) -> bool:
+    def contaminates(self, changes: Iterable[SensorFault], fed_ns: int) -> bool:
         """
         Whether a fault was named that has fed wrong values of gravity or field to the azimuth up to now.
 

@@ -29,7 +29,7 @@ _SECOND_POSITION = frozenset({Code.GYRO_BIAS_UNKNOWN, Code.GYRO_BIAS_UNKNOWN_STA
 
 
 def chosen_by_field(gyro: Solution | None, alone: Station) -> Solution | None:
-    """The gyro's answer; of azimuths that fit it equally, the one that the magnetic azimuth of the station tells."""
+    """The gyro's answer; of azimuths that fit it equally, the one nearest to the magnetic azimuth of the station."""
     if gyro is None or not gyro.choices or not math.isfinite(alone.azimuth):
         return gyro
     turn = _from_true(alone)
@@ -108,7 +108,7 @@ def unconfirmed(
     What a station is worth whose magnetic azimuth the gyro has not confirmed: a doubt and a remark, each may be None.
 
     Where the gyro has shown external interference at the last station, an azimuth that it has not compared is
-    doubtful; where it has shown none yet, or agreed, the station is worth what its own checks say, with a remark that
+    doubtful; where it has shown none yet, or agreed, the station stands on its own checks, with a remark that
     it was not compared. Where half a turn is all that the gyro lacks, that is a doubt too: it costs
     minutes, and nothing else on board knows.
 

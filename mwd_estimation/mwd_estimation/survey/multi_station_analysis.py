@@ -50,7 +50,7 @@ _NONE_NT = 1.0
 @dataclass(frozen=True)
 class Multistation:
     """
-    What the stations of a run say together.
+    What the stations of a run show together.
 
     Attributes
     ----------
@@ -180,7 +180,7 @@ def _fitted(problem: Problem, settings: MultistationSettings) -> _Fit:
         used[worst] = False
     degrees = int(3 * used.sum()) + problem.compared(used)
     chi_square = float(np.sum(problem.residual(solution, used) ** 2))
-    # Few stations tell nothing of the noise.
+    # Few stations do not show the noise.
     if settings.adapt_noise and used.sum() >= _MANY:
         for _ in range(2):
             problem.quieten(solution, used)

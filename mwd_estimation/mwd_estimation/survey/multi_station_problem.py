@@ -144,7 +144,7 @@ class Problem:
         """
         Scale the noise down to what the residuals show, accelerometers and field apart; never up.
 
-        More scatter than expected is a reason to refuse, not to widen; less means better sensors than the settings say.
+        More scatter than expected is a reason to refuse, not to widen; less means better sensors than set.
         """
         slope = self._whitened_slope(x)[used]
         residual = self._whitened(x)[used]
@@ -157,7 +157,7 @@ class Problem:
             return min(max(float(np.sum(residual[:, columns] ** 2)) / freedom, 1e-4), 1.0)
 
         gravity, field = share(slice(0, 1)), share(slice(1, 3))
-        # The residuals cannot tell magnetometer noise from a varying field: the noise, which the azimuth feels, stays
+        # The residuals cannot separate magnetometer noise from a varying field: the noise, which the azimuth has, stays
         # as it is set while what is seen allows it, and the variation gives way first.
         _, inputs = self._values(np.zeros(15))
         by_noise = float(np.mean(np.einsum("nki,ij,nkj->nk", inputs[:, 1:], self.noise, inputs[:, 1:])))

@@ -124,7 +124,7 @@ class RotarySurvey:
         mean /= np.linalg.norm(mean)
         size = float(along.mean())
         tilt = float(np.concatenate(self._sigma).mean())
-        # The direction is only as good as the method says; the size averages over seconds, not samples.
+        # The direction is only as certain as the method states; the size averages over seconds, not samples.
         spread = along.var() / max(self.duration, 1.0)
         covariance = (tilt * size) ** 2 * (np.eye(3) - np.outer(mean, mean)) + spread * np.outer(mean, mean)
         rates = np.concatenate(self._rates)

@@ -1,12 +1,12 @@
 """
-The stations of one run so far, and what they say together about each new one (multi-station analysis as it goes).
+The stations of one run so far, and what they show together of each new one (multi-station analysis as it goes).
 
 Where a gyro found north at earlier stations and agreed with the magnetometer, the analysis holds that too: it shows
 what the field cannot, such as axial interference along one horizontal east-west attitude. The new station's own gyro
 azimuth is left out of it, so that the two can still be held against each other.
 
 A station counts where it was read at rest and its field is the Earth's with something beside it; whether it fits the
-others is for the analysis to say. With few stations, or attitudes that do not show the errors, the method is named with
+others is decided by the analysis. With few stations, or attitudes that do not show the errors, the method is named with
 the reason why it gives nothing.
 """
 
@@ -38,7 +38,7 @@ class Params:
     """When the stations of a run are analysed together, and how."""
 
     enabled: bool = setting(True, "Analyse the stations of the run together with each new one")
-    least: int = setting(4, "Fewer stations say nothing", low=2, high=100)
+    least: int = setting(4, "Fewest stations from which a correction is computed", low=2, high=100)
     most: int = setting(60, "The last so many stations count", low=4, high=1000)
     analysis: MultistationSettings = setting(MultistationSettings, "The analysis")
 

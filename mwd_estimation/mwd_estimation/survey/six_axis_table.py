@@ -323,7 +323,7 @@ def _guess(table: Mapping[str, Sequence[Any]], three: Sequence[str], kind: str) 
     for factor, words, low, high in ranges[kind]:
         if low <= total <= high:
             return factor, words
-    raise ValueError(f"{', '.join(three)}: unit unknown and a total of {total:g} tells none: put the unit in the name")
+    raise ValueError(f"{', '.join(three)}: unit unknown and a total of {total:g} fits none: put the unit in the name")
 
 
 def _factor(table: Mapping[str, Sequence[Any]], name: str, quantity: _Quantity, assumed: list[str]) -> float:

@@ -1,5 +1,5 @@
 """
-A survey as the fields of mwd_msgs/msg/Survey, unknown values as that message says them; nothing of ROS is imported.
+A survey as the fields of mwd_msgs/msg/Survey, unknown values as that message defines them; nothing of ROS is imported.
 
 The estimator node and those who write bags without middleware fill the same message from here.
 """

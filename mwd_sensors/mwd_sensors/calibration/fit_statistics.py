@@ -101,7 +101,7 @@ def allow_for_drift(
     """
     Widen sigmas for drift: half the scatter of the residuals in the bias, twice the scatter over the range.
 
-    A sensor that drifts while the temperature happens to rise cannot be told from one that depends on the temperature.
+    A sensor that drifts while the temperature happens to rise looks like one that depends on the temperature.
     """
     return np.hypot(sigma_bias, 0.5 * scatter), np.hypot(sigma_bias_per_c, 2.0 * scatter / span)
 

@@ -1,4 +1,4 @@
-"""One door to numba, so that every kernel works, slower, where numba is absent."""
+"""Optional compilation by numba: without it every kernel works, but slower."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ def compiled(function: F) -> F:
 
 
 @contextlib.contextmanager
-def when_compiling(tell: Callable[[], None]) -> Iterator[None]:
-    """Within this, call `tell` before the first kernel that is in no cache and has to be compiled; then no more."""
+def when_compiling(report: Callable[[], None]) -> Iterator[None]:
+    """Within this, call `report` before the first kernel that is in no cache and has to be compiled; then no more."""
     if not HAVE_NUMBA:
         yield
         return
-    waiting = [tell]
+    waiting = [report]
 
     class First(_event.Listener):  # type: ignore[misc]
         def on_start(self, _: object) -> None:

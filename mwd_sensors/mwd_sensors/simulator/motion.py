@@ -48,7 +48,7 @@ def well_path(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike) -> Well
     position = np.array([0.0, 0.0, depth[0]])
     rows = []
     for k in range(len(depth)):
-        normal, curvature, lean = np.zeros(3), 0.0, azi[k]
+        normal, curvature, plane_azimuth = np.zeros(3), 0.0, azi[k]
         if k + 1 < len(depth):
             length, cos_b = depth[k + 1] - depth[k], float(tangents[k] @ tangents[k + 1])
             across = tangents[k + 1] - cos_b * tangents[k]
@@ -59,8 +59,8 @@ def well_path(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike) -> Well
             if angle > 1e-12:
                 normal, curvature = across / sin_b, angle / length
             if math.sin(inc[k]) < 1e-9:
-                lean = azi[k + 1]
-        rows.append((depth[k], position, tangents[k], normal, curvature, lean))
+                plane_azimuth = azi[k + 1]
+        rows.append((depth[k], position, tangents[k], normal, curvature, plane_azimuth))
         if k + 1 < len(depth):
             position = position + _along(tangents[k], normal, curvature, length)
     columns = [np.array(column) for column in zip(*rows, strict=True)]

@@ -23,7 +23,7 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.settings import setting
 from mwd_sensors.simulator.schedule import Timeline
 
-# As in mwd_msgs/RigCommand; before the first command the top drive does what the schedule says.
+# As in mwd_msgs/RigCommand; before the first command the top drive follows the schedule.
 HOLD, ROTATE, ORIENT = range(3)
 _SCHEDULE = -1
 _RPM = math.pi / 30.0

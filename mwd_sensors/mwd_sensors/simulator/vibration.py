@@ -112,7 +112,7 @@ class Shocks:
 
 @dataclasses.dataclass(frozen=True)
 class StickSlip:
-    """The bit sticks and slips: the rotary speed swings between zero and twice its mean, or beyond."""
+    """The bit sticks and slips: the rotary speed varies between zero and twice its mean, or beyond."""
 
     frequency_hz: float = setting(0.2, "stick-slip cycles", unit="Hz", low=0.02, high=5.0)
     depth: float = setting(

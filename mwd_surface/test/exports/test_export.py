@@ -1,4 +1,4 @@
-"""One door to every export: the numbers in all of them agree, and a file is whole or not there."""
+"""Every export: the numbers in all of them agree, and a file is whole or not there."""
 
 import csv
 import dataclasses

@@ -1,4 +1,4 @@
-"""What the rig says is believed only where it can be true; a depth that leaps must be confirmed."""
+"""Rig data are accepted only where they are possible; a jump of depth must be confirmed."""
 
 import math
 
@@ -27,8 +27,8 @@ def test_a_depth_that_cannot_be_is_counted_and_not_given_on(depth):
 def test_a_jump_of_depth_waits_for_confirmation():
     rig = RigInput()
     out = feed(rig, [1000.0, 1001.0, 2000.0, 1002.0, 2000.0, 2000.1, 2000.2])
-    believed = [None if s is None else float(s["bit_depth"][0]) for s in out]
-    assert believed == [1000.0, 1001.0, None, 1002.0, None, None, 2000.2]
+    accepted = [None if s is None else float(s["bit_depth"][0]) for s in out]
+    assert accepted == [1000.0, 1001.0, None, 1002.0, None, None, 2000.2]
     assert rig.counts.held == 3
 
 

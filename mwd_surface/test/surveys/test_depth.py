@@ -117,14 +117,14 @@ def test_whatever_the_rig_sends_a_depth_is_finite_and_not_negative_or_unknown_wi
 
 def test_a_real_rigs_day_pairs_every_reading_with_itself():
     """Volve 15/9-F-7, 15 s rig data; its bit depth dips below zero while the pipe is out of the hole."""
-    got, believed = DepthTrack(), {}
+    got, accepted = DepthTrack(), {}
     with gzip.open(F7, "rt") as file:
         for row in csv.DictReader(file):
             at = dt.datetime.fromisoformat(row["Time[unitless]"])
             stamp = int(at.timestamp()) * S
             if got.update(stamp, float(row["BITDEP[m]"])):
-                believed[stamp] = float(row["BITDEP[m]"])
-    assert len(believed) > 9000
+                accepted[stamp] = float(row["BITDEP[m]"])
+    assert len(accepted) > 9000
     assert got.refused_jump < 10
-    for stamp, depth in list(believed.items())[::97]:
+    for stamp, depth in list(accepted.items())[::97]:
         assert got.sensor_depth(stamp, 0.0).measured_depth == depth

@@ -38,7 +38,7 @@ def begin(s: Record) -> None:
     mechanisation.set_matrix(s)
     clipping.clear(s)
     forget_motion(s)
-    s.motion.along = s.motion.across = noise.START_SWING**2
+    s.motion.along = s.motion.across = noise.START_DISPLACEMENT**2
     s.motion.down = s.motion.white = s.motion.rough = 0.0
     found = s.innovations
     found.near_along[0] = found.near_along[1] = found.near_across[0] = found.near_across[1] = 0.0
@@ -115,7 +115,7 @@ def direction(s: Record) -> float:
 
 @compiled
 def _start(p: KernelParams, s: Record) -> None:
-    """First attitude from the mean force and what its scatter says of its error."""
+    """First attitude from the mean force and its error from its scatter."""
     P = s.P
     mx, my, mz = s.mean[0] / s.age, s.mean[1] / s.age, s.mean[2] / s.age
     size = math.sqrt(mx * mx + my * my + mz * mz)

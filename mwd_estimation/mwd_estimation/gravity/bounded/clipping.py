@@ -114,7 +114,7 @@ def follow_rate(p: KernelParams, s: Record, dt: float, wx: float) -> bool:
         if c.sign == 0.0:
             _begin_clipping(s)
         c.sign = 1.0 if wx > 0.0 else -1.0
-        # It bends back as it did before, in proportion to the distance from the mean speed the string swings about.
+        # It bends back as it did before, in proportion to the distance from the mean speed the string varies about.
         bend = max(-c.sign * c.curve, CLIP_CURVE)
         bend *= 1.0 + abs(s.missing) / max(abs(wx) - s.turning, 0.1 * abs(wx))
         s.slope -= c.sign * bend * dt
@@ -149,7 +149,7 @@ def _begin_clipping(s: Record) -> None:
 @compiled
 def _end_clipping(s: Record) -> bool:
     P, c = s.P, s.clipping
-    # When the gyro is back nothing is missing: if the state says otherwise it went astray, and roll with it.
+    # When the gyro is back nothing is missing: if the state shows otherwise it is wrong, and roll with it.
     lost = abs(s.missing) > CLIP_LOST or c.time > CLIP_BRIDGE
     _forget_from(P, BIAS, ERRORS)
     for j in range(MISSING - BIAS):

@@ -201,7 +201,7 @@ def _update(p: KernelParams, s: Record, w: Array, i: int, log: Log) -> None:
     logged = len(log.updates) > 0
     if logged:
         _log_before(s, i, log)
-    along, across = noise.play(p, s)
+    along, across = noise.displacement_noise(p, s)
     gate = clipping.jump_gate(s)
     ix, iy, iz, square = 0.0, 0.0, 0.0, 0.0
     for j in range(size):

@@ -16,7 +16,7 @@ from mwd_sensors.core.compiled import compiled
 
 GAP_NS = 250_000_000  # a step as long is a gap; so is half of it where it stands out
 STANDS_OUT = 4.0  # times the usual step
-MORE = 4.0  # times the random walk: rates that swing change by more over a gap than a walk does
+MORE = 4.0  # times the random walk: oscillating rates change by more over a gap than a walk does
 LOST_ROLL = 0.25  # rad^2, variance of the roll from which on it counts as lost
 
 

@@ -2,7 +2,7 @@
 Noise of the bounded filter: how the tool moves decides how firmly its displacement is known to be none.
 
 The displacement behind a fixed high-pass (`SWING_TIME`, three times), along the hole and across it, is the vibration of
-the tool: it sets the white noise of the displacement (play) and its random walk, which is a white velocity. Force that
+the tool: it sets the white noise of the displacement and its random walk, which is a white velocity. Force that
 is white down to low frequencies is bounded by no velocity: it is noise of the velocity. It shows alike in the
 difference of neighbouring samples, across the hole and in the vertical, which tilt does not reach to first order.
 """
@@ -19,11 +19,11 @@ from mwd_sensors.core.compiled import compiled
 
 SWING_TIME = 0.5  # s, time constant of the three high-passes
 SWING_MEMORY = 2.1  # s, over which the displacement is averaged
-START_SWING = 0.1  # m, displacement assumed at a start
+START_DISPLACEMENT = 0.1  # m, displacement assumed at a start
 KNOWN_TILT = 0.0025  # rad^2, variance of the tilt below which displacement is the tool's own
 ROTATING = 3.0  # rad/s, mean rate about the axis from which the sensor circles with its lever arm
-PLAY_SWING = 0.1  # white displacement for each displacement seen
-WALK_SWING = 2.7  # random walk of the point that stays for each displacement seen, 1/sqrt(s)
+WHITE_PER_DISPLACEMENT = 0.1  # white displacement for each displacement seen
+WALK_PER_DISPLACEMENT = 2.7  # random walk of the point that stays for each displacement seen, 1/sqrt(s)
 WHITE_SHARE = 0.16  # of the density that the displacement shows, in the noise: not all of it is white
 ROTARY_NOISE = 0.0001  # gyro noise for each rate about the axis, whose scale is a state
 CROSS_TURN = 5.0  # rad/s, rate lost while a cross-axis gyro clips
@@ -111,10 +111,10 @@ def aliased(s: Record) -> bool:
 
 
 @compiled
-def play(p: KernelParams, s: Record) -> tuple[float, float]:
+def displacement_noise(p: KernelParams, s: Record) -> tuple[float, float]:
     """Variance of the white displacement along the hole and across it, m^2."""
     along, across = _displacement(s)
-    return p.displacement**2 + PLAY_SWING**2 * along, p.displacement**2 + PLAY_SWING**2 * across
+    return p.displacement**2 + WHITE_PER_DISPLACEMENT**2 * along, p.displacement**2 + WHITE_PER_DISPLACEMENT**2 * across
 
 
 @compiled
@@ -122,7 +122,7 @@ def _displacement(s: Record) -> tuple[float, float]:
     motion = s.motion
     along, across = max(motion.along - motion.white, 0.0), max(motion.across - motion.white, 0.0)
     if s.clipping.sign != 0.0:
-        # With a roll that is uncertain the two cannot be told apart.
+        # With a roll that is uncertain the two cannot be separated.
         along = across = max(along, across)
     return along, across
 
@@ -135,8 +135,8 @@ def add_noise(p: KernelParams, s: Record) -> float:
     density = WHITE_SHARE * 16.0 / SWING_TIME**3 * s.motion.white
     force = (p.accel_noise**2 + density) * T + s.sums.jump
     along, across = _displacement(s)
-    along = (p.walk**2 + WALK_SWING**2 * along) * T
-    across = (p.walk**2 + WALK_SWING**2 * across) * T
+    along = (p.walk**2 + WALK_PER_DISPLACEMENT**2 * along) * T
+    across = (p.walk**2 + WALK_PER_DISPLACEMENT**2 * across) * T
     for j in range(2):
         P[TILT + j, TILT + j] += turn
     for j in range(3):

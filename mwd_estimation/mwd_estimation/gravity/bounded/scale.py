@@ -1,5 +1,5 @@
 """
-Covariance scale of the bounded filter: what its own innovations say of its covariance, along the hole and across it.
+Covariance scale of the bounded filter: its innovations against its covariance, along the hole and across it.
 
 The noises have reserve, because motion is not white and gains need only their ratios. What disturbs the tilt is what
 the updates put into it. Whitened innovations, summed over the time in which the variance of the tilt grows by twice
@@ -75,7 +75,7 @@ def _power(mean: Array, share: float, ix: float, iy: float, dx: float, dy: float
 @compiled
 def factors(s: Record) -> tuple[float, float]:
     """Factors of the covariance along the hole and across it."""
-    # Neither tilt nor gyros have a say in the vertical: what runs there is the accelerometer out of scale or out of
+    # Neither tilt nor gyros affect the vertical: what runs there is the accelerometer out of scale or out of
     # square, which the horizontal, where the tilt makes up for it, does not show. Shocks run there as well.
     excess = max(0.0, s.innovations.down - DOWN_FROM) if s.shocks < FREQUENT else 0.0
     return RESERVE * (s.innovations.along + excess), RESERVE * (s.innovations.across + excess)
