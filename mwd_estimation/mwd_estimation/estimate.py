@@ -18,9 +18,9 @@ from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.samples import Track
 from mwd_estimation.core.samples import samples as arrays_of
+from mwd_estimation.core.sensor_fault import MAG
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.gravity.fallback import GravityWithFallback, without_faulty
-from mwd_estimation.health.sensor_fault import MAG
 from mwd_estimation.magnetic import spike_filter
 from mwd_estimation.output import Counters, Output
 from mwd_estimation.sensor_watch import SensorWatch, Stretch

@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 
+from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.gyrocompass.solution import Solution
-from mwd_estimation.health.sensor_fault import SensorFault
 from mwd_estimation.survey.static_survey import Refusal
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import wire

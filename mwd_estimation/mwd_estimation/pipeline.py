@@ -14,9 +14,9 @@ from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.samples import Track
+from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.core.time_jumps import Clocks
 from mwd_estimation.estimate import Estimate
-from mwd_estimation.health.sensor_fault import SensorFault
 from mwd_estimation.output import Counters, Output
 from mwd_estimation.requests import Requests
 from mwd_estimation.settings import EstimatorSettings, Place, latitude_of, reference_of

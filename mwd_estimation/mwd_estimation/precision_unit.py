@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation import derivation
-from mwd_estimation.core.reasons import Reason, quoted
+from mwd_estimation.core.reasons import Reason
+from mwd_estimation.core.sensor_fault import ACCEL, GYRO, SensorFault
 from mwd_estimation.core.time_bins import Bin
 from mwd_estimation.gyrocompass.station import GyroStation
-from mwd_estimation.health.sensor_fault import ACCEL, GYRO, SensorFault
 from mwd_estimation.health.unit_comparison import PrecisionHealth
 from mwd_estimation.settings import EstimatorSettings
 from mwd_estimation.survey.static_survey import BIN_NS
@@ -99,7 +99,7 @@ class PrecisionUnit:
         fault = None
         if self._watch and self._health.active:
             faulty = any(one.unusable for one in self.faults)
-            refusal = quoted(self._health.refusal) if self._health.refusal else None
+            refusal = self._health.refusal
             self.station.refuse(refusal, faulty)
             if faulty:
                 fault = refusal

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_estimation.core.fault_messages import describe
+from mwd_estimation.core.sensor_fault import ACCEL, GYRO, FaultCode, SensorFault
 from mwd_estimation.health import monitor as health
-from mwd_estimation.health.fault_messages import describe
-from mwd_estimation.health.sensor_fault import ACCEL, GYRO, FaultCode, SensorFault
 from mwd_estimation.health.signal_checks import BIN_NS
 from mwd_estimation.health.unit_comparison import PrecisionHealth
 from mwd_sensors.core import wire

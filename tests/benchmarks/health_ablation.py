@@ -17,9 +17,9 @@ import numpy as np
 from bench_health import CONVENTIONAL, Run, disturbed, sent, spoilt
 from numpy.typing import NDArray
 
+from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health import monitor
 from mwd_estimation.health.monitor import LIMITS, Limits
-from mwd_estimation.health.sensor_fault import FaultCode
 from mwd_sensors.simulator.faults import Fault
 
 SECONDS = 46.0

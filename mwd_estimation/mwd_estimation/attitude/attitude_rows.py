@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from mwd_estimation.attitude.gyro_azimuth_state import AzimuthRow, MagneticAzimuth
 from mwd_estimation.attitude.rejected_samples import PropagatedRow
 from mwd_estimation.attitude.time_alignment_state import AttitudeRow
+from mwd_estimation.core.sensor_fault import ACCEL, GYRO
 from mwd_estimation.core.status import Status
-from mwd_estimation.health.sensor_fault import ACCEL, GYRO
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of

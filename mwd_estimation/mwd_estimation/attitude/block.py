@@ -25,7 +25,7 @@ class Block:
         ns, rad/s (nan where the gyros are unusable), m/s^2.
     track : Track
     suspect : ndarray of uint8, shape (n,)
-        Sensors in doubt at each sample, bits of `health.sensor_fault`.
+        Sensors in doubt at each sample, bits of `core.sensor_fault`.
     unusable : int
         Sensors known to be faulty throughout the block, as such bits.
     contaminated : bool

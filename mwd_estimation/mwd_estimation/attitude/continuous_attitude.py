@@ -32,8 +32,8 @@ from mwd_estimation.attitude.time_alignment_state import PAIR, GravityBlock, Mag
 from mwd_estimation.attitude.time_alignment_state import initial as initial_alignment
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.sensor_fault import ACCEL
 from mwd_estimation.core.status import Status
-from mwd_estimation.health.sensor_fault import ACCEL
 from mwd_estimation.magnetic import interference_filter
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps

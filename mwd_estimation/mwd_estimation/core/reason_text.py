@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
+from mwd_estimation.core.fault_messages import describe
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -135,9 +136,11 @@ WORDS: dict[Code, str] = {
     Code.NO_OTHER_AZIMUTH: "there is no other",
     Code.SAMPLES_DISAGREE: _APART + "that of the samples up to here, for which the turning tool has shown the "
     "magnetometer's errors: calibrate it, or survey again at another toolface",
-    Code.SENSOR_FAULT: "{causes}",
-    Code.SENSOR_FAULT_ENDED: "{cause}, until {value:.1f s} after this survey began: take it again",
+    Code.SENSOR_FAULT: "{fault}; {remedy}",
+    Code.SENSOR_FAULT_ENDED: "{fault}, until {value:.1f s} after this survey began: take it again",
     Code.SENSOR_SUSPECT: "the {names[0]} was in doubt while this was averaged: take it again",
+    Code.PRECISION_UNIT_FAULT: "{fault}: {remedy}",
+    Code.PRECISION_UNIT_SUSPECT: "something speaks against the precision unit: not used until it is known what",
     Code.LATITUDE_UNKNOWN: "the latitude is not known: set place.lat_deg and place.lon_deg",
     Code.LATITUDE_POLAR: "latitude {value:.1f deg} is too near the pole: the Earth's rotation is vertical there and "
     "no gyro finds north above {limit:.0f deg}",
@@ -184,7 +187,6 @@ WORDS: dict[Code, str] = {
     Code.STRING_DOES_NOT_TURN: "the string does not turn: take a survey at rest",
     Code.TOO_FEW_WITH_GRAVITY: "too few samples with a known gravity",
     Code.TIME_WENT_BACK: "time went back: the estimate begins anew",
-    Code.QUOTED: "{names[0]}",
 }
 
 
@@ -202,6 +204,7 @@ class _Number(float):
 def text(reason: Reason) -> str:
     """Say one reason as a sentence."""
     causes = [text(one) for one in reason.causes]
+    fault = None if reason.fault is None else describe(reason.fault)
     fields: dict[str, Any] = {
         "value": None if reason.value is None else _Number(reason.value),
         "limit": None if reason.limit is None else _Number(reason.limit),
@@ -212,6 +215,8 @@ def text(reason: Reason) -> str:
         "causes_listed": ", ".join(causes),
         "cause": causes[0] if causes else "",
         "others": "; ".join(causes[1:]),
+        "fault": "" if fault is None else fault.message,
+        "remedy": "" if fault is None else fault.remedy,
     }
     return WORDS[reason.code].format(**fields)
 

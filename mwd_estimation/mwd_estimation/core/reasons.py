@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum, unique
 
+from mwd_estimation.core.sensor_fault import SensorFault
+
 
 @unique
 class ReasonCode(StrEnum):
@@ -93,10 +95,12 @@ class ReasonCode(StrEnum):
     NO_OTHER_AZIMUTH = "no_other_azimuth"
     SAMPLES_DISAGREE = "samples_disagree"
 
-    # Faults of sensors during a survey (survey.fault_history).
+    # Faults of sensors during a survey (survey.fault_history) or of the precision unit (health.unit_comparison).
     SENSOR_FAULT = "sensor_fault"
     SENSOR_FAULT_ENDED = "sensor_fault_ended"
     SENSOR_SUSPECT = "sensor_suspect"
+    PRECISION_UNIT_FAULT = "precision_unit_fault"
+    PRECISION_UNIT_SUSPECT = "precision_unit_suspect"
 
     # Azimuth of the gyro (gyrocompass).
     LATITUDE_UNKNOWN = "latitude_unknown"
@@ -135,9 +139,6 @@ class ReasonCode(StrEnum):
     TOO_FEW_WITH_GRAVITY = "too_few_with_gravity"
     TIME_WENT_BACK = "time_went_back"
 
-    # Words of others (a message received, a fault described elsewhere): nothing may be decided by them.
-    QUOTED = "quoted"
-
 
 @dataclass(frozen=True)
 class Reason:
@@ -155,6 +156,8 @@ class Reason:
         Sensors, methods, norths or units that the code is about.
     causes : tuple of Reason
         Reasons from which this one follows.
+    fault : SensorFault or None
+        Fault of a sensor that the code is about.
     """
 
     code: ReasonCode
@@ -163,8 +166,4 @@ class Reason:
     values: tuple[float, ...] = ()
     names: tuple[str, ...] = ()
     causes: tuple[Reason, ...] = ()
-
-
-def quoted(text: str) -> Reason:
-    """Words that come from elsewhere as a reason; it is shown as it is."""
-    return Reason(ReasonCode.QUOTED, names=(text,))
+    fault: SensorFault | None = None

@@ -98,7 +98,7 @@ def _motion(params: SeekParams, state: State) -> Reason | None:
         return Reason(Code.HOLE_AXIS_MOVED, float(state.moved), 0.0)
     variation = math.sqrt(max(state.scatter[0], state.scatter[1], 0.0))
     if mode == "still" and variation > _AXIS_VARIATION:
-        return Reason(Code.HOLE_AXIS_AXIS_VARIATIONS, variation, _AXIS_VARIATION)
+        return Reason(Code.HOLE_AXIS_SWINGS, variation, _AXIS_VARIATION)
     return None
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mwd_estimation.health.axis_mappings import WAYS
+from mwd_estimation.core.axis_mappings import WAYS
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import rotate_right

@@ -11,7 +11,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from mwd_estimation.health.sensor_fault import ACCEL, GYRO, MAG, PRECISION, FaultCode, SensorFault, Unit
+from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG, PRECISION, FaultCode, SensorFault, Unit
 from mwd_sensors.core.arrays import Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of

@@ -16,12 +16,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mwd_estimation.core.sensor_fault import FaultCode, SensorFault
 from mwd_estimation.health import fault_debounce, motion_window, sample_stream, signal_checks
 from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.fault_debounce import weigh
 from mwd_estimation.health.motion_window import CARRIED, PARTS, Consistency, Expected, Samples
 from mwd_estimation.health.sample_stream import Kernel, Tables
-from mwd_estimation.health.sensor_fault import FaultCode, SensorFault
 from mwd_estimation.health.signal_checks import SignalLimits
 from mwd_estimation.health.stream_checks import STREAM
 from mwd_estimation.health.window_checks import WindowJudge, WindowLimits

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_estimation.core.sensor_fault import GYRO, FaultCode
 from mwd_estimation.health import fault_debounce, motion_window, signal_checks
 from mwd_estimation.health.fault_debounce import FAULT, OK, UNKNOWN, weigh
 from mwd_estimation.health.motion_window import PARTS, Consistency, Expected, Samples
-from mwd_estimation.health.sensor_fault import GYRO, FaultCode
 from mwd_estimation.health.signal_checks import BIN_NS, SignalLimits
 from mwd_estimation.health.stream_checks import BACK_NS, judge_silence, judge_stamp, judge_stream
 from mwd_estimation.health.window_checks import BROKEN, CLIPPED

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mwd_estimation.core.sensor_fault import MAG, FaultCode
 from mwd_estimation.health.fault_debounce import AGAINST, FOR, NOTHING, observe
-from mwd_estimation.health.sensor_fault import MAG, FaultCode
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of

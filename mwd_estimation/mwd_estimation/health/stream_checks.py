@@ -10,9 +10,9 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, NOTHING, OK, observe, weigh
 from mwd_estimation.health.motion_window import Samples
-from mwd_estimation.health.sensor_fault import FaultCode
 from mwd_estimation.health.signal_checks import BIN_NS, SignalLimits
 from mwd_sensors.core.arrays import Indices
 from mwd_sensors.core.compiled import compiled

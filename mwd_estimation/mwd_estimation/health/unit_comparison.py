@@ -16,11 +16,11 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from mwd_estimation.core.axis_mappings import MAPPINGS
+from mwd_estimation.core.reasons import Reason, ReasonCode
+from mwd_estimation.core.sensor_fault import ACCEL, GYRO, FaultCode, SensorFault, Unit
 from mwd_estimation.health import fault_debounce, signal_checks
-from mwd_estimation.health.axis_mappings import MAPPINGS
 from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, NOTHING, observe, weigh
-from mwd_estimation.health.fault_messages import describe
-from mwd_estimation.health.sensor_fault import ACCEL, GYRO, FaultCode, SensorFault, Unit
 from mwd_estimation.health.signal_checks import ABSURD, BIN_NS, SignalLimits
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
@@ -257,13 +257,12 @@ class PrecisionHealth:
         return [self._named(one) for one in fault_debounce.standing(self._checks, Unit.PRECISION)]
 
     @property
-    def refusal(self) -> str:
-        """Why its gyros cannot be used now, in words; empty where they can."""
+    def refusal(self) -> Reason | None:
+        """Why its gyros cannot be used now; None where they can."""
         stands = [one for one in self.faults if one.unusable]
         if stands:
-            text = describe(stands[0])
-            return f"{text.message}: {text.remedy}"
-        return "something speaks against the precision unit: not used until it is known what" if self.suspect else ""
+            return Reason(ReasonCode.PRECISION_UNIT_FAULT, fault=stands[0])
+        return Reason(ReasonCode.PRECISION_UNIT_SUSPECT) if self.suspect else None
 
     def _take_beside(self, end_ns: int) -> tuple[Stamps, Array]:
         """All samples of the conventional unit; the one before the next half second is kept, and those after it."""

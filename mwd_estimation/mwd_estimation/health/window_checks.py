@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.health.axis_mappings import ACCEL, MAG, MAPPINGS, MISTAKES, WEIGHTS
+from mwd_estimation.core.axis_mappings import ACCEL, MAG, MAPPINGS, MISTAKES, WEIGHTS
+from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, NOTHING, OK, STRONGLY, observe
 from mwd_estimation.health.motion_window import Expected
-from mwd_estimation.health.sensor_fault import FaultCode
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from mwd_estimation.core.fault_messages import describe
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status, words
+from mwd_estimation.health import fault_debounce
 from mwd_estimation.health.fault_debounce import UNKNOWN
-from mwd_estimation.health.fault_messages import CONDITIONS, describe
 from mwd_estimation.pipeline import Pipeline
 from mwd_estimation.settings import EstimatorSettings
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
+
+# What a check can be found to be.
+CONDITIONS = {UNKNOWN: "not yet known", fault_debounce.OK: "ok", fault_debounce.FAULT: "fault"}
 
 
 def sample_diagnostic(pipeline: Pipeline, unreadable: int) -> Diagnostic:

@@ -14,9 +14,9 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
+from mwd_estimation.core.fault_messages import describe
 from mwd_estimation.core.reason_text import joined, text
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.health.fault_messages import describe
 from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.action_servers import FEEDBACK_PERIOD, EstimatorActions
 from mwd_estimation.nodes.inputs import InputTopics

@@ -13,10 +13,9 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.core.reasons import Reason, quoted
+from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
-from mwd_estimation.health.fault_messages import describe
-from mwd_estimation.health.sensor_fault import ACCEL, MAG, SENSORS, FaultCode, SensorFault
+from mwd_estimation.core.sensor_fault import ACCEL, MAG, SENSORS, FaultCode, SensorFault
 from mwd_estimation.survey.acceptance import DOUBTFUL, REJECT, worse
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.static_survey import StillAverage
@@ -106,12 +105,10 @@ class FaultHistory:
 
 def _reason(fault: SensorFault, begin: int) -> Reason:
     """Why a survey that began at this stamp, ns, is not to be used."""
-    text = describe(dataclasses.replace(fault, cleared_ns=0))
     if fault.cleared_ns:
         until = 1e-9 * (fault.cleared_ns - begin)
-        return Reason(Code.SENSOR_FAULT_ENDED, until, causes=(quoted(text.message),))
-    causes = [quoted(words) for words in (text.message, text.remedy)]
-    return Reason(Code.SENSOR_FAULT, causes=tuple(causes))
+        return Reason(Code.SENSOR_FAULT_ENDED, until, fault=dataclasses.replace(fault, cleared_ns=0))
+    return Reason(Code.SENSOR_FAULT, fault=fault)
 
 
 def _with(survey: Survey, verdict: str, reasons: tuple[Reason, ...]) -> Survey:

@@ -4,9 +4,12 @@ import math
 import pytest
 
 from mwd_estimation.core.reason_text import WORDS, joined, text, texts
-from mwd_estimation.core.reasons import Reason, ReasonCode, quoted
+from mwd_estimation.core.reasons import Reason, ReasonCode
+from mwd_estimation.core.sensor_fault import ACCEL, FaultCode, SensorFault, Unit
 
 NUMBERS = Reason(ReasonCode.NO_AZIMUTH, 0.1, 0.2, (0.3, 0.4), ("one", "other"), (Reason(ReasonCode.NO_MAGNETOMETER),))
+
+SUSPECT = Reason(ReasonCode.SENSOR_SUSPECT, names=("gyro",))
 
 
 @pytest.mark.parametrize("code", ReasonCode)
@@ -27,6 +30,14 @@ def test_a_number_is_printed_in_the_unit_of_its_sentence():
 def test_the_reasons_behind_a_reason_stand_in_its_sentence():
     why = Reason(ReasonCode.INCLINATION_ONLY, causes=(Reason(ReasonCode.NO_MAGNETOMETER),))
     assert text(why) == "no magnetometer reading: inclination and toolface only"
-    assert texts([why, quoted("as it is")])[1] == "as it is"
-    assert joined([why, quoted("more")]) == "no magnetometer reading: inclination and toolface only; more"
+    assert texts([why, SUSPECT])[1] == "the gyro was in doubt while this was averaged: take it again"
+    assert joined([why, why]) == "; ".join(["no magnetometer reading: inclination and toolface only"] * 2)
     assert joined(None) == ""
+
+
+def test_the_fault_of_a_sensor_is_put_in_words_only_here():
+    dead = SensorFault(FaultCode.DEAD, Unit.CONVENTIONAL, 3, 0.0, 0.0, (0, 0, 0), ACCEL, 1)
+    words = "accelerometer is dead: it sends only zeros"
+    remedy = "check its plug and cable; if it stays, change the probe"
+    assert text(Reason(ReasonCode.SENSOR_FAULT, fault=dead)) == f"{words}; {remedy}"
+    assert text(Reason(ReasonCode.PRECISION_UNIT_FAULT, fault=dead)) == f"{words}: {remedy}"

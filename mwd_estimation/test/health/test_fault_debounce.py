@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG, PRECISION, FaultCode, Unit
 from mwd_estimation.health import fault_debounce as debounce
 from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, NOTHING, OK, RULES, STRONGLY
-from mwd_estimation.health.sensor_fault import ACCEL, GYRO, MAG, PRECISION, FaultCode, Unit
 
 SENSOR_BITS = {0: GYRO, 3: ACCEL, 6: MAG}
 

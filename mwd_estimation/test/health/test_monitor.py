@@ -8,11 +8,11 @@ import functools
 import numpy as np
 import pytest
 
+from mwd_estimation.core import sensor_fault as evidence
+from mwd_estimation.core.fault_messages import describe
+from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health import monitor as health
-from mwd_estimation.health import sensor_fault as evidence
 from mwd_estimation.health.fault_debounce import OK, UNKNOWN
-from mwd_estimation.health.fault_messages import describe
-from mwd_estimation.health.sensor_fault import FaultCode
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import REFERENCE_DATA, ROOT

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from mwd_estimation.core.axis_mappings import ACCEL, GYRO, MAG, MAPPINGS, MISTAKES
 from mwd_estimation.health import motion_window
-from mwd_estimation.health.axis_mappings import ACCEL, GYRO, MAG, MAPPINGS, MISTAKES
 from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.motion_window import CARRIED, ROWS, STEP, Consistency, Expected, Samples
 from mwd_sensors.core.kalman import in_turned_axes

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from mwd_estimation.core.sensor_fault import ACCEL, MAG, FaultCode
 from mwd_estimation.health import fault_debounce as debounce
 from mwd_estimation.health import signal_checks as signals
 from mwd_estimation.health.fault_debounce import AGAINST, FOR, NOTHING
-from mwd_estimation.health.sensor_fault import ACCEL, MAG, FaultCode
 from mwd_estimation.health.signal_checks import SignalLimits
 
 LIMITS = np.array([math.radians(2000.0), 16.0 * 9.80665, 800e-6])

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health import fault_debounce as debounce
 from mwd_estimation.health import signal_checks, stream_checks
 from mwd_estimation.health.fault_debounce import AGAINST, FOR, NOTHING, OK
 from mwd_estimation.health.motion_window import Samples
-from mwd_estimation.health.sensor_fault import FaultCode
 from mwd_estimation.health.signal_checks import SignalLimits
 
 PERIOD = 10_000_000

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from mwd_estimation.core.axis_mappings import MAPPINGS
+from mwd_estimation.core.sensor_fault import ACCEL, FaultCode
 from mwd_estimation.health import fault_debounce as debounce
 from mwd_estimation.health import motion_window
-from mwd_estimation.health.axis_mappings import MAPPINGS
 from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.fault_debounce import AGAINST, FOR, NOTHING, OK, STRONGLY, UNKNOWN
 from mwd_estimation.health.motion_window import CARRIED, ROWS, STEP, Expected, Samples
-from mwd_estimation.health.sensor_fault import ACCEL, FaultCode
 from mwd_estimation.health.window_checks import CLIPPED, WindowJudge, WindowLimits
 from mwd_sensors.core.frames import mat_nt
 

@@ -8,7 +8,7 @@ import pytest
 
 from mwd_estimation.core.error_model import BENCH, SensorErrors
 from mwd_estimation.core.reason_text import text
-from mwd_estimation.core.reasons import quoted
+from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.multi_station_analysis import (
     NAMES,
@@ -220,11 +220,10 @@ def test_stations_made_again_carry_the_azimuth_of_the_run_and_its_sigma():
     assert sum(shot.verdict == "accept" for shot in after) >= 35
     assert not any(shot.verdict == "reject" for shot in after)
     assert rms_deg(wrap_pi(np.array([shot.azimuth for shot in after]) - azi)) < 0.12
-    refused = [
-        corrected_station(one, k, replace(analysis, refused=quoted("no")), settings) for k, one in enumerate(before)
-    ]
+    no = Reason(ReasonCode.STATIONS_DO_NOT_FIT)
+    refused = [corrected_station(one, k, replace(analysis, refused=no), settings) for k, one in enumerate(before)]
     assert [shot.method for shot in refused] == [shot.method for shot in before]
-    assert refused[3].by_method("msa").refused == quoted("no")
+    assert refused[3].by_method("msa").refused == no
 
 
 def test_a_vertical_station_among_others_gives_finite_sigmas():

@@ -10,7 +10,7 @@ from hypothesis.strategies import floats, lists, sampled_from
 
 from mwd_estimation.core.error_model import BENCH, SensorErrors
 from mwd_estimation.core.reason_text import text, texts
-from mwd_estimation.core.reasons import quoted
+from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.acceptance import QualitySettings
 from mwd_estimation.survey.station import StationSettings, station
@@ -275,9 +275,9 @@ def test_broken_sensors_are_named_and_what_is_left_is_given():
 
 def test_a_fault_of_the_readings_rejects_the_station():
     f_t, b_t = readings(30, 100, 40)
-    shot = station(f_t, b_t, REFERENCE, faults=(quoted("tool was moving"),))
+    shot = station(f_t, b_t, REFERENCE, faults=(Reason(ReasonCode.TOOL_NOT_STILL),))
     assert shot.verdict == "reject"
-    assert quoted("tool was moving") in shot.reasons
+    assert Reason(ReasonCode.TOOL_NOT_STILL) in shot.reasons
 
 
 def test_a_weak_horizontal_field_asks_for_a_gyro():

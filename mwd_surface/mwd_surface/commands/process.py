@@ -157,8 +157,8 @@ def _with_a_model(bag: Bag, estimator: EstimatorSettings) -> tuple[EstimatorSett
 def _show(summary: Summary, estimator: EstimatorSettings, folder: Path, elapsed: float) -> None:
     import math
 
-    from mwd_estimation.health.fault_messages import describe
-    from mwd_estimation.health.sensor_fault import FaultCode
+    from mwd_estimation.core.fault_messages import describe
+    from mwd_estimation.core.sensor_fault import FaultCode
     from mwd_surface.commands import terminal
     from mwd_surface.commands.survey_table import show_surveys
 

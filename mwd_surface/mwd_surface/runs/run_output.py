@@ -10,8 +10,8 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from mwd_estimation.health.fault_messages import describe
-from mwd_estimation.health.sensor_fault import SensorFault
+from mwd_estimation.core.fault_messages import describe
+from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.pipeline import Output
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.settings import setting

@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
+from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.core.status import Status
-from mwd_estimation.health.sensor_fault import SensorFault
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
 from mwd_estimation.survey.survey import Survey
 from mwd_surface.runs.bag_input import Topics

@@ -9,7 +9,7 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from mwd_estimation.health.sensor_fault import FaultCode
+from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_sensors.calibration.compensation import Compensation
 from mwd_sensors.calibration.triad_calibration import Calibration, TriadCalibration

@@ -6,9 +6,9 @@ import dataclasses
 
 import pytest
 
-from mwd_estimation.health.axis_mappings import MAPPINGS
-from mwd_estimation.health.fault_messages import describe, mapping_words
-from mwd_estimation.health.sensor_fault import FaultCode, SensorFault, Unit
+from mwd_estimation.core.axis_mappings import MAPPINGS
+from mwd_estimation.core.fault_messages import describe, mapping_words
+from mwd_estimation.core.sensor_fault import FaultCode, SensorFault, Unit
 
 
 def fault(code, place=3, which=(0, 0, 0), unit=Unit.CONVENTIONAL, value=1.0):

@@ -5,16 +5,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterable
 
-from mwd_estimation.health.axis_mappings import MAPPINGS, kind_of
-from mwd_estimation.health.fault_debounce import FAULT, OK, UNKNOWN
-from mwd_estimation.health.sensor_fault import SENSORS, FaultCode, SensorFault, Unit
+from mwd_estimation.core.axis_mappings import MAPPINGS, kind_of
+from mwd_estimation.core.sensor_fault import SENSORS, FaultCode, SensorFault, Unit
 
 # Units beside SI that a sensor may send, in the order of their numbers.
 OTHER_UNITS = (("deg/s",), ("g",), ("mT", "gauss", "uT", "mG", "nT"))
 _SI = ("rad/s", "m/s^2", "T")
 _CABLE = "check its plug and cable; if it stays, change the probe"
-# What a check can be found to be.
-CONDITIONS = {UNKNOWN: "not yet known", OK: "ok", FAULT: "fault"}
 _KINDS = {
     FaultCode.CLIPPED: "saturated", FaultCode.NEVER_CAME: "absent", FaultCode.SILENT: "absent",
     FaultCode.REPEATED: "held", FaultCode.SIGN: "flipped", FaultCode.POINTS_UP: "flipped",
