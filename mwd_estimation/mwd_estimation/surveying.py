@@ -120,8 +120,9 @@ class Surveying:
         output.rotary.append(self.decision.rotary(average, number, self._field.reference, rotary_speed))
 
     def _doubt(self, stretch: Stretch, start: int, stop: int) -> None:
-        if stretch.suspect.any():
-            self._faults.doubt(stretch.stamps[start:stop], stretch.suspect[start:stop])
+        suspect = stretch.suspect[start:stop]
+        if suspect.any():
+            self._faults.doubt(stretch.stamps[start:stop], suspect)
 
     def _close(self, imu: Bin, place: int, bins: Bins, output: Output) -> None:
         """Do everything that is done once for a bin; its results hold from the sample at `place`."""

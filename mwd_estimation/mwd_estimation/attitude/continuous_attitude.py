@@ -169,7 +169,9 @@ class AttitudeStream:
         self, block: Block, stretches: list[tuple[slice, MagneticModelInForce]], timed: Samples
     ) -> tuple[Samples, Samples]:
         """Plain attitude of the block's samples, and the magnetic azimuths taken in it."""
-        plain, magnetic, handed_on = [], [np.zeros(0, dtype=MAGNETIC_AZIMUTH)], [np.zeros(0, dtype=PAIR)]
+        plain: list[Samples] = []
+        magnetic: list[Samples] = []
+        handed_on: list[Samples] = []
         rate_x, sigma_down = np.ascontiguousarray(timed["rate_x"]), np.ascontiguousarray(timed["sigma_down"])
         for k, (part, in_force) in enumerate(stretches):
             if k > 0:
@@ -187,8 +189,8 @@ class AttitudeStream:
             level = pairs["sigma_tilt"] < _MAX_TILT
             if level.any():
                 magnetic.append(self._magnetic.read(pairs[level], in_force, part.start))
-        self.handed_on = np.concatenate(handed_on)
-        return plain[0] if len(plain) == 1 else np.concatenate(plain), np.concatenate(magnetic)
+        self.handed_on = _joined(handed_on)
+        return _joined(plain), _joined(magnetic) if magnetic else np.zeros(0, dtype=MAGNETIC_AZIMUTH)
 
     def _propagate(self, block: Block, events: list[BinEvent], magnetic: Samples, precision: PrecisionRates) -> Samples:
         """Azimuth of every sample, by the gyros and the magnetic azimuths of the bins that close."""
@@ -198,7 +200,7 @@ class AttitudeStream:
         stations = [event.station for event in events]
         for k, name in enumerate(StationAzimuth._fields):
             steps[f"station_{name}"] = [value[k] for value in stations]
-        known = np.concatenate([self._waiting, magnetic])
+        known = _joined([self._waiting, magnetic]) if len(self._waiting) else magnetic
         track = block.track
         samples = GyroBlock(block.stamps, block.gyro, track.g_t, track.sigma_inclination)
         rows, propagated, used = gyro_azimuth.run(self._azimuth, self._azimuth_state, samples, steps, known, precision)
@@ -252,3 +254,8 @@ class AttitudeStream:
             samples["total_residual"] = np.where(seen, total - reference.total, 0.0)
             samples["dip_residual"] = np.where(seen, dip - (reference.dip or 0.0), 0.0)
         return samples
+
+
+def _joined(parts: list[Samples]) -> Samples:
+    """Samples after one another; a single part is not copied: numpy compares records field by field first."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
