@@ -1,4 +1,4 @@
-"""Scenarios are found by name or path, installed or in a checkout, and the documents tell of those that exist."""
+"""Scenarios are found by name or path, installed or in a checkout, and the documents list those that exist."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Schedule: depths, hook, pumps and slips tell one story; still means still."""
+"""Schedule: depths, hook, pumps and slips are consistent; still means still."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """
 The pace of a replay: which moment of the recording belongs to which moment of the clock on the wall.
 
-Kept apart from clocks and threads: every method takes the time. Due times are counted from one anchor, so
+Kept apart from clocks and threads: every method takes the time. Due times are counted from one start, so
 that errors of single waits never add up.
 """
 
@@ -55,7 +55,7 @@ class Pace:
         """When on the wall a moment of the recording is due: infinity while paused, the past when it is late."""
         if self._paused:
             return math.inf
-        # (x / inf) is 0: as fast as possible, everything is due at the anchor.
+        # (x / inf) is 0: as fast as possible, everything is due at the start.
         return self._now_s + (log_ns - self._log_ns) * 1e-9 / self._rate
 
     def set_rate(self, rate: float, now_s: float) -> None:

@@ -125,7 +125,7 @@ def _scenario(name: str, unit: str, grade: str | None, seed: int | None) -> Any:
 def _place(
     lat: float | None, lon: float | None, date: str | None, field: str | None, day_ns: int
 ) -> tuple[float | None, tuple[float, float] | None, str]:
-    """Gravity, field and their source, as far as the options tell."""
+    """Gravity, field and their source, as far as the options give them."""
     import datetime
     import math
 

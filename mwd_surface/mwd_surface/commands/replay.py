@@ -40,7 +40,7 @@ def replay(
     from mwd_surface.runs.supervise import die_with_supervisor
 
     die_with_supervisor(os.environ)
-    # Said here, before any middleware starts.
+    # Reported here, before any middleware starts.
     Bag(bag).close()
     if end is not None and end <= start:
         raise ValueError(f"--end {end:g}: must be after --start {start:g}")

@@ -65,7 +65,7 @@ def status(
         for path, found in gone:
             age = now - found.written
             terminal.warn(
-                f"{found.well} ({path.parent}) said its last {age:.0f} s ago: its surface hangs or was killed"
+                f"{found.well} ({path.parent}) last reported {age:.0f} s ago: its surface hangs or was killed"
             )
         if not running:
             where = ", ".join(str(place) for place in places)

@@ -107,7 +107,7 @@ def _run_graph(
                     where = ", ".join(launch_plan.rig_addresses(interfaces))
                     console.print(f"rig: {where} (`mwd rig status {folder}`)", markup=False)
                 supervisor.start(orders["sonde"])
-                _play(supervisor, interrupts, address, story)
+                _run_to_end(supervisor, interrupts, address, story)
         except SupervisorError as error:
             terminal.warn(f"{error}; logs in {logs}")
             raise typer.Exit(1) from error
@@ -196,8 +196,8 @@ def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: 
             for log in logs.glob("*.log"):
                 words = log.read_text(errors="replace")
                 # A node that cannot open its topics, files or port lives on, unconfigured, for somebody to mend it.
-                _, said, reason = words.partition("cannot configure: ")
-                if said:
+                _, found, reason = words.partition("cannot configure: ")
+                if found:
                     raise SupervisorError(f"{log.stem} cannot start: {reason.splitlines()[0]}")
                 if "preparing the filters" in words and "the filters are ready" not in words:
                     last = now
@@ -207,14 +207,14 @@ def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: 
     return False
 
 
-def _play(supervisor: Supervisor, interrupts: _Interrupts, address: str, name: str) -> None:
+def _run_to_end(supervisor: Supervisor, interrupts: _Interrupts, address: str, name: str) -> None:
     """Until the scenario is over or somebody interrupts."""
     import time
 
     from mwd_surface.commands import terminal
     from mwd_surface.page.summary_line import summary_line
 
-    said = 0.0
+    shown = 0.0
     over: float | None = None
     with terminal.live_line() as show:
         while not interrupts.count:
@@ -224,8 +224,8 @@ def _play(supervisor: Supervisor, interrupts: _Interrupts, address: str, name: s
                 over = now
             if over is not None and now - over > _SETTLE:
                 return
-            if now - said > 0.5:
-                said = now
+            if now - shown > 0.5:
+                shown = now
                 show(f"{name}: {summary_line(_state(address))}")
             time.sleep(_POLL)
 

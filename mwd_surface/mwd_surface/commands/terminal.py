@@ -33,7 +33,7 @@ def remark(sentence: str) -> None:
 
 @contextlib.contextmanager
 def progress(words: str) -> Iterator[Callable[[float], None]]:
-    """A bar with the time left on a terminal, nothing elsewhere; the block is handed a function to tell the share."""
+    """A bar with the time left on a terminal, nothing elsewhere; the block gets a function that sets the share."""
     if not sys.stderr.isatty():
         yield lambda _share: None
         return

@@ -180,7 +180,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._surveys.publish()
 
     def deactivate(self) -> None:
-        """Tell the rig that the values must not be acted upon, then finish the recording."""
+        """Mark the values for the rig as not to be used, then finish the recording."""
         self._router.take_streams()
         self._rig.send_values(time.monotonic(), active=False)
         self._recording.deactivate()

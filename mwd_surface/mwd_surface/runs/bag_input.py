@@ -118,7 +118,7 @@ def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
 
 
 def unstamped(bag: Bag, topics: Topics) -> frozenset[str]:
-    """Topics whose messages carry no time of their own, as far as the first of them tell: all zero, or all the same."""
+    """Topics whose messages carry no time of their own, as far as the first of them show: all zero, or all the same."""
     fields = {layout.type_name: () for layout in (wire.IMU, wire.MAG, wire.TEMPERATURE, wire.RIG_STATE)}
     first = next(bag.blocks(topics.all, block_messages=_LOOKED_AT, fields=fields), {})
     found = {name for name, (_, samples) in first.items() if _timeless(samples["stamp_ns"])}

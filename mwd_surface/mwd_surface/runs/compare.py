@@ -2,7 +2,7 @@
 Two runs of the estimator beside each other: station by station, and the statistics of their attitudes.
 
 What is compared are the numbers people get (the files of `mwd process`), so that runs of two versions, two methods, two
-machines, or a run and a golden one, can be told apart. Constant memory: the attitudes are walked side by side.
+machines, or a run and a golden one, can be compared. Constant memory: the attitudes are walked side by side.
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ def compare(ours: Path, expected: Path, limits: dict[str, float] | None = None) 
     """
     Compare the run in folder `ours` with the one in `expected`.
 
-    Every station and every sample of the expected run must be in ours; what ours has beyond is told and allowed for
+    Every station and every sample of the expected run must be in ours; what ours has beyond is reported and allowed for
     samples (an expected run may keep one row a second), not for stations.
 
     Raises

@@ -177,14 +177,16 @@ def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
 
 
 def discovery(environment: Mapping[str, str]) -> CheckResult:
-    """Who would hear this machine's nodes."""
+    """Which machines discover this machine's nodes."""
     reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
     domain = environment.get("ROS_DOMAIN_ID", "0")
     if not domain.isdigit() or int(domain) > 232:
         return CheckResult("domain", Level.MISSING, f"ROS_DOMAIN_ID is {domain!r}", "set it to a number from 0 to 101")
     if reach.upper() == "SUBNET":
         remedy = "`mwd run` sets LOCALHOST; for single nodes: export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"
-        return CheckResult("discovery", Level.NOTE, f"domain {domain}, the whole network hears single nodes", remedy)
+        return CheckResult(
+            "discovery", Level.NOTE, f"domain {domain}, the whole network discovers single nodes", remedy
+        )
     return CheckResult("discovery", Level.OK, f"domain {domain}, {reach}")
 
 

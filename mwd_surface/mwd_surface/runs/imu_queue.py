@@ -17,7 +17,7 @@ from mwd_estimation.gravity.bounded.filter import Params
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples, Stamps
 
-# A smoother that hears nothing for so long waits no longer: what comes after such a gap says nothing of before.
+# A smoother without samples for so long waits no longer: samples after such a gap do not change those before.
 _SILENCE_NS = 60 * wire.NANOSECONDS
 
 

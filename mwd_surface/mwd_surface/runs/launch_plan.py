@@ -171,7 +171,7 @@ def own_domain(environment: Mapping[str, str]) -> Iterator[int]:
 
 
 def graph_environment(environment: Mapping[str, str], domain: int, log_folder: Path) -> dict[str, str]:
-    """Variables of the nodes: the caller's, discovery on this machine only unless the caller said otherwise."""
+    """Variables of the nodes: the caller's, discovery on this machine only unless the caller set otherwise."""
     return {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "AMENT_PREFIX_PATH": sys.prefix,

@@ -29,7 +29,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 class SupervisorError(RuntimeError):
-    """A process that cannot be kept alive; says which, its status, and the last it said."""
+    """A process that cannot be kept alive; the message has its name, its status and its last output."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -209,8 +209,8 @@ def last_words(log: Path, most: int = 400) -> str:
             lines = file.read().decode(errors="replace").splitlines()
     except OSError as error:
         return f"its log {log} cannot be read ({error.strerror})"
-    said = [line.strip() for line in lines if line.strip()]
-    return said[-1][-most:] if said else f"it said nothing (log {log})"
+    output = [line.strip() for line in lines if line.strip()]
+    return output[-1][-most:] if output else f"no output (log {log})"
 
 
 def in_words(status: int) -> str:

@@ -163,14 +163,14 @@ def _columns(cells: list[str], at: str) -> tuple[dict[str, int], dict[str, str],
     for k, cell in enumerate(cells):
         words = [w for w in re.split(r"[^a-z]+", cell.lower()) if w]
         unit = words.pop() if len(words) > 1 and words[-1] in {**_UNITS, **_ANGLES} else ""
-        said = [w for w in words if w in _NORTHS]
+        norths = [w for w in words if w in _NORTHS]
         what = _NAMES.get("_".join(w for w in words if w not in _NORTHS), "")
         if not what or what in columns:
             continue
         columns[what] = k
         units[what] = unit
-        if what == "azimuth" and said:
-            north = said[0]
+        if what == "azimuth" and norths:
+            north = norths[0]
     missing = [w for w in ("md", "inclination", "azimuth") if w not in columns]
     if missing:
         raise PlanError(

@@ -1,4 +1,4 @@
-"""A CSV file of any dialect as columns of text; what is wrong with it is said with the line."""
+"""A CSV file of any dialect as columns of text; an error names its line."""
 
 from __future__ import annotations
 

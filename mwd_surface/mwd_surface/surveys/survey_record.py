@@ -29,7 +29,7 @@ class North(enum.IntEnum):
 
 
 class Verdict(enum.IntEnum):
-    """What quality control said by itself; the numbers of the Survey message."""
+    """The verdict of the automatic quality control; the numbers of the Survey message."""
 
     ACCEPT = 0
     DOUBTFUL = 1
@@ -37,7 +37,7 @@ class Verdict(enum.IntEnum):
 
 
 class Judgement(enum.IntEnum):
-    """What a person said; the numbers of the SurveyRecord message."""
+    """The judgement of an operator; the numbers of the SurveyRecord message."""
 
     NOT_JUDGED = 0
     ACCEPTED = 1

@@ -32,7 +32,7 @@ class StoreError(RuntimeError):
 
 @dataclasses.dataclass(frozen=True)
 class Loaded:
-    """What came back: the list, what to tell people (empty when all was well), and whether anything was lost."""
+    """What came back: the list, a message for the operator (empty when all was well), and whether anything was lost."""
 
     surveys: SurveyList
     messages: tuple[str, ...] = ()

@@ -83,7 +83,7 @@ def test_only_the_fields_asked_for_are_read_whatever_the_way(bench):
         ((_, _, samples),) = bench.samples(messages, fields={IMU: ("angular_velocity",)})
         assert samples.dtype.names == ("stamp_ns", "angular_velocity")
         assert (samples["angular_velocity"] == imu(5)["angular_velocity"]).all()
-    # Told each time; the bag keeps one note of a kind.
+    # Reported each time; the bag keeps one note of a kind.
     assert bench.given
     assert all("read through rosbags" in text for text in bench.given)
 

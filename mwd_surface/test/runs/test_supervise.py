@@ -188,7 +188,7 @@ def test_the_last_words_of_a_log_are_found(tmp_path):
     log = tmp_path / "a.log"
     assert "cannot be read" in supervise.last_words(log)
     log.write_text("\n\n")
-    assert "said nothing" in supervise.last_words(log)
+    assert "no output" in supervise.last_words(log)
     log.write_text("first\n  the last one  \n\n")
     assert supervise.last_words(log) == "the last one"
     assert supervise.in_words(-9) == "killed by SIGKILL"

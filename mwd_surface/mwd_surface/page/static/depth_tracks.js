@@ -1,4 +1,4 @@
-// Tracks over depth, deepest below: what the tool felt while the hole was made, with slides and surveys beside it.
+// Tracks over depth, deepest below: what the tool measured while the hole was made, with slides and surveys beside it.
 
 import { el, svg } from "./dom.js";
 import { shadesOf } from "./charts.js";
@@ -44,7 +44,7 @@ export function depthTracks(log, steering, surveys, size) {
   const stretches = steering?.rows || [];
   const stations = (surveys?.rows || []).filter((row) => row.in_use && row.measured_depth !== null);
   const all = [...depths, ...stretches.flatMap((s) => [s.from_depth, s.to_depth])];
-  if (!all.length) return el("p", { class: "empty" }, "No depth tracks yet: they grow while hole is made and the rig tells its depth.");
+  if (!all.length) return el("p", { class: "empty" }, "No depth tracks yet: they grow while hole is made and the rig sends its depth.");
   // Of a long hole what was last drilled.
   const [bottom, top] = [Math.max(...all), Math.max(Math.min(...all), Math.max(...all) - 600)];
   const { width, height } = size;
