@@ -14,7 +14,9 @@ from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, POS, SCA
 from mwd_sensors.core.arrays import Vector
 from mwd_sensors.core.compiled import compiled
 
-START_TIME = 0.3  # s, over which forces are averaged
+START_TIME, START_MOST = 0.3, 5.0  # s, over which forces are averaged: the least, and the most where they are white
+START_WHITE = 0.06  # variance of the mean force by white force, over gravity squared, at which that is enough
+START_LASTING = 3.0  # the most by which the variance of the mean force exceeds that of white force as dense
 CORRELATED = 0.05  # s, for which the scatter of the force lasts
 START_SIGMA = 0.06  # rad, least sigma of the first tilt
 START_SPEED = 0.5  # m/s, and as much more for each g of scatter
@@ -88,9 +90,14 @@ def average(p: KernelParams, s: Record, dt: float, f: Vector) -> bool:
     for j in range(3):
         s.mean[j] += step * (C[j, 0] * f[0] + C[j, 1] * f[1] + C[j, 2] * f[2])
     s.mean_power += step * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+    df2 = (f[0] - s.last_f[0]) ** 2 + (f[1] - s.last_f[1]) ** 2 + (f[2] - s.last_f[2]) ** 2
+    if dt > 0.0:
+        s.motion.rough += step / s.age * (df2 * step / 6.0 - s.motion.rough)
     mechanisation.clear_sums(s.sums)
     direction(s)
     if dt == 0.0 or s.age < START_TIME:
+        return False
+    if s.motion.rough > START_WHITE * p.gravity**2 * s.age and s.age < START_MOST:
         return False
     _start(p, s)
     return True
@@ -123,7 +130,11 @@ def _start(p: KernelParams, s: Record) -> None:
     turned = 0.5 * s.age * (math.sqrt(P[BIAS, BIAS]) + math.sqrt(P[SCALE, SCALE]) * abs(s.last_w[0]))
     # A mean that is not one g long holds an acceleration that did not average out, likely across gravity as well.
     off = size / p.gravity - 1.0
-    tilt = min(scatter * CORRELATED / s.age + START_SIGMA**2 + off * off + turned * turned, 1.0)
+    lasting = scatter * CORRELATED
+    if s.age > 2.0 * START_TIME:
+        # It took longer because of white force.
+        lasting = min(lasting, START_LASTING * s.motion.rough / p.gravity**2)
+    tilt = min(lasting / s.age + START_SIGMA**2 + off * off + turned * turned, 1.0)
     g = s.g_t
     if s.kept_tilt > 0.0:
         # Two inclinations, that of the mean and the one kept, by their variances.

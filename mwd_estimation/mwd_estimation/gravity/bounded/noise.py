@@ -24,6 +24,9 @@ KNOWN_TILT = 0.0025  # rad^2, variance of the tilt below which displacement is t
 ROTATING = 3.0  # rad/s, mean rate about the axis from which the sensor circles with its lever arm
 WHITE_PER_DISPLACEMENT = 0.1  # white displacement for each displacement seen
 WALK_PER_DISPLACEMENT = 2.7  # random walk of the point that stays for each displacement seen, 1/sqrt(s)
+FOLDED_LEAST = 0.6  # (m/s^2)^2 s, density of the force from which on it may be vibration that point samples fold down
+FOLDED_MEMORY = 20.0  # s, over which it is judged whether it is
+FOLDED_YOUNG = 1.0  # s since a start, in which the high-passes have not settled yet
 WHITE_SHARE = 0.16  # of the density that the displacement shows, in the noise: not all of it is white
 ROTARY_NOISE = 0.0001  # gyro noise for each rate about the axis, whose scale is a state
 CROSS_TURN = 5.0  # rad/s, rate lost while a cross-axis gyro clips
@@ -78,11 +81,19 @@ def follow_motion(s: Record, w: Array) -> None:
         along += s.C[j, 0] * down
     # Tilt not yet found moves the position as well; the tool's own displacement is learnt when tilt is known.
     known = s.P[TILT, TILT] + s.P[TILT + 1, TILT + 1] < KNOWN_TILT
+    aside = 0.5 * max(whole - along * along, 0.0) if known else down * down
+    share = T / (min(FOLDED_MEMORY, FOLDED_YOUNG + 0.3 * s.settled) + T)
+    motion.folded_aside += share * (aside - motion.folded_aside)
+    motion.folded += share * (explained(s) - motion.folded)
     if s.clipping.sign == 0.0 and known:
         share = T / (SWING_MEMORY + T)
         motion.along += share * (along * along - motion.along)
         motion.across += share * (0.5 * max(whole - along * along, 0.0) - motion.across)
     motion.down += T / (min(3.0 * SWING_MEMORY, 0.3 * s.settled) + T) * (down * down - motion.down)
+    if s.settled < FOLDED_YOUNG and motion.rough > FOLDED_LEAST:
+        # Until then it is taken for white.
+        motion.down = max(motion.down, explained(s))
+        motion.folded = motion.folded_aside = explained(s)
     motion.white = min(motion.down, explained(s))
     if known:
         # The tool moves along its hole, white force in all directions.
@@ -101,6 +112,20 @@ def explained(s: Record) -> float:
     """Displacement, m^2, that forces would leave that are as white as neighbouring samples are."""
     # White force of density one leaves a displacement of variance time^3 / 16 behind the three high-passes.
     return SWING_TIME**3 / 16.0 * s.motion.rough
+
+
+@compiled
+def _folded(s: Record) -> float:
+    """
+    Return the displacement, m^2, of vibration that point samples fold down, as dense as neighbouring samples say.
+
+    It counts where the displacement of the last 20 s is most of what neighbouring samples explain. A density that
+    followed the displacement within seconds would be too small by chance at times, and the gain too large.
+    """
+    if s.motion.rough < FOLDED_LEAST:
+        return 0.0
+    sure = 3.0 * s.motion.folded_aside / max(s.motion.folded, 1e-12) - 1.0
+    return explained(s) * min(max(sure, 0.0), 1.0)
 
 
 @compiled
@@ -132,7 +157,7 @@ def add_noise(p: KernelParams, s: Record) -> float:
     """Noise of one interval; returns the variance that is added to the tilt, rad^2."""
     P, T = s.P, s.sums.time
     turn = p.gyro_noise**2 * T + s.sums.turn
-    density = WHITE_SHARE * 16.0 / SWING_TIME**3 * s.motion.white
+    density = max(WHITE_SHARE * s.motion.white, _folded(s)) * 16.0 / SWING_TIME**3
     force = (p.accel_noise**2 + density) * T + s.sums.jump
     along, across = _displacement(s)
     along = (p.walk**2 + WALK_PER_DISPLACEMENT**2 * along) * T

@@ -63,6 +63,10 @@ class Motion:
     """Of the vertical."""
     white: float
     """Part of them that white force explains, m^2."""
+    folded_aside: float
+    """Of a direction that the tool does not move along, over a longer time: across the hole, or the vertical."""
+    folded: float
+    """What white force would leave over that time, from differences of neighbours, m^2."""
     rough: float
     """Density of the force, were it white, from differences of neighbours, (m/s^2)^2 s."""
 

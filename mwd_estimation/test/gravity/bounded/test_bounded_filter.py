@@ -212,11 +212,11 @@ def test_a_lever_arm_is_not_made_to_fit_while_the_attitude_is_unknown():
         state = bounded.initial(bounded.Params())
         bounded.run(bounded.Params(), state, (t * 1e9).astype(np.int64), rates, forces)
         found.append(np.abs(state.record[0].lever).max())
-    assert np.mean(found) < 0.1
+    assert np.mean(found) < 0.06
 
 
 @pytest.mark.parametrize("spin", [0.0, 4.0 * np.pi])
-def test_white_forces_of_two_g_are_averaged_about_as_well_as_by_a_filter_of_low_gain_and_sigma_says_so(spin):
+def test_white_forces_of_three_g_are_averaged_about_as_well_as_by_a_filter_of_low_gain_and_sigma_says_so(spin):
     t, inclination, ours, theirs, nees = np.arange(1, 8001) / 100.0, np.radians(30.0), [], [], []
     side = np.sin(inclination) * np.column_stack([np.sin(spin * t + 1.0), np.cos(spin * t + 1.0)])
     down = np.column_stack([np.full(len(t), np.cos(inclination)), side])
@@ -224,7 +224,7 @@ def test_white_forces_of_two_g_are_averaged_about_as_well_as_by_a_filter_of_low_
     for seed in range(4):
         rng = np.random.default_rng(seed)
         rates = np.column_stack([np.full(len(t), spin), np.zeros((len(t), 2))]) + 3e-4 * rng.standard_normal(3)
-        forces = -G0 * down + rng.normal(scale=20.0, size=(len(t), 3))
+        forces = -G0 * down + rng.normal(scale=30.0, size=(len(t), 3))
         p = bounded.Params()
         got = bounded.run(p, bounded.initial(p), stamps, rates, forces)
         other = fuzzy_mahony.run(
