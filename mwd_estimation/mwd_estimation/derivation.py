@@ -28,7 +28,7 @@ from mwd_estimation.survey.static_survey import Params as StillParams
 from mwd_estimation.survey.station import StationSettings
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-# White noise of a precision unit whose noise is not set, deg/sqrt(h): a tactical MEMS gyro (DESIGN, section 3).
+# White noise of a precision unit whose noise is not set, deg/sqrt(h): that of the grade `tactical_north`.
 _TACTICAL_NOISE = 0.05
 
 

@@ -106,6 +106,12 @@ class AccelerometerOnly:
     )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class NoExpert:
+    """A method without parameters to set."""
+
+
+# A method that is not listed has none.
 EXPERT: dict[str, type[Any]] = {
     "bounded": Bounded,
     "s3": FuzzyMahony,

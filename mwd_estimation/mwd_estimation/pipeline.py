@@ -162,6 +162,11 @@ class Pipeline:
         self._numbering.last = max(self._numbering.last, last)
 
     @property
+    def given_reference(self) -> Reference | None:
+        """The field that was given in place of what the settings say."""
+        return self._given
+
+    @property
     def reference(self) -> Reference | None:
         """The field that azimuths and totals are judged by."""
         return self._estimate.field.reference

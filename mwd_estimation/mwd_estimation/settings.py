@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 from mwd_estimation.core.reference_field import Reference, from_field
 from mwd_estimation.gravity import methods as gravity
-from mwd_estimation.gravity_settings import EXPERT
+from mwd_estimation.gravity_settings import EXPERT, NoExpert
 from mwd_estimation.tool_settings import Tool
 from mwd_sensors.core import earth
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -244,7 +244,7 @@ class Gravity:
 
     def __post_init__(self) -> None:
         """Give the selected method's parameters their names and defaults."""
-        kind, given = EXPERT[self.method], self.expert
+        kind, given = EXPERT.get(self.method, NoExpert), self.expert
         if given is not None and not isinstance(given, (kind, Mapping)):
             given = to_mapping(given)
         # What another method had by default does not hold for this one.

@@ -34,7 +34,7 @@ from mwd_sensors.core.frames import mat_nt, wrap_pi
 
 DEG = math.radians(1.0)
 REFERENCE = Reference(50e-6, 72 * DEG, 3 * DEG, 1 * DEG, 9.81, "drawn")
-# Limit of a gyro of .05 deg/sqrt(h) after two minutes at 34 deg (DESIGN section 3).
+# Limit of a gyro of .05 deg/sqrt(h) after two minutes at 34 deg (docs/methods/gyrocompass.md).
 GYRO_SIGMA = 1.26 * DEG
 ATTITUDES = (
     (3, 40),

@@ -82,11 +82,13 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self.add_action_server(RotarySurvey, "rotary_survey", actions.start_rotary_survey, actions.cancel_rotary_survey)
 
     def on_settings_changed(self, settings: EstimatorSettings) -> None:
-        """Start the estimate anew with the new settings; the numbering of the surveys goes on."""
+        """Start the estimate anew; survey numbers go on, and a field given by service while the place is the same."""
         self._actions.abort("the settings were changed")
-        sequence = self._pipeline.sequence
-        self._pipeline = Pipeline(settings)
-        self._pipeline.continue_numbering(sequence)
+        self._respond(False, "no survey taken: the settings were changed", 0)
+        before = self._pipeline
+        self._pipeline = Pipeline(settings, before.given_reference if settings.place == before.settings.place else None)
+        self._pipeline.continue_numbering(before.sequence)
+        self._times_set_back = 0
 
     def deactivate(self) -> None:
         """Publish a survey that waits for the gyro as it is; finish pending requests without success."""

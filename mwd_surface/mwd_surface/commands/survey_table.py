@@ -36,9 +36,9 @@ def show_surveys(console: Console, stations: Sequence[tuple[Station, float]]) ->
             str(number),
             f"{depth:.1f}" if math.isfinite(depth) else "-",
             f"{degrees(station.inclination)} ±{degrees(station.sigma_inclination)}",
-            f"{degrees(station.azimuth, 1)} ±{degrees(station.sigma_azimuth, 1)}" if known else "-",
+            f"{direction(station.azimuth)} ±{degrees(station.sigma_azimuth, 1)}" if known else "-",
             station.north if known else "",
-            degrees(station.gravity_toolface, 1),
+            direction(station.gravity_toolface),
             f"{station.b_total * 1e9:.0f}" if math.isfinite(station.b_total) else "-",
             degrees(station.dip),
             Text(station.verdict, style=COLOURS[station.verdict]),
@@ -48,6 +48,11 @@ def show_surveys(console: Console, stations: Sequence[tuple[Station, float]]) ->
         console.print(
             Text.assemble(f"{number:>4} ", (station.verdict, COLOURS[station.verdict]), f": {joined(station.reasons)}")
         )
+
+
+def direction(angle: float) -> str:
+    """Angle on the circle, rad, as text from 0.0 to 359.9 deg; a dash where it is unknown."""
+    return f"{round(math.degrees(angle), 1) % 360.0:.1f}" if math.isfinite(angle) else "-"
 
 
 def degrees(angle: float, decimals: int = 2) -> str:

@@ -1,0 +1,45 @@
+"""What the estimator node does by itself; its topics and services are tested on the graph."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.nodes.estimator import EstimatorNode
+from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+
+FIELD = Reference(5e-5, 1.2, 0.05, 0.0, 9.81, "measured on the pad")
+
+
+def changed(**blocks):
+    """A node's parts after its settings were changed, with what it answered meanwhile."""
+    settings = EstimatorSettings()
+    pipeline = Pipeline(settings)
+    pipeline.set_reference(FIELD)
+    pipeline.continue_numbering(7)
+    answers = []
+    node = SimpleNamespace(
+        _pipeline=pipeline,
+        _actions=SimpleNamespace(abort=answers.append),
+        _respond=lambda success, message, _sequence: answers.append((success, message)),
+        _times_set_back=3,
+    )
+    EstimatorNode.on_settings_changed(node, dataclasses.replace(settings, **blocks))
+    return node, answers
+
+
+def test_a_change_of_settings_answers_a_survey_that_was_asked_for():
+    _, answers = changed()
+    assert (False, "no survey taken: the settings were changed") in answers
+
+
+def test_a_field_given_by_service_outlives_a_change_of_settings_but_not_of_the_place():
+    settings = EstimatorSettings()
+    kept, _ = changed(survey=dataclasses.replace(settings.survey, duration_s=12.0))
+    assert kept._pipeline.given_reference == FIELD
+    assert kept._pipeline.sequence == 7
+    moved, _ = changed(place=dataclasses.replace(settings.place, lat_deg=60.0, lon_deg=2.0))
+    assert moved._pipeline.given_reference is None
