@@ -27,6 +27,7 @@ from mwd_surface.surveys.survey_record import North, Survey, Verdict
 from mwd_surface.surveys.well import Well
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed (pip install selenium)")
+from selenium.common.exceptions import StaleElementReferenceException  # noqa: E402
 from selenium.webdriver.chrome.options import Options  # noqa: E402
 from selenium.webdriver.chrome.service import Service  # noqa: E402
 from selenium.webdriver.common.by import By  # noqa: E402
@@ -374,10 +375,18 @@ def test_the_path_is_drawn_with_its_plan_in_map_section_and_space(browser):
         assert browser.execute_script(count, ".ellipse") >= 4
         assert "North (grid), m" in text(browser, ".plots")
         click(browser, ".choice")
-        view = browser.find_element(By.CSS_SELECTOR, ".turnable")
-        before = view.get_attribute("innerHTML")
-        view.send_keys(Keys.ARROW_LEFT)
-        assert view.get_attribute("innerHTML") != before
+
+        def turned():
+            # The page may draw the path anew in between: then the element is another one, and the key is pressed again.
+            try:
+                view = browser.find_element(By.CSS_SELECTOR, ".turnable")
+                before = view.get_attribute("innerHTML")
+                view.send_keys(Keys.ARROW_LEFT)
+                return view.get_attribute("innerHTML") != before
+            except StaleElementReferenceException:
+                return False
+
+        wait(browser, turned)
 
 
 def test_strip_charts_are_drawn_from_the_history(browser):

@@ -108,7 +108,8 @@ def test_memory_does_not_grow_with_the_recording(tmp_path):
             peaks.append(tracemalloc.get_traced_memory()[1])
             tracemalloc.stop()
         assert written.rows == hours * 3600 + 1
-    assert peaks[1] < 1.3 * peaks[0]
+    # How far reading runs ahead of writing depends on the machine; growth with the recording would be fourfold.
+    assert peaks[1] < 2.0 * peaks[0]
 
 
 def test_one_stamp_that_lies_makes_nothing_else_late(tmp_path):
