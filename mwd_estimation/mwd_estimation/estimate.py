@@ -55,10 +55,14 @@ class Estimate:
         self.surveying = Surveying(settings, self.field, self.watch.history, numbering)
         self._spikes = spike_filter.initial()
         self._attitude = AttitudeStream(
-            derivation.time_alignment_params(settings), derivation.interference_params(settings),
-            derivation.gyro_azimuth_params(settings), derivation.sensor_errors(settings), BIN_NS,
-            latitude_of(settings), derivation.precision_gyro_params(settings),
-        )  # fmt: skip
+            derivation.time_alignment_params(settings),
+            derivation.interference_params(settings),
+            derivation.gyro_azimuth_params(settings),
+            derivation.sensor_errors(settings),
+            BIN_NS,
+            latitude_of(settings),
+            derivation.precision_gyro_params(settings),
+        )
         self._use_gravity(None)
         self._dynamics_state = drilling_dynamics.initial(self._dynamics_params)
         self._lag_ns = round(settings.tool.magnetometer.delay_s * 1e9)
@@ -69,9 +73,10 @@ class Estimate:
         """Use this local gravity, m/s^2, in all that follows gravity; None: not known."""
         settings = self.settings
         self._gravity = GravityWithFallback(
-            gravity.method(settings.gravity.method), derivation.gravity_params(settings, known),
+            gravity.method(settings.gravity.method),
+            derivation.gravity_params(settings, known),
             derivation.accelerometer_only_params(settings, known),
-        )  # fmt: skip
+        )
         self._dynamics_params = derivation.dynamics_params(settings, known)
 
     def _begin(self, first_ns: int) -> None:

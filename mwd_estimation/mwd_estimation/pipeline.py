@@ -27,8 +27,15 @@ from mwd_sensors.core.arrays import Samples
 
 # Who runs the estimator finds here all that goes with it.
 __all__ = [
-    "NORTH_CODES", "Counters", "EstimatorSettings", "Output", "Pipeline", "Place", "latitude_of", "reference_of",
-]  # fmt: skip
+    "NORTH_CODES",
+    "Counters",
+    "EstimatorSettings",
+    "Output",
+    "Pipeline",
+    "Place",
+    "latitude_of",
+    "reference_of",
+]
 
 
 class Pipeline:

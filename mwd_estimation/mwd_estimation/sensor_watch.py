@@ -104,6 +104,13 @@ class SensorWatch:
             if self._contaminated and unusable & AZIMUTH == 0:
                 self._contaminated, self._mag_since_ns = False, int(stamps[start])
             yield Stretch(
-                part, stamps[part], gyro[part], accel[part], found.suspect[part], unusable, harmful, self._contaminated,
+                part,
+                stamps[part],
+                gyro[part],
+                accel[part],
+                found.suspect[part],
+                unusable,
+                harmful,
+                self._contaminated,
                 changes,
-            )  # fmt: skip
+            )

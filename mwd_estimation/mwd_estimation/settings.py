@@ -33,9 +33,11 @@ class Place:
         choices=("none", "model", "fixed"),
     )
     model: str = setting(
-        "wmm2025", "Geomagnetic model. wmm2025 holds from 2025 to 2030, igrf from 1900.", choices=earth.MODELS,
+        "wmm2025",
+        "Geomagnetic model. wmm2025 holds from 2025 to 2030, igrf from 1900.",
+        choices=earth.MODELS,
         expert=True,
-    )  # fmt: skip
+    )
     lat_deg: float = setting(
         0.0,
         "Latitude, WGS 84, north positive. The gyro azimuth needs it too; latitude and longitude both 0: not known.",
@@ -45,9 +47,13 @@ class Place:
     )
     lon_deg: float = setting(0.0, "Longitude, WGS 84, east positive.", unit="deg", low=-180.0, high=360.0)
     height_m: float = setting(
-        0.0, "Height above the ellipsoid. 1000 m change the field by 0.05 %.", unit="m", low=-12000.0, high=9000.0,
+        0.0,
+        "Height above the ellipsoid. 1000 m change the field by 0.05 %.",
+        unit="m",
+        low=-12000.0,
+        high=9000.0,
         expert=True,
-    )  # fmt: skip
+    )
     grid: str = setting(
         "none",
         "Map grid of the well's plan; the model's position then gives the convergence to grid north.",
@@ -63,9 +69,13 @@ class Place:
         0.0, "Magnetic north from true north at the fixed field, east positive.", unit="deg", low=-180.0, high=180.0
     )
     convergence_deg: float = setting(
-        0.0, "Grid north from true north at the fixed field, east positive.", unit="deg", low=-180.0, high=180.0,
+        0.0,
+        "Grid north from true north at the fixed field, east positive.",
+        unit="deg",
+        low=-180.0,
+        high=180.0,
         expert=True,
-    )  # fmt: skip
+    )
     gravity_mps2: float = setting(
         0.0,
         "Gravity beside a fixed field; 0: by the latitude, or the standard value where that is not known either. A "
@@ -106,9 +116,13 @@ class Survey:
         high=3600.0,
     )
     rotary_s: float = setting(
-        30.0, "Averaging time of a survey in a turning string where the request names none.", unit="s", low=5.0,
-        high=3600.0, expert=True,
-    )  # fmt: skip
+        30.0,
+        "Averaging time of a survey in a turning string where the request names none.",
+        unit="s",
+        low=5.0,
+        high=3600.0,
+        expert=True,
+    )
     north_seek_s: float = setting(
         120.0, "Duration of a north seek where the request names none.", unit="s", low=10.0, high=86400.0, expert=True
     )

@@ -81,9 +81,11 @@ class Surveying:
         self.streams = SideStreams()
         self.still = StillSurvey(derivation.still_params(settings))
         self.decision = SurveyDecision(
-            derivation.station_params(settings), derivation.fusion_params(settings), derivation.run_params(settings),
+            derivation.station_params(settings),
+            derivation.fusion_params(settings),
+            derivation.run_params(settings),
             faults,
-        )  # fmt: skip
+        )
         self._binner = Binner(6, BIN_NS)
         self._waiting: list[Bin] = []
         self._sensors_usable = True

@@ -17,17 +17,39 @@ from mwd_sensors.core.settings import SettingsError, unknown_key
 _SIMULATED_ONLY = {
     "": ("name", "source", "temperature_c", "calibrated_at_c", "adc_hz"),
     "gyro": (
-        "bandwidth_hz", "instability_deg_h", "instability_s", "bias_deg_h_per_c", "scale_ppm_per_c", "g2_deg_h_g2",
+        "bandwidth_hz",
+        "instability_deg_h",
+        "instability_s",
+        "bias_deg_h_per_c",
+        "scale_ppm_per_c",
+        "g2_deg_h_g2",
         "step_deg_s",
     ),
     "accelerometer": (
-        "range_g", "bandwidth_hz", "noise_ug_sqrt_hz", "instability_ug", "instability_s", "walk_ug_sqrt_h",
-        "scale_ppm", "misalignment_mrad", "bias_ug_per_c", "scale_ppm_per_c", "g2_ug_g2", "step_ug", "delay_ms",
+        "range_g",
+        "bandwidth_hz",
+        "noise_ug_sqrt_hz",
+        "instability_ug",
+        "instability_s",
+        "walk_ug_sqrt_h",
+        "scale_ppm",
+        "misalignment_mrad",
+        "bias_ug_per_c",
+        "scale_ppm_per_c",
+        "g2_ug_g2",
+        "step_ug",
+        "delay_ms",
     ),
     "magnetometer": (
-        "range_ut", "noise_nt", "bias_nt", "scale_ppm", "misalignment_mrad", "bias_nt_per_c", "step_nt",
+        "range_ut",
+        "noise_nt",
+        "bias_nt",
+        "scale_ppm",
+        "misalignment_mrad",
+        "bias_nt_per_c",
+        "step_nt",
     ),
-}  # fmt: skip
+}
 
 
 def from_file(path: Path, unit: type[Tool] | type[PrecisionUnit] = Tool) -> dict[str, Any]:

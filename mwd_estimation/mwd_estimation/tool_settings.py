@@ -123,9 +123,10 @@ class Magnetometer:
     """The magnetometer, without the field of the drill string."""
 
     present: bool = setting(
-        True, "The tool has a magnetometer. Set it to false for a tool without one: its absence is then no fault.",
+        True,
+        "The tool has a magnetometer. Set it to false for a tool without one: its absence is then no fault.",
         expert=True,
-    )  # fmt: skip
+    )
     range_ut: float = setting(
         800.0,
         "Largest field that an axis reads; 0: not known. Too large, and a saturated axis is not named. From the data "

@@ -13,17 +13,28 @@ OTHER_UNITS = (("deg/s",), ("g",), ("mT", "gauss", "uT", "mG", "nT"))
 _SI = ("rad/s", "m/s^2", "T")
 _CABLE = "check its plug and cable; if it stays, change the probe"
 _KINDS = {
-    FaultCode.CLIPPED: "saturated", FaultCode.NEVER_CAME: "absent", FaultCode.SILENT: "absent",
-    FaultCode.REPEATED: "held", FaultCode.SIGN: "flipped", FaultCode.POINTS_UP: "flipped",
+    FaultCode.CLIPPED: "saturated",
+    FaultCode.NEVER_CAME: "absent",
+    FaultCode.SILENT: "absent",
+    FaultCode.REPEATED: "held",
+    FaultCode.SIGN: "flipped",
+    FaultCode.POINTS_UP: "flipped",
     FaultCode.REST_RATE: "unit",
-}  # fmt: skip
+}
 _WARNINGS = (FaultCode.CLIPPED, FaultCode.NEVER_CAME, FaultCode.REPEATED, FaultCode.RATE)
 # Of what is seen indirectly; all else is certain.
 _CONFIDENCE = {
-    FaultCode.NOISE: 0.95, FaultCode.RATE: 0.9, FaultCode.REPEATED: 0.9, FaultCode.UNIT: 0.97,
-    FaultCode.GRAVITY: 0.9, FaultCode.MISMATCH: 0.9, FaultCode.REST_RATE: 0.9, FaultCode.FRAME: 0.6,
-    FaultCode.SIGN: 0.95, FaultCode.POINTS_UP: 0.95,
-}  # fmt: skip
+    FaultCode.NOISE: 0.95,
+    FaultCode.RATE: 0.9,
+    FaultCode.REPEATED: 0.9,
+    FaultCode.UNIT: 0.97,
+    FaultCode.GRAVITY: 0.9,
+    FaultCode.MISMATCH: 0.9,
+    FaultCode.REST_RATE: 0.9,
+    FaultCode.FRAME: 0.6,
+    FaultCode.SIGN: 0.95,
+    FaultCode.POINTS_UP: 0.95,
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,10 +71,14 @@ def describe(fault: SensorFault) -> FaultText:
     sensor = SENSORS[fault.place // 3]
     message, remedy = (_WORDS.get(fault.code) or _axes_words)(fault, sensor)
     text = FaultText(
-        _KINDS.get(fault.code, fault.code.name.lower()), _sensors(fault), _axis(fault),
+        _KINDS.get(fault.code, fault.code.name.lower()),
+        _sensors(fault),
+        _axis(fault),
         "warning" if fault.code in _WARNINGS or (fault.code == FaultCode.FRAME and not any(_few(fault))) else "error",
-        _confidence(fault), message, remedy,
-    )  # fmt: skip
+        _confidence(fault),
+        message,
+        remedy,
+    )
     ways = [kind_of(k) for mask in _few(fault) for k in _bits(mask, len(MAPPINGS))]
     if ways:
         text = dataclasses.replace(text, kind=_joined(kind for kind, _ in ways), axis=_joined(axis for _, axis in ways))

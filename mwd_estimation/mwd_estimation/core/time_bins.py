@@ -153,9 +153,15 @@ def _close(counts: Stamps, sums: Array, done: Stamps, figures: Array, row: int, 
 
 @compiled
 def _fill(
-    counts: Stamps, sums: Array, stamp_ns: Stamps, values: Array, start: int, length_ns: int, done: Stamps,
+    counts: Stamps,
+    sums: Array,
+    stamp_ns: Stamps,
+    values: Array,
+    start: int,
+    length_ns: int,
+    done: Stamps,
     figures: Array,
-) -> tuple[int, int]:  # fmt: skip
+) -> tuple[int, int]:
     """Take samples from `start` on until the block ends or no room is left for closed bins; their number comes last."""
     channels = sums.shape[1]
     closed = 0

@@ -37,22 +37,34 @@ _MAHONY = functools.partial(fuzzy_mahony.Params, fuzzy=False)
 _ALL = (
     Method("bounded", "velocity-bounded error-state Kalman filter", bounded.Params, bounded.initial, bounded.run),
     Method(
-        "s3", "rotation-vector recursion, PI correction, fuzzy gain (S3)", fuzzy_mahony.Params, fuzzy_mahony.initial,
+        "s3",
+        "rotation-vector recursion, PI correction, fuzzy gain (S3)",
+        fuzzy_mahony.Params,
+        fuzzy_mahony.initial,
         fuzzy_mahony.run,
     ),
     Method(
-        "mahony", "rotation-vector recursion and PI correction with fixed gains", _MAHONY, fuzzy_mahony.initial,
+        "mahony",
+        "rotation-vector recursion and PI correction with fixed gains",
+        _MAHONY,
+        fuzzy_mahony.initial,
         fuzzy_mahony.run,
     ),
     Method(
-        "kalman", "linear Kalman extraction with a Gauss-Markov acceleration (Ligorio type)", ligorio_kalman.Params,
-        ligorio_kalman.initial, ligorio_kalman.run,
+        "kalman",
+        "linear Kalman extraction with a Gauss-Markov acceleration (Ligorio type)",
+        ligorio_kalman.Params,
+        ligorio_kalman.initial,
+        ligorio_kalman.run,
     ),
     Method(
-        "raw", "direction of the accelerometer alone", accelerometer_only.Params, accelerometer_only.initial,
+        "raw",
+        "direction of the accelerometer alone",
+        accelerometer_only.Params,
+        accelerometer_only.initial,
         accelerometer_only.run,
     ),
-)  # fmt: skip
+)
 METHODS: dict[str, Method] = {one.name: one for one in _ALL}
 
 

@@ -222,10 +222,16 @@ def fault_of(checks: Any, code: int, place: int, now_ns: int, unit: Unit = Unit.
     if unit != Unit.CONVENTIONAL:
         bits = PRECISION * int(bool(bits) or code == FaultCode.STAMPS)
     return SensorFault(
-        FaultCode(code), unit, place, float(check.value), float(check.limit), (which[0], which[1], which[2]),
-        bits, int(check.since_ns),
+        FaultCode(code),
+        unit,
+        place,
+        float(check.value),
+        float(check.limit),
+        (which[0], which[1], which[2]),
+        bits,
+        int(check.since_ns),
         0 if check.state == FAULT else now_ns,
-    )  # fmt: skip
+    )
 
 
 def take_changes(checks: Any, now_ns: int, unit: Unit = Unit.CONVENTIONAL) -> list[SensorFault]:

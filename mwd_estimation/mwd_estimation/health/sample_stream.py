@@ -160,9 +160,15 @@ def _ready(k: Kernel, s: Any, samples: Samples, i: int) -> bool:
 
 @compiled
 def run(
-    k: Kernel, tables: Tables, expected: Expected, samples: Samples, start: int, offset: int,
-    unusable: NDArray[np.uint8], suspect: NDArray[np.uint8],
-) -> int:  # fmt: skip
+    k: Kernel,
+    tables: Tables,
+    expected: Expected,
+    samples: Samples,
+    start: int,
+    offset: int,
+    unusable: NDArray[np.uint8],
+    suspect: NDArray[np.uint8],
+) -> int:
     """Take samples from `start` on; stops at one that closed a half second which needs `_after_bin`."""
     s, stamps = tables.stream[0], samples.stamps
     if not s.open:

@@ -351,6 +351,8 @@ class PrecisionHealth:
 
 # Checks of the unit as a whole or of what only a second unit shows, which raise a doubt as soon as they are seen.
 _OF_THE_UNIT = (
-    (FaultCode.STAMPS, 0), (FaultCode.MISMATCH, 0), (FaultCode.MISMATCH, 3),
+    (FaultCode.STAMPS, 0),
+    (FaultCode.MISMATCH, 0),
+    (FaultCode.MISMATCH, 3),
     (FaultCode.REST_RATE, 0),
-)  # fmt: skip
+)

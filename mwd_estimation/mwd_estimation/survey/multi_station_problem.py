@@ -48,9 +48,12 @@ class MultistationSettings:
         2000.0, "Axial interference thought possible, 1 sigma", unit="nT", low=1.0, high=100000.0
     )
     cross_axial_bias_nt: float = setting(
-        150.0, "Cross-axial bias thought possible, 1 sigma: a hot spot in the collar beside the sensors' own",
-        unit="nT", low=1.0, high=100000.0,
-    )  # fmt: skip
+        150.0,
+        "Cross-axial bias thought possible, 1 sigma: a hot spot in the collar beside the sensors' own",
+        unit="nT",
+        low=1.0,
+        high=100000.0,
+    )
     magnetometer_noise_nt: float = setting(20.0, "Noise of a station's mean field, each axis", unit="nT", low=0.1)
     accelerometer_noise_mps2: float = setting(
         0.002, "Noise of a station's mean specific force, each axis", unit="m/s^2", low=1e-6

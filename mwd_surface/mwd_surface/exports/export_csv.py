@@ -57,20 +57,49 @@ def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = ()) -> str:
 
 
 _COLUMNS = (
-    "survey", "time_utc", "md_m", "depth_age_s",
+    "survey",
+    "time_utc",
+    "md_m",
+    "depth_age_s",
     *(f"specific_force_{a}_mps2" for a in _AXES),
     *(f"magnetic_field_{a}_nt" for a in _AXES),
     *(f"angular_rate_{a}_degph" for a in _AXES),
-    "temperature_degc", "duration_s", "samples",
-    "g_total_mps2", "b_total_nt", "dip_deg", "g_reference_mps2", "b_reference_nt", "dip_reference_deg",
-    "declination_deg", "convergence_deg",
-    "inclination_deg", "azimuth_deg", "gravity_toolface_deg", "magnetic_toolface_deg",
-    "sigma_inclination_deg", "sigma_azimuth_deg", "axial_interference_nt", "sigma_axial_interference_nt",
-)  # fmt: skip
+    "temperature_degc",
+    "duration_s",
+    "samples",
+    "g_total_mps2",
+    "b_total_nt",
+    "dip_deg",
+    "g_reference_mps2",
+    "b_reference_nt",
+    "dip_reference_deg",
+    "declination_deg",
+    "convergence_deg",
+    "inclination_deg",
+    "azimuth_deg",
+    "gravity_toolface_deg",
+    "magnetic_toolface_deg",
+    "sigma_inclination_deg",
+    "sigma_azimuth_deg",
+    "axial_interference_nt",
+    "sigma_axial_interference_nt",
+)
 _TEXTS = (
-    "azimuth_reference", "azimuth_method", "in_use", "automatic", "reasons", "person", "operator", "why", "judged_utc",
-    "leg", "tool", "flags", "comment", "uuid",
-)  # fmt: skip
+    "azimuth_reference",
+    "azimuth_method",
+    "in_use",
+    "automatic",
+    "reasons",
+    "person",
+    "operator",
+    "why",
+    "judged_utc",
+    "leg",
+    "tool",
+    "flags",
+    "comment",
+    "uuid",
+)
 
 
 def _decided(record: SurveyRecord) -> list[str]:

@@ -127,9 +127,24 @@ def _quality(table: SurveyTable) -> Sheet:
         )
         marks.append(_mark(record))
     titles = (
-        "Survey", "UTC", "MD", "Inc", "1σ", "Azi measured", "1σ", "Method", "G total", "ΔG", "B total", "ΔB",
-        "Dip", "ΔDip", "Axial", "Automatic", "Used",
-    )  # fmt: skip
+        "Survey",
+        "UTC",
+        "MD",
+        "Inc",
+        "1σ",
+        "Azi measured",
+        "1σ",
+        "Method",
+        "G total",
+        "ΔG",
+        "B total",
+        "ΔB",
+        "Dip",
+        "ΔDip",
+        "Axial",
+        "Automatic",
+        "Used",
+    )
     units = ("", "", "m", "deg", "deg", "deg", "deg", "", "m/s2", "mg", "nT", "nT", "deg", "deg", "nT", "", "")
     return Sheet("Quality control of every survey taken", titles, units, tuple(rows), tuple(marks), (1, 7, 15, 16))
 

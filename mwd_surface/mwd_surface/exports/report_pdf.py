@@ -107,10 +107,14 @@ def _sheet(pdf: Any, sheet: Sheet) -> None:
     pdf.cell(0, 8, sheet.heading, new_x="LMARGIN", new_y="NEXT")
     pdf.set_font(_FONT, "", 7)
     # Columns as wide as their longest text, within reason, shared out over the page.
-    lengths = [
-        min(40, max(len(t), len(u), *(len(r[k]) for r in sheet.rows), 3))
-        for k, (t, u) in enumerate(zip(sheet.titles, sheet.units, strict=True))
-    ] if sheet.rows else [max(3, len(t)) for t in sheet.titles]  # fmt: skip
+    lengths = (
+        [
+            min(40, max(len(t), len(u), *(len(r[k]) for r in sheet.rows), 3))
+            for k, (t, u) in enumerate(zip(sheet.titles, sheet.units, strict=True))
+        ]
+        if sheet.rows
+        else [max(3, len(t)) for t in sheet.titles]
+    )
     align = tuple("LEFT" if k in sheet.words else "RIGHT" for k in range(len(sheet.titles)))
     with pdf.table(
         col_widths=tuple(n + 3 for n in lengths),

@@ -325,5 +325,5 @@ def _header(
         ("Surveys", f"{sum(1 for r in own if r.in_use)} in use of {len(own)} taken; {by_hand} judged by a person"),
         ("Report made", utc(made_ns)),
         ("Software", software),
-    ]  # fmt: skip
+    ]
     return tuple((label, plain(value)) for label, value in lines if value)

@@ -57,9 +57,7 @@ _ANGLES = (
     ("sigma_azimuth", Quantity("azi_deg", "azimuth", _DEG, 4, 360.0)),
     ("sigma_gravity_toolface", Quantity("toolface_deg", "gravity_toolface", _DEG, 3, 360.0)),
 )
-_SIGMAS = tuple(
-    (sigma, Quantity(f"sigma_{q.key}", sigma, _DEG, q.decimals)) for sigma, q in _ANGLES
-)  # fmt: skip
+_SIGMAS = tuple((sigma, Quantity(f"sigma_{q.key}", sigma, _DEG, q.decimals)) for sigma, q in _ANGLES)
 QUANTITIES = tuple(q for _, q in (*_RIG_QUANTITIES, *_ANGLES, *_SIGMAS))
 COLUMNS = ("timestamp_utc_iso", *(q.key for q in QUANTITIES), "azimuth_north")
 
@@ -108,8 +106,10 @@ def rows(
     BagError
         There is neither attitude nor rig data, or those of several wells and none is named.
     """
-    names = {relative: _topic(bag, layout, relative, well)
-             for relative, layout in ((ATTITUDE, wire.ATTITUDE), (RIG, wire.RIG_STATE))}  # fmt: skip
+    names = {
+        relative: _topic(bag, layout, relative, well)
+        for relative, layout in ((ATTITUDE, wire.ATTITUDE), (RIG, wire.RIG_STATE))
+    }
     written.topics = tuple(name for name in names.values() if name)
     if not written.topics:
         raise BagError(

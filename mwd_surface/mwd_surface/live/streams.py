@@ -65,9 +65,17 @@ QUANTITIES = {
 }
 # Fields of RigState whose validity is bit 0, 1, ... of `valid`.
 _RIG_FIELDS = (
-    "bit_depth", "hole_depth", "block_position", "hookload", "weight_on_bit", "torque", "rotary_speed", "flow_rate",
-    "pressure", "rate_of_penetration",
-)  # fmt: skip
+    "bit_depth",
+    "hole_depth",
+    "block_position",
+    "hookload",
+    "weight_on_bit",
+    "torque",
+    "rotary_speed",
+    "flow_rate",
+    "pressure",
+    "rate_of_penetration",
+)
 _IN_SLIPS_VALID = 1024
 _ANGLES = ("inclination", "azimuth")
 _DRILLING = tuple(field.name for field in dataclasses.fields(DrillingState))

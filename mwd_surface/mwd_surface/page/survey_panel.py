@@ -21,8 +21,14 @@ from mwd_surface.surveys.well_path import Definitive
 
 NORTH_WORDS = ("", "magnetic", "true", "grid")
 _PLACED = (
-    "north", "east", "vertical_depth", "vertical_section", "dogleg_severity", "build_rate", "turn_rate",
-)  # fmt: skip
+    "north",
+    "east",
+    "vertical_depth",
+    "vertical_section",
+    "dogleg_severity",
+    "build_rate",
+    "turn_rate",
+)
 # Azimuths that are free of the axial interference; quality control then judges the field without it.
 _CORRECTED_METHODS = ("corrected", "msa", "fused")
 
@@ -151,14 +157,30 @@ def path_table(path: Definitive | None, section: float, covariance: Array | None
     section: azimuth of the vertical section, rad. covariance, shape (m, 3, 3): of the first m positions, m^2, for the
     ellipses. most: number of stations kept, the last ones.
     """
-    names = ("measured_depth", "inclination", "azimuth", "north", "east", "vertical_depth", "vertical_section",
-             "dogleg_severity")  # fmt: skip
+    names = (
+        "measured_depth",
+        "inclination",
+        "azimuth",
+        "north",
+        "east",
+        "vertical_depth",
+        "vertical_section",
+        "dogleg_severity",
+    )
     if path is None:
         return {**{name: [] for name in names}, "kind": [], "north_reference": "", "ellipses": [], "left_out": 0}
     first = max(0, len(path.md) - most)
     n, e, d = path.positions[first:].T
-    columns = (path.md[first:], path.inclination[first:], path.azimuth[first:], n, e, d,
-               path.vertical_section[first:], path.dogleg_severity[first:])  # fmt: skip
+    columns = (
+        path.md[first:],
+        path.inclination[first:],
+        path.azimuth[first:],
+        n,
+        e,
+        d,
+        path.vertical_section[first:],
+        path.dogleg_severity[first:],
+    )
     return {
         **{name: numbers(column) for name, column in zip(names, columns, strict=True)},
         "kind": list(path.kind[first:]),

@@ -19,9 +19,17 @@ from mwd_surface.surveys.depth import DepthRules, DepthTrack
 
 # Order of the bits of RigState.valid.
 FIELDS = (
-    "bit_depth", "hole_depth", "block_position", "hookload", "weight_on_bit", "torque", "rotary_speed", "flow_rate",
-    "pressure", "rate_of_penetration",
-)  # fmt: skip
+    "bit_depth",
+    "hole_depth",
+    "block_position",
+    "hookload",
+    "weight_on_bit",
+    "torque",
+    "rotary_speed",
+    "flow_rate",
+    "pressure",
+    "rate_of_penetration",
+)
 SLIPS_BIT = 1 << len(FIELDS)
 # What a rig can have at all, SI.
 PLAUSIBLE: dict[str, tuple[float, float]] = {

@@ -95,9 +95,15 @@ QUANTITIES = {**LIVE_QUANTITIES, **SURVEY_QUANTITIES}
 
 # Quantities measured by the tool, which its silence and its faults affect.
 _FROM_TOOL = (
-    "inclination", "azimuth", "gravity_toolface", "magnetic_toolface", "rotary_speed", "vibration", "temperature",
+    "inclination",
+    "azimuth",
+    "gravity_toolface",
+    "magnetic_toolface",
+    "rotary_speed",
+    "vibration",
+    "temperature",
     "axial_interference",
-)  # fmt: skip
+)
 _FROM_PLAN = ("plan_distance", "plan_up", "plan_right", "plan_toolface", "target_dogleg")
 # Status bits of the estimator that make a quantity doubtful, and the reason to give.
 _DOUBTS: tuple[tuple[Status, tuple[str, ...], str], ...] = (

@@ -33,10 +33,13 @@ class ListRules:
         10.0, "dogleg severity above which the list shows a warning", unit="deg/30 m", low=0.1
     )
     vertical_limit_deg: float = setting(
-        1.0, "inclination below which a station without azimuth takes the azimuth of the station above; a "
-"larger value accepts larger position errors",
-        unit="deg", low=0.0, high=5.0,
-    )  # fmt: skip
+        1.0,
+        "inclination below which a station without azimuth takes the azimuth of the station above; a "
+        "larger value accepts larger position errors",
+        unit="deg",
+        low=0.0,
+        high=5.0,
+    )
     projection: str = setting(
         "straight",
         "projection from the last station to the bit: straight on, or along the last curve",

@@ -30,13 +30,29 @@ _UNITS = {
 }
 _ANGLES = {"deg": math.pi / 180.0, "dega": math.pi / 180.0, "degrees": math.pi / 180.0, "rad": 1.0}
 _NAMES = {
-    "md": "md", "measured_depth": "md", "depth": "md", "dept": "md",
-    "inc": "inclination", "incl": "inclination", "inclination": "inclination",
-    "azi": "azimuth", "azim": "azimuth", "azimuth": "azimuth",
-    "tvd": "tvd", "vertical_depth": "tvd",
-    "north": "north", "ns": "north", "n_s": "north", "disp_ns": "north", "n": "north",
-    "east": "east", "ew": "east", "e_w": "east", "disp_ew": "east", "e": "east",
-}  # fmt: skip
+    "md": "md",
+    "measured_depth": "md",
+    "depth": "md",
+    "dept": "md",
+    "inc": "inclination",
+    "incl": "inclination",
+    "inclination": "inclination",
+    "azi": "azimuth",
+    "azim": "azimuth",
+    "azimuth": "azimuth",
+    "tvd": "tvd",
+    "vertical_depth": "tvd",
+    "north": "north",
+    "ns": "north",
+    "n_s": "north",
+    "disp_ns": "north",
+    "n": "north",
+    "east": "east",
+    "ew": "east",
+    "e_w": "east",
+    "disp_ew": "east",
+    "e": "east",
+}
 _TAGS = {"md": "md", "inclination": "incl", "azimuth": "azi", "tvd": "tvd", "north": "dispNs", "east": "dispEw"}
 _NORTHS = ("true", "grid", "magnetic")
 

@@ -46,12 +46,30 @@ RECORD_1: dict[int, tuple[str, float, float]] = {
 }
 # What we send: code, short name, decimals in metric and FPS units (None: text or whole number).
 SENT: dict[int, tuple[str, int | None]] = {
-    701: ("WID", None), 702: ("SKNO", None), 703: ("RID", None), 704: ("SQID", None), 705: ("DATE", None),
-    706: ("TIME", None), 707: ("ACTC", None), 708: ("DSVM", 2), 709: ("DSVV", 2), 711: ("DMEA", 2),
-    712: ("STYP", None), 713: ("SINC", 2), 714: ("SAZU", 2), 715: ("SAZC", 2), 716: ("SMTF", 2), 717: ("SGTF", 2),
-    718: ("SNS", 2), 719: ("SEW", 2), 720: ("SDLS", 2), 721: ("SWLK", 2), 808: ("DMEA", 2), 810: ("DBTM", 2),
+    701: ("WID", None),
+    702: ("SKNO", None),
+    703: ("RID", None),
+    704: ("SQID", None),
+    705: ("DATE", None),
+    706: ("TIME", None),
+    707: ("ACTC", None),
+    708: ("DSVM", 2),
+    709: ("DSVV", 2),
+    711: ("DMEA", 2),
+    712: ("STYP", None),
+    713: ("SINC", 2),
+    714: ("SAZU", 2),
+    715: ("SAZC", 2),
+    716: ("SMTF", 2),
+    717: ("SGTF", 2),
+    718: ("SNS", 2),
+    719: ("SEW", 2),
+    720: ("SDLS", 2),
+    721: ("SWLK", 2),
+    808: ("DMEA", 2),
+    810: ("DBTM", 2),
     919: ("MMRP", 0),
-}  # fmt: skip
+}
 _TYPES = {"corrected": "MAG-AX", "msa": "MAG-MS", "gyro": "GYRO", "fused": "MAG+GYRO"}
 _SAME_TIME_NS = 600 * NANOSECONDS
 _DRILLING, _CONNECTION, _CIRCULATING = 2, 3, 7
