@@ -8,10 +8,23 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 LINE = ("mwd_msgs", "mwd_sensors", "mwd_estimation", "mwd_surface")
 ROS = {
-    "rclpy", "rosidl_runtime_py", "launch", "launch_ros", "builtin_interfaces", "std_msgs", "sensor_msgs", "nav_msgs",
-    "geometry_msgs", "diagnostic_msgs", "rcl_interfaces", "lifecycle_msgs", "std_srvs", "tf2_msgs", "rosgraph_msgs",
+    "rclpy",
+    "rosidl_runtime_py",
+    "launch",
+    "launch_ros",
+    "builtin_interfaces",
+    "std_msgs",
+    "sensor_msgs",
+    "nav_msgs",
+    "geometry_msgs",
+    "diagnostic_msgs",
+    "rcl_interfaces",
+    "lifecycle_msgs",
+    "std_srvs",
+    "tf2_msgs",
+    "rosgraph_msgs",
     "mwd_msgs",
-}  # fmt: skip
+}
 MODULES = [path for package in LINE[1:] for path in sorted((ROOT / package / package).rglob("*.py")) if path.is_file()]
 KERNELS = [path for path in MODULES if not {"nodes", "ros"} & set(path.parts)]
 # Rooms of mwd_estimation by rank: a room imports only rooms of a lower rank. Modules beside the rooms rank last.

@@ -13,10 +13,23 @@ PACKAGES = ("mwd_sensors", "mwd_estimation", "mwd_surface")
 DISTRIBUTIONS = {"yaml": "pyyaml", "fpdf": "fpdf2", "serial": "pyserial", "foxglove": "foxglove-sdk"}
 # Comes with ROS: package.xml names it, no Python index has it.
 ROS = {
-    "rclpy", "launch", "launch_ros", "ament_index_python", "builtin_interfaces", "std_msgs", "sensor_msgs", "nav_msgs",
-    "geometry_msgs", "diagnostic_msgs", "rcl_interfaces", "lifecycle_msgs", "std_srvs", "tf2_msgs", "rosgraph_msgs",
+    "rclpy",
+    "launch",
+    "launch_ros",
+    "ament_index_python",
+    "builtin_interfaces",
+    "std_msgs",
+    "sensor_msgs",
+    "nav_msgs",
+    "geometry_msgs",
+    "diagnostic_msgs",
+    "rcl_interfaces",
+    "lifecycle_msgs",
+    "std_srvs",
+    "tf2_msgs",
+    "rosgraph_msgs",
     "mwd_msgs",
-}  # fmt: skip
+}
 
 
 def imported(package):

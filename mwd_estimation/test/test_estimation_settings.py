@@ -89,10 +89,17 @@ def test_a_misspelt_name_in_a_tool_file_is_refused_with_the_right_one(tmp_path):
 def test_by_default_the_filters_get_their_own_defaults():
     settings = EstimatorSettings()
     for derive in (
-        derivation.health_params, derivation.time_alignment_params, derivation.interference_params,
-        derivation.gyro_azimuth_params, derivation.gyrocompass_params, derivation.north_params, derivation.still_params,
-        derivation.rotary_params, derivation.run_params, derivation.fusion_params,
-    ):  # fmt: skip
+        derivation.health_params,
+        derivation.time_alignment_params,
+        derivation.interference_params,
+        derivation.gyro_azimuth_params,
+        derivation.gyrocompass_params,
+        derivation.north_params,
+        derivation.still_params,
+        derivation.rotary_params,
+        derivation.run_params,
+        derivation.fusion_params,
+    ):
         found = derive(settings)
         assert found == type(found)(), derive.__name__
     # 408 ug, as in the grades, is the tool code's 0.004 m/s^2 rounded.

@@ -123,10 +123,17 @@ def test_the_options_are_the_reference_where_the_table_has_none(tmp_path):
 def test_the_widest_figures_of_a_station_fit_a_plain_terminal():
     screen = io.StringIO()
     station = SimpleNamespace(
-        inclination=2.0, sigma_inclination=0.005, azimuth=6.28, sigma_azimuth=0.2, north="magnetic",
-        gravity_toolface=6.0, b_total=51234.4e-9, dip=-1.2, verdict="doubtful",
+        inclination=2.0,
+        sigma_inclination=0.005,
+        azimuth=6.28,
+        sigma_azimuth=0.2,
+        north="magnetic",
+        gravity_toolface=6.0,
+        b_total=51234.4e-9,
+        dip=-1.2,
+        verdict="doubtful",
         reasons=(Reason(ReasonCode.NO_FIELD_TO_CORRECT_BY),),
-    )  # fmt: skip
+    )
     show_surveys(Console(file=screen, width=80), [(station, 12345.6)] * 120)
     row = screen.getvalue().splitlines()[2]
     assert " ".join(row.split()) == "109 12345.6 114.59 ±0.29 359.8 ±11.5 magnetic 343.8 51234 -68.75 doubtful"

@@ -38,8 +38,18 @@ Changes = dict[str, Any]
 SCENARIOS = ROOT / "bags" / "scenarios"
 BROAD = REFERENCE_DATA / "broad"
 CASES = (
-    "rot155", "vib50", "drillvib", "stickslip", "whirl", "shocks", "build", "offaxis", "biasdrift", "gyroclip", "surge",
-)  # fmt: skip
+    "rot155",
+    "vib50",
+    "drillvib",
+    "stickslip",
+    "whirl",
+    "shocks",
+    "build",
+    "offaxis",
+    "biasdrift",
+    "gyroclip",
+    "surge",
+)
 SKIP_NS = 10_000_000_000
 
 
@@ -413,9 +423,11 @@ def paper_tables() -> list[str]:
     ]
     out.append("|---|---|---|---|")
     for label, name, reported in (
-        ("raw", "raw", "0.8269 / 0.6586"), ("S3", "s3", "0.0068 / 0.0379"), ("Kalman", "kalman", "0.0902 / 0.0485"),
+        ("raw", "raw", "0.8269 / 0.6586"),
+        ("S3", "s3", "0.0068 / 0.0379"),
+        ("Kalman", "kalman", "0.0902 / 0.0485"),
         ("bounded", "bounded", ""),
-    ):  # fmt: skip
+    ):
         cells = []
         for changes in ({}, matched):
             t, w, f, down = drilled(SCENARIOS / "s3_vibration.yaml", changes)

@@ -38,9 +38,12 @@ BROAD = REFERENCE_DATA / "broad"
 SECONDS = 240.0
 STARTS = (30.1, 31.6)
 SENSOR = {
-    "gyro": "gyro", "accel": "accelerometer", "mag": "magnetometer", "precision_gyro": "precision",
+    "gyro": "gyro",
+    "accel": "accelerometer",
+    "mag": "magnetometer",
+    "precision_gyro": "precision",
     "precision_accel": "precision",
-}  # fmt: skip
+}
 CONVENTIONAL = ("gyro", "accel", "mag")
 # What the clips of these two scenarios are: rotation beyond the gyro's range, which is no false alarm.
 CLIPPING = ("bench/gyroclip", "stick_slip_hell")
@@ -109,16 +112,40 @@ BOTH_FAULTS = (("gyro", "swapped", "yz"), ("gyro", "flipped", "y"), ("gyro", "fl
 ACROSS = ((0.2, 2.0), (2.0, 5.0), (5.0, 10.0))
 TURNS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 FINE_FAULTS = (
-    *(("precision_gyro", word, a) for word, a in (
-        ("stuck", "y"), ("stuck", "all"), ("off", "all"), ("nan", "all"), ("saturated", "y"), ("in_deg_s", "all"),
-        ("swapped", "xy"), ("swapped", "yz"), ("swapped", "xz"), ("flipped", "x"), ("flipped", "y"), ("flipped", "z"),
-        ("flipped", "all"), ("turned", "x"), ("repeated_stamps", "all"),
-    )),
-    *(("precision_accel", word, a) for word, a in (
-        ("stuck", "x"), ("stuck", "all"), ("in_g", "all"), ("swapped", "xy"), ("swapped", "yz"), ("flipped", "x"),
-        ("flipped", "all"), ("turned", "x"),
-    )),
-)  # fmt: skip
+    *(
+        ("precision_gyro", word, a)
+        for word, a in (
+            ("stuck", "y"),
+            ("stuck", "all"),
+            ("off", "all"),
+            ("nan", "all"),
+            ("saturated", "y"),
+            ("in_deg_s", "all"),
+            ("swapped", "xy"),
+            ("swapped", "yz"),
+            ("swapped", "xz"),
+            ("flipped", "x"),
+            ("flipped", "y"),
+            ("flipped", "z"),
+            ("flipped", "all"),
+            ("turned", "x"),
+            ("repeated_stamps", "all"),
+        )
+    ),
+    *(
+        ("precision_accel", word, a)
+        for word, a in (
+            ("stuck", "x"),
+            ("stuck", "all"),
+            ("in_g", "all"),
+            ("swapped", "xy"),
+            ("swapped", "yz"),
+            ("flipped", "x"),
+            ("flipped", "all"),
+            ("turned", "x"),
+        )
+    ),
+)
 TOPICS = ("imu/data_raw", "imu/mag", "gyro/data_raw")
 Streams = dict[str, NDArray[np.void]]
 

@@ -84,9 +84,14 @@ def multi(kind: str, small: bool, runs: int) -> str:
         f_t, b_t, reference, _, azi, _, _ = drawn_run(kind, seed, **options)
         done = multi_station_analysis.analyse(f_t, b_t, reference)
         alone = axial_correction.axial_correction(
-            f_t, b_t, reference.horizontal, reference.vertical, errors.covariance(f_t, b_t) + noise,
-            reference.covariance, plausible=3e-6,
-        )  # fmt: skip
+            f_t,
+            b_t,
+            reference.horizontal,
+            reference.vertical,
+            errors.covariance(f_t, b_t) + noise,
+            reference.covariance,
+            plausible=3e-6,
+        )
         raw.append(wrap_pi(done.azimuth_raw - azi))
         single.append(wrap_pi(alone.azimuth - azi))
         refused += bool(done.refused)
@@ -172,9 +177,13 @@ def s0_rows() -> list[str]:
     for axial_nt, paper in ((20000.0, 28.87), (40000.0, 21.67), (80000.0, 14.30)):
         b_t = mat_tn @ np.array([total * math.cos(dip), 0.0, total * math.sin(dip)]) + [axial_nt * 1e-9, 0.0, 0.0]
         done = axial_correction.axial_correction(
-            f_t, b_t, reference.horizontal, reference.vertical, SensorErrors().covariance(f_t, b_t),
+            f_t,
+            b_t,
+            reference.horizontal,
+            reference.vertical,
+            SensorErrors().covariance(f_t, b_t),
             reference.covariance,
-        )  # fmt: skip
+        )
         table.append(
             f"| {axial_nt:g} | {paper:.2f} | {math.degrees(float(magnetic_geometry.raw_azimuth(f_t, b_t))):.2f} "
             "| 42.00 | "

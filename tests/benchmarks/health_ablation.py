@@ -52,17 +52,41 @@ BROKEN = (
 )
 # Value of a limit with which it decides nothing.
 SIGNAL = {
-    "gyro_turns": math.inf, "shakes": math.inf, "steps": 0.0,
-    "varied_bins": 1 << 40, "missing": math.inf, "clipped": math.inf, "saturated": math.inf, "white": 0.0,
-    "noise_of_range": math.inf, "field_noise": math.inf, "no_tesla": math.inf, "off_pace": math.inf,
-    "in_pace": 0.0, "lost": math.inf, "repeated": math.inf,
-}  # fmt: skip
+    "gyro_turns": math.inf,
+    "shakes": math.inf,
+    "steps": 0.0,
+    "varied_bins": 1 << 40,
+    "missing": math.inf,
+    "clipped": math.inf,
+    "saturated": math.inf,
+    "white": 0.0,
+    "noise_of_range": math.inf,
+    "field_noise": math.inf,
+    "no_tesla": math.inf,
+    "off_pace": math.inf,
+    "in_pace": 0.0,
+    "lost": math.inf,
+    "repeated": math.inf,
+}
 WINDOW = {
-    "fits": math.inf, "rejects": math.inf, "margin": math.inf, "quiet": math.inf, "field_held": 0.0,
-    "field_better": 0.0, "turned_between": math.inf, "dip": math.inf, "dip_frame": math.inf, "dip_sign": 0.0,
-    "dip_noise": math.inf, "strength": math.inf, "strength_frame": math.inf, "fastest": math.inf,
-    "no_gravity": math.inf, "variances": 0.0, "pushed": math.inf,
-}  # fmt: skip
+    "fits": math.inf,
+    "rejects": math.inf,
+    "margin": math.inf,
+    "quiet": math.inf,
+    "field_held": 0.0,
+    "field_better": 0.0,
+    "turned_between": math.inf,
+    "dip": math.inf,
+    "dip_frame": math.inf,
+    "dip_sign": 0.0,
+    "dip_noise": math.inf,
+    "strength": math.inf,
+    "strength_frame": math.inf,
+    "fastest": math.inf,
+    "no_gravity": math.inf,
+    "variances": 0.0,
+    "pushed": math.inf,
+}
 CONSISTENCY = {"length": math.inf, "sigmas": 0.0, "field": 0.0, "dip": math.inf}
 
 
@@ -71,19 +95,23 @@ Change = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 ODD_FAULTS: dict[str, tuple[str, str, Change]] = {
     "accelerometer of half the range": ("imu/data_raw", "linear_acceleration", lambda v: 2.0 * v),
     "accelerometer reads noise of 20 m/s^2": (
-        "imu/data_raw", "linear_acceleration", lambda v: np.random.default_rng(6).normal(0.0, 20.0, v.shape)
+        "imu/data_raw",
+        "linear_acceleration",
+        lambda v: np.random.default_rng(6).normal(0.0, 20.0, v.shape),
     ),
     "gyro sends values twice": ("imu/data_raw", "angular_velocity", lambda v: v[np.arange(len(v)) // 2 * 2]),
     "stamps stand still": ("imu/data_raw", "stamp_ns", lambda v: np.minimum(v, v[len(v) // 2])),
-}  # fmt: skip
+}
 ODD_HEALTHY: dict[str, tuple[str, str, Change]] = {
     "coarse gyro": ("imu/data_raw", "angular_velocity", lambda v: np.round(v / 1e-3) * 1e-3),
     "coarse accelerometer": ("imu/data_raw", "linear_acceleration", lambda v: np.round(v / 5e-3) * 5e-3),
     "coarse magnetometer": ("imu/mag", "magnetic_field", lambda v: np.round(v / 1e-7) * 1e-7),
     "tone of 100 m/s^2 at 10 Hz": (
-        "imu/data_raw", "linear_acceleration", lambda v: v + 100.0 * np.sin(0.6283 * np.arange(len(v)))[:, None]
+        "imu/data_raw",
+        "linear_acceleration",
+        lambda v: v + 100.0 * np.sin(0.6283 * np.arange(len(v)))[:, None],
     ),
-}  # fmt: skip
+}
 
 
 @dataclasses.dataclass
@@ -162,8 +190,13 @@ def compared(what: str, before: list[Outcome], after: list[Outcome], cases: list
             counts[5] += b.wrong and not a.wrong
             continue
         missed = math.isfinite(a.named) and not math.isfinite(b.named)
-        found = (missed, math.isfinite(b.named) and b.named > a.named + 1.0, b.doubted > a.doubted + 1.0,
-                 not missed and b.code != a.code, b.wrong and not a.wrong)  # fmt: skip
+        found = (
+            missed,
+            math.isfinite(b.named) and b.named > a.named + 1.0,
+            b.doubted > a.doubted + 1.0,
+            not missed and b.code != a.code,
+            b.wrong and not a.wrong,
+        )
         for k, hit in enumerate(found):
             counts[k] += bool(hit)
     return f"| {what} | " + " | ".join(str(count) for count in counts) + " |"

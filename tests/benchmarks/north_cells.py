@@ -68,9 +68,10 @@ def table_row(cells: list[Cell]) -> str:
     one = cells[0]
     refused = sum(int((~cell.answered).sum()) for cell in cells)
     return (
-        f"| {one.method} | {one.noise:g} | {one.latitude:g} | " + " | ".join(cell.summary for cell in cells)
+        f"| {one.method} | {one.noise:g} | {one.latitude:g} | "
+        + " | ".join(cell.summary for cell in cells)
         + f" | {refused} |"
-    )  # fmt: skip
+    )
 
 
 def band(runs: int) -> tuple[float, float]:
@@ -120,9 +121,16 @@ def with_errors(clean: Motion, params: SeekParams, scale: float, rng: np.random.
     )
     bias, accel_bias = draw(params, rng)
     return measured(
-        late, rng, params.gyro_noise_deg_rth, params.gyro_x_noise_deg_rth, params.accel_noise_ug_rthz, bias, accel_bias,
-        scale_x=scale * rng.standard_normal(), leak=params.leak_urad * 1e-6 * rng.standard_normal(2),
-    )  # fmt: skip
+        late,
+        rng,
+        params.gyro_noise_deg_rth,
+        params.gyro_x_noise_deg_rth,
+        params.accel_noise_ug_rthz,
+        bias,
+        accel_bias,
+        scale_x=scale * rng.standard_normal(),
+        leak=params.leak_urad * 1e-6 * rng.standard_normal(2),
+    )
 
 
 def draw(params: SeekParams, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -197,9 +205,14 @@ def s1_filter(noise: float, lat: float, runs: int, seed: int) -> list[Cell]:
     error, sigma = np.empty((runs, len(TIMES))), np.empty((runs, len(TIMES)))
     for r in range(runs):
         gyro, accel = measured(
-            clean, rng, noise, None, params.accel_noise_ug_rthz,
-            rng.standard_normal(3) * params.gyro_bias_deg_h * DEG_PER_HOUR, rng.standard_normal(3) * 20 * MICRO_G,
-        )  # fmt: skip
+            clean,
+            rng,
+            noise,
+            None,
+            params.accel_noise_ug_rthz,
+            rng.standard_normal(3) * params.gyro_bias_deg_h * DEG_PER_HOUR,
+            rng.standard_normal(3) * 20 * MICRO_G,
+        )
         north = static_ekf.run(params, static_ekf.initial(params), clean.stamp_ns, gyro, accel)
         error[r], sigma[r] = wrap_pi(north.azimuth[at] - AZIMUTH), north.sigma_azimuth[at]
     rate = EARTH_RATE * math.cos(math.radians(lat))
@@ -213,9 +226,16 @@ def s1_filter(noise: float, lat: float, runs: int, seed: int) -> list[Cell]:
 def turning_for_hours(noise: float, lat: float, runs: int, hours: float, seed: int) -> Cell:
     """Cell of a tool that turns for hours, where the hole axis may turn and only velocity is a measurement."""
     params = SeekParams(
-        mode="continuous", latitude_deg=lat, gyro_noise_deg_rth=noise, gyro_walk_deg_h_rth=0.0, accel_bias_ug=20.0,
-        axis_walk_deg_rth=0.5, block_seconds=0.4, lead_sigma_ms=0.05, expected_azimuth_deg=math.degrees(AZIMUTH) + 10.0,
-    )  # fmt: skip
+        mode="continuous",
+        latitude_deg=lat,
+        gyro_noise_deg_rth=noise,
+        gyro_walk_deg_h_rth=0.0,
+        accel_bias_ug=20.0,
+        axis_walk_deg_rth=0.5,
+        block_seconds=0.4,
+        lead_sigma_ms=0.05,
+        expected_azimuth_deg=math.degrees(AZIMUTH) + 10.0,
+    )
     clean = motion(hours * 3600.0, math.radians(lat), INCLINATION, AZIMUTH, steady(12.0), 5.0)
     rng = np.random.default_rng(seed)
     error, sigma = np.empty(runs), np.empty(runs)

@@ -54,29 +54,44 @@ OFF_AFTER_60_S = [{"component": "mag", "fault": "off", "start_s": 60.0}]
 CASES: dict[str, tuple[Any, float, list[dict[str, Any]], dict[str, Any]]] = {
     "steady drilling": (TANGENT, 50.0, [_still(15.0), _drill(70.0), CONNECTION, _drill(70.0)], {}),
     "stick-slip": (
-        TANGENT, 50.0, [_still(15.0), _drill(70.0), CONNECTION, _drill(70.0)],
+        TANGENT,
+        50.0,
+        [_still(15.0), _drill(70.0), CONNECTION, _drill(70.0)],
         {"vibration": {**VIBRATION, "stick_slip": {"frequency_hz": 0.2, "depth": 1.0}}},
     ),
     "slide, warming up": (
-        TANGENT, 50.0, [_still(15.0), _slide(50.0, 30.0), _slide(50.0, -60.0), CONNECTION, _slide(40.0, 180.0)],
+        TANGENT,
+        50.0,
+        [_still(15.0), _slide(50.0, 30.0), _slide(50.0, -60.0), CONNECTION, _slide(40.0, 180.0)],
         {"vibration": HUNTING, "temperature": {"warm_up_c": 15.0, "warm_up_s": 120.0}},
     ),
     "build, 1800 m/h": (
-        ([0.0, 20.0, 35.0], [150.0, 50.0, 50.0], [250.0, 70.0, 60.0]), 20.0, [_drill(50.0, 1800.0), CONNECTION] * 3, {},
+        ([0.0, 20.0, 35.0], [150.0, 50.0, 50.0], [250.0, 70.0, 60.0]),
+        20.0,
+        [_drill(50.0, 1800.0), CONNECTION] * 3,
+        {},
     ),
     "beside a cased well, 4 m": (
-        SHOE, 20.0, FAST,
-        {"offset_wells": [
-            {"start_m": [2.0, 10.0, 20.0], "end_m": [12.0, 60.0, 110.0], "joint_m": 12.0, "strength_uwb": 150.0}
-        ], "tool_joints": {"spacing_m": 9.0, "axial_nt": 1500.0, "width_m": 0.4}},
+        SHOE,
+        20.0,
+        FAST,
+        {
+            "offset_wells": [
+                {"start_m": [2.0, 10.0, 20.0], "end_m": [12.0, 60.0, 110.0], "joint_m": 12.0, "strength_uwb": 150.0}
+            ],
+            "tool_joints": {"spacing_m": 9.0, "axial_nt": 1500.0, "width_m": 0.4},
+        },
     ),
     "out of a casing shoe": (
-        SHOE, 20.0, FAST, {"poles": [{"position_m": [0.5, 3.5, 16.0], "strength_uwb": 400.0}]},
+        SHOE,
+        20.0,
+        FAST,
+        {"poles": [{"position_m": [0.5, 3.5, 16.0], "strength_uwb": 400.0}]},
     ),
     "horizontal, due east": (([0.0, 90.0, 90.0],), 500.0, FAST, {}),
     "magnetometer lost, drilling": (TANGENT, 50.0, [_still(20.0), _drill(140.0)], {"faults": OFF_AFTER_60_S}),
     "magnetometer lost, sliding": (TANGENT, 50.0, [_still(20.0), _slide(140.0, 30.0)], {"faults": OFF_AFTER_60_S}),
-}  # fmt: skip
+}
 HEAD = "| while | gyros | given % | error rms deg | sigma deg | NEES |"
 
 

@@ -46,9 +46,16 @@ pytestmark = [
 AXE = Path(__file__).parent / "vendor" / "axe.min.js"
 TOKEN = "drill-baby-drill"  # noqa: S105
 FLAGS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage",
-)  # fmt: skip
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+)
 EVIL = "<img src=x onerror=document.title='owned'>"
 SIZES = ((1024, 768), (1920, 1080), (390, 844))
 

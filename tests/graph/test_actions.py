@@ -13,11 +13,17 @@ from running_graph import until
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 SETTINGS = {
-    "tool__precision__gyro__noise_deg_sqrt_h": 0.01, "tool__precision__gyro__bias_deg_h": 0.02,
-    "tool__precision__gyro__g_deg_h_g": 0.0, "tool__precision__gyro__walk_deg_h_sqrt_h": 0.0,
-    "survey__automatic": False, "survey__min_gyro_s": 10.0, "place__field": "fixed", "place__lat_deg": 50.0,
-    "place__total_nt": 48000.0, "place__dip_deg": 66.0,
-}  # fmt: skip
+    "tool__precision__gyro__noise_deg_sqrt_h": 0.01,
+    "tool__precision__gyro__bias_deg_h": 0.02,
+    "tool__precision__gyro__g_deg_h_g": 0.0,
+    "tool__precision__gyro__walk_deg_h_sqrt_h": 0.0,
+    "survey__automatic": False,
+    "survey__min_gyro_s": 10.0,
+    "place__field": "fixed",
+    "place__lat_deg": 50.0,
+    "place__total_nt": 48000.0,
+    "place__dip_deg": 66.0,
+}
 
 CLIENT = """
 import json, math, time

@@ -34,9 +34,14 @@ def test_every_sample_of_a_five_kilohertz_unit_in_bursts_is_recorded_and_estimat
         for name in (surface, estimator):
             until(lambda name=name: ": active" in graph.log(name), 120, f"{name} is active")
         sonde = graph.start(
-            "sonde", "w1", scenario=tmp_path / "fast.yaml", wait_for_listener_s=60.0, exit_at_end=True,
-            burst=BURST, thin=50,
-        )  # fmt: skip
+            "sonde",
+            "w1",
+            scenario=tmp_path / "fast.yaml",
+            wait_for_listener_s=60.0,
+            exit_at_end=True,
+            burst=BURST,
+            thin=50,
+        )
         assert graph.wait(sonde, 120.0) == 0
         for name in (estimator, surface):
             assert graph.end(name)[0] == 0

@@ -285,8 +285,23 @@ def test_processing_the_recording_gives_the_bits_that_were_published_live(played
 def test_replaying_the_recording_gives_the_same_bits_as_processing_it(played, tmp_path):
     out = tmp_path / "processed"
     mwd = [sys.executable, "-P", "-m", "mwd_surface.cli"]
-    subprocess.run([*mwd, "process", str(played["bag"]), "-o", str(out), "--set", "place.field=model",
-                    "--lat", "38.3", "--lon", "109.6"], check=True, capture_output=True)  # fmt: skip
+    subprocess.run(
+        [
+            *mwd,
+            "process",
+            str(played["bag"]),
+            "-o",
+            str(out),
+            "--set",
+            "place.field=model",
+            "--lat",
+            "38.3",
+            "--lon",
+            "109.6",
+        ],
+        check=True,
+        capture_output=True,
+    )
     with running_graph.graph(tmp_path) as graph:
         settings = {"folder": tmp_path / "data", "serve_page": False, "record__name": "again"}
         surface = graph.start("surface", "w1", **settings)

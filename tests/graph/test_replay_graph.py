@@ -68,8 +68,11 @@ def test_each_round_of_a_loop_and_what_follows_a_seek_equal_a_fresh_start(tmp_pa
         with reported.open("w") as log:
             replay = graph.running["replay"] = subprocess.Popen(
                 [sys.executable, "-P", "-m", "mwd_surface.cli", "replay", str(bag), *words],
-                env=graph.environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
-            )  # fmt: skip
+                env=graph.environment,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+            )
         until(lambda: "round 2 is over" in reported.read_text(), 120, "two rounds")
         # To 7 s, forward or backward as it comes; then backward to 4 s.
         subprocess.run([sys.executable, "-c", SEEK, "7", "4"], env=graph.environment, check=True, timeout=60)

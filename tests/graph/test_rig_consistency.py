@@ -152,10 +152,14 @@ def given(request):
 
 DEG = math.pi / 180.0
 CSV_UNITS = {
-    "md": ("md_m", 1.0, 3), "inclination": ("inclination_deg", DEG, 4), "azimuth": ("azimuth_deg", DEG, 4),
-    "tvd": ("tvd_m", 1.0, 3), "north": ("north_m", 1.0, 3), "east": ("east_m", 1.0, 3),
+    "md": ("md_m", 1.0, 3),
+    "inclination": ("inclination_deg", DEG, 4),
+    "azimuth": ("azimuth_deg", DEG, 4),
+    "tvd": ("tvd_m", 1.0, 3),
+    "north": ("north_m", 1.0, 3),
+    "east": ("east_m", 1.0, 3),
     "dogleg": ("dls_deg_per_30m", DEG / 30.0, 4),
-}  # fmt: skip
+}
 
 
 def digits(text, unit, decimals):
@@ -202,10 +206,17 @@ def trajectory(text):
     station = ET.fromstring(text.encode()).find(f".//w:trajectoryStation[@uid='{uid}']", ns)  # noqa: S314
     units = {"m": 1.0, "dega": DEG, "dega/30m": DEG / 30.0, "nT": 1e-9, "m/s2": 1.0}
     wanted = {
-        "md": "md", "inclination": "incl", "azimuth": "azi", "tvd": "tvd", "north": "dispNs", "east": "dispEw",
-        "dogleg": "dls", "g_total": "valid/w:gravTotalFieldCalc", "b_total": "valid/w:magTotalFieldCalc",
+        "md": "md",
+        "inclination": "incl",
+        "azimuth": "azi",
+        "tvd": "tvd",
+        "north": "dispNs",
+        "east": "dispEw",
+        "dogleg": "dls",
+        "g_total": "valid/w:gravTotalFieldCalc",
+        "b_total": "valid/w:magTotalFieldCalc",
         "dip": "valid/w:magDipAngleCalc",
-    }  # fmt: skip
+    }
     found = {}
     for name, path in wanted.items():
         element = station.find(f"w:{path}", ns)
@@ -218,9 +229,14 @@ def paper(reported):
     row = dict(zip(sheet.titles, next(r for r in sheet.rows if r[0] == str(LAST)), strict=True))
     test = dict(zip(quality.titles, next(r for r in quality.rows if r[0] == str(LAST)), strict=True))
     titles = {
-        "md": ("MD", 1.0), "inclination": ("Inc", DEG), "azimuth": ("Azi", DEG), "tvd": ("TVD", 1.0),
-        "north": ("N/S", 1.0), "east": ("E/W", 1.0), "dogleg": ("DLS", DEG / 30.0),
-    }  # fmt: skip
+        "md": ("MD", 1.0),
+        "inclination": ("Inc", DEG),
+        "azimuth": ("Azi", DEG),
+        "tvd": ("TVD", 1.0),
+        "north": ("N/S", 1.0),
+        "east": ("E/W", 1.0),
+        "dogleg": ("DLS", DEG / 30.0),
+    }
     found = {name: digits(row[title], unit, 2) for name, (title, unit) in titles.items()}
     found["g_total"] = digits(test["G total"], 1.0, 4)
     found["b_total"] = digits(test["B total"], 1e-9, 0)
@@ -230,8 +246,18 @@ def paper(reported):
 
 def page(snapshot):
     row = next(r for r in snapshot["sections"]["surveys"]["rows"] if r["sequence"] == LAST)
-    keys = ("measured_depth", "inclination", "azimuth", "vertical_depth", "north", "east", "dogleg_severity",
-            "g_total", "b_total", "dip")  # fmt: skip
+    keys = (
+        "measured_depth",
+        "inclination",
+        "azimuth",
+        "vertical_depth",
+        "north",
+        "east",
+        "dogleg_severity",
+        "g_total",
+        "b_total",
+        "dip",
+    )
     return {name: (row[key], abs(row[key]) * 1e-9) for name, key in zip(NAMES, keys, strict=True)}
 
 
@@ -245,10 +271,17 @@ def recorder(address, units):
     length = 1.0 if units == "metric" else 0.3048
     dogleg = DEG / 30.0 if units == "metric" else DEG / 30.48
     items = {
-        "md": (708, length, 2), "tvd": (709, length, 2), "inclination": (713, DEG, 2), "azimuth": (715, DEG, 2),
-        "north": (718, length, 2), "east": (719, length, 2), "dogleg": (720, dogleg, 2),
-        "g_total": (722, 9.80665, 4), "b_total": (723, 1e-9, 1), "dip": (724, DEG, 2),
-    }  # fmt: skip
+        "md": (708, length, 2),
+        "tvd": (709, length, 2),
+        "inclination": (713, DEG, 2),
+        "azimuth": (715, DEG, 2),
+        "north": (718, length, 2),
+        "east": (719, length, 2),
+        "dogleg": (720, dogleg, 2),
+        "g_total": (722, 9.80665, 4),
+        "b_total": (723, 1e-9, 1),
+        "dip": (724, DEG, 2),
+    }
     texts = {item.code: item.text for item in frame.items}
     return {name: digits(texts[code], unit, decimals) for name, (code, unit, decimals) in items.items()}
 
@@ -266,9 +299,13 @@ def registers(address):
             block = struct.unpack(f">{COUNT}H", answer[9:])
     assert block[3] == LAST
     items = {
-        "inclination": (10, DEG), "azimuth": (12, DEG), "md": (14, 1.0), "g_total": (16, 9.80665),
-        "b_total": (18, 1e-9), "dip": (20, DEG),
-    }  # fmt: skip
+        "inclination": (10, DEG),
+        "azimuth": (12, DEG),
+        "md": (14, 1.0),
+        "g_total": (16, 9.80665),
+        "b_total": (18, 1e-9),
+        "dip": (20, DEG),
+    }
     found = {}
     for name, (at, unit) in items.items():
         number = float_of(block[at : at + 2], ModbusForm()) * unit
@@ -281,10 +318,17 @@ async def variables(address):
     import asyncua
 
     names = {
-        "md": "SurveyMeasuredDepth", "inclination": "Inclination", "azimuth": "Azimuth",
-        "tvd": "SurveyTrueVerticalDepth", "north": "SurveyNorth", "east": "SurveyEast", "dogleg": "DogLegSeverity",
-        "g_total": "TotalGravity", "b_total": "TotalMagneticField", "dip": "MagneticDip",
-    }  # fmt: skip
+        "md": "SurveyMeasuredDepth",
+        "inclination": "Inclination",
+        "azimuth": "Azimuth",
+        "tvd": "SurveyTrueVerticalDepth",
+        "north": "SurveyNorth",
+        "east": "SurveyEast",
+        "dogleg": "DogLegSeverity",
+        "g_total": "TotalGravity",
+        "b_total": "TotalMagneticField",
+        "dip": "MagneticDip",
+    }
     async with asyncua.Client(address) as client:
         index = await client.get_namespace_index(OPCUA_NAMESPACE)
         well = await client.nodes.objects.get_child([f"{index}:Well 1"])

@@ -105,9 +105,20 @@ def azimuths_of(stamps, mag, good, seen, constant, anew):
 
 
 def go(
-    well: Drilling, mag: Array, gyro: Array, params: Params = TACTICAL, good: Array | None = None, cuts=(), seek=(),
-    fine=None, precision=None, stamps=None, constant=0.0, anew=(), station=(),
-):  # fmt: skip
+    well: Drilling,
+    mag: Array,
+    gyro: Array,
+    params: Params = TACTICAL,
+    good: Array | None = None,
+    cuts=(),
+    seek=(),
+    fine=None,
+    precision=None,
+    stamps=None,
+    constant=0.0,
+    anew=(),
+    station=(),
+):
     """Rows, propagated azimuths of the bins, and the state at the end."""
     n = len(mag)
     stamps = well.stamps[:n] if stamps is None else stamps
@@ -121,9 +132,13 @@ def go(
         rates = np.zeros((0, 3)) if fine is None else fine[:stop]
         block = GyroBlock(stamps[start:stop], gyro[start:stop], well.down[start:stop], np.zeros(stop - start))
         rows, propagated, used = gyro_azimuth.run(
-            p, state, block, steps_of(stamps, start, stop, seek, station),
-            azimuths_of(stamps, mag, ok, seen, constant, anew), PrecisionRates(stamps[: len(rates)], rates),
-        )  # fmt: skip
+            p,
+            state,
+            block,
+            steps_of(stamps, start, stop, seek, station),
+            azimuths_of(stamps, mag, ok, seen, constant, anew),
+            PrecisionRates(stamps[: len(rates)], rates),
+        )
         mag_from = seen[used] if used < len(seen) else stop
         parts.append(rows)
         bins.append(propagated)
@@ -362,6 +377,10 @@ def test_blocks_of_any_length_bad_samples_and_gaps_give_the_same_bits() -> None:
     block = GyroBlock(stamps, gyro, well.down[:n], np.zeros(3))
     with pytest.raises(ValueError, match="sigma_tilt"):
         gyro_azimuth.run(
-            kernel_params(TACTICAL, BIN_NS, 60.0), initial(), block, steps_of(stamps, 0, n),
-            np.zeros(0, dtype=MAGNETIC_AZIMUTH), PrecisionRates(stamps[:0], gyro[:0]),
-        )  # fmt: skip
+            kernel_params(TACTICAL, BIN_NS, 60.0),
+            initial(),
+            block,
+            steps_of(stamps, 0, n),
+            np.zeros(0, dtype=MAGNETIC_AZIMUTH),
+            PrecisionRates(stamps[:0], gyro[:0]),
+        )

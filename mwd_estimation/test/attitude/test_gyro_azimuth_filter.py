@@ -203,9 +203,15 @@ def test_a_biased_mean_innovation_opens_the_biases_as_far_as_the_gyro_s_grade_al
         noise=1e-5, bias=grade * math.radians(1.0) / 3600.0, walk=0.0, leakage=0.0, drift=0.0, lag=0.0
     )
     p = PARAMS._replace(
-        earth_north=0.0, earth_down=0.0, held_repeats=1.0, slow_error_time_s=1e9, reset_time_s=1e9, gap_rate=0.0,
-        tilt_memory_s=0.0, units=(unit, unit),
-    )  # fmt: skip
+        earth_north=0.0,
+        earth_down=0.0,
+        held_repeats=1.0,
+        slow_error_time_s=1e9,
+        reset_time_s=1e9,
+        gap_rate=0.0,
+        tilt_memory_s=0.0,
+        units=(unit, unit),
+    )
     s, dt, drift, sigma = state_of(), 0.2, math.radians(0.003), math.radians(0.5)
     rng, off = np.random.default_rng(3), []
     for step in range(600):

@@ -39,9 +39,16 @@ def _run(inclination, azimuth, *, model=CLEAN, params=None, mag_late=0.003, n=60
     b_t = _seen(_turning(inclination, azimuth, mag_times, rate), FIELD_N) + model.interference
     to_ns = lambda t: START + np.round(t * 1e9).astype(np.int64)  # noqa: E731
     rows, _, _ = run(
-        params or Params(), initial(), model, to_ns(times), _seen(mat, np.array([0.0, 0.0, 1.0])),
-        np.full(n, rate), np.zeros(n), to_ns(mag_times), b_t,
-    )  # fmt: skip
+        params or Params(),
+        initial(),
+        model,
+        to_ns(times),
+        _seen(mat, np.array([0.0, 0.0, 1.0])),
+        np.full(n, rate),
+        np.zeros(n),
+        to_ns(mag_times),
+        b_t,
+    )
     return rows, mat
 
 
@@ -65,9 +72,16 @@ def test_no_azimuth_is_invented_before_the_first_magnetic_sample_or_after_the_la
     mat = _turning(0.8, 1.0, times, 0.0)
     stamps = START + np.round(times * 1e9).astype(np.int64)
     rows, _, used = run(
-        Params(mag_timeout_s=1.0), initial(), CLEAN, stamps, _seen(mat, np.array([0.0, 0.0, 1.0])),
-        np.zeros(500), np.zeros(500), stamps[100:200], _seen(mat[100:200], FIELD_N),
-    )  # fmt: skip
+        Params(mag_timeout_s=1.0),
+        initial(),
+        CLEAN,
+        stamps,
+        _seen(mat, np.array([0.0, 0.0, 1.0])),
+        np.zeros(500),
+        np.zeros(500),
+        stamps[100:200],
+        _seen(mat[100:200], FIELD_N),
+    )
     assert used == 100
     known = np.isfinite(rows["azimuth"])
     assert not known[:100].any()
@@ -82,9 +96,16 @@ def test_near_vertical_is_entered_and_left_with_hysteresis():
     mat = mat_nt(inclination, np.zeros(100), np.zeros(100))
     stamps = START + np.arange(100) * 10**7
     rows, _, _ = run(
-        Params(), initial(), CLEAN, stamps, _seen(mat, np.array([0.0, 0.0, 1.0])), np.zeros(100),
-        np.zeros(100), stamps[:0], np.zeros((0, 3)),
-    )  # fmt: skip
+        Params(),
+        initial(),
+        CLEAN,
+        stamps,
+        _seen(mat, np.array([0.0, 0.0, 1.0])),
+        np.zeros(100),
+        np.zeros(100),
+        stamps[:0],
+        np.zeros((0, 3)),
+    )
     near = rows["status"] & Status.NEAR_VERTICAL > 0
     np.testing.assert_array_equal(near[:50], np.degrees(inclination[:50]) < 3.0)
     np.testing.assert_array_equal(near[50:], np.degrees(inclination[50:]) <= 4.0)
@@ -123,13 +144,27 @@ def test_any_cut_into_blocks_gives_the_same_bits(cuts, mag_ahead):
             continue
         mag_to = min(block[-1] + 1 + mag_ahead, 300)
         rows, _, used = run(
-            Params(), state.copy(), CLEAN, stamps[block], g_t[block], np.full(len(block), 16.2),
-            np.full(len(block), 1e-3), stamps[mag_from:mag_to], b_t[mag_from:mag_to],
-        )  # fmt: skip
+            Params(),
+            state.copy(),
+            CLEAN,
+            stamps[block],
+            g_t[block],
+            np.full(len(block), 16.2),
+            np.full(len(block), 1e-3),
+            stamps[mag_from:mag_to],
+            b_t[mag_from:mag_to],
+        )
         again, handed, _ = run(
-            Params(), state, CLEAN, stamps[block], g_t[block], np.full(len(block), 16.2), np.full(len(block), 1e-3),
-            stamps[mag_from:mag_to], b_t[mag_from:mag_to],
-        )  # fmt: skip
+            Params(),
+            state,
+            CLEAN,
+            stamps[block],
+            g_t[block],
+            np.full(len(block), 16.2),
+            np.full(len(block), 1e-3),
+            stamps[mag_from:mag_to],
+            b_t[mag_from:mag_to],
+        )
         np.testing.assert_array_equal(again["azimuth"], rows["azimuth"])
         mag_from += used
         pieces.append(rows)
@@ -149,9 +184,16 @@ def test_one_magnetic_sample_in_each_interval_is_handed_on_with_the_gravity_of_i
     model = FieldModel((1e-6, 0.0, 0.0), 2e-7, 1e-7)
     b_t = _seen(mag_mat, FIELD_N) + model.interference
     rows, pairs, _ = run(
-        Params(pair_interval_s=0.5), initial(), model, to_ns(times), _seen(mat, np.array([0.0, 0.0, 1.0])),
-        np.full(600, 16.2), np.full(600, 1e-3), to_ns(mag_times), b_t,
-    )  # fmt: skip
+        Params(pair_interval_s=0.5),
+        initial(),
+        model,
+        to_ns(times),
+        _seen(mat, np.array([0.0, 0.0, 1.0])),
+        np.full(600, 16.2),
+        np.full(600, 1e-3),
+        to_ns(mag_times),
+        b_t,
+    )
     assert len(pairs["place"]) == 12
     assert (np.diff(pairs["stamp_ns"] // 500_000_000) == 1).all()
     at = np.searchsorted(to_ns(mag_times), pairs["stamp_ns"])

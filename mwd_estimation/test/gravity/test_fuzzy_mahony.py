@@ -70,12 +70,19 @@ def test_coning_term_is_right_for_mean_rates_and_wrong_for_strapdown_integrated_
 @pytest.mark.parametrize(
     ("vibration", "rpm", "step"),
     [
-        (0, 0, 0.06), (25, 0, 0.03), (50, 0, -0.03),
-        (0, 100, 0.0), (25, 100, 0.0), (50, 100, -0.03),
-        (0, 200, 0.0), (25, 200, -0.03), (50, 200, -0.06),
-        (500, 900, -0.06), (50, -200, -0.06),
+        (0, 0, 0.06),
+        (25, 0, 0.03),
+        (50, 0, -0.03),
+        (0, 100, 0.0),
+        (25, 100, 0.0),
+        (50, 100, -0.03),
+        (0, 200, 0.0),
+        (25, 200, -0.03),
+        (50, 200, -0.06),
+        (500, 900, -0.06),
+        (50, -200, -0.06),
     ],
-)  # fmt: skip
+)
 def test_fuzzy_table_at_its_corners(vibration, rpm, step):
     assert fuzzy_mahony.fuzzy_step(float(vibration), float(rpm), fuzzy_mahony.RULES) == pytest.approx(step, abs=1e-15)
 

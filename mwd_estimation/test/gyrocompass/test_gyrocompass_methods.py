@@ -17,9 +17,14 @@ from mwd_sensors.core.frames import wrap_pi
 
 DEG = math.radians(1.0)
 PARAMS = SeekParams(
-    latitude_deg=44.0, gyro_noise_deg_rth=0.01, gyro_x_noise_deg_rth=0.01, gyro_bias_deg_h=0.02, gyro_x_bias_deg_h=0.02,
-    gyro_walk_deg_h_rth=0.0, scale_x_ppm=300.0,
-)  # fmt: skip
+    latitude_deg=44.0,
+    gyro_noise_deg_rth=0.01,
+    gyro_x_noise_deg_rth=0.01,
+    gyro_bias_deg_h=0.02,
+    gyro_x_bias_deg_h=0.02,
+    gyro_walk_deg_h_rth=0.0,
+    scale_x_ppm=300.0,
+)
 
 
 def fed(seeker: Seeker, seconds: float = 63.5, bias: float = 0.02, roll=still) -> Seeker:

@@ -19,8 +19,9 @@ RATE = 50.0
 
 def bins(seconds, rpm=0.0, seed=1):
     """Half-second bins of both units on a tool at inclination 40, azimuth 100 deg."""
-    tool = motion(seconds, LATITUDE * DEG, lambda t: 40.0 * DEG + 0.0 * t, lambda t: 100.0 * DEG + 0.0 * t,
-                  steady(rpm), RATE)  # fmt: skip
+    tool = motion(
+        seconds, LATITUDE * DEG, lambda t: 40.0 * DEG + 0.0 * t, lambda t: 100.0 * DEG + 0.0 * t, steady(rpm), RATE
+    )
     rng = np.random.default_rng(seed)
     gyro, accel = measured(tool, rng, 0.02, 0.02)
     ahrs = tool.gyro_t.copy()

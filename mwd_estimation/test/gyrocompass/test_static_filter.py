@@ -9,8 +9,12 @@ from mwd_estimation.gyrocompass import static_ekf, static_filter
 from mwd_estimation.gyrocompass.static_filter import Error
 from mwd_sensors.core.frames import mat_nt
 
-ADDED = {"position": Error.POSITION, "velocity": Error.VELOCITY, "gyro_bias": Error.GYRO_BIAS,
-         "accel_bias": Error.ACCEL_BIAS}  # fmt: skip
+ADDED = {
+    "position": Error.POSITION,
+    "velocity": Error.VELOCITY,
+    "gyro_bias": Error.GYRO_BIAS,
+    "accel_bias": Error.ACCEL_BIAS,
+}
 
 
 def test_transition_is_the_derivative_of_the_mechanisation() -> None:

@@ -57,9 +57,13 @@ def sent(name, seconds, still_s=0.0):
     imu, mag = (np.concatenate([part[topic] for part in parts]) for topic in ("imu/data_raw", "imu/mag"))
     field = sonde.reference
     return Run(
-        imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"], mag["stamp_ns"], mag["magnetic_field"],
+        imu["stamp_ns"],
+        imu["angular_velocity"],
+        imu["linear_acceleration"],
+        mag["stamp_ns"],
+        mag["magnetic_field"],
         (field.gravity, field.total, field.dip),
-    )  # fmt: skip
+    )
 
 
 def judged(run, cuts=(), reference=True, doubts=False):
@@ -229,11 +233,21 @@ def test_a_healthy_tool_is_left_in_peace(name):
 
 # What differs from the truth at once, and what must be seen against the motion of some seconds.
 SOON = {
-    "accelerometer x stuck": 1.0, "accelerometer stuck": 1.0, "gyro z stuck": 1.0, "dead gyro, zero": 1.0,
-    "accelerometer z saturated": 1.0, "accelerometer in g": 1.0, "gyro in deg/s": 1.0, "gyro not a number": 1.0,
-    "accelerometer x and y exchanged": 2.0, "gyro x and z exchanged": 1.0, "gyro x reversed": 2.5,
-    "gravity instead of specific force": 5.0, "magnetometer y and z exchanged": 5.0, "magnetometer in gauss": 2.0,
-}  # fmt: skip
+    "accelerometer x stuck": 1.0,
+    "accelerometer stuck": 1.0,
+    "gyro z stuck": 1.0,
+    "dead gyro, zero": 1.0,
+    "accelerometer z saturated": 1.0,
+    "accelerometer in g": 1.0,
+    "gyro in deg/s": 1.0,
+    "gyro not a number": 1.0,
+    "accelerometer x and y exchanged": 2.0,
+    "gyro x and z exchanged": 1.0,
+    "gyro x reversed": 2.5,
+    "gravity instead of specific force": 5.0,
+    "magnetometer y and z exchanged": 5.0,
+    "magnetometer in gauss": 2.0,
+}
 
 
 @pytest.mark.parametrize("name", SOON)

@@ -131,8 +131,9 @@ def test_what_was_held_against_both_is_dropped_when_the_first_unit_is_left_out()
     imu["angular_velocity"][(imu["stamp_ns"] - imu["stamp_ns"][0]) * 1e-9 > START_S + 4.0] = np.nan
     changes, _, health = judged({**streams, "imu/data_raw": imu})
     assert [(describe(one).sensor, bool(one.cleared_ns)) for _, one in changes] == [
-        ("gyro/precision gyro", False), ("gyro/precision gyro", True),
-    ]  # fmt: skip
+        ("gyro/precision gyro", False),
+        ("gyro/precision gyro", True),
+    ]
     assert health.refusal is None
 
 
@@ -183,10 +184,14 @@ def estimated(streams, cut=10**9):
     field = sonde.reference
     settings = EstimatorSettings(
         place=Place(
-            field="fixed", total_nt=field.total * 1e9, dip_deg=np.degrees(field.dip), gravity_mps2=field.gravity,
-            declination_deg=np.degrees(field.declination), lat_deg=38.0,
+            field="fixed",
+            total_nt=field.total * 1e9,
+            dip_deg=np.degrees(field.dip),
+            gravity_mps2=field.gravity,
+            declination_deg=np.degrees(field.declination),
+            lat_deg=38.0,
         ),
-    )  # fmt: skip
+    )
     pipeline, output = Pipeline(settings), Output.empty(0)
     imu = streams["imu/data_raw"]
     pipeline.push_mag(streams["imu/mag"])

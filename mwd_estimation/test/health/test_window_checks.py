@@ -23,9 +23,16 @@ SENSORS = ("gyro", "accel", "mag")
 
 
 def observed(
-    gyro=None, accel=None, mag=None, expected=EXPECTED, spoilt=(0, 0, 0), turning=True, shake=0.05, push=None,
+    gyro=None,
+    accel=None,
+    mag=None,
+    expected=EXPECTED,
+    spoilt=(0, 0, 0),
+    turning=True,
+    shake=0.05,
+    push=None,
     known=False,
-):  # fmt: skip
+):
     """
     Checks after a window of a tool that turns about its axis and wobbles, each sensor mapped by a matrix.
 

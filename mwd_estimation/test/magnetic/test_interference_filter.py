@@ -97,8 +97,16 @@ def test_east_west_horizontal_with_900_nt_comes_within_half_a_degree_by_magnetic
         b_t = b_t - bias + np.array([900e-9, 100e-9, -100e-9])
         got = run(PARAMS, initial(PARAMS, reference), stamps, g_t, b_t, sigma_g, sigma_b)
         errors.append(wrap_pi(got["azimuth"][-1] - truth[-1]) / DEG)
-        plain = run(PARAMS, initial(PARAMS, reference), stamps[-1:], g_t[-1:], b_t[-1:], sigma_g[:1], sigma_b[:1],
-                    np.zeros(1, dtype=bool))  # fmt: skip
+        plain = run(
+            PARAMS,
+            initial(PARAMS, reference),
+            stamps[-1:],
+            g_t[-1:],
+            b_t[-1:],
+            sigma_g[:1],
+            sigma_b[:1],
+            np.zeros(1, dtype=bool),
+        )
         raw.append(wrap_pi(plain["azimuth"][-1] - truth[-1]) / DEG)
     assert np.sqrt(np.mean(np.square(raw))) > 3.0
     assert np.sqrt(np.mean(np.square(errors))) < 0.5

@@ -45,8 +45,13 @@ def test_what_a_burst_cannot_carry_is_refused():
     oriented, unequal = samples(3), samples(3)
     oriented["orientation"][1] = 0.5
     unequal["linear_acceleration_covariance"][2] = 1.0
-    for bad, words in ((samples(0), "1 to 1000"), (samples(1001), "1 to 1000"), (oriented, "no orientation"),
-                       (unequal, "must be equal"), (wire.MAG.empty(2), "dtype")):  # fmt: skip
+    for bad, words in (
+        (samples(0), "1 to 1000"),
+        (samples(1001), "1 to 1000"),
+        (oriented, "no orientation"),
+        (unequal, "must be equal"),
+        (wire.MAG.empty(2), "dtype"),
+    ):
         with pytest.raises(ValueError, match=words):
             burst.encode(bad, "sonde_link")
 

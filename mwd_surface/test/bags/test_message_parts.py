@@ -56,8 +56,10 @@ def test_split_samples_of_two_topics_are_whole_together_and_apart_at_the_mark(on
     assert joined.tobytes() == np.sort(one_array([first[1], second[1]]), order=("stamp_ns", "temperature")).tobytes()
 
 
-@given(pieces=st.dictionaries(st.sampled_from("abc"), st.lists(LOGGED, min_size=1, max_size=3), min_size=1),
-       size=st.integers(1, 50))  # fmt: skip
+@given(
+    pieces=st.dictionaries(st.sampled_from("abc"), st.lists(LOGGED, min_size=1, max_size=3), min_size=1),
+    size=st.integers(1, 50),
+)
 def test_blocks_hold_every_message_once_and_none_is_later_than_the_next_block(pieces, size):
     given_ = {name: [piece(one) for one in parts] for name, parts in pieces.items()}
     blocks = list(blocks_of(given_, size))

@@ -77,8 +77,11 @@ def test_a_bag_that_fails_is_an_outcome_and_the_rest_is_worked_out_once(tmp_path
     shutil.copytree(bags[0], bags[3])
     outcomes = by_name(run(bags, tmp_path / "fleet"))
     assert {name: one.row["outcome"] for name, one in outcomes.items()} == {
-        "good": DONE, "cut": FAILED, "empty": FAILED, "twin": DONE,
-    }  # fmt: skip
+        "good": DONE,
+        "cut": FAILED,
+        "empty": FAILED,
+        "twin": DONE,
+    }
     assert "mwd recover" in outcomes["cut"].row["reason"]
     assert outcomes["empty"].row["reason"]
     surveys = parquet.read_table(tmp_path / "fleet" / "surveys")

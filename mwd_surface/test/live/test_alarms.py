@@ -55,8 +55,9 @@ def test_nobody_can_acknowledge_without_a_name_or_what_is_not_there():
     book = AlarmBook()
     raised(book)
     assert book.acknowledge("link.stale", "  ", 20) == (
-        False, "operator_name: must not be empty: the log says who acknowledged",
-    )  # fmt: skip
+        False,
+        "operator_name: must not be empty: the log says who acknowledged",
+    )
     ok, message = book.acknowledge("disk", "A. Berg", 20)
     assert not ok
     assert "link.stale" in message

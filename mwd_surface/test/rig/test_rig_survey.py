@@ -62,11 +62,19 @@ def test_an_azimuth_that_lacks_its_correction_is_remarked(method, status, remark
 
 def test_what_a_survey_does_not_know_is_none():
     bare = survey(
-        1, 30.0, 75.0,
-        b_total=-1.0, b_reference=-1.0, temperature=-300.0, sigma_axial_interference=-1.0, azimuths=(),
-        magnetic_field_covariance=(-1.0, *(0.0,) * 8), azimuth_method="gyro", north=2,
+        1,
+        30.0,
+        75.0,
+        b_total=-1.0,
+        b_reference=-1.0,
+        temperature=-300.0,
+        sigma_axial_interference=-1.0,
+        azimuths=(),
+        magnetic_field_covariance=(-1.0, *(0.0,) * 8),
+        azimuth_method="gyro",
+        north=2,
         covariance=(-1.0, *(0.0,) * 3, 1e-6, *(0.0,) * 4),
-    )  # fmt: skip
+    )
     well = dataclasses.replace(WELL, north_reference="true")
     (s,) = accepted_surveys(SurveyList(well=well).add(bare, 300.0, 0.0))
     unknown = (s.b_total, s.dip, s.temperature, s.axial_interference, s.magnetic_field, s.azimuth_uncorrected)

@@ -96,9 +96,12 @@ def test_an_inactive_node_says_so_of_everything():
 def test_a_toolface_that_is_not_defined_keeps_its_last_value_as_stale():
     first = values()
     steep = attitude(
-        Status.NEAR_VERTICAL, inclination=0.01, sigma_gravity_toolface=-1.0, gravity_toolface=0.0,
+        Status.NEAR_VERTICAL,
+        inclination=0.01,
+        sigma_gravity_toolface=-1.0,
+        gravity_toolface=0.0,
         stamp_ns=NOW_NS + 5 * S,
-    )  # fmt: skip
+    )
     state = live(sample=steep).at(NOW)
     table = rig_values(state, (), now_ns=NOW_NS + 5 * S, previous=first)
     assert table.mode == MAGNETIC

@@ -77,8 +77,12 @@ def test_one_line_for_every_imu_message_in_order(tmp_path):
     imu, _ = recording(tmp_path / "bag")
     summary = run(tmp_path / "bag", tmp_path / "out")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
-        "attitude.csv", "config.yaml", "faults.csv", "surveys.csv", "surveys.json",
-    ]  # fmt: skip
+        "attitude.csv",
+        "config.yaml",
+        "faults.csv",
+        "surveys.csv",
+        "surveys.json",
+    ]
     assert (tmp_path / "out" / "attitude.csv").read_text().splitlines()[0] == (
         "stamp_ns,inclination_deg,azimuth_deg,toolface_deg,sigma_inclination_deg,sigma_azimuth_deg,sigma_toolface_deg,"
         "gravity_x,gravity_y,gravity_z,status"

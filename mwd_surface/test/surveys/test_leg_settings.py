@@ -47,8 +47,14 @@ def test_a_new_leg_without_its_kick_off_is_refused_with_the_name_of_the_setting(
 
 
 def test_a_tie_on_moves_the_main_leg_in_metres_and_degrees():
-    asked = LegSettings(tie_on_depth=100.0, tie_on_inclination_deg=2.0, tie_on_azimuth_deg=57.0, tie_on_north=5.0,
-                        tie_on_east=-3.0, tie_on_vertical_depth=99.5)  # fmt: skip
+    asked = LegSettings(
+        tie_on_depth=100.0,
+        tie_on_inclination_deg=2.0,
+        tie_on_azimuth_deg=57.0,
+        tie_on_north=5.0,
+        tie_on_east=-3.0,
+        tie_on_vertical_depth=99.5,
+    )
     made = arranged(filled(), asked)
     path = made.definitive()
     assert path.md[0] == 100.0

@@ -18,9 +18,17 @@ REFERENCE = Reference(total=4.72e-5, dip=1.2, declination=0.03, convergence=0.01
 
 def test_the_promised_columns_come_first():
     assert station_csv.COLUMNS[:10] == (
-        "md_m", "inclination_deg", "azimuth_deg", "azimuth_reference", "toolface_deg", "g_total_mps2", "b_total_nt",
-        "dip_deg", "verdict", "reasons",
-    )  # fmt: skip
+        "md_m",
+        "inclination_deg",
+        "azimuth_deg",
+        "azimuth_reference",
+        "toolface_deg",
+        "g_total_mps2",
+        "b_total_nt",
+        "dip_deg",
+        "verdict",
+        "reasons",
+    )
 
 
 def test_a_line_says_what_the_station_says():

@@ -83,10 +83,18 @@ def test_scale_and_lever_arm_are_learnt_while_drilling():
 @pytest.mark.parametrize(
     ("case", "most"),
     [
-        ("rot155", 0.04), ("vib50", 0.03), ("drillvib", 0.06), ("stickslip", 0.06), ("whirl", 0.06), ("build", 0.06),
-        ("offaxis", 0.06), ("biasdrift", 0.12), ("surge", 0.4), ("shocks", 1.2),
+        ("rot155", 0.04),
+        ("vib50", 0.03),
+        ("drillvib", 0.06),
+        ("stickslip", 0.06),
+        ("whirl", 0.06),
+        ("build", 0.06),
+        ("offaxis", 0.06),
+        ("biasdrift", 0.12),
+        ("surge", 0.4),
+        ("shocks", 1.2),
     ],
-)  # fmt: skip
+)
 def test_gravity_is_followed_while_drilling_from_a_start_in_motion(case, most):
     stamps, gyro, accel, down = drilled(case, 45.0)
     p = bounded.Params()

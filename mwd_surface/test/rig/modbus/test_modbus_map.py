@@ -30,10 +30,22 @@ def test_every_register_holds_what_the_table_says():
     assert block[:2] == (1, 5000)
     assert block[3] == 12
     expected = {
-        4: 123.456, 6: 201.5, 8: 0.1, 10: math.degrees(s.inclination), 12: math.degrees(s.azimuth),
-        14: s.measured_depth, 16: s.g_total / 9.80665, 18: s.b_total * 1e9, 20: math.degrees(s.dip), 22: 0.05,
-        24: 0.4, 26: 40.12, 28: 850.0, 30: 60.0 / math.pi, 32: 71.25,
-    }  # fmt: skip
+        4: 123.456,
+        6: 201.5,
+        8: 0.1,
+        10: math.degrees(s.inclination),
+        12: math.degrees(s.azimuth),
+        14: s.measured_depth,
+        16: s.g_total / 9.80665,
+        18: s.b_total * 1e9,
+        20: math.degrees(s.dip),
+        22: 0.05,
+        24: 0.4,
+        26: 40.12,
+        28: 850.0,
+        30: 60.0 / math.pi,
+        32: 71.25,
+    }
     for address, value in expected.items():
         assert at(block, address) == pytest.approx(value, rel=1e-6), address
     assert struct.unpack(">Q", struct.pack(">4H", *block[34:38]))[0] == s.stamp_ns // 1_000_000

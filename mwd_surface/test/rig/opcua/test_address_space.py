@@ -11,10 +11,24 @@ from mwd_surface.rig.opcua.address_space import NUMBERS, STATUS_CODES, UNITS, VA
 from mwd_surface.rig.values import QUANTITIES, Condition, nothing_yet
 
 ASKED = (
-    "Inclination", "Azimuth", "GravityToolface", "MagneticToolface", "ToolfaceMode", "TotalGravity",
-    "TotalMagneticField", "MagneticDip", "SurveyMeasuredDepth", "SurveySequence", "SurveyQuality", "InclinationSigma",
-    "AzimuthSigma", "ToolfaceAge", "AxialInterference", "ToolTemperature", "Heartbeat",
-)  # fmt: skip
+    "Inclination",
+    "Azimuth",
+    "GravityToolface",
+    "MagneticToolface",
+    "ToolfaceMode",
+    "TotalGravity",
+    "TotalMagneticField",
+    "MagneticDip",
+    "SurveyMeasuredDepth",
+    "SurveySequence",
+    "SurveyQuality",
+    "InclinationSigma",
+    "AzimuthSigma",
+    "ToolfaceAge",
+    "AxialInterference",
+    "ToolTemperature",
+    "Heartbeat",
+)
 
 
 def test_every_variable_of_the_manifest_is_there_once_and_read_at_every_moment():
@@ -42,11 +56,15 @@ def test_every_condition_has_its_status_code():
     assert set(STATUS_CODES) == set(Condition)
     ua = pytest.importorskip("asyncua.ua", reason="asyncua is not installed: pip install asyncua")
     names = {
-        Condition.GOOD: "Good", Condition.OVERRIDE: "GoodLocalOverride", Condition.WAITING: "BadWaitingForInitialData",
-        Condition.DOUBTFUL: "UncertainSensorNotAccurate", Condition.STALE: "UncertainLastUsableValue",
-        Condition.FAULT: "BadSensorFailure", Condition.NO_LINK: "BadNoCommunication",
+        Condition.GOOD: "Good",
+        Condition.OVERRIDE: "GoodLocalOverride",
+        Condition.WAITING: "BadWaitingForInitialData",
+        Condition.DOUBTFUL: "UncertainSensorNotAccurate",
+        Condition.STALE: "UncertainLastUsableValue",
+        Condition.FAULT: "BadSensorFailure",
+        Condition.NO_LINK: "BadNoCommunication",
         Condition.INACTIVE: "BadOutOfService",
-    }  # fmt: skip
+    }
     for condition, name in names.items():
         assert getattr(ua.StatusCodes, name) == STATUS_CODES[condition]
 

@@ -188,8 +188,11 @@ def test_node_opcua_reads_the_same(served):
     publish(served, values(later=2.0))
     done = subprocess.run(
         [node, str(PEERS / "opcua_read.js"), served.address, NAMESPACE, "Well 1", "Inclination", "BitMeasuredDepth"],
-        capture_output=True, text=True, timeout=90, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=90,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     inclination, depth = json.loads(next(line for line in done.stdout.splitlines() if line.startswith("[{")))
     table = values(later=2.0)
@@ -216,9 +219,11 @@ async def secure(server, certificate, key, own, uri):
     client = asyncua.Client(server.address)
     client.application_uri = uri
     await client.set_security(
-        asyncua.crypto.security_policies.SecurityPolicyBasic256Sha256, str(certificate), str(key),
+        asyncua.crypto.security_policies.SecurityPolicyBasic256Sha256,
+        str(certificate),
+        str(key),
         server_certificate=str(own),
-    )  # fmt: skip
+    )
     async with client:
         yield client
 

@@ -26,8 +26,12 @@ FORMS = {
 
 def packets(form, table):
     writer = RecordWriter(form)
-    groups = (writer.survey(table, table.survey), writer.toolface(table), writer.formation(table),
-              writer.mechanical(table))  # fmt: skip
+    groups = (
+        writer.survey(table, table.survey),
+        writer.toolface(table),
+        writer.formation(table),
+        writer.mechanical(table),
+    )
     return b"".join(encode(items, form.source) for items in groups if items)
 
 
@@ -126,9 +130,16 @@ def test_the_activity_follows_from_what_the_rig_says(rig, code):
 
 def test_a_survey_without_magnetometer_has_no_made_up_items():
     bare = survey(
-        1, 30.0, 75.0, north=2, azimuth_method="gyro", b_total=-1.0, azimuths=(), temperature=-300.0,
+        1,
+        30.0,
+        75.0,
+        north=2,
+        azimuth_method="gyro",
+        b_total=-1.0,
+        azimuths=(),
+        temperature=-300.0,
         magnetic_field_covariance=(-1.0, *(0.0,) * 8),
-    )  # fmt: skip
+    )
     table = values(SurveyList().add(bare, 300.0, 0.0))
     items = dict(RecordWriter(Wits0Format()).survey(table, table.survey))
     assert not {714, 723, 724, 726} & set(items)
