@@ -15,10 +15,10 @@ from mwd_estimation.attitude import drilling_dynamics
 from mwd_estimation.attitude.block import Block
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
 from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates
+from mwd_estimation.bin_stage import BinStage, Numbering
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.core.samples import Track
-from mwd_estimation.core.samples import samples as arrays_of
 from mwd_estimation.core.sensor_fault import MAG
+from mwd_estimation.core.track import Track, sample_arrays
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.gravity.fallback import GravityWithFallback, without_faulty
 from mwd_estimation.magnetic import spike_filter
@@ -27,7 +27,6 @@ from mwd_estimation.sensor_watch import SensorWatch, Stretch
 from mwd_estimation.settings import EstimatorSettings, latitude_of
 from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS
-from mwd_estimation.surveying import Numbering, Surveying
 from mwd_sensors.core.arrays import Samples
 
 _STRONGEST = 0.01  # T; a hundred times what a magnetised string adds
@@ -52,7 +51,7 @@ class Estimate:
         self.settings, self._counters, self._given = settings, counters, reference
         self.watch = SensorWatch(settings)
         self.field = MagneticFeedback(derivation.station_params(settings), reference)
-        self.surveying = Surveying(settings, self.field, self.watch.history, numbering)
+        self.bin_stage = BinStage(settings, self.field, self.watch.history, numbering)
         self._spikes = spike_filter.initial()
         self._attitude = AttitudeStream(
             derivation.time_alignment_params(settings),
@@ -87,7 +86,7 @@ class Estimate:
         self._attitude.set_reference(self.field.reference)
         self.watch.set_reference(self.field.reference)
         self._use_gravity(self.local_gravity)
-        self.surveying.precision.begin(latitude_of(self.settings), self.local_gravity)
+        self.bin_stage.precision.begin(latitude_of(self.settings), self.local_gravity)
 
     @property
     def local_gravity(self) -> float | None:
@@ -116,20 +115,20 @@ class Estimate:
         self._counters.late_mag += int((stamps <= self.last_imu_ns - self._lag_ns).sum())
         if len(stamps):
             self.watch.mag_used(int(stamps[0]))
-        self.surveying.streams.add("mag", stamps, b_t)
+        self.bin_stage.streams.add("mag", stamps, b_t)
         self._attitude.take_mag(stamps, b_t)
 
     def take_precision(self, samples: Samples) -> None:
         """Take samples of the high-precision unit, dtype of `wire.IMU`."""
         values = np.hstack([samples["angular_velocity"], samples["linear_acceleration"]])
         stamps = np.ascontiguousarray(samples["stamp_ns"])
-        self.surveying.streams.add("precision", stamps, values)
-        self.surveying.precision.take(stamps, values)
+        self.bin_stage.streams.add("precision", stamps, values)
+        self.bin_stage.precision.take(stamps, values)
 
     def take_temperature(self, samples: Samples) -> None:
         """Take temperatures, dtype of `wire.TEMPERATURE`."""
         values = np.ascontiguousarray(samples["temperature"])[:, None]
-        self.surveying.streams.add("temperature", np.ascontiguousarray(samples["stamp_ns"]), values)
+        self.bin_stage.streams.add("temperature", np.ascontiguousarray(samples["stamp_ns"]), values)
 
     def take_imu(self, samples: Samples, followed: Track | None = None) -> Output:
         """Take samples of the conventional unit, dtype of `wire.IMU`; followed: their gravity, by a smoother."""
@@ -137,7 +136,7 @@ class Estimate:
             return Output.empty(0)
         if not self._ready:
             self._begin(int(samples["stamp_ns"][0]))
-        arrays = arrays_of(samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"])
+        arrays = sample_arrays(samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"])
         output, *rest = (self._run_stages(stretch, followed) for stretch in self.watch.stretches(*arrays))
         for piece in rest:
             output = output.joined(piece)
@@ -154,22 +153,22 @@ class Estimate:
         given = followed.part(stretch.part) if followed is not None else None
         track = self._gravity.run(unusable, stamps, stretch.gyro, accel, given)
         # Bins, and surveys begun in them.
-        bins = self.surveying.close_bins(stretch, output)
+        bins = self.bin_stage.close_bins(stretch, output)
         # Attitude.
         gyro = without_faulty(unusable, stretch.gyro)
         self._attitude.leave_out_mag(stamps, (stretch.suspect | np.uint8(unusable)) & MAG != 0)
         block = Block(stamps, gyro, accel, track, stretch.suspect, unusable, stretch.contaminated)
-        rates = PrecisionRates(*self.surveying.precision.rates)
+        rates = PrecisionRates(*self.bin_stage.precision.rates)
         output.interference, rejected = self._attitude.follow(
             block, bins.models, bins.events, rates, output.attitude, output.gravity
         )
         self._counters.rejected += rejected
         # Surveys, complete now that the attitude up to them is known.
-        decision, propagated = self.surveying.decision, self._attitude.propagated
+        decision, propagated = self.bin_stage.decision, self._attitude.propagated
         output.surveys += [decision.complete(taken, propagated[at]) for at, taken in bins.taken]
-        ended = self.surveying.requests.average(block, self._attitude.handed_on)
+        ended = self.bin_stage.requests.average(block, self._attitude.handed_on)
         if ended is not None:
-            self.surveying.rotary(*ended, output)
+            self.bin_stage.rotary(*ended, output)
         # Dynamics.
         output.dynamics = drilling_dynamics.run(
             self._dynamics_params, self._dynamics_state, stamps, gyro, accel, track.g_t, output.attitude["status"]
@@ -180,7 +179,7 @@ class Estimate:
     def finish(self) -> Output:
         """Give the survey that waited for the gyro, when no more samples come."""
         output = Output.empty(0)
-        held = self.surveying.finish()
+        held = self.bin_stage.finish()
         if held is not None:
-            output.surveys.append(self.surveying.decision.complete(held, self._attitude.propagated_now))
+            output.surveys.append(self.bin_stage.decision.complete(held, self._attitude.propagated_now))
         return output

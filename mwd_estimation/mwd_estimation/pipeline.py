@@ -10,19 +10,19 @@ anew. The stages behind that, in the order of the signal, are those of `estimate
 
 from __future__ import annotations
 
+from mwd_estimation.bin_stage import Numbering
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.core.samples import Track
 from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.core.time_jumps import Clocks
+from mwd_estimation.core.track import Track
 from mwd_estimation.estimate import Estimate
 from mwd_estimation.output import Counters, Output
 from mwd_estimation.requests import Requests
 from mwd_estimation.settings import EstimatorSettings, Place, latitude_of, reference_of
 from mwd_estimation.survey.magnetic_feedback import NORTH_CODES
 from mwd_estimation.survey.static_survey import Refusal
-from mwd_estimation.surveying import Numbering
 from mwd_sensors.core.arrays import Samples
 
 # Who runs the estimator finds here all that goes with it.
@@ -101,7 +101,7 @@ class Pipeline:
         """Begin anew with the samples that showed that time went back; their rows have been given, as not used."""
         self.counters.set_back += 1
         why = Refusal(self._estimate.last_imu_ns, Reason(ReasonCode.TIME_WENT_BACK))
-        if self._estimate.surveying.still.requested:
+        if self._estimate.bin_stage.still.requested:
             output.refusals.append(why)
         if self.requests.rotary_progress is not None:
             output.rotary.append(why)
@@ -133,7 +133,7 @@ class Pipeline:
 
     def request_survey(self, duration_s: float = 0.0) -> None:
         """Take a survey from the next half second on; `duration_s` 0 means as configured."""
-        self._estimate.surveying.still.request(duration_s)
+        self._estimate.bin_stage.still.request(duration_s)
 
     def request_north(self, duration_s: float = 0.0, mode: str = "") -> None:
         """Seek north from now on, as `Requests.start_north`; the result comes in `Output.north`."""
@@ -146,17 +146,17 @@ class Pipeline:
     @property
     def requests(self) -> Requests:
         """The north seek and the rotary survey that were asked for, with their progress."""
-        return self._estimate.surveying.requests
+        return self._estimate.bin_stage.requests
 
     @property
     def survey_progress(self) -> float:
         """Share of the survey under way, 0 to 1."""
-        return self._estimate.surveying.still.progress
+        return self._estimate.bin_stage.still.progress
 
     @property
     def survey_waits_for(self) -> str:
         """What a survey that has averaged enough still waits for, in words; empty where it does not wait."""
-        waits_for = self._estimate.surveying.still.waits_for
+        waits_for = self._estimate.bin_stage.still.waits_for
         return "" if waits_for is None else text(waits_for)
 
     @property
@@ -196,7 +196,7 @@ class Pipeline:
     @property
     def sensor_faults(self) -> list[SensorFault]:
         """Faults of the sensors that stand now."""
-        return self._estimate.watch.faults + self._estimate.surveying.precision.faults
+        return self._estimate.watch.faults + self._estimate.bin_stage.precision.faults
 
     @property
     def sensors_known(self) -> dict[str, int]:

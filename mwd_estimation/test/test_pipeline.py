@@ -11,8 +11,8 @@ from mwd_estimation import derivation
 from mwd_estimation.core.reason_text import texts
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
+from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_estimation.settings import Survey

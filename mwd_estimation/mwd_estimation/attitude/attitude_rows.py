@@ -38,7 +38,7 @@ class Sources(NamedTuple):
     Attributes
     ----------
     stamp_ns, g_t, sigma_inclination, sigma_toolface, non_gravity, rotary_speed, status : ndarray
-        Stamps, and gravity as in `core.samples.Track`.
+        Stamps, and gravity as in `core.track.Track`.
     suspect : ndarray of uint8, shape (n,)
         Sensors in doubt.
     plain : ndarray of dtype `time_alignment_state.ATTITUDE_ROW`, shape (n,)
@@ -74,7 +74,7 @@ class GravitySample(NamedTuple):
     sigma_inclination, sigma_toolface : float
         1 sigma, rad.
     non_gravity, rotary_speed : float
-        As in `core.samples.Track`.
+        As in `core.track.Track`.
     status, suspect : int
         Bits of `Status`; sensors in doubt.
     """

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.attitude.time_alignment_state import FieldModel
-from mwd_estimation.core.samples import Track
+from mwd_estimation.core.track import Track
 from mwd_sensors.core.arrays import Array, Stamps
 
 

@@ -23,26 +23,40 @@ from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.records import dtype_of
-from mwd_sensors.core.settings import setting
 
 _NONE = np.iinfo(np.int64).min
 
 
 @dataclasses.dataclass(frozen=True)
 class Params:
-    """Settings of the summary."""
+    """
+    Settings of the summary.
 
-    period_s: float = setting(1.0, "A summary every so often", unit="s", low=0.1, high=60.0)
-    window_s: float = setting(10.0, "Time it looks back, in whole periods", unit="s", low=0.1, high=600.0)
-    shock_threshold: float = setting(
-        25.0 * STANDARD_GRAVITY, "Non-gravity acceleration that counts as a shock", unit="m/s^2", low=1.0, high=1e4
-    )
-    shock_separation_s: float = setting(0.01, "Excursions closer than this are one shock", unit="s", low=0.0, high=1.0)
-    speed_smoothing_s: float = setting(0.05, "Mean over which rotary speed is read", unit="s", low=1e-3, high=1.0)
-    least_speed: float = setting(
-        0.5, "Slower than this there is no stick-slip to name", unit="rad/s", low=0.0, high=10.0
-    )
-    gravity: float = setting(STANDARD_GRAVITY, "Magnitude of local gravity", unit="m/s^2", low=9.0, high=10.5)
+    Attributes
+    ----------
+    period_s : float
+        A summary every so often, s.
+    window_s : float
+        Time it looks back, in whole periods, s.
+    shock_threshold : float
+        Non-gravity acceleration that counts as a shock, m/s^2.
+    shock_separation_s : float
+        Excursions closer than this are one shock, s.
+    speed_smoothing_s : float
+        Mean over which rotary speed is read, s.
+    least_speed : float
+        Slower than this there is no stick-slip to name, rad/s.
+    gravity : float
+        Magnitude of local gravity, m/s^2.
+    """
+
+    period_s: float = 1.0
+    window_s: float = 10.0
+    shock_threshold: float = 25.0 * STANDARD_GRAVITY
+    shock_separation_s: float = 0.01
+    speed_smoothing_s: float = 0.05
+    least_speed: float = 0.5
+    gravity: float = STANDARD_GRAVITY
 
 
 class KernelParams(NamedTuple):

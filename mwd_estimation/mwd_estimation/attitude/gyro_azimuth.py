@@ -45,60 +45,70 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE
-from mwd_sensors.core.settings import setting
 
 _AIDED = int(Status.GYRO_AIDED)
 
 
 @dataclasses.dataclass(frozen=True)
 class Params:
-    """Settings; noise and bias are one sigma and belong to the conventional unit's y and z gyros."""
+    """
+    Settings; noise and bias are one sigma and belong to the conventional unit's y and z gyros.
 
-    gyro_noise_deg_rth: float = setting(0.42, "White noise, y and z", unit="deg/sqrt(h)", low=1e-5, high=100.0)
-    gyro_bias_deg_h: float = setting(400.0, "Bias, y and z, 1 sigma", unit="deg/h", low=0.0, high=1e5)
-    gyro_walk_deg_h_rth: float = setting(10.0, "Bias random walk per root hour", unit="deg/h", low=0.0, high=1e4)
-    gyro_leak_urad: float = setting(1000.0, "Share of the x rate that y and z read", unit="urad", low=0.0, high=1e5)
-    gyro_g_sensitivity_deg_h_g: float = setting(
-        3.6, "g-sensitivity of y and z, each to itself", unit="deg/h/g", low=0.0, high=1e4
-    )
-    gyro_lag_ms: float = setting(0.5, "Lag of y and z behind the gravity found", unit="ms", low=0.0, high=100.0)
-    slow_share: float = setting(
-        0.95, "Share of the magnetic sigma that stays, without a reference to separate its parts", low=0.0, high=0.999
-    )
-    slow_error_time_s: float = setting(
-        14400.0, "Time constant of the slow error of the magnetic azimuth", unit="s", low=1.0, high=1e6
-    )
-    held_time_s: float = setting(
-        10.0, "Time for which an error of the vertical stays in the magnetic azimuth", unit="s", low=0.0, high=3600.0
-    )
-    gate_sigmas: float = setting(4.0, "Innovation beyond which a magnetic azimuth is not used", low=1.0, high=20.0)
-    reset_time_s: float = setting(
-        60.0,
-        "Time for which good azimuths must be rejected before the azimuth is reset to them",
-        unit="s",
-        low=1.0,
-        high=1e5,
-    )
-    mag_timeout_s: float = setting(
-        2.0,
-        "Age of the last magnetic azimuth used, beyond which the azimuth is gyro-aided",
-        unit="s",
-        low=0.05,
-        high=600.0,
-    )
-    vertical_below_deg: float = setting(3.0, "Inclination without an azimuth", unit="deg", low=0.5, high=20.0)
-    gap_s: float = setting(
-        0.5, "Interval between samples beyond which it counts as a data gap", unit="s", low=0.01, high=60.0
-    )
-    gap_rate_dps: float = setting(
-        0.05, "Rate at which the axis may turn during a data gap, 1 sigma", unit="deg/s", low=0.0, high=90.0
-    )
-    tilt_memory_s: float = setting(
-        5.0, "Correlation time of the error of the gravity direction", unit="s", low=0.01, high=3600.0
-    )
-    max_sigma_deg: float = setting(
-        45.0, "Largest sigma with which an azimuth is given", unit="deg", low=1.0, high=180.0
-    )
+    Attributes
+    ----------
+    gyro_noise_deg_rth : float
+        White noise, y and z, deg/sqrt(h).
+    gyro_bias_deg_h : float
+        Bias, y and z, 1 sigma, deg/h.
+    gyro_walk_deg_h_rth : float
+        Bias random walk per root hour, deg/h.
+    gyro_leak_urad : float
+        Share of the x rate that y and z read, urad.
+    gyro_g_sensitivity_deg_h_g : float
+        g-sensitivity of y and z, each to itself, deg/h/g.
+    gyro_lag_ms : float
+        Lag of y and z behind the gravity found, ms.
+    slow_share : float
+        Share of the magnetic sigma that stays, without a reference to separate its parts.
+    slow_error_time_s : float
+        Time constant of the slow error of the magnetic azimuth, s.
+    held_time_s : float
+        Time for which an error of the vertical stays in the magnetic azimuth, s.
+    gate_sigmas : float
+        Innovation beyond which a magnetic azimuth is not used.
+    reset_time_s : float
+        Time for which good azimuths must be rejected before the azimuth is reset to them, s.
+    mag_timeout_s : float
+        Age of the last magnetic azimuth used, beyond which the azimuth is gyro-aided, s.
+    vertical_below_deg : float
+        Inclination without an azimuth, deg.
+    gap_s : float
+        Interval between samples beyond which it counts as a data gap, s.
+    gap_rate_dps : float
+        Rate at which the axis may turn during a data gap, 1 sigma, deg/s.
+    tilt_memory_s : float
+        Correlation time of the error of the gravity direction, s.
+    max_sigma_deg : float
+        Largest sigma with which an azimuth is given, deg.
+    """
+
+    gyro_noise_deg_rth: float = 0.42
+    gyro_bias_deg_h: float = 400.0
+    gyro_walk_deg_h_rth: float = 10.0
+    gyro_leak_urad: float = 1000.0
+    gyro_g_sensitivity_deg_h_g: float = 3.6
+    gyro_lag_ms: float = 0.5
+    slow_share: float = 0.95
+    slow_error_time_s: float = 14400.0
+    held_time_s: float = 10.0
+    gate_sigmas: float = 4.0
+    reset_time_s: float = 60.0
+    mag_timeout_s: float = 2.0
+    vertical_below_deg: float = 3.0
+    gap_s: float = 0.5
+    gap_rate_dps: float = 0.05
+    tilt_memory_s: float = 5.0
+    max_sigma_deg: float = 45.0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -17,8 +17,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
+from mwd_estimation.core.track import Track
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import in_turned_axes

@@ -31,7 +31,6 @@ from mwd_estimation.core.magnetic_geometry import raw_azimuth_sample
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
-from mwd_sensors.core.settings import setting
 
 _MAX_GAP = 0.5  # s between samples over which the turn about the axis is integrated
 _NO_MAG, _NEAR_VERTICAL = int(Status.NO_MAG), int(Status.NEAR_VERTICAL)
@@ -39,34 +38,34 @@ _NO_MAG, _NEAR_VERTICAL = int(Status.NO_MAG), int(Status.NEAR_VERTICAL)
 
 @dataclasses.dataclass(frozen=True)
 class Params:
-    """How magnetic samples become a continuous azimuth."""
+    """
+    How magnetic samples become a continuous azimuth.
 
-    mag_lag_s: float = setting(
-        0.02, "Delay after which a magnetic sample is paired with gravity", unit="s", low=0.0, high=0.2
-    )
-    mag_timeout_s: float = setting(
-        2.0, "Age of the magnetic field beyond which there is no azimuth", unit="s", low=0.1, high=60.0
-    )
-    smoothing_s: float = setting(1.0, "Time constant of the continuous azimuth", unit="s", low=0.0, high=60.0)
-    vertical_enter_deg: float = setting(
-        3.0, "Inclination below which azimuth and high side are undefined", unit="deg", low=0.1, high=20.0
-    )
-    vertical_leave_deg: float = setting(
-        4.0, "Inclination above which they are defined again", unit="deg", low=0.1, high=20.0
-    )
-    pair_interval_s: float = setting(
-        0.2,
-        "Interval in which one magnetic sample updates the interference filter and the azimuth",
-        unit="s",
-        low=0.01,
-    )
-    toolface_latency_s: float = setting(
-        0.0,
-        "Age of a reading at its stamp, over which both toolfaces are propagated by the x gyro",
-        unit="s",
-        low=0.0,
-        high=2.0,
-    )
+    Attributes
+    ----------
+    mag_lag_s : float
+        Delay after which a magnetic sample is paired with gravity, s.
+    mag_timeout_s : float
+        Age of the magnetic field beyond which there is no azimuth, s.
+    smoothing_s : float
+        Time constant of the continuous azimuth, s.
+    vertical_enter_deg : float
+        Inclination below which azimuth and high side are undefined, deg.
+    vertical_leave_deg : float
+        Inclination above which they are defined again, deg.
+    pair_interval_s : float
+        Interval in which one magnetic sample updates the interference filter and the azimuth, s.
+    toolface_latency_s : float
+        Age of a reading at its stamp, over which both toolfaces are propagated by the x gyro, s.
+    """
+
+    mag_lag_s: float = 0.02
+    mag_timeout_s: float = 2.0
+    smoothing_s: float = 1.0
+    vertical_enter_deg: float = 3.0
+    vertical_leave_deg: float = 4.0
+    pair_interval_s: float = 0.2
+    toolface_latency_s: float = 0.0
 
 
 def kernel_params(params: Params) -> KernelParams:

@@ -16,37 +16,41 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.settings import setting
 
 
 @dataclass(frozen=True)
 class SensorErrors:
-    """1 sigma of the errors that do not average out within one station."""
+    """
+    1 sigma of the errors that do not average out within one station.
 
-    accelerometer_bias_mps2: float = setting(0.004, "Accelerometer bias of each axis", unit="m/s^2", low=0.0, high=1.0)
-    accelerometer_scale: float = setting(0.0005, "Accelerometer scale error of each axis", low=0.0, high=0.1)
-    magnetometer_bias_nt: float = setting(70.0, "Magnetometer bias of each axis", unit="nT", low=0.0, high=10000.0)
-    magnetometer_scale: float = setting(0.0016, "Magnetometer scale error of each axis", low=0.0, high=0.1)
-    axial_interference_nt: float = setting(
-        220.0,
-        "Axial field of the drill string above and below, expected with a proper collar",
-        unit="nT",
-        low=0.0,
-        high=50000.0,
-    )
-    misalignment_deg: float = setting(
-        0.1, "Tool axis against hole axis, each way, the same all along (XYM1, XYM2)", unit="deg", low=0.0, high=5.0
-    )
-    course_misalignment_deg: float = setting(
-        0.3,
-        "Hole axis at the station against the mean hole, other at each station (XYM3E, XYM4E)",
-        unit="deg",
-        low=0.0,
-        high=5.0,
-    )
-    sag_deg: float = setting(
-        0.2, "Sag of the assembly in a horizontal hole, uncorrected (SAGE)", unit="deg", low=0.0, high=5.0
-    )
+    Attributes
+    ----------
+    accelerometer_bias_mps2 : float
+        Accelerometer bias of each axis, m/s^2.
+    accelerometer_scale : float
+        Accelerometer scale error of each axis.
+    magnetometer_bias_nt : float
+        Magnetometer bias of each axis, nT.
+    magnetometer_scale : float
+        Magnetometer scale error of each axis.
+    axial_interference_nt : float
+        Axial field of the drill string above and below, expected with a proper collar, nT.
+    misalignment_deg : float
+        Tool axis against hole axis, each way, the same all along (XYM1, XYM2), deg.
+    course_misalignment_deg : float
+        Hole axis at the station against the mean hole, other at each station (XYM3E, XYM4E), deg.
+    sag_deg : float
+        Sag of the assembly in a horizontal hole, uncorrected (SAGE), deg.
+    """
+
+    accelerometer_bias_mps2: float = 0.004
+    accelerometer_scale: float = 0.0005
+    magnetometer_bias_nt: float = 70.0
+    magnetometer_scale: float = 0.0016
+    axial_interference_nt: float = 220.0
+    misalignment_deg: float = 0.1
+    course_misalignment_deg: float = 0.3
+    sag_deg: float = 0.2
 
     def covariance(self, f_t: ArrayLike, b_t: ArrayLike) -> Array:
         """

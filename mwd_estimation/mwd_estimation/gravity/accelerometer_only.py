@@ -13,9 +13,9 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mwd_estimation.core import samples as track
-from mwd_estimation.core.samples import Track, TrackRows
+from mwd_estimation.core import track
 from mwd_estimation.core.status import Status
+from mwd_estimation.core.track import Track, TrackRows
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -79,7 +79,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
 
     Sigma takes the disturbance across gravity to be as large as the change of magnitude that it causes along gravity.
     """
-    stamps, gyro, accel = track.samples(stamp_ns, gyro_t, accel_t)
+    stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     out = Track.empty(len(stamps))
     _run(params, state[0], stamps, gyro, accel, out.rows)
     return out

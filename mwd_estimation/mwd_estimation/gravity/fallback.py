@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from mwd_estimation.core.samples import Track
 from mwd_estimation.core.sensor_fault import ACCEL, GYRO
 from mwd_estimation.core.status import Status
+from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import accelerometer_only
 from mwd_estimation.gravity.methods import Method
 from mwd_sensors.core.arrays import Array, Stamps

@@ -15,9 +15,9 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mwd_estimation.core import samples as track
-from mwd_estimation.core.samples import Track, TrackRows
+from mwd_estimation.core import track
 from mwd_estimation.core.status import Status
+from mwd_estimation.core.track import Track, TrackRows
 from mwd_sensors.core.arrays import Array, Stamps, Vector
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -83,7 +83,7 @@ class Record:
     Attributes
     ----------
     clock, motion
-        Common to all methods, as `samples.admit` and `samples.follow_motion` keep them.
+        Common to all methods, as `track.admit` and `track.follow_motion` keep them.
     gravity, acceleration : ndarray, shape (3,)
         Gravity and acceleration of the tool, tool axes, m/s^2.
     last_angle : ndarray, shape (3,)
@@ -125,7 +125,7 @@ def initial(params: Params) -> State:
 
 def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
     """Follow gravity through a block of samples; arguments and errors as `fuzzy_mahony.run`."""
-    stamps, gyro, accel = track.samples(stamp_ns, gyro_t, accel_t)
+    stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     out = Track.empty(len(stamps))
     _run(params, state[0], stamps, gyro, accel, out.rows)
     return out

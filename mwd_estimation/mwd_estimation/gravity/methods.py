@@ -13,7 +13,7 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
-from mwd_estimation.core.samples import Track
+from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import accelerometer_only, fuzzy_mahony, ligorio_kalman
 from mwd_estimation.gravity.bounded import filter as bounded
 

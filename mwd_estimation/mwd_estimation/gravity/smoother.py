@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mwd_estimation.core import samples as track
-from mwd_estimation.core.samples import Track
+from mwd_estimation.core import track
+from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_estimation.gravity.bounded.filter import Log, Params
 from mwd_estimation.gravity.bounded.state import BIAS, DOWN, POS, SCALE, STEADY, TILT, VEL
@@ -56,7 +56,7 @@ class Smoother:
 
     def push(self, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
         """Take a block; gravity of the samples that are done, which follow on those handed out before."""
-        stamps, gyro, accel = track.samples(stamp_ns, gyro_t, accel_t)
+        stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
         self._stamps = np.concatenate([self._stamps, stamps])
         self._gyro = np.concatenate([self._gyro, gyro])
         self._accel = np.concatenate([self._accel, accel])

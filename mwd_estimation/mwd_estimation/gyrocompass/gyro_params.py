@@ -15,7 +15,6 @@ import numpy as np
 from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.constants import DEG_PER_ROOT_HOUR
-from mwd_sensors.core.settings import setting
 
 # Selectable methods: all states of `north_seek`, or the fifteen of S1 (`static_ekf`).
 SEEK, S1 = "seek", "s1"
@@ -29,86 +28,70 @@ _AVERAGED, _SHAKEN = 10, 1.5
 
 @dataclasses.dataclass(frozen=True)
 class GyroParams:
-    """The precision unit, one sigma each, and when north is sought with it; the figures are a tactical MEMS unit's."""
+    """
+    The precision unit, one sigma each, and when north is sought with it; the figures are a tactical MEMS unit's.
 
-    method: str = setting(
-        SEEK,
-        "Method of a station. seek estimates the biases from rests and half turns; s1 is the filter of S1, for a tool "
-        "that never moves and a gyro whose bias is small.",
-        choices=(SEEK, S1),
-    )
-    noise_deg_rth: float = setting(
-        0.0,
-        "White noise of y and z. 0: computed from the samples of the tool at rest.",
-        unit="deg/sqrt(h)",
-        low=0.0,
-        high=10.0,
-    )
-    bias_deg_h: float = setting(
-        5.0,
-        "Sigma of the gyro bias. Raising it widens the azimuth's sigma until a second position shows the bias.",
-        unit="deg/h",
-        low=0.0,
-        high=1e5,
-    )
-    bias_scale: str = setting(
-        "at_most",
-        "stated: bias_deg_h is the sigma. at_most: the sigma is that or less, as the fit to the latitude shows; use it "
-        "where the bound of a data sheet is all that is known.",
-        choices=("stated", "at_most"),
-    )
-    walk_deg_h_rth: float = setting(
-        0.3,
-        "Random walk of the bias in an hour, warming up included. Raising it forgets sooner what earlier seeks showed.",
-        unit="deg/h",
-        low=0.0,
-        high=1e4,
-    )
-    scale_x_ppm: float = setting(500.0, "Sigma of the scale of the x gyro.", unit="ppm", low=0.0, high=1e5)
-    leak_urad: float = setting(
-        300.0, "Sigma of the x rate that y and z measure (misalignment).", unit="urad", low=0.0, high=1e5
-    )
-    g_sensitivity_deg_h_g: float = setting(
-        0.5, "Sigma of each element of the g-sensitivity of y and z.", unit="deg/h/g", low=0.0, high=1e3
-    )
-    g_calibration_deg_h_g: tuple[float, float, float, float] = setting(
-        (0.0, 0.0, 0.0, 0.0),
-        "Calibrated g-sensitivity: along, across, stretch, shear (`north_seek.calibrated`).",
-        unit="deg/h/g",
-    )
-    range_dps: float = setting(100.0, "Rate at which y and z clip.", unit="deg/s", low=1.0, high=5000.0)
-    accel_noise_ug_rthz: float = setting(
-        30.0, "White noise of the accelerometers.", unit="ug/sqrt(Hz)", low=0.01, high=1e4
-    )
-    accel_bias_ug: float = setting(
-        200.0,
-        "Sigma of the accelerometer bias; it turns the azimuth by bias / g tan(latitude).",
-        unit="ug",
-        low=0.0,
-        high=1e5,
-    )
-    shortest_s: float = setting(30.0, "Shortest seek that gives an azimuth.", unit="s", low=1.0, high=3600.0)
-    worst_sigma_deg: float = setting(20.0, "An azimuth with a larger sigma is refused.", unit="deg", low=0.1, high=90.0)
-    enough_sigma_deg: float = setting(
-        0.7,
-        "An automatic survey waits for a gyro azimuth no longer once its sigma is this small.",
-        unit="deg",
-        low=0.01,
-        high=90.0,
-    )
-    longest_turn_s: float = setting(
-        30.0, "A turn between two rests that takes longer ends the seek.", unit="s", low=0.0, high=600.0
-    )
-    max_shake: float = setting(
-        0.25, "Standard deviation of the axial force above which a turn ends the seek.", unit="m/s^2", low=1e-3
-    )
-    max_axis_step: float = setting(
-        0.03,
-        "Change of the axial force above which the hole axis lies elsewhere and the seek ends.",
-        unit="m/s^2",
-        low=1e-4,
-        high=10.0,
-    )
+    Attributes
+    ----------
+    method : str
+        Method of a station. seek estimates the biases from rests and half turns; s1 is the filter of S1, for a tool
+        that never moves and a gyro whose bias is small.
+    noise_deg_rth : float
+        White noise of y and z, deg/sqrt(h). 0: computed from the samples of the tool at rest.
+    bias_deg_h : float
+        Sigma of the gyro bias, deg/h. Raising it widens the azimuth's sigma until a second position shows the bias.
+    bias_scale : str
+        stated: bias_deg_h is the sigma. at_most: the sigma is that or less, as the fit to the latitude shows; use it
+        where the bound of a data sheet is all that is known.
+    walk_deg_h_rth : float
+        Random walk of the bias in an hour, warming up included, deg/h. Raising it forgets sooner what earlier seeks
+        showed.
+    scale_x_ppm : float
+        Sigma of the scale of the x gyro, ppm.
+    leak_urad : float
+        Sigma of the x rate that y and z measure (misalignment), urad.
+    g_sensitivity_deg_h_g : float
+        Sigma of each element of the g-sensitivity of y and z, deg/h/g.
+    g_calibration_deg_h_g : tuple[float, float, float, float]
+        Calibrated g-sensitivity: along, across, stretch, shear (`north_seek.calibrated`), deg/h/g.
+    range_dps : float
+        Rate at which y and z clip, deg/s.
+    accel_noise_ug_rthz : float
+        White noise of the accelerometers, ug/sqrt(Hz).
+    accel_bias_ug : float
+        Sigma of the accelerometer bias, ug; it turns the azimuth by bias / g tan(latitude).
+    shortest_s : float
+        Shortest seek that gives an azimuth, s.
+    worst_sigma_deg : float
+        An azimuth with a larger sigma is refused, deg.
+    enough_sigma_deg : float
+        An automatic survey waits for a gyro azimuth no longer once its sigma is this small, deg.
+    longest_turn_s : float
+        A turn between two rests that takes longer ends the seek, s.
+    max_shake : float
+        Standard deviation of the axial force above which a turn ends the seek, m/s^2.
+    max_axis_step : float
+        Change of the axial force above which the hole axis lies elsewhere and the seek ends, m/s^2.
+    """
+
+    method: str = SEEK
+    noise_deg_rth: float = 0.0
+    bias_deg_h: float = 5.0
+    bias_scale: str = "at_most"
+    walk_deg_h_rth: float = 0.3
+    scale_x_ppm: float = 500.0
+    leak_urad: float = 300.0
+    g_sensitivity_deg_h_g: float = 0.5
+    g_calibration_deg_h_g: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    range_dps: float = 100.0
+    accel_noise_ug_rthz: float = 30.0
+    accel_bias_ug: float = 200.0
+    shortest_s: float = 30.0
+    worst_sigma_deg: float = 20.0
+    enough_sigma_deg: float = 0.7
+    longest_turn_s: float = 30.0
+    max_shake: float = 0.25
+    max_axis_step: float = 0.03
 
 
 def seek_params(

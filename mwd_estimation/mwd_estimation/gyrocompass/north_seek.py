@@ -18,7 +18,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mwd_estimation.core import samples as track
+from mwd_estimation.core import track
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.gyrocompass import azimuth_posterior
 from mwd_estimation.gyrocompass.seek_filter import advance
@@ -91,7 +91,7 @@ def run(params: SeekParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike
     ValueError
         Shapes that do not match.
     """
-    stamps, gyro, accel = track.samples(stamp_ns, gyro_t, accel_t)
+    stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     advance(kernel_params(params), state, np.zeros(1, WORK)[0], stamps, gyro, accel)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from mwd_estimation.core import samples as track
+from mwd_estimation.core import track
 from mwd_estimation.gyrocompass.seek_measurement import measure
 from mwd_estimation.gyrocompass.seek_state import Error, KernelParams, Phase, State, Sums, Work
 from mwd_sensors.core.arrays import Array, Stamps

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
-from mwd_estimation.core import samples as track
+from mwd_estimation.core import track
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.records import dtype_of
 
@@ -109,8 +109,8 @@ class State:
 
     Attributes
     ----------
-    clock : samples.Clock
-        As of `mwd_estimation.core.samples.admit`.
+    clock : track.Clock
+        As of `mwd_estimation.core.track.admit`.
     mat : ndarray, shape (3, 3)
         Tool to level frame.
     velocity, earth_rate : ndarray, shape (2,)

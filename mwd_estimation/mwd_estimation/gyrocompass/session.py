@@ -19,7 +19,6 @@ from mwd_estimation.gyrocompass.gyro_params import GyroParams, seek_params, whit
 from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
-from mwd_sensors.core.settings import setting
 
 # Bins whose samples give the unit's white noise, and the rate below which a tool rests, rad/s.
 _NOISE_BINS = 8
@@ -29,20 +28,25 @@ MODES = ("still", "two_position", "rotating")
 
 @dataclasses.dataclass(frozen=True)
 class SessionParams:
-    """Duration of a north seek on request, and the conventional unit's x gyro, one sigma each."""
+    """
+    Duration of a north seek on request, and the conventional unit's x gyro, one sigma each.
 
-    duration_s: float = setting(
-        120.0, "Duration of a seek where the request names none.", unit="s", low=10.0, high=86400.0
-    )
-    x_noise_deg_rth: float = setting(
-        0.42,
-        "White noise of the conventional unit's x gyro, which a fast turning string needs.",
-        unit="deg/sqrt(h)",
-        low=1e-5,
-        high=100.0,
-    )
-    x_bias_deg_h: float = setting(400.0, "Sigma of that gyro's bias.", unit="deg/h", low=0.0, high=1e5)
-    x_scale_ppm: float = setting(5000.0, "Sigma of that gyro's scale.", unit="ppm", low=0.0, high=1e5)
+    Attributes
+    ----------
+    duration_s : float
+        Duration of a seek where the request names none, s.
+    x_noise_deg_rth : float
+        White noise of the conventional unit's x gyro, which a fast turning string needs, deg/sqrt(h).
+    x_bias_deg_h : float
+        Sigma of that gyro's bias, deg/h.
+    x_scale_ppm : float
+        Sigma of that gyro's scale, ppm.
+    """
+
+    duration_s: float = 120.0
+    x_noise_deg_rth: float = 0.42
+    x_bias_deg_h: float = 400.0
+    x_scale_ppm: float = 5000.0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -17,13 +17,12 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mwd_estimation.core import samples as track
+from mwd_estimation.core import track
 from mwd_estimation.core.status import Status
 from mwd_estimation.gyrocompass.static_filter import ROW, STATE, WORK, KernelParams, Row, State, advance
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G, STANDARD_GRAVITY
 from mwd_sensors.core.frames import hole_angles, wrap_tau
-from mwd_sensors.core.settings import setting
 
 # Geodetic latitude above which the Earth's rotation has no usable horizontal part.
 MAX_LATITUDE_DEG = 85.0
@@ -31,37 +30,52 @@ MAX_LATITUDE_DEG = 85.0
 
 @dataclasses.dataclass(frozen=True)
 class Params:
-    """Settings of the S1 filter. Noise figures are one sigma and belong to the precision unit."""
+    """
+    Settings of the S1 filter. Noise figures are one sigma and belong to the precision unit.
 
-    latitude_deg: float = setting(34.0, "Geodetic latitude, north positive.", unit="deg", low=-90.0, high=90.0)
-    gravity: float = setting(STANDARD_GRAVITY, "Magnitude of local gravity.", unit="m/s^2", low=9.0, high=10.5)
-    coarse_seconds: float = setting(20.0, "Duration of the mean that starts the filter.", unit="s", low=0.1, high=600.0)
-    gyro_noise_deg_rth: float = setting(0.05, "White noise of the gyros.", unit="deg/sqrt(h)", low=1e-5, high=10.0)
-    accel_noise_ug_rthz: float = setting(
-        30.0, "White noise of the accelerometers.", unit="ug/sqrt(Hz)", low=0.01, high=1e4
-    )
-    gyro_bias_deg_h: float = setting(
-        0.1,
-        "Sigma of the gyro bias after calibration; it stays in the azimuth's sigma.",
-        unit="deg/h",
-        low=0.0,
-        high=1e5,
-    )
-    accel_bias_ug: float = setting(
-        100.0, "Sigma of the accelerometer bias after calibration.", unit="ug", low=0.0, high=1e5
-    )
-    gyro_walk_deg_h_rth: float = setting(
-        0.0, "Random walk of the gyro bias in an hour.", unit="deg/h", low=0.0, high=1e4
-    )
-    accel_walk_ug_rth: float = setting(
-        0.0, "Random walk of the accelerometer bias in an hour.", unit="ug", low=0.0, high=1e5
-    )
-    sigma_position: float = setting(
-        0.001, "Sigma of the tool's position about the place where it rests.", unit="m", low=1e-6, high=10.0
-    )
-    sigma_velocity: float = setting(0.001, "Sigma of the tool's velocity.", unit="m/s", low=1e-6, high=10.0)
-    gap: float = setting(0.5, "A longer data gap starts the filter anew.", unit="s", low=0.01, high=60.0)
-    moved_ratio: float = setting(5.0, "Mean innovation ratio above which the tool has moved.", low=1.0, high=1e3)
+    Attributes
+    ----------
+    latitude_deg : float
+        Geodetic latitude, north positive, deg.
+    gravity : float
+        Magnitude of local gravity, m/s^2.
+    coarse_seconds : float
+        Duration of the mean that starts the filter, s.
+    gyro_noise_deg_rth : float
+        White noise of the gyros, deg/sqrt(h).
+    accel_noise_ug_rthz : float
+        White noise of the accelerometers, ug/sqrt(Hz).
+    gyro_bias_deg_h : float
+        Sigma of the gyro bias after calibration, deg/h; it stays in the azimuth's sigma.
+    accel_bias_ug : float
+        Sigma of the accelerometer bias after calibration, ug.
+    gyro_walk_deg_h_rth : float
+        Random walk of the gyro bias in an hour, deg/h.
+    accel_walk_ug_rth : float
+        Random walk of the accelerometer bias in an hour, ug.
+    sigma_position : float
+        Sigma of the tool's position about the place where it rests, m.
+    sigma_velocity : float
+        Sigma of the tool's velocity, m/s.
+    gap : float
+        A longer data gap starts the filter anew, s.
+    moved_ratio : float
+        Mean innovation ratio above which the tool has moved.
+    """
+
+    latitude_deg: float = 34.0
+    gravity: float = STANDARD_GRAVITY
+    coarse_seconds: float = 20.0
+    gyro_noise_deg_rth: float = 0.05
+    accel_noise_ug_rthz: float = 30.0
+    gyro_bias_deg_h: float = 0.1
+    accel_bias_ug: float = 100.0
+    gyro_walk_deg_h_rth: float = 0.0
+    accel_walk_ug_rth: float = 0.0
+    sigma_position: float = 0.001
+    sigma_velocity: float = 0.001
+    gap: float = 0.5
+    moved_ratio: float = 5.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -125,7 +139,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     ValueError
         Shapes that do not match.
     """
-    stamps, gyro, accel = track.samples(stamp_ns, gyro_t, accel_t)
+    stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     out = np.zeros(len(stamps), ROW)
     advance(kernel_params(params), state, np.zeros(1, WORK)[0], stamps, gyro, accel, cast(Sequence[Row], out))
     inclination, azimuth, toolface = hole_angles(out["mat"])

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
-from mwd_estimation.core import samples as track
+from mwd_estimation.core import track
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
@@ -66,8 +66,8 @@ class State:
 
     Attributes
     ----------
-    clock : samples.Clock
-        As of `mwd_estimation.core.samples.admit`.
+    clock : track.Clock
+        As of `mwd_estimation.core.track.admit`.
     aligned : bool
         Whether the coarse alignment is done.
     mean_time, rate, force : float, ndarray, shape (3,)

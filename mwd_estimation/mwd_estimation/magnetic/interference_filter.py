@@ -39,7 +39,6 @@ from mwd_estimation.magnetic.interference_state import (
 )
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
-from mwd_sensors.core.settings import setting
 
 # Where the states are among the errors that the multi-station analysis estimates.
 OF_STATIONS = [0, 1, 2, 3, 4, 5, 12, 13]
@@ -55,42 +54,43 @@ _AZIMUTH_GATE = 10.83
 
 @dataclass(frozen=True)
 class Params:
-    """Priors, noise and gates of the filter."""
+    """
+    Priors, noise and gates of the filter.
 
-    axial_nt: float = setting(2000.0, "Prior of the axial interference, 1 sigma", unit="nT", low=1.0, high=100000.0)
-    cross_axial_nt: float = setting(200.0, "Prior of the cross-axial bias, 1 sigma", unit="nT", low=1.0, high=100000.0)
-    scale: float = setting(0.0016, "Scale error of each magnetometer, 1 sigma", low=0.0, high=0.1)
-    walk_nt: float = setting(20.0, "Drift of every bias in an hour, 1 sigma", unit="nT/sqrt(h)", low=0.0, high=10000.0)
-    field_walk_nt: float = setting(
-        30.0, "Change of the field along the hole in an hour, 1 sigma", unit="nT/sqrt(h)", low=0.0, high=10000.0
-    )
-    varying_nt: float = setting(
-        30.0,
-        "Error of a sample that lasts a correlation time, each of H and V, 1 sigma",
-        unit="nT",
-        low=0.1,
-        high=10000.0,
-    )
-    correlation_s: float = setting(
-        10.0, "Correlation time of errors that are not white", unit="s", low=0.0, high=3600.0
-    )
-    gate: float = setting(
-        16.0, "Chi-square of two degrees of freedom beyond which a sample is rejected", low=4.0, high=1e6
-    )
-    max_reset_time_s: float = setting(
-        900.0,
-        "Longest time for which samples must be rejected before the filter restarts from its priors",
-        unit="s",
-        low=1.0,
-        high=1e6,
-    )
-    min_reset_time_s: float = setting(
-        10.0,
-        "Shortest time for which samples must be rejected before the filter restarts; lower restarts on short shocks",
-        unit="s",
-        low=0.1,
-        high=1e6,
-    )
+    Attributes
+    ----------
+    axial_nt : float
+        Prior of the axial interference, 1 sigma, nT.
+    cross_axial_nt : float
+        Prior of the cross-axial bias, 1 sigma, nT.
+    scale : float
+        Scale error of each magnetometer, 1 sigma.
+    walk_nt : float
+        Drift of every bias in an hour, 1 sigma, nT/sqrt(h).
+    field_walk_nt : float
+        Change of the field along the hole in an hour, 1 sigma, nT/sqrt(h).
+    varying_nt : float
+        Error of a sample that lasts a correlation time, each of H and V, 1 sigma, nT.
+    correlation_s : float
+        Correlation time of errors that are not white, s.
+    gate : float
+        Chi-square of two degrees of freedom beyond which a sample is rejected.
+    max_reset_time_s : float
+        Longest time for which samples must be rejected before the filter restarts from its priors, s.
+    min_reset_time_s : float
+        Shortest time for which samples must be rejected before the filter restarts, s; lower restarts on short shocks.
+    """
+
+    axial_nt: float = 2000.0
+    cross_axial_nt: float = 200.0
+    scale: float = 0.0016
+    walk_nt: float = 20.0
+    field_walk_nt: float = 30.0
+    varying_nt: float = 30.0
+    correlation_s: float = 10.0
+    gate: float = 16.0
+    max_reset_time_s: float = 900.0
+    min_reset_time_s: float = 10.0
 
 
 def kernel_params(params: Params) -> KernelParams:

@@ -15,8 +15,8 @@ import numpy as np
 
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
-from mwd_estimation.core.samples import ROTATING_ABOVE, Track
 from mwd_estimation.core.time_bins import Average
+from mwd_estimation.core.track import ROTATING_ABOVE, Track
 from mwd_estimation.survey.static_survey import Refusal, StillAverage
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.settings import setting

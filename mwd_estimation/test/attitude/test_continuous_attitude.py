@@ -13,8 +13,8 @@ from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates
 from mwd_estimation.attitude.time_alignment_state import FieldModel
 from mwd_estimation.core.error_model import BENCH
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
+from mwd_estimation.core.track import Track
 from mwd_estimation.magnetic import interference_filter
 from mwd_sensors.core import wire
 from mwd_sensors.core.frames import mat_nt, wrap_pi

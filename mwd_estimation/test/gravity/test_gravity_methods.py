@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
+from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import methods as gravity
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mwd_estimation.core.samples import Track
+from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import smoother
 from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_estimation.gravity.bounded import mechanisation

@@ -8,7 +8,7 @@ import pytest
 from mwd_estimation.attitude.time_alignment_state import PAIR
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.core.samples import Track
+from mwd_estimation.core.track import Track
 from mwd_estimation.survey.rotary_survey import Params, RotarySurvey
 from mwd_estimation.survey.static_survey import Refusal
 from mwd_estimation.survey.station import station

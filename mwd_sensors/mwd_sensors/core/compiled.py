@@ -42,6 +42,7 @@ def compiled(function: F) -> F:
     index = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
     if index is not None:
         index._source_stamp = (index._source_stamp, _stamps(function.__module__))
+        index._load_index = _or_none(index._load_index)
     # Called by another kernel with 0 here and 1 there it would be compiled for each: a fifth of all compiling.
     by_type = kernel.get_call_template
     kernel.get_call_template = lambda args, keywords: by_type(
@@ -68,6 +69,18 @@ def when_compiling(report: Callable[[], None]) -> Iterator[None]:
 
     with _event.install_listener("numba:compile", First()):
         yield
+
+
+def _or_none(load: Callable[[], dict[Any, str]]) -> Callable[[], dict[Any, str]]:
+    """Cache's index, empty where it names a module or a type that an earlier version had and this one has not."""
+
+    def loaded() -> dict[Any, str]:
+        try:
+            return load()
+        except (ImportError, AttributeError):
+            return {}
+
+    return loaded
 
 
 @functools.cache

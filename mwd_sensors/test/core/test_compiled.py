@@ -65,6 +65,23 @@ def test_a_kernel_is_compiled_anew_when_the_fields_of_its_parameters_change_plac
 
 
 @pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
+def test_a_kernel_is_compiled_anew_when_the_module_of_its_parameters_has_another_name(tmp_path):
+    params = "from typing import NamedTuple\n\nclass Params(NamedTuple):\n    low: float\n    top: float\n"
+    user = (
+        "from {0} import Params\nfrom mwd_sensors.core.compiled import compiled\n\n"
+        "@compiled\ndef span(p):\n    return p.top - p.low\n\nprint(span(Params(low=1.0, top=4.0)))\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    for name in ("mwd_params_before", "mwd_params_after"):
+        (tmp_path / f"{name}.py").write_text(params)
+        (tmp_path / "mwd_user.py").write_text(user.format(name))
+        command = [sys.executable, "mwd_user.py"]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == "3.0"
+        (tmp_path / f"{name}.py").unlink()
+
+
+@pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
 def test_a_callee_is_compiled_once_for_a_type_whatever_the_numbers_in_the_call(tmp_path):
     (tmp_path / "mwd_powers.py").write_text(
         "from mwd_sensors.core.compiled import compiled\n\n"

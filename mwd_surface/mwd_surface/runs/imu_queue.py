@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mwd_estimation.core.samples import Track
+from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import smoother as gravity_smoother
 from mwd_estimation.gravity.bounded.filter import Params
 from mwd_sensors.core import wire

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mwd_estimation.core import samples as track
-from mwd_estimation.core.samples import Track
+from mwd_estimation.core import track
 from mwd_estimation.core.status import Status
+from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import alignment, clipping, gaps, measurement, mechanisation, noise, scale
 from mwd_estimation.gravity.bounded.log import Log
 from mwd_estimation.gravity.bounded.params import KernelParams, Params, kernel_params
@@ -73,7 +73,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     ValueError
         Shapes that do not match.
     """
-    stamps, gyro, accel = track.samples(stamp_ns, gyro_t, accel_t)
+    stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     return _follow(params, state, stamps, gyro, accel, Log.room(0))
 
 
@@ -81,7 +81,7 @@ def run_logged(
     params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike
 ) -> tuple[Track, Log]:
     """As `run`, and all that a smoother needs to go back over the block."""
-    stamps, gyro, accel = track.samples(stamp_ns, gyro_t, accel_t)
+    stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     log = Log.room(len(stamps))
     return _follow(params, state, stamps, gyro, accel, log), log
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from mwd_estimation.core import samples as track
+from mwd_estimation.core import track
 from mwd_estimation.gravity.bounded.params import Params
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.records import dtype_of

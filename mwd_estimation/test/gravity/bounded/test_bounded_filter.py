@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from consistency import assert_consistent
-from mwd_estimation.core.samples import Track
 from mwd_estimation.core.status import Status
+from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import fuzzy_mahony
 from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_estimation.gravity.bounded.state import STEADY

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mwd_estimation.core import samples as track
+from mwd_estimation.core import track
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import frames
 

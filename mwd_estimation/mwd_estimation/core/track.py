@@ -142,7 +142,7 @@ class Track:
         return np.asarray(np.arctan2(np.hypot(self.g_t[:, 1], self.g_t[:, 2]), self.g_t[:, 0]))
 
 
-def samples(stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> tuple[Stamps, Array, Array]:
+def sample_arrays(stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> tuple[Stamps, Array, Array]:
     """
     Arrays of one block, checked for shape and laid out for a kernel.
 

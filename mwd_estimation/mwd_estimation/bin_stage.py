@@ -58,7 +58,7 @@ class Bins:
     taken: list[tuple[int, Provisional]]
 
 
-class Surveying:
+class BinStage:
     """
     Bins and surveys of one tool.
 
