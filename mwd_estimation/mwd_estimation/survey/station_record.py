@@ -9,7 +9,7 @@ import numpy as np
 
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.acceptance import REJECT, Deviations
+from mwd_estimation.survey.acceptance import ACCEPT, REJECT, Deviations
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_sensors.core.arrays import Array
 
@@ -27,6 +27,19 @@ class MethodAzimuth:
     azimuth: float
     sigma: float
     refused: Reason | None = None
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """
+    Verdict of each quantity by itself: accept, doubtful, reject or not_determined.
+
+    A quantity is not determined where this attitude does not define it, such as the azimuth of a vertical hole.
+    """
+
+    inclination: str
+    azimuth: str
+    toolface: str
 
 
 @dataclass(frozen=True)
@@ -68,6 +81,12 @@ class Station:
         Those of an accepted station are the totals within their limits.
     azimuth_doubts : tuple of Reason
         Those of the reasons that doubt nothing but the magnetic azimuth: with another azimuth they have no weight.
+    quantities : Verdicts or None
+        Verdict of each quantity; None: that of the station for each.
+    alternatives : tuple of (float, float)
+        Other azimuths that fit the readings, from the named north, rad, and their probabilities.
+    hypotheses : tuple of (str, float)
+        What may disturb the readings, and its probability; empty: not judged.
     limits : tuple of float
         Deviation of gravity, field and dip beyond which the verdict is doubtful, m/s^2, T, rad; nan: not judged.
     reference : Reference or None
@@ -106,6 +125,19 @@ class Station:
     b_t: Array = field(repr=False)
     azimuth_doubts: tuple[Reason, ...] = ()
     limits: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    quantities: Verdicts | None = None
+    alternatives: tuple[tuple[float, float], ...] = ()
+    hypotheses: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def verdicts(self) -> Verdicts:
+        """Verdict of each quantity."""
+        return self.quantities or Verdicts(self.verdict, self.verdict, self.verdict)
+
+    @property
+    def headline(self) -> Reason | None:
+        """The one reason to act on; None of an accepted station."""
+        return self.reasons[0] if self.reasons and self.verdict != ACCEPT else None
 
     def by_method(self, method: str) -> MethodAzimuth | None:
         """The azimuth of one method, None where it was not tried."""

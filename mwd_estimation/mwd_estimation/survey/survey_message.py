@@ -14,12 +14,13 @@ import numpy as np
 from mwd_estimation.core import reason_text
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.survey.magnetic_feedback import NORTH_CODES
+from mwd_estimation.survey.station_record import Station
 from mwd_estimation.survey.survey import ROTARY, STATIC, Survey
 
 KINDS = {STATIC: 0, ROTARY: 1}
 # Of gravity, field and dip, as `Station.limits` has them.
 LIMITS = ("g_limit", "b_limit", "dip_limit")
-VERDICTS = {"accept": 0, "doubtful": 1, "reject": 2}
+VERDICTS = {"accept": 0, "doubtful": 1, "reject": 2, "not_determined": 3}
 
 
 def known(value: float | None, otherwise: float) -> float:
@@ -29,6 +30,22 @@ def known(value: float | None, otherwise: float) -> float:
 
 def _words(reason: Reason | None) -> str:
     return "" if reason is None else reason_text.text(reason)
+
+
+def _verdict_fields(station: Station) -> dict[str, Any]:
+    """The verdicts with their reasons, other azimuths and hypotheses."""
+    return {
+        "verdict": VERDICTS[station.verdict],
+        "verdict_inclination": VERDICTS[station.verdicts.inclination],
+        "verdict_azimuth": VERDICTS[station.verdicts.azimuth],
+        "verdict_toolface": VERDICTS[station.verdicts.toolface],
+        "headline": _words(station.headline),
+        "reasons": reason_text.texts(station.reasons),
+        "alternatives": np.array([azimuth for azimuth, _ in station.alternatives]),
+        "alternative_odds": np.array([odds for _, odds in station.alternatives]),
+        "hypotheses": [str(name) for name, _ in station.hypotheses],
+        "hypothesis_odds": np.array([odds for _, odds in station.hypotheses]),
+    }
 
 
 def survey_fields(survey: Survey, status: int) -> dict[str, Any]:
@@ -86,7 +103,6 @@ def survey_fields(survey: Survey, status: int) -> dict[str, Any]:
         "axial_interference": known(station.interference, 0.0),
         "sigma_axial_interference": known(station.sigma_interference, -1.0),
         **{name: known(limit, -1.0) for name, limit in zip(LIMITS, station.limits, strict=True)},
-        "verdict": VERDICTS[station.verdict],
-        "reasons": reason_text.texts(station.reasons),
+        **_verdict_fields(station),
         "status": status,
     }

@@ -20,7 +20,11 @@ _SECOND = 10**9
 # On the message these are part of the header, or messages of their own.
 _OWN_WAY = {"stamp_ns", "frame_id", "azimuths"}
 # Messages of older recordings do not have these; the record then says "unknown".
-_LATER = {"g_limit", "b_limit", "dip_limit"}
+_QUANTITIES = {"verdict_inclination", "verdict_azimuth", "verdict_toolface"}
+_LATER = {
+    "g_limit", "b_limit", "dip_limit", *_QUANTITIES, "headline", "alternatives", "alternative_odds", "hypotheses",
+    "hypothesis_odds",
+}  # fmt: skip
 
 
 def stamp_of(time: Any) -> int:
@@ -39,6 +43,9 @@ def survey_of(message: Any) -> Survey:
     for field in dataclasses.fields(Survey):
         if field.name not in _OWN_WAY and (field.name not in _LATER or hasattr(message, field.name)):
             values[field.name] = _plain(getattr(message, field.name))
+        elif field.name in _QUANTITIES:
+            # One verdict stood for all.
+            values[field.name] = int(message.verdict)
     values["azimuths"] = tuple(
         AzimuthEstimate(**{f.name: _plain(getattr(a, f.name)) for f in dataclasses.fields(AzimuthEstimate)})
         for a in message.azimuths

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from mwd_estimation.core.reason_text import joined
+from mwd_estimation.core.reason_text import text as text_of
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.station import Station
@@ -45,6 +46,13 @@ COLUMNS = (
     "dip_reference_deg",
     "declination_deg",
     "convergence_deg",
+    "headline",
+    "verdict_inclination",
+    "verdict_azimuth",
+    "verdict_toolface",
+    "alternatives_deg",
+    "alternative_odds",
+    "hypotheses",
 )
 
 
@@ -61,6 +69,7 @@ def cells(station: Station, measured_depth: float = math.nan) -> dict[str, str]:
         "b_total_nt": number(station.b_total * 1e9, 1),
         "dip_deg": _degrees(station.dip),
         "verdict": station.verdict,
+        "headline": text_of(station.headline) if station.headline is not None else "",
         "reasons": joined(station.reasons),
         "sigma_inclination_deg": _degrees(station.sigma_inclination),
         "sigma_azimuth_deg": _degrees(station.sigma_azimuth) if math.isfinite(station.azimuth) else "",
@@ -74,6 +83,12 @@ def cells(station: Station, measured_depth: float = math.nan) -> dict[str, str]:
         "dip_reference_deg": _degrees(reference.dip),
         "declination_deg": _degrees(reference.declination),
         "convergence_deg": _degrees(reference.convergence),
+        "verdict_inclination": station.verdicts.inclination,
+        "verdict_azimuth": station.verdicts.azimuth,
+        "verdict_toolface": station.verdicts.toolface,
+        "alternatives_deg": " ".join(_around(azimuth) for azimuth, _ in station.alternatives),
+        "alternative_odds": " ".join(number(odds, 4) for _, odds in station.alternatives),
+        "hypotheses": " ".join(f"{name} {number(odds, 3)}" for name, odds in station.hypotheses),
     }
     for method in (AzimuthMethod.RAW, AzimuthMethod.SINGLE_STATION):
         found = station.by_method(method)

@@ -29,11 +29,12 @@ class North(enum.IntEnum):
 
 
 class Verdict(enum.IntEnum):
-    """The verdict of the automatic quality control; the numbers of the Survey message."""
+    """Automatic verdict, by the numbers of the Survey message; the last is of one quantity only."""
 
     ACCEPT = 0
     DOUBTFUL = 1
     REJECT = 2
+    NOT_DETERMINED = 3
 
 
 class Judgement(enum.IntEnum):
@@ -96,7 +97,15 @@ class Survey:
     b_limit: float = -1.0
     dip_limit: float = -1.0
     verdict: int = int(Verdict.ACCEPT)
+    verdict_inclination: int = int(Verdict.ACCEPT)
+    verdict_azimuth: int = int(Verdict.ACCEPT)
+    verdict_toolface: int = int(Verdict.ACCEPT)
+    headline: str = ""
     reasons: tuple[str, ...] = ()
+    alternatives: tuple[float, ...] = ()
+    alternative_odds: tuple[float, ...] = ()
+    hypotheses: tuple[str, ...] = ()
+    hypothesis_odds: tuple[float, ...] = ()
     status: int = 0
 
     @property
