@@ -22,6 +22,7 @@ SECTIONS = (
     ("gravity", "Gravity while drilling", ["bench_gravity.py", "3"], True),
     ("north", "North seeking", ["bench_north.py"], True),
     ("magnetics", "Magnetics and fusion", ["bench_magnetics.py"], True),
+    ("surveys", "Surveys against truth", ["bench_surveys.py"], True),
     ("health", "Sensor health", ["bench_health.py"], True),
     ("bags", "Bags and reprocessing", ["bench_bags.py"], False),
     ("fleet", "A fleet of bags", ["bench_fleet.py"], True),

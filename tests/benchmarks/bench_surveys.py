@@ -1,0 +1,61 @@
+"""
+Monte Carlo of the survey decision on stations drawn from physics and the OWSG tool code, as Markdown.
+
+Single stations of any attitude, healthy and disturbed; runs of thirty stations, decided one after the other; runs
+analysed together. By itself ``bench_surveys.py`` takes two minutes on one core; ``--small`` half a minute, with shares
+of rare errors that say little; ``--full`` draws 20 000 disturbed stations. Other seeds by ``--seed``, some kinds by
+``--only`` and a part of their name.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from stations import judge, runs, singles, together
+
+# Stations of each kind, runs of each kind.
+SMALL, USUAL, FULL = (300, 3), (1000, 10), (4000, 40)
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[1])
+    parser.add_argument("--small", action="store_true", help="a quick look, half a minute")
+    parser.add_argument("--full", action="store_true", help="20 000 disturbed stations")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default="", help="kinds whose name contains this")
+    options = parser.parse_args()
+    count, length = SMALL if options.small else FULL if options.full else USUAL
+
+    def chosen(names: dict) -> list[str]:
+        return [name for name in names if options.only in name]
+
+    title = f"Single stations, seed {options.seed}; shares of > 3 sigma, > 10 and > 45 deg are of the accepted"
+    head(title, judge.HEAD)
+    pooled = []
+    for name in chosen(singles.KINDS):
+        found = singles.stations(name, count, options.seed)
+        pooled += found if name in singles.POOLED else []
+        show(judge.row(name, found))
+    if pooled:
+        show(judge.row("all disturbed but sensor defects", pooled))
+    head(f"{length} runs of {runs.STATIONS} stations each", judge.HEAD)
+    for name in chosen(runs.KINDS):
+        show(*runs.rows(name, length, options.seed))
+    head(f"{2 * length} runs analysed together, declination known; deg", together.HEAD)
+    for name in chosen(together.RUNS):
+        show(together.row(name, 2 * length, options.seed))
+
+
+def show(*lines: str) -> None:
+    """Print lines at once, so that a long run shows how far it is."""
+    print("\n".join(lines), flush=True)
+
+
+def head(title: str, columns: str) -> None:
+    """Begin a section with one table."""
+    show("", f"### {title}", "", columns, "|" + "---|" * (columns.count("|") - 1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,97 @@
+"""Readings through the survey decision, and what the decision is worth: one line of a table for a kind of station."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.time_bins import Average
+from mwd_estimation.gyrocompass.solution import Solution
+from mwd_estimation.survey import run_history
+from mwd_estimation.survey.azimuth_fusion import Settings
+from mwd_estimation.survey.decision import SurveyDecision
+from mwd_estimation.survey.fault_history import FaultHistory
+from mwd_estimation.survey.static_survey import StillAverage
+from mwd_estimation.survey.station_settings import StationSettings
+from mwd_estimation.survey.survey import Survey
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.frames import wrap_pi
+from stations.tool_code import DEG, FIELD_NOISE, FORCE_NOISE
+
+HEAD = (
+    "| stations | number | accepted % | > 3 sigma % | > 10 deg % | > 45 deg % | rms deg | NEES | NEES, all "
+    "| inclination > 3 sigma % |"
+)
+UNKNOWN = PropagatedAzimuth(*[math.nan] * 5)
+_SECOND, _AVERAGED, _SAMPLES = 10**9, 10 * 10**9, 1000
+
+
+@dataclasses.dataclass(frozen=True)
+class Judged:
+    """Of one station, rad: azimuth error and 1 sigma as published, whether accepted; of the inclination."""
+
+    error: float
+    sigma: float
+    accepted: bool
+    inclination_error: float
+    inclination_sigma: float
+
+
+def new_decision(settings: StationSettings | None = None) -> SurveyDecision:
+    """The decision of a run with settings as they come."""
+    return SurveyDecision(settings or StationSettings(), Settings(), run_history.Params(), FaultHistory())
+
+
+def still(f_t: Array, b_t: Array, second: int) -> StillAverage:
+    """Average of readings at rest, m/s^2 and T, shape (3,), that began so many s after the run."""
+    imu = Average(np.concatenate([np.zeros(3), f_t]), np.diag([1e-12] * 3 + [FORCE_NOISE**2] * 3), _SAMPLES)
+    mag = Average(b_t, FIELD_NOISE**2 * np.eye(3), _SAMPLES)
+    start = (1 + second) * _SECOND
+    return StillAverage(start, start + _AVERAGED, imu, mag, None, None, requested=False)
+
+
+def judged(survey: Survey, inclination: float, azimuth: float) -> Judged:
+    """A survey against the hole's attitude, rad; a sigma of pi and no error where it has no azimuth."""
+    station = survey.station
+    known = math.isfinite(station.azimuth)
+    return Judged(
+        error=float(wrap_pi(station.azimuth - azimuth)) if known else math.nan,
+        sigma=math.sqrt(station.covariance[1, 1]) if known else math.pi,
+        accepted=known and station.verdict == "accept",
+        inclination_error=station.inclination - inclination,
+        inclination_sigma=math.sqrt(station.covariance[0, 0]),
+    )
+
+
+def decide(
+    decision: SurveyDecision,
+    average: StillAverage,
+    reference: Reference,
+    gyro: Solution | None = None,
+    propagated: PropagatedAzimuth = UNKNOWN,
+) -> Survey:
+    """One station through begin and complete."""
+    return decision.complete(decision.begin(average, 1, reference, gyro), propagated)
+
+
+def row(name: str, found: list[Judged]) -> str:
+    """Markdown row under `HEAD`; shares of > 3 sigma, > 10 and > 45 deg are those of the accepted."""
+    leaning = [abs(one.inclination_error) > 3.0 * one.inclination_sigma for one in found if one.accepted]
+    error, sigma = np.array([one.error for one in found]), np.array([one.sigma for one in found])
+    known, accepted = np.isfinite(error), np.array([one.accepted for one in found], dtype=bool)
+    off, limit = np.abs(error[accepted]), sigma[accepted]
+
+    def share(beyond: np.ndarray) -> str:
+        return f"{100.0 * np.mean(beyond):.2f}" if len(beyond) else ""
+
+    def mean(values: Array) -> str:
+        return f"{np.mean(values):.2f}" if len(values) else ""
+
+    words = [f"{len(found)}", f"{100.0 * np.mean(accepted):.1f}", share(off > 3.0 * limit), share(off > 10.0 * DEG)]
+    words += [share(off > 45.0 * DEG), f"{math.sqrt(np.mean(off**2)) / DEG:.2f}" if len(off) else ""]
+    words += [mean((off / limit) ** 2), mean((error[known] / sigma[known]) ** 2), share(np.array(leaning))]
+    return f"| {name} | " + " | ".join(words) + " |"

@@ -1,0 +1,204 @@
+"""Runs of stations with one tool in one assembly, each decided with those before it, as a live run is."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.gyrocompass.solution import Solution
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.frames import wrap_pi, wrap_tau
+from stations import disturbances, judge, tool_code, truth
+from stations.disturbances import Disturbance
+from stations.judge import Judged
+from stations.tool_code import DEG
+
+STATIONS = 30
+_BETWEEN_S = 1800
+_SECOND = np.arange(STATIONS) * _BETWEEN_S
+_ALONG = np.linspace(0.0, 1.0, STATIONS)
+# Stations with steel nearby; those whose readings are played again in place of new ones, and what is played.
+STEEL, REPLAYED, PLAYED = slice(12, 18), slice(20, 23), 10
+# A gyro at the equator, rad: errs anew at each station, alike at all; azimuth propagated between two stations.
+_GYRO_NOISE, _GYRO_LASTING, _PROPAGATED = 1.0 * DEG, 0.4 * DEG, 0.5 * DEG
+_OUTLIER = 20.0 * DEG
+
+Attitudes = Callable[[np.random.Generator], tuple[Array, Array]]
+Outside = Callable[[np.random.Generator], Array]
+
+
+@dataclasses.dataclass(frozen=True)
+class Gyro:
+    """North at each station: share of outliers, and what is added to the azimuth from a station on, rad."""
+
+    outliers: float = 0.0
+    steps: tuple[tuple[int, float], ...] = ()
+
+    def seek(self, azimuth: Array, latitude: float, rng: np.random.Generator) -> list[Solution | None]:
+        """Azimuths from true north, rad, shape (n,), as a seek hands them over."""
+        noise, lasting = (size / math.cos(latitude) for size in (_GYRO_NOISE, _GYRO_LASTING))
+        n = len(azimuth)
+        found = azimuth + rng.normal(0.0, noise, n) + rng.normal(0.0, lasting)
+        found = found + np.where(rng.random(n) < self.outliers, rng.normal(0.0, _OUTLIER, n), 0.0)
+        for first, step in self.steps:
+            found[first:] += step
+        sigma = math.hypot(noise, lasting)
+        return [Solution(None, "still", float(one), sigma, 0.0, 0.0, 120.0, noise) for one in wrap_tau(found)]
+
+
+@dataclasses.dataclass(frozen=True)
+class Kind:
+    """
+    A kind of run.
+
+    Attributes
+    ----------
+    attitudes : callable
+        Inclination and azimuth of the hole, rad, shape (30,).
+    of_tool : Disturbance
+        Lasts all the run.
+    outside : callable or None
+        Field from outside at each station, north, east, down, T, shape (30, 3).
+    gyro : Gyro or None
+    twice : bool
+        The readings of each station come twice.
+    replayed : bool
+        At some stations the readings of an earlier one come again, though the tool has moved.
+    parts : dict of slice
+        What of the run is judged, by the words its row has.
+    """
+
+    attitudes: Attitudes
+    of_tool: Disturbance = disturbances.nothing
+    outside: Outside | None = None
+    gyro: Gyro | None = None
+    twice: bool = False
+    replayed: bool = False
+    parts: dict[str, slice] = dataclasses.field(default_factory=lambda: {"": slice(None)})
+
+
+def _curve(rng: np.random.Generator) -> tuple[Array, Array]:
+    """From 5 deg, built to an east-west horizontal."""
+    return (5.0 + 85.0 * _ALONG) * DEG, (20.0 + 70.0 * _ALONG) * DEG
+
+
+def _east_west(rng: np.random.Generator) -> tuple[Array, Array]:
+    return (90.0 + 1.5 * np.sin(8.0 * _ALONG)) * DEG, (90.0 + 4.0 * np.sin(5.0 * _ALONG)) * DEG
+
+
+def _near_vertical(rng: np.random.Generator) -> tuple[Array, Array]:
+    return (1.0 + 5.0 * _ALONG) * DEG, rng.uniform(0.0, math.tau) + 30.0 * DEG * _ALONG
+
+
+def _steel_in_the_middle(rng: np.random.Generator) -> Array:
+    """.5 to 4 uT, another at each of six stations."""
+    field = np.zeros((STATIONS, 3))
+    for k in range(*STEEL.indices(STATIONS)):
+        field[k] = disturbances.between(0.5e-6, 4e-6, rng) * disturbances.direction(rng)
+    return field
+
+
+def _drifting_storm(rng: np.random.Generator) -> Array:
+    """150 to 400 nT, root mean square, correlated over three hours."""
+    size, keep = rng.uniform(150e-9, 400e-9) / math.sqrt(3.0), math.exp(-_BETWEEN_S / 10800.0)
+    field = np.zeros((STATIONS, 3))
+    field[0] = rng.normal(0.0, size, 3)
+    for k in range(1, STATIONS):
+        field[k] = keep * field[k - 1] + rng.normal(0.0, size * math.sqrt(1.0 - keep**2), 3)
+    return field
+
+
+KINDS = {
+    "curve to east-west, no interference": Kind(_curve),
+    "curve to east-west, 300-1500 nT along, a gyro with 10 % outliers": Kind(
+        _curve, disturbances.magnetised(300e-9, 1500e-9), gyro=Gyro(0.1)
+    ),
+    "the same, steel .5-4 uT at six stations": Kind(
+        _curve,
+        disturbances.magnetised(300e-9, 1500e-9),
+        _steel_in_the_middle,
+        Gyro(0.1),
+        parts={"before it": slice(0, 12), "at it": STEEL, "after it": slice(18, None)},
+    ),
+    "steel .5-4 uT at six stations, no gyro": Kind(
+        _curve,
+        disturbances.magnetised(300e-9, 1500e-9),
+        _steel_in_the_middle,
+        parts={"before it": slice(0, 12), "at it": STEEL, "after it": slice(18, None)},
+    ),
+    "east-west throughout, 900 nT along": Kind(_east_west, disturbances.magnetised(900e-9, 900.1e-9)),
+    "hot collar, 650 nT along, 200-500 nT across": Kind(_curve, disturbances.hot_collar),
+    "storm, 150-400 nT, drifting": Kind(_curve, outside=_drifting_storm),
+    "reference off 400 nT, .5, 1 deg": Kind(_curve, disturbances.reference_off),
+    "near vertical, 1-6 deg": Kind(_near_vertical),
+    "string magnetised along, 3-20 uT": Kind(_curve, disturbances.magnetised(3e-6, 20e-6)),
+    "gyro stepping by 4 and -6 deg": Kind(_curve, gyro=Gyro(steps=((14, 4.0 * DEG), (22, -6.0 * DEG)))),
+    "magnetometer 2 % strong": Kind(_curve, disturbances.strong_magnetometer),
+    "accelerometers turned 2 deg": Kind(_curve, disturbances.turned_accelerometers),
+    "each station played twice": Kind(_curve, twice=True),
+    "readings of an earlier station again": Kind(_curve, replayed=True, parts={"those": REPLAYED}),
+}
+
+
+def run(kind: Kind, rng: np.random.Generator) -> list[Judged]:
+    """One run, decided station by station."""
+    earth, reference = truth.drawn_place(rng)
+    inclination, azimuth = kind.attitudes(rng)
+    source = np.arange(STATIONS)
+    if kind.twice:
+        source = source // 2
+        inclination, azimuth = inclination[source], azimuth[source]
+    now = kind.of_tool(tool_code.drawn_tool(rng), earth, rng)
+    outside = np.zeros((STATIONS, 3)) if kind.outside is None else kind.outside(rng)
+    readings = []
+    for k in range(STATIONS):
+        here = now.earth.drawn(tool_code.OF_STATION, rng)
+        mat_tn = truth.tool_attitude(inclination[k], azimuth[k], rng.uniform(0.0, math.tau), now.tool, rng).T
+        b_t = mat_tn @ (here.field_n + now.outside_n + outside[k]) + now.of_string
+        readings.append(now.tool.read(mat_tn @ np.array([0.0, 0.0, -here.gravity]), b_t, rng))
+    if kind.twice:
+        readings = [readings[2 * k] for k in source]
+    if kind.replayed:
+        readings[REPLAYED] = [readings[PLAYED]] * (REPLAYED.stop - REPLAYED.start)
+    gyros = kind.gyro.seek(azimuth, earth.latitude, rng) if kind.gyro else [None] * STATIONS
+    return decided(readings, inclination, azimuth, reference, gyros, rng)
+
+
+def decided(
+    readings: list[tuple[Array, Array]],
+    inclination: Array,
+    azimuth: Array,
+    reference: Reference,
+    gyros: list[Solution | None],
+    rng: np.random.Generator,
+) -> list[Judged]:
+    """Readings of a run, m/s^2 and T, through one decision; with a gyro the azimuth is propagated between stations."""
+    decision, found = judge.new_decision(), []
+    propagated = judge.UNKNOWN
+    for k, (f_t, b_t) in enumerate(readings):
+        begun = decision.begin(judge.still(f_t, b_t, int(_SECOND[k])), k + 1, reference, gyros[k])
+        found.append(judge.judged(decision.complete(begun, propagated), inclination[k], azimuth[k]))
+        if gyros[k] is None or k + 1 == STATIONS:
+            continue
+        turned = float(wrap_pi(azimuth[k + 1] - azimuth[k])) + rng.normal(0.0, _PROPAGATED)
+        start = begun.accepted_azimuth
+        known = start[:3] if math.isfinite(start.azimuth) else propagated[:3]
+        propagated = PropagatedAzimuth(
+            float(wrap_tau(known[0] + turned)), math.hypot(known[1], _PROPAGATED), known[2], math.nan, math.nan
+        )
+    return found
+
+
+def rows(name: str, count: int, seed: int) -> list[str]:
+    """Rows of so many runs of a kind, one for each part that is judged."""
+    kind, rng = KINDS[name], np.random.default_rng([seed, 100 + list(KINDS).index(name)])
+    done = [run(kind, rng) for _ in range(count)]
+    return [
+        judge.row(f"{name}{words and f': {words}'}", [one for found in done for one in found[part]])
+        for words, part in kind.parts.items()
+    ]
