@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.exports.export import FORMATS
+
 if TYPE_CHECKING:
     from mwd_surface.exports.survey_table import SurveyTable
 
@@ -30,9 +32,7 @@ def export(
     source: Source,
     kind: Annotated[
         str,
-        typer.Option(
-            "--format", "-f", help="csv, raw_csv, las, witsml, html, pdf or timeseries; else by the ending of -o."
-        ),
+        typer.Option("--format", "-f", help=f"{', '.join(FORMATS)} or timeseries; else by the ending of -o."),
     ] = "",
     output: Annotated[
         Path, typer.Option("--output", "-o", help="File, or folder for one named after the well.")
@@ -58,7 +58,6 @@ def export(
       mwd export bags/run_7 -f witsml -o trajectory.xml --set well.name=Alpha-1 --set well.section_azimuth_deg=75
     """
     from mwd_surface.commands import terminal
-    from mwd_surface.exports.export import FORMATS
     from mwd_surface.exports.export import export as write
 
     if kind == "timeseries" or (not kind and output.suffix == ".parquet"):

@@ -8,12 +8,12 @@ import difflib
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from mwd_surface.exports.export_csv import definitive_csv, raw_csv
-from mwd_surface.exports.export_las import las
 from mwd_surface.exports.export_name import safe_name
-from mwd_surface.exports.export_witsml import witsml
-from mwd_surface.exports.survey_table import SurveyTable, utc
+
+if TYPE_CHECKING:
+    from mwd_surface.exports.survey_table import SurveyTable
 
 
 class ExportError(RuntimeError):
@@ -30,8 +30,34 @@ class Format:
     make: Callable[[SurveyTable], bytes]
 
 
+# Each is imported when it is written: the command's help and the page list the formats and need none of them.
+
+
+def _csv(table: SurveyTable) -> bytes:
+    from mwd_surface.exports.export_csv import definitive_csv
+
+    return definitive_csv(table).encode()
+
+
+def _raw_csv(table: SurveyTable) -> bytes:
+    from mwd_surface.exports.export_csv import raw_csv
+
+    return raw_csv(table.surveys, table.header).encode()
+
+
+def _las(table: SurveyTable) -> bytes:
+    from mwd_surface.exports.export_las import las
+
+    return las(table).encode()
+
+
+def _witsml(table: SurveyTable) -> bytes:
+    from mwd_surface.exports.export_witsml import witsml
+
+    return witsml(table).encode()
+
+
 def _html(table: SurveyTable) -> bytes:
-    # Drawing is slow to import; the other formats need none of it.
     from mwd_surface.exports.report_html import report_html
 
     return report_html(table).encode()
@@ -44,16 +70,12 @@ def _pdf(table: SurveyTable) -> bytes:
 
 
 FORMATS: dict[str, Format] = {
-    "csv": Format(".csv", "definitive", "definitive survey, CSV", lambda t: definitive_csv(t).encode()),
-    "raw_csv": Format(
-        ".csv", "raw", "every survey taken with six axes, CSV", lambda t: raw_csv(t.surveys, t.header).encode()
-    ),
-    "las": Format(".las", "definitive", "definitive survey, LAS 2.0", lambda t: las(t).encode()),
-    "witsml": Format(
-        ".xml", "trajectory", "definitive survey, WITSML 1.4.1.1 trajectory", lambda t: witsml(t).encode()
-    ),
-    "html": Format(".html", "report", "survey report, one HTML file", _html),
+    "html": Format(".html", "report", "survey report, HTML", _html),
     "pdf": Format(".pdf", "report", "survey report, PDF", _pdf),
+    "csv": Format(".csv", "definitive", "definitive survey, CSV", _csv),
+    "raw_csv": Format(".csv", "raw", "every survey with six axes, CSV", _raw_csv),
+    "las": Format(".las", "definitive", "definitive survey, LAS 2.0", _las),
+    "witsml": Format(".xml", "trajectory", "definitive survey, WITSML 1.4.1.1", _witsml),
 }
 
 
@@ -91,6 +113,8 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
     if name:
         stem = safe_name(name.removesuffix(made.ending))
     else:
+        from mwd_surface.exports.survey_table import utc
+
         moment = utc(table.made_ns)[:19].replace(":", "").replace("-", "") + "Z"
         # The time and the word must survive a long name.
         stem = safe_name(safe_name(table.surveys.well.wellbore_name)[:48], made.word, moment)

@@ -24,6 +24,7 @@ from typing import Any
 
 from aiohttp import WSMsgType, web
 
+from mwd_surface.exports.export import FORMATS
 from mwd_surface.loopback import is_loopback
 from mwd_surface.page.commands import COMMANDS, Command, checked_arguments
 from mwd_surface.page.files import PAGE, page_files, sender
@@ -84,7 +85,8 @@ class PageServer:
         self._on_command = on_command if self.settings.token else None
         self._page = page
         self._feed = StateFeed(1.0 / self.settings.max_rate, self.settings.send_timeout, clock)
-        self._feed.controls = self._on_command is not None
+        if self._on_command is not None:
+            self._feed.own |= {"controls": True, "exports": [[kind, made.what] for kind, made in FORMATS.items()]}
         self._silent: set[Any] = set()
         self._executor: concurrent.futures.ThreadPoolExecutor | None = None
         self._thread: threading.Thread | None = None

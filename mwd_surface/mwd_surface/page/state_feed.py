@@ -56,7 +56,8 @@ class StateFeed:
     def __init__(self, period: float, send_timeout: float, clock: Callable[[], float]) -> None:
         self.snapshot: Mapping[str, Any] | None = None
         self.clients: set[Client] = set()
-        self.controls = False
+        # Of the server itself: whether it takes commands, and the formats of the survey list it can write.
+        self.own: dict[str, Any] = {"controls": False, "exports": []}
         self.skipped = 0
         self._period, self._send_timeout, self._clock = period, send_timeout, clock
         self._texts: dict[str, tuple[int, str]] = {}
@@ -99,7 +100,7 @@ class StateFeed:
         """
         snapshot = self.snapshot
         own = {
-            "controls": self.controls,
+            **self.own,
             "clients": len(self.clients),
             "skipped": skipped,
             "ready": snapshot is not None,

@@ -110,7 +110,7 @@ def test_state_json_is_the_last_state_and_says_so_while_there_is_none():
         full = json.loads(ask(server, "/state.json")[1])
         assert full["sections"]["attitude"]["inclination"]["value"] == 0.7
         assert full["sections"]["attitude"]["inclination"]["age"] == 0.5
-        assert full["server"] == {"controls": False, "clients": 0, "skipped": 0, "ready": True}
+        assert full["server"] == {"controls": False, "exports": [], "clients": 0, "skipped": 0, "ready": True}
 
 
 def test_a_watcher_gets_all_first_then_only_what_changed_within_200_ms():

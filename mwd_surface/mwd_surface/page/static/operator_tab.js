@@ -4,8 +4,6 @@ import { command } from "./connection.js";
 import { byId, el, setText } from "./dom.js";
 import * as units from "./units.js";
 
-const EXPORTS = [["html", "HTML report"], ["pdf", "PDF report"], ["csv", "CSV, definitive"], ["raw_csv", "CSV, every survey"], ["las", "LAS 2.0"], ["witsml", "WITSML 1.4.1.1"]];
-
 const operator = { name: sessionStorage.getItem("operator") || "", token: "" };
 
 let answerBox = null;
@@ -47,7 +45,7 @@ export function showControls(server, onToken) {
   });
   const button = (id, text, command_, given = () => ({})) => el("button", { type: "button", id, disabled: true, onclick: () => act(command_, given()) }, text);
   const depth = el("input", { type: "text", id: "bit-depth", inputmode: "decimal", autocomplete: "off", maxlength: 12 });
-  const format = el("select", { id: "export-format" }, EXPORTS.map(([key, text]) => el("option", { value: key }, text)));
+  const format = el("select", { id: "export-format" }, server.exports.map(([key, text]) => el("option", { value: key }, text)));
   const setDepth = el("button", { type: "button", id: "set-depth", disabled: true, onclick: () => {
     const metres = units.metres(depth.value);
     if (metres === null) setText(answerBox, `bit depth: ${depth.value || "nothing"} is no number of ${units.unit("length")}`);
