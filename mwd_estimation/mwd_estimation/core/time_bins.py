@@ -9,11 +9,13 @@ stream into blocks gives the same bits and a variance loses no digits.
 from __future__ import annotations
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.records import dtype_of
 
 _NONE = np.iinfo(np.int64).min
 _ROOM = 64  # bins that one call of the kernel can close
@@ -56,6 +58,46 @@ class Average:
     count: int
 
 
+class Place:
+    """
+    Which bin, and where it closed.
+
+    Attributes
+    ----------
+    index, count : int
+        As of `Bin`; index is _NONE where no bin is open.
+    place : int
+        In the block, of the sample that closed it.
+    """
+
+    index: int
+    count: int
+    place: int
+
+
+_PLACE = dtype_of(Place)
+
+
+class Sums(NamedTuple):
+    """Of the open bin: first sample, sum, lowest and highest, shape (c,); sums of products about the first, (c, c)."""
+
+    first: Array
+    total: Array
+    low: Array
+    high: Array
+    products: Array
+
+
+class Closed(NamedTuple):
+    """Bins closed in one call of the kernel: places, shape (k,); the figures of `Bin`, shapes (k, c) and (k, c, c)."""
+
+    places: Samples
+    mean: Array
+    low: Array
+    high: Array
+    scatter: Array
+
+
 class Binner:
     """
     Cuts one stream into bins.
@@ -70,12 +112,12 @@ class Binner:
 
     def __init__(self, channels: int, length_ns: int) -> None:
         self.length_ns = length_ns
-        self._counts = np.array([_NONE, 0], dtype=np.int64)
-        # Rows: first sample, sum, lowest, highest; then the sums of products, row by row.
-        self._sums = np.zeros((4 + channels, channels))
-        # Closed bins of one call of the kernel: index, count and place; mean, lowest, highest and scatter.
-        self._done = np.zeros((_ROOM, 3), dtype=np.int64)
-        self._figures = np.zeros((_ROOM, 3 + channels, channels))
+        self._open = np.zeros(1, _PLACE)
+        self._open["index"] = _NONE
+        first, total, low, high = np.zeros((4, channels))
+        self._sums = Sums(first, total, low, high, np.zeros((channels, channels)))
+        mean, lowest, highest = np.zeros((3, _ROOM, channels))
+        self._closed = Closed(np.zeros(_ROOM, _PLACE), mean, lowest, highest, np.zeros((_ROOM, channels, channels)))
 
     def add(self, stamp_ns: Stamps, values: Array) -> list[Bin]:
         """
@@ -91,26 +133,24 @@ class Binner:
         closed: list[tuple[Bin, int]] = []
         start, n = 0, len(stamp_ns)
         while start < n:
-            start, count = _fill(
-                self._counts, self._sums, stamp_ns, values, start, self.length_ns, self._done, self._figures
-            )
+            start, count = _fill(self._open, self._sums, stamp_ns, values, start, self.length_ns, self._closed)
             if count:
                 closed += self._bins(count)
         return closed
 
     def flush(self, before_ns: int) -> list[Bin]:
         """Close the open bin where the stream fell silent and the bin ends before that time, ns."""
-        index = int(self._counts[0])
+        index = int(self._open[0].index)
         if index == _NONE or (index + 1) * self.length_ns > before_ns:
             return []
-        _close(self._counts, self._sums, self._done, self._figures, 0, 0)
+        _close(self._open[0], self._sums, self._closed, 0, 0)
         return [closed for closed, _ in self._bins(1)]
 
     def _bins(self, count: int) -> list[tuple[Bin, int]]:
-        figures = self._figures[:count].copy()
+        places, *figures = (column[:count].copy() for column in self._closed)
         return [
-            (Bin(index, size, part[0], part[3:], part[1], part[2]), place)
-            for (index, size, place), part in zip(self._done[:count].tolist(), figures, strict=True)
+            (Bin(int(at.index), int(at.count), mean, scatter, low, high), int(at.place))
+            for at, mean, low, high, scatter in zip(places, *figures, strict=True)
         ]
 
 
@@ -135,66 +175,61 @@ def average(bins: list[Bin]) -> Average:
 
 
 @compiled
-def _close(counts: Stamps, sums: Array, done: Stamps, figures: Array, row: int, place: int) -> None:
-    """Write the open bin into a row of `done` and `figures`, and open none."""
-    channels = sums.shape[1]
-    count = counts[1]
-    done[row, 0], done[row, 1], done[row, 2] = counts[0], count, place
+def _close(s: Place, sums: Sums, closed: Closed, row: int, place: int) -> None:
+    """Write the open bin into a row of `closed`, and open none."""
+    channels, count = len(sums.first), s.count
+    at = closed.places[row]
+    at.index, at.count, at.place = s.index, count, place
     for c in range(channels):
-        figures[row, 0, c] = sums[0, c] + sums[1, c] / count
-        figures[row, 1, c] = sums[2, c]
-        figures[row, 2, c] = sums[3, c]
+        closed.mean[row, c] = sums.first[c] + sums.total[c] / count
+        closed.low[row, c] = sums.low[c]
+        closed.high[row, c] = sums.high[c]
         for r in range(channels):
-            products = sums[4 + min(r, c), max(r, c)]
-            figures[row, 3 + r, c] = products - count * ((sums[1, r] / count) * (sums[1, c] / count))
-    counts[0] = _NONE
-    counts[1] = 0
+            products = sums.products[min(r, c), max(r, c)]
+            closed.scatter[row, r, c] = products - count * ((sums.total[r] / count) * (sums.total[c] / count))
+    s.index = _NONE
+    s.count = 0
 
 
 @compiled
 def _fill(
-    counts: Stamps,
-    sums: Array,
-    stamp_ns: Stamps,
-    values: Array,
-    start: int,
-    length_ns: int,
-    done: Stamps,
-    figures: Array,
+    state: Samples, sums: Sums, stamp_ns: Stamps, values: Array, start: int, length_ns: int, closed: Closed
 ) -> tuple[int, int]:
     """Take samples from `start` on until the block ends or no room is left for closed bins; their number comes last."""
-    channels = sums.shape[1]
-    closed = 0
+    s = state[0]
+    first, total, low, high, products = sums
+    channels = len(first)
+    done = 0
     # Where the open bin began and ends; a division for each sample would cost more than its sums.
     begin, end = 0, 0
-    if counts[0] != _NONE:
-        begin, end = counts[0] * length_ns, (counts[0] + 1) * length_ns
+    if s.index != _NONE:
+        begin, end = s.index * length_ns, (s.index + 1) * length_ns
     for i in range(start, len(stamp_ns)):
-        if counts[0] != _NONE and stamp_ns[i] >= end:
-            if closed == len(done):
-                return i, closed
-            _close(counts, sums, done, figures, closed, i)
-            closed += 1
+        if s.index != _NONE and stamp_ns[i] >= end:
+            if done == len(closed.places):
+                return i, done
+            _close(s, sums, closed, done, i)
+            done += 1
         finite = True
         for c in range(channels):
             finite = finite and abs(values[i, c]) < _LARGEST
-        if not finite or (counts[0] != _NONE and stamp_ns[i] < begin):
+        if not finite or (s.index != _NONE and stamp_ns[i] < begin):
             continue
-        if counts[0] == _NONE:
-            counts[0] = stamp_ns[i] // length_ns
-            begin, end = counts[0] * length_ns, (counts[0] + 1) * length_ns
+        if s.index == _NONE:
+            s.index = stamp_ns[i] // length_ns
+            begin, end = s.index * length_ns, (s.index + 1) * length_ns
             for c in range(channels):
-                sums[0, c] = sums[2, c] = sums[3, c] = values[i, c]
-                sums[1, c] = 0.0
+                first[c] = low[c] = high[c] = values[i, c]
+                total[c] = 0.0
                 for r in range(channels):
-                    sums[4 + r, c] = 0.0
-        counts[1] += 1
+                    products[r, c] = 0.0
+        s.count += 1
         for c in range(channels):
-            away = values[i, c] - sums[0, c]
-            sums[1, c] += away
-            sums[2, c] = min(sums[2, c], values[i, c])
-            sums[3, c] = max(sums[3, c], values[i, c])
+            away = values[i, c] - first[c]
+            total[c] += away
+            low[c] = min(low[c], values[i, c])
+            high[c] = max(high[c], values[i, c])
             # The products are the same either way round.
             for r in range(c + 1):
-                sums[4 + r, c] += away * (values[i, r] - sums[0, r])
-    return len(stamp_ns), closed
+                products[r, c] += away * (values[i, r] - first[r])
+    return len(stamp_ns), done

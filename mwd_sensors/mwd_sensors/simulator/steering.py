@@ -15,11 +15,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.records import dtype_of
 from mwd_sensors.core.settings import setting
 from mwd_sensors.simulator.schedule import Timeline
 
@@ -29,8 +31,46 @@ _SCHEDULE = -1
 _RPM = math.pi / 30.0
 _LINES = 24  # sines of the motor's unsteady torque
 _LEAST_SLIDE = 1e-5  # rad/s; below this a string that does not slide along stands still
-# What changes: top drive's angle and speed, string end's angle and speed, and the command in force.
-_DRIVE, _DRIVE_RATE, _END, _END_RATE, _MODE, _SPEED, _TARGET, _LEFT = range(8)
+
+
+class State:
+    """
+    Top drive, string and the command in force.
+
+    Attributes
+    ----------
+    drive, drive_rate, end, end_rate : float
+        Angle, rad, and speed, rad/s, of the top drive and of the string's end.
+    mode : int
+        Of the command in force; _SCHEDULE before the first.
+    speed, target, left : float
+        What it asks: rad/s, rad; and how long it holds, s.
+    """
+
+    drive: float
+    drive_rate: float
+    end: float
+    end_rate: float
+    mode: int
+    speed: float
+    target: float
+    left: float
+
+
+_STATE = dtype_of(State)
+
+
+class Params(NamedTuple):
+    """What does not change: SI units, friction as `kinetic` and what standstill adds, `more`."""
+
+    stiffness: float
+    inertia: float
+    damping: float
+    kinetic: float
+    more: float
+    decay: float
+    fastest: float
+    ramp: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -125,17 +165,15 @@ class String:
         self._frequency = low + (high - low) / _LINES * (np.arange(_LINES) + rng.random(_LINES))
         self._phase = 2.0 * math.pi * rng.random(_LINES)
         self._full_weight = max(float(timeline.weight.terms[:, 0].max()), 1e-9)
-        self._params = np.array(
-            [
-                steering.stiffness_nm_rad,
-                steering.inertia_kgm2,
-                steering.damping_nms,
-                steering.kinetic_nm,
-                steering.static_nm - steering.kinetic_nm,
-                steering.decay_rpm * _RPM,
-                steering.orient_rpm * _RPM,
-                steering.ramp_rpm_s * _RPM,
-            ]
+        self._params = Params(
+            stiffness=steering.stiffness_nm_rad,
+            inertia=steering.inertia_kgm2,
+            damping=steering.damping_nms,
+            kinetic=steering.kinetic_nm,
+            more=steering.static_nm - steering.kinetic_nm,
+            decay=steering.decay_rpm * _RPM,
+            fastest=steering.orient_rpm * _RPM,
+            ramp=steering.ramp_rpm_s * _RPM,
         )
         # A run that starts under way starts wound up.
         start = np.zeros(1)
@@ -143,7 +181,8 @@ class String:
         fall = math.exp(-abs(speed) / (steering.decay_rpm * _RPM))
         drag = steering.kinetic_nm + (steering.static_nm - steering.kinetic_nm) * fall
         wound = (motor + math.copysign(drag, speed) * (speed != 0.0)) / steering.stiffness_nm_rad
-        self._state = np.array([toolface + wound, speed, toolface, speed, _SCHEDULE, 0.0, 0.0, 0.0])
+        self._state = np.zeros(1, _STATE)
+        self._state[0] = (toolface + wound, speed, toolface, speed, _SCHEDULE, 0.0, 0.0, 0.0)
 
     def command(self, command: Command) -> None:
         """
@@ -155,16 +194,16 @@ class String:
             As `check`.
         """
         check(command, self.steering)
-        state = self._state
-        speed = state[_DRIVE_RATE]
-        rest = state[_DRIVE] + 0.5 * speed * abs(speed) / (self.steering.ramp_rpm_s * _RPM)
-        state[_MODE], state[_SPEED], state[_LEFT] = command.mode, command.rotary_speed, command.valid_for
-        state[_TARGET] = rest + command.turn
+        state = self._state[0]
+        speed = float(state.drive_rate)
+        rest = float(state.drive) + 0.5 * speed * abs(speed) / (self.steering.ramp_rpm_s * _RPM)
+        state.mode, state.speed, state.left = command.mode, command.rotary_speed, command.valid_for
+        state.target = rest + command.turn
 
     @property
     def obeys(self) -> int | None:
         """Mode of the command in force; None before the first."""
-        mode = int(self._state[_MODE])
+        mode = int(self._state[0].mode)
         return None if mode == _SCHEDULE else mode
 
     def advance(self, first: int, count: int) -> tuple[Array, Array]:
@@ -195,42 +234,42 @@ class String:
 
 @compiled
 def advance(
-    params: Array, state: Array, slide: Array, scheduled: Array, motor: Array, dt: float, turn: Array, drive: Array
+    p: Params, state: Samples, slide: Array, scheduled: Array, motor: Array, dt: float, turn: Array, drive: Array
 ) -> None:
     """
-    Integrate over n instants dt apart; state is changed, turn and drive are filled.
+    Integrate over n instants dt apart; state, shape (1,), is changed, turn and drive are filled.
 
     slide, shape (n,): speed along the hole over the radius, rad/s. scheduled, rad/s, and motor, N m, shape (n,).
     """
-    stiffness, inertia, damping, kinetic, more, decay, fastest, ramp = params
+    s = state[0]
     for i in range(len(slide)):
-        if state[_MODE] >= 0.0 and state[_MODE] != 0.0:
-            state[_LEFT] -= dt
-            if state[_LEFT] <= 0.0:
-                state[_MODE] = 0.0
+        if s.mode > HOLD:
+            s.left -= dt
+            if s.left <= 0.0:
+                s.mode = HOLD
         # Speed the top drive is to have.
         wanted = 0.0
-        if state[_MODE] < 0.0:
+        if s.mode == _SCHEDULE:
             wanted = scheduled[i]
-        elif state[_MODE] == 1.0:
-            wanted = state[_SPEED]
-        elif state[_MODE] == 2.0:
-            rest = state[_TARGET] - state[_DRIVE]
+        elif s.mode == ROTATE:
+            wanted = s.speed
+        elif s.mode == ORIENT:
+            rest = s.target - s.drive
             # As fast as it can still be stopped in time; slower at the very end.
-            wanted = min(fastest, math.sqrt(1.6 * ramp * abs(rest)), 10.0 * abs(rest))
+            wanted = min(p.fastest, math.sqrt(1.6 * p.ramp * abs(rest)), 10.0 * abs(rest))
             if rest < 0.0:
                 wanted = -wanted
-        before = wanted if state[_MODE] < 0.0 else state[_DRIVE_RATE]
-        speed, end = before + min(max(wanted - before, -ramp * dt), ramp * dt), state[_END_RATE]
-        torque = stiffness * (state[_DRIVE] - state[_END]) + damping * (before - end)
+        before = wanted if s.mode == _SCHEDULE else s.drive_rate
+        speed, end = before + min(max(wanted - before, -p.ramp * dt), p.ramp * dt), s.end_rate
+        torque = p.stiffness * (s.drive - s.end) + p.damping * (before - end)
         # Friction over speed, taken at the speed before; its part of the step is implicit, so that sticking is stable.
-        drag = kinetic + more * math.exp(-abs(end) / decay)
+        drag = p.kinetic + p.more * math.exp(-abs(end) / p.decay)
         viscous = drag / math.hypot(end, max(slide[i], _LEAST_SLIDE))
-        push = stiffness * (state[_DRIVE] - state[_END]) + damping * before - motor[i]
-        after = (end + dt / inertia * push) / (1.0 + dt / inertia * (viscous + damping))
-        turn[0, i], turn[1, i] = state[_END], end
+        push = p.stiffness * (s.drive - s.end) + p.damping * before - motor[i]
+        after = (end + dt / p.inertia * push) / (1.0 + dt / p.inertia * (viscous + p.damping))
+        turn[0, i], turn[1, i] = s.end, end
         turn[2, i] = (after - end) / dt
         drive[i, 0], drive[i, 1] = before, torque
-        state[_DRIVE] += 0.5 * dt * (before + speed)
-        state[_END] += 0.5 * dt * (end + after)
-        state[_DRIVE_RATE], state[_END_RATE] = speed, after
+        s.drive += 0.5 * dt * (before + speed)
+        s.end += 0.5 * dt * (end + after)
+        s.drive_rate, s.end_rate = speed, after

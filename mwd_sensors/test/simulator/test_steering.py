@@ -52,7 +52,7 @@ def test_the_spring_twists_by_torque_over_stiffness():
     played = Played(rpm=120.0).play(90.0)
     steady = played.drive[-RATE:, 1].mean()
     assert steady == pytest.approx(EASY.static_nm, rel=0.02)
-    wound = played.string._state[0] - played.string._state[2]
+    wound = (played.string._state["drive"] - played.string._state["end"])[0]
     assert wound == pytest.approx(steady / EASY.stiffness_nm_rad, rel=0.01)
 
 
@@ -100,10 +100,10 @@ def test_a_turn_asked_for_while_it_rotates_counts_from_where_it_comes_to_rest():
     played = Played()
     played.string.command(Command(ROTATE, rotary_speed=60.0 * RPM, valid_for=60.0))
     played.play(5.0)
-    stands = played.string._state[0] + 0.5 * (60.0 * RPM) ** 2 / (20.0 * RPM)
+    stands = played.string._state[0].drive + 0.5 * (60.0 * RPM) ** 2 / (20.0 * RPM)
     played.string.command(Command(ORIENT, turn=0.5, valid_for=60.0))
     played.play(15.0)
-    assert played.string._state[0] == pytest.approx(stands + 0.5, abs=0.01)
+    assert played.string._state[0].drive == pytest.approx(stands + 0.5, abs=0.01)
 
 
 def test_when_commands_stop_the_top_drive_does():
