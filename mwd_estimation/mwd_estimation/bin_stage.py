@@ -13,8 +13,11 @@ import numpy as np
 
 from mwd_estimation import derivation
 from mwd_estimation.attitude.block import BinEvent, MagneticModelInForce
+from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
+from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Bin, Binner
 from mwd_estimation.gyrocompass.solution import Solution
+from mwd_estimation.observatory import Observatory
 from mwd_estimation.output import Output
 from mwd_estimation.precision_unit import PrecisionUnit
 from mwd_estimation.requests import Requests
@@ -25,6 +28,7 @@ from mwd_estimation.survey.decision import Provisional, SurveyDecision
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS, Refusal, StillAverage, StillSurvey
+from mwd_estimation.survey.survey import Survey
 
 
 @dataclasses.dataclass
@@ -86,6 +90,7 @@ class BinStage:
             derivation.run_params(settings),
             faults,
         )
+        self._observatory = Observatory(settings.place)
         self._binner = Binner(6, BIN_NS)
         self._waiting: list[Bin] = []
         self._sensors_usable = True
@@ -118,8 +123,16 @@ class BinStage:
         if isinstance(average, Refusal):
             output.rotary.append(average)
             return
-        number = self._numbering.next()
-        output.rotary.append(self.decision.rotary(average, number, self._field.reference, rotary_speed))
+        taken = self.decision.rotary(average, self._numbering.next(), self._reference(average), rotary_speed)
+        output.rotary.append(self._observatory.noted(taken))
+
+    def complete(self, taken: Provisional, propagated: PropagatedAzimuth) -> Survey:
+        """Return a survey as it leaves the estimator; propagated: the azimuths carried to it."""
+        return self._observatory.noted(self.decision.complete(taken, propagated))
+
+    def _reference(self, average: StillAverage) -> Reference | None:
+        """The reference at the time of an average."""
+        return self._observatory.at(self._field.reference, (average.start_ns + average.end_ns) // 2)
 
     def _doubt(self, stretch: Stretch, start: int, stop: int) -> None:
         suspect = stretch.suspect[start:stop]
@@ -156,8 +169,8 @@ class BinStage:
 
     def _survey(self, still: StillAverage, found: Solution | None) -> Provisional:
         """Begin the survey of a still interval; what it shows of the field is used from here on."""
-        number, reference = self._numbering.next(), self._field.reference
-        taken = self.decision.begin(still, number, reference, found, usable=self._sensors_usable)
+        number = self._numbering.next()
+        taken = self.decision.begin(still, number, self._reference(still), found, usable=self._sensors_usable)
         if taken.sound:
             self._field.take(taken.survey, taken.analysis)
         return taken

@@ -19,7 +19,8 @@ from mwd_estimation.gyrocompass.gyro_params import GyroParams
 from mwd_estimation.gyrocompass.session import SessionParams
 from mwd_estimation.health import monitor
 from mwd_estimation.magnetic import interference_filter
-from mwd_estimation.settings import EstimatorSettings, reference_of
+from mwd_estimation.place import reference_of
+from mwd_estimation.settings import EstimatorSettings
 from mwd_estimation.survey import azimuth_fusion, run_history, tool_code
 from mwd_estimation.survey.acceptance import QualitySettings
 from mwd_estimation.survey.multi_station_analysis import MultistationSettings
@@ -27,6 +28,7 @@ from mwd_estimation.survey.rotary_survey import Params as RotaryParams
 from mwd_estimation.survey.static_survey import Params as StillParams
 from mwd_estimation.survey.station import StationSettings
 from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.settings import SettingsError
 
 # White noise of a precision unit whose noise is not set, deg/sqrt(h): that of the grade `tactical_north`.
 _TACTICAL_NOISE = 0.05
@@ -202,12 +204,20 @@ def reference(settings: EstimatorSettings, first_ns: int) -> Reference | None:
     Raises
     ------
     ValueError
-        As `reference_of` and `tool_code.reference_sigmas`.
+        As `reference_of` and `tool_code.reference_sigmas`; a tool code that assumes an in-field reference where the
+        field is a global model's.
     """
-    found = reference_of(settings.place, first_ns)
-    if found is None or not settings.survey.tool_code:
+    place, code = settings.place, settings.survey.tool_code
+    found = reference_of(place, first_ns)
+    if found is None or not code:
         return found
-    return tool_code.reference_for(settings.survey.tool_code, found)
+    if "IFR" in code and place.field == "model":
+        raise SettingsError(
+            f"survey.tool_code: {code} needs an in-field reference and {found.source} is a global model; "
+            "give the field of the IFR certificate (place.field fixed), or take a code with SRGM or HDGM"
+        )
+    # A certificate of this place outranks what the code assumes of all places.
+    return found if place.source else tool_code.reference_for(code, found)
 
 
 def sensor_errors(settings: EstimatorSettings) -> SensorErrors:

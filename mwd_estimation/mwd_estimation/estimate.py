@@ -164,8 +164,8 @@ class Estimate:
         )
         self._counters.rejected += rejected
         # Surveys, complete now that the attitude up to them is known.
-        decision, propagated = self.bin_stage.decision, self._attitude.propagated
-        output.surveys += [decision.complete(taken, propagated[at]) for at, taken in bins.taken]
+        propagated = self._attitude.propagated
+        output.surveys += [self.bin_stage.complete(taken, propagated[at]) for at, taken in bins.taken]
         ended = self.bin_stage.requests.average(block, self._attitude.handed_on)
         if ended is not None:
             self.bin_stage.rotary(*ended, output)
@@ -181,5 +181,5 @@ class Estimate:
         output = Output.empty(0)
         held = self.bin_stage.finish()
         if held is not None:
-            output.surveys.append(self.bin_stage.decision.complete(held, self._attitude.propagated_now))
+            output.surveys.append(self.bin_stage.complete(held, self._attitude.propagated_now))
         return output

@@ -19,8 +19,9 @@ from mwd_estimation.core.time_jumps import Clocks
 from mwd_estimation.core.track import Track
 from mwd_estimation.estimate import Estimate
 from mwd_estimation.output import Counters, Output
+from mwd_estimation.place import Place, reference_of
 from mwd_estimation.requests import Requests
-from mwd_estimation.settings import EstimatorSettings, Place, latitude_of, reference_of
+from mwd_estimation.settings import EstimatorSettings, latitude_of
 from mwd_estimation.survey.magnetic_feedback import NORTH_CODES
 from mwd_estimation.survey.static_survey import Refusal
 from mwd_sensors.core.arrays import Samples

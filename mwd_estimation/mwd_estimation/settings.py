@@ -8,83 +8,15 @@ from them.
 from __future__ import annotations
 
 import dataclasses
-import datetime
-import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from mwd_estimation.core.reference_field import Reference, from_field
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.gravity_settings import EXPERT, NoExpert
+from mwd_estimation.place import Place, located
 from mwd_estimation.tool_settings import Tool
-from mwd_sensors.core import earth
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.settings import SettingsError, from_mapping, setting, to_mapping
-
-
-@dataclasses.dataclass(frozen=True)
-class Place:
-    """Where the well is, and the Earth's field and gravity there."""
-
-    field: str = setting(
-        "none",
-        "Where the reference field comes from: none (azimuth from magnetic north, no check of the field), model (by "
-        "position and date), fixed (the figures below). Surveys are judged and corrected only against a field.",
-        choices=("none", "model", "fixed"),
-    )
-    model: str = setting(
-        "wmm2025",
-        "Geomagnetic model. wmm2025 holds from 2025 to 2030, igrf from 1900.",
-        choices=earth.MODELS,
-        expert=True,
-    )
-    lat_deg: float = setting(
-        0.0,
-        "Latitude, WGS 84, north positive. The gyro azimuth needs it too; latitude and longitude both 0: not known.",
-        unit="deg",
-        low=-90.0,
-        high=90.0,
-    )
-    lon_deg: float = setting(0.0, "Longitude, WGS 84, east positive.", unit="deg", low=-180.0, high=360.0)
-    height_m: float = setting(
-        0.0,
-        "Height above the ellipsoid. 1000 m change the field by 0.05 %.",
-        unit="m",
-        low=-12000.0,
-        high=9000.0,
-        expert=True,
-    )
-    grid: str = setting(
-        "none",
-        "Map grid of the well's plan; the model's position then gives the convergence to grid north.",
-        choices=("none", "utm"),
-        expert=True,
-    )
-    date: str = setting("", "Day of the model, YYYY-MM-DD; empty: the day of the first sample.", expert=True)
-    total_nt: float = setting(50000.0, "Strength of the fixed field.", unit="nT", low=15000.0, high=75000.0)
-    dip_deg: float = setting(
-        60.0, "Dip of the fixed field, positive below the horizontal.", unit="deg", low=-90.0, high=90.0
-    )
-    declination_deg: float = setting(
-        0.0, "Magnetic north from true north at the fixed field, east positive.", unit="deg", low=-180.0, high=180.0
-    )
-    convergence_deg: float = setting(
-        0.0,
-        "Grid north from true north at the fixed field, east positive.",
-        unit="deg",
-        low=-180.0,
-        high=180.0,
-        expert=True,
-    )
-    gravity_mps2: float = setting(
-        0.0,
-        "Gravity beside a fixed field; 0: by the latitude, or the standard value where that is not known either. A "
-        "model gives its own.",
-        unit="m/s^2",
-        low=0.0,
-        high=9.84,
-        expert=True,
-    )
+from mwd_sensors.core.settings import from_mapping, setting, to_mapping
 
 
 @dataclasses.dataclass(frozen=True)
@@ -348,53 +280,7 @@ class EstimatorSettings:
     health: Health = setting(Health, "Health of the sensors")
 
 
-def reference_of(place: Place, first_ns: int) -> Reference | None:
-    """
-    Make the reference field and gravity of a place; None where `place.field` is none.
-
-    first_ns: stamp whose day counts where no date is set.
-
-    Raises
-    ------
-    ValueError
-        The date is no date, or outside the model's years.
-    """
-    if place.field == "none":
-        return None
-    if place.field == "fixed":
-        return Reference(
-            total=place.total_nt * 1e-9,
-            dip=math.radians(place.dip_deg),
-            declination=math.radians(place.declination_deg),
-            convergence=math.radians(place.convergence_deg),
-            gravity=place.gravity_mps2 or (_gravity_at(place) if _located(place) else None),
-            source="configured",
-        )
-    if place.date:
-        try:
-            day = datetime.date.fromisoformat(place.date)
-        except ValueError as error:
-            raise SettingsError(f"place.date: {place.date!r} is not a day as YYYY-MM-DD") from error
-    else:
-        day = datetime.datetime.fromtimestamp(first_ns * 1e-9, tz=datetime.UTC).date()
-    reference = from_field(
-        earth.reference_field(
-            math.radians(place.lat_deg), math.radians(place.lon_deg), place.height_m, day, place.model
-        )
-    )
-    # A place says where true north is; the settings give the grid of the well's maps.
-    return reference if place.grid == "utm" else dataclasses.replace(reference, convergence=None)
-
-
 def latitude_of(settings: EstimatorSettings) -> float | None:
     """Latitude for the gyros, deg north; None where the position is not known."""
     place = settings.place
-    return place.lat_deg if place.field == "model" or _located(place) else None
-
-
-def _located(place: Place) -> bool:
-    return place.lat_deg != 0.0 or place.lon_deg != 0.0
-
-
-def _gravity_at(place: Place) -> float:
-    return earth.gravity(math.radians(place.lat_deg), place.height_m)
+    return place.lat_deg if place.field == "model" or located(place) else None

@@ -10,7 +10,8 @@ import yaml
 from mwd_estimation import derivation, tool_file
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.gravity import methods
-from mwd_estimation.settings import EstimatorSettings, Gravity, Place, latitude_of, reference_of
+from mwd_estimation.place import Place, reference_of
+from mwd_estimation.settings import EstimatorSettings, Gravity, latitude_of
 from mwd_estimation.tool_settings import PrecisionUnit, Tool
 from mwd_sensors.core import earth
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -43,7 +44,7 @@ def test_without_a_field_there_is_no_reference_and_a_fixed_one_is_as_it_says():
 
 
 def test_a_fixed_field_at_a_known_latitude_has_the_gravity_of_that_latitude():
-    placed = Place(field="fixed", lat_deg=58.4)
+    placed = Place(field="fixed", total_nt=50000.0, lat_deg=58.4)
     assert reference_of(placed, START).gravity == earth.gravity(math.radians(58.4), 0.0)
     assert reference_of(dataclasses.replace(placed, gravity_mps2=9.81), START).gravity == 9.81
 
@@ -161,8 +162,36 @@ def test_every_parameter_says_what_raising_or_setting_it_does():
         assert rule.doc.endswith("."), name
 
 
+_FIXED = {"place.field": "fixed", "place.total_nt": 50000.0}
+_CERTIFICATE = {"place.sigma_total_nt": 60.0, "place.sigma_dip_deg": 0.11, "place.sigma_declination_deg": 0.15}
+
+
+def test_a_named_field_brings_its_own_sigmas():
+    given = {**_FIXED, **_CERTIFICATE, "place.source": "HDGM", "survey.tool_code": "MWD+SRGM"}
+    reference = derivation.reference(changed(EstimatorSettings(), given), 0)
+    assert reference.source == "HDGM"
+    assert reference.sigma_total == pytest.approx(60e-9)
+    assert reference.sigma_dip == pytest.approx(math.radians(0.11))
+    # The declination's is of this place: it does not grow with a weak horizontal field.
+    assert math.sqrt(reference.declination_variance(1e-5)) == pytest.approx(math.radians(0.15))
+
+
+@pytest.mark.parametrize("missing", [*_CERTIFICATE, "place.source", "place.total_nt"])
+def test_a_named_field_that_is_incomplete_is_refused(missing):
+    given = {**_FIXED, **_CERTIFICATE, "place.source": "IFR1"}
+    del given[missing]
+    with pytest.raises(SettingsError, match=missing):
+        reference_of(changed(EstimatorSettings(), given).place, 0)
+
+
+def test_a_code_of_an_in_field_reference_refuses_a_global_model():
+    given = {"survey.tool_code": "MWD+IFR1", "place.field": "model", "place.lat_deg": 60.0}
+    with pytest.raises(SettingsError, match="in-field reference"):
+        derivation.reference(changed(EstimatorSettings(), given), START)
+
+
 def test_a_tool_code_gives_the_errors_and_the_sigmas_of_the_field():
-    settings = changed(EstimatorSettings(), {"survey.tool_code": "MWD+IFR1", "place.field": "fixed"})
+    settings = changed(EstimatorSettings(), {"survey.tool_code": "MWD+IFR1", **_FIXED})
     plain = changed(settings, {"survey.tool_code": ""})
     assert derivation.reference(settings, 0).sigma_total < derivation.reference(plain, 0).sigma_total
     with pytest.raises(ValueError, match="MWD"):

@@ -77,6 +77,11 @@ WORDS: dict[Code, str] = {
     "a compass is weak here, take a gyro",
     Code.NEAR_VERTICAL: "near vertical: azimuth and high side are uncertain, use magnetic toolface",
     Code.STRING_ROTATED: "taken while the string turned at {value:.0f r/min}: no toolface",
+    Code.SAG_CORRECTED: "inclination corrected for sag by {value:+.2f deg}",
+    Code.MAGNETIC_STORM: "magnetic storm: the field at observatory {names[0]} was {value:.0f nT} off its quiet level "
+    "(limit {limit:.0f nT}); the reference contains it, survey again when the field is quiet",
+    Code.EXTERNAL_FIELD_UNKNOWN: "external field unknown: the file of observatory {names[0]} has no data of this time; "
+    "add them and process again",
     Code.NOT_CORRECTED: "azimuth not corrected for axial interference: {causes}",
     Code.NO_FIELD_TO_CORRECT_BY: "no reference field",
     Code.CORRECTION_NEAR_VERTICAL: "hole only {value:.2f deg} from vertical: axial interference hardly "

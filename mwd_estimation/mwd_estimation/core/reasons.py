@@ -46,6 +46,11 @@ class ReasonCode(StrEnum):
     WEAK_HORIZONTAL_FIELD = "weak_horizontal_field"
     NEAR_VERTICAL = "near_vertical"
     STRING_ROTATED = "string_rotated"
+    SAG_CORRECTED = "sag_corrected"
+
+    # External field of an observatory (observatory).
+    MAGNETIC_STORM = "magnetic_storm"
+    EXTERNAL_FIELD_UNKNOWN = "external_field_unknown"
 
     # Drill-string interference and its single-station correction (survey.acceptance, survey.station).
     NOT_CORRECTED = "not_corrected"

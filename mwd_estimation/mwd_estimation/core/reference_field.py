@@ -61,6 +61,24 @@ class Field(Protocol):
 
 
 @dataclass(frozen=True)
+class ExternalField:
+    """External field contained in a reference: north, east, down (geographic), T, and what counts as a storm, T."""
+
+    field_n: tuple[float, float, float]
+    storm: float
+
+    @property
+    def strength(self) -> float:
+        """Strength, T."""
+        return math.hypot(*self.field_n)
+
+    @property
+    def is_storm(self) -> bool:
+        """Whether it was measured in a magnetic storm."""
+        return self.strength > self.storm
+
+
+@dataclass(frozen=True)
 class Reference:
     """
     Local field, gravity and north; what is not known is None.
@@ -80,6 +98,8 @@ class Reference:
         1 sigma, T, rad, rad, m/s^2. `sigma_declination` leaves out the part that grows with a weak horizontal field.
     sigma_declination_field : float
         That part, rad T: divided by the horizontal field it adds in squares to `sigma_declination`.
+    external : ExternalField or None
+        What strength, dip and declination contain of an observatory's disturbance; None where none was added.
     """
 
     total: float | None = None
@@ -93,6 +113,7 @@ class Reference:
     sigma_declination: float = SIGMA_DECLINATION
     sigma_declination_field: float = SIGMA_DECLINATION_FIELD
     sigma_gravity: float = SIGMA_GRAVITY
+    external: ExternalField | None = None
 
     def __post_init__(self) -> None:
         """Refuse figures that no place of the Earth has."""

@@ -361,4 +361,5 @@ def _merged(known: Mapping[str, float], override: Reference | None) -> Reference
         return replace(override, **fill)
     if not known:
         return None
-    return Reference(**known, source="table")
+    row: dict[str, Any] = {**known, "source": "table"}
+    return Reference(**row)

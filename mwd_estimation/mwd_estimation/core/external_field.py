@@ -1,0 +1,219 @@
+"""
+External magnetic field (ionosphere, magnetosphere, storms) from the record of an observatory.
+
+A magnetic reference knows core and crust. What the Sun adds is measured at observatories; its difference from their
+quiet level is nearly the same at a well some hundred kilometres away. Format: IAGA-2002 data exchange format (IAGA
+Division V, documented by NOAA/NCEI). Method: S. J. Reay et al., "Space weather effects on drilling accuracy in the
+North Sea", Annales Geophysicae 23 (2005), 3081-3088, which measured what such a correction leaves.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mwd_estimation.core.reference_field import ExternalField, Reference
+from mwd_sensors.core.arrays import Array, Stamps
+
+# Larger figures are IAGA-2002's marks for a missing (99999) or never recorded (88888) value.
+_MISSING = 88888.0
+# A gap longer than this is not bridged, s: pulsations and substorm onsets take minutes.
+_LONGEST_GAP = 600.0
+# Below this range an hour is as quiet as any other, T: observatories report tenths of nT.
+_RESOLUTION = 1e-9
+_HOUR_NS = 3_600_000_000_000
+# Names of components and the minutes of arc that declination and inclination are recorded in.
+_MINUTE = math.radians(1.0 / 60.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class ObservatoryRecord:
+    """
+    Field at an observatory over time.
+
+    Attributes
+    ----------
+    station : str
+        IAGA code.
+    stamps_ns : ndarray, shape (n,)
+        UTC, increasing.
+    field_n : ndarray, shape (n, 3)
+        North, east, down (geographic), T; only complete samples.
+    quiet_n : ndarray, shape (3,)
+        Quiet level, T.
+    """
+
+    station: str
+    stamps_ns: Stamps
+    field_n: Array
+    quiet_n: Array
+
+    def disturbance(self, stamp_ns: int) -> Array | None:
+        """Difference from the quiet level in north, east, down, T, shape (3,); None in a gap and outside the record."""
+        after = int(np.searchsorted(self.stamps_ns, stamp_ns))
+        if after < len(self.stamps_ns) and self.stamps_ns[after] == stamp_ns:
+            return np.asarray(self.field_n[after] - self.quiet_n)
+        if not 0 < after < len(self.stamps_ns):
+            return None
+        first, second = int(self.stamps_ns[after - 1]), int(self.stamps_ns[after])
+        if (second - first) * 1e-9 > _LONGEST_GAP:
+            return None
+        share = (stamp_ns - first) / (second - first)
+        between = (1.0 - share) * self.field_n[after - 1] + share * self.field_n[after]
+        return np.asarray(between - self.quiet_n)
+
+
+def read_iaga2002(text: str, name: str) -> ObservatoryRecord:
+    """
+    Read a record in IAGA-2002 format with the components X, Y, Z or H, D, Z, or D, I, F, in any order.
+
+    Parameters
+    ----------
+    text : str
+        The file.
+    name : str
+        What to call it in an error.
+
+    Raises
+    ------
+    ValueError
+        No IAGA-2002 header of columns, other components, a line that cannot be read or less than two complete samples.
+    """
+    lines = text.splitlines()
+    head = next((k for k, line in enumerate(lines) if line.startswith("DATE ")), None)
+    if head is None:
+        raise ValueError(f"{name}: no IAGA-2002 file: no line with the columns DATE TIME DOY and the components")
+    columns = lines[head].replace("|", " ").split()[3:]
+    station = columns[0][:3] if columns else ""
+    letters = [column[3:4].upper() for column in columns]
+    stamps, rows = [], []
+    for number, line in enumerate(lines[head + 1 :], head + 2):
+        if not line.strip():
+            continue
+        try:
+            stamp, values = _sample(line, len(letters))
+        except ValueError as error:
+            raise ValueError(f"{name}, line {number}: not a line of IAGA-2002 data: {line[:40]!r}") from error
+        stamps.append(stamp)
+        rows.append(values)
+    raw = np.array(rows, dtype=float).reshape(len(rows), len(letters))
+    raw[raw >= _MISSING] = math.nan
+    field_n = _north_east_down({letter: raw[:, k] for k, letter in enumerate(letters)}, name)
+    whole = np.isfinite(field_n).all(axis=1)
+    stamps_ns, field_n = np.array(stamps, dtype=np.int64)[whole], field_n[whole]
+    stamps_ns, first = np.unique(stamps_ns, return_index=True)
+    if len(stamps_ns) < 2:
+        raise ValueError(f"{name}: {len(stamps_ns)} complete samples of all components, at least 2 are needed")
+    field_n = field_n[first]
+    return ObservatoryRecord(station, stamps_ns, field_n, quiet_level(stamps_ns, field_n))
+
+
+def quiet_level(stamps_ns: Stamps, field_n: Array) -> Array:
+    """
+    Field of the quiet hours of a record: the median of its samples, weighted by how quiet their hour was.
+
+    Parameters
+    ----------
+    stamps_ns : ndarray, shape (n,)
+        Increasing.
+    field_n : ndarray, shape (n, 3)
+        T.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        T. The weight is the inverse square of the range within the hour, so that a storm that fills most of a record
+        hardly counts, and nights of quiet days count most.
+    """
+    hours = stamps_ns // _HOUR_NS
+    _, starts, counts = np.unique(hours, return_index=True, return_counts=True)
+    spread = np.maximum.reduceat(field_n, starts) - np.minimum.reduceat(field_n, starts)
+    weight = 1.0 / (np.sum(spread**2, axis=1) + _RESOLUTION**2)
+    # An hour cut short by the ends of the record or by gaps looks quieter than it was.
+    weight[counts < 0.5 * np.median(counts)] = 0.0
+    each = np.repeat(weight, counts)
+    return np.array([_weighted_median(component, each) for component in field_n.T])
+
+
+def _weighted_median(values: Array, weights: Array) -> float:
+    """Value with half the weight on either side."""
+    order = np.argsort(values)
+    below = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(below, 0.5 * below[-1])])
+
+
+def with_external(
+    reference: Reference, disturbance_n: Array, sigma_share: float, storm: float, source: str
+) -> Reference:
+    """
+    Add the external field of the moment to a reference.
+
+    Parameters
+    ----------
+    reference : Reference
+        With field and declination; another one is returned as it is.
+    disturbance_n : ndarray, shape (3,)
+        North, east, down (geographic), T.
+    sigma_share : float
+        Part of the disturbance that the well does not share, 1 sigma.
+    storm : float
+        Disturbance, T, from which it is marked as a storm.
+    source : str
+        Where it was measured.
+
+    Returns
+    -------
+    Reference
+        With `external`, and with the strength, dip and declination of the vector sum.
+    """
+    if reference.declination is None or not reference.has_field:
+        return reference
+    along = np.array([math.cos(reference.declination), math.sin(reference.declination)])
+    north, east = reference.horizontal * along + disturbance_n[:2]
+    down = reference.vertical + float(disturbance_n[2])
+    horizontal = math.hypot(north, east)
+    total, strength = math.hypot(horizontal, down), float(np.linalg.norm(disturbance_n))
+    # The part that is not shared may point anywhere: of its three components one lies along the field, one across it in
+    # the meridian and one east of it.
+    left = sigma_share * strength / math.sqrt(3.0)
+    return dataclasses.replace(
+        reference,
+        total=total,
+        dip=math.atan2(down, horizontal),
+        declination=math.atan2(east, north),
+        source=f"{reference.source}, external field of {source}",
+        sigma_total=math.hypot(reference.sigma_total, left),
+        sigma_dip=math.hypot(reference.sigma_dip, left / total),
+        sigma_declination_field=math.hypot(reference.sigma_declination_field, left),
+        external=ExternalField((float(disturbance_n[0]), float(disturbance_n[1]), float(disturbance_n[2])), storm),
+    )
+
+
+def _sample(line: str, components: int) -> tuple[int, list[float]]:
+    """UTC in ns and the components of one line of data."""
+    day, clock, _, *values = line.replace("|", " ").split()
+    if len(values) != components:
+        raise ValueError(line)
+    moment = datetime.datetime.fromisoformat(f"{day}T{clock}").replace(tzinfo=datetime.UTC)
+    whole = int(moment.replace(microsecond=0).timestamp())
+    return whole * 1_000_000_000 + moment.microsecond * 1000, [float(value) for value in values]
+
+
+def _north_east_down(by_letter: dict[str, Array], name: str) -> Array:
+    """Components in nT and minutes of arc as north, east, down in T, shape (n, 3)."""
+    have: Sequence[str] = sorted(by_letter)
+    if {"X", "Y", "Z"} <= set(have):
+        return 1e-9 * np.column_stack([by_letter["X"], by_letter["Y"], by_letter["Z"]])
+    if {"H", "D", "Z"} <= set(have):
+        horizontal, down = by_letter["H"], by_letter["Z"]
+    elif {"D", "I", "F"} <= set(have):
+        dip = by_letter["I"] * _MINUTE
+        horizontal, down = by_letter["F"] * np.cos(dip), by_letter["F"] * np.sin(dip)
+    else:
+        raise ValueError(f"{name}: components {', '.join(have)} are not X, Y, Z nor H, D, Z nor D, I, F")
+    declination = by_letter["D"] * _MINUTE
+    return 1e-9 * np.column_stack([horizontal * np.cos(declination), horizontal * np.sin(declination), down])

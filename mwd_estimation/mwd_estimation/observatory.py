@@ -1,0 +1,78 @@
+"""The observatory file of the settings: read when it is first needed and again when it has changed."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from mwd_estimation.core.external_field import ObservatoryRecord, read_iaga2002, with_external
+from mwd_estimation.core.reasons import Reason
+from mwd_estimation.core.reasons import ReasonCode as Code
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.place import Place
+from mwd_estimation.survey.survey import Survey
+from mwd_sensors.core.settings import SettingsError
+
+
+class Observatory:
+    """
+    External field at the time of each survey.
+
+    place : Place
+        Its `observatory_file` may be empty: then every reference is returned as it is.
+
+    Raises
+    ------
+    SettingsError
+        The file cannot be read, or is no IAGA-2002 record.
+    """
+
+    def __init__(self, place: Place) -> None:
+        self._place = place
+        self._read_at: tuple[int, int] | None = None
+        self._record: ObservatoryRecord | None = None
+        if place.observatory_file:
+            try:
+                self._refresh()
+            except (OSError, ValueError) as error:
+                raise SettingsError(f"place.observatory_file: {error}") from error
+
+    def at(self, reference: Reference | None, stamp_ns: int) -> Reference | None:
+        """Return the reference at a time, UTC ns; as it is where there is no record of that time."""
+        if self._record is None or reference is None:
+            return reference
+        try:
+            self._refresh()
+        except (OSError, ValueError):
+            # Somebody is writing it just now: what was read before holds, and a time beyond it is said (`noted`).
+            self._read_at = None
+        found = self._record.disturbance(stamp_ns)
+        if found is None:
+            return reference
+        place = self._place
+        return with_external(
+            reference, found, place.observatory_share, place.storm_nt * 1e-9, f"observatory {self._record.station}"
+        )
+
+    def noted(self, survey: Survey) -> Survey:
+        """Add to a survey what is to be said of the external field in its reference, which came from `at`."""
+        station = survey.station
+        reference = station.reference
+        if self._record is None or reference is None or not reference.has_field or reference.declination is None:
+            return survey
+        external, names = reference.external, (self._record.station,)
+        if external is None:
+            reason = Reason(Code.EXTERNAL_FIELD_UNKNOWN, names=names)
+        elif external.is_storm:
+            reason = Reason(Code.MAGNETIC_STORM, external.strength, external.storm, names=names)
+        else:
+            return survey
+        return dataclasses.replace(survey, station=dataclasses.replace(station, reasons=(*station.reasons, reason)))
+
+    def _refresh(self) -> None:
+        path = Path(self._place.observatory_file)
+        status = path.stat()
+        now = (status.st_mtime_ns, status.st_size)
+        if now != self._read_at:
+            self._record = read_iaga2002(path.read_text(encoding="utf-8", errors="replace"), path.name)
+            self._read_at = now

@@ -1,0 +1,193 @@
+"""The place of the well in the settings, and the reference of gravity and magnetic field that follows from it."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import math
+
+from mwd_estimation.core.reference_field import Reference, from_field
+from mwd_sensors.core import earth
+from mwd_sensors.core.settings import SettingsError, setting
+
+
+@dataclasses.dataclass(frozen=True)
+class Place:
+    """Where the well is, and the Earth's field and gravity there."""
+
+    field: str = setting(
+        "none",
+        "Where the reference field comes from: none (azimuth from magnetic north, no check of the field), model (by "
+        "position and date), fixed (the figures below, such as those of an IFR or HDGM certificate). Surveys are "
+        "judged and corrected only against a field.",
+        choices=("none", "model", "fixed"),
+    )
+    model: str = setting(
+        "wmm2025",
+        "Geomagnetic model. wmm2025 holds from 2025 to 2030, igrf from 1900.",
+        choices=earth.MODELS,
+        expert=True,
+    )
+    lat_deg: float = setting(
+        0.0,
+        "Latitude, WGS 84, north positive. The gyro azimuth needs it too; latitude and longitude both 0: not known.",
+        unit="deg",
+        low=-90.0,
+        high=90.0,
+    )
+    lon_deg: float = setting(0.0, "Longitude, WGS 84, east positive.", unit="deg", low=-180.0, high=360.0)
+    height_m: float = setting(
+        0.0,
+        "Height above the ellipsoid. 1000 m change the field by 0.05 %.",
+        unit="m",
+        low=-12000.0,
+        high=9000.0,
+        expert=True,
+    )
+    grid: str = setting(
+        "none",
+        "Map grid of the well's plan; the model's position then gives the convergence to grid north.",
+        choices=("none", "utm"),
+        expert=True,
+    )
+    date: str = setting("", "Day of the model, YYYY-MM-DD; empty: the day of the first sample.", expert=True)
+    total_nt: float = setting(
+        0.0,
+        "Strength of the fixed field; 0: not given, a fixed field is refused.",
+        unit="nT",
+        low=0.0,
+        high=75000.0,
+    )
+    dip_deg: float = setting(
+        60.0, "Dip of the fixed field, positive below the horizontal.", unit="deg", low=-90.0, high=90.0
+    )
+    declination_deg: float = setting(
+        0.0, "Magnetic north from true north at the fixed field, east positive.", unit="deg", low=-180.0, high=180.0
+    )
+    source: str = setting(
+        "",
+        "Name of the field model behind the fixed field: IFR1, IFR2, HDGM or any other. With a name all three sigmas "
+        "below must be given and replace those of survey.tool_code; without one they must be 0.",
+    )
+    sigma_total_nt: float = setting(
+        0.0, "Strength of the named field, 1 sigma, from its certificate.", unit="nT", low=0.0, high=5000.0
+    )
+    sigma_dip_deg: float = setting(
+        0.0, "Dip of the named field, 1 sigma, from its certificate.", unit="deg", low=0.0, high=10.0
+    )
+    sigma_declination_deg: float = setting(
+        0.0, "Declination of the named field, 1 sigma, from its certificate.", unit="deg", low=0.0, high=20.0
+    )
+    convergence_deg: float = setting(
+        0.0,
+        "Grid north from true north at the fixed field, east positive.",
+        unit="deg",
+        low=-180.0,
+        high=180.0,
+        expert=True,
+    )
+    gravity_mps2: float = setting(
+        0.0,
+        "Gravity beside a fixed field; 0: by the latitude, or the standard value where that is not known either. A "
+        "model gives its own.",
+        unit="m/s^2",
+        low=0.0,
+        high=9.84,
+        expert=True,
+    )
+    observatory_file: str = setting(
+        "",
+        "File of a magnetic observatory near the well, IAGA-2002 format; empty: none. Its disturbance is added to the "
+        "reference at the time of each survey; the file is read again when it has changed.",
+    )
+    observatory_share: float = setting(
+        0.2,
+        "Part of the observatory's disturbance that the well does not share, 1 sigma. Raising it widens the sigmas of "
+        "surveys in a storm. Raise it with the distance and at auroral latitudes.",
+        low=0.0,
+        high=2.0,
+        expert=True,
+    )
+    storm_nt: float = setting(
+        100.0,
+        "Disturbance at the observatory from which surveys are marked as taken in a magnetic storm. Raising it marks "
+        "fewer.",
+        unit="nT",
+        low=1.0,
+        high=10000.0,
+        expert=True,
+    )
+
+
+def reference_of(place: Place, first_ns: int) -> Reference | None:
+    """
+    Make the reference field and gravity of a place; None where `place.field` is none.
+
+    first_ns: stamp whose day counts where no date is set.
+
+    Raises
+    ------
+    ValueError
+        The date is no date, or outside the model's years; a fixed field without its strength, or with a source but
+        without one of its sigmas, or the other way round.
+    """
+    if place.field == "none":
+        return None
+    if place.field == "fixed":
+        return _fixed(place)
+    if place.date:
+        try:
+            day = datetime.date.fromisoformat(place.date)
+        except ValueError as error:
+            raise SettingsError(f"place.date: {place.date!r} is not a day as YYYY-MM-DD") from error
+    else:
+        day = datetime.datetime.fromtimestamp(first_ns * 1e-9, tz=datetime.UTC).date()
+    reference = from_field(
+        earth.reference_field(
+            math.radians(place.lat_deg), math.radians(place.lon_deg), place.height_m, day, place.model
+        )
+    )
+    # A place says where true north is; the settings give the grid of the well's maps.
+    return reference if place.grid == "utm" else dataclasses.replace(reference, convergence=None)
+
+
+def located(place: Place) -> bool:
+    """Whether the position is given."""
+    return place.lat_deg != 0.0 or place.lon_deg != 0.0
+
+
+def _fixed(place: Place) -> Reference:
+    """The reference of a field that is given in figures."""
+    if not place.total_nt > 0.0:
+        raise SettingsError("place.total_nt: a fixed field needs its strength, with place.dip_deg and declination_deg")
+    reference = Reference(
+        total=place.total_nt * 1e-9,
+        dip=math.radians(place.dip_deg),
+        declination=math.radians(place.declination_deg),
+        convergence=math.radians(place.convergence_deg),
+        gravity=place.gravity_mps2 or (_gravity_at(place) if located(place) else None),
+        source=place.source or "configured",
+    )
+    sigmas = {name: getattr(place, name) for name in ("sigma_total_nt", "sigma_dip_deg", "sigma_declination_deg")}
+    if not place.source:
+        given = [f"place.{name}" for name, value in sigmas.items() if value > 0.0]
+        if given:
+            raise SettingsError(f"place.source: name the field model that {', '.join(given)} belong to")
+        return reference
+    missing = [f"place.{name}" for name, value in sigmas.items() if not value > 0.0]
+    if missing:
+        raise SettingsError(
+            f"{', '.join(missing)}: a field of {place.source} needs total, dip and declination each with its sigma; "
+            "take them from its certificate"
+        )
+    return dataclasses.replace(
+        reference,
+        sigma_total=place.sigma_total_nt * 1e-9,
+        sigma_dip=math.radians(place.sigma_dip_deg),
+        sigma_declination=math.radians(place.sigma_declination_deg),
+        sigma_declination_field=0.0,
+    )
+
+
+def _gravity_at(place: Place) -> float:
+    return earth.gravity(math.radians(place.lat_deg), place.height_m)
