@@ -16,11 +16,11 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.surveys.plan import Plan, offset_from
-from mwd_surface.surveys.position_covariance import CovarianceUnavailableError, ErrorReference, position_covariance
 from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Survey, SurveyRecord
 from mwd_surface.surveys.well_path import Definitive
+from mwd_surface.surveys.well_position import uncertain
 
 _DEG = 180.0 / math.pi
 _DEG_30 = 30.0 * _DEG
@@ -138,7 +138,8 @@ def table_of(
     records = tuple(by_number.get(s) if s else None for s in path.sequence)
     used = [r.survey for r in records if r is not None]
     reference = next((s for s in reversed(used) if s.has_reference), None)
-    covariance, note = _covariance(surveys, path, reference)
+    known = uncertain(surveys, path, records)
+    covariance, note = known.covariance, known.note
     columns = [
         Column("md_m", "MD", "m", 3, 2, _numbers(path.md)),
         Column("inclination_deg", "Inc", "deg", 4, 2, _numbers(path.inclination * _DEG)),
@@ -241,33 +242,6 @@ def _sigmas(covariance: Array) -> tuple[float | None, float | None, float | None
         return None, None, None
     n, e, v = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
     return float(n), float(e), float(v)
-
-
-def _covariance(surveys: SurveyList, path: Definitive, reference: Survey | None) -> tuple[Array | None, str]:
-    model = surveys.well.error_model
-    if not model:
-        return None, "no error model is configured"
-    if reference is None:
-        return None, "no survey in use has a reference field"
-    field = ErrorReference(
-        latitude=math.radians(surveys.well.latitude_deg),
-        b_total=reference.b_reference,
-        dip=reference.dip_reference,
-        declination=reference.declination,
-        convergence=reference.convergence,
-        g_total=reference.g_reference if reference.g_reference > 0.0 else reference.g_total,
-    )
-    # The projection is no measurement: no error model applies to it.
-    measured = len(path.kind) - (path.kind[-1] == "projected")
-    try:
-        got = position_covariance(
-            path.md[:measured], path.inclination[:measured], path.azimuth[:measured], path.north, model, field
-        )
-    except (CovarianceUnavailableError, ValueError) as error:
-        return None, str(error)
-    covariance = np.full((len(path.kind), 3, 3), np.nan)
-    covariance[:measured] = got
-    return covariance, f"error model {model} (ISCWSA), 1 sigma, relative to the first station"
 
 
 def _header(

@@ -1,42 +1,25 @@
 """
-How well the position of each station is known: the ISCWSA error model of a survey tool, and the ellipses it draws.
+How well the position of each station is known: the error terms of its survey tools summed up, and the ellipses.
 
-The model itself is that of `welleng` (ISCWSA error model definition, revision 5.13; OWSG set A tool codes), imported
-when first asked for, because it is slow to import and nothing else needs it. Here is what surrounds it: references in
-SI, axes that follow the well's own north, and words where it cannot be computed. Covariances are m^2 at 1 sigma.
+Errors of one run are the same at all its stations, those of the well and of the Earth's field in all runs; random ones
+are new at each station (ISCWSA error model definition 5.13; Williamson, SPE 67616, equations A-12 to A-15).
+Covariances are m^2 at 1 sigma.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
-import warnings
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.frames import wrap_tau
+from mwd_surface.surveys.error_terms import RANDOM, ErrorReference, ErrorTerm, Mask, Tool, error_terms
 from mwd_surface.surveys.survey_record import North
-
-
-class CovarianceUnavailableError(RuntimeError):
-    """The library of the error models is not installed; the message says how to get it."""
-
-
-@dataclasses.dataclass(frozen=True)
-class ErrorReference:
-    """Local field the tool model works in: latitude, dip, declination, convergence in rad; T and m/s^2."""
-
-    latitude: float
-    b_total: float
-    dip: float
-    declination: float
-    convergence: float = 0.0
-    g_total: float = STANDARD_GRAVITY
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,8 +38,35 @@ class Ellipse:
         return np.stack([c * x - s * y, s * x + c * y], axis=-1)
 
 
+@dataclasses.dataclass(frozen=True)
+class StationErrors:
+    """
+    What is known of the errors of a well's stations.
+
+    Attributes
+    ----------
+    tools : sequence of Tool or None, length n
+        What measured each station; None where it is taken as given, like a tie-on.
+    sigmas : ndarray, shape (n, 2), optional
+        1 sigma of inclination and azimuth of each station by itself, rad; it replaces the angles' errors of the tool
+        code and counts as the same error in a whole run, which is the cautious reading. nan: the code's.
+    tie_on : ndarray, shape (3, 3), optional
+        Covariance of the first station, in the axes of the result, m^2.
+    """
+
+    tools: Sequence[Tool | None]
+    sigmas: Array | None = None
+    tie_on: Array | None = None
+
+
 def position_covariance(
-    md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, north: North, model: str, reference: ErrorReference
+    md: ArrayLike,
+    inclination: ArrayLike,
+    azimuth: ArrayLike,
+    north: North,
+    errors: StationErrors | str,
+    reference: ErrorReference,
+    first_tvd: float = 0.0,
 ) -> Array:
     """
     Covariance of the stations' positions.
@@ -67,10 +77,13 @@ def position_covariance(
         Stations from the wellhead down (the first one is the surface root where its depth is 0), m and rad.
     north : North
         What azimuth, and the first two axes of the result, refer to.
-    model : str
-        Tool code, for example "MWD+SRGM", "MWD+IFR2+SAG+MS", "GYRO-NS" or "ISCWSA MWD Rev5.11".
+    errors : StationErrors or str
+        Tools of the stations; or the tool code of all of them, for example "MWD+SRGM", "MWD+IFR2+SAG+MS", "GYRO-NS"
+        or "ISCWSA MWD Rev5.11".
     reference : ErrorReference
         Local field.
+    first_tvd : float
+        Vertical depth of the first station, m.
 
     Returns
     -------
@@ -80,86 +93,111 @@ def position_covariance(
     Raises
     ------
     ValueError
-        Stations as for `minimum_curvature.path`, an unknown tool code (with its near misses), an unknown north, or a
-        reference that is not finite and positive where it must be.
+        Stations as for `minimum_curvature.path`, what `well_terms` refuses, or a tie-on covariance that is none.
     CovarianceUnavailableError
         `welleng` is not installed.
     """
     depth, inc, azi = mc.checked_stations(md, inclination, azimuth)
-    fields = dataclasses.asdict(reference)
-    wrong = [k for k, v in fields.items() if not math.isfinite(v)]
-    if wrong or reference.b_total <= 0.0 or reference.g_total <= 0.0:
-        raise ValueError(f"reference: totals must be positive and all values finite, got {fields}")
-    to_true = {North.TRUE: 0.0, North.MAGNETIC: reference.declination, North.GRID: reference.convergence}
-    if north not in to_true:
-        raise ValueError("north: azimuths from an unknown north have no error model")
-    check_tool_code(model)
-    if depth.size == 1:
-        return np.zeros((1, 3, 3))
-    count = depth.size
-    if count == 2:
-        # welleng's singular terms look at a third station; one straight ahead does not change the two above it.
-        depth = np.append(depth, 2.0 * depth[1] - depth[0])
-        inc, azi = np.append(inc, inc[1]), np.append(azi, azi[1])
-    turn = to_true[north]
-    covariance = _in_true_axes(depth, inc, wrap_tau(azi + turn), model, reference)[:count]
-    c, s = math.cos(turn), math.sin(turn)
-    # Rows: the well's north and east in true axes.
-    mat = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(mat @ covariance @ mat.T)
+    given = StationErrors([Tool(errors)] * depth.size) if isinstance(errors, str) else errors
+    terms = well_terms((depth, inc, azi), north, given, reference, first_tvd)
+    covariance = covariance_of(terms, depth.size)
+    if given.tie_on is None:
+        return covariance
+    tie = np.asarray(given.tie_on, dtype=float)
+    if tie.shape != (3, 3) or not np.allclose(tie, tie.T) or not np.all(np.linalg.eigvalsh(tie) >= -1e-9):
+        raise ValueError(f"tie_on: a covariance is symmetric, 3 x 3 and not negative, got {tie.tolist()}")
+    return np.asarray(covariance + tie)
 
 
-def check_tool_code(model: str) -> None:
+def well_terms(
+    stations: tuple[Array, Array, Array],
+    north: North,
+    errors: StationErrors,
+    reference: ErrorReference,
+    first_tvd: float = 0.0,
+) -> list[ErrorTerm]:
     """
-    Check that a tool code exists.
+    Error terms of all stations, in the axes of the well's own north; see `position_covariance`.
 
     Raises
     ------
     ValueError
-        It does not; the message names near misses.
-    CovarianceUnavailableError
-        `welleng` is not installed.
+        What `error_terms` refuses, an unknown north, or a reference that is not finite and positive where it must be.
     """
-    try:
-        from welleng.error import get_error_models
-    except ImportError as error:
-        raise CovarianceUnavailableError(
-            "position covariance needs the Python package welleng, which is not installed: pip install welleng"
-        ) from error
-    known = list(get_error_models())
-    if model not in known:
-        near = difflib.get_close_matches(model, known, n=3, cutoff=0.4) or known[:3]
-        raise ValueError(f"model: no tool code {model!r}; did you mean {' or '.join(near)}?")
+    depth, inc, azi = stations
+    fields = {k: v for k, v in dataclasses.asdict(reference).items() if k != "latitude"}
+    if not all(map(math.isfinite, fields.values())) or reference.b_total <= 0.0 or reference.g_total <= 0.0:
+        raise ValueError(f"reference: totals must be positive and all values finite, got {fields}")
+    to_true = {North.TRUE: 0.0, North.MAGNETIC: reference.declination, North.GRID: reference.convergence}
+    if north not in to_true:
+        raise ValueError("north: azimuths from an unknown north have no error model")
+    if depth.size == 1:
+        return []
+    turn = to_true[north]
+    true = (depth, inc, wrap_tau(azi + turn))
+    own = np.full((depth.size, 2), np.nan) if errors.sigmas is None else np.asarray(errors.sigmas, dtype=float)
+    bare = np.all(np.isfinite(own), axis=1)
+    terms = error_terms(true, errors.tools, reference, first_tvd=first_tvd, without_angles=bare)
+    terms += _own_terms(true, errors.tools, own, bare)
+    c, s = math.cos(turn), math.sin(turn)
+    # Rows: the well's north and east in true axes.
+    mat = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    return [dataclasses.replace(t, error=t.error @ mat.T, own=t.own @ mat.T) for t in terms]
 
 
-def _in_true_axes(depth: Array, inc: Array, azi_true: Array, model: str, reference: ErrorReference) -> Array:
-    """Return the covariances by welleng, shape (n, 3, 3), m^2, in true north, east, down."""
-    from welleng.survey import Survey, SurveyHeader
+def covariance_of(terms: Sequence[ErrorTerm], n: int) -> Array:
+    """Covariance of n positions, shape (n, 3, 3), m^2, of error terms: one sum per error that stations share."""
+    covariance = np.zeros((n, 3, 3))
+    for term in terms:
+        if term.shared == RANDOM:
+            each = np.einsum("ki,kj->kij", term.error, term.error)
+            covariance += np.einsum("ki,kj->kij", term.own, term.own)
+            covariance[1:] += np.cumsum(each, axis=0)[:-1]
+    for shift in shared_shifts(terms).values():
+        covariance += np.einsum("ki,kj->kij", shift, shift)
+    return covariance
 
-    # Without convergence welleng has one set of axes, those of true north.
-    header = SurveyHeader(
-        latitude=math.degrees(reference.latitude),
-        longitude=0.0,
-        altitude=0.0,
-        survey_date="2026-01-01",
-        G=reference.g_total,
-        b_total=reference.b_total * 1e9,
-        dip=math.degrees(reference.dip),
-        declination=math.degrees(reference.declination),
-        convergence=0.0,
-        azi_reference="true",
+
+def shared_shifts(terms: Sequence[ErrorTerm]) -> dict[tuple[str, str], Array]:
+    """Shift of each position, shape (n, 3), m, by 1 sigma of each error that stations share; by name and reach."""
+    shifts: dict[tuple[str, str], Array] = {}
+    for term in terms:
+        if term.shared != RANDOM:
+            above = np.vstack([np.zeros(3), np.cumsum(term.error, axis=0)[:-1]])
+            key = (term.name, term.shared)
+            shifts[key] = shifts.get(key, 0.0) + term.own + above
+    return shifts
+
+
+def _own_terms(
+    stations: tuple[Array, Array, Array], tools: Sequence[Tool | None], sigmas: Array, bare: Mask
+) -> list[ErrorTerm]:
+    """Terms of the stations' own sigmas, one of inclination and one of azimuth for each run; balanced tangents."""
+    md, inc, azi = stations
+    half = 0.5 * np.diff(md)
+    above, below = np.append(0.0, half), np.append(half, 0.0)
+    weights = (
+        np.stack([np.cos(inc) * np.cos(azi), np.cos(inc) * np.sin(azi), -np.sin(inc)], axis=-1),
+        np.stack([-np.sin(inc) * np.sin(azi), np.sin(inc) * np.cos(azi), np.zeros(md.size)], axis=-1),
     )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        survey = Survey(
-            md=depth,
-            inc=np.degrees(inc),
-            azi=np.degrees(azi_true),
-            header=header,
-            error_model=model,
-            deg=True,
-        )
-    return np.asarray(survey.cov_nev, dtype=float)
+    terms = []
+    for run in dict.fromkeys(t.run for t, b in zip(tools, bare, strict=True) if t is not None and b):
+        rows = bare & np.array([t is not None and t.run == run for t in tools])
+        for k, (name, weight) in enumerate(zip(("inclination", "azimuth"), weights, strict=True)):
+            sigma = np.where(rows, np.nan_to_num(sigmas[:, k]), 0.0)
+            shift = weight * sigma[:, None]
+            measured = np.zeros((md.size, 3))
+            measured[:, k + 1] = sigma
+            terms.append(
+                ErrorTerm(
+                    f"own sigma of {name}",
+                    f"run {run}",
+                    shift * (above + below)[:, None],
+                    shift * above[:, None],
+                    measured,
+                )
+            )
+    return terms
 
 
 def ellipse(covariance: ArrayLike, sigmas: float = 2.0) -> Ellipse:

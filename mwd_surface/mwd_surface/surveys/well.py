@@ -36,7 +36,12 @@ class Well:
         low=0.0,
     )
     geomagnetic_model: str = setting("", "source of the reference field, as printed")
-    error_model: str = setting("MWD+SRGM", "ISCWSA tool code of the position covariance; empty: none is computed")
+    error_model: str = setting(
+        "MWD+SRGM", "ISCWSA / OWSG tool code of the position covariance of the whole well; empty: none is computed"
+    )
+    programme: str = setting(
+        "", "File of the survey programme, YAML: tool codes by interval and the tie-on; it replaces error_model"
+    )
 
     @property
     def wellbore_name(self) -> str:

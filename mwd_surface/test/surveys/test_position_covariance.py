@@ -11,13 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.surveys.position_covariance import (
-    CovarianceUnavailableError,
-    ErrorReference,
-    ellipse,
-    in_section,
-    position_covariance,
-)
+from mwd_surface.surveys.error_terms import CovarianceUnavailableError, ErrorReference
+from mwd_surface.surveys.position_covariance import ellipse, in_section, position_covariance
 from mwd_surface.surveys.survey_record import North
 from project import REFERENCE_DATA
 

@@ -1,0 +1,313 @@
+"""
+Error terms of ISCWSA / OWSG tool codes along a well: what each error source of each survey tool does to the positions.
+
+The codes with their weighting functions and magnitudes are those of `welleng` (ISCWSA error model definition, revision
+5.13; OWSG sets A and B). Each tool is evaluated on its own stations, with the stations before and after them, so that
+an interval between two tools has a part from each (Williamson, SPE 67616, equations A-4 and A-14). The library is
+imported when first asked for, because it is slow to import and nothing else needs it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import functools
+import json
+import math
+import warnings
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mwd_sensors.core import minimum_curvature as mc
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+
+Mask = npt.NDArray[np.bool_]
+RANDOM = "random"
+# The library's word for an error that wells of one pad share; within one well it is correlated throughout.
+_WHOLE_WELL = ("well", "global", "within_pad")
+# Errors of the depth and of the course of the hole between stations: those that do not belong to the angles measured.
+_NOT_OF_ANGLES = ("DRF", "DSF", "DST", "XCL")
+
+
+class CovarianceUnavailableError(RuntimeError):
+    """The library of the error models is not installed; the message says how to get it."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ErrorReference:
+    """
+    Local field the tool models work in: rad, T and m/s^2.
+
+    latitude is nan where the place of the well is not given; only gyro codes need it.
+    """
+
+    latitude: float
+    b_total: float
+    dip: float
+    declination: float
+    convergence: float = 0.0
+    g_total: float = STANDARD_GRAVITY
+
+
+@dataclasses.dataclass(frozen=True)
+class Tool:
+    """Which tool measured a station: tool code, and the run in which its systematic errors stay the same."""
+
+    code: str
+    run: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class ErrorTerm:
+    """
+    One error source of one tool, at 1 sigma.
+
+    Attributes
+    ----------
+    name : str
+        Of the source in the error model, such as "DRFR".
+    shared : str
+        Stations with the same name and the same text here have the same error; RANDOM: each station has its own.
+    error : ndarray, shape (n, 3)
+        Shift of all deeper stations by the error at a station, m, in true north, east, down; 0 for other tools'.
+    own : ndarray, shape (n, 3)
+        Shift of the station itself, m.
+    measured : ndarray, shape (n, 3)
+        Error of measured depth, m, inclination and azimuth, rad, behind both; 0 in a vertical hole, and for the course
+        of the hole between stations, whose errors are those of the position.
+    """
+
+    name: str
+    shared: str
+    error: Array
+    own: Array
+    measured: Array
+
+
+@dataclasses.dataclass(frozen=True)
+class _Stations:
+    """Measured depth, m, inclination and azimuth from true north, rad, shape (n,) each; vertical depth of the first."""
+
+    md: Array
+    inclination: Array
+    azimuth: Array
+    first_tvd: float = 0.0
+
+    def cut(self, first: int, last: int, inclination: Array) -> _Stations:
+        """Return the stations first to last, with other inclinations, shape (n,), rad."""
+        start = (0.0, 0.0, self.first_tvd)
+        tvd = float(mc.path(self.md, self.inclination, self.azimuth, start)[first, 2])
+        return _Stations(self.md[first:last], inclination[first:last], self.azimuth[first:last], tvd)
+
+
+def tool_codes() -> tuple[str, ...]:
+    """
+    Every tool code known, by short name: OWSG sets A and B with gyros, and the ISCWSA's own examples.
+
+    Raises CovarianceUnavailableError where `welleng` is not installed.
+    """
+    try:
+        from welleng.error import get_error_models
+    except ImportError as error:
+        raise CovarianceUnavailableError(
+            "position covariance needs the Python package welleng, which is not installed: pip install welleng"
+        ) from error
+    return (*get_error_models(), *_set_b())
+
+
+def check_tool_code(code: str) -> None:
+    """
+    Check that a tool code exists.
+
+    Raises
+    ------
+    ValueError
+        It does not; the message names near misses.
+    CovarianceUnavailableError
+        `welleng` is not installed.
+    """
+    known = tool_codes()
+    if code not in known:
+        near = difflib.get_close_matches(code, known, n=3, cutoff=0.4) or known[:3]
+        raise ValueError(f"model: no tool code {code!r}; did you mean {' or '.join(near)}?")
+
+
+def error_terms(
+    stations: tuple[Array, Array, Array],
+    tools: Sequence[Tool | None],
+    reference: ErrorReference,
+    *,
+    first_tvd: float = 0.0,
+    without_angles: Mask | None = None,
+) -> list[ErrorTerm]:
+    """
+    Return the error terms of all tools of a well.
+
+    Parameters
+    ----------
+    stations : tuple of ndarray, shape (n,) each
+        Measured depth, m, inclination and azimuth from true north, rad.
+    tools : sequence of Tool or None, length n
+        What measured each station; None where the station is taken as given (a tie-on).
+    reference : ErrorReference
+    first_tvd : float
+        Vertical depth of the first station, m.
+    without_angles : ndarray of bool, shape (n,), optional
+        Stations of which only the errors of depth and course apply, because their angles have sigmas of their own.
+
+    Raises
+    ------
+    ValueError
+        An unknown tool code, a station beyond the limits of its code, or a gyro code without latitude.
+    CovarianceUnavailableError
+        `welleng` is not installed.
+    """
+    whole = _Stations(*stations, first_tvd)
+    bare = np.zeros(whole.md.size, dtype=bool) if without_angles is None else without_angles
+    terms = []
+    for tool in dict.fromkeys(t for t in tools if t is not None):
+        check_tool_code(tool.code)
+        terms += list(_of_tool(whole, tool, np.array([t == tool for t in tools]), reference, bare))
+    return terms
+
+
+def _of_tool(whole: _Stations, tool: Tool, own: Mask, reference: ErrorReference, bare: Mask) -> Iterator[ErrorTerm]:
+    """Terms of one tool; own, shape (n,): its stations."""
+    n = whole.md.size
+    rows = np.flatnonzero(own)
+    low, high = _inclination_limits(tool.code)
+    for k in rows:
+        if not low <= whole.inclination[k] < high:
+            raise ValueError(
+                f"{tool.code} is meant for inclinations from {math.degrees(low):g} to {math.degrees(high):g} deg; the "
+                f"station at {whole.md[k]:.1f} m has {math.degrees(whole.inclination[k]):.1f} deg: choose another code"
+                " from there on"
+            )
+    first, last = max(0, int(rows[0]) - 1), min(n, int(rows[-1]) + 2)
+    # Stations of others that lie between only shape the path; their angles need not be within the limits.
+    shape = np.where(own, whole.inclination, np.clip(whole.inclination, low, np.nextafter(high, 0.0)))
+    errors = _evaluated(whole.cut(first, last, shape), tool.code, reference)
+    for name, source in errors.items():
+        counted = own if name.startswith(_NOT_OF_ANGLES) else own & ~bare
+        for part, active in enumerate(_realisations(source)):
+            kept = np.zeros(n, dtype=bool)
+            kept[first:last] = counted[first:last] & active[: last - first]
+            arrays = [np.zeros((n, 3)) for _ in range(3)]
+            for array, values in zip(arrays, (source.e_NEV, source.e_NEV_star, source.e_DIA), strict=True):
+                array[kept] = np.asarray(values)[: last - first][kept[first:last]]
+            shared = _shared(source.propagation, tool) + (f", part {part}" if part else "")
+            yield ErrorTerm(name, shared, *arrays)
+
+
+def _shared(propagation: str, tool: Tool) -> str:
+    if propagation == RANDOM:
+        return RANDOM
+    # A run is one realisation of the tool's own errors; those of the well and of the Earth's field last longer.
+    return "whole well" if propagation in _WHOLE_WELL else f"{tool.code}, run {tool.run}"
+
+
+def _realisations(source: Any) -> list[Mask]:
+    """
+    Masks, shape (n,), of the stations that have one realisation of an error each.
+
+    A continuous gyro that starts anew carries another random error from each start (definition 5.13, section 7.3): the
+    library then keeps the covariance of the parts, here they are told apart.
+    """
+    n = len(source.e_NEV)
+    sigma = np.asarray(source.sigma_e_NEV)
+    if source.propagation == RANDOM or np.allclose(source.cov_NEV, sigma[:, :, None] * sigma[:, None, :]):
+        return [np.ones(n, dtype=bool)]
+    active = np.any(source.e_DIA != 0.0, axis=1)
+    number = np.cumsum(active & ~np.concatenate([[False], active[:-1]]))
+    return [active & (number == k) for k in range(1, int(number.max(initial=0)) + 1)]
+
+
+def _evaluated(stations: _Stations, code: str, reference: ErrorReference) -> dict[str, Any]:
+    """Error sources by name, as the library has them; each with at least as many rows as there are stations."""
+    from welleng.survey import Survey, SurveyHeader
+
+    md, inc, azi = stations.md, stations.inclination, stations.azimuth
+    if md.size < 3:
+        # welleng's singular terms look at a third station; one straight ahead does not change the two above it.
+        ahead = md[-1] + (md[-1] - md[0] if md.size > 1 else 30.0)
+        md, inc, azi = np.append(md, ahead), np.append(inc, inc[-1]), np.append(azi, azi[-1])
+    if _needs_latitude(code) and not math.isfinite(reference.latitude):
+        raise ValueError(f"{code} is a gyro code and needs the latitude of the well: give the well's position")
+    # Without convergence welleng has one set of axes, those of true north.
+    header = SurveyHeader(
+        latitude=math.degrees(reference.latitude) if math.isfinite(reference.latitude) else 0.0,
+        longitude=0.0,
+        altitude=0.0,
+        survey_date="2026-01-01",
+        G=reference.g_total,
+        b_total=reference.b_total * 1e9,
+        dip=math.degrees(reference.dip),
+        declination=math.degrees(reference.declination),
+        convergence=0.0,
+        azi_reference="true",
+    )
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            survey = Survey(
+                md=md,
+                inc=np.degrees(inc),
+                azi=np.degrees(azi),
+                header=header,
+                error_model=_model(code),
+                start_nev=[0.0, 0.0, stations.first_tvd],
+                deg=True,
+            )
+    except (AssertionError, ValueError, KeyError) as error:
+        raise ValueError(f"{code} cannot be evaluated on this well: {error}") from error
+    dropped = survey.err.errors.dropped_terms
+    if dropped:
+        raise ValueError(f"{code} has terms that cannot be evaluated, {dropped}: its covariance would be too small")
+    return dict(survey.err.errors.errors)
+
+
+@functools.cache
+def _folder() -> Path:
+    import welleng
+
+    return Path(str(welleng.__file__)).parent / "errors" / "iscwsa_json"
+
+
+@functools.cache
+def _set_b() -> dict[str, Any]:
+    """Models that the library has files for but no entry in its index: OWSG set B, by short name."""
+    from welleng.error import get_error_models
+
+    known = set(get_error_models())
+    models = {}
+    for file in sorted(_folder().glob("*/*.json")):
+        model = json.loads(file.read_text(encoding="utf-8"))
+        if file.stem not in known and model["metadata"].get("short_name") not in known:
+            models[file.stem] = model
+    return models
+
+
+def _model(code: str) -> Any:
+    return _set_b().get(code, code)
+
+
+@functools.cache
+def _inclination_limits(code: str) -> tuple[float, float]:
+    """Inclinations a code is meant for, rad; the upper one is not included, except straight up."""
+    found = next(iter(sorted(_folder().glob(f"*/{code}.json"))), None)
+    if found is None:
+        return 0.0, math.inf
+    parameters = json.loads(found.read_text(encoding="utf-8")).get("parameters", {})
+    low, high = float(parameters.get("inc_min", 0.0)), float(parameters.get("inc_max", 180.0))
+    return math.radians(low), math.radians(high) if high < 180.0 else math.inf
+
+
+@functools.cache
+def _needs_latitude(code: str) -> bool:
+    found = next(iter(sorted(_folder().glob(f"*/{code}.json"))), None)
+    return found is not None and "Latitude" in found.read_text(encoding="utf-8")

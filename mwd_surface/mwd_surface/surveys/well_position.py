@@ -1,0 +1,151 @@
+"""
+How well the position of a surveyed well is known: at its stations, at the bit, and ahead along the plan.
+
+The stations' tools come from the well's survey programme, or from its one tool code; a tool in the list with another
+serial number has systematic errors of its own. The bit and the plan ahead count as stations of the tool in the hole.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mwd_sensors.core import minimum_curvature as mc
+from mwd_sensors.core.arrays import Array
+from mwd_surface.surveys.error_terms import CovarianceUnavailableError, ErrorReference
+from mwd_surface.surveys.plan import Plan, interpolated, nearest
+from mwd_surface.surveys.position_covariance import position_covariance
+from mwd_surface.surveys.programme import Programme, ProgrammeStations, read_programme
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import North, Survey, SurveyRecord
+from mwd_surface.surveys.well import Well
+from mwd_surface.surveys.well_path import Definitive, path_of
+
+AHEAD = "planned"
+
+
+@dataclasses.dataclass(frozen=True)
+class UncertainPath:
+    """
+    A path and what is known of it.
+
+    path: stations, projection and planned stations. covariance: shape (n, 3, 3), m^2 in the axes of the path, or None;
+    note: the model behind it, or why there is none.
+    """
+
+    path: Definitive
+    covariance: Array | None
+    note: str
+
+
+def programme_of(well: Well) -> Programme | None:
+    """
+    Return the programme of a well; None where neither programme nor tool code is set.
+
+    Raises
+    ------
+    ProgrammeError
+        The file of the programme cannot be used.
+    """
+    if well.programme:
+        return read_programme(Path(well.programme).expanduser())
+    return Programme.of_code(well.error_model) if well.error_model else None
+
+
+def error_reference(well: Well, survey: Survey) -> ErrorReference:
+    """Return the local field a survey was judged by, at the place of the well."""
+    return ErrorReference(
+        latitude=math.radians(well.latitude_deg),
+        b_total=survey.b_reference,
+        dip=survey.dip_reference,
+        declination=survey.declination,
+        convergence=survey.convergence,
+        g_total=survey.g_reference if survey.g_reference > 0.0 else survey.g_total,
+    )
+
+
+def uncertain(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecord | None]) -> UncertainPath:
+    """
+    Return a path of the list with its covariance.
+
+    records: of each station of the path, None for tie-ons, projection and planned stations.
+    """
+    reference = next((r.survey for r in reversed(records) if r is not None and r.survey.has_reference), None)
+    if reference is None:
+        return UncertainPath(path, None, "no survey in use has a reference field")
+    try:
+        programme = programme_of(surveys.well)
+        if programme is None:
+            return UncertainPath(path, None, "no error model is configured")
+        covariance = position_covariance(
+            path.md,
+            path.inclination,
+            path.azimuth,
+            path.north,
+            programme.errors(programme_stations(path, records)),
+            error_reference(surveys.well, reference),
+            float(path.positions[0, 2]),
+        )
+    except (CovarianceUnavailableError, ValueError) as error:
+        return UncertainPath(path, None, str(error))
+    what = "survey programme" if surveys.well.programme else "error model"
+    return UncertainPath(path, covariance, f"{what} {programme.name} (ISCWSA), 1 sigma, relative to the first station")
+
+
+def programme_stations(path: Definitive, records: Sequence[SurveyRecord | None]) -> ProgrammeStations:
+    """Return what the programme wants to know of each station; what is not measured is in the leg and tool above."""
+    sigmas = np.full((path.md.size, 2), np.nan)
+    legs, tools, methods = [path.leg] * path.md.size, [""] * path.md.size, [""] * path.md.size
+    leg, tool = path.leg, ""
+    known = [r for r in records if r is not None]
+    if known:
+        leg, tool = known[0].leg, known[0].tool
+    for k, record in enumerate(records):
+        if record is not None:
+            survey = record.survey
+            leg, tool, methods[k] = record.leg, record.tool, survey.azimuth_method
+            if survey.sigma_inclination > 0.0 and survey.sigma_azimuth > 0.0:
+                sigmas[k] = survey.sigma_inclination, survey.sigma_azimuth
+        legs[k], tools[k] = leg, tool
+    return ProgrammeStations(path.md, sigmas, [r is not None for r in records], legs, tools, methods)
+
+
+def continued(path: Definitive, plan: Plan | None, reach: float, step: float = 30.0) -> Definitive:
+    """
+    The path, and from its end on the directions of the plan, for at most `reach` metres.
+
+    The planned stations lie beside the plan by what the well is beside it now: no steering back is assumed. Without a
+    plan, or at its end, the path is returned as it is.
+
+    Raises
+    ------
+    ValueError
+        reach is negative.
+    """
+    if reach < 0.0:
+        raise ValueError(f"reach: must not be negative, got {reach}")
+    if plan is None or reach == 0.0:
+        return path
+    here = nearest(plan, path.positions[-1])
+    whole = interpolated(plan, step)
+    ahead = (whole.md > here + 1.0) & (whole.md <= here + reach)
+    if not np.any(ahead):
+        return path
+    md = np.append(path.md, path.md[-1] + whole.md[ahead] - here)
+    inc = np.append(path.inclination, whole.inclination[ahead])
+    azi = np.append(path.azimuth, whole.azimuth[ahead])
+    n = path.md.size
+    beyond = mc.path(md[n - 1 :], inc[n - 1 :], azi[n - 1 :], path.positions[-1])[1:]
+    return path_of(
+        path.leg,
+        North(path.north),
+        path.section_azimuth,
+        (md, inc, azi),
+        np.vstack([path.positions, beyond]),
+        (*path.kind, *[AHEAD] * len(beyond)),
+        (*path.sequence, *[0] * len(beyond)),
+    )
