@@ -2,7 +2,7 @@
 Monte Carlo of the survey decision on stations drawn from physics and the OWSG tool code, as Markdown.
 
 Single stations of any attitude, healthy and disturbed; runs of thirty stations, decided one after the other; runs
-analysed together. By itself ``bench_surveys.py`` takes two minutes on one core; ``--small`` half a minute, with shares
+analysed together. By itself ``bench_surveys.py`` takes four minutes on one core; ``--small`` less, with shares
 of rare errors that say little; ``--full`` draws 20 000 disturbed stations. Other seeds by ``--seed``, some kinds by
 ``--only`` and a part of their name.
 """
@@ -10,8 +10,9 @@ of rare errors that say little; ``--full`` draws 20 000 disturbed stations. Othe
 from __future__ import annotations
 
 import argparse
+import dataclasses
 
-from stations import judge, runs, singles, together
+from stations import connections, judge, runs, singles, together
 
 # Stations of each kind, runs of each kind.
 SMALL, USUAL, FULL = (300, 3), (1000, 10), (4000, 40)
@@ -45,6 +46,10 @@ def main() -> None:
     head(f"{2 * length} runs analysed together, declination known; deg", together.HEAD)
     for name in chosen(together.RUNS):
         show(together.row(name, 2 * length, options.seed))
+    if options.only in "connections":
+        head("Simulated sondes, a survey at each connection, from raw samples", connections.HEAD)
+        for run in connections.RUNS:
+            show(connections.row(dataclasses.replace(run, seed=run.seed + 100 * (options.seed - 1))))
 
 
 def show(*lines: str) -> None:

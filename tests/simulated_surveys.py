@@ -1,0 +1,71 @@
+"""Surveys of a simulated sonde beside its truth: the scenario's samples through the estimator, without a recording."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
+from mwd_estimation.survey.survey import STATIC, Survey
+from mwd_sensors.core.frames import wrap_pi
+from mwd_sensors.core.settings import changed
+from mwd_sensors.simulator.scenario import Scenario
+from mwd_sensors.simulator.sonde import Sonde
+from mwd_surface.runs.launch_plan import reference_parameters
+
+_BLOCK_S = 1.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Beside:
+    """A survey, its errors of inclination and azimuth, rad, and 1 sigma of both as published; measured depth, m."""
+
+    survey: Survey
+    inclination_error: float
+    sigma_inclination: float
+    azimuth_error: float
+    sigma_azimuth: float
+    measured_depth: float
+
+    @property
+    def accepted(self) -> bool:
+        """Whether its azimuth may be used."""
+        return self.survey.station.verdict == "accept"
+
+
+def surveys(story: Scenario, settings: Mapping[str, Any] | None = None) -> list[Beside]:
+    """Static surveys of a scenario, in order, as the live graph takes them; settings: of the estimator, by name."""
+    sonde = Sonde(story)
+    pipeline = Pipeline(changed(EstimatorSettings(), {**reference_parameters(story), **(settings or {})}))
+    found: list[Survey] = []
+    truth = []
+
+    def keep(output: Output) -> None:
+        found.extend(output.surveys)
+
+    for block in sonde.blocks(_BLOCK_S):
+        truth.append(block["truth"])
+        pipeline.push_mag(block["imu/mag"])
+        if "gyro/data_raw" in block:
+            pipeline.push_precision(block["gyro/data_raw"])
+        keep(pipeline.push_imu(block["imu/data_raw"]))
+    keep(pipeline.finish())
+    rows = np.concatenate(truth)
+    return [_beside(survey, rows, sonde.reference.convergence) for survey in found if survey.kind == STATIC]
+
+
+def _beside(survey: Survey, truth: np.ndarray, convergence: float) -> Beside:
+    row, station = truth[np.argmin(np.abs(truth["stamp_ns"] - survey.stamp_ns))], survey.station
+    from_true = convergence if station.north == "grid" else 0.0
+    return Beside(
+        survey,
+        station.inclination - float(row["inclination"]),
+        math.sqrt(station.covariance[0, 0]),
+        float(wrap_pi(station.azimuth + from_true - float(row["azimuth"]))),
+        math.sqrt(station.covariance[1, 1]),
+        float(row["measured_depth"]),
+    )
