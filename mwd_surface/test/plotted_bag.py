@@ -90,8 +90,8 @@ def arrays(message):
     """The typestore takes arrays, a node takes lists."""
     for field in dataclasses.fields(message):
         value = getattr(message, field.name)
-        if isinstance(value, list) and value and isinstance(value[0], float):
-            setattr(message, field.name, np.array(value))
+        if isinstance(value, list) and "ndarray" in str(field.type):
+            setattr(message, field.name, np.array(value, dtype=float))
         for part in value if isinstance(value, list) else [value]:
             if dataclasses.is_dataclass(part):
                 arrays(part)

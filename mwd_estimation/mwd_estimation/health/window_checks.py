@@ -47,13 +47,9 @@ class WindowLimits(NamedTuple):
         Noise of the mean force, as a share of gravity, below which it judges axes.
     field_held, field_better : float
         Share of the field that the best way holds together, and by how much it is better than the axes as they are.
-    turned_between : float
-        Turn from one sample of the field to the next beyond which they do not show how it went, rad.
-    dip, dip_frame, dip_sign : float
-        Dip off the reference: what interference may do, a wrong frame does, a wrong sign does, rad.
-    dip_noise : float
-        Noise of the mean force, as a share of gravity, below which the dip is judged.
-    strength, strength_frame : float
+    dip, dip_frame : float
+        Dip off the reference: what interference may do, what a wrong frame or sign does, rad.
+    strength : float
         Field off the reference, as a share, within which the dip is the sensors' own.
     fastest : float
         Rate beyond what a string turns, rad/s: gyros in deg/s.
@@ -69,13 +65,9 @@ class WindowLimits(NamedTuple):
     quiet: float = 0.08
     field_held: float = 0.93
     field_better: float = 0.1
-    turned_between: float = 0.6
     dip: float = 0.21
     dip_frame: float = 0.26
-    dip_sign: float = 0.52
-    dip_noise: float = 0.12
     strength: float = 0.1
-    strength_frame: float = 0.05
     fastest: float = 50.0
     no_gravity: float = 0.35
     variances: float = 6.0
@@ -141,7 +133,7 @@ class WindowJudge:
         axes = self._judge_axes()
         # What a string that surges does to the mean of less than the whole window is no other dip.
         whole = w.seconds > 2.9
-        usable = whole and self._samples[0] < BROKEN and self._sigma < self._limits.dip_noise
+        usable = whole and self._samples[0] < BROKEN
         if usable and gravity < FOR and axes != FOR and self._checks[FaultCode.AXES, 0].state != FAULT:
             self._judge_signs()
 
@@ -212,8 +204,7 @@ class WindowJudge:
     def _show_field(self) -> None:
         """Show which ways hold the field together: it is steady, and wrong axes smear its carried mean."""
         p, w, shown = self._limits, self._window, self._field
-        dense = w.path < p.turned_between * w.fields
-        if self._samples[2] != WHOLE or w.fields < _FEW_FIELDS or not dense or w.field2 <= 0.0:
+        if self._samples[2] != WHOLE or w.fields < _FEW_FIELDS or w.field2 <= 0.0:
             return
         held = w.field / w.field2
         best, own, as_degrees = float(held.max()), float(held[0]), w.field_deg / w.field2
@@ -273,9 +264,9 @@ class WindowJudge:
         check.seen_which[0] = 1
         return bool(seen == FOR or check.state == FAULT)
 
-    def _right_strength(self, share: float) -> bool:
+    def _right_strength(self) -> bool:
         total = self._expected.total
-        return math.isfinite(self._expected.dip) and abs(self._field_size / total - 1.0) < share
+        return math.isfinite(self._expected.dip) and abs(self._field_size / total - 1.0) < self._limits.strength
 
     def _explaining(self) -> Flags:
         """Give the mistakes that explain what gravity and field showed of the motion."""
@@ -307,7 +298,7 @@ class WindowJudge:
         masks, seen = [0, 0, 0], NOTHING
         if self._force.bad or (self._field.bad and self._field.judged):
             explaining = self._explaining()
-            if self._right_strength(self._limits.strength) and self._window.fields:
+            if self._right_strength() and self._window.fields:
                 with_dip = explaining & (np.abs(self._dips()[0] - self._expected.dip) < self._limits.dip)
                 masks = self._least_contrived(with_dip if with_dip.any() else explaining)
             else:
@@ -326,7 +317,7 @@ class WindowJudge:
         w, p, expected = self._window, self._limits, self._expected.dip
         up = float(w.mean_force[0]) / self._length
         inclination = math.acos(min(max(-up, -1.0), 1.0))
-        known = self._right_strength(p.strength) and self._samples[2] == WHOLE and w.fields >= 3
+        known = self._right_strength() and self._samples[2] == WHOLE and w.fields >= 3
         if not known or abs(expected) <= 0.35:
             if abs(w.turn_x) > 3.0 * w.seconds:
                 seen = FOR if inclination > 2.1 else (AGAINST if inclination < 1.75 else NOTHING)
@@ -334,11 +325,11 @@ class WindowJudge:
             return
         dips, dip = self._dips()
         off, sure = abs(dip - expected), 5.0 * self._sigma
-        flipped = abs(dip + expected) < p.dip and off > p.dip_sign + sure
+        flipped = abs(dip + expected) < p.dip and off > p.dip_frame + sure
         seen = FOR if flipped else (AGAINST if off < p.dip_frame else NOTHING)
         who = 2 if inclination > 1.75 else (4 if inclination < 1.4 else 6)
         self._note(FaultCode.SIGN, 3, seen, dip, expected).seen_which[0] = who
-        wrong = off > p.dip_frame + sure and not flipped and self._right_strength(p.strength_frame)
+        wrong = off > p.dip_frame + sure and not flipped
         seen = FOR if wrong else (AGAINST if off < 0.2 else NOTHING)
         check = self._note(FaultCode.FRAME, 3, seen, dip, expected)
         masks = self._frames(dips, up) if seen == FOR else [0, 0, 0]

@@ -198,6 +198,17 @@ def vertical_section(positions: ArrayLike, azimuth: float, origin: ArrayLike = (
     return np.asarray(north * np.cos(azimuth) + east * np.sin(azimuth))
 
 
+def closure(positions: ArrayLike) -> float:
+    """
+    Azimuth from the first position to the last, rad in [0, 2 pi): the usual one for the vertical section.
+
+    positions, shape (n, 2 or 3), n >= 1: north, east(, down), m.
+    """
+    points = np.asarray(positions, dtype=float)
+    north, east = points[-1, :2] - points[0, :2]
+    return float(wrap_tau(np.arctan2(east, north)))
+
+
 def checked_stations(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike) -> tuple[Array, Array, Array]:
     """
     Check the three columns and return them as float arrays of shape (n,), n >= 1.

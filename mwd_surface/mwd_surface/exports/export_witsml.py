@@ -66,7 +66,7 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
     if reference is not None:
         head.append(_measure("magDeclUsed", fixed(reference.declination * _DEG, 4), "dega"))
         head.append(_measure("gridConUsed", fixed(reference.convergence * _DEG, 4), "dega"))
-    head.append(_measure("aziVertSect", fixed(well.section_azimuth_deg, 4), "dega"))
+    head.append(_measure("aziVertSect", fixed(table.path.section_azimuth * _DEG, 4, 360.0), "dega"))
     head += [_text("definitive", "true"), _text("memory", "false"), _text("finalTraj", "false")]
     head.append(_text("aziRef", f"{well.north_reference} north"))
     seen: set[str] = set()

@@ -27,7 +27,7 @@ def figures(table: SurveyTable) -> dict[str, Figure]:
     north = table.surveys.well.north_reference
     got = {
         f"Plan view, {north} north; ellipses {_SIGMAS:g} sigma": _plan_view(table),
-        f"Vertical section along {table.surveys.well.section_azimuth_deg:g} deg": _section(table),
+        f"Vertical section along {math.degrees(table.path.section_azimuth):.1f} deg": _section(table),
     }
     if table.surveys.records:
         got["Deviation of gravity, field and dip from their references"] = _quality(table)

@@ -116,6 +116,9 @@ def survey_table(
     ValueError
         No such leg, or a bit depth that is not finite.
     """
+    if plan is not None and surveys.well.section_azimuth_deg < 0.0:
+        along = dataclasses.replace(surveys.well, section_azimuth_deg=math.degrees(plan.section_azimuth))
+        surveys = surveys.configured(along, surveys.rules)
     path = surveys.definitive(leg)
     if bit_depth is None and path.kind[-1] == "survey" and surveys.well.sensor_to_bit > 0.0:
         bit_depth = float(path.md[-1]) + surveys.well.sensor_to_bit
@@ -269,6 +272,9 @@ def _header(
         f"{t.source}, {fixed(t.measured_depth, 2)} m MD, {fixed(t.inclination * _DEG, 2)} deg,"
         f" {fixed(t.azimuth * _DEG, 2, 360.0)} deg"
     )
+    section = "as set" if well.section_azimuth_deg >= 0.0 else "towards the last survey"
+    if plan is not None and math.isclose(path.section_azimuth, plan.section_azimuth):
+        section = "along the plan"
     own = [r for r in surveys.records if r.leg == path.leg]
     by_hand = sum(1 for r in own if r.judgement)
     lines = [
@@ -289,7 +295,7 @@ def _header(
         ("Reference dip", f"{fixed(reference.dip_reference * _DEG, 3)} deg" if reference else unknown),
         ("Reference gravity", f"{fixed(g_reference, 5)} m/s2" if g_reference > 0.0 else unknown),
         ("Position uncertainty", covariance_note),
-        ("Vertical section azimuth", f"{fixed(well.section_azimuth_deg, 2)} deg"),
+        ("Vertical section azimuth", f"{fixed(path.section_azimuth * _DEG, 2, 360.0)} deg, {section}"),
         ("Sensor to bit", f"{fixed(well.sensor_to_bit, 2)} m"),
         ("Leg", path.leg),
         ("Tie-on", tied),

@@ -33,11 +33,10 @@ class PlanServer:
         self.plan: Plan | None = None
         self._live = live
         self._alarm_log = alarm_log
-        self._settings = PlanSettings()
 
     def read(self, settings: PlanSettings, north: str) -> None:
         """Read the plan from its file; a file that cannot be used raises an alarm, and there is no plan."""
-        self._settings, self.plan = settings, None
+        self.plan = None
         if settings.file:
             try:
                 plan = _plan_from(Path(settings.file).expanduser(), north)
@@ -52,7 +51,7 @@ class PlanServer:
 
     def with_section(self, well: Well) -> Well:
         """Set the vertical section of a well along the plan, where no other is configured."""
-        if self.plan is None or not self._settings.sets_section or well.section_azimuth_deg != 0.0:
+        if self.plan is None or well.section_azimuth_deg >= 0.0:
             return well
         return dataclasses.replace(well, section_azimuth_deg=math.degrees(self.plan.section_azimuth))
 

@@ -27,9 +27,6 @@ class PlanSettings:
         "File of the planned path, CSV or WITSML 1.4.1.1; empty: no plan. Any change of a parameter of the node reads "
         "it again",
     )
-    sets_section: bool = setting(
-        True, "Take the azimuth of the vertical section from the plan where well.section_azimuth_deg is 0"
-    )
 
 
 @dataclasses.dataclass(frozen=True)

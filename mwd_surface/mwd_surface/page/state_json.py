@@ -113,9 +113,9 @@ class StateJson:
 
     def _tables(self, state: WellState) -> dict[str, Table]:
         """Build the tables that change only with what arrives."""
-        north, section, most = state.well.north_reference, state.well.section_azimuth_deg, self._settings.max_rows
+        north, section, most = state.well.north_reference, _section(state), self._settings.max_rows
         builders: dict[str, tuple[str, Any, Callable[[], Table]]] = {
-            "well": ("well", None, lambda: _well(state)),
+            "well": ("well", section, lambda: _well(state)),
             "quality": ("records", None, lambda: self._quality(state)),
             "surveys": ("records", north, lambda: _surveys(state, most)),
             "path": ("path", None, lambda: _path(state, most)),
@@ -240,7 +240,7 @@ def _well(state: WellState) -> Table:
         "rig": well.rig,
         "depth_datum": well.depth_datum,
         "north_reference": well.north_reference,
-        "section_azimuth": number(math.radians(well.section_azimuth_deg)),
+        "section_azimuth": number(_section(state)),
         "sensor_to_bit": number(well.sensor_to_bit),
         "field_total": number(reference.total),
         "field_dip": number(reference.dip),
@@ -256,17 +256,24 @@ def _surveys(state: WellState, most: int) -> Table:
     return {"rows": [survey_row(record, north) for record in kept], "left_out": len(state.records) - len(kept)}
 
 
+def _section(state: WellState) -> float:
+    """Azimuth of the vertical section, rad: that of the path, before there is one that of the well or the plan."""
+    if state.path is not None:
+        return state.path.section_azimuth
+    if state.well.section_azimuth_deg >= 0.0:
+        return math.radians(state.well.section_azimuth_deg)
+    return 0.0 if state.plan is None else state.plan.section_azimuth
+
+
 def _path(state: WellState, most: int) -> Table:
-    section = 0.0 if state.path is None else state.path.section_azimuth
-    return path_table(state.path, section, state.covariance, most)
+    return path_table(state.path, _section(state), state.covariance, most)
 
 
-def _plan(plan: Plan | None, section_deg: float, most: int) -> Table:
+def _plan(plan: Plan | None, section: float, most: int) -> Table:
     if plan is None:
         return {"name": "", "north": [], "east": [], "vertical_depth": [], "vertical_section": []}
     step = max(1, -(-len(plan.md) // most))
     positions = np.vstack([plan.positions[:-1:step], plan.positions[-1:]])
-    section = math.radians(section_deg)
     along = positions[:, 0] * math.cos(section) + positions[:, 1] * math.sin(section)
     return {
         "name": plan.name,

@@ -42,8 +42,7 @@ class Plan:
     @property
     def section_azimuth(self) -> float:
         """Azimuth from the first station to the last, rad: the usual one for the vertical section."""
-        across = self.positions[-1] - self.positions[0]
-        return float(wrap_tau(math.atan2(across[1], across[0])))
+        return mc.closure(self.positions)
 
 
 @dataclasses.dataclass(frozen=True)

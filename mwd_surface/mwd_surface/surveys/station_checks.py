@@ -154,7 +154,8 @@ def leg_path(whole: SurveyList, leg: Leg, used: list[SurveyRecord], bit_depth: f
         columns = np.vstack([np.column_stack([above.md, above.inclination, above.azimuth])[:keep], columns])
         positions = np.vstack([above.positions[:keep], positions])
         kind, sequence = above.kind[:keep] + kind, above.sequence[:keep] + sequence
-    section_azimuth = math.radians(whole.well.section_azimuth_deg)
+    section_deg = whole.well.section_azimuth_deg
+    section_azimuth = math.radians(section_deg) if section_deg >= 0.0 else mc.closure(positions)
     md_all, inc_all, azi_all = columns.T
     path = path_of(leg.name, whole.north, section_azimuth, (md_all, inc_all, azi_all), positions, kind, sequence)
     return path if bit_depth is None else projected(path, bit_depth, whole.rules.projection)

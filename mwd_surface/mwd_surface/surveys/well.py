@@ -27,7 +27,12 @@ class Well:
         "true", "north reference of azimuths and map axes; must be that of the plan", choices=NORTHS
     )
     section_azimuth_deg: float = setting(
-        0.0, "azimuth of the vertical section, from the same north", unit="deg", low=0.0, high=360.0
+        -1.0,
+        "azimuth of the vertical section, from the same north; -1: along the plan or, without one, towards the last "
+        "survey in use, so that the section turns a little with each survey",
+        unit="deg",
+        low=-1.0,
+        high=360.0,
     )
     sensor_to_bit: float = setting(
         0.0,

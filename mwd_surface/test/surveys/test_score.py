@@ -59,8 +59,9 @@ def message(of):
     stamp = values.pop("header").stamp
     values["header"] = kinds["std_msgs/msg/Header"](time(stamp.sec, stamp.nanosec), "sonde_link")
     values["azimuths"] = [store.types["mwd_msgs/msg/AzimuthEstimate"](**vars(one)) for one in values["azimuths"]]
-    values = {k: np.array(v) if isinstance(v, list) and v and isinstance(v[0], float) else v for k, v in values.items()}
     kind = store.types["mwd_msgs/msg/Survey"]
+    array = {field.name for field in dataclasses.fields(kind) if "ndarray" in str(field.type)}
+    values = {k: np.array(v, dtype=float) if k in array else v for k, v in values.items()}
     return bytes(store.serialize_cdr(kind(**values), "mwd_msgs/msg/Survey"))
 
 

@@ -21,7 +21,7 @@ def test_the_norths_are_those_of_the_surveys_in_their_order():
     [
         ({"latitude_deg": 91.0}, "latitude_deg: 91 deg is above the highest allowed, 90 deg"),
         ({"longitude_deg": -181.0}, "longitude_deg: -181 deg is below the lowest allowed"),
-        ({"section_azimuth_deg": -1.0}, "section_azimuth_deg: -1 deg is below"),
+        ({"section_azimuth_deg": -2.0}, "section_azimuth_deg: -2 deg is below"),
         ({"sensor_to_bit": -2.0}, "sensor_to_bit: -2 m is below"),
         ({"north_reference": "gird"}, "did you mean grid"),
         ({"latitude": 60.0}, "did you mean latitude_deg"),
