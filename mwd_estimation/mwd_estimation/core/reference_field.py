@@ -248,8 +248,9 @@ def measured(
 
 
 def best_north(reference: Reference | None) -> str:
-    """Name the most useful north the reference allows: grid, else true, else magnetic."""
-    for north in ("grid", "true"):
+    """Name the most useful north the reference allows: grid where it has a grid, else true, else magnetic."""
+    # A convergence of 0 is that of no grid: the two norths are one, and its name is true.
+    for north in ("grid", "true") if reference is not None and reference.convergence else ("true",):
         if north_correction(reference, north) is not None:
             return north
     return "magnetic"

@@ -42,11 +42,11 @@ from mwd_surface.commands.reference_options import (
     placed_settings,
     recording_changes,
     tool_changes,
+    with_a_model,
 )
 
 if TYPE_CHECKING:
     from mwd_estimation.pipeline import EstimatorSettings
-    from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.runs.run_summary import Summary
 
 
@@ -128,30 +128,11 @@ def _run(
         terminal.progress(f"processing {path.name}") as progress,
         when_compiling(lambda: terminal.remark("compiling filters that are new here, which may take minutes, once")),
     ):
-        estimator, remark = _with_a_model(opened, estimator)
+        estimator, remark = with_a_model(estimator, opened.start_ns)
         summary = batch.process(opened, output, estimator, given, progress, compensation, wanted)
     if remark:
         summary.warnings.insert(0, remark)
     _show(summary, estimator, output, time.monotonic() - began)
-
-
-def _with_a_model(bag: Bag, estimator: EstimatorSettings) -> tuple[EstimatorSettings, str]:
-    """An older recording's field comes from the IGRF where the newer model does not reach back to its day."""
-    from mwd_estimation.pipeline import reference_of
-    from mwd_sensors.core import settings
-
-    try:
-        reference_of(estimator.place, bag.start_ns)
-    except ValueError as error:
-        older = settings.changed(estimator, {"place.model": "igrf"})
-        if older == estimator:
-            raise
-        try:
-            reference_of(older.place, bag.start_ns)
-        except ValueError:
-            raise error from None
-        return older, f"{error}: the field is taken from the IGRF"
-    return estimator, ""
 
 
 def _show(summary: Summary, estimator: EstimatorSettings, folder: Path, elapsed: float) -> None:

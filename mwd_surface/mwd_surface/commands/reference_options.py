@@ -129,7 +129,7 @@ def placed_settings(
         As `estimator_settings`.
     """
     named = dict(place)
-    if named and "survey.north" not in assignments(changes) and config is None:
+    if named and "survey.north" not in {**named, **assignments(changes)} and config is None:
         # A place or a declination says where true north is, not which grid is meant.
         named["survey.north"] = "true"
     if method is not None:
@@ -183,6 +183,29 @@ def assignments(changes: Sequence[str] | None) -> dict[str, Any]:
     return table
 
 
+def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[EstimatorSettings, str]:
+    """
+    Settings whose model covers the day, and a remark: where the newer model does not reach back, the IGRF is taken.
+
+    stamp_ns: ns, whose day counts where no date is set. Raises ValueError for a day outside every model.
+    """
+    from mwd_estimation.pipeline import reference_of
+    from mwd_sensors.core import settings
+
+    try:
+        reference_of(estimator.place, stamp_ns)
+    except ValueError as error:
+        older = settings.changed(estimator, {"place.model": "igrf"})
+        if older == estimator:
+            raise
+        try:
+            reference_of(older.place, stamp_ns)
+        except ValueError:
+            raise error from None
+        return older, f"{error}: the field is taken from the IGRF"
+    return estimator, ""
+
+
 def field_figures(text: str) -> tuple[float, float, float | None]:
     """
     Strength in nT, dip and declination in deg of --field; the declination is None where it is left out.
@@ -224,9 +247,10 @@ def place_changes(
         return changes | ({"place.date": date} if date is not None else {})
     if field is not None:
         total, dip, given = field_figures(field)
-        known = given if given is not None else declination
         changes = {"place.field": "fixed", "place.total_nt": total, "place.dip_deg": dip}
-        return changes | {"place.declination_deg": known or 0.0}
+        known = given if given is not None else declination
+        # Without a declination nobody knows where true north is.
+        return changes | ({"survey.north": "magnetic"} if known is None else {"place.declination_deg": known})
     return {}
 
 

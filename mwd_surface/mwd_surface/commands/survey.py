@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from mwd_surface.commands.reference_options import FIELD_PANEL, Changes, Config, Date, Field, Lat, Lon
-
-if TYPE_CHECKING:
-    from mwd_estimation.core.reference_field import Reference
 
 
 def survey(
@@ -46,19 +43,23 @@ def survey(
       mwd survey stations.csv --lat 58.44 --lon 1.88 --date 2026-03-01 --axial z
     """
     from mwd_estimation.derivation import station_params
+    from mwd_estimation.survey.six_axis_table import find_columns
     from mwd_estimation.survey.six_axis_table import stations as work_out
     from mwd_surface.bags import bag_metadata
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.reference_options import estimator_settings
     from mwd_surface.commands.survey_table import show_surveys
+    from mwd_surface.commands.table_reference import Known, table_reference, table_settings
     from mwd_surface.surveys import station_csv
     from mwd_surface.surveys.station_file import read_table
 
     table = read_table(stations)
-    settings = station_params(estimator_settings(config, {}, changes))
-    override = _reference(lat, lon, date, field, declination, convergence, gravity)
-    worked = work_out(table, override, settings, axial=axial)
+    settings = table_settings(config, changes, lat, lon, date)
+    times = table.get(find_columns(table, axial).time or "", ())
+    override, remarks = table_reference(settings, Known(field, declination, convergence, gravity), times)
+    worked = work_out(table, override, station_params(settings), axial=axial)
     console = terminal.output()
+    for remark in remarks:
+        terminal.warn(remark)
     show_surveys(console, [(row.station, row.md) for row in worked])
     if output is not None:
         columns = (*station_csv.COLUMNS, "time")
@@ -66,57 +67,3 @@ def survey(
         output.parent.mkdir(parents=True, exist_ok=True)
         bag_metadata.write_atomically(output, station_csv.text(columns, lines).encode())
         console.print(f"written: {output}", markup=False)
-
-
-def _reference(
-    lat: float | None,
-    lon: float | None,
-    date: str | None,
-    field: str | None,
-    declination: float | None,
-    convergence: float | None,
-    gravity: float | None,
-) -> Reference | None:
-    """What the options know; None where they know nothing."""
-    import dataclasses
-    import datetime
-    import math
-
-    from mwd_estimation.core.reference_field import Reference
-    from mwd_estimation.pipeline import EstimatorSettings, reference_of
-    from mwd_sensors.core import settings
-    from mwd_surface.commands.reference_options import field_figures, place_changes
-
-    known: dict[str, Any] = {}
-    changes = place_changes(lat, lon, date, field)
-    reference = None
-    if lat is not None:
-        if date is None:
-            raise ValueError("--lat and --lon: a table has no clock, give the day of the field with --date")
-        day = datetime.date.fromisoformat(date) if _is_day(date) else None
-        model = "igrf" if day is not None and day < datetime.date(2025, 1, 1) else "wmm2025"
-        chosen = settings.changed(EstimatorSettings(), {**changes, "place.model": model})
-        reference = reference_of(chosen.place, 0)
-    elif field is not None:
-        total, dip, given = field_figures(field)
-        known = {"total": total * 1e-9, "dip": math.radians(dip)}
-        if given is not None:
-            known["declination"] = math.radians(given)
-    for name, value in (("declination", declination), ("convergence", convergence)):
-        if value is not None:
-            known[name] = math.radians(value)
-    if gravity is not None:
-        known["gravity"] = gravity
-    if reference is not None:
-        return dataclasses.replace(reference, **known)
-    return Reference(**known, source="given") if known else None
-
-
-def _is_day(text: str) -> bool:
-    import datetime
-
-    try:
-        datetime.date.fromisoformat(text)
-    except ValueError:
-        return False
-    return True

@@ -110,18 +110,20 @@ def _station(table: SurveyTable, k: int, seen: set[str]) -> str:
     parts.append(_text("calcAlgorithm", "minimum curvature"))
     parts.append(_measure("md", table.column("md_m").cell(k), "m"))
     parts += [_measure(tag, table.column(key).cell(k), uom) for key, (tag, uom) in _STATION.items()]
-    if record is not None:
-        if record.survey.has_azimuth:
-            parts.append(_measure("mtf", fixed(record.survey.magnetic_toolface * _DEG, 4, 360.0), "dega"))
-        parts.append(_measure("gtf", fixed(record.survey.gravity_toolface * _DEG, 4, 360.0), "dega"))
+    # Of an imported station only the angles are known.
+    measured = record if record is not None and record.survey.has_readings else None
+    if measured is not None:
+        if measured.survey.has_azimuth:
+            parts.append(_measure("mtf", fixed(measured.survey.magnetic_toolface * _DEG, 4, 360.0), "dega"))
+        parts.append(_measure("gtf", fixed(measured.survey.gravity_toolface * _DEG, 4, 360.0), "dega"))
     parts += [_measure(tag, table.column(key).cell(k), uom) for key, (tag, uom) in _PLACE.items()]
     if table.surveys.well.error_model and record is not None:
         parts.append(_text("modelToolError", table.surveys.well.error_model, _COMMENT))
-    if record is not None:
-        parts += _measured(record.survey, table.surveys.well.geomagnetic_model)
+    if measured is not None:
+        parts += _measured(measured.survey, table.surveys.well.geomagnetic_model)
     parts.append(_text("statusTrajStation", "position"))
-    if record is not None:
-        parts += _groups(record, table.surveys.well.sensor_to_bit)
+    if measured is not None:
+        parts += _groups(measured, table.surveys.well.sensor_to_bit)
     if table.covariance is not None and np.all(np.isfinite(table.covariance[k])):
         parts.append(_covariance(table.covariance[k]))
     note = _note(record, kind)
@@ -141,6 +143,8 @@ def _type(table: SurveyTable, record: SurveyRecord | None, kind: str) -> str:
         return "hold to MD" if table.surveys.rules.projection == "straight" else "DLS and toolface to MD"
     if record is None:
         return "tie in point"
+    if record.tool in ("gyro north seeking", "gyro MWD", "magnetic multi-shot"):
+        return record.tool
     return "gyro MWD" if record.survey.azimuth_method == "gyro" else "magnetic MWD"
 
 

@@ -103,7 +103,7 @@ def _quality(table: SurveyTable) -> Sheet:
     rows, marks = [], []
     for record in sorted(table.surveys.records, key=lambda r: r.survey.sequence):
         s = record.survey
-        field, gravity = s.has_reference and s.b_total >= 0.0, s.g_reference > 0.0
+        field, gravity = s.has_reference and s.b_total >= 0.0, s.has_readings and s.g_reference > 0.0
         rows.append(
             (
                 str(s.sequence),
@@ -112,9 +112,9 @@ def _quality(table: SurveyTable) -> Sheet:
                 fixed(s.inclination * _DEG, 2),
                 fixed(s.sigma_inclination * _DEG, 2) if s.sigma_inclination >= 0.0 else "",
                 fixed(s.azimuth * _DEG, 2, 360.0) if s.has_azimuth else "",
-                fixed(s.sigma_azimuth * _DEG, 2) if s.has_azimuth else "",
+                fixed(s.sigma_azimuth * _DEG, 2) if s.sigma_azimuth >= 0.0 else "",
                 s.azimuth_method,
-                fixed(s.g_total, 4),
+                fixed(s.g_total, 4) if s.has_readings else "",
                 fixed((s.g_total - s.g_reference) * _MILLI_G, 2) if gravity else "",
                 fixed(s.b_total * 1e9, 0) if s.b_total >= 0.0 else "",
                 fixed((s.b_total - s.b_reference) * 1e9, 0) if field else "",

@@ -11,8 +11,9 @@ from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.nodes.settings import AdvisorySettings, PlanSettings
 from mwd_surface.ros.alarm_log import AlarmLog
+from mwd_surface.surveys.list_columns import ListFileError
 from mwd_surface.surveys.plan import Plan, interpolated, offset_from, steering_to
-from mwd_surface.surveys.plan_file import PlanError, read_plan
+from mwd_surface.surveys.plan_file import read_plan
 from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_path import Definitive
 
@@ -40,7 +41,7 @@ class PlanServer:
         if settings.file:
             try:
                 plan = _plan_from(Path(settings.file).expanduser(), north)
-            except PlanError as error:
+            except ListFileError as error:
                 text = f"the plan is not used: {error}"
                 remedy = "correct the file, then set plan.file again"
                 self._alarm_log.raise_alarm("plan.file", Severity.WARNING, text, remedy)
@@ -82,5 +83,5 @@ class PlanServer:
 def _plan_from(path: Path, north: str) -> Plan:
     plan = read_plan(path)
     if plan.north and plan.north != north:
-        raise PlanError(f"{path}: azimuths from {plan.north} north, those of the well from {north} north")
+        raise ListFileError(f"{path}: azimuths from {plan.north} north, those of the well from {north} north")
     return plan

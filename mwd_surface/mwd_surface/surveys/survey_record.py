@@ -114,19 +114,24 @@ class Survey:
         return self.covariance[4] >= 0.0 and self.north != North.UNKNOWN
 
     @property
+    def has_readings(self) -> bool:
+        """False for a station of an imported list, of which only the angles are known."""
+        return self.g_total > 0.0
+
+    @property
     def has_reference(self) -> bool:
         """True where a reference field, and with it declination and convergence, was configured."""
         return self.b_reference > 0.0
 
     @property
     def sigma_inclination(self) -> float:
-        """1 sigma, rad; -1 not available."""
-        return math.sqrt(self.covariance[0]) if self.covariance[0] >= 0.0 else -1.0
+        """1 sigma, rad; -1 not available (a covariance of 0 is one that nobody knows, REP-145)."""
+        return math.sqrt(self.covariance[0]) if self.covariance[0] > 0.0 else -1.0
 
     @property
     def sigma_azimuth(self) -> float:
         """1 sigma, rad; -1 not available."""
-        return math.sqrt(self.covariance[4]) if self.covariance[4] >= 0.0 else -1.0
+        return math.sqrt(self.covariance[4]) if self.covariance[4] > 0.0 else -1.0
 
     def azimuth_from(self, north: North) -> float | None:
         """

@@ -1,4 +1,4 @@
-"""Plan files as engineers send them, and the line number of what is wrong with the others."""
+"""Lists of stations as engineers send them, and the line number of what is wrong with the others."""
 
 import math
 
@@ -7,15 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.surveys import plan_file
-from mwd_surface.surveys.plan_file import PlanError, plan_from_table, plan_from_witsml, read_plan
+from mwd_surface.surveys import list_file
+from mwd_surface.surveys.list_columns import ListFileError
+from mwd_surface.surveys.list_file import list_from_las, list_from_table, list_from_witsml
+from mwd_surface.surveys.plan_file import plan_from_list, read_plan
 from project import REFERENCE_DATA
 
 GOOD = "md_m,inclination_deg,azimuth_deg\n0,0,0\n500,0,45\n1000,30,45\n"
 
 
 def table(text):
-    return plan_from_table(text.encode(), "plan.csv")
+    return plan_from_list(list_from_table(text.encode(), "plan.csv"))
 
 
 def test_a_plain_table_is_read():
@@ -60,7 +62,7 @@ def test_the_north_that_the_header_names_is_kept():
         (GOOD.replace("1000,30", "1000,300"), "line 4: inclination 300 deg is outside 0 to 180"),
         (GOOD.replace("500,0,45", "500,0,400"), "line 3: azimuth 400 deg"),
         (GOOD.replace("1000,30", "400,30"), "line 4: measured depth 400 m does not increase after 500 m"),
-        ("md_m,inc,azi\n10,0,0\n", "line 2: a plan needs at least two stations, got 1"),
+        ("md_m,inc,azi\n10,0,0\n", "a plan needs at least two stations, got 1"),
         (
             "md_m,inc,azi,tvd_m\n0,0,0,0\n1000,0,0,3280\n",
             "line 3: tvd 3280.00 m does not fit the angles, which give 1000.00 m",
@@ -71,34 +73,34 @@ def test_the_north_that_the_header_names_is_kept():
     ],
 )
 def test_what_is_wrong_is_reported_with_its_line(text, says):
-    with pytest.raises(PlanError, match=r"plan\.csv") as error:
+    with pytest.raises(ListFileError, match=r"plan\.csv") as error:
         table(text)
     assert says in str(error.value)
 
 
 def test_a_missing_or_huge_file_is_reported(tmp_path, monkeypatch):
-    with pytest.raises(PlanError, match="No such file"):
+    with pytest.raises(ListFileError, match="No such file"):
         read_plan(tmp_path / "none.csv")
     (tmp_path / "big.csv").write_text(GOOD)
-    monkeypatch.setattr(plan_file, "LARGEST", 10)
-    with pytest.raises(PlanError, match="no plan of a well"):
+    monkeypatch.setattr(list_file, "LARGEST", 10)
+    with pytest.raises(ListFileError, match="no list of stations of a well"):
         read_plan(tmp_path / "big.csv")
 
 
 @given(st.binary(max_size=300))
-def test_no_bytes_raise_anything_but_a_plan_error(data):
-    for read in (plan_from_table, plan_from_witsml):
+def test_no_bytes_raise_anything_but_a_list_file_error(data):
+    for read in (list_from_table, list_from_witsml, list_from_las):
         try:
             read(data)
-        except PlanError:
+        except ListFileError:
             continue
 
 
 @given(st.text(alphabet="md_inclaz,;0123456789.-\n\t ", max_size=200))
-def test_no_near_miss_of_a_table_raises_anything_but_a_plan_error(text):
+def test_no_near_miss_of_a_table_raises_anything_but_a_list_file_error(text):
     try:
-        plan_from_table(("md_m,inc,azi\n" + text).encode())
-    except PlanError:
+        list_from_table(("md_m,inc,azi\n" + text).encode())
+    except ListFileError:
         return
 
 
@@ -124,7 +126,7 @@ def test_a_witsml_trajectory_is_a_plan(tmp_path):
     got = read_plan(path)
     np.testing.assert_array_equal(got.positions, table(GOOD).positions)
     assert (got.north, got.name) == ("grid", "Plan 7")
-    feet = plan_from_witsml(document(station(0, 0, 0, "ft"), station(1000, 0, 0, "ft")))
+    feet = plan_from_list(list_from_witsml(document(station(0, 0, 0, "ft"), station(1000, 0, 0, "ft"))))
     assert feet.positions[-1][2] == pytest.approx(304.8)
 
 
@@ -144,14 +146,14 @@ def test_a_witsml_trajectory_is_a_plan(tmp_path):
     ],
 )
 def test_what_is_wrong_with_an_xml_plan_is_reported(data, says):
-    with pytest.raises(PlanError) as error:
-        plan_from_witsml(data, "plan.xml")
+    with pytest.raises(ListFileError) as error:
+        plan_from_list(list_from_witsml(data, "plan.xml"))
     assert says in str(error.value)
 
 
 def test_the_example_trajectory_of_the_schemas_is_one_station_and_says_so():
     example = REFERENCE_DATA / "witsml" / "trajectory_1411_valid.xml"
-    with pytest.raises(PlanError, match="at least two stations, got 1"):
+    with pytest.raises(ListFileError, match="at least two stations, got 1"):
         read_plan(example)
 
 

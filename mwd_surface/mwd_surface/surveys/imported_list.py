@@ -1,0 +1,171 @@
+"""
+A list of stations that others measured as a survey list: path, reports and exports then work as for one of our own.
+
+Its first station is the tie-on where it lies at the datum or the file has its position; otherwise the path begins
+vertically at the wellhead. Stations whose own verdict is not "accept" are listed, not used.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime as dt
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from mwd_estimation.core.reference_field import Reference
+from mwd_surface.surveys.leg import Leg, TieOn
+from mwd_surface.surveys.list_file import StationList
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import Nine, North, Survey, SurveyRecord, Verdict
+from mwd_surface.surveys.well import Well
+
+# Words of WITSML 1.4.1.1 (types of stations and of survey tools), and the tool code of each.
+TOOL_CODES: Mapping[str, str] = {
+    "gyro north seeking": "GYRO-NS",
+    "gyroscopic north seeking": "GYRO-NS",
+    "gyro mwd": "GYRO-MWD",
+    "gyroscopic mwd": "GYRO-MWD",
+    "magnetic mwd": "MWD+SRGM",
+    "magnetic multi-shot": "EMS+SRGM",
+    "magnetic multiple-shot": "EMS+SRGM",
+}
+_TIE_IN = "tie in point"
+
+
+def survey_list(
+    stations: StationList,
+    well: Well | None = None,
+    *,
+    tie_on: TieOn | None = None,
+    reference: Reference | None = None,
+    every: bool = False,
+) -> tuple[SurveyList, tuple[str, ...]]:
+    """
+    The survey list of an imported list of stations, and what people must know about it.
+
+    Parameters
+    ----------
+    stations : StationList
+    well : Well, optional
+        Its north and error model are replaced by those of the list where the list names them.
+    tie_on : TieOn, optional
+        Where the path starts, in the north of the list; stations not below it are left out.
+    reference : Reference, optional
+        Field and norths of the place; without one no magnetic error model can be evaluated.
+    every : bool
+        Use the stations whose verdict is not "accept", too.
+
+    Raises
+    ------
+    ValueError
+        No station is left, or the path cannot be computed.
+    """
+    remarks = list(stations.remarks)
+    north = stations.north or (well or Well()).north_reference
+    if not stations.north:
+        remarks.append(f"the list does not say which north its azimuths are from: taken as {north}; say it by --north")
+    well = dataclasses.replace(well or Well(), north_reference=north)
+    code = tool_code(stations)
+    if code:
+        well = dataclasses.replace(well, error_model=code)
+    start = tie_on or _first(stations)
+    if start.source == "wellhead" and stations.md[0] > 0.0:
+        remarks.append(f"the list begins at {stations.md[0]:.2f} m: the hole above is taken as leaving the wellhead")
+    below = [k for k in range(stations.md.size) if stations.md[k] > start.measured_depth]
+    records = [_record(stations, k, North[north.upper()], reference, every=every) for k in below]
+    if not records and stations.md.size > 1:
+        raise ValueError(f"{stations.name}: no station lies below the tie-on at {start.measured_depth:g} m")
+    left = sum(not record.in_use for record in records)
+    if left:
+        remarks.append(f"{left} of {len(records)} stations are not used, their verdict is not accept; --all uses them")
+    bare = SurveyList(
+        well=well,
+        legs=(Leg(tie_on=start),),
+        records=tuple(records),
+        changed_ns=max((record.survey.stamp_ns for record in records), default=0),
+    )
+    return SurveyList.from_mapping(bare.to_mapping()), tuple(remarks)
+
+
+def tool_code(stations: StationList) -> str:
+    """The tool code that a list names, by itself or in words; empty where it names none or several."""
+    from mwd_surface.surveys.position_covariance import tool_codes
+
+    named = {word.strip() for word in stations.tool} - {"", _TIE_IN}
+    known = set(tool_codes())
+    codes = {word if word in known else TOOL_CODES.get(word.lower(), "") for word in named}
+    return codes.pop() if len(codes) == 1 else ""
+
+
+def _first(stations: StationList) -> TieOn:
+    md, inclination = float(stations.md[0]), float(stations.inclination[0])
+    azimuth = 0.0 if math.isnan(stations.azimuth[0]) else float(stations.azimuth[0])
+    north, east, down = (float(v) for v in stations.positions[0])
+    if math.isnan(down):
+        if md > 0.0:
+            return TieOn()
+        down = md
+    source = "wellhead" if md == 0.0 and inclination == 0.0 else "first station of the list"
+    return TieOn(md, inclination, azimuth, float(np.nan_to_num(north)), float(np.nan_to_num(east)), down, source)
+
+
+def _record(stations: StationList, k: int, north: North, reference: Reference | None, *, every: bool) -> SurveyRecord:
+    verdict = {"doubtful": Verdict.DOUBTFUL, "reject": Verdict.REJECT}.get(stations.verdict[k], Verdict.ACCEPT)
+    azimuth = float(stations.azimuth[k])
+    known = not math.isnan(azimuth)
+    survey = Survey(
+        stamp_ns=_stamp(stations.time[k]),
+        uuid=f"{stations.name}-{k + 1}",
+        sequence=k + 1,
+        inclination=float(stations.inclination[k]),
+        azimuth=azimuth if known else 0.0,
+        north=int(north),
+        covariance=_covariance(stations, k, known=known),
+        verdict=int(verdict),
+        reasons=(f"imported from {stations.name}",),
+        **_figures(reference),
+    )
+    vertical = known or survey.inclination <= math.radians(1.0)
+    return SurveyRecord(
+        survey,
+        float(stations.md[k]),
+        0.0,
+        in_use=vertical and (every or verdict == Verdict.ACCEPT),
+        leg=Leg().name,
+        tool=stations.tool[k],
+    )
+
+
+def _covariance(stations: StationList, k: int, *, known: bool) -> Nine:
+    """Covariance of inclination and azimuth, rad^2: 0 where the list has no sigma, -1 where there is no azimuth."""
+    inclination, azimuth = (
+        0.0 if math.isnan(s) else float(s) ** 2 for s in (stations.sigma_inclination[k], stations.sigma_azimuth[k])
+    )
+    return inclination, 0.0, 0.0, 0.0, azimuth if known else -1.0, 0.0, 0.0, 0.0, 0.0
+
+
+def _figures(reference: Reference | None) -> dict[str, float]:
+    """Fields of a survey that a reference fills; those of one without field stay unknown."""
+    if reference is None or reference.total is None or reference.dip is None:
+        return {}
+    figures = {"b_reference": reference.total, "dip_reference": reference.dip}
+    for name, value in (
+        ("declination", reference.declination),
+        ("convergence", reference.convergence),
+        ("g_reference", reference.gravity),
+    ):
+        if value is not None:
+            figures[name] = value
+    return figures
+
+
+def _stamp(text: str) -> int:
+    """Time of a station, ns; 0 where none is written."""
+    try:
+        moment = dt.datetime.fromisoformat(text.strip())
+    except ValueError:
+        return 0
+    moment = moment.replace(tzinfo=moment.tzinfo or dt.UTC)
+    return int(moment.timestamp()) * 10**9 + moment.microsecond * 1000
