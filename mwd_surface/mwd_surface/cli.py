@@ -15,6 +15,7 @@ from mwd_surface.commands.compare import compare
 from mwd_surface.commands.doctor import doctor
 from mwd_surface.commands.export import export, report
 from mwd_surface.commands.node import PASS_ON, node
+from mwd_surface.commands.path import path
 from mwd_surface.commands.plot import plot
 from mwd_surface.commands.process import process
 from mwd_surface.commands.replay import replay
@@ -58,6 +59,7 @@ app.command(rich_help_panel=_RECORDINGS)(process)
 app.command(rich_help_panel=_RECORDINGS)(batch)
 app.command(rich_help_panel=_RECORDINGS)(compare)
 app.command(rich_help_panel=_RECORDINGS)(survey)
+app.command(rich_help_panel=_RECORDINGS)(path)
 app.command(rich_help_panel=_RECORDINGS)(export)
 app.command(rich_help_panel=_RECORDINGS)(report)
 app.command(rich_help_panel=_RECORDINGS)(simulate)

@@ -48,6 +48,7 @@ def test_help_names_every_command_and_is_quick():
         "process",
         "replay",
         "survey",
+        "path",
         "node",
         "bag",
         "recover",
@@ -159,6 +160,44 @@ def test_a_bag_that_cannot_be_used_is_refused_in_one_sentence(tmp_path):
     refused(mwd("process", tmp_path / "bag", "-o", tmp_path / "out"), "is empty")
     refused(mwd("bag", "info", tmp_path / "bag"), "is empty")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bag"]
+
+
+def test_a_gyro_list_becomes_a_path_and_every_export_of_it_gives_the_same_path(tmp_path):
+    gyro = REFERENCE_DATA / "volve" / "F-4_gyro_ns_trajectory.csv"
+    place = ("--lat", 58.44, "--lon", 1.88, "--date", "2026-03-01")
+    done = mwd("path", gyro, "-o", tmp_path / "gyro", *place)
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "gyro" / "path.csv").read_text()
+    assert text.startswith(
+        "md_m,inclination_deg,azimuth_deg,tvd_m,north_m,east_m,dls_deg_30m,sigma_north_m,sigma_east_m,sigma_tvd_m,"
+    )
+    first = list(csv.DictReader(io.StringIO(text)))
+    assert float(first[-1]["sigma_east_m"]) > 5.0
+    for name in ("f4.csv", "f4.las", "f4.xml"):
+        assert mwd("export", tmp_path / "gyro", "-o", tmp_path / name).returncode == 0
+        done = mwd("path", tmp_path / name, "-o", tmp_path / "again", *place, "--code", "GYRO-NS")
+        assert done.returncode == 0, done.stderr
+        again = list(csv.DictReader(io.StringIO((tmp_path / "again" / "path.csv").read_text())))
+        assert len(again) == len(first) == 87
+        for key in ("md_m", "tvd_m", "north_m", "east_m", "sigma_north_m"):
+            assert float(again[-1][key]) == pytest.approx(float(first[-1][key]), abs=1e-3)
+    done = mwd(
+        "path", gyro, "-o", tmp_path / "both", *place, "--against", tmp_path / "f4.las", "--against-code", "MWD+SRGM"
+    )
+    assert done.returncode == 0, done.stderr
+    with (tmp_path / "both" / "comparison.csv").open() as file:
+        assert all(float(line["distance_m"]) < 1e-3 for line in csv.DictReader(file))
+    assert (tmp_path / "both" / "comparison.png").is_file()
+
+
+def test_a_list_that_cannot_be_used_is_refused_in_one_sentence(tmp_path):
+    (tmp_path / "list.csv").write_text("Depth,Inc,Azi true\n0,0,0\n100,1,2\n")
+    refused(mwd("path", tmp_path / "list.csv", "-o", tmp_path / "out"), "md has no unit", "--length-unit")
+    wrong = ("--set", "place.height_m=100")
+    refused(mwd("path", tmp_path / "list.csv", "-o", tmp_path / "out", *wrong, "--length-unit", "m"), "needs a place")
+    refused(mwd("path", tmp_path / "list.csv", "-o", tmp_path / "out", "--length-unit", "m", "--code", "MWD"), "MWD+")
+    refused(mwd("path", tmp_path / "list.csv", "-o", tmp_path / "out", "--tie-on", "100"), "--tie-on 100")
+    assert not (tmp_path / "out" / "path.csv").exists()
 
 
 def test_a_simulated_run_is_processed_to_its_surveys(tmp_path):

@@ -25,6 +25,7 @@ def test_without_declination_only_magnetic_north_is_known():
     assert best_north(None) == "magnetic"
     assert north_correction(None, "true") is None
     assert best_north(Reference(declination=0.1)) == "true"
+    assert best_north(Reference(declination=0.1, convergence=0.0)) == "true"
     assert north_correction(Reference(declination=0.1), "grid") is None
     with pytest.raises(ValueError, match="'gird' is not one of magnetic, true, grid"):
         north_correction(None, "gird")

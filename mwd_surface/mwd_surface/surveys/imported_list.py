@@ -11,6 +11,7 @@ import dataclasses
 import datetime as dt
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -89,9 +90,25 @@ def survey_list(
     return SurveyList.from_mapping(bare.to_mapping()), tuple(remarks)
 
 
+def reference_in(surveys: SurveyList) -> Reference | None:
+    """The reference of the last survey in use that has one."""
+    known = [r.survey for r in surveys.records if r.in_use and r.survey.has_reference]
+    if not known:
+        return None
+    last = known[-1]
+    return Reference(
+        total=last.b_reference,
+        dip=last.dip_reference,
+        declination=last.declination,
+        convergence=last.convergence,
+        gravity=last.g_reference if last.g_reference > 0.0 else None,
+        source=surveys.well.geomagnetic_model,
+    )
+
+
 def tool_code(stations: StationList) -> str:
     """The tool code that a list names, by itself or in words; empty where it names none or several."""
-    from mwd_surface.surveys.position_covariance import tool_codes
+    from mwd_surface.surveys.error_terms import tool_codes
 
     named = {word.strip() for word in stations.tool} - {"", _TIE_IN}
     known = set(tool_codes())
@@ -125,7 +142,8 @@ def _record(stations: StationList, k: int, north: North, reference: Reference | 
         covariance=_covariance(stations, k, known=known),
         verdict=int(verdict),
         reasons=(f"imported from {stations.name}",),
-        **_figures(reference),
+        headline="imported: its readings are not known",
+        **_figures(stations, k, reference),
     )
     vertical = known or survey.inclination <= math.radians(1.0)
     return SurveyRecord(
@@ -146,18 +164,18 @@ def _covariance(stations: StationList, k: int, *, known: bool) -> Nine:
     return inclination, 0.0, 0.0, 0.0, azimuth if known else -1.0, 0.0, 0.0, 0.0, 0.0
 
 
-def _figures(reference: Reference | None) -> dict[str, float]:
-    """Fields of a survey that a reference fills; those of one without field stay unknown."""
-    if reference is None or reference.total is None or reference.dip is None:
-        return {}
-    figures = {"b_reference": reference.total, "dip_reference": reference.dip}
-    for name, value in (
-        ("declination", reference.declination),
-        ("convergence", reference.convergence),
-        ("g_reference", reference.gravity),
-    ):
-        if value is not None:
-            figures[name] = value
+def _figures(stations: StationList, k: int, reference: Reference | None) -> dict[str, Any]:
+    """Fields of a survey that tell its reference: the one given, else that of the list; unknown ones are left out."""
+    figures = {name: float(values[k]) for name, values in stations.figures.items() if math.isfinite(values[k])}
+    if reference is not None:
+        given = {
+            "b_reference": reference.total,
+            "dip_reference": reference.dip,
+            "declination": reference.declination,
+            "convergence": reference.convergence,
+            "g_reference": reference.gravity,
+        }
+        figures |= {name: value for name, value in given.items() if value is not None}
     return figures
 
 

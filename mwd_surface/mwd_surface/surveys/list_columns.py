@@ -13,9 +13,10 @@ import re
 from collections.abc import Mapping, Sequence
 
 NEEDED = ("md", "inclination", "azimuth")
-ANGLES = ("inclination", "azimuth", "sigma_inclination", "sigma_azimuth")
-LENGTHS = ("md", "tvd", "north", "east")
-TEXTS = ("azimuth_reference", "tool", "time", "verdict")
+# What a list of our own says of the reference: T and m/s^2, or angles.
+FIGURES = {"b_reference": 1e-9, "g_reference": 1.0, "dip_reference": None, "declination": None, "convergence": None}
+ANGLES = ("inclination", "azimuth", "sigma_inclination", "sigma_azimuth", *(n for n, f in FIGURES.items() if not f))
+TEXTS = ("azimuth_reference", "tool", "time", "verdict", "station")
 NORTHS = ("true", "grid", "magnetic")
 
 # The US survey foot is 1200/3937 m.
@@ -38,10 +39,16 @@ _WORDS = {
     "east": "east ew e_w disp_ew e local_east easting",
     "sigma_inclination": "sigma_inclination",
     "sigma_azimuth": "sigma_azimuth",
+    "b_reference": "b_reference_nt",
+    "g_reference": "g_reference_mps",
+    "dip_reference": "dip_reference",
+    "declination": "declination",
+    "convergence": "convergence",
     "azimuth_reference": "azimuth_reference azi_ref north_reference",
     "tool": "tool_code survey_tool tool station_type",
     "time": "time time_utc dtim dtim_utc dtim_stn date_time",
     "verdict": "verdict automatic",
+    "station": "station",
 }
 _NAMES = {name: what for what, names in _WORDS.items() for name in names.split()}
 
@@ -128,6 +135,9 @@ def factor(what: str, unit: str, at: str, given: Given | None = None) -> float:
     ListFileError
         A length without unit, or an unknown unit; `at` is the place in the file.
     """
+    own = FIGURES.get(what)
+    if own is not None:
+        return own
     angle = what in ANGLES
     known = _ANGLE_UNITS if angle else _LENGTH_UNITS
     said = "" if given is None else given.angle_unit if angle else given.length_unit

@@ -18,7 +18,7 @@ import numpy as np
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_surface.surveys import list_columns
-from mwd_surface.surveys.list_columns import NEEDED, NORTHS, TEXTS, Given, ListFileError
+from mwd_surface.surveys.list_columns import FIGURES, NEEDED, NORTHS, TEXTS, Given, ListFileError
 
 LARGEST = 20_000_000
 WITSML = "{http://www.witsml.org/schemas/1series}"
@@ -45,6 +45,8 @@ class StationList:
         rad; nan where not given.
     tool, time, verdict : tuple of str
         Of each station as written; empty where not given.
+    figures : mapping of ndarray, shape (n,)
+        Reference of each station by the names of `list_columns.FIGURES`: T, m/s^2, rad; nan where not given.
     remarks : tuple of str
         What people must know about how it was read.
     """
@@ -60,6 +62,7 @@ class StationList:
     tool: tuple[str, ...]
     time: tuple[str, ...]
     verdict: tuple[str, ...]
+    figures: Mapping[str, Array]
     remarks: tuple[str, ...] = ()
 
 
@@ -115,8 +118,8 @@ def list_from_table(data: bytes, name: str = "list", given: Given | None = None)
     ListFileError
         With the line at fault.
     """
-    lines = [(k, line) for k, line in enumerate(_text(data).splitlines(), start=1) if line.strip()]
-    lines = [(k, line) for k, line in lines if not line.startswith("#")]
+    whole = [(k, line) for k, line in enumerate(_text(data).splitlines(), start=1) if line.strip()]
+    lines = [(k, line) for k, line in whole if not line.startswith("#")]
     if not lines:
         raise ListFileError(f"{name}: empty")
     head = next((k for k in range(min(_PREAMBLE, len(lines))) if not _header(lines[k][1], name, given).missing), 0)
@@ -128,14 +131,17 @@ def list_from_table(data: bytes, name: str = "list", given: Given | None = None)
     if columns.missing:
         raise ListFileError(
             f"{at}: no column for {', '.join(columns.missing)}; expected a header such as"
-            f" md_m,inclination_deg,azimuth_deg, got {', '.join(names)}"
+            f" md_m,inclination_deg,azimuth_deg, or the columns' names (mwd path --columns); got {', '.join(names)}"
         )
     body = [(f"{name}, line {k}", _fields(line, separator, f"{name}, line {k}")) for k, line in lines[head + 1 :]]
     if body and not any(_is_number(c) for c in body[0][1]):
         own = list_columns.find(names, given, [_plain_unit(c) for c in body[0][1]] + [""] * len(names))
         columns = dataclasses.replace(columns, units=own.units)
         body = body[1:]
-    return _list(_rows(columns, body, at, given), columns.north, name, given)
+    # The head block of our own exports names the north.
+    head_block = next((line for _, line in whole if line.lower().startswith("# azimuth reference:")), "").lower()
+    north = columns.north or next((north for north in NORTHS if north in head_block), "")
+    return _list(_rows(columns, body, at, given), north, name, given)
 
 
 def list_from_las(data: bytes, name: str = "list", given: Given | None = None) -> StationList:
@@ -162,7 +168,6 @@ def list_from_las(data: bytes, name: str = "list", given: Given | None = None) -
     kind = names.index("KIND") if "KIND" in names else None
     body, skipped = [], 0
     for k, row in enumerate(np.atleast_2d(file.data), start=1):
-        # Our own export ends with a projection to the bit, which is no station.
         if kind is not None and float(row[kind]) == 2.0:
             continue
         if any(not _is_number(str(row[columns.number[what]])) for what in ("md", "inclination")):
@@ -249,6 +254,8 @@ def _rows(
 
 
 def _list(rows: list[_Row], north: str, name: str, given: Given | None) -> StationList:
+    # Our own exports end with a projection to the bit, which is no station.
+    rows = [row for row in rows if row.texts.get("station") != "projected"]
     if not rows:
         raise ListFileError(f"{name}: no station in it")
     rows, remarks = _increasing(rows)
@@ -271,6 +278,7 @@ def _list(rows: list[_Row], north: str, name: str, given: Given | None) -> Stati
         tool=tuple(row.texts.get("tool", "") for row in rows),
         time=tuple(row.texts.get("time", "") for row in rows),
         verdict=tuple(row.texts.get("verdict", "").lower() for row in rows),
+        figures={what: column(what) for what in FIGURES},
         remarks=tuple(remarks),
     )
     _check_positions(read, [row.at for row in rows])

@@ -1,5 +1,5 @@
 """
-The survey list of a list file, of the folder of a well or a run, or of a recording, and its slide sheet.
+The survey list of a file, of the folder of a well or a run, or of a recording, and its slide sheet.
 
 Only reads: a list that a running surface node keeps can be exported at the same time.
 """
@@ -9,7 +9,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.leg import Leg, TieOn
+from mwd_surface.surveys.list_file import is_list, read_list
 from mwd_surface.surveys.message_conversion import record_of, stamp_of
 from mwd_surface.surveys.slide_file import NAME, read_stretches
 from mwd_surface.surveys.slide_sheet import Stretch
@@ -33,7 +35,8 @@ def surveys_of(path: Path) -> tuple[SurveyList, tuple[str, ...]]:
     Parameters
     ----------
     path : Path
-        A surveys.json, a folder with one in it or below (the folder of a run), or a recording.
+        A surveys.json, a list of stations that others measured (CSV, LAS, WITSML), a folder with a surveys.json in it
+        or below (the folder of a run), or a recording.
 
     Raises
     ------
@@ -44,6 +47,8 @@ def surveys_of(path: Path) -> tuple[SurveyList, tuple[str, ...]]:
     """
     if path.is_file() and path.suffix == ".json":
         return decoded(path.read_bytes()), ()
+    if is_list(path):
+        return survey_list(read_list(path))
     folders = _folders(path) if path.is_dir() else []
     if len(folders) > 1:
         raise ValueError(f"{path} has survey lists of several wells: {', '.join(str(f) for f in folders)}; name one")

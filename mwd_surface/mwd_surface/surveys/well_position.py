@@ -16,6 +16,7 @@ import numpy as np
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.surveys.error_terms import CovarianceUnavailableError, ErrorReference
 from mwd_surface.surveys.plan import Plan, interpolated, nearest
 from mwd_surface.surveys.position_covariance import position_covariance
@@ -64,7 +65,8 @@ def error_reference(well: Well, survey: Survey) -> ErrorReference:
         dip=survey.dip_reference,
         declination=survey.declination,
         convergence=survey.convergence,
-        g_total=survey.g_reference if survey.g_reference > 0.0 else survey.g_total,
+        # Of an imported survey neither may be known.
+        g_total=survey.g_reference if survey.g_reference > 0.0 else survey.g_total or STANDARD_GRAVITY,
     )
 
 

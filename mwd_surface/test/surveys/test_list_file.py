@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_surface.surveys import list_file
-from mwd_surface.surveys.list_columns import ListFileError
+from mwd_surface.surveys.list_columns import Given, ListFileError
 from mwd_surface.surveys.list_file import list_from_las, list_from_table, list_from_witsml
 from mwd_surface.surveys.plan_file import plan_from_list, read_plan
 from project import REFERENCE_DATA
@@ -33,6 +33,9 @@ def test_a_plain_table_is_read():
         "# Plan 3\n# grid\nMD [m];Inc (deg);Azi Grid (deg)\n0,0;0,0;0,0\n500,0;0,0;45,0\n1000,0;30,0;45,0\n",
         "MD\tINCL\tAZIM\nm\tdeg\tdeg\n0\t0\t0\n500\t0\t45\n1000\t30\t45\n",
         "\ufeffmeasured depth (ft),inclination,azimuth\n0,0,0\n1640.419948,0,45\n3280.839895,30,45\n",
+        "Well: Alpha\nRun 3\nMD (m)  Inc  Azi\n0   0  0\n500  0  45\n1000  30  45\n",
+        "Measured Depth [m];Inclination [gon];Azimuth [gon]\n0;0;0\n500;0;50\n1000;33,33333333333;50\n",
+        "md_m,inc,azi\n0,0,0\n500,0,45\n500,0,45\n1000,30,45\n",
         "name,azi_rad,md_m,inc_rad\na,0,0,0\nb,0.785398163397,500,0\nc,0.785398163397,1000,0.523598775598\n",
     ],
 )
@@ -162,3 +165,48 @@ def test_the_volve_f4_table_is_a_plan_whose_own_tvd_fits():
     got = read_plan(f4)
     assert got.md.size == 87
     assert got.north == "true"
+
+
+def test_columns_units_and_north_can_be_named():
+    data = b"TDEP;DEV;HAZI\n0;0;0\n1000;100;50\n"
+    columns = {"md": "TDEP", "inclination": "DEV", "azimuth": "HAZI"}
+    got = list_from_table(data, given=Given(columns, length_unit="ft", angle_unit="grad", north="grid"))
+    np.testing.assert_allclose(got.md, [0.0, 304.8])
+    np.testing.assert_allclose(np.degrees([got.inclination[1], got.azimuth[1]]), [90.0, 45.0])
+    assert got.north == "grid"
+    for wrong in ({"columns": {"dept": "TDEP"}}, {"length_unit": "yard"}, {"angle_unit": "mil"}, {"north": "up"}):
+        with pytest.raises(ValueError, match="is none of"):
+            Given(**wrong)
+
+
+def test_our_surveys_csv_comes_with_north_verdict_sigma_and_reference():
+    text = (
+        "sequence,md_m,inclination_deg,azimuth_deg,azimuth_reference,verdict,sigma_inclination_deg,sigma_azimuth_deg,"
+        "b_reference_nt,dip_reference_deg,declination_deg\n"
+        "1,100,0.2,,,accept,0.1,,50000,70,2\n2,130,20,40,grid,doubtful,0.1,0.5,50000,70,2\n"
+    )
+    got = list_from_table(text.encode())
+    assert (got.north, got.verdict) == ("grid", ("accept", "doubtful"))
+    assert math.isnan(got.azimuth[0])
+    assert math.degrees(got.sigma_azimuth[1]) == pytest.approx(0.5)
+    assert got.figures["b_reference"].tolist() == pytest.approx([50e-6, 50e-6])
+    assert math.degrees(got.figures["declination"][0]) == pytest.approx(2.0)
+    with pytest.raises(ListFileError, match="azimuths from grid and true north in one list"):
+        list_from_table((text + "3,160,20,40,true,accept,0.1,0.5,50000,70,2\n").encode())
+
+
+def test_a_las_file_is_read_by_its_curves_and_a_wrong_one_says_what_it_has():
+    def las(*curves):
+        return (
+            "~Version\n VERS. 2.0 :\n WRAP. NO :\n~Well\n NULL. -999.25 :\n~Curve\n"
+            + "".join(f" {name} :\n" for name in curves)
+            + "~A\n 0 0 0\n 500 -999.25 45\n 1000 30 45\n"
+        ).encode()
+
+    got = list_from_las(las("DEPT.FT", "DEVI.DEG", "AZIM.DEG"))
+    assert got.md.tolist() == pytest.approx([0.0, 304.8])
+    assert got.remarks == ("list: 1 rows without depth or inclination are left out",)
+    with pytest.raises(ListFileError, match="no curve for azimuth; it has DEPT, DEVI, GR"):
+        list_from_las(las("DEPT.FT", "DEVI.DEG", "GR.API"))
+    with pytest.raises(ListFileError, match="cannot be read as LAS"):
+        list_from_las(b"no LAS at all")

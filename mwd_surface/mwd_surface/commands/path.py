@@ -1,0 +1,269 @@
+"""`mwd path`: a survey list of any origin to its path, and two lists of one hole beside each other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mwd_surface.commands.reference_options import FIELD_PANEL, Changes, Date, Field, Lat, Lon
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from mwd_surface.exports.survey_table import SurveyTable
+    from mwd_surface.surveys.leg import TieOn
+    from mwd_surface.surveys.list_comparison import PathDifference
+    from mwd_surface.surveys.survey_list import SurveyList
+
+_LIST = "List"
+
+
+def path(
+    source: Annotated[
+        Path, typer.Argument(metavar="LIST", help="CSV, LAS or WITSML of stations, or the list of a run.")
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; made if need be.")],
+    against: Annotated[
+        Path | None, typer.Option("--against", help="Another list of the same hole, such as a gyro survey.")
+    ] = None,
+    code: Annotated[
+        str | None, typer.Option("--code", help="ISCWSA tool code of the error model, e.g. MWD+SRGM or GYRO-NS.")
+    ] = None,
+    against_code: Annotated[str | None, typer.Option(help="Tool code of the other list.")] = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(help="Which column is what, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI.", rich_help_panel=_LIST),
+    ] = None,
+    length_unit: Annotated[str, typer.Option(help="m, ft or ftus.", rich_help_panel=_LIST)] = "",
+    angle_unit: Annotated[str, typer.Option(help="deg, rad or grad.", rich_help_panel=_LIST)] = "",
+    north: Annotated[
+        str, typer.Option(help="North of the list's azimuths: magnetic, true or grid.", rich_help_panel=_LIST)
+    ] = "",
+    tie_on: Annotated[
+        str | None,
+        typer.Option(
+            help="Where the path starts: MD,INC,AZI[,TVD,NORTH,EAST] in m and deg.",
+            rich_help_panel=_LIST,
+            metavar="...",
+        ),
+    ] = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="Use stations whose verdict is not accept, too.", rich_help_panel=_LIST)
+    ] = False,
+    lat: Lat = None,
+    lon: Lon = None,
+    date: Date = None,
+    field: Field = None,
+    declination: Annotated[
+        float | None, typer.Option(help="Magnetic from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
+    ] = None,
+    convergence: Annotated[
+        float | None, typer.Option(help="Grid from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
+    ] = None,
+    changes: Changes = None,
+) -> None:
+    """
+    Compute the path of a survey list by minimum curvature, with its position uncertainty.
+
+    Writes DIR/path.csv and DIR/surveys.json, which `mwd report DIR` and `mwd export DIR` take. Columns and units are
+    found by their names (md_ft, "Inc [deg]", azi_grid ...). The error model needs a place or a field. With --against:
+    DIR/comparison.csv and DIR/comparison.png.
+
+    \b
+    Examples:
+      mwd path gyro.csv -o gyro --lat 58.44 --lon 1.88 --date 2026-03-01
+      mwd path list.las -o out --columns md=TDEP,inclination=DEV,azimuth=HAZI --north grid
+      mwd path out/run_7 -o compared --against gyro.xml --against-code GYRO-NS
+    """
+    from mwd_surface.bags.bag_metadata import write_atomically
+    from mwd_surface.commands import terminal
+    from mwd_surface.exports.path_csv import path_csv
+    from mwd_surface.surveys.survey_store import encoded
+
+    options = locals()
+    surveys = _surveys(source, options, code)
+    table = _table(surveys)
+    output.mkdir(parents=True, exist_ok=True)
+    files = {"path.csv": path_csv(table).encode()}
+    stored = output / "surveys.json"
+    if not _is_source(source, stored):
+        files[stored.name] = encoded(surveys)
+    console = terminal.output()
+    _show(console, table)
+    if against is not None:
+        files |= _compared(
+            console, table, _surveys(against, options, against_code, surveys), (source.stem, against.stem)
+        )
+    for name, data in files.items():
+        write_atomically(output / name, data)
+    console.print(f"written: {', '.join(str(output / name) for name in files)}", markup=False)
+
+
+def _surveys(source: Path, options: dict[str, Any], code: str | None, beside: SurveyList | None = None) -> SurveyList:
+    """
+    The survey list of a source by the options of the command; what must be known about it goes to the screen.
+
+    beside: another list of the same hole, whose place and field hold for this one where it has none.
+    """
+    import dataclasses
+
+    from mwd_surface.commands import terminal
+    from mwd_surface.surveys.list_file import is_list
+    from mwd_surface.surveys.error_terms import check_tool_code
+    from mwd_surface.surveys.survey_source import surveys_of
+
+    if is_list(source):
+        surveys, remarks = _imported(source, options, beside)
+    else:
+        wrong = [name for name in ("columns", "length_unit", "angle_unit", "north", "tie_on", "every") if options[name]]
+        if wrong:
+            raise ValueError(f"--{wrong[0].replace('_', '-')}: {source} is a list of a run, which says this itself")
+        surveys, remarks = surveys_of(source)
+    for remark in remarks:
+        terminal.warn(remark)
+    if code is not None:
+        check_tool_code(code)
+        surveys = surveys.configured(dataclasses.replace(surveys.well, error_model=code), surveys.rules)
+    return surveys
+
+
+def _imported(source: Path, options: dict[str, Any], beside: SurveyList | None) -> tuple[SurveyList, tuple[str, ...]]:
+    import dataclasses
+
+    from mwd_surface.commands.table_reference import Known, table_reference, table_settings
+    from mwd_surface.surveys.imported_list import reference_in, survey_list
+    from mwd_surface.surveys.list_columns import Given
+    from mwd_surface.surveys.list_file import read_list
+    from mwd_surface.surveys.well import Well
+
+    given = Given(
+        _pairs(options["columns"]),
+        str(options["length_unit"]).lower(),
+        str(options["angle_unit"]).lower(),
+        str(options["north"]),
+    )
+    stations = read_list(source, given)
+    settings = table_settings(None, options["changes"], options["lat"], options["lon"], options["date"])
+    known = Known(options["field"], options["declination"], options["convergence"])
+    reference, remarks = table_reference(settings, known, stations.time)
+    if reference is None and beside is not None:
+        reference, well = reference_in(beside), dataclasses.replace(beside.well, name=source.stem)
+    else:
+        well = Well(
+            name=source.stem,
+            latitude_deg=settings.place.lat_deg,
+            longitude_deg=settings.place.lon_deg,
+            geomagnetic_model=reference.source if reference is not None else "",
+        )
+    tie_on = options["tie_on"]
+    surveys, said = survey_list(
+        stations,
+        well,
+        tie_on=None if tie_on is None else _tie_on(tie_on),
+        reference=reference,
+        every=options["every"],
+    )
+    return surveys, (*remarks, *said)
+
+
+def _pairs(text: str | None) -> dict[str, str]:
+    if text is None:
+        return {}
+    pairs = {}
+    for part in text.split(","):
+        name, equals, column = part.partition("=")
+        if not equals:
+            raise ValueError(f"--columns {text}: write it as md=NAME,inclination=NAME,azimuth=NAME")
+        name = name.strip()
+        pairs[{"inc": "inclination", "azi": "azimuth"}.get(name, name)] = column
+    return pairs
+
+
+def _tie_on(text: str) -> TieOn:
+    import math
+
+    from mwd_surface.surveys.leg import TieOn
+
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (3, 6):
+        raise ValueError(f"--tie-on {text}: expected MD,INC,AZI or MD,INC,AZI,TVD,NORTH,EAST in m and deg")
+    md, inclination, azimuth = numbers[:3]
+    down, north, east = numbers[3:] or (md, 0.0, 0.0)
+    return TieOn(md, math.radians(inclination), math.radians(azimuth % 360.0), north, east, down, "given")
+
+
+def _table(surveys: SurveyList) -> SurveyTable:
+    from mwd_surface import __version__
+    from mwd_surface.commands import terminal
+    from mwd_surface.exports.survey_table import survey_table
+
+    table = survey_table(surveys, surveys.changed_ns, software=f"mwd {__version__}")
+    for text in table.left_out:
+        terminal.warn(text)
+    if table.covariance is None:
+        terminal.warn(f"no position uncertainty: {table.covariance_note}; give --lat and --lon, or --field")
+    return table
+
+
+def _is_source(source: Path, stored: Path) -> bool:
+    """Whether the list that would be written is the one that was read."""
+    return stored.is_file() and any(
+        candidate.is_file() and candidate.samefile(stored) for candidate in (source, source / stored.name)
+    )
+
+
+def _compared(console: Console, table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> dict[str, bytes]:
+    """Files of the comparison of a path with that of another list, from the same north."""
+    import dataclasses
+
+    from mwd_surface.exports.comparison_csv import comparison_csv
+    from mwd_surface.plots.path_comparison import picture
+    from mwd_surface.surveys.list_comparison import difference
+
+    well = dataclasses.replace(other.well, north_reference=table.surveys.well.north_reference)
+    second = _table(other.configured(well, other.rules))
+    found = difference(table.path, second.path, (table.covariance, second.covariance))
+    _show_difference(console, found, names)
+    return {
+        "comparison.csv": comparison_csv(found).encode(),
+        "comparison.png": picture(found, *names),
+    }
+
+
+def _show(console: Console, table: SurveyTable) -> None:
+    path, last = table.path, len(table.records) - 1
+    n, e, down = path.positions[last]
+    lines = [
+        ("stations", f"{len(table.records)}, to {path.md[last]:.2f} m ({path.kind[last]})"),
+        ("end", f"{down:.2f} m TVD, {n:+.2f} m north, {e:+.2f} m east"),
+        ("azimuth", f"from {path.north.name.lower()} north"),
+        ("error model", table.covariance_note),
+    ]
+    for name, value in lines:
+        console.print(f"{name:>13}  {value}", markup=False)
+
+
+def _show_difference(console: Console, found: PathDifference, names: tuple[str, str]) -> None:
+    import math
+
+    import numpy as np
+    from rich.table import Table
+
+    table = Table(title=f"{names[0]} less {names[1]}", title_justify="left", box=None, header_style="dim")
+    for name in ("depth m", "inclination deg", "azimuth deg", "north m", "east m", "down m", "sigmas"):
+        table.add_column(name, justify="right")
+    # The whole is in the file; here some stations along the hole.
+    for k in np.unique(np.linspace(0, found.md.size - 1, 12).astype(int)):
+        sigmas = found.sigmas[k]
+        table.add_row(
+            f"{found.md[k]:.1f}",
+            *(f"{math.degrees(v):+.2f}" for v in found.turn[k]),
+            *(f"{v:+.2f}" for v in found.position[k]),
+            f"{sigmas:.1f}" if math.isfinite(sigmas) else "-",
+        )
+    console.print(table)

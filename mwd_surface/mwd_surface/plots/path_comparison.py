@@ -1,0 +1,58 @@
+"""Picture of two surveys of one hole: what differs between them along the hole."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mwd_surface.plots.drawing import DEGREES, finish_axes
+from mwd_surface.surveys.list_comparison import PathDifference
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_COLOURS = ("#0072B2", "#D55E00", "#009E73")
+_BAND = 2.0  # sigmas
+
+
+def picture(found: PathDifference, first: str, second: str) -> bytes:
+    """
+    PNG of the differences of inclination, azimuth and position against measured depth, with bands of 2 sigma.
+
+    first, second : names of the two lists.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.0, 8.0), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    figure.suptitle(f"{first} less {second}", fontsize=11)
+    upper.plot(found.md, found.turn[:, 0] * DEGREES, color=_COLOURS[0], label="inclination")
+    # The turn of the hole's axis: an azimuth near vertical moves little.
+    across = found.turn[:, 1] * np.sin(found.inclination[:, 0])
+    upper.plot(found.md, across * DEGREES, color=_COLOURS[1], label="azimuth x sin(inclination)")
+    _finish(upper, "deg")
+    for k, name in enumerate(("north", "east", "down")):
+        lower.plot(found.md, found.position[:, k], color=_COLOURS[k], label=name)
+        if np.isfinite(found.sigma[:, k]).any():
+            band = _BAND * found.sigma[:, k]
+            lower.fill_between(found.md, -band, band, color=_COLOURS[k], alpha=0.12, linewidth=0.0)
+    if np.isfinite(found.sigma).any():
+        lower.fill_between(
+            [], [], [], color="#888888", alpha=0.3, label="2 sigma of the difference, each in its colour"
+        )
+    _finish(lower, "m")
+    lower.set_xlabel("measured depth, m", fontsize=9)
+    out = io.BytesIO()
+    figure.savefig(out, format="png", metadata={"Software": None})
+    return out.getvalue()
+
+
+def _finish(ax: Axes, unit: str) -> None:
+    ax.axhline(0.0, color="k", linewidth=0.7)
+    ax.set_ylabel(f"difference, {unit}", fontsize=9)
+    finish_axes(ax)
+    ax.legend(fontsize=8, frameon=False)
