@@ -162,6 +162,32 @@ def test_a_bag_that_cannot_be_used_is_refused_in_one_sentence(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bag"]
 
 
+def test_every_option_of_the_reference_of_a_table_counts_or_is_refused(tmp_path):
+    def reference(*words):
+        done = mwd("survey", VOLVE, "-o", tmp_path / "out.csv", *words)
+        assert done.returncode == 0, done.stderr
+        with (tmp_path / "out.csv").open() as file:
+            return list(csv.DictReader(file))[2]
+
+    place = ("--lat", 58.44, "--lon", 1.88)
+    plain = reference(*place, "--convergence", 0)
+    assert plain["azimuth_reference"] == "true"  # the day is that of the first row, a convergence of 0 is no grid
+    for change in ("place.height_m=-3000", "place.date=1990-01-01"):
+        assert reference(*place, "--set", change)["b_reference_nt"] != plain["b_reference_nt"]
+    utm = reference(*place, "--set", "place.grid=utm")
+    assert (utm["azimuth_reference"], utm["convergence_deg"][:4]) == ("grid", "-0.9")
+    # Rows know the declination that the field is given without.
+    assert reference("--field", "50000,71")["azimuth_reference"] == "grid"
+    assert reference("--field", "50000,71")["b_reference_nt"] == "50000.0"
+    for words, says in (
+        (("--set", "place.height_m=100"), "place.height_m: needs a place"),
+        (("--field", "50000,71", "--set", "place.grid=utm"), "place.grid: is not used"),
+        ((*place, "--set", "place.dip_deg=71"), "place.dip_deg: is not used for a table beside a model"),
+        ((*place, "--set", "reference.grid=utm"), "place"),
+    ):
+        refused(mwd("survey", VOLVE, *words), says)
+
+
 def test_a_gyro_list_becomes_a_path_and_every_export_of_it_gives_the_same_path(tmp_path):
     gyro = REFERENCE_DATA / "volve" / "F-4_gyro_ns_trajectory.csv"
     place = ("--lat", 58.44, "--lon", 1.88, "--date", "2026-03-01")
@@ -196,7 +222,10 @@ def test_a_list_that_cannot_be_used_is_refused_in_one_sentence(tmp_path):
     wrong = ("--set", "place.height_m=100")
     refused(mwd("path", tmp_path / "list.csv", "-o", tmp_path / "out", *wrong, "--length-unit", "m"), "needs a place")
     refused(mwd("path", tmp_path / "list.csv", "-o", tmp_path / "out", "--length-unit", "m", "--code", "MWD"), "MWD+")
-    refused(mwd("path", tmp_path / "list.csv", "-o", tmp_path / "out", "--tie-on", "100"), "--tie-on 100")
+    refused(
+        mwd("path", tmp_path / "list.csv", "-o", tmp_path / "out", "--length-unit", "m", "--tie-on", "100"),
+        "--tie-on 100",
+    )
     assert not (tmp_path / "out" / "path.csv").exists()
 
 

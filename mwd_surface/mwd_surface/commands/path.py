@@ -145,8 +145,8 @@ def _imported(source: Path, options: dict[str, Any], beside: SurveyList | None) 
         str(options["north"]),
     )
     stations = read_list(source, given)
-    settings = table_settings(None, options["changes"], options["lat"], options["lon"], options["date"])
-    known = Known(options["field"], options["declination"], options["convergence"])
+    settings = table_settings(None, options["changes"], *(options[name] for name in ("lat", "lon", "date", "field")))
+    known = Known.of(options["field"], options["declination"], options["convergence"])
     reference, remarks = table_reference(settings, known, stations.time)
     if reference is None and beside is not None:
         reference, well = reference_in(beside), dataclasses.replace(beside.well, name=source.stem)

@@ -167,6 +167,8 @@ def assignments(changes: Sequence[str] | None) -> dict[str, Any]:
     SettingsError
         A text without an equals sign or a value that YAML cannot read.
     """
+    import datetime
+
     import yaml
 
     from mwd_sensors.core.settings import SettingsError
@@ -177,9 +179,11 @@ def assignments(changes: Sequence[str] | None) -> dict[str, Any]:
         if not equals or not name.strip():
             raise SettingsError(f"--set {change}: write it as NAME=VALUE, for example --set survey.duration_s=12")
         try:
-            table[name.strip()] = yaml.safe_load(value)
+            read = yaml.safe_load(value)
         except yaml.YAMLError as error:
             raise SettingsError(f"--set {change}: the value cannot be read: {str(error).splitlines()[0]}") from error
+        # A day is text to every setting, and a date to YAML.
+        table[name.strip()] = value.strip() if isinstance(read, datetime.date) else read
     return table
 
 

@@ -53,9 +53,9 @@ def survey(
     from mwd_surface.surveys.station_file import read_table
 
     table = read_table(stations)
-    settings = table_settings(config, changes, lat, lon, date)
+    settings = table_settings(config, changes, lat, lon, date, field)
     times = table.get(find_columns(table, axial).time or "", ())
-    override, remarks = table_reference(settings, Known(field, declination, convergence, gravity), times)
+    override, remarks = table_reference(settings, Known.of(field, declination, convergence, gravity), times)
     worked = work_out(table, override, station_params(settings), axial=axial)
     console = terminal.output()
     for remark in remarks:

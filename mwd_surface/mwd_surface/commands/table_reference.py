@@ -13,49 +13,40 @@ if TYPE_CHECKING:
     from mwd_estimation.core.reference_field import Reference
     from mwd_estimation.pipeline import EstimatorSettings
 
-# Settings of the place that have no meaning beside each source of the field.
-_MEANINGLESS = {
-    "fixed": ("model", "grid", "date"),
-    "model": ("total_nt", "dip_deg", "declination_deg", "convergence_deg", "gravity_mps2"),
+# Settings of the place that a table does not use beside each source of the field.
+_UNUSED = {
+    "fixed": ("model", "grid", "date", "observatory_file"),
+    "model": ("total_nt", "dip_deg", "declination_deg", "convergence_deg", "gravity_mps2", "observatory_file"),
 }
 
 
 @dataclasses.dataclass(frozen=True)
 class Known:
-    """
-    Figures of the reference that the caller gives: deg and m/s^2, None where not given.
+    """Figures of the reference that the caller gives one by one: deg and m/s^2, None where not given."""
 
-    field: strength in nT, dip and perhaps declination in deg, as `--field` takes them.
-    """
-
-    field: str | None = None
     declination: float | None = None
     convergence: float | None = None
     gravity: float | None = None
 
-    def figures(self) -> dict[str, Any]:
-        """
-        Fields of `Reference` by name.
-
-        Raises
-        ------
-        ValueError
-            The field is not two or three numbers.
-        """
+    @classmethod
+    def of(
+        cls, field: str | None, declination: float | None, convergence: float | None, gravity: float | None = None
+    ) -> Known:
+        """What options give; the declination in `--field` counts where there is no other. ValueError as there."""
         from mwd_surface.commands.reference_options import field_figures
 
-        declination = self.declination
-        named: dict[str, Any] = {}
-        if self.field is not None:
-            total, dip, given = field_figures(self.field)
-            named = {"total": total * 1e-9, "dip": math.radians(dip)}
-            declination = given if declination is None else declination
-        for name, value in (("declination", declination), ("convergence", self.convergence)):
-            if value is not None:
-                named[name] = math.radians(value)
-        if self.gravity is not None:
-            named["gravity"] = self.gravity
-        return named
+        if declination is None and field is not None:
+            declination = field_figures(field)[2]
+        return cls(declination, convergence, gravity)
+
+    def figures(self) -> dict[str, Any]:
+        """Fields of `Reference` by name, in SI."""
+        named = {
+            name: math.radians(value)
+            for name, value in (("declination", self.declination), ("convergence", self.convergence))
+            if value is not None
+        }
+        return named if self.gravity is None else {**named, "gravity": self.gravity}
 
 
 def table_settings(
@@ -64,6 +55,7 @@ def table_settings(
     lat: float | None,
     lon: float | None,
     date: str | None,
+    field: str | None,
 ) -> EstimatorSettings:
     """
     Settings for a table by the options of a command.
@@ -73,19 +65,22 @@ def table_settings(
     ValueError
         Options that contradict each other, or a setting of the place that would not be used.
     """
-    from mwd_estimation.settings import Place
+    from mwd_estimation.place import Place
     from mwd_surface.commands.reference_options import estimator_settings, place_changes
 
-    settings = estimator_settings(config, place_changes(lat, lon, date, None), changes)
+    named = place_changes(lat, lon, date, field)
+    # The rows of a table may know a declination that the options do not.
+    named.pop("survey.north", None)
+    settings = estimator_settings(config, named, changes)
     place, usual = settings.place, Place()
-    names = _MEANINGLESS.get(place.field) or tuple(f.name for f in dataclasses.fields(place) if f.name != "field")
+    names = _UNUSED.get(place.field) or tuple(f.name for f in dataclasses.fields(place) if f.name != "field")
     for name in names:
         # As text: a value that is not known is nan, which is not equal to itself.
         if repr(getattr(place, name)) != repr(getattr(usual, name)):
             why = {
                 "none": "needs a place (--lat, --lon) or a field (--field)",
-                "fixed": "has no meaning beside a field that is given",
-                "model": "is overruled by the model; use --declination, --convergence or --gravity",
+                "fixed": "is not used for a table beside a field that is given",
+                "model": "is not used for a table beside a model; there are --declination, --convergence, --gravity",
             }[place.field]
             raise ValueError(f"place.{name}: {why}")
     return settings
@@ -109,8 +104,6 @@ def table_reference(
     from mwd_surface.commands.reference_options import with_a_model
 
     figures = known.figures()
-    if known.field is not None and settings.place.field != "none":
-        raise ValueError("--field: give it, or a place; a field that is known needs no model")
     if settings.place.field == "none":
         return (Reference(**figures, source="given") if figures else None), ()
     stamp_ns = 0
@@ -123,7 +116,13 @@ def table_reference(
     settings, remark = with_a_model(settings, stamp_ns)
     remarks += [remark] if remark else []
     reference = reference_of(settings.place, stamp_ns)
-    return (None if reference is None else dataclasses.replace(reference, **figures)), tuple(remarks)
+    if reference is None:
+        return None, tuple(remarks)
+    if settings.place.field == "fixed":
+        # What was not given is not known; a row of the table may know it.
+        declination, convergence = reference.declination or None, reference.convergence or None
+        reference = dataclasses.replace(reference, declination=declination, convergence=convergence)
+    return dataclasses.replace(reference, **figures), tuple(remarks)
 
 
 def _moment(text: str) -> dt.datetime | None:
