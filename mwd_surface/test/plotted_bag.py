@@ -51,12 +51,7 @@ def survey_rows(definitions):
     for record in example.surveys().records:
         message = blank(store, RECORD)
         message_conversion.fill_record(message, record, lambda: blank(store, "mwd_msgs/msg/AzimuthEstimate"))
-        for part in (message, message.survey):
-            for field in dataclasses.fields(part):
-                value = getattr(part, field.name)
-                if isinstance(value, list) and value and isinstance(value[0], float):
-                    setattr(part, field.name, np.array(value))
-        yield bytes(store.serialize_cdr(message, RECORD))
+        yield bytes(store.serialize_cdr(arrays(message), RECORD))
 
 
 def record(path, topics=tuple(wire.SONDE_TOPICS), estimate=True, surveys=True, namespace="/w1/", text=RUN):

@@ -31,6 +31,9 @@ def path(
     code: Annotated[
         str | None, typer.Option("--code", help="ISCWSA tool code of the error model, e.g. MWD+SRGM or GYRO-NS.")
     ] = None,
+    programme: Annotated[
+        Path | None, typer.Option(help="Survey programme, YAML: tool codes by interval, in place of one code.")
+    ] = None,
     against_code: Annotated[str | None, typer.Option(help="Tool code of the other list.")] = None,
     columns: Annotated[
         str | None,
@@ -77,13 +80,20 @@ def path(
       mwd path list.las -o out --columns md=TDEP,inclination=DEV,azimuth=HAZI --north grid
       mwd path out/run_7 -o compared --against gyro.xml --against-code GYRO-NS
     """
+    options = locals()  # first of all: the options alone, by name
+    import dataclasses
+
     from mwd_surface.bags.bag_metadata import write_atomically
     from mwd_surface.commands import terminal
     from mwd_surface.exports.path_csv import path_csv
+    from mwd_surface.surveys.programme import read_programme
     from mwd_surface.surveys.survey_store import encoded
 
-    options = locals()
     surveys = _surveys(source, options, code)
+    if programme is not None:
+        read_programme(programme)
+        well = dataclasses.replace(surveys.well, programme=str(programme.resolve()))
+        surveys = surveys.configured(well, surveys.rules)
     table = _table(surveys)
     output.mkdir(parents=True, exist_ok=True)
     files = {"path.csv": path_csv(table).encode()}
@@ -110,8 +120,8 @@ def _surveys(source: Path, options: dict[str, Any], code: str | None, beside: Su
     import dataclasses
 
     from mwd_surface.commands import terminal
-    from mwd_surface.surveys.list_file import is_list
     from mwd_surface.surveys.error_terms import check_tool_code
+    from mwd_surface.surveys.list_file import is_list
     from mwd_surface.surveys.survey_source import surveys_of
 
     if is_list(source):
