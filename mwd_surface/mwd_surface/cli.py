@@ -11,6 +11,7 @@ import typer
 from mwd_surface.commands.bag import bag, recover
 from mwd_surface.commands.batch import batch
 from mwd_surface.commands.calibrate import calibrate
+from mwd_surface.commands.clearance import clearance
 from mwd_surface.commands.compare import compare
 from mwd_surface.commands.doctor import doctor
 from mwd_surface.commands.export import export, report
@@ -60,6 +61,7 @@ app.command(rich_help_panel=_RECORDINGS)(batch)
 app.command(rich_help_panel=_RECORDINGS)(compare)
 app.command(rich_help_panel=_RECORDINGS)(survey)
 app.command(rich_help_panel=_RECORDINGS)(path)
+app.command(rich_help_panel=_RECORDINGS)(clearance)
 app.command(rich_help_panel=_RECORDINGS)(export)
 app.command(rich_help_panel=_RECORDINGS)(report)
 app.command(rich_help_panel=_RECORDINGS)(simulate)

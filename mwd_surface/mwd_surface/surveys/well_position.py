@@ -19,10 +19,10 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.surveys.error_terms import CovarianceUnavailableError, ErrorReference
 from mwd_surface.surveys.plan import Plan, interpolated, nearest
-from mwd_surface.surveys.position_covariance import position_covariance
 from mwd_surface.surveys.programme import Programme, ProgrammeStations, read_programme
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import North, Survey, SurveyRecord
+from mwd_surface.surveys.uncertain_well import UncertainWell
 from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_path import Definitive, path_of
 
@@ -76,26 +76,46 @@ def uncertain(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRec
 
     records: of each station of the path, None for tie-ons, projection and planned stations.
     """
-    reference = next((r.survey for r in reversed(records) if r is not None and r.survey.has_reference), None)
-    if reference is None:
-        return UncertainPath(path, None, "no survey in use has a reference field")
     try:
-        programme = programme_of(surveys.well)
-        if programme is None:
-            return UncertainPath(path, None, "no error model is configured")
-        covariance = position_covariance(
-            path.md,
-            path.inclination,
-            path.azimuth,
-            path.north,
-            programme.errors(programme_stations(path, records)),
-            error_reference(surveys.well, reference),
-            float(path.positions[0, 2]),
-        )
+        covariance = uncertain_well(surveys, path, records).covariance()
     except (CovarianceUnavailableError, ValueError) as error:
         return UncertainPath(path, None, str(error))
-    what = "survey programme" if surveys.well.programme else "error model"
-    return UncertainPath(path, covariance, f"{what} {programme.name} (ISCWSA), 1 sigma, relative to the first station")
+    well = surveys.well
+    what = f"survey programme {Path(well.programme).name}" if well.programme else f"error model {well.error_model}"
+    return UncertainPath(path, covariance, f"{what} (ISCWSA), 1 sigma, relative to the first station")
+
+
+def uncertain_well(
+    surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecord | None], radius: float = 0.0
+) -> UncertainWell:
+    """
+    Return a path of the list with what measured its stations.
+
+    records: as in `uncertain`. radius: of the hole, m.
+
+    Raises
+    ------
+    ValueError
+        No survey in use has a reference field, there is neither programme nor tool code, or the programme does not
+        cover the stations.
+    """
+    reference = next((r.survey for r in reversed(records) if r is not None and r.survey.has_reference), None)
+    if reference is None:
+        raise ValueError("no survey in use has a reference field")
+    programme = programme_of(surveys.well)
+    if programme is None:
+        raise ValueError("no error model is configured")
+    return UncertainWell(
+        surveys.well.wellbore_name,
+        path.md,
+        path.inclination,
+        path.azimuth,
+        path.positions,
+        path.north,
+        programme.errors(programme_stations(path, records)),
+        error_reference(surveys.well, reference),
+        radius,
+    )
 
 
 def programme_stations(path: Definitive, records: Sequence[SurveyRecord | None]) -> ProgrammeStations:

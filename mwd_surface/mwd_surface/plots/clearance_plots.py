@@ -1,0 +1,120 @@
+"""Pictures of clearance: the ladder along the hole, and the travelling cylinder around it."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_surface.plots.drawing import finish_axes
+from mwd_surface.surveys.clearance import Clearance, ClearanceRule
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's palette: distinguishable for colour-blind readers.
+_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#000000")
+_STOP, _WARNING = "#D55E00", "#F0E442"
+_MOST = 12  # wells drawn; more hide each other
+# Factors above this are far away; the axis ends there.
+_FAR = 10.0
+
+
+def ladder(found: Sequence[Clearance]) -> Figure:
+    """
+    Draw separation factor and centre-to-centre distance along the hole; dashed: the least distance allowed.
+
+    found: clearances, the nearest by the rule first; at most twelve are drawn.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.6, 4.8), layout="constrained")
+    factor, distance = figure.subplots(1, 2, sharey=True)
+    _bands(factor, found[0].rule)
+    for k, other in enumerate(found[:_MOST]):
+        colour, line = _style(k)
+        factor.plot(np.clip(other.factor, -0.5, _FAR), other.md, line, color=colour, label=other.name)
+        distance.plot(other.distance, other.md, line, color=colour)
+        distance.plot(other.allowed, other.md, "--", color=colour, linewidth=0.9)
+    factor.set(xlabel=f"separation factor (drawn to {_FAR:g})", ylabel="measured depth, m", xlim=(-0.5, _FAR))
+    distance.set(xlabel="centre to centre, m; dashed: least distance allowed")
+    distance.set_xlim(0.0, 1.05 * _near(found))
+    factor.invert_yaxis()
+    for ax in (factor, distance):
+        finish_axes(ax)
+    factor.legend(fontsize=8, frameon=False, loc="lower right")
+    return figure
+
+
+def travelling_cylinder(found: Sequence[Clearance], radius: float | None = None) -> Figure:
+    """
+    Draw the other wells around the hole: direction from north (toolface + azimuth), distance from the centre.
+
+    radius: largest distance drawn, m; left out, what shows every well at its nearest. Numbers along the lines are
+    measured depths of the well that is drilled.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 6.2), layout="constrained")
+    ax: Any = figure.add_subplot(projection="polar")
+    ax.set_theta_zero_location("N")
+    ax.set_theta_direction(-1)
+    most = _near(found) if radius is None else radius
+    for k, other in enumerate(found[:_MOST]):
+        colour, line = _style(k)
+        shown = np.where(other.distance <= most, other.distance, np.nan)
+        ax.plot(np.unwrap(other.bearing), shown, line, color=colour, label=other.name, linewidth=1.2)
+        for at in _labelled(other, shown, most / 8.0):
+            ax.annotate(f"{other.md[at]:.0f}", (other.bearing[at], shown[at]), fontsize=7, color=colour)
+        worst = other.least
+        if other.distance[worst] <= most:
+            level = other.level
+            mark = _STOP if level == 2 else _WARNING if level == 1 else colour
+            ax.plot(other.bearing[worst], other.distance[worst], "o", color=mark, markeredgecolor="k", markersize=7)
+    ax.set_rmax(most)
+    ax.set_rlabel_position(135.0)
+    ax.set_title("toolface to the other well + azimuth; distance in m; dot: least separation factor", fontsize=9)
+    ax.grid(visible=True, linewidth=0.4, color="#cccccc")
+    ax.legend(fontsize=8, loc="lower left", bbox_to_anchor=(-0.12, -0.05), frameon=False)
+    return figure
+
+
+def png(figure: Figure, dots_per_inch: int = 130) -> bytes:
+    """Return the figure as PNG bytes."""
+    out = io.BytesIO()
+    figure.savefig(out, format="png", dpi=dots_per_inch, metadata={"Software": None})
+    return out.getvalue()
+
+
+def _style(k: int) -> tuple[str, str]:
+    return _COLOURS[k % len(_COLOURS)], ("-", "-.", ":")[k // len(_COLOURS) % 3]
+
+
+def _bands(ax: Any, rule: ClearanceRule) -> None:
+    ax.axvspan(-0.5, rule.stop_factor, color=_STOP, alpha=0.25, label=f"stop, below {rule.stop_factor:g}")
+    if rule.warning_factor > rule.stop_factor:
+        words = f"warning, below {rule.warning_factor:g}"
+        ax.axvspan(rule.stop_factor, rule.warning_factor, color=_WARNING, alpha=0.35, label=words)
+
+
+def _labelled(other: Clearance, shown: Array, apart: float) -> list[int]:
+    """Return the points that get their depth written beside them: at least so far from each other, m."""
+    chosen: list[int] = []
+    last = np.array([math.inf, math.inf])
+    for at in np.flatnonzero(np.isfinite(shown)):
+        place = shown[at] * np.array([math.cos(other.bearing[at]), math.sin(other.bearing[at])])
+        if not np.linalg.norm(place - last) < apart:
+            chosen.append(int(at))
+            last = place
+    return chosen
+
+
+def _near(found: Sequence[Clearance]) -> float:
+    """Distance that shows every well around its least factor, and not where it is far away, m."""
+    least = max(float(c.distance[c.least]) for c in found[:_MOST])
+    allowed = max(float(c.allowed[c.least]) for c in found[:_MOST])
+    return 10.0 * math.ceil(max(3.0 * allowed, 1.5 * least) / 10.0)
