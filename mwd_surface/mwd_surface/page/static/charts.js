@@ -37,7 +37,7 @@ export class Charts {
       const value = el("span", { class: "chart-value" });
       const box = el("div", { class: "chart-box" });
       const names = lines.filter(([, word]) => word).map(([, word, tone]) => el("span", { class: `line-name ${tone.slice(2)}` }, word));
-      this.grid.append(el("figure", {}, el("figcaption", {}, el("span", { class: "name" }, names.length ? names : title), value), box));
+      this.grid.append(el("figure", {}, el("figcaption", {}, el("span", { class: "name" }, title, names), value), box));
       const axis = { stroke: colour("--muted"), grid: { stroke: colour("--line"), width: 1 }, ticks: { show: false }, font: "12px system-ui" };
       const plot = new window.uPlot(
         {
