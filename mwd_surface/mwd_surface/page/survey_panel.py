@@ -6,17 +6,16 @@ Plain tables ready for JSON; numbers are SI and rad, None is unknown.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 
-from mwd_estimation.core import magnetic_geometry
 from mwd_sensors.core.arrays import Array
 from mwd_surface.live.settings import Limits
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.surveys.position_covariance import ellipse, in_section
-from mwd_surface.surveys.survey_record import Judgement, North, Survey, SurveyRecord, Verdict
+from mwd_surface.surveys.station_quality import totals
+from mwd_surface.surveys.survey_record import Judgement, North, SurveyRecord, Verdict
 from mwd_surface.surveys.well_path import Definitive
 
 NORTH_WORDS = ("", "magnetic", "true", "grid")
@@ -29,8 +28,6 @@ _PLACED = (
     "build_rate",
     "turn_rate",
 )
-# Azimuths that are free of the axial interference; quality control then judges the field without it.
-_CORRECTED_METHODS = ("corrected", "msa", "fused")
 
 
 def survey_row(record: SurveyRecord, north: North) -> dict[str, Any]:
@@ -94,30 +91,19 @@ def quality_lights(record: SurveyRecord | None, limits: Limits) -> dict[str, Any
     if record is None:
         return nothing
     s = record.survey
-    has_field = s.b_total >= 0.0 and s.b_reference > 0.0
-    total, dip, corrected = _earth_field(s)
-    g_reference = s.g_reference if s.g_reference > 0.0 else None
-    rows = (
-        ("total gravity", "m/s^2", s.g_total, g_reference, s.g_limit, limits.gravity),
-        ("total field", "T", total, s.b_reference if has_field else None, s.b_limit, limits.field_nt * 1e-9),
-        ("dip", "rad", dip, s.dip_reference if has_field else None, s.dip_limit, math.radians(limits.dip_deg)),
-    )
-    lights = []
-    for name, unit, value, reference, own, usual in rows:
-        limit = own if own >= 0.0 else usual
-        deviation = None if reference is None else value - reference
-        lights.append(
-            {
-                "name": name,
-                "unit": unit,
-                "value": number(value) if name == "total gravity" or s.b_total >= 0.0 else None,
-                "reference": number(reference),
-                "deviation": number(deviation),
-                "limit": number(limit),
-                "light": _light(deviation, limit, limits.reject_factor),
-                "corrected": corrected and name != "total gravity",
-            }
-        )
+    lights = [
+        {
+            "name": total.name,
+            "unit": total.unit,
+            "value": number(total.value),
+            "reference": number(total.reference),
+            "deviation": number(total.deviation),
+            "limit": number(total.limit),
+            "light": total.light,
+            "corrected": total.corrected,
+        }
+        for total in totals(s, limits)
+    ]
     return {
         "known": True,
         "lights": lights,
@@ -126,28 +112,6 @@ def quality_lights(record: SurveyRecord | None, limits: Limits) -> dict[str, Any
         "sequence": s.sequence,
         "stamp_ns": s.stamp_ns,
     }
-
-
-def _earth_field(survey: Survey) -> tuple[float, float, bool]:
-    """
-    Return total field, T, and dip, rad, as the verdict takes them, and whether they are corrected.
-
-    Without the axial interference where the azimuth was corrected for it, else as measured.
-    """
-    corrected = survey.azimuth_method in _CORRECTED_METHODS and survey.sigma_axial_interference >= 0.0
-    if not corrected or survey.b_total < 0.0 or not any(survey.specific_force):
-        return survey.b_total, survey.dip, False
-    b_t = np.array(survey.magnetic_field) - np.array([survey.axial_interference, 0.0, 0.0])
-    return float(np.linalg.norm(b_t)), float(magnetic_geometry.dip(np.array(survey.specific_force), b_t)), True
-
-
-def _light(deviation: float | None, limit: float, reject_factor: float) -> str:
-    if deviation is None or not math.isfinite(deviation):
-        return "no reference"
-    size = abs(deviation)
-    if size <= limit:
-        return "good"
-    return "doubtful" if size <= reject_factor * limit else "reject"
 
 
 def path_table(path: Definitive | None, section: float, covariance: Array | None, most: int) -> dict[str, Any]:

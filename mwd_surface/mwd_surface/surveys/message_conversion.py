@@ -12,13 +12,15 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, SurveyRecord
+from mwd_surface.surveys.survey_record import AzimuthEstimate, Decision, Judgement, Survey, SurveyRecord
 from mwd_surface.surveys.well_path import Definitive
 
 WELLHEAD = "wellhead"
 _SECOND = 10**9
 # On the message these are part of the header, or messages of their own.
 _OWN_WAY = {"stamp_ns", "frame_id", "azimuths"}
+# On no message; the file of the list keeps them.
+_OF_THE_FILE = {"decisions"}
 # Messages of older recordings do not have these; the record then says "unknown".
 _QUANTITIES = {"verdict_inclination", "verdict_azimuth", "verdict_toolface"}
 _LATER = {
@@ -79,9 +81,14 @@ def record_of(message: Any) -> SurveyRecord:
     """The SurveyRecord of a mwd_msgs/msg/SurveyRecord."""
     values: dict[str, Any] = {"survey": survey_of(message.survey), "judged_ns": stamp_of(message.judged)}
     for field in dataclasses.fields(SurveyRecord):
-        if field.name not in values:
+        if field.name not in values and field.name not in _OF_THE_FILE:
             values[field.name] = _plain(getattr(message, field.name))
-    return SurveyRecord(**values)
+    record = SurveyRecord(**values)
+    if record.judgement == Judgement.NOT_JUDGED:
+        return record
+    # A message has the decision in force only.
+    last = Decision(record.judgement, record.operator_name, record.reason, record.judged_ns, record.measured_depth)
+    return dataclasses.replace(record, decisions=(last,))
 
 
 def fill_record(message: Any, record: SurveyRecord, new_azimuth: Callable[[], Any]) -> None:
@@ -89,7 +96,7 @@ def fill_record(message: Any, record: SurveyRecord, new_azimuth: Callable[[], An
     fill_survey(message.survey, record.survey, new_azimuth)
     fill_stamp(message.judged, record.judged_ns)
     for field in dataclasses.fields(SurveyRecord):
-        if field.name not in ("survey", "judged_ns"):
+        if field.name not in {"survey", "judged_ns", *_OF_THE_FILE}:
             _fill(message, field.name, getattr(record, field.name))
 
 

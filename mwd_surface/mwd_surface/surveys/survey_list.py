@@ -28,7 +28,7 @@ from mwd_surface.surveys.station_checks import (
     obstacles,
     placed,
 )
-from mwd_surface.surveys.survey_record import Judgement, North, Survey, SurveyRecord, Verdict, checked_survey
+from mwd_surface.surveys.survey_record import Decision, Judgement, North, Survey, SurveyRecord, Verdict, checked_survey
 from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_path import Definitive
 
@@ -167,14 +167,13 @@ class SurveyList:
         """
         old = self.find(sequence)
         _checked_operator(operator_name)
-        record = dataclasses.replace(
-            old, judgement=int(Judgement.ACCEPTED), operator_name=operator_name, reason=reason, judged_ns=stamp_ns
-        )
+        record = old
         if measured_depth != -1.0:
             _checked_depth(measured_depth, 0.0)
             note = f"depth {measured_depth:.2f} m given by hand"
             comment = f"{old.comment}; {note}" if old.comment else note
             record = dataclasses.replace(record, measured_depth=measured_depth, depth_age=0.0, comment=comment)
+        record = _judged(record, Judgement.ACCEPTED, operator_name, reason, stamp_ns)
         fatal = fatal_reasons(self, record)
         if fatal:
             raise ValueError(f"survey {sequence} cannot be used: {'; '.join(fatal)}")
@@ -327,13 +326,20 @@ class SurveyList:
 
 
 def _rejected(record: SurveyRecord, operator_name: str, reason: str, stamp_ns: int) -> SurveyRecord:
+    judged = _judged(record, Judgement.REJECTED, operator_name, reason, stamp_ns)
+    return dataclasses.replace(judged, in_use=False)
+
+
+def _judged(record: SurveyRecord, judgement: Judgement, who: str, reason: str, stamp_ns: int) -> SurveyRecord:
+    """Return the record with a decision in force, which joins those before."""
+    decision = Decision(int(judgement), who, reason, stamp_ns, record.measured_depth)
     return dataclasses.replace(
         record,
-        judgement=int(Judgement.REJECTED),
-        operator_name=operator_name,
+        judgement=int(judgement),
+        operator_name=who,
         reason=reason,
         judged_ns=stamp_ns,
-        in_use=False,
+        decisions=(*record.decisions, decision),
     )
 
 

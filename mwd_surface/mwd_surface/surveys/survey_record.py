@@ -153,9 +153,22 @@ class Survey:
 
 
 @dataclasses.dataclass(frozen=True)
+class Decision:
+    """What a person decided about a survey: a `Judgement`, by whom, why, when, ns, and the depth then, m."""
+
+    judgement: int
+    operator_name: str
+    reason: str
+    stamp_ns: int
+    measured_depth: float
+
+
+@dataclasses.dataclass(frozen=True)
 class SurveyRecord:
     """
     One line of the survey list: survey, depth, what people decided, place on the path; as in SurveyRecord.msg.
+
+    decisions: every one ever made, oldest first; the last one is in force. Only the file of the list has them.
 
     From `north` on the numbers follow from the list and are recomputed with it (m, rad/m; 0 unless `in_use`).
     """
@@ -171,6 +184,7 @@ class SurveyRecord:
     leg: str = ""
     tool: str = ""
     comment: str = ""
+    decisions: tuple[Decision, ...] = ()
     north: float = 0.0
     east: float = 0.0
     vertical_depth: float = 0.0

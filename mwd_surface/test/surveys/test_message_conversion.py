@@ -20,7 +20,7 @@ if not hasattr(msg, "Survey"):
     ("kind", "message", "own"),
     [
         (Survey, msg.Survey, {"stamp_ns", "frame_id"}),
-        (SurveyRecord, msg.SurveyRecord, {"judged_ns"}),
+        (SurveyRecord, msg.SurveyRecord, {"judged_ns", "decisions"}),
         (AzimuthEstimate, msg.AzimuthEstimate, set()),
     ],
 )

@@ -290,3 +290,12 @@ def test_a_real_well_of_87_gyro_stations_comes_out_where_its_operator_put_it_to_
     np.testing.assert_allclose(path.positions, want, rtol=0.0, atol=1e-6)
     severities = np.degrees(path.dogleg_severity) * 30.0
     np.testing.assert_allclose(severities, [float(row["dls_deg_per_30m"]) for row in rows], rtol=0.0, atol=1e-4)
+
+
+def test_every_decision_about_a_survey_is_kept_with_who_why_and_when():
+    whole = filled(*CURVE)
+    number = whole.records[1].survey.sequence
+    whole = whole.reject(number, "Ann", "steel near", 5).accept(number, "Bo", "gyro agrees", 7)
+    kept = [(Judgement(d.judgement).name, d.operator_name, d.reason, d.stamp_ns) for d in whole.find(number).decisions]
+    assert kept == [("REJECTED", "Ann", "steel near", 5), ("ACCEPTED", "Bo", "gyro agrees", 7)]
+    assert SurveyList.from_mapping(whole.to_mapping()) == whole

@@ -1,0 +1,90 @@
+"""
+Totals of a survey against their references and limits, as every table, light and plot shows them.
+
+Where the azimuth is corrected for the drill string's field, total field and dip are judged without that field; the
+values as read stay beside them, so that nobody compares a corrected limit with an uncorrected value.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_estimation.core import magnetic_geometry
+from mwd_surface.live.settings import Limits
+from mwd_surface.surveys.survey_record import Survey
+
+GOOD, DOUBTFUL, REJECT, NO_REFERENCE = "good", "doubtful", "reject", "no reference"
+# Azimuths that are taken from the field as it is read, or not from the field at all.
+_AS_READ = ("", "raw", "gyro", "carried")
+
+
+@dataclasses.dataclass(frozen=True)
+class Total:
+    """
+    One total of a survey: gravity, m/s^2, field, T, or dip, rad.
+
+    read: as measured, None without that sensor. value: as judged. reference: None where there is none. limit: of the
+    deviation. light: GOOD, DOUBTFUL, REJECT or NO_REFERENCE. corrected: whether value is without the string's field.
+    """
+
+    name: str
+    unit: str
+    read: float | None
+    value: float | None
+    reference: float | None
+    limit: float
+    light: str
+    corrected: bool
+
+    @property
+    def deviation(self) -> float | None:
+        """The judged value off its reference; None where one of the two is not known."""
+        return None if self.value is None or self.reference is None else self.value - self.reference
+
+    @property
+    def read_deviation(self) -> float | None:
+        """The value as read off its reference; None where one of the two is not known."""
+        return None if self.read is None or self.reference is None else self.read - self.reference
+
+
+def totals(survey: Survey, limits: Limits | None = None) -> tuple[Total, Total, Total]:
+    """Return total gravity, total field and dip of a survey; `limits` count where the survey brings none."""
+    s, usual = survey, limits or Limits()
+    magnetic = s.b_total >= 0.0
+    reference = magnetic and s.has_reference
+    field, dip, corrected = _earth_field(s)
+    rows = (
+        ("total gravity", "m/s^2", s.g_total, s.g_total, s.g_reference if s.g_reference > 0.0 else None),
+        ("total field", "T", *((s.b_total, field) if magnetic else (None, None)), s.b_reference if reference else None),
+        ("dip", "rad", *((s.dip, dip) if magnetic else (None, None)), s.dip_reference if reference else None),
+    )
+    own = (s.g_limit, s.b_limit, s.dip_limit)
+    set_ = (usual.gravity, usual.field_nt * 1e-9, math.radians(usual.dip_deg))
+    found = []
+    for (name, unit, read, value, wanted), mine, default in zip(rows, own, set_, strict=True):
+        limit = mine if mine >= 0.0 else default
+        away = None if value is None or wanted is None else value - wanted
+        light = _light(away, limit, usual.reject_factor)
+        found.append(Total(name, unit, read, value, wanted, limit, light, corrected and name != "total gravity"))
+    return found[0], found[1], found[2]
+
+
+def _earth_field(s: Survey) -> tuple[float, float, bool]:
+    """Return total field, T, and dip, rad, as the verdict takes them, and whether they are corrected."""
+    corrected = s.azimuth_method not in _AS_READ and s.sigma_axial_interference >= 0.0
+    if not corrected or s.b_total < 0.0 or not any(s.specific_force):
+        return s.b_total, s.dip, False
+    b_t = np.array(s.magnetic_field) - np.array([s.axial_interference, 0.0, 0.0])
+    return float(np.linalg.norm(b_t)), float(magnetic_geometry.dip(np.array(s.specific_force), b_t)), True
+
+
+def _light(deviation: float | None, limit: float, reject_factor: float) -> str:
+    if deviation is None or not math.isfinite(deviation):
+        return NO_REFERENCE
+    size = abs(deviation)
+    if size <= limit:
+        return GOOD
+    return DOUBTFUL if size <= reject_factor * limit else REJECT
