@@ -80,8 +80,13 @@ def surveys(well=WELL):
         if k == 6:
             reasons = ("dip 78.5 deg is 6.4 over 72.1 +- 0.45",)
             changes = {"verdict": int(Verdict.REJECT), "reasons": reasons, "dip": math.radians(78.5)}
+            changes |= {"verdict_azimuth": int(Verdict.REJECT), "verdict_toolface": int(Verdict.NOT_DETERMINED)}
+            changes |= {"headline": "External magnetic field: move the sensor or use a gyro"}
+            changes |= {"hypotheses": ("external", "cross_axial", "clean"), "hypothesis_odds": (0.9, 0.0995, 0.0005)}
+            changes |= {"alternatives": (math.radians(190.0),), "alternative_odds": (0.25,)}
         if k == 9:
             changes = {"verdict": int(Verdict.DOUBTFUL), "reasons": ("total field 480 nT off, limit 300",)}
+            changes["verdict_azimuth"] = int(Verdict.DOUBTFUL)
             changes["b_total"] = 5.078e-5
         whole = whole.add(survey(k, inc, azi, **changes), 270.0 + 30.0 * k, 0.4)
     whole = whole.accept(9, "Aslaug", "-casing; gyro agrees", START + 90_000 * S)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import datetime as dt
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mwd_surface.exports.report_content import Content, Sheet, content
-from mwd_surface.exports.report_plots import figures, png
+from mwd_surface.exports.report_content import Content, content
+from mwd_surface.exports.report_plots import png
+from mwd_surface.exports.report_section import TINTS, Drawing, Section, Sheet
 from mwd_surface.exports.survey_table import SurveyTable
 
 _FONT = "DejaVu"
@@ -52,27 +54,8 @@ def report_pdf(table: SurveyTable) -> bytes:
     pdf.set_font(_FONT, "B", 15)
     pdf.multi_cell(0, 8, title, new_x="LMARGIN", new_y="NEXT")
     _head(pdf, report)
-    _sheet(pdf, report.definitive)
-    pdf.add_page()
-    width = 130.0
-    pictures = list(figures(table).items())
-    top = pdf.get_y()
-    for k, (caption, figure) in enumerate(pictures):
-        if k == 2:
-            pdf.add_page()
-            top = pdf.get_y()
-            width = 200.0
-        pdf.set_xy(10 + (k % 2) * 138, top)
-        pdf.set_font(_FONT, "", 8)
-        pdf.cell(width, 5, caption, new_x="LEFT", new_y="NEXT")
-        pdf.image(io.BytesIO(png(figure)), w=width)
-        figure.clear()
-    pdf.set_x(10)
-    _sheet(pdf, report.quality)
-    if report.decisions.rows:
-        _sheet(pdf, report.decisions)
-    for sheet in report.slides:
-        _sheet(pdf, sheet)
+    for section in report.sections:
+        _section(pdf, section)
     _certificate(pdf, report)
     return bytes(pdf.output())
 
@@ -98,14 +81,50 @@ def _head(pdf: Any, report: Content) -> None:
     pdf.ln(2)
 
 
-def _sheet(pdf: Any, sheet: Sheet) -> None:
+def _section(pdf: Any, section: Section) -> None:
+    if section.page or pdf.will_page_break(30):
+        pdf.add_page()
+    pdf.set_font(_FONT, "B", 11)
+    pdf.cell(0, 8, section.heading, new_x="LMARGIN", new_y="NEXT")
+    for text in section.text:
+        pdf.set_font(_FONT, "", 8)
+        pdf.multi_cell(0, 4.6, text, new_x="LMARGIN", new_y="NEXT")
+    for sheet in section.sheets:
+        _sheet(pdf, sheet, sheet.heading if sheet.heading != section.heading else "")
+    _drawings(pdf, section.drawings)
+
+
+def _drawings(pdf: Any, drawings: Sequence[Drawing]) -> None:
+    """Print drawings two beside each other, wide ones alone."""
+    narrow = 134.0
+    column = 0
+    for drawing in drawings:
+        figure = drawing.draw()
+        width = 225.0 if drawing.wide else narrow
+        height = width * figure.get_figheight() / figure.get_figwidth() + 6.0
+        if column == 0 or drawing.wide:
+            column = 0
+            if pdf.will_page_break(height):
+                pdf.add_page()
+            top = pdf.get_y()
+        pdf.set_xy(10.0 + column * (narrow + 8.0), top)
+        pdf.set_font(_FONT, "", 8)
+        pdf.cell(width, 5, drawing.caption, new_x="LEFT", new_y="NEXT")
+        pdf.image(io.BytesIO(png(figure)), w=width)
+        figure.clear()
+        pdf.set_xy(10.0, top + height + 2.0)
+        column = 0 if drawing.wide or column else 1
+
+
+def _sheet(pdf: Any, sheet: Sheet, heading: str) -> None:
     from fpdf.fonts import FontFace
 
-    pdf.set_font(_FONT, "B", 11)
-    if pdf.will_page_break(24):
-        pdf.add_page()
-    pdf.cell(0, 8, sheet.heading, new_x="LMARGIN", new_y="NEXT")
-    pdf.set_font(_FONT, "", 7)
+    if heading:
+        if pdf.will_page_break(24):
+            pdf.add_page()
+        pdf.set_font(_FONT, "B", 9)
+        pdf.cell(0, 7, heading, new_x="LMARGIN", new_y="NEXT")
+    pdf.set_font(_FONT, "", 6.5)
     # Columns as wide as their longest text, within reason, shared out over the page.
     lengths = (
         [
@@ -124,11 +143,14 @@ def _sheet(pdf: Any, sheet: Sheet) -> None:
         headings_style=FontFace(emphasis="BOLD", fill_color=(238, 242, 245)),
     ) as grid:
         grid.row([f"{t}\n{u}" if u else t for t, u in zip(sheet.titles, sheet.units, strict=True)])
-        for cells, mark in zip(sheet.rows, sheet.marks, strict=True):
-            style = FontFace(fill_color=_MARK) if mark else None
-            row = grid.row(style=style)
-            for cell in cells:
-                row.cell(cell)
+        shades = {word: FontFace(fill_color=colour) for word, colour in TINTS.items()}
+        for i, (cells, mark) in enumerate(zip(sheet.rows, sheet.marks, strict=True)):
+            row = grid.row(style=FontFace(fill_color=_MARK) if mark else None)
+            for k, cell in enumerate(cells):
+                row.cell(cell, style=shades.get(sheet.tints.get((i, k), "")))
+    if sheet.legend:
+        pdf.set_font(_FONT, "", 7)
+        pdf.multi_cell(0, 4.2, sheet.legend, new_x="LMARGIN", new_y="NEXT")
     pdf.ln(3)
 
 

@@ -12,26 +12,16 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.surveys.plan import interpolated
 from mwd_surface.surveys.position_covariance import ellipse, in_section
+from mwd_surface.surveys.station_quality import totals
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Okabe and Ito's palette: distinguishable for colour-blind readers; the marks differ too.
-_SURVEY, _PLAN, _BAD, _ELLIPSE = "#0072B2", "#009E73", "#D55E00", "#999999"
-_SIGMAS = 2.0
-_DEG = 180.0 / math.pi
-
-
-def figures(table: SurveyTable) -> dict[str, Figure]:
-    """Caption -> figure, in the order they are printed."""
-    north = table.surveys.well.north_reference
-    got = {
-        f"Plan view, {north} north; ellipses {_SIGMAS:g} sigma": _plan_view(table),
-        f"Vertical section along {math.degrees(table.path.section_azimuth):.1f} deg": _section(table),
-    }
-    if table.surveys.records:
-        got["Deviation of gravity, field and dip from their references"] = _quality(table)
-    return got
+_SURVEY, _PLAN, _BAD, _ELLIPSE, _GOOD = "#0072B2", "#009E73", "#D55E00", "#999999", "#56B4E9"
+ELLIPSE_SIGMAS = 2.0
+# Of gravity, field and dip: label of the axis, factor from SI.
+_QUALITY = (("ΔG, mg", 1e3 / STANDARD_GRAVITY), ("ΔB, nT", 1e9), ("Δdip, deg", 180.0 / math.pi))
 
 
 def svg(figure: Figure) -> str:
@@ -60,17 +50,18 @@ def _new(width: float, height: float) -> tuple[Figure, Any]:
     return figure, figure.subplots()
 
 
-def _plan_view(table: SurveyTable) -> Figure:
+def plan_view(table: SurveyTable) -> Figure:
+    """The path on the map, with the ellipses of some stations and the plan."""
     figure, ax = _new(6.2, 5.6)
     if table.plan is not None:
         line = interpolated(table.plan, 10.0).positions
         ax.plot(line[:, 1], line[:, 0], "--", color=_PLAN, label="plan")
     _path_line(ax, table, lambda p: (p[:, 1], p[:, 0]))
     if table.covariance is not None:
-        for k in _some(table):
+        for label, k in _some(table):
             # North, east -> east, north as the axes of the map.
             cov = table.covariance[k][:2, :2][::-1, ::-1]
-            _outline(ax, ellipse(cov, _SIGMAS).outline() + table.path.positions[k, [1, 0]])
+            _outline(ax, ellipse(cov, ELLIPSE_SIGMAS).outline() + table.path.positions[k, [1, 0]], label)
     ax.plot(0.0, 0.0, "k^", label="wellhead")
     ax.set(xlabel="east, m", ylabel="north, m")
     ax.set_aspect("equal", adjustable="datalim")
@@ -78,7 +69,8 @@ def _plan_view(table: SurveyTable) -> Figure:
     return figure
 
 
-def _section(table: SurveyTable) -> Figure:
+def section_view(table: SurveyTable) -> Figure:
+    """The path in the plane of the vertical section, with the ellipses of some stations and the plan."""
     figure, ax = _new(6.2, 5.6)
     azimuth = table.path.section_azimuth
     along = np.array([math.cos(azimuth), math.sin(azimuth)])
@@ -87,49 +79,50 @@ def _section(table: SurveyTable) -> Figure:
         ax.plot(line[:, :2] @ along, line[:, 2], "--", color=_PLAN, label="plan")
     _path_line(ax, table, lambda p: (p[:, :2] @ along, p[:, 2]))
     if table.covariance is not None:
-        for k in _some(table):
+        for label, k in _some(table):
             place = np.array([table.path.vertical_section[k], table.path.positions[k, 2]])
-            _outline(ax, ellipse(in_section(table.covariance[k], azimuth), _SIGMAS).outline() + place)
+            _outline(ax, ellipse(in_section(table.covariance[k], azimuth), ELLIPSE_SIGMAS).outline() + place, label)
     ax.invert_yaxis()
     ax.set(xlabel="vertical section, m", ylabel="vertical depth, m")
     _finish(ax)
     return figure
 
 
-def _quality(table: SurveyTable) -> Figure:
+def quality_view(table: SurveyTable) -> Figure:
+    """Deviation of gravity, field and dip of every survey over depth, with the limits as a band."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.6, 4.6), layout="constrained")
+    figure = Figure(figsize=(9.6, 4.4), layout="constrained")
     axes = figure.subplots(1, 3, sharey=True)
-    records = [r for r in table.surveys.records if r.measured_depth >= 0.0]
-    for ax, label, values in zip(
-        axes,
-        ("ΔG, mg", "ΔB, nT", "Δdip, deg"),
-        (
-            [
-                (r, (r.survey.g_total - r.survey.g_reference) / (1e-3 * STANDARD_GRAVITY))
-                for r in records
-                if r.survey.g_reference > 0.0
-            ],
-            [(r, (r.survey.b_total - r.survey.b_reference) * 1e9) for r in records if _has_field(r.survey)],
-            [(r, (r.survey.dip - r.survey.dip_reference) * _DEG) for r in records if _has_field(r.survey)],
-        ),
-        strict=True,
-    ):
+    records = sorted((r for r in table.surveys.records if r.measured_depth >= 0.0), key=lambda r: r.measured_depth)
+    found = [(r, totals(r.survey)) for r in records]
+    for k, (ax, (label, factor)) in enumerate(zip(axes, _QUALITY, strict=True)):
+        known = [(r, t[k]) for r, t in found if t[k].deviation is not None]
+        if known:
+            depth = [r.measured_depth for r, _ in known]
+            limit = np.array([t.limit for _, t in known]) * factor
+            band = {"color": _GOOD, "alpha": 0.25, "linewidth": 0.8, "label": "within the limit"}
+            # A single survey has a band too.
+            ends = ([depth[0] - 15.0], [depth[0] + 15.0]) if len(depth) == 1 else ([], [])
+            ax.fill_betweenx([*ends[0], *depth, *ends[1]], -_padded(limit, ends), _padded(limit, ends), **band)
         for used, mark, colour, name in ((True, "o", _SURVEY, "used"), (False, "x", _BAD, "not used")):
-            points = [(v, r.measured_depth) for r, v in values if r.in_use is used]
+            points = [((t.deviation or 0.0) * factor, r.measured_depth) for r, t in known if r.in_use is used]
             if points:
-                ax.plot(*zip(*points, strict=True), mark, color=colour, label=name)
+                ax.plot(*zip(*points, strict=True), mark, color=colour, markersize=4.5, label=name)
         ax.axvline(0.0, color="k", linewidth=0.8)
         ax.set_xlabel(label)
-        _finish(ax)
+        ax.grid(visible=True, linewidth=0.4, color="#cccccc")
     axes[0].set_ylabel("measured depth, m")
     axes[0].invert_yaxis()
+    named = {label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    if named:
+        figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=len(named), fontsize="small")
     return figure
 
 
-def _has_field(survey: Any) -> bool:
-    return bool(survey.has_reference and survey.b_total >= 0.0)
+def _padded(limit: Any, ends: tuple[list[float], list[float]]) -> Any:
+    """Limits with one more at each end that was added."""
+    return np.concatenate([limit[:1] if ends[0] else [], limit, limit[-1:] if ends[1] else []])
 
 
 def _path_line(ax: Any, table: SurveyTable, axes: Any) -> None:
@@ -153,15 +146,15 @@ def _dense(table: SurveyTable) -> np.ndarray[Any, np.dtype[np.float64]]:
     return mc.interpolate(path.md, path.inclination, path.azimuth, path.positions, md)[2]
 
 
-def _some(table: SurveyTable) -> list[int]:
-    """At most a dozen stations, the last measured one among them: more ellipses hide the path."""
+def _some(table: SurveyTable) -> list[tuple[str, int]]:
+    """At most a dozen stations, the last one among them, and what the legend says: more ellipses hide the path."""
     good = [k for k in table.rows if table.covariance is not None and np.all(np.isfinite(table.covariance[k]))]
     step = max(1, math.ceil(len(good) / 12))
-    return good[::-1][::step]
+    return [(f"ellipse, {ELLIPSE_SIGMAS:g} sigma" if not j else "", k) for j, k in enumerate(good[::-1][::step])]
 
 
-def _outline(ax: Any, points: Any) -> None:
-    ax.plot(points[:, 0], points[:, 1], color=_ELLIPSE, linewidth=0.7)
+def _outline(ax: Any, points: Any, label: str) -> None:
+    ax.plot(points[:, 0], points[:, 1], color=_ELLIPSE, linewidth=0.7, label=label)
 
 
 def _finish(ax: Any) -> None:

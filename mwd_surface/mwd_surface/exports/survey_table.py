@@ -15,6 +15,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
+from mwd_surface.exports.report_section import Section
 from mwd_surface.surveys.plan import Plan, offset_from
 from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.survey_list import SurveyList
@@ -55,6 +56,7 @@ class SurveyTable:
     surveys, path: where it comes from. records: of each station, None for tie-ons and the projection. header: label
     and value of the head block. covariance: shape (n, 3, 3), m^2, or None; why not is in covariance_note. left_out:
     stations that could not be printed, and why. made_ns: when the table was asked for. stretches: the slide sheet.
+    sections: further ones of the report, whose data is no part of the list.
     """
 
     surveys: SurveyList
@@ -68,6 +70,7 @@ class SurveyTable:
     left_out: tuple[str, ...]
     made_ns: int
     stretches: tuple[Stretch, ...] = ()
+    sections: tuple[Section, ...] = ()
 
     @property
     def rows(self) -> range:
@@ -91,6 +94,7 @@ def survey_table(
     plan: Plan | None = None,
     software: str = "",
     stretches: Sequence[Stretch] = (),
+    sections: Sequence[Section] = (),
 ) -> SurveyTable:
     """
     The printed table of one leg.
@@ -110,6 +114,8 @@ def survey_table(
         Name and version for the head block.
     stretches : sequence of Stretch
         The slide sheet, for reports.
+    sections : sequence of Section
+        Further sections of the report.
 
     Raises
     ------
@@ -124,7 +130,8 @@ def survey_table(
         bit_depth = float(path.md[-1]) + surveys.well.sensor_to_bit
     if bit_depth is not None:
         path = surveys.definitive(leg, bit_depth)
-    return table_of(surveys, path, made_ns, plan, software, stretches)
+    table = table_of(surveys, path, made_ns, plan, software, stretches)
+    return dataclasses.replace(table, sections=tuple(sections))
 
 
 def table_of(

@@ -55,9 +55,10 @@ def totals(survey: Survey, limits: Limits | None = None) -> tuple[Total, Total, 
     s, usual = survey, limits or Limits()
     magnetic = s.b_total >= 0.0
     reference = magnetic and s.has_reference
+    gravity = s.g_total if s.has_readings else None
     field, dip, corrected = _earth_field(s)
     rows = (
-        ("total gravity", "m/s^2", s.g_total, s.g_total, s.g_reference if s.g_reference > 0.0 else None),
+        ("total gravity", "m/s^2", gravity, gravity, s.g_reference if s.g_reference > 0.0 else None),
         ("total field", "T", *((s.b_total, field) if magnetic else (None, None)), s.b_reference if reference else None),
         ("dip", "rad", *((s.dip, dip) if magnetic else (None, None)), s.dip_reference if reference else None),
     )

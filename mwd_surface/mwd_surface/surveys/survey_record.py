@@ -134,22 +134,26 @@ class Survey:
         return math.sqrt(self.covariance[4]) if self.covariance[4] > 0.0 else -1.0
 
     def azimuth_from(self, north: North) -> float | None:
+        """Azimuth from the asked north, rad in [0, 2 pi), or None where it is not known there; see `turned`."""
+        return self.turned(self.azimuth, North(self.north), north) if self.has_azimuth else None
+
+    def turned(self, azimuth: float, given: North, north: North) -> float | None:
         """
-        Azimuth from the asked north, rad in [0, 2 pi), or None where what is known does not give it.
+        Another azimuth, rad, of this survey's place from the asked north, rad in [0, 2 pi); None where not known.
 
         True = magnetic + declination, grid = true - convergence (S0's note in the seeds). Declination needs a
         reference field; convergence alone may come without one.
         """
-        if not self.has_azimuth or north == North.UNKNOWN:
+        if North.UNKNOWN in (given, north):
             return None
-        if self.north == north:
-            return self.azimuth % math.tau
-        if North.MAGNETIC in (self.north, north) and not self.has_reference:
+        if given == north:
+            return azimuth % math.tau
+        if North.MAGNETIC in (given, north) and not self.has_reference:
             return None
         if not self.has_reference and self.convergence == 0.0:
             return None
         to_true = {North.MAGNETIC: self.declination, North.TRUE: 0.0, North.GRID: self.convergence}
-        return (self.azimuth + to_true[North(self.north)] - to_true[north]) % math.tau
+        return (azimuth + to_true[given] - to_true[north]) % math.tau
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 from mwd_surface.exports import report_plots
+from mwd_surface.exports.report_content import content
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.surveys.plan import plan_of
+from mwd_surface.surveys.station_quality import totals
 from mwd_surface.surveys.survey_list import SurveyList
 
 PLAN = plan_of([0.0, 300.0, 900.0], [0.0, 0.0, 1.0], [0.0, 1.3, 1.3])
@@ -18,7 +20,7 @@ def line(ax, label):
 
 def test_plan_view_and_section_show_stations_plan_bit_and_wellhead():
     table = example.table(plan=PLAN)
-    view, section, _ = report_plots.figures(table).values()
+    view, section = report_plots.plan_view(table), report_plots.section_view(table)
     ax = view.axes[0]
     survey = line(ax, "survey")
     np.testing.assert_allclose(np.column_stack(survey.get_data()), table.path.positions[:-1, [1, 0]])
@@ -31,7 +33,7 @@ def test_plan_view_and_section_show_stations_plan_bit_and_wellhead():
 
 
 def test_ellipses_are_drawn_around_their_stations():
-    ax = next(iter(report_plots.figures(example.table()).values())).axes[0]
+    ax = report_plots.plan_view(example.table()).axes[0]
     ellipses = [drawn for drawn in ax.get_lines() if drawn.get_color() == "#999999"]
     assert 6 <= len(ellipses) <= 12
     places = example.table().path.positions[:, [1, 0]]
@@ -41,11 +43,25 @@ def test_ellipses_are_drawn_around_their_stations():
 
 
 def test_a_list_without_surveys_draws_its_tie_on_alone():
-    assert len(report_plots.figures(survey_table(SurveyList(), 1))) == 2
+    table = survey_table(SurveyList(), 1)
+    assert len(report_plots.plan_view(table).axes) == 1
+    assert [one.heading for one in content(table).sections] == ["Definitive survey", "Well path"]
+
+
+def test_deviations_are_drawn_as_judged_with_their_limits_as_a_band():
+    table = example.table()
+    axes = report_plots.quality_view(table).axes
+    records = sorted((r for r in table.surveys.records if r.in_use), key=lambda r: r.measured_depth)
+    np.testing.assert_allclose(
+        line(axes[1], "used").get_xdata(), [totals(r.survey)[1].deviation * 1e9 for r in records]
+    )
+    band = axes[1].collections[0].get_paths()[0].vertices
+    assert (band[:, 0].min(), band[:, 0].max()) == pytest.approx((-300.0, 300.0))
+    assert report_plots.quality_view(table).legends
 
 
 def test_the_same_table_gives_the_same_picture():
-    first, second = (next(iter(report_plots.figures(example.table()).values())) for _ in range(2))
+    first, second = (report_plots.plan_view(example.table()) for _ in range(2))
     assert report_plots.svg(first) == report_plots.svg(second)
     assert report_plots.svg(first).startswith("<svg")
     assert report_plots.png(first, 40).startswith(b"\x89PNG")

@@ -1,0 +1,137 @@
+"""What was decided in the report: automatic verdicts, people's decisions one after the other, and the slide sheet."""
+
+from __future__ import annotations
+
+import math
+
+from mwd_surface.exports.report_quality import numbered, row_mark, verdict_cells
+from mwd_surface.exports.report_section import Section, Sheet, sheet_of
+from mwd_surface.exports.survey_table import SurveyTable, fixed, plain, utc
+from mwd_surface.surveys.slide_sheet import ROTATE, SLIDE, Stretch, yields
+from mwd_surface.surveys.survey_record import Judgement, SurveyRecord, Verdict
+
+_DEG = 180.0 / math.pi
+_VERDICT_TITLES = ("Survey", "MD", "Inc", "Azi", "Toolface", "What to do", "May be disturbed by", "Details")
+
+
+def verdicts(table: SurveyTable) -> Section | None:
+    """Automatic verdicts that are not all "accept", with the reason to act on and what may disturb the readings."""
+    rows: list[tuple[str, ...]] = []
+    marks, tints = [], {}
+    for record in numbered(table):
+        s = record.survey
+        if s.verdict == Verdict.ACCEPT and not s.reasons:
+            continue
+        cells, shades = verdict_cells(s, len(rows), 2)
+        tints.update(shades)
+        causes = ", ".join(
+            f"{name.replace('_', '-')} {100.0 * odds:.0f} %"
+            for name, odds in zip(s.hypotheses, s.hypothesis_odds, strict=True)
+            if odds >= 0.005
+        )
+        details = [reason for reason in s.reasons if reason != headline(record)]
+        texts = (*cells, headline(record), causes, "; ".join(details))
+        rows.append(
+            (
+                str(s.sequence),
+                fixed(record.measured_depth, 2) if record.measured_depth >= 0.0 else "",
+                *(plain(text) for text in texts),
+            )
+        )
+        marks.append(row_mark(record))
+    if not rows:
+        return None
+    columns = [(title, "m" if title == "MD" else "") for title in _VERDICT_TITLES]
+    sheet = sheet_of("Automatic verdicts that want attention", columns, rows, marks, tints=tints)
+    return Section(sheet.heading, sheets=(sheet,))
+
+
+def headline(record: SurveyRecord) -> str:
+    """The one reason to act on; of older lists, which have none, the first reason."""
+    s = record.survey
+    return s.headline or (s.reasons[0] if s.reasons and s.verdict != Verdict.ACCEPT else "")
+
+
+def decisions(table: SurveyTable) -> Section | None:
+    """Who decided what, one after the other, and what is worth attention or was remarked."""
+    rows, marks, remarks = [], [], []
+    for record in numbered(table):
+        s, number = record.survey, str(record.survey.sequence)
+        if record.decisions:
+            first = (utc(s.stamp_ns), "automatic", Verdict(s.verdict).name.lower(), "", headline(record))
+            lines = [
+                first,
+                *(
+                    (
+                        utc(d.stamp_ns),
+                        d.operator_name,
+                        Judgement(d.judgement).name.lower(),
+                        fixed(d.measured_depth, 2) if d.measured_depth >= 0.0 else "",
+                        d.reason,
+                    )
+                    for d in record.decisions
+                ),
+            ]
+            rows += [(number, *(plain(cell) for cell in line)) for line in lines]
+            marks += ["", *[""] * (len(lines) - 2), row_mark(record)]
+        if record.flags or record.comment:
+            remarks.append((number, plain("; ".join(record.flags)), plain(record.comment)))
+    sheets = []
+    if rows:
+        columns = (("Survey", ""), ("UTC", ""), ("By", ""), ("Decision", ""), ("MD then", "m"), ("Why", ""))
+        sheets.append(sheet_of("Who decided what; the last line of a survey is in force", columns, rows, marks))
+    if remarks:
+        sheets.append(sheet_of("Flags and remarks", (("Survey", ""), ("Flags", ""), ("Remark", "")), remarks))
+    return Section("Decisions", sheets=tuple(sheets)) if sheets else None
+
+
+def slides(table: SurveyTable) -> Section | None:
+    """The slide sheet and what the slides gave; None where nothing was slid."""
+    made = {mode: sum(s.length for s in table.stretches if s.mode == mode) for mode in (SLIDE, ROTATE)}
+    if made[SLIDE] <= 0.0:
+        return None
+    share = 100.0 * made[SLIDE] / (made[SLIDE] + made[ROTATE])
+    legs = "" if len(table.surveys.legs) == 1 else "; legs are not separated"
+    sheet = Sheet(
+        f"Slide sheet: slid {fixed(made[SLIDE], 1)} m, rotated {fixed(made[ROTATE], 1)} m, {share:.0f} % slid{legs}",
+        ("From", "To", "Length", "Mode", "Toolface", "Counted from", "Steady", "Rotary", "Begun, UTC", "Ended, UTC"),
+        ("m", "m", "m", "", "deg", "", "%", "r/min", "", ""),
+        tuple(_stretch(s) for s in table.stretches),
+        ("",) * len(table.stretches),
+        (3, 5, 8, 9),
+    )
+    gave = yields(table.stretches, table.path)
+    motor = Sheet(
+        "What the slides gave; the tendency of formation and rotation is in it",
+        ("From", "To", "Slid", "Rotated", "Dogleg", "DLS", "Motor yield"),
+        ("m", "m", "m", "m", "deg", "deg/30 m", "deg/30 m slid"),
+        tuple(
+            (
+                fixed(y.from_depth, 2),
+                fixed(y.to_depth, 2),
+                fixed(y.slid, 1),
+                fixed(y.rotated, 1),
+                fixed(y.dogleg * _DEG, 2),
+                fixed(y.dogleg / (y.to_depth - y.from_depth) * 30.0 * _DEG, 2),
+                fixed(y.motor * 30.0 * _DEG, 2) if y.motor is not None else "",
+            )
+            for y in gave
+        ),
+        ("",) * len(gave),
+    )
+    return Section("Slide sheet", sheets=(sheet, motor) if gave else (sheet,))
+
+
+def _stretch(s: Stretch) -> tuple[str, ...]:
+    known = s.toolface is not None
+    return (
+        fixed(s.from_depth, 2),
+        fixed(s.to_depth, 2),
+        fixed(s.length, 2),
+        s.mode,
+        fixed(s.toolface * _DEG, 0, 360.0) if s.toolface is not None else "",
+        ("north" if s.magnetic else "high side") if known else "",
+        fixed(s.steadiness * 100.0, 0) if s.steadiness is not None else "",
+        fixed(s.rotary_speed * 30.0 / math.pi, 0) if s.mode == ROTATE else "",
+        *(utc(stamp)[:19].replace("T", " ") for stamp in (s.begin_ns, s.end_ns)),
+    )

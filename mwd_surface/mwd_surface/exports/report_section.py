@@ -1,0 +1,85 @@
+"""
+What a report is made of: sections with text, tables and drawings, in words and printed numbers.
+
+HTML and PDF lay out exactly these, so they cannot differ in a number. Who has something to add to the report writes a
+function that returns a `Section` and puts it into `SECTIONS` of `report_content`, or hands the section itself to
+`survey_table(..., sections=...)` where the data is no part of the survey list.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Tints of a cell: within its limit, doubtful, beyond; on paper they are told apart by their brightness too.
+GOOD, DOUBTFUL, REJECT = "good", "doubtful", "reject"
+TINTS = {GOOD: "#dff0e6", DOUBTFUL: "#ffe8a3", REJECT: "#f6b8a2"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Sheet:
+    """
+    One table: heading, column titles and units, and rows of texts.
+
+    marks: of each row, "" or a word that says why it stands out ("projected", "not used", "by hand"). words: numbers of
+    the columns that hold text and want to be read from the left. tints: of single cells, by row and column: a key of
+    `TINTS`. legend: below the table, what tints and marks mean.
+    """
+
+    heading: str
+    titles: tuple[str, ...]
+    units: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    marks: tuple[str, ...]
+    words: tuple[int, ...] = ()
+    tints: Mapping[tuple[int, int], str] = dataclasses.field(default_factory=dict)
+    legend: str = ""
+
+
+def sheet_of(
+    heading: str,
+    columns: Sequence[tuple[str, str]],
+    rows: Sequence[tuple[str, ...]],
+    marks: Sequence[str] = (),
+    *,
+    tints: Mapping[tuple[int, int], str] | None = None,
+    legend: str = "",
+) -> Sheet:
+    """
+    Make a table from columns of (title, unit).
+
+    A column without unit that holds something other than numbers is read from the left. marks: none where left out.
+    """
+    titles, units = zip(*columns, strict=True)
+    words = [k for k, unit in enumerate(units) if not unit and any(row[k] and not _is_number(row[k]) for row in rows)]
+    return Sheet(
+        heading, titles, units, tuple(rows), tuple(marks) or ("",) * len(rows), tuple(words), tints or {}, legend
+    )
+
+
+def _is_number(text: str) -> bool:
+    return text.lstrip("-").replace(".", "", 1).isdecimal()
+
+
+@dataclasses.dataclass(frozen=True)
+class Drawing:
+    """A figure with its caption; drawn when it is printed. wide: over the whole width of the page."""
+
+    caption: str
+    draw: Callable[[], Figure]
+    wide: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Section:
+    """A part of the report: heading, sentences, tables and drawings. page: begins on a new page."""
+
+    heading: str
+    text: tuple[str, ...] = ()
+    sheets: tuple[Sheet, ...] = ()
+    drawings: tuple[Drawing, ...] = ()
+    page: bool = False
