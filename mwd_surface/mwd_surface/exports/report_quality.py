@@ -75,8 +75,8 @@ def verdict_cells(survey: Survey, row: int, first: int) -> tuple[tuple[str, ...]
 
 
 def stations(table: SurveyTable) -> Section | None:
-    """Every survey taken against its limits, and the plot of that."""
-    records = numbered(table)
+    """Every survey taken against its limits, and the plot of that; None for a list of angles without readings."""
+    records = [record for record in numbered(table) if record.survey.has_readings]
     if not records:
         return None
     rows, tints = [], {}
@@ -138,8 +138,8 @@ def _as_read(records: Sequence[SurveyRecord]) -> Sheet:
 
 
 def run_quality(table: SurveyTable) -> Section | None:
-    """How good the run of each tool is, in figures."""
-    records = numbered(table)
+    """How good the run of each tool is, in figures; None for a list of angles without readings."""
+    records = [record for record in numbered(table) if record.survey.has_readings]
     if not records:
         return None
     runs = dict.fromkeys((record.leg, record.tool) for record in records)
