@@ -28,7 +28,16 @@ ROS = {
 MODULES = [path for package in LINE[1:] for path in sorted((ROOT / package / package).rglob("*.py")) if path.is_file()]
 KERNELS = [path for path in MODULES if not {"nodes", "ros"} & set(path.parts)]
 # Rooms of mwd_estimation by rank: a room imports only rooms of a lower rank. Modules beside the rooms rank last.
-ROOMS = {"core": 0, "health": 1, "gravity": 2, "magnetic": 2, "gyrocompass": 2, "attitude": 3, "survey": 4}
+ROOMS = {
+    "core": 0,
+    "assembly": 0,
+    "health": 1,
+    "gravity": 2,
+    "magnetic": 2,
+    "gyrocompass": 2,
+    "attitude": 3,
+    "survey": 4,
+}
 # Rooms that must not import each other, in either direction.
 APART = [("mwd_surface.page", "mwd_surface.rig")]
 # Modules outside the simulator that may use it: the node that plays it and the tools that record with it.

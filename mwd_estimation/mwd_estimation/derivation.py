@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from pathlib import Path
 from typing import Any
 
+from mwd_estimation.assembly.assembly import Assembly, read_assembly
+from mwd_estimation.assembly.sag import SagCorrection, correction_of
 from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth, time_alignment
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
@@ -27,6 +30,7 @@ from mwd_estimation.survey.multi_station_analysis import MultistationSettings
 from mwd_estimation.survey.rotary_survey import Params as RotaryParams
 from mwd_estimation.survey.static_survey import Params as StillParams
 from mwd_estimation.survey.station import StationSettings
+from mwd_estimation.tool_settings import Tool
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import SettingsError
 
@@ -229,9 +233,10 @@ def sensor_errors(settings: EstimatorSettings) -> SensorErrors:
     ValueError
         No tool code of that name, or one that is not of a magnetic survey.
     """
+    tool, described = settings.tool, assembly(settings.tool)
     if settings.survey.tool_code:
-        return tool_code.sensor_errors(settings.survey.tool_code)
-    tool = settings.tool
+        errors = tool_code.sensor_errors(settings.survey.tool_code)
+        return errors if described is None else dataclasses.replace(errors, sag_deg=described.sigma_sag_deg)
     return SensorErrors(
         accelerometer_bias_mps2=tool.accelerometer.bias_ug / 1e6 * STANDARD_GRAVITY,
         accelerometer_scale=tool.accelerometer.scale_ppm / 1e6,
@@ -240,8 +245,35 @@ def sensor_errors(settings: EstimatorSettings) -> SensorErrors:
         axial_interference_nt=tool.axial_interference_nt,
         misalignment_deg=tool.misalignment_deg,
         course_misalignment_deg=tool.course_misalignment_deg,
-        sag_deg=tool.sag_deg,
+        sag_deg=tool.sag_deg if described is None else described.sigma_sag_deg,
     )
+
+
+def assembly(tool: Tool) -> Assembly | None:
+    """
+    Read the bottom-hole assembly of the tool; None where no file is named.
+
+    Raises
+    ------
+    SettingsError
+        The file cannot be read, is no assembly, or a sag correction is given beside it.
+    """
+    if not tool.assembly_file:
+        return None
+    if tool.sag_correction_deg != 0.0:
+        raise SettingsError("tool.sag_correction_deg: must be 0 beside tool.assembly_file, whose sag is computed")
+    try:
+        return read_assembly(Path(tool.assembly_file))
+    except OSError as error:
+        raise SettingsError(f"tool.assembly_file: {error}") from error
+
+
+def sag_correction(tool: Tool) -> SagCorrection:
+    """Correction of the inclination for sag, by the assembly or as set. ValueError as `assembly` and `sag.sag`."""
+    described = assembly(tool)
+    if described is None:
+        return SagCorrection(math.radians(tool.sag_correction_deg))
+    return correction_of(described)
 
 
 def station_params(settings: EstimatorSettings) -> StationSettings:
@@ -250,7 +282,7 @@ def station_params(settings: EstimatorSettings) -> StationSettings:
     return StationSettings(
         azimuth_method=survey.azimuth_method,
         north=survey.north,
-        sag_correction_deg=tool.sag_correction_deg,
+        sag=sag_correction(tool),
         misalignment_y_deg=tool.misalignment_y_deg,
         misalignment_z_deg=tool.misalignment_z_deg,
         toolface_offset_deg=tool.toolface_offset_deg,

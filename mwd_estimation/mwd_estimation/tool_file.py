@@ -10,7 +10,8 @@ from typing import Any
 
 import yaml
 
-from mwd_estimation.tool_settings import PrecisionUnit, Tool
+from mwd_estimation.precision_settings import PrecisionUnit
+from mwd_estimation.tool_settings import Tool
 from mwd_sensors.core.settings import SettingsError, unknown_key
 
 # Terms of a grade that a simulated sensor has and no filter here asks for.

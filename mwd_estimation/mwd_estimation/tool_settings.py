@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mwd_estimation.precision_settings import PrecisionUnit, Vector
 from mwd_sensors.core.settings import setting
-
-Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -165,122 +164,6 @@ class Magnetometer:
 
 
 @dataclass(frozen=True)
-class PrecisionGyro:
-    """Gyros of the high-precision unit, 1 sigma; the figures are a tactical MEMS unit's."""
-
-    range_deg_s: Vector = setting(
-        (100.0, 100.0, 100.0),
-        "Largest rate that each axis reads; the smallest of the three counts. Too large, and clipped rates turn the "
-        "gyro azimuth. From the data sheet.",
-        unit="deg/s",
-        low=0.1,
-        high=2e6,
-    )
-    noise_deg_sqrt_h: float = setting(
-        0.0,
-        "White noise (angle random walk); 0: measured while the tool rests. Raising it widens the sigma of the gyro "
-        "azimuth. Set it where pumps shake the tool during every survey.",
-        unit="deg/sqrt(h)",
-        low=0.0,
-        high=10.0,
-    )
-    bias_deg_h: float = setting(
-        5.0,
-        "Bias that may remain, 1 sigma. Raising it widens the sigma of a gyro azimuth in one position. State it for "
-        "a better unit, or its azimuth is no better.",
-        unit="deg/h",
-        low=0.0,
-        high=1e5,
-    )
-    bias_scale: str = setting(
-        "at_most",
-        "stated: the bias is drawn with the sigma above; at_most: with that or less, as the fit to the latitude "
-        "shows. Use stated where the sigma is measured.",
-        choices=("stated", "at_most"),
-        expert=True,
-    )
-    walk_deg_h_sqrt_h: float = setting(
-        0.3,
-        "Random walk of the bias, warming up included. Raising it widens the sigma of long seeks and of an azimuth "
-        "that the gyros carry.",
-        unit="deg/h/sqrt(h)",
-        low=0.0,
-        high=1e4,
-        expert=True,
-    )
-    scale_ppm: float = setting(
-        500.0,
-        "Scale error of the x gyro. Raising it widens the sigma of a seek in a turning string.",
-        unit="ppm",
-        low=0.0,
-        high=1e5,
-        expert=True,
-    )
-    misalignment_mrad: float = setting(
-        0.3,
-        "Rate about the tool axis that the cross axes read too. Raising it widens sigma in a turning string.",
-        unit="mrad",
-        low=0.0,
-        high=100.0,
-        expert=True,
-    )
-    g_deg_h_g: float = setting(
-        0.5,
-        "Sensitivity of the rate to specific force, of each axis to each. Raising it widens the sigma of every gyro "
-        "azimuth. State it for a better unit.",
-        unit="deg/h/g",
-        low=0.0,
-        high=1e3,
-        expert=True,
-    )
-    g_calibration_deg_h_g: tuple[float, float, float, float] = setting(
-        (0.0, 0.0, 0.0, 0.0),
-        "Sensitivity to specific force found by calibration and taken off: along, across, stretch, shear. Zeros: "
-        "not calibrated.",
-        unit="deg/h/g",
-        expert=True,
-    )
-    delay_ms: float = setting(
-        2.0,
-        "Delay behind the conventional unit that is not corrected for. Raising it widens sigma in a turning string.",
-        unit="ms",
-        low=0.0,
-        high=100.0,
-        expert=True,
-    )
-
-
-@dataclass(frozen=True)
-class PrecisionAccelerometer:
-    """Accelerometers of the high-precision unit."""
-
-    noise_ug_sqrt_hz: float = setting(
-        30.0,
-        "White noise. Raising it gives the unit's own gravity less weight in a north seek.",
-        unit="ug/sqrt(Hz)",
-        low=0.01,
-        high=1e4,
-        expert=True,
-    )
-    bias_ug: float = setting(
-        200.0,
-        "Bias of each axis, 1 sigma. Raising it widens the sigma of a gyro azimuth slightly.",
-        unit="ug",
-        low=0.0,
-        high=1e5,
-        expert=True,
-    )
-
-
-@dataclass(frozen=True)
-class PrecisionUnit:
-    """The high-precision inertial unit (topic gyro/data_raw); a tool without one needs nothing set here."""
-
-    gyro: PrecisionGyro = setting(PrecisionGyro, "Gyros")
-    accelerometer: PrecisionAccelerometer = setting(PrecisionAccelerometer, "Accelerometers")
-
-
-@dataclass(frozen=True)
 class Tool:
     """What the tool's sensors can do and how the tool lies in the hole; the only place where it is set."""
 
@@ -343,6 +226,11 @@ class Tool:
         low=-10.0,
         high=10.0,
         expert=True,
+    )
+    assembly_file: str = setting(
+        "",
+        "YAML of the bottom-hole assembly; its sag is computed and added to the inclination, and its sigma_sag_deg "
+        "replaces sag_deg. Empty: as set below. `mwd sag` shows the correction.",
     )
     sag_correction_deg: float = setting(
         0.0,

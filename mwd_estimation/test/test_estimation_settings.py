@@ -11,8 +11,9 @@ from mwd_estimation import derivation, tool_file
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.gravity import methods
 from mwd_estimation.place import Place, reference_of
+from mwd_estimation.precision_settings import PrecisionUnit
 from mwd_estimation.settings import EstimatorSettings, Gravity, latitude_of
-from mwd_estimation.tool_settings import PrecisionUnit, Tool
+from mwd_estimation.tool_settings import Tool
 from mwd_sensors.core import earth
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import SettingsError, changed, flat, from_mapping
@@ -188,6 +189,21 @@ def test_a_code_of_an_in_field_reference_refuses_a_global_model():
     given = {"survey.tool_code": "MWD+IFR1", "place.field": "model", "place.lat_deg": 60.0}
     with pytest.raises(SettingsError, match="in-field reference"):
         derivation.reference(changed(EstimatorSettings(), given), START)
+
+
+def test_an_assembly_gives_the_sag_correction_and_its_sigma(tmp_path):
+    path = tmp_path / "bha.yaml"
+    path.write_text("{hole_mm: 311, sensor_m: 8, components: [{name: dc, length_m: 30, od_mm: 229, id_mm: 71}]}")
+    settings = changed(EstimatorSettings(), {"tool.assembly_file": str(path)})
+    params = derivation.station_params(settings)
+    assert math.degrees(params.sag.at(math.radians(90.0))) < -0.05
+    assert params.errors.sag_deg == pytest.approx(0.08)
+    coded = changed(settings, {"survey.tool_code": "MWD+SRGM"})
+    assert derivation.sensor_errors(coded).sag_deg == pytest.approx(0.08)
+    with pytest.raises(SettingsError, match="beside"):
+        derivation.station_params(changed(settings, {"tool.sag_correction_deg": 0.1}))
+    with pytest.raises(SettingsError, match="assembly_file"):
+        derivation.station_params(changed(settings, {"tool.assembly_file": str(tmp_path / "none.yaml")}))
 
 
 def test_a_tool_code_gives_the_errors_and_the_sigmas_of_the_field():

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from mwd_surface.commands.assembly import sag, spacing
 from mwd_surface.commands.bag import bag, recover
 from mwd_surface.commands.batch import batch
 from mwd_surface.commands.calibrate import calibrate
@@ -52,7 +53,7 @@ def _top(
     """Options of `mwd` itself."""
 
 
-_LIVE, _RECORDINGS, _MACHINE = "Live", "Recordings", "This machine"
+_LIVE, _RECORDINGS, _PLANNING, _MACHINE = "Live", "Recordings", "Planning", "This machine"
 app.command(rich_help_panel=_LIVE)(run)
 app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(replay)
 app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(node)
@@ -71,6 +72,8 @@ app.command(rich_help_panel=_RECORDINGS)(recover)
 app.add_typer(rig, name="rig", rich_help_panel=_LIVE)
 app.add_typer(bag, name="bag", rich_help_panel=_RECORDINGS)
 app.add_typer(scenario, name="scenario", rich_help_panel=_RECORDINGS)
+app.command(rich_help_panel=_PLANNING)(sag)
+app.command(rich_help_panel=_PLANNING)(spacing)
 app.command(rich_help_panel=_MACHINE)(doctor)
 app.command(rich_help_panel=_MACHINE)(version)
 

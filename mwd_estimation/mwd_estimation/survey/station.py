@@ -43,6 +43,8 @@ __all__ = ["MethodAzimuth", "Station", "StationSettings", "station"]
 _UNKNOWN_SIGMA = math.pi
 # With a smaller share of the field horizontal there is no azimuth at all.
 _LEVEL = 1e-6
+# A smaller correction of sag is not worth a word, rad.
+_LEAST_SAG = math.radians(0.005)
 # Less is no reading, T, m/s^2.
 _NO_FIELD = 1e-12
 _NO_GRAVITY = 1e-3
@@ -159,7 +161,9 @@ def _finished(
     covariance = _covariance(readings, azimuths, north, alignment)
     interference, sigma_interference = correction.interference
     offset = math.radians(settings.toolface_offset_deg)
-    sag = math.radians(settings.sag_correction_deg) * math.sin(inc)
+    sag = settings.sag.at(inc)
+    if abs(sag) >= _LEAST_SAG:
+        findings.remark(Reason(Code.SAG_CORRECTED, sag))
     return Station(
         inclination=min(max(inc + sag, 0.0), math.pi),
         sigma_inclination=math.sqrt(covariance[0, 0]),

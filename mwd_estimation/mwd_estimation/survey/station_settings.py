@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mwd_estimation.assembly.sag import SagCorrection
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.survey.acceptance import QualitySettings
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
@@ -30,13 +31,7 @@ class StationSettings:
         unit="nT",
         low=1.0,
     )
-    sag_correction_deg: float = setting(
-        0.0,
-        "Added to the inclination, times its sine: sag of the assembly in a horizontal hole",
-        unit="deg",
-        low=-5.0,
-        high=5.0,
-    )
+    sag: SagCorrection = setting(SagCorrection, "Added to the inclination: sag of the assembly")
     misalignment_y_deg: float = setting(
         0.0, "Hole axis against tool axis, turned about y (towards -z)", unit="deg", low=-10.0, high=10.0
     )

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis.strategies import floats, lists, sampled_from
 
+from mwd_estimation.assembly.sag import SagCorrection
 from mwd_estimation.core.error_model import BENCH, SensorErrors
 from mwd_estimation.core.reason_text import text, texts
 from mwd_estimation.core.reasons import Reason, ReasonCode
@@ -221,9 +222,10 @@ def test_noise_of_the_averages_adds_to_the_sigmas():
 
 def test_known_sag_misalignment_and_toolface_offset_are_taken_off():
     f_t, b_t = readings(60, 100, 0)
-    settings = StationSettings(sag_correction_deg=0.2, toolface_offset_deg=29.0, misalignment_y_deg=0.0)
+    settings = StationSettings(sag=SagCorrection(math.radians(0.2)), toolface_offset_deg=29.0, misalignment_y_deg=0.0)
     shot = station(f_t, b_t, REFERENCE, settings)
     assert math.degrees(shot.inclination) == pytest.approx(60 + 0.2 * math.sin(60 * DEG))
+    assert "inclination corrected for sag by +0.17 deg" in texts(shot.reasons)
     assert math.degrees(shot.gravity_toolface) == pytest.approx(29.0)
     # Scribe line on the high side: the hole axis bent half a degree away from +z is lower, bent to +y turns right or
     # left.

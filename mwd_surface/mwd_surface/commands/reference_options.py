@@ -78,8 +78,8 @@ def tool_changes(tool: str | None, precision: str | None) -> dict[str, Any]:
     OSError
         The file cannot be read.
     """
+    from mwd_estimation.precision_settings import PrecisionUnit
     from mwd_estimation.tool_file import from_file
-    from mwd_estimation.tool_settings import PrecisionUnit
     from mwd_estimation.tool_settings import Tool as ToolSettings
 
     changes = {} if tool is None else _flat(from_file(_tool_path(tool), ToolSettings), "tool.")

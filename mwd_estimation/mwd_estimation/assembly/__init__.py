@@ -1,0 +1,1 @@
+"""The bottom-hole assembly: its description, its sag in the hole and the field of its magnetised parts."""

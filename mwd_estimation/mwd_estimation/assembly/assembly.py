@@ -1,0 +1,133 @@
+"""A bottom-hole assembly as people describe it: hole, mud, sensor, and its components from the bit up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from mwd_sensors.core.settings import SettingsError, from_mapping, setting
+
+# 1 sigma of the sag left after a correction by a model, in a horizontal hole, deg: SAGE of the OWSG codes with SAG.
+SIGMA_CORRECTED_DEG = 0.08
+
+
+@dataclass(frozen=True)
+class Blade:
+    """A stabiliser's blade, as a ring that touches the wall."""
+
+    at_m: float = setting(
+        doc="Middle of the blade above the lower end of its component.", unit="m", low=0.0, high=2000.0
+    )
+    od_mm: float = setting(doc="Diameter over the blades.", unit="mm", low=50.0, high=1000.0)
+
+
+@dataclass(frozen=True)
+class Component:
+    """One component of the assembly."""
+
+    name: str = setting(doc="What it is called.")
+    length_m: float = setting(doc="Made-up length.", unit="m", low=0.05, high=2000.0)
+    od_mm: float = setting(doc="Outer diameter of the body.", unit="mm", low=20.0, high=1000.0)
+    id_mm: float = setting(doc="Inner diameter.", unit="mm", low=0.0, high=500.0)
+    linear_mass_kg_m: float = setting(
+        0.0, "Mass in air per metre; 0: from diameters and density.", unit="kg/m", low=0.0, high=5000.0
+    )
+    density_kg_m3: float = setting(7850.0, "Density of the material.", unit="kg/m^3", low=1000.0, high=20000.0)
+    youngs_modulus_gpa: float = setting(
+        206.0, "Young's modulus: 206 for steel, 195 for non-magnetic steel.", unit="GPa", low=10.0, high=500.0
+    )
+    magnetic: bool = setting(True, "Made of magnetic steel; false for non-magnetic collars and housings.")
+    pole_uwb: float = setting(
+        0.0, "Strength of its magnetic poles, from a measurement; 0: not known.", unit="uWb", low=0.0, high=10000.0
+    )
+    blades: tuple[Blade, ...] = setting((), "Stabiliser blades on it.")
+
+    def __post_init__(self) -> None:
+        if not self.id_mm < self.od_mm:
+            raise ValueError(f"{self.name}: id_mm {self.id_mm:g} is not smaller than od_mm {self.od_mm:g}")
+        outside = [blade.at_m for blade in self.blades if blade.at_m > self.length_m]
+        if outside:
+            raise ValueError(f"{self.name}: a blade at {outside[0]:g} m is beyond its length, {self.length_m:g} m")
+
+    @property
+    def mass(self) -> float:
+        """Mass in air per metre, kg/m."""
+        return self.linear_mass_kg_m or self.density_kg_m3 * self._area
+
+    @property
+    def stiffness(self) -> float:
+        """Bending stiffness, N m^2."""
+        od, inner = self.od_mm * 1e-3, self.id_mm * 1e-3
+        return self.youngs_modulus_gpa * 1e9 * math.pi / 64.0 * (od**4 - inner**4)
+
+    def buoyed_mass(self, mud_kg_m3: float) -> float:
+        """Mass per metre less that of the mud it displaces, kg/m: mud fills the bore."""
+        return self.mass - mud_kg_m3 * self._area
+
+    @property
+    def _area(self) -> float:
+        return math.pi / 4.0 * 1e-6 * (self.od_mm**2 - self.id_mm**2)
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """An assembly in its hole."""
+
+    hole_mm: float = setting(doc="Diameter of the hole.", unit="mm", low=50.0, high=1200.0)
+    sensor_m: float = setting(doc="Survey sensors above the bit.", unit="m", low=0.0, high=500.0)
+    components: tuple[Component, ...] = setting(doc="From the bit up.")
+    name: str = setting("", "What the assembly is called.")
+    mud_kg_m3: float = setting(1200.0, "Density of the mud.", unit="kg/m^3", low=0.0, high=3000.0)
+    weight_on_bit_kn: float = setting(
+        0.0, "Weight on bit while a survey is taken; 0: off bottom.", unit="kN", low=0.0, high=1000.0
+    )
+    build_deg_30m: float = setting(
+        0.0, "Build rate of the hole around the assembly; a drop is negative.", unit="deg/30m", low=-60.0, high=60.0
+    )
+    sigma_sag_deg: float = setting(
+        SIGMA_CORRECTED_DEG,
+        "Sag that the correction leaves, in a horizontal hole, 1 sigma (SAGE). Raise it where diameters of blades or "
+        "hole are uncertain.",
+        unit="deg",
+        low=0.0,
+        high=5.0,
+    )
+
+    def __post_init__(self) -> None:
+        if not self.components:
+            raise ValueError("components: at least one is needed, from the bit up")
+        if not self.sensor_m < self.length:
+            raise ValueError(f"sensor_m: {self.sensor_m:g} m is beyond the assembly, {self.length:g} m long")
+        for part in self.components:
+            widest = max([part.od_mm, *(blade.od_mm for blade in part.blades)])
+            if widest > self.hole_mm:
+                raise ValueError(f"{part.name}: {widest:g} mm does not go into a hole of {self.hole_mm:g} mm")
+
+    @property
+    def length(self) -> float:
+        """Length of all components, m."""
+        return sum(part.length_m for part in self.components)
+
+
+def read_assembly(path: Path) -> Assembly:
+    """
+    Read an assembly from YAML.
+
+    Raises
+    ------
+    SettingsError
+        The file is not YAML, has an unknown key (with its near misses), lacks one or has a value that is not allowed.
+    OSError
+        The file cannot be read.
+    """
+    try:
+        table = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
+    if not isinstance(table, Mapping):
+        raise SettingsError(f"{path}: expected an assembly with hole_mm, sensor_m and components, got {table!r}")
+    return from_mapping(Assembly, table, path.name)

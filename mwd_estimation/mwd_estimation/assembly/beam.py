@@ -1,0 +1,179 @@
+"""
+An elastic beam in a hole: bending under its weight and an axial force, held by the wall where it touches.
+
+Euler-Bernoulli beam-column of cubic elements in the plane of gravity. Deflection counts from the axis of the hole, up
+to the high side; distance from the bit, up-hole. The wall is a bound on the deflection of every node; the solution is
+the minimum of the elastic energy within these bounds (contact without friction), found by a primal-dual active set
+(M. Hintermueller, K. Ito, K. Kunisch, SIAM J. Optim. 13 (2002), 865-888), and where that does not settle by a primal
+one (J. Nocedal, S. Wright, Numerical Optimization, 2006, algorithm 16.3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, solveh_banded
+
+from mwd_sensors.core.arrays import Array, Indices
+
+_MOST_STEPS = 60
+
+
+@dataclass(frozen=True)
+class Beam:
+    """
+    A beam cut into n elements.
+
+    Attributes
+    ----------
+    at : ndarray, shape (n + 1,)
+        Nodes from the bit, m, increasing from 0.
+    stiffness : ndarray, shape (n,)
+        Bending stiffness of the elements, N m^2.
+    load : ndarray, shape (n,)
+        Weight across the hole per metre, towards the low side, N/m.
+    tension : ndarray, shape (n,)
+        Axial force, N; negative where it compresses.
+    clearance : ndarray, shape (n + 1,)
+        How far each node may leave the axis of the hole, m.
+    curvature : float
+        Of the hole in the plane of gravity, building positive, rad/m.
+    """
+
+    at: Array
+    stiffness: Array
+    load: Array
+    tension: Array
+    clearance: Array
+    curvature: float = 0.0
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Deflection, m, slope against the axis of the hole, rad, and force of the wall, N, of each node, (n + 1,)."""
+
+    deflection: Array
+    slope: Array
+    contact: Array
+
+
+def shape(beam: Beam) -> Shape:
+    """
+    Compute how a beam lies in its hole.
+
+    It may turn freely at the bit and is parallel to the hole at its upper end.
+
+    Raises
+    ------
+    ValueError
+        The axial force buckles the beam.
+    """
+    bending, axial, load = _assembled(beam)
+    bounds = np.full(len(load), np.inf)
+    bounds[::2] = beam.clearance
+    # Parallel to the hole at the upper end.
+    bounds[-1] = 0.0
+    # Without the axial force there is a minimum whatever touches; its contacts hold what the force would buckle.
+    start, side = _bounded(bending, load, bounds, np.zeros(len(load), dtype=int))
+    try:
+        found, _ = _bounded(bending + axial, load, bounds, side) if axial.any() else (start, side)
+    except LinAlgError as error:
+        raise ValueError("the axial force buckles the assembly between its contacts: lower weight_on_bit_kn") from error
+    force = (bending + axial) @ found - load
+    return Shape(found[::2], found[1::2], force[::2])
+
+
+def _bounded(matrix: Array, load: Array, bounds: Array, side: Indices) -> tuple[Array, Indices]:
+    """
+    Minimise the energy within -bounds and bounds, and say which bound holds each row: -1, 1, or 0 for none.
+
+    side: the same of a guess. LinAlgError where there is no minimum.
+    """
+    limited = np.isfinite(bounds)
+    rigid = bounds <= 0.0
+    weight = np.diagonal(matrix)
+    start = side = np.where(rigid, 1, side)
+    for _ in range(_MOST_STEPS):
+        fixed = side != 0
+        found = np.where(fixed, side * np.where(limited, bounds, 0.0), 0.0)
+        try:
+            found = np.where(fixed, found, _solved(matrix, load - matrix @ found, fixed))
+        except LinAlgError:
+            # So many contacts were given up at once that a compressed part buckles.
+            break
+        over = np.where(fixed, load - matrix @ found, 0.0) / weight + found
+        new = np.where(limited & (over > bounds), 1, np.where(limited & (over < -bounds), -1, 0))
+        new[rigid] = 1
+        if (new == side).all():
+            return found, side
+        side = new
+    # Rarely two sets of contacts change into each other.
+    return _one_by_one(matrix, load, bounds, start)
+
+
+def _one_by_one(matrix: Array, load: Array, bounds: Array, side: Indices) -> tuple[Array, Indices]:
+    """As `_bounded`, by a primal active set: one contact is made or given up at a time, and the energy only falls."""
+    side, reach = side.copy(), np.where(np.isfinite(bounds), bounds, 0.0)
+    found = np.where(side != 0, side * reach, 0.0)
+    for _ in range(20 * len(load)):
+        fixed = side != 0
+        step = _solved(matrix, load - matrix @ found, fixed)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            room = np.where(step == 0.0, np.inf, (np.sign(step) * bounds - found) / step)
+        first = int(np.argmin(room))
+        if room[first] < 1.0:
+            found = found + max(room[first], 0.0) * step
+            side[first] = int(np.sign(step[first]))
+            found[first] = side[first] * bounds[first]
+            continue
+        found = found + step
+        pulled = np.where(bounds > 0.0, side * (matrix @ found - load), 0.0)
+        worst = int(np.argmax(pulled))
+        if pulled[worst] <= 1e-9 * np.abs(load).max():
+            return found, side
+        side[worst] = 0
+    raise LinAlgError("the contacts do not settle")
+
+
+def _solved(matrix: Array, load: Array, fixed: NDArray[np.bool_]) -> Array:
+    """Solve for the rows that are not fixed; the matrix has three diagonals on either side."""
+    band = np.zeros((4, len(load)))
+    for k in range(4):
+        band[3 - k, k:] = np.where(fixed[k:] | fixed[: len(load) - k], 0.0, np.diagonal(matrix, k))
+    band[3, fixed] = 1.0
+    return np.asarray(solveh_banded(band, np.where(fixed, 0.0, load)))
+
+
+def _assembled(beam: Beam) -> tuple[Array, Array, Array]:
+    """Stiffness in bending and by axial force, (2n + 2, 2n + 2), load (2n + 2,) of (deflection, slope) of the nodes."""
+    count = len(beam.at)
+    stiffness, tightness = np.zeros((2 * count, 2 * count)), np.zeros((2 * count, 2 * count))
+    load = np.zeros(2 * count)
+    for k, length in enumerate(np.diff(beam.at)):
+        part = slice(2 * k, 2 * k + 4)
+        bending = np.array(
+            [
+                [12.0, 6.0 * length, -12.0, 6.0 * length],
+                [6.0 * length, 4.0 * length**2, -6.0 * length, 2.0 * length**2],
+                [-12.0, -6.0 * length, 12.0, -6.0 * length],
+                [6.0 * length, 2.0 * length**2, -6.0 * length, 4.0 * length**2],
+            ]
+        )
+        axial = np.array(
+            [
+                [36.0, 3.0 * length, -36.0, 3.0 * length],
+                [3.0 * length, 4.0 * length**2, -3.0 * length, -(length**2)],
+                [-36.0, -3.0 * length, 36.0, -3.0 * length],
+                [3.0 * length, -(length**2), -3.0 * length, 4.0 * length**2],
+            ]
+        )
+        stiffness[part, part] += beam.stiffness[k] / length**3 * bending
+        tightness[part, part] += beam.tension[k] / (30.0 * length) * axial
+        weight = -beam.load[k] * length * np.array([0.5, length / 12.0, 0.5, -length / 12.0])
+        # A straight beam resists the curve of the hole with this moment, and an axial force pulls along the curve.
+        moment = beam.stiffness[k] * beam.curvature * np.array([0.0, 1.0, 0.0, -1.0])
+        pull = beam.tension[k] * beam.curvature * length * np.array([0.5, length / 12.0, 0.5, -length / 12.0])
+        load[part] += weight + moment + pull
+    return stiffness, tightness, load

@@ -1,0 +1,137 @@
+"""Sag: how the survey sensors lie against the hole because the assembly bends, and the correction of inclination."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mwd_estimation.assembly.assembly import Assembly
+from mwd_estimation.assembly.beam import Beam, Shape, shape
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+
+# Longest element, m: half of it changes no sag of the tests by 0.001 deg.
+_ELEMENT = 0.5
+# What hangs above the described part is taken to be as its last component, for so long, m: far beyond the length on
+# which a collar lifts off the low side.
+_ABOVE = 60.0
+# Inclinations of the table of a correction, deg. Holes rise no steeper; there an assembly buckles in its own weight.
+_TABLE_DEG = np.arange(0.0, 122.5, 2.5)
+
+
+@dataclass(frozen=True)
+class SagCorrection:
+    """
+    What is added to a measured inclination.
+
+    Attributes
+    ----------
+    horizontal : float
+        Correction in a horizontal hole, rad, times the sine of the inclination elsewhere. Not used with a table.
+    table : tuple of (float, float)
+        Inclination, rad, increasing, and correction, rad.
+    """
+
+    horizontal: float = 0.0
+    table: tuple[tuple[float, float], ...] = ()
+
+    def at(self, inclination: float) -> float:
+        """Correction at an inclination, rad."""
+        if not self.table:
+            return self.horizontal * math.sin(inclination)
+        inclinations, corrections = zip(*self.table, strict=True)
+        return float(np.interp(inclination, inclinations, corrections))
+
+
+def sag(assembly: Assembly, inclination: float, build: float | None = None) -> float:
+    """
+    Correction of the inclination that an assembly's sensors measure.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    inclination : float
+        Of the hole at the sensors, rad.
+    build : float, optional
+        Build rate of the hole, rad/m; by default the assembly's.
+
+    Returns
+    -------
+    float
+        Inclination of the hole less that of the sensors, rad.
+
+    Raises
+    ------
+    ValueError
+        The weight on bit buckles the assembly.
+    """
+    at, lies = lie(assembly, inclination, build)
+    return float(lies.slope[int(np.argmin(np.abs(at - assembly.sensor_m)))])
+
+
+def lie(assembly: Assembly, inclination: float, build: float | None = None) -> tuple[Array, Shape]:
+    """Compute how an assembly lies in the hole: nodes from the bit, m, shape (n,), and its shape; as `sag`."""
+    curvature = math.radians(assembly.build_deg_30m) / 30.0 if build is None else build
+    ends = np.cumsum([part.length_m for part in assembly.components])
+    above = np.append(ends[:-1], ends[-1] + _ABOVE)
+    at, clearance = _nodes(assembly, np.append(ends, above[-1]))
+    middle = 0.5 * (at[1:] + at[:-1])
+    index = np.searchsorted(above, middle)
+    parts = [assembly.components[k] for k in index]
+    weight = STANDARD_GRAVITY * np.array([part.buoyed_mass(assembly.mud_kg_m3) for part in parts])
+    inclinations = inclination - curvature * (middle - assembly.sensor_m)
+    pulling = weight * np.cos(inclinations) * np.diff(at)
+    # Off bottom an assembly hangs in its own weight; weight on bit pushes against it.
+    tension = np.cumsum(pulling) - 0.5 * pulling - 1e3 * assembly.weight_on_bit_kn
+    return at, shape(
+        Beam(
+            at=at,
+            stiffness=np.array([part.stiffness for part in parts]),
+            load=weight * np.sin(inclinations),
+            tension=tension,
+            clearance=clearance,
+            curvature=curvature,
+        )
+    )
+
+
+@functools.lru_cache(maxsize=8)
+def correction_of(assembly: Assembly) -> SagCorrection:
+    """Sag correction of an assembly at every inclination; above 120 deg that of 120 deg. ValueError as `sag`."""
+    return SagCorrection(table=tuple((float(angle), sag(assembly, float(angle))) for angle in np.radians(_TABLE_DEG)))
+
+
+def _nodes(assembly: Assembly, ends: Array) -> tuple[Array, Array]:
+    """Nodes from the bit, m, and clearance of each, m."""
+    bodies = np.array([part.od_mm for part in (*assembly.components, assembly.components[-1])])
+    starts = np.concatenate([[0.0], ends[:-1]])
+    blades = {
+        round(float(start) + blade.at_m, 6): blade.od_mm
+        for start, part in zip(starts, assembly.components, strict=False)
+        for blade in part.blades
+    }
+    marks = np.unique(np.round([0.0, assembly.sensor_m, *ends, *blades], 6))
+    at = np.concatenate(
+        [
+            [0.0],
+            *(
+                np.linspace(low, high, math.ceil((high - low) / _ELEMENT) + 1)[1:]
+                for low, high in itertools.pairwise(marks)
+            ),
+        ]
+    )
+    # At a joint the wider of the two bodies meets the wall.
+    below, over = np.searchsorted(ends, at - 1e-9), np.searchsorted(ends, at + 1e-9)
+    last = len(bodies) - 1
+    widest = np.maximum(bodies[np.minimum(below, last)], bodies[np.minimum(over, last)])
+    for where, od in blades.items():
+        k = int(np.argmin(np.abs(at - where)))
+        widest[k] = max(widest[k], od)
+    clearance = 0.5e-3 * (assembly.hole_mm - widest)
+    # The bit cut the hole: it is held in its middle.
+    clearance[0] = 0.0
+    return at, clearance

@@ -1,0 +1,229 @@
+"""`mwd sag` and `mwd spacing`: what a bottom-hole assembly does to inclination and azimuth before it is run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mwd_surface.commands.reference_options import Date, Field, Lat, Lon
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from mwd_estimation.assembly.collar_spacing import Steel
+    from mwd_estimation.core.reference_field import Reference
+
+_MOST_ROWS = 10_000
+_STRING = "String, where no assembly is given"
+
+
+def sag(
+    assembly: Annotated[Path, typer.Argument(metavar="BHA", help="YAML of the bottom-hole assembly.")],
+    inclination: Annotated[
+        str, typer.Option(help="Inclinations, deg: LOW:HIGH[:STEP] or a list.", metavar="RANGE")
+    ] = "0:90:10",
+    build: Annotated[
+        str | None,
+        typer.Option("--build", "--dls", help="Build rates, deg/30m, as above; drops are negative.", metavar="RANGE"),
+    ] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="CSV to write.")] = None,
+) -> None:
+    """
+    Compute the sag correction of a bottom-hole assembly: what to add to a measured inclination.
+
+    With tool.assembly_file in the settings, `mwd process` and a live estimator apply it to every survey.
+
+    \b
+    Examples:
+      mwd sag bha.yaml
+      mwd sag bha.yaml --inclination 0:90:5 --build=-3:3:1.5 -o sag.csv
+    """
+    import math
+
+    from mwd_estimation.assembly.assembly import read_assembly
+    from mwd_estimation.assembly.sag import sag as sag_of
+    from mwd_surface.commands import terminal
+
+    described = read_assembly(assembly)
+    builds = [described.build_deg_30m] if build is None else _numbers("--build", build)
+    inclinations = _numbers("--inclination", inclination)
+    if not all(0.0 <= angle <= 180.0 for angle in inclinations):
+        raise ValueError(f"--inclination {inclination}: must be within 0 and 180 deg")
+    if len(builds) * len(inclinations) > _MOST_ROWS:
+        raise ValueError(f"--inclination and --build: more than {_MOST_ROWS} rows; take a larger step")
+    rows = [
+        (angle, rate, math.degrees(sag_of(described, math.radians(angle), math.radians(rate) / 30.0)))
+        for angle in inclinations
+        for rate in builds
+    ]
+    console = terminal.output()
+    _show_sag(console, rows)
+    if output is not None:
+        lines = ["inclination_deg,build_deg_30m,sag_correction_deg"]
+        lines += [f"{angle:g},{rate:g},{correction:.4f}" for angle, rate, correction in rows]
+        _write(console, output, lines)
+
+
+def spacing(
+    inclination: Annotated[float, typer.Option(help="Of the hole, deg.")],
+    azimuth: Annotated[
+        float, typer.Option(help="Of the hole, deg from true north; from magnetic north where no declination is known.")
+    ],
+    assembly: Annotated[
+        Path | None, typer.Argument(metavar="[BHA]", help="YAML of the bottom-hole assembly.", show_default=False)
+    ] = None,
+    limit: Annotated[float, typer.Option(help="Azimuth error that is allowed, deg.")] = 0.5,
+    above: Annotated[
+        str, typer.Option(help="Poles of the string above: uWb, or collars.", rich_help_panel=_STRING)
+    ] = "collars",
+    below: Annotated[
+        str,
+        typer.Option(help="Poles of the steel below: uWb, or motor, short collars, bit.", rich_help_panel=_STRING),
+    ] = "motor",
+    below_length: Annotated[
+        float, typer.Option(help="Length of the steel below the collars, m.", rich_help_panel=_STRING)
+    ] = 10.0,
+    field: Field = None,
+    lat: Lat = None,
+    lon: Lon = None,
+    date: Date = None,
+) -> None:
+    """
+    Predict the axial interference of a string, its azimuth error, and the non-magnetic collars that keep it small.
+
+    \b
+    Examples:
+      mwd spacing bha.yaml --inclination 60 --azimuth 85 --lat 58.44 --lon 1.88 --date 2026-03-01
+      mwd spacing --inclination 90 --azimuth 90 --field 50360,71.63,-2.2 --limit 0.3 --below bit
+    """
+    import math
+
+    from mwd_estimation.assembly import collar_spacing
+    from mwd_estimation.assembly.assembly import read_assembly
+    from mwd_estimation.core.reference_field import north_correction
+    from mwd_surface.commands import terminal
+
+    reference = _reference(lat, lon, date, field)
+    if not 0.0 <= inclination <= 180.0 or not limit > 0.0:
+        raise ValueError("--inclination: must be within 0 and 180 deg; --limit: must be above 0")
+    turn = north_correction(reference, "true")
+    # A field without declination is given as 0: azimuth and field then share magnetic north.
+    attitude = math.radians(inclination), math.radians(azimuth) - (turn or 0.0)
+    most = collar_spacing.largest_interference(math.radians(limit), *attitude, reference.horizontal)
+    console = terminal.output()
+    if assembly is not None:
+        pieces = collar_spacing.pieces_of(read_assembly(assembly))
+        _show_pieces(console, pieces)
+        field_t = collar_spacing.interference(pieces)
+        error = max(
+            abs(collar_spacing.azimuth_error(sign * field_t, *attitude, reference.horizontal)) for sign in (-1.0, 1.0)
+        )
+        _line(console, "interference", f"up to {field_t * 1e9:.0f} nT along the tool")
+        verdict = "within" if error <= math.radians(limit) else "beyond"
+        _line(console, "azimuth error", f"up to {math.degrees(error):.2f} deg, {verdict} the limit of {limit:g} deg")
+    if math.isinf(most):
+        _line(console, "allowed", f"any interference: in this direction none turns the azimuth by {limit:g} deg")
+        return
+    _line(console, "allowed", f"{most * 1e9:.0f} nT for an azimuth error of {limit:g} deg")
+    poles = _pole("--above", above), _pole("--below", below)
+    if assembly is not None:
+        poles, below_length = _poles_of(pieces, poles, below_length)
+    up, down = collar_spacing.shortest_collars(*poles, below_length, most)
+    _line(console, "collars", f"{up:.1f} m non-magnetic above the sensors and {down:.1f} m below keep it")
+
+
+def _poles_of(
+    pieces: tuple[Steel, ...], poles: tuple[float, float], below_length: float
+) -> tuple[tuple[float, float], float]:
+    """Pole strengths, Wb, above and below the sensors and the length of the steel below, m, of an assembly."""
+    import math
+
+    up = max((piece.pole for piece in pieces if math.isinf(piece.length)), default=poles[0])
+    finite = [piece for piece in pieces if math.isfinite(piece.length)]
+    if not finite:
+        return (up, 0.0), below_length
+    strongest = max(finite, key=lambda piece: piece.field)
+    return (up, strongest.pole), strongest.length
+
+
+def _reference(lat: float | None, lon: float | None, date: str | None, field: str | None) -> Reference:
+    import time
+
+    from mwd_estimation.pipeline import EstimatorSettings, reference_of
+    from mwd_sensors.core import settings
+    from mwd_surface.commands.reference_options import place_changes
+
+    changes = place_changes(lat, lon, date, field)
+    reference = reference_of(settings.changed(EstimatorSettings(), changes).place, time.time_ns())
+    if reference is None:
+        raise ValueError("the azimuth error depends on the field: give --lat and --lon, or --field")
+    return reference
+
+
+def _pole(option: str, text: str) -> float:
+    from mwd_estimation.assembly.collar_spacing import POLES
+
+    if text in POLES:
+        return POLES[text]
+    try:
+        strength = float(text)
+    except ValueError:
+        strength = -1.0
+    if not strength >= 0.0:
+        raise ValueError(f"{option} {text}: expected a pole strength in uWb, or one of {', '.join(POLES)}")
+    return strength * 1e-6
+
+
+def _numbers(option: str, text: str) -> list[float]:
+    """Numbers of LOW:HIGH[:STEP], both ends with them, or of a list with commas."""
+    import math
+
+    try:
+        parts = [float(part) for part in text.split(":" if ":" in text else ",")]
+    except ValueError:
+        parts = []
+    if not parts or not all(math.isfinite(part) for part in parts) or (":" in text and len(parts) not in (2, 3)):
+        raise ValueError(f"{option} {text}: expected LOW:HIGH, LOW:HIGH:STEP or numbers with commas")
+    if ":" not in text:
+        return parts
+    low, high, step = parts if len(parts) == 3 else [*parts, max((parts[1] - parts[0]) / 9.0, 1e-9)]
+    if not (step > 0.0 and low <= high and (high - low) / step < _MOST_ROWS):
+        raise ValueError(f"{option} {text}: needs LOW not above HIGH and a step above 0, at most {_MOST_ROWS} values")
+    return [low + k * step for k in range(math.floor((high - low) / step + 1e-9) + 1)]
+
+
+def _show_sag(console: Console, rows: list[tuple[float, float, float]]) -> None:
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for name in ("inclination deg", "build deg/30m", "add to inclination deg"):
+        table.add_column(name, justify="right")
+    for angle, rate, correction in rows:
+        table.add_row(f"{angle:g}", f"{rate:g}", f"{correction:+.3f}")
+    console.print(table, soft_wrap=False)
+
+
+def _show_pieces(console: Console, pieces: tuple[Steel, ...]) -> None:
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for name in ("steel", "from sensors m", "length m", "pole uWb", "field nT"):
+        table.add_column(name, justify="left" if name == "steel" else "right")
+    for piece in pieces:
+        length = f"{piece.length:.1f}" if piece.length < 1e6 else "string"
+        table.add_row(piece.name, f"{piece.near:.1f}", length, f"{piece.pole * 1e6:.0f}", f"{piece.field * 1e9:.0f}")
+    console.print(table, soft_wrap=False)
+
+
+def _line(console: Console, name: str, text: str) -> None:
+    console.print(f"{name:>13}  {text}", markup=False)
+
+
+def _write(console: Console, path: Path, lines: list[str]) -> None:
+    from mwd_surface.bags.bag_metadata import write_atomically
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, ("\n".join(lines) + "\n").encode())
+    console.print(f"written: {path}", markup=False)
