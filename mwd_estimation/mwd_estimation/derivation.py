@@ -148,6 +148,7 @@ def gyrocompass_params(settings: EstimatorSettings) -> GyroParams:
         bias_deg_h=gyro.bias_deg_h,
         bias_scale=gyro.bias_scale,
         walk_deg_h_rth=gyro.walk_deg_h_sqrt_h,
+        ramp_per_h=gyro.ramp_per_h,
         scale_x_ppm=gyro.scale_ppm,
         leak_urad=gyro.misalignment_mrad * 1e3,
         g_sensitivity_deg_h_g=gyro.g_deg_h_g,

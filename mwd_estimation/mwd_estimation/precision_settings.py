@@ -44,10 +44,19 @@ class PrecisionGyro:
         choices=("stated", "at_most"),
         expert=True,
     )
+    ramp_per_h: float = setting(
+        0.6,
+        "Ramp of the bias where the tool warms up or cools, 1 sigma, as a share of the bias in an hour. Raising it "
+        "widens the sigma of a gyro azimuth whose bias was found at an earlier station. Lower it for a unit "
+        "compensated for temperature.",
+        unit="1/h",
+        low=0.0,
+        high=1e3,
+        expert=True,
+    )
     walk_deg_h_sqrt_h: float = setting(
         0.3,
-        "Random walk of the bias, warming up included. Raising it widens the sigma of long seeks and of an azimuth "
-        "that the gyros carry.",
+        "Random walk of the bias. Raising it widens the sigma of long seeks and of an azimuth that the gyros carry.",
         unit="deg/h/sqrt(h)",
         low=0.0,
         high=1e4,

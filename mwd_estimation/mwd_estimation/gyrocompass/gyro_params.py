@@ -44,8 +44,11 @@ class GyroParams:
         stated: bias_deg_h is the sigma. at_most: the sigma is that or less, as the fit to the latitude shows; use it
         where the bound of a data sheet is all that is known.
     walk_deg_h_rth : float
-        Random walk of the bias in an hour, warming up included, deg/h. Raising it forgets sooner what earlier seeks
+        Random walk of the bias in an hour, deg/h. Raising it forgets sooner what earlier seeks
         showed.
+    ramp_per_h : float
+        Sigma of the ramp of the bias where the tool warms up or cools, as a share of bias_deg_h in an hour. Raising it
+        widens the sigma of the stations after one in two positions.
     scale_x_ppm : float
         Sigma of the scale of the x gyro, ppm.
     leak_urad : float
@@ -79,6 +82,7 @@ class GyroParams:
     bias_deg_h: float = 5.0
     bias_scale: str = "at_most"
     walk_deg_h_rth: float = 0.3
+    ramp_per_h: float = 0.6
     scale_x_ppm: float = 500.0
     leak_urad: float = 300.0
     g_sensitivity_deg_h_g: float = 0.5
@@ -122,6 +126,7 @@ def seek_params(
         bias_scale=gyro.bias_scale,
         accel_bias_ug=gyro.accel_bias_ug,
         gyro_walk_deg_h_rth=gyro.walk_deg_h_rth,
+        gyro_ramp_deg_h2=gyro.ramp_per_h * gyro.bias_deg_h,
         scale_x_ppm=gyro.scale_x_ppm,
         leak_urad=gyro.leak_urad,
         g_sensitivity_deg_h_g=gyro.g_sensitivity_deg_h_g,

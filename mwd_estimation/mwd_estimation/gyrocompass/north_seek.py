@@ -32,8 +32,10 @@ from mwd_sensors.core.constants import DEG_PER_HOUR, STANDARD_GRAVITY
 from mwd_sensors.core.frames import wrap_tau
 
 # What a seek found and the next one goes on from: the instrument's errors, and the Earth rate until it has levelled.
-_CARRIED = ("earth_rate", "gyro_bias", "scale_x", "leak", "g_sensitivity", "lag", "force_bias", "lead")
+_CARRIED = ("earth_rate", "gyro_bias", "scale_x", "leak", "g_sensitivity", "lag", "force_bias", "lead", "bias_ramp")
 _EARTH, _BIAS = slice(Error.EARTH_RATE, Error.GYRO_BIAS), slice(Error.GYRO_BIAS, Error.SCALE_X)
+# Time after which a ramp of the bias is another one, s: a collar takes up the temperature around it.
+_RAMP_S = 3600.0
 _G_SENSITIVITY = slice(Error.G_SENSITIVITY, Error.LAG)
 
 
@@ -144,7 +146,7 @@ def solution(params: SeekParams, state: State) -> Solution:
 
 def _hole_axis(state: State, method: str) -> tuple[float, float, Array]:
     """
-    Inclination and heading of the hole axis in the level frame, rad, and the heading's slope by the error state, (33,).
+    Inclination and heading of the hole axis in the level frame, rad, and the heading's slope by the error state, (36,).
 
     Of the mean axis of a tool that turns, of the axis as it lies of a tool that rests.
     """
@@ -184,11 +186,34 @@ def carried_on(params: SeekParams, state: State, seconds: float) -> State:
     for name in _CARRIED:
         setattr(begun, name, getattr(state, name))
     begun.P[:] = state.P
-    walk = kernel_params(params).bias_walk ** 2 * max(seconds, 0.0)
-    for i in range(Error.GYRO_BIAS, Error.SCALE_X):
-        begun.P[i, i] += walk
+    _drifted(kernel_params(params), begun, max(seconds, 0.0))
     begun.carried = True
     return begun
+
+
+def _drifted(p: KernelParams, state: State, seconds: float) -> None:
+    """
+    Move the gyro biases on by their ramps, in place, for a time between two seeks, s.
+
+    A ramp is a first-order Gauss-Markov process: the warmth that causes it is gone, or another, after an hour. Brown
+    and Hwang, Introduction to Random Signals, the integrated process.
+    """
+    share = seconds / _RAMP_S
+    kept = math.exp(-share)
+    moved = _RAMP_S * (1.0 - kept)
+    phi = np.eye(Error.SIZE)
+    noise = np.zeros((Error.SIZE, Error.SIZE))
+    for i in range(3):
+        bias, ramp = Error.GYRO_BIAS + i, Error.BIAS_RAMP + i
+        state.gyro_bias[i] += moved * state.bias_ramp[i]
+        state.bias_ramp[i] *= kept
+        phi[bias, ramp], phi[ramp, ramp] = moved, kept
+        noise[ramp, ramp] = 1.0 - kept**2
+        noise[bias, ramp] = noise[ramp, bias] = _RAMP_S * (1.0 - kept) ** 2
+        noise[bias, bias] = _RAMP_S**2 * max(2.0 * share - 3.0 + 4.0 * kept - kept**2, 0.0)
+    state.P[:] = phi @ state.P @ phi.T + p.bias_ramp**2 * noise
+    for i in range(Error.GYRO_BIAS, Error.SCALE_X):
+        state.P[i, i] += p.bias_walk**2 * seconds
 
 
 def calibrated(params: SeekParams, state: State, azimuth: float, sigma: float) -> SeekParams:
@@ -223,10 +248,11 @@ def calibrated(params: SeekParams, state: State, azimuth: float, sigma: float) -
     )
 
 
-# Shares of the stated bias that are tried where it is only an upper bound: even odds that it is the bound itself, or
-# somewhere below, evenly in the logarithm down to a 300th.
+# Shares of the stated bias that are tried where it is only an upper bound: nine to one that it is the bound itself,
+# else somewhere below, evenly in the logarithm down to a 300th. Even odds let a unit as bad as its bound earn too small
+# a sigma in one position, by noise alone.
 _SHARES = 300.0 ** (-np.arange(12.0) / 11.0)
-_BOUND = math.log(11.0)
+_BOUND = math.log(99.0)
 
 
 def _parts(params: SeekParams, p: KernelParams, state: State, right: Array) -> list[azimuth_posterior.Part]:

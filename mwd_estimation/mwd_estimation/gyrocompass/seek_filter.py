@@ -1,5 +1,5 @@
 """
-The compiled filter behind `north_seek`: 33 error states of a tool that lies in its hole, still or turning.
+The compiled filter behind `north_seek`: 36 error states of a tool that lies in its hole, still or turning.
 
 Attitude is integrated in a level frame whose own heading need not be known; per sample only attitude, velocity and the
 integrals of the Jacobian move, per block one Kalman step follows: no velocity gained, hole axis and, at rest, roll
@@ -87,7 +87,7 @@ def sample(p: KernelParams, s: State, half: Array, dt: float, w: Array, f: Array
 
 @compiled
 def transition(p: KernelParams, s: State, phi: Array) -> None:
-    """Fill phi, shape (5, 33): attitude and velocity error after the block from the error state before it."""
+    """Fill phi, shape (5, 36): attitude and velocity error after the block from the error state before it."""
     sums = s.sums
     t = sums.time
     en, ee, ed = s.earth_rate[0] * t, s.earth_rate[1] * t, p.down * t
@@ -131,15 +131,27 @@ def _predict(p: KernelParams, s: State, work: Work) -> None:
         for j in range(3):
             P[i, j] += extra * mat[i, 0] * mat[j, 0]
         P[Error.GYRO_BIAS + i, Error.GYRO_BIAS + i] += p.bias_walk**2 * t
+        _drift(s, i, t)
     for i in range(2):
         P[Error.VELOCITY + i, Error.VELOCITY + i] += p.accel_noise**2 * t
         P[Error.AXIS + i, Error.AXIS + i] += p.axis_walk**2 * t
 
 
 @compiled
+def _drift(s: State, i: int, t: float) -> None:
+    """Move the bias of a gyro by its ramp, with its covariance; what that turns within a block is nothing."""
+    P, bias, ramp = s.P, Error.GYRO_BIAS + i, Error.BIAS_RAMP + i
+    s.gyro_bias[i] += s.bias_ramp[i] * t
+    for j in range(Error.SIZE):
+        P[bias, j] += t * P[ramp, j]
+    for j in range(Error.SIZE):
+        P[j, bias] += t * P[j, ramp]
+
+
+@compiled
 def is_instrument(i: int) -> bool:
     """Whether error i belongs to the instrument, not to where and how the tool lies."""
-    return Error.GYRO_BIAS <= i < Error.AXIS or i == Error.LEAD
+    return Error.GYRO_BIAS <= i < Error.AXIS or i >= Error.LEAD
 
 
 @compiled
@@ -198,8 +210,9 @@ def _begin_instrument(p: KernelParams, s: State) -> None:
     P[Error.LAG, Error.LAG] = p.lag_sigma**2
     P[Error.LEAD, Error.LEAD] = p.lead_sigma**2
     for j in range(3):
-        s.gyro_bias[j] = s.force_bias[j] = 0.0
+        s.gyro_bias[j] = s.force_bias[j] = s.bias_ramp[j] = 0.0
         P[Error.FORCE_BIAS + j, Error.FORCE_BIAS + j] = p.accel_bias**2
+        P[Error.BIAS_RAMP + j, Error.BIAS_RAMP + j] = p.bias_ramp**2
 
 
 @compiled
@@ -223,7 +236,7 @@ def reset(s: State) -> None:
     """Begin the seek anew, but for the clock: what the tool did in a data gap is unknown."""
     clear(s.sums)
     for i in range(3):
-        s.gyro_bias[i] = s.force_bias[i] = 0.0
+        s.gyro_bias[i] = s.force_bias[i] = s.bias_ramp[i] = 0.0
         for j in range(3):
             s.mat[i, j] = 1.0 if i == j else 0.0
     for i in range(2):

@@ -172,7 +172,7 @@ def _hold_roll(p: KernelParams, s: State, work: Work, share: float) -> None:
 
 @compiled
 def _correct(s: State, error: Array) -> None:
-    """Put an estimated error, shape (33,), into the estimate."""
+    """Put an estimated error, shape (36,), into the estimate."""
     rotate_left(s.mat, error[0], error[1], error[2])
     for j in range(2):
         s.velocity[j] += error[Error.VELOCITY + j]
@@ -182,6 +182,7 @@ def _correct(s: State, error: Array) -> None:
     for j in range(3):
         s.gyro_bias[j] += error[Error.GYRO_BIAS + j]
         s.force_bias[j] += error[Error.FORCE_BIAS + j]
+        s.bias_ramp[j] += error[Error.BIAS_RAMP + j]
     for j in range(4):
         s.g_sensitivity[j] += error[Error.G_SENSITIVITY + j]
     for j in range(8):

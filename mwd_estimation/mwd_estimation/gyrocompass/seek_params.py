@@ -48,6 +48,8 @@ class SeekParams:
         Sigma of the accelerometer bias, ug.
     gyro_walk_deg_h_rth : float
         Random walk of the gyro bias in an hour, deg/h.
+    gyro_ramp_deg_h2 : float
+        Sigma of the ramp of the gyro bias, as where the tool warms up, deg/h per hour.
     scale_x_ppm : float
         Sigma of the scale of the x gyro, ppm.
     leak_urad : float
@@ -96,6 +98,7 @@ class SeekParams:
     gyro_x_bias_deg_h: float = 36.0
     accel_bias_ug: float = 100.0
     gyro_walk_deg_h_rth: float = 0.02
+    gyro_ramp_deg_h2: float = 0.0
     scale_x_ppm: float = 5000.0
     leak_urad: float = 500.0
     g_sensitivity_deg_h_g: float = 0.0
@@ -139,6 +142,7 @@ def kernel_params(params: SeekParams) -> KernelParams:
         gyro_x_bias=params.gyro_x_bias_deg_h * DEG_PER_HOUR,
         accel_bias=params.accel_bias_ug * MICRO_G,
         bias_walk=params.gyro_walk_deg_h_rth * DEG_PER_HOUR / 60.0,
+        bias_ramp=params.gyro_ramp_deg_h2 * DEG_PER_HOUR / 3600.0,
         scale_x=params.scale_x_ppm * 1e-6,
         leak=params.leak_urad * 1e-6,
         g_sensitivity=element * DEG_PER_HOUR / STANDARD_GRAVITY,

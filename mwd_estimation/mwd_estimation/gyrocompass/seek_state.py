@@ -32,7 +32,8 @@ class Error(enum.IntEnum):
     ROLL = 23
     WOBBLE = 24
     LEAD = 32
-    SIZE = 33
+    BIAS_RAMP = 33
+    SIZE = 36
 
 
 class Phase(enum.IntEnum):
@@ -58,6 +59,7 @@ class KernelParams(NamedTuple):
     gyro_x_bias: float  # rad/s
     accel_bias: float  # m/s^2
     bias_walk: float  # rad/s/sqrt(s)
+    bias_ramp: float  # rad/s^2
     scale_x: float
     leak: float  # rad/s of y and z per rad/s of x
     g_sensitivity: float  # stretch and shear, rad/s per m/s^2
@@ -115,12 +117,12 @@ class State:
         Tool to level frame.
     velocity, earth_rate : ndarray, shape (2,)
         Horizontal, in the level frame, m/s and rad/s.
-    gyro_bias, scale_x, leak, g_sensitivity, lag, force_bias, lead
+    gyro_bias, scale_x, leak, g_sensitivity, lag, force_bias, lead, bias_ramp
         Errors of the instrument, in the units of `KernelParams`.
     axis, roll, wobble : ndarray, shape (2,), float, ndarray, shape (8,)
         Where the hole axis lies beside its reference and the roll beside its own, and the axis' motion once and twice
         per turn, rad.
-    P : ndarray, shape (33, 33)
+    P : ndarray, shape (36, 36)
         Covariance of the error, in the order of `Error`.
     sums : Sums
         Of the block under way.
@@ -155,7 +157,8 @@ class State:
     roll: float
     wobble: Annotated[Array, 8]
     lead: float
-    P: Annotated[Array, 33, 33]
+    bias_ramp: Annotated[Array, 3]
+    P: Annotated[Array, 36, 36]
     sums: Sums
     phase: int
     settled: int
@@ -194,9 +197,9 @@ class Work:
         Tool to level frame in the middle of a sample.
     down, forward, level : ndarray
         Vectors and matrix of levelling.
-    phi, rows : ndarray, shape (5, 33)
+    phi, rows : ndarray, shape (5, 36)
         Moving rows of the transition, and of its product with P.
-    error, h, ph : ndarray, shape (33,)
+    error, h, ph : ndarray, shape (36,)
         Error found so far in a block; row of a measurement, and its product with P.
     """
 
@@ -204,17 +207,19 @@ class Work:
     down: Annotated[Array, 3]
     forward: Annotated[Array, 3]
     level: Annotated[Array, 3, 3]
-    phi: Annotated[Array, 5, 33]
-    rows: Annotated[Array, 5, 33]
-    error: Annotated[Array, 33]
-    h: Annotated[Array, 33]
-    ph: Annotated[Array, 33]
+    phi: Annotated[Array, 5, 36]
+    rows: Annotated[Array, 5, 36]
+    error: Annotated[Array, 36]
+    h: Annotated[Array, 36]
+    ph: Annotated[Array, 36]
 
 
 STATE, WORK = dtype_of(State), dtype_of(Work)
 
 
 def estimate(s: State) -> Array:
-    """Estimate in the order of `Error`, shape (33,); attitude, which is a matrix, counts as zero."""
+    """Estimate in the order of `Error`, shape (36,); attitude, which is a matrix, counts as zero."""
     instrument = (s.gyro_bias, s.scale_x, s.leak, s.g_sensitivity, s.lag, s.force_bias)
-    return np.hstack([np.zeros(3), s.velocity, s.earth_rate, *instrument, s.axis, s.roll, s.wobble, s.lead])
+    return np.hstack(
+        [np.zeros(3), s.velocity, s.earth_rate, *instrument, s.axis, s.roll, s.wobble, s.lead, s.bias_ramp]
+    )

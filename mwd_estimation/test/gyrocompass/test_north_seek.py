@@ -310,3 +310,42 @@ def test_a_gyro_far_from_its_statement_is_named() -> None:
     found = north_seek.solution(params, state)
     assert not found.success
     assert found.reason.code in (ReasonCode.GYRO_BIAS_EXCESSIVE, ReasonCode.LATITUDE_MISFIT)
+
+
+def test_a_gyro_whose_bias_drifts_to_the_next_station_errs_by_its_sigma_there() -> None:
+    rng, latitude, between = np.random.default_rng(8), math.radians(34.0), 1800.0
+    params = SeekParams(
+        gyro_x_noise_deg_rth=0.05, gyro_x_bias_deg_h=1.0, scale_x_ppm=300.0, accel_bias_ug=20.0, gyro_ramp_deg_h2=3.0
+    )
+    first = motion(66.0, latitude, math.radians(60.0), math.radians(40.0), two_positions, RATE)
+    second = motion(60.0, latitude, math.radians(60.0), math.radians(70.0), still, RATE)
+    error, sigma = np.empty(60), np.empty(60)
+    for r in range(60):
+        bias, ramp = rng.standard_normal((2, 3)) * [[1.0], [3.0]] * DEG_PER_HOUR
+        state = north_seek.initial()
+        for clean, hours in ((first, 0.0), (second, between / 3600.0)):
+            since = hours + (clean.stamp_ns - clean.stamp_ns[0])[:, None] / 3.6e12
+            gyro, accel = measured(clean, rng, 0.05, None, 30.0)
+            if hours:
+                state = north_seek.carried_on(params, state, between)
+            north_seek.run(params, state, clean.stamp_ns, gyro + bias + ramp * since, accel)
+        found = north_seek.solution(params, state)
+        error[r], sigma[r] = wrap_pi(found.azimuth - math.radians(70.0)), found.sigma
+    assert_consistent(error, sigma)
+
+
+@pytest.mark.parametrize("noise", [0.05, 0.2])
+def test_a_gyro_as_bad_as_the_bound_of_its_bias_errs_by_its_sigma_in_one_position(noise: float) -> None:
+    params = SeekParams(
+        latitude_deg=10.0,
+        gyro_noise_deg_rth=noise,
+        gyro_x_noise_deg_rth=noise,
+        gyro_bias_deg_h=3.0,
+        gyro_x_bias_deg_h=3.0,
+        bias_scale="at_most",
+        scale_x_ppm=300.0,
+    )
+    clean = motion(60.0, math.radians(10.0), math.radians(60.0), math.radians(40.0), still, RATE)
+    error, sigma, last = monte_carlo(params, clean, runs=100)
+    assert last.success
+    assert_consistent(error, sigma)

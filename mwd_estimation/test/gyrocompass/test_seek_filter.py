@@ -23,7 +23,7 @@ def set_estimate(s: State, x: np.ndarray) -> None:
     """The inverse of `estimate`."""
     s.velocity[:], s.earth_rate[:], s.gyro_bias[:] = x[3:5], x[5:7], x[7:10]
     s.scale_x, s.leak[:], s.g_sensitivity[:], s.lag, s.force_bias[:] = x[10], x[11:13], x[13:17], x[17], x[18:21]
-    s.axis[:], s.roll, s.wobble[:], s.lead = x[21:23], x[23], x[24:32], x[32]
+    s.axis[:], s.roll, s.wobble[:], s.lead, s.bias_ramp[:] = x[21:23], x[23], x[24:32], x[32], x[33:36]
 
 
 def test_the_estimate_in_the_order_of_the_errors_is_that_of_the_state() -> None:
