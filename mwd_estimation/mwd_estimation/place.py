@@ -28,14 +28,16 @@ class Place:
         choices=earth.MODELS,
         expert=True,
     )
-    lat_deg: float = setting(
-        0.0,
-        "Latitude, WGS 84, north positive. The gyro azimuth needs it too; latitude and longitude both 0: not known.",
+    lat_deg: float | None = setting(
+        None,
+        "Latitude, WGS 84, north positive. The gyro azimuth needs it too. nan: not given.",
         unit="deg",
         low=-90.0,
         high=90.0,
     )
-    lon_deg: float = setting(0.0, "Longitude, WGS 84, east positive.", unit="deg", low=-180.0, high=360.0)
+    lon_deg: float | None = setting(
+        None, "Longitude, WGS 84, east positive. nan: not given.", unit="deg", low=-180.0, high=360.0
+    )
     height_m: float = setting(
         0.0,
         "Height above the ellipsoid. 1000 m change the field by 0.05 %.",
@@ -46,8 +48,8 @@ class Place:
     )
     grid: str = setting(
         "none",
-        "Map grid of the well's plan; the model's position then gives the convergence to grid north.",
-        choices=("none", "utm"),
+        "Map grid of the well's plan: none, utm (the zone of the place) or an EPSG code such as EPSG:23031. The "
+        "position then gives the convergence to grid north.",
         expert=True,
     )
     date: str = setting("", "Day of the model, YYYY-MM-DD; empty: the day of the first sample.", expert=True)
@@ -142,18 +144,21 @@ def reference_of(place: Place, first_ns: int) -> Reference | None:
             raise SettingsError(f"place.date: {place.date!r} is not a day as YYYY-MM-DD") from error
     else:
         day = datetime.datetime.fromtimestamp(first_ns * 1e-9, tz=datetime.UTC).date()
-    reference = from_field(
-        earth.reference_field(
-            math.radians(place.lat_deg), math.radians(place.lon_deg), place.height_m, day, place.model
-        )
-    )
+    if place.lat_deg is None or place.lon_deg is None:
+        raise SettingsError("place.field: a model needs the position; give place.lat_deg and place.lon_deg")
+    lat, lon = math.radians(place.lat_deg), math.radians(place.lon_deg)
+    reference = from_field(earth.reference_field(lat, lon, place.height_m, day, place.model))
     # A place says where true north is; the settings give the grid of the well's maps.
-    return reference if place.grid == "utm" else dataclasses.replace(reference, convergence=None)
+    return dataclasses.replace(reference, convergence=_convergence(place, lat, lon))
 
 
-def located(place: Place) -> bool:
-    """Whether the position is given."""
-    return place.lat_deg != 0.0 or place.lon_deg != 0.0
+def _convergence(place: Place, lat: float, lon: float) -> float | None:
+    if place.grid == "none":
+        return None
+    try:
+        return earth.grid_convergence(lat, lon, None if place.grid == "utm" else place.grid)
+    except ValueError as error:
+        raise SettingsError(f"place.grid: write none, utm or an EPSG code; {error}") from error
 
 
 def _fixed(place: Place) -> Reference:
@@ -165,7 +170,7 @@ def _fixed(place: Place) -> Reference:
         dip=math.radians(place.dip_deg),
         declination=math.radians(place.declination_deg),
         convergence=math.radians(place.convergence_deg),
-        gravity=place.gravity_mps2 or (_gravity_at(place) if located(place) else None),
+        gravity=place.gravity_mps2 or _gravity_at(place),
         source=place.source or "configured",
     )
     sigmas = {name: getattr(place, name) for name in ("sigma_total_nt", "sigma_dip_deg", "sigma_declination_deg")}
@@ -189,5 +194,5 @@ def _fixed(place: Place) -> Reference:
     )
 
 
-def _gravity_at(place: Place) -> float:
-    return earth.gravity(math.radians(place.lat_deg), place.height_m)
+def _gravity_at(place: Place) -> float | None:
+    return None if place.lat_deg is None else earth.gravity(math.radians(place.lat_deg), place.height_m)

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.gravity_settings import EXPERT, NoExpert
-from mwd_estimation.place import Place, located
+from mwd_estimation.place import Place
 from mwd_estimation.tool_settings import Tool
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import from_mapping, setting, to_mapping
@@ -282,5 +282,4 @@ class EstimatorSettings:
 
 def latitude_of(settings: EstimatorSettings) -> float | None:
     """Latitude for the gyros, deg north; None where the position is not known."""
-    place = settings.place
-    return place.lat_deg if place.field == "model" or located(place) else None
+    return settings.place.lat_deg

@@ -28,7 +28,7 @@ GRADES = sorted((importlib.resources.files("mwd_sensors") / "simulator" / "grade
 )
 def test_a_reference_outside_its_model_is_refused(changes, message):
     with pytest.raises(ValueError, match=message):
-        reference_of(Place(field="model", lat_deg=50.0, **changes), START)
+        reference_of(Place(field="model", lat_deg=50.0, lon_deg=5.0, **changes), START)
 
 
 def test_the_reference_of_the_model_takes_the_day_of_the_first_sample():
@@ -54,15 +54,30 @@ def test_only_a_named_grid_gives_the_model_a_convergence():
     place = Place(field="model", lat_deg=50.0, lon_deg=5.0)
     assert reference_of(place, START).convergence is None
     assert reference_of(dataclasses.replace(place, grid="utm"), START).convergence == pytest.approx(0.0268, abs=1e-3)
+    # ED50 / UTM 32: the next meridian.
+    ed50 = reference_of(dataclasses.replace(place, grid="EPSG:23032"), START)
+    assert ed50.convergence == pytest.approx(
+        math.atan(math.tan(math.radians(-4.0)) * math.sin(math.radians(50.0))), abs=1e-4
+    )
+    for wrong in ("EPSG:1", "EPSG:4326", "the grid"):
+        with pytest.raises(ValueError, match=r"place.grid: write none, utm or an EPSG code"):
+            reference_of(dataclasses.replace(place, grid=wrong), START)
+
+
+def test_a_model_without_a_position_is_refused_and_nan_is_none():
+    with pytest.raises(ValueError, match=r"a model needs the position; give place.lat_deg and place.lon_deg"):
+        reference_of(Place(field="model", lat_deg=50.0), START)
+    assert changed(Place(lat_deg=50.0), {"lat_deg": math.nan}).lat_deg is None
 
 
 @pytest.mark.parametrize(
     ("place", "latitude"),
     [
-        (Place(field="model", lat_deg=50.0), 50.0),
+        (Place(field="model", lat_deg=50.0, lon_deg=0.0), 50.0),
         (Place(), None),
         (Place(lat_deg=30.0), 30.0),
-        (Place(lon_deg=9.0), 0.0),
+        (Place(lat_deg=0.0, lon_deg=0.0), 0.0),
+        (Place(lon_deg=9.0), None),
     ],
 )
 def test_the_latitude_is_the_places_or_unknown(place, latitude):
@@ -186,7 +201,7 @@ def test_a_named_field_that_is_incomplete_is_refused(missing):
 
 
 def test_a_code_of_an_in_field_reference_refuses_a_global_model():
-    given = {"survey.tool_code": "MWD+IFR1", "place.field": "model", "place.lat_deg": 60.0}
+    given = {"survey.tool_code": "MWD+IFR1", "place.field": "model", "place.lat_deg": 60.0, "place.lon_deg": 5.0}
     with pytest.raises(SettingsError, match="in-field reference"):
         derivation.reference(changed(EstimatorSettings(), given), START)
 

@@ -215,12 +215,56 @@ def grid_convergence(lat: float, lon: float, crs: str | None = None) -> float:
     ValueError
         A system that pyproj does not know or that has no convergence there.
     """
-    return _convergence(lat, lon, crs if crs is not None else utm_zone(lat, lon))
+    return map_grid(lat, lon, crs).convergence
+
+
+@dataclasses.dataclass(frozen=True)
+class MapGrid:
+    """
+    A place in a map grid.
+
+    Attributes
+    ----------
+    name : str
+        EPSG code of the grid.
+    easting, northing : float
+        m.
+    convergence : float
+        From true north to grid north, rad, east positive.
+    scale : float
+        Distance in the map over distance on the ellipsoid.
+    """
+
+    name: str
+    easting: float
+    northing: float
+    convergence: float
+    scale: float
+
+
+def map_grid(lat: float, lon: float, crs: str | None = None) -> MapGrid:
+    """
+    Return a place in a map grid; arguments and errors as `grid_convergence`.
+
+    A grid on another datum takes the place as it is: the shift between datums, up to some hundred metres, is left out.
+    """
+    return _map_grid(lat, lon, crs if crs is not None else utm_zone(lat, lon))
 
 
 def utm_zone(lat: float, lon: float) -> str:
-    """EPSG code of the regular six-degree UTM zone (without the exceptions of Norway and Svalbard); lat, lon rad."""
-    zone = math.floor((math.degrees(lon) + 180.0) / 6.0) % 60 + 1
+    """
+    EPSG code of the UTM zone, with the wider zones of south-western Norway and Svalbard; lat, lon rad.
+
+    Source: NGA.SIG.0012, The Universal Grids and the Transverse Mercator and Polar Stereographic Map Projections, 2014,
+    section 7 (zone 32V, and 31X, 33X, 35X, 37X).
+    """
+    lat_deg, lon_deg = math.degrees(lat), (math.degrees(lon) + 180.0) % 360.0 - 180.0
+    zone = math.floor((lon_deg + 180.0) / 6.0) % 60 + 1
+    if 56.0 <= lat_deg < 64.0 and 3.0 <= lon_deg < 12.0:
+        zone = 32
+    elif 72.0 <= lat_deg <= 84.0 and 0.0 <= lon_deg < 42.0:
+        # Zones 32, 34 and 36 do not exist there; their neighbours meet at 9, 21 and 33 deg.
+        zone = next(z for z, end in ((31, 9.0), (33, 21.0), (35, 33.0), (37, 42.0)) if lon_deg < end)
     return f"EPSG:{32600 + zone if lat >= 0.0 else 32700 + zone}"
 
 
@@ -254,11 +298,16 @@ def _igrf(lat: float, lon: float, height: float, year: float) -> Array:
 
 
 @functools.lru_cache(maxsize=64)
-def _convergence(lat: float, lon: float, crs: str) -> float:
+def _map_grid(lat: float, lon: float, crs: str) -> MapGrid:
     import pyproj
 
     try:
-        factors = pyproj.Proj(crs).get_factors(math.degrees(lon), math.degrees(lat))
+        grid = pyproj.Proj(crs)
+        if not pyproj.CRS(crs).is_projected:
+            raise ValueError(f"crs {crs!r} is no map grid: it has no easting and northing")
+        factors = grid.get_factors(math.degrees(lon), math.degrees(lat), errcheck=True)
+        easting, northing = grid(math.degrees(lon), math.degrees(lat), errcheck=True)
     except pyproj.exceptions.ProjError as error:
         raise ValueError(f"crs {crs!r} gives no grid convergence at this place: {error}") from error
-    return math.radians(factors.meridian_convergence)
+    convergence = math.radians(factors.meridian_convergence)
+    return MapGrid(crs, easting, northing, convergence, factors.meridional_scale)

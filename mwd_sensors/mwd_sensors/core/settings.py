@@ -208,7 +208,8 @@ def checked(value: Any, kind: Any, rule: Rule, where: str) -> Any:
 
 def _checked_union(value: Any, kind: Any, rule: Rule, where: str) -> Any:
     options = typing.get_args(kind)
-    if value is None and type(None) in options:
+    # A parameter of ROS has no other way to say "not given" than nan.
+    if type(None) in options and (value is None or (isinstance(value, float) and math.isnan(value))):
         return None
     errors = []
     for option in options:

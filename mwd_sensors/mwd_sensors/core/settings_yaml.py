@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import textwrap
 from typing import Any
 
@@ -48,6 +49,8 @@ def _lines(settings: Any, indent: int) -> list[str]:
         else:
             # A parameter file has no empty list; one empty text stands for it.
             plain = (list(value) or [""]) if isinstance(value, (list, tuple)) else value
+            # Nor has it an empty value: a number that is not given is nan.
+            plain = math.nan if plain is None else plain
             text = yaml.safe_dump(plain, default_flow_style=True, width=10**6, allow_unicode=True)
             # A bare scalar ends with a document mark.
             scalar = text.removesuffix("...\n").strip()

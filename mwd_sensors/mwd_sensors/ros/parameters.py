@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any, Generic, TypeVar
@@ -61,6 +62,8 @@ class SettingsParameters(Generic[T]):
         descriptor = describe(name, value, rule)
         # Lists of nothing have no type of their own; sequences go on the wire as lists.
         plain = list(value) if isinstance(value, (list, tuple)) else value
+        # A number that is not given is nan on the wire; a range of ROS would refuse it, ours is checked afterwards.
+        plain = math.nan if plain is None else plain
         try:
             if plain == []:
                 given = self._given.get(name)

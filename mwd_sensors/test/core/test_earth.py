@@ -114,7 +114,33 @@ def test_an_unknown_grid_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("lon_deg", "lat_deg", "zone"), [(-180.0, 1.0, 32601), (3.0, 60.0, 32631), (180.0, -5.0, 32701)]
+    ("lon_deg", "lat_deg", "zone"),
+    [
+        (-180.0, 1.0, 32601),
+        (2.9, 60.0, 32631),
+        (180.0, -5.0, 32701),
+        # Wider zones: south-western Norway and Svalbard.
+        (5.3, 60.4, 32632),
+        (3.0, 64.0, 32631),
+        (8.9, 78.0, 32631),
+        (15.6, 78.2, 32633),
+        (33.0, 80.0, 32637),
+        (-1.0, 78.0, 32630),
+        (365.3, 60.4, 32632),
+    ],
 )
 def test_utm_zones_go_round_the_earth(lon_deg, lat_deg, zone):
     assert earth.utm_zone(math.radians(lat_deg), math.radians(lon_deg)) == f"EPSG:{zone}"
+
+
+def test_a_place_has_coordinates_and_scale_in_its_map_grid():
+    """On the central meridian easting is 500 km and the scale 0.9996; the equator has northing 0."""
+    at = earth.map_grid(0.0, math.radians(3.0))
+    assert at.name == "EPSG:32631"
+    assert (at.easting, at.northing) == (pytest.approx(500e3, abs=1e-3), pytest.approx(0.0, abs=1e-3))
+    assert (at.scale, at.convergence) == (pytest.approx(0.9996), pytest.approx(0.0, abs=1e-9))
+    # Three degrees away the scale is larger: k0 (1 + cos^2(lat) dlon^2 / 2).
+    away = earth.map_grid(math.radians(60.0), math.radians(2.9), "EPSG:32630")
+    assert away.scale == pytest.approx(0.9996 * (1.0 + 0.25 * math.radians(5.9) ** 2 / 2.0), abs=2e-5)
+    with pytest.raises(ValueError, match="is no map grid"):
+        earth.map_grid(0.7, 1.9, "EPSG:4326")

@@ -14,12 +14,14 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.report_section import Section
 from mwd_surface.surveys.plan import Plan, offset_from
 from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Survey, SurveyRecord
+from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_path import Definitive
 from mwd_surface.surveys.well_position import uncertain
 
@@ -291,7 +293,7 @@ def _header(
         ("Field", well.field),
         ("Rig", well.rig),
         ("Survey company", well.service_company),
-        ("Latitude, longitude (WGS84)", f"{fixed(well.latitude_deg, 6)} deg, {fixed(well.longitude_deg, 6)} deg"),
+        *_placed(well),
         ("Depth datum", f"{well.depth_datum}, {fixed(well.datum_elevation, 2)} m above mean sea level"),
         ("Azimuth reference", f"{north} north"),
         ("Declination", f"{fixed(reference.declination * _DEG, 3)} deg" if reference else unknown),
@@ -314,3 +316,26 @@ def _header(
         ("Software", software),
     ]
     return tuple((label, plain(value)) for label, value in lines if value)
+
+
+def _placed(well: Well) -> tuple[tuple[str, str], ...]:
+    known = well.latitude_deg is not None and well.longitude_deg is not None
+    place = f"{fixed(well.latitude_deg, 6)} deg, {fixed(well.longitude_deg, 6)} deg" if known else "not given"
+    return ("Latitude, longitude (WGS84)", place), ("Map grid", _map_grid(well))
+
+
+def _map_grid(well: Well) -> str:
+    """Grid, coordinates of the wellhead, convergence and scale in words; empty where no grid is configured."""
+    if not well.grid:
+        return ""
+    if well.latitude_deg is None or well.longitude_deg is None:
+        return f"{well.grid}: needs the latitude and longitude of the wellhead"
+    crs = None if well.grid == "utm" else well.grid
+    try:
+        at = earth.map_grid(math.radians(well.latitude_deg), math.radians(well.longitude_deg), crs)
+    except ValueError as error:
+        return str(error)
+    return (
+        f"{at.name}: wellhead at {fixed(at.easting, 2)} m E, {fixed(at.northing, 2)} m N; convergence"
+        f" {fixed(at.convergence * _DEG, 4)} deg, scale {at.scale:.6f}"
+    )

@@ -19,8 +19,15 @@ class Well:
     field: str = setting("", "oil or gas field, or site")
     rig: str = setting("", "drilling rig")
     service_company: str = setting("", "company that runs the surveys")
-    latitude_deg: float = setting(0.0, "WGS84 latitude of the wellhead", unit="deg", low=-90.0, high=90.0)
-    longitude_deg: float = setting(0.0, "WGS84 longitude of the wellhead", unit="deg", low=-180.0, high=180.0)
+    latitude_deg: float | None = setting(
+        None, "WGS84 latitude of the wellhead; nan: not given", unit="deg", low=-90.0, high=90.0
+    )
+    longitude_deg: float | None = setting(
+        None, "WGS84 longitude of the wellhead; nan: not given", unit="deg", low=-180.0, high=360.0
+    )
+    grid: str = setting(
+        "", "map grid of reports: utm (the zone of the wellhead) or an EPSG code such as EPSG:23031; empty: none"
+    )
     depth_datum: str = setting("RKB", "datum of measured and vertical depth, as printed in reports")
     datum_elevation: float = setting(0.0, "height of the depth datum above mean sea level", unit="m")
     north_reference: str = setting(

@@ -60,7 +60,7 @@ def programme_of(well: Well) -> Programme | None:
 def error_reference(well: Well, survey: Survey) -> ErrorReference:
     """Return the local field a survey was judged by, at the place of the well."""
     return ErrorReference(
-        latitude=math.radians(well.latitude_deg),
+        latitude=math.nan if well.latitude_deg is None else math.radians(well.latitude_deg),
         b_total=survey.b_reference,
         dip=survey.dip_reference,
         declination=survey.declination,

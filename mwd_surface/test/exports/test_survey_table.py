@@ -104,3 +104,13 @@ def test_text_is_brought_to_one_printable_line():
 def test_an_unknown_column_is_a_key_error():
     with pytest.raises(KeyError):
         example.table().column("nonsense")
+
+
+def test_a_place_that_is_not_given_is_called_so_and_a_grid_is_told():
+    nowhere = head(example.table(well={"latitude_deg": None, "longitude_deg": None, "grid": "utm"}))
+    assert nowhere["Latitude, longitude (WGS84)"] == "not given"
+    assert "needs the latitude and longitude" in nowhere["Map grid"]
+    placed = head(example.table(well={"grid": "EPSG:32631"}))
+    assert placed["Map grid"].startswith("EPSG:32631: wellhead at 48901")
+    assert "EPSG:1" in head(example.table(well={"grid": "EPSG:1"}))["Map grid"]
+    assert "Map grid" not in head(example.table())

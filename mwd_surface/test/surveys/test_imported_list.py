@@ -13,6 +13,7 @@ from mwd_surface.surveys.leg import TieOn
 from mwd_surface.surveys.list_file import list_from_table, read_list
 from mwd_surface.surveys.survey_record import North
 from mwd_surface.surveys.survey_source import surveys_of
+from mwd_surface.surveys.well import Well
 from project import REFERENCE_DATA
 
 F4 = REFERENCE_DATA / "volve" / "F-4_gyro_ns_trajectory.csv"
@@ -57,7 +58,7 @@ def test_stations_whose_verdict_is_not_accept_are_listed_and_used_only_on_demand
 
 
 def test_with_a_reference_the_tool_code_gives_each_station_its_uncertainty():
-    surveys, _ = survey_list(read_list(F4), reference=FIELD)
+    surveys, _ = survey_list(read_list(F4), Well(latitude_deg=58.44, longitude_deg=1.88), reference=FIELD)
     table = survey_table(surveys, 0)
     assert table.covariance is not None
     # GYRO-NS and MWD+SRGM are different models.
