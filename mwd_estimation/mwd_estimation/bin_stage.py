@@ -124,11 +124,15 @@ class BinStage:
             output.rotary.append(average)
             return
         taken = self.decision.rotary(average, self._numbering.next(), self._reference(average), rotary_speed)
-        output.rotary.append(self._observatory.noted(taken))
+        output.rotary.append(self._noted(taken))
 
     def complete(self, taken: Provisional, propagated: PropagatedAzimuth) -> Survey:
         """Return a survey as it leaves the estimator; propagated: the azimuths carried to it."""
-        return self._observatory.noted(self.decision.complete(taken, propagated))
+        return self._noted(self.decision.complete(taken, propagated))
+
+    def _noted(self, taken: Survey) -> Survey:
+        """Add what is to be said of the external field."""
+        return dataclasses.replace(taken, station=self._observatory.noted(taken.station))
 
     def _reference(self, average: StillAverage) -> Reference | None:
         """The reference at the time of an average."""

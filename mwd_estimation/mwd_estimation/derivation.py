@@ -212,9 +212,14 @@ def reference(settings: EstimatorSettings, first_ns: int) -> Reference | None:
         As `reference_of` and `tool_code.reference_sigmas`; a tool code that assumes an in-field reference where the
         field is a global model's.
     """
+    found = reference_of(settings.place, first_ns)
+    return None if found is None else with_code(settings, found)
+
+
+def with_code(settings: EstimatorSettings, found: Reference) -> Reference:
+    """The reference with the sigmas of the tool code, where one is named. ValueError as `reference`."""
     place, code = settings.place, settings.survey.tool_code
-    found = reference_of(place, first_ns)
-    if found is None or not code:
+    if not code:
         return found
     if "IFR" in code and place.field == "model":
         raise SettingsError(

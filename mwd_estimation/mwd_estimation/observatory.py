@@ -10,7 +10,7 @@ from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.place import Place
-from mwd_estimation.survey.survey import Survey
+from mwd_estimation.survey.station_record import Station
 from mwd_sensors.core.settings import SettingsError
 
 
@@ -54,20 +54,19 @@ class Observatory:
             reference, found, place.observatory_share, place.storm_nt * 1e-9, f"observatory {self._record.station}"
         )
 
-    def noted(self, survey: Survey) -> Survey:
-        """Add to a survey what is to be said of the external field in its reference, which came from `at`."""
-        station = survey.station
+    def noted(self, station: Station) -> Station:
+        """Add to a station what is to be said of the external field in its reference, which came from `at`."""
         reference = station.reference
         if self._record is None or reference is None or not reference.has_field or reference.declination is None:
-            return survey
+            return station
         external, names = reference.external, (self._record.station,)
         if external is None:
             reason = Reason(Code.EXTERNAL_FIELD_UNKNOWN, names=names)
         elif external.is_storm:
             reason = Reason(Code.MAGNETIC_STORM, external.strength, external.storm, names=names)
         else:
-            return survey
-        return dataclasses.replace(survey, station=dataclasses.replace(station, reasons=(*station.reasons, reason)))
+            return station
+        return dataclasses.replace(station, reasons=(*station.reasons, reason))
 
     def _refresh(self) -> None:
         path = Path(self._place.observatory_file)

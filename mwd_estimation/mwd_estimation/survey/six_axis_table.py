@@ -11,7 +11,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,6 +24,7 @@ from mwd_estimation.survey.station import Station, StationSettings, station
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
+Refine = Callable[[Reference, str], Reference]
 _AXES = ("axial", "tran1", "tran2")
 _ACCELERATION = {
     "mps2": 1.0,
@@ -125,6 +126,7 @@ def stations(
     settings: StationSettings | None = None,
     *,
     axial: str | None = None,
+    refine: Refine | None = None,
 ) -> list[TableStation]:
     """
     Compute every row of a six-axis table.
@@ -138,6 +140,8 @@ def stations(
     settings : StationSettings, optional
     axial : {"x", "z"}, optional
         Which letter runs down-hole, for columns named by letters.
+    refine : callable, optional
+        Makes the reference that counts from that of a row and its time as written.
 
     Returns
     -------
@@ -153,7 +157,7 @@ def stations(
     columns = find_columns(table, axial)
     rows = len(table[columns.gravity[0]])
     values = {name: _numbers(table, name, rows, factor) for name, factor in columns.factors.items()}
-    return [_computed(table, columns, values, row, override, settings) for row in range(rows)]
+    return [_computed(table, columns, values, row, override, settings, refine) for row in range(rows)]
 
 
 def _computed(
@@ -163,13 +167,16 @@ def _computed(
     row: int,
     override: Reference | None,
     settings: StationSettings | None,
+    refine: Refine | None,
 ) -> TableStation:
     """One row; values: every column in SI. ValueError as `stations`."""
     known = {
         key: float(values[name][row]) for key, name in columns.references.items() if math.isfinite(values[name][row])
     }
+    time = str(table[columns.time][row]) if columns.time else ""
     try:
         reference = _merged(known, override)
+        reference = refine(reference, time) if refine is not None and reference is not None else reference
     except ValueError as error:
         raise ValueError(f"row {row + 1}: {error}") from error
     sensors = (*columns.gravity, *columns.field)
@@ -179,7 +186,7 @@ def _computed(
     faults = (Reason(Code.NO_NUMBER, names=bad),) if bad else ()
     return TableStation(
         md=float(values[columns.depth][row]) if columns.depth else math.nan,
-        time=str(table[columns.time][row]) if columns.time else "",
+        time=time,
         station=station(f_t, b_t, reference, settings, faults=faults),
     )
 

@@ -48,7 +48,7 @@ def survey(
     from mwd_surface.bags import bag_metadata
     from mwd_surface.commands import terminal
     from mwd_surface.commands.survey_table import show_surveys
-    from mwd_surface.commands.table_reference import Known, table_reference, table_settings
+    from mwd_surface.commands.table_reference import Known, RowReference, table_reference, table_settings
     from mwd_surface.surveys import station_csv
     from mwd_surface.surveys.station_file import read_table
 
@@ -56,7 +56,8 @@ def survey(
     settings = table_settings(config, changes, lat, lon, date, field)
     times = table.get(find_columns(table, axial).time or "", ())
     override, remarks = table_reference(settings, Known.of(field, declination, convergence, gravity), times)
-    worked = work_out(table, override, station_params(settings), axial=axial)
+    rows = RowReference(settings)
+    worked = rows.noted(work_out(table, override, station_params(settings), axial=axial, refine=rows.at))
     console = terminal.output()
     for remark in remarks:
         terminal.warn(remark)

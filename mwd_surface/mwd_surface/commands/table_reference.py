@@ -12,12 +12,15 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mwd_estimation.core.reference_field import Reference
     from mwd_estimation.pipeline import EstimatorSettings
+    from mwd_estimation.survey.six_axis_table import TableStation
 
 # Settings of the place that a table does not use beside each source of the field.
 _UNUSED = {
-    "fixed": ("model", "grid", "date", "observatory_file"),
-    "model": ("total_nt", "dip_deg", "declination_deg", "convergence_deg", "gravity_mps2", "observatory_file"),
+    "fixed": ("model", "grid", "date"),
+    "model": ("total_nt", "dip_deg", "declination_deg", "convergence_deg", "gravity_mps2"),
 }
+# Settings that count beside a field of the table's own columns too.
+_ANY_FIELD = ("field", "observatory_file", "observatory_share", "storm_nt")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,7 +76,7 @@ def table_settings(
     named.pop("survey.north", None)
     settings = estimator_settings(config, named, changes)
     place, usual = settings.place, Place()
-    names = _UNUSED.get(place.field) or tuple(f.name for f in dataclasses.fields(place) if f.name != "field")
+    names = _UNUSED.get(place.field) or tuple(f.name for f in dataclasses.fields(place) if f.name not in _ANY_FIELD)
     for name in names:
         # As text: a value that is not known is nan, which is not equal to itself.
         if repr(getattr(place, name)) != repr(getattr(usual, name)):
@@ -84,6 +87,32 @@ def table_settings(
             }[place.field]
             raise ValueError(f"place.{name}: {why}")
     return settings
+
+
+class RowReference:
+    """
+    The reference of each row by its time: with the external field of an observatory, and the sigmas of the tool code.
+
+    Raises ValueError where the observatory's file cannot be used.
+    """
+
+    def __init__(self, settings: EstimatorSettings) -> None:
+        from mwd_estimation.observatory import Observatory
+
+        self._settings, self._observatory = settings, Observatory(settings.place)
+
+    def at(self, reference: Reference, time: str) -> Reference:
+        """Return the reference of a row at its time as written. ValueError where the tool code does not fit it."""
+        from mwd_estimation import derivation
+
+        coded, moment = derivation.with_code(self._settings, reference), _moment(time)
+        if moment is None:
+            return coded
+        return self._observatory.at(coded, round(moment.timestamp() * 1e9)) or coded
+
+    def noted(self, rows: Sequence[TableStation]) -> list[TableStation]:
+        """Add to the rows what is to be said of the external field."""
+        return [dataclasses.replace(row, station=self._observatory.noted(row.station)) for row in rows]
 
 
 def table_reference(
