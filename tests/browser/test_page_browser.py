@@ -99,6 +99,8 @@ class Rig:
     def fill(self):
         for k in range(1, 5):
             odd = {"verdict": int(Verdict.DOUBTFUL), "reasons": ("total field is 380 nT over",), "b_total": 50.38e-6}
+            odd |= {"verdict_azimuth": int(Verdict.DOUBTFUL), "headline": "External field: use a gyro"}
+            odd |= {"alternatives": (1.0,), "alternative_odds": (0.04,)}
             self.list = self.list.add(survey(k, **(odd if k == 4 else {})), 300.0 * k, 1.0, comment=EVIL)
         self.book.raise_alarm("mag.field", Severity.WARNING, f"total field is off {EVIL}", "check", 10**18)
         self.live()
@@ -338,10 +340,14 @@ def test_the_survey_table_has_words_for_verdicts_and_a_projected_last_line(brows
         assert "projected" in rows[0]
         assert "1220.00" in rows[0]
         assert "doubtful" in rows[1]
+        assert "I✓ A? T✓" in rows[1]
         assert all("accepted" in row and "auto" in row for row in rows[2:])
         click(browser, "[data-keep=row-4]")
         detail = text(browser, ".detail")
         assert "total field is 380 nT over" in detail
+        assert "External field: use a gyro" in detail
+        assert "accept, doubtful, accept" in detail
+        assert "(4.0 %)" in detail
         assert browser.find_element(By.CSS_SELECTOR, "[data-keep=row-4]").get_attribute("aria-expanded") == "true"
         assert "doubtful" in text(browser, '[data-light="doubtful"]')
 

@@ -11,8 +11,9 @@ import math
 from collections.abc import Iterable
 
 from mwd_surface.exports.survey_table import SurveyTable, fixed, plain, utc
+from mwd_surface.surveys.station_quality import totals
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Judgement, North, SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import Judgement, North, Survey, SurveyRecord, Verdict
 
 METHODS = ("raw", "corrected", "msa", "gyro", "fused")
 _DEG = 180.0 / math.pi
@@ -35,13 +36,13 @@ def definitive_csv(table: SurveyTable) -> str:
     """
     lines = [f"# {label}: {value}" for label, value in table.header]
     lines += [f"# {why}" for why in table.left_out]
-    texts = ("station", "leg", "survey", "time_utc", "tool", "automatic", "person", "operator", "flags", "comment")
-    lines.append(",".join([*(c.key for c in table.columns), *texts]))
+    lines.append(",".join([*(c.key for c in table.columns), "station", *_DECIDED]))
     for k in table.rows:
         record = table.records[k]
         cells = [column.cell(k) for column in table.columns]
         cells.append(quoted(table.path.kind[k]))
-        cells += _decided(record) if record else [quoted(table.path.leg), "", *[quoted("")] * 7]
+        bare = [quoted(table.path.leg), "", *[quoted("")] * (len(_DECIDED) - 2)]
+        cells += _decided(record, table.surveys.north) if record else bare
         lines.append(",".join(cells))
     return "\n".join(lines) + "\n"
 
@@ -49,13 +50,34 @@ def definitive_csv(table: SurveyTable) -> str:
 def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = ()) -> str:
     """Every survey of the list, used or not, by number: time, depth, six axes, totals, azimuths, judgements."""
     lines = [f"# {label}: {value}" for label, value in header]
-    columns = [*_COLUMNS, *(f"azimuth_{m}_deg" for m in METHODS), *(f"sigma_azimuth_{m}_deg" for m in METHODS)]
-    lines.append(",".join([*columns, *_TEXTS]))
     ordered = sorted(surveys.records, key=lambda r: r.survey.sequence)
-    lines.extend(",".join(_raw_cells(record)) for record in ordered)
+    methods = tuple(dict.fromkeys((*METHODS, *(a.method for r in ordered for a in r.survey.azimuths))))
+    columns = [*_COLUMNS, *(f"azimuth_{m}_deg" for m in methods), *(f"sigma_azimuth_{m}_deg" for m in methods)]
+    lines.append(",".join([*columns, *_TEXTS]))
+    lines.extend(",".join(_raw_cells(record, methods)) for record in ordered)
     return "\n".join(lines) + "\n"
 
 
+_VERDICTS = (
+    "verdict_inclination",
+    "verdict_azimuth",
+    "verdict_toolface",
+    "headline",
+    "alternatives_deg",
+    "alternative_odds",
+)
+_DECIDED = (
+    "leg",
+    "survey",
+    "time_utc",
+    "tool",
+    "automatic",
+    *_VERDICTS,
+    "person",
+    "operator",
+    "flags",
+    "comment",
+)
 _COLUMNS = (
     "survey",
     "time_utc",
@@ -73,6 +95,11 @@ _COLUMNS = (
     "g_reference_mps2",
     "b_reference_nt",
     "dip_reference_deg",
+    "b_judged_nt",
+    "dip_judged_deg",
+    "g_limit_mps2",
+    "b_limit_nt",
+    "dip_limit_deg",
     "declination_deg",
     "convergence_deg",
     "inclination_deg",
@@ -89,6 +116,8 @@ _TEXTS = (
     "azimuth_method",
     "in_use",
     "automatic",
+    *_VERDICTS,
+    "hypotheses",
     "reasons",
     "person",
     "operator",
@@ -102,13 +131,25 @@ _TEXTS = (
 )
 
 
-def _decided(record: SurveyRecord) -> list[str]:
+def _verdicts(survey: Survey, north: North) -> list[str]:
+    """Verdicts of each quantity, the reason to act on, and the other azimuths that fit, from `north`, with odds."""
+    others = survey.alternatives_from(north)
+    return [
+        *(quoted(word.replace(" ", "_")) for word in survey.verdicts),
+        quoted(survey.action),
+        quoted(" ".join(fixed(azimuth * _DEG, 4, 360.0) for azimuth, _ in others)),
+        quoted(" ".join(fixed(odds, 4) for _, odds in others)),
+    ]
+
+
+def _decided(record: SurveyRecord, north: North) -> list[str]:
     return [
         quoted(record.leg),
         str(record.survey.sequence),
         quoted(utc(record.survey.stamp_ns)),
         quoted(record.tool),
-        quoted(Verdict(record.survey.verdict).name.lower()),
+        quoted(Verdict(record.survey.verdict).word),
+        *_verdicts(record.survey, north),
         quoted(_person(record)),
         quoted(record.operator_name),
         quoted("; ".join(record.flags)),
@@ -116,11 +157,11 @@ def _decided(record: SurveyRecord) -> list[str]:
     ]
 
 
-def _raw_cells(record: SurveyRecord) -> list[str]:
+def _raw_cells(record: SurveyRecord, methods: tuple[str, ...]) -> list[str]:
     s = record.survey
+    causes = zip(s.hypotheses, s.hypothesis_odds, strict=True)
     magnetic = s.magnetic_field_covariance[0] >= 0.0
-    methods = {a.method: a for a in s.azimuths}
-    known = {m: methods[m] for m in METHODS if m in methods and methods[m].sigma >= 0.0}
+    known = {a.method: a for a in s.azimuths if a.sigma >= 0.0}
     return [
         str(s.sequence),
         quoted(utc(s.stamp_ns)),
@@ -137,7 +178,9 @@ def _raw_cells(record: SurveyRecord) -> list[str]:
         fixed(s.dip * _DEG, 4) if s.b_total >= 0.0 else "",
         _known(s.g_reference, 6),
         _known(s.b_reference, 1, 1e9),
-        *(fixed(v * _DEG, 4) if s.has_reference else "" for v in (s.dip_reference, s.declination, s.convergence)),
+        fixed(s.dip_reference * _DEG, 4) if s.has_reference else "",
+        *_judged(s),
+        *(fixed(v * _DEG, 4) if s.has_reference else "" for v in (s.declination, s.convergence)),
         fixed(s.inclination * _DEG, 4),
         fixed(s.azimuth * _DEG, 4, 360.0) if s.has_azimuth else "",
         fixed(s.gravity_toolface * _DEG, 4, 360.0) if s.has_readings else "",
@@ -146,12 +189,14 @@ def _raw_cells(record: SurveyRecord) -> list[str]:
         _known(s.sigma_azimuth, 4, _DEG),
         fixed(s.axial_interference * 1e9, 1) if s.sigma_axial_interference >= 0.0 else "",
         _known(s.sigma_axial_interference, 1, 1e9),
-        *(fixed(known[m].azimuth * _DEG, 4, 360.0) if m in known else "" for m in METHODS),
-        *(fixed(known[m].sigma * _DEG, 4) if m in known else "" for m in METHODS),
+        *(fixed(known[m].azimuth * _DEG, 4, 360.0) if m in known else "" for m in methods),
+        *(fixed(known[m].sigma * _DEG, 4) if m in known else "" for m in methods),
         quoted(North(s.north).name.lower()),
         quoted(s.azimuth_method),
         quoted("yes" if record.in_use else "no"),
-        quoted(Verdict(s.verdict).name.lower()),
+        quoted(Verdict(s.verdict).word),
+        *_verdicts(s, North(s.north)),
+        quoted(" ".join(f"{name} {fixed(odds, 3)}" for name, odds in causes)),
         quoted("; ".join(s.reasons)),
         quoted(_person(record)),
         quoted(record.operator_name),
@@ -162,6 +207,18 @@ def _raw_cells(record: SurveyRecord) -> list[str]:
         quoted("; ".join(record.flags)),
         quoted(record.comment),
         quoted(s.uuid),
+    ]
+
+
+def _judged(survey: Survey) -> list[str]:
+    """Field and dip as they are judged, and the limits of the deviations of gravity, field and dip."""
+    gravity, field, dip = totals(survey)
+    return [
+        fixed(None if field.value is None else field.value * 1e9, 1),
+        fixed(None if dip.value is None else dip.value * _DEG, 4),
+        fixed(gravity.limit, 6),
+        fixed(field.limit * 1e9, 1),
+        fixed(dip.limit * _DEG, 4),
     ]
 
 

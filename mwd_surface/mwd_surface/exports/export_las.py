@@ -13,6 +13,7 @@ import re
 import numpy as np
 
 from mwd_surface.exports.survey_table import SurveyTable
+from mwd_surface.surveys.survey_record import Verdict
 
 NULL = -999.25
 # Mnemonic and unit of each column; LAS has no other place for the rest of a name.
@@ -34,13 +35,17 @@ _CURVES = {
     "above_plan_m": ("ABOVE", "M"),
     "right_of_plan_m": ("RIGHT", "M"),
 }
+# Numbers of the Survey message.
+_VERDICTS = {verdict.word: int(verdict) for verdict in Verdict}
+_VERDICT_WORDS = ", ".join(f"{number} {word}" for word, number in _VERDICTS.items())
 
 
 def las(table: SurveyTable) -> str:
     """
     The file as text (UTF-8 when encoded).
 
-    The last curve, KIND, says what a station is: 0 tie-on, 1 survey, 2 projected to the bit.
+    VINC, VAZI and VTF are the automatic verdicts of inclination, azimuth and toolface; the last curve, KIND, says what
+    a station is: 0 tie-on, 1 survey, 2 projected to the bit.
     """
     import lasio
 
@@ -70,6 +75,11 @@ def las(table: SurveyTable) -> str:
         formats[len(formats)] = f"%.{column.decimals}f"
         data = np.array([float(p) if p else np.nan for p in printed])
         file.append_curve(mnemonic, data, unit=unit, descr=column.title.replace("σ", "sigma"))
+    for place, (mnemonic, what) in enumerate((("VINC", "inclination"), ("VAZI", "azimuth"), ("VTF", "toolface"))):
+        given = [r.survey.verdicts[place] if r is not None else "" for r in table.records]
+        formats[len(formats)] = "%.0f"
+        data = np.array([float(_VERDICTS[word]) if word else np.nan for word in given])
+        file.append_curve(mnemonic, data, descr=f"verdict {what}, {_VERDICT_WORDS}")
     kinds = {"tie-on": 0.0, "survey": 1.0, "projected": 2.0}
     formats[len(formats)] = "%.0f"
     file.append_curve("KIND", np.array([kinds[k] for k in table.path.kind]), descr="0 tie-on, 1 survey, 2 projected")

@@ -204,7 +204,10 @@ def _note(record: SurveyRecord | None, kind: str) -> str:
         return "projected to the bit, not surveyed"
     if record is None:
         return ""
-    notes = [f"automatic verdict {Verdict(record.survey.verdict).name.lower()}", *record.flags]
+    s = record.survey
+    names = ("inclination", "azimuth", "toolface")
+    each = ", ".join(f"{name} {word}" for name, word in zip(names, s.verdicts, strict=True))
+    notes = [f"automatic verdict {Verdict(s.verdict).word} ({each})", *([s.action] if s.action else []), *record.flags]
     if record.operator_name:
         notes.append(f"judged by {record.operator_name}: {record.reason or 'no reason given'}")
     if record.comment:

@@ -8,7 +8,7 @@ from mwd_surface.exports.report_quality import numbered, row_mark, verdict_cells
 from mwd_surface.exports.report_section import Section, Sheet, sheet_of
 from mwd_surface.exports.survey_table import SurveyTable, fixed, plain, utc
 from mwd_surface.surveys.slide_sheet import ROTATE, SLIDE, Stretch, yields
-from mwd_surface.surveys.survey_record import Judgement, SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import Judgement, Verdict
 
 _DEG = 180.0 / math.pi
 _VERDICT_TITLES = ("Survey", "MD", "Inc", "Azi", "Toolface", "What to do", "May be disturbed by", "Details")
@@ -29,8 +29,8 @@ def verdicts(table: SurveyTable) -> Section | None:
             for name, odds in zip(s.hypotheses, s.hypothesis_odds, strict=True)
             if odds >= 0.005
         )
-        details = [reason for reason in s.reasons if reason != headline(record)]
-        texts = (*cells, headline(record), causes, "; ".join(details))
+        details = [reason for reason in s.reasons if reason != s.action]
+        texts = (*cells, s.action, causes, "; ".join(details))
         rows.append(
             (
                 str(s.sequence),
@@ -46,19 +46,13 @@ def verdicts(table: SurveyTable) -> Section | None:
     return Section(sheet.heading, sheets=(sheet,))
 
 
-def headline(record: SurveyRecord) -> str:
-    """The one reason to act on; of older lists, which have none, the first reason."""
-    s = record.survey
-    return s.headline or (s.reasons[0] if s.reasons and s.verdict != Verdict.ACCEPT else "")
-
-
 def decisions(table: SurveyTable) -> Section | None:
     """Who decided what, one after the other, and what is worth attention or was remarked."""
     rows, marks, remarks = [], [], []
     for record in numbered(table):
         s, number = record.survey, str(record.survey.sequence)
         if record.decisions:
-            first = (utc(s.stamp_ns), "automatic", Verdict(s.verdict).name.lower(), "", headline(record))
+            first = (utc(s.stamp_ns), "automatic", Verdict(s.verdict).word, "", s.action)
             lines = [
                 first,
                 *(

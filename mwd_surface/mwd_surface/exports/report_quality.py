@@ -15,13 +15,7 @@ from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, Su
 _DEG = 180.0 / math.pi
 # Of total gravity, total field and dip: title, unit of people, factor from SI, decimals.
 TOTALS = (("G", "mg", 1e3 / STANDARD_GRAVITY, 2), ("B", "nT", 1e9, 0), ("Dip", "deg", _DEG, 2))
-VERDICT_WORDS = {
-    Verdict.ACCEPT: "accept",
-    Verdict.DOUBTFUL: "doubtful",
-    Verdict.REJECT: "reject",
-    Verdict.NOT_DETERMINED: "not determined",
-}
-_VERDICT_TINTS = {Verdict.ACCEPT: GOOD, Verdict.DOUBTFUL: DOUBTFUL, Verdict.REJECT: REJECT}
+_VERDICT_TINTS = {"accept": GOOD, "doubtful": DOUBTFUL, "reject": REJECT}
 _TINT_LEGEND = (
     "Green: within the limit. Yellow: beyond the limit, or doubtful. Red: beyond 1.5 times the limit, or rejected. "
     "Shaded lines: not used, or used on a person's word. B and dip are judged without the drill string's axial field "
@@ -69,9 +63,8 @@ def row_mark(record: SurveyRecord | None) -> str:
 
 def verdict_cells(survey: Survey, row: int, first: int) -> tuple[tuple[str, ...], dict[tuple[int, int], str]]:
     """Verdicts of inclination, azimuth and toolface as cells from column `first` on, with their tints."""
-    given = (survey.verdict_inclination, survey.verdict_azimuth, survey.verdict_toolface)
-    tints = {(row, first + k): _VERDICT_TINTS[Verdict(v)] for k, v in enumerate(given) if Verdict(v) in _VERDICT_TINTS}
-    return tuple(VERDICT_WORDS[Verdict(v)] for v in given), tints
+    words = survey.verdicts
+    return words, {(row, first + k): _VERDICT_TINTS[v] for k, v in enumerate(words) if v in _VERDICT_TINTS}
 
 
 def stations(table: SurveyTable) -> Section | None:
@@ -196,7 +189,7 @@ def azimuths(table: SurveyTable) -> Section | None:
         for method in methods:
             cells += _by_method(s, by.get(method), north)
         others = ", ".join(
-            f"{fixed(a * _DEG, 1, 360.0)} ({100.0 * odds:.1f} %)" for a, odds in alternatives_from(s, north)
+            f"{fixed(a * _DEG, 1, 360.0)} ({100.0 * odds:.1f} %)" for a, odds in s.alternatives_from(north)
         )
         rows.append((*cells, others))
     columns = (
@@ -212,14 +205,6 @@ def azimuths(table: SurveyTable) -> Section | None:
         legend="Others that fit: azimuths that explain the readings too, with their probability.",
     )
     return Section(sheet.heading, sheets=(sheet,))
-
-
-def alternatives_from(survey: Survey, north: North) -> list[tuple[float, float]]:
-    """Other azimuths that fit, rad from `north` where that is known, else from the survey's own, with their odds."""
-    known = survey.azimuth_from(north)
-    turn = 0.0 if known is None else known - survey.azimuth
-    pairs = zip(survey.alternatives, survey.alternative_odds, strict=True)
-    return [((azimuth + turn) % math.tau, odds) for azimuth, odds in pairs]
 
 
 def _by_method(survey: Survey, estimate: AzimuthEstimate | None, north: North) -> tuple[str, str]:

@@ -36,6 +36,11 @@ class Verdict(enum.IntEnum):
     REJECT = 2
     NOT_DETERMINED = 3
 
+    @property
+    def word(self) -> str:
+        """For people and files."""
+        return self.name.lower().replace("_", " ")
+
 
 class Judgement(enum.IntEnum):
     """The judgement of an operator; the numbers of the SurveyRecord message."""
@@ -107,6 +112,23 @@ class Survey:
     hypotheses: tuple[str, ...] = ()
     hypothesis_odds: tuple[float, ...] = ()
     status: int = 0
+
+    @property
+    def verdicts(self) -> tuple[str, str, str]:
+        """Automatic verdict of inclination, azimuth and toolface in a word each."""
+        given = (self.verdict_inclination, self.verdict_azimuth, self.verdict_toolface)
+        return Verdict(given[0]).word, Verdict(given[1]).word, Verdict(given[2]).word
+
+    @property
+    def action(self) -> str:
+        """The one reason to act on; of older lists, which have none, the first reason of the verdict."""
+        return self.headline or (self.reasons[0] if self.reasons and self.verdict != Verdict.ACCEPT else "")
+
+    def alternatives_from(self, north: North) -> list[tuple[float, float]]:
+        """Other azimuths that fit the readings, rad, and their odds; from their own north where `north` is unknown."""
+        pairs = zip(self.alternatives, self.alternative_odds, strict=True)
+        turned = ((self.turned(azimuth, North(self.north), north), azimuth, odds) for azimuth, odds in pairs)
+        return [(own % math.tau if found is None else found, odds) for found, own, odds in turned]
 
     @property
     def has_azimuth(self) -> bool:

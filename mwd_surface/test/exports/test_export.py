@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import io
+import math
 import os
 
 import example_surveys as example
@@ -10,11 +11,15 @@ import lasio
 import pytest
 from lxml import etree
 
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.export import FORMATS, ExportError, export
 from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.live.settings import Limits
+from mwd_surface.page.survey_panel import path_table, quality_lights, survey_row
 from mwd_surface.surveys.plan import plan_of
 
 W = "{http://www.witsml.org/schemas/1series}"
+DEG = 180.0 / math.pi
 PLAN = plan_of([0.0, 300.0, 900.0], [0.0, 0.0, 1.0], [0.0, 1.3, 1.3])
 
 
@@ -25,73 +30,133 @@ def files(tmp_path_factory):
     return table, {kind: export(table, kind, folder) for kind in FORMATS}
 
 
-def test_numbers_in_every_export_agree_to_printed_rounding(files):
-    """CSV, LAS and WITSML to the last digit; HTML and PDF to the two decimals they print; and all with the list."""
+# Of each number: name in CSV, LAS, WITSML and on the page, title in the reports, factor of the page to people's units.
+AGREE = (
+    ("md_m", "DEPT", "md", "measured_depth", "MD", 1.0),
+    ("inclination_deg", "INC", "incl", "inclination", "Inc", DEG),
+    ("azimuth_deg", "AZI", "azi", "azimuth", "Azi", DEG),
+    ("tvd_m", "TVD", "tvd", "vertical_depth", "TVD", 1.0),
+    ("north_m", "NS", "dispNs", "north", "N/S", 1.0),
+    ("east_m", "EW", "dispEw", "east", "E/W", 1.0),
+    ("vertical_section_m", "VS", "vertSect", "vertical_section", "VS", 1.0),
+    ("dls_deg_per_30m", "DLS", "dls", "dogleg_severity", "DLS", 30.0 * DEG),
+    ("build_deg_per_30m", "BUILD", "rateBuild", "build_rate", "Build", 30.0 * DEG),
+    ("turn_deg_per_30m", "TURN", "rateTurn", "turn_rate", "Turn", 30.0 * DEG),
+)
+SIGMAS = (
+    ("sigma_north_m", "SIGN", "varianceNN", "1σ N"),
+    ("sigma_east_m", "SIGE", "varianceEE", "1σ E"),
+    ("sigma_vertical_m", "SIGV", "varianceVertVert", "1σ V"),
+)
+
+
+def read_csv(path):
+    lines = [x for x in path.read_text(encoding="utf-8").splitlines() if not x.startswith("#")]
+    return list(csv.DictReader(io.StringIO("\n".join(lines))))
+
+
+def read_html(path, heading):
+    """Lines of a table of the HTML report as (title, text) pairs by its heading."""
+    page = etree.HTML(path.read_text(encoding="utf-8"))
+    head = next(h for h in page.iter("h2", "h3") if h.text == heading)
+    table = next(one for one in head.itersiblings() if one.tag == "div").find("table")
+    titles = [th.text.strip() for th in table.iter("th")]
+    return [list(zip(titles, ("".join(td.itertext()) for td in tr), strict=True)) for tr in table.findall("tbody/tr")]
+
+
+def same(printed, exact, decimals):
+    """A printed number is the other one, rounded once to its own decimals."""
+    return abs(float(printed) - exact) <= 0.5 * 10.0**-decimals * 1.0001
+
+
+def test_every_number_of_the_path_agrees_in_all_exports_and_on_the_page(files):
+    """CSV, LAS and WITSML to the last digit; the reports and the page within the decimals that are printed."""
     table, paths = files
-    lines = [x for x in paths["csv"].read_text(encoding="utf-8").splitlines() if not x.startswith("#")]
-    rows = list(csv.DictReader(io.StringIO("\n".join(lines))))
-    las = lasio.read(paths["las"], encoding="utf-8")
+    rows, las = read_csv(paths["csv"]), lasio.read(paths["las"], encoding="utf-8")
     stations = list(etree.parse(paths["witsml"]).getroot().iter(f"{W}trajectoryStation"))
-    page = etree.HTML(paths["html"].read_text(encoding="utf-8"))
-    printed = [
-        [("".join(td.itertext())) for td in tr.findall("td")] for tr in page.find(".//table").findall("tbody/tr")
-    ]
-    assert len(rows) == len(las["DEPT"]) == len(stations) == len(printed) == 13
-    columns = (
-        ("md_m", "DEPT", "md", 1),
-        ("inclination_deg", "INC", "incl", 2),
-        ("azimuth_deg", "AZI", "azi", 3),
-        ("tvd_m", "TVD", "tvd", 4),
-        ("north_m", "NS", "dispNs", 5),
-        ("east_m", "EW", "dispEw", 6),
-        ("vertical_section_m", "VS", "vertSect", 7),
-        ("dls_deg_per_30m", "DLS", "dls", 8),
-        ("build_deg_per_30m", "BUILD", "rateBuild", 9),
-        ("turn_deg_per_30m", "TURN", "rateTurn", 10),
-    )
-    for key, mnemonic, tag, place in columns:
-        for k, row in enumerate(rows):
+    report = read_html(paths["html"], "Definitive survey")
+    assert len(rows) == len(las["DEPT"]) == len(stations) == len(report) == len(table.records) == 13
+    page = {r.survey.sequence: survey_row(r, table.surveys.north) for r in table.surveys.records}
+    drawn = path_table(table.path, table.path.section_azimuth, table.covariance, 1000)
+    for k, (row, station, cells) in enumerate(zip(rows, stations, report, strict=True)):
+        printed = dict(cells)
+        for key, mnemonic, tag, name, title, factor in AGREE:
+            decimals, shown = table.column(key).decimals, table.column(key).shown
             assert float(row[key]) == las[mnemonic][k], (key, k)
-            assert row[key] == stations[k].findtext(W + tag), (key, k)
-            # Rounded once from the same value: at most half a last digit of both apart.
-            assert float(printed[k][place]) == pytest.approx(float(row[key]), abs=0.00505 + 5e-4), (key, k)
-    for key, mnemonic, place in (("sigma_east_m", "SIGE", 12), ("above_plan_m", "ABOVE", 15)):
-        for k, row in enumerate(rows):
+            assert row[key] == station.findtext(W + tag), (key, k)
+            exact = []
+            if row["survey"]:
+                exact.append(page[int(row["survey"])][name])
+            if name in drawn:
+                exact.append(drawn[name][k])
+            for value in exact:
+                assert same(row[key], value * factor, decimals), (key, k)
+                assert same(printed[title], value * factor, shown), (key, k)
+        for key, mnemonic, tag, title in SIGMAS:
             if not row[key]:
-                assert printed[k][place] == ""
+                assert printed[title] == ""
                 continue
             assert float(row[key]) == las[mnemonic][k]
-            assert float(printed[k][place]) == pytest.approx(float(row[key]), abs=0.0056)
-    for record, row in zip(table.records, rows, strict=True):
-        if record is not None:
-            assert float(row["north_m"]) == pytest.approx(record.north, abs=5.1e-4)
-            assert float(row["tvd_m"]) == pytest.approx(record.vertical_depth, abs=5.1e-4)
+            variance = float(station.find(f"{W}matrixCov").findtext(W + tag))
+            assert math.sqrt(variance) == pytest.approx(float(row[key]), abs=1.1e-3)
+            assert same(printed[title], float(row[key]), 2) or float(printed[title]) == pytest.approx(
+                float(row[key]), abs=0.0056
+            )
+
+
+def test_verdicts_and_quality_agree_in_all_exports_and_on_the_page(files):
+    table, paths = files
+    raw = {row["survey"]: row for row in read_csv(paths["raw_csv"])}
+    las = lasio.read(paths["las"], encoding="utf-8")
+    quality = [dict(cells) for cells in read_html(paths["html"], "Quality control of every survey taken")]
+    judged = [dict(cells) for cells in read_html(paths["html"], "Totals as read, as judged, and their references")]
+    stations = list(etree.parse(paths["witsml"]).getroot().iter(f"{W}trajectoryStation"))
+    for line, totals_line in zip(quality, judged, strict=True):
+        row = raw[line["Survey"]]
+        record = table.surveys.find(int(line["Survey"]))
+        shown = survey_row(record, table.surveys.north)
+        words = [line["Inc is"], line["Azi is"], line["Toolface is"]]
+        names = ("verdict_inclination", "verdict_azimuth", "verdict_toolface")
+        assert words == shown["verdicts"] == [row[name].replace("_", " ") for name in names]
+        assert row["headline"] == shown["headline"]
+        lights = {light["name"]: light for light in quality_lights(record, Limits())["lights"]}
+        field, gravity, dip = lights["total field"], lights["total gravity"], lights["dip"]
+        assert same(line["ΔB"], field["deviation"] * 1e9, 0)
+        assert same(line["ΔG"], gravity["deviation"] / STANDARD_GRAVITY * 1e3, 2)
+        assert same(line["ΔDip"], dip["deviation"] * DEG, 2)
+        assert same(row["b_judged_nt"], field["value"] * 1e9, 1)
+        assert same(row["dip_judged_deg"], dip["value"] * DEG, 4)
+        assert same(totals_line["B judged"], field["value"] * 1e9, 0)
+        assert same(row["b_limit_nt"], field["limit"] * 1e9, 1)
+        if record.in_use:
+            k = table.path.sequence.index(record.survey.sequence)
+            assert [int(las[name][k]) for name in ("VINC", "VAZI", "VTF")] == [
+                int(getattr(record.survey, name)) for name in names
+            ]
+            assert f"azimuth {words[1]}" in stations[k].findtext(f"{W}commonData/{W}comments")
+            assert float(stations[k].find(f"{W}valid").findtext(f"{W}magTotalFieldCalc")) == float(row["b_total_nt"])
 
 
 def test_html_and_pdf_print_the_same_cells(files):
     pypdf = pytest.importorskip("pypdf", reason="pypdf, the reader, is not installed")
     _, paths = files
     page = etree.HTML(paths["html"].read_text(encoding="utf-8"))
-    text = " ".join(" ".join(p.extract_text() for p in pypdf.PdfReader(paths["pdf"]).pages).split())
-    for tr in page.find(".//table").findall("tbody/tr"):
-        cells = ["".join(td.itertext()) for td in tr.findall("td")][:-1]
-        assert " ".join(c for c in cells if c) in text
+    text = "".join("".join(p.extract_text() for p in pypdf.PdfReader(paths["pdf"]).pages).split())
+    for table in page.iter("table"):
+        for tr in table.findall("tbody/tr"):
+            # A long text is broken over lines, between which the cells beside it stand.
+            cells = ["".join(td.itertext()) for td in tr.findall("td")]
+            short = "".join("".join(cells[: next((k for k, c in enumerate(cells) if len(c) > 18), None)]).split())
+            assert short in text, cells
 
 
 def test_raw_and_definitive_agree_on_what_was_measured(files):
     _, paths = files
-    read = []
-    for kind in ("csv", "raw_csv"):
-        lines = paths[kind].read_text(encoding="utf-8").splitlines()
-        read.append({r["survey"]: r for r in csv.DictReader(x for x in lines if not x.startswith("#"))})
-    for number, row in read[0].items():
-        if number:
-            raw = read[1][number]
-            assert (row["md_m"], row["inclination_deg"], row["time_utc"]) == (
-                raw["md_m"],
-                raw["inclination_deg"],
-                raw["time_utc"],
-            )
+    raw = {row["survey"]: row for row in read_csv(paths["raw_csv"])}
+    for row in read_csv(paths["csv"]):
+        if row["survey"]:
+            for name in ("md_m", "inclination_deg", "time_utc", "verdict_azimuth", "headline"):
+                assert row[name] == raw[row["survey"]][name]
 
 
 def test_names_are_made_of_well_word_and_time_or_of_what_is_asked(files, tmp_path):

@@ -24,6 +24,28 @@ def test_survey_rows_say_who_accepted_and_leave_the_path_empty_where_a_station_i
     assert one["azimuth_north"] == "grid"
 
 
+def test_a_row_has_the_verdict_of_each_quantity_the_reason_to_act_on_and_other_azimuths_from_the_same_north():
+    odd = {
+        "verdict": int(Verdict.DOUBTFUL),
+        "verdict_azimuth": int(Verdict.DOUBTFUL),
+        "verdict_toolface": int(Verdict.NOT_DETERMINED),
+        "headline": "External field: use a gyro",
+        "reasons": ("total field 380 nT over",),
+        "hypotheses": ("external", "clean"),
+        "hypothesis_odds": (0.9, 0.1),
+    }
+    plain = survey(1)
+    shot = survey(1, **odd, alternatives=(plain.azimuth + 1.0,), alternative_odds=(0.2,))
+    (record,) = listed(shot).records
+    row = survey_row(record, North.GRID)
+    assert row["verdicts"] == ["accept", "doubtful", "not determined"]
+    assert row["headline"] == "External field: use a gyro"
+    ((azimuth, odds),) = row["alternatives"]
+    assert ((azimuth - row["azimuth"]) % math.tau, odds) == pytest.approx((1.0, 0.2))
+    assert row["hypotheses"] == [["external", 0.9], ["clean", 0.1]]
+    assert quality_lights(record, Limits())["reasons"][:2] == ["External field: use a gyro", "total field 380 nT over"]
+
+
 def test_a_survey_without_magnetometer_depth_or_azimuth_shows_gaps_not_minus_one():
     bare = survey(1, b_total=-1.0, b_reference=-1.0, covariance=(1e-6, 0, 0, 0, -1.0, 0, 0, 0, 1e-6))
     (record,) = SurveyList().add(bare).records

@@ -5,6 +5,16 @@ import * as units from "./units.js";
 
 const VERDICTS = { accepted: "good", waiting: "info", doubtful: "doubtful", rejected: "reject" };
 
+// Verdict of each quantity: letter and mark of the row, and the whole word of its title.
+const QUANTITIES = [["I", "inclination"], ["A", "azimuth"], ["T", "toolface"]];
+const MARKS = { accept: "✓", doubtful: "?", reject: "✕", "not determined": "–" };
+
+const each = (row) => row.verdicts.every((word) => word === "accept") ? null : el("span",
+  { class: "each-verdict", title: QUANTITIES.map(([, name], k) => `${name}: ${row.verdicts[k]}`).join(", ") },
+  QUANTITIES.map(([letter], k) => `${letter}${MARKS[row.verdicts[k]]}`).join(" "));
+
+const percent = (odds) => `${(100 * odds).toFixed(odds < 0.1 ? 1 : 0)} %`;
+
 const BLANK = { reason: "", depth: "", replace: false };
 
 const hemisphere = (value, plus, minus) =>
@@ -92,7 +102,7 @@ export class SurveyTable {
     const line = el("tr", { class: row.in_use ? "used" : "unused", "data-sequence": row.sequence }, el("th", { scope: "row" }, toggle));
     for (const [, , text, level] of wanted) line.append(el("td", { class: `at-${level}` }, text(row)));
     line.append(
-      el("td", {}, pill(VERDICTS[row.verdict] || "info", row.verdict)),
+      el("td", {}, pill(VERDICTS[row.verdict] || "info", row.verdict), each(row)),
       el("td", { class: "at-1" }, row.method || "–"),
       el("td", { class: "at-1 by" }, row.accepted_by === "automatic" ? "auto" : row.accepted_by),
     );
@@ -118,6 +128,10 @@ export class SurveyTable {
       ["Gtot / Btot / dip", `${or(row.g_total, (v) => units.number("gravity", v))} ${units.unit("gravity")} / ${or(row.b_total, (v) => units.number("field", v))} nT / ${or(row.dip, (v) => units.number("angle", v))}°`],
       ["Azimuth by", row.method || "–"],
       ["Automatic verdict", row.automatic],
+      ["Inclination, azimuth, toolface", row.verdicts.join(", ")],
+      ...(row.headline ? [["What to do", row.headline]] : []),
+      ...(row.alternatives.length ? [["Other azimuths that fit", row.alternatives.map(([azimuth, odds]) => `${units.bearing(azimuth, 1)}° (${percent(odds)})`).join(", ")]] : []),
+      ...(row.hypotheses.length ? [["May be disturbed by", row.hypotheses.filter(([, odds]) => odds >= 0.005).map(([name, odds]) => `${name.replace("_", "-")} ${percent(odds)}`).join(", ")]] : []),
       ["Judged by", row.accepted_by + (row.judged_reason ? `: ${row.judged_reason}` : "")],
       ["Leg, tool", [row.leg, row.tool].filter(Boolean).join(", ") || "–"],
       ["Comment", row.comment || "–"],
