@@ -118,13 +118,10 @@ class BinStage:
         held = self.still.finish()
         return None if held is None else self._survey(held, self.precision.station.solution())
 
-    def rotary(self, average: StillAverage | Refusal, rotary_speed: float, output: Output) -> None:
+    def rotary(self, average: StillAverage, rotary_speed: float) -> Survey:
         """Decide a survey averaged in a turning string; rotary_speed, rad/s."""
-        if isinstance(average, Refusal):
-            output.rotary.append(average)
-            return
         taken = self.decision.rotary(average, self._numbering.next(), self._reference(average), rotary_speed)
-        output.rotary.append(self._noted(taken))
+        return self._noted(taken)
 
     def complete(self, taken: Provisional, propagated: PropagatedAzimuth) -> Survey:
         """Return a survey as it leaves the estimator; propagated: the azimuths carried to it."""

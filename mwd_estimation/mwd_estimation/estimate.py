@@ -8,13 +8,15 @@ A step that changes the reading of the field belongs into the bins; one that nee
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from mwd_estimation import derivation
 from mwd_estimation.attitude import drilling_dynamics
 from mwd_estimation.attitude.block import Block
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
-from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates
+from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates, PropagatedAzimuth
 from mwd_estimation.bin_stage import BinStage, Numbering
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import MAG
@@ -25,8 +27,11 @@ from mwd_estimation.magnetic import spike_filter
 from mwd_estimation.output import Counters, Output
 from mwd_estimation.sensor_watch import SensorWatch, Stretch
 from mwd_estimation.settings import EstimatorSettings, latitude_of
+from mwd_estimation.status_history import StatusHistory
+from mwd_estimation.survey.decision import Provisional
 from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
-from mwd_estimation.survey.static_survey import BIN_NS
+from mwd_estimation.survey.static_survey import BIN_NS, Refusal
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Samples
 
 _STRONGEST = 0.01  # T; a hundred times what a magnetised string adds
@@ -67,6 +72,7 @@ class Estimate:
         self._lag_ns = round(settings.tool.magnetometer.delay_s * 1e9)
         self.last_imu_ns = np.iinfo(np.int64).min
         self._ready = False
+        self._statuses = StatusHistory(BIN_NS)
 
     def _use_gravity(self, known: float | None) -> None:
         """Use this local gravity, m/s^2, in all that follows gravity; None: not known."""
@@ -164,11 +170,16 @@ class Estimate:
         )
         self._counters.rejected += rejected
         # Surveys, complete now that the attitude up to them is known.
+        self._statuses.add(output.attitude["status"], [(event.place, event.end_ns) for event in bins.events])
         propagated = self._attitude.propagated
-        output.surveys += [self.bin_stage.complete(taken, propagated[at]) for at, taken in bins.taken]
+        output.surveys += [self._completed(taken, propagated[at]) for at, taken in bins.taken]
         ended = self.bin_stage.requests.average(block, self._attitude.handed_on)
         if ended is not None:
-            self.bin_stage.rotary(*ended, output)
+            average, rotary_speed = ended
+            if isinstance(average, Refusal):
+                output.rotary.append(average)
+            else:
+                output.rotary.append(self._with_status(self.bin_stage.rotary(average, rotary_speed)))
         # Dynamics.
         output.dynamics = drilling_dynamics.run(
             self._dynamics_params, self._dynamics_state, stamps, gyro, accel, track.g_t, output.attitude["status"]
@@ -181,5 +192,12 @@ class Estimate:
         output = Output.empty(0)
         held = self.bin_stage.finish()
         if held is not None:
-            output.surveys.append(self.bin_stage.complete(held, self._attitude.propagated_now))
+            output.surveys.append(self._completed(held, self._attitude.propagated_now))
         return output
+
+    def _completed(self, taken: Provisional, propagated: PropagatedAzimuth) -> Survey:
+        """Return a survey as it leaves the estimator; propagated: the azimuths carried to it."""
+        return self._with_status(self.bin_stage.complete(taken, propagated))
+
+    def _with_status(self, survey: Survey) -> Survey:
+        return dataclasses.replace(survey, status=self._statuses.at(survey.end_ns))

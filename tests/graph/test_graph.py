@@ -1,6 +1,7 @@
 """Three real nodes on a real middleware: surveys, services, parameters, recording, clean ends, the same bits again."""
 
 import csv
+import dataclasses
 import json
 import math
 import signal
@@ -280,6 +281,21 @@ def test_processing_the_recording_gives_the_bits_that_were_published_live(played
     assert len(live) > 3000
     assert len(processed) == len(live)
     assert processed.tobytes() == live.tobytes()
+
+
+def test_processing_the_recording_without_options_gives_the_survey_list_that_was_kept_live(played, tmp_path):
+    from mwd_surface.surveys.survey_source import surveys_of
+
+    words = [sys.executable, "-P", "-m", "mwd_surface.cli", "process", str(played["bag"]), "-o", str(tmp_path / "out")]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=True)
+    live, processed = surveys_of(played["bag"].parents[1])[0], surveys_of(tmp_path / "out")[0]
+    assert [r.survey.sequence for r in processed.records] == [r.survey.sequence for r in live.records]
+    for ours, theirs in zip(processed.records, live.records, strict=True):
+        for field in dataclasses.fields(theirs.survey):
+            assert getattr(ours.survey, field.name) == getattr(theirs.survey, field.name), field.name
+        assert ours == theirs
+    assert (processed.well, processed.legs) == (live.well, live.legs)
+    assert f"{len(live.records)} of {len(live.records)} surveys equal" in done.stdout
 
 
 def test_replaying_the_recording_gives_the_same_bits_as_processing_it(played, tmp_path):

@@ -164,7 +164,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             self._publish_tf(oriented[-1], frame)
 
     def _publish_survey(self, survey: Survey, frame: str) -> tuple[SurveyMessage, str]:
-        message = survey_message(survey, frame, self._last_status)
+        message = survey_message(survey, frame)
         self._survey.publish(message)
         verdict = f"survey {survey.sequence}: {survey.station.verdict}"
         self.get_logger().info(f"{verdict}; {joined(survey.station.reasons)}")

@@ -21,9 +21,9 @@ __all__ = ["known", "oriented_imu", "published_rows", "stamp", "survey_message",
 MIN_SPACING_NS = 800_000
 
 
-def survey_message(survey: Survey, frame_id: str, status: int) -> SurveyMessage:
+def survey_message(survey: Survey, frame_id: str) -> SurveyMessage:
     """Survey as mwd_msgs/msg/Survey."""
-    fields = survey_fields(survey, status)
+    fields = survey_fields(survey, survey.status)
     azimuths = [AzimuthEstimate(**one) for one in fields.pop("azimuths")]
     message = SurveyMessage(azimuths=azimuths, **fields)
     message.header.stamp = stamp(survey.stamp_ns)

@@ -42,6 +42,8 @@ class Survey:
         How far apart they are, rad, where the gyro is too uncertain to decide, else 0; part of the sigma.
     kind : str
         static, or rotary: taken while the string turned.
+    status : int
+        Bits of `core.status.Status` at the end of the averaging interval.
     covariance_f, covariance_b : ndarray, shape (3, 3)
         Of the averaged specific force, (m/s^2)^2, and field, T^2: the noise alone.
     rate_t : ndarray, shape (3,)
@@ -66,3 +68,9 @@ class Survey:
     alarm: tuple[Reason, ...] | None = None
     left_open: float = 0.0
     kind: str = STATIC
+    status: int = 0
+
+    @property
+    def end_ns(self) -> int:
+        """End of the averaging interval."""
+        return self.stamp_ns + round(0.5e9 * self.duration)

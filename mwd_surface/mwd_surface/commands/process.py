@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mwd_surface.commands.process_options import (
     AccelUnit,
     CalibrationFile,
+    Depths,
     End,
     Format,
     GyroTopic,
@@ -47,6 +49,7 @@ from mwd_surface.commands.reference_options import (
 
 if TYPE_CHECKING:
     from mwd_estimation.pipeline import EstimatorSettings
+    from mwd_surface.runs.recorded_settings import Recorded
     from mwd_surface.runs.run_summary import Summary
 
 
@@ -74,6 +77,7 @@ def process(
     start_s: Start = None,
     end_s: End = None,
     sensor_to_bit_m: SensorToBit = None,
+    depths: Depths = None,
     calibration: CalibrationFile = None,
     same_axes: SameAxes = False,
     form: Format = None,
@@ -86,7 +90,9 @@ def process(
 
     Writes DIR/attitude.csv (one line per IMU message), DIR/surveys.csv, DIR/surveys.json (for `mwd export DIR` and
     `mwd report DIR`), DIR/faults.csv (sensor faults and their times) and DIR/config.yaml (the settings in force). The
-    results equal those of the live graph. --format mcap writes a copy of the recording with the estimates, DIR/merged.
+    results equal those of the live graph. A recording of the surface node brings the settings it was made with (place,
+    tool, well, sensor to bit); options override them. --format mcap writes a copy of the recording with the estimates,
+    DIR/merged.
 
     \b
     Examples:
@@ -99,14 +105,27 @@ def process(
     """
     options = locals()  # first of all: the options alone, by name
     place, sensors = recording_changes(lat, lon, date, field), tool_changes(tool, precision)
-    estimator = placed_settings(config, changes, place, method, north, sensors)
-    _run(bag, output, estimator, options, calibration)
+    _run(
+        bag,
+        output,
+        lambda recorded: placed_settings(config, changes, place, method, north, sensors, recorded),
+        options,
+        calibration,
+    )
 
 
 def _run(
-    path: Path, output: Path, estimator: EstimatorSettings, options: dict[str, Any], calibration: Path | None
+    path: Path,
+    output: Path,
+    settings: Callable[[EstimatorSettings | None], EstimatorSettings],
+    options: dict[str, Any],
+    calibration: Path | None,
 ) -> None:
-    """Process a recording and show the summary; options: those of the command, by the names of the settings."""
+    """
+    Process a recording and show the summary.
+
+    settings: of the estimator, from those in the recording. options: those of the command, by the names of settings.
+    """
     from mwd_sensors.calibration.compensation import Compensation
     from mwd_sensors.core.compiled import when_compiling
     from mwd_surface.bags.bag_reader import Bag
@@ -114,6 +133,7 @@ def _run(
     from mwd_surface.runs import calibration_run
     from mwd_surface.runs import process as batch
     from mwd_surface.runs.bag_input import InputSettings
+    from mwd_surface.runs.recorded_settings import recorded_settings
     from mwd_surface.runs.run_output import OutputSettings
 
     start, end = options["start_s"], options["end_s"]
@@ -128,14 +148,15 @@ def _run(
         terminal.progress(f"processing {path.name}") as progress,
         when_compiling(lambda: terminal.remark("compiling filters that are new here, which may take minutes, once")),
     ):
-        estimator, remark = with_a_model(estimator, opened.start_ns)
-        summary = batch.process(opened, output, estimator, given, progress, compensation, wanted)
+        recorded = recorded_settings(opened)
+        estimator, remark = with_a_model(settings(recorded.estimator), opened.start_ns)
+        summary = batch.process(opened, output, estimator, given, progress, compensation, wanted, recorded)
     if remark:
         summary.warnings.insert(0, remark)
-    _show(summary, estimator, output, time.monotonic() - began)
+    _show(summary, estimator, recorded, output, time.monotonic() - began)
 
 
-def _show(summary: Summary, estimator: EstimatorSettings, folder: Path, elapsed: float) -> None:
+def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, folder: Path, elapsed: float) -> None:
     import math
 
     from mwd_estimation.core.fault_messages import describe
@@ -165,6 +186,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, folder: Path, elapsed:
         ("unknown", f"{summary.without_gravity} rows without gravity, {summary.without_azimuth} without azimuth"),
         ("speed", f"{summary.rows / max(elapsed, 1e-9):,.0f} samples/s ({elapsed:.1f} s)"),
     ]
+    lines[2:2] = _settings_lines(estimator, recorded, summary)
     for name, value in lines:
         console.print(f"{name:>13}  {value}", markup=False)
     if summary.surveys:
@@ -176,6 +198,32 @@ def _show(summary: Summary, estimator: EstimatorSettings, folder: Path, elapsed:
     else:
         console.print(f"{'surveys':>13}  none: the tool never kept still for long enough", markup=False)
     console.print(f"{'written':>13}  {', '.join(str(folder / name) for name in summary.files)}", markup=False)
+
+
+def _settings_lines(estimator: EstimatorSettings, recorded: Recorded, summary: Summary) -> list[tuple[str, str]]:
+    """Where settings and depths come from, as names and values."""
+    from mwd_sensors.core import settings
+
+    lines = []
+    if recorded.estimator is not None:
+        before, now = settings.flat(recorded.estimator), settings.flat(estimator)
+        other = [name for name, (value, _) in now.items() if before.get(name, (None, None))[0] != value]
+        changed = f"; changed: {', '.join(other[:6])}" + (" ..." if len(other) > 6 else "") if other else ""
+        lines.append(("settings", f"those of the recording{changed}"))
+    place, gyro = estimator.place, estimator.tool.precision.gyro
+    if place.field == "model":
+        day = place.date or "the day of the recording"
+        where = f"{place.lat_deg:.4f}, {place.lon_deg:.4f} deg, {place.height_m:.0f} m, {day}"
+        lines.append(("place", where))
+    words = [f"sensor {summary.listed.well.sensor_to_bit:.2f} m behind the bit"] if summary.surveys else []
+    words += [f"tool code {estimator.survey.tool_code}"] if estimator.survey.tool_code else []
+    if summary.topics.precision is not None:
+        words.append(f"precision gyro of {gyro.bias_deg_h:g} deg/h")
+    if words:
+        lines.append(("tool", ", ".join(words)))
+    if summary.surveys:
+        lines.append(("depths", summary.depths))
+    return lines + ([("live list", summary.live)] if summary.live else [])
 
 
 def _range(low: float, high: float) -> str:

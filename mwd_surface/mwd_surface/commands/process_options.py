@@ -35,7 +35,19 @@ End = Annotated[
     float | None, typer.Option("--end", help="End so many seconds after the first message.", rich_help_panel=_INPUT)
 ]
 SensorToBit = Annotated[
-    float | None, typer.Option("--sensor-to-bit", help="Sonde behind the bit, m, for depths.", rich_help_panel=_INPUT)
+    float | None,
+    typer.Option(
+        "--sensor-to-bit", help="Sonde behind the bit, m; else as the recording says.", rich_help_panel=_INPUT
+    ),
+]
+Depths = Annotated[
+    str | None,
+    typer.Option(
+        "--depths",
+        help="Table of depths, CSV: time and bit_depth_m, or survey and md_m.",
+        metavar="FILE",
+        rich_help_panel=_INPUT,
+    ),
 ]
 CalibrationFile = Annotated[
     Path | None,

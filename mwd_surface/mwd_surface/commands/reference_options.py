@@ -117,11 +117,13 @@ def placed_settings(
     method: str | None = None,
     north: str | None = None,
     tool: Mapping[str, Any] | None = None,
+    start: EstimatorSettings | None = None,
 ) -> EstimatorSettings:
     """
     Settings of the estimator by the options of a command.
 
-    `place` is what `place_changes` gives, `tool` what `tool_changes` gives.
+    `place` is what `place_changes` gives, `tool` what `tool_changes` gives, `start` the settings that hold where
+    neither file nor option says otherwise.
 
     Raises
     ------
@@ -129,21 +131,24 @@ def placed_settings(
         As `estimator_settings`.
     """
     named = dict(place)
-    if named and "survey.north" not in {**named, **assignments(changes)} and config is None:
+    if named and "survey.north" not in {**named, **assignments(changes)} and config is None and start is None:
         # A place or a declination says where true north is, not which grid is meant.
         named["survey.north"] = "true"
     if method is not None:
         named["gravity.method"] = method
     if north is not None:
         named["survey.north"] = north
-    return estimator_settings(config, {**named, **(tool or {})}, changes)
+    return estimator_settings(config, {**named, **(tool or {})}, changes, start)
 
 
 def estimator_settings(
-    config: Path | None, named: Mapping[str, Any], changes: Sequence[str] | None
+    config: Path | None,
+    named: Mapping[str, Any],
+    changes: Sequence[str] | None,
+    start: EstimatorSettings | None = None,
 ) -> EstimatorSettings:
     """
-    Settings of the estimator: the file's, then those of options of their own, then those of --set.
+    Settings of the estimator: the file's, else `start`, then those of options of their own, then those of --set.
 
     Raises
     ------
@@ -154,8 +159,8 @@ def estimator_settings(
     from mwd_sensors.core import settings
     from mwd_surface.runs.run_config import read_config
 
-    start = settings.from_mapping(EstimatorSettings, read_config(config)) if config else EstimatorSettings()
-    return settings.changed(start, {**named, **assignments(changes)})
+    begin = settings.from_mapping(EstimatorSettings, read_config(config)) if config else start or EstimatorSettings()
+    return settings.changed(begin, {**named, **assignments(changes)})
 
 
 def assignments(changes: Sequence[str] | None) -> dict[str, Any]:

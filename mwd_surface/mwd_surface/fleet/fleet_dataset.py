@@ -25,7 +25,6 @@ from mwd_surface.surveys import station_csv
 TABLES = ("attitude", "surveys", "bags")
 DONE, FAILED = "done", "failed"
 _CHUNK = 1 << 20
-_TEXT = ("azimuth_reference", "verdict", "reasons", "azimuth_method", "uuid")
 _WHERE = [("key", pa.string()), ("bag", pa.string()), ("well", pa.string())]
 
 
@@ -73,7 +72,7 @@ SCHEMAS = {
             ("duration_s", pa.float64()),
             ("samples", pa.int64()),
             ("requested", pa.bool_()),
-            *((name, pa.string() if name in _TEXT else pa.float64()) for name in station_csv.COLUMNS),
+            *((name, pa.string() if name in station_csv.TEXTS else pa.float64()) for name in station_csv.COLUMNS),
             ("uuid", pa.string()),
         ]
     ),

@@ -16,15 +16,11 @@ from numpy.typing import NDArray
 from mwd_estimation import derivation
 from mwd_estimation.gravity.bounded.filter import Params
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
-from mwd_estimation.survey.survey import Survey
-from mwd_estimation.survey.survey_message import survey_fields
 from mwd_sensors.calibration.compensation import Compensation
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_surface.bags.bag_reader import Bag, Block, Originals
 from mwd_surface.runs.bag_input import (
-    IMU,
-    IMU_BURST,
     InputSettings,
     Topics,
     check_imu,
@@ -36,13 +32,11 @@ from mwd_surface.runs.bag_input import (
     unstamped,
 )
 from mwd_surface.runs.imu_queue import ImuQueue
-from mwd_surface.runs.merger import Merger, end_rows
+from mwd_surface.runs.list_builder import ListBuilder
+from mwd_surface.runs.merger import Merger
 from mwd_surface.runs.overlap import ahead, behind
+from mwd_surface.runs.recorded_settings import Recorded
 from mwd_surface.runs.run_summary import Summary, pipeline_warnings
-from mwd_surface.surveys.depth import DepthTrack
-from mwd_surface.surveys.message_conversion import survey_of_fields
-from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.well import Well
 
 # The other fields are most of the bytes of these messages, and are not read.
 _FIELDS = {
@@ -92,6 +86,8 @@ class BagEstimate:
         Use the samples after each one for its gravity too.
     merger : Merger, optional
         Receives the results, and all messages of the bag.
+    recorded : Recorded, optional
+        The settings in the recording, for its survey list.
 
     Raises
     ------
@@ -108,12 +104,13 @@ class BagEstimate:
         compensation: Compensation | None = None,
         smooth: bool = False,
         merger: Merger | None = None,
+        recorded: Recorded | None = None,
     ) -> None:
         self.topics = find_topics(bag, given)
         self._bag, self._estimator, self._given = bag, estimator, given
+        self._list = ListBuilder(bag, self.topics, estimator, given, recorded or Recorded())
         self._compensation, self._merger = compensation, merger
         self._pipeline = Pipeline(estimator)
-        self._depth = DepthTrack()
         self._queue = ImuQueue(_smoothing(estimator, bag.start_ns) if smooth else None)
         self._start_ns = bag.start_ns + round(given.start_s * 1e9)
         self._end_ns = bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
@@ -121,7 +118,6 @@ class BagEstimate:
         self._without_time = unstamped(bag, self.topics)
         self._unchecked = {self.topics.imu, self.topics.mag}
         self._use_mag = self.topics.mag is not None
-        self._last_status = 0
         self._summary = Summary(self.topics, warnings=guesses(bag, self.topics, given))
 
     def run(self, sink: Callable[[Output], None], progress: Callable[[float], None]) -> Summary:
@@ -143,7 +139,7 @@ class BagEstimate:
         with behind(write) as give:
             for result in self._results(progress):
                 if result.output is not None:
-                    self._keep_surveys(result.output)
+                    self._summary.surveys += [(survey, self._list.add(survey)) for survey in result.output.surveys]
                     self._summary.faults += result.output.health
                 give(result)
         progress(1.0)
@@ -208,29 +204,9 @@ class BagEstimate:
             self._pipeline.push_precision(samples[topics.precision])
         if topics.temperature in samples:
             self._pipeline.push_temperature(samples[topics.temperature])
-        if topics.rig in samples:
+        if topics.rig in samples and self._list.uses_rig:
             for row in samples[topics.rig]:
-                self._depth.update(int(row["stamp_ns"]), float(row["bit_depth"]), bool(row["valid"] & _BIT_DEPTH))
-
-    def _keep_surveys(self, output: Output) -> None:
-        status = output.attitude["status"]
-        rows = end_rows(output) if len(status) else [-1] * len(output.surveys)
-        for survey, row in zip(output.surveys, rows, strict=True):
-            self._keep_survey(survey, int(status[row]) if len(status) else self._last_status)
-        self._last_status = int(status[-1]) if len(status) else self._last_status
-
-    def _keep_survey(self, survey: Survey, status: int) -> None:
-        summary = self._summary
-        reading = self._depth.sensor_depth(survey.stamp_ns, self._given.sensor_to_bit_m)
-        md = reading.measured_depth
-        summary.surveys.append((survey, md if md >= 0.0 else math.nan))
-        listed = survey_of_fields(survey_fields(survey, status), survey.stamp_ns)
-        if not summary.listed.records:
-            summary.listed = SurveyList(well=_well(self.topics, self._estimator, self._given, survey))
-        try:
-            summary.listed = summary.listed.add(listed, md, reading.depth_age, comment=reading.reason)
-        except ValueError as error:
-            summary.warnings.append(f"survey {survey.sequence} is not in the survey list: {error}")
+                self._list.depth.update(int(row["stamp_ns"]), float(row["bit_depth"]), bool(row["valid"] & _BIT_DEPTH))
 
     def _close(self) -> None:
         """Complete the summary after the last sample."""
@@ -243,6 +219,9 @@ class BagEstimate:
             summary.warnings.append(
                 f"{compensation.without_temperature} samples were calibrated before any temperature was known"
             )
+        summary.listed, summary.live = self._list.finish()
+        summary.depths = self._list.depth_source
+        summary.warnings += self._list.warnings
         summary.warnings += pipeline_warnings(summary, pipeline, self._estimator)
 
 
@@ -257,19 +236,6 @@ def _smoothing(estimator: EstimatorSettings, start_ns: int) -> Params:
     reference = derivation.reference(estimator, start_ns)
     found: Params = derivation.gravity_params(estimator, reference.gravity if reference is not None else None)
     return found
-
-
-def _well(topics: Topics, estimator: EstimatorSettings, given: InputSettings, first: Survey) -> Well:
-    """Return what the recording and the settings say of the well."""
-    place, station = estimator.place, first.station
-    return Well(
-        name=topics.imu.removesuffix(IMU).removesuffix(IMU_BURST).strip("/") or Well().name,
-        latitude_deg=place.lat_deg,
-        longitude_deg=place.lon_deg,
-        north_reference=station.north,
-        sensor_to_bit=given.sensor_to_bit_m,
-        geomagnetic_model=station.reference.source if station.reference is not None else "",
-    )
 
 
 def _compensate(compensation: Compensation, samples: BlockSamples, topics: Topics) -> None:

@@ -43,7 +43,10 @@ class InputSettings:
     end_s: float = setting(math.inf, "End so long after the first message", unit="s", low=0.0)
     same_axes: bool = setting(False, "IMU and magnetometer share axes although their frames have different names")
     partial: bool = setting(False, "Use what can be read of a bag that is cut off or damaged")
-    sensor_to_bit_m: float = setting(0.0, "Sonde behind the bit", unit="m", low=0.0, high=100.0)
+    sensor_to_bit_m: float = setting(
+        -1.0, "Sonde behind the bit; -1: as the recording says, else 0", unit="m", low=-1.0, high=100.0
+    )
+    depths: str = setting("", "Table of depths, CSV; empty: the depths of the rig in the recording")
 
 
 @dataclasses.dataclass(frozen=True)

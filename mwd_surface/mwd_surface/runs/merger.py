@@ -31,8 +31,7 @@ _IMU = "imu/data_raw"
 def end_rows(output: Output) -> NDArray[np.int64]:
     """Row of the attitude, of at least one, with which the interval of each survey ends; the last where none does."""
     newest = np.maximum.accumulate(output.attitude["stamp_ns"])
-    ends = [survey.stamp_ns + round(0.5e9 * survey.duration) for survey in output.surveys]
-    return np.searchsorted(newest, ends).clip(max=len(newest) - 1)
+    return np.searchsorted(newest, [survey.end_ns for survey in output.surveys]).clip(max=len(newest) - 1)
 
 
 class Merger:
@@ -63,7 +62,7 @@ class Merger:
         self._merged = MergedBag(path, bag)
         namespace = imu_topic.removesuffix(_IMU) if imu_topic.endswith(_IMU) else imu_topic.rpartition("/")[0] + "/"
         self._channels = {}
-        self._last_ns = self._status = 0
+        self._last_ns = 0
         self._store = self._merged.definitions.typestore
         types = {relative: layout.type_name for relative, layout in _TOPICS.items()} | {_SURVEY: _SURVEY_TYPE}
         for relative, type_name in types.items():
@@ -99,12 +98,11 @@ class Merger:
                 self._add(relative, samples, np.maximum.accumulate(log_ns[at]))
             # With the sample that ends the interval, or the first one after it that is not written yet.
             for survey, at in zip(output.surveys, end_rows(output), strict=True):
-                self._write_survey(survey, int(output.attitude["status"][at]), int(log_ns[at]))
-            self._status = int(output.attitude["status"][-1])
+                self._write_survey(survey, int(log_ns[at]))
         elif output is not None:
             # What was held back until no more samples came.
             for survey in output.surveys:
-                self._write_survey(survey, self._status, self._last_ns)
+                self._write_survey(survey, self._last_ns)
         if until_ns is not None:
             self._merged.flush(until_ns)
 
@@ -112,15 +110,15 @@ class Merger:
         if len(samples):
             self._merged.add_rows(self._channels[relative], _TOPICS[relative].encode(samples, self._frame), log_ns)
 
-    def _write_survey(self, survey: Survey, status: int, log_ns: int) -> None:
-        data = np.frombuffer(self._serialised(survey, status), dtype=np.uint8)
+    def _write_survey(self, survey: Survey, log_ns: int) -> None:
+        data = np.frombuffer(self._serialised(survey), dtype=np.uint8)
         self._merged.add_rows(self._channels[_SURVEY], data[None, :], np.array([log_ns]))
 
-    def _serialised(self, survey: Survey, status: int) -> bytes:
+    def _serialised(self, survey: Survey) -> bytes:
         types = self._store.types
         seconds, nanoseconds = divmod(survey.stamp_ns, wire.NANOSECONDS)
         stamp = types["builtin_interfaces/msg/Time"](seconds, nanoseconds)
-        fields = survey_fields(survey, status)
+        fields = survey_fields(survey, survey.status)
         azimuths = [types[_AZIMUTH_TYPE](**one) for one in fields.pop("azimuths")]
         header = types["std_msgs/msg/Header"](stamp, self._frame)
         return bytes(self._store.serialize_cdr(types[_SURVEY_TYPE](header, azimuths=azimuths, **fields), _SURVEY_TYPE))

@@ -15,6 +15,7 @@ from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.runs.bag_estimate import BagEstimate
 from mwd_surface.runs.bag_input import InputSettings, refuse_damaged, worth_saying
 from mwd_surface.runs.merger import Merger
+from mwd_surface.runs.recorded_settings import Recorded
 from mwd_surface.runs.run_config import config_text
 from mwd_surface.runs.run_output import OutputSettings, destination, drafts, fault_text, survey_text
 from mwd_surface.runs.run_summary import Summary
@@ -31,6 +32,7 @@ def process(
     progress: Callable[[float], None] = lambda _share: None,
     compensation: Compensation | None = None,
     wanted: OutputSettings | None = None,
+    recorded: Recorded | None = None,
 ) -> Summary:
     """
     Write the attitude (by default attitude.csv), surveys.csv, surveys.json, faults.csv and config.yaml of a bag.
@@ -49,6 +51,8 @@ def process(
     compensation : Compensation, optional
         Calibration of the AHRS, applied to its samples first.
     wanted : OutputSettings, optional
+    recorded : Recorded, optional
+        The settings in the recording, for its survey list.
 
     Raises
     ------
@@ -62,7 +66,8 @@ def process(
     given, wanted = given or InputSettings(), wanted or OutputSettings()
     with drafts(folder) as draft:
         with destination(draft, bag, wanted, given) as (sink, merger):
-            summary = estimate(bag, estimator, given, sink, progress, compensation, wanted.smooth, merger)
+            run = _run_of(bag, estimator, given, compensation, wanted.smooth, merger, recorded)
+            summary = _finished(run, bag, given, sink, progress)
         (draft / "surveys.csv").write_text(survey_text(summary.surveys), encoding="utf-8")
         (draft / "surveys.json").write_bytes(encoded(summary.listed))
         (draft / "faults.csv").write_text(fault_text(summary.faults), encoding="utf-8")
@@ -74,31 +79,41 @@ def process(
     return summary
 
 
-def estimate(
-    bag: Bag,
-    estimator: EstimatorSettings,
-    given: InputSettings,
-    sink: Callable[[Output], None],
-    progress: Callable[[float], None] = lambda _share: None,
-    compensation: Compensation | None = None,
-    smooth: bool = False,
-    merger: Merger | None = None,
-) -> Summary:
+def estimate(bag: Bag, estimator: EstimatorSettings, given: InputSettings, sink: Callable[[Output], None]) -> Summary:
     """
-    Run the estimator over a bag.
-
-    sink: called with the output of each block, in order of time, in a thread of its own; an exception of it ends the
-    run. smooth: use the samples after each one for its gravity too. merger: receives the results, and all messages of
-    the bag.
+    Run the estimator over a bag; sink: called with the output of each block, in order, in a thread of its own.
 
     Raises
     ------
     BagError, ValueError
-        As `process`; or `smooth` with a method that has no smoother.
+        As `process`; an exception of the sink ends the run.
     """
+    return _finished(_run_of(bag, estimator, given), bag, given, sink, lambda _share: None)
+
+
+def _run_of(
+    bag: Bag,
+    estimator: EstimatorSettings,
+    given: InputSettings,
+    compensation: Compensation | None = None,
+    smooth: bool = False,
+    merger: Merger | None = None,
+    recorded: Recorded | None = None,
+) -> BagEstimate:
     if smooth and estimator.gravity.method != "bounded":
         raise ValueError(f"smooth: only the method bounded can be smoothed, not {estimator.gravity.method}")
-    run = BagEstimate(bag, estimator, given, compensation=compensation, smooth=smooth, merger=merger)
+    return BagEstimate(
+        bag, estimator, given, compensation=compensation, smooth=smooth, merger=merger, recorded=recorded
+    )
+
+
+def _finished(
+    run: BagEstimate,
+    bag: Bag,
+    given: InputSettings,
+    sink: Callable[[Output], None],
+    progress: Callable[[float], None],
+) -> Summary:
     refuse_damaged(bag, given)
     summary = run.run(sink, progress)
     # Damage may come to light only while reading.

@@ -42,6 +42,10 @@ class Summary:
     surveys : list of (Survey, measured depth in m or nan)
     listed : SurveyList
         The same as the surface node keeps them: accepted ones in the path, the rest waiting for a decision.
+    depths : str
+        Where the depths of the surveys come from, in words.
+    live : str
+        How this list compares with the live one of the recording; empty where it has none.
     faults : list of SensorFault
         Faults of sensors, as they were found, narrowed down or cleared.
     warnings : list of str
@@ -66,6 +70,8 @@ class Summary:
     reference: str = "none"
     surveys: list[tuple[Survey, float]] = dataclasses.field(default_factory=list)
     listed: SurveyList = dataclasses.field(default_factory=SurveyList)
+    depths: str = ""
+    live: str = ""
     faults: list[SensorFault] = dataclasses.field(default_factory=list)
     warnings: list[str] = dataclasses.field(default_factory=list)
     files: list[str] = dataclasses.field(default_factory=list)

@@ -54,6 +54,12 @@ COLUMNS = (
     "alternative_odds",
     "hypotheses",
 )
+# Columns of words; the others hold numbers.
+TEXTS = frozenset(
+    name
+    for name in COLUMNS
+    if name.startswith(("azimuth_reference", "azimuth_method", "verdict", "reasons", "headline", "altern", "hypoth"))
+)
 
 
 def cells(station: Station, measured_depth: float = math.nan) -> dict[str, str]:

@@ -1,0 +1,140 @@
+"""
+The settings a recording was made with, from its metadata: what `mwd process` starts from where nothing else is said.
+
+The surface node writes the parameters of estimator and surface into every recording; later changes are messages of
+/parameter_events. Those of the surface count for the whole list; those of the estimator are named.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from mwd_estimation.pipeline import EstimatorSettings
+from mwd_sensors.core import settings
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.surveys.depth import DepthRules
+from mwd_surface.surveys.leg_settings import LegSettings
+from mwd_surface.surveys.list_rules import ListRules
+from mwd_surface.surveys.well import Well
+
+S = TypeVar("S")
+
+ESTIMATOR, SURFACE = "parameters/estimator", "parameters/surface"
+_EVENTS, _EVENT_TYPE = "/parameter_events", "rcl_interfaces/msg/ParameterEvent"
+# Field of ParameterValue by its type.
+_FIELDS = (
+    "",
+    "bool_value",
+    "integer_value",
+    "double_value",
+    "string_value",
+    "byte_array_value",
+    "bool_array_value",
+    "integer_array_value",
+    "double_array_value",
+    "string_array_value",
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class SurfacePart:
+    """The sections of the surface's settings that decide about a survey list."""
+
+    well: Well = dataclasses.field(default_factory=Well)
+    rules: ListRules = dataclasses.field(default_factory=ListRules)
+    leg: LegSettings = dataclasses.field(default_factory=LegSettings)
+    depth: DepthRules = dataclasses.field(default_factory=DepthRules)
+
+
+@dataclasses.dataclass(frozen=True)
+class Recorded:
+    """
+    Settings in a recording; None where it has none.
+
+    remarks: what of them this version cannot use, in words.
+    """
+
+    estimator: EstimatorSettings | None = None
+    surface: SurfacePart | None = None
+    remarks: tuple[str, ...] = ()
+
+
+def recorded_settings(bag: Bag) -> Recorded:
+    """
+    Return the settings of estimator and surface in a recording.
+
+    A parameter that this version does not have or does not allow is left at its default, and named.
+    """
+    tables = bag.metadata()
+    remarks: list[str] = []
+    events = _changes(bag)
+    if SURFACE in tables:
+        tables[SURFACE] = dict(tables[SURFACE]) | events.get("surface", {})
+    before = tables.get(ESTIMATOR, {})
+    changed = [name for name, text in events.get("estimator", {}).items() if before.get(name) not in (None, text)]
+    if changed:
+        remarks.append(
+            f"{', '.join(changed)} changed during the recording: all of it is processed with the values of its begin"
+        )
+    estimator = _settings(EstimatorSettings(), tables.get(ESTIMATOR), remarks)
+    surface = _settings(SurfacePart(), tables.get(SURFACE), remarks, sections=True)
+    return Recorded(estimator, surface, tuple(remarks))
+
+
+def _changes(bag: Bag) -> dict[str, dict[str, str]]:
+    """Parameters that changed while it was recorded: name of the node -> name -> last value as text."""
+    about = bag.topics.get(_EVENTS)
+    changes: dict[str, dict[str, str]] = {}
+    if about is None or about.type_name != _EVENT_TYPE:
+        return changes
+    for _, name, _, data in bag.messages([_EVENTS]):
+        event = bag.decode(name, data)
+        table = changes.setdefault(event.node.rsplit("/", 1)[-1], {})
+        for parameter in event.changed_parameters:
+            value = getattr(parameter.value, _FIELDS[parameter.value.type])
+            table[parameter.name] = str(value.tolist() if hasattr(value, "tolist") else value)
+    return changes
+
+
+def _settings(usual: S, table: Mapping[str, str] | None, remarks: list[str], *, sections: bool = False) -> S | None:
+    """
+    Settings of a table of texts; None where there is no table.
+
+    sections: the table has sections that are not among these settings.
+    """
+    if not table:
+        return None
+    known = settings.flat(usual)
+    changes: dict[str, Any] = {}
+    unknown = []
+    for name, text in table.items():
+        if name in known:
+            changes[name] = _value(text, known[name][0])
+        elif "." in name and not sections:
+            unknown.append(name)
+    # A choice may bring settings of its own, which are known once it is made.
+    try:
+        made = settings.changed(usual, {**changes, **{name: _value(table[name], None) for name in unknown}})
+    except settings.SettingsError:
+        made = usual
+        for name, value in {**changes, **{name: _value(table[name], None) for name in unknown}}.items():
+            try:
+                made = settings.changed(made, {name: value})
+            except settings.SettingsError:
+                remarks.append(f"{name} = {table[name]} of the recording is not used: this version does not have it")
+    return made
+
+
+def _value(text: str, usual: Any) -> Any:
+    """Value of a parameter as it was written; text where the usual value is text."""
+    if isinstance(usual, str):
+        return text
+    if text in ("inf", "-inf", "nan"):
+        return float(text)
+    try:
+        return ast.literal_eval(text)
+    except (ValueError, SyntaxError):
+        return text

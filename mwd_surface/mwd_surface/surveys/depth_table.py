@@ -1,0 +1,124 @@
+"""
+Depths from a table, for a recording without those of the rig: bit depth by time, or the depth of each survey.
+
+Columns, by name and unit: `time` (UTC, ISO 8601, or stamp_ns) with `bit_depth_m` or `md_m`, or `survey` (its number)
+with `md_m`. A bit depth is that of the bit, md is the depth of the sensor.
+"""
+
+from __future__ import annotations
+
+import bisect
+import dataclasses
+import datetime as dt
+import itertools
+import math
+from pathlib import Path
+
+from mwd_surface.surveys import list_columns
+from mwd_surface.surveys.depth import DepthReading
+from mwd_surface.surveys.list_columns import ListFileError
+from mwd_surface.surveys.station_file import read_table
+
+_TIMES = ("time", "time_utc", "dtim", "dtim_utc", "stamp_ns", "timestamp", "utc", "date_time")
+_NUMBERS = ("survey", "sequence", "no", "station", "number")
+_BIT, _SENSOR = ("bit_depth", "bit", "dbtm", "hole_depth"), ("md", "measured_depth", "depth")
+
+
+@dataclasses.dataclass(frozen=True)
+class DepthTable:
+    """
+    Depths of a table.
+
+    by_number: depth of the sensor by the number of the survey, m. by_time: stamp, ns, and depth, m, in order of time.
+    of_bit: whether the depths by time are of the bit, not of the sensor.
+    """
+
+    by_number: dict[int, float] = dataclasses.field(default_factory=dict)
+    by_time: tuple[tuple[int, float], ...] = ()
+    of_bit: bool = False
+
+    def sensor_depth(self, sequence: int, stamp_ns: int, sensor_to_bit: float) -> DepthReading:
+        """
+        Depth of the sensor at a survey: that of its number, or on the straight line between two rows of the table.
+
+        sensor_to_bit: m. Outside the times of the table the depth is not known.
+        """
+        if self.by_number:
+            if sequence not in self.by_number:
+                return DepthReading(reason=f"the table of depths has no survey {sequence}")
+            return DepthReading(self.by_number[sequence], 0.0)
+        after = bisect.bisect_left(self.by_time, (stamp_ns, -math.inf))
+        if after == len(self.by_time) or (after == 0 and self.by_time[0][0] != stamp_ns):
+            return DepthReading(reason="the survey is outside the times of the table of depths")
+        (t_0, d_0), (t_1, d_1) = self.by_time[max(after - 1, 0)], self.by_time[after]
+        depth = d_1 if t_1 == t_0 else d_0 + (d_1 - d_0) * (stamp_ns - t_0) / (t_1 - t_0)
+        bit = depth if self.of_bit else depth + sensor_to_bit
+        if bit < sensor_to_bit:
+            return DepthReading(-1.0, 0.0, bit, f"bit at {bit:.2f} m: the sensor is still above the datum")
+        return DepthReading(bit - sensor_to_bit, 0.0, bit)
+
+
+def read_depths(path: Path) -> DepthTable:
+    """
+    Read depths from a CSV file.
+
+    Raises
+    ------
+    ListFileError, ValueError
+        A column is missing or has no unit, a cell is no number or time; with the column or line.
+    OSError
+        It cannot be read.
+    """
+    table = read_table(path)
+    plain = {name: "_".join(name.lower().replace("(", " ").replace(")", " ").split()) for name in table}
+    time = next((name for name in table if plain[name] in _TIMES), None)
+    number = next((name for name in table if plain[name] in _NUMBERS), None)
+    depth, of_bit, unit = _depth_column(list(table), path)
+    if time is None and number is None:
+        raise ListFileError(
+            f"{path}: no column time or survey; expected time,bit_depth_m or survey,md_m, got {', '.join(table)}"
+        )
+    depths = [_number(cell, f"{path}, {depth}, row {k}") * unit for k, cell in enumerate(table[depth], start=1)]
+    if time is None:
+        numbers = [_number(cell, f"{path}, {number}, row {k}") for k, cell in enumerate(table[str(number)], start=1)]
+        if of_bit:
+            raise ListFileError(f"{path}: the depth of a survey is that of the sensor: name the column md_m")
+        return DepthTable({int(n): d for n, d in zip(numbers, depths, strict=True)})
+    stamps = [_stamp(cell, f"{path}, {time}, row {k}") for k, cell in enumerate(table[time], start=1)]
+    for before, after in itertools.pairwise(stamps):
+        if after <= before:
+            raise ListFileError(f"{path}: the times of {time} do not increase")
+    return DepthTable(by_time=tuple(zip(stamps, depths, strict=True)), of_bit=of_bit)
+
+
+def _depth_column(names: list[str], path: Path) -> tuple[str, bool, float]:
+    """Name of the column of depths, whether it is of the bit, and its factor to m."""
+    for words, of_bit in ((_BIT, True), (_SENSOR, False)):
+        for name in names:
+            lower = "_".join("".join(c if c.isalpha() else " " for c in name.lower()).split())
+            for word in words:
+                if lower == word or lower.startswith(word + "_"):
+                    unit = lower.removeprefix(word).strip("_")
+                    return name, of_bit, list_columns.factor("md", unit, f"{path}: {name}")
+    raise ListFileError(f"{path}: no column of depths; expected bit_depth_m or md_m, got {', '.join(names)}")
+
+
+def _number(text: str, at: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ListFileError(f"{at}: expected a number, got {text!r}")
+    return value
+
+
+def _stamp(text: str, at: str) -> int:
+    if text.strip().isdigit():
+        return int(text)
+    try:
+        moment = dt.datetime.fromisoformat(text.strip())
+    except ValueError as error:
+        raise ListFileError(f"{at}: expected a time such as 2026-03-01T12:00:00Z or ns, got {text!r}") from error
+    moment = moment.replace(tzinfo=moment.tzinfo or dt.UTC)
+    return round((moment - dt.datetime(1970, 1, 1, tzinfo=dt.UTC)).total_seconds() * 1e6) * 1000
