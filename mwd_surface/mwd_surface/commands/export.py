@@ -128,6 +128,7 @@ def _table(
     from mwd_surface import __version__
     from mwd_surface.commands import terminal
     from mwd_surface.commands.reference_options import assignments
+    from mwd_surface.exports.report_clearance import clearance_sections
     from mwd_surface.exports.survey_table import survey_table
     from mwd_surface.surveys.plan_file import read_plan
     from mwd_surface.surveys.survey_source import stretches_of, surveys_of
@@ -145,14 +146,19 @@ def _table(
         terminal.warn(note)
     if not surveys.records:
         raise ValueError(f"{source}: no survey in the list")
+    planned = read_plan(plan, surveys.well.north_reference) if plan is not None else None
+    sections, remarks = clearance_sections(surveys, planned, bit_depth, leg)
+    for note in remarks:
+        terminal.warn(note)
     table = survey_table(
         surveys,
         time.time_ns(),
         leg=leg,
         bit_depth=bit_depth,
-        plan=read_plan(plan) if plan is not None else None,
+        plan=planned,
         software=f"mwd {__version__}",
         stretches=stretches,
+        sections=sections,
     )
     for text in table.left_out:
         terminal.warn(text)

@@ -16,6 +16,7 @@ from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.streams import LiveStreams
 from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField, SurveyProgress, WellState
+from mwd_surface.surveys.clearance import Clearance
 from mwd_surface.surveys.plan import Offset, Plan
 from mwd_surface.surveys.slide_sheet import Stretch, Yield
 from mwd_surface.surveys.survey_record import SurveyRecord
@@ -41,6 +42,7 @@ class LiveState(LiveStreams):
         self._plan: Plan | None = None
         self._offset: Offset | None = None
         self._dogleg_to_target: float | None = None
+        self._clearance: tuple[Clearance, ...] = ()
         self._stretches: tuple[Stretch, ...] = ()
         self._yields: tuple[Yield, ...] = ()
         self._quill: float | None = None
@@ -84,6 +86,11 @@ class LiveState(LiveStreams):
         """Take the offset of the end of the path from the plan; dogleg_to_target: of the arc to the target, rad/m."""
         self._offset, self._dogleg_to_target = offset, dogleg_to_target
         self._touch("offset", now)
+
+    def on_clearance(self, ahead: Sequence[Clearance], now: float) -> None:
+        """Take the clearances from the last survey on, the nearest by the rule first."""
+        self._clearance = tuple(ahead)
+        self._touch("clearance", now)
 
     def on_steering(self, stretches: Sequence[Stretch], yields: Sequence[Yield], now: float) -> None:
         """Take the slide sheet: stretches and yields, deepest last."""
@@ -136,6 +143,7 @@ class LiveState(LiveStreams):
             plan=self._plan,
             offset=self._offset,
             dogleg_to_target=self._dogleg_to_target,
+            clearance=self._clearance,
             stretches=self._stretches,
             yields=self._yields,
             quill=self._quill,

@@ -18,6 +18,7 @@ from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.latest_values import LiveValue, StreamState
 from mwd_surface.live.strip_history import Row
 from mwd_surface.live.toolface import GRAVITY
+from mwd_surface.surveys.clearance import Clearance
 from mwd_surface.surveys.plan import Offset, Plan
 from mwd_surface.surveys.slide_sheet import Stretch, Yield
 from mwd_surface.surveys.survey_record import North, Survey, SurveyRecord
@@ -226,6 +227,8 @@ class WellState:
         From the plan to the end of the path.
     dogleg_to_target : float or None
         Of the arc that hits the target, rad/m.
+    clearance : tuple of Clearance
+        To offset wells from the last survey on, the nearest by the rule first.
     stretches, yields
         The slide sheet, deepest last.
     quill : float or None
@@ -255,6 +258,7 @@ class WellState:
     plan: Plan | None
     offset: Offset | None
     dogleg_to_target: float | None
+    clearance: tuple[Clearance, ...]
     stretches: tuple[Stretch, ...]
     yields: tuple[Yield, ...]
     quill: float | None

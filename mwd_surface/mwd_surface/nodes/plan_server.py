@@ -40,7 +40,7 @@ class PlanServer:
         self.plan = None
         if settings.file:
             try:
-                plan = _plan_from(Path(settings.file).expanduser(), north)
+                plan = read_plan(Path(settings.file).expanduser(), north)
             except ListFileError as error:
                 text = f"the plan is not used: {error}"
                 remedy = "correct the file, then set plan.file again"
@@ -78,10 +78,3 @@ class PlanServer:
             # The target is reached or behind the bit: no arc leads there.
             dogleg = None
         self._live.on_offset(offset_from(plan, *end), now, dogleg)
-
-
-def _plan_from(path: Path, north: str) -> Plan:
-    plan = read_plan(path)
-    if plan.north and plan.north != north:
-        raise ListFileError(f"{path}: azimuths from {plan.north} north, those of the well from {north} north")
-    return plan

@@ -26,6 +26,7 @@ from mwd_sensors.ros.run_node import run_node
 from mwd_surface import __version__
 from mwd_surface.bags.recorder.status import RecorderError
 from mwd_surface.live.live_state import LiveState
+from mwd_surface.nodes.clearance_monitor import ClearanceMonitor
 from mwd_surface.nodes.diagnostics_monitor import DiagnosticsMonitor
 from mwd_surface.nodes.foxglove_bridge import FoxgloveBridge
 from mwd_surface.nodes.page_bridge import PageBridge, Services, call_service
@@ -111,6 +112,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
                 slide_sheet=self._slides.stretches,
             )
         )
+        self._clearance = ClearanceMonitor(context, self._plan)
         self._parameter_tables = ParameterTables(self, ("sonde", "estimator"))
         self._recording = self._closed_on_cleanup(
             RecordingServer(context, settings, tables=self._tables, attachments=self._surveys.attachments)
@@ -240,6 +242,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._monitor.update(now)
         self._surveys.retry_save()
         self._surveys.update_projection(now)
+        self._clearance.update(self._surveys.surveys, self._surveys.bit_depth)
         self._slides.update(now)
         self._shared.alarm_log.publish(now)
         self._page.update(now, without_clients=True)

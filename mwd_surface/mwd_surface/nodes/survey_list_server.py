@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import concurrent.futures
-import functools
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +18,7 @@ from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.qos import EVENT, LATCHED
 from mwd_surface.exports.export import FORMATS, ExportError, export
+from mwd_surface.exports.report_clearance import clearance_sections
 from mwd_surface.exports.survey_table import SurveyTable, survey_table, table_of
 from mwd_surface.live.alarms import Severity
 from mwd_surface.nodes.plan_server import PlanServer
@@ -297,9 +297,14 @@ class SurveyListServer:
 
     def _table(self) -> Callable[[], SurveyTable]:
         """Return a function that computes the printed table of the present list, in any thread."""
-        return functools.partial(
-            survey_table, self.surveys, self._alarm_log.now_ns(), plan=self._plan.plan, stretches=self._slide_sheet()
-        )
+        surveys, plan, bit_depth = self.surveys, self._plan.plan, self.bit_depth
+        made_ns, stretches = self._alarm_log.now_ns(), self._slide_sheet()
+
+        def table() -> SurveyTable:
+            sections, _ = clearance_sections(surveys, plan, bit_depth)
+            return survey_table(surveys, made_ns, plan=plan, stretches=stretches, sections=sections)
+
+        return table
 
     def _report(self) -> None:
         """Make the report of the present list in the background; of changes during that time only the last counts."""

@@ -23,6 +23,7 @@ from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import ToolfaceState, WellState
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.page.survey_panel import NORTH_WORDS, path_table, quality_lights, survey_row
+from mwd_surface.surveys.clearance import Clearance
 from mwd_surface.surveys.plan import Plan
 from mwd_surface.surveys.survey_record import North
 
@@ -34,6 +35,7 @@ _RECORDER_WORDS = {
 }
 _TOOLFACE_WORDS = ("gravity", "magnetic")
 _LEVEL_WORDS = ("ok", "warning", "error", "stale")
+_MAX_NEAR = 3  # offset wells shown
 _MAX_EVENTS = 200
 _MAX_DIAGNOSTICS = 200
 
@@ -121,6 +123,7 @@ class StateJson:
             "path": ("path", None, lambda: _path(state, most)),
             "plan": ("plan", section, lambda: _plan(state.plan, section, most)),
             "offset": ("offset", None, lambda: _offset(state)),
+            "clearance": ("clearance", None, lambda: {"rows": [_near(c) for c in state.clearance[:_MAX_NEAR]]}),
             "steering": ("steering", None, lambda: _steering(state, most)),
             "quill": ("quill", None, lambda: {"angle": number(state.quill)}),
             "survey_progress": ("survey_progress", None, lambda: _progress(state)),
@@ -289,6 +292,19 @@ def _offset(state: WellState) -> Table:
         return {"known": False}
     table = {key: number(value) for key, value in dataclasses.asdict(state.offset).items()}
     return {"known": True, **table, "dogleg_to_target": number(state.dogleg_to_target)}
+
+
+def _near(one: Clearance) -> Table:
+    k = one.least
+    return {
+        "name": one.name,
+        "measured_depth": number(one.md[k]),
+        "distance": number(one.distance[k]),
+        "allowed": number(one.allowed[k]),
+        "factor": number(one.factor[k]),
+        "toolface": number(one.toolface[k]),
+        "level": one.level.name.lower(),
+    }
 
 
 def _steering(state: WellState, most: int) -> Table:

@@ -66,11 +66,20 @@ class OffsetWell:
 
 @dataclasses.dataclass(frozen=True)
 class OffsetWells:
-    """All offset wells of a well; name: of the file."""
+    """
+    The file: all offset wells of a well, and how they are judged.
+
+    name, folder: of the file.
+    """
 
     wells: tuple[OffsetWell, ...]
+    rule: ClearanceRule = setting(ClearanceRule, "the separation rule and its levels")
+    hole_diameter_m: float = setting(0.31, "diameter of the hole that is drilled", unit="m", low=0.0, high=5.0)
+    ahead_m: float = setting(
+        300.0, "how far ahead of the bit the plan is compared; further takes longer", unit="m", low=0.0, high=20000.0
+    )
     name: str = ""
-    folder: Path = Path()
+    folder: str = ""
 
 
 def read_offset_wells(path: Path) -> OffsetWells:
@@ -90,17 +99,17 @@ def read_offset_wells(path: Path) -> OffsetWells:
         raise OffsetWellError(f"{path}: {error.strerror}") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise OffsetWellError(f"{path.name}: not YAML: {' '.join(str(error).split())}") from error
-    if not isinstance(table, dict) or set(table) != {"wells"} or not isinstance(table["wells"], list):
+    if not isinstance(table, dict) or not table.get("wells"):
         raise OffsetWellError(f"{path.name}: expected a table with wells, each with name and file")
     try:
-        wells = tuple(settings.from_mapping(OffsetWell, row, f"wells[{k}]") for k, row in enumerate(table["wells"]))
+        offsets = settings.from_mapping(OffsetWells, {**table, "name": path.name, "folder": str(path.parent)})
     except ValueError as error:
         raise OffsetWellError(f"{path.name}: {error}") from error
-    names = [well.name for well in wells]
+    names = [well.name for well in offsets.wells]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise OffsetWellError(f"{path.name}: two wells are named {twice[0]}")
-    return OffsetWells(wells, path.name, path.parent)
+    return offsets
 
 
 def offset_well(offset: OffsetWell, folder: Path, north: North, reference: ErrorReference) -> UncertainWell:
@@ -144,9 +153,7 @@ def offset_well(offset: OffsetWell, folder: Path, north: North, reference: Error
     )
 
 
-def clearances(
-    well: UncertainWell, offsets: OffsetWells, rule: ClearanceRule
-) -> tuple[list[Clearance], tuple[str, ...]]:
+def clearances(well: UncertainWell, offsets: OffsetWells) -> tuple[list[Clearance], tuple[str, ...]]:
     """
     Clearance to each offset well, the nearest by the rule first, and sentences about what people must know of them.
 
@@ -163,8 +170,8 @@ def clearances(
     found, remarks = [], []
     for offset in offsets.wells:
         try:
-            other = offset_well(offset, offsets.folder, well.north, well.reference)
-            found.append(clearance(well, other, rule, offset.shared_to_m))
+            other = offset_well(offset, Path(offsets.folder), well.north, well.reference)
+            found.append(clearance(well, other, offsets.rule, offset.shared_to_m))
             gap = float(np.max(np.diff(other.md)))
             if gap > _WIDE:
                 remarks.append(

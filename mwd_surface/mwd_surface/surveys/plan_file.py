@@ -11,16 +11,22 @@ from mwd_surface.surveys.list_file import StationList, read_list
 from mwd_surface.surveys.plan import Plan, plan_of
 
 
-def read_plan(path: str | Path) -> Plan:
+def read_plan(path: str | Path, north: str = "") -> Plan:
     """
     The plan of a file: a table, LAS or WITSML.
+
+    north: "magnetic", "true" or "grid", which its azimuths must be from; empty: any.
 
     Raises
     ------
     ListFileError
-        The file is missing, unreadable, too large, or not a plan; the message gives file, line and rule.
+        The file is missing, unreadable, too large, not a plan, or from another north; the message gives file, line and
+        rule.
     """
-    return plan_from_list(read_list(path))
+    plan = plan_from_list(read_list(path))
+    if north and plan.north not in ("", north):
+        raise ListFileError(f"{path}: azimuths from {plan.north} north, those of the well from {north} north")
+    return plan
 
 
 def plan_from_list(stations: StationList) -> Plan:

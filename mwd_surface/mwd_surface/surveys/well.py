@@ -54,6 +54,10 @@ class Well:
     programme: str = setting(
         "", "File of the survey programme, YAML: tool codes by interval and the tie-on; it replaces error_model"
     )
+    offset_wells: str = setting(
+        "",
+        "File of the offset wells, YAML: their lists, wellheads and hole sizes, and the separation rule",
+    )
 
     @property
     def wellbore_name(self) -> str:

@@ -26,7 +26,7 @@ def folder(tmp_path):
     rows = "\n".join(f"{30 * k},{max(0.0, 4.0 * (k - 11))},79" for k in range(25))
     (tmp_path / "beside.csv").write_text(f"md_m,inc_deg,azi_grid_deg\n{rows}\n")
     (tmp_path / "wells.yaml").write_text(f"wells:\n  - {FAR}\n  - {NEAR}\n")
-    (tmp_path / "far.yaml").write_text(f"wells: [{FAR}]\n")
+    (tmp_path / "far.yaml").write_text(f"wells: [{FAR}]\nahead_m: 60.0\nrule: {{warning_factor: 2.0}}\n")
     (tmp_path / "programme.yaml").write_text("intervals: [{code: MWD+IFR2+SAG+MS}]\n")
     return tmp_path
 
@@ -48,13 +48,13 @@ def test_table_and_pictures_are_written_and_stop_is_a_status(folder):
 
 
 def test_wells_far_apart_end_with_no_error(folder):
-    done = mwd(folder / "run", "--offsets", folder / "far.yaml", "-o", folder / "out", "--warning", 2.0)
+    done = mwd(folder / "run", "--offsets", folder / "far.yaml", "-o", folder / "out")
     assert done.exit_code == 0, done.output
 
 
 def test_the_plan_ahead_is_compared_too_and_a_programme_counts(folder):
     ends, allowed = [], []
-    for extra in ((), ("--plan", folder / "beside.csv", "--ahead", 60), ("--programme", folder / "programme.yaml")):
+    for extra in ((), ("--plan", folder / "beside.csv"), ("--programme", folder / "programme.yaml")):
         mwd(folder / "run", "--offsets", folder / "far.yaml", "-o", folder / "out", *extra)
         rows = read(folder / "out" / "clearance.csv")
         ends.append(max(float(row["md_m"]) for row in rows))

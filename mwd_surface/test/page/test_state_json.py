@@ -15,6 +15,7 @@ from mwd_surface.live.alarms import AlarmBook, Severity
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField
 from mwd_surface.page.state_json import plain_alarms, plain_events
+from mwd_surface.surveys.clearance import Clearance, ClearanceRule
 from mwd_surface.surveys.plan import Offset, plan_of
 from mwd_surface.surveys.well import Well
 
@@ -94,6 +95,17 @@ def test_a_plan_is_thinned_to_its_bound_and_keeps_its_end():
     assert got["north"][-1] == pytest.approx(math.sin(0.5) * 2990.0)
     state.on_plan(None, 0.0)
     assert sections(state)["plan"]["north"] == []
+
+
+def test_offset_wells_stand_at_their_least_factor():
+    state = ShownState()
+    assert sections(state)["clearance"]["rows"] == []
+    md, away = np.array([0.0, 30.0, 60.0]), np.zeros(3)
+    distance, allowed = np.array([20.0, 9.0, 30.0]), np.full(3, 10.0)
+    near = Clearance("A-3", md, md, distance, allowed, distance / allowed, away, away, ClearanceRule())
+    state.on_clearance((near,), 0.0)
+    (row,) = sections(state)["clearance"]["rows"]
+    assert (row["name"], row["measured_depth"], row["distance"], row["level"]) == ("A-3", 30.0, 9.0, "stop")
 
 
 def test_the_offset_is_unknown_until_it_is_given():

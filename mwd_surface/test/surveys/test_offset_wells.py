@@ -6,7 +6,7 @@ import example_surveys as example
 import numpy as np
 import pytest
 
-from mwd_surface.surveys.clearance import ClearanceRule, Level
+from mwd_surface.surveys.clearance import Level
 from mwd_surface.surveys.error_terms import ErrorReference
 from mwd_surface.surveys.offset_wells import OffsetWell, OffsetWellError, clearances, offset_well, read_offset_wells
 from mwd_surface.surveys.survey_record import North
@@ -46,7 +46,7 @@ wells:
   - {name: A-5, file: straight.csv}
 """,
     )
-    found, refused = clearances(drilled(), read_offset_wells(path), ClearanceRule())
+    found, refused = clearances(drilled(), read_offset_wells(path))
     assert [c.name for c in found] == ["A-3", "A-2"]
     assert found[0].factor[found[0].least] < found[1].factor[found[1].least]
     assert any("A-4" in text and "lost.csv" in text for text in refused)
@@ -60,7 +60,7 @@ def test_a_plan_counts_as_surveyed_at_the_usual_spacing(tmp_path):
         path = written(
             tmp_path, f"wells: [{{name: A-2, file: straight.csv, north_m: 60.0, east_m: 300.0, planned: {planned}}}]"
         )
-        found, remarks = clearances(drilled(), read_offset_wells(path), ClearanceRule())
+        found, remarks = clearances(drilled(), read_offset_wells(path))
         allowed.append(found[0].allowed[found[0].least])
         assert bool(remarks) is (planned == "false")
     assert allowed[0] < 0.5 * allowed[1]
@@ -84,7 +84,7 @@ def test_a_better_wellhead_and_a_better_tool_give_a_larger_factor(tmp_path):
     for extra in ("wellhead_sigma_m: 3.0", "code: UNKNOWN", "code: MWD+IFR2+SAG+MS"):
         path = tmp_path / "one.yaml"
         path.write_text(f"wells:\n  - {{name: A-3, file: beside.csv, north_m: -20.0, {extra}}}\n")
-        found, _ = clearances(drilled(), read_offset_wells(path), ClearanceRule())
+        found, _ = clearances(drilled(), read_offset_wells(path))
         factors.append(found[0].factor[found[0].least])
     assert factors[2] > max(factors[:2])
 
@@ -93,6 +93,7 @@ def test_a_better_wellhead_and_a_better_tool_give_a_larger_factor(tmp_path):
     ("text", "words"),
     [
         ("well: []", "expected a table with wells"),
+        ("wells: [{name: A, file: straight.csv}]\nrule: {k: 0.5}", "below the lowest allowed"),
         ("wells: [{name: A}]", "file"),
         ("wells: [{name: A, file: straight.csv, easting_m: 3.0}]", "easting_m"),
         ("wells: [{name: A, file: straight.csv}, {name: A, file: beside.csv}]", "two wells are named A"),

@@ -1,0 +1,114 @@
+"""Offset wells in the report: clearance by the separation rule, its pictures, and how well the hole ahead is known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Drawing, Section, Sheet, sheet_of
+from mwd_surface.exports.survey_table import fixed
+from mwd_surface.plots.clearance_plots import ladder, travelling_cylinder
+from mwd_surface.surveys.clearance import Clearance, Level
+from mwd_surface.surveys.error_terms import CovarianceUnavailableError
+from mwd_surface.surveys.plan import Plan
+from mwd_surface.surveys.position_covariance import ellipse
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.well_clearance import WellClearance, offset_wells_of, planned_rows, well_clearance
+
+_TINTS = {Level.CLEAR: GOOD, Level.WARNING: DOUBTFUL, Level.STOP: REJECT}
+_COLUMNS = (
+    *(("Offset well", ""), ("Part", ""), ("MD", "m"), ("its MD", "m"), ("Distance", "m"), ("Allowed", "m")),
+    *(("Factor", ""), ("Toolface", "deg"), ("Level", "")),
+)
+_AHEAD = (
+    *(("MD", "m"), ("TVD", "m"), ("N/S", "m"), ("E/W", "m"), ("1σ N", "m"), ("1σ E", "m"), ("1σ V", "m")),
+    *(("Ellipse 2σ", "m"), ("by", "m"), ("axis", "deg"), ("", "")),
+)
+_MOST = 40  # stations ahead that are printed; the last one is always among them
+
+
+def clearance_sections(
+    surveys: SurveyList, plan: Plan | None, bit_depth: float | None = None, leg: str | None = None
+) -> tuple[tuple[Section, ...], tuple[str, ...]]:
+    """
+    Return the sections about offset wells, and sentences about what could not be compared.
+
+    Both are empty where the well names no offset wells. Arguments as `well_clearance`.
+    """
+    try:
+        offsets = offset_wells_of(surveys)
+        if offsets is None or not surveys.records:
+            return (), ()
+        near = well_clearance(surveys, offsets, plan, bit_depth, leg)
+    except (CovarianceUnavailableError, ValueError) as error:
+        return (), (str(error),)
+    return (clearance_section(near),), near.remarks
+
+
+def clearance_section(near: WellClearance) -> Section:
+    """Return the section of a well: a line for each offset well over the whole path and from the last survey on."""
+    rule = near.rule
+    rule_words = (
+        f"Separation rule of the ISCWSA (SPE 187073): k = {rule.k:g}, surface margin {rule.surface_margin_m:g} m, "
+        f"projection {rule.projection_sigma_m:g} m at 1 sigma. Below a factor of {rule.stop_factor:g} drilling stops, "
+        f"below {rule.warning_factor:g} a warning is raised. Part ahead: from the last survey at "
+        f"{near.surveyed:.1f} m to {float(near.well.md[-1]):.1f} m, the bit at {near.bit:.1f} m."
+    )
+    ahead = {one.name: one for one in near.ahead()}
+    rows, levels = [], []
+    for one in near.found:
+        for part, words in ((one, "whole"), (ahead.get(one.name), "ahead")):
+            if part is not None:
+                rows.append(_row(part, words))
+                levels.append(part.level)
+    tints = {(k, len(_COLUMNS) - 1): _TINTS[level] for k, level in enumerate(levels)}
+    sheet = sheet_of(
+        "Clearance to offset wells",
+        _COLUMNS,
+        rows,
+        tints=tints,
+        legend="Where the separation factor is least. Allowed: the least distance at factor 1. Toolface: direction to "
+        "the offset well from the high side.",
+    )
+    drawings = (
+        Drawing("Separation factor and distance along the hole", lambda: ladder(near.found), wide=True),
+        Drawing("Travelling cylinder: toolface + azimuth", lambda: travelling_cylinder(near.found)),
+    )
+    sheets = (sheet, ahead_sheet(near))
+    return Section("Offset wells", (rule_words, *near.remarks), sheets, drawings if near.found else (), page=True)
+
+
+def ahead_sheet(near: WellClearance) -> Sheet:
+    """Return how well the hole is known from the last survey on: at the bit and along the plan."""
+    well, covariance = near.well, near.well.covariance()
+    stations = planned_rows(near)
+    chosen = np.unique(np.append(stations[:: max(1, math.ceil(stations.size / _MOST))], stations[-1]))
+    rows = []
+    for k in chosen:
+        flat = ellipse(covariance[k, :2, :2])
+        sigmas = np.sqrt(np.maximum(np.diagonal(covariance[k]), 0.0))
+        kind = "surveyed" if well.md[k] <= near.surveyed else "bit" if well.md[k] <= near.bit else "ahead"
+        n, e, down = well.positions[k]
+        metres = (well.md[k], down, n, e, *sigmas, flat.major, flat.minor)
+        rows.append((*(fixed(float(v), 2) for v in metres), fixed(math.degrees(flat.angle), 0), kind))
+    legend = (
+        "The bit and the plan ahead count as stations of the tool in the hole. Ellipse: semi-axes in the map at 2 "
+        "sigma, and the direction of the larger one from north."
+    )
+    return sheet_of("Position ahead of the last survey", _AHEAD, rows, legend=legend)
+
+
+def _row(one: Clearance, part: str) -> tuple[str, ...]:
+    k = one.least
+    return (
+        one.name,
+        part,
+        fixed(float(one.md[k]), 1),
+        fixed(float(one.offset_md[k]), 1),
+        fixed(float(one.distance[k]), 2),
+        fixed(float(one.allowed[k]), 2),
+        fixed(float(one.factor[k]), 2),
+        fixed(math.degrees(one.toolface[k]), 0, 360.0),
+        one.level.name.lower(),
+    )
