@@ -47,7 +47,7 @@ def survey(
     from mwd_estimation.survey.six_axis_table import stations as work_out
     from mwd_surface.bags import bag_metadata
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.survey_table import show_surveys
+    from mwd_surface.commands.survey_table import repeated, show_surveys
     from mwd_surface.commands.table_reference import Known, RowReference, table_reference, table_settings
     from mwd_surface.surveys import station_csv
     from mwd_surface.surveys.station_file import read_table
@@ -62,6 +62,8 @@ def survey(
     for remark in remarks:
         terminal.warn(remark)
     show_surveys(console, [(row.station, row.md) for row in worked])
+    for sentence in repeated(worked, settings):
+        console.print(sentence, markup=False)
     if output is not None:
         columns = (*station_csv.COLUMNS, "time")
         lines = [{**station_csv.cells(row.station, row.md), "time": row.time} for row in worked]

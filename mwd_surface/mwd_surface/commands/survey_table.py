@@ -13,6 +13,8 @@ from rich.text import Text
 from mwd_estimation.core.reason_text import joined
 
 if TYPE_CHECKING:
+    from mwd_estimation.settings import EstimatorSettings
+    from mwd_estimation.survey.six_axis_table import TableStation
     from mwd_estimation.survey.station import Station
 
 COLOURS = {"accept": "green", "doubtful": "yellow", "reject": "red"}
@@ -48,6 +50,19 @@ def show_surveys(console: Console, stations: Sequence[tuple[Station, float]]) ->
         console.print(
             Text.assemble(f"{number:>4} ", (station.verdict, COLOURS[station.verdict]), f": {joined(station.reasons)}")
         )
+
+
+def repeated(rows: Sequence[TableStation], settings: EstimatorSettings) -> list[str]:
+    """Sentences on the rows of a six-axis table that were taken at one depth."""
+    from mwd_estimation.derivation import sensor_errors
+    from mwd_estimation.survey.check_shots import check_shots
+    from mwd_surface.surveys.repeated_surveys import sentence
+
+    if len(rows) < 2:
+        return []
+    force, field = [row.station.f_t for row in rows], [row.station.b_t for row in rows]
+    found = check_shots([row.md for row in rows], force, field, sensor_errors(settings))
+    return [sentence(shot) for shot in found]
 
 
 def direction(angle: float) -> str:

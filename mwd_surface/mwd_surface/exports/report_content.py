@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 
+from mwd_surface.exports.report_check_shots import repeated
 from mwd_surface.exports.report_decisions import decisions, slides, verdicts
 from mwd_surface.exports.report_plots import ELLIPSE_SIGMAS, plan_view, section_view
 from mwd_surface.exports.report_quality import azimuths, row_mark, run_quality, stations
@@ -100,6 +101,7 @@ SECTIONS: tuple[Callable[[SurveyTable], Section | None], ...] = (
     definitive,
     drawn,
     run_quality,
+    repeated,
     stations,
     azimuths,
     verdicts,

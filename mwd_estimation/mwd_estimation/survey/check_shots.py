@@ -1,0 +1,247 @@
+"""
+Several surveys at one depth: whether they agree as well as the tool code says, and which sensor bias they show.
+
+A *rotation shot* repeats a survey with another toolface, a *check shot* with another tool or on another run. The hole
+is the same, so the angles may differ only by what turns with the tool, by what tools do not share, and by noise. That
+is a chi-square test of the differences against the covariance of the tool code's errors (R. Ekseth et al., "The
+reliability problem related to directional survey data", IADC/SPE 103734, 2006, internal tests of magnetic surveys, and
+SPE/IADC 105558, 2007, external ones).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import chi2
+
+from mwd_estimation.core import magnetic_geometry
+from mwd_estimation.core.error_model import SensorErrors
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.frames import gravity_toolface, inclination, wrap_pi
+
+# Surveys no farther apart are at one depth, m: half a metre of a hole that turns by 6 deg/30 m is 0.1 deg.
+SAME_DEPTH = 0.5
+# What a reading repeats to at one attitude, m/s^2 and T: resolution of the telemetry and rest of the string's motion.
+REPEAT_FORCE, REPEAT_FIELD = 2e-3, 20e-9
+# Nearer to vertical the azimuth is not compared.
+_LEAST_INCLINATION = math.radians(3.0)
+# Probabilities by chance below which shots disagree: a doubt, a failure. The tests of the survey's verdict use them.
+_DOUBTFUL, _FAIL = 0.01, 0.001
+# Biases are estimated from shots that leave no wider gap of toolface than this.
+_WIDEST_GAP = math.pi
+# A bias beyond so many sigma of the tool code is out of its specification.
+_BIAS_SIGMAS = 3.0
+
+PASS, DOUBTFUL, FAIL = "pass", "doubtful", "fail"
+
+
+@dataclass(frozen=True)
+class Bias:
+    """Bias of one transverse axis: sensor, axis, value with its 1 sigma and the tool code's 1 sigma, SI."""
+
+    sensor: str
+    axis: str
+    value: float
+    sigma: float
+    expected: float
+
+    @property
+    def excessive(self) -> bool:
+        """Whether it is beyond the tool code, its own uncertainty allowed for."""
+        return abs(self.value) > _BIAS_SIGMAS * math.hypot(self.expected, self.sigma)
+
+
+@dataclass(frozen=True)
+class CheckShot:
+    """
+    Surveys at one depth.
+
+    Attributes
+    ----------
+    md : float
+        Mean depth, m.
+    rows : tuple of int
+        Places of the surveys in what was given.
+    tools : tuple of str
+        Tools they were taken with.
+    inclination, azimuth : float
+        Mean, rad; azimuth magnetic and uncorrected, nan where it is not compared.
+    spread_inclination, spread_azimuth : float
+        Standard deviation of the shots about the mean, rad.
+    expected_inclination, expected_azimuth : float
+        The same by the tool code, 1 sigma, rad.
+    chi_square : float
+        Of all differences.
+    degrees_of_freedom : int
+    probability : float
+        Of a larger chi-square by chance.
+    biases : tuple of Bias
+        Transverse biases; empty where the toolfaces do not show them.
+    verdict : str
+        pass, doubtful or fail.
+    """
+
+    md: float
+    rows: tuple[int, ...]
+    tools: tuple[str, ...]
+    inclination: float
+    azimuth: float
+    spread_inclination: float
+    spread_azimuth: float
+    expected_inclination: float
+    expected_azimuth: float
+    chi_square: float
+    degrees_of_freedom: int
+    probability: float
+    biases: tuple[Bias, ...]
+    verdict: str
+
+
+def check_shots(
+    md: ArrayLike, f_t: ArrayLike, b_t: ArrayLike, errors: SensorErrors, tools: Sequence[str] = ()
+) -> tuple[CheckShot, ...]:
+    """
+    Find the surveys that were repeated at one depth, and compare them.
+
+    Parameters
+    ----------
+    md : array_like, shape (n,)
+        Measured depth, m; nan: not compared.
+    f_t, b_t : array_like, shape (n, 3)
+        Readings in tool axes, m/s^2 and T; a survey with one that is not a number is left out.
+    errors : SensorErrors
+        Of the tool code.
+    tools : sequence of str, optional
+        Tool of each survey; different tools share no errors. By default all are one tool.
+
+    Returns
+    -------
+    tuple of CheckShot
+        By depth; empty where nothing was repeated.
+
+    Raises
+    ------
+    ValueError
+        Lengths that differ.
+    """
+    depth, force, field = (np.asarray(value, dtype=float) for value in (md, f_t, b_t))
+    names = list(tools) or [""] * len(depth)
+    if force.shape != (len(depth), 3) or field.shape != force.shape or len(names) != len(depth):
+        raise ValueError(
+            f"md, f_t, b_t, tools: lengths differ: {len(depth)}, {force.shape}, {field.shape}, {len(names)}"
+        )
+    usable = np.isfinite(depth) & np.isfinite(force).all(axis=1) & np.isfinite(field).all(axis=1)
+    usable &= (np.linalg.norm(force, axis=1) > 1.0) & (np.linalg.norm(field, axis=1) > 1e-6)
+    found: list[list[int]] = []
+    for row in sorted(np.flatnonzero(usable), key=lambda k: float(depth[k])):
+        if found and depth[row] - depth[found[-1][0]] <= SAME_DEPTH:
+            found[-1].append(int(row))
+        else:
+            found.append([int(row)])
+    groups = (sorted(rows) for rows in found if len(rows) > 1)
+    return tuple(
+        _compared(float(depth[rows].mean()), rows, force[rows], field[rows], errors, [names[row] for row in rows])
+        for rows in groups
+    )
+
+
+def _compared(
+    md: float, rows: list[int], force: Array, field: Array, errors: SensorErrors, tools: list[str]
+) -> CheckShot:
+    """Compare the shots of one depth."""
+    inclinations, azimuths = inclination(force), magnetic_geometry.raw_azimuth(force, field)
+    first = float(azimuths[0])
+    differences = np.stack([np.asarray(inclinations), wrap_pi(azimuths - first)])
+    with_azimuth = math.sin(float(np.mean(inclinations))) >= math.sin(_LEAST_INCLINATION)
+    covariance = _covariance(force, field, errors, tools)
+    count = len(rows)
+    # Deviations from the mean: what all shots have alike is the hole, or cannot be told from it.
+    centred = np.eye(count) - 1.0 / count
+    expected = [math.sqrt(np.trace(centred @ covariance[k, k] @ centred) / (count - 1)) for k in range(2)]
+    kinds = (0, 1) if with_azimuth else (0,)
+    basis = np.linalg.qr(centred[:, : count - 1])[0]
+    deviation = np.concatenate([basis.T @ differences[k] for k in kinds])
+    joint = np.block([[basis.T @ covariance[j, k] @ basis for k in kinds] for j in kinds])
+    chi_square = float(deviation @ np.linalg.solve(joint, deviation))
+    degrees = len(deviation)
+    probability = float(chi2.sf(chi_square, degrees))
+    biases = _biases(force, field, errors) if len(set(tools)) == 1 else ()
+    verdict = FAIL if probability < _FAIL else DOUBTFUL if probability < _DOUBTFUL else PASS
+    if verdict == PASS and any(bias.excessive for bias in biases):
+        verdict = DOUBTFUL
+    return CheckShot(
+        md=md,
+        rows=tuple(rows),
+        tools=tuple(dict.fromkeys(tools)),
+        inclination=float(np.mean(inclinations)),
+        azimuth=(first + float(differences[1].mean())) % math.tau if with_azimuth else math.nan,
+        spread_inclination=float(np.std(differences[0], ddof=1)),
+        spread_azimuth=float(np.std(differences[1], ddof=1)) if with_azimuth else math.nan,
+        expected_inclination=expected[0],
+        expected_azimuth=expected[1] if with_azimuth else math.nan,
+        chi_square=chi_square,
+        degrees_of_freedom=degrees,
+        probability=probability,
+        biases=biases,
+        verdict=verdict,
+    )
+
+
+def _covariance(force: Array, field: Array, errors: SensorErrors, tools: list[str]) -> Array:
+    """Covariance of (inclination, raw azimuth) of n shots, rad^2, shape (2, 2, n, n), by what each tool gets wrong."""
+    slopes = magnetic_geometry.angle_jacobian(force, field)[:, :2]
+    count = len(force)
+    # Errors of one tool, the same in all its shots: bias and scale of each axis, axial interference, tilt in the hole.
+    bias = np.array([errors.accelerometer_bias_mps2] * 3 + [errors.magnetometer_bias_nt * 1e-9] * 3)
+    scale = np.array([errors.accelerometer_scale] * 3 + [errors.magnetometer_scale] * 3)
+    readings = np.hstack([force, field])
+    tilts = []
+    for axis in np.eye(3)[1:]:
+        turned = np.hstack([np.cross(axis, force), np.cross(axis, field)])
+        tilts.append(np.einsum("nij,nj->ni", slopes, turned) * math.radians(errors.misalignment_deg))
+    columns = np.concatenate(
+        [
+            slopes * bias,
+            slopes * (scale * readings[:, None, :]),
+            slopes[:, :, 3:4] * errors.axial_interference_nt * 1e-9,
+            np.stack(tilts, axis=-1),
+        ],
+        axis=-1,
+    )
+    same = np.array([[one == other for other in tools] for one in tools])
+    shared = np.einsum("mip,njp->ijmn", columns, columns) * same
+    repeat = np.array([REPEAT_FORCE**2] * 3 + [REPEAT_FIELD**2] * 3)
+    own = np.einsum("nip,p,njp->ijn", slopes, repeat, slopes)
+    covariance = shared + own[..., None] * np.eye(count)
+    # Near the vertical an error across the plane of the hole tilts it too: by its square over twice the inclination.
+    across = np.diagonal(covariance[0, 0])
+    covariance[0, 0] += np.diag(0.5 * (across / np.maximum(inclination(force), 1e-3)) ** 2)
+    return np.asarray(covariance)
+
+
+def _biases(force: Array, field: Array, errors: SensorErrors) -> tuple[Bias, ...]:
+    """Transverse biases by the circle that the readings of a turned tool lie on; empty where they show none."""
+    faces = np.sort(np.asarray(gravity_toolface(force)))
+    gaps = np.diff([*faces, faces[0] + math.tau])
+    if len(faces) < 3 or gaps.max() >= _WIDEST_GAP:
+        return ()
+    found = []
+    for sensor, readings, repeat, scale, expected in (
+        ("accelerometer", force, REPEAT_FORCE, errors.accelerometer_scale, errors.accelerometer_bias_mps2),
+        ("magnetometer", field, REPEAT_FIELD, errors.magnetometer_scale, errors.magnetometer_bias_nt * 1e-9),
+    ):
+        across = readings[:, 1:]
+        radius = float(np.linalg.norm(across - across.mean(axis=0), axis=1).mean())
+        if radius < 10.0 * repeat:
+            continue
+        # |r|^2 = 2 c r + const is linear in the centre c (I. Kasa, IEEE Trans. Instrum. Meas. 25 (1976), 8-14).
+        design = np.column_stack([2.0 * across / radius, np.ones(len(across))])
+        solved = np.linalg.lstsq(design, np.sum(across**2, axis=1) / radius, rcond=None)[0]
+        # The error of |r|^2 / radius is twice that of a reading; two scales that differ make the circle an ellipse.
+        sigmas = 2.0 * math.hypot(repeat, scale * radius) * np.sqrt(np.diagonal(np.linalg.inv(design.T @ design)))
+        found += [Bias(sensor, axis, float(solved[k]), float(sigmas[k]), expected) for k, axis in enumerate(("y", "z"))]
+    return tuple(found)

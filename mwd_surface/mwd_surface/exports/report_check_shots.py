@@ -1,0 +1,59 @@
+"""Surveys repeated at one depth in the report: spread against the tool code, and the sensor biases they show."""
+
+from __future__ import annotations
+
+import math
+
+from mwd_estimation.survey import check_shots
+from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Section, sheet_of
+from mwd_surface.exports.survey_table import SurveyTable, fixed
+from mwd_surface.surveys.repeated_surveys import bias_text, shots_of
+
+_COLUMNS = (
+    ("MD", "m"),
+    ("Surveys", ""),
+    ("Inc", "deg"),
+    ("spread", "deg"),
+    ("expected", "deg"),
+    ("Azi, magnetic", "deg"),
+    ("spread", "deg"),
+    ("expected", "deg"),
+    ("χ²", ""),
+    ("of", ""),
+    ("Result", ""),
+    ("Transverse biases", ""),
+)
+_TINTS = {check_shots.PASS: GOOD, check_shots.DOUBTFUL: DOUBTFUL, check_shots.FAIL: REJECT}
+
+
+def repeated(table: SurveyTable) -> Section | None:
+    """Rotation shots and check shots of the list; None where nothing was repeated."""
+    rows: list[tuple[str, ...]] = []
+    tints = {}
+    for shot, numbers in shots_of(table.surveys.records, table.surveys.well.error_model):
+        tints[len(rows), 10] = _TINTS[shot.verdict]
+        angles = (
+            fixed(math.degrees(value), 3, 360.0)
+            for value in (
+                shot.inclination,
+                shot.spread_inclination,
+                shot.expected_inclination,
+                shot.azimuth,
+                shot.spread_azimuth,
+                shot.expected_azimuth,
+            )
+        )
+        biases = "; ".join(bias_text(bias) for bias in shot.biases)
+        surveys = ", ".join(str(number) for number in numbers)
+        chi_square = fixed(shot.chi_square, 1)
+        rows.append(
+            (fixed(shot.md, 2), surveys, *angles, chi_square, str(shot.degrees_of_freedom), shot.verdict, biases)
+        )
+    if not rows:
+        return None
+    legend = (
+        "Spread and expected are standard deviations of the repeated surveys, uncorrected for interference; expected by"
+        " the tool code. Doubtful or fail: such differences come by chance once in 100 or in 1000 times."
+    )
+    sheet = sheet_of("Rotation shots and check shots", _COLUMNS, rows, tints=tints, legend=legend)
+    return Section(sheet.heading, sheets=(sheet,))

@@ -1,0 +1,71 @@
+"""Rotation shots and check shots of a survey list, and the sentence that each of them becomes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.survey import tool_code
+from mwd_estimation.survey.check_shots import Bias, CheckShot, check_shots
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_surface.surveys.survey_record import SurveyRecord, Verdict
+
+# Unit, factor from SI and decimals of a bias, for people.
+_UNITS = {"accelerometer": ("mG", 1e3 / STANDARD_GRAVITY, 2), "magnetometer": ("nT", 1e9, 0)}
+
+
+def shots_of(records: Iterable[SurveyRecord], code: str) -> tuple[tuple[CheckShot, tuple[int, ...]], ...]:
+    """
+    Compare the surveys that were taken again at a depth; each with the numbers of its surveys.
+
+    code: tool code of the well; one that is not of a magnetic survey means the usual errors. Surveys without readings,
+    without a depth or that were rejected are left out.
+    """
+    used = [
+        record
+        for record in records
+        if record.survey.has_readings
+        and record.survey.b_total > 0.0
+        and record.measured_depth >= 0.0
+        and record.survey.verdict != Verdict.REJECT
+    ]
+    if len(used) < 2:
+        return ()
+    try:
+        errors = tool_code.sensor_errors(code)
+    except ValueError:
+        errors = SensorErrors()
+    found = check_shots(
+        [record.measured_depth for record in used],
+        [record.survey.specific_force for record in used],
+        [record.survey.magnetic_field for record in used],
+        errors,
+        [record.tool for record in used],
+    )
+    return tuple((shot, tuple(used[k].survey.sequence for k in shot.rows)) for shot in found)
+
+
+def sentence(shot: CheckShot) -> str:
+    """What the surveys of one depth show, in words."""
+    kind = "rotation shot"
+    if len(shot.tools) > 1:
+        kind = "check shot by " + " and ".join(tool or "an unnamed tool" for tool in shot.tools)
+    spread, expected = math.degrees(shot.spread_inclination), math.degrees(shot.expected_inclination)
+    parts = [f"inclination spread {spread:.3f} deg (expected {expected:.3f})"]
+    if math.isfinite(shot.azimuth):
+        parts.append(
+            f"azimuth {math.degrees(shot.spread_azimuth):.2f} deg (expected {math.degrees(shot.expected_azimuth):.2f})"
+        )
+    parts += [bias_text(bias) for bias in shot.biases if bias.excessive]
+    return f"{shot.md:.1f} m, {kind} of {len(shot.rows)} surveys: {shot.verdict}; " + ", ".join(parts)
+
+
+def bias_text(bias: Bias) -> str:
+    """A bias against what the tool code allows, in words."""
+    unit, factor, decimals = _UNITS[bias.sensor]
+    value, sigma, expected = (factor * x for x in (bias.value, bias.sigma, bias.expected))
+    return (
+        f"{bias.sensor} {bias.axis} bias {value:+.{decimals}f} +- {sigma:.{decimals}f} {unit}"
+        f" (tool code {expected:.{decimals}f})"
+    )
