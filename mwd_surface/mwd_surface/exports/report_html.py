@@ -31,7 +31,7 @@ th { background: #eef2f5; vertical-align: bottom; } th small { font-weight: 400;
 .t { text-align: left; } .long { white-space: normal; min-width: 12rem; }
 tr.m td { background: #fff3e0; } tr.m td:first-child { border-left: 4px solid #d55e00; }
 {% for word, colour in tints.items() %}td.{{ word }}, tr.m td.{{ word }} { background: {{ colour }}; }
-{% endfor %}p.legend { color: #444; font-size: .82rem; margin: .3rem 0 0; }
+{% endfor %}p.legend { color: #444; font-size: .82em; margin: .3rem 0 0; }
 figure { display: inline-block; margin: .5rem 1% .5rem 0; width: 48%; min-width: 20rem; vertical-align: top; }
 figure.wide { width: 100%; }
 figure svg { max-width: 100%; height: auto; }
@@ -40,7 +40,7 @@ figcaption { color: #444; }
 .sign div { border-top: 1px solid #111; min-width: 14rem; padding-top: .2rem; }
 @page { size: A4 landscape; margin: 12mm;
   @bottom-right { content: "page " counter(page) " of " counter(pages); font-size: 9px; } }
-@media (max-width: 60rem) { dl { grid-template-columns: max-content 1fr; } figure { width: 100%; } }
+@media screen and (max-width: 60rem) { dl { grid-template-columns: max-content 1fr; } figure { width: 100%; } }
 @media print { body { margin: 0; max-width: none; font-size: 8.5pt; padding: 0; } table { font-size: 6.6pt; }
   th, td { padding: .1rem .25rem; } .long { min-width: 0; } .scroll { overflow: visible; }
   * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
