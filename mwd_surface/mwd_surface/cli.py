@@ -14,6 +14,7 @@ from mwd_surface.commands.batch import batch
 from mwd_surface.commands.calibrate import calibrate
 from mwd_surface.commands.clearance import clearance
 from mwd_surface.commands.compare import compare
+from mwd_surface.commands.decode import decode
 from mwd_surface.commands.doctor import doctor
 from mwd_surface.commands.export import export, report
 from mwd_surface.commands.node import PASS_ON, node
@@ -25,6 +26,7 @@ from mwd_surface.commands.rig import rig
 from mwd_surface.commands.run import run
 from mwd_surface.commands.scenario import scenario, simulate
 from mwd_surface.commands.survey import survey
+from mwd_surface.commands.tool import tool
 from mwd_surface.commands.version import version
 
 app = typer.Typer(
@@ -66,11 +68,13 @@ app.command(rich_help_panel=_RECORDINGS)(clearance)
 app.command(rich_help_panel=_RECORDINGS)(export)
 app.command(rich_help_panel=_RECORDINGS)(report)
 app.command(rich_help_panel=_RECORDINGS)(simulate)
+app.command(rich_help_panel=_RECORDINGS)(decode)
 app.command(rich_help_panel=_RECORDINGS)(plot)
 app.command(rich_help_panel=_RECORDINGS)(calibrate)
 app.command(rich_help_panel=_RECORDINGS)(recover)
 app.add_typer(rig, name="rig", rich_help_panel=_LIVE)
 app.add_typer(bag, name="bag", rich_help_panel=_RECORDINGS)
+app.add_typer(tool, name="tool", rich_help_panel=_RECORDINGS)
 app.add_typer(scenario, name="scenario", rich_help_panel=_RECORDINGS)
 app.command(rich_help_panel=_PLANNING)(sag)
 app.command(rich_help_panel=_PLANNING)(spacing)

@@ -1,0 +1,178 @@
+"""
+Standpipe pressure of a well that is drilled with a pulse tool: pulses, pumps, bit, stalls, gauge.
+
+The channel runs in blocks of its own, counted from its start, so that the pressure is the same however it is asked for;
+same seed, same pressure. Levels of noise are assumptions: no public recording of standpipe pressure is known.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from scipy import signal
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.settings import setting
+from mwd_sensors.simulator.mud_line import Well, responses
+from mwd_sensors.simulator.mud_pumps import Pump, PumpStream
+
+RATE_HZ = 100.0
+_BLOCK = 1000  # samples that are made at once
+_RESPONSE_S = 40.96  # length of the impulse responses; echoes of a deep well have died away by then
+_BAND_HZ = 35.0  # above, the gauge is blind
+
+
+@dataclasses.dataclass(frozen=True)
+class Noise:
+    """Everything that is neither pulse nor pump."""
+
+    bit_pa: float = setting(5.0e4, "Bit and motor: rms below 1 Hz at the bit.", unit="Pa", low=0.0, high=1e7)
+    surface_pa: float = setting(8.0e3, "Surface: rms below 1 Hz, falling as 1/f.", unit="Pa", low=0.0, high=1e6)
+    gauge_pa: float = setting(300.0, "White noise of the gauge, rms at 100 Hz.", unit="Pa", low=0.0, high=1e6)
+    stick_slip_pa: float = setting(0.0, "Stick-slip: amplitude at the bit.", unit="Pa", low=0.0, high=5e6)
+    stick_slip_hz: float = setting(0.18, "Stick-slip: frequency.", unit="Hz", low=0.02, high=2.0)
+    bounce_pa: float = setting(0.0, "Bit bounce: amplitude at the bit.", unit="Pa", low=0.0, high=5e6)
+    bounce_hz: float = setting(6.0, "Bit bounce: three times the rotation.", unit="Hz", low=0.2, high=30.0)
+    stalls_per_hour: float = setting(0.0, "Motor stalls.", low=0.0, high=200.0)
+    stall_pa: float = setting(3.0e6, "Rise of the pressure in a stall, at the bit.", unit="Pa", low=0.0, high=2e7)
+    full_scale_pa: float = setting(3.5e7, "Range of the gauge.", unit="Pa", low=1e5, high=2e8)
+    adc_bits: int = setting(16, "Resolution of the converter, over the range.", low=8, high=24)
+
+
+@dataclasses.dataclass(frozen=True)
+class MudChannel:
+    """A well with its pumps, its noise and the valve of its tool."""
+
+    well: Well = setting(Well, "Geometry, mud, surface piping.")
+    pumps: tuple[Pump, ...] = setting((Pump(1.45), Pump(1.52)), "Pumps on the line; the flow is shared.")
+    noise: Noise = setting(Noise, "Noise.")
+    valve_pa: float = setting(7.0e5, "Pressure drop of a pulse; negative for a valve to the annulus.", unit="Pa")
+    rise_s: float = setting(0.12, "Time constant of the valve.", unit="s", low=0.005, high=2.0)
+    flow_off_s: tuple[tuple[float, float], ...] = setting((), "Spans without flow: begin and end of each, s.")
+
+
+class Pressure:
+    """
+    Pressure of a channel, block after block.
+
+    Parameters
+    ----------
+    channel : MudChannel
+    pulses : ndarray, shape (n, 2)
+        Begin and end of each pulse of the valve after the start, s; in order of time.
+    seed : int
+        Of all noise.
+    """
+
+    def __init__(self, channel: MudChannel, pulses: Array, seed: int) -> None:
+        self._channel, self._pulses = channel, np.asarray(pulses, dtype=float).reshape(-1, 2)
+        sources = np.random.SeedSequence(seed).spawn(5 + len(channel.pumps))
+        self._bit, self._surface, self._gauge, self._stall, self._stick = map(np.random.default_rng, sources[:5])
+        total = sum(pump.share for pump in channel.pumps)
+        self._pumps = [
+            PumpStream(pump, channel.well.flow_m3_s * pump.share / total, np.random.default_rng(source), RATE_HZ)
+            for pump, source in zip(channel.pumps, sources[5:], strict=True)
+        ]
+        taps = round(_RESPONSE_S * RATE_HZ)
+        frequency: Array = np.fft.rfftfreq(taps, 1.0 / RATE_HZ).astype(np.float64)
+        frequency[0] = 0.25 * frequency[1]
+        valve, pump, bit = responses(channel.well, frequency)
+        # Causal and without aliasing: a gentle roll-off, and a little delay for what it spreads backwards.
+        roll = 1.0 / np.sqrt(1.0 + (frequency / _BAND_HZ) ** 8) * np.exp(-2j * math.pi * frequency * 0.1)
+        # Slow changes of the flow are the mean pressure, which is added apart.
+        pump = pump * (1j * frequency / 0.1) / (1.0 + 1j * frequency / 0.1)
+        self._responses = [np.fft.irfft(one * roll, taps) for one in (valve, pump, bit)]
+        self._tails = [np.zeros(taps - 1) for _ in self._responses]
+        self._filters: dict[str, Array] = {}
+        self._block = 0
+        self._stalled = np.zeros(0)
+
+    def block(self) -> Array:
+        """
+        Next 10 s of pressure.
+
+        Returns
+        -------
+        ndarray, shape (1000,)
+            Pressure at the gauge, Pa, at 100 Hz.
+        """
+        start = self._block * _BLOCK
+        time = (start + np.arange(_BLOCK)) / RATE_HZ
+        flow = self._flow(time)
+        noise, well = self._channel.noise, self._channel.well
+        drops = [
+            self._valve(time) * flow**2,
+            sum((pump.block(flow) for pump in self._pumps), np.zeros(_BLOCK)),
+            self._at_bit(time, noise) * flow**2,
+        ]
+        total = well.pressure_pa * flow**1.8
+        for k, (drop, response) in enumerate(zip(drops, self._responses, strict=True)):
+            whole = signal.oaconvolve(drop, response)
+            whole[: len(self._tails[k])] += self._tails[k]
+            self._tails[k] = whole[_BLOCK:]
+            total = total + whole[:_BLOCK]
+        total += self._pink("surface", self._surface.normal(size=_BLOCK), noise.surface_pa)
+        total += noise.gauge_pa * self._gauge.normal(size=_BLOCK)
+        step = noise.full_scale_pa / 2**noise.adc_bits
+        self._block += 1
+        return np.asarray(np.clip(np.round(total / step) * step, 0.0, noise.full_scale_pa))
+
+    def strokes(self) -> list[Array]:
+        """Times of the stroke switch of each pump so far, s."""
+        return [pump.strokes() for pump in self._pumps]
+
+    def _flow(self, time: Array) -> Array:
+        """Flow over its full value: pumps start and stop within some seconds."""
+        flow = np.ones(len(time))
+        for begin, end in self._channel.flow_off_s:
+            off = 0.5 * (np.tanh((time - begin) / 1.5) - np.tanh((time - end) / 3.0))
+            flow *= 1.0 - off
+        return np.where(flow < 1e-4, 0.0, flow)
+
+    def _valve(self, time: Array) -> Array:
+        inside = (self._pulses[:, 1] > time[0] - 1.0) & (self._pulses[:, 0] <= time[-1])
+        target = np.zeros(len(time))
+        for begin, end in self._pulses[inside]:
+            # Edges between samples are shared by the two, so that no time is rounded.
+            target += np.clip((time - begin) * RATE_HZ + 0.5, 0.0, 1.0) - np.clip(
+                (time - end) * RATE_HZ + 0.5, 0.0, 1.0
+            )
+        decay = math.exp(-1.0 / (RATE_HZ * self._channel.rise_s))
+        return self._filtered("valve", [1.0 - decay], [1.0, -decay], target * self._channel.valve_pa)
+
+    def _at_bit(self, time: Array, noise: Noise) -> Array:
+        drop = self._pink("bit", self._bit.normal(size=len(time)), noise.bit_pa)
+        wander = self._filtered("stick", [2e-4], [1.0, -0.9998], self._stick.normal(size=len(time)))
+        phase = 2.0 * math.pi * noise.stick_slip_hz * time + 20.0 * wander
+        # A string that sticks and slips: short peaks, so several harmonics.
+        drop += noise.stick_slip_pa * (np.exp(2.0 * (np.cos(phase) - 1.0)) - 0.3)
+        drop += noise.bounce_pa * np.cos(2.0 * math.pi * noise.bounce_hz * time + 60.0 * wander)
+        for begin in self._new_stalls(time):
+            self._stalled = np.append(self._stalled, begin)
+        for begin in self._stalled[self._stalled > time[0] - 60.0]:
+            since = time - begin
+            drop += np.where(
+                since > 0.0, noise.stall_pa * (1 - np.exp(-since / 0.4)) * np.exp(-np.maximum(since - 4, 0)), 0
+            )
+        return drop
+
+    def _new_stalls(self, time: Array) -> Array:
+        count = self._stall.poisson(self._channel.noise.stalls_per_hour * _BLOCK / RATE_HZ / 3600.0)
+        return np.asarray(np.sort(time[0] + self._stall.uniform(0.0, _BLOCK / RATE_HZ, size=count)))
+
+    def _pink(self, name: str, white: Array, rms: float) -> Array:
+        """Noise that falls as 1/f between 0.03 and 10 Hz (three first-order filters a decade apart), rms below 1 Hz."""
+        total = np.zeros(len(white))
+        for k, corner in enumerate((0.05, 0.5, 5.0)):
+            decay = math.exp(-2.0 * math.pi * corner / RATE_HZ)
+            # Each octave filter passes variance (1 - a) / (1 + a).
+            gain = math.sqrt((1.0 + decay) / (1.0 - decay)) * (1.0 - decay)
+            total += self._filtered(f"{name}{k}", [gain], [1.0, -decay], white) / math.sqrt(3.0)
+        return rms * total
+
+    def _filtered(self, name: str, b: list[float], a: list[float], x: Array) -> Array:
+        state = self._filters.get(name, np.zeros(max(len(a), len(b)) - 1))
+        y, self._filters[name] = signal.lfilter(b, a, x, zi=state)
+        return np.asarray(y)

@@ -1,0 +1,112 @@
+"""What a pulse tool sends over a run: after each flow-on a sync and the survey, then the toolface sequence for ever."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.simulator.mud_channel import RATE_HZ, MudChannel, Pressure
+from mwd_sensors.telemetry.pulse_position import PULSE_TU
+from mwd_sensors.telemetry.sequences import SequenceItem
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, encode
+
+
+class SentWord(NamedTuple):
+    """One word as the tool sent it; times on the clock of the surface, s."""
+
+    start_s: float
+    end_s: float
+    frame: int
+    name: str
+    bits: int
+    raw: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Transmission:
+    """All that a tool sent: words, and begin and end of each pulse, shape (n, 2), s."""
+
+    words: tuple[SentWord, ...]
+    pulses: Array
+
+
+@dataclasses.dataclass(frozen=True)
+class LinkRun:
+    """A run: pressure, shape (n,), Pa, at times, shape (n,), s; strokes of each pump; what was sent."""
+
+    time_s: Array
+    pressure_pa: Array
+    strokes_s: tuple[Array, ...]
+    sent: Transmission
+
+
+def transmit(
+    tool: ToolConfiguration, flows: tuple[tuple[float, float], ...], seed: int, clock: float = 0.0, resync: bool = False
+) -> Transmission:
+    """
+    Transmission of random values.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+        The first sequences of it are sent.
+    flows : tuple of (float, float)
+        Begin and end of each span with flow, s.
+    seed : int
+        Of the values.
+    clock : float
+        Relative error of the tool's clock: 1e-3 sends 0.1 % slower.
+    resync : bool
+        Whether each toolface sequence begins with a sync of its own.
+    """
+    random = np.random.default_rng(seed)
+    tu = tool.tu_s * (1.0 + clock)
+    words: list[SentWord] = []
+    pulses: list[tuple[float, float]] = []
+    frame = 0
+    for begin, end in flows:
+        at, items, number = begin + tool.transmit_delay_s, tool.surveys[0], 0
+        first = True
+        while True:
+            codes = tuple(int(random.integers(2**item.bits)) for item in items)
+            sent = encode(tool, items, codes, number if first or resync else None)
+            if at + sent.length * tu > end:
+                break
+            pulses += [(at + edge * tu, at + (edge + PULSE_TU) * tu) for edge in sent.edges]
+            head = sent.length - tool.length_tu(items)
+            words += _placed(tool, items, codes, at + head * tu, (tu, frame))
+            at += sent.length * tu
+            items, first = tool.toolfaces[0], False
+            frame += 1
+    return Transmission(tuple(words), np.array(pulses).reshape(-1, 2))
+
+
+def _placed(
+    tool: ToolConfiguration,
+    items: tuple[SequenceItem, ...],
+    codes: tuple[int, ...],
+    at: float,
+    clock: tuple[float, int],
+) -> list[SentWord]:
+    tu, frame = clock
+    placed = []
+    for item, code in zip(items, codes, strict=True):
+        length = tool.pulses(0, item.length).length * tu
+        placed.append(SentWord(at, at + length, frame, item.name, item.bits, code))
+        at += length
+    return placed
+
+
+def link_run(channel: MudChannel, sent: Transmission, seconds: float, seed: int) -> LinkRun:
+    """Pressure of a channel in which a tool sends; seed: of the noise."""
+    stream = Pressure(channel, sent.pulses, seed)
+    blocks = []
+    length = 0
+    while length < seconds * RATE_HZ:
+        blocks.append(stream.block())
+        length += len(blocks[-1])
+    pressure = np.concatenate(blocks)
+    return LinkRun(np.arange(length) / RATE_HZ, pressure, tuple(stream.strokes()), sent)

@@ -1,0 +1,99 @@
+"""
+Combinatorial pulse code: every way to place M equal pulses in a window is a code, ranked in lexicographic order.
+
+Of n slots M hold a leading edge, neighbours at least `SPACING_TU` apart, so there are C(n - (M - 1)(SPACING_TU - 1), M)
+codes (L. H. Rorden, US 4787093, 1988: the combinatorial number system). One M for each length of word is chosen:
+the shortest window that uses as many pulses as the pulse position code or fewer.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+
+from mwd_sensors.telemetry.pulse_position import Pulses
+
+# A pulse is 2 TU wide; as many follow it before the next edge, so that the valve closes and the mud settles.
+SPACING_TU = 4
+# From the last slot of an edge to the next word: the pulse and as much again.
+_TAIL_TU = 4
+
+
+@functools.cache
+def shape(bits: int) -> tuple[int, int]:
+    """
+    Number of pulses and of slots for a word of so many bits.
+
+    Raises
+    ------
+    ValueError
+        Fewer than 2 bits.
+    """
+    if bits < 2:
+        raise ValueError(f"bits: a word needs 2 or more, got {bits}")
+    most = math.ceil(bits / 3) + (bits % 3 == 1)
+    return min(((m, _slots(bits, m)) for m in range(1, most + 1)), key=lambda found: (found[1], found[0]))
+
+
+def _slots(bits: int, pulses: int) -> int:
+    free = pulses
+    while math.comb(free, pulses) < 2**bits:
+        free += 1
+    return free + (pulses - 1) * (SPACING_TU - 1)
+
+
+def encode(code: int, bits: int) -> Pulses:
+    """
+    Leading edges of a word.
+
+    Parameters
+    ----------
+    code : int
+        Value with its parity bit, if it has one, as the last.
+    bits : int
+        Length, parity included.
+
+    Raises
+    ------
+    ValueError
+        The code does not fit the bits.
+    """
+    if not 0 <= code < 2**bits:
+        raise ValueError(f"code: {code} does not fit {bits} bits")
+    count, slots = shape(bits)
+    free = slots - (count - 1) * (SPACING_TU - 1)
+    edges, at = [], 0
+    for k in range(count):
+        left = count - 1 - k
+        while (here := math.comb(free - at - 1, left)) <= code:
+            code -= here
+            at += 1
+        edges.append(at + k * (SPACING_TU - 1))
+        at += 1
+    return Pulses(tuple(edges), slots + _TAIL_TU)
+
+
+def decode(edges: tuple[int, ...], bits: int) -> int:
+    """
+    Code of a word from its leading edges.
+
+    Raises
+    ------
+    ValueError
+        The edges are no code of this length: a wrong number, too near to each other, or beyond the window.
+    """
+    count, slots = shape(bits)
+    if len(edges) != count:
+        raise ValueError(f"edges: a word of {bits} bits has {count} pulses, got {len(edges)}")
+    places = [edge - k * (SPACING_TU - 1) for k, edge in enumerate(edges)]
+    free = slots - (count - 1) * (SPACING_TU - 1)
+    if any(b <= a for a, b in itertools.pairwise(places)) or not 0 <= places[0] <= places[-1] < free:
+        raise ValueError(f"edges: {edges} are nearer than {SPACING_TU} TU or beyond the window of {slots} TU")
+    code, at = 0, 0
+    for k, place in enumerate(places):
+        code += sum(math.comb(free - j - 1, count - 1 - k) for j in range(at, place))
+        at = place + 1
+    if code >= 2**bits:
+        raise ValueError(f"edges: {edges} stand for a code beyond {bits} bits")
+    return code

@@ -1,0 +1,103 @@
+"""
+Sequences: which words a tool sends one after the other, in the grammar that kits use.
+
+`Inc:12:P Azm:12:P 3{2{aTFA:6:P} Gama:8:P}`: name, bits, P for a parity bit; a number before braces repeats what they
+hold. A name alone takes its bits from the table of words.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from mwd_sensors.core.settings import unknown_key
+from mwd_sensors.telemetry.words import COMMON, MAX_BITS, Word
+
+# Words of one pass; beyond it a repeat count is a slip of the keyboard.
+MAX_WORDS = 1000
+_TOKEN = re.compile(r"\s*(?:(\d+)\s*\{|(\})|([A-Za-z][A-Za-z0-9_]*)(?::(\d+))?(:[Pp])?(?=[\s}]|$))")
+
+
+class SequenceItem(NamedTuple):
+    """One word of a sequence: name, bits of the value, whether an even parity bit follows."""
+
+    name: str
+    bits: int
+    parity: bool
+
+    @property
+    def length(self) -> int:
+        """Bits on air."""
+        return self.bits + self.parity
+
+
+def parse(text: str, words: Mapping[str, Word] = COMMON) -> tuple[SequenceItem, ...]:
+    """
+    Items of a sequence, repeats written out.
+
+    Parameters
+    ----------
+    text : str
+        As `Inc:12:P 2{aTFA:6:P Gama:8:P}`.
+    words : mapping of str to Word
+        Names that may stand in it.
+
+    Raises
+    ------
+    ValueError
+        Where the text breaks the grammar, names a word that is not in the table, or repeats without end.
+    """
+    levels: list[tuple[int, list[SequenceItem]]] = [(1, [])]
+    at = 0
+    text = text.strip()
+    while at < len(text):
+        found = _TOKEN.match(text, at)
+        if found is None:
+            raise ValueError(
+                f"sequence: cannot read {text[at : at + 20]!r}; write NAME:BITS:P, or a number and braces, 3{{...}}"
+            )
+        repeat, closed, name, bits, parity = found.groups()
+        if repeat is not None:
+            levels.append((int(repeat), []))
+        elif closed:
+            if len(levels) == 1:
+                raise ValueError(f"sequence: a closing brace too many before {text[found.end() :][:20]!r}")
+            times, inner = levels.pop()
+            levels[-1][1].extend(inner * min(times, MAX_WORDS + 1))
+        else:
+            levels[-1][1].append(_item(name, bits, parity is not None, words))
+        if len(levels[-1][1]) > MAX_WORDS:
+            raise ValueError(f"sequence: more than {MAX_WORDS} words in one pass")
+        at = found.end()
+    if len(levels) > 1:
+        raise ValueError(f"sequence: {len(levels) - 1} braces are not closed")
+    if not levels[0][1]:
+        raise ValueError("sequence: it names no word")
+    return tuple(levels[0][1])
+
+
+def written(items: tuple[SequenceItem, ...]) -> str:
+    """Text of a sequence; `parse` gives the items back. A word that is sent several times running is written once."""
+    parts = []
+    for item, count in _runs(items):
+        one = f"{item.name}:{item.bits}{':P' if item.parity else ''}"
+        parts.append(one if count == 1 else f"{count}{{{one}}}")
+    return " ".join(parts)
+
+
+def _item(name: str, bits: str | None, parity: bool, words: Mapping[str, Word]) -> SequenceItem:
+    if name not in words:
+        raise ValueError(f"sequence: {unknown_key(name, words, 'words')}")
+    length = int(bits) if bits else words[name].bits
+    if not 2 <= length <= MAX_BITS:
+        raise ValueError(f"sequence: {name} needs 2 to {MAX_BITS} bits, got {length}")
+    return SequenceItem(name, length, parity)
+
+
+def _runs(items: tuple[SequenceItem, ...]) -> Iterator[tuple[SequenceItem, int]]:
+    start = 0
+    for k in range(1, len(items) + 1):
+        if k == len(items) or items[k] != items[start]:
+            yield items[start], k - start
+            start = k

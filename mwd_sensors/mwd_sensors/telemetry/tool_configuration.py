@@ -1,0 +1,217 @@
+"""
+The tool configuration (tool.yaml): all that the surface has to know of a tool to read its pulses.
+
+Kits differ in nothing that is not named here. Times on air follow from it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mwd_sensors.core import settings
+from mwd_sensors.core.settings import setting
+from mwd_sensors.telemetry import combinatorial, pulse_position, sequences
+from mwd_sensors.telemetry.pulse_position import PULSE_TU, Pulses
+from mwd_sensors.telemetry.sequences import SequenceItem
+from mwd_sensors.telemetry.words import COMMON, Word
+
+_CODES = {"mary": pulse_position.encode, "combinatorial": combinatorial.encode}
+_SURVEY = "Inc:12:P Azm:12:P DipA:12:P Temp:8:P Grav:12:P MagF:12:P BatV:8:P"
+_TOOLFACE = "3{2{aTFA:6:P} Gama:8:P aTFA:6:P Gama:8:P} RINC:11:P RAZM:11:P"
+
+
+@dataclasses.dataclass(frozen=True)
+class Sync:
+    """Pulses that mark the start of a transmission."""
+
+    edges_tu: tuple[int, ...] = setting((0, 5, 15, 20, 30), "Leading edges after its start.", unit="TU", low=0)
+    length_tu: int = setting(40, "From its start to the first packet.", unit="TU", low=1)
+
+    def __post_init__(self) -> None:
+        """
+        Check the pulses.
+
+        Raises
+        ------
+        ValueError
+            Fewer than three edges (noise would look like it), edges out of order or overlapping, or too short a length.
+        """
+        if len(self.edges_tu) < 3:
+            raise ValueError(f"edges_tu: a sync needs three pulses or more, got {len(self.edges_tu)}")
+        if any(b - a < PULSE_TU for a, b in itertools.pairwise(self.edges_tu)):
+            raise ValueError(f"edges_tu: must rise by {PULSE_TU} TU or more, the width of a pulse: {self.edges_tu}")
+        if self.length_tu < self.edges_tu[-1] + PULSE_TU:
+            raise ValueError(f"length_tu: {self.length_tu} ends before the last pulse of the sync does")
+
+
+@dataclasses.dataclass(frozen=True)
+class ToolConfiguration:
+    """What a tool sends, and how."""
+
+    code: str = setting("mary", "Pulse code.", choices=tuple(_CODES))
+    pulse_width_s: float = setting(0.8, "Time a pulse lasts; 1 TU is half of it.", unit="s", low=0.02, high=20.0)
+    sync: Sync = setting(Sync, "Start of a transmission.")
+    header_bits: int = setting(
+        0, "Bits behind the sync with the number of the sequence, from 0; 0: always the first.", low=0, high=6
+    )
+    parity: str = setting("even", "Parity of words marked P; its bit comes last.", choices=("even", "odd"))
+    transmit_delay_s: float = setting(45.0, "From flow-on to the sync.", unit="s", low=0.0, high=3600.0)
+    words: dict[str, Word] = setting({}, "Ranges of the words, by name; they replace those that kits commonly use.")
+    survey_sequences: tuple[str, ...] = setting((_SURVEY,), "Sent once after each flow-on.")
+    toolface_sequences: tuple[str, ...] = setting((_TOOLFACE,), "Sent behind the survey again and again.")
+
+    def __post_init__(self) -> None:
+        """
+        Check the sequences.
+
+        Raises
+        ------
+        ValueError
+            A sequence that cannot be read, none at all, or more of a kind than the header can number.
+        """
+        for name in ("survey_sequences", "toolface_sequences"):
+            texts = getattr(self, name)
+            if not texts:
+                raise ValueError(f"{name}: at least one is needed")
+            # Without a header the first is sent always; the others may stand there unused.
+            if self.header_bits and len(texts) > 2**self.header_bits:
+                raise ValueError(f"{name}: {self.header_bits} header bits cannot number {len(texts)} sequences")
+            for k, text in enumerate(texts):
+                try:
+                    sequences.parse(text, self.table)
+                except ValueError as error:
+                    raise ValueError(f"{name}[{k}]: {error}") from error
+        if self.header_bits == 1:
+            raise ValueError("header_bits: no packet has 1 bit; use 2 or more, or 0")
+
+    @functools.cached_property
+    def table(self) -> Mapping[str, Word]:
+        """All words by name, the tool's own before the common ones."""
+        return {**COMMON, **self.words}
+
+    @property
+    def tu_s(self) -> float:
+        """Time unit, s."""
+        return self.pulse_width_s / PULSE_TU
+
+    @functools.cached_property
+    def surveys(self) -> tuple[tuple[SequenceItem, ...], ...]:
+        """Survey sequences, parsed."""
+        return tuple(sequences.parse(text, self.table) for text in self.survey_sequences)
+
+    @functools.cached_property
+    def toolfaces(self) -> tuple[tuple[SequenceItem, ...], ...]:
+        """Toolface sequences, parsed."""
+        return tuple(sequences.parse(text, self.table) for text in self.toolface_sequences)
+
+    def parity_bit(self, code: int) -> int:
+        """Bit that follows a word's value."""
+        return code.bit_count() & 1 ^ (self.parity == "odd")
+
+    def pulses(self, code: int, bits: int) -> Pulses:
+        """Pulses of a whole number of so many bits, parity included."""
+        return _CODES[self.code](code, bits)
+
+    def length_tu(self, items: tuple[SequenceItem, ...]) -> int:
+        """Time on air of a sequence without its sync and header, TU."""
+        return sum(self.pulses(0, item.length).length for item in items)
+
+    @property
+    def header_tu(self) -> int:
+        """Time on air of the header, TU."""
+        return self.pulses(0, self.header_bits).length if self.header_bits else 0
+
+
+def encode(
+    tool: ToolConfiguration, items: tuple[SequenceItem, ...], codes: tuple[int, ...], number: int | None = None
+) -> Pulses:
+    """
+    Pulses of one pass of a sequence.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+    items : tuple of SequenceItem
+    codes : tuple of int
+        Value of each word, without parity.
+    number : int, optional
+        Of the sequence: sync and header come first. None: the pass follows another one without.
+
+    Returns
+    -------
+    Pulses
+        Leading edges and length, TU.
+
+    Raises
+    ------
+    ValueError
+        The codes are not as many as the words.
+    """
+    edges: list[int] = []
+    at = 0
+    if number is not None:
+        edges += tool.sync.edges_tu
+        at = tool.sync.length_tu
+        if tool.header_bits:
+            head = tool.pulses(number, tool.header_bits)
+            edges += [at + edge for edge in head.edges]
+            at += head.length
+    for item, code in zip(items, codes, strict=True):
+        sent = code << 1 | tool.parity_bit(code) if item.parity else code
+        one = tool.pulses(sent, item.length)
+        edges += [at + edge for edge in one.edges]
+        at += one.length
+    return Pulses(tuple(edges), at)
+
+
+def from_mapping(given: Mapping[str, Any]) -> ToolConfiguration:
+    """
+    Build a configuration from the content of a YAML file; sequences may be a list or a table of names.
+
+    Raises
+    ------
+    SettingsError
+        An unknown key, with its near misses, or a value that is not allowed.
+    """
+    if not isinstance(given, Mapping):
+        raise settings.SettingsError(f"tool: expected a table of settings, got {given!r}")
+    plain = dict(given)
+    for name in ("survey_sequences", "toolface_sequences"):
+        if isinstance(plain.get(name), Mapping):
+            plain[name] = list(plain[name].values())
+        elif isinstance(plain.get(name), str):
+            plain[name] = [plain[name]]
+    return settings.from_mapping(ToolConfiguration, plain)
+
+
+def read(path: Path) -> ToolConfiguration:
+    """
+    Read a tool configuration.
+
+    Raises
+    ------
+    ValueError
+        The file is no YAML, or says what no tool can do; the message names file and key.
+    OSError
+        The file cannot be read.
+    """
+    try:
+        given = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: no YAML: {error}") from error
+    try:
+        return from_mapping(given)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def text(tool: ToolConfiguration) -> str:
+    """YAML of a configuration; `read` gives it back."""
+    return str(yaml.safe_dump(settings.to_mapping(tool), sort_keys=False, allow_unicode=True, width=110))

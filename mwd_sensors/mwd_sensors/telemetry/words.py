@@ -1,0 +1,123 @@
+"""
+Words: how one measured value becomes a whole number of some bits, and back, with the sigma that the rounding adds.
+
+A word that wraps (a direction) has 2^bits steps round the circle; another one reaches both ends of its range with
+2^bits - 1 steps. The value of a step is its middle, so rounding errs by step / sqrt(12) (uniform distribution).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from mwd_sensors.core.settings import setting
+
+MAX_BITS = 24
+
+
+@dataclasses.dataclass(frozen=True)
+class Word:
+    """Range of one measured value. Numbers stay in the unit given, as people and configurations write them."""
+
+    bits: int = setting(0, "Length of the word; 0: the sequence gives it.", low=0, high=MAX_BITS)
+    low: float = setting(0.0, "Value of the code 0.")
+    high: float = setting(1.0, "Value of the highest code; of a word that wraps, the value that equals low again.")
+    unit: str = setting("", "Unit of low and high.")
+    wraps: bool | None = setting(None, "Whether high and low are the same direction; omit: a full circle in deg wraps.")
+    sigma: float = setting(
+        0.0,
+        "1 sigma of the tool's own measurement, in the unit of the word. It is added to the rounding; 0 where unknown.",
+        low=0.0,
+    )
+
+    def __post_init__(self) -> None:
+        """
+        Check the range.
+
+        Raises
+        ------
+        ValueError
+            high does not lie above low, or the word is a single bit.
+        """
+        if not self.high > self.low:
+            raise ValueError(f"high: must lie above low ({self.low:g}), got {self.high:g}")
+        if self.bits == 1:
+            raise ValueError("bits: no pulse code has a packet of 1 bit; use 2 or more")
+
+    @property
+    def circular(self) -> bool:
+        """Whether the value wraps."""
+        return self.unit == "deg" and self.high - self.low == 360.0 if self.wraps is None else self.wraps
+
+    def step(self, bits: int = 0) -> float:
+        """Distance between neighbouring codes, in the unit of the word; bits: 0 takes the word's own."""
+        count: int = 1 << (bits or self.bits)
+        return (self.high - self.low) / (count if self.circular else count - 1)
+
+    def code(self, value: float, bits: int = 0) -> int:
+        """
+        Nearest code of a value; a value beyond the range has the code of the nearer end.
+
+        Raises
+        ------
+        ValueError
+            The value is not finite.
+        """
+        if not math.isfinite(value):
+            raise ValueError(f"value: a word has no code for {value!r}")
+        count: int = 1 << (bits or self.bits)
+        nearest = math.floor((value - self.low) / self.step(bits) + 0.5)
+        return nearest % count if self.circular else min(max(nearest, 0), count - 1)
+
+    def value(self, code: int, bits: int = 0) -> float:
+        """
+        Value of a code, in the unit of the word.
+
+        Raises
+        ------
+        ValueError
+            The code does not fit the bits.
+        """
+        count: int = 1 << (bits or self.bits)
+        if not 0 <= code < count:
+            raise ValueError(f"code: {code} does not fit {bits or self.bits} bits")
+        return self.low + code * self.step(bits)
+
+    def sigma_of(self, bits: int = 0, rate: float = 0.0, age_s: float = 0.0) -> float:
+        """
+        1 sigma of a word that was received right, in the unit of the word.
+
+        sqrt(sensor^2 + step^2 / 12 + (rate age)^2): measurement, rounding, and the change since.
+
+        Parameters
+        ----------
+        bits : int
+            Length; 0 takes the word's own.
+        rate : float
+            1 sigma of the change of the value, unit / s.
+        age_s : float
+            Time since the measurement, s.
+        """
+        return math.sqrt(self.sigma**2 + self.step(bits) ** 2 / 12.0 + (rate * age_s) ** 2)
+
+
+# What kits commonly send, by the names that their configurations use; `words` of a tool configuration overrides it.
+COMMON = {
+    "Inc": Word(12, 0.0, 180.0, "deg"),
+    "Azm": Word(12, 0.0, 360.0, "deg"),
+    "DipA": Word(12, -90.0, 90.0, "deg"),
+    "Grav": Word(12, 0.0, 2.0, "g"),
+    "MagF": Word(12, 0.0, 100.0, "uT"),
+    "Temp": Word(8, -25.0, 230.0, "degC"),
+    "BatV": Word(8, 0.0, 51.0, "V"),
+    "Gama": Word(8, 0.0, 510.0, "cps"),
+    "aTFA": Word(6, 0.0, 360.0, "deg"),
+    "gTFA": Word(6, 0.0, 360.0, "deg"),
+    "mTFA": Word(6, 0.0, 360.0, "deg"),
+    "RINC": Word(11, 0.0, 180.0, "deg"),
+    "RAZM": Word(11, 0.0, 360.0, "deg"),
+    "LRMS": Word(11, 0.0, 204.7, "g"),
+    "ARMS": Word(11, 0.0, 204.7, "g"),
+    "LMxG": Word(11, 0.0, 2047.0, "g"),
+    "AMxG": Word(11, 0.0, 2047.0, "g"),
+}

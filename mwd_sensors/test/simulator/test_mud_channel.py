@@ -1,0 +1,71 @@
+"""The mud channel: the same pressure for a seed, pulses where the wave brings them, pumps as large as assumed."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from mwd_sensors.simulator.mud_channel import RATE_HZ, MudChannel, Noise, Pressure
+from mwd_sensors.simulator.mud_line import Well, wave_speed
+from mwd_sensors.simulator.mud_pumps import Pump
+
+QUIET = MudChannel(pumps=(), noise=Noise(bit_pa=0.0, surface_pa=0.0, gauge_pa=0.0, adc_bits=24))
+
+
+def pressure(channel, pulses=(), seconds=40.0, seed=1):
+    stream = Pressure(channel, np.array(pulses, dtype=float).reshape(-1, 2), seed)
+    return np.concatenate([stream.block() for _ in range(round(seconds / 10.0))])
+
+
+def test_same_seed_same_pressure_and_another_seed_another():
+    one, two, other = (pressure(MudChannel(), seed=seed) for seed in (1, 1, 2))
+    assert np.array_equal(one, two)
+    assert not np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("depth", [1000.0, 4000.0])
+def test_a_pulse_arrives_with_the_wave(depth):
+    channel = dataclasses.replace(QUIET, well=Well(depth_m=depth))
+    with_pulse, without = pressure(channel, [(10.0, 10.8)]), pressure(channel)
+    rise = with_pulse - without
+    first = np.flatnonzero(rise > 0.3 * rise.max())[0] / RATE_HZ
+    assert first - 10.0 == pytest.approx(depth / wave_speed(channel.well) + 0.2, abs=0.25)
+
+
+def test_two_healthy_pumps_make_half_a_bar():
+    """0.45 bar rms, 3 bar peak to peak (computed with an independent model)."""
+    settled = pressure(MudChannel(), seconds=120.0)[6000:]
+    assert np.std(settled) == pytest.approx(0.45e5, rel=0.25)
+    assert np.ptp(settled) == pytest.approx(3.0e5, rel=0.4)
+
+
+def test_a_leaking_valve_shows_at_the_strokes():
+    def line(leak):
+        channel = dataclasses.replace(QUIET, pumps=(Pump(1.5, leak=leak, hunting=0.0),))
+        settled = pressure(channel, seconds=100.0)[4000:]
+        power = np.abs(np.fft.rfft((settled - settled.mean()) * np.hanning(len(settled))))
+        return power[round(1.5 * len(settled) / RATE_HZ)]
+
+    assert line(0.1) > 4.0 * line(0.0)
+
+
+def test_strokes_are_counted_when_the_pump_makes_them():
+    stream = Pressure(dataclasses.replace(QUIET, pumps=(Pump(1.5),)), np.zeros((0, 2)), 3)
+    for _ in range(12):
+        stream.block()
+    (strokes,) = stream.strokes()
+    assert len(strokes) == pytest.approx(180, abs=2)
+    assert np.diff(strokes) == pytest.approx(1.0 / 1.5, rel=0.02)
+
+
+def test_no_flow_no_pressure_and_no_pulse():
+    channel = dataclasses.replace(QUIET, flow_off_s=((-100.0, 20.0),))
+    off = pressure(channel, [(10.0, 10.8)])[:1000]
+    assert np.all(off < 1e4)
+
+
+def test_pumps_of_two_rates_share_the_flow():
+    two = dataclasses.replace(QUIET, pumps=(Pump(1.45), Pump(1.52)))
+    one = dataclasses.replace(QUIET, pumps=(Pump(1.45),))
+    settled = [np.std(pressure(channel, seconds=100.0)[4000:]) for channel in (one, two)]
+    assert settled[1] < settled[0]

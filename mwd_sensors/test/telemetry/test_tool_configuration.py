@@ -1,0 +1,67 @@
+"""Tool configurations: read, written, refused; times on air against those of a public configuration."""
+
+import pytest
+import yaml
+
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, encode, from_mapping, read, text
+
+PUBLIC = {
+    "pulse_width_s": 0.8,
+    "survey_sequences": {"SSq1": "Inc:12:P Azm:12:P DipA:12:P Temp:8:P Grav:12:P MagF:12:P BatV:8:P"},
+    "toolface_sequences": ["aTFA:6:P"],
+}
+
+
+def test_times_on_air_are_those_of_the_public_configuration():
+    """133 s at 0.8 s and 83 s at 0.5 s for the survey, 11.2 and 7.0 s for a toolface of 6 bits with parity."""
+    for width, survey, toolface in ((0.8, 133.0, 11.2), (0.5, 83.0, 7.0)):
+        tool = from_mapping({**PUBLIC, "pulse_width_s": width})
+        assert tool.length_tu(tool.surveys[0]) * tool.tu_s == pytest.approx(survey, abs=0.5)
+        assert tool.length_tu(tool.toolfaces[0]) * tool.tu_s == pytest.approx(toolface, abs=0.01)
+
+
+def test_what_is_written_is_read_back(tmp_path):
+    tool = from_mapping({"header_bits": 3, "words": {"Gama": {"bits": 8, "low": 0, "high": 255, "unit": "cps"}}})
+    (tmp_path / "tool.yaml").write_text(text(tool))
+    assert read(tmp_path / "tool.yaml") == tool
+    assert yaml.safe_load(text(ToolConfiguration()))["sync"]["length_tu"] == 40
+
+
+def test_a_pass_begins_with_sync_and_header_where_it_should():
+    tool = from_mapping({**PUBLIC, "header_bits": 2})
+    sent = encode(tool, tool.toolfaces[0], (63,), number=0)
+    assert sent.edges[:5] == (0, 5, 15, 20, 30)
+    assert sent.edges[5] == 40 + 3
+    assert sent.length == 40 + 8 + 28
+    # 63 has six ones, so the even parity bit is 0: 111, 11, 10.
+    assert encode(tool, tool.toolfaces[0], (63,)).edges == (0, 12, 21)
+
+
+def test_odd_parity_turns_the_bit():
+    even, odd = from_mapping(PUBLIC), from_mapping({**PUBLIC, "parity": "odd"})
+    assert [tool.parity_bit(code) for tool in (even, odd) for code in (0, 1)] == [0, 1, 1, 0]
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"pulse_with_s": 0.5}, "did you mean pulse_width_s"),
+        ({"pulse_width_s": 0.0}, "below the lowest allowed"),
+        ({"code": "mari"}, "did you mean mary"),
+        ({"sync": {"edges_tu": [0, 1, 15]}}, "width of a pulse"),
+        ({"sync": {"edges_tu": [0, 5, 50]}}, "ends before"),
+        ({"survey_sequences": ["Inc:12:P Azz"]}, r"survey_sequences\[0\].*Azz"),
+        ({"header_bits": 2, "survey_sequences": ["Inc"] * 5}, "cannot number 5"),
+        ({"header_bits": 1}, "1 bit"),
+        ({"words": {"Inc": {"low": 5, "high": 1}}}, "words.Inc.*high"),
+    ],
+)
+def test_a_mistake_is_refused_with_its_key(change, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        from_mapping(change)
+
+
+def test_a_broken_file_is_named(tmp_path):
+    (tmp_path / "tool.yaml").write_text("code: [")
+    with pytest.raises(ValueError, match=r"tool\.yaml: no YAML"):
+        read(tmp_path / "tool.yaml")

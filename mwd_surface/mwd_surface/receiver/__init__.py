@@ -1,0 +1,1 @@
+"""The receiver: standpipe pressure to words with confidence and sigma. Pure; nodes and commands feed it."""

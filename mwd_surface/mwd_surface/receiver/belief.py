@@ -1,0 +1,91 @@
+"""
+How far a decoded word is to be believed: its probability, tempered by what the parities of its neighbours teach.
+
+An estimated channel makes probabilities too sharp. Raising likelihoods to the power 1 / T flattens them; how probable
+each T is, follows from how often parities hold where they should. T without bound stands for a wrong table, a wrong
+pulse width or no tool: then parities hold half the time and no word is believed.
+Source: C. Guo et al., On Calibration of Modern Neural Networks, 2017 (temperature); parities in place of labels.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import deque
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+
+TEMPERATURES = (1.0, 1.35, 1.8, 2.5, 4.0)
+# Before any parity is seen. The last is for a temperature without bound.
+_PRIOR = (0.30, 0.27, 0.18, 0.12, 0.05, 0.08)
+_REMEMBERED = 32  # words with parity
+SURVEY_LEVEL, TOOLFACE_LEVEL = 0.99, 0.95
+
+
+@dataclasses.dataclass(frozen=True)
+class Candidate:
+    """One value of a word: code without parity, its probability at each temperature."""
+
+    code: int
+    probability: tuple[float, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Soft:
+    """
+    A word before it is judged.
+
+    Attributes
+    ----------
+    candidates : tuple of Candidate
+    holds : tuple of float or None
+        Probability that its parity holds, at each temperature, parity not being used; None for a word without.
+    """
+
+    candidates: tuple[Candidate, ...]
+    holds: tuple[float, ...] | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Judged:
+    """Most probable code, its confidence, and the next ones with theirs."""
+
+    code: int
+    confidence: float
+    alternatives: tuple[tuple[int, float], ...]
+
+
+class Temper:
+    """What the last parities say of the temperature."""
+
+    def __init__(self) -> None:
+        self._seen: deque[tuple[float, ...]] = deque(maxlen=_REMEMBERED)
+
+    def learn(self, words: list[Soft]) -> None:
+        """Take the parities of more words."""
+        self._seen.extend(word.holds for word in words if word.holds is not None)
+
+    def weights(self) -> Array:
+        """Probability of each temperature, and of one without bound; shape (6,)."""
+        logs = np.log(_PRIOR)
+        for holds in self._seen:
+            # A likelihood is never surer than one slip in a hundred words: one odd word proves little.
+            logs = logs + np.log([*(0.01 + 0.98 * p for p in holds), 0.5])
+        weights = np.exp(logs - logs.max())
+        return np.asarray(weights / weights.sum())
+
+    @property
+    def failing(self) -> float:
+        """Probability that parities mean nothing: wrong table, wrong pulse width, no tool."""
+        return float(self.weights()[-1])
+
+    def judge(self, word: Soft) -> Judged:
+        """Confidence of a word's values."""
+        weights = self.weights()[:-1]
+        found = sorted(
+            ((float(np.dot(weights, one.probability)), one.code) for one in word.candidates),
+            key=lambda row: (-row[0], row[1]),
+        )
+        best = found[0]
+        return Judged(best[1], best[0], tuple((code, p) for p, code in found[1:4]))

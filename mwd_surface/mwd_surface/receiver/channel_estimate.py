@@ -1,0 +1,197 @@
+"""
+The response of the channel to one pulse, estimated from pulses whose places are known or believed.
+
+The response is a Gaussian process: smooth as the band allows, and dying away. Its largest components are the unknowns,
+so a few pulses suffice, and the estimate is the posterior mean (C. E. Rasmussen, C. K. I. Williams, Gaussian Processes
+for Machine Learning, 2006, section 2.1).
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.compiled import compiled
+
+SAMPLES_PER_TU = 4
+BEFORE = 6  # samples of the response before the nominal edge: an error of the sync's time
+RESPONSE = 70  # samples of the response in all
+_SMOOTH = 2.5  # correlation length, samples: a pulse of 2 TU through a valve and some km of mud
+_FLAT_TU, _DECAY_TU = 4.0, 4.0
+_LEAST = 1e-3  # components below this share of the largest are left out
+
+
+@functools.cache
+def basis(length: int = RESPONSE) -> Array:
+    """
+    Components of the response.
+
+    Returns
+    -------
+    ndarray, shape (components, length)
+        Each is scaled by its standard deviation, so that their coefficients have equal variance.
+    """
+    at = np.arange(length, dtype=float)
+    since = (at - BEFORE) / SAMPLES_PER_TU
+    size = np.exp(-np.maximum(since - _FLAT_TU, 0.0) / _DECAY_TU)
+    size *= np.minimum((at + 1.0) / BEFORE, 1.0) * np.minimum((length - at) / 12.0, 1.0)
+    apart = at[:, None] - at[None, :]
+    covariance = size[:, None] * size[None, :] * np.exp(-0.5 * (apart / _SMOOTH) ** 2)
+    values, vectors = np.linalg.eigh(covariance)
+    kept = values > _LEAST * values[-1]
+    # The sign of an eigenvector is arbitrary; fixed here, so that figures do not depend on the linear algebra library.
+    vectors = vectors[:, kept][:, ::-1]
+    vectors = vectors * np.sign(vectors[np.argmax(np.abs(vectors), axis=0), np.arange(vectors.shape[1])])
+    return np.ascontiguousarray((vectors * np.sqrt(values[kept][::-1])).T)
+
+
+@compiled
+def normal_equations(train: Array, shapes: Array, whitened: Array, weight: Array, matrix: Array, right: Array) -> None:
+    """
+    Normal equations of the coefficients.
+
+    Parameters
+    ----------
+    train : ndarray, shape (n,)
+        Expected number of edges at each sample.
+    shapes : ndarray, shape (c, m)
+        Whitened components; the first sample lies `BEFORE` the edge.
+    whitened : ndarray, shape (n,)
+        Whitened pressure.
+    weight : ndarray, shape (n,)
+        Of each sample.
+    matrix, right : ndarray, shapes (c, c), (c,)
+        Filled.
+    """
+    n, (c, m) = len(train), shapes.shape
+    columns = np.zeros((n, c))
+    for i in range(n):
+        if train[i] > 1e-4:
+            for k in range(m):
+                j = i - BEFORE + k
+                if 0 <= j < n:
+                    for a in range(c):
+                        columns[j, a] += train[i] * shapes[a, k]
+    matrix[:] = 0.0
+    right[:] = 0.0
+    for j in range(n):
+        w = weight[j]
+        if w > 0.0:
+            for a in range(c):
+                x = w * columns[j, a]
+                right[a] += x * whitened[j]
+                for b in range(a + 1):
+                    matrix[a, b] += x * columns[j, b]
+    for a in range(c):
+        for b in range(a):
+            matrix[b, a] = matrix[a, b]
+
+
+@compiled
+def add_spread(chance: Array, at: Array, shapes: Array, matrix: Array) -> None:
+    """
+    What the uncertainty of one packet's place adds to the normal equations: sum p x x' - (sum p x)(sum p x)'.
+
+    Parameters
+    ----------
+    chance : ndarray, shape (v,)
+        Probability of each place.
+    at : ndarray, shape (v,)
+        Places, samples; only their distances matter.
+    shapes : ndarray, shape (c, m)
+        Whitened components.
+    matrix : ndarray, shape (c, c)
+        Added to.
+    """
+    c, m = shapes.shape
+    low, high = int(at.min()), int(at.max())
+    mean = np.zeros((c, m + high - low))
+    for v in range(len(chance)):
+        shift = int(at[v]) - low
+        for a in range(c):
+            for k in range(m):
+                mean[a, shift + k] += chance[v] * shapes[a, k]
+    for a in range(c):
+        for b in range(a + 1):
+            own = both = 0.0
+            for k in range(m):
+                own += shapes[a, k] * shapes[b, k]
+            for k in range(mean.shape[1]):
+                both += mean[a, k] * mean[b, k]
+            matrix[a, b] += own - both
+            if a != b:
+                matrix[b, a] += own - both
+
+
+def coefficients(matrix: Array, right: Array, scale: float) -> tuple[Array, float]:
+    """
+    Posterior mean of the coefficients, and their scale made anew from it.
+
+    Parameters
+    ----------
+    matrix, right : ndarray, shapes (c, c), (c,)
+        Normal equations of whitened data.
+    scale : float
+        Standard deviation of the coefficients before the data, Pa.
+
+    Returns
+    -------
+    ndarray, shape (c,)
+        Coefficients, Pa.
+    float
+        Their standard deviation by expectation-maximisation.
+    """
+    count = len(right)
+    inverse = np.linalg.inv(matrix + np.eye(count) / scale**2)
+    u = inverse @ right
+    return u, float(np.sqrt((u @ u + np.trace(inverse)) / count))
+
+
+@compiled
+def reconstruct(train: Array, response: Array, out: Array) -> None:
+    """Pressure of a train of pulses; response begins `BEFORE` the edge. out, shape (n,), is filled."""
+    out[:] = 0.0
+    for i in range(len(train)):
+        if train[i] > 1e-4:
+            for k in range(len(response)):
+                j = i - BEFORE + k
+                if 0 <= j < len(out):
+                    out[j] += train[i] * response[k]
+
+
+@compiled
+def matched(whitened: Array, weight: Array, response: Array, start: int, out: Array, energy: Array) -> None:
+    """
+    Matched filter at each TU.
+
+    Parameters
+    ----------
+    whitened, weight : ndarray, shape (n,)
+        Whitened pressure and the weight of each sample.
+    response : ndarray, shape (m,)
+        Whitened response, beginning `BEFORE` the edge.
+    start : int
+        Sample of the first place.
+    out, energy : ndarray, shape (k,)
+        Correlation, and energy of the response as weighted there.
+    """
+    for k in range(len(out)):
+        total = power = 0.0
+        for m in range(len(response)):
+            j = start + k * SAMPLES_PER_TU - BEFORE + m
+            if 0 <= j < len(whitened):
+                w = weight[j] * response[m]
+                total += w * whitened[j]
+                power += w * response[m]
+        out[k] = total
+        energy[k] = power
+
+
+def common_energy(response: Array, places: int) -> Array:
+    """What two pulses 0, 1, 2 ... TU apart have in common; response, shape (m,), whitened. Returns shape (places,)."""
+    full = np.correlate(response, response, mode="full")[len(response) - 1 :: SAMPLES_PER_TU]
+    out = np.zeros(places)
+    out[: min(places, len(full))] = full[:places]
+    return out

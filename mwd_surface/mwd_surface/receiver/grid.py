@@ -1,0 +1,86 @@
+"""Pressure on an even grid that grows at its end and is forgotten at its beginning."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_surface.receiver.resampling import interpolate
+
+STEPS_PER_TU = 8
+# Values beyond the last one wanted that the interpolation uses: they must be there, or a later call would give others.
+REACH = 4
+
+
+class Grid:
+    """
+    Pressure, `STEPS_PER_TU` values a TU.
+
+    Parameters
+    ----------
+    tu_s : float
+        Time unit of the tool, s.
+    """
+
+    steps_per_tu = STEPS_PER_TU
+
+    def __init__(self, tu_s: float) -> None:
+        self.step_s = tu_s / STEPS_PER_TU
+        self.origin_s = 0.0
+        self.first = 0
+        self._values = np.zeros(0)
+        self._known = np.zeros(0)
+
+    @property
+    def end(self) -> int:
+        """Position behind the last value."""
+        return self.first + len(self._values)
+
+    def append(self, values: Array, known: Array) -> None:
+        """Add values; in a gap the last known one stands."""
+        filled = values.copy()
+        last = self._values[-1] if len(self._values) else (values[known > 0.0][0] if np.any(known > 0.0) else 0.0)
+        for k in range(len(filled)):
+            if known[k] > 0.0:
+                last = filled[k]
+            else:
+                filled[k] = last
+        self._values = np.concatenate([self._values, filled])
+        self._known = np.concatenate([self._known, known])
+
+    def forget(self, before: int) -> None:
+        """Drop what lies before a position."""
+        drop = min(max(before - self.first, 0), len(self._values))
+        self._values, self._known = self._values[drop:], self._known[drop:]
+        self.first += drop
+
+    def seconds(self, position: float) -> float:
+        """Time of a position, s, on the clock of the pressure."""
+        return self.origin_s + position * self.step_s
+
+    def samples(self, position: float, pace: float, count: int) -> tuple[Array, Array]:
+        """
+        Values between those of the grid.
+
+        Parameters
+        ----------
+        position, pace : float
+            Of the first value and from one to the next, steps.
+        count : int
+
+        Returns
+        -------
+        ndarray, shape (count,)
+            Pressure, Pa.
+        ndarray, shape (count,)
+            1 where it is known, 0 in a gap.
+        """
+        out = np.empty(count)
+        low = max(int(position) - self.first - 4, 0)
+        high = min(int(position + pace * count) - self.first + 5, len(self._values))
+        # A copy: the same bits wherever the values lie in memory.
+        interpolate(self._values[low:high].copy(), position - self.first - low, pace, out)
+        nearest = np.rint(position + pace * np.arange(count)).astype(np.int64) - self.first
+        inside = (nearest >= 0) & (nearest < len(self._known))
+        known = np.where(inside, self._known[np.clip(nearest, 0, max(len(self._known) - 1, 0))], 0.0)
+        return out, known

@@ -1,0 +1,87 @@
+"""A picture of what was received: pressure with the words on it, their confidence, the spectrum of the pressure."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_surface.receiver.words import BELIEVED, ReceivedWord
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_COLOURS = {True: "#009E73", False: "#999999"}
+_MOST_POINTS = 6000
+
+
+def image(time_s: Array, pressure_pa: Array, words: Sequence[ReceivedWord], tu_s: float, kind: str = "png") -> bytes:
+    """
+    Picture of a decoded recording.
+
+    Parameters
+    ----------
+    time_s, pressure_pa : ndarray, shape (n,)
+    words : sequence of ReceivedWord
+    tu_s : float
+        Time unit of the tool, s: the spectrum is drawn as far as its pulses reach.
+    kind : str
+        "png" or "svg".
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12.5, 7.5), layout="constrained")
+    pressure, confidence, spectrum = figure.subplots(3, 1)
+    _pressure(pressure, time_s, pressure_pa)
+    for ax in (pressure, confidence):
+        for word in words:
+            ax.axvspan(word.start_s, word.end_s, color=_COLOURS[word.status == BELIEVED], alpha=0.15, linewidth=0)
+        ax.set_xlim(float(time_s[0]), float(time_s[-1]))
+        ax.set_xlabel("time, s")
+    for status in (True, False):
+        some = [word for word in words if (word.status == BELIEVED) is status]
+        middle = [0.5 * (word.start_s + word.end_s) for word in some]
+        label = "believed" if status else "erased"
+        confidence.plot(middle, [word.confidence for word in some], "o", ms=3, color=_COLOURS[status], label=label)
+    confidence.set_ylim(-0.05, 1.05)
+    confidence.set_ylabel("confidence")
+    confidence.set_title("Words: probability that the code is right", loc="left", fontsize=9)
+    confidence.legend(loc="lower right", fontsize=8)
+    _spectrum(spectrum, time_s, pressure_pa, tu_s)
+    for ax in (pressure, confidence, spectrum):
+        ax.grid(visible=True, linewidth=0.4, color="#cccccc")
+        ax.tick_params(labelsize=8)
+    out = io.BytesIO()
+    figure.savefig(out, format=kind, dpi=110)
+    return out.getvalue()
+
+
+def _pressure(ax: Axes, time_s: Array, pressure_pa: Array) -> None:
+    """Lowest and highest value of as many pieces as the picture has columns, so that no pulse is lost."""
+    pieces = max(len(time_s) // _MOST_POINTS, 1)
+    count = len(time_s) // pieces * pieces
+    blocks = pressure_pa[:count].reshape(-1, pieces) / 1e5
+    at = time_s[:count:pieces]
+    ax.fill_between(at, blocks.min(axis=1), blocks.max(axis=1), color="#0072B2", linewidth=0.5)
+    ax.set_ylabel("bar")
+    ax.set_title("Pressure; words in green, erased ones in grey", loc="left", fontsize=9)
+
+
+def _spectrum(ax: Axes, time_s: Array, pressure_pa: Array, tu_s: float) -> None:
+    """Mean of the spectra of pieces of 64 pulse widths (Welch's method), by the rate of the samples."""
+    step = float(np.median(np.diff(time_s)))
+    length = min(max(round(128.0 * tu_s / step), 64), len(pressure_pa))
+    window = np.hanning(length)
+    starts = range(0, len(pressure_pa) - length + 1, max(length // 2, 1))
+    pieces = [pressure_pa[k : k + length] for k in starts]
+    power = np.mean([np.abs(np.fft.rfft((one - one.mean()) * window)) ** 2 for one in pieces], axis=0)
+    power = power * 2.0 * step / np.sum(window**2)
+    frequency = np.fft.rfftfreq(length, step)
+    shown = (frequency > 0.0) & (frequency <= 1.6 / tu_s)
+    ax.semilogy(frequency[shown], power[shown] / 1e10, color="#000000", linewidth=0.8)
+    ax.set_xlabel("frequency, Hz")
+    ax.set_ylabel("bar²/Hz")
+    ax.set_title("Spectrum of the pressure: lines are pumps", loc="left", fontsize=9)

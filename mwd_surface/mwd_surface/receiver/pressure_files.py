@@ -1,0 +1,142 @@
+"""Standpipe pressure from files: CSV, WAV, or a recording with sensor_msgs/FluidPressure."""
+
+from __future__ import annotations
+
+import dataclasses
+import wave
+from pathlib import Path
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+
+_TIME, _PRESSURE = "time_s", "pressure_pa"
+# Samples of a WAV are shares of full scale; a pressure of this size keeps them far from any rounding.
+_WAV_FULL_SCALE = 1.0e7
+
+
+@dataclasses.dataclass(frozen=True)
+class PressureFile:
+    """Times, s, and pressure, Pa, shape (n,); `origin` says what time 0 is; notes on what is wrong with the data."""
+
+    time_s: Array
+    pressure_pa: Array
+    origin: str
+    notes: tuple[str, ...]
+
+
+def read(path: Path, gauge: int = 1, topic: str = "") -> PressureFile:
+    """
+    Read pressure.
+
+    Parameters
+    ----------
+    path : Path
+        `.csv` with columns time_s, pressure_pa and for a second gauge pressure_2_pa; `.wav`, PCM, a channel for each
+        gauge; anything else is taken for a recording.
+    gauge : int
+        1 or 2.
+    topic : str
+        Of a recording with several topics of pressure.
+
+    Raises
+    ------
+    ValueError
+        The file has no pressure that can be read; the message says what is missing.
+    OSError
+        The file cannot be read.
+    BagError
+        It is no recording, or has no such topic.
+    """
+    if gauge not in (1, 2):
+        raise ValueError(f"--gauge {gauge}: 1 or 2")
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        time, pressure, origin = _csv(path, gauge)
+    elif suffix == ".wav":
+        time, pressure, origin = _wav(path, gauge)
+    else:
+        time, pressure, origin = _bag(path, gauge, topic)
+    if len(time) < 64:
+        raise ValueError(f"{path}: {len(time)} samples of pressure are too few")
+    return PressureFile(time, pressure, origin, _notes(time, pressure))
+
+
+def _csv(path: Path, gauge: int) -> tuple[Array, Array, str]:
+    wanted = _PRESSURE if gauge == 1 else "pressure_2_pa"
+    with path.open(encoding="utf-8-sig") as file:
+        names = [name.strip() for name in file.readline().split(",")]
+        for name in (_TIME, wanted):
+            if name not in names:
+                raise ValueError(f"{path}: no column {name}; it has {', '.join(names)}")
+        try:
+            table = np.loadtxt(file, delimiter=",", usecols=(names.index(_TIME), names.index(wanted)), ndmin=2)
+        except ValueError as error:
+            raise ValueError(f"{path}: not all rows are numbers: {error}") from error
+    return table[:, 0], table[:, 1], "time_s of the file"
+
+
+def _wav(path: Path, gauge: int) -> tuple[Array, Array, str]:
+    try:
+        with wave.open(str(path), "rb") as file:
+            channels, width, rate = file.getnchannels(), file.getsampwidth(), file.getframerate()
+            raw = file.readframes(file.getnframes())
+    except (wave.Error, EOFError) as error:
+        raise ValueError(f"{path}: no WAV of whole numbers (PCM): {error}") from error
+    if gauge > channels:
+        raise ValueError(f"{path}: has {channels} channel, so there is no gauge {gauge}")
+    if width == 1:
+        whole = np.frombuffer(raw, dtype=np.uint8).astype(float) - 128.0
+    elif width == 3:
+        bytes_of = np.frombuffer(raw, dtype=np.uint8).reshape(-1, 3).astype(np.int32)
+        whole = ((bytes_of[:, 0] | bytes_of[:, 1] << 8 | bytes_of[:, 2] << 16) << 8 >> 8).astype(float)
+    else:
+        whole = np.frombuffer(raw, dtype=f"<i{width}").astype(float)
+    one = whole.reshape(-1, channels)[:, gauge - 1] * (_WAV_FULL_SCALE / 2 ** (8 * width - 1))
+    return np.arange(len(one)) / rate, one, "begin of the WAV"
+
+
+def _bag(path: Path, gauge: int, topic: str) -> tuple[Array, Array, str]:
+    from mwd_surface.bags.bag_reader import Bag
+
+    suffix = topic or ("standpipe" if gauge == 1 else "standpipe_2")
+    with Bag(path) as bag:
+        name = bag.find_topic("sensor_msgs/msg/FluidPressure", suffix)
+        rows = []
+        for _, _, _, data in bag.messages([name]):
+            message = bag.decode(name, data)
+            stamp = message.header.stamp
+            rows.append((stamp.sec - bag.start_ns // 10**9 + stamp.nanosec * 1e-9, message.fluid_pressure))
+        start = bag.start_ns // 10**9
+    table = np.array(rows, dtype=float).reshape(-1, 2)
+    return table[:, 0], table[:, 1], f"{start} s of Unix time"
+
+
+def _notes(time: Array, pressure: Array) -> tuple[str, ...]:
+    """What a survey engineer should know of the data before trusting what is read from it."""
+    notes = []
+    known = np.isfinite(pressure) & np.isfinite(time)
+    if not known.all():
+        notes.append(f"{int((~known).sum())} samples are no numbers and are left out")
+    steps = np.diff(time[known])
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    if np.any(steps <= 0.0):
+        notes.append(f"{int((steps <= 0.0).sum())} times do not rise; those samples are left out")
+    gaps = steps > max(20.0 * usual, 1.0)
+    if gaps.any():
+        notes.append(f"{int(gaps.sum())} gaps, {float(steps[gaps].sum()):.1f} s in all")
+    values = pressure[known]
+    top = values.max(initial=-np.inf)
+    highest = int(np.sum(values == top))
+    clipped = highest / max(len(values), 1)
+    # A single highest sample is one among many; a converter at its end gives the same value again and again.
+    if clipped > 0.001 and highest > 3 and np.ptp(values) > 0.0:
+        notes.append(
+            f"{100.0 * clipped:.1f} % of the samples are at the highest value: the gauge or its converter clips"
+        )
+    distinct = np.unique(values)
+    if len(distinct) < 64:
+        notes.append(
+            f"the pressure takes {len(distinct)} values only: the resolution is too coarse, or the gauge stands"
+        )
+    return tuple(notes)

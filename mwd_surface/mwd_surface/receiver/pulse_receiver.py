@@ -1,0 +1,210 @@
+"""The receiver of a pulse tool: standpipe pressure in, words out, the same however the samples are cut."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver import synchronisation
+from mwd_surface.receiver.channel_estimate import SAMPLES_PER_TU
+from mwd_surface.receiver.grid import REACH, STEPS_PER_TU, Grid
+from mwd_surface.receiver.resampling import Resampler
+from mwd_surface.receiver.transmission import FrameReport, Transmission
+from mwd_surface.receiver.words import ReceivedWord
+
+# The search for syncs proceeds by hops, each with data before it for the noise model and behind it for the pulses.
+_HOP_TU = 32
+_GUARD_TU = 8
+# The noise model learns from that much before a hop, at most from the time between flow-on and sync: its coefficients
+# need samples, but pumps that start would spoil it.
+_NOISE_TU, _NOISE_S = 50, 40.0
+_SETTLED_S = 5.0
+_KEPT_TU = 500
+# A sync by so much clearer than that of a transmission in doubt takes its place at once.
+_SURER = 1.5
+# Samples a TU that the pulse code needs: 2 for each edge of a pulse that is 2 TU wide, and some for the filter.
+LEAST_PER_TU = 2.5
+
+
+@dataclasses.dataclass
+class Reception:
+    """What a block of samples completed: words and passes of sequences."""
+
+    words: list[ReceivedWord] = dataclasses.field(default_factory=list)
+    frames: list[FrameReport] = dataclasses.field(default_factory=list)
+
+    def add(self, found: tuple[list[ReceivedWord], list[FrameReport]]) -> None:
+        """Take words and passes."""
+        self.words += found[0]
+        self.frames += found[1]
+
+
+class PulseReceiver:
+    """
+    Receiver of one tool.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+
+    Raises
+    ------
+    ValueError
+        The code of the tool is not one that this receiver reads.
+    """
+
+    def __init__(self, tool: ToolConfiguration) -> None:
+        if tool.code != "mary":
+            raise ValueError(f"code: this receiver reads the M-ary pulse position code (mary), not {tool.code}")
+        self._tool = tool
+        self._grid = Grid(tool.tu_s)
+        self._resampler = Resampler(self._grid.step_s)
+        quiet_s = min(_NOISE_S, tool.transmit_delay_s - _SETTLED_S)
+        self._noise_tu = min(max(_NOISE_TU, round(quiet_s / tool.tu_s)), _KEPT_TU - _HOP_TU)
+        self._hop = 0
+        self._frame = 0
+        self._active: Transmission | None = None
+        self._last_sync: float | None = None
+        self._waiting: tuple[synchronisation.SyncFound, float] | None = None
+        self.syncs: list[tuple[float, float]] = []
+
+    def push(self, time_s: Array, pressure_pa: Array) -> Reception:
+        """
+        Take samples.
+
+        Parameters
+        ----------
+        time_s, pressure_pa : ndarray, shape (n,)
+            Rising times and pressures.
+
+        Raises
+        ------
+        ValueError
+            The samples are too far apart for the pulse width.
+        """
+        return self._take(*self._resampler.push(time_s, pressure_pa))
+
+    def finish(self) -> Reception:
+        """Words of what is left at the end of the samples."""
+        done = self._take(*self._resampler.finish())
+        # As if the gauge had failed: what is there is decoded as far as it goes.
+        missing = np.zeros(STEPS_PER_TU * (2 * _HOP_TU + self._beyond))
+        if self._grid.end:
+            last = self._take(missing, missing)
+            done.add((last.words, last.frames))
+        if self._active is not None:
+            done.add(self._active.close())
+        return done
+
+    def why_nothing(self) -> str:
+        """Reason in one sentence why there is no word."""
+        if self._grid.end == 0:
+            return "no words: there are no samples with rising times"
+        if not self.syncs:
+            return (
+                f"no words: no sync of this tool in the pressure; check pulse_width_s ({self._tool.pulse_width_s:g} s)"
+                " and sync of the tool configuration, and that the flow was on long enough"
+            )
+        return (
+            f"no words: {len(self.syncs)} syncs, but no sequence of this configuration behind them; check sequences,"
+            " header_bits and parity"
+        )
+
+    def _take(self, values: Array, known: Array) -> Reception:
+        done = Reception()
+        if len(values) == 0:
+            return done
+        if self._grid.end == 0:
+            self._grid.origin_s = self._resampler.origin or 0.0
+            if self._resampler.spacing * LEAST_PER_TU > self._tool.tu_s * (1.0 + 1e-6):
+                raise ValueError(
+                    f"pressure has {1.0 / self._resampler.spacing:.3g} samples a second; pulses of"
+                    f" {self._tool.pulse_width_s:g} s need {LEAST_PER_TU / self._tool.tu_s:.3g} or more"
+                )
+        # Piece by piece, so that memory stays small; steps depend on positions only, not on the pieces.
+        for start in range(0, len(values), 4096):
+            self._grid.append(values[start : start + 4096], known[start : start + 4096])
+            self._advance(done)
+        return done
+
+    def _advance(self, done: Reception) -> None:
+        """All steps for which the pressure is there, in the order of the time that each of them needs."""
+        while True:
+            search_needs = STEPS_PER_TU * ((self._hop + 1) * _HOP_TU + self._beyond) + REACH
+            active = self._active
+            # A stretch waits until no sync can begin in it: the tool may have started anew.
+            ready = active is not None and active.reaches() <= STEPS_PER_TU * self._hop * _HOP_TU
+            if active is not None and ready and active.needs() <= self._grid.end:
+                done.add(active.step())
+                self._frame = active.frame
+                if active.lost:
+                    self._active = self._successor(active)
+                elif self._waiting is not None and active.heard > self._waiting[1]:
+                    self._waiting = None
+            elif not ready and search_needs <= self._grid.end:
+                self._search(done)
+                self._hop += 1
+                self._grid.forget(
+                    STEPS_PER_TU * (self._hop * _HOP_TU - _KEPT_TU) if self._active is None else self._oldest()
+                )
+            else:
+                return
+
+    def _successor(self, lost: Transmission) -> Transmission | None:
+        """Transmission that began while the lost one seemed to go on."""
+        waiting, self._waiting = self._waiting, None
+        if waiting is None or waiting[1] < lost.heard:
+            return None
+        return Transmission(self._tool, self._grid, *waiting, self._frame)
+
+    @property
+    def _beyond(self) -> int:
+        """Pressure behind a hop that its syncs need, TU."""
+        return _GUARD_TU + self._tool.sync.edges_tu[-1] + 16
+
+    def _oldest(self) -> int:
+        needed = self._active.reaches() if self._active is not None else self._grid.end
+        return int(min(needed, STEPS_PER_TU * self._hop * _HOP_TU)) - STEPS_PER_TU * (_KEPT_TU + 200)
+
+    def _search(self, done: Reception) -> None:
+        pace = STEPS_PER_TU // SAMPLES_PER_TU
+        begin_tu, end_tu = self._hop * _HOP_TU, (self._hop + 1) * _HOP_TU
+        first_tu = max(begin_tu - self._noise_tu, -(-self._grid.first // STEPS_PER_TU), 0)
+        count = SAMPLES_PER_TU * (end_tu + self._beyond - first_tu)
+        pressure, known = self._grid.samples(float(STEPS_PER_TU * first_tu), float(pace), count)
+        low, high = (SAMPLES_PER_TU * (tu - first_tu) for tu in (begin_tu, end_tu))
+        guard = SAMPLES_PER_TU * _GUARD_TU
+        whitener = self._active.whitener if self._active is not None else None
+        found = synchronisation.search(pressure, known, self._tool.sync, low - guard, high + guard, whitener)
+        if found is None or found.at >= high:
+            return
+        position = float(STEPS_PER_TU * first_tu + found.at * pace)
+        if self._last_sync is not None and position < self._last_sync + STEPS_PER_TU * _GUARD_TU:
+            return
+        self._last_sync = position
+        self.syncs.append((self._grid.seconds(position), found.score))
+        active = self._active
+        if active is not None and active.expects_sync(position):
+            active.take_sync()
+        elif active is not None and (active.sound or found.score <= _SURER * active.score):
+            # Data can look like a sync by chance: it counts once the transmission breaks off.
+            if self._waiting is None or found.score > self._waiting[0].score:
+                self._waiting = (found, position)
+        else:
+            if active is not None:
+                done.add(active.close())
+                self._frame = active.frame
+            self._active = Transmission(self._tool, self._grid, found, position, self._frame)
+            self._waiting = None
+
+
+def decode(tool: ToolConfiguration, time_s: Array, pressure_pa: Array) -> Reception:
+    """Words of a whole recording; as `PulseReceiver.push` and `finish`."""
+    receiver = PulseReceiver(tool)
+    done = receiver.push(np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float))
+    rest = receiver.finish()
+    done.add((rest.words, rest.frames))
+    return done

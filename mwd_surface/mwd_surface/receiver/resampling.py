@@ -1,0 +1,216 @@
+"""
+Samples of any rate, jitter and gaps onto an even grid counted from the first stamp: the same bits however they are cut.
+
+Each value of the grid is the mean of the samples round it, weighted by a low-pass kernel and by the time each sample
+stands for. Samples that come much faster than the grid are averaged in bins first.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.compiled import compiled
+
+# Half width of the kernel and its cut-off, in steps of the grid. The grid has 8 steps a TU, so 0.2 / step is 1.6 / TU:
+# what a pulse of 2 TU has above it is 2 % of its energy.
+_HALF_STEPS = 10.0
+_CUT_OFF = 0.2
+# Input rates beyond this multiple of the grid's are averaged down.
+_MOST_OVERSAMPLED = 6.0
+
+
+@compiled
+def _kernel(u: float) -> float:
+    """Windowed sinc at u steps from its middle."""
+    if abs(u) >= _HALF_STEPS:
+        return 0.0
+    a = 2.0 * math.pi * _CUT_OFF * u
+    sinc = 1.0 if a == 0.0 else math.sin(a) / a
+    c = math.cos(0.5 * math.pi * u / _HALF_STEPS)
+    return sinc * c * c
+
+
+@compiled
+def _average(time: Array, value: Array, at: Array, step: float, gap: float, out: Array, known: Array) -> None:
+    """Values of the grid times `at`; known is 0 where a gap leaves less than half of the kernel."""
+    first = 0
+    half = _HALF_STEPS * step
+    for k in range(len(at)):
+        while first < len(time) and time[first] < at[k] - half:
+            first += 1
+        total = weight = 0.0
+        nearest = half
+        j = max(first, 1)
+        while j < len(time) - 1 and time[j] <= at[k] + half:
+            span = 0.5 * min(time[j + 1] - time[j], gap) + 0.5 * min(time[j] - time[j - 1], gap)
+            c = _kernel((time[j] - at[k]) / step) * span
+            total += c * value[j]
+            weight += c
+            nearest = min(nearest, abs(time[j] - at[k]))
+            j += 1
+        # The kernel's own area is 1 / (2 cut-off) steps.
+        enough = weight > 0.25 * step / _CUT_OFF and nearest <= gap
+        known[k] = 1.0 if enough else 0.0
+        out[k] = total / weight if enough else 0.0
+
+
+class Resampler:
+    """
+    A stream of samples on an even grid.
+
+    Parameters
+    ----------
+    step : float
+        Of the grid, s.
+    """
+
+    def __init__(self, step: float) -> None:
+        self._step = step
+        self._time = np.zeros(0)
+        self._value = np.zeros(0)
+        self._made = 0
+        self._spacing = 0.0
+        self._bin = 0.0
+        self._early: list[tuple[float, float]] = []
+        self._bin_sum = np.zeros(4)
+        self.origin: float | None = None
+
+    @property
+    def spacing(self) -> float:
+        """Median time between the first samples, s; 0 until there are enough."""
+        return self._spacing
+
+    def push(self, time: Array, value: Array) -> tuple[Array, Array]:
+        """
+        Take samples and give what of the grid they complete.
+
+        Parameters
+        ----------
+        time, value : ndarray, shape (n,)
+            Rising times, s, and samples. A time that does not rise, and a sample that is not finite, is left out.
+
+        Returns
+        -------
+        ndarray, shape (m,)
+            Values of the grid; in a gap the last one before it.
+        ndarray, shape (m,)
+            1 where a value is known, 0 in a gap.
+        """
+        self._take(np.asarray(time, dtype=float), np.asarray(value, dtype=float))
+        if self._spacing == 0.0 or len(self._time) < 3:
+            return np.zeros(0), np.zeros(0)
+        return self._until(self._time[-2] - _HALF_STEPS * self._step)
+
+    def finish(self) -> tuple[Array, Array]:
+        """Rest of the grid, up to the last sample; as `push`."""
+        if self._spacing == 0.0 and len(self._early) > 2:
+            self._begin()
+        if len(self._time) < 3:
+            return np.zeros(0), np.zeros(0)
+        return self._until(self._time[-2])
+
+    def _until(self, end: float) -> tuple[Array, Array]:
+        origin = self.origin or 0.0
+        count = max(math.floor((end - origin) / self._step) + 1 - self._made, 0)
+        at: Array = origin + (self._made + np.arange(count, dtype=np.float64)) * self._step
+        out, known = np.zeros(count), np.zeros(count)
+        if count:
+            gap = max(4.0 * max(self._spacing, self._bin), self._step)
+            _average(self._time, self._value, at, self._step, gap, out, known)
+            self._made += count
+            # Two samples more than the next value needs: their spacing is part of its weights.
+            keep = max(int(np.searchsorted(self._time, at[-1] - _HALF_STEPS * self._step)) - 2, 0)
+            self._time, self._value = self._time[keep:], self._value[keep:]
+        return out, known
+
+    def _take(self, time: Array, value: Array) -> None:
+        good = np.isfinite(value) & np.isfinite(time)
+        if self._spacing == 0.0:
+            self._early += zip(time[good].tolist(), value[good].tolist(), strict=True)
+            if len(self._early) >= 64:
+                self._begin()
+            return
+        self._binned(time[good], value[good])
+
+    def _begin(self) -> None:
+        time = np.array([t for t, _ in self._early[:64]])
+        value = np.array([v for _, v in self._early])
+        steps = np.diff(time)
+        self._spacing = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else self._step
+        self._bin = self._step / 4.0 if self._spacing * _MOST_OVERSAMPLED < self._step else 0.0
+        self.origin = float(time[0])
+        whole = np.array([t for t, _ in self._early])
+        self._early = []
+        self._binned(whole, value)
+
+    def _binned(self, time: Array, value: Array) -> None:
+        if self._bin > 0.0 and len(time):
+            time, value = self._means(time, value)
+        last = self._time[-1] if len(self._time) else -math.inf
+        if len(time):
+            before = np.maximum.accumulate(np.concatenate([[last], time]))[:-1]
+            rises = time > before
+            self._time = np.concatenate([self._time, time[rises]])
+            self._value = np.concatenate([self._value, value[rises]])
+
+    def _means(self, time: Array, value: Array) -> tuple[Array, Array]:
+        """Mean time and value of each bin that is complete; the sums of the open one are carried on."""
+        out_time, out_value = np.zeros(len(time) + 1), np.zeros(len(time) + 1)
+        made = _bin_means(time, value, (self.origin or 0.0, self._bin), self._bin_sum, out_time, out_value)
+        return out_time[:made], out_value[:made]
+
+
+@compiled
+def _bin_means(
+    time: Array, value: Array, bins: tuple[float, float], carried: Array, out_time: Array, out_value: Array
+) -> int:
+    """Means of the complete bins; carried: sums of time and value, count and index of the open one."""
+    origin, width = bins
+    made = 0
+    for k in range(len(time)):
+        at = math.floor((time[k] - origin) / width)
+        if at != carried[3] and carried[2] > 0.0:
+            out_time[made] = carried[0] / carried[2]
+            out_value[made] = carried[1] / carried[2]
+            made += 1
+            carried[:3] = 0.0
+        carried[3] = at
+        carried[0] += time[k]
+        carried[1] += value[k]
+        carried[2] += 1.0
+    return made
+
+
+@compiled
+def interpolate(grid: Array, first: float, spacing: float, out: Array) -> None:
+    """
+    Values between those of an even grid, by a polynomial through six neighbours (Lagrange).
+
+    Parameters
+    ----------
+    grid : ndarray, shape (n,)
+    first, spacing : float
+        Where the first value is wanted and how far apart they are, in steps of the grid.
+    out : ndarray, shape (m,)
+        Values; beyond the ends that of the end.
+    """
+    for k in range(len(out)):
+        at = first + k * spacing
+        base = math.floor(at)
+        u = at - base
+        a, b, c, d, e, f = u + 2.0, u + 1.0, u, u - 1.0, u - 2.0, u - 3.0
+        weights = (
+            -b * c * d * e * f / 120.0,
+            a * c * d * e * f / 24.0,
+            -a * b * d * e * f / 12.0,
+            a * b * c * e * f / 12.0,
+            -a * b * c * d * f / 24.0,
+            a * b * c * d * e / 120.0,
+        )
+        total = 0.0
+        for j in range(6):
+            total += weights[j] * grid[min(max(base - 2 + j, 0), len(grid) - 1)]
+        out[k] = total

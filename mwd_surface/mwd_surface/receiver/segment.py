@@ -1,0 +1,254 @@
+"""
+One stretch of a transmission decoded: packets, channel and noise found together by expectation-maximisation.
+
+The expectation is a forward-backward pass over the packets, the maximisation a new channel estimate, a new noise model
+and new weights of disturbed samples. Pulses before the stretch are known and carry the channel over.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array, Indices
+from mwd_surface.receiver import trellis
+from mwd_surface.receiver.channel_estimate import (
+    BEFORE,
+    RESPONSE,
+    SAMPLES_PER_TU,
+    add_spread,
+    basis,
+    coefficients,
+    common_energy,
+    matched,
+    normal_equations,
+    reconstruct,
+)
+from mwd_surface.receiver.whitening import filtered, prediction_error_filter, steadiness
+
+ORDER = 40
+FLOOR = 1e-6
+_ROUNDS = 6
+_TAIL = 24  # samples of a whitened response beyond the response itself
+
+
+@dataclasses.dataclass
+class Channel:
+    """What is known of the channel: response in Pa from `BEFORE` the edge, scale of its coefficients, noise filter."""
+
+    response: Array
+    scale: float
+    whitener: Array
+
+
+@dataclasses.dataclass(frozen=True)
+class Stretch:
+    """
+    Data and packets of one stretch, on the clock of the tool: `SAMPLES_PER_TU` samples a TU.
+
+    Attributes
+    ----------
+    pressure, known : ndarray, shape (n,)
+        Pa; 1 where a sample is known.
+    edges : ndarray, shape (j,)
+        Pulses before the packets, sample; and how probable each is, `chances`.
+    packets : ndarray, shape (k, 4)
+        As `trellis.forward_backward`; starts in TU after `start`.
+    start : int
+        Sample of TU 0 of the packets.
+    parity : int
+        0 even, 1 odd.
+    """
+
+    pressure: Array
+    known: Array
+    edges: Array
+    chances: Array
+    packets: Indices
+    start: int
+    parity: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Decision:
+    """
+    What the data say of a stretch.
+
+    Attributes
+    ----------
+    unary, level, common : ndarray
+        Metrics, weights and common energies, as `trellis.forward_backward` takes them.
+    probability : ndarray, shape (k, 8)
+        Of each packet's values, parity used.
+    channel : Channel
+        As estimated with this stretch.
+    ebn0_db : float
+        Energy of a bit over noise density.
+    lag, drift : (float, float)
+    timing : (float, float, float)
+        Relative drift of the pulses against the clock of the samples, its variance, and the sample it turns about.
+    evidence : float
+        Log likelihood ratio of the pulses, wherever they are, to none.
+    """
+
+    unary: Array
+    level: Array
+    common: Array
+    probability: Array
+    channel: Channel
+    ebn0_db: float
+    timing: tuple[float, float, float]
+    evidence: float
+
+
+def decode(stretch: Stretch, channel: Channel, rounds: int = _ROUNDS) -> Decision:
+    """
+    Decode a stretch.
+
+    Parameters
+    ----------
+    stretch : Stretch
+    channel : Channel
+        Estimate to begin with.
+    rounds : int
+        Of expectation and maximisation.
+    """
+    packets = stretch.packets
+    n, count = len(stretch.pressure), len(packets)
+    weight = stretch.known.copy()
+    probability = _uniform(packets)
+    whitened, shapes = np.empty(n), np.empty((len(basis()), RESPONSE + _TAIL))
+    state = dataclasses.replace(channel)
+    places = int(packets[-1, 0]) + trellis.VALUES
+    unary, level = np.zeros((count, trellis.VALUES)), np.ones(count)
+    common = np.zeros(1)
+    forward, backward = np.empty((count, 16)), np.empty((count, 16))
+    even, evidence = np.empty(count), 0.0
+    for turn in range(rounds):
+        filtered(stretch.pressure, state.whitener, whitened)
+        if turn > 0:
+            _whitened_shapes(state.whitener, shapes)
+            state.response, state.scale = _estimate(stretch, probability, shapes, whitened, weight, state.scale)
+        g = _whitened(state.response, state.whitener)
+        train = _train(stretch, probability)
+        weight = _weights(stretch, train, g, whitened) if turn > 0 else weight
+        out, energy = np.empty(places), np.empty(places)
+        matched(whitened, weight, g, stretch.start, out, energy)
+        common = common_energy(g, (RESPONSE + _TAIL) // SAMPLES_PER_TU)
+        level = _levels(packets, energy, common[0])
+        before = np.round((stretch.edges[stretch.chances > 0.5] - stretch.start) / SAMPLES_PER_TU)
+        before = before[before > -len(common)]
+        shared = np.empty((count, trellis.VALUES))
+        trellis.mean_interference(packets, before, common, level, probability, shared)
+        unary = _unary(packets, out, energy) - shared
+        trellis.forward_backward(packets, unary, common, level, stretch.parity, forward, backward)
+        evidence = trellis.marginals(packets, forward, backward, probability, even)
+        _new_noise(stretch, _train(stretch, probability), state, weight)
+    g = _whitened(state.response, state.whitener)
+    bits = float(packets[:, 1].sum())
+    ebn0 = 10.0 * np.log10(max(common[0] * count / (2.0 * bits), 1e-6))
+    timing = _timing(stretch, probability, state, weight)
+    return Decision(unary, level, common, probability, state, float(ebn0), timing, evidence - bits * math.log(2.0))
+
+
+def _uniform(packets: Indices) -> Array:
+    probability = np.zeros((len(packets), trellis.VALUES))
+    for k, row in enumerate(packets):
+        probability[k, : 1 << row[1]] = 1.0 / (1 << row[1])
+    return probability
+
+
+def _place(packets: Indices) -> Indices:
+    """Place of each packet's value, TU; shape (k, 8)."""
+    count = 1 << packets[:, 1]
+    return np.asarray(packets[:, :1] + np.maximum(count[:, None] - 1 - np.arange(trellis.VALUES)[None, :], 0))
+
+
+def _train(stretch: Stretch, probability: Array) -> Array:
+    """Expected edges at each sample."""
+    train = np.zeros(len(stretch.pressure))
+    for edge, chance in zip(stretch.edges, stretch.chances, strict=True):
+        if 0 <= edge < len(train):
+            train[round(edge)] += chance
+    at = stretch.start + SAMPLES_PER_TU * _place(stretch.packets)
+    np.add.at(train, np.clip(at, 0, len(train) - 1), probability)
+    return train
+
+
+def _unary(packets: Indices, out: Array, energy: Array) -> Array:
+    at = _place(packets)
+    return np.asarray(out[at] - 0.5 * energy[at])
+
+
+def _levels(packets: Indices, energy: Array, whole: float) -> Array:
+    middle = packets[:, 0] + (1 << packets[:, 1]) // 2
+    return np.clip(energy[middle] / max(whole, 1e-300), 0.0, 1.0)
+
+
+def _whitened(response: Array, whitener: Array) -> Array:
+    return np.convolve(response, whitener)[: RESPONSE + _TAIL]
+
+
+def _whitened_shapes(whitener: Array, shapes: Array) -> None:
+    for k, one in enumerate(basis()):
+        shapes[k] = _whitened(one, whitener)
+
+
+def _estimate(
+    stretch: Stretch, probability: Array, shapes: Array, whitened: Array, weight: Array, scale: float
+) -> tuple[Array, float]:
+    count = len(shapes)
+    matrix, right = np.empty((count, count)), np.empty(count)
+    normal_equations(_train(stretch, probability), shapes, whitened, weight, matrix, right)
+    at = SAMPLES_PER_TU * _place(stretch.packets).astype(float)
+    for k, row in enumerate(stretch.packets):
+        values = 1 << row[1]
+        if probability[k].max() < 0.995:
+            add_spread(probability[k, :values], at[k, :values], shapes, matrix)
+    u, scale = coefficients(matrix, right, scale)
+    return u @ basis(), scale
+
+
+def _weights(stretch: Stretch, train: Array, g: Array, whitened: Array) -> Array:
+    """Weight of each sample: less where the noise is larger than elsewhere, 0 where the sample is unknown."""
+    explained = np.empty(len(train))
+    reconstruct(train, g, explained)
+    return steadiness(whitened - explained, stretch.known)
+
+
+def _new_noise(stretch: Stretch, train: Array, state: Channel, weight: Array) -> None:
+    explained = np.empty(len(train))
+    reconstruct(train, state.response, explained)
+    whitener = np.empty(ORDER + 2)
+    residual = stretch.pressure - explained
+    if prediction_error_filter(residual, np.sqrt(weight), ORDER, FLOOR, whitener) > 0.0:
+        state.whitener = whitener
+
+
+def _timing(stretch: Stretch, probability: Array, state: Channel, weight: Array) -> tuple[float, float, float]:
+    """
+    Drift of the pulses against the clock that the data were sampled with.
+
+    Returns
+    -------
+    (float, float, float)
+        Relative drift, its variance, and the sample about which it turns.
+    """
+    train = _train(stretch, probability)
+    g = _whitened(state.response, state.whitener)
+    slope = np.gradient(g)
+    whitened, explained = np.empty(len(train)), np.empty(len(train))
+    filtered(stretch.pressure, state.whitener, whitened)
+    reconstruct(train, g, explained)
+    rest = (whitened - explained) * weight
+    sure = np.flatnonzero(train > 0.9)
+    sure = sure[(sure >= BEFORE) & (sure + len(g) - BEFORE <= len(train))]
+    power = float(slope @ slope)
+    if len(sure) < 6 or power <= 0.0:
+        return 0.0, 1.0, 0.0
+    late = np.array([-(slope @ rest[i - BEFORE : i - BEFORE + len(g)]) / power for i in sure])
+    middle = float(sure.mean())
+    spread = float(np.sum((sure - middle) ** 2))
+    return float(np.sum(late * (sure - middle)) / spread), 1.0 / (power * spread), middle

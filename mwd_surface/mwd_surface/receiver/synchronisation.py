@@ -1,0 +1,155 @@
+"""
+Syncs found in noise: the energy that five pulses explain through any channel, against what they leave unexplained.
+
+A generalised likelihood ratio with the channel's response free (S. M. Kay, Fundamentals of Statistical Signal
+Processing II, 1998, section 7.7), normalised by the residual so that its distribution in noise is known (F). Pulses of
+unlike size are no sync: each of them must be there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.telemetry.tool_configuration import Sync
+from mwd_surface.receiver.channel_estimate import BEFORE, SAMPLES_PER_TU, basis, coefficients, normal_equations
+from mwd_surface.receiver.whitening import filtered, steadiness, steady_filter
+
+ORDER = 24
+FLOOR = 1e-6
+# Samples of the response that a search uses: what comes later adds more noise than signal to so few pulses.
+RESPONSE = 24
+_TAIL = 20
+# F of about 10 and 160 degrees of freedom exceeds this once in 1e5 draws of noise; 6 dB a bit give 11 in the mean. What
+# passes by chance costs a trial: parities decide whether it is a transmission.
+_THRESHOLD = 4.5
+# Chi square with 4 degrees of freedom of the pulses' sizes about their mean; the estimated response adds to it.
+_UNLIKE = 30.0
+_LEAST_SIZE = 0.25
+_MIDDLE = SAMPLES_PER_TU  # of a pulse of 2 TU behind its edge
+_LEAST_NOISE = 200  # samples that a noise model needs
+
+
+@dataclasses.dataclass(frozen=True)
+class SyncFound:
+    """A sync: sample at which it starts in the data searched, the statistic F, and the response in Pa."""
+
+    at: int
+    score: float
+    response: Array
+    scale: float
+    whitener: Array
+
+
+def search(
+    pressure: Array, known: Array, sync: Sync, begin: int, end: int, whitener: Array | None = None
+) -> SyncFound | None:
+    """
+    Best sync that starts at a sample of a range.
+
+    Parameters
+    ----------
+    pressure, known : ndarray, shape (n,)
+        Pa, `SAMPLES_PER_TU` samples a TU; 1 where a sample is known.
+    sync : Sync
+    begin, end : int
+        Range of its first sample. What comes before it teaches the noise.
+    whitener : ndarray, optional
+        Prediction error filter of the noise, where it is known better.
+
+    Returns
+    -------
+    SyncFound or None
+        None where nothing looks like one.
+    """
+    if whitener is None:
+        quiet = slice(0, begin if begin >= _LEAST_NOISE else len(pressure))
+        whitener = steady_filter(pressure[quiet], known[quiet], ORDER, FLOOR)
+    if whitener is None:
+        return None
+    whitened = np.empty(len(pressure))
+    filtered(pressure, whitener, whitened)
+    # A disturbed sample counts as its weight, on either side of the ratio.
+    whitened *= np.sqrt(steadiness(whitened, known))
+    shapes = np.array([np.convolve(one, whitener)[: RESPONSE + _TAIL] for one in basis(RESPONSE)])
+    edges = SAMPLES_PER_TU * np.array(sync.edges_tu)
+    length = int(edges[-1]) + RESPONSE + _TAIL
+    first = max(begin, BEFORE)
+    last = min(end, len(pressure) - length)
+    if last <= first:
+        return None
+    count = last - first
+    explained, total = _explained(whitened, shapes, edges, first, count)
+    freedom = len(shapes)
+    score = (explained / freedom) / (np.maximum(total - explained, 1e-9) / (length - freedom))
+    at = int(np.argmax(score))
+    if score[at] < _THRESHOLD:
+        return None
+    # The response is free, so the time is not: lay the largest pressure where a pulse has its middle.
+    found = _fitted(whitened, shapes, edges, first + at)
+    early = int(np.argmax(np.abs(found[0] @ basis(RESPONSE)))) - BEFORE - _MIDDLE
+    moved = min(max(at + early, 0), count - 1)
+    if moved != at:
+        at, found = moved, _fitted(whitened, shapes, edges, first + moved)
+    noise = float((total[at] - explained[at]) / (length - freedom))
+    if not _alike(whitened, found[0] @ shapes, edges, first + at, noise):
+        return None
+    response = found[0] @ basis(RESPONSE)
+    return SyncFound(first + at, float(score[at]), response, found[1], whitener)
+
+
+def _explained(whitened: Array, shapes: Array, edges: Array, first: int, count: int) -> tuple[Array, Array]:
+    """Energy that a sync explains at each of `count` samples from `first` on, and all the energy there."""
+    length = int(edges[-1]) + RESPONSE + _TAIL
+    span = whitened[first - BEFORE : first + count + length - BEFORE]
+    # Correlation with each component at each sample, summed over the pulses.
+    folded = np.zeros((len(shapes), count))
+    for k, shape in enumerate(shapes):
+        one = np.correlate(span, shape, mode="valid")
+        for edge in edges:
+            folded[k] += one[edge : edge + count]
+    matrix = _energies(shapes, edges, length)
+    # A weak prior keeps components that the pulses hardly see from being fitted to noise.
+    inverse = np.linalg.inv(matrix + np.eye(len(matrix)) * 0.02 * np.trace(matrix) / len(matrix))
+    squares = np.concatenate([[0.0], np.cumsum(span**2)])
+    explained = np.einsum("in,ij,jn->n", folded, inverse, folded)
+    return explained, squares[length : length + count] - squares[:count]
+
+
+def _energies(shapes: Array, edges: Array, length: int) -> Array:
+    train = np.zeros(length + BEFORE)
+    train[BEFORE + edges] = 1.0
+    matrix, right = np.empty((len(shapes), len(shapes))), np.empty(len(shapes))
+    normal_equations(train, shapes, train, np.ones(len(train)), matrix, right)
+    return matrix
+
+
+def _fitted(whitened: Array, shapes: Array, edges: Array, at: int) -> tuple[Array, float]:
+    """Coefficients of the response that fit a sync best, and their scale."""
+    begin, end = at - BEFORE, at + int(edges[-1]) + shapes.shape[1]
+    train = np.zeros(end - begin)
+    train[BEFORE + edges] = 1.0
+    matrix, right = np.empty((len(shapes), len(shapes))), np.empty(len(shapes))
+    normal_equations(train, shapes, whitened[begin:end], np.ones(end - begin), matrix, right)
+    scale = float(np.sqrt(len(shapes)) * np.linalg.norm(right) / np.trace(matrix))
+    u = right
+    for _ in range(5):
+        u, scale = coefficients(matrix, right, scale)
+    return u, scale
+
+
+def _alike(whitened: Array, response: Array, edges: Array, at: int, noise: float) -> bool:
+    """Whether all pulses of a sync are there, with sizes that noise explains."""
+    count = len(edges)
+    begin = at - BEFORE
+    columns = np.zeros((int(edges[-1]) + len(response), count))
+    for k, edge in enumerate(edges):
+        columns[edge : edge + len(response), k] = response
+    gram = columns.T @ columns
+    sizes = np.linalg.solve(
+        gram + 1e-9 * np.trace(gram) * np.eye(count), columns.T @ whitened[begin : begin + len(columns)]
+    )
+    apart = sizes - sizes.mean()
+    return bool(sizes.min() > _LEAST_SIZE and apart @ gram @ apart < _UNLIKE * noise)

@@ -1,0 +1,258 @@
+"""
+Soft decisions on packets: a forward-backward pass over the packets of some words, parity included.
+
+The metric is Ungerboeck's: what the matched filter saw at a place, less half the energy of a pulse, less what pulses
+have in common. The pulse before is a state of the trellis, exactly; pulses farther away enter by their mean.
+Sources: G. Ungerboeck, IEEE Trans. Commun. 22 (1974) 624; L. Bahl et al., IEEE Trans. Inf. Theory 20 (1974) 284.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array, Indices
+from mwd_sensors.core.compiled import compiled
+
+VALUES = 8  # of a packet of 3 bits
+_STATES = 2 * VALUES  # value of the last packet, parity of the word so far
+_NEVER = -1e30
+
+
+@compiled
+def _log_add(a: float, b: float) -> float:
+    if a < b:
+        a, b = b, a
+    return a if b <= _NEVER else a + math.log1p(math.exp(b - a))
+
+
+@compiled
+def _odd(value: int) -> int:
+    return (value ^ (value >> 1) ^ (value >> 2)) & 1
+
+
+@compiled
+def _pair(common: Array, gap: int, level: float) -> float:
+    """What two pulses so many TU apart have in common."""
+    return float(level * common[gap]) if gap < len(common) else 0.0
+
+
+@compiled
+def step_metric(packets: Indices, unary: Array, common: Array, level: Array, k: int, before: int, value: int) -> float:
+    """Metric of a packet's value when the packet before has the value `before`."""
+    metric = float(unary[k, value])
+    if k > 0:
+        at = packets[k, 0] + (1 << packets[k, 1]) - 1 - value
+        last = packets[k - 1, 0] + (1 << packets[k - 1, 1]) - 1 - before
+        metric -= _pair(common, at - last, math.sqrt(level[k] * level[k - 1]))
+    return metric
+
+
+@compiled
+def forward_backward(
+    packets: Indices, unary: Array, common: Array, level: Array, parity: int, forward: Array, backward: Array
+) -> None:
+    """
+    Log sums of all ways to a state and from it.
+
+    Parameters
+    ----------
+    packets : ndarray, shape (n, 4)
+        Start of the window in TU, bits, whether a word ends with the packet, whether that word has a parity bit.
+    unary : ndarray, shape (n, 8)
+        Metric of each value alone.
+    common : ndarray, shape (m,)
+        What two pulses have in common, by their distance in TU.
+    level : ndarray, shape (n,)
+        Weight of the data round the packet, 0 to 1.
+    parity : int
+        0: words have an even number of ones, 1: odd, -1: parity is not used.
+    forward, backward : ndarray, shape (n, 16)
+        Log sums, state = 2 value + parity of the word up to and with this packet.
+    """
+    n = len(packets)
+    forward[:] = _NEVER
+    backward[:] = _NEVER
+    for k in range(n):
+        fresh = k == 0 or packets[k - 1, 2] == 1
+        for value in range(1 << packets[k, 1]):
+            if k == 0:
+                _reach(packets, parity, forward, k, value, 0, unary[k, value])
+                continue
+            for before in range(1 << packets[k - 1, 1]):
+                metric = step_metric(packets, unary, common, level, k, before, value)
+                for odd in range(2):
+                    so_far = forward[k - 1, 2 * before + odd]
+                    if so_far > _NEVER:
+                        _reach(packets, parity, forward, k, value, 0 if fresh else odd, so_far + metric)
+    for state in range(_STATES):
+        if forward[n - 1, state] > _NEVER:
+            backward[n - 1, state] = 0.0
+    for k in range(n - 2, -1, -1):
+        fresh = packets[k, 2] == 1
+        for before in range(1 << packets[k, 1]):
+            for value in range(1 << packets[k + 1, 1]):
+                metric = step_metric(packets, unary, common, level, k + 1, before, value)
+                for odd in range(2):
+                    after = 2 * value + ((0 if fresh else odd) ^ _odd(value))
+                    if backward[k + 1, after] > _NEVER and forward[k, 2 * before + odd] > _NEVER:
+                        backward[k, 2 * before + odd] = _log_add(
+                            backward[k, 2 * before + odd], backward[k + 1, after] + metric
+                        )
+
+
+@compiled
+def _reach(packets: Indices, parity: int, forward: Array, k: int, value: int, odd: int, metric: float) -> None:
+    new = odd ^ _odd(value)
+    if parity >= 0 and packets[k, 2] == 1 and packets[k, 3] == 1 and new != parity:
+        return
+    forward[k, 2 * value + new] = _log_add(forward[k, 2 * value + new], metric)
+
+
+@compiled
+def marginals(packets: Indices, forward: Array, backward: Array, out: Array, even: Array) -> float:
+    """
+    Probabilities of each packet's values, and of an even number of ones up to each packet in its word.
+
+    Parameters
+    ----------
+    packets, forward, backward
+        As `forward_backward`.
+    out : ndarray, shape (n, 8)
+        Probabilities.
+    even : ndarray, shape (n,)
+        Probability that the word up to the packet has an even number of ones.
+
+    Returns
+    -------
+    float
+        Log sum of all ways: the evidence of the data.
+    """
+    evidence = _NEVER
+    for state in range(_STATES):
+        evidence = _log_add(evidence, forward[len(packets) - 1, state])
+    out[:] = 0.0
+    for k in range(len(packets)):
+        total = whole = 0.0
+        for state in range(_STATES):
+            if forward[k, state] > _NEVER and backward[k, state] > _NEVER:
+                p = math.exp(min(forward[k, state] + backward[k, state] - evidence, 0.0))
+                out[k, state // 2] += p
+                whole += p
+                total += p if state % 2 == 0 else 0.0
+        for value in range(VALUES):
+            out[k, value] /= max(whole, 1e-300)
+        even[k] = total / max(whole, 1e-300)
+    return evidence
+
+
+@compiled
+def mean_interference(
+    packets: Indices, known: Array, common: Array, level: Array, probability: Array, out: Array
+) -> None:
+    """
+    What pulses that are not neighbours have in common with each place of a packet, in the mean.
+
+    Parameters
+    ----------
+    packets, common, level
+        As `forward_backward`.
+    known : ndarray, shape (j,)
+        Edges of pulses before the first packet, TU, each with probability 1.
+    probability : ndarray, shape (n, 8)
+        Of the packets' values.
+    out : ndarray, shape (n, 8)
+        To be taken from the metric of each value.
+    """
+    n = len(packets)
+    out[:] = 0.0
+    for k in range(n):
+        for value in range(1 << packets[k, 1]):
+            at = packets[k, 0] + (1 << packets[k, 1]) - 1 - value
+            total = 0.0
+            for j in range(len(known)):
+                total += _pair(common, abs(at - int(known[j])), level[k])
+            for other in range(n):
+                if abs(other - k) < 2:
+                    continue
+                if abs(packets[other, 0] - packets[k, 0]) > len(common) + 8:
+                    continue
+                for v in range(1 << packets[other, 1]):
+                    place = packets[other, 0] + (1 << packets[other, 1]) - 1 - v
+                    total += probability[other, v] * _pair(common, abs(at - place), math.sqrt(level[k] * level[other]))
+            out[k, value] = total
+
+
+@compiled
+def best_words(
+    packets: Indices,
+    unary: Array,
+    common: Array,
+    level: Array,
+    forward: Array,
+    backward: Array,
+    first: int,
+    out: Array,
+) -> int:
+    """
+    Most probable values of one word, parity bit included.
+
+    Parameters
+    ----------
+    packets, unary, common, level, forward, backward
+        As `forward_backward`, after it.
+    first : int
+        First packet of the word.
+    out : ndarray, shape (beam, 2)
+        Values and log probabilities (up to the evidence), best first.
+
+    Returns
+    -------
+    int
+        How many there are.
+    """
+    beam = len(out)
+    # Value of the last packet, parity and code so far, log sum of the ways to here.
+    rows, count, k = np.zeros((beam, 4)), 1, first
+    while True:
+        size = packets[k, 1]
+        reach, total = np.empty(count << size), np.empty(count << size)
+        for at in range(count << size):
+            row, value = at >> size, at & ((1 << size) - 1)
+            if k > first:
+                reach[at] = rows[row, 3] + step_metric(packets, unary, common, level, k, int(rows[row, 0]), value)
+            else:
+                reach[at] = _entry(packets, unary, common, level, forward, k, value)
+            after = backward[k, 2 * value + (int(rows[row, 1]) ^ _odd(value))]
+            total[at] = reach[at] + after if after > _NEVER else _NEVER
+        order = np.argsort(-total)
+        kept = np.zeros((beam, 4))
+        made = 0
+        while made < min(beam, len(order)) and total[order[made]] > _NEVER:
+            at = order[made]
+            row, value = at >> size, at & ((1 << size) - 1)
+            kept[made, 0] = value
+            kept[made, 1] = int(rows[row, 1]) ^ _odd(value)
+            kept[made, 2] = int(rows[row, 2]) << size | value
+            kept[made, 3] = reach[at]
+            out[made, 0] = kept[made, 2]
+            out[made, 1] = total[at]
+            made += 1
+        rows, count = kept, made
+        if packets[k, 2] == 1 or made == 0:
+            return count
+        k += 1
+
+
+@compiled
+def _entry(packets: Indices, unary: Array, common: Array, level: Array, forward: Array, k: int, value: int) -> float:
+    """Log sum of all ways to a value of the first packet of a word."""
+    if k == 0:
+        return float(unary[k, value])
+    reach = _NEVER
+    for state in range(_STATES):
+        if forward[k - 1, state] > _NEVER:
+            metric = step_metric(packets, unary, common, level, k, state // 2, value)
+            reach = _log_add(reach, forward[k - 1, state] + metric)
+    return reach

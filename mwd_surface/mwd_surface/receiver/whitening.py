@@ -1,0 +1,125 @@
+"""
+Noise made white: an autoregressive model of what pulses do not explain, and its prediction error filter.
+
+The model is of the first difference, so that standpipe pressure and its drift drop out. Source: S. M. Kay, Modern
+Spectral Estimation, 1988, section 7.3 (autocorrelation method, Levinson).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.compiled import compiled
+
+_LOCAL = 12  # samples to either side over which the size of the noise is judged
+_ROUNDS = 3
+
+
+@compiled
+def prediction_error_filter(noise: Array, weight: Array, order: int, floor: float, out: Array) -> float:
+    """
+    Filter that turns noise into white noise of unit variance.
+
+    Parameters
+    ----------
+    noise : ndarray, shape (n,)
+        Pressure without its pulses, Pa.
+    weight : ndarray, shape (n,)
+        0 where a sample is unknown or disturbed, 1 elsewhere.
+    order : int
+        Of the autoregressive model of the first difference.
+    floor : float
+        White noise added to the model, share of its variance: keeps empty bands from being raised.
+    out : ndarray, shape (order + 2,)
+        Coefficients of the filter, first the newest sample's.
+
+    Returns
+    -------
+    float
+        Standard deviation of the innovation, Pa; 0 where the noise is a constant.
+    """
+    n = len(noise)
+    lags = np.zeros(order + 1)
+    for k in range(order + 1):
+        total = 0.0
+        for i in range(1, n - k):
+            total += (noise[i] - noise[i - 1]) * weight[i] * (noise[i + k] - noise[i + k - 1]) * weight[i + k]
+        lags[k] = total
+    count = 0.0
+    for i in range(n):
+        count += weight[i] * weight[i]
+    if count < 2.0 * order or lags[0] <= 0.0:
+        out[:] = 0.0
+        return 0.0
+    lags /= count
+    lags[0] *= 1.0 + floor
+    a = np.zeros(order + 1)
+    work = np.zeros(order + 1)
+    a[0] = 1.0
+    error = lags[0]
+    for m in range(1, order + 1):
+        total = lags[m]
+        for i in range(1, m):
+            total += a[i] * lags[m - i]
+        k = -total / error
+        for i in range(1, m):
+            work[i] = a[i] + k * a[m - i]
+        for i in range(1, m):
+            a[i] = work[i]
+        a[m] = k
+        error *= 1.0 - k * k
+    sigma = float(np.sqrt(error))
+    out[:] = 0.0
+    for i in range(order + 1):
+        out[i] += a[i] / sigma
+        out[i + 1] -= a[i] / sigma
+    return sigma
+
+
+@compiled
+def filtered(x: Array, taps: Array, out: Array) -> None:
+    """Causal filter; out, shape (n,). Before its first sample x is constant."""
+    for i in range(len(x)):
+        total = 0.0
+        for k in range(len(taps)):
+            total += taps[k] * x[max(i - k, 0)]
+        out[i] = total
+
+
+def steadiness(noise: Array, known: Array) -> Array:
+    """
+    Weight of each sample: less where the noise is larger than elsewhere, 0 where the sample is unknown.
+
+    Pressure has stalls, spikes and pumps that start beside its steady noise; a weight of 1 / variance is right for all.
+
+    Parameters
+    ----------
+    noise : ndarray, shape (n,)
+        Whitened, without pulses.
+    known : ndarray, shape (n,)
+        1 where a sample is known.
+    """
+    square = noise**2
+    local = np.convolve(square, np.ones(2 * _LOCAL + 1) / (2 * _LOCAL + 1), mode="same")
+    usual = max(float(np.median(local[known > 0.0])) if np.any(known > 0.0) else 0.0, 1e-12)
+    # The mean of 25 squares exceeds twice its mean by chance once in thousands.
+    return np.asarray(known * np.minimum(1.0, 2.0 * usual / np.maximum(local, 1e-12)))
+
+
+def steady_filter(pressure: Array, known: Array, order: int, floor: float) -> Array | None:
+    """
+    Prediction error filter of the steady noise, for unit variance.
+
+    Returns
+    -------
+    ndarray, shape (order + 2,), or None
+        None where the pressure is a constant or mostly unknown.
+    """
+    taps, whitened, weight = np.empty(order + 2), np.empty(len(pressure)), known
+    for _ in range(_ROUNDS):
+        if prediction_error_filter(pressure, np.sqrt(weight), order, floor, taps) <= 0.0:
+            return None
+        filtered(pressure, taps, whitened)
+        weight = steadiness(whitened, known)
+    return np.asarray(taps / np.sqrt(np.sum(weight * whitened**2) / np.sum(weight)))

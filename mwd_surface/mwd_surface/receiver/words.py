@@ -1,0 +1,104 @@
+"""Words as the surface received them, and the packets in which a tool sends them."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Indices
+from mwd_sensors.telemetry.pulse_position import packets, window_tu
+from mwd_sensors.telemetry.sequences import SequenceItem
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver.belief import SURVEY_LEVEL, TOOLFACE_LEVEL, Judged
+
+BELIEVED, ERASED = "believed", "erased"
+
+
+@dataclasses.dataclass(frozen=True)
+class ReceivedWord:
+    """
+    One word as received.
+
+    Attributes
+    ----------
+    start_s, end_s : float
+        Time on air at the surface, on the clock of the pressure.
+    frame : int
+        Counts the passes of sequences, from 0.
+    kind : str
+        "survey" or "toolface": the sequence it came in.
+    name, unit : str
+    raw : int
+        Most probable code.
+    value : float
+        Of that code, in the unit of the word.
+    confidence : float
+        Probability that the code is right.
+    sigma : float
+        1 sigma of the value if it is right, in the unit of the word.
+    status : str
+        "believed", or "erased" where the confidence is below the level of its kind.
+    alternatives : tuple of (int, float)
+        Next codes with their probabilities.
+    """
+
+    start_s: float
+    end_s: float
+    frame: int
+    kind: str
+    name: str
+    unit: str
+    raw: int
+    value: float
+    confidence: float
+    sigma: float
+    status: str
+    alternatives: tuple[tuple[int, float], ...]
+
+
+def received(
+    tool: ToolConfiguration, item: SequenceItem, judged: Judged, span: tuple[float, float], where: tuple[int, str]
+) -> ReceivedWord:
+    """
+    Word from its judged codes.
+
+    span: begin and end, s; where: number of the frame and kind of the sequence.
+    """
+    word = tool.table[item.name]
+    frame, kind = where
+    level = SURVEY_LEVEL if kind == "survey" else TOOLFACE_LEVEL
+    return ReceivedWord(
+        *span,
+        frame,
+        kind,
+        item.name,
+        word.unit,
+        judged.code,
+        word.value(judged.code, item.bits),
+        judged.confidence,
+        word.sigma_of(item.bits),
+        BELIEVED if judged.confidence >= level else ERASED,
+        judged.alternatives,
+    )
+
+
+def packet_rows(items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
+    """
+    Packets of some words sent one after the other.
+
+    Returns
+    -------
+    ndarray, shape (n, 4)
+        Start in TU, bits, whether a word ends with it, whether that word has a parity bit.
+    int
+        Time of all of them, TU.
+    """
+    rows = []
+    at = 0
+    for item in items:
+        sizes = packets(item.length)
+        for k, size in enumerate(sizes):
+            rows.append((at, size, k == len(sizes) - 1, item.parity))
+            at += window_tu(size)
+    return np.array(rows, dtype=np.int64).reshape(-1, 4), at

@@ -1,0 +1,61 @@
+"""`mwd tool` and `mwd decode` as people call them."""
+
+import csv
+
+import pytest
+from typer.testing import CliRunner
+
+from mwd_surface.cli import app
+
+
+def run(*words):
+    done = CliRunner(env={"COLUMNS": "140"}).invoke(app, [str(word) for word in words])
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    return done.output
+
+
+def rows(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A tool, its simulated pressure and what was decoded of it."""
+    path = tmp_path_factory.mktemp("decode")
+    run("tool", "new", "-o", path / "tool.yaml")
+    run("tool", "simulate", path / "tool.yaml", "-o", path / "well", "--minutes", 5, "--depth", 3500)
+    return path
+
+
+def test_what_is_simulated_is_decoded(folder):
+    said = run("decode", folder / "well" / "pressure.csv", "--tool", folder / "tool.yaml", "-o", folder / "out")
+    sent, words = rows(folder / "well" / "sent.csv"), rows(folder / "out" / "words.csv")
+    believed = [row for row in words if row["status"] == "believed"]
+    assert len(believed) == len(sent)
+    assert [row["raw"] for row in believed] == [row["raw"] for row in sent]
+    assert "7 of 7 words believed" in said
+    (survey,) = rows(folder / "out" / "surveys.csv")
+    assert float(survey["Inc_deg"]) == pytest.approx(float(sent[0]["value"]), abs=1e-3)
+    assert 0.0 < float(survey["sigma_Inc_deg"]) < 0.05
+    assert (folder / "out" / "picture.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_configuration_is_explained(folder):
+    said = run("tool", "check", folder / "tool.yaml")
+    assert "survey 0: 132.8 s on air, complete 194 s after flow-on" in said
+    assert "Azm:12 0 to 360 deg, step 0.0879" in said
+
+
+def test_a_configuration_is_not_overwritten(folder):
+    with pytest.raises(FileExistsError):
+        run("tool", "new", "-o", folder / "tool.yaml")
+
+
+def test_no_word_is_said_with_its_reason(folder):
+    text = (folder / "tool.yaml").read_text().replace("pulse_width_s: 0.8", "pulse_width_s: 0.37")
+    (folder / "other.yaml").write_text(text)
+    said = run("decode", folder / "well" / "pressure.csv", "--tool", folder / "other.yaml", "-o", folder / "none")
+    assert not [row for row in rows(folder / "none" / "words.csv") if row["status"] == "believed"]
+    assert "no words" in said or "0 of" in said

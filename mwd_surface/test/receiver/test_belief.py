@@ -1,0 +1,45 @@
+"""What parities teach of confidence."""
+
+import numpy as np
+import pytest
+
+from mwd_surface.receiver.belief import TEMPERATURES, Candidate, Soft, Temper
+
+COUNT = len(TEMPERATURES)
+
+
+def soft(right=0.999, holds=0.98):
+    """A word whose best value has that probability at the lowest temperature, less at higher ones."""
+    chances = tuple(right ** (t**2) for t in TEMPERATURES)
+    return Soft(
+        (Candidate(7, chances), Candidate(3, tuple(1.0 - c for c in chances))),
+        tuple(0.5 + (holds - 0.5) / t for t in TEMPERATURES),
+    )
+
+
+def test_parities_that_hold_make_words_believed():
+    temper = Temper()
+    before = temper.judge(soft()).confidence
+    temper.learn([soft()] * 20)
+    judged = temper.judge(soft())
+    assert judged.code == 7
+    assert judged.confidence > max(before, 0.99)
+    assert judged.alternatives[0][0] == 3
+    assert temper.failing < 1e-3
+
+
+def test_parities_that_fail_half_the_time_make_no_word_believed():
+    temper = Temper()
+    random = np.random.default_rng(1)
+    temper.learn([soft(holds=float(h)) for h in random.choice([0.02, 0.98], size=24)])
+    assert temper.weights()[:2].sum() < 0.01
+    assert temper.failing > 0.3
+
+
+def test_a_word_without_parity_teaches_nothing():
+    temper = Temper()
+    before = temper.weights()
+    temper.learn([Soft(soft().candidates, None)] * 10)
+    assert temper.weights() == pytest.approx(before)
+    assert before.sum() == pytest.approx(1.0)
+    assert len(before) == COUNT + 1

@@ -1,0 +1,93 @@
+"""Pressure from CSV, WAV and recordings: the same samples; and what is said of bad data."""
+
+import wave
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_typestore
+
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.receiver import pressure_files
+
+TIME = np.arange(200) * 0.02
+PRESSURE = 2.0e7 + 1e5 * np.random.default_rng(1).normal(size=200)
+
+
+def csv(path, rows, header="time_s,pressure_pa"):
+    np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.6f")
+    return path
+
+
+def test_csv_gives_either_gauge(tmp_path):
+    path = csv(
+        tmp_path / "p.csv", np.column_stack([TIME, PRESSURE, 2.0 * PRESSURE]), "time_s,pressure_pa,pressure_2_pa"
+    )
+    one, two = pressure_files.read(path), pressure_files.read(path, gauge=2)
+    assert one.time_s == pytest.approx(TIME)
+    assert one.pressure_pa == pytest.approx(PRESSURE)
+    assert two.pressure_pa == pytest.approx(2.0 * PRESSURE)
+    assert not one.notes
+
+
+@pytest.mark.parametrize("width", [2, 3, 4])
+def test_wav_of_any_width_has_the_shape_of_the_pressure(tmp_path, width):
+    shape = np.sin(TIME)
+    whole = np.round(shape * (2 ** (8 * width - 1) - 1)).astype("<i4")
+    with wave.open(str(tmp_path / "p.wav"), "wb") as file:
+        file.setparams((1, width, 50, 0, "NONE", ""))
+        file.writeframes(whole.astype("<i4").view(np.uint8).reshape(-1, 4)[:, :width].tobytes())
+    read = pressure_files.read(tmp_path / "p.wav")
+    assert read.time_s == pytest.approx(TIME)
+    assert read.pressure_pa / 1.0e7 == pytest.approx(shape, abs=1e-4)
+    with pytest.raises(ValueError, match="no gauge 2"):
+        pressure_files.read(tmp_path / "p.wav", gauge=2)
+
+
+def test_recording_with_fluid_pressure(tmp_path):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kind = "sensor_msgs/msg/FluidPressure"
+    types = store.types
+    with BagWriter(tmp_path / "bag") as writer:
+        topic = writer.topic("/well_1/rig/standpipe", kind)
+        for t, p in zip(TIME, PRESSURE, strict=True):
+            stamp = types["builtin_interfaces/msg/Time"](sec=1_700_000_000 + int(t), nanosec=round(t % 1 * 1e9))
+            header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="standpipe")
+            message = types[kind](header=header, fluid_pressure=float(p), variance=0.0)
+            writer.write(topic, bytes(store.serialize_cdr(message, kind)), stamp.sec * 10**9 + stamp.nanosec)
+    read = pressure_files.read(tmp_path / "bag")
+    assert read.time_s == pytest.approx(TIME)
+    assert read.pressure_pa == pytest.approx(PRESSURE)
+    assert "1700000000" in read.origin
+
+
+def test_bad_data_is_told(tmp_path):
+    bad = np.clip(PRESSURE, None, 2.005e7)
+    bad[50] = np.nan
+    time = TIME.copy()
+    time[100:] += 60.0
+    notes = " ".join(pressure_files.read(csv(tmp_path / "p.csv", np.column_stack([time, bad]))).notes)
+    assert "1 samples are no numbers" in notes
+    assert "1 gaps" in notes
+    assert "clips" in notes
+    coarse = csv(tmp_path / "c.csv", np.column_stack([TIME, np.round(PRESSURE, -5)]))
+    assert "resolution" in " ".join(pressure_files.read(coarse).notes)
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        ("a,b\n1,2\n", "no column time_s; it has a, b"),
+        ("time_s,pressure_pa\n1,x\n", "not all rows"),
+        ("time_s,pressure_pa\n1,2\n", "too few"),
+    ],
+)
+def test_a_table_that_is_none_is_refused(tmp_path, content, complaint):
+    (tmp_path / "p.csv").write_text(content)
+    with pytest.raises(ValueError, match=complaint):
+        pressure_files.read(tmp_path / "p.csv")
+
+
+def test_a_file_that_is_no_wav_is_refused(tmp_path):
+    (tmp_path / "p.wav").write_bytes(b"RIFFnothing")
+    with pytest.raises(ValueError, match="no WAV"):
+        pressure_files.read(tmp_path / "p.wav")

@@ -1,0 +1,119 @@
+"""The receiver end to end: simulated wells, white noise at the limit, any cut, and what must not be believed."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from link_runs import TOOLS, pairs, reception, simulated, white
+
+from mwd_sensors.simulator.mud_channel import MudChannel
+from mwd_sensors.simulator.mud_line import Well
+from mwd_sensors.simulator.pulse_tool import link_run, transmit
+from mwd_sensors.telemetry import limits
+from mwd_surface.receiver.pulse_receiver import PulseReceiver, decode
+from mwd_surface.receiver.words import BELIEVED
+
+TOOL, FAST = TOOLS["0.8"], TOOLS["0.5"]
+
+
+@pytest.mark.parametrize(
+    ("width", "depth", "clock"), [("0.8", 3000.0, 0.0), ("0.8", 5000.0, 1e-3), ("0.5", 3000.0, -1e-3)]
+)
+def test_a_well_is_read_without_error(width, depth, clock):
+    run, got, tool = simulated(width, depth, clock=clock), reception(width, depth, clock=clock), TOOLS[width]
+    both = pairs(run, got.words, tool, depth)
+    assert len(both) == len(run.sent.words)
+    assert all(sent.raw == word.raw for sent, word in both if word.status == BELIEVED)
+    assert np.mean([word.status == BELIEVED for _, word in both]) > 0.9
+    assert got.frames[-1].clock_error == pytest.approx(clock, abs=3e-4)
+    assert got.frames[0].kind == "survey"
+
+
+def test_any_cut_gives_the_same_words():
+    run, whole = simulated("0.5"), reception("0.5")
+    receiver = PulseReceiver(FAST)
+    words = []
+    random = np.random.default_rng(4)
+    cuts = np.sort(random.integers(0, len(run.time_s), 60))
+    for time, pressure in zip(np.split(run.time_s, cuts), np.split(run.pressure_pa, cuts), strict=True):
+        words += receiver.push(time, pressure).words
+    words += receiver.finish().words
+    assert words == whole.words
+
+
+def test_word_errors_in_white_noise_are_near_the_limit():
+    """7 dB: hard decisions err in 6 % of 13-bit words, parity used softly in 2 %."""
+    errors = []
+    for seed in range(12):
+        sent = transmit(FAST, ((0.0, 260.0),), seed)
+        got = decode(FAST, *white(FAST, sent, 7.0, seed=seed))
+        run = dataclasses.replace(simulated("0.5"), sent=sent)
+        both = [(s, w) for s, w in pairs(run, got.words, FAST, -250.0) if s.bits == 12]
+        assert both
+        errors += [s.raw != w.raw for s, w in both]
+    expected = limits.soft_word_error(7.0 - 0.5, 13)
+    assert np.mean(errors) < expected + 3.0 * np.sqrt(expected / len(errors))
+
+
+def test_nothing_is_believed_in_noise():
+    silent = transmit(TOOL, ((0.0, 1.0),), 1)
+    run = link_run(MudChannel(flow_off_s=((-100.0, 20.0),)), silent, 3600.0, seed=7)
+    assert not [word for word in decode(TOOL, run.time_s, run.pressure_pa).words if word.status == BELIEVED]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        dataclasses.replace(
+            TOOL, survey_sequences=("Temp:8:P Inc:11:P Azm:10:P DipA:12:P",), toolface_sequences=("Inc:9",)
+        ),
+        dataclasses.replace(TOOL, pulse_width_s=0.6),
+        dataclasses.replace(TOOL, parity="odd"),
+    ],
+    ids=["table", "pulse width", "parity"],
+)
+def test_words_of_a_wrong_configuration_are_not_believed(wrong):
+    run = simulated("0.8")
+    words = decode(wrong, run.time_s, run.pressure_pa).words
+    assert sum(word.status == BELIEVED for word in words) <= 0.02 * len(words)
+
+
+def test_a_new_flow_on_is_a_new_survey():
+    channel = MudChannel(well=Well(depth_m=3000.0), flow_off_s=((-100.0, 20.0), (250.0, 300.0)))
+    sent = transmit(FAST, ((20.0, 250.0), (300.0, 520.0)), 3)
+    run = link_run(channel, sent, 520.0, 3)
+    got = decode(FAST, run.time_s, run.pressure_pa)
+    both = pairs(run, got.words, FAST, 3000.0)
+    assert [frame.kind for frame in got.frames].count("survey") == 2
+    surveys = [(s, w) for s, w in both if w.kind == "survey"]
+    assert len(surveys) == 14
+    assert np.mean([s.raw == w.raw and w.status == BELIEVED for s, w in surveys]) > 0.9
+
+
+def test_syncs_between_sequences_and_headers_are_followed():
+    tool = dataclasses.replace(FAST, header_bits=2, toolface_sequences=("4{aTFA:6:P Gama:8:P}",))
+    sent = transmit(tool, ((20.0, 400.0),), 3, resync=True)
+    run = link_run(MudChannel(flow_off_s=((-100.0, 20.0),)), sent, 400.0, 3)
+    got = decode(tool, run.time_s, run.pressure_pa)
+    both = pairs(run, got.words, tool, 3000.0)
+    assert len(both) == len(sent.words)
+    assert np.mean([s.raw == w.raw and w.status == BELIEVED for s, w in both]) > 0.9
+
+
+def test_samples_too_far_apart_are_refused():
+    time = np.arange(0.0, 300.0, 0.5)
+    with pytest.raises(ValueError, match=r"2 samples a second; pulses of 0\.8 s need 6\.25"):
+        decode(TOOL, time, np.sin(time))
+
+
+def test_a_code_that_is_not_read_is_refused():
+    with pytest.raises(ValueError, match="combinatorial"):
+        PulseReceiver(dataclasses.replace(TOOL, code="combinatorial"))
+
+
+def test_no_word_has_a_reason():
+    receiver = PulseReceiver(TOOL)
+    time = np.arange(0.0, 200.0, 0.01)
+    receiver.push(time, 2e7 + np.random.default_rng(1).normal(size=len(time)))
+    receiver.finish()
+    assert "no sync" in receiver.why_nothing()

@@ -1,0 +1,49 @@
+"""Noise made white: the filter undoes an autoregressive process and forgets a disturbance."""
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from mwd_surface.receiver.whitening import filtered, steadiness, steady_filter
+
+KNOWN = np.ones(4000)
+
+
+def coloured(seed=1, n=4000):
+    return np.cumsum(signal.lfilter([1.0], [1.0, -1.2, 0.8], np.random.default_rng(seed).normal(size=n + 100)))[100:]
+
+
+def whitened(noise, taps):
+    out = np.empty(len(noise))
+    filtered(noise, taps, out)
+    return out[100:]
+
+
+def test_coloured_noise_becomes_white_and_of_unit_size():
+    out = whitened(coloured(), steady_filter(coloured(), KNOWN, 16, 1e-6))
+    assert np.std(out) == pytest.approx(1.0, abs=0.05)
+    lags = [np.mean(out[k:] * out[:-k]) for k in range(1, 12)]
+    assert np.abs(lags).max() < 4.0 / np.sqrt(len(out))
+
+
+def test_a_stall_does_not_spoil_the_noise_model():
+    noise = coloured()
+    stalled = noise.copy()
+    stalled[1000:1200] += 500.0 * np.random.default_rng(3).normal(size=200)
+    plain, robust = (steady_filter(one, KNOWN, 16, 1e-6) for one in (noise, stalled))
+    assert np.std(whitened(noise, robust)) == pytest.approx(np.std(whitened(noise, plain)), rel=0.1)
+
+
+def test_disturbed_samples_weigh_little_and_unknown_ones_nothing():
+    noise = np.random.default_rng(4).normal(size=2000)
+    noise[500:550] *= 20.0
+    known = np.ones(2000)
+    known[1500:1600] = 0.0
+    weight = steadiness(noise, known)
+    assert weight[505:545].max() < 0.05
+    assert not weight[1500:1600].any()
+    assert np.mean(weight[600:1400]) > 0.99
+
+
+def test_a_constant_has_no_noise_model():
+    assert steady_filter(np.full(4000, 2.0e7), KNOWN, 16, 1e-6) is None
