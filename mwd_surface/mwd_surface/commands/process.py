@@ -191,6 +191,10 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         console.print(f"{name:>13}  {value}", markup=False)
     if summary.surveys:
         show_surveys(console, [(survey.station, depth) for survey, depth in summary.surveys])
+        without = [r for r in summary.listed.records if r.measured_depth < 0.0 and r.comment]
+        for why in dict.fromkeys(r.comment for r in without):
+            numbers = ", ".join(str(r.survey.sequence) for r in without if r.comment == why)
+            terminal.warn(f"no depth of survey {numbers}: {why}")
         # Where the hole comes from to the first of them a recording does not say.
         for record in summary.listed.records[1:] if summary.topics.rig is not None else ():
             for flag in record.flags:

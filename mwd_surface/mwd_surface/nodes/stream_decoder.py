@@ -16,6 +16,8 @@ from mwd_surface.ros.context import SurfaceContext
 
 Handler = Callable[[Samples, float], None]
 
+_OF_SONDE = ("attitude", "imu/temperature", "imu/mag")
+
 
 class StreamDecoder:
     """
@@ -27,6 +29,8 @@ class StreamDecoder:
         Node and live state.
     on_attitude, on_rig_state : callable
         Called with the samples of `attitude` and `rig/state` before the live state is updated.
+    on_sonde : callable
+        Called with samples that bear the time of the sonde.
 
     Attributes
     ----------
@@ -40,9 +44,10 @@ class StreamDecoder:
         *,
         on_attitude: Callable[[Samples], None],
         on_rig_state: Callable[[Samples], None],
+        on_sonde: Callable[[Samples], None],
     ) -> None:
         self._node, self._live = context.node, context.live
-        self._on_attitude, self._on_rig_state = on_attitude, on_rig_state
+        self._on_attitude, self._on_rig_state, self._on_sonde = on_attitude, on_rig_state, on_sonde
         # In the order of decoding: what a topic shows may depend on the topics before it.
         self._topics: dict[str, tuple[wire.Layout, Handler]] = {
             "rig/state": (wire.RIG_STATE, self._take_rig_state),
@@ -79,6 +84,8 @@ class StreamDecoder:
             self._unreadable += len(messages)
             self._node.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=10.0)
             return
+        if topic in _OF_SONDE:
+            self._on_sonde(samples)
         handler(samples, now)
 
     def _take_rig_state(self, samples: Samples, now: float) -> None:

@@ -122,7 +122,9 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._foxglove = self._closed_on_cleanup(FoxgloveBridge(context, settings.foxglove))
         self._foxglove.open()
         self._rig = self._closed_on_cleanup(RigBridge(context, settings.rig, well.name))
-        self._decoder = StreamDecoder(context, on_attitude=self._on_attitude, on_rig_state=self._on_rig_state)
+        self._decoder = StreamDecoder(
+            context, on_attitude=self._on_attitude, on_rig_state=self._on_rig_state, on_sonde=self._surveys.on_sonde
+        )
 
     def _closed_on_cleanup(self, part: Any) -> Any:
         self._closers.append(part.close)

@@ -155,6 +155,11 @@ class SurveyListServer:
             accepted = known and self.depth.update(int(sample["stamp_ns"]), float(sample["bit_depth"]))
         return self.bit_depth if accepted else None
 
+    def on_sonde(self, samples: Samples) -> None:
+        """Take the time of samples of the sonde, to compare its clock with the rig's."""
+        if len(samples):
+            self.depth.note_sonde(int(samples["stamp_ns"][-1]))
+
     def on_survey(self, data: bytes) -> str:
         """Add a serialised survey of the estimator to the list; returns the outcome in words."""
         survey = survey_of(deserialize_message(data, msg.Survey))

@@ -45,7 +45,6 @@ _FIELDS = {
     wire.TEMPERATURE.type_name: ("temperature",),
     wire.RIG_STATE.type_name: ("bit_depth", "valid"),
 }
-_BIT_DEPTH = 1  # RigState.VALID bit of bit_depth
 
 BlockSamples = dict[str | None, Samples]
 
@@ -171,7 +170,7 @@ class BagEstimate:
                 if self._compensation is not None:
                     _compensate(self._compensation, samples, self.topics)
                 # One block ahead of the IMU: where a block ends makes no difference to the pairing of a sample.
-                self._push_companions(samples)
+                self._push_companions(samples, block)
                 logged = _last_log(block, originals)
                 for imu in self._queue.done(logged):
                     yield _Result(self._pipeline.push_imu(imu.samples, imu.followed), imu.log_ns)
@@ -195,8 +194,8 @@ class BagEstimate:
             self._use_mag = not doubtful
         self._unchecked -= samples.keys()
 
-    def _push_companions(self, samples: BlockSamples) -> None:
-        """Push all samples but those of the IMU."""
+    def _push_companions(self, samples: BlockSamples, block: Block) -> None:
+        """Push all samples but those of the IMU; block: the same with the times of their messages."""
         topics = self.topics
         if self._use_mag and topics.mag in samples:
             self._pipeline.push_mag(samples[topics.mag])
@@ -204,9 +203,9 @@ class BagEstimate:
             self._pipeline.push_precision(samples[topics.precision])
         if topics.temperature in samples:
             self._pipeline.push_temperature(samples[topics.temperature])
-        if topics.rig in samples and self._list.uses_rig:
-            for row in samples[topics.rig]:
-                self._list.depth.update(int(row["stamp_ns"]), float(row["bit_depth"]), bool(row["valid"] & _BIT_DEPTH))
+        if topics.rig is not None and topics.rig in samples:
+            imu = (block[topics.imu][0], samples[topics.imu]) if topics.imu in samples else None
+            self._list.take_rig((block[topics.rig][0], samples[topics.rig]), imu)
 
     def _close(self) -> None:
         """Complete the summary after the last sample."""

@@ -117,6 +117,11 @@ def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
         others = [n for n in bag.topics if n != topics.imu and _has(bag, n, wire.IMU) and not n.endswith(wells)]
         if others:
             remarks.append(f"not used: {', '.join(others)}; name the precision unit with --gyro-topic")
+    rigs = [name for name in bag.topics if _has(bag, name, wire.RIG_STATE) and name != topics.rig]
+    if rigs and topics.rig is None:
+        remarks.append(f"no depth: name the topic of the rig with --rig-topic: {', '.join(rigs)}")
+    elif rigs and not given.rig_topic:
+        remarks.append(f"depths are taken from {topics.rig}; not used: {', '.join(rigs)}")
     return remarks
 
 

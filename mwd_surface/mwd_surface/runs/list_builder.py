@@ -11,9 +11,12 @@ import dataclasses
 import math
 from pathlib import Path
 
+import numpy as np
+
 from mwd_estimation.pipeline import EstimatorSettings
 from mwd_estimation.survey.survey import Survey
 from mwd_estimation.survey.survey_message import survey_fields
+from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.runs.bag_input import IMU, IMU_BURST, InputSettings, Topics
 from mwd_surface.runs.recorded_settings import Recorded, SurfacePart
@@ -24,6 +27,11 @@ from mwd_surface.surveys.message_conversion import survey_of_fields
 from mwd_surface.surveys.recorded_list import RecordedList, recorded_list
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
+
+_BIT_DEPTH = 1  # RigState.VALID bit of bit_depth
+
+Arrived = tuple[Stamps, Samples]
+"""Times of messages in a recording, ns, and their samples."""
 
 
 class ListBuilder:
@@ -83,6 +91,21 @@ class ListBuilder:
         if self._rig_topic is None:
             return "none: the recording has no depths of the rig; give a table of depths with --depths"
         return f"of the rig ({self._rig_topic})"
+
+    def take_rig(self, rig: Arrived, imu: Arrived | None) -> None:
+        """
+        Take depths of the rig, `wire.RIG_STATE`, and the samples of the IMU of the same part of the recording.
+
+        Each comes with the times of its messages in the recording, which tell what arrived before what.
+        """
+        if not self.uses_rig:
+            return
+        log_ns, samples = rig
+        before = np.full(len(log_ns), -1) if imu is None else np.searchsorted(imu[0], log_ns, side="right") - 1
+        for row, at in zip(samples, before, strict=True):
+            if imu is not None and at >= 0:
+                self.depth.note_sonde(int(imu[1]["stamp_ns"][at]))
+            self.depth.update(int(row["stamp_ns"]), float(row["bit_depth"]), bool(row["valid"] & _BIT_DEPTH))
 
     def add(self, survey: Survey) -> float:
         """Add a survey of the estimator to the list; returns the measured depth of the sensor, m, nan if unknown."""

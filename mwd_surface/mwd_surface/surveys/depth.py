@@ -3,18 +3,27 @@ Measured depth of a survey: the bit depth of the rig, paired by time, less the d
 
 Rig data carries placeholders, spikes and silences. A reading that is no depth is counted and left out; a jump faster
 than a string can move is accepted only when the following readings confirm it; a survey is paired only with what
-lies around its own time, and always with the age of the reading used. Stamps are ns, depths m.
+lies around its own time, and always with the age of the reading used. Where two sources of depth alternate, or the
+clock of the rig is not that of the sonde, no depth is paired, and the reason says so. Stamps are ns, depths m.
 """
 
 from __future__ import annotations
 
 import bisect
+import collections
 import dataclasses
+import itertools
 import math
+from collections.abc import Iterable
 
 from mwd_sensors.core.settings import setting
 
 NS = 1e-9
+_REMEMBERED = 100  # rejected readings and jumps, of which those around a survey count
+_COMPARED = 60  # readings over which the clocks are compared; one that fits is enough
+_FEWEST = 10
+_BY_HAND = "or give the depth by hand"
+_NEW_START_NS = 60_000_000_000  # a sonde's time that goes back by more is another start of the sonde
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,6 +47,13 @@ class DepthRules:
         low=0.1,
     )
     deepest: float = setting(15000.0, "depth above which a reading is rejected", unit="m", low=1.0)
+    clock_limit: float = setting(
+        20.0,
+        "difference of the clocks of rig and sonde, by the order in which their data arrive, above which no depth is "
+        "paired; raise it for rig data that come later than this",
+        unit="s",
+        low=1.0,
+    )
     history: int = setting(36000, "depth readings kept in memory; at 1 Hz 36000 are ten hours", low=10)
 
 
@@ -77,11 +93,22 @@ class DepthTrack:
         self._by_hand: list[bool] = []
         # Readings of a jump that waits for confirmation.
         self._waiting: list[tuple[int, float]] = []
+        # Readings left out as jumps, and jumps that were confirmed: stamp and depth.
+        self._left_out: collections.deque[tuple[int, float]] = collections.deque(maxlen=_REMEMBERED)
+        self._jumps: collections.deque[tuple[int, float]] = collections.deque(maxlen=_REMEMBERED)
+        self._sonde_ns: int | None = None
+        self._clocks: collections.deque[float] = collections.deque(maxlen=_COMPARED)
 
     @property
     def latest(self) -> tuple[int, float] | None:
         """Stamp and bit depth of the last reading accepted, ns and m."""
         return (self._stamps[-1], self._depths[-1]) if self._stamps else None
+
+    def note_sonde(self, stamp_ns: int) -> None:
+        """Take the time of a sample of the sonde that has arrived: the readings that come next are of that time."""
+        newest = self._sonde_ns
+        if newest is None or stamp_ns > newest or newest - stamp_ns > _NEW_START_NS:
+            self._sonde_ns = stamp_ns
 
     def update(self, stamp_ns: int, bit_depth: float, valid: bool = True) -> bool:
         """
@@ -93,22 +120,23 @@ class DepthTrack:
         if not valid or not math.isfinite(bit_depth) or not 0.0 <= bit_depth <= self.rules.deepest:
             self.refused_null += 1
             return False
+        if self._sonde_ns is not None:
+            self._clocks.append((stamp_ns - self._sonde_ns) * NS)
         if self._stamps and stamp_ns <= self._stamps[-1]:
             self.refused_order += 1
             return False
         if not self._stamps or self._reachable(self._stamps[-1], self._depths[-1], stamp_ns, bit_depth):
-            self.refused_jump += len(self._waiting)
-            self._waiting = []
+            self._leave_out()
             self._append(stamp_ns, bit_depth, False)
             return True
         if self._waiting and (
             stamp_ns <= self._waiting[-1][0] or not self._reachable(*self._waiting[-1], stamp_ns, bit_depth)
         ):
-            self.refused_jump += len(self._waiting)
-            self._waiting = []
+            self._leave_out()
         self._waiting.append((stamp_ns, bit_depth))
         if len(self._waiting) < self.rules.confirm:
             return False
+        self._jumps.append((self._waiting[0][0], self._depths[-1]))
         for stamp, depth in self._waiting:
             self._append(stamp, depth, False)
         self._waiting = []
@@ -129,6 +157,8 @@ class DepthTrack:
         # Readings accepted after that time were accepted wrongly.
         del self._stamps[at:], self._depths[at:], self._by_hand[at:]
         self._waiting = []
+        self._left_out.clear()
+        self._jumps.clear()
         self._append(stamp_ns, bit_depth, True)
 
     def sensor_depth(self, stamp_ns: int, sensor_to_bit: float) -> DepthReading:
@@ -152,7 +182,9 @@ class DepthTrack:
         if after == 0:
             ahead = (self._stamps[0] - stamp_ns) * NS
             if ahead > self.rules.bridge:
-                return DepthReading(reason=f"the first depth reading came {ahead:.0f} s after the survey")
+                return DepthReading(
+                    reason=self._clock_doubt() or f"the first depth reading came {ahead:.0f} s after the survey"
+                )
             bit, age, hand = self._depths[0], ahead, self._by_hand[0]
         else:
             before = after - 1
@@ -164,10 +196,43 @@ class DepthTrack:
                 if span <= self.rules.bridge and not self._by_hand[after]:
                     bit += (self._depths[after] - bit) * (age / span)
                     age = min(age, span - age)
+        doubt = "" if hand else self._doubt(stamp_ns, bit)
+        if doubt:
+            return DepthReading(-1.0, age, bit, doubt)
         depth = bit - sensor_to_bit
         if depth < 0.0:
             return DepthReading(-1.0, age, bit, f"bit at {bit:.2f} m: the sensor is still above the datum", hand)
         return DepthReading(depth, age, bit, "", hand)
+
+    def _doubt(self, stamp_ns: int, bit: float) -> str:
+        """Why the readings around a time are no depth of a survey, in words; empty where they are."""
+        if clock := self._clock_doubt():
+            return clock
+        jumps = self._around(self._jumps, stamp_ns)
+        others = self._around(self._left_out, stamp_ns)
+        # Spikes are wild; another source agrees with itself.
+        agree = all(self._reachable(*a, *b) for a, b in itertools.pairwise(others))
+        if len(jumps) > 1 or (len(others) >= self.rules.confirm and agree):
+            other = others[-1][1] if others and agree else jumps[-1][1]
+            return f"two sources of depth alternate, {bit:.1f} m and {other:.1f} m: stop one of them, {_BY_HAND}"
+        return ""
+
+    def _clock_doubt(self) -> str:
+        """How the clocks of rig and sonde differ, in words; empty where they fit."""
+        apart = min(self._clocks, key=abs) if len(self._clocks) >= _FEWEST else 0.0
+        if abs(apart) <= self.rules.clock_limit:
+            return ""
+        way = "ahead of" if apart > 0.0 else "behind"
+        return f"the clock of the rig is {abs(apart):.0f} s {way} that of the sonde: set one of them, {_BY_HAND}"
+
+    def _around(self, readings: Iterable[tuple[int, float]], stamp_ns: int) -> list[tuple[int, float]]:
+        """Readings within the bridge of a time; 0 m is a placeholder of many rigs, not a source."""
+        return [r for r in readings if abs(r[0] - stamp_ns) * NS <= self.rules.bridge and r[1] > 0.0]
+
+    def _leave_out(self) -> None:
+        self.refused_jump += len(self._waiting)
+        self._left_out.extend(self._waiting)
+        self._waiting = []
 
     def _reachable(self, stamp_1: int, depth_1: float, stamp_2: int, depth_2: float) -> bool:
         return abs(depth_2 - depth_1) <= self.rules.slack + self.rules.fastest * (stamp_2 - stamp_1) * NS

@@ -164,7 +164,8 @@ def leg_path(whole: SurveyList, leg: Leg, used: list[SurveyRecord], bit_depth: f
 def _age_flag(record: SurveyRecord, rules: ListRules) -> list[str]:
     if record.depth_age < 0.0:
         return ["depth age unknown"]
-    return [f"depth age {record.depth_age:.0f} s"] if record.depth_age > rules.depth_age_limit else []
+    old = record.depth_age > rules.depth_age_limit
+    return [f"the nearest depth of the rig is {record.depth_age:.0f} s from the survey: check it"] if old else []
 
 
 def _is_vertical(record: SurveyRecord, rules: ListRules) -> bool:

@@ -7,7 +7,7 @@ import plotted_bag
 import pytest
 
 from mwd_estimation.pipeline import EstimatorSettings
-from mwd_sensors.core import settings
+from mwd_sensors.core import settings, wire
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.runs import process
@@ -130,6 +130,23 @@ def test_surveys_of_earlier_recordings_stay_in_the_list(live, tmp_path):
     again = processed(raw(tmp_path / "bag", surveys=longer), tmp_path / "out")
     assert [r.survey.uuid for r in again.listed.records] == ["of yesterday", record.survey.uuid]
     assert again.listed == longer
+
+
+def test_a_rig_whose_clock_is_wrong_gives_no_depth_and_is_named(tmp_path):
+    bag = raw(tmp_path / "bag", metadata=False)
+    with Bag(bag) as source, BagWriter(tmp_path / "shifted") as out:
+        (rig,) = (name for name in source.topics if name.endswith("rig/state"))
+        channels = {name: out.topic(name, topic.type_name) for name, topic in source.topics.items()}
+        for log_ns, name, _, data in source.messages([name for name in channels if name != rig]):
+            out.write(channels[name], data, log_ns, log_ns)
+        for block in source.blocks([rig]):
+            log_ns, rows = block[rig]
+            rows["stamp_ns"] += 300 * 10**9
+            for at, row in zip(log_ns, wire.RIG_STATE.encode(rows, "rig_floor"), strict=True):
+                out.write(channels[rig], bytes(row), int(at), int(at))
+    summary = processed(tmp_path / "shifted", tmp_path / "out")
+    assert math.isnan(summary.surveys[0][1])
+    assert "the clock of the rig is 300 s ahead of that of the sonde" in summary.listed.records[0].comment
 
 
 def test_depths_come_from_a_table_by_time_or_number(tmp_path, live):

@@ -115,6 +115,61 @@ def test_whatever_the_rig_sends_a_depth_is_finite_and_not_negative_or_unknown_wi
     assert (got.measured_depth >= 0.0) != bool(got.reason)
 
 
+def alternating(*blocks):
+    """Readings once a second, in turns from two sources; blocks: (count, depth)."""
+    readings, k = [], 0
+    for count, depth in blocks:
+        for _ in range(count):
+            readings.append((k, depth + 0.005 * k))
+            k += 1
+    return track(*readings), k
+
+
+@pytest.mark.parametrize("blocks", [[(1, 1000.0), (1, 1250.0)] * 10, [(4, 1000.0), (4, 1250.0)] * 4])
+def test_two_sources_that_alternate_give_no_depth_and_are_named(blocks):
+    got, end = alternating(*blocks)
+    reading = got.sensor_depth((end - 2) * S, 10.0)
+    assert reading.measured_depth == -1.0
+    assert reading.reason.startswith("two sources of depth alternate, 1")
+    assert " 1000." in reading.reason or " 1250." in reading.reason
+    # A person's word ends it, and so does one source that falls silent.
+    got.set_by_hand((end + 1) * S, 1260.0)
+    assert got.sensor_depth((end + 2) * S, 10.0).measured_depth == 1250.0
+
+
+def test_one_source_after_two_is_trusted_again_after_a_while():
+    got, end = alternating(*[(1, 1000.0), (1, 1250.0)] * 10)
+    for k in range(end, end + 130):
+        got.update(k * S, 1000.0 + 0.005 * k)
+    assert got.sensor_depth((end + 100) * S, 10.0).measured_depth == pytest.approx(990.6)
+
+
+@pytest.mark.parametrize("spikes", [[0.0] * 6, [4000.0, 300.0, 7000.0, 50.0, 2500.0, 9000.0]])
+def test_placeholders_of_zero_and_wild_spikes_are_no_second_source(spikes):
+    readings = [(2 * k, 1000.0) for k in range(len(spikes) + 1)] + [(2 * k + 1, s) for k, s in enumerate(spikes)]
+    assert track(*sorted(readings)).sensor_depth(6 * S, 0.0).measured_depth == pytest.approx(1000.0)
+
+
+@pytest.mark.parametrize(("apart", "says"), [(120.0, "119 s ahead of"), (-3600.0, "3601 s behind"), (5.0, "")])
+def test_clocks_of_rig_and_sonde_that_differ_are_named_by_the_order_of_arrival(apart, says):
+    got = DepthTrack()
+    for k in range(300):
+        got.note_sonde(k * S)
+        # The rig's data come a second late.
+        got.update(int((k - 1.0 + apart) * S), 1000.0)
+    reading = got.sensor_depth(int((200.0 + max(apart, 0.0)) * S), 0.0)
+    assert says in reading.reason
+    assert bool(reading.reason) == bool(says) == (reading.measured_depth < 0.0)
+
+
+def test_a_sonde_that_starts_anew_does_not_accuse_the_rig():
+    got = DepthTrack()
+    for k in range(100):
+        got.note_sonde((10_000 if k < 20 else 0) * S + k * S)
+        got.update(k * S, 1000.0)
+    assert got.sensor_depth(90 * S, 0.0).measured_depth == 1000.0
+
+
 def test_a_real_rigs_day_pairs_every_reading_with_itself():
     """Volve 15/9-F-7, 15 s rig data; its bit depth dips below zero while the pipe is out of the hole."""
     got, accepted = DepthTrack(), {}

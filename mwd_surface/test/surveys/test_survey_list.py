@@ -137,10 +137,10 @@ def test_a_survey_judged_late_is_not_called_decreasing():
 def test_a_survey_with_stale_depth_waits_and_keeps_its_flag_when_accepted():
     whole = filled(*CURVE).add(shot(5, 12.0), 220.0, 45.0)
     assert not whole.find(5).in_use
-    assert flags(whole, 5) == ("depth age 45 s",)
+    assert flags(whole, 5) == ("the nearest depth of the rig is 45 s from the survey: check it",)
     whole = whole.accept(5, "Aslaug", "pipe tally agrees", 1)
     assert whole.find(5).in_use
-    assert flags(whole, 5) == ("depth age 45 s",)
+    assert flags(whole, 5) == ("the nearest depth of the rig is 45 s from the survey: check it",)
 
 
 def test_a_survey_without_depth_is_kept_and_takes_the_depth_a_person_gives():
