@@ -30,10 +30,12 @@ from mwd_estimation.survey.multi_station_analysis import MultistationSettings
 from mwd_estimation.survey.rotary_survey import Params as RotaryParams
 from mwd_estimation.survey.static_survey import Params as StillParams
 from mwd_estimation.survey.station import StationSettings
-from mwd_estimation.tool_settings import Tool
+from mwd_estimation.tool_settings import Gyro, Tool
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import SettingsError
 
+# Least ratio of a gyro's noise or bias to the default tool's: the bounded filter does not take a gyro for perfect.
+_LEAST_GYRO = 0.02
 # White noise of a precision unit whose noise is not set, deg/sqrt(h): that of the grade `tactical_north`.
 _TACTICAL_NOISE = 0.05
 
@@ -42,7 +44,7 @@ def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
     """Parameters of the selected gravity method; gravity: local, m/s^2, None where not known."""
     tool, chosen = settings.tool, method(settings.gravity.method)
     default: Any = chosen.Params()
-    expert = dataclasses.asdict(settings.gravity.expert)
+    expert, usual = dataclasses.asdict(settings.gravity.expert), Gyro()
     calibration = tool.calibration_mrad / 1e3
     derived = {
         "gravity": gravity or STANDARD_GRAVITY,
@@ -50,6 +52,9 @@ def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
         "accel_range": min(tool.accelerometer.range_g) * STANDARD_GRAVITY,
         "coning": 0.0 if tool.samples == "integrated" else 1.0,
         "sampled": tool.samples == "points",
+        # The filter's own noises have reserve for motion that is not white: they are in proportion to the tool's.
+        "gyro_noise": _in_proportion(default, "gyro_noise", tool.gyro.noise_deg_sqrt_h, usual.noise_deg_sqrt_h),
+        "bias_sigma": _in_proportion(default, "bias_sigma", tool.gyro.bias_deg_h, usual.bias_deg_h),
         "lever_sigma": tool.lever_m,
         "calibration_sigma": calibration,
         # The simpler methods do not know their sigma so well: theirs has a floor of its own.
@@ -60,6 +65,11 @@ def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
         return default._replace(**{name: derived[name] for name in default._fields if name in derived})
     names = [field.name for field in dataclasses.fields(default)]
     return dataclasses.replace(default, **{name: derived[name] for name in names if name in derived})
+
+
+def _in_proportion(default: Any, name: str, figure: float, usual: float) -> float:
+    """Return a default of a gravity method, 0 where it has none, scaled by a figure of the tool over the usual one."""
+    return float(getattr(default, name, 0.0)) * max(figure / usual, _LEAST_GYRO)
 
 
 def accelerometer_only_params(settings: EstimatorSettings, gravity: float | None) -> accelerometer_only.Params:

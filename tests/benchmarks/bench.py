@@ -20,6 +20,7 @@ OUTPUT = HERE.parents[1] / "docs" / "benchmarks.md"
 # Name, title, program and its arguments, whether it prints Markdown.
 SECTIONS = (
     ("gravity", "Gravity while drilling", ["bench_gravity.py", "3"], True),
+    ("ablation", "What each term of the gravity filter is worth", ["bench_ablation.py"], True),
     ("north", "North seeking", ["bench_north.py"], True),
     ("magnetics", "Magnetics and fusion", ["bench_magnetics.py"], True),
     ("surveys", "Surveys against truth", ["bench_surveys.py"], True),

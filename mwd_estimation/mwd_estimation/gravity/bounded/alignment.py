@@ -41,11 +41,10 @@ def begin(s: Record) -> None:
     clipping.clear(s)
     forget_motion(s)
     s.motion.along = s.motion.across = noise.START_DISPLACEMENT**2
-    s.motion.down = s.motion.white = s.motion.rough = 0.0
-    found = s.innovations
-    found.near_along[0] = found.near_along[1] = found.near_across[0] = found.near_across[1] = 0.0
-    found.near_down = found.down = 0.0
-    found.along = found.across = 1.0
+    s.motion.white = s.motion.rough = 0.0
+    for found in (s.innovations.along, s.innovations.across):
+        found.mean[0] = found.mean[1] = 0.0
+        found.power = 1.0
     s.age = s.settled = s.mean_power = s.kept_tilt = 0.0
     for j in range(3):
         s.mean[j] = 0.0

@@ -16,10 +16,8 @@ USUAL_TIME = 0.3  # s, memory of the usual acceleration
 SHOCK_MEMORY, FREQUENT = 10.0, 6.0  # s; shocks in that time from which on losses that do not stand out are expected
 QUIET = 0.05  # least usual square of an innovation that the gate is a multiple of
 GATE = 6.0  # square of an innovation over the usual one that then shows a velocity lost
-WHITE_SHARE = 0.16  # density of the lost velocities' white force for each that displacement shows
 SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # s, low-passes of the slope of the x rate and of its curvature
 CLIP_SLOPE = 15.0  # rad/s^2, error of that slope when clipping begins
-CLIP_CURVE = 15.0  # rad/s^3, least curvature of a rate that clips
 CLIP_BRIDGE = 4.0  # s, longest clipping that is bridged
 CLIP_TILT = 9.0  # rad^2, variance of the tilt at the end of clipping from which on roll is lost
 CLIP_LOST = 3.0  # rad/s, missing rate at the end of clipping that shows roll astray
@@ -62,8 +60,8 @@ def follow_shocks(p: KernelParams, s: Record, dt: float, f: Vector, power: float
 
 @compiled
 def jump_gate(s: Record) -> float:
-    """Square of an innovation over its variance that shows a velocity lost: only where shocks are frequent."""
-    return GATE * max(s.innovations.usual, QUIET) if s.shocks > FREQUENT else NEVER
+    """Square of an innovation over its variance that shows a velocity lost where shocks are frequent."""
+    return GATE * max(s.innovations.usual, QUIET)
 
 
 @compiled
@@ -114,10 +112,8 @@ def follow_rate(p: KernelParams, s: Record, dt: float, wx: float) -> bool:
         if c.sign == 0.0:
             _begin_clipping(s)
         c.sign = 1.0 if wx > 0.0 else -1.0
-        # It bends back as it did before, in proportion to the distance from the mean speed the string varies about.
-        bend = max(-c.sign * c.curve, CLIP_CURVE)
-        bend *= 1.0 + abs(s.missing) / max(abs(wx) - s.turning, 0.1 * abs(wx))
-        s.slope -= c.sign * bend * dt
+        # It bends back as it did before.
+        s.slope -= c.sign * max(-c.sign * c.curve, 0.0) * dt
         s.missing += s.slope * dt
         c.time += dt
         if s.missing * wx < 0.0:

@@ -202,23 +202,19 @@ def _update(p: KernelParams, s: Record, w: Array, i: int, log: Log) -> None:
     if logged:
         _log_before(s, i, log)
     along, across = noise.displacement_noise(p, s)
-    gate = clipping.jump_gate(s)
-    ix, iy, iz, square = 0.0, 0.0, 0.0, 0.0
+    gate = clipping.jump_gate(s) if noise.shaken_by_shocks(s) else clipping.NEVER
+    tilt, aside = scale.tilts(s)
+    square = 0.0
     for j in range(size):
         s.correction[j] = 0.0
     for axis in range(3):
         white = measurement.update(s, size, axis, along if axis == 0 else across, gate)
-        ix += s.C[0, axis] * white
-        iy += s.C[1, axis] * white
-        # The tool moves along its hole; across it the vertical shows the accelerometers.
-        if axis > 0:
-            iz += s.C[2, axis] * white
         square += white * white / 3.0
     measurement.symmetrise(s.P, size)
-    measurement.correct(s, size)
     usual = s.innovations.usual
     s.innovations.usual += s.sums.time / scale.USUAL_TIME * (min(square, 9.0 * usual + 0.001) - usual)
-    scale.follow_innovations(s, turn, ix, iy, iz)
+    scale.follow_corrections(s, turn, tilt, aside)
+    measurement.correct(s, size)
     if logged:
         _log_after(p, s, log)
     mechanisation.clear_sums(s.sums)

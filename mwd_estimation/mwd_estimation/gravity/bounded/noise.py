@@ -20,12 +20,11 @@ from mwd_sensors.core.compiled import compiled
 SWING_TIME = 0.5  # s, time constant of the three high-passes
 SWING_MEMORY = 2.1  # s, over which the displacement is averaged
 START_DISPLACEMENT = 0.1  # m, displacement assumed at a start
-KNOWN_TILT = 0.0025  # rad^2, variance of the tilt below which displacement is the tool's own
 ROTATING = 3.0  # rad/s, mean rate about the axis from which the sensor circles with its lever arm
 WHITE_PER_DISPLACEMENT = 0.1  # white displacement for each displacement seen
 WALK_PER_DISPLACEMENT = 2.7  # random walk of the point that stays for each displacement seen, 1/sqrt(s)
 FOLDED_LEAST = 0.6  # (m/s^2)^2 s, density of the force from which on it may be vibration that point samples fold down
-FOLDED_MEMORY = 20.0  # s, over which it is judged whether it is
+FOLDED_MEMORY, FOLDED_FIRST, FOLDED_AGE = 20.0, 5.0, 0.5  # s, over which it is judged whether it is; less at a start
 FOLDED_YOUNG = 1.0  # s since a start, in which the high-passes have not settled yet
 WHITE_SHARE = 0.16  # of the density that the displacement shows, in the noise: not all of it is white
 ROTARY_NOISE = 0.0001  # gyro noise for each rate about the axis, whose scale is a state
@@ -62,7 +61,7 @@ def follow_motion(s: Record, w: Array) -> None:
     """Follow displacement, drift, the axis and the rates w over one interval."""
     T, motion = s.sums.time, s.motion
     keep = math.exp(-T / SWING_TIME)
-    along, whole, down = 0.0, 0.0, 0.0
+    along, total = 0.0, 0.0
     for j in range(3):
         a = s.sums.velocity[j] / T
         motion.drift[j] += T / DRIFT_MEMORY * (a - motion.drift[j])
@@ -76,28 +75,23 @@ def follow_motion(s: Record, w: Array) -> None:
         for n in range(3):
             motion.arm[j, n] += (1.0 - keep) * (arm - motion.arm[j, n])
             arm -= motion.arm[j, n]
-        down = motion.position[j] - (arm if s.turning > ROTATING else 0.0)
-        whole += down * down
-        along += s.C[j, 0] * down
-    # Tilt not yet found moves the position as well; the tool's own displacement is learnt when tilt is known.
-    known = s.P[TILT, TILT] + s.P[TILT + 1, TILT + 1] < KNOWN_TILT
-    aside = 0.5 * max(whole - along * along, 0.0) if known else down * down
-    share = T / (min(FOLDED_MEMORY, FOLDED_YOUNG + 0.3 * s.settled) + T)
-    motion.folded_aside += share * (aside - motion.folded_aside)
+        moved = motion.position[j] - (arm if s.turning > ROTATING else 0.0)
+        total += moved * moved
+        along += s.C[j, 0] * moved
+    along *= along
+    across = 0.5 * max(total - along, 0.0)
+    share = T / (min(FOLDED_MEMORY, FOLDED_FIRST + FOLDED_AGE * s.settled) + T)
+    motion.folded_aside += share * (across - motion.folded_aside)
     motion.folded += share * (explained(s) - motion.folded)
-    if s.clipping.sign == 0.0 and known:
+    if s.clipping.sign == 0.0:
         share = T / (SWING_MEMORY + T)
-        motion.along += share * (along * along - motion.along)
-        motion.across += share * (0.5 * max(whole - along * along, 0.0) - motion.across)
-    motion.down += T / (min(3.0 * SWING_MEMORY, 0.3 * s.settled) + T) * (down * down - motion.down)
-    if s.settled < FOLDED_YOUNG and motion.rough > FOLDED_LEAST:
+        motion.along += share * (along - motion.along)
+        motion.across += share * (across - motion.across)
+    if s.settled < FOLDED_YOUNG:
         # Until then it is taken for white.
-        motion.down = max(motion.down, explained(s))
         motion.folded = motion.folded_aside = explained(s)
-    motion.white = min(motion.down, explained(s))
-    if known:
-        # The tool moves along its hole, white force in all directions.
-        motion.white = min(motion.across, motion.white)
+    # The tool moves along its hole, white force in all directions.
+    motion.white = min(motion.across, explained(s))
     s.turning += T / (TURNING_MEMORY + T) * (abs(w[0]) - s.turning)
     share = T / (min(RATE_MEMORY, s.age + s.settled) + T)
     s.rate_walk[0] += share * ((w[0] - s.tick_w[0]) ** 2 / T - s.rate_walk[0])
@@ -115,24 +109,29 @@ def explained(s: Record) -> float:
 
 
 @compiled
-def _folded(s: Record) -> float:
+def whole(s: Record) -> float:
     """
-    Return the displacement, m^2, of vibration that point samples fold down, as dense as neighbouring samples say.
+    Return the share, 0 to 1, to which vibration that point samples fold down counts as dense as neighbours say.
 
     It counts where the displacement of the last 20 s is most of what neighbouring samples explain. A density that
     followed the displacement within seconds would be too small by chance at times, and the gain too large.
     """
     if s.motion.rough < FOLDED_LEAST:
         return 0.0
-    sure = 3.0 * s.motion.folded_aside / max(s.motion.folded, 1e-12) - 1.0
-    return explained(s) * min(max(sure, 0.0), 1.0)
+    return min(max(3.0 * s.motion.folded_aside / max(s.motion.folded, 1e-12) - 1.0, 0.0), 1.0)
+
+
+@compiled
+def shaken_by_shocks(s: Record) -> bool:
+    """Whether shocks are frequent, and are not peaks of vibration that point samples fold down."""
+    return bool(s.shocks > FREQUENT and whole(s) < 1.0)
 
 
 @compiled
 def aliased(s: Record) -> bool:
     """Whether vibration folds down into point samples: white force explains the displacement, and is not shocks."""
     white = s.motion.white > ALIASED_SHARE * explained(s) and s.motion.rough > ALIASED_LEAST
-    return bool(white and s.settled > ALIASED_AFTER and s.shocks < FREQUENT)
+    return bool(white and s.settled > ALIASED_AFTER and not shaken_by_shocks(s))
 
 
 @compiled
@@ -157,7 +156,7 @@ def add_noise(p: KernelParams, s: Record) -> float:
     """Noise of one interval; returns the variance that is added to the tilt, rad^2."""
     P, T = s.P, s.sums.time
     turn = p.gyro_noise**2 * T + s.sums.turn
-    density = max(WHITE_SHARE * s.motion.white, _folded(s)) * 16.0 / SWING_TIME**3
+    density = max(WHITE_SHARE * s.motion.white, whole(s) * explained(s)) * 16.0 / SWING_TIME**3
     force = (p.accel_noise**2 + density) * T + s.sums.jump
     along, across = _displacement(s)
     along = (p.walk**2 + WALK_PER_DISPLACEMENT**2 * along) * T

@@ -51,7 +51,7 @@ class Params:
         high=0.2,
     )
     scale_sigma: float = setting(
-        0.003,
+        0.0015,
         "Scale error of the x gyro at switch-on, 1 sigma. Raising it widens the start where the speed varies.",
         low=1e-6,
         high=0.2,

@@ -1,84 +1,80 @@
 """
-Covariance scale of the bounded filter: its innovations against its covariance, along the hole and across it.
+Covariance scale of the bounded filter: its corrections of the tilt against the variance expected of them.
 
-The noises have reserve, because motion is not white and gains need only their ratios. What disturbs the tilt is what
-the updates put into it. Whitened innovations, summed over the time in which the variance of the tilt grows by twice
-itself, have unit power if the covariance is right; if the disturbance is vibration faster than the filter, their sum is
-the error itself, whatever the spectrum. Their power is the factor of the covariance. What no innovation shows is added:
-calibration, gyros out of line with the accelerometers, travel along a curve.
+The noises have reserve, because motion is not white and gains need only their ratios. An update that finds as much as
+it should corrects the tilt by a variance of what the covariance shrinks by. Corrections are summed over the filter's
+own time, that in which noise adds as much as the variance of the tilt: of a filter of first order they then show the
+error's variance exactly, be it driven by the gyros or by the motion (`docs/methods/bounded_gravity_filter.md`). Their
+power is the factor of the covariance. What no innovation shows is added: calibration, gyros out of line with the
+accelerometers, travel along a curve.
 """
 
 from __future__ import annotations
 
 import math
 
-from mwd_estimation.gravity.bounded.clipping import FREQUENT
+from mwd_estimation.gravity.bounded import noise
 from mwd_estimation.gravity.bounded.measurement import hole_direction
 from mwd_estimation.gravity.bounded.params import KernelParams
-from mwd_estimation.gravity.bounded.state import TILT, Record
-from mwd_sensors.core.arrays import Array
+from mwd_estimation.gravity.bounded.state import TILT, Record, Scale
 from mwd_sensors.core.compiled import compiled
 
-NEAR_LEAST, NEAR_MOST = 0.3, 12.0  # s, limits of the filter's own time
-NEAR_AGE = 0.15  # the most of it for each time since the start, which had more to find out than what is steady
-SCALE_TIME = 10.0  # s, memory of the power, and twice the filter's own time more
+OWN_LEAST, OWN_MOST = 0.3, 20.0  # s, limits of the filter's own time
+OWN_AGE = 0.25  # the most of it for each time since the start, which had more to find out than what is steady
+LEAST_CORRECTION = 0.1  # variance expected of a correction, at least, for each that an interval adds to the tilt
+SCALE_TIME, SCALE_OWN = 4.0, 3.0  # s, memory of the power, and so many times the filter's own time more
+SUDDEN = 9.0  # power over the scale that is no chance: the motion has changed, and the memory is the own time alone
 SCALE_YOUNG, SCALE_AGE = 2.0, 0.25  # s and share: after a start it is no longer than these allow
 USUAL_TIME = 10.0  # s, memory of the usual innovation
-DOWN_TIME, DOWN_FROM = 3.0, 0.3  # s; power of the vertical innovations that noises with reserve leave room for
-RESERVE = 1.15  # variance published for each that the innovations show
-ROTATING = 6.0  # rad/s, mean rate about the axis beyond which the filter cannot follow what is fixed in the tool
-AXIAL = (
-    0.4  # of the variance of calibration: bias and scale of the axial accelerometer, which rotation does not average
-)
+ROTATING = 1.5  # rad/s, mean rate about the axis beyond which the filter cannot follow what is fixed in the tool
+AXIAL = 0.4  # of the variance of calibration: the axial accelerometer's bias and scale, which rotation does not average
 SQUARE = 0.35  # of it: accelerometers out of square
 CURVE_TIME, CURVE_MOST = 5.0, 0.01  # s, memory of the axis; rad/s, rate of its turning that no hole asks for
 
 
 @compiled
-def follow_innovations(s: Record, turn: float, ix: float, iy: float, iz: float) -> None:
-    """Follow the scale. turn: variance that one interval added to the tilt; whitened innovation in level axes."""
-    P, T, found = s.P, s.sums.time, s.innovations
+def tilts(s: Record) -> tuple[float, float]:
+    """Variances of the tilt that changes inclination and of the one that changes toolface, rad^2."""
+    P = s.P
     dx, dy = hole_direction(s)
     # The tilt that an acceleration along the hole resembles is the one that inclination sees.
-    tilt = P[TILT, TILT] * dy * dy - 2.0 * P[TILT, TILT + 1] * dx * dy + P[TILT + 1, TILT + 1] * dx * dx
-    aside = P[TILT, TILT] + P[TILT + 1, TILT + 1] - tilt
+    along = P[TILT, TILT] * dy * dy - 2.0 * P[TILT, TILT + 1] * dx * dy + P[TILT + 1, TILT + 1] * dx * dx
+    return along, P[TILT, TILT] + P[TILT + 1, TILT + 1] - along
+
+
+@compiled
+def follow_corrections(s: Record, turn: float, along: float, across: float) -> None:
+    """Follow the scales over one update; along, across: variances of the tilts before it; turn: what they grew by."""
+    found = s.innovations
+    dx, dy = hole_direction(s)
+    tilt, aside = tilts(s)
     if s.clipping.sign == 0.0:
-        near, memory = _times(s, 2.0 * tilt * T / turn)
-        power = _power(found.near_along, T / near, ix, iy, dx, dy)
-        found.along += T / memory * (power - found.along)
-        near, memory = _times(s, 2.0 * aside * T / turn)
-        power = _power(found.near_across, T / near, ix, iy, -dy, dx)
-        found.across += T / memory * (power - found.across)
-    found.near_down += T / DOWN_TIME * (iz - found.near_down)
-    found.down += T / SCALE_TIME * (2.0 * DOWN_TIME / T * found.near_down**2 - found.down)
+        _follow(s, found.along, max(along - tilt, LEAST_CORRECTION * turn), tilt / turn, dy, -dx)
+        _follow(s, found.across, max(across - aside, LEAST_CORRECTION * turn), aside / turn, dx, dy)
     for j in range(2):
-        s.slow_axis[j] += T / CURVE_TIME * (s.C[j, 0] - s.slow_axis[j])
+        s.slow_axis[j] += s.sums.time / CURVE_TIME * (s.C[j, 0] - s.slow_axis[j])
 
 
 @compiled
-def _times(s: Record, near: float) -> tuple[float, float]:
-    """Return the filter's own time within its limits, and memory of the power, s."""
-    near = max(min(near, NEAR_MOST, NEAR_LEAST + NEAR_AGE * s.settled), NEAR_LEAST)
-    return near, min(SCALE_TIME + 2.0 * near, SCALE_YOUNG + SCALE_AGE * s.settled)
-
-
-@compiled
-def _power(mean: Array, share: float, ix: float, iy: float, dx: float, dy: float) -> float:
-    """Follow the mean innovation, level axes; returns its power along d, 1 expected."""
-    share = min(share, 1.0)
-    mean[0] += share * (ix - mean[0])
-    mean[1] += share * (iy - mean[1])
-    along: float = dx * mean[0] + dy * mean[1]
-    return 2.0 / share * along * along
+def _follow(s: Record, found: Scale, expected: float, updates: float, nx: float, ny: float) -> None:
+    """Follow the power of the corrections about n, over `updates`; expected: variance of one correction, rad^2."""
+    T = s.sums.time
+    own = max(min(updates * T, OWN_MOST, OWN_LEAST + OWN_AGE * s.settled), OWN_LEAST)
+    share, unit = min(T / own, 1.0), 1.0 / math.sqrt(expected)
+    for j in range(2):
+        found.mean[j] += share * (s.correction[TILT + j] * unit - found.mean[j])
+    mean = nx * found.mean[0] + ny * found.mean[1]
+    power = 2.0 / share * mean * mean
+    memory = own if power > SUDDEN * found.power else SCALE_TIME + SCALE_OWN * own
+    found.power += T / min(memory, SCALE_YOUNG + SCALE_AGE * s.settled) * (power - found.power)
 
 
 @compiled
 def factors(s: Record) -> tuple[float, float]:
     """Factors of the covariance along the hole and across it."""
-    # Neither tilt nor gyros affect the vertical: what runs there is the accelerometer out of scale or out of
-    # square, which the horizontal, where the tilt makes up for it, does not show. Shocks run there as well.
-    excess = max(0.0, s.innovations.down - DOWN_FROM) if s.shocks < FREQUENT else 0.0
-    return RESERVE * (s.innovations.along + excess), RESERVE * (s.innovations.across + excess)
+    # Vibration that counts as dense as neighbouring samples say has no reserve.
+    whole = noise.whole(s)
+    return max(s.innovations.along.power, whole), max(s.innovations.across.power, whole)
 
 
 @compiled
@@ -106,10 +102,7 @@ def floors(p: KernelParams, s: Record) -> tuple[float, float]:
 @compiled
 def publish(p: KernelParams, s: Record) -> None:
     """Sigma of inclination and of toolface, rad, at most pi, until the covariance changes again."""
-    P = s.P
-    dx, dy = hole_direction(s)
-    tilt = P[TILT, TILT] * dy * dy - 2.0 * P[TILT, TILT + 1] * dx * dy + P[TILT + 1, TILT + 1] * dx * dx
-    aside = P[TILT, TILT] + P[TILT + 1, TILT + 1] - tilt
+    tilt, aside = tilts(s)
     along, across = factors(s)
     floor_along, floor_aside = floors(p, s)
     s.sigma_inclination = min(math.pi, math.sqrt(max(along * (tilt + s.clipping.tilt), 0.0) + floor_along))

@@ -59,33 +59,32 @@ class Motion:
     """Mean square displacement along the hole, m^2."""
     across: float
     """Across it."""
-    down: float
-    """Of the vertical."""
     white: float
     """Part of them that white force explains, m^2."""
     folded_aside: float
-    """Of a direction that the tool does not move along, over a longer time: across the hole, or the vertical."""
+    """Mean square displacement across the hole over a longer time, m^2."""
     folded: float
     """What white force would leave over that time, from differences of neighbours, m^2."""
     rough: float
     """Density of the force, were it white, from differences of neighbours, (m/s^2)^2 s."""
 
 
-class Innovations:
-    """Whitened innovations since the last start."""
+class Scale:
+    """Covariance scale in one direction: corrections of the tilt against the variance expected of them."""
 
-    near_along: Annotated[Array, 2]
-    """Mean over the filter's own time along the hole, level axes."""
-    near_across: Annotated[Array, 2]
-    """Mean over its own time across the hole."""
-    near_down: float
-    """Mean of the vertical."""
-    along: float
-    """Power along the hole: the covariance scale."""
-    across: float
-    """Power across the hole."""
-    down: float
-    """Power of the vertical."""
+    mean: Annotated[Array, 2]
+    """Mean correction over its expected sigma, over the filter's own time, level axes."""
+    power: float
+    """Power of that mean, 1 expected: the scale."""
+
+
+class Innovations:
+    """Innovations since the last start."""
+
+    along: Scale
+    """Along the hole: of inclination."""
+    across: Scale
+    """Across the hole: of toolface."""
     usual: float
     """Usual square of one innovation."""
 

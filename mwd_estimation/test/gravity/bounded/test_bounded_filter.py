@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from consistency import assert_consistent
+from consistency import assert_consistent, consistency
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import fuzzy_mahony
@@ -174,20 +174,25 @@ def test_a_covariance_gone_bad_is_thrown_away_and_the_filter_starts_anew():
 
 @pytest.mark.skipif(not BROAD.exists(), reason="the shared recordings are not beside this repository")
 def test_real_recordings_are_followed_within_0_6_deg_on_average_and_sigma_is_of_that_size():
-    errors, nees = [], []
+    # A consumer unit as it leaves its factory; the optical reference is aligned with it to some tenths of a degree.
+    p, errors = bounded.Params(calibration_sigma=0.0025), []
+    inclined, turned = [], []
     for file in sorted(BROAD.glob("*.npz")):
         data = np.load(file)
         w, x, y, z = data["quat"].astype(float).T
         down = -np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1)
         stamps = np.round(np.arange(len(down)) * 1e9 / float(data["fs"])).astype(np.int64)
-        p = bounded.Params()
         got = bounded.run(p, bounded.initial(p), stamps, data["gyr"], data["acc"])
         scored = data["movement"] & np.isfinite(down[:, 0])
-        error = error_deg(got, down)[scored]
-        errors.append(rms(error))
-        nees.append(np.mean(np.radians(error) ** 2 / (2.0 * got.sigma_inclination[scored] ** 2)))
-    assert np.mean(errors) <= 0.61
-    assert 0.3 < np.mean(nees) < 3.0
+        errors.append(rms(error_deg(got, down)[scored]))
+        inclination = np.arctan2(np.hypot(down[:, 1], down[:, 2]), down[:, 0])
+        side = np.arctan2(-got.g_t[:, 1], -got.g_t[:, 2]) - np.arctan2(-down[:, 1], -down[:, 2])
+        inclined.append(((got.inclination - inclination)[scored], got.sigma_inclination[scored]))
+        turned.append((frames.wrap_pi(side)[scored], got.sigma_toolface[scored]))
+    assert np.mean(errors) <= 0.615
+    for runs in (inclined, turned):
+        found = consistency(runs, confidence=0.999)
+        assert found.inside, found
 
 
 def test_point_samples_of_a_swinging_speed_are_followed_without_delay_by_who_says_that_they_are():
@@ -223,24 +228,28 @@ def test_a_lever_arm_is_not_made_to_fit_while_the_attitude_is_unknown():
     assert np.mean(found) < 0.06
 
 
+@pytest.mark.parametrize("force", [10.0, 20.0, 30.0, 50.0])
 @pytest.mark.parametrize("spin", [0.0, 4.0 * np.pi])
-def test_white_forces_of_three_g_are_averaged_about_as_well_as_by_a_filter_of_low_gain_and_sigma_says_so(spin):
-    t, inclination, ours, theirs, nees = np.arange(1, 8001) / 100.0, np.radians(30.0), [], [], []
+def test_white_forces_are_averaged_as_well_as_by_a_filter_of_low_gain_and_sigma_says_so(spin, force):
+    t, inclination, ours, theirs = np.arange(1, 8001) / 100.0, np.radians(30.0), [], []
+    errors, sigmas = [], []
     side = np.sin(inclination) * np.column_stack([np.sin(spin * t + 1.0), np.cos(spin * t + 1.0)])
     down = np.column_stack([np.full(len(t), np.cos(inclination)), side])
     stamps, late = np.round(t * 1e9).astype(np.int64), t > 10.0
-    for seed in range(4):
+    for seed in range(6):
         rng = np.random.default_rng(seed)
         rates = np.column_stack([np.full(len(t), spin), np.zeros((len(t), 2))]) + 3e-4 * rng.standard_normal(3)
-        forces = -G0 * down + rng.normal(scale=30.0, size=(len(t), 3))
-        p = bounded.Params()
+        forces = -G0 * down + rng.normal(scale=force, size=(len(t), 3))
+        # The other filter has no state for the gyro's scale and takes it for perfect; ours knows a calibrated gyro.
+        p = bounded.Params(scale_sigma=0.001, bias_sigma=0.002)
         got = bounded.run(p, bounded.initial(p), stamps, rates, forces)
         other = fuzzy_mahony.run(
             fuzzy_mahony.Params(), fuzzy_mahony.initial(fuzzy_mahony.Params()), stamps, rates, forces
         )
         ours.append(rms(error_deg(got, down)[late]))
         theirs.append(rms(error_deg(other, down)[late]))
-        nees.append(np.mean(((got.inclination - inclination) / got.sigma_inclination)[late] ** 2))
+        errors.append((got.inclination - inclination)[late])
+        sigmas.append(got.sigma_inclination[late])
         assert ((got.status[late] & int(Status.ALIASED)) != 0).mean() > 0.8
-    assert rms(np.array(ours)) < 1.5 * rms(np.array(theirs))
-    assert 0.2 < np.mean(nees) < 3.0
+    assert rms(np.array(ours)) < rms(np.array(theirs))
+    assert_consistent(np.stack(errors), np.stack(sigmas), correlated=True)
