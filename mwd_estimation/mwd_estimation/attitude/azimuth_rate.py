@@ -13,12 +13,10 @@ from __future__ import annotations
 import math
 
 from mwd_estimation.attitude.gyro_azimuth_state import (
-    BIAS,
     BINS,
-    DRIFT,
-    LEAKAGE,
     RING,
     BinSums,
+    Error,
     GyroSample,
     KernelParams,
     PrecisionRates,
@@ -84,8 +82,10 @@ def add_sample(p: KernelParams, s: State, sample: GyroSample, earth_north: float
             sums.earth += earth
             sums.tilt += mistaken * mistaken * dt
             x = s.x
-            turn -= (x[BIAS] + x[LEAKAGE] * wx) * (dy * share) + (x[BIAS + 1] + x[LEAKAGE + 1] * wx) * (dz * share)
-            s.gyro_turn += turn - (p.earth_down + x[DRIFT]) * dt + earth_north * earth
+            error_y = x[Error.BIAS] + x[Error.LEAKAGE] * wx
+            error_z = x[Error.BIAS + 1] + x[Error.LEAKAGE + 1] * wx
+            turn -= error_y * (dy * share) + error_z * (dz * share)
+            s.gyro_turn += turn - (p.earth_down + x[Error.DRIFT]) * dt + earth_north * earth
         else:
             sums.gap += dt
     sums.gyro_turn = s.gyro_turn

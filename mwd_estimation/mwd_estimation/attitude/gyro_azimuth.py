@@ -24,14 +24,13 @@ import numpy as np
 from mwd_estimation.attitude import azimuth_rate
 from mwd_estimation.attitude import gyro_azimuth_filter as kalman_filter
 from mwd_estimation.attitude.gyro_azimuth_state import (
-    AZIMUTH,
     AZIMUTH_ROW,
     BINS,
     NO_BIN,
     PROPAGATED_AZIMUTH,
-    STATION,
     AzimuthRow,
     BinStep,
+    Error,
     GyroBlock,
     GyroSample,
     GyroUnit,
@@ -254,10 +253,10 @@ def propagated_azimuth(state: Samples) -> PropagatedAzimuth:
 @compiled
 def _write_propagated(s: State, row: Any) -> None:
     if s.have_station:
-        row.station_azimuth, row.station_constant_sigma = s.x[STATION], s.station_constant_sigma
-        row.station_sigma = math.sqrt(max(s.P[STATION, STATION], 0.0))
+        row.station_azimuth, row.station_constant_sigma = s.x[Error.STATION], s.station_constant_sigma
+        row.station_sigma = math.sqrt(max(s.P[Error.STATION, Error.STATION], 0.0))
     if s.have_azimuth:
-        row.azimuth, row.sigma = s.x[AZIMUTH], math.sqrt(max(s.P[AZIMUTH, AZIMUTH], 0.0))
+        row.azimuth, row.sigma = s.x[Error.AZIMUTH], math.sqrt(max(s.P[Error.AZIMUTH, Error.AZIMUTH], 0.0))
 
 
 @compiled
@@ -331,7 +330,7 @@ def _write(p: KernelParams, s: State, sigma: float, across2: float, row: Azimuth
         return
     tau = 2.0 * math.pi
     # Within a turn of the range as a rule; the remainder costs more.
-    now = s.x[AZIMUTH] + (s.gyro_turn - s.bin_gyro_turn)
+    now = s.x[Error.AZIMUTH] + (s.gyro_turn - s.bin_gyro_turn)
     now = now - tau if now >= tau else (now + tau if now < 0.0 else now)
     row.azimuth = now if 0.0 <= now < tau else now % tau
     row.status = np.uint32(s.mag_status | (_AIDED if s.since_used_s > p.mag_timeout_s else 0))
@@ -350,8 +349,8 @@ def _run(
 ) -> int:
     """Arguments as in `run`, the last two are filled; returns how many magnetic azimuths were taken."""
     used, precision_used, step = 0, 0, 0
-    sigma = math.sqrt(max(s.P[AZIMUTH, AZIMUTH], 0.0))
-    earth_north = p.earth_north * math.cos(s.x[AZIMUTH])
+    sigma = math.sqrt(max(s.P[Error.AZIMUTH, Error.AZIMUTH], 0.0))
+    earth_north = p.earth_north * math.cos(s.x[Error.AZIMUTH])
     end = (s.last_ns // p.bin_ns + 1) * p.bin_ns if s.ring_length > 0 else NO_BIN
     stamps, gyro_t, g_t, sigma_tilt = block
     for i in range(len(stamps)):
@@ -363,8 +362,8 @@ def _run(
                     _take_magnetic(p, s, magnetic[used])
                 used += 1
             _correct(p, s, steps[step], propagated[step], has_azimuth)
-            sigma = math.sqrt(max(s.P[AZIMUTH, AZIMUTH], 0.0))
-            earth_north = p.earth_north * math.cos(s.x[AZIMUTH])
+            sigma = math.sqrt(max(s.P[Error.AZIMUTH, Error.AZIMUTH], 0.0))
+            earth_north = p.earth_north * math.cos(s.x[Error.AZIMUTH])
             step += 1
         stamp, d_x, d_y, d_z = stamps[i], g_t[i, 0], g_t[i, 1], g_t[i, 2]
         w_x, w_y, w_z = gyro_t[i, 0], gyro_t[i, 1], gyro_t[i, 2]

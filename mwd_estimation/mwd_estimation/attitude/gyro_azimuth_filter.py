@@ -13,17 +13,10 @@ import math
 import numpy as np
 
 from mwd_estimation.attitude.gyro_azimuth_state import (
-    AZIMUTH,
-    BIAS,
-    CONSTANT_ERROR,
-    DRIFT,
-    LAG,
-    LEAKAGE,
-    SLOW_ERROR,
     STATES,
-    STATION,
     BinStep,
     BinSums,
+    Error,
     KernelParams,
     MagneticAzimuth,
     State,
@@ -51,20 +44,20 @@ _DISTURBED = int(Status.MAG_DISTURBED)
 def begin(p: KernelParams, s: State) -> None:
     """Begin anew; the leakage is estimated from the turning itself and stays."""
     for i in range(STATES):
-        known = LEAKAGE <= i < DRIFT and s.P[i, i] > 0.0
+        known = Error.LEAKAGE <= i < Error.DRIFT and s.P[i, i] > 0.0
         reset_state(s.P, i, s.P[i, i] if known else 0.0)
         if not known:
             s.x[i] = 0.0
     for u in range(2):
         unit = p.units[u]
         for i in range(2):
-            bias, leakage = BIAS + 2 * u + i, LEAKAGE + 2 * u + i
+            bias, leakage = Error.BIAS + 2 * u + i, Error.LEAKAGE + 2 * u + i
             s.P[bias, bias] = unit.bias**2
             if not s.P[leakage, leakage] > 0.0:
                 s.P[leakage, leakage] = unit.leakage**2
-        s.P[DRIFT + u, DRIFT + u] = unit.drift**2
-        s.P[LAG + u, LAG + u] = unit.lag**2
-    s.P[SLOW_ERROR, SLOW_ERROR] = s.P[CONSTANT_ERROR, CONSTANT_ERROR] = 1.0
+        s.P[Error.DRIFT + u, Error.DRIFT + u] = unit.drift**2
+        s.P[Error.LAG + u, Error.LAG + u] = unit.lag**2
+    s.P[Error.SLOW_ERROR, Error.SLOW_ERROR] = s.P[Error.CONSTANT_ERROR, Error.CONSTANT_ERROR] = 1.0
     s.have_azimuth = True
     s.have_station = s.station_disagreed = False
 
@@ -73,10 +66,10 @@ def begin(p: KernelParams, s: State) -> None:
 def _update(s: State, ph: Array, innovation: float, variance: float) -> None:
     """Kalman update by one number: ph its covariance with the states; the station's azimuth has no gain."""
     # The covariances of that state change by the gains of the others, its variance stays (Joseph form, gain zero).
-    azimuth, own = s.x[STATION], s.P[STATION, STATION]
+    azimuth, own = s.x[Error.STATION], s.P[Error.STATION, Error.STATION]
     scalar_update(s.P, s.x, ph, variance, innovation)
-    s.x[STATION], s.P[STATION, STATION] = azimuth, own
-    s.x[AZIMUTH] %= 2.0 * math.pi
+    s.x[Error.STATION], s.P[Error.STATION, Error.STATION] = azimuth, own
+    s.x[Error.AZIMUTH] %= 2.0 * math.pi
 
 
 @compiled
@@ -84,13 +77,13 @@ def correct(
     p: KernelParams, s: State, azimuth: float, slow: float, constant: float, variance: float, extra: float
 ) -> bool:
     """
-    Update by an azimuth = x[AZIMUTH] + slow x[SLOW_ERROR] + constant x[CONSTANT_ERROR] + noise, rad.
+    Update by an azimuth = x[Error.AZIMUTH] + slow x[Error.SLOW_ERROR] + constant x[Error.CONSTANT_ERROR] + noise, rad.
 
     variance: of the noise. extra: variance to add once the azimuth has passed the gate, for noise that the next ones
     repeat. Returns False, with nothing changed, beyond the gate.
     """
     h, ph = np.zeros(STATES), np.empty(STATES)
-    h[AZIMUTH], h[SLOW_ERROR], h[CONSTANT_ERROR] = 1.0, slow, constant
+    h[Error.AZIMUTH], h[Error.SLOW_ERROR], h[Error.CONSTANT_ERROR] = 1.0, slow, constant
     total = project_covariance(s.P, h, ph) + variance
     innovation = _innovation(s, azimuth, slow, constant)
     s.innovation_ratio = innovation / math.sqrt(total)
@@ -103,18 +96,19 @@ def correct(
 @compiled
 def _innovation(s: State, azimuth: float, slow: float, constant: float) -> float:
     """Azimuth less the predicted one, rad in [-pi, pi)."""
-    return wrap_angle(azimuth - s.x[AZIMUTH] - slow * s.x[SLOW_ERROR] - constant * s.x[CONSTANT_ERROR])
+    x = s.x
+    return wrap_angle(azimuth - x[Error.AZIMUTH] - slow * x[Error.SLOW_ERROR] - constant * x[Error.CONSTANT_ERROR])
 
 
 @compiled
 def fade_slow_error(s: State, share: float) -> None:
     """Let all but a share of the slow magnetic error be a new one of unit variance."""
-    s.x[SLOW_ERROR] *= share
+    s.x[Error.SLOW_ERROR] *= share
     for j in range(STATES):
-        if j != SLOW_ERROR:
-            s.P[SLOW_ERROR, j] *= share
-            s.P[j, SLOW_ERROR] = s.P[SLOW_ERROR, j]
-    s.P[SLOW_ERROR, SLOW_ERROR] = 1.0 + share * share * (s.P[SLOW_ERROR, SLOW_ERROR] - 1.0)
+        if j != Error.SLOW_ERROR:
+            s.P[Error.SLOW_ERROR, j] *= share
+            s.P[j, Error.SLOW_ERROR] = s.P[Error.SLOW_ERROR, j]
+    s.P[Error.SLOW_ERROR, Error.SLOW_ERROR] = 1.0 + share * share * (s.P[Error.SLOW_ERROR, Error.SLOW_ERROR] - 1.0)
 
 
 @compiled
@@ -133,11 +127,11 @@ def propagate(p: KernelParams, s: State, sums: BinSums, unit: int) -> None:
         azimuth = s.x[n]
         slopes[n, n] = 1.0 - north * math.sin(azimuth)
         for i in range(2):
-            slopes[n, BIAS + 2 * unit + i] = -sums.across[i]
-            slopes[n, LEAKAGE + 2 * unit + i] = -sums.leakage[i]
-        slopes[n, DRIFT + unit], slopes[n, LAG + unit] = -sums.time, -sums.lag
+            slopes[n, Error.BIAS + 2 * unit + i] = -sums.across[i]
+            slopes[n, Error.LEAKAGE + 2 * unit + i] = -sums.leakage[i]
+        slopes[n, Error.DRIFT + unit], slopes[n, Error.LAG + unit] = -sums.time, -sums.lag
         moved = turn + north * math.cos(azimuth)
-        for i in range(BIAS, STATES):
+        for i in range(Error.BIAS, STATES):
             moved += slopes[n, i] * s.x[i]
         s.x[n] = (azimuth + moved) % (2.0 * math.pi)
         for i in range(STATES):
@@ -160,7 +154,7 @@ def propagate(p: KernelParams, s: State, sums: BinSums, unit: int) -> None:
     fade_slow_error(s, math.exp(-sums.time / p.slow_error_time_s))
     for u in range(2):
         for i in range(2):
-            s.P[BIAS + 2 * u + i, BIAS + 2 * u + i] += p.units[u].walk ** 2 * sums.time
+            s.P[Error.BIAS + 2 * u + i, Error.BIAS + 2 * u + i] += p.units[u].walk ** 2 * sums.time
 
 
 @compiled
@@ -178,7 +172,7 @@ def estimate_leakage(p: KernelParams, s: State, sums: BinSums, unit: int) -> Non
     noise = p.units[unit].noise ** 2 * time + (_ACROSS_RATE * time / turns) ** 2
     ph = np.zeros(STATES)
     for axis in range(2):
-        bias, leakage = BIAS + 2 * unit + axis, LEAKAGE + 2 * unit + axis
+        bias, leakage = Error.BIAS + 2 * unit + axis, Error.LEAKAGE + 2 * unit + axis
         for i in range(STATES):
             ph[i] = time * s.P[i, bias] + sums.spin * s.P[i, leakage]
         variance = time * ph[bias] + sums.spin * ph[leakage] + noise
@@ -194,7 +188,7 @@ def _follow_innovations(p: KernelParams, s: State, dt: float) -> None:
     if abs(s.innovation_mean) > _BIASED_MEAN:
         for u in range(2):
             prior = p.units[u].bias ** 2
-            for i in range(BIAS + 2 * u, BIAS + 2 * u + 2):
+            for i in range(Error.BIAS + 2 * u, Error.BIAS + 2 * u + 2):
                 s.P[i, i] = min(s.P[i, i] + prior * dt / _MEAN_TIME, prior)
 
 
@@ -219,10 +213,10 @@ def _first_azimuth(p: KernelParams, s: State, azimuth: float, slow: float, const
     """Begin at a magnetic azimuth = azimuth + slow x error + constant x error + noise: it errs by minus these."""
     begin(p, s)
     s.innovation_mean = 0.0
-    s.x[AZIMUTH] = azimuth % (2.0 * math.pi)
-    s.P[AZIMUTH, AZIMUTH] = slow * slow + variance + constant * constant
-    s.P[AZIMUTH, SLOW_ERROR] = s.P[SLOW_ERROR, AZIMUTH] = -slow
-    s.P[AZIMUTH, CONSTANT_ERROR] = s.P[CONSTANT_ERROR, AZIMUTH] = -constant
+    s.x[Error.AZIMUTH] = azimuth % (2.0 * math.pi)
+    s.P[Error.AZIMUTH, Error.AZIMUTH] = slow * slow + variance + constant * constant
+    s.P[Error.AZIMUTH, Error.SLOW_ERROR] = s.P[Error.SLOW_ERROR, Error.AZIMUTH] = -slow
+    s.P[Error.AZIMUTH, Error.CONSTANT_ERROR] = s.P[Error.CONSTANT_ERROR, Error.AZIMUTH] = -constant
 
 
 @compiled
@@ -252,7 +246,7 @@ def magnetic(p: KernelParams, s: State, measured: MagneticAzimuth, azimuth: floa
             # Consistently elsewhere with its field in order: the propagated azimuth errs by more than its sigma.
             s.resets += 1
             innovation = _innovation(s, azimuth, slow, constant)
-            s.P[AZIMUTH, AZIMUTH] += innovation * innovation
+            s.P[Error.AZIMUTH, Error.AZIMUTH] += innovation * innovation
             correct(p, s, azimuth, slow, constant, variance, extra)
             used = True
     if measured.usable:
@@ -274,18 +268,18 @@ def seek(p: KernelParams, s: State, azimuth: float, sigma: float) -> None:
     """
     if not s.have_azimuth:
         begin(p, s)
-        s.P[AZIMUTH, AZIMUTH] = math.pi * math.pi
-        s.x[AZIMUTH] = azimuth
+        s.P[Error.AZIMUTH, Error.AZIMUTH] = math.pi * math.pi
+        s.x[Error.AZIMUTH] = azimuth
     alone, s.by_gyro_only = s.by_gyro_only, True
-    away = wrap_angle(azimuth - s.x[AZIMUTH])
-    agrees = away * away <= _DISAGREES**2 * (s.P[AZIMUTH, AZIMUTH] + sigma * sigma)
-    if alone and agrees and sigma * sigma >= s.P[AZIMUTH, AZIMUTH]:
+    away = wrap_angle(azimuth - s.x[Error.AZIMUTH])
+    agrees = away * away <= _DISAGREES**2 * (s.P[Error.AZIMUTH, Error.AZIMUTH] + sigma * sigma)
+    if alone and agrees and sigma * sigma >= s.P[Error.AZIMUTH, Error.AZIMUTH]:
         return
     if alone or not agrees or not correct(p, s, azimuth, 0.0, 0.0, sigma * sigma, 0.0):
         if not agrees:
             s.resets += 1
-        s.x[AZIMUTH] = azimuth % (2.0 * math.pi)
-        reset_state(s.P, AZIMUTH, sigma * sigma)
+        s.x[Error.AZIMUTH] = azimuth % (2.0 * math.pi)
+        reset_state(s.P, Error.AZIMUTH, sigma * sigma)
 
 
 @compiled
@@ -300,12 +294,12 @@ def station(s: State, step: BinStep) -> None:
         return
     sigma, constant = step.station_sigma, step.station_constant_sigma
     if s.have_station and not step.station_by_gyro:
-        apart = wrap_angle(step.station_azimuth - s.x[STATION])
-        variance = s.P[STATION, STATION] + sigma * sigma - 2.0 * constant * s.station_constant_sigma
+        apart = wrap_angle(step.station_azimuth - s.x[Error.STATION])
+        variance = s.P[Error.STATION, Error.STATION] + sigma * sigma - 2.0 * constant * s.station_constant_sigma
         if apart * apart > _DISAGREES**2 * variance and not s.station_disagreed:
             s.station_disagreed = True
             return
     s.station_disagreed = False
-    s.x[STATION] = step.station_azimuth % (2.0 * math.pi)
-    reset_state(s.P, STATION, sigma * sigma)
+    s.x[Error.STATION] = step.station_azimuth % (2.0 * math.pi)
+    reset_state(s.P, Error.STATION, sigma * sigma)
     s.have_station, s.station_constant_sigma = True, constant

@@ -10,6 +10,7 @@ about the vertical that g-sensitivity makes, and their lag behind the gravity ve
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
@@ -18,8 +19,27 @@ import numpy as np
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.records import dtype_of
 
-# Places of the states in `State.x` and `State.P`; BIAS and LEAKAGE hold y and z of unit 0, then of unit 1.
-AZIMUTH, STATION, SLOW_ERROR, CONSTANT_ERROR, BIAS, LEAKAGE, DRIFT, LAG, STATES = 0, 1, 2, 3, 4, 8, 12, 14, 16
+
+class Error(enum.IntEnum):
+    """
+    Order of `State.x` and `State.P`: the first place of each quantity; there are STATES.
+
+    BIAS and LEAKAGE hold y and z of unit 0, then of unit 1; DRIFT and LAG one of each unit.
+    """
+
+    AZIMUTH = 0
+    STATION = 1
+    SLOW_ERROR = 2
+    CONSTANT_ERROR = 3
+    BIAS = 4
+    LEAKAGE = 8
+    DRIFT = 12
+    LAG = 14
+
+
+STATES = 16
+
+
 CONVENTIONAL, PRECISION = 0, 1
 BINS = 4  # bins whose sums are kept: the open one, those that wait for other streams, and one to spare
 RING = 8192  # samples kept for pairing with other streams: 1.5 s at 5 kHz; a power of two
@@ -165,7 +185,7 @@ class State:
         of times the azimuth was reset.
     mag_status : bits of the last magnetic azimuth.
     last_bin : taken in; NO_BIN before the first. bin_gyro_turn : `gyro_turn` at its end, rad.
-    slow_sigma : 1 sigma that the state SLOW_ERROR is in units of, rad.
+    slow_sigma : 1 sigma that the state Error.SLOW_ERROR is in units of, rad.
     by_gyro_only : the azimuth rests on a north seek and the gyros alone.
     have_station : a station's azimuth is propagated. station_constant_sigma : 1 sigma of its error that every
         magnetic azimuth shares, rad. station_disagreed : the last station did not agree with it.

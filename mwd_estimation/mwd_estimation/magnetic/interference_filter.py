@@ -23,14 +23,11 @@ import numpy as np
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.magnetic.interference_state import (
-    BIAS,
-    HORIZONTAL,
     INNOVATION,
     INTERFERENCE,
-    SCALE,
     STATE,
     STATES,
-    VERTICAL,
+    Error,
     FieldSamples,
     Innovation,
     Interference,
@@ -143,9 +140,9 @@ def initial(
     state = np.zeros(1, dtype=STATE)
     s = state[0]
     s.prior[range(6), range(6)] = np.array([along, cross, cross, scale, scale, scale]) ** 2
-    s.prior[HORIZONTAL:, HORIZONTAL:] = reference.covariance
+    s.prior[Error.HORIZONTAL :, Error.HORIZONTAL :] = reference.covariance
     s.P[:] = s.prior
-    s.start[BIAS] = s.x[BIAS] = axial[0]
+    s.start[Error.BIAS] = s.x[Error.BIAS] = axial[0]
     s.field[:] = reference.horizontal, reference.vertical
     s.last_ns = -1
     return state
@@ -209,7 +206,7 @@ def _azimuth(s: State, g: Array, b: Array) -> tuple[float, float, Array]:
     _directions(s, g, b, m)
     row = np.zeros(STATES)
     # A field taken off towards east turns the north that is seen back west, and the azimuth up.
-    row[:SCALE], row[SCALE:HORIZONTAL] = m.east / m.horizontal, m.east * m.clean / m.horizontal
+    row[: Error.SCALE], row[Error.SCALE : Error.HORIZONTAL] = m.east / m.horizontal, m.east * m.clean / m.horizontal
     return math.atan2(m.east[0], m.north[0]), float(m.horizontal), row
 
 
@@ -222,7 +219,7 @@ def _directions(s: State, g: Array, b: Array, m: Innovation) -> None:
     """
     vertical = 0.0
     for i in range(3):
-        m.clean[i] = b[i] - s.x[BIAS + i] - s.x[SCALE + i] * b[i]
+        m.clean[i] = b[i] - s.x[Error.BIAS + i] - s.x[Error.SCALE + i] * b[i]
         vertical += m.clean[i] * g[i]
     square = 0.0
     for i in range(3):
@@ -234,7 +231,7 @@ def _directions(s: State, g: Array, b: Array, m: Innovation) -> None:
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         m.east[i] = g[j] * m.north[k] - g[k] * m.north[j]
-        m.clean[i] = (s.field[1] + s.x[VERTICAL]) * g[i] + (s.field[0] + s.x[HORIZONTAL]) * m.north[i]
+        m.clean[i] = (s.field[1] + s.x[Error.VERTICAL]) * g[i] + (s.field[0] + s.x[Error.HORIZONTAL]) * m.north[i]
     m.vertical, m.horizontal = vertical, horizontal
 
 
@@ -247,10 +244,10 @@ def _slopes(g: Array, m: Innovation) -> None:
     product of the two would bias the scales.
     """
     for i in range(3):
-        m.slope[0, BIAS + i], m.slope[1, BIAS + i] = -g[i], -m.north[i]
-        m.slope[0, SCALE + i], m.slope[1, SCALE + i] = -g[i] * m.clean[i], -m.north[i] * m.clean[i]
-    m.slope[0, HORIZONTAL], m.slope[0, VERTICAL] = 0.0, -1.0
-    m.slope[1, HORIZONTAL], m.slope[1, VERTICAL] = -1.0, 0.0
+        m.slope[0, Error.BIAS + i], m.slope[1, Error.BIAS + i] = -g[i], -m.north[i]
+        m.slope[0, Error.SCALE + i], m.slope[1, Error.SCALE + i] = -g[i] * m.clean[i], -m.north[i] * m.clean[i]
+    m.slope[0, Error.HORIZONTAL], m.slope[0, Error.VERTICAL] = 0.0, -1.0
+    m.slope[1, Error.HORIZONTAL], m.slope[1, Error.VERTICAL] = -1.0, 0.0
 
 
 @compiled
@@ -277,8 +274,8 @@ def _innovate(p: KernelParams, s: State, samples: FieldSamples, k: int, m: Innov
     curve = 0.5 * _variance_east(s, m) / horizontal
     m.bend = 2.0 * curve * curve
     lifted = curve + 0.5 * (white + vertical * vertical * tilt) / horizontal
-    m.off_v = vertical - s.field[1] - s.x[VERTICAL]
-    m.off_h = horizontal - s.field[0] - s.x[HORIZONTAL] - lifted
+    m.off_v = vertical - s.field[1] - s.x[Error.VERTICAL]
+    m.off_h = horizontal - s.field[0] - s.x[Error.HORIZONTAL] - lifted
     for i in range(STATES):
         m.gain[0, i] = m.gain[1, i] = 0.0
         for j in range(STATES):
@@ -369,8 +366,8 @@ def _predict(p: KernelParams, s: State, stamp_ns: int) -> tuple[float, bool]:
         held = min(step, _MAX_STEP)
         for i in range(3):
             s.P[i, i] += p.walk * held
-        s.P[HORIZONTAL, HORIZONTAL] += p.field_walk * held
-        s.P[VERTICAL, VERTICAL] += p.field_walk * held
+        s.P[Error.HORIZONTAL, Error.HORIZONTAL] += p.field_walk * held
+        s.P[Error.VERTICAL, Error.VERTICAL] += p.field_walk * held
     fresh = first or step > 0.0
     if fresh:
         s.last_ns = stamp_ns

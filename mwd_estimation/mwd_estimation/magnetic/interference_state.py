@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -10,8 +11,21 @@ from numpy.typing import ArrayLike, NDArray
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.records import dtype_of
 
-# Places of the states: bias and scale of x, y, z, error of the reference H and V.
-BIAS, SCALE, HORIZONTAL, VERTICAL, STATES = 0, 3, 6, 7, 8
+
+class Error(enum.IntEnum):
+    """
+    Order of the error state: the first place of each quantity; there are STATES.
+
+    BIAS and SCALE are those of x, y, z; HORIZONTAL and VERTICAL the errors of the reference.
+    """
+
+    BIAS = 0
+    SCALE = 3
+    HORIZONTAL = 6
+    VERTICAL = 7
+
+
+STATES = 8
 
 
 class KernelParams(NamedTuple):

@@ -18,7 +18,7 @@ from mwd_estimation.attitude.gyro_azimuth import Params, Precision, kernel_param
 from mwd_estimation.attitude.gyro_azimuth_state import (
     BIN_STEP,
     MAGNETIC_AZIMUTH,
-    SLOW_ERROR,
+    Error,
     GyroBlock,
     PrecisionRates,
     initial,
@@ -285,7 +285,7 @@ def test_a_north_seek_tells_the_magnetic_error_and_one_that_disagrees_is_begun_a
     without, _, plain = go(well, mag, well.gyro)
     rows, _, state = go(well, mag, well.gyro, seek=[(3900, float(well.azimuth[3909]), 0.3 * DEG)])
     assert rows["sigma"][-1] < 0.45 * DEG < without["sigma"][-1]
-    assert state.P[SLOW_ERROR, SLOW_ERROR] < 0.5 * plain.P[SLOW_ERROR, SLOW_ERROR]
+    assert state.P[Error.SLOW_ERROR, Error.SLOW_ERROR] < 0.5 * plain.P[Error.SLOW_ERROR, Error.SLOW_ERROR]
     away = float(well.azimuth[3909]) + 20.0 * DEG
     rows, _, state = go(well, mag, well.gyro, seek=[(3900, away, 0.3 * DEG)])
     assert state.resets == 1

@@ -11,16 +11,11 @@ from numpy.testing import assert_allclose
 from mwd_estimation.attitude import gyro_azimuth_filter
 from mwd_estimation.attitude.gyro_azimuth import Params, kernel_params
 from mwd_estimation.attitude.gyro_azimuth_state import (
-    AZIMUTH,
-    BIAS,
     BIN_STEP,
     BIN_SUMS,
-    CONSTANT_ERROR,
-    LEAKAGE,
     MAGNETIC_AZIMUTH,
-    SLOW_ERROR,
     STATES,
-    STATION,
+    Error,
     initial,
 )
 
@@ -76,14 +71,14 @@ def test_propagation_is_the_derivative_of_itself(unit: int) -> None:
         F[:, j] = (ends[0] - ends[1]) / 2e-6
     root = np.random.default_rng(8).standard_normal((STATES, STATES))
     P = root @ root.T
-    P[SLOW_ERROR, SLOW_ERROR] += 2.0
+    P[Error.SLOW_ERROR, Error.SLOW_ERROR] += 2.0
     expected = F @ P @ F.T
-    expected[SLOW_ERROR, SLOW_ERROR] += 1.0 - F[SLOW_ERROR, SLOW_ERROR] ** 2
+    expected[Error.SLOW_ERROR, Error.SLOW_ERROR] += 1.0 - F[Error.SLOW_ERROR, Error.SLOW_ERROR] ** 2
     s = state_of(x, P)
     gyro_azimuth_filter.propagate(p, s, sums, unit)
     assert_allclose(s.P, expected, rtol=1e-6, atol=1e-9)
-    assert abs(F[AZIMUTH, AZIMUTH] - 1.0) > 1e-3
-    assert abs(F[STATION, STATION] - F[AZIMUTH, AZIMUTH]) > 1e-4
+    assert abs(F[Error.AZIMUTH, Error.AZIMUTH] - 1.0) > 1e-3
+    assert abs(F[Error.STATION, Error.STATION] - F[Error.AZIMUTH, Error.AZIMUTH]) > 1e-4
 
 
 def test_noise_moves_the_azimuth_and_that_of_the_station_together() -> None:
@@ -103,9 +98,9 @@ def test_a_sigma_that_varies_with_the_noise_neither_averages_its_error_down_nor_
         taken = measured(slow=slow * (1.0 + 0.01 * noise), noise=white)
         gyro_azimuth_filter.magnetic(p, s, taken, 1.0 + white * noise)
         gyro_azimuth_filter.propagate(p, s, sums, 0)
-    assert s.P[SLOW_ERROR, SLOW_ERROR] > 0.9
-    assert math.sqrt(s.P[AZIMUTH, AZIMUTH]) > 0.9 * slow
-    assert abs(s.x[AZIMUTH] - 1.0) < 0.1 * slow
+    assert s.P[Error.SLOW_ERROR, Error.SLOW_ERROR] > 0.9
+    assert math.sqrt(s.P[Error.AZIMUTH, Error.AZIMUTH]) > 0.9 * slow
+    assert abs(s.x[Error.AZIMUTH] - 1.0) < 0.1 * slow
 
 
 def test_a_magnetic_azimuth_leaves_the_station_alone_and_its_covariance_is_joseph_s() -> None:
@@ -113,13 +108,13 @@ def test_a_magnetic_azimuth_leaves_the_station_alone_and_its_covariance_is_josep
     before, slow, constant, r2 = root @ root.T, 0.02, 0.01, 1e-4
     s = state_of(P=before)
     H = np.zeros(STATES)
-    H[AZIMUTH], H[SLOW_ERROR], H[CONSTANT_ERROR] = 1.0, slow, constant
+    H[Error.AZIMUTH], H[Error.SLOW_ERROR], H[Error.CONSTANT_ERROR] = 1.0, slow, constant
     gain = before @ H / (H @ before @ H + r2)
-    gain[STATION] = 0.0
+    gain[Error.STATION] = 0.0
     kept = np.eye(STATES) - np.outer(gain, H)
     assert gyro_azimuth_filter.correct(PARAMS, s, 0.005, slow, constant, r2, 0.0)
-    assert s.x[STATION] == 0.0
-    assert s.x[AZIMUTH] == pytest.approx(gain[AZIMUTH] * 0.005)
+    assert s.x[Error.STATION] == 0.0
+    assert s.x[Error.AZIMUTH] == pytest.approx(gain[Error.AZIMUTH] * 0.005)
     assert_allclose(s.P, kept @ before @ kept.T + r2 * np.outer(gain, gain), atol=1e-15)
 
 
@@ -133,10 +128,10 @@ def test_beyond_the_gate_nothing_changes() -> None:
 
 def test_a_share_of_the_slow_error_fades_to_its_own_spread() -> None:
     s = state_of()
-    s.x[SLOW_ERROR], s.P[SLOW_ERROR, SLOW_ERROR] = 2.0, 0.04
-    s.P[SLOW_ERROR, BIAS] = s.P[BIAS, SLOW_ERROR] = 0.1
+    s.x[Error.SLOW_ERROR], s.P[Error.SLOW_ERROR, Error.SLOW_ERROR] = 2.0, 0.04
+    s.P[Error.SLOW_ERROR, Error.BIAS] = s.P[Error.BIAS, Error.SLOW_ERROR] = 0.1
     gyro_azimuth_filter.fade_slow_error(s, 0.5)
-    found = s.x[SLOW_ERROR], s.P[SLOW_ERROR, SLOW_ERROR], s.P[BIAS, SLOW_ERROR]
+    found = s.x[Error.SLOW_ERROR], s.P[Error.SLOW_ERROR, Error.SLOW_ERROR], s.P[Error.BIAS, Error.SLOW_ERROR]
     assert found == (1.0, 1.0 + 0.25 * (0.04 - 1.0), 0.05)
 
 
@@ -146,14 +141,14 @@ def test_a_station_is_propagated_only_where_there_is_an_azimuth() -> None:
     assert not s.have_station
     s.have_azimuth = True
     gyro_azimuth_filter.station(s, station_of(1.0 + 2.0 * math.pi, 0.1, 0.05, False))
-    assert s.x[STATION] == pytest.approx(1.0)
-    assert_allclose(s.P[STATION], 0.01 * np.eye(STATES)[STATION])
+    assert s.x[Error.STATION] == pytest.approx(1.0)
+    assert_allclose(s.P[Error.STATION], 0.01 * np.eye(STATES)[Error.STATION])
     assert s.station_constant_sigma == 0.05
 
 
 @pytest.mark.parametrize("unit", [0, 1])
 def test_the_leakage_is_found_while_the_tool_turns_and_nothing_where_it_does_not(unit: int) -> None:
-    s, at = state_of(), LEAKAGE + 2 * unit
+    s, at = state_of(), Error.LEAKAGE + 2 * unit
     gyro_azimuth_filter.begin(PARAMS, s)
     bias, leakage = np.array([1e-5, -2e-5]), np.array([2e-4, -3e-4])
     rng = np.random.default_rng(4)
@@ -178,11 +173,11 @@ def test_the_leakage_is_found_while_the_tool_turns_and_nothing_where_it_does_not
 def test_an_error_that_stays_for_a_while_is_counted_once_in_that_time() -> None:
     s = state_of()
     gyro_azimuth_filter.magnetic(PARAMS, s, measured(held=0.02), 1.0)
-    assert s.P[AZIMUTH, AZIMUTH] == pytest.approx(0.02**2)
+    assert s.P[Error.AZIMUTH, Error.AZIMUTH] == pytest.approx(0.02**2)
     for _ in range(50):
         gyro_azimuth_filter.magnetic(PARAMS, s, measured(held=0.02), 1.0)
     # Fifty in ten seconds, with an error that stays for ten: half as much again as one of its own.
-    assert s.P[AZIMUTH, AZIMUTH] == pytest.approx(0.02**2 / 1.5, rel=1e-6)
+    assert s.P[Error.AZIMUTH, Error.AZIMUTH] == pytest.approx(0.02**2 / 1.5, rel=1e-6)
 
 
 def test_a_station_that_disagrees_is_propagated_only_if_a_gyro_or_the_next_one_confirms_it() -> None:
@@ -192,7 +187,7 @@ def test_a_station_that_disagrees_is_propagated_only_if_a_gyro_or_the_next_one_c
         gyro_azimuth_filter.station(s, station_of(1.0, 0.01, 0.005, False))
         for one in by_gyro:
             gyro_azimuth_filter.station(s, station_of(1.2, 0.01, 0.005, one))
-        return float(s.x[STATION])
+        return float(s.x[Error.STATION])
 
     assert (propagated(False), propagated(True), propagated(False, False)) == (1.0, 1.2, 1.2)
 
@@ -221,7 +216,7 @@ def test_a_biased_mean_innovation_opens_the_biases_as_far_as_the_gyro_s_grade_al
         gyro_azimuth_filter.propagate(p, s, sums, 0)
         s.since_seen_s = s.since_used_s = dt
         gyro_azimuth_filter.magnetic(p, s, measured(noise=sigma), rng.normal(scale=sigma))
-        off.append(math.degrees((s.x[AZIMUTH] + math.pi) % math.tau - math.pi))
+        off.append(math.degrees((s.x[Error.AZIMUTH] + math.pi) % math.tau - math.pi))
         if step == 299:
             assert abs(s.innovation_mean) < 1.5
     assert (abs(off[-1]) < 3.0) == follows

@@ -44,11 +44,6 @@ class Total:
         """The judged value off its reference; None where one of the two is not known."""
         return None if self.value is None or self.reference is None else self.value - self.reference
 
-    @property
-    def read_deviation(self) -> float | None:
-        """The value as read off its reference; None where one of the two is not known."""
-        return None if self.read is None or self.reference is None else self.read - self.reference
-
 
 def totals(survey: Survey, limits: Limits | None = None) -> tuple[Total, Total, Total]:
     """Return total gravity, total field and dip of a survey; `limits` count where the survey brings none."""

@@ -32,7 +32,7 @@ def test_a_corrected_azimuth_is_judged_by_the_field_without_the_string():
     _, field, angle = totals(disturbed(azimuth_method="corrected"))
     assert field.corrected
     assert field.deviation == pytest.approx(0.0, abs=1e-12)
-    assert field.read_deviation == pytest.approx(disturbed().b_total - disturbed().b_reference)
+    assert field.read == disturbed().b_total
     assert angle.deviation == pytest.approx(0.0, abs=1e-12)
     assert (field.light, angle.light) == ("good", "good")
 
@@ -40,7 +40,7 @@ def test_a_corrected_azimuth_is_judged_by_the_field_without_the_string():
 def test_an_azimuth_from_the_field_as_read_is_judged_by_that():
     _, field, angle = totals(disturbed(azimuth_method="raw"))
     assert not field.corrected
-    assert field.deviation == field.read_deviation
+    assert field.value == field.read
     assert (field.light, angle.light) == ("reject", "reject")
 
 

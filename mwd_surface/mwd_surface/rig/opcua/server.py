@@ -63,7 +63,6 @@ METHODS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("reason", "String", "why"),
     ),
 }
-_RESULTS = (("success", "Boolean", "it was done"), ("message", "String", "what was done, or why not"))
 
 
 class OpcuaServer(LoopInterface):
