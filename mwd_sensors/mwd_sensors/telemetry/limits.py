@@ -57,12 +57,30 @@ def soft_word_error(ebn0_db: float, bits: int, trials: int = 20000, seed: int = 
 
     The best of all words with even parity has no closed form: drawn by chance, 1 sigma sqrt(p (1 - p) / trials).
     """
+    return _drawn([white_common(ebn0_db, size) for size in packets(bits)], bits, trials, seed)
+
+
+def channel_word_error(common: Array, bits: int, trials: int = 20000, seed: int = 0) -> float:
+    """
+    Error probability as `soft_word_error` of a receiver that knows channel, time and noise; neighbours do not disturb.
+
+    common : ndarray, shape (8,) or more: what two whitened pulses have in common, by their distance in TU.
+    """
+    return _drawn([common] * len(packets(bits)), bits, trials, seed)
+
+
+def white_common(ebn0_db: float, size: int) -> Array:
+    """What two pulses of a packet have in common in white noise, by their distance in TU; shape (8,)."""
+    return 2.0 * size * ratio(ebn0_db) * np.array([1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+
+
+def _drawn(commons: list[Array], bits: int, trials: int, seed: int) -> float:
     random = np.random.default_rng(seed)
     right = np.zeros(trials)
     # Best metric of all words but the right one so far, by whether their parity differs from the right word's.
     wrong = np.full((2, trials), -np.inf)
-    for size in packets(bits):
-        metric, sent = packet_metrics(random, ebn0_db, size, trials)
+    for size, common in zip(packets(bits), commons, strict=True):
+        metric, sent = packet_metrics(random, common, size, trials)
         others = metric.copy()
         others[np.arange(trials), sent] = -np.inf
         differs = np.array([[(v ^ w).bit_count() & 1 for v in range(2**size)] for w in range(2**size)])[sent]
@@ -80,9 +98,17 @@ def soft_word_error(ebn0_db: float, bits: int, trials: int = 20000, seed: int = 
     return float(np.mean(wrong[0] > right))
 
 
-def packet_metrics(random: np.random.Generator, ebn0_db: float, size: int, trials: int) -> tuple[Array, Indices]:
+def packet_metrics(random: np.random.Generator, common: Array, size: int, trials: int) -> tuple[Array, Indices]:
     """
     Draw the log-likelihood of each value of a packet of `size` bits, and the value sent.
+
+    Parameters
+    ----------
+    random : numpy Generator
+    common : ndarray, shape (8,) or more
+        What two whitened pulses have in common, by their distance in TU: mean and covariance of the matched filter.
+    size : int
+    trials : int
 
     Returns
     -------
@@ -92,12 +118,9 @@ def packet_metrics(random: np.random.Generator, ebn0_db: float, size: int, trial
         Value sent.
     """
     count = 2**size
-    energy = 2.0 * size * ratio(ebn0_db)
+    apart = np.abs(np.arange(count)[:, None] - np.arange(count)[None, :])
+    covariance = np.asarray(common)[apart]
     sent = random.integers(count, size=trials)
-    # What is integrated over each TU, of unit noise: a pulse lies in two of them.
-    cells = random.normal(size=(trials, count + 1))
-    rows = np.arange(trials)
-    for half in (0, 1):
-        cells[rows, count - 1 - sent + half] += math.sqrt(0.5 * energy)
-    places = math.sqrt(0.5 * energy) * (cells[:, :-1] + cells[:, 1:])
-    return places[:, ::-1], sent
+    values, vectors = np.linalg.eigh(covariance)
+    noise = random.normal(size=(trials, count)) * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+    return covariance[sent] + noise, sent

@@ -188,7 +188,7 @@ class PulseReceiver:
         self.syncs.append((self._grid.seconds(position), found.score))
         active = self._active
         if active is not None and active.expects_sync(position):
-            active.take_sync()
+            active.offer_sync()
         elif active is not None and (active.sound or found.score <= _SURER * active.score):
             # Data can look like a sync by chance: it counts once the transmission breaks off.
             if self._waiting is None or found.score > self._waiting[0].score:

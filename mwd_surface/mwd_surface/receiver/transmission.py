@@ -32,6 +32,8 @@ _LOST = 0.95
 _DOUBTFUL = 0.2
 # Share of the usual evidence for pulses below which a stretch holds none, or those of a transmission that began anew.
 _FAINT = 0.3
+# Share above which a stretch is what it is taken for, although it may look like a sync.
+_CLEAR = 0.7
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,27 +98,23 @@ class Transmission:
         self.score = found.score
         self._pass: _Pass | None = None
         self._boundary = SAMPLES_PER_TU * tool.sync.length_tu
-        self._synced = True
+        self._offered = False
 
     def expects_sync(self, position: float) -> bool:
         """Whether a sync found at a position of the grid starts where the next pass would."""
         at = (position - self._start) / self._pace
         return self._pass is not None and abs(at - self._pass_end(self._pass)) <= SAMPLES_PER_TU
 
-    def take_sync(self) -> None:
-        """Go on with a sync instead of the next pass."""
-        if self._pass is not None:
-            end = self._pass_end(self._pass)
-            self._edges += [float(end + SAMPLES_PER_TU * edge) for edge in self._tool.sync.edges_tu]
-            self._chances += [1.0] * len(self._tool.sync.edges_tu)
-            self._boundary = end + SAMPLES_PER_TU * self._tool.sync.length_tu
-            self._synced = True
+    def offer_sync(self) -> None:
+        """Take a sync into account where the next pass begins; the data decide which of the two it is."""
+        self._offered = True
 
     def needs(self) -> float:
         """Position of the grid up to which pressure has to be there for the next step."""
         if self._pass is None or self._done(self._pass):
             longest = max(self._first_length(kind) for kind in ("survey", "toolface"))
-            start = self._boundary if self._synced or self._pass is None else self._pass_end(self._pass)
+            start = self._boundary if self._pass is None else self._pass_end(self._pass)
+            start += SAMPLES_PER_TU * self._tool.sync.length_tu if self._offered else 0
             return self._at(start + SAMPLES_PER_TU * (self._tool.header_tu + longest + _AFTER_TU)) + REACH
         items = _stretch(self._pass.items, self._pass.done)
         _, length = packet_rows(items)
@@ -230,14 +228,15 @@ class Transmission:
 
     def _begin_pass(self) -> None:
         """Choose the sequence that comes: behind a sync by the evidence of the data, else toolface again."""
-        if not self._synced and self._pass is not None:
-            kind, items = self._pass.kind, self._pass.items
-            number = self._sequences(kind).index(items)
-            items = items if kind == "toolface" else self._tool.toolfaces[min(number, len(self._tool.toolfaces) - 1)]
-            start = self._pass_end(self._pass)
-            self._pass = _Pass("toolface", items, start, at=start)
-            return
-        self._synced = False
+        if self._pass is not None:
+            following = self._following(self._pass)
+            offered, self._offered = self._offered, False
+            if not offered or self._fits(following):
+                self._pass = following
+                return
+            self._edges += [float(following.start + SAMPLES_PER_TU * edge) for edge in self._tool.sync.edges_tu]
+            self._chances += [1.0] * len(self._tool.sync.edges_tu)
+            self._boundary = following.start + SAMPLES_PER_TU * self._tool.sync.length_tu
         start, number = self._boundary, 0
         if self._tool.header_bits:
             number = self._header(start)
@@ -250,6 +249,20 @@ class Transmission:
             best = max(best, (decision.evidence / length, kind))
         sequences = self._sequences(best[1])
         self._pass = _Pass(best[1], sequences[min(number, len(sequences) - 1)], start, at=start)
+
+    def _following(self, last: _Pass) -> _Pass:
+        """Pass that follows another one without a sync: the toolface sequence of the same number."""
+        number = self._sequences(last.kind).index(last.items)
+        toolfaces = self._tool.toolfaces
+        items = last.items if last.kind == "toolface" else toolfaces[min(number, len(toolfaces) - 1)]
+        start = self._pass_end(last)
+        return _Pass("toolface", items, start, at=start)
+
+    def _fits(self, one: _Pass) -> bool:
+        """Whether the data have the pulses of a pass as clearly as those of the stretches before."""
+        rows, length = packet_rows(_stretch(one.items, 0))
+        evidence = self._decode_once(rows, length, one.at).evidence / len(rows)
+        return evidence > _CLEAR * float(np.median(self._usual))
 
     def _header(self, start: int) -> int:
         items = (SequenceItem("header", self._tool.header_bits, False),)
