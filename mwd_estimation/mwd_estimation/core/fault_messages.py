@@ -119,7 +119,7 @@ def _axis(fault: SensorFault) -> str:
         return "xyz"[fault.place % 3]
     if fault.code in (FaultCode.INVALID, FaultCode.NOISE):
         return "/".join("xyz"[k] for k in _bits(fault.which[0], 3))
-    if fault.code in (FaultCode.RATE, FaultCode.STAMPS, FaultCode.FRAME):
+    if fault.code in (FaultCode.RATE, FaultCode.STAMPS, FaultCode.REPLAYED, FaultCode.FRAME):
         return ""
     return "y/z" if fault.code == FaultCode.REST_RATE else "all"
 
@@ -246,6 +246,10 @@ _WORDS: dict[FaultCode, Callable[[SensorFault, str], tuple[str, str]]] = {
     ),
     FaultCode.RATE: _rate,
     FaultCode.STAMPS: _plain("stamps of samples repeat or run backwards", "stamp samples where they are measured"),
+    FaultCode.REPLAYED: _plain(
+        "samples sent before come again with new stamps",
+        "the link plays old data: clear its buffer and take the surveys of this time again",
+    ),
     FaultCode.UNIT: _unit,
     FaultCode.SIGN: _sign,
     FaultCode.POINTS_UP: _sign,

@@ -22,11 +22,11 @@ class FaultCode(enum.IntEnum):
     """
     One check each, with the same meaning for every unit.
 
-    Of one axis: STUCK, SATURATED (always at the end of the range), CLIPPED (often). Of one sensor: INVALID (values that
-    are not finite), DEAD (all axes repeat), NOISE (random numbers), NEVER_CAME and SILENT (no samples), REPEATED (sent
-    twice), UNIT, MISMATCH (fits no axis of the other unit), GRAVITY (the mean force is not gravity), REST_RATE (turns
-    at rest). Of the stream: RATE, STAMPS. Between sensors: AXES, SIGN, POINTS_UP (a sign, seen without a reference),
-    FRAME.
+    Of one axis: STUCK, SATURATED (always at the end of the range), CLIPPED (often). Of one sensor: INVALID (values
+    that are not finite), DEAD (all axes repeat), NOISE (random numbers), NEVER_CAME and SILENT (no samples),
+    REPEATED (sent twice), UNIT, MISMATCH (fits no axis of the other unit), GRAVITY (the mean force is not gravity),
+    REST_RATE (turns at rest). Of the stream: RATE, STAMPS, REPLAYED (old samples come again). Between sensors:
+    AXES, SIGN, POINTS_UP (a sign, seen without a reference), FRAME.
     """
 
     STUCK = 0
@@ -48,6 +48,7 @@ class FaultCode(enum.IntEnum):
     MISMATCH = 16
     GRAVITY = 17
     REST_RATE = 18
+    REPLAYED = 19
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,6 +97,8 @@ class SensorFault:
         if self.code in (FaultCode.AXES, FaultCode.FRAME):
             named = tuple(s for s in range(3) if self.which[s])
             return named or (1, 2)
+        if self.code == FaultCode.REPLAYED:
+            return 0, 1, 2
         if self.code == FaultCode.SIGN:
             return tuple(s for s in range(3) if self.which[0] >> s & 1)
         return (0, 1) if self.code in (FaultCode.RATE, FaultCode.STAMPS) else (self.place // 3,)

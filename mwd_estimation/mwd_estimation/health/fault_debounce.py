@@ -90,6 +90,7 @@ RULES = {
     FaultCode.MISMATCH: Rule(8, 8),
     FaultCode.GRAVITY: Rule(4, 2),
     FaultCode.REST_RATE: Rule(5, 4),
+    FaultCode.REPLAYED: Rule(2, 4),
 }
 _RULES = np.array([RULES[code] for code in FaultCode], dtype=np.int64)
 # Mappings up to which a frame that does not fit accuses the accelerometer as well.
@@ -169,6 +170,8 @@ def accused(code: int, place: int, which: Indices) -> int:
         return int(which[0])
     if code == FaultCode.POINTS_UP:
         return ACCEL
+    if code == FaultCode.REPLAYED:
+        return GYRO | ACCEL | MAG
     if code == FaultCode.AXES:
         return (GYRO if which[0] else 0) | (ACCEL if which[1] else 0) | (MAG if which[2] else 0)
     if code == FaultCode.FRAME:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation.core.sensor_fault import FaultCode, SensorFault
-from mwd_estimation.health import fault_debounce, motion_window, sample_stream, signal_checks
+from mwd_estimation.health import fault_debounce, motion_window, replayed_samples, sample_stream, signal_checks
 from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.fault_debounce import weigh
 from mwd_estimation.health.motion_window import CARRIED, PARTS, Consistency, Expected, Samples
@@ -114,6 +114,7 @@ def initial(
         np.zeros(1, dtype=STREAM),
         np.zeros(1, dtype=CARRIED),
         np.zeros(motion_window.ROWS, dtype=motion_window.STEP),
+        replayed_samples.blank(),
     )
     empty = np.zeros(0, dtype=np.int64)
     nothing = np.zeros((0, 3))

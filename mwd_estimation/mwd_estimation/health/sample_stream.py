@@ -16,6 +16,7 @@ from mwd_estimation.core.sensor_fault import GYRO, FaultCode
 from mwd_estimation.health import fault_debounce, motion_window, signal_checks
 from mwd_estimation.health.fault_debounce import FAULT, OK, UNKNOWN, weigh
 from mwd_estimation.health.motion_window import PARTS, Consistency, Expected, Samples
+from mwd_estimation.health.replayed_samples import judge_replay
 from mwd_estimation.health.signal_checks import BIN_NS, SignalLimits
 from mwd_estimation.health.stream_checks import BACK_NS, judge_silence, judge_stamp, judge_stream
 from mwd_estimation.health.window_checks import BROKEN, CLIPPED
@@ -45,13 +46,14 @@ class Kernel(NamedTuple):
 
 
 class Tables(NamedTuple):
-    """All arrays that change: checks, channels, stream (1), carried window (1), its steps."""
+    """All arrays that change: checks, channels, stream (1), carried window (1), its steps, hashes of old samples."""
 
     checks: Any
     channels: Any
     stream: Any
     carried: Any
     steps: Any
+    kept: Any
 
 
 @compiled
@@ -104,6 +106,7 @@ def _close(k: Kernel, tables: Tables, expected: Expected, samples: Samples, brok
     for sensor in range(3):
         s.window[sensor] = max(s.window[sensor], _spoils(channels, sensor))
     judge_silence(k.mag_expected, s, checks, channels, began)
+    judge_replay(tables.kept, checks, samples, s.first, s.stop, began)
     late = judge_stream(k.signal, checks, channels, s, samples, began)
     s.doubtful = signal_checks.judge_bin(k.signal, checks, channels, k.ranges, began)
     if late or checks[FaultCode.STAMPS, 0].state == FAULT:
