@@ -17,6 +17,7 @@ setup(
     ],
     install_requires=[
         "numpy",
+        "scipy",
         "PyYAML",
         "typer",
         "rich",

@@ -17,6 +17,7 @@ from mwd_surface.commands.compare import compare
 from mwd_surface.commands.decode import decode
 from mwd_surface.commands.doctor import doctor
 from mwd_surface.commands.export import export, report
+from mwd_surface.commands.forecast import forecast
 from mwd_surface.commands.node import PASS_ON, node
 from mwd_surface.commands.path import path
 from mwd_surface.commands.plot import plot
@@ -65,6 +66,7 @@ app.command(rich_help_panel=_RECORDINGS)(compare)
 app.command(rich_help_panel=_RECORDINGS)(survey)
 app.command(rich_help_panel=_RECORDINGS)(path)
 app.command(rich_help_panel=_RECORDINGS)(clearance)
+app.command(rich_help_panel=_RECORDINGS)(forecast)
 app.command(rich_help_panel=_RECORDINGS)(export)
 app.command(rich_help_panel=_RECORDINGS)(report)
 app.command(rich_help_panel=_RECORDINGS)(simulate)

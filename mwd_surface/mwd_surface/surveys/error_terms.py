@@ -30,6 +30,8 @@ Mask = npt.NDArray[np.bool_]
 RANDOM = "random"
 # The library's word for an error that wells of one pad share; within one well it is correlated throughout.
 _WHOLE_WELL = ("well", "global", "within_pad")
+# Nearer to the vertical than this no tool gives an azimuth, rad.
+_VERTICAL = math.radians(1.0)
 # Errors of the depth and of the course of the hole between stations: those that do not belong to the angles measured.
 _NOT_OF_ANGLES = ("DRF", "DSF", "DST", "XCL")
 
@@ -176,6 +178,22 @@ def error_terms(
     return terms
 
 
+def angle_covariance(stations: tuple[Array, Array, Array], tool: Tool, reference: ErrorReference) -> Array:
+    """
+    Return the covariance of inclination and azimuth along a well that one tool surveys, shape (n, 2, 2), rad^2.
+
+    stations: measured depth, m, inclination and azimuth from true north, rad, shape (n,) each. Errors as `error_terms`.
+    """
+    # Some terms have no value at the first station: it is given one more above.
+    md, inc, azi = (np.append(values[:1], values).astype(float) for values in stations)
+    md[0] -= 30.0
+    total = np.zeros((inc.size, 2, 2))
+    for term in error_terms((md, inc, azi), [tool] * inc.size, reference):
+        if not term.name.startswith(_NOT_OF_ANGLES):
+            total += np.einsum("ki,kj->kij", term.measured[:, 1:], term.measured[:, 1:])
+    return total[1:]
+
+
 def _of_tool(whole: _Stations, tool: Tool, own: Mask, reference: ErrorReference, bare: Mask) -> Iterator[ErrorTerm]:
     """Terms of one tool; own, shape (n,): its stations."""
     n = whole.md.size
@@ -192,6 +210,8 @@ def _of_tool(whole: _Stations, tool: Tool, own: Mask, reference: ErrorReference,
     # Stations of others that lie between only shape the path; their angles need not be within the limits.
     shape = np.where(own, whole.inclination, np.clip(whole.inclination, low, np.nextafter(high, 0.0)))
     errors = _evaluated(whole.cut(first, last, shape), tool.code, reference)
+    if _needs_latitude(tool.code):
+        _check_azimuth(tool.code, errors, whole, own, first)
     for name, source in errors.items():
         counted = own if name.startswith(_NOT_OF_ANGLES) else own & ~bare
         for part, active in enumerate(_realisations(source)):
@@ -202,6 +222,17 @@ def _of_tool(whole: _Stations, tool: Tool, own: Mask, reference: ErrorReference,
                 array[kept] = np.asarray(values)[: last - first][kept[first:last]]
             shared = _shared(source.propagation, tool) + (f", part {part}" if part else "")
             yield ErrorTerm(name, shared, *arrays)
+
+
+def _check_azimuth(code: str, errors: dict[str, Any], whole: _Stations, own: Mask, first: int) -> None:
+    """Refuse a north-seeking gyro near horizontal, where its terms grow with 1 / cos(inclination) beyond any use."""
+    largest = np.max([np.abs(np.asarray(source.e_DIA))[:, 2] for source in errors.values()], axis=0, initial=0.0)
+    for k in np.flatnonzero(own & (np.sin(whole.inclination) > math.sin(_VERTICAL))):
+        if not largest[k - first] < 0.5 * math.pi:
+            raise ValueError(
+                f"{code} gives no azimuth at {whole.md[k]:.1f} m, at {math.degrees(whole.inclination[k]):.1f} deg of"
+                " inclination: choose another code from there on"
+            )
 
 
 def _shared(propagation: str, tool: Tool) -> str:

@@ -1,0 +1,118 @@
+"""`mwd forecast`: what surveys along a plan will be worth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mwd_surface.commands.reference_options import FIELD_PANEL, Changes, Date, Field, Lat, Lon
+
+if TYPE_CHECKING:
+    from mwd_surface.surveys.forecast import Forecast
+
+
+def forecast(
+    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Planned path: CSV, LAS or WITSML.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; made if need be.")],
+    code: Annotated[str, typer.Option("--code", help="Tool code, e.g. MWD+IFR1+SAG.")] = "MWD+SRGM",
+    axial: Annotated[float, typer.Option(help="Axial interference to expect of the drill string, nT.")] = 0.0,
+    limit: Annotated[float, typer.Option(help="Largest sigma of a corrected azimuth that is of use, deg.")] = 2.0,
+    north: Annotated[str, typer.Option(help="North of a plan that does not say it: magnetic, true or grid.")] = "true",
+    lat: Lat = None,
+    lon: Lon = None,
+    date: Date = None,
+    field: Field = None,
+    declination: Annotated[
+        float | None, typer.Option(help="Magnetic from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
+    ] = None,
+    convergence: Annotated[
+        float | None, typer.Option(help="Grid from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
+    ] = None,
+    changes: Changes = None,
+) -> None:
+    """
+    Forecast surveys along a plan: sigmas, limits of quality control, no-go directions of the axial correction.
+
+    Writes DIR/forecast.csv and DIR/forecast.png. Pass rate: how often a sound tool keeps gravity, field and dip within
+    the limits of its code, with the interference given and no correction.
+
+    \b
+    Examples:
+      mwd forecast plan.csv -o ahead --code MWD+IFR1+SAG --lat 58.44 --lon 1.88 --date 2026-03-01
+      mwd forecast plan.csv -o ahead --field 50500,71.2,-1.1 --north grid --convergence -0.9 --axial 400
+    """
+    import math
+
+    from mwd_surface.bags.bag_metadata import write_atomically
+    from mwd_surface.commands import terminal
+    from mwd_surface.commands.table_reference import Known, table_reference, table_settings
+    from mwd_surface.exports.forecast_csv import forecast_csv
+    from mwd_surface.plots.clearance_plots import png
+    from mwd_surface.plots.forecast_plot import forecast_figure
+    from mwd_surface.surveys.error_terms import check_tool_code
+    from mwd_surface.surveys.forecast import corrected_sibling, correction_map
+    from mwd_surface.surveys.forecast import forecast as work_out
+    from mwd_surface.surveys.plan_file import read_plan
+    from mwd_surface.surveys.well import NORTHS
+
+    check_tool_code(code)
+    if north not in NORTHS:
+        raise ValueError(f"--north {north}: one of {', '.join(NORTHS)}")
+    if not limit > 0.0:
+        raise ValueError(f"--limit {limit:g}: must be positive")
+    planned = read_plan(plan)
+    settings = table_settings(None, changes, lat, lon, date, field)
+    reference, remarks = table_reference(settings, Known.of(field, declination, convergence))
+    if reference is None or reference.total is None:
+        raise ValueError("a forecast needs the field: give --lat, --lon and --date, or --field")
+    for remark in remarks:
+        terminal.warn(remark)
+    latitude = math.nan if settings.place.lat_deg is None else math.radians(settings.place.lat_deg)
+    found = work_out(
+        planned, planned.north or north, code, reference, latitude, axial=axial * 1e-9, most=math.radians(limit)
+    )
+    chart = correction_map(code, reference, latitude) if corrected_sibling(code) else None
+    files = {"forecast.csv": forecast_csv(found).encode(), "forecast.png": png(forecast_figure(found, chart))}
+    output.mkdir(parents=True, exist_ok=True)
+    for name, data in files.items():
+        write_atomically(output / name, data)
+    _show(found)
+    terminal.output().print(f"written: {', '.join(str(output / name) for name in files)}", markup=False)
+
+
+def _show(found: Forecast) -> None:
+    import math
+
+    import numpy as np
+    from rich.table import Table
+
+    from mwd_surface.commands import terminal
+    from mwd_surface.exports.survey_table import fixed
+
+    table = Table(box=None, header_style="dim")
+    names = ("depth m", "incl", "azi true", "σ incl", "σ azi", "corrected", "", "field nT", "dip", "pass %")
+    for name in names:
+        table.add_column(name, justify="right")
+    # The whole is in the file; here some stations along the hole.
+    for k in np.unique(np.linspace(0, found.md.size - 1, 14).astype(int)):
+        degrees = (found.inclination, found.true_azimuth, found.sigma_inclination, found.sigma_azimuth)
+        table.add_row(
+            f"{found.md[k]:.0f}",
+            *(fixed(math.degrees(v[k]), n) for v, n in zip(degrees, (1, 1, 2, 2), strict=True)),
+            fixed(math.degrees(found.sigma_corrected[k]), 2),
+            "no-go" if found.no_go[k] else "",
+            fixed(float(found.limits[k, 1]) * 1e9, 0),
+            fixed(math.degrees(found.limits[k, 2]), 2),
+            fixed(100.0 * float(found.pass_rate[k]), 0),
+        )
+    console = terminal.output()
+    console.print(table)
+    if np.any(found.no_go):
+        part = found.md[found.no_go]
+        console.print(
+            f"the axial correction is of no use at {np.count_nonzero(found.no_go)} stations between {part[0]:.0f} and "
+            f"{part[-1]:.0f} m: plan for a gyro, multi-station analysis or more non-magnetic collars there",
+            markup=False,
+        )

@@ -1,0 +1,71 @@
+"""The picture of a forecast: sigmas and pass rate along the plan, and where the axial correction is of no use."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_surface.plots.drawing import DEGREES, finish_axes
+from mwd_surface.surveys.forecast import Forecast
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_INC, _AZI, _CORRECTED, _NO_GO = "#009E73", "#0072B2", "#E69F00", "#D55E00"
+
+
+def forecast_figure(found: Forecast, chart: tuple[Array, Array, Array] | None) -> Figure:
+    """
+    Draw a forecast.
+
+    chart: true azimuths, inclinations and sigmas of the corrected azimuth as `correction_map` gives them; None where
+    the tool code has no such correction.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12.0, 5.2), layout="constrained")
+    grid = figure.add_gridspec(1, 4)
+    sigma = figure.add_subplot(grid[0, 0])
+    passes = figure.add_subplot(grid[0, 1], sharey=sigma)
+    _draw_sigmas(sigma, found)
+    passes.plot(100.0 * found.pass_rate, found.md, color=_AZI)
+    passes.set(xlim=(0.0, 101.0), xlabel=f"within all limits, %\naxial interference {found.axial * 1e9:.0f} nT")
+    if not np.any(np.isfinite(found.pass_rate)):
+        passes.text(0.5, 0.5, "no magnetic sensors", ha="center", transform=passes.transAxes, fontsize=9)
+    for ax in (sigma, passes):
+        finish_axes(ax)
+    if chart is not None:
+        _draw_map(figure, figure.add_subplot(grid[0, 2:], projection="polar"), found, chart)
+    return figure
+
+
+def _draw_sigmas(ax: Any, found: Forecast) -> None:
+    most = 2.0 * found.most * DEGREES
+    ax.plot(found.sigma_inclination * DEGREES, found.md, color=_INC, label="inclination")
+    ax.plot(found.sigma_azimuth * DEGREES, found.md, color=_AZI, label="azimuth")
+    ax.plot(np.clip(found.sigma_corrected * DEGREES, 0.0, most), found.md, "--", color=_CORRECTED, label="corrected")
+    ax.axvline(found.most * DEGREES, color=_NO_GO, linewidth=0.9, label="no-go of the correction")
+    ax.set(xlabel="1 sigma, deg", ylabel="measured depth, m")
+    ax.set_xlim(0.0, most)
+    ax.invert_yaxis()
+    ax.legend(fontsize=8, frameon=False)
+
+
+def _draw_map(figure: Figure, ax: Any, found: Forecast, chart: tuple[Array, Array, Array]) -> None:
+    azimuths, inclinations, sigmas = chart
+    most = found.most * DEGREES
+    ax.set_theta_zero_location("N")
+    ax.set_theta_direction(-1)
+    levels = most * np.array([0.0, 0.25, 0.5, 0.75, 1.0, 2.0, 4.0])
+    shown = np.clip(np.nan_to_num(sigmas * DEGREES, nan=0.0), 0.0, levels[-1])
+    drawn = ax.contourf(azimuths, inclinations * DEGREES, shown, levels=levels, cmap="viridis_r")
+    ax.contour(azimuths, inclinations * DEGREES, shown, levels=[most], colors=_NO_GO, linewidths=1.4)
+    good = found.inclination >= math.radians(1.0)
+    ax.plot(found.true_azimuth[good], found.inclination[good] * DEGREES, "k-", linewidth=2.0, label="plan")
+    ax.set_rmax(90.0)
+    ax.set_title("sigma of the corrected azimuth by true azimuth and inclination; red line: no-go beyond", fontsize=9)
+    figure.colorbar(drawn, ax=ax, label="deg", shrink=0.8)
+    ax.legend(fontsize=8, loc="lower left", bbox_to_anchor=(-0.1, -0.05), frameon=False)
