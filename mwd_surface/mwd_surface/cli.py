@@ -28,6 +28,7 @@ from mwd_surface.commands.run import run
 from mwd_surface.commands.scenario import scenario, simulate
 from mwd_surface.commands.survey import survey
 from mwd_surface.commands.tool import tool
+from mwd_surface.commands.trajectory import trajectory
 from mwd_surface.commands.version import version
 
 app = typer.Typer(
@@ -65,6 +66,7 @@ app.command(rich_help_panel=_RECORDINGS)(batch)
 app.command(rich_help_panel=_RECORDINGS)(compare)
 app.command(rich_help_panel=_RECORDINGS)(survey)
 app.command(rich_help_panel=_RECORDINGS)(path)
+app.command(rich_help_panel=_RECORDINGS)(trajectory)
 app.command(rich_help_panel=_RECORDINGS)(clearance)
 app.command(rich_help_panel=_RECORDINGS)(forecast)
 app.command(rich_help_panel=_RECORDINGS)(export)

@@ -10,6 +10,7 @@ from mwd_surface.exports.report_decisions import decisions, slides, verdicts
 from mwd_surface.exports.report_plots import ELLIPSE_SIGMAS, plan_view, section_view
 from mwd_surface.exports.report_quality import azimuths, row_mark, run_quality, stations
 from mwd_surface.exports.report_section import Drawing, Section, Sheet, sheet_of
+from mwd_surface.exports.report_trajectory import high_density
 from mwd_surface.exports.survey_table import SurveyTable, plain
 from mwd_surface.surveys.survey_record import Verdict
 
@@ -107,4 +108,5 @@ SECTIONS: tuple[Callable[[SurveyTable], Section | None], ...] = (
     verdicts,
     decisions,
     slides,
+    high_density,
 )

@@ -1,0 +1,96 @@
+"""`mwd trajectory`: the hole between the stations, by continuous measurements and the slide sheet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from mwd_surface.surveys.dense_trajectory import Continuous
+    from mwd_surface.surveys.survey_list import SurveyList
+
+
+def trajectory(
+    source: Annotated[
+        Path, typer.Argument(metavar="LIST", help="Folder of a run, its surveys.json, or a list as in `mwd path`.")
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; made if need be.")],
+    continuous: Annotated[
+        Path | None, typer.Option(help="Table of continuous md, inclination, azimuth: CSV or LAS.")
+    ] = None,
+    recording: Annotated[
+        Path | None, typer.Option(help="Recording of which LIST is the processed folder, for the rig's depths.")
+    ] = None,
+    slides: Annotated[
+        Path | None, typer.Option(help="Slide sheet, slides.jsonl; by default the one beside the list.")
+    ] = None,
+    step: Annotated[float, typer.Option(help="Distance of the points, m.")] = 1.0,
+) -> None:
+    """
+    Join the survey stations by continuous inclination and azimuth, or by the slide sheet where there are none.
+
+    Writes DIR/trajectory.csv and DIR/trajectory.las with the differences to minimum curvature, and
+    DIR/trajectory.png. The definitive list stays as it is.
+
+    \b
+    Examples:
+      mwd trajectory out/well_1 -o dense
+      mwd trajectory processed --recording bags/run_7 -o dense
+      mwd trajectory list.csv --continuous continuous.las -o dense --step 0.5
+    """
+    from mwd_surface.bags.bag_metadata import write_atomically
+    from mwd_surface.commands import terminal
+    from mwd_surface.exports.trajectory_files import summary, trajectory_csv, trajectory_las
+    from mwd_surface.plots.trajectory_plot import trajectory_plot
+    from mwd_surface.surveys.dense_trajectory import dense_trajectory
+    from mwd_surface.surveys.slide_file import read_stretches
+    from mwd_surface.surveys.survey_source import stretches_of, surveys_of
+
+    if continuous is not None and recording is not None:
+        raise ValueError("--continuous and --recording: give one of them")
+    surveys, remarks = surveys_of(source)
+    if slides is not None and not slides.is_file():
+        raise ValueError(f"--slides {slides}: no such file")
+    stretches = read_stretches(slides)[0] if slides is not None else stretches_of(source)[0]
+    given = _continuous(source, surveys, continuous, recording)
+    if given is None and not stretches:
+        raise ValueError(f"{source} has no slide sheet: give --slides, --continuous or --recording")
+    path = surveys.definitive()
+    found = dense_trajectory(path, given, stretches, step)
+    for remark in (*remarks, *found.remarks):
+        terminal.warn(remark)
+    if not found.has_detail:
+        terminal.warn("nothing is known of any interval between stations: every one is an arc")
+    console = terminal.output()
+    console.print(summary(found), markup=False)
+    output.mkdir(parents=True, exist_ok=True)
+    files: dict[str, bytes] = {
+        "trajectory.csv": trajectory_csv(found, path.north.name.lower()).encode(),
+        "trajectory.las": trajectory_las(found, surveys.well).encode(),
+        "trajectory.png": trajectory_plot(found),
+    }
+    for name, data in files.items():
+        write_atomically(output / name, data)
+    console.print(f"written: {', '.join(str(output / name) for name in files)}", markup=False)
+
+
+def _continuous(source: Path, surveys: SurveyList, table: Path | None, recording: Path | None) -> Continuous | None:
+    """Continuous measurements of a table or of a processed recording; None where neither is given."""
+    from mwd_surface.bags.bag_reader import Bag
+    from mwd_surface.runs import run_folder
+    from mwd_surface.runs.continuous_log import continuous_log
+    from mwd_surface.surveys.dense_trajectory import Continuous
+    from mwd_surface.surveys.list_file import read_list
+
+    if table is not None:
+        read = read_list(table)
+        return Continuous(read.md, read.inclination, read.azimuth)
+    if recording is None:
+        return None
+    folder = source if source.is_dir() else source.parent
+    if not run_folder.is_run(folder):
+        raise ValueError(f"--recording: {folder} is not a folder of `mwd process`, which has the attitude")
+    with Bag(recording) as bag:
+        return continuous_log(folder, bag, surveys.well.sensor_to_bit)

@@ -1,0 +1,92 @@
+"""The high-density trajectory as CSV and as LAS 2.0; never part of the definitive list's own files."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import numpy as np
+
+from mwd_surface.surveys.dense_trajectory import ARC, CONTINUOUS, SLIDES, STATION, DenseTrajectory
+from mwd_surface.surveys.well import Well
+
+# Name in the CSV, mnemonic and unit in the LAS file, decimals.
+_COLUMNS = (
+    ("md_m", "DEPT", "M", 3),
+    ("inclination_deg", "INC", "DEG", 4),
+    ("azimuth_deg", "AZI", "DEG", 4),
+    ("tvd_m", "TVD", "M", 3),
+    ("north_m", "NS", "M", 3),
+    ("east_m", "EW", "M", 3),
+    ("tvd_minus_minimum_curvature_m", "DTVD", "M", 3),
+    ("north_minus_minimum_curvature_m", "DNS", "M", 3),
+    ("east_minus_minimum_curvature_m", "DEW", "M", 3),
+)
+_SOURCES = (STATION, CONTINUOUS, SLIDES, ARC)
+_NOTE = "HIGH-DENSITY TRAJECTORY, NOT THE DEFINITIVE SURVEY"
+
+
+def trajectory_csv(found: DenseTrajectory, north: str) -> str:
+    """The trajectory as text, one line a point. north: what azimuths and axes refer to."""
+    names = ",".join([*(name for name, *_ in _COLUMNS), "azimuth_reference", "source"])
+    lines = [names]
+    for row, source in zip(_values(found), found.source, strict=True):
+        cells = [f"{value:.{column[3]}f}" for value, column in zip(row, _COLUMNS, strict=True)]
+        lines.append(",".join([*cells, north, source]))
+    return "\n".join(lines) + "\n"
+
+
+def trajectory_las(found: DenseTrajectory, well: Well) -> str:
+    """The trajectory as a LAS 2.0 file; SRC: 0 station, 1 continuous, 2 slide sheet, 3 arc."""
+    import lasio
+
+    file = lasio.LASFile()
+    file.well["WELL"] = lasio.HeaderItem("WELL", value=well.name or "unnamed", descr="WELL")
+    file.params.append(lasio.HeaderItem("KIND", value=_NOTE, descr="CONTENT"))
+    file.params.append(lasio.HeaderItem("AZREF", value=well.north_reference, descr="NORTH OF AZIMUTHS AND AXES"))
+    values = _values(found)
+    for k, (name, mnemonic, unit, _) in enumerate(_COLUMNS):
+        file.append_curve(mnemonic, values[:, k], unit=unit, descr=name)
+    file.append_curve("SRC", np.array([float(_SOURCES.index(source)) for source in found.source]), descr=str(_SOURCES))
+    formats = {k: f"%.{column[3]}f" for k, column in enumerate(_COLUMNS)} | {len(_COLUMNS): "%.0f"}
+    text = io.StringIO()
+    file.write(text, version=2.0, column_fmt=formats, STEP=0.0)
+    return text.getvalue()
+
+
+def _values(found: DenseTrajectory) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """Columns of `_COLUMNS`, rounded so that no zero has a sign and no azimuth reads 360."""
+    north, east, down = found.positions.T
+    d_north, d_east, d_down = found.differences.T
+    angles = np.degrees(found.inclination), np.degrees(found.azimuth)
+    whole = np.column_stack([found.md, *angles, down, north, east, d_down, d_north, d_east])
+    for k, column in enumerate(_COLUMNS):
+        whole[:, k] = np.round(whole[:, k], column[3]) + 0.0
+    whole[:, 2] = np.where(whole[:, 2] >= 360.0, 0.0, whole[:, 2])
+    return whole
+
+
+def largest_difference(found: DenseTrajectory) -> tuple[float, float, float]:
+    """Depth, m, where the vertical depth differs most from minimum curvature, that difference, and the last one, m."""
+    apart = found.differences[:, 2]
+    worst = int(np.argmax(np.abs(apart)))
+    return float(found.md[worst]), float(apart[worst]), float(apart[-1])
+
+
+def summary(found: DenseTrajectory) -> str:
+    """What the trajectory changes, in words."""
+    shares = [
+        f"{100.0 * _share(found, kind):.0f} % {kind}" for kind in (CONTINUOUS, SLIDES, ARC) if kind in found.source
+    ]
+    if not shares:
+        return "no interval between stations"
+    at, worst, last = largest_difference(found)
+    return (
+        f"{', '.join(shares)}; vertical depth less minimum curvature: {last:+.2f} m at {found.md[-1]:.1f} m,"
+        f" at most {worst:+.2f} m at {at:.1f} m"
+    )
+
+
+def _share(found: DenseTrajectory, kind: str) -> float:
+    between = [source for source in found.source if source != STATION]
+    return math.fsum(source == kind for source in between) / len(between)

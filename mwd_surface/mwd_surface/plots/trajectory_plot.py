@@ -1,0 +1,38 @@
+"""Picture of a high-density trajectory: inclination between the stations and what it changes in position."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+
+from mwd_surface.plots.drawing import DEGREES, finish_axes
+from mwd_surface.surveys.dense_trajectory import STATION, DenseTrajectory
+
+_COLOURS = ("#0072B2", "#D55E00", "#009E73")
+
+
+def trajectory_plot(found: DenseTrajectory) -> bytes:
+    """PNG of inclination, with the stations marked, and of the position less minimum curvature, along the hole."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.0, 8.0), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    figure.suptitle("High-density trajectory (not the definitive survey)", fontsize=11)
+    at_station = np.array([source == STATION for source in found.source])
+    upper.plot(found.md, found.inclination * DEGREES, color=_COLOURS[0], linewidth=1.0, label="between stations")
+    upper.plot(found.md[at_station], found.inclination[at_station] * DEGREES, "k.", markersize=5, label="stations")
+    upper.set_ylabel("inclination, deg", fontsize=9)
+    for k, name in enumerate(("north", "east", "vertical depth")):
+        lower.plot(found.md, found.differences[:, k], color=_COLOURS[k], label=name)
+    lower.axhline(0.0, color="k", linewidth=0.7)
+    lower.set_ylabel("less minimum curvature, m", fontsize=9)
+    lower.set_xlabel("measured depth, m", fontsize=9)
+    for ax in (upper, lower):
+        finish_axes(ax)
+        ax.legend(fontsize=8, frameon=False)
+    out = io.BytesIO()
+    figure.savefig(out, format="png", metadata={"Software": None})
+    return out.getvalue()
