@@ -131,7 +131,12 @@ def _parameters(
         "wait_for_listener_s": 10.0,
     }
     return {
-        "surface": {"strict": True, "well.sensor_to_bit": story.well.sensor_to_bit_m},
+        "surface": {
+            "strict": True,
+            "well.sensor_to_bit": story.well.sensor_to_bit_m,
+            "well.latitude_deg": float(story.place.latitude_deg),
+            "well.longitude_deg": float(story.place.longitude_deg),
+        },
         "estimator": launch_plan.reference_parameters(story) | ({"gravity.method": method} if method else {}),
         "sonde": sonde | ({"seed": seed} if seed is not None else {}),
     }

@@ -18,6 +18,7 @@ from mwd_estimation.pipeline import EstimatorSettings
 from mwd_sensors.core import settings
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.runs import compare, process, run_config, run_folder
+from mwd_surface.runs.recorded_settings import recorded_settings
 
 _KEPT_EVERY_NS = 1_000_000_000
 
@@ -91,7 +92,7 @@ def _process(path: Path, like: Path, run: Path) -> None:
     config = like / "config.yaml"
     table = run_config.read_config(config) if config.is_file() else {}
     with Bag(path) as bag:
-        process.process(bag, run, settings.from_mapping(EstimatorSettings, table))
+        process.process(bag, run, settings.from_mapping(EstimatorSettings, table), recorded=recorded_settings(bag))
     if not run_folder.is_run(run):
         raise ValueError(f"{path} gave no run to compare")
 
