@@ -224,8 +224,12 @@ def trajectory(text):
     return found
 
 
+def sheet_of(reported, beginning):
+    return next(sheet for sheet in reported.sheets if sheet.heading.startswith(beginning))
+
+
 def paper(reported):
-    sheet, quality = reported.definitive, reported.quality
+    sheet, quality = (sheet_of(reported, name) for name in ("Definitive survey", "Totals as read"))
     row = dict(zip(sheet.titles, next(r for r in sheet.rows if r[0] == str(LAST)), strict=True))
     test = dict(zip(quality.titles, next(r for r in quality.rows if r[0] == str(LAST)), strict=True))
     titles = {
@@ -238,9 +242,9 @@ def paper(reported):
         "dogleg": ("DLS", DEG / 30.0),
     }
     found = {name: digits(row[title], unit, 2) for name, (title, unit) in titles.items()}
-    found["g_total"] = digits(test["G total"], 1.0, 4)
-    found["b_total"] = digits(test["B total"], 1e-9, 0)
-    found["dip"] = digits(test["Dip"], DEG, 2)
+    found["g_total"] = digits(test["G read"], 1.0, 4)
+    found["b_total"] = digits(test["B read"], 1e-9, 0)
+    found["dip"] = digits(test["Dip read"], DEG, 2)
     return found
 
 
@@ -355,7 +359,7 @@ def test_no_output_leaves_out_depth_and_direction(given):
 
 def test_the_html_of_the_report_prints_the_texts_of_its_content(given):
     html = report_html(given.table)
-    sheet = content(given.table).definitive
+    sheet = sheet_of(content(given.table), "Definitive survey")
     row = next(r for r in sheet.rows if r[0] == str(LAST))
     for text in row[:8]:
         assert text in html
