@@ -84,12 +84,7 @@ class BinStage:
         self.precision = PrecisionUnit(settings)
         self.streams = SideStreams()
         self.still = StillSurvey(derivation.still_params(settings))
-        self.decision = SurveyDecision(
-            derivation.station_params(settings),
-            derivation.fusion_params(settings),
-            derivation.run_params(settings),
-            faults,
-        )
+        self.decision = SurveyDecision(derivation.station_params(settings), faults)
         self._observatory = Observatory(settings.place)
         self._binner = Binner(6, BIN_NS)
         self._waiting: list[Bin] = []
@@ -173,5 +168,5 @@ class BinStage:
         number = self._numbering.next()
         taken = self.decision.begin(still, number, self._reference(still), found, usable=self._sensors_usable)
         if taken.sound:
-            self._field.take(taken.survey, taken.analysis)
+            self._field.take(taken.survey, taken.shared)
         return taken

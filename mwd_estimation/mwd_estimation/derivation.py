@@ -24,9 +24,9 @@ from mwd_estimation.health import monitor
 from mwd_estimation.magnetic import interference_filter
 from mwd_estimation.place import reference_of
 from mwd_estimation.settings import EstimatorSettings
-from mwd_estimation.survey import azimuth_fusion, run_history, tool_code
+from mwd_estimation.survey import tool_code
 from mwd_estimation.survey.acceptance import QualitySettings
-from mwd_estimation.survey.multi_station_analysis import MultistationSettings
+from mwd_estimation.survey.posterior.hypotheses import Priors
 from mwd_estimation.survey.rotary_survey import Params as RotaryParams
 from mwd_estimation.survey.static_survey import Params as StillParams
 from mwd_estimation.survey.station import StationSettings
@@ -296,7 +296,6 @@ def station_params(settings: EstimatorSettings) -> StationSettings:
     """Parameters of the calculation of a station."""
     tool, survey, verdict = settings.tool, settings.survey, settings.verdict
     return StationSettings(
-        azimuth_method=survey.azimuth_method,
         north=survey.north,
         sag=sag_correction(tool),
         misalignment_y_deg=tool.misalignment_y_deg,
@@ -304,27 +303,14 @@ def station_params(settings: EstimatorSettings) -> StationSettings:
         toolface_offset_deg=tool.toolface_offset_deg,
         errors=sensor_errors(settings),
         quality=QualitySettings(
-            limits=verdict.limits,
-            max_correction_sigma_deg=verdict.max_correction_sigma_deg,
+            limits=verdict.limits, sigma_factor=verdict.sigma_factor, least_sigma_deg=verdict.least_sigma_deg
         ),
-    )
-
-
-def run_params(settings: EstimatorSettings) -> run_history.Params:
-    """Parameters of the analysis of the stations of a run together."""
-    return run_history.Params(
-        enabled=settings.survey.multi_station,
-        analysis=MultistationSettings(axial_interference_nt=settings.tool.possible_axial_nt),
-    )
-
-
-def fusion_params(settings: EstimatorSettings) -> azimuth_fusion.Settings:
-    """Parameters of the weighing of a station's azimuths."""
-    verdict = settings.verdict
-    return azimuth_fusion.Settings(
-        disagreement_sigmas=verdict.disagreement_sigmas,
-        alone_deg=verdict.max_gyro_alone_sigma_deg,
-        unconfirmed=verdict.unconfirmed,
+        priors=Priors(
+            axial=verdict.magnetised_string,
+            cross_axial=0.4 * verdict.magnetised_string,
+            reference=verdict.wrong_reference,
+            external=verdict.external_field,
+        ),
     )
 
 

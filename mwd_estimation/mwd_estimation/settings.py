@@ -23,6 +23,12 @@ from mwd_sensors.core.settings import from_mapping, setting, to_mapping
 class Survey:
     """How surveys are taken and worked out."""
 
+    # Settings of before, and what does their work now.
+    FORMER: ClassVar[Mapping[str, str]] = {
+        "azimuth_method": "decided by the posterior of the azimuth; raw and corrected stay beside it for comparison",
+        "multi_station": "part of every survey; verdict.magnetised_string is its prior",
+    }
+
     automatic: bool = setting(True, "Take a survey by itself in each interval in which the tool keeps still.")
     settle_s: float = setting(
         2.0,
@@ -58,12 +64,6 @@ class Survey:
     north_seek_s: float = setting(
         120.0, "Duration of a north seek where the request names none.", unit="s", low=10.0, high=86400.0, expert=True
     )
-    azimuth_method: str = setting(
-        "auto",
-        "Magnetic azimuth of a station: auto (corrected for axial interference where there is some and the attitude "
-        "shows it), raw, corrected.",
-        choices=("auto", "raw", "corrected"),
-    )
     north: str = setting(
         "best",
         "North that azimuths refer to; best is grid, else true, else magnetic, as far as the reference goes.",
@@ -82,11 +82,6 @@ class Survey:
         unit="s",
         low=1.0,
         high=3600.0,
-        expert=True,
-    )
-    multi_station: bool = setting(
-        True,
-        "Analyse the stations of the run together with each new one. Switch it off to see each station alone.",
         expert=True,
     )
     tool_code: str = setting(
@@ -124,7 +119,15 @@ class Survey:
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
-    """When a survey is accepted, doubtful or rejected, and when azimuths count as different."""
+    """When a survey is accepted, doubtful or rejected, and what may disturb it before any reading."""
+
+    # Settings of before, and what does their work now.
+    FORMER: ClassVar[Mapping[str, str]] = {
+        "disagreement_sigmas": "decided by the posterior of the azimuth; see verdict.sigma_factor",
+        "max_gyro_alone_sigma_deg": "verdict.least_sigma_deg",
+        "unconfirmed": "not needed: a gyro that cannot confirm is no reason to doubt",
+        "max_correction_sigma_deg": "verdict.least_sigma_deg",
+    }
 
     limits: str = setting(
         "toolcode",
@@ -132,42 +135,50 @@ class Verdict:
         "service (2.5 mG, 300 nT, 0.45 deg), iscwsa (300 nT, 0.25 deg).",
         choices=("toolcode", "service", "iscwsa"),
     )
-    disagreement_sigmas: float = setting(
+    sigma_factor: float = setting(
         3.0,
-        "Two azimuths further apart than so many sigmas of their difference disagree. Raising it finds external "
-        "interference later, lowering it doubts good surveys.",
+        "An azimuth is doubtful whose sigma is more than so many times that of a sound tool by its tool code at this "
+        "attitude. Raising it accepts less certain azimuths.",
         low=1.0,
         high=10.0,
+        expert=True,
+    )
+    least_sigma_deg: float = setting(
+        4.0,
+        "A sigma of the azimuth up to this is always good enough. Raising it accepts more stations beside "
+        "interference, with the sigma they state.",
+        unit="deg",
+        low=0.0,
+        high=90.0,
+        expert=True,
+    )
+    magnetised_string: float = setting(
+        0.15,
+        "Probability, before any reading, that the string is magnetised beyond its tool code. Raising it widens the "
+        "sigma of first stations; set it for a collar known to be magnetic.",
+        low=0.0,
+        high=0.5,
+        expert=True,
+    )
+    external_field: float = setting(
+        0.05,
+        "Probability, before any reading, that steel outside the string disturbs a station. Raise it beside other "
+        "wells: stations are doubted by smaller deviations.",
+        low=0.0,
+        high=0.5,
+        expert=True,
+    )
+    wrong_reference: float = setting(
+        0.12,
+        "Probability, before any reading, that the reference is far off or a magnetic storm blows. Raise it where the "
+        "model is old or the crust is magnetic.",
+        low=0.0,
+        high=0.5,
         expert=True,
     )
     max_gyro_sigma_deg: float = setting(
         20.0,
         "A gyro azimuth with a larger sigma is refused. Raising it shows less certain ones; they hardly weigh.",
-        unit="deg",
-        low=0.1,
-        high=90.0,
-        expert=True,
-    )
-    max_gyro_alone_sigma_deg: float = setting(
-        4.0,
-        "A station whose azimuth is the gyro's alone is doubtful with a larger sigma. Raising it accepts surveys in "
-        "external interference with less certain gyros.",
-        unit="deg",
-        low=0.1,
-        high=180.0,
-        expert=True,
-    )
-    unconfirmed: str = setting(
-        "doubtful",
-        "Best verdict of a magnetic azimuth that the gyro could confirm after half a turn of the tool. Set accept "
-        "where nobody can turn the tool and no external interference is possible.",
-        choices=("doubtful", "accept"),
-        expert=True,
-    )
-    max_correction_sigma_deg: float = setting(
-        3.0,
-        "An axial correction whose azimuth has a larger sigma is refused. Raising it corrects nearer to horizontal "
-        "east-west, where the correction is weak.",
         unit="deg",
         low=0.1,
         high=90.0,
@@ -263,10 +274,12 @@ class EstimatorSettings:
         "interference": "tool.possible_axial_nt",
         "station": "survey, verdict and tool",
         "gyro": "tool.precision, survey.gyro_method and place.lat_deg",
-        "multistation": "survey.multi_station",
+        "multistation": "part of every survey; its priors are in verdict",
         "north": "survey.north_seek_s and tool.gyro",
         "rotary": "survey.rotary_s",
         "fusion": "verdict",
+        **{f"survey.{name}": now for name, now in Survey.FORMER.items()},
+        **{f"verdict.{name}": now for name, now in Verdict.FORMER.items()},
         **dict.fromkeys(gravity.METHODS, "gravity.expert and tool"),
     }
 

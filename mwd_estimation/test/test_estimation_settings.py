@@ -114,8 +114,6 @@ def test_by_default_the_filters_get_their_own_defaults():
         derivation.north_params,
         derivation.still_params,
         derivation.rotary_params,
-        derivation.run_params,
-        derivation.fusion_params,
     ):
         found = derive(settings)
         assert found == type(found)(), derive.__name__
@@ -168,7 +166,9 @@ def test_only_the_parameters_of_the_selected_gravity_method_are_there():
         ("health.gyro_range_deg_s", "tool.gyro.range_deg_s"),
         ("azimuth.mag_lag_s", "tool.magnetometer.delay_s"),
         ("bounded.gyro_range", "gravity.expert and tool"),
-        ("fusion.disagreement_sigmas", "verdict.disagreement_sigmas"),
+        ("fusion.disagreement_sigmas", "fusion is now verdict"),
+        ("verdict.unconfirmed", "a gyro that cannot confirm is no reason to doubt"),
+        ("survey.azimuth_method", "decided by the posterior of the azimuth"),
     ],
 )
 def test_a_former_name_is_refused_and_the_new_one_named(old, new):

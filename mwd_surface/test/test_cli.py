@@ -95,7 +95,8 @@ def test_the_surveys_of_a_real_well_are_reproduced_and_judged(tmp_path):
     assert all(line["reasons"] for line in lines)
     third = lines[2]
     assert float(third["inclination_deg"]) == pytest.approx(27.26, abs=0.005)
-    assert float(third["azimuth_deg"]) == pytest.approx(116.29, abs=0.005)
+    assert float(third["azimuth_raw_deg"]) == pytest.approx(116.29, abs=0.005)
+    assert float(third["azimuth_deg"]) == pytest.approx(116.29, abs=float(third["sigma_azimuth_deg"]))
     assert third["azimuth_reference"] == "grid"
     assert float(third["b_total_nt"]) == pytest.approx(50167.6, abs=0.06)
     assert float(third["dip_deg"]) == pytest.approx(71.41, abs=0.005)
@@ -117,7 +118,8 @@ def test_the_options_are_the_reference_where_the_table_has_none(tmp_path):
         with out.open() as file:
             (line,) = csv.DictReader(file)
         assert line["azimuth_reference"] == north
-        assert float(line["azimuth_deg"]) == pytest.approx(azimuth, abs=0.01)
+        assert float(line["azimuth_raw_deg"]) == pytest.approx(azimuth, abs=0.01)
+        assert float(line["azimuth_deg"]) == pytest.approx(azimuth, abs=float(line["sigma_azimuth_deg"]))
         assert line["verdict"] == ("doubtful" if north == "magnetic" else "accept")
 
 
@@ -133,7 +135,7 @@ def test_the_widest_figures_of_a_station_fit_a_plain_terminal():
         b_total=51234.4e-9,
         dip=-1.2,
         verdict="doubtful",
-        reasons=(Reason(ReasonCode.NO_FIELD_TO_CORRECT_BY),),
+        reasons=(Reason(ReasonCode.NO_HORIZONTAL_FIELD),),
     )
     show_surveys(Console(file=screen, width=80), [(station, 12345.6)] * 120)
     row = screen.getvalue().splitlines()[2]

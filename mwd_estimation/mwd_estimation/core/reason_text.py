@@ -31,16 +31,25 @@ UNITS = {
     "ppm": 1e6,
     "urad": 1e6,
     "sigma": 1.0,
+    "%": 100.0,
     "s": 1.0,
 }
 # Azimuth methods whose name in messages is no word.
 _METHODS = {"msa": "multi-station", "carried": "gyro-propagated"}
+# What may disturb the field, in words.
+_HYPOTHESES = {
+    "clean": "nothing beyond the tool code",
+    "axial": "string magnetised along its axis",
+    "cross_axial": "magnetised collar",
+    "external": "steel outside the string",
+    "reference": "wrong reference or magnetic storm",
+    "sensor": "sensor out of calibration",
+}
 _REST = "let the tool rest longer, or turn it between two rests"
-_APART = "{names[0]} azimuth is {value:+.1f deg} ({values[0]:.1f sigma}) from "
+_UNCERTAIN = "azimuth good only to {value:.1f deg}, limit {limit:.1f deg}: "
 _BIAS_UNKNOWN = (
     "the gyro bias is known only to {values[0]:.2g deg/h}, which leaves the azimuth uncertain by {value:.0f deg}: "
 )
-_AXIAL = "axial interference {value:+.0f (nT)} +- {values[0]:.0f nT}"
 
 WORDS: dict[Code, str] = {
     Code.GRAVITY_OFF: "total gravity {value:+.1f mG} off the reference, limit {limit:.1f mG}: "
@@ -70,20 +79,14 @@ WORDS: dict[Code, str] = {
     Code.NO_NUMBER: "no number in {names_listed}",
     Code.NO_HORIZONTAL_FIELD: "no horizontal field",
     Code.INCLINATION_ONLY: "{causes}: inclination and toolface only",
-    Code.AZIMUTH_BY_GYRO_ONLY: "{causes}: azimuth by the gyro alone",
     Code.NORTH_UNKNOWN: "{names[0]} azimuth needs the {names[1]}: azimuth is magnetic",
     Code.NO_REFERENCE_FIELD: "no reference field: {names[0]} azimuth, uncorrected, total field and dip not judged",
-    Code.WEAK_HORIZONTAL_FIELD: "horizontal field only {value:.0f nT}, limit {limit:.0f nT}: "
-    "a compass is weak here, take a gyro",
-    Code.NEAR_VERTICAL: "near vertical: azimuth and high side are uncertain, use magnetic toolface",
     Code.STRING_ROTATED: "taken while the string turned at {value:.0f r/min}: no toolface",
     Code.SAG_CORRECTED: "inclination corrected for sag by {value:+.2f deg}",
     Code.MAGNETIC_STORM: "magnetic storm: the field at observatory {names[0]} was {value:.0f nT} off its quiet level "
     "(limit {limit:.0f nT}); the reference contains it, survey again when the field is quiet",
     Code.EXTERNAL_FIELD_UNKNOWN: "external field unknown: the file of observatory {names[0]} has no data of this time; "
     "add them and process again",
-    Code.NOT_CORRECTED: "azimuth not corrected for axial interference: {causes}",
-    Code.NO_FIELD_TO_CORRECT_BY: "no reference field",
     Code.CORRECTION_NEAR_VERTICAL: "hole only {value:.2f deg} from vertical: axial interference hardly "
     "turns the azimuth there and the toolface is too uncertain to correct it",
     Code.CROSS_AXIAL_MISFIT: "across-axis field does not fit the reference (chi-square {value:.0f}, limit "
@@ -94,13 +97,6 @@ WORDS: dict[Code, str] = {
     Code.CORRECTION_UNCERTAIN: "hole {values[0]:.0f deg} from horizontal and {values[1]:.0f deg} from magnetic "
     "east-west: corrected azimuth good only to {value:.1f deg}, limit {limit:.1f deg}; "
     "use multi-station correction or a gyro",
-    Code.INTERFERENCE_CORRECTED: f"{_AXIAL} corrected",
-    Code.INTERFERENCE_CORRECTED_UNSURELY: f"{_AXIAL} corrected as well as it can be: {{causes}}",
-    Code.INTERFERENCE_LEFT_BY_SETTING: f"{_AXIAL} seen, azimuth uncorrected as asked",
-    Code.INTERFERENCE_NOT_CORRECTED: f"{_AXIAL} not corrected: {{causes}}",
-    Code.INTERFERENCE_HIDDEN: "axial interference can hardly be seen in this attitude, 1000 nT of it turn the azimuth "
-    "by {value:.1f deg}: use multi-station correction or a gyro",
-    Code.TOO_FEW_STATIONS: "too few stations in this run: {value:.0f} of {limit:.0f}",
     Code.STATIONS_DO_NOT_FIT: "{value:.0f} of {values[0]:.0f} stations do not fit one set of errors: "
     "the disturbance changes along the run (casing, other wells) or the tool was changed",
     Code.STATIONS_IMPROBABLE: "the stations do not fit one set of errors and this reference: chi-square "
@@ -109,38 +105,32 @@ WORDS: dict[Code, str] = {
     "the attitudes do not show the axial interference; take stations at other azimuths or a gyro",
     Code.MULTI_STATION_NO_BETTER: "corrected azimuth no better than the raw one "
     "({value:.2f (deg)} against {limit:.2f deg})",
-    Code.OUTLIER_STATION: "left out of the analysis as an outlier",
-    Code.CORRECTED_BY_STATIONS: "corrected by {values[1]:.0f} stations: axial {value:+.0f (nT)} +- {values[0]:.0f nT}",
-    Code.NO_AZIMUTH: "no azimuth",
-    Code.AZIMUTH_UNCERTAIN: "not certain enough: {value:.0f deg}",
-    Code.AZIMUTH_NOT_CHOSEN: "the {names[0]} azimuth of the same reading is used",
-    Code.AZIMUTH_ADDS_NOTHING: "agrees, but adds nothing to the more certain one it shares its errors with",
-    Code.CHECK_FAILED: "its check failed: {causes}",
-    Code.ONLY_AZIMUTH_CHECK_FAILED: "{names[0]}: its check failed: {causes}",
-    Code.DISAGREES_CHECK_FAILED: _APART + "{names[1]} and its check failed: {causes}; {names[1]} is used",
-    Code.DISAGREES_EXTERNAL_INTERFERENCE: _APART + "{names[1]}; {names[1]} is used, because external interference "
-    "can turn the field without changing its total or dip",
-    Code.DISAGREES_LESS_CORRECTED: _APART + "{names[1]}; {names[1]} is used, because it removes more interference",
-    Code.DISAGREES_LESS_CERTAIN: _APART + "{names[1]}; {names[1]} is used, the more certain, its sigma widened by the "
-    "difference: no check says which is wrong",
+    Code.AZIMUTH_NOT_DETERMINED: "near vertical: the azimuth is not determined (sigma {value:.0f deg}), "
+    "use the magnetic toolface",
+    Code.AZIMUTHS_FIT: "more than one azimuth fits: {value:.1f deg} with {limit:.1f %}{alternatives}; "
+    "take a gyro, or survey again at another toolface",
+    Code.EXTERNAL_FIELD: "external magnetic field ({value:.0f %} probable: casing, fish or another well near): "
+    "move the sensor away or use a gyro",
+    Code.FIELD_UNEXPLAINED: "no disturbance explains the magnetic reading (chi-square {value:.0f}, limit {limit:.0f}): "
+    "check the magnetometer and the reference field",
+    Code.SENSOR_DEFECT: "a sensor is probably out of calibration ({value:.0f %}: wrong scale of a magnetometer, or "
+    "accelerometers turned in their mount): check the tool at surface, change it",
+    Code.READINGS_REPEATED: "the readings are to the last digit those of station {value:.0f} of this run: old data "
+    "played again; survey anew",
+    Code.UNCERTAIN_STRING: _UNCERTAIN + "drill-string interference does not show well enough at this attitude; "
+    "take stations at other toolfaces, or a gyro",
+    Code.UNCERTAIN_EXTERNAL: _UNCERTAIN + "there may be steel near (casing, fish, another well); "
+    "move the sensor away or use a gyro",
+    Code.UNCERTAIN_REFERENCE: _UNCERTAIN + "the field does not fit the reference; "
+    "check place, date and magnetic storms",
+    Code.UNCERTAIN_SENSOR: _UNCERTAIN + "a sensor may be out of calibration; check the tool at surface",
+    Code.GYRO_DISAGREES: "gyro and magnetic azimuth disagree ({value:.0f %} probable that the gyro is wrong): "
+    "let the tool rest and survey again, at another toolface if it can be turned",
+    Code.PROPAGATED_DISAGREES: "azimuth is {value:+.1f deg} ({values[0]:.1f sigma}) from that propagated by the gyros "
+    "since the last accepted station: external magnetic field, or that station was wrong; survey again",
+    Code.HYPOTHESES: "what disturbs the field: {odds}",
     Code.GYRO_ONLY_UNCERTAIN: "azimuth by the gyro alone, good to {value:.1f deg}, limit {limit:.1f deg}: " + _REST,
-    Code.GYRO_UNDECIDED: _APART
-    + "{names[1]}, not certain enough to say which is right: "
-    + _REST
-    + ", and survey again",
-    Code.GYRO_TOO_UNCERTAIN: "good to {value:.0f deg} only",
     Code.GYRO_NORTH_UNKNOWN: "the gyro finds true north and what {names[0]} north is from there is not known",
-    Code.NOT_CONFIRMED_BY_GYRO: "magnetic azimuth not confirmed by the gyro ({cause}); at the last station compared: "
-    "{others}; let the tool rest and survey again",
-    Code.NOT_COMPARED_WITH_GYRO: "magnetic azimuth not compared with the gyro: {causes}",
-    Code.PROPAGATED_AGREES: "agrees; it comes from the stations before and adds nothing of its own",
-    Code.PROPAGATED_DISAGREES: _APART + "the gyro-propagated azimuth of the last accepted station",
-    Code.PROPAGATED_DISAGREES_UNRESOLVED: _APART + "the gyro-propagated azimuth of the last accepted station; "
-    "let the tool rest for the gyro, or survey again",
-    Code.PROPAGATED_USED: "azimuth propagated by the gyros from the last accepted station, because: {causes}",
-    Code.NO_OTHER_AZIMUTH: "there is no other",
-    Code.SAMPLES_DISAGREE: _APART + "that of the samples up to here, for which the turning tool has shown the "
-    "magnetometer's errors: calibrate it, or survey again at another toolface",
     Code.SENSOR_FAULT: "{fault}; {remedy}",
     Code.SENSOR_FAULT_ENDED: "{fault}, until {value:.1f s} after this survey began: take it again",
     Code.SENSOR_SUSPECT: "the {names[0]} was in doubt while this was averaged: take it again",
@@ -220,6 +210,14 @@ def text(reason: Reason) -> str:
         "causes_listed": ", ".join(causes),
         "cause": causes[0] if causes else "",
         "others": "; ".join(causes[1:]),
+        "odds": ", ".join(
+            f"{_HYPOTHESES.get(name, name)} {100.0 * odds:.0f} %"
+            for name, odds in zip(reason.names, reason.values, strict=False)
+        ),
+        "alternatives": "".join(
+            f", {math.degrees(angle):.1f} deg with {100.0 * odds:.1f} %"
+            for angle, odds in zip(reason.values[::2], reason.values[1::2], strict=False)
+        ),
         "fault": "" if fault is None else fault.message,
         "remedy": "" if fault is None else fault.remedy,
     }

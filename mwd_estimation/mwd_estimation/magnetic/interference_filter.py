@@ -37,8 +37,6 @@ from mwd_estimation.magnetic.interference_state import (
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
 
-# Where the states are among the errors that the multi-station analysis estimates.
-OF_STATIONS = [0, 1, 2, 3, 4, 5, 12, 13]
 # What was learnt for less than this is dropped with a restart, and so is the azimuth that rests on it, s.
 _YOUNG = 60.0
 # Longest step over which the random walk is applied, s: a longer gap counts as this.

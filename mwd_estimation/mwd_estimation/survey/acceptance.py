@@ -20,6 +20,8 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 
 ACCEPT, DOUBTFUL, REJECT = "accept", "doubtful", "reject"
+# Of one quantity: this attitude does not define it.
+NOT_DETERMINED = "not_determined"
 # Chi-square of three degrees of freedom exceeded by chance once in 100 and once in 1000.
 _CHI3_DOUBTFUL, _CHI3_REJECT = 11.34, 16.27
 # Chi-square of one degree of freedom exceeded by chance once in 1000.
@@ -56,14 +58,24 @@ class QualitySettings:
         "Limits on total gravity, total field and dip: by the errors stated, at this attitude, or fixed",
         choices=("toolcode", *LIMITS),
     )
+    sigma_factor: float = setting(
+        3.0, "An azimuth is doubtful whose sigma is so many times that of a sound tool at this attitude", low=1.0
+    )
+    least_sigma_deg: float = setting(
+        4.0, "A smaller sigma of the azimuth is always good enough", unit="deg", low=0.0, high=90.0
+    )
+    most_sigma_deg: float = setting(
+        6.0,
+        "A larger sigma of the azimuth is never good enough; where a sound tool has it, the azimuth is not determined",
+        unit="deg",
+        low=0.1,
+        high=90.0,
+    )
     max_correction_sigma_deg: float = setting(
-        3.0, "An axial correction whose azimuth is less certain than this is refused", unit="deg", low=0.1, high=90.0
+        3.0, "A single-station correction whose azimuth is less certain is refused", unit="deg", low=0.1, high=90.0
     )
     min_azimuth_inclination_deg: float = setting(
         1.0, "Nearer to vertical than this the azimuth is not corrected", unit="deg", low=0.0, high=20.0
-    )
-    min_horizontal_field_nt: float = setting(
-        5000.0, "With less horizontal field a magnetic azimuth is doubtful", unit="nT", low=0.0, high=50000.0
     )
 
 
@@ -156,17 +168,21 @@ def judge(deviations: Deviations, limits: str) -> Judgement:
     return Judgement(verdict, tuple(reasons))
 
 
-def within(deviations: Deviations, limits: str) -> tuple[Reason, ...]:
-    """One remark of an accepted station, every deviation known against its limit; none where none is known."""
+def totals(deviations: Deviations, limits: str) -> list[Reason]:
+    """Every deviation that is known, against its limit; those beyond it by themselves, the others in one reason."""
     values = np.array([deviations.gravity, deviations.field, deviations.dip])
     limit = bounds(deviations, limits)
-    gravity = Code.GRAVITY_WITHIN_STANDARD if deviations.standard else Code.GRAVITY_WITHIN
-    parts = tuple(
-        Reason(code, float(value), float(most))
-        for code, value, most in zip((gravity, Code.FIELD_WITHIN, Code.DIP_WITHIN), values, limit, strict=True)
+    gravity = (Code.GRAVITY_WITHIN_STANDARD, Code.GRAVITY_OFF_STANDARD)
+    codes = (gravity if deviations.standard else (Code.GRAVITY_WITHIN, Code.GRAVITY_OFF),
+             (Code.FIELD_WITHIN, Code.FIELD_OFF), (Code.DIP_WITHIN, Code.DIP_OFF))  # fmt: skip
+    known = [
+        (abs(value) <= most, inside, off, float(value), float(most))
+        for (inside, off), value, most in zip(codes, values, limit, strict=True)
         if np.isfinite(value)
-    )
-    return (Reason(Code.WITHIN_LIMITS, causes=parts),) if parts else ()
+    ]
+    beyond = [Reason(off, value, most) for fits, _, off, value, most in known if not fits]
+    within = tuple(Reason(inside, value, most) for fits, inside, _, value, most in known if fits)
+    return beyond + ([Reason(Code.WITHIN_LIMITS, causes=within)] if within else [])
 
 
 def correction_refusal(correction: AxialCorrection, inclination: float, settings: QualitySettings) -> Reason | None:
@@ -193,6 +209,6 @@ def correction_refusal(correction: AxialCorrection, inclination: float, settings
 
 
 def worse(a: str, b: str) -> str:
-    """The graver of two verdicts."""
-    order = (ACCEPT, DOUBTFUL, REJECT)
+    """The graver of two verdicts; one that says something goes before one of a quantity that is not determined."""
+    order = (NOT_DETERMINED, ACCEPT, DOUBTFUL, REJECT)
     return order[max(order.index(a), order.index(b))]

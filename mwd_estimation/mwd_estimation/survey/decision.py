@@ -1,9 +1,9 @@
 """
-The one place that decides a survey: correction, fusion, faults and continuity, in this order.
+The one place that decides a survey: measurement, posterior of the run, faults and continuity, in this order.
 
 A survey is begun in the half-second bin that ends its averaging, because what it shows of the magnetic field changes
-how the samples after it are read. It is completed when the attitude up to it is known, which the continuity check
-needs. Only a completed survey leaves the estimator.
+how the samples after it are read. It is completed when the attitude up to it is known, which its continuity needs. Only
+a completed survey leaves the estimator.
 """
 
 from __future__ import annotations
@@ -16,57 +16,78 @@ import numpy as np
 
 from mwd_estimation.attitude.block import StationAzimuth
 from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
-from mwd_estimation.core.reasons import Reason
-from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gyrocompass.solution import Solution
-from mwd_estimation.survey import continuity_check, gyro_evidence, run_history
-from mwd_estimation.survey.azimuth_fusion import Settings as FusionSettings
+from mwd_estimation.survey.acceptance import ACCEPT
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.fault_history import FaultHistory
-from mwd_estimation.survey.multi_station_analysis import Multistation
-from mwd_estimation.survey.run_history import StationRun
+from mwd_estimation.survey.judgement import judged, without_toolface
+from mwd_estimation.survey.measurement import Measured, measured
+from mwd_estimation.survey.run_model import Finding, RunModel, declination_sigma, gyro_azimuth
 from mwd_estimation.survey.static_survey import StillAverage
-from mwd_estimation.survey.station import station
-from mwd_estimation.survey.station_azimuth import WeighedStation, weigh
-from mwd_estimation.survey.station_record import Station
+from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
-from mwd_estimation.survey.survey import ROTARY, Survey
+from mwd_estimation.survey.survey import ROTARY, STATIC, Survey
+from mwd_sensors.core.arrays import Array
 
 # Names a survey by its time and readings, so that a replay names it alike whatever its number (RFC 4122, version 5).
 _SURVEYS = uuid.UUID("6b0d4f5e-6f0e-5c1b-9a55-3a5d2c1b7e10")
 
 
+_NS_PER_HOUR = 3.6e12
+# A gyro with a smaller share in the azimuth does not correct that of the samples.
+_COUNTS = 0.01
+
+
 @dataclasses.dataclass(frozen=True)
 class Provisional:
     """
-    A survey before its continuity check, and what the estimate learns from it.
+    A survey before its continuity is known, and what the estimate learns from it.
 
     Attributes
     ----------
     survey : Survey
-    analysis : Multistation or None
-        Of the run with it, where one holds.
+    measured : Measured
+    finding : Finding or None
+        What the run says of its azimuth; None where nothing does.
+    shared : (ndarray (22,), ndarray (22, 22)) or None
+        What the run shows of the errors that its stations share, as `RunModel.shared`.
     sound : bool
         Whether no sensor was at fault while it was taken: only then anything is learnt from it.
     """
 
     survey: Survey
-    analysis: Multistation | None = None
+    measured: Measured
+    finding: Finding | None = None
+    shared: tuple[Array, Array] | None = None
     sound: bool = True
 
     @property
     def gyro(self) -> tuple[float, float]:
         """Azimuth and 1 sigma of the gyro here, rad; nan where it has no weight."""
         found = self.survey.station.by_method(AzimuthMethod.GYRO)
-        if not self.sound or found is None or not self.survey.weights.get(AzimuthMethod.GYRO, 0.0) > 0.0:
+        if not self.sound or found is None or not self.survey.weights.get(AzimuthMethod.GYRO, 0.0) > _COUNTS:
             return math.nan, math.nan
         return found.azimuth, found.sigma
 
     @property
     def accepted_azimuth(self) -> StationAzimuth:
-        """What the gyros propagate from here, as `continuity_check.accepted_azimuth`; nan where nothing is."""
-        return continuity_check.accepted_azimuth(self.survey) if self.sound else StationAzimuth()
+        """
+        What the gyros propagate from here; nan where the azimuth was not accepted.
+
+        Sigma is the tool axis' own, without how the tool lies in the hole: that is what the gyros propagate.
+        """
+        station, survey = self.survey.station, self.survey
+        if not self.sound or survey.kind != STATIC or station.verdicts.azimuth != ACCEPT:
+            return StationAzimuth()
+        share = survey.weights.get(AzimuthMethod.GYRO, 0.0)
+        return StationAzimuth(station.azimuth, _own_sigma(station), self.lasting, share > 0.5)
+
+    @property
+    def lasting(self) -> float:
+        """1 sigma of the declination in the azimuth, rad: what its magnetic part shares with every other."""
+        share = self.survey.weights.get(AzimuthMethod.GYRO, 0.0)
+        return min((1.0 - share) * declination_sigma(self.survey.station), _own_sigma(self.survey.station))
 
 
 class SurveyDecision:
@@ -76,23 +97,13 @@ class SurveyDecision:
     Parameters
     ----------
     settings : StationSettings
-    fusing : azimuth_fusion.Settings
-    multistation : run_history.Params
     faults : FaultHistory
         Of the sensors; kept by the caller.
     """
 
-    def __init__(
-        self,
-        settings: StationSettings,
-        fusing: FusionSettings,
-        multistation: run_history.Params,
-        faults: FaultHistory,
-    ) -> None:
-        self._settings, self._fusing, self._faults = settings, fusing, faults
-        self._run = StationRun(multistation)
-        # How gyro and magnetic azimuth disagreed at the last station at which they were compared.
-        self._last_alarm: tuple[Reason, ...] = ()
+    def __init__(self, settings: StationSettings, faults: FaultHistory) -> None:
+        self._settings, self._faults = settings, faults
+        self._run = RunModel(settings)
 
     def begin(
         self,
@@ -118,56 +129,51 @@ class SurveyDecision:
             Whether all sensors are in order: else the station is not counted among those of the run.
         """
         average = self._faults.readable(average)
-        run = self._run if usable else None
-        taken, analysis = decided(
-            average, sequence, reference, self._settings, gyro, self._fusing, run=run, last_alarm=self._last_alarm
-        )
-        if taken.alarm is not None:
-            self._last_alarm = taken.alarm
-        judged = self._faults.judge(taken)
-        return Provisional(judged, analysis, judged is taken)
+        one = _measured(average, reference, self._settings)
+        finding = self._run.take(one, average.end_ns / _NS_PER_HOUR, gyro, learn=usable)
+        survey = _survey(average, sequence, self._decided(one, finding, gyro), _weights(finding, gyro))
+        faulty = self._faults.judge(survey)
+        return Provisional(faulty, one, finding, self._run.shared(), faulty is survey)
 
     def complete(self, provisional: Provisional, propagated: PropagatedAzimuth) -> Survey:
-        """The survey, checked for continuity with the azimuths propagated to it."""
-        return continuity_check.checked(provisional.survey, propagated, self._fusing)
+        """The survey, with what the azimuth propagated to it says of its own."""
+        azimuth, sigma = propagated.station_azimuth, propagated.station_sigma
+        if not (math.isfinite(azimuth) and sigma > 0.0) or provisional.survey.kind != STATIC:
+            return provisional.survey
+        survey, finding = provisional.survey, provisional.finding
+        if finding is not None:
+            shared = propagated.station_constant_sigma * provisional.lasting
+            continued = finding.continued(azimuth, sigma, shared if math.isfinite(shared) else 0.0)
+            decided = judged(provisional.measured, continued, self._settings)
+            station = dataclasses.replace(decided, azimuths=survey.station.azimuths)
+            survey = self._faults.judge(dataclasses.replace(survey, station=station))
+        row = MethodAzimuth(AzimuthMethod.GYRO_PROPAGATED, azimuth, sigma)
+        listed = dataclasses.replace(survey.station, azimuths=(*survey.station.azimuths, row))
+        return dataclasses.replace(survey, station=listed, weights={**survey.weights, row.method: 0.0})
 
     def rotary(self, average: StillAverage, sequence: int, reference: Reference | None, rotary_speed: float) -> Survey:
         """Decide a survey averaged in axes that do not turn (`rotary_survey`); rotary_speed, rad/s, for the record."""
-        return self._faults.judge(decided_rotary(average, sequence, reference, self._settings, rotary_speed))
+        one = _measured(average, reference, self._settings)
+        # Axes that do not turn with the string show its errors across the axis in no direction: a run of its own.
+        finding = RunModel(self._settings).take(one)
+        station = without_toolface(self._decided(one, finding, None), rotary_speed)
+        taken = _survey(average, sequence, station, _weights(finding, None))
+        return self._faults.judge(dataclasses.replace(taken, kind=ROTARY))
+
+    def _decided(self, one: Measured, finding: Finding | None, gyro: Solution | None) -> Station:
+        station = judged(one, finding, self._settings)
+        if gyro is None:
+            return station
+        return dataclasses.replace(station, azimuths=(*station.azimuths, gyro_azimuth(gyro, station)))
 
 
-def decided(
-    average: StillAverage,
-    sequence: int,
-    reference: Reference | None,
-    settings: StationSettings,
-    gyro: Solution | None = None,
-    fusing: FusionSettings | None = None,
-    *,
-    run: StationRun | None = None,
-    last_alarm: tuple[Reason, ...] = (),
-) -> tuple[Survey, Multistation | None]:
-    """
-    Correct and fuse one survey, with no regard to faults and continuity.
+def _own_sigma(station: Station) -> float:
+    """1 sigma of the azimuth of the tool's axis itself, rad."""
+    return math.sqrt(max(float(station.covariance[1, 1] - station.alignment[1, 1]), 1e-12))
 
-    Parameters
-    ----------
-    average, sequence, reference, gyro
-        As `SurveyDecision.begin`.
-    settings : StationSettings
-    fusing : azimuth_fusion.Settings, optional
-    run : StationRun, optional
-        The stations before it, into which it is taken.
-    last_alarm : tuple of Reason
-        How gyro and magnetic azimuth disagreed at the last station at which they were compared.
 
-    Returns
-    -------
-    survey : Survey
-    analysis : Multistation or None
-        Of the run with it, where one holds.
-    """
-    alone = station(
+def _measured(average: StillAverage, reference: Reference | None, settings: StationSettings) -> Measured:
+    return measured(
         average.imu.mean[3:],
         average.mag.mean if average.mag is not None else np.full(3, np.nan),
         reference,
@@ -175,38 +181,18 @@ def decided(
         covariance_f=average.imu.covariance[3:, 3:],
         covariance_b=average.mag.covariance if average.mag is not None else None,
     )
-    gyro = gyro_evidence.chosen_by_field(gyro, alone)
-    together, analysis = (alone, None) if run is None else run.take(alone, settings)
-    aided = 0.0 if analysis is None else float(analysis.by_gyro[-1])
-    result = weigh(alone, together, gyro, fusing, last_alarm=last_alarm, aided=aided)
-    if together is not alone and run is not None and result.alarm == () and gyro is not None and gyro.success:
-        run.add_gyro(*gyro_evidence.gyro_for_run(result.station, gyro))
-    return _survey(average, sequence, result), analysis
 
 
-def decided_rotary(
-    average: StillAverage, sequence: int, reference: Reference | None, settings: StationSettings, rotary_speed: float
-) -> Survey:
-    """The survey of an average in axes that do not turn: it has no toolface; as `SurveyDecision.rotary`."""
-    taken, _ = decided(average, sequence, reference, settings)
-    return dataclasses.replace(taken, station=_without_toolface(taken.station, rotary_speed), kind=ROTARY)
+def _weights(finding: Finding | None, gyro: Solution | None) -> dict[str, float]:
+    """Share of gyro and magnetometer in the azimuth."""
+    share = 0.0 if finding is None else finding.by_gyro
+    weights: dict[str, float] = {} if gyro is None else {AzimuthMethod.GYRO: share}
+    if finding is not None and share < 1.0:
+        weights[AzimuthMethod.FUSED] = 1.0 - share
+    return weights
 
 
-def _without_toolface(one: Station, rotary_speed: float) -> Station:
-    covariance = one.covariance.copy()
-    covariance[2, :] = covariance[:, 2] = 0.0
-    covariance[2, 2] = math.pi**2
-    return dataclasses.replace(
-        one,
-        gravity_toolface=0.0,
-        magnetic_toolface=0.0,
-        sigma_toolface=math.pi,
-        covariance=covariance,
-        reasons=(*one.reasons, Reason(Code.STRING_ROTATED, abs(rotary_speed))),
-    )
-
-
-def _survey(average: StillAverage, sequence: int, result: WeighedStation) -> Survey:
+def _survey(average: StillAverage, sequence: int, station: Station, weights: dict[str, float]) -> Survey:
     """The survey of an average with its station."""
     rates = average.precision if average.precision is not None else average.imu
     stamp_ns = (average.start_ns + average.end_ns) // 2
@@ -217,13 +203,10 @@ def _survey(average: StillAverage, sequence: int, result: WeighedStation) -> Sur
         requested=average.requested,
         duration=(average.end_ns - average.start_ns) * 1e-9,
         samples=average.imu.count,
-        station=result.station,
+        station=station,
         covariance_f=average.imu.covariance[3:, 3:],
         covariance_b=average.mag.covariance if average.mag is not None else np.zeros((3, 3)),
         rate_t=rates.mean[:3],
         temperature=average.temperature,
-        weights=result.weights,
-        azimuth_reasons=result.reasons,
-        alarm=result.alarm,
-        left_open=result.left_open,
+        weights=weights,
     )

@@ -19,6 +19,7 @@ from mwd_estimation.core.sensor_fault import ACCEL, MAG, SENSORS, FaultCode, Sen
 from mwd_estimation.survey.acceptance import DOUBTFUL, REJECT, worse
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.static_survey import StillAverage
+from mwd_estimation.survey.station_record import Verdicts
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Stamps
 
@@ -91,16 +92,16 @@ class FaultHistory:
         rests_on = AZIMUTH & ~MAG if by_gyro else AZIMUTH
         half = round(0.5e9 * survey.duration)
         begin, end = survey.stamp_ns - half, survey.stamp_ns + half
-        reasons = tuple(_reason(one, begin) for one in self._lately(begin) if one.unusable & rests_on)
-        if reasons:
-            return _with(survey, REJECT, reasons)
+        faults = [(one.unusable, _reason(one, begin)) for one in self._lately(begin) if one.unusable & rests_on]
         # A doubt begins some seconds after what raised it.
-        doubts = tuple(
-            Reason(Code.SENSOR_SUSPECT, names=(SENSORS[s],))
+        doubts = [
+            (1 << s, Reason(Code.SENSOR_SUSPECT, names=(SENSORS[s],)))
             for s, (first, last) in sorted(self._doubts.items())
             if last >= begin and first <= end + _EVIDENCE_NS and not (by_gyro and 1 << s == MAG)
-        )
-        return _with(survey, worse(survey.station.verdict, DOUBTFUL), doubts) if doubts else survey
+        ]
+        if faults:
+            return _with(survey, REJECT, faults)
+        return _with(survey, DOUBTFUL, doubts) if doubts else survey
 
 
 def _reason(fault: SensorFault, begin: int) -> Reason:
@@ -111,8 +112,21 @@ def _reason(fault: SensorFault, begin: int) -> Reason:
     return Reason(Code.SENSOR_FAULT, fault=fault)
 
 
-def _with(survey: Survey, verdict: str, reasons: tuple[Reason, ...]) -> Survey:
+def _with(survey: Survey, verdict: str, found: list[tuple[int, Reason]]) -> Survey:
+    """The survey with a verdict for what rests on the sensors of these reasons (bits)."""
+    station, level = survey.station, any(bits & ~MAG for bits, _ in found)
+    of = station.verdicts
+    azimuth = worse(of.azimuth, verdict)
+    quantities = Verdicts(
+        worse(of.inclination, verdict) if level else of.inclination,
+        azimuth,
+        worse(of.toolface, verdict) if level else of.toolface,
+    )
+    reasons = tuple(reason for _, reason in found)
     station = dataclasses.replace(
-        survey.station, verdict=verdict, reasons=(*reasons, *survey.station.reasons), azimuth_doubts=()
+        station,
+        verdict=worse(station.verdict, verdict),
+        quantities=quantities,
+        reasons=(*reasons, *station.reasons),
     )
     return dataclasses.replace(survey, station=station)

@@ -1,8 +1,8 @@
 """
 What surveys change in how the magnetic field of the samples is read.
 
-The north in use, the drill-string interference along the axis, and whether a gyro has shown external interference that
-turns a field whose total and dip are in order, or left open whether there is any.
+The north in use, what the run shows of the string's field, and whether the last station was doubted: the samples after
+it are then flagged, or their sigma holds how far the station may be off.
 """
 
 from __future__ import annotations
@@ -14,14 +14,19 @@ import numpy as np
 from mwd_estimation.attitude.block import MagneticModelInForce, StationUpdate
 from mwd_estimation.attitude.time_alignment_state import FieldModel
 from mwd_estimation.core.reference_field import Reference, best_north, north_correction
-from mwd_estimation.magnetic import interference_filter
-from mwd_estimation.survey.acceptance import ACCEPT
+from mwd_estimation.survey.acceptance import ACCEPT, NOT_DETERMINED
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
-from mwd_estimation.survey.multi_station_analysis import Multistation
-from mwd_estimation.survey.station import StationSettings
+from mwd_estimation.survey.posterior.field_model import UT, Shared
+from mwd_estimation.survey.posterior.hypotheses import Hypothesis
+from mwd_estimation.survey.station_record import Station
+from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.survey import Survey
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.frames import wrap_pi
 
 NORTH_CODES = {"unknown": 0, "magnetic": 1, "true": 2, "grid": 3}
+# From this probability of a field from outside on the samples' field is not used until a station is accepted.
+_LIKELY = 0.2
 
 
 class MagneticFeedback:
@@ -50,10 +55,16 @@ class MagneticFeedback:
         self.interference: tuple[float, float] | None = None
         self.in_force = self._model()
 
-    def take(self, taken: Survey, analysis: Multistation | None) -> None:
-        """Read the field from here on as this survey shows it, or as the stations of its run do together."""
+    def take(self, taken: Survey, shared: tuple[Array, Array] | None) -> None:
+        """
+        Read the field from here on as this survey and those of its run show it.
+
+        shared : errors that the stations share, as `RunModel.shared`; None where nothing is known of them.
+        """
         station = taken.station
-        if station.corrected:
+        azimuth_ok = station.verdicts.azimuth == ACCEPT
+        magnetic = bool(station.hypotheses)
+        if magnetic and azimuth_ok:
             self.interference = (station.interference, station.sigma_interference)
         found = station.by_method(AzimuthMethod.GYRO)
         reference = station.reference
@@ -64,19 +75,18 @@ class MagneticFeedback:
             azimuth = found.azimuth - station.north_correction
             sigma = math.hypot(found.sigma, north) if station.north != "magnetic" else found.sigma
         own = None
-        if analysis is not None and taken.weights.get(AzimuthMethod.MULTI_STATION, 0.0) > 0.0:
-            at = interference_filter.OF_STATIONS
-            own = analysis.estimate[at], analysis.covariance[np.ix_(at, at)]
-        update, accepted = None, station.verdict == ACCEPT
-        if own is not None or math.isfinite(azimuth) or accepted:
+        if shared is not None and magnetic and azimuth_ok and reference is not None:
+            own = _of_samples(*shared, reference)
+        update = None
+        if own is not None or math.isfinite(azimuth) or (azimuth_ok and magnetic):
             down = -station.f_t / np.linalg.norm(station.f_t)
-            axial = (station.interference, station.sigma_interference) if station.corrected else (0.0, 0.0)
-            update = StationUpdate(own, down, station.b_t, azimuth, sigma, accepted, axial)
-        # Where the gyro was used against the magnetometer, it is until they agree again.
-        external = self._external if taken.alarm is None else bool(taken.alarm) and counts
-        # Where it was too uncertain to decide, either may be right until they are compared again.
-        left_open = self._left_open if taken.alarm is None else taken.left_open
-        if station.corrected or update is not None or external != self._external or left_open != self._left_open:
+            axial = self.interference or (0.0, 0.0)
+            update = StationUpdate(own, down, station.b_t, azimuth, sigma, azimuth_ok, axial)
+        external, left_open = self._external, self._left_open
+        if magnetic and station.verdicts.azimuth != NOT_DETERMINED:
+            external = not azimuth_ok and _outside(station) > _LIKELY
+            left_open = 0.0 if azimuth_ok else _open(station)
+        if magnetic or update is not None:
             self._external, self._left_open = external, left_open
             self.in_force = self._model(update)
 
@@ -100,3 +110,29 @@ class MagneticFeedback:
         )
         corrected = self.interference is not None
         return MagneticModelInForce(model, NORTH_CODES[self.north], corrected, update, self._external, self._left_open)
+
+
+def _outside(station: Station) -> float:
+    """Probability of a field from outside the string at a station."""
+    return dict(station.hypotheses).get(str(Hypothesis.EXTERNAL), 0.0)
+
+
+def _open(station: Station) -> float:
+    """How far the azimuth of a doubted station may be off, rad: its sigma, and the other azimuths that fit."""
+    square = station.sigma_azimuth**2
+    square += sum(odds * float(wrap_pi(azimuth - station.azimuth)) ** 2 for azimuth, odds in station.alternatives)
+    return min(math.sqrt(square), math.pi)
+
+
+def _of_samples(mean: Array, covariance: Array, reference: Reference) -> tuple[Array, Array]:
+    """Shared errors as the states of the interference filter, T and plain: bias, scale, horizontal and down."""
+    to = np.zeros((8, Shared.SIZE))
+    for k in range(3):
+        to[k, Shared.FIELD_BIAS + k] = UT
+        to[3 + k, Shared.FIELD_SCALE + k] = 1.0
+    total = math.hypot(reference.horizontal, reference.vertical)
+    cosine, sine = reference.horizontal / total, reference.vertical / total
+    to[6, Shared.TOTAL], to[6, Shared.DIP] = cosine * UT, -reference.vertical
+    to[7, Shared.TOTAL], to[7, Shared.DIP] = sine * UT, reference.horizontal
+    to[6, Shared.OUTSIDE] = to[7, Shared.OUTSIDE + 2] = UT
+    return to @ mean, to @ covariance @ to.T

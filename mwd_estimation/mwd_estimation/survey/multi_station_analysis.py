@@ -19,7 +19,7 @@ An error the run's attitudes do not show keeps its prior sigma; it is named, and
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,21 +30,15 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.multi_station_problem import NAMES, GyroAzimuths, MultistationSettings, Problem
 from mwd_estimation.survey.multi_station_problem import corrected as corrected_readings
-from mwd_estimation.survey.station import station
-from mwd_estimation.survey.station_record import Station
-from mwd_estimation.survey.station_settings import StationSettings
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import gravity_toolface, inclination
 
-__all__ = ["NAMES", "GyroAzimuths", "Multistation", "MultistationSettings", "analyse", "corrected_station"]
+__all__ = ["NAMES", "GyroAzimuths", "Multistation", "MultistationSettings", "analyse"]
 
 # Stations from which on their scatter is worth an estimate.
 _MANY = 8
-# Axial interference of a tool that is freed of it, expected and imaginable, nT.
-_NONE_NT = 1.0
 
 
 @dataclass(frozen=True)
@@ -225,68 +219,6 @@ def _result(problem: Problem, fit: _Fit, settings: MultistationSettings) -> Mult
         observable=sigma / prior < settings.observable,
         readings_covariance=spread,
         refused=_refusal(settings, fit, sigma_azimuth, sigma_raw),
-    )
-
-
-def corrected_station(old: Station, k: int, analysis: Multistation, settings: StationSettings | None = None) -> Station:
-    """
-    A station again, from its corrected readings, with the method MULTI_STATION added and, unless refused, chosen.
-
-    Parameters
-    ----------
-    old : Station
-        As `station` made it.
-    k : int
-        Its place among those analysed.
-    analysis : Multistation
-    settings : StationSettings, optional
-        Those the station was made with; alignment, north and limits are kept, the sensors' errors come from the
-        analysis.
-
-    Returns
-    -------
-    Station
-        Where the analysis was refused, or the station left out of it, the station as it was, with
-        MULTI_STATION refused.
-    """
-    settings = StationSettings() if settings is None else settings
-    aligned = replace(
-        settings.errors,
-        accelerometer_bias_mps2=0.0,
-        accelerometer_scale=0.0,
-        magnetometer_bias_nt=0.0,
-        magnetometer_scale=0.0,
-        axial_interference_nt=_NONE_NT,
-    )
-    # What is left of the interference is in the readings' covariance.
-    settings = replace(
-        settings, errors=aligned, azimuth_method=str(AzimuthMethod.RAW), plausible_interference_nt=_NONE_NT
-    )
-    f_t, b_t = analysis.corrected(old.f_t, old.b_t)
-    covariance = analysis.readings_covariance[k]
-    new = station(f_t, b_t, old.reference, settings, covariance_f=covariance[:3, :3], covariance_b=covariance[3:, 3:])
-    refused = analysis.refused
-    if refused is None and not analysis.used[k]:
-        refused = Reason(Code.OUTLIER_STATION)
-    method = replace(new.azimuths[0], method=AzimuthMethod.MULTI_STATION, refused=refused)
-    if refused is not None:
-        return replace(old, azimuths=(*old.azimuths, method))
-    axial, sigma = float(analysis.estimate[0]), float(analysis.sigma[0])
-    by_run = Reason(Code.CORRECTED_BY_STATIONS, axial, values=(sigma, float(analysis.used.sum())))
-    return replace(
-        new,
-        method=AzimuthMethod.MULTI_STATION,
-        corrected=True,
-        azimuths=(*old.azimuths, method),
-        interference=axial,
-        sigma_interference=sigma,
-        interference_chi_square=math.nan,
-        g_total=old.g_total,
-        b_total=old.b_total,
-        dip=old.dip,
-        f_t=old.f_t,
-        b_t=old.b_t,
-        reasons=(*new.reasons, by_run),
     )
 
 

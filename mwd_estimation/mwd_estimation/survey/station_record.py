@@ -62,13 +62,11 @@ class Station:
     method : AzimuthMethod
         Which azimuth was chosen.
     corrected : bool
-        Whether the chosen azimuth is freed of axial interference.
+        Whether the azimuth is freed of what the run shows of the string's field.
     azimuths : tuple of MethodAzimuth
         Every method tried.
     interference, sigma_interference : float
         Axial field not of the Earth, T.
-    interference_chi_square : float
-        Misfit of the across-axis field, one degree of freedom.
     covariance : ndarray, shape (3, 3)
         Of (inclination, chosen azimuth, gravity toolface), rad^2, all errors included.
     alignment : ndarray, shape (3, 3)
@@ -79,8 +77,6 @@ class Station:
         accept, doubtful or reject.
     reasons : tuple of Reason
         Those of an accepted station are the totals within their limits.
-    azimuth_doubts : tuple of Reason
-        Those of the reasons that doubt nothing but the magnetic azimuth: with another azimuth they have no weight.
     quantities : Verdicts or None
         Verdict of each quantity; None: that of the station for each.
     alternatives : tuple of (float, float)
@@ -113,7 +109,6 @@ class Station:
     azimuths: tuple[MethodAzimuth, ...]
     interference: float
     sigma_interference: float
-    interference_chi_square: float
     covariance: Array = field(repr=False)
     alignment: Array = field(repr=False)
     deviations: Deviations = field(repr=False)
@@ -123,7 +118,6 @@ class Station:
     north_correction: float
     f_t: Array = field(repr=False)
     b_t: Array = field(repr=False)
-    azimuth_doubts: tuple[Reason, ...] = ()
     limits: tuple[float, float, float] = (math.nan, math.nan, math.nan)
     quantities: Verdicts | None = None
     alternatives: tuple[tuple[float, float], ...] = ()
@@ -164,7 +158,6 @@ def blind(f_t: Array, b_t: Array, reference: Reference | None, reasons: tuple[Re
         azimuths=(),
         interference=nan,
         sigma_interference=nan,
-        interference_chi_square=nan,
         covariance=np.full((3, 3), nan),
         alignment=np.full((3, 3), nan),
         deviations=Deviations(nan, nan, nan, np.full((3, 3), nan)),

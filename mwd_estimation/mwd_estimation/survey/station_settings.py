@@ -1,4 +1,4 @@
-"""Settings of a survey station: which azimuth and north, alignment, sensor errors and acceptance limits."""
+"""Settings of a survey station: north, alignment, sensor errors, acceptance limits, and what may disturb it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from mwd_estimation.assembly.sag import SagCorrection
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.survey.acceptance import QualitySettings
-from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.posterior.hypotheses import Priors
 from mwd_sensors.core.settings import setting
 
 
@@ -15,21 +15,10 @@ from mwd_sensors.core.settings import setting
 class StationSettings:
     """How a station is computed."""
 
-    azimuth_method: str = setting(
-        "auto",
-        "Which magnetic azimuth is taken: auto corrects for axial interference where there is some and it can be done",
-        choices=("auto", str(AzimuthMethod.RAW), str(AzimuthMethod.SINGLE_STATION)),
-    )
     north: str = setting(
         "best",
         "North the azimuth refers to; best is grid, else true, else magnetic",
         choices=("best", "grid", "true", "magnetic"),
-    )
-    plausible_interference_nt: float = setting(
-        3000.0,
-        "Axial interference imaginable at all, 1 sigma: where more of it than expected shows or could hide",
-        unit="nT",
-        low=1.0,
     )
     sag: SagCorrection = setting(SagCorrection, "Added to the inclination: sag of the assembly")
     misalignment_y_deg: float = setting(
@@ -43,3 +32,4 @@ class StationSettings:
     )
     errors: SensorErrors = setting(SensorErrors, "What calibration leaves in the sensors")
     quality: QualitySettings = setting(QualitySettings, "Limits of the verdict")
+    priors: Priors = setting(Priors, "How probable each disturbance is before any reading")

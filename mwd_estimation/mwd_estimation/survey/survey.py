@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 
-from mwd_estimation.core.reasons import Reason
 from mwd_estimation.survey.station_record import Station
 from mwd_sensors.core.arrays import Array
 
@@ -34,12 +33,6 @@ class Survey:
         Angles, totals, verdict; its azimuth is the fused one.
     weights : mapping of str to float
         Share of each of the station's methods in its azimuth.
-    azimuth_reasons : mapping of str to Reason or None
-        Why a method has no weight.
-    alarm : tuple of Reason or None
-        How gyro and magnetic azimuth disagree; empty where they agree, None where they were not compared.
-    left_open : float
-        How far apart they are, rad, where the gyro is too uncertain to decide, else 0; part of the sigma.
     kind : str
         static, or rotary: taken while the string turned.
     status : int
@@ -64,9 +57,6 @@ class Survey:
     rate_t: Array
     temperature: float | None
     weights: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    azimuth_reasons: Mapping[str, Reason | None] = dataclasses.field(default_factory=dict)
-    alarm: tuple[Reason, ...] | None = None
-    left_open: float = 0.0
     kind: str = STATIC
     status: int = 0
 

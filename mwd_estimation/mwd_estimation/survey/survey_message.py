@@ -88,7 +88,7 @@ def survey_fields(survey: Survey, status: int) -> dict[str, Any]:
                 "azimuth": known(one.azimuth, 0.0),
                 "sigma": known(one.sigma, -1.0),
                 "weight": survey.weights.get(one.method, 0.0),
-                "reason": _words(survey.azimuth_reasons.get(one.method, one.refused)),
+                "reason": _words(one.refused),
             }
             for one in station.azimuths
         ],

@@ -7,7 +7,7 @@ from mwd_estimation.core.reason_text import WORDS, joined, text, texts
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.sensor_fault import ACCEL, FaultCode, SensorFault, Unit
 
-NUMBERS = Reason(ReasonCode.NO_AZIMUTH, 0.1, 0.2, (0.3, 0.4), ("one", "other"), (Reason(ReasonCode.NO_MAGNETOMETER),))
+NUMBERS = Reason(ReasonCode.HYPOTHESES, 0.1, 0.2, (0.3, 0.4), ("one", "other"), (Reason(ReasonCode.NO_MAGNETOMETER),))
 
 SUSPECT = Reason(ReasonCode.SENSOR_SUSPECT, names=("gyro",))
 
@@ -23,8 +23,15 @@ def test_every_reason_has_a_sentence(code):
 def test_a_number_is_printed_in_the_unit_of_its_sentence():
     off = Reason(ReasonCode.DIP_OFF, math.radians(0.4), math.radians(0.25))
     assert text(off).startswith("dip +0.40 deg off the reference, limit 0.25 deg")
-    axial = Reason(ReasonCode.INTERFERENCE_CORRECTED, 612e-9, values=(80e-9,))
-    assert text(axial) == "axial interference +612 +- 80 nT corrected"
+    sigma = Reason(ReasonCode.GYRO_ONLY_UNCERTAIN, math.radians(5.04), math.radians(4.0))
+    assert text(sigma).startswith("azimuth by the gyro alone, good to 5.0 deg, limit 4.0 deg")
+
+
+def test_hypotheses_and_azimuths_are_listed_with_their_odds():
+    odds = Reason(ReasonCode.HYPOTHESES, values=(0.83, 0.12), names=("clean", "external"))
+    assert text(odds) == "what disturbs the field: nothing beyond the tool code 83 %, steel outside the string 12 %"
+    several = Reason(ReasonCode.AZIMUTHS_FIT, math.radians(8.6), 0.95, (math.radians(197.7), 0.05))
+    assert "8.6 deg with 95.0 %, 197.7 deg with 5.0 %" in text(several)
 
 
 def test_the_reasons_behind_a_reason_stand_in_its_sentence():

@@ -49,11 +49,11 @@ def test_deviations_that_fit_singly_but_not_together_are_doubted_by_the_tool_cod
 
 def test_unknown_deviations_are_not_judged():
     assert judge(Deviations(math.nan, math.nan, math.nan, COVARIANCE), "toolcode").verdict == "accept"
-    assert acceptance.within(Deviations(math.nan, math.nan, math.nan, COVARIANCE), "service") == ()
+    assert acceptance.totals(Deviations(math.nan, math.nan, math.nan, COVARIANCE), "service") == []
 
 
 def test_an_accepted_station_says_what_it_was_held_against():
-    (remark,) = acceptance.within(deviations(0.01, -193e-9, -0.22 * DEG), "service")
+    (remark,) = acceptance.totals(deviations(0.01, -193e-9, -0.22 * DEG), "service")
     totals = "total gravity +1.0 mG (limit 2.5 mG), total field -193 nT (limit 300 nT)"
     assert text(remark) == f"within limits: {totals}, dip -0.22 deg (limit 0.45 deg)"
 

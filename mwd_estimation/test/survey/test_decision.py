@@ -16,15 +16,13 @@ from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Average
 from mwd_estimation.gyrocompass.solution import Solution
-from mwd_estimation.survey import run_history
-from mwd_estimation.survey.azimuth_fusion import Settings
 from mwd_estimation.survey.decision import SurveyDecision
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station import StationSettings
 from mwd_estimation.survey.survey import ROTARY
 from mwd_estimation.survey.survey_message import survey_fields
-from mwd_sensors.core.frames import mat_nt
+from mwd_sensors.core.frames import mat_nt, wrap_pi
 
 REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, convergence=0.01, gravity=9.81, source="test")
 FIELD_N = 5e-5 * np.array([math.cos(1.1) * math.cos(0.05), math.cos(1.1) * math.sin(0.05), math.sin(1.1)])
@@ -43,7 +41,7 @@ def average(k, inclination, azimuth, axial=0.0, turned=0.0, mag=True, scale=1.0)
 
 
 def decision(faults=None):
-    return SurveyDecision(StationSettings(), Settings(), run_history.Params(), faults or FaultHistory())
+    return SurveyDecision(StationSettings(), faults or FaultHistory())
 
 
 def drawn_run(seed):
@@ -96,6 +94,7 @@ def test_a_survey_of_a_rotating_string_has_no_toolface():
     survey = decision().rotary(average(1, 0.8, 1.9), 3, REFERENCE, -2.0)
     assert survey.kind == ROTARY
     assert survey.station.sigma_toolface == math.pi
+    assert survey.station.verdicts.toolface == "not_determined"
     assert survey.station.reasons[-1] == Reason(ReasonCode.STRING_ROTATED, 2.0)
 
 
@@ -105,3 +104,52 @@ def test_nothing_is_learnt_from_a_survey_taken_during_a_fault(sound):
     begun = decision().begin(average(1, 0.8, 1.9), 1, REFERENCE, gyro)
     begun = dataclasses.replace(begun, sound=sound)
     assert math.isfinite(begun.gyro[0]) == math.isfinite(begun.accepted_azimuth.azimuth) == sound
+
+
+def test_readings_played_again_are_no_second_station():
+    decide = decision()
+    first = decide.begin(average(1, 0.8, 1.9), 1, REFERENCE, None)
+    again = decide.begin(dataclasses.replace(average(1, 0.8, 1.9), start_ns=2 * 10**12), 2, REFERENCE, None)
+    assert first.survey.station.verdict == "accept"
+    assert again.survey.station.verdicts.azimuth == "doubtful"
+    assert again.survey.station.headline == Reason(ReasonCode.READINGS_REPEATED, 1.0)
+    np.testing.assert_array_equal(again.shared[0], first.shared[0])
+
+
+def test_a_run_learns_the_string_s_field_and_steel_at_one_station_leaves_no_trace():
+    decide, rng = decision(), np.random.default_rng(5)
+    verdicts, axial = [], []
+    for k in range(12):
+        inclination, azimuth = 0.3 + 0.1 * k, 0.5 + 0.05 * k
+        still = average(k + 1, inclination, azimuth, 9e-7)
+        if k == 8:
+            steel = still.mag.mean + np.array([3e-6, 2e-6, -2e-6])
+            still = dataclasses.replace(still, mag=Average(steel, still.mag.covariance, 800))
+        still = dataclasses.replace(
+            still, mag=Average(still.mag.mean + 30e-9 * rng.normal(size=3), still.mag.covariance, 800)
+        )
+        survey = decide.begin(still, k + 1, REFERENCE, None).survey
+        verdicts.append(survey.station.verdicts.azimuth)
+        axial.append((survey.station.interference, survey.station.sigma_interference))
+        if k > 3 and k != 8:
+            off = float(wrap_pi(survey.station.azimuth - (azimuth - 0.01)))
+            assert abs(off) < 2.0 * survey.station.sigma_azimuth
+    assert verdicts[8] == "doubtful"
+    assert verdicts[4:8] + verdicts[9:] == ["accept"] * 7
+    assert axial[-1][0] == pytest.approx(9e-7, abs=3.0 * axial[-1][1])
+    assert axial[-1][1] < 3e-7
+
+
+def test_the_propagated_azimuth_chooses_between_azimuths_that_fit_and_adds_nothing_else():
+    reference = Reference(total=61e-6, dip=math.radians(-70.0), declination=math.radians(13.0), gravity=9.81)
+    mirror = np.array([19019.8, -14296.8, 54757.3]) * 1e-9
+    imu = Average(np.array([0.0, 0.0, 0.0, -0.30117, -2.19084, 9.55549]), 1e-10 * np.eye(6), 800)
+    still = StillAverage(0, 10**10, imu, Average(mirror, 1e-18 * np.eye(3), 800), None, None, requested=False)
+    decide = decision()
+    begun = decide.begin(still, 1, reference, None)
+    near = decide.complete(begun, NOTHING._replace(station_azimuth=math.radians(8.0), station_sigma=0.01))
+    alone = begun.survey.station
+    assert [round(math.degrees(azimuth), -1) for azimuth, _ in alone.alternatives] == [200.0]
+    assert near.station.alternatives == ()
+    assert near.station.by_method("carried").azimuth == pytest.approx(math.radians(8.0))
+    assert abs(wrap_pi(near.station.azimuth - math.radians(7.8))) < near.station.sigma_azimuth

@@ -6,22 +6,21 @@ import math
 import numpy as np
 import pytest
 
-from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Binner
-from mwd_estimation.survey.azimuth_fusion import Settings as FusionSettings
-from mwd_estimation.survey.decision import decided
+from mwd_estimation.survey.decision import SurveyDecision
+from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.magnetic_feedback import NORTH_CODES, MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS, BinSet, StillSurvey
 from mwd_estimation.survey.static_survey import Params as StillParams
 from mwd_estimation.survey.station import StationSettings
+from mwd_estimation.survey.station_record import Verdicts
 from mwd_sensors.core.frames import mat_nt
 
-ALARM = Reason(ReasonCode.DISAGREES_EXTERNAL_INTERFERENCE, 0.4, 3.0, (8.0,), ("raw", "gyro"))
 REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, convergence=0.01, gravity=9.81, source="test")
 
 
-def taken(axial=2e-6):
+def taken(axial=5e-7):
     """A survey of a tool at rest whose string is magnetised along its axis."""
     rng = np.random.default_rng(3)
     n = 1600
@@ -36,7 +35,8 @@ def taken(axial=2e-6):
     for one, beside in zip(imu, mag, strict=True):
         average = still.add(BinSet(one, beside))
         if average is not None:
-            return decided(average, 1, REFERENCE, StationSettings(), None, FusionSettings())
+            begun = SurveyDecision(StationSettings(), FaultHistory()).begin(average, 1, REFERENCE, None)
+            return begun.survey, begun.shared
     raise AssertionError("no survey was taken")
 
 
@@ -50,45 +50,20 @@ def test_without_a_reference_the_field_is_read_from_magnetic_north():
     assert not feedback.in_force.corrected
 
 
-def test_what_an_uncertain_gyro_left_open_is_in_the_sigma_until_the_two_are_compared_again():
-    feedback = MagneticFeedback(StationSettings(), REFERENCE)
-    one, _ = taken(0.0)
-    usual = feedback.in_force.model.sigma_north
-    feedback.take(dataclasses.replace(one, alarm=(), left_open=0.4), None)
-    assert feedback.in_force.unresolved == 0.4
-    assert feedback.in_force.model.sigma_north == pytest.approx(math.hypot(usual, 0.4))
-    feedback.take(one, None)
-    assert feedback.in_force.unresolved == 0.4
-    feedback.take(dataclasses.replace(one, alarm=()), None)
-    assert (feedback.in_force.unresolved, feedback.in_force.model.sigma_north) == (0.0, usual)
-
-
 def test_a_corrected_station_takes_its_interference_off_from_then_on_until_the_reference_changes():
     feedback = MagneticFeedback(StationSettings(), REFERENCE)
     before = feedback.in_force
     assert feedback.north == "grid"
-    one, analysis = taken()
-    feedback.take(one, analysis)
+    one, shared = taken()
+    feedback.take(one, shared)
     assert feedback.in_force is not before
     assert feedback.in_force.corrected
-    assert feedback.interference[0] == pytest.approx(2e-6, abs=3.0 * feedback.interference[1])
+    assert feedback.interference[0] == pytest.approx(5e-7, abs=3.0 * feedback.interference[1])
     assert feedback.in_force.model.interference[0] == feedback.interference[0]
     assert feedback.in_force.update.axial == feedback.interference
     feedback.set_reference(dataclasses.replace(REFERENCE, total=4.9e-5))
     assert feedback.interference is None
     assert not feedback.in_force.corrected
-
-
-def test_a_gyro_that_was_preferred_to_the_field_makes_it_suspect_until_they_agree():
-    feedback = MagneticFeedback(StationSettings(), REFERENCE)
-    one, analysis = taken()
-    alarmed = dataclasses.replace(one, alarm=(ALARM,), weights={"gyro": 1.0})
-    feedback.take(alarmed, analysis)
-    assert feedback.in_force.external_interference
-    feedback.take(dataclasses.replace(one, alarm=None), analysis)
-    assert feedback.in_force.external_interference
-    feedback.take(dataclasses.replace(one, alarm=()), analysis)
-    assert not feedback.in_force.external_interference
 
 
 def test_the_uncertainty_of_the_declination_is_in_the_reading():
@@ -97,3 +72,28 @@ def test_the_uncertainty_of_the_declination_is_in_the_reading():
     assert sure.sigma_north == 0.0
     assert true.sigma_north == pytest.approx(math.sqrt(REFERENCE.declination_variance(REFERENCE.horizontal)))
     assert true.north_correction == pytest.approx(0.05)
+
+
+def doubted(survey, **changes):
+    quantities = Verdicts("accept", "doubtful", "accept")
+    return dataclasses.replace(survey, station=dataclasses.replace(survey.station, quantities=quantities, **changes))
+
+
+def test_after_a_doubted_survey_the_sigma_of_the_samples_holds_what_it_left_open_until_one_is_accepted():
+    feedback = MagneticFeedback(StationSettings(), REFERENCE)
+    one, shared = taken(0.0)
+    usual = feedback.in_force.model.sigma_north
+    feedback.take(doubted(one, sigma_azimuth=0.3, alternatives=((one.station.azimuth + 1.0, 0.04),)), shared)
+    assert feedback.in_force.unresolved == pytest.approx(math.hypot(0.3, 0.2))
+    assert feedback.in_force.model.sigma_north == pytest.approx(math.hypot(usual, feedback.in_force.unresolved))
+    feedback.take(one, shared)
+    assert (feedback.in_force.unresolved, feedback.in_force.model.sigma_north) == (0.0, usual)
+
+
+def test_a_field_from_outside_makes_the_samples_suspect_until_a_survey_is_accepted():
+    feedback = MagneticFeedback(StationSettings(), REFERENCE)
+    one, shared = taken()
+    feedback.take(doubted(one, hypotheses=(("clean", 0.1), ("external", 0.9))), shared)
+    assert feedback.in_force.external_interference
+    feedback.take(one, shared)
+    assert not feedback.in_force.external_interference

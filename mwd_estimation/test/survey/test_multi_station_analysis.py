@@ -6,19 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mwd_estimation.core.error_model import BENCH, SensorErrors
+from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reason_text import text
-from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.multi_station_analysis import (
     NAMES,
     GyroAzimuths,
     MultistationSettings,
     analyse,
-    corrected_station,
 )
 from mwd_estimation.survey.multi_station_problem import Problem
-from mwd_estimation.survey.station import StationSettings, station
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
 DEG = math.pi / 180.0
@@ -203,27 +200,6 @@ def test_few_stations_still_give_a_sigma_and_no_false_confidence():
     f_t, b_t, reference, _, azi, _, _ = drawn_run("build", 7, n=3)
     done = analyse(f_t, b_t, reference)
     assert (np.abs(wrap_pi(done.azimuth - azi)) < 4 * done.sigma_azimuth).all()
-
-
-def test_stations_made_again_carry_the_azimuth_of_the_run_and_its_sigma():
-    f_t, b_t, reference, _, azi, _, _ = drawn_run("build", 10, **QUIET)
-    settings = StationSettings(errors=replace(BENCH, axial_interference_nt=1000.0), north="magnetic")
-    before = [station(f, b, reference, settings) for f, b in zip(f_t, b_t, strict=True)]
-    analysis = analyse(f_t, b_t, reference)
-    after = [corrected_station(one, k, analysis, settings) for k, one in enumerate(before)]
-    assert {shot.method for shot in after} == {"msa"}
-    assert [shot.azimuth for shot in after] == pytest.approx(list(analysis.azimuth))
-    assert [shot.sigma_azimuth for shot in after[5:]] == pytest.approx(list(analysis.sigma_azimuth[5:]), rel=0.15)
-    assert [a.method for a in after[-1].azimuths] == ["raw", "corrected", "msa"]
-    assert after[-1].b_total == before[-1].b_total
-    # Limits of two sigma on three totals: one in ten is doubtful by chance.
-    assert sum(shot.verdict == "accept" for shot in after) >= 35
-    assert not any(shot.verdict == "reject" for shot in after)
-    assert rms_deg(wrap_pi(np.array([shot.azimuth for shot in after]) - azi)) < 0.12
-    no = Reason(ReasonCode.STATIONS_DO_NOT_FIT)
-    refused = [corrected_station(one, k, replace(analysis, refused=no), settings) for k, one in enumerate(before)]
-    assert [shot.method for shot in refused] == [shot.method for shot in before]
-    assert refused[3].by_method("msa").refused == no
 
 
 def test_a_vertical_station_among_others_gives_finite_sigmas():

@@ -1,4 +1,4 @@
-"""A survey station: angles, norths, choice of azimuth, covariance against drawn errors, verdicts for broken sensors."""
+"""A survey station: angles, norths, azimuth and sigma against drawn errors, verdicts of each quantity."""
 
 import math
 from dataclasses import replace
@@ -8,13 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis.strategies import floats, lists, sampled_from
 
+from consistency import consistency
 from mwd_estimation.assembly.sag import SagCorrection
 from mwd_estimation.core.error_model import BENCH, SensorErrors
 from mwd_estimation.core.reason_text import text, texts
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.acceptance import QualitySettings
+from mwd_estimation.survey.measurement import measured
 from mwd_estimation.survey.station import StationSettings, station
+from mwd_estimation.survey.station_record import Verdicts
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
 DEG = math.pi / 180.0
@@ -29,43 +32,24 @@ def readings(inc, azi_magnetic, toolface, axial=0.0, reference=REFERENCE):
 
 def test_angles_totals_and_a_grid_azimuth_come_out_of_clean_readings():
     shot = station(*readings(35, 120, 40), REFERENCE)
-    got = [shot.inclination, shot.azimuth, shot.gravity_toolface, shot.dip]
-    assert np.degrees(got) == pytest.approx([35, 122, 40, 72], abs=1e-6)
-    assert (shot.north, shot.method, shot.verdict, shot.corrected) == ("grid", "raw", "accept", False)
+    got = [shot.inclination, shot.gravity_toolface, shot.dip]
+    assert np.degrees(got) == pytest.approx([35, 40, 72], abs=1e-6)
+    assert math.degrees(shot.azimuth) == pytest.approx(122.0, abs=0.05)
+    assert math.degrees(shot.by_method("raw").azimuth) == pytest.approx(122.0, abs=1e-6)
+    assert (shot.north, shot.method, shot.verdict, shot.corrected) == ("grid", "fused", "accept", True)
     assert shot.g_total == pytest.approx(9.81)
     assert shot.b_total == pytest.approx(50e-6)
-    assert text(shot.reasons[0]).startswith("within limits")
+    assert shot.verdicts == Verdicts("accept", "accept", "accept")
+    assert shot.headline is None
+    assert text(shot.reasons[-1]).startswith("within limits")
+    assert dict(shot.hypotheses)["clean"] > 0.8
 
 
 @pytest.mark.parametrize(("north", "azimuth"), [("magnetic", 120.0), ("true", 123.0), ("grid", 122.0), ("best", 122.0)])
 def test_the_north_asked_for_is_the_north_given(north, azimuth):
     shot = station(*readings(35, 120, 40), REFERENCE, StationSettings(north=north))
-    assert math.degrees(shot.azimuth) == pytest.approx(azimuth)
+    assert math.degrees(shot.azimuth) == pytest.approx(azimuth, abs=0.05)
     assert shot.north == ("grid" if north == "best" else north)
-
-
-def test_axial_interference_is_corrected_when_there_is_some_and_reported_with_its_sigma():
-    shot = station(*readings(60, 100, 40, 2e-6), REFERENCE)
-    assert shot.method == "corrected"
-    assert shot.corrected
-    assert shot.verdict == "accept"
-    assert math.degrees(shot.azimuth) == pytest.approx(102.0, abs=0.01)
-    assert shot.interference == pytest.approx(2e-6, abs=2e-9)
-    assert any("axial interference +2000 +-" in reason for reason in texts(shot.reasons))
-    raw, corrected = shot.by_method("raw"), shot.by_method("corrected")
-    assert abs(math.degrees(raw.azimuth) - 102.0) > 2.0
-    assert math.degrees(corrected.azimuth) == pytest.approx(102.0, abs=0.01)
-    # Totals are given as measured.
-    assert abs(shot.b_total - 50e-6) > 100e-9
-    assert shot.by_method("gyro") is None
-
-
-def test_interference_that_geometry_hides_is_refused_with_the_reason_and_not_corrected():
-    shot = station(*readings(89, 90, 40, 3e-6), REFERENCE, StationSettings(azimuth_method="corrected"))
-    assert shot.method == "raw"
-    assert shot.verdict in ("doubtful", "reject")
-    assert "east-west" in text(shot.by_method("corrected").refused)
-    assert any("not corrected" in reason for reason in texts(shot.reasons))
 
 
 def test_without_reference_the_azimuth_is_labelled_magnetic_and_uncorrected():
@@ -86,129 +70,98 @@ def test_magnetic_toolface_near_vertical_is_the_heading_of_the_scribe_line():
     shot = station(*readings(0.3, 200, 25), REFERENCE)
     assert math.degrees(shot.magnetic_toolface) == pytest.approx((202 + 25) % 360, abs=0.3)
     assert any("magnetic toolface" in reason for reason in texts(shot.reasons))
+    assert shot.verdict == "accept"
+    assert shot.verdicts == Verdicts("accept", "not_determined", "not_determined")
 
 
-def test_covariance_of_the_angles_matches_drawn_errors_for_both_azimuths():
-    errors = replace(BENCH, axial_interference_nt=0.0)
-    for method, axial in (("raw", 0.0), ("corrected", 2e-6)):
-        settings = StationSettings(azimuth_method=method, errors=errors)
-        f_t, b_t = readings(50, 70, 130, axial)
-        cov = station(f_t, b_t, REFERENCE, settings).covariance
-        rng, offs = np.random.default_rng(4), []
-        for _ in range(200):
-            f = f_t + rng.normal(0, 0.004, 3) + rng.normal(0, 0.0005, 3) * f_t
-            b = b_t + rng.normal(0, 70e-9, 3) + rng.normal(0, 0.0016, 3) * b_t
-            drawn = replace(
-                REFERENCE,
-                total=50e-6 + rng.normal(0, REFERENCE.sigma_total),
-                dip=72 * DEG + rng.normal(0, REFERENCE.sigma_dip),
-                declination=3 * DEG + rng.normal(0, math.sqrt(REFERENCE.declination_variance(REFERENCE.horizontal))),
-            )
-            shot = station(f, b, drawn, settings)
-            truth = np.radians([50, 72, 130])
-            offs.append(wrap_pi(np.array([shot.inclination, shot.azimuth, shot.gravity_toolface]) - truth))
-        nees = np.mean([off @ np.linalg.solve(cov, off) for off in offs]) / 3.0
-        # 600 degrees of freedom: 95 % band 1 +- 0.113.
-        assert nees == pytest.approx(1.0, abs=0.12), method
+def test_the_reading_whose_mirror_was_once_accepted_is_doubtful_with_both_azimuths_and_their_odds():
+    reference = Reference(61e-6, -70 * DEG, 13 * DEG, None, 9.81, "test")
+    shot = station([-0.30117, -2.19084, 9.55549], np.array([19019.8, -14296.8, 54757.3]) * 1e-9, reference)
+    assert shot.verdicts.azimuth == "doubtful"
+    assert shot.verdicts.inclination == "accept"
+    assert abs(wrap_pi(shot.azimuth - 7.8 * DEG)) < shot.sigma_azimuth
+    ((other, odds),) = shot.alternatives
+    assert abs(math.degrees(other) - 197.8) < 5.0
+    assert 0.003 < odds < 0.5
+    assert "more than one azimuth fits" in text(shot.headline)
 
 
-@pytest.mark.parametrize(
-    ("inc", "azi", "axial_nt", "expected_nt"),
-    [
-        (3, 40, 220, 220),
-        (30, 90, 220, 220),
-        (60, 90, 220, 220),
-        (88, 30, 220, 220),
-        (60, 20, 1500, 220),
-        (30, 200, 1500, 220),
-        # Unannounced, and not seen at a glance.
-        (30, 90, 500, 220),
-        (45, 70, 1500, 220),
-        (60, 90, 500, 220),
-        (60, 90, 1500, 220),
-        (88, 30, 1500, 220),
-        (75, 60, 3000, 220),
-        # Hidden: doubtful, and with the sigma of what could be there.
-        (88, 90, 900, 220),
-        (30, 90, 1500, 1500),
-        (60, 90, 1500, 1500),
-        (88, 90, 1500, 1500),
-    ],
-)
-def test_the_azimuth_chosen_errs_by_its_sigma_with_interference_drawn(inc, azi, axial_nt, expected_nt):
-    settings = StationSettings(errors=replace(BENCH, axial_interference_nt=float(expected_nt)))
-    rng, score = np.random.default_rng(inc + azi), []
-    sigma_declination = math.sqrt(REFERENCE.declination_variance(REFERENCE.horizontal))
-    for _ in range(150):
-        f_t, b_t = readings(inc, azi, rng.uniform(0, 360), rng.normal(0, axial_nt * 1e-9))
-        drawn = replace(
-            REFERENCE,
-            total=50e-6 + rng.normal(0, REFERENCE.sigma_total),
-            dip=72 * DEG + rng.normal(0, REFERENCE.sigma_dip),
-            declination=3 * DEG + rng.normal(0, sigma_declination),
-        )
-        f_t = f_t * (1 + rng.normal(0, 0.0005, 3)) + rng.normal(0, 0.004, 3)
-        b_t = b_t * (1 + rng.normal(0, 0.0016, 3)) + rng.normal(0, 70e-9, 3)
-        shot = station(f_t, b_t, drawn, settings)
-        score.append((wrap_pi(shot.azimuth - (azi + 2) * DEG) / shot.sigma_azimuth) ** 2)
-    # 150 degrees of freedom: 95 % band 1 -+ 0.23, 99.5 % 1 -+ 0.33.
-    assert np.mean(score) == pytest.approx(1.0, abs=0.33)
+def test_axial_interference_shows_in_the_hypotheses_and_the_azimuth_is_freed_of_it():
+    shot = station(*readings(60, 40, 40, 2e-6), REFERENCE)
+    assert shot.corrected
+    assert abs(wrap_pi(shot.azimuth - 42 * DEG)) < 0.3 * shot.sigma_azimuth
+    assert max(shot.hypotheses, key=lambda one: one[1])[0] == "axial"
+    assert shot.interference == pytest.approx(2e-6, abs=3.0 * shot.sigma_interference)
+    assert math.degrees(shot.by_method("corrected").azimuth) == pytest.approx(42.0, abs=0.01)
+    # Totals are given as measured.
+    assert abs(shot.b_total - 50e-6) > 100e-9
+    assert shot.by_method("gyro") is None
 
 
-def test_interference_beyond_the_expected_that_shows_widens_the_sigma_of_the_raw_azimuth():
-    raw = [station(*readings(60, 90, 40, e), REFERENCE).by_method("raw").sigma for e in (0.0, 3e-6)]
-    assert raw[1] > 3 * raw[0]
-
-
-def test_the_correction_is_taken_unasked_where_a_short_collar_is_expected():
-    short = StationSettings(errors=SensorErrors(axial_interference_nt=1500.0))
-    f_t, b_t = readings(60, 90, 40)
-    assert station(f_t, b_t, REFERENCE, short).method == "corrected"
-    assert station(f_t, b_t, REFERENCE).method == "raw"
-    assert station(*readings(89, 90, 40), REFERENCE, short).method == "raw"
-
-
-@pytest.mark.parametrize(("inc", "azi"), [(75, 90), (88, 75), (89, 90), (90, 268)])
-def test_an_attitude_that_hides_interference_makes_the_azimuth_doubtful(inc, azi):
-    for axial in (0.0, 1.5e-6):
+@pytest.mark.parametrize(("inc", "azi"), [(88, 88), (90, 268)])
+def test_a_strongly_magnetised_string_east_west_leaves_the_azimuth_doubtful_and_its_sigma_true(inc, azi):
+    for axial in (-40e-6, 5e-6, 20e-6):
         shot = station(*readings(inc, azi, 40, axial), REFERENCE)
-        assert shot.verdict != "accept"
-        (doubt,) = shot.azimuth_doubts
-        assert doubt in shot.reasons
-        assert "can hardly be seen in this attitude, 1000 nT of it turn the azimuth by" in text(doubt)
-        assert shot.sigma_azimuth > 1.5 * DEG
-    # Who counts on as much, knows what he has.
-    settings = StationSettings(errors=SensorErrors(axial_interference_nt=3000.0))
-    shot = station(*readings(inc, azi, 40), REFERENCE, settings)
-    assert shot.azimuth_doubts == ()
-    assert shot.sigma_azimuth > 8.0 * DEG or shot.corrected
+        assert shot.verdicts.azimuth == "doubtful"
+        assert shot.verdicts.inclination == "accept"
+        assert abs(wrap_pi(shot.azimuth - (azi + 2) * DEG)) < 2.0 * shot.sigma_azimuth
+        assert shot.sigma_azimuth > 3.0 * DEG
 
 
-@pytest.mark.parametrize("axial", [-40e-6, 20e-6, 40e-6])
-@pytest.mark.parametrize(("inc", "azi"), [(85, 88), (89, 90), (90, 272)])
-def test_a_strongly_magnetised_string_east_west_is_corrected_as_well_as_it_can_be_and_doubtful(inc, azi, axial):
-    shot = station(*readings(inc, azi, 40, axial), REFERENCE)
-    assert shot.method == "corrected"
-    assert shot.verdict == "doubtful"
-    assert abs(wrap_pi(shot.azimuth - (azi + 2) * DEG)) < 1.5 * shot.sigma_azimuth
-    assert shot.sigma_azimuth > 3.0 * DEG
-    assert text(shot.azimuth_doubts[0]).startswith("axial interference")
-    assert "corrected as well as it can be" in text(shot.azimuth_doubts[0])
-    assert set(shot.azimuth_doubts) <= set(shot.reasons)
+@pytest.mark.parametrize("external", [[0.0, 2.5e-6, -2e-6], [4e-6, 1e-6, 3e-6]])
+def test_steel_beside_the_tool_leaves_the_inclination_accepted_and_the_azimuth_doubtful(external):
+    f_t, b_t = readings(30, 100, 40)
+    shot = station(f_t, b_t + np.array(external), REFERENCE)
+    assert shot.verdict == shot.verdicts.azimuth == "doubtful"
+    assert shot.verdicts.inclination == shot.verdicts.toolface == "accept"
+    assert abs(wrap_pi(shot.azimuth - 102 * DEG)) < 3.0 * shot.sigma_azimuth
 
 
-def test_who_trusts_his_collar_gets_the_sigma_of_the_tool_code_and_no_doubt():
-    shot = station(*readings(88, 90, 40), REFERENCE, StationSettings(plausible_interference_nt=220.0))
-    assert shot.verdict == "accept"
-    # MWD+SRGM at 88 deg due east: 1.01 deg.
-    assert math.degrees(shot.sigma_azimuth) == pytest.approx(1.01, abs=0.05)
+def test_fixed_limits_of_field_and_dip_hold_beside_the_posterior():
+    f_t, b_t = readings(30, 100, 40)
+    for limits in ("service", "iscwsa"):
+        settings = StationSettings(quality=QualitySettings(limits=limits))
+        assert station(f_t, b_t, REFERENCE, settings).verdict == "accept"
+        assert station(f_t, b_t + np.array([0.0, 2.5e-6, -2e-6]), REFERENCE, settings).verdict == "reject"
 
 
-@pytest.mark.parametrize(("inc", "azi"), [(30, 90), (45, 70), (60, 90), (75, 60), (88, 30)])
-def test_an_attitude_that_shows_interference_raises_no_doubt(inc, azi):
-    shot = station(*readings(inc, azi, 40), REFERENCE)
-    assert shot.verdict == "accept"
-    assert shot.azimuth_doubts == ()
+@pytest.mark.parametrize(("inc", "azi"), [(3, 40), (30, 90), (60, 90), (88, 30)])
+def test_sound_tools_are_accepted_and_err_by_less_than_their_sigma(inc, azi):
+    rng, errors, sigmas, accepted = np.random.default_rng(inc + azi), [], [], 0
+    for _ in range(80):
+        shot = _drawn(inc, azi, rng, 220e-9)
+        errors.append(wrap_pi(shot.azimuth - (azi + 2) * DEG))
+        sigmas.append(shot.sigma_azimuth)
+        accepted += shot.verdict == "accept"
+    assert accepted >= 0.95 * 80
+    assert_covered(errors, sigmas)
+
+
+@pytest.mark.parametrize(("inc", "azi", "axial_nt"), [(60, 20, 1500), (30, 90, 1500), (75, 60, 3000), (88, 90, 900)])
+def test_the_sigma_covers_interference_that_is_drawn_beyond_the_tool_code(inc, azi, axial_nt):
+    rng = np.random.default_rng(inc + azi)
+    shots = [_drawn(inc, azi, rng, axial_nt * 1e-9) for _ in range(80)]
+    assert_covered([wrap_pi(shot.azimuth - (azi + 2) * DEG) for shot in shots], [shot.sigma_azimuth for shot in shots])
+
+
+def assert_covered(errors, sigmas):
+    """Errors are no larger than their sigmas say: a sigma that holds what one station cannot exclude may be larger."""
+    found = consistency([(errors, sigmas)], correlated=False, confidence=0.999)
+    assert found.nees <= found.high
+
+
+def _drawn(inc, azi, rng, axial):
+    """A station with the errors of the tool code drawn; axial interference, 1 sigma, T."""
+    f_t, b_t = readings(inc, azi, rng.uniform(0, 360), rng.normal(0, axial))
+    drawn = replace(
+        REFERENCE,
+        total=50e-6 + rng.normal(0, REFERENCE.sigma_total),
+        dip=72 * DEG + rng.normal(0, REFERENCE.sigma_dip),
+        declination=3 * DEG + rng.normal(0, math.sqrt(REFERENCE.declination_variance(REFERENCE.horizontal))),
+    )
+    f_t = f_t * (1 + rng.normal(0, 0.0005, 3)) + rng.normal(0, 0.004, 3)
+    b_t = b_t * (1 + rng.normal(0, 0.0016, 3)) + rng.normal(0, 70e-9, 3)
+    return station(f_t, b_t, drawn, StationSettings(errors=BENCH))
 
 
 def test_noise_of_the_averages_adds_to_the_sigmas():
@@ -245,16 +198,9 @@ def test_misalignment_settings_say_where_the_hole_axis_lies_in_tool_axes():
         f_t = mat_th @ hole.T @ np.array([0, 0, -9.81])
         b_t = mat_th @ hole.T @ np.array([REFERENCE.horizontal, 0, REFERENCE.vertical])
         shot = station(f_t, b_t, REFERENCE, StationSettings(**{name: 1.5}))
-        assert np.degrees([shot.inclination, shot.azimuth, shot.gravity_toolface]) == pytest.approx([60, 102, 40])
-
-
-@pytest.mark.parametrize("limits", ["service", "iscwsa", "toolcode"])
-def test_a_casing_beside_the_tool_is_rejected_under_every_set_of_limits(limits):
-    f_t, b_t = readings(30, 100, 40)
-    casing = np.array([0.0, 2.5e-6, -2e-6])
-    shot = station(f_t, b_t + casing, REFERENCE, StationSettings(quality=QualitySettings(limits=limits)))
-    assert shot.verdict == "reject"
-    assert not shot.corrected
+        assert np.degrees([shot.inclination, shot.azimuth, shot.gravity_toolface]) == pytest.approx(
+            [60, 102, 40], abs=0.05
+        )
 
 
 def test_broken_sensors_are_named_and_what_is_left_is_given():
@@ -282,13 +228,6 @@ def test_a_fault_of_the_readings_rejects_the_station():
     assert Reason(ReasonCode.TOOL_NOT_STILL) in shot.reasons
 
 
-def test_a_weak_horizontal_field_asks_for_a_gyro():
-    polar = Reference(57e-6, 86 * DEG, 0.0, 0.0, 9.83, "test")
-    shot = station(*readings(30, 100, 40, reference=polar), polar)
-    assert shot.verdict in ("doubtful", "reject")
-    assert any("take a gyro" in reason for reason in texts(shot.reasons))
-
-
 def test_an_exactly_vertical_hole_keeps_finite_sigmas():
     shot = station([-9.81, 0.0, 0.0], [48e-6, 15e-6, 1e-6], REFERENCE)
     assert shot.inclination == 0.0
@@ -301,7 +240,7 @@ def test_a_field_along_gravity_gives_no_azimuth_and_says_so():
     shot = station([-9.81 * 0.6, 0.0, 9.81 * 0.8], [30e-6, 0.0, -40e-6], REFERENCE)
     assert math.isnan(shot.azimuth)
     assert shot.sigma_azimuth == pytest.approx(math.pi)
-    assert "no horizontal field" in text(shot.reasons[-1])
+    assert "no horizontal field" in text(shot.headline)
 
 
 READING = floats(-1e6, 1e6) | floats(-20.0, 20.0) | floats(-1e-4, 1e-4) | sampled_from([0.0, math.nan, math.inf])
@@ -330,7 +269,7 @@ def test_totals_deviate_by_their_covariance_when_errors_are_drawn():
         )
         f_t = f_t * (1 + rng.normal(0, 0.0005, 3)) + rng.normal(0, 0.004, 3)
         b_t = b_t * (1 + rng.normal(0, 0.0016, 3)) + rng.normal(0, 70e-9, 3)
-        off = station(f_t, b_t, drawn, StationSettings(azimuth_method="raw")).deviations
+        off = measured(f_t, b_t, drawn).station.deviations
         values = np.array([off.gravity, off.field, off.dip])
         chi.append(values @ np.linalg.solve(off.covariance, values))
     # 2400 degrees of freedom: 95 % band 3 -+ 0.17.

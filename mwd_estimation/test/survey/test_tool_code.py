@@ -10,7 +10,8 @@ import pytest
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey import tool_code
-from mwd_estimation.survey.station import StationSettings, station
+from mwd_estimation.survey.measurement import measured
+from mwd_estimation.survey.station import StationSettings
 from mwd_sensors.core.frames import mat_nt
 from project import REFERENCE_DATA
 
@@ -88,9 +89,7 @@ def test_the_magnitudes_are_those_of_the_example_wells_tables():
 
 @pytest.mark.parametrize(("inc", "azi"), [(30, 0), (30, 90), (60, 90), (88, 90), (120, 250)])
 def test_our_propagation_through_the_readings_gives_the_models_sigma(inc, azi):
-    settings = replace(tool_code.settings_for("MWD+SRGM"), azimuth_method="raw", north="true")
-    # The model knows of no interference beyond the expected.
-    settings = replace(settings, plausible_interference_nt=1.0)
+    settings = replace(tool_code.settings_for("MWD+SRGM"), north="true")
     reference = tool_code.reference_for("MWD+SRGM", REFERENCE)
     model = tool_code.at_attitude("MWD+SRGM", inc * DEG, azi * DEG, REFERENCE)
     variances = []
@@ -98,14 +97,14 @@ def test_our_propagation_through_the_readings_gives_the_models_sigma(inc, azi):
     for toolface in np.arange(8) * 45.0:
         mat_tn = mat_nt(inc * DEG, (azi + 4) * DEG, toolface * DEG).T
         b_t = mat_tn @ np.array([reference.horizontal, 0.0, reference.vertical])
-        shot = station(mat_tn @ np.array([0, 0, -9.80665]), b_t, reference, settings)
+        shot = measured(mat_tn @ np.array([0, 0, -9.80665]), b_t, reference, settings).station
         variances.append([shot.sigma_inclination**2, shot.sigma_azimuth**2])
     ours = np.sqrt(np.mean(variances, axis=0))
     assert ours == pytest.approx([model.inclination, model.azimuth], rel=0.03)
 
 
 def test_short_collar_sigma_of_the_axial_correction_agrees_with_the_model_where_both_are_linear():
-    settings = replace(tool_code.settings_for("MWD+SRGM+AX"), azimuth_method="corrected", north="true")
+    settings = replace(tool_code.settings_for("MWD+SRGM+AX"), north="true")
     reference = tool_code.reference_for("MWD+SRGM+AX", REFERENCE)
     for inc, azi in ((30, 0), (30, 90), (60, 90)):
         model = tool_code.at_attitude("MWD+SRGM+AX", inc * DEG, azi * DEG, REFERENCE)
@@ -113,7 +112,8 @@ def test_short_collar_sigma_of_the_axial_correction_agrees_with_the_model_where_
         for toolface in np.arange(8) * 45.0:
             mat_tn = mat_nt(inc * DEG, (azi + 4) * DEG, toolface * DEG).T
             b_t = mat_tn @ np.array([reference.horizontal, 0.0, reference.vertical]) + [1e-6, 0, 0]
-            variances.append(station(mat_tn @ np.array([0, 0, -9.80665]), b_t, reference, settings).sigma_azimuth ** 2)
+            shot = measured(mat_tn @ np.array([0, 0, -9.80665]), b_t, reference, settings).station
+            variances.append(shot.by_method("corrected").sigma ** 2 + shot.alignment[1, 1])
         # Weighing the sine in makes it as good or a little better.
         assert math.sqrt(np.mean(variances)) == pytest.approx(model.azimuth, rel=0.08)
 

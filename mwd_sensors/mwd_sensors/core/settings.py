@@ -183,8 +183,8 @@ def unknown_key(
     # A setting that moved to another block keeps its own name more often than not.
     near += [name for name in names if "." in key and name.endswith(key[key.rindex(".") :]) and name not in near][:3]
     where = f"{path}.{key}" if path else key
-    block = key.partition(".")[0]
-    moved = f"{block} is now {former[block]}; " if former and block in former and key not in names else ""
+    old = key if former and key in former else key.partition(".")[0]
+    moved = f"{old} is now {former[old]}; " if former and old in former and key not in names else ""
     hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(names)}"
     return f"{where}: no such setting; {moved}{hint}"
 

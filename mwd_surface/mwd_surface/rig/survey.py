@@ -127,7 +127,7 @@ def _uncorrected(s: Survey) -> float | None:
 
 def _is_corrected(s: Survey) -> bool:
     if s.azimuth_method == "fused":
-        return any(a.method in _CORRECTING and a.weight > 0.0 for a in s.azimuths)
+        return s.sigma_axial_interference >= 0.0
     return s.azimuth_method in _CORRECTING
 
 

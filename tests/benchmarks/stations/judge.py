@@ -11,8 +11,6 @@ from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Average
 from mwd_estimation.gyrocompass.solution import Solution
-from mwd_estimation.survey import run_history
-from mwd_estimation.survey.azimuth_fusion import Settings
 from mwd_estimation.survey.decision import SurveyDecision
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.static_survey import StillAverage
@@ -43,7 +41,7 @@ class Judged:
 
 def new_decision(settings: StationSettings | None = None) -> SurveyDecision:
     """The decision of a run with settings as they come."""
-    return SurveyDecision(settings or StationSettings(), Settings(), run_history.Params(), FaultHistory())
+    return SurveyDecision(settings or StationSettings(), FaultHistory())
 
 
 def still(f_t: Array, b_t: Array, second: int) -> StillAverage:

@@ -1,0 +1,263 @@
+"""
+The verdict of a station, read off what was found of it.
+
+Each quantity has its own. The inclination's follows from gravity; the azimuth's from its posterior: its sigma against
+that of a sound tool at this attitude, other azimuths that fit, and what most probably disturbs it. The totals beside
+their limits stand behind the reasons for people who read those.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from mwd_estimation.core.reasons import Reason
+from mwd_estimation.core.reasons import ReasonCode as Code
+from mwd_estimation.survey import acceptance
+from mwd_estimation.survey.acceptance import ACCEPT, DOUBTFUL, NOT_DETERMINED, REJECT, Deviations, worse
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.measurement import Measured, Readings
+from mwd_estimation.survey.posterior.circle import Circle
+from mwd_estimation.survey.posterior.hypotheses import Hypothesis
+from mwd_estimation.survey.run_model import Finding
+from mwd_estimation.survey.station_deviations import deviations, gross_faults
+from mwd_estimation.survey.station_record import Station, Verdicts
+from mwd_estimation.survey.station_settings import StationSettings
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.frames import magnetic_toolface, mat_nt, wrap_tau
+
+# Less of the probability in the chief mode, or more for a disturbance, makes an azimuth doubtful.
+_CHIEF, _DISTURBED = 0.99, 0.5
+# A defect this probable makes the inclination doubtful.
+_DEFECT = 0.2
+# Chi-square of three degrees of freedom exceeded by chance once in 10 000: nothing explains the field.
+_UNEXPLAINED = 21.1
+# A larger sigma of the high side, rad: near the vertical it is not determined.
+_HIGH_SIDE = math.radians(3.0)
+# A smaller correction of sag is not worth a word, rad.
+_LEAST_SAG = math.radians(0.005)
+# A hypothesis with a smaller probability is not named.
+_NAMED = 0.02
+
+
+class _Findings:
+    """Verdict of one quantity so far, with the reasons that made it."""
+
+    def __init__(self) -> None:
+        self.verdict = ACCEPT
+        self.reasons: list[tuple[str, Reason]] = []
+
+    def add(self, verdict: str, *reasons: Reason) -> None:
+        for reason in reasons:
+            self.verdict = worse(self.verdict, verdict)
+            self.reasons.append((verdict, reason))
+
+
+def judged(
+    measured: Measured, finding: Finding | None, settings: StationSettings, faults: tuple[Reason, ...] = ()
+) -> Station:
+    """
+    The station with its azimuth and verdicts.
+
+    Parameters
+    ----------
+    measured : Measured
+    finding : Finding or None
+        None where nothing says anything of the azimuth.
+    settings : StationSettings
+    faults : tuple of Reason
+        What is known to be wrong with the readings: each rejects the station.
+    """
+    readings, station = measured.readings, measured.station
+    if readings is None:
+        return replace(station, reasons=(*station.reasons, *faults))
+    found = None if finding is None else finding.circle
+    if finding is not None and found is not None:
+        station = _with_azimuth(station, finding, found)
+    # Near the vertical the string's field does not turn the azimuth, and the totals are those of the reading.
+    taken_off = station.interference if station.corrected and not _upright(readings, settings) else 0.0
+    apart = deviations(
+        readings.f_h, readings.b_h, station.reference, readings.covariance, settings.errors, taken_off,
+        readings.has_field,
+    )  # fmt: skip
+    limits = tuple(float(limit) for limit in acceptance.bounds(apart, settings.quality.limits))
+    station = replace(station, deviations=apart, limits=(limits[0], limits[1], limits[2]))
+    level, azimuth = _of_inclination(station, finding, settings), _Findings()
+    azimuth.add(DOUBTFUL, *measured.reasons)
+    _judge_azimuth(azimuth, station, readings, finding, found, settings)
+    for quantity in (level, azimuth):
+        quantity.add(REJECT, *faults)
+    return _finished(station, readings, level, azimuth, finding, settings)
+
+
+def _with_azimuth(station: Station, finding: Finding, found: Circle) -> Station:
+    """The station with the azimuth of its posterior."""
+    covariance = station.covariance.copy()
+    own = math.hypot(found.sigma, math.sqrt(float(station.alignment[1, 1])))
+    # What ties the azimuth to inclination and toolface is that of the reading, as far as it still goes.
+    tied = min(own / math.sqrt(covariance[1, 1]), 1.0) if covariance[1, 1] > 0.0 else 0.0
+    covariance[1, :] *= tied
+    covariance[:, 1] *= tied
+    covariance[1, 1] = min(own, math.pi) ** 2
+    magnetic = bool(finding.hypotheses)
+    toolface = float(magnetic_toolface(mat_nt(station.inclination, found.mean, station.gravity_toolface)))
+    return replace(
+        station,
+        azimuth=found.mean,
+        sigma_azimuth=math.sqrt(covariance[1, 1]),
+        magnetic_toolface=toolface,
+        covariance=covariance,
+        method=AzimuthMethod.FUSED if magnetic else AzimuthMethod.GYRO,
+        corrected=magnetic,
+        interference=finding.axial[0],
+        sigma_interference=finding.axial[1],
+        alternatives=found.alternatives,
+        hypotheses=tuple((str(name), odds) for name, odds in finding.hypotheses.items()),
+    )
+
+
+def _of_inclination(station: Station, finding: Finding | None, settings: StationSettings) -> _Findings:
+    """Gravity against its limits, and a turned accelerometer."""
+    level, apart = _Findings(), station.deviations
+    level.add(REJECT, *(one for one in gross_faults(station.g_total, math.nan, math.nan, None)))
+    gravity = Deviations(apart.gravity, math.nan, math.nan, apart.covariance, apart.standard)
+    judgement = acceptance.judge(gravity, settings.quality.limits)
+    level.add(judgement.verdict, *judgement.reasons)
+    defect = 0.0 if finding is None else finding.hypotheses.get(Hypothesis.SENSOR, 0.0)
+    if defect > _DEFECT:
+        level.add(DOUBTFUL, Reason(Code.SENSOR_DEFECT, defect))
+    return level
+
+
+def _judge_azimuth(
+    azimuth: _Findings,
+    station: Station,
+    readings: Readings,
+    finding: Finding | None,
+    found: Circle | None,
+    settings: StationSettings,
+) -> None:
+    """The azimuth by its posterior."""
+    if readings.has_field:
+        b_earth = readings.b_h - np.array([station.interference if station.corrected else 0.0, 0.0, 0.0])
+        total = float(np.linalg.norm(b_earth))
+        azimuth.add(REJECT, *gross_faults(STANDARD_GRAVITY, total, station.dip, station.reference))
+    if not readings.has_field and (finding is None or finding.by_gyro == 0.0):
+        what = Code.NO_HORIZONTAL_FIELD if np.isfinite(readings.b_t).all() else Code.NO_MAGNETOMETER
+        azimuth.add(REJECT, Reason(Code.INCLINATION_ONLY, causes=(Reason(what),)))
+        return
+    if finding is None or found is None:
+        azimuth.add(DOUBTFUL, Reason(Code.NO_REFERENCE_FIELD, names=(station.north,)))
+        return
+    if finding.hypotheses:
+        _judge_field(azimuth, station, finding, settings)
+    if finding.repeats is not None:
+        azimuth.add(DOUBTFUL, Reason(Code.READINGS_REPEATED, float(finding.repeats)))
+    limit, determined = _limit(station, finding, settings)
+    if not determined and station.sigma_azimuth > limit:
+        _judge_totals(azimuth, station, settings)
+        if azimuth.verdict == ACCEPT:
+            azimuth.verdict = NOT_DETERMINED
+        return
+    if finding.broken is not None:
+        azimuth.add(DOUBTFUL, Reason(Code.PROPAGATED_DISAGREES, finding.broken[0], values=(finding.broken[1],)))
+    elif finding.gyro_wrong > _DISTURBED:
+        azimuth.add(DOUBTFUL, Reason(Code.GYRO_DISAGREES, finding.gyro_wrong))
+    if found.share < _CHIEF:
+        others = tuple(value for pair in found.alternatives for value in pair)
+        azimuth.add(DOUBTFUL, Reason(Code.AZIMUTHS_FIT, found.mean, found.share, others))
+    if station.sigma_azimuth > limit:
+        azimuth.add(DOUBTFUL, _why_uncertain(station, finding, limit))
+
+
+def _judge_field(azimuth: _Findings, station: Station, finding: Finding, settings: StationSettings) -> None:
+    """What disturbs the field."""
+    if finding.misfit > _UNEXPLAINED:
+        azimuth.add(REJECT, Reason(Code.FIELD_UNEXPLAINED, finding.misfit, _UNEXPLAINED))
+    odds = finding.hypotheses
+    if odds[Hypothesis.EXTERNAL] > _DISTURBED:
+        azimuth.add(DOUBTFUL, Reason(Code.EXTERNAL_FIELD, odds[Hypothesis.EXTERNAL]))
+    if odds[Hypothesis.SENSOR] > _DISTURBED:
+        azimuth.add(DOUBTFUL, Reason(Code.SENSOR_DEFECT, odds[Hypothesis.SENSOR]))
+    if settings.quality.limits != "toolcode":
+        _judge_totals(azimuth, station, settings)
+
+
+def _judge_totals(azimuth: _Findings, station: Station, settings: StationSettings) -> None:
+    """Field and dip against their limits: those that are fixed, and where the azimuth itself says nothing of them."""
+    judgement = acceptance.judge(replace(station.deviations, gravity=math.nan), settings.quality.limits)
+    azimuth.add(judgement.verdict, *judgement.reasons)
+
+
+def _limit(station: Station, finding: Finding, settings: StationSettings) -> tuple[float, bool]:
+    """The largest sigma of the azimuth that is accepted, rad, and whether a sound tool keeps it at this attitude."""
+    quality = settings.quality
+    usual = quality.sigma_factor * math.hypot(finding.nominal, math.sqrt(float(station.alignment[1, 1])))
+    least, most = math.radians(quality.least_sigma_deg), math.radians(quality.most_sigma_deg)
+    return max(min(usual, most), least), usual <= most
+
+
+def _upright(readings: Readings, settings: StationSettings) -> bool:
+    least = math.radians(settings.quality.min_azimuth_inclination_deg)
+    return math.sin(readings.inclination) < math.sin(least)
+
+
+def _why_uncertain(station: Station, finding: Finding, limit: float) -> Reason:
+    """The likeliest cause of an uncertain azimuth."""
+    odds = {name: value for name, value in finding.hypotheses.items() if name is not Hypothesis.CLEAN}
+    if not odds:
+        return Reason(Code.GYRO_ONLY_UNCERTAIN, station.sigma_azimuth, limit)
+    first = max(odds, key=lambda name: odds[name])
+    code = {
+        Hypothesis.EXTERNAL: Code.UNCERTAIN_EXTERNAL,
+        Hypothesis.REFERENCE: Code.UNCERTAIN_REFERENCE,
+        Hypothesis.SENSOR: Code.UNCERTAIN_SENSOR,
+    }.get(first, Code.UNCERTAIN_STRING)
+    return Reason(code, station.sigma_azimuth, limit)
+
+
+def _finished(
+    station: Station,
+    readings: Readings,
+    level: _Findings,
+    azimuth: _Findings,
+    finding: Finding | None,
+    settings: StationSettings,
+) -> Station:
+    """The station with its verdicts, the gravest reason first."""
+    upright = station.sigma_toolface > _HIGH_SIDE
+    quantities = Verdicts(level.verdict, azimuth.verdict, NOT_DETERMINED if upright else level.verdict)
+    verdict = level.verdict if azimuth.verdict == NOT_DETERMINED else worse(level.verdict, azimuth.verdict)
+    made = sorted([*level.reasons, *azimuth.reasons], key=lambda pair: pair[0] != REJECT)
+    reasons = list(dict.fromkeys(reason for _, reason in made))
+    remarks: list[Reason] = []
+    sag = station.inclination - readings.inclination
+    if abs(sag) >= _LEAST_SAG:
+        remarks.append(Reason(Code.SAG_CORRECTED, sag))
+    if azimuth.verdict == NOT_DETERMINED:
+        remarks.append(Reason(Code.AZIMUTH_NOT_DETERMINED, station.sigma_azimuth))
+    if finding is not None and finding.hypotheses:
+        named = sorted(finding.hypotheses.items(), key=lambda pair: -pair[1])
+        likely = [(str(name), odds) for name, odds in named if odds >= _NAMED]
+        names, values = tuple(name for name, _ in likely), tuple(odds for _, odds in likely)
+        remarks.append(Reason(Code.HYPOTHESES, values=values, names=names))
+    remarks += acceptance.totals(station.deviations, settings.quality.limits)
+    return replace(station, quantities=quantities, verdict=verdict, reasons=(*reasons, *remarks))
+
+
+def without_toolface(station: Station, rotary_speed: float) -> Station:
+    """The station of an average in axes that do not turn with the string; rotary_speed, rad/s, for the record."""
+    covariance = station.covariance.copy()
+    covariance[2, :] = covariance[:, 2] = 0.0
+    covariance[2, 2] = math.pi**2
+    return replace(
+        station,
+        gravity_toolface=0.0,
+        magnetic_toolface=float(wrap_tau(0.0)),
+        sigma_toolface=math.pi,
+        covariance=covariance,
+        quantities=replace(station.verdicts, toolface=NOT_DETERMINED),
+        reasons=(*station.reasons, Reason(Code.STRING_ROTATED, abs(rotary_speed))),
+    )

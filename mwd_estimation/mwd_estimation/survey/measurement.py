@@ -1,0 +1,271 @@
+"""What one station's six averaged axes say by themselves: angles, totals, and azimuths of single methods."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mwd_estimation.core import magnetic_geometry
+from mwd_estimation.core.reasons import Reason
+from mwd_estimation.core.reasons import ReasonCode as Code
+from mwd_estimation.core.reference_field import Reference, best_north, north_correction, to_north
+from mwd_estimation.magnetic import axial_correction
+from mwd_estimation.survey import acceptance
+from mwd_estimation.survey.acceptance import REJECT
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.station_deviations import deviations
+from mwd_estimation.survey.station_record import MethodAzimuth, Station, blind
+from mwd_estimation.survey.station_settings import StationSettings
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.frames import (
+    gravity_toolface,
+    inclination,
+    magnetic_toolface,
+    mat_from_quat,
+    mat_nt,
+    quat_from_rotvec,
+    wrap_tau,
+)
+
+# 1 sigma of an azimuth of which nothing is known.
+_UNKNOWN_SIGMA = math.pi
+# With a smaller share of the field horizontal there is no azimuth at all.
+_LEVEL = 1e-6
+# Less is no reading, T, m/s^2.
+_NO_FIELD = 1e-12
+_NO_GRAVITY = 1e-3
+# Where there is no horizontal field any field serves for the slopes of inclination and toolface, T.
+_ANY_FIELD = (1e-5, 2e-5, 3e-5)
+# Axial interference that the single-station correction thinks of, 1 sigma, T.
+_PLAUSIBLE = 3e-6
+
+
+@dataclass(frozen=True)
+class Readings:
+    """
+    Readings in tool axes (f_t, b_t) and hole axes (f_h, b_h), and what follows from them.
+
+    `noise` and `covariance`, shape (6, 6), are of the latter: their own noise, and with what calibration leaves.
+    """
+
+    f_t: Array
+    b_t: Array
+    f_h: Array
+    b_h: Array
+    noise: Array
+    covariance: Array
+    jacobian: Array
+    has_field: bool
+    b_total: float
+    inclination: float
+    toolface: float
+    dip: float
+
+
+@dataclass(frozen=True)
+class North:
+    """Name of the north, what to add to a magnetic azimuth, rad, and the variance that this adds, rad^2."""
+
+    name: str
+    turn: float
+    variance: float = 0.0
+
+
+@dataclass(frozen=True)
+class Measured:
+    """
+    A station before its azimuth is found.
+
+    Attributes
+    ----------
+    station : Station
+        With the azimuths of single methods; its own is the uncorrected one, and its verdict is not given.
+    readings : Readings or None
+        None without a usable accelerometer.
+    reasons : tuple of Reason
+        What is missing: a north that the reference does not lead to.
+    """
+
+    station: Station
+    readings: Readings | None
+    reasons: tuple[Reason, ...] = ()
+
+
+def measured(
+    f_t: ArrayLike,
+    b_t: ArrayLike,
+    reference: Reference | None = None,
+    settings: StationSettings | None = None,
+    *,
+    covariance_f: ArrayLike | None = None,
+    covariance_b: ArrayLike | None = None,
+) -> Measured:
+    """
+    Angles, totals and azimuths of single methods of a station; arguments and errors as `station.station`.
+
+    Returns
+    -------
+    Measured
+    """
+    settings = StationSettings() if settings is None else settings
+    f_raw, b_raw = _vector("f_t", f_t), _vector("b_t", b_t)
+    noise = np.zeros((6, 6))
+    noise[:3, :3], noise[3:, 3:] = _matrix("covariance_f", covariance_f), _matrix("covariance_b", covariance_b)
+    if not (np.isfinite(f_raw).all() and float(np.linalg.norm(f_raw)) > _NO_GRAVITY):
+        return Measured(blind(f_raw, b_raw, reference, (Reason(Code.NO_ACCELEROMETER),)), None)
+    readings = _readings(f_raw, b_raw, noise, settings)
+    north, missing = _north(reference, settings.north, readings.has_field)
+    if readings.has_field and reference is not None and north.name != "magnetic":
+        north = North(north.name, north.turn, reference.declination_variance(_horizontal(readings, reference)))
+    return Measured(_unjudged(readings, reference, settings, north), readings, missing)
+
+
+def _unjudged(readings: Readings, reference: Reference | None, settings: StationSettings, north: North) -> Station:
+    """The station with the uncorrected azimuth as its own."""
+    inc, toolface = readings.inclination, readings.toolface
+    alignment = settings.errors.alignment(inc)
+    covariance = readings.jacobian @ readings.covariance @ readings.jacobian.T + alignment
+    azimuth = toolface_north = math.nan
+    methods: tuple[MethodAzimuth, ...] = ()
+    if readings.has_field:
+        covariance[1] += readings.jacobian[:, 3] * readings.jacobian[1, 3] * _expected(settings) ** 2
+        covariance[:, 1] = covariance[1]
+        covariance[1, 1] += north.variance
+        azimuth = to_north(float(magnetic_geometry.raw_azimuth(readings.f_h, readings.b_h)), north.turn)
+        toolface_north = float(magnetic_toolface(mat_nt(inc, azimuth, toolface)))
+        own = min(math.sqrt(covariance[1, 1] - alignment[1, 1]), _UNKNOWN_SIGMA)
+        methods = (
+            MethodAzimuth(AzimuthMethod.RAW, azimuth, own),
+            *_corrected(readings, reference, settings, north),
+        )
+    else:
+        covariance[1, :] = covariance[:, 1] = 0.0
+        covariance[1, 1] = _UNKNOWN_SIGMA**2
+    covariance = capped(covariance)
+    offset, sag = math.radians(settings.toolface_offset_deg), settings.sag.at(inc)
+    return Station(
+        inclination=min(max(inc + sag, 0.0), math.pi),
+        sigma_inclination=math.sqrt(covariance[0, 0]),
+        gravity_toolface=float(wrap_tau(toolface + offset)),
+        magnetic_toolface=float(wrap_tau(toolface_north + offset)),
+        sigma_toolface=math.sqrt(covariance[2, 2]),
+        g_total=float(np.linalg.norm(readings.f_t)),
+        b_total=readings.b_total,
+        dip=readings.dip,
+        azimuth=azimuth,
+        sigma_azimuth=math.sqrt(covariance[1, 1]),
+        north=north.name,
+        method=AzimuthMethod.RAW if readings.has_field else AzimuthMethod.NONE,
+        corrected=False,
+        azimuths=methods,
+        interference=math.nan,
+        sigma_interference=math.nan,
+        covariance=covariance,
+        alignment=alignment,
+        deviations=deviations(
+            readings.f_h, readings.b_h, reference, readings.covariance, settings.errors, 0.0, readings.has_field
+        ),
+        verdict=REJECT,
+        reasons=(),
+        reference=reference,
+        north_correction=north.turn,
+        f_t=readings.f_t,
+        b_t=readings.b_t,
+    )
+
+
+def _expected(settings: StationSettings) -> float:
+    """Axial interference of a sound string, 1 sigma, T."""
+    return settings.errors.axial_interference_nt * 1e-9
+
+
+def _corrected(
+    readings: Readings, reference: Reference | None, settings: StationSettings, north: North
+) -> tuple[MethodAzimuth, ...]:
+    """The azimuth of the single-station correction, with why it is not to be used alone; none without a reference."""
+    if reference is None or not reference.has_field:
+        return ()
+    estimate = axial_correction.axial_correction(
+        readings.f_h, readings.b_h, reference.horizontal, reference.vertical, readings.covariance,
+        reference.covariance, plausible=_PLAUSIBLE,
+    )  # fmt: skip
+    if not math.isfinite(float(estimate.azimuth)):
+        return ()
+    refused = acceptance.correction_refusal(estimate, readings.inclination, settings.quality)
+    azimuth = to_north(float(estimate.azimuth), north.turn)
+    sigma = min(math.hypot(float(estimate.sigma_azimuth), math.sqrt(north.variance)), _UNKNOWN_SIGMA)
+    return (MethodAzimuth(AzimuthMethod.SINGLE_STATION, azimuth, sigma, refused),)
+
+
+def _readings(f_t: Array, b_t: Array, noise: Array, settings: StationSettings) -> Readings:
+    turn = np.zeros((6, 6))
+    turn[:3, :3] = turn[3:, 3:] = _to_hole(settings)
+    b_total = float(np.linalg.norm(b_t))
+    has_field = bool(np.isfinite(b_t).all()) and b_total > _NO_FIELD
+    has_field = has_field and math.cos(float(magnetic_geometry.dip(f_t, b_t))) > _LEVEL
+    f_h, b_h = turn[:3, :3] @ f_t, turn[:3, :3] @ (b_t if has_field else np.array(_ANY_FIELD))
+    return Readings(
+        f_t=f_t,
+        b_t=b_t,
+        f_h=f_h,
+        b_h=b_h,
+        noise=turn @ noise @ turn.T,
+        covariance=turn @ noise @ turn.T + settings.errors.covariance(f_h, b_h),
+        jacobian=magnetic_geometry.angle_jacobian(f_h, b_h),
+        has_field=has_field,
+        b_total=b_total if has_field else math.nan,
+        inclination=float(inclination(f_h)),
+        toolface=float(gravity_toolface(f_h)),
+        dip=float(magnetic_geometry.dip(f_h, b_h)) if has_field else math.nan,
+    )
+
+
+def _horizontal(readings: Readings, reference: Reference | None) -> float:
+    """Horizontal field, T: the reference's, else as measured."""
+    if reference is not None and reference.has_field:
+        return reference.horizontal
+    return readings.b_total * math.cos(readings.dip)
+
+
+def _north(reference: Reference | None, wanted: str, has_field: bool) -> tuple[North, tuple[Reason, ...]]:
+    """The north asked for; magnetic, with a reason, where what leads to it is not known."""
+    north = best_north(reference) if wanted == "best" else wanted
+    turn = north_correction(reference, north)
+    if turn is not None:
+        return North(north, turn), ()
+    if north == "true" and not has_field:
+        # A gyro finds it without a declination, and there is nothing else to refer to it.
+        return North(north, 0.0), ()
+    missing = "declination and convergence" if north == "grid" else "declination"
+    return North("magnetic", 0.0), (Reason(Code.NORTH_UNKNOWN, names=(north, missing)),)
+
+
+def _to_hole(settings: StationSettings) -> Array:
+    """Rotation (3, 3) from tool axes to hole axes by the known misalignment."""
+    angles = np.array([0.0, math.radians(settings.misalignment_y_deg), math.radians(settings.misalignment_z_deg)])
+    return np.asarray(mat_from_quat(quat_from_rotvec(-angles)))
+
+
+def capped(covariance: Array) -> Array:
+    """Covariance with no angle less certain than the full circle; correlations kept."""
+    sigma = np.sqrt(np.diagonal(covariance))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.where(sigma > _UNKNOWN_SIGMA, _UNKNOWN_SIGMA / sigma, 1.0)
+    return np.asarray(covariance * scale[:, None] * scale[None, :])
+
+
+def _vector(name: str, value: ArrayLike) -> Array:
+    vector = np.array(value, dtype=float)
+    if vector.shape != (3,):
+        raise ValueError(f"{name}: expected three axes, shape (3,), got {vector.shape}")
+    return vector
+
+
+def _matrix(name: str, value: ArrayLike | None) -> Array:
+    matrix = np.zeros((3, 3)) if value is None else np.array(value, dtype=float)
+    if matrix.shape != (3, 3):
+        raise ValueError(f"{name}: expected shape (3, 3), got {matrix.shape}")
+    return matrix

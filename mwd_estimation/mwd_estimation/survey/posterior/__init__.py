@@ -1,0 +1,1 @@
+"""One posterior of a station's azimuth on the circle, from all that a run of stations shows."""

@@ -1,0 +1,118 @@
+"""A density on the circle as people read it: the mean of its chief mode, its sigma, and what else fits."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array, Indices
+from mwd_sensors.core.frames import wrap_pi, wrap_tau
+
+# A valley between two modes is lower than this share of the lower one.
+_VALLEY = 0.5
+# Share of a mode that three sigma hold.
+_THREE_SIGMA = 0.9973
+# A mode with less probability than this is not named.
+_LEAST = 0.003
+# Coarse grid, and the fine one about each of its peaks: half width and spacing, rad.
+_COARSE = np.arange(360) * math.tau / 360.0
+_HALF, _FINE = math.radians(2.5), math.radians(0.05)
+# A peak whose density is a smaller share of the highest has no grid of its own, nor have more than so many.
+_WORTH, _MOST = 1e-7, 6
+
+
+@dataclasses.dataclass(frozen=True)
+class Circle:
+    """
+    What a density says.
+
+    Attributes
+    ----------
+    mean, sigma : float
+        Of the chief mode, rad; sigma is at least a third of the half width that holds 99.73 % of it.
+    share : float
+        Probability of the chief mode.
+    alternatives : tuple of (float, float)
+        Mean, rad, and probability of the other modes, likeliest first.
+    """
+
+    mean: float
+    sigma: float
+    share: float
+    alternatives: tuple[tuple[float, float], ...]
+
+
+def coarse() -> Array:
+    """Angles, rad, one degree apart."""
+    return np.asarray(_COARSE, dtype=float)
+
+
+def refined(log_density: Array, *centres: float) -> Array:
+    """
+    Angles, rad, in order: the coarse ones with fine ones about every peak and about further centres.
+
+    log_density : of the coarse angles, shape (360,); centres : rad, nan where there is none.
+    """
+    peaks = np.flatnonzero((log_density >= np.roll(log_density, 1)) & (log_density > np.roll(log_density, -1)))
+    peaks = peaks[log_density[peaks] > log_density.max() + math.log(_WORTH)]
+    peaks = peaks[np.argsort(log_density[peaks])[::-1]][:_MOST]
+    about = [float(_COARSE[peak]) for peak in peaks] + [centre for centre in centres if math.isfinite(centre)]
+    fine = np.arange(-_HALF, _HALF, _FINE)
+    angles: Array = np.unique(wrap_tau(np.concatenate([_COARSE, *(angle + fine for angle in about)])))
+    return angles
+
+
+def widths(angles: Array) -> Array:
+    """Width that each of the ordered angles stands for, rad."""
+    return np.asarray(0.5 * ((np.roll(angles, -1) - np.roll(angles, 1)) % math.tau))
+
+
+def read(angles: Array, density: Array) -> Circle:
+    """
+    Read a density.
+
+    angles: in order, rad, shape (n,); density: per rad, shape (n,), of any size.
+    """
+    mass = density * widths(angles)
+    mass = mass / mass.sum()
+    modes = []
+    for at in _regions(density):
+        share, mean, sigma = _moments(angles[at], mass[at], angles[at][int(np.argmax(density[at]))])
+        modes.append((share, mean, sigma))
+    modes.sort(reverse=True)
+    share, mean, sigma = modes[0]
+    others = tuple((other[1], other[0]) for other in modes[1:] if other[0] >= _LEAST)
+    return Circle(mean, min(sigma, math.pi), share, others)
+
+
+def _regions(density: Array) -> list[Indices]:
+    """Places of each mode: the circle cut at the valleys."""
+    n, start = len(density), int(np.argmin(density))
+    order = (start + np.arange(n)) % n
+    cuts, peak, valley, at = [0], -1.0, density[order[0]], 0
+    for k, value in enumerate(density[order].tolist()):
+        if value < valley or peak < 0.0:
+            valley, at = min(value, valley), k
+        if peak > 0.0 and value > valley / _VALLEY and valley < _VALLEY * peak:
+            cuts.append(at)
+            peak, valley = value, value
+        elif value > peak:
+            peak, valley = value, value
+    return [order[a:b] for a, b in zip(cuts, [*cuts[1:], n], strict=True)]
+
+
+def _moments(angles: Array, mass: Array, peak: float) -> tuple[float, float, float]:
+    """Probability, mean and sigma of one mode about its peak, rad."""
+    share = float(mass.sum())
+    if not share > 0.0:
+        return 0.0, float(peak), math.pi
+    away = wrap_pi(angles - peak)
+    mean = float(mass @ away) / share
+    spread = math.sqrt(float(mass @ (away - mean) ** 2) / share)
+    off = np.abs(away - mean)
+    order = np.argsort(off)
+    held = np.searchsorted(np.cumsum(mass[order]), _THREE_SIGMA * share)
+    wide = float(off[order[min(int(held), len(order) - 1)]]) / 3.0
+    return share, float(wrap_tau(peak + mean)), max(spread, wide)

@@ -1,0 +1,149 @@
+"""
+What may disturb a magnetic survey, and how probable that is before any reading.
+
+What lasts over a run (the string's field, the reference, a storm, a defect of a sensor) is one of the parallel filters,
+each the same model with other prior variances of the shared errors. What belongs to one station (steel outside the
+string) is a hypothesis of that station, with a field of any direction.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from enum import StrEnum, unique
+
+import numpy as np
+
+from mwd_estimation.survey.posterior.field_model import Shared
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.settings import setting
+
+
+@unique
+class Hypothesis(StrEnum):
+    """What disturbs the readings, by the names of the survey message."""
+
+    CLEAN = "clean"
+    AXIAL = "axial"
+    CROSS_AXIAL = "cross_axial"
+    REFERENCE = "reference"
+    SENSOR = "sensor"
+    EXTERNAL = "external"
+
+
+@dataclasses.dataclass(frozen=True)
+class Priors:
+    """How probable each disturbance is before any reading, and how large; the rest is a sound tool in a sound place."""
+
+    axial: float = setting(
+        0.15,
+        "Probability that the string is magnetised along its axis beyond the tool code. Raising it widens the sigma "
+        "of stations whose attitude hides such a field.",
+        low=0.0,
+        high=0.5,
+    )
+    cross_axial: float = setting(
+        0.06,
+        "Probability of a magnetised collar with a field across the axis. Raising it widens every sigma of a first "
+        "station.",
+        low=0.0,
+        high=0.5,
+    )
+    reference: float = setting(
+        0.12,
+        "Probability that the reference is four times as wrong as stated, or that there is a magnetic storm. Raise it "
+        "where the model is old or the crust is magnetic.",
+        low=0.0,
+        high=0.5,
+    )
+    sensor: float = setting(
+        0.004,
+        "Probability of a defect: a magnetometer with a wrong scale, or accelerometers turned in their mount. Raise it "
+        "for a tool that was not checked at surface.",
+        low=0.0,
+        high=0.5,
+    )
+    external: float = setting(
+        0.05,
+        "Probability that steel outside the string (casing, fish, another well) disturbs a station. Raise it beside "
+        "other wells; a station is then doubted by smaller deviations.",
+        low=0.0,
+        high=0.5,
+    )
+    gyro_step: float = setting(
+        0.03, "Probability that the bias of a gyro has stepped by some of its sigmas.", low=0.0, high=0.5
+    )
+    gyro_outlier: float = setting(
+        0.0075, "Probability that a gyro azimuth is wrong by more than its sigma says.", low=0.0, high=0.5
+    )
+
+
+# Along the axis, 1 sigma, uT, with the share of each size; along and across it (0: as the tool code).
+_AXIAL = {0.7: 0.4, 2.0: 0.3, 6.0: 0.15, 20.0: 0.1, 60.0: 0.05}
+_CROSS = ((0.0, 0.25), (0.0, 0.7), (0.0, 2.0), (0.6, 0.35), (2.0, 1.0), (4.0, 2.0))
+# A wrong model errs in total and dip; its declination, which no reading shows, by less.
+_REFERENCE_TIMES = {"TOTAL": 4.0, "DIP": 4.0, "DECLINATION": 2.0}
+_STORM_UT = (0.4, 0.4, 0.25)
+_DEFECT_SCALE, _DEFECT_MOUNT = 0.02, 0.025
+# 1 sigma of each component of an external field, uT; the first is none.
+EXTERNAL_UT = np.array([0.0, 0.3, 1.0, 3.0, 10.0])
+# Share of the varying field from outside that is left after an hour: days of storm are correlated over some three.
+_KEEPS = 0.72
+
+
+@dataclasses.dataclass(frozen=True)
+class Filters:
+    """
+    The parallel filters.
+
+    Attributes
+    ----------
+    kinds : tuple of Hypothesis, length k
+    weight : ndarray, shape (k,)
+        Prior probability.
+    variance : ndarray, shape (k, 22)
+        Of each shared error, in nominal variances.
+    """
+
+    kinds: tuple[Hypothesis, ...]
+    weight: Array
+    variance: Array
+
+
+def filters(priors: Priors, sigma: Array) -> Filters:
+    """The parallel filters of a run; sigma: nominal ones, shape (22,), as `field_model.Sigmas`."""
+    rows: list[tuple[Hypothesis, float, Array]] = []
+
+    def add(kind: Hypothesis, weight: float, **sizes: float | tuple[float, ...]) -> None:
+        variance = np.ones(Shared.SIZE)
+        for name, size in sizes.items():
+            begin = int(Shared[name])
+            for j, one in enumerate(np.atleast_1d(size)):
+                if one > 0.0 and sigma[begin + j] > 0.0:
+                    variance[begin + j] = max((one / sigma[begin + j]) ** 2, 1.0)
+        rows.append((kind, weight, variance))
+
+    sound = 1.0 - priors.axial - priors.cross_axial - priors.reference - priors.sensor
+    add(Hypothesis.CLEAN, max(sound, 0.01))
+    for size, share in _AXIAL.items():
+        add(Hypothesis.AXIAL, priors.axial * share, FIELD_BIAS=size)
+    for along, across in _CROSS:
+        add(Hypothesis.CROSS_AXIAL, priors.cross_axial / len(_CROSS), FIELD_BIAS=(along, across, across))
+    of_field = {name: times * float(sigma[int(Shared[name])]) for name, times in _REFERENCE_TIMES.items()}
+    add(Hypothesis.REFERENCE, 0.5 * priors.reference, **of_field)
+    add(Hypothesis.REFERENCE, 0.5 * priors.reference, OUTSIDE=_STORM_UT)
+    add(Hypothesis.SENSOR, 0.5 * priors.sensor, FIELD_SCALE=(_DEFECT_SCALE,) * 3)
+    add(Hypothesis.SENSOR, 0.5 * priors.sensor, MOUNT=(_DEFECT_MOUNT,) * 3)
+    kinds, weights, variances = zip(*rows, strict=True)
+    weight = np.array(weights)
+    return Filters(tuple(kinds), weight / weight.sum(), np.array(variances))
+
+
+def kept(hours: float) -> float:
+    """Share of the field from outside that is left after so many hours."""
+    return float(_KEEPS**hours)
+
+
+def external_weights(priors: Priors) -> Array:
+    """Prior probability of each of `EXTERNAL_UT`."""
+    share = priors.external / (len(EXTERNAL_UT) - 1)
+    return np.array([1.0 - priors.external] + [share] * (len(EXTERNAL_UT) - 1))

@@ -1,0 +1,296 @@
+"""
+The stations of one run as one linear-Gaussian model on the circle: parallel filters of what the stations share.
+
+Given the azimuth, a station's residual is linear in the shared errors (`field_model`). So each filter, a Gaussian of
+the shared errors with one of the priors of `hypotheses`, gives every angle of the circle its evidence N(r - H m; 0,
+H P H' + R), for each hypothesis of the station itself. The sum is the station's posterior; the shared errors are
+updated with the azimuth marginalised (a Rao-Blackwellised mixture, collapsed to its moments; Murphy, *Machine
+Learning*, 18.6), and the filters weigh themselves by their evidence.
+
+Errors that last are never averaged away by repetition: they are states. What was known of the azimuth before, from the
+station above, enters what is published, never the states.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_estimation.survey.posterior import circle, field_model, hypotheses
+from mwd_estimation.survey.posterior.field_model import SIZE, Row, Shared, Sigmas
+from mwd_estimation.survey.posterior.hypotheses import EXTERNAL_UT, Hypothesis, Priors
+from mwd_sensors.core.arrays import Array, Indices
+from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.frames import wrap_pi
+
+# No filter loses more than this share of its prior probability for ever.
+_FLOOR = 1e-3
+# Points with a smaller share of a filter's evidence do not move its states.
+_LEAST = 1e-4
+# Variance that leaves an observation out, in its own units squared.
+_OUT = 1e8
+# A step of a gyro's bias: so much, rad, and so many of its sigmas.
+_STEP = math.radians(2.0), 3.0
+_REFERENCE = slice(int(Shared.TOTAL), int(Shared.OUTSIDE))
+_OUTSIDE = slice(int(Shared.OUTSIDE), int(Shared.OUTSIDE) + 3)
+
+
+@dataclasses.dataclass
+class State:
+    """
+    What a run has shown so far.
+
+    Attributes
+    ----------
+    mean, covariance : ndarray, shapes (k, 22) and (k, 22, 22)
+        Of the shared errors in nominal sigmas, for each filter.
+    log_weight : ndarray, shape (k,)
+    hours : float
+        Of the last station; nan before the first.
+    """
+
+    mean: Array
+    covariance: Array
+    log_weight: Array
+    hours: float = math.nan
+
+
+@dataclasses.dataclass(frozen=True)
+class Evidence:
+    """
+    A station's evidence on the circle.
+
+    Attributes
+    ----------
+    angles : ndarray, shape (n,)
+        rad, in order.
+    log : ndarray, shape (n, k, h, 3)
+        Log density of the readings, with all prior weights: by angle, filter, external field, and whether the gyro is
+        right (0), off by a step of its bias (1), or wrong altogether (2).
+    misfit : float
+        Least chi-square of the field under the widest hypothesis.
+    """
+
+    angles: Array
+    log: Array
+    misfit: float
+
+    @property
+    def share(self) -> Array:
+        """Probability of each point, shape of `log`."""
+        share = np.exp(self.log - self.log.max()) * circle.widths(self.angles)[:, None, None, None]
+        return np.asarray(share / share.sum())
+
+
+@compiled
+def _spread(phi: Array, S: Array, out: Array) -> None:
+    """The innovation covariance at an angle: phi, shape (3,); S, shape (3, 3, 4, 4); out, shape (4, 4)."""
+    for a in range(4):
+        for b in range(a + 1):
+            value = 0.0
+            for i in range(3):
+                for j in range(3):
+                    value += phi[i] * phi[j] * S[i, j, a, b]
+            out[a, b] = out[b, a] = value
+
+
+@compiled
+def _evidence(phi: Array, gyro: Array, r: Array, S: Array, extra: Array, log: Array, misfit: Array) -> None:
+    """
+    Fill the log evidence of every angle, filter and hypothesis.
+
+    phi (n, 3) and gyro (n,): basis and gyro residual of each angle; r (k, 3, 4) and S (k, 3, 3, 4, 4): residual and its
+    covariance as factors of the basis; extra (h + 1,): variances of external fields, uT^2, and of a step of the gyro,
+    rad^2. Filled: log (n, k, h, 3), misfit (n,).
+    """
+    s, e, x = np.zeros((4, 4)), np.zeros(4), np.zeros(3)
+    for n in range(len(phi)):
+        misfit[n] = 1e300
+        for k in range(len(r)):
+            _spread(phi[n], S[k], s)
+            for a in range(4):
+                e[a] = phi[n, 0] * r[k, 0, a] + phi[n, 1] * r[k, 1, a] + phi[n, 2] * r[k, 2, a]
+            for h in range(len(extra) - 1):
+                a, b, c = s[0, 0] + extra[h], s[1, 1] + extra[h], s[2, 2] + extra[h]
+                d, f, g = s[0, 1], s[0, 2], s[1, 2]
+                i00, i01, i02 = b * c - g * g, f * g - d * c, d * g - f * b
+                i11, i12, i22 = a * c - f * f, d * f - a * g, a * b - d * d
+                det = a * i00 + d * i01 + f * i02
+                x[0] = (i00 * e[0] + i01 * e[1] + i02 * e[2]) / det
+                x[1] = (i01 * e[0] + i11 * e[1] + i12 * e[2]) / det
+                x[2] = (i02 * e[0] + i12 * e[1] + i22 * e[2]) / det
+                chi = x[0] * e[0] + x[1] * e[1] + x[2] * e[2]
+                misfit[n] = min(misfit[n], chi)
+                value = -0.5 * (chi + math.log(det))
+                log[n, k, h, 0] = log[n, k, h, 1] = log[n, k, h, 2] = value
+                if gyro[n] == gyro[n]:
+                    u, v, w = s[0, 3], s[1, 3], s[2, 3]
+                    off = gyro[n] + e[3] - (u * x[0] + v * x[1] + w * x[2])
+                    known = u * (i00 * u + i01 * v + i02 * w)
+                    known += v * (i01 * u + i11 * v + i12 * w) + w * (i02 * u + i12 * v + i22 * w)
+                    variance = max(s[3, 3] - known / det, 1e-12)
+                    for j in range(2):
+                        wide = variance + j * extra[-1]
+                        log[n, k, h, j] = value - 0.5 * (off * off / wide + math.log(wide * 6.283185307179586))
+
+
+def gyro_residual(one: Row, angles: Array) -> Array:
+    """The gyro's azimuth less each angle, rad; of two azimuths that fit it alike the nearer."""
+    first, other = wrap_pi(one["gyro"] - angles), wrap_pi(one["gyro_other"] - angles)
+    return np.where(np.abs(other) < np.abs(first), other, first)
+
+
+def _step(one: Row) -> float:
+    """1 sigma of what a step of its bias adds to a gyro's error, rad."""
+    return _STEP[0] + _STEP[1] * math.hypot(one["gyro_lasting"], math.sqrt(one["gyro_variance"]))
+
+
+class RunFilter:
+    """
+    Stations of one tool in one assembly.
+
+    Parameters
+    ----------
+    priors : Priors
+    sigmas : Sigmas
+    """
+
+    def __init__(self, priors: Priors, sigmas: Sigmas) -> None:
+        self.priors, self.sigma, self._own = priors, sigmas.shared, sigmas.own
+        self.filters = hypotheses.filters(priors, self.sigma)
+        self._external = np.log(np.maximum(hypotheses.external_weights(priors), 1e-300))
+        self.state = self.initial()
+
+    def initial(self) -> State:
+        """State before the first station."""
+        k = len(self.filters.weight)
+        covariance = np.zeros((k, SIZE, SIZE))
+        covariance[:, range(SIZE), range(SIZE)] = self.filters.variance
+        return State(np.zeros((k, SIZE)), covariance, np.log(np.maximum(self.filters.weight, 1e-300)))
+
+    def pass_time(self, hours: float) -> None:
+        """Let the field from outside drift up to this time, h."""
+        state = self.state
+        apart = abs(hours - state.hours) if math.isfinite(hours - state.hours) else 0.0
+        keep, at = hypotheses.kept(apart), range(_OUTSIDE.start, _OUTSIDE.stop)
+        state.mean[:, _OUTSIDE] *= keep
+        state.covariance[:, _OUTSIDE, :] *= keep
+        state.covariance[:, :, _OUTSIDE] *= keep
+        state.covariance[:, at, at] += (1.0 - keep * keep) * self.filters.variance[:, _OUTSIDE]
+        if math.isfinite(hours):
+            state.hours = hours
+
+    def evidence(self, one: Row, state: State | None = None) -> Evidence:
+        """Evidence of a station, a record of `field_model.GEOMETRY`, given what the run has shown (or a state)."""
+        state = self.state if state is None else state
+        r, S, _ = self._terms(one, state)
+        angles = circle.coarse()
+        log, _ = self._logs(one, r, S, state, angles)
+        top = log.max()
+        density = np.log(np.exp(log - top).sum(axis=(1, 2, 3)) + 1e-300)
+        angles = circle.refined(density, float(one["gyro"]), float(one["gyro_other"]))
+        log, misfit = self._logs(one, r, S, state, angles)
+        return Evidence(angles, log, misfit if one["has_field"] else 0.0)
+
+    def learn(self, one: Row, evidence: Evidence) -> None:
+        """Take over what a station shows of the shared errors; evidence: as `evidence` of the state as it is."""
+        state, share = self.state, evidence.share
+        r, S, M = self._terms(one, state)
+        of_filter = share.sum(axis=(0, 2, 3))
+        for k, weight in enumerate(of_filter):
+            if weight > 0.0:
+                points = share[:, k] / weight
+                self._update(k, np.argwhere(points > _LEAST * points.max()), points, one, evidence, (r[k], S[k], M[k]))
+        floor = _FLOOR * self.filters.weight
+        weight = np.maximum(of_filter, floor)
+        state.log_weight = np.log(weight / weight.sum())
+
+    def probabilities(self, share: Array) -> dict[Hypothesis, float]:
+        """Probability of each hypothesis at a station; share: as `Evidence.share`."""
+        quiet = share[:, :, 0].sum(axis=(0, 2))
+        found = dict.fromkeys(Hypothesis, 0.0)
+        for kind, value in zip(self.filters.kinds, quiet, strict=True):
+            found[kind] += float(value)
+        found[Hypothesis.EXTERNAL] = float(1.0 - quiet.sum())
+        return found
+
+    def shared(self) -> tuple[Array, Array]:
+        """Mean and covariance of the shared errors in SI units (field uT), over all filters; shapes (22,), (22, 22)."""
+        state = self.state
+        weight = np.exp(state.log_weight)
+        mean = weight @ state.mean
+        off = state.mean - mean
+        covariance = np.tensordot(weight, state.covariance, axes=1) + (off.T * weight) @ off
+        return mean * self.sigma, covariance * np.outer(self.sigma, self.sigma)
+
+    def nominal_sigma(self, one: Row, angle: float) -> float:
+        """1 sigma of the azimuth that a sound tool has at this attitude by itself, rad; a record of `GEOMETRY`."""
+        if not one["has_field"]:
+            return math.pi
+        residual, slopes, turns = field_model.expansion(one, self.sigma)
+        phi = field_model.basis(np.array(angle))
+        H, J = np.tensordot(phi, slopes, axes=1)[:3], np.tensordot(phi, turns, axes=1)[:3]
+        own = H[:, _REFERENCE] * self._own
+        S = H @ H.T + own @ own.T + J @ one["force_noise"] @ J.T + one["noise"]
+        slope = np.tensordot(np.array([0.0, -math.sin(angle), math.cos(angle)]), residual, axes=1)[:3]
+        return min(1.0 / math.sqrt(float(slope @ np.linalg.solve(S, slope))), math.pi)
+
+    def _terms(self, one: Row, state: State) -> tuple[Array, Array, Array]:
+        """Residual (k, 3, 4), its covariance (k, 3, 3, 4, 4) and P H' (k, 3, 22, 4) as factors of the basis."""
+        residual, slopes, turns = field_model.expansion(one, self.sigma)
+        M = np.swapaxes(state.covariance @ slopes.reshape(12, SIZE).T, 1, 2).reshape(-1, 3, 4, SIZE)
+        S = np.einsum("iax,kjbx->kijab", slopes, M)
+        own = slopes[:, :, _REFERENCE] * self._own
+        S += np.einsum("iax,jbx->ijab", own, own)
+        S += np.einsum("iax,xy,jby->ijab", turns, one["force_noise"], turns)
+        S[:, 0, 0, :3, :3] += one["noise"] if one["has_field"] else np.eye(3)
+        S[:, 0, 0, 3, 3] += one["gyro_variance"] if math.isfinite(one["gyro"]) else 1.0
+        S = 0.5 * (S + np.transpose(S, (0, 2, 1, 4, 3)))
+        return residual - np.einsum("iax,kx->kia", slopes, state.mean), S, np.swapaxes(M, 2, 3)
+
+    def _logs(self, one: Row, r: Array, S: Array, state: State, angles: Array) -> tuple[Array, float]:
+        """Log evidence with all prior weights, as `Evidence.log`, and the misfit."""
+        log = np.empty((len(angles), len(r), len(EXTERNAL_UT), 3))
+        misfit = np.empty(len(angles))
+        gyro = gyro_residual(one, angles)
+        external = EXTERNAL_UT**2 if one["has_field"] else np.zeros_like(EXTERNAL_UT)
+        extra = np.append(external, _step(one) ** 2)
+        _evidence(field_model.basis(angles), gyro, r, np.ascontiguousarray(S), extra, log, misfit)
+        log += state.log_weight[None, :, None, None] + self._external[None, None, :, None]
+        if math.isfinite(one["gyro"]):
+            step, wrong = self.priors.gyro_step, self.priors.gyro_outlier
+            log += np.log(np.maximum([1.0 - step - wrong, step, wrong / math.tau], 1e-300))
+        else:
+            log[..., :2] = -math.inf
+        return log, float(misfit.min())
+
+    def _update(
+        self, k: int, at: Indices, points: Array, one: Row, evidence: Evidence, terms: tuple[Array, Array, Array]
+    ) -> None:
+        """Moments of filter k over the points (n, h, 3) at places `at`, shape (p, 3)."""
+        r, S, M = terms
+        share = points[at[:, 0], at[:, 1], at[:, 2]]
+        share = share / share.sum()
+        angles = evidence.angles[at[:, 0]]
+        phi = field_model.basis(angles)
+        both = (phi[:, :, None] * phi[:, None, :]).reshape(-1, 9)
+        e = phi @ r
+        has_gyro = math.isfinite(one["gyro"])
+        e[:, 3] += gyro_residual(one, angles) if has_gyro else 0.0
+        s = (both @ S.reshape(9, 16)).reshape(-1, 4, 4)
+        s[:, range(3), range(3)] += (EXTERNAL_UT[at[:, 1]] ** 2)[:, None]
+        s[:, 3, 3] += np.array([0.0, _step(one) ** 2, _OUT])[at[:, 2]]
+        inverse = np.linalg.inv(s)
+        # The gain at each point is M (basis x inverse): its moments are those of 12 numbers.
+        y = (phi[:, :, None] * np.einsum("pab,pb->pa", inverse, e)[:, None, :]).reshape(-1, 12)
+        mean = share @ y
+        known = ((both * share[:, None]).T @ inverse.reshape(-1, 16)).reshape(3, 3, 4, 4)
+        off = y - mean
+        change = (off.T * share) @ off - np.transpose(known, (0, 2, 1, 3)).reshape(12, 12)
+        M = np.transpose(M, (1, 0, 2)).reshape(SIZE, 12)
+        state = self.state
+        P = state.covariance[k] + M @ change @ M.T
+        state.mean[k] += M @ mean
+        state.covariance[k] = 0.5 * (P + P.T)
