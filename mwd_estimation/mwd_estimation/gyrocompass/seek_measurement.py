@@ -20,8 +20,9 @@ _SETTLE_BLOCKS = 10
 _GATE, _MOVED_BLOCKS = 25.0, 5
 # Sigma of a direction beside its reference where nothing is known of it, rad.
 _DIRECTION = 0.05
-# Share with which a block moves the scatter: one over the first number and the blocks seen, up to the second.
-_SCATTER_BLOCKS, _SCATTER_MOST = 10.0, 20.0
+# Share with which a block moves the scatter: one over the first number and the blocks seen, up to the second, which is
+# longer than a string sways for once.
+_SCATTER_BLOCKS, _SCATTER_MOST = 10.0, 120.0
 # Blocks at rest in a row after which the roll is a reference.
 _REST_BLOCKS = 2
 

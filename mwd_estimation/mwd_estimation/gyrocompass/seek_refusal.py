@@ -14,7 +14,8 @@ from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR
 
 # Share of clipped samples, of turning in a still shot and of turning in a rotating one.
 _CLIPPED_SHARE, _TURNED_MOST, _TURNED_LEAST = 0.001, 0.02, 0.5
-# Variation of the hole axis between blocks that a still shot allows, and inclination from which a hole has an azimuth.
+# Sway of the hole axis allowed at rest, rms: more of it turns the Earth rate that the gyros see; and inclination from
+# which a hole has an azimuth.
 _AXIS_VARIATION, _LEAST_INCLINATION = math.radians(0.05), math.radians(3.0)
 # Turning about an axis this near horizontal east-west, as the share of the Earth rate it shows, shows no north.
 _LEAST_SENSITIVITY = 0.17
@@ -54,7 +55,7 @@ def refusal(params: SeekParams, state: State, fit: Fit) -> Reason | None:
     """Reason to refuse the azimuth: the motion first, then the hole's attitude, the instrument and the uncertainty."""
     return (
         polar(params.latitude_deg)
-        or _motion(params, state)
+        or _motion(params, state, fit.method)
         or _attitude(params, fit)
         or _instrument(params, state)
         or _uncertainty(params, float(state.elapsed), fit)
@@ -80,7 +81,7 @@ def vertical_hole(inclination: float) -> Reason | None:
     return Reason(Code.VERTICAL_HOLE, inclination, _LEAST_INCLINATION)
 
 
-def _motion(params: SeekParams, state: State) -> Reason | None:
+def _motion(params: SeekParams, state: State, method: str) -> Reason | None:
     elapsed, turning, mode = float(state.elapsed), float(state.turn_time), params.mode
     clipped, samples = float(state.clipped), float(state.samples)
     if clipped > _CLIPPED_SHARE * samples:
@@ -97,7 +98,7 @@ def _motion(params: SeekParams, state: State) -> Reason | None:
     if mode != "continuous" and state.moved > 0:
         return Reason(Code.HOLE_AXIS_MOVED, float(state.moved), 0.0)
     variation = math.sqrt(max(state.scatter[0], state.scatter[1], 0.0))
-    if mode == "still" and variation > _AXIS_VARIATION:
+    if method in ("still", "two_position") and variation > _AXIS_VARIATION:
         return Reason(Code.HOLE_AXIS_SWINGS, variation, _AXIS_VARIATION)
     return None
 

@@ -112,7 +112,7 @@ def test_any_cut_into_blocks_gives_the_same_gyro_azimuth():
 
 
 def test_an_unknown_latitude_is_reported_and_costs_nothing_else():
-    survey = _surveys(_samples(), _settings(**{"place.lat_deg": 0.0}))[-1]
+    survey = _surveys(_samples(), _settings(**{"place.lat_deg": None}))[-1]
     assert _gyro(survey).refused.code is ReasonCode.LATITUDE_UNKNOWN
     assert survey.station.method == "fused"
     assert survey.station.verdict == "accept"
