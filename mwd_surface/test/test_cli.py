@@ -102,6 +102,29 @@ def test_the_surveys_of_a_real_well_are_reproduced_and_judged(tmp_path):
     assert float(third["dip_deg"]) == pytest.approx(71.41, abs=0.005)
 
 
+def test_a_table_is_a_run_whose_rows_keep_their_first_value_and_single_judges_each_alone(tmp_path):
+    def lines(*words):
+        done = mwd("survey", VOLVE, "-o", tmp_path / "out.csv", *words)
+        assert done.returncode == 0, done.stderr
+        with (tmp_path / "out.csv").open() as file:
+            return done.stdout, list(csv.DictReader(file))
+
+    shown, together = lines()
+    assert "analysed together: the table: 3" in shown
+    assert [line["outlier"] for line in together] == ["yes", "yes", "no"]
+    assert all(line["first_verdict"] and line["first_azimuth_deg"] for line in together)
+    shown, alone = lines("--single")
+    assert "together" not in shown
+    assert {line["revised"] for line in alone} == {""}
+    # The first row of a run has nothing before it.
+    assert together[0]["first_azimuth_deg"] == alone[0]["azimuth_deg"]
+    # Of three runs of one row each nothing is revised.
+    _, apart = lines("--runs", "md_m")
+    assert [line["azimuth_deg"] for line in apart] == [line["azimuth_deg"] for line in alone]
+    assert {line["revised"] for line in apart} == {"no"}
+    refused(mwd("survey", VOLVE, "--runs", "bha"), "there is no column 'bha'")
+
+
 STATION = "md_m,grav_axial_mps2,grav_tran1_mps2,grav_tran2_mps2,mag_axial_nT,mag_tran1_nT,mag_tran2_nT\n"
 STATION += "1386.4,8.7425784,-2.5743408,3.697224,38880,-27840,15168\n"
 

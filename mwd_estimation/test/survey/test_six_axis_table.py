@@ -9,7 +9,8 @@ import pytest
 from mwd_estimation.core.reason_text import texts
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.acceptance import QualitySettings
-from mwd_estimation.survey.six_axis_table import find_columns, stations
+from mwd_estimation.survey.six_axis_columns import find_columns
+from mwd_estimation.survey.six_axis_table import stations
 from mwd_estimation.survey.station import StationSettings
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 from project import REFERENCE_DATA

@@ -27,27 +27,39 @@ def survey(
     axial: Annotated[
         str | None, typer.Option(help="Letter that runs down-hole, x or z, for columns like gx, gy, gz.")
     ] = None,
+    single: Annotated[
+        bool, typer.Option("--single", help="Judge each row by itself; otherwise a table is a run, or several.")
+    ] = False,
+    runs: Annotated[
+        str | None, typer.Option("--runs", help="Column that names the run of a row; else run, bha and tool are found.")
+    ] = None,
     config: Config = None,
     changes: Changes = None,
 ) -> None:
     """
-    Work out surveys from a table of six-axis readings, each with its verdict and the reasons.
+    Compute surveys from a table of six-axis readings, each with its verdict and the reasons.
 
     Columns are found by name and unit (grav_axial_mps2, mag_tran1_nT, b_ref_nT, decl_used_deg ...); options replace
     what the table says. A station without a reference stays magnetic and uncorrected, and says so.
+
+    The rows of a run (columns run, bha, tool; without them the whole table) are analysed together: what the string and
+    the sensors add is the same in all of them. A row may then be revised; its first value, which knew the rows before
+    it only, is kept beside it.
 
     \b
     Examples:
       mwd survey stations.csv -o surveys.csv
       mwd survey stations.csv -o surveys.csv --field 50360,71.63 --declination -2.2 --convergence -0.95
       mwd survey stations.csv --lat 58.44 --lon 1.88 --date 2026-03-01 --axial z
+      mwd survey stations.csv --single
     """
     from mwd_estimation.derivation import station_params
-    from mwd_estimation.survey.six_axis_table import find_columns
-    from mwd_estimation.survey.six_axis_table import stations as work_out
+    from mwd_estimation.survey.six_axis_columns import find_columns
+    from mwd_estimation.survey.six_axis_table import single_stations, table_rows
+    from mwd_estimation.survey.table_run import run_stations
     from mwd_surface.bags import bag_metadata
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.survey_table import repeated, show_surveys
+    from mwd_surface.commands.survey_table import repeated, run_sentences, show_surveys
     from mwd_surface.commands.table_reference import Known, RowReference, table_reference, table_settings
     from mwd_surface.surveys import station_csv
     from mwd_surface.surveys.station_file import read_table
@@ -57,16 +69,19 @@ def survey(
     times = table.get(find_columns(table, axial).time or "", ())
     override, remarks = table_reference(settings, Known.of(field, declination, convergence, gravity), times)
     rows = RowReference(settings)
-    worked = rows.noted(work_out(table, override, station_params(settings), axial=axial, refine=rows.at))
+    read = table_rows(table, override, axial=axial, refine=rows.at, run=runs)
+    compute = single_stations if single else run_stations
+    worked = rows.noted(compute(read, station_params(settings)))
     console = terminal.output()
     for remark in remarks:
         terminal.warn(remark)
     show_surveys(console, [(row.station, row.md) for row in worked])
+    for sentence in run_sentences(worked):
+        console.print(sentence, markup=False)
     for sentence in repeated(worked, settings):
         console.print(sentence, markup=False)
     if output is not None:
-        columns = (*station_csv.COLUMNS, "time")
-        lines = [{**station_csv.cells(row.station, row.md), "time": row.time} for row in worked]
+        lines = [station_csv.row_cells(row) for row in worked]
         output.parent.mkdir(parents=True, exist_ok=True)
-        bag_metadata.write_atomically(output, station_csv.text(columns, lines).encode())
+        bag_metadata.write_atomically(output, station_csv.text(station_csv.ROW_COLUMNS, lines).encode())
         console.print(f"written: {output}", markup=False)

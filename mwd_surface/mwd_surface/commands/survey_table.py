@@ -52,6 +52,25 @@ def show_surveys(console: Console, stations: Sequence[tuple[Station, float]]) ->
         )
 
 
+def run_sentences(rows: Sequence[TableStation]) -> list[str]:
+    """Sentences on what the rows of a run say together: its size, outliers and revisions."""
+    if all(row.first is None for row in rows):
+        return []
+    counts: dict[str, int] = {}
+    for row in rows:
+        counts[row.run] = counts.get(row.run, 0) + 1
+    named = ", ".join(f"{name or 'the table'}: {count}" for name, count in counts.items())
+    lines = [f"stations of each run, analysed together: {named}"]
+    for number, row in enumerate(rows, 1):
+        first = row.first
+        if row.outlier:
+            lines.append(f"{number:>4} outlier: its field is not that of the other stations of the run")
+        if row.revised and first is not None:
+            sigma = f" ±{degrees(first.sigma_azimuth, 1)}" if math.isfinite(first.azimuth) else ""
+            lines.append(f"{number:>4} revised: first {direction(first.azimuth)}{sigma} {first.verdict}")
+    return lines
+
+
 def repeated(rows: Sequence[TableStation], settings: EstimatorSettings) -> list[str]:
     """Sentences on the rows of a six-axis table that were taken at one depth."""
     from mwd_estimation.derivation import sensor_errors

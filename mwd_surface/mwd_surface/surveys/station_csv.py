@@ -17,6 +17,7 @@ from mwd_estimation.core.reason_text import joined
 from mwd_estimation.core.reason_text import text as text_of
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.six_axis_table import TableStation
 from mwd_estimation.survey.station import Station
 
 COLUMNS = (
@@ -53,6 +54,17 @@ COLUMNS = (
     "alternatives_deg",
     "alternative_odds",
     "hypotheses",
+)
+# What a table of readings has beside: the value each row had first, with the rows before it in its run.
+ROW_COLUMNS = (
+    *COLUMNS,
+    "time",
+    "run",
+    "revised",
+    "outlier",
+    "first_azimuth_deg",
+    "first_sigma_azimuth_deg",
+    "first_verdict",
 )
 # Columns of words; the others hold numbers.
 TEXTS = frozenset(
@@ -101,6 +113,21 @@ def cells(station: Station, measured_depth: float = math.nan) -> dict[str, str]:
         line[f"azimuth_{method}_deg"] = _around(found.azimuth if found else None)
         line[f"sigma_azimuth_{method}_deg"] = _degrees(found.sigma if found else None)
     return line
+
+
+def row_cells(row: TableStation) -> dict[str, str]:
+    """One line of a table of readings: column -> text."""
+    line = {**cells(row.station, row.md), "time": row.time, "run": row.run}
+    if row.first is None:
+        return line
+    known = math.isfinite(row.first.azimuth)
+    return line | {
+        "revised": "yes" if row.revised else "no",
+        "outlier": "yes" if row.outlier else "no",
+        "first_azimuth_deg": _around(row.first.azimuth),
+        "first_sigma_azimuth_deg": _degrees(row.first.sigma_azimuth) if known else "",
+        "first_verdict": row.first.verdict,
+    }
 
 
 def text(columns: Sequence[str], lines: Iterable[Mapping[str, Any]]) -> str:

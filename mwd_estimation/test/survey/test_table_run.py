@@ -1,0 +1,97 @@
+"""Stations of a table taken together: what a run shows of its string, what it revises, and what it leaves out."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.survey.six_axis_table import TableRow, single_stations, table_rows
+from mwd_estimation.survey.station import StationSettings
+from mwd_estimation.survey.table_run import run_stations
+from mwd_sensors.core.frames import mat_nt, wrap_pi
+
+REFERENCE = Reference(total=50e-6, dip=math.radians(70.0), declination=math.radians(2.0), gravity=9.81)
+SETTINGS = StationSettings()
+
+
+def drawn(seed, count=12, axial_nt=1200.0, steel=(), name=""):
+    """Rows of a run that builds from 10 to 70 deg and turns by 20 deg, and their true azimuths."""
+    rng = np.random.default_rng(seed)
+    north = REFERENCE.horizontal * np.array([math.cos(REFERENCE.declination), math.sin(REFERENCE.declination), 0.0])
+    b_n = north + np.array([0.0, 0.0, REFERENCE.vertical])
+    bias = rng.normal(0.0, 70e-9, 3) + np.array([axial_nt * 1e-9, 0.0, 0.0])
+    inclination, azimuth = np.radians(np.linspace(10.0, 70.0, count)), np.radians(np.linspace(60.0, 80.0, count))
+    rows = []
+    for k in range(count):
+        mat_tn = mat_nt(inclination[k], azimuth[k], rng.uniform(0.0, math.tau)).T
+        outside = np.array([0.0, 3e-6, 1e-6]) if k in steel else np.zeros(3)
+        f_t = mat_tn @ np.array([0.0, 0.0, -9.81]) + rng.normal(0.0, 5e-4, 3)
+        b_t = mat_tn @ (b_n + outside) + bias + rng.normal(0.0, 10e-9, 3)
+        rows.append(TableRow(1000.0 + 30.0 * k, "", name, f_t, b_t, REFERENCE))
+    return rows, azimuth
+
+
+def off(found, azimuth, which="station"):
+    return wrap_pi(np.array([getattr(row, which).azimuth for row in found]) - azimuth)
+
+
+def test_a_run_knows_its_string_better_than_any_row_by_itself():
+    rows, azimuth = drawn(1)
+    alone, together = single_stations(rows, SETTINGS), run_stations(rows, SETTINGS)
+    assert np.abs(off(together, azimuth)).max() < 0.3 * np.abs(off(alone, azimuth)).max()
+    assert all(row.station.verdict == "accept" for row in together)
+    sigma = [row.station.sigma_azimuth for row in together]
+    assert sigma[0] < together[0].first.sigma_azimuth
+
+
+def test_the_first_value_knows_the_rows_before_it_only_and_the_first_of_all_is_a_row_by_itself():
+    rows, _ = drawn(2)
+    whole, part = run_stations(rows, SETTINGS), run_stations(rows[:5], SETTINGS)
+    for long, short in zip(whole[:5], part, strict=True):
+        assert long.first.azimuth == short.first.azimuth
+        assert long.first.sigma_azimuth == short.first.sigma_azimuth
+    assert whole[0].first.azimuth == single_stations(rows[:1], SETTINGS)[0].station.azimuth
+    (only,) = run_stations(rows[:1], SETTINGS)
+    assert only.station.azimuth == only.first.azimuth
+    assert not only.revised
+
+
+def test_two_runs_in_one_table_are_two_runs():
+    one, _ = drawn(3, axial_nt=1500.0, name="1")
+    other, _ = drawn(4, axial_nt=-1500.0, name="2")
+    mixed = [row for pair in zip(one, other, strict=True) for row in pair]
+    found = run_stations(mixed, SETTINGS)
+    for k, row in enumerate(run_stations(one, SETTINGS)):
+        assert found[2 * k].station.azimuth == row.station.azimuth
+        assert found[2 * k].run == "1"
+
+
+def test_rows_beside_steel_are_outliers_and_do_not_move_the_others():
+    clean, azimuth = drawn(5)
+    rows, _ = drawn(5, steel=(5, 6))
+    found = run_stations(rows, SETTINGS)
+    assert [k for k, row in enumerate(found) if row.outlier] == [5, 6]
+    assert all(row.station.verdict != "accept" for row in found[5:7])
+    rest = [k for k in range(len(rows)) if k not in (5, 6)]
+    expected = off(run_stations(clean, SETTINGS), azimuth)
+    np.testing.assert_allclose(off(found, azimuth)[rest], expected[rest], atol=math.radians(0.1))
+
+
+def test_a_row_that_cannot_be_read_is_rejected_and_tells_nothing():
+    rows, _ = drawn(6)
+    table = {
+        "md_m": [row.md for row in rows],
+        "bha": ["4"] * len(rows),
+        **{f"accel_{a}_mps2": [row.f_t[k] for row in rows] for k, a in enumerate(("axial", "tran1", "tran2"))},
+        **{f"mag_{a}_nt": [row.b_t[k] * 1e9 for row in rows] for k, a in enumerate(("axial", "tran1", "tran2"))},
+    }
+    table["mag_axial_nt"][3] = "x"
+    read = table_rows(table, REFERENCE)
+    assert {row.run for row in read} == {"4"}
+    found = run_stations(read, SETTINGS)
+    assert found[3].station.verdict == "reject"
+    without = run_stations(rows[:3] + rows[4:], SETTINGS)
+    assert found[0].station.azimuth == pytest.approx(without[0].station.azimuth, abs=1e-9)
+    with pytest.raises(ValueError, match="there is no column 'Run'"):
+        table_rows(table, REFERENCE, run="Run")
