@@ -37,7 +37,7 @@ UNITS = {
 # Azimuth methods whose name in messages is no word.
 _METHODS = {"msa": "multi-station", "carried": "gyro-propagated"}
 # What may disturb the field, in words.
-_HYPOTHESES = {
+HYPOTHESES = {
     "clean": "nothing beyond the tool code",
     "axial": "string magnetised along its axis",
     "cross_axial": "magnetised collar",
@@ -211,7 +211,7 @@ def text(reason: Reason) -> str:
         "cause": causes[0] if causes else "",
         "others": "; ".join(causes[1:]),
         "odds": ", ".join(
-            f"{_HYPOTHESES.get(name, name)} {100.0 * odds:.0f} %"
+            f"{HYPOTHESES.get(name, name)} {100.0 * odds:.0f} %"
             for name, odds in zip(reason.names, reason.values, strict=False)
         ),
         "alternatives": "".join(

@@ -20,15 +20,11 @@ def verdicts(table: SurveyTable) -> Section | None:
     marks, tints = [], {}
     for record in numbered(table):
         s = record.survey
-        if s.verdict == Verdict.ACCEPT and not s.reasons:
+        if s.verdict == Verdict.ACCEPT and not {"doubtful", "reject"} & set(s.verdicts):
             continue
         cells, shades = verdict_cells(s, len(rows), 2)
         tints.update(shades)
-        causes = ", ".join(
-            f"{name.replace('_', '-')} {100.0 * odds:.0f} %"
-            for name, odds in zip(s.hypotheses, s.hypothesis_odds, strict=True)
-            if odds >= 0.005
-        )
+        causes = ", ".join(f"{words} {100.0 * odds:.0f} %" for words, odds in s.disturbances)
         details = [reason for reason in s.reasons if reason != s.action]
         texts = (*cells, s.action, causes, "; ".join(details))
         rows.append(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
+from mwd_estimation.core.reason_text import HYPOTHESES
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.report_plots import quality_view
 from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, TINTS, Drawing, Section, Sheet, sheet_of
@@ -149,7 +150,8 @@ def _run(leg: str, tool: str, records: Sequence[SurveyRecord]) -> tuple[str, ...
     inclination = sum(s.verdict_inclination == Verdict.ACCEPT for s in surveys)
     deviations = [[t.deviation for t in totals(s)] for s in used]
     axial = [s.axial_interference for s in used if s.sigma_axial_interference >= 0.0]
-    causes = [s.hypotheses[0] for s in surveys if s.hypotheses and s.hypotheses[0] != "clean"]
+    likeliest = [s.disturbances[0][0] for s in surveys if s.disturbances]
+    causes = [cause for cause in likeliest if cause != HYPOTHESES["clean"]]
     return (
         leg,
         tool,
@@ -168,7 +170,7 @@ def _run(leg: str, tool: str, records: Sequence[SurveyRecord]) -> tuple[str, ...
         _scaled(_spread(axial), 1e9, 0),
         _scaled(_median(s.sigma_inclination for s in used if s.sigma_inclination >= 0.0), _DEG, 2),
         _scaled(_median(s.sigma_azimuth for s in used if s.sigma_azimuth >= 0.0), _DEG, 2),
-        ", ".join(f"{cause.replace('_', '-')} ({causes.count(cause)})" for cause in dict.fromkeys(causes)),
+        ", ".join(f"{cause} ({causes.count(cause)})" for cause in dict.fromkeys(causes)),
     )
 
 

@@ -15,7 +15,7 @@ from mwd_surface.live.settings import Limits
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.surveys.position_covariance import ellipse, in_section
 from mwd_surface.surveys.station_quality import totals
-from mwd_surface.surveys.survey_record import Judgement, North, SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import ROTARY, Judgement, North, SurveyRecord, Verdict
 from mwd_surface.surveys.well_path import Definitive
 
 NORTH_WORDS = ("", "magnetic", "true", "grid")
@@ -44,7 +44,7 @@ def survey_row(record: SurveyRecord, north: North) -> dict[str, Any]:
     return {
         "sequence": s.sequence,
         "stamp_ns": s.stamp_ns,
-        "kind": "rotary" if s.kind == 1 else "static",
+        "kind": "rotary" if s.kind == ROTARY else "static",
         "measured_depth": number(record.measured_depth) if record.measured_depth >= 0.0 else None,
         "inclination": number(s.inclination),
         "sigma_inclination": _known(s.sigma_inclination),
@@ -60,7 +60,7 @@ def survey_row(record: SurveyRecord, north: North) -> dict[str, Any]:
         "verdicts": list(s.verdicts),
         "headline": s.action,
         "alternatives": [[number(other), number(odds)] for other, odds in s.alternatives_from(azimuth_north)],
-        "hypotheses": [[name, number(odds)] for name, odds in zip(s.hypotheses, s.hypothesis_odds, strict=True)],
+        "disturbances": [[words, number(odds)] for words, odds in s.disturbances],
         "verdict": word,
         "accepted_by": by,
         "in_use": record.in_use,

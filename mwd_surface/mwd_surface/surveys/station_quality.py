@@ -14,11 +14,11 @@ import numpy as np
 
 from mwd_estimation.core import magnetic_geometry
 from mwd_surface.live.settings import Limits
-from mwd_surface.surveys.survey_record import Survey
+from mwd_surface.surveys.survey_record import STATIC, Survey, Verdict
 
 GOOD, DOUBTFUL, REJECT, NO_REFERENCE = "good", "doubtful", "reject", "no reference"
 # Azimuths that are taken from the field as it is read, or not from the field at all.
-_AS_READ = ("", "raw", "gyro", "carried")
+_AS_READ = ("", "none", "raw", "gyro", "carried")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,7 +70,9 @@ def totals(survey: Survey, limits: Limits | None = None) -> tuple[Total, Total, 
 
 def _earth_field(s: Survey) -> tuple[float, float, bool]:
     """Return total field, T, and dip, rad, as the verdict takes them, and whether they are corrected."""
-    corrected = s.azimuth_method not in _AS_READ and s.sigma_axial_interference >= 0.0
+    # Of a hole so steep that the toolface is not determined the verdict takes the field as it is read.
+    steep = s.kind == STATIC and s.verdict_toolface == Verdict.NOT_DETERMINED
+    corrected = s.azimuth_method not in _AS_READ and s.sigma_axial_interference >= 0.0 and not steep
     if not corrected or s.b_total < 0.0 or not any(s.specific_force):
         return s.b_total, s.dip, False
     b_t = np.array(s.magnetic_field) - np.array([s.axial_interference, 0.0, 0.0])

@@ -11,12 +11,15 @@ import dataclasses
 import enum
 import math
 
+from mwd_estimation.core.reason_text import HYPOTHESES
 from mwd_sensors.core import settings
 
 Three = tuple[float, float, float]
 Nine = tuple[float, float, float, float, float, float, float, float, float]
 ZERO_3: Three = (0.0, 0.0, 0.0)
 ZERO_9: Nine = (0.0,) * 9
+# Kinds of a survey, by the numbers of its message.
+STATIC, ROTARY = 0, 1
 
 
 class North(enum.IntEnum):
@@ -73,7 +76,7 @@ class Survey:
     azimuth: float
     north: int
     frame_id: str = "sonde_link"
-    kind: int = 0
+    kind: int = STATIC
     requested: bool = False
     duration: float = 0.0
     samples: int = 0
@@ -123,6 +126,13 @@ class Survey:
     def action(self) -> str:
         """The one reason to act on; of older lists, which have none, the first reason of the verdict."""
         return self.headline or (self.reasons[0] if self.reasons and self.verdict != Verdict.ACCEPT else "")
+
+    @property
+    def disturbances(self) -> list[tuple[str, float]]:
+        """What may disturb the readings, in words, with its probability; the likeliest first, without the hopeless."""
+        pairs = zip(self.hypotheses, self.hypothesis_odds, strict=True)
+        known = sorted(((odds, name) for name, odds in pairs if odds >= 0.005), reverse=True)
+        return [(HYPOTHESES.get(name, name), odds) for odds, name in known]
 
     def alternatives_from(self, north: North) -> list[tuple[float, float]]:
         """Other azimuths that fit the readings, rad, and their odds; from their own north where `north` is unknown."""

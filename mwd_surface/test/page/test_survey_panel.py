@@ -42,7 +42,7 @@ def test_a_row_has_the_verdict_of_each_quantity_the_reason_to_act_on_and_other_a
     assert row["headline"] == "External field: use a gyro"
     ((azimuth, odds),) = row["alternatives"]
     assert ((azimuth - row["azimuth"]) % math.tau, odds) == pytest.approx((1.0, 0.2))
-    assert row["hypotheses"] == [["external", 0.9], ["clean", 0.1]]
+    assert row["disturbances"] == [["steel outside the string", 0.9], ["nothing beyond the tool code", 0.1]]
     assert quality_lights(record, Limits())["reasons"][:2] == ["External field: use a gyro", "total field 380 nT over"]
 
 

@@ -131,7 +131,7 @@ export class SurveyTable {
       ["Inclination, azimuth, toolface", row.verdicts.join(", ")],
       ...(row.headline ? [["What to do", row.headline]] : []),
       ...(row.alternatives.length ? [["Other azimuths that fit", row.alternatives.map(([azimuth, odds]) => `${units.bearing(azimuth, 1)}° (${percent(odds)})`).join(", ")]] : []),
-      ...(row.hypotheses.length ? [["May be disturbed by", row.hypotheses.filter(([, odds]) => odds >= 0.005).map(([name, odds]) => `${name.replace("_", "-")} ${percent(odds)}`).join(", ")]] : []),
+      ...(row.disturbances.length ? [["May be disturbed by", row.disturbances.map(([words, odds]) => `${words} ${percent(odds)}`).join(", ")]] : []),
       ["Judged by", row.accepted_by + (row.judged_reason ? `: ${row.judged_reason}` : "")],
       ["Leg, tool", [row.leg, row.tool].filter(Boolean).join(", ") || "–"],
       ["Comment", row.comment || "–"],
