@@ -20,6 +20,7 @@ from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField
 from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_json import StateJson
+from mwd_surface.surveys.clearance import Clearance, ClearanceRule
 from mwd_surface.surveys.plan import plan_of
 from mwd_surface.surveys.slide_sheet import SlideSheet, yields
 from mwd_surface.surveys.survey_list import SurveyList
@@ -76,6 +77,13 @@ def browser(tmp_path_factory):
 RECORDING = RecorderStatus(RecorderState.RECORDING, "", Path("bags/a"), 7, 0, 0, 0, 0, 0, -1, 61.0, 1, 0.0, ())
 
 
+def near(name, least):
+    """An offset well that is nearest at 1250 m."""
+    md = np.array([1200.0, 1250.0, 1300.0])
+    distance, allowed, away = least + np.abs(md - 1250.0), np.full(3, 10.0), np.full(3, 0.5)
+    return Clearance(name, md, md, distance, allowed, distance / allowed, away, away, ClearanceRule())
+
+
 class Rig:
     """A surface unit without a node: state, alarms, surveys and the page's server."""
 
@@ -115,6 +123,7 @@ class Rig:
         self.state.on_trajectory(path, now, np.tile(np.diag([9.0, 4.0, 1.0]), (len(path.md), 1, 1)))
         plan = plan_of([0.0, 600.0, 1800.0], [0.0, 0.3, 1.0], [1.0, 1.0, 1.0], name="C")
         self.state.on_plan(plan, now)
+        self.state.on_clearance((near("A-3", 9.0), near(EVIL, 40.0)), now)
         self.state.on_alarms(self.book.alarms(), self.book.events(), now)
         self.state.on_diagnostics([NodeDiagnostic(EVIL, 1, "slow", "look")], now)
         self.push()
@@ -350,6 +359,20 @@ def test_the_survey_table_has_words_for_verdicts_and_a_projected_last_line(brows
         assert "(4.0 %)" in detail
         assert browser.find_element(By.CSS_SELECTOR, "[data-keep=row-4]").get_attribute("aria-expanded") == "true"
         assert "doubtful" in text(browser, '[data-light="doubtful"]')
+
+
+def test_offset_wells_stand_beside_the_path_with_level_factor_and_distance(browser):
+    with rig_on(browser) as rig:
+        tab(browser, "path")
+        wait(browser, lambda: "A-3" in (text(browser, "#clearance") or ""))
+        shown = text(browser, "#clearance")
+        assert shown.index("stop 0.90") < shown.index("clear 4.00")
+        said = browser.find_element(By.CSS_SELECTOR, "#clearance dd").get_attribute("title")
+        assert said == "9.00 m away at 1250.00 m; least allowed 10.00 m"
+        assert shown.index("A-3") < shown.index(EVIL)
+        rig.state.on_clearance((), time.monotonic())
+        rig.push()
+        wait(browser, lambda: text(browser, "#clearance") is None)
 
 
 def test_names_and_comments_with_markup_stay_text(browser):

@@ -10,7 +10,7 @@ import { showBanner, showPills, showTitle, showWell } from "./header.js";
 import { act, mayCommand, operatorName, showControls } from "./operator_tab.js";
 import { showPath } from "./path_tab.js";
 import { slideSheet } from "./slide_sheet.js";
-import { showClearance, showOffset, showProgress, showQuality } from "./survey_quality.js";
+import { showOffset, showProgress, showQuality } from "./survey_quality.js";
 import { SurveyTable } from "./survey_table.js";
 import { showFindings, showStreams } from "./system_tab.js";
 import { select, startTabs } from "./tabs.js";
@@ -53,7 +53,7 @@ const SHOW = {
   attitude: ({ well }) => showTitle(well),
   quality: ({ quality }) => showQuality(quality),
   offset: ({ offset }) => showOffset(offset),
-  clearance: ({ clearance }) => showClearance(clearance),
+  clearance: showWellPath,
   survey_progress: (sections) => showProgress(sections.survey_progress),
   surveys: () => { showSurveys(); charts.show(); },
   steering: () => { showSteering(); charts.show(); },

@@ -1,8 +1,10 @@
 // The well path: plan and section side by side, or one view in space that can be turned.
 
-import { byId, el } from "./dom.js";
+import { byId, el, pill } from "./dom.js";
 import { legend, planView, sectionView, spaceView } from "./path_plot.js";
+import * as units from "./units.js";
 
+const LEVELS = { clear: "good", warning: "doubtful", stop: "reject" };
 const view = { on: false, turn: 0.6, tilt: 0.35 };
 
 export function showPath(sections) {
@@ -15,7 +17,7 @@ export function showPath(sections) {
   }
   const choice = el("button", { type: "button", class: "choice", "aria-pressed": String(view.on), onclick: () => { view.on = !view.on; showPath(sections); place.querySelector(".choice").focus(); } }, "3-D");
   const box = el("div", { class: "plots" });
-  place.replaceChildren(el("div", { class: "path-head" }, legend(plan, path), choice), box);
+  place.replaceChildren(el("div", { class: "path-head" }, legend(plan, path), ...near(sections.clearance), choice), box);
   // Drawn at the size it has, so that letters keep theirs.
   const [width, height] = [Math.max(260, box.clientWidth), Math.max(190, box.clientHeight)];
   if (view.on) box.append(turnable(path, plan, { width, height }));
@@ -24,6 +26,18 @@ export function showPath(sections) {
     const size = { width: Math.floor(beside ? width / 2 - 4 : width), height: beside ? height : 280 };
     box.append(planView(path, plan, offset, size), sectionView(path, plan, offset, size));
   }
+}
+
+// Offset wells from the last survey on, the nearest by the rule first.
+function near(clearance) {
+  if (!clearance?.rows.length) return [];
+  const length = (v) => `${units.number("length", v)} ${units.unit("length")}`;
+  const lines = clearance.rows.map((c) => el("div", {},
+    el("dt", {}, c.name),
+    el("dd", { title: `${length(c.distance)} away at ${length(c.measured_depth)}; least allowed ${length(c.allowed)}` },
+      pill(LEVELS[c.level], `${c.level} ${c.factor.toFixed(2)}`)),
+  ));
+  return [el("dl", { id: "clearance", class: "near" }, lines)];
 }
 
 function turnable(path, plan, size) {

@@ -51,19 +51,6 @@ export function showQuality(quality) {
   byId("reasons").replaceChildren(...quality.reasons.map((text) => el("li", {}, text)));
 }
 
-const LEVELS = { clear: "good", warning: "doubtful", stop: "reject" };
-
-export function showClearance(clearance) {
-  const place = byId("clearance");
-  const length = (v) => `${units.number("length", v)} ${units.unit("length")}`;
-  const lines = clearance.rows.map((c) => el("div", {},
-    el("dt", {}, c.name),
-    el("dd", { title: `allowed ${length(c.allowed)}; at ${units.bearing(c.toolface, 0)}° from high side` },
-      `${length(c.distance)} at ${length(c.measured_depth)}, factor ${c.factor.toFixed(2)} `, pill(LEVELS[c.level], c.level)),
-  ));
-  place.replaceChildren(...(lines.length ? [el("h2", {}, "To offset wells"), el("dl", { class: "facts" }, lines)] : []));
-}
-
 export function showOffset(o) {
   const place = byId("offset");
   if (!o.known) {
