@@ -12,6 +12,7 @@ from mwd_estimation.survey import tool_code
 from mwd_sensors.core.frames import mat_nt
 from mwd_surface.surveys.forecast import corrected_sibling, correction_map, forecast
 from mwd_surface.surveys.plan import plan_of
+from tool_code_sigma import at_attitude
 
 REFERENCE = Reference(
     total=50.5e-6,
@@ -33,9 +34,7 @@ def along(azimuth_deg, north="true", code=CODE, axial=0.0, top_deg=90.0):
 def test_sigmas_are_the_tool_codes_own_at_each_attitude():
     found = along(65.0)
     for k in (20, 45, 70):
-        own = tool_code.at_attitude(
-            CODE, float(found.inclination[k]), float(found.true_azimuth[k]), REFERENCE, LATITUDE
-        )
+        own = at_attitude(CODE, float(found.inclination[k]), float(found.true_azimuth[k]), REFERENCE, LATITUDE)
         assert found.sigma_inclination[k] == pytest.approx(own.inclination, rel=1e-6)
         assert found.sigma_azimuth[k] == pytest.approx(own.azimuth, rel=1e-6)
     assert np.isnan(found.sigma_azimuth[0])
