@@ -39,6 +39,7 @@ def begin(s: Record) -> None:
     s.q[3] = 1.0
     mechanisation.set_matrix(s)
     clipping.clear(s)
+    s.clipping.seen = False
     forget_motion(s)
     s.motion.along = s.motion.across = noise.START_DISPLACEMENT**2
     s.motion.white = s.motion.rough = 0.0

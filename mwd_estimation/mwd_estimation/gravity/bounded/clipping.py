@@ -131,6 +131,7 @@ def follow_rate(p: KernelParams, s: Record, dt: float, wx: float) -> bool:
 @compiled
 def _begin_clipping(s: Record) -> None:
     P, c = s.P, s.clipping
+    c.seen = True
     for j in range(MISSING - BIAS):
         for m in range(MISSING - BIAS):
             c.kept[j, m] = P[BIAS + j, BIAS + m]

@@ -21,7 +21,8 @@ from mwd_sensors.core.compiled import compiled
 
 OWN_LEAST, OWN_MOST = 0.3, 20.0  # s, limits of the filter's own time
 OWN_AGE = 0.25  # the most of it for each time since the start, which had more to find out than what is steady
-LEAST_CORRECTION = 0.1  # variance expected of a correction, at least, for each that an interval adds to the tilt
+# Least expected variance of a correction over what an interval adds to the tilt; after clipping, that which is judged.
+LEAST_CORRECTION, SHARE_AFTER_CLIP = 0.3, 0.5
 SCALE_TIME, SCALE_OWN = 4.0, 3.0  # s, memory of the power, and so many times the filter's own time more
 SUDDEN = 9.0  # power over the scale that is no chance: the motion has changed, and the memory is the own time alone
 SCALE_YOUNG, SCALE_AGE = 2.0, 0.25  # s and share: after a start it is no longer than these allow
@@ -49,7 +50,9 @@ def follow_corrections(s: Record, turn: float, along: float, across: float) -> N
     dx, dy = hole_direction(s)
     tilt, aside = tilts(s)
     if s.clipping.sign == 0.0:
-        _follow(s, found.along, max(along - tilt, LEAST_CORRECTION * turn), tilt / turn, dy, -dx)
+        # An inclination that was set aside while the x gyro clipped is at first not corrected: that says nothing.
+        if along - tilt > SHARE_AFTER_CLIP * turn or not s.clipping.seen:
+            _follow(s, found.along, max(along - tilt, LEAST_CORRECTION * turn), tilt / turn, dy, -dx)
         _follow(s, found.across, max(across - aside, LEAST_CORRECTION * turn), aside / turn, dx, dy)
     for j in range(2):
         s.slow_axis[j] += s.sums.time / CURVE_TIME * (s.C[j, 0] - s.slow_axis[j])

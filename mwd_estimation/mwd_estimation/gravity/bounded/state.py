@@ -96,6 +96,8 @@ class Clipping:
     """Of the clipped rate; 0: not clipped."""
     time: float
     """s"""
+    seen: bool
+    """Whether it was so since the last start."""
     tilt: float
     """Variance of the tilt that changes inclination, set aside, rad^2."""
     slope: float
