@@ -80,7 +80,9 @@ def repeated(rows: Sequence[TableStation], settings: EstimatorSettings) -> list[
     if len(rows) < 2:
         return []
     force, field = [row.station.f_t for row in rows], [row.station.b_t for row in rows]
-    found = check_shots([row.md for row in rows], force, field, sensor_errors(settings))
+    # A run is a tool in its collars: another one shares no errors with it.
+    runs = [row.run for row in rows]
+    found = check_shots([row.md for row in rows], force, field, sensor_errors(settings), runs)
     return [sentence(shot) for shot in found]
 
 
