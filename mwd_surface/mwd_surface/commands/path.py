@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from mwd_surface.surveys.survey_list import SurveyList
 
 _LIST = "List"
+# Of the field of a list without times: the first of the model's.
+_USUAL_DAY = "2025-01-01"
 
 
 def path(
@@ -157,7 +159,7 @@ def _imported(source: Path, options: dict[str, Any], beside: SurveyList | None) 
     stations = read_list(source, given)
     settings = table_settings(None, options["changes"], *(options[name] for name in ("lat", "lon", "date", "field")))
     known = Known.of(options["field"], options["declination"], options["convergence"])
-    reference, remarks = table_reference(settings, known, stations.time)
+    reference, remarks = table_reference(settings, known, stations.time, _USUAL_DAY)
     if reference is None and beside is not None:
         reference, well = reference_in(beside), dataclasses.replace(beside.well, name=source.stem)
     else:

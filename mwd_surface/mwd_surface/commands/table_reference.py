@@ -116,12 +116,13 @@ class RowReference:
 
 
 def table_reference(
-    settings: EstimatorSettings, known: Known, times: Iterable[str] = ()
+    settings: EstimatorSettings, known: Known, times: Iterable[str] = (), otherwise: str = ""
 ) -> tuple[Reference | None, tuple[str, ...]]:
     """
     The reference that options and settings give, and what people must know about it; None where they give nothing.
 
     times: of the stations as written; the first that is a time gives the day of the field where no date is set.
+    otherwise: the day where there is neither, with a remark; empty: none, that is refused.
 
     Raises
     ------
@@ -139,6 +140,11 @@ def table_reference(
     remarks = []
     if settings.place.field == "model" and not settings.place.date:
         day = next(filter(None, map(_moment, times)), None)
+        if day is None and otherwise:
+            day = _moment(otherwise)
+            remarks.append(
+                f"no day is given: the field is that of {otherwise}; it changes slowly, --date gives another"
+            )
         if day is None:
             raise ValueError("--lat and --lon: the table has no time, give the day of the field with --date")
         stamp_ns = round(day.timestamp() * 1e9)

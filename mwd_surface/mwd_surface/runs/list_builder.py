@@ -129,11 +129,12 @@ class ListBuilder:
         if not self._live.records:
             return self.surveys, ""
         if self._estimator == self._recorded.estimator:
-            self.surveys, failed = self._live.decided(self.surveys)
+            self.surveys, failed = self._live.decided(self.surveys, depths=self._live_depths)
             self.warnings += failed
         elif any(r.judgement for r in self._live.records.values()):
             self.warnings.append("decisions of people in the live list are not taken over: other settings are in force")
-        ours = {r.survey.uuid: r for r in self.surveys.records}
+        # A message has the last decision about a survey only.
+        ours = {r.survey.uuid: dataclasses.replace(r, decisions=r.decisions[-1:]) for r in self.surveys.records}
         same = sum(ours.get(uuid) == record for uuid, record in self._live.records.items())
         missing = sum(uuid not in ours for uuid in self._live.records)
         text = f"{same} of {len(self._live.records)} surveys equal those of the live list"
@@ -173,7 +174,7 @@ class ListBuilder:
     def _depth_of(self, survey: Survey) -> DepthReading:
         if self._table is not None:
             return self._table.sensor_depth(survey.sequence, survey.stamp_ns, self.sensor_to_bit)
-        live = self._live.records.get(survey.uuid)
+        live = self._live.first.get(survey.uuid)
         if live is not None and self._live_depths:
             self._live_used += 1
             return DepthReading(live.measured_depth, live.depth_age, reason=live.comment)

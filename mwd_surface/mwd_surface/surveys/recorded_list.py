@@ -18,54 +18,68 @@ LIST_TYPE = "mwd_msgs/msg/SurveyList"
 
 @dataclasses.dataclass(frozen=True)
 class RecordedList:
-    """Records of the last survey list of a recording, by uuid."""
+    """
+    What the survey lists of a recording tell of each survey.
 
+    Attributes
+    ----------
+    first, records : dict of SurveyRecord
+        By uuid: as it was listed first, and last.
+    judged : tuple of SurveyRecord
+        As it was after each decision of a person, in order.
+    """
+
+    first: dict[str, SurveyRecord] = dataclasses.field(default_factory=dict)
     records: dict[str, SurveyRecord] = dataclasses.field(default_factory=dict)
+    judged: tuple[SurveyRecord, ...] = ()
 
     def before(self, start_ns: int) -> list[SurveyRecord]:
         """Records of surveys taken before a time: of earlier recordings."""
         return [r for r in self.records.values() if r.survey.stamp_ns < start_ns]
 
-    def decided(self, surveys: SurveyList) -> tuple[SurveyList, tuple[str, ...]]:
+    def decided(self, surveys: SurveyList, *, depths: bool) -> tuple[SurveyList, tuple[str, ...]]:
         """
         Return a list with the decisions that people took, in their order, and what could not be decided again.
 
-        Of surveys that are not in the list nothing is decided.
+        Of surveys that are not in the list nothing is decided. depths: whether depths they gave hold, too.
         """
         known = {r.survey.uuid: r.survey.sequence for r in surveys.records}
-        judged = [r for r in self.records.values() if r.judgement != Judgement.NOT_JUDGED and r.survey.uuid in known]
         failed = []
-        # A rejection first: it may make room for the survey that replaced it.
-        for record in sorted(judged, key=lambda r: (r.judged_ns, r.judgement != Judgement.REJECTED)):
-            who = (known[record.survey.uuid], record.operator_name, record.reason, record.judged_ns)
+        for record in self.judged:
+            number = known.get(record.survey.uuid)
+            if number is None:
+                continue
+            who = (number, record.operator_name, record.reason, record.judged_ns)
+            given = record.measured_depth if depths else surveys.find(number).measured_depth
+            md = -1.0 if given == surveys.find(number).measured_depth else given
             try:
                 if record.judgement == Judgement.REJECTED:
                     surveys = surveys.reject(*who)
                 else:
-                    surveys = surveys.accept(*who, replace=True)
+                    surveys = surveys.accept(*who, measured_depth=md, replace=True)
             except ValueError as error:
                 failed.append(f"the decision of {record.operator_name} is not taken over: {error}")
-        for record in judged:
-            number = known[record.survey.uuid]
-            # A comment may tell of a depth given by hand, which another depth has replaced.
-            if surveys.find(number).measured_depth == record.measured_depth:
-                surveys = surveys.remark(number, record.comment)
         return surveys, tuple(failed)
 
 
 def recorded_list(bag: Bag, namespace: str) -> RecordedList:
     """
-    Return the last survey list of a well in a recording; empty where there is none.
+    Return what the survey lists of a well in a recording tell; empty where there is none.
 
     namespace: of the well, with a slash at its end.
     """
     about = bag.topics.get(f"{namespace}surveys")
     if about is None or about.type_name != LIST_TYPE:
         return RecordedList()
-    last = None
+    first: dict[str, SurveyRecord] = {}
+    last: dict[str, SurveyRecord] = {}
+    judged: dict[tuple[str, int], SurveyRecord] = {}
     for _, _, _, data in bag.messages([about.name]):
-        last = data
-    if last is None:
-        return RecordedList()
-    records = [record_of(record) for record in bag.decode(about.name, last).records]
-    return RecordedList({r.survey.uuid: r for r in records})
+        last = {r.survey.uuid: r for r in map(record_of, bag.decode(about.name, data).records)}
+        for uuid, record in last.items():
+            first.setdefault(uuid, record)
+            if record.judgement != Judgement.NOT_JUDGED:
+                judged.setdefault((uuid, record.judged_ns), record)
+    # A rejection first: it makes room for the survey that replaced it at the same time.
+    order = sorted(judged.values(), key=lambda r: (r.judged_ns, r.judgement != Judgement.REJECTED))
+    return RecordedList(first, last, tuple(order))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mwd_surface.surveys import list_file
 from mwd_surface.surveys.list_columns import Given, ListFileError
-from mwd_surface.surveys.list_file import list_from_las, list_from_table, list_from_witsml
+from mwd_surface.surveys.list_file import list_from_las, list_from_table, list_from_witsml, read_list
 from mwd_surface.surveys.plan_file import plan_from_list, read_plan
 from project import REFERENCE_DATA
 
@@ -165,6 +165,16 @@ def test_the_volve_f4_table_is_a_plan_whose_own_tvd_fits():
     got = read_plan(f4)
     assert got.md.size == 87
     assert got.north == "true"
+
+
+def test_a_list_with_stations_left_out_fits_its_positions_less_closely():
+    f5 = read_list(REFERENCE_DATA / "volve" / "volve_F5_raw_sixaxis.csv")
+    assert f5.md.size == 3
+    assert f5.north == "grid"
+    assert np.diff(f5.md).max() > 1000.0
+    with pytest.raises(ListFileError, match=r"north .* does not fit the angles"):
+        # North in feet.
+        table("md_m,inc,azi,tvd_m,north_m,east_m\n0,90,0,0,0,0\n30,90,0,0,98,0\n60,90,0,0,197,0\n")
 
 
 def test_columns_units_and_north_can_be_named():
