@@ -35,7 +35,7 @@ UNITS = {
     "s": 1.0,
 }
 # Azimuth methods whose name in messages is no word.
-_METHODS = {"msa": "multi-station", "carried": "gyro-propagated"}
+METHODS = {"msa": "multi-station", "carried": "gyro-propagated"}
 # What may disturb the field, in words.
 HYPOTHESES = {
     "clean": "nothing beyond the tool code",
@@ -204,7 +204,7 @@ def text(reason: Reason) -> str:
         "value": None if reason.value is None else _Number(reason.value),
         "limit": None if reason.limit is None else _Number(reason.limit),
         "values": [_Number(one) for one in reason.values],
-        "names": [_METHODS.get(name, name) for name in reason.names],
+        "names": [METHODS.get(name, name) for name in reason.names],
         "names_listed": ", ".join(reason.names),
         "causes": "; ".join(causes),
         "causes_listed": ", ".join(causes),

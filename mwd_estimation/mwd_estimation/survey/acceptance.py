@@ -173,8 +173,11 @@ def totals(deviations: Deviations, limits: str) -> list[Reason]:
     values = np.array([deviations.gravity, deviations.field, deviations.dip])
     limit = bounds(deviations, limits)
     gravity = (Code.GRAVITY_WITHIN_STANDARD, Code.GRAVITY_OFF_STANDARD)
-    codes = (gravity if deviations.standard else (Code.GRAVITY_WITHIN, Code.GRAVITY_OFF),
-             (Code.FIELD_WITHIN, Code.FIELD_OFF), (Code.DIP_WITHIN, Code.DIP_OFF))  # fmt: skip
+    codes = (
+        gravity if deviations.standard else (Code.GRAVITY_WITHIN, Code.GRAVITY_OFF),
+        (Code.FIELD_WITHIN, Code.FIELD_OFF),
+        (Code.DIP_WITHIN, Code.DIP_OFF),
+    )
     known = [
         (abs(value) <= most, inside, off, float(value), float(most))
         for (inside, off), value, most in zip(codes, values, limit, strict=True)

@@ -189,9 +189,14 @@ def _corrected(
     if reference is None or not reference.has_field:
         return ()
     estimate = axial_correction.axial_correction(
-        readings.f_h, readings.b_h, reference.horizontal, reference.vertical, readings.covariance,
-        reference.covariance, plausible=_PLAUSIBLE,
-    )  # fmt: skip
+        readings.f_h,
+        readings.b_h,
+        reference.horizontal,
+        reference.vertical,
+        readings.covariance,
+        reference.covariance,
+        plausible=_PLAUSIBLE,
+    )
     if not math.isfinite(float(estimate.azimuth)):
         return ()
     refused = acceptance.correction_refusal(estimate, readings.inclination, settings.quality)

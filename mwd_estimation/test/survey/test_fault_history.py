@@ -105,8 +105,10 @@ def test_once_named_a_fault_withholds_what_hangs_on_it_and_leaves_the_rest(compo
         assert np.all(rows["sigma_azimuth"] == -1.0)
         assert output.surveys
         assert all(one.station.verdict == "reject" for one in output.surveys)
-        assert any("axes" in r or "looks like" in r or "dead" in r or "signs" in r or "reads" in r
-                   for r in texts(output.surveys[-1].station.reasons))  # fmt: skip
+        assert any(
+            "axes" in r or "looks like" in r or "dead" in r or "signs" in r or "reads" in r
+            for r in texts(output.surveys[-1].station.reasons)
+        )
     else:
         truth = case[0]["truth"][-500:]
         known = output.attitude[-500:]
@@ -117,9 +119,14 @@ def test_once_named_a_fault_withholds_what_hangs_on_it_and_leaves_the_rest(compo
 
 @pytest.mark.parametrize(
     ("component", "word", "axis", "start_s"),
-    [("gyro", "swapped", "xy", 0.0), ("accel", "in_g", "all", 0.0), ("accel", "stuck", "all", 12.1),
-     ("gyro", "in_deg_s", "all", 12.1), ("mag", "in_nt", "all", 12.1)],
-)  # fmt: skip
+    [
+        ("gyro", "swapped", "xy", 0.0),
+        ("accel", "in_g", "all", 0.0),
+        ("accel", "stuck", "all", 12.1),
+        ("gyro", "in_deg_s", "all", 12.1),
+        ("mag", "in_nt", "all", 12.1),
+    ],
+)
 def test_before_a_fault_is_named_its_numbers_are_not_called_certain_for_long(component, word, axis, start_s):
     case = sent(component, word, axis, start_s)
     rows, truth = estimated(case)[0].attitude, case[0]["truth"]
@@ -157,8 +164,15 @@ def test_a_failed_magnetometer_is_no_reading_and_does_not_touch_a_gyro_azimuth()
     survey = estimated(sent("temperature", "ok"))[0].surveys[0]
     half = round(0.5e9 * survey.duration)
     imu = Average(np.zeros(6), np.eye(6), 400)
-    still = StillAverage(survey.stamp_ns - half, survey.stamp_ns + half, imu, Average(np.ones(3), np.eye(3), 400),
-                         None, None, requested=False)  # fmt: skip
+    still = StillAverage(
+        survey.stamp_ns - half,
+        survey.stamp_ns + half,
+        imu,
+        Average(np.ones(3), np.eye(3), 400),
+        None,
+        None,
+        requested=False,
+    )
     failed = SensorFault(FaultCode.STUCK, Unit.CONVENTIONAL, 6, 0.0, 0.0, (0, 0, 0), MAG, survey.stamp_ns)
     gone = dataclasses.replace(failed, cleared_ns=survey.stamp_ns - half)
     by_gyro = dataclasses.replace(survey, weights={"raw": 0.0, "gyro": 1.0})

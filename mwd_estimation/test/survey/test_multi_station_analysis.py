@@ -21,15 +21,33 @@ from mwd_sensors.core.frames import mat_nt, wrap_pi
 DEG = math.pi / 180.0
 TOTAL, DIP, GRAVITY = 50e-6, 71.3 * DEG, 9.81
 QUIET = {
-    "vary": 0.15, "bias": 25e-9, "scale": 0.0003, "f_bias": 0.001, "f_scale": 0.0001, "sigma_total": 40e-9,
-    "sigma_dip": 0.05 * DEG, "noise": 15e-9, "f_noise": 0.0015,
-}  # fmt: skip
+    "vary": 0.15,
+    "bias": 25e-9,
+    "scale": 0.0003,
+    "f_bias": 0.001,
+    "f_scale": 0.0001,
+    "sigma_total": 40e-9,
+    "sigma_dip": 0.05 * DEG,
+    "noise": 15e-9,
+    "f_noise": 0.0015,
+}
 
 
 def drawn_run(
-    kind, seed, n=40, noise=20e-9, f_noise=0.002, bias=70e-9, scale=0.0016, f_bias=0.004, f_scale=0.0005,
-    sigma_total=143e-9, sigma_dip=0.218 * DEG, vary=1.0, axial=None,
-):  # fmt: skip
+    kind,
+    seed,
+    n=40,
+    noise=20e-9,
+    f_noise=0.002,
+    bias=70e-9,
+    scale=0.0016,
+    f_bias=0.004,
+    f_scale=0.0005,
+    sigma_total=143e-9,
+    sigma_dip=0.218 * DEG,
+    vary=1.0,
+    axial=None,
+):
     """A build to near horizontal with 650 nT axial, or an east-west horizontal with 900 nT, errors drawn."""
     rng, k = np.random.default_rng(seed), np.arange(n)
     if kind == "build":

@@ -48,8 +48,13 @@ def test_a_turning_string_gives_the_angles_it_would_give_at_rest():
     average = survey.add(*turning(30.0))
     assert (average.end_ns - average.start_ns) == 30 * 10**9
     assert average.requested
-    found = station(average.imu.mean[3:], average.mag.mean, REFERENCE, covariance_f=average.imu.covariance[3:, 3:],
-                    covariance_b=average.mag.covariance)  # fmt: skip
+    found = station(
+        average.imu.mean[3:],
+        average.mag.mean,
+        REFERENCE,
+        covariance_f=average.imu.covariance[3:, 3:],
+        covariance_b=average.mag.covariance,
+    )
     assert found.inclination == pytest.approx(0.9, abs=1e-3)
     # Cross-axial field of 500 nT, 1.4 deg at rest, averages out.
     assert wrap_pi(found.azimuth - 2.0) == pytest.approx(0.0, abs=math.radians(0.1))

@@ -79,7 +79,7 @@ def shots(n=3):
         (["accel_x", "accel_y", "accel_z", "mag_x_ut", "mag_y_ut", "mag_z_ut"], -1, 1e6, (0, 1, 2), {"axial": "x"}),
         (["Grav Axial", "Grav Tran1", "Grav Tran2", "MAG_AXIAL", "MAG_TRAN1", "MAG_TRAN2"], 1, 1e4, (0, 1, 2), {}),
     ],
-)  # fmt: skip
+)
 def test_other_names_units_and_axis_letters_give_the_same_survey(names, g_factor, b_factor, order, options):
     g_t, b_t, inc, azi = shots()
     columns = [g_t[:, k] * g_factor for k in order] + [b_t[:, k] * b_factor for k in order]

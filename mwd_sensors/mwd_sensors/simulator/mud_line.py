@@ -46,9 +46,11 @@ class Well:
     hose_m: float = setting(40.0, "From the gauge to the top of the string.", unit="m", low=1.0, high=200.0)
     dampener_m3: float = setting(0.075, "Pulsation dampener.", unit="m^3", low=0.0, high=1.0)
     precharge: float = setting(
-        0.35, "Precharge over standpipe pressure; 0 a flat dampener, 1 or more an overcharged one: both do nothing.",
-        low=0.0, high=1.5,
-    )  # fmt: skip
+        0.35,
+        "Precharge over standpipe pressure; 0 a flat dampener, 1 or more an overcharged one: both do nothing.",
+        low=0.0,
+        high=1.5,
+    )
 
 
 def wave_speed(well: Well) -> float:

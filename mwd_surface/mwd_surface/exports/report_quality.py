@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from mwd_estimation.core.reason_text import HYPOTHESES
+from mwd_estimation.core.reason_text import HYPOTHESES, METHODS
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.report_plots import quality_view
 from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, TINTS, Drawing, Section, Sheet, sheet_of
@@ -187,7 +187,10 @@ def azimuths(table: SurveyTable) -> Section | None:
         by = {a.method: a for a in s.azimuths if a.sigma >= 0.0}
         known = s.azimuth_from(north)
         cells = [str(s.sequence), _depth(record), fixed(known * _DEG, 2, 360.0) if known is not None else ""]
-        cells += [fixed(s.sigma_azimuth * _DEG, 2) if s.sigma_azimuth >= 0.0 else "", s.azimuth_method]
+        cells += [
+            fixed(s.sigma_azimuth * _DEG, 2) if s.sigma_azimuth >= 0.0 else "",
+            METHODS.get(s.azimuth_method, s.azimuth_method),
+        ]
         for method in methods:
             cells += _by_method(s, by.get(method), north)
         others = ", ".join(
@@ -196,7 +199,7 @@ def azimuths(table: SurveyTable) -> Section | None:
         rows.append((*cells, others))
     columns = (
         *(("Survey", ""), ("MD", "m"), ("Azi", "deg"), ("1σ", "deg"), ("Taken from", "")),
-        *((title, "deg") for method in methods for title in (method, "1σ")),
+        *((title, "deg") for method in methods for title in (METHODS.get(method, method), "1σ")),
         ("Others that fit, deg", ""),
     )
     sheet = sheet_of(

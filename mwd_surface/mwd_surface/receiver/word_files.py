@@ -9,8 +9,17 @@ from collections.abc import Sequence
 from mwd_surface.receiver.words import BELIEVED, ReceivedWord
 
 WORD_HEADER = (
-    "start_s", "end_s", "frame", "name", "raw", "value", "confidence", "sigma", "status", "alternatives",
-)  # fmt: skip
+    "start_s",
+    "end_s",
+    "frame",
+    "name",
+    "raw",
+    "value",
+    "confidence",
+    "sigma",
+    "status",
+    "alternatives",
+)
 
 
 def words_csv(words: Sequence[ReceivedWord]) -> str:
@@ -26,10 +35,18 @@ def words_csv(words: Sequence[ReceivedWord]) -> str:
         others = " ".join(f"{raw}:{chance:.4f}" for raw, chance in word.alternatives if chance >= 5e-5)
         table.writerow(
             (
-                f"{word.start_s:.3f}", f"{word.end_s:.3f}", word.frame, word.name, word.raw, f"{word.value:.6g}",
-                f"{word.confidence:.5f}", f"{word.sigma:.4g}", word.status, others,
+                f"{word.start_s:.3f}",
+                f"{word.end_s:.3f}",
+                word.frame,
+                word.name,
+                word.raw,
+                f"{word.value:.6g}",
+                f"{word.confidence:.5f}",
+                f"{word.sigma:.4g}",
+                word.status,
+                others,
             )
-        )  # fmt: skip
+        )
     return text.getvalue()
 
 

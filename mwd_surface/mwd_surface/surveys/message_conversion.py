@@ -24,9 +24,16 @@ _OF_THE_FILE = {"decisions"}
 # Messages of older recordings do not have these; the record then says "unknown".
 _QUANTITIES = {"verdict_inclination", "verdict_azimuth", "verdict_toolface"}
 _LATER = {
-    "g_limit", "b_limit", "dip_limit", *_QUANTITIES, "headline", "alternatives", "alternative_odds", "hypotheses",
+    "g_limit",
+    "b_limit",
+    "dip_limit",
+    *_QUANTITIES,
+    "headline",
+    "alternatives",
+    "alternative_odds",
+    "hypotheses",
     "hypothesis_odds",
-}  # fmt: skip
+}
 
 
 def stamp_of(time: Any) -> int:

@@ -72,9 +72,7 @@ def drawn_place(rng: np.random.Generator) -> tuple[Earth, Reference]:
     return earth.drawn(tool_code.OF_WELL, rng), reference
 
 
-def tool_attitude(
-    inclination: float, azimuth: float, toolface: float, tool: Tool, rng: np.random.Generator
-) -> Array:  # fmt: skip
+def tool_attitude(inclination: float, azimuth: float, toolface: float, tool: Tool, rng: np.random.Generator) -> Array:
     """
     Tool-to-NED rotation, shape (3, 3), of a tool that lies in a hole of that attitude as the tool code has it.
 

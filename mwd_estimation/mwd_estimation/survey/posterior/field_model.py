@@ -80,12 +80,23 @@ class FieldErrors:
 # that fits it as well (or the same), 1 sigma of what lasts in it and variance of the rest.
 GEOMETRY = np.dtype(
     [
-        ("axes", "f8", (3, 3)), ("sine", "f8"), ("cosine", "f8"), ("field", "f8", 3), ("force", "f8", 3),
-        ("horizontal", "f8"), ("vertical", "f8"), ("declination", "f8"), ("noise", "f8", (3, 3)),
-        ("force_noise", "f8", (3, 3)), ("gyro", "f8"), ("gyro_other", "f8"), ("gyro_lasting", "f8"),
-        ("gyro_variance", "f8"), ("has_field", "?"),
+        ("axes", "f8", (3, 3)),
+        ("sine", "f8"),
+        ("cosine", "f8"),
+        ("field", "f8", 3),
+        ("force", "f8", 3),
+        ("horizontal", "f8"),
+        ("vertical", "f8"),
+        ("declination", "f8"),
+        ("noise", "f8", (3, 3)),
+        ("force_noise", "f8", (3, 3)),
+        ("gyro", "f8"),
+        ("gyro_other", "f8"),
+        ("gyro_lasting", "f8"),
+        ("gyro_variance", "f8"),
+        ("has_field", "?"),
     ]
-)  # fmt: skip
+)
 
 # One record of it.
 Row = Any
