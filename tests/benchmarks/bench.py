@@ -27,7 +27,7 @@ SECTIONS = (
     ("health", "Sensor health", ["bench_health.py"], True),
     ("bags", "Bags and reprocessing", ["bench_bags.py"], False),
     ("fleet", "A fleet of bags", ["bench_fleet.py"], True),
-    ("link", "The telemetry link", ["bench_link.py", "12"], True),
+    ("link", "The telemetry link", ["bench_link.py", "10"], True),
     ("live", "The live chain", ["bench_live.py"], True),
     ("surface", "The surface node", ["bench_surface.py"], True),
 )

@@ -38,6 +38,11 @@ def decode(
     read = pressure_files.read(file, gauge, topic)
     for note in read.notes:
         terminal.warn(f"{file.name}: {note}")
+    if configuration.pulse_width_s < pulse_receiver.SHORTEST_CALIBRATED_S:
+        terminal.warn(
+            f"pulses of {configuration.pulse_width_s:g} s: below {pulse_receiver.SHORTEST_CALIBRATED_S:g} s the"
+            " confidence of words is too high; check each survey against the last one"
+        )
     receiver = pulse_receiver.PulseReceiver(configuration)
     got = receiver.push(read.time_s, read.pressure_pa)
     rest = receiver.finish()

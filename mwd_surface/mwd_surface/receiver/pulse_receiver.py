@@ -27,6 +27,8 @@ _KEPT_TU = 500
 _SURER = 1.5
 # Samples a TU that the pulse code needs: 2 for each edge of a pulse that is 2 TU wide, and some for the filter.
 LEAST_PER_TU = 2.5
+# Pulses shorter than this: confidence was too high in the simulated channel (bench section "link").
+SHORTEST_CALIBRATED_S = 0.4
 
 
 @dataclasses.dataclass

@@ -15,7 +15,6 @@ import numpy as np
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_surface.receiver import trellis
 from mwd_surface.receiver.channel_estimate import (
-    BEFORE,
     RESPONSE,
     SAMPLES_PER_TU,
     add_spread,
@@ -26,6 +25,7 @@ from mwd_surface.receiver.channel_estimate import (
     normal_equations,
     reconstruct,
 )
+from mwd_surface.receiver.pump_lines import pump_noise
 from mwd_surface.receiver.whitening import filtered, prediction_error_filter, steadiness
 
 ORDER = 40
@@ -103,7 +103,7 @@ class Decision:
     evidence: float
 
 
-def decode(stretch: Stretch, channel: Channel, rounds: int = _ROUNDS) -> Decision:
+def decode(stretch: Stretch, channel: Channel) -> Decision:
     """
     Decode a stretch.
 
@@ -112,8 +112,6 @@ def decode(stretch: Stretch, channel: Channel, rounds: int = _ROUNDS) -> Decisio
     stretch : Stretch
     channel : Channel
         Estimate to begin with.
-    rounds : int
-        Of expectation and maximisation.
     """
     packets = stretch.packets
     n, count = len(stretch.pressure), len(packets)
@@ -126,8 +124,9 @@ def decode(stretch: Stretch, channel: Channel, rounds: int = _ROUNDS) -> Decisio
     common = np.zeros(1)
     forward, backward = np.empty((count, 16)), np.empty((count, 16))
     even, evidence = np.empty(count), 0.0
-    for turn in range(rounds):
-        filtered(stretch.pressure, state.whitener, whitened)
+    pumps = pump_noise(stretch.pressure, stretch.known)
+    for turn in range(_ROUNDS):
+        filtered(stretch.pressure - pumps, state.whitener, whitened)
         if turn > 0:
             _whitened_shapes(state.whitener, shapes)
             state.response, state.scale = _estimate(stretch, probability, shapes, whitened, weight, state.scale)
@@ -145,11 +144,11 @@ def decode(stretch: Stretch, channel: Channel, rounds: int = _ROUNDS) -> Decisio
         unary = _unary(packets, out, energy) - shared
         trellis.forward_backward(packets, unary, common, level, stretch.parity, forward, backward)
         evidence = trellis.marginals(packets, forward, backward, probability, even)
-        _new_noise(stretch, _train(stretch, probability), state, weight)
+        pumps = _new_noise(stretch, _train(stretch, probability), state, weight)
     g = _whitened(state.response, state.whitener)
     bits = float(packets[:, 1].sum())
     ebn0 = 10.0 * np.log10(max(common[0] * count / (2.0 * bits), 1e-6))
-    timing = _timing(stretch, probability, state, weight)
+    timing = _timing(stretch, probability, state, weight, pumps)
     return Decision(unary, level, common, probability, state, float(ebn0), timing, evidence - bits * math.log(2.0))
 
 
@@ -218,16 +217,22 @@ def _weights(stretch: Stretch, train: Array, g: Array, whitened: Array) -> Array
     return steadiness(whitened - explained, stretch.known)
 
 
-def _new_noise(stretch: Stretch, train: Array, state: Channel, weight: Array) -> None:
+def _new_noise(stretch: Stretch, train: Array, state: Channel, weight: Array) -> Array:
+    """Noise model of what pulses and pumps leave; returns the pressure of the pumps."""
     explained = np.empty(len(train))
     reconstruct(train, state.response, explained)
     whitener = np.empty(ORDER + 2)
     residual = stretch.pressure - explained
+    pumps = pump_noise(residual, weight)
+    residual -= pumps
     if prediction_error_filter(residual, np.sqrt(weight), ORDER, FLOOR, whitener) > 0.0:
         state.whitener = whitener
+    return pumps
 
 
-def _timing(stretch: Stretch, probability: Array, state: Channel, weight: Array) -> tuple[float, float, float]:
+def _timing(
+    stretch: Stretch, probability: Array, state: Channel, weight: Array, pumps: Array
+) -> tuple[float, float, float]:
     """
     Drift of the pulses against the clock that the data were sampled with.
 
@@ -240,15 +245,29 @@ def _timing(stretch: Stretch, probability: Array, state: Channel, weight: Array)
     g = _whitened(state.response, state.whitener)
     slope = np.gradient(g)
     whitened, explained = np.empty(len(train)), np.empty(len(train))
-    filtered(stretch.pressure, state.whitener, whitened)
+    filtered(stretch.pressure - pumps, state.whitener, whitened)
     reconstruct(train, g, explained)
-    rest = (whitened - explained) * weight
-    sure = np.flatnonzero(train > 0.9)
-    sure = sure[(sure >= BEFORE) & (sure + len(g) - BEFORE <= len(train))]
-    power = float(slope @ slope)
-    if len(sure) < 6 or power <= 0.0:
+    rest = whitened - explained
+    count = float(train.sum())
+    if count < 6.0:
         return 0.0, 1.0, 0.0
-    late = np.array([-(slope @ rest[i - BEFORE : i - BEFORE + len(g)]) / power for i in sure])
-    middle = float(sure.mean())
-    spread = float(np.sum((sure - middle) ** 2))
-    return float(np.sum(late * (sure - middle)) / spread), 1.0 / (power * spread), middle
+    at = np.arange(len(train), dtype=float)
+    middle = float(train @ at) / count
+    # A response that comes later by tau changes by -tau times its slope; tau has a mean and a drift.
+    late, drifting = np.empty(len(train)), np.empty(len(train))
+    reconstruct(train, -slope, late)
+    _weighted_train(train, at - middle, -slope, drifting)
+    both, right = float(late @ (weight * drifting)), float(drifting @ (weight * rest))
+    own, other = float(drifting @ (weight * drifting)), float(late @ (weight * late))
+    if own * other <= both * both:
+        return 0.0, 1.0, 0.0
+    left = own - both * both / other
+    return (right - both / other * float(late @ (weight * rest))) / left, 1.0 / left, middle
+
+
+def _weighted_train(train: Array, weight: Array, response: Array, out: Array) -> None:
+    """Train whose pulses have weights of either sign; out, shape (n,), is filled."""
+    negative = np.empty(len(out))
+    reconstruct(train * np.maximum(weight, 0.0), response, out)
+    reconstruct(train * np.maximum(-weight, 0.0), response, negative)
+    out -= negative

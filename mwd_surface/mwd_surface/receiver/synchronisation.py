@@ -15,6 +15,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.tool_configuration import Sync
 from mwd_surface.receiver.channel_estimate import BEFORE, SAMPLES_PER_TU, basis, coefficients, normal_equations
+from mwd_surface.receiver.pump_lines import pump_noise
 from mwd_surface.receiver.whitening import filtered, steadiness, steady_filter
 
 ORDER = 24
@@ -64,6 +65,7 @@ def search(
     SyncFound or None
         None where nothing looks like one.
     """
+    pressure = pressure - pump_noise(pressure, known)
     if whitener is None:
         quiet = slice(0, begin if begin >= _LEAST_NOISE else len(pressure))
         whitener = steady_filter(pressure[quiet], known[quiet], ORDER, FLOOR)

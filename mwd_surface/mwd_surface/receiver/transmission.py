@@ -25,8 +25,8 @@ _BEFORE_TU = 50
 # A response that comes after the last packet, as far as it still carries energy.
 _AFTER_TU = 14
 _BEAM = 16
-# 1 sigma of a tool's clock, and of its change from stretch to stretch (temperature).
-_CLOCK, _CLOCK_WALK = 1e-3, 1e-5
+# 1 sigma of a tool's clock, and of its change from stretch to stretch: temperature, and windows that overlap.
+_CLOCK, _CLOCK_WALK = 1e-3, 5e-5
 # Beyond this probability that parities mean nothing, the transmission is lost.
 _LOST = 0.95
 _DOUBTFUL = 0.2
