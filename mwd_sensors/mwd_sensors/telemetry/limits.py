@@ -2,8 +2,7 @@
 Closed-form limits of the codes in white Gaussian noise: what no receiver can beat, for tests, benchmarks and planning.
 
 Eb / N0 counts every bit on air, parity included.
-Sources: J. G. Proakis, M. Salehi, Digital Communications, 5th ed., 2008: union bound (4.2-70), BPSK and QPSK (4.3-13),
-DPSK (4.5-12).
+Source: J. G. Proakis, M. Salehi, Digital Communications, 5th ed., 2008: union bound (4.2-70).
 """
 
 from __future__ import annotations
@@ -39,16 +38,6 @@ def packet_error(ebn0_db: float, bits: int) -> float:
 def word_error(ebn0_db: float, bits: int) -> float:
     """Error probability of a word whose packets are each decided alone (hard decision)."""
     return 1.0 - math.prod(1.0 - packet_error(ebn0_db, size) for size in packets(bits))
-
-
-def bpsk_bit_error(ebn0_db: float) -> float:
-    """Bit error probability of BPSK, and of QPSK with Gray mapping."""
-    return 0.5 * math.erfc(math.sqrt(ratio(ebn0_db)))
-
-
-def dpsk_bit_error(ebn0_db: float) -> float:
-    """Bit error probability of binary DPSK decided from two neighbouring symbols."""
-    return 0.5 * math.exp(-ratio(ebn0_db))
 
 
 def soft_word_error(ebn0_db: float, bits: int, trials: int = 20000, seed: int = 0) -> float:

@@ -7,14 +7,6 @@ from mwd_sensors.telemetry import limits
 from mwd_sensors.telemetry.pulse_position import packets
 
 
-@pytest.mark.parametrize(
-    ("ebn0_db", "bpsk", "dpsk"), [(4, 1.3e-2, 4.1e-2), (6, 2.4e-3, 9.3e-3), (8, 1.9e-4, 9.1e-4), (10, 3.9e-6, 2.3e-5)]
-)
-def test_bit_errors_of_the_textbook(ebn0_db, bpsk, dpsk):
-    assert limits.bpsk_bit_error(ebn0_db) == pytest.approx(bpsk, rel=0.05)
-    assert limits.dpsk_bit_error(ebn0_db) == pytest.approx(dpsk, rel=0.05)
-
-
 @pytest.mark.parametrize("size", [2, 3])
 @pytest.mark.parametrize("ebn0_db", [5.0, 7.0])
 def test_packet_errors_are_those_of_drawn_noise(size, ebn0_db):
