@@ -49,11 +49,14 @@ def clearance(
     from mwd_surface.exports.clearance_csv import clearance_csv
     from mwd_surface.plots.clearance_plots import ladder, png, travelling_cylinder
     from mwd_surface.surveys.clearance import Level
+    from mwd_surface.surveys.list_file import is_list
     from mwd_surface.surveys.offset_wells import read_offset_wells
     from mwd_surface.surveys.plan_file import read_plan
     from mwd_surface.surveys.survey_source import surveys_of
     from mwd_surface.surveys.well_clearance import well_clearance
 
+    if is_list(source):
+        raise ValueError(f"{source} is a list of stations: make its path first, mwd path {source} -o DIR, and give DIR")
     surveys, remarks = surveys_of(source)
     surveys = _with_model(surveys, programme, code)
     planned = None if plan is None else read_plan(plan, surveys.well.north_reference)
