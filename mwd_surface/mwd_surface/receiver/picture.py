@@ -36,6 +36,11 @@ def image(time_s: Array, pressure_pa: Array, words: Sequence[ReceivedWord], tu_s
     figure = Figure(figsize=(12.5, 7.5), layout="constrained")
     pressure, confidence, spectrum = figure.subplots(3, 1)
     _pressure(pressure, time_s, pressure_pa)
+    if words:
+        # The pressure while the tool sends: a flow-on would hide the pulses.
+        heard = pressure_pa[(time_s >= words[0].start_s) & (time_s <= words[-1].end_s)] / 1e5
+        if len(heard) and np.ptp(heard) > 0.0:
+            pressure.set_ylim(float(heard.min()), float(heard.max()))
     for ax in (pressure, confidence):
         for word in words:
             ax.axvspan(word.start_s, word.end_s, color=_COLOURS[word.status == BELIEVED], alpha=0.15, linewidth=0)
