@@ -34,7 +34,12 @@ class Beside:
     @property
     def accepted(self) -> bool:
         """Whether its azimuth may be used."""
-        return self.survey.station.verdict == "accept"
+        return self.survey.station.verdicts.azimuth == "accept"
+
+    @property
+    def accepted_for_inclination(self) -> bool:
+        """Whether its inclination may be used."""
+        return self.survey.station.verdicts.inclination == "accept"
 
 
 def surveys(story: Scenario, settings: Mapping[str, Any] | None = None) -> list[Beside]:

@@ -15,7 +15,7 @@ import dataclasses
 from stations import connections, judge, runs, singles, together
 
 # Stations of each kind, runs of each kind.
-SMALL, USUAL, FULL = (300, 3), (1000, 10), (4000, 40)
+SMALL, USUAL, FULL = (300, 3), (500, 6), (4000, 40)
 
 
 def main() -> None:

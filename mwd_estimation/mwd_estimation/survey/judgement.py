@@ -157,7 +157,7 @@ def _judge_azimuth(
         azimuth.add(DOUBTFUL, Reason(Code.READINGS_REPEATED, float(finding.repeats)))
     limit, determined = _limit(station, finding, settings)
     if not determined and station.sigma_azimuth > limit:
-        _judge_totals(azimuth, station, settings)
+        # Field and dip concern the azimuth alone: a string magnetised along its axis is no defect of a vertical hole.
         if azimuth.verdict == ACCEPT:
             azimuth.verdict = NOT_DETERMINED
         return
@@ -186,7 +186,7 @@ def _judge_field(azimuth: _Findings, station: Station, finding: Finding, setting
 
 
 def _judge_totals(azimuth: _Findings, station: Station, settings: StationSettings) -> None:
-    """Field and dip against their limits: those that are fixed, and where the azimuth itself says nothing of them."""
+    """Field and dip against limits that are fixed."""
     judgement = acceptance.judge(replace(station.deviations, gravity=math.nan), settings.quality.limits)
     azimuth.add(judgement.verdict, *judgement.reasons)
 

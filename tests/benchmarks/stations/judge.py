@@ -59,7 +59,7 @@ def judged(survey: Survey, inclination: float, azimuth: float) -> Judged:
     return Judged(
         error=float(wrap_pi(station.azimuth - azimuth)) if known else math.nan,
         sigma=math.sqrt(station.covariance[1, 1]) if known else math.pi,
-        accepted=known and station.verdict == "accept",
+        accepted=known and station.verdicts.azimuth == "accept",
         inclination_error=station.inclination - inclination,
         inclination_sigma=math.sqrt(station.covariance[0, 0]),
     )

@@ -1,0 +1,30 @@
+"""Bundled scenarios without a fault: nearly all their surveys are accepted, and what is accepted of them is right."""
+
+from __future__ import annotations
+
+import pytest
+
+from mwd_sensors.simulator import scenario
+from project import SCENARIOS
+from simulated_surveys import surveys
+
+# Steel beside the hole, and a string magnetised by 20 uT: how much is accepted there depends on them.
+DISTURBED = ("casing", "s0_table")
+# Sensor faults, an uncalibrated probe, a run without a rest; and a field turned with its total and dip kept, which
+# nothing but a gyro in two positions shows.
+OTHERS = ("faults", "tumble", "s3_vibration", "s1_field")
+NAMES = sorted(path.stem for path in SCENARIOS.glob("*.yaml") if path.stem not in OTHERS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_a_bundled_scenario_without_a_fault_has_its_surveys_accepted_and_right(name):
+    found = surveys(scenario.read(SCENARIOS / f"{name}.yaml"))
+    assert found
+    # Where the hole is vertical, or the field too steep, a survey is accepted with its azimuth not determined.
+    if name not in DISTURBED:
+        assert sum(one.survey.station.verdict == "accept" for one in found) >= 0.95 * len(found)
+    assert sum(one.accepted_for_inclination for one in found) >= 0.95 * len(found)
+    for one in found:
+        assert not one.accepted or abs(one.azimuth_error) < 3.0 * one.sigma_azimuth
+        assert not one.accepted_for_inclination or abs(one.inclination_error) < 3.0 * one.sigma_inclination
