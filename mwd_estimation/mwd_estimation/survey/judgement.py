@@ -30,6 +30,8 @@ from mwd_sensors.core.frames import magnetic_toolface, mat_nt, wrap_tau
 
 # Less of the probability in the chief mode, or more for a disturbance, makes an azimuth doubtful.
 _CHIEF, _DISTURBED = 0.99, 0.5
+# The same where a gyro makes the azimuth: the other then rests on a gyro that failed.
+_CHIEF_BY_GYRO = 0.95
 # A defect this probable makes the inclination doubtful.
 _DEFECT = 0.2
 # Chi-square of three degrees of freedom exceeded by chance once in 10 000: nothing explains the field.
@@ -165,7 +167,7 @@ def _judge_azimuth(
         azimuth.add(DOUBTFUL, Reason(Code.PROPAGATED_DISAGREES, finding.broken[0], values=(finding.broken[1],)))
     elif finding.gyro_wrong > _DISTURBED:
         azimuth.add(DOUBTFUL, Reason(Code.GYRO_DISAGREES, finding.gyro_wrong))
-    if found.share < _CHIEF:
+    if found.share < (_CHIEF_BY_GYRO if finding.by_gyro > _DISTURBED else _CHIEF):
         others = tuple(value for pair in found.alternatives for value in pair)
         azimuth.add(DOUBTFUL, Reason(Code.AZIMUTHS_FIT, found.mean, found.share, others))
     if station.sigma_azimuth > limit:
@@ -177,7 +179,7 @@ def _judge_field(azimuth: _Findings, station: Station, finding: Finding, setting
     if finding.misfit > _UNEXPLAINED:
         azimuth.add(REJECT, Reason(Code.FIELD_UNEXPLAINED, finding.misfit, _UNEXPLAINED))
     odds = finding.hypotheses
-    if odds[Hypothesis.EXTERNAL] > _DISTURBED:
+    if odds[Hypothesis.EXTERNAL] > _DISTURBED and finding.by_gyro < _DISTURBED:
         azimuth.add(DOUBTFUL, Reason(Code.EXTERNAL_FIELD, odds[Hypothesis.EXTERNAL]))
     if odds[Hypothesis.SENSOR] > _DISTURBED:
         azimuth.add(DOUBTFUL, Reason(Code.SENSOR_DEFECT, odds[Hypothesis.SENSOR]))

@@ -26,7 +26,7 @@ from mwd_sensors.core.frames import wrap_pi
 
 NORTH_CODES = {"unknown": 0, "magnetic": 1, "true": 2, "grid": 3}
 # From this probability of a field from outside on the samples' field is not used until a station is accepted.
-_LIKELY = 0.2
+_LIKELY, _LEADS = 0.2, 0.5
 
 
 class MagneticFeedback:
@@ -62,8 +62,10 @@ class MagneticFeedback:
         shared : errors that the stations share, as `RunModel.shared`; None where nothing is known of them.
         """
         station = taken.station
-        azimuth_ok = station.verdicts.azimuth == ACCEPT
+        accepted, outside = station.verdicts.azimuth == ACCEPT, _outside(station)
         magnetic = bool(station.hypotheses)
+        # A gyro may have carried the station through a disturbed field.
+        azimuth_ok = accepted and not outside > _LEADS
         if magnetic and azimuth_ok:
             self.interference = (station.interference, station.sigma_interference)
         found = station.by_method(AzimuthMethod.GYRO)
@@ -78,14 +80,14 @@ class MagneticFeedback:
         if shared is not None and magnetic and azimuth_ok and reference is not None:
             own = _of_samples(*shared, reference)
         update = None
-        if own is not None or math.isfinite(azimuth) or (azimuth_ok and magnetic):
+        if own is not None or math.isfinite(azimuth) or (accepted and magnetic):
             down = -station.f_t / np.linalg.norm(station.f_t)
             axial = self.interference or (0.0, 0.0)
             update = StationUpdate(own, down, station.b_t, azimuth, sigma, azimuth_ok, axial)
         external, left_open = self._external, self._left_open
         if magnetic and station.verdicts.azimuth != NOT_DETERMINED:
-            external = not azimuth_ok and _outside(station) > _LIKELY
-            left_open = 0.0 if azimuth_ok else _open(station)
+            external = not azimuth_ok and outside > _LIKELY
+            left_open = 0.0 if accepted else _open(station)
         if magnetic or update is not None:
             self._external, self._left_open = external, left_open
             self.in_force = self._model(update)

@@ -33,10 +33,14 @@ _SAME = 0.7
 _ELSEWHERE = 1e-6, math.radians(2.0)
 # A gyro whose probability of being wrong has risen by more than this factor is contradicted by something.
 _CONTRADICTED = 2.0
+# Two stations whose gravity and field lie nearer to each other in tool axes than this, rad, are at one attitude.
+_STAYED = math.radians(0.5)
 # A gyro less probably wrong than this agrees with the magnetometer.
 _AGREES = 0.2
 # What is known of the azimuth from the station above: half width, rad, and the share that it leaves to all others.
 _CONTINUITY, _BROKEN = math.radians(5.0), 0.05
+# A gyro with a larger share than this makes the azimuth.
+_MOSTLY = 0.5
 # Azimuths farther apart than so many sigma, and this angle, rad, contradict each other.
 _APART, _NEAR = 3.0, math.radians(1.0)
 
@@ -60,6 +64,8 @@ class Finding:
         Share of the gyro in what is known of the azimuth, 0 to 1.
     gyro_wrong : float
         Probability that the gyro is wrong here.
+    has_gyro : bool
+        Whether a gyro gave an azimuth here.
     gyro_agreed : bool
         Whether a gyro agreed with the magnetometer at an earlier station of the run.
     broken : tuple of (float, float) or None
@@ -79,6 +85,7 @@ class Finding:
     misfit: float = 0.0
     by_gyro: float = 0.0
     gyro_wrong: float = 0.0
+    has_gyro: bool = False
     gyro_agreed: bool = False
     broken: tuple[float, float] | None = None
     axial: tuple[float, float] = (math.nan, math.nan)
@@ -96,15 +103,19 @@ class Finding:
 
         azimuth, sigma : from the same north, rad; shared : variance that both azimuths have in common, rad^2.
         """
+        if self.has_gyro and not self.gyro_agreed:
+            # The station above may lie in the same field: it is no judge between this gyro and the magnetometer.
+            return self
         width = math.hypot(_CONTINUITY, sigma)
         known = np.exp(-0.5 * (wrap_pi(self.angles - azimuth) / width) ** 2) / (width * math.sqrt(math.tau))
         density = self.density * ((1.0 - _BROKEN) * known + _BROKEN / math.tau)
         found = circle.read(self.angles, density)
         off = float(wrap_pi(found.mean - azimuth))
         apart = abs(off) / math.sqrt(max(sigma**2 + found.sigma**2 - 2.0 * shared, 1e-4 * sigma**2))
-        broken = (off, apart) if apart > _APART and abs(off) > _NEAR else None
+        # Where the gyro found north here, it is the station above that was wrong.
+        broken = (off, apart) if apart > _APART and abs(off) > _NEAR and self.by_gyro < _MOSTLY else None
         # Where an earlier gyro azimuth bore the magnetometer out, two that agree show which of the three is wrong.
-        wrong = 0.0 if self.gyro_agreed and not broken else self.gyro_wrong
+        wrong = self.gyro_wrong if broken else 0.0
         return dataclasses.replace(self, density=density, broken=broken, gyro_wrong=wrong)
 
 
@@ -122,6 +133,7 @@ class RunModel:
         self._filter: RunFilter | None = None
         self._of: tuple[Reference | None, bool] = (None, False)
         self._seen: dict[bytes, int] = {}
+        self._lay: list[tuple[Array, Array]] = []
         self._count, self._agreed = 0, False
 
     def take(
@@ -152,13 +164,14 @@ class RunModel:
             return None
         model = self._model(measured)
         model.pass_time(hours)
-        evidence = model.evidence(one)
+        evidence, shares = model.evidence(one), model.gyro_shares(model.state)
         repeats = self._repeats(one) if learn else None
-        if learn and repeats is None:
+        if learn and repeats is None and not self._stayed(one):
             model.learn(one, evidence)
         turn = _turn(station.north_correction, self._north(measured))
-        found = self._finding(model, one, evidence, turn, repeats)
-        self._agreed |= learn and bool(one["has_field"]) and math.isfinite(one["gyro"]) and found.gyro_wrong < _AGREES
+        found = self._finding(model, one, evidence, shares, turn, repeats)
+        outside = found.hypotheses.get(Hypothesis.EXTERNAL, 1.0)
+        self._agreed |= learn and found.has_gyro and found.gyro_wrong < _AGREES and outside < _AGREES
         return found
 
     def shared(self) -> tuple[Array, Array] | None:
@@ -202,8 +215,19 @@ class RunModel:
             known = reference if reference is not None and reference.has_field else None
             sigmas = field_model.nominal_sigmas(self._settings.errors, known, self._errors, magnetic)
             self._filter, self._of = RunFilter(self._settings.priors, sigmas), (reference, magnetic)
-            self._seen, self._count, self._agreed = {}, 0, False
+            self._seen, self._lay, self._count, self._agreed = {}, [], 0, False
         return self._filter
+
+    def _stayed(self, one: Row) -> bool:
+        """Whether the tool lies as at an earlier station: what errs there errs again, and shows nothing new."""
+        now = one["force"] / np.linalg.norm(one["force"]), one["field"] / max(float(np.linalg.norm(one["field"])), 1e-9)
+        stayed = any(
+            float(np.linalg.norm(now[0] - force)) < _STAYED and float(np.linalg.norm(now[1] - field)) < _STAYED
+            for force, field in self._lay
+        )
+        if not stayed:
+            self._lay.append(now)
+        return stayed
 
     def _repeats(self, one: Row) -> int | None:
         self._count += 1
@@ -211,20 +235,18 @@ class RunModel:
         first = self._seen.setdefault(readings, self._count)
         return None if first == self._count else first
 
-    def _finding(self, model: RunFilter, one: Row, evidence: Evidence, turn: float, repeats: int | None) -> Finding:
-        share = evidence.share
+    def _finding(
+        self, model: RunFilter, one: Row, evidence: Evidence, shares: Array, turn: float, repeats: int | None
+    ) -> Finding:
+        share, doubted = evidence.share, 1.0 - float(shares[0])
         whole = share.sum(axis=(1, 2))
         right, stepped, wrong = whole.T
         mass, by_gyro, gyro_wrong = right + stepped + wrong, 0.0, 0.0
         if math.isfinite(one["gyro"]):
-            doubted = model.priors.gyro_outlier + model.priors.gyro_step
             if float((stepped + wrong).sum()) <= _CONTRADICTED * doubted:
                 # Nothing contradicts the gyro: what might be wrong with it has no say.
                 mass = right
-            width = circle.widths(evidence.angles)
-            alone = circle.read(evidence.angles, wrong / width).sigma if one["has_field"] else math.pi
-            ratio = circle.read(evidence.angles, mass / width).sigma / alone
-            by_gyro = min(max(1.0 - ratio**2, 0.0), 1.0) * float(right.sum())
+            by_gyro = _gyro_share(evidence.angles, mass, wrong if one["has_field"] else None) * float(right.sum())
             gyro_wrong = float((stepped + wrong).sum())
         mean, covariance = model.shared()
         at = int(Shared.FIELD_BIAS)
@@ -241,11 +263,23 @@ class RunModel:
             misfit=evidence.misfit,
             by_gyro=by_gyro,
             gyro_wrong=gyro_wrong,
+            has_gyro=math.isfinite(one["gyro"]),
             gyro_agreed=self._agreed,
             axial=(axial[0] * field_model.UT, axial[1] * field_model.UT),
             repeats=repeats,
             stations=max(self._count, 1),
         )
+
+
+def _gyro_share(angles: Array, mass: Array, magnetic: Array | None) -> float:
+    """Share of the gyro in what all together and the magnetometer alone (None: no reading) say of the azimuth."""
+    if magnetic is None:
+        return 1.0
+    width = circle.widths(angles)
+    whole, alone = circle.read(angles, mass / width), circle.read(angles, magnetic / width)
+    if abs(float(wrap_pi(whole.mean - alone.mean))) > _APART * math.hypot(whole.sigma, alone.sigma):
+        return 1.0
+    return min(max(1.0 - (whole.sigma / alone.sigma) ** 2, 0.0), 1.0)
 
 
 def _turn(correction: float, declination: float) -> float:

@@ -9,6 +9,7 @@ string) is a hypothesis of that station, with a field of any direction.
 from __future__ import annotations
 
 import dataclasses
+import math
 from enum import StrEnum, unique
 
 import numpy as np
@@ -69,11 +70,18 @@ class Priors:
         low=0.0,
         high=0.5,
     )
+    turned: float = setting(
+        0.001,
+        "Probability that steel turns the field about the vertical and keeps its total and dip: nothing but a "
+        "gyro shows that.",
+        low=0.0,
+        high=0.1,
+    )
     gyro_step: float = setting(
-        0.03, "Probability that the bias of a gyro has stepped by some of its sigmas.", low=0.0, high=0.5
+        0.002, "Probability that the bias of a gyro has stepped by some of its sigmas.", low=0.0, high=0.5
     )
     gyro_outlier: float = setting(
-        0.0075, "Probability that a gyro azimuth is wrong by more than its sigma says.", low=0.0, high=0.5
+        0.00002, "Probability that a gyro azimuth is wrong by more than its sigma says.", low=0.0, high=0.5
     )
 
 
@@ -86,6 +94,8 @@ _STORM_UT = (0.4, 0.4, 0.25)
 _DEFECT_SCALE, _DEFECT_MOUNT = 0.02, 0.025
 # 1 sigma of each component of an external field, uT; the first is none.
 EXTERNAL_UT = np.array([0.0, 0.3, 1.0, 3.0, 10.0])
+# 1 sigma of a field turned about the vertical, rad.
+TURNED = math.radians(15.0)
 # Share of the varying field from outside that is left after an hour: days of storm are correlated over some three.
 _KEEPS = 0.72
 
@@ -144,6 +154,6 @@ def kept(hours: float) -> float:
 
 
 def external_weights(priors: Priors) -> Array:
-    """Prior probability of each of `EXTERNAL_UT`."""
+    """Prior probability of each of `EXTERNAL_UT`, and of `TURNED`."""
     share = priors.external / (len(EXTERNAL_UT) - 1)
-    return np.array([1.0 - priors.external] + [share] * (len(EXTERNAL_UT) - 1))
+    return np.array([1.0 - priors.external - priors.turned, *[share] * (len(EXTERNAL_UT) - 1), priors.turned])

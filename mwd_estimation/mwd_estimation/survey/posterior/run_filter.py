@@ -20,7 +20,7 @@ import numpy as np
 
 from mwd_estimation.survey.posterior import circle, field_model, hypotheses
 from mwd_estimation.survey.posterior.field_model import SIZE, Row, Shared, Sigmas
-from mwd_estimation.survey.posterior.hypotheses import EXTERNAL_UT, Hypothesis, Priors
+from mwd_estimation.survey.posterior.hypotheses import EXTERNAL_UT, TURNED, Hypothesis, Priors
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.frames import wrap_pi
@@ -32,7 +32,11 @@ _LEAST = 1e-4
 # Variance that leaves an observation out, in its own units squared.
 _OUT = 1e8
 # A step of a gyro's bias: so much, rad, and so many of its sigmas.
-_STEP = math.radians(2.0), 3.0
+_STEP = math.radians(1.0), 1.5
+# Share of a field from outside at one station that is there at the next.
+_GOES_ON = 0.5
+# What is believed of a gyro beforehand counts as so many stations.
+_BELIEVED = 20.0
 _REFERENCE = slice(int(Shared.TOTAL), int(Shared.OUTSIDE))
 _OUTSIDE = slice(int(Shared.OUTSIDE), int(Shared.OUTSIDE) + 3)
 
@@ -49,12 +53,18 @@ class State:
     log_weight : ndarray, shape (k,)
     hours : float
         Of the last station; nan before the first.
+    outside : ndarray, shape (h,), or None
+        Probabilities of each external field at the last station: steel goes on along the hole.
+    gyro : ndarray, shape (3,)
+        Stations at which a gyro was right, off by a step of its bias, and wrong altogether.
     """
 
     mean: Array
     covariance: Array
     log_weight: Array
     hours: float = math.nan
+    outside: Array | None = None
+    gyro: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -102,8 +112,8 @@ def _evidence(phi: Array, gyro: Array, r: Array, S: Array, extra: Array, log: Ar
     Fill the log evidence of every angle, filter and hypothesis.
 
     phi (n, 3) and gyro (n,): basis and gyro residual of each angle; r (k, 3, 4) and S (k, 3, 3, 4, 4): residual and its
-    covariance as factors of the basis; extra (h + 1,): variances of external fields, uT^2, and of a step of the gyro,
-    rad^2. Filled: log (n, k, h, 3), misfit (n,).
+    covariance as factors of the basis; extra (h + 1,): variances of each external field (`EXTERNAL_UT`), uT^2, and of a
+    step of the gyro, rad^2. Filled: log (n, k, h or more, 3), misfit (n,).
     """
     s, e, x = np.zeros((4, 4)), np.zeros(4), np.zeros(3)
     for n in range(len(phi)):
@@ -147,6 +157,25 @@ def _step(one: Row) -> float:
     return _STEP[0] + _STEP[1] * math.hypot(one["gyro_lasting"], math.sqrt(one["gyro_variance"]))
 
 
+def _turned(angles: Array, log: Array, gyro: Array, own: tuple[Array, Array, float]) -> Array:
+    """
+    Log evidence, shape (n, k, 3), where the whole field is turned about the vertical: that of the field smeared.
+
+    log (n, k): of the field as it is; gyro (n,): its residual; own: what each filter takes off that, and its variance,
+    shape (k,), and the variance of a step.
+    """
+    apart = wrap_pi(angles[:, None] - angles[None, :])
+    smear = np.exp(-0.5 * (apart / TURNED) ** 2) * circle.widths(angles) / (TURNED * math.sqrt(math.tau))
+    top = log.max(axis=0)
+    found = np.repeat((np.log(smear @ np.exp(log - top) + 1e-300) + top)[:, :, None], 3, axis=2)
+    if math.isfinite(gyro[0]):
+        off = gyro[:, None] + own[0]
+        for j in range(2):
+            variance = own[1] + j * own[2]
+            found[:, :, j] -= 0.5 * (off**2 / variance + np.log(math.tau * variance))
+    return np.asarray(found)
+
+
 class RunFilter:
     """
     Stations of one tool in one assembly.
@@ -160,7 +189,7 @@ class RunFilter:
     def __init__(self, priors: Priors, sigmas: Sigmas) -> None:
         self.priors, self.sigma, self._own = priors, sigmas.shared, sigmas.own
         self.filters = hypotheses.filters(priors, self.sigma)
-        self._external = np.log(np.maximum(hypotheses.external_weights(priors), 1e-300))
+        self._external = hypotheses.external_weights(priors)
         self.state = self.initial()
 
     def initial(self) -> State:
@@ -203,9 +232,19 @@ class RunFilter:
             if weight > 0.0:
                 points = share[:, k] / weight
                 self._update(k, np.argwhere(points > _LEAST * points.max()), points, one, evidence, (r[k], S[k], M[k]))
+        if math.isfinite(one["gyro"]):
+            # What is not decided is no experience with the gyro.
+            state.gyro = state.gyro + (share.sum(axis=(0, 1, 2)) > 0.5)
+        state.outside = share.sum(axis=(0, 1, 3))
         floor = _FLOOR * self.filters.weight
         weight = np.maximum(of_filter, floor)
         state.log_weight = np.log(weight / weight.sum())
+
+    def gyro_shares(self, state: State) -> Array:
+        """Probabilities that a gyro is right, off by a step of its bias, and wrong: what the run has shown of them."""
+        step, wrong = self.priors.gyro_step, self.priors.gyro_outlier
+        shares = np.array([1.0 - step - wrong, step, wrong]) * _BELIEVED + state.gyro
+        return np.asarray(shares / shares.sum())
 
     def probabilities(self, share: Array) -> dict[Hypothesis, float]:
         """Probability of each hypothesis at a station; share: as `Evidence.share`."""
@@ -252,16 +291,20 @@ class RunFilter:
 
     def _logs(self, one: Row, r: Array, S: Array, state: State, angles: Array) -> tuple[Array, float]:
         """Log evidence with all prior weights, as `Evidence.log`, and the misfit."""
-        log = np.empty((len(angles), len(r), len(EXTERNAL_UT), 3))
+        log = np.empty((len(angles), len(r), len(self._external), 3))
         misfit = np.empty(len(angles))
         gyro = gyro_residual(one, angles)
-        external = EXTERNAL_UT**2 if one["has_field"] else np.zeros_like(EXTERNAL_UT)
-        extra = np.append(external, _step(one) ** 2)
+        sizes = EXTERNAL_UT**2 if one["has_field"] else np.zeros(len(EXTERNAL_UT))
+        extra = np.append(sizes, _step(one) ** 2)
         _evidence(field_model.basis(angles), gyro, r, np.ascontiguousarray(S), extra, log, misfit)
-        log += state.log_weight[None, :, None, None] + self._external[None, None, :, None]
+        log[:, :, -1] = _turned(angles, log[:, :, 0, 2], gyro, (r[:, 0, 3], S[:, 0, 0, 3, 3], extra[-1]))
+        outside = self._external
+        if state.outside is not None:
+            outside = (1.0 - _GOES_ON) * outside + _GOES_ON * state.outside
+        log += state.log_weight[None, :, None, None] + np.log(np.maximum(outside, 1e-300))[None, None, :, None]
         if math.isfinite(one["gyro"]):
-            step, wrong = self.priors.gyro_step, self.priors.gyro_outlier
-            log += np.log(np.maximum([1.0 - step - wrong, step, wrong / math.tau], 1e-300))
+            right, step, wrong = self.gyro_shares(state)
+            log += np.log(np.maximum([right, step, wrong / math.tau], 1e-300))
         else:
             log[..., :2] = -math.inf
         return log, float(misfit.min())
@@ -280,7 +323,8 @@ class RunFilter:
         has_gyro = math.isfinite(one["gyro"])
         e[:, 3] += gyro_residual(one, angles) if has_gyro else 0.0
         s = (both @ S.reshape(9, 16)).reshape(-1, 4, 4)
-        s[:, range(3), range(3)] += (EXTERNAL_UT[at[:, 1]] ** 2)[:, None]
+        # A field that is turned says nothing of what is shared.
+        s[:, range(3), range(3)] += np.append(EXTERNAL_UT**2, _OUT)[at[:, 1]][:, None]
         s[:, 3, 3] += np.array([0.0, _step(one) ** 2, _OUT])[at[:, 2]]
         inverse = np.linalg.inv(s)
         # The gain at each point is M (basis x inverse): its moments are those of 12 numbers.

@@ -1,0 +1,56 @@
+"""Densities on the circle: mean and sigma of known ones, two modes with their odds, heavy tails."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mwd_estimation.survey.posterior import circle
+from mwd_sensors.core.frames import wrap_pi
+
+DEG = math.pi / 180.0
+
+
+def gaussian(angles, mean, sigma):
+    return np.exp(-0.5 * (wrap_pi(angles - mean) / sigma) ** 2) / sigma
+
+
+def angles_of(density):
+    log = np.log(density(circle.coarse()) + 1e-300)
+    return circle.refined(log)
+
+
+@pytest.mark.parametrize(("mean", "sigma"), [(0.0, 0.2), (359.9, 1.0), (120.0, 5.0), (10.0, 25.0)])
+def test_a_gaussian_has_its_mean_and_sigma_also_across_north(mean, sigma):
+    angles = angles_of(lambda a: gaussian(a, mean * DEG, sigma * DEG))
+    found = circle.read(angles, gaussian(angles, mean * DEG, sigma * DEG))
+    assert abs(wrap_pi(found.mean - mean * DEG)) < 0.02 * sigma * DEG
+    assert found.sigma == pytest.approx(sigma * DEG, rel=0.06)
+    assert found.alternatives == ()
+    assert found.share == pytest.approx(1.0)
+
+
+def test_two_modes_are_named_with_their_probabilities():
+    def density(a):
+        return 0.9 * gaussian(a, 1.0, 0.02) + 0.1 * gaussian(a, 4.0, 0.05)
+
+    angles = angles_of(density)
+    found = circle.read(angles, density(angles))
+    assert found.mean == pytest.approx(1.0, abs=1e-3)
+    assert found.share == pytest.approx(0.9, abs=0.005)
+    ((other, odds),) = found.alternatives
+    assert (other, odds) == (pytest.approx(4.0, abs=5e-3), pytest.approx(0.1, abs=0.005))
+
+
+def test_an_improbable_large_error_widens_sigma_beyond_the_standard_deviation():
+    def density(a):
+        return 0.99 * gaussian(a, 2.0, 0.01) + 0.01 * gaussian(a, 2.0, 0.1)
+
+    angles = angles_of(density)
+    found = circle.read(angles, density(angles))
+    assert found.sigma > 2.0 * math.sqrt(0.99 * 0.01**2 + 0.01 * 0.1**2)
+
+
+def test_nothing_known_is_a_sigma_of_half_a_circle():
+    found = circle.read(circle.coarse(), np.ones(360))
+    assert found.sigma > 0.9 * math.pi / 3.0

@@ -1,0 +1,111 @@
+"""Stations of a run: a linear problem has its exact answer, what is shared is not averaged away, gyros are judged."""
+
+import math
+
+import numpy as np
+import pytest
+
+from consistency import consistency
+from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.survey.posterior import circle, field_model
+from mwd_estimation.survey.posterior.field_model import FieldErrors, Shared
+from mwd_estimation.survey.posterior.hypotheses import Hypothesis, Priors
+from mwd_estimation.survey.posterior.run_filter import RunFilter
+from mwd_sensors.core.frames import mat_nt, wrap_pi
+
+REFERENCE = Reference(total=5e-5, dip=1.15, declination=0.0, gravity=9.81)
+ERRORS = FieldErrors()
+SIGMAS = field_model.nominal_sigmas(SensorErrors(), REFERENCE, ERRORS, False)
+ALONE = Priors(axial=0.0, cross_axial=0.0, reference=0.0, sensor=0.0, external=0.0, turned=0.0)
+FIELD_N = np.array([REFERENCE.horizontal, 0.0, REFERENCE.vertical])
+
+
+def station(inclination, azimuth, toolface, bias=(0.0, 0.0, 0.0), noise=0.0, rng=None):
+    mat_tn = mat_nt(inclination, azimuth, toolface).T
+    off = np.array(bias) + (noise * rng.normal(size=3) if rng is not None else 0.0)
+    return field_model.geometry(
+        mat_tn @ [0.0, 0.0, -9.81], mat_tn @ FIELD_N + off, np.zeros((6, 6)), REFERENCE, 0.0, ERRORS
+    )[0]
+
+
+def read(evidence):
+    return circle.read(evidence.angles, evidence.share.sum(axis=(1, 2, 3)) / circle.widths(evidence.angles))
+
+
+@pytest.mark.parametrize(("inclination", "azimuth"), [(0.3, 1.0), (1.0, 4.0), (1.5, 0.3)])
+def test_a_sound_tool_alone_has_the_sigma_of_the_linear_problem(inclination, azimuth):
+    model = RunFilter(ALONE, SIGMAS)
+    one = station(inclination, azimuth, 0.7)
+    found = read(model.evidence(one))
+    assert abs(wrap_pi(found.mean - azimuth)) < 0.05 * found.sigma
+    assert found.sigma == pytest.approx(model.nominal_sigma(one, azimuth), rel=0.08)
+
+
+def test_the_declination_is_never_averaged_away():
+    model, rng = RunFilter(ALONE, SIGMAS), np.random.default_rng(1)
+    least = SIGMAS.shared[Shared.DECLINATION]
+    for k in range(25):
+        one = station(0.2 + 0.05 * k, 0.4 + 0.03 * k, 1.3 * k, noise=2e-8, rng=rng)
+        evidence = model.evidence(one)
+        model.learn(one, evidence)
+    assert read(evidence).sigma > least
+    _, covariance = model.shared()
+    assert math.sqrt(covariance[Shared.DECLINATION, Shared.DECLINATION]) == pytest.approx(least, rel=0.02)
+
+
+def test_a_run_learns_the_string_s_field_and_errs_by_its_sigma():
+    rng, errors, sigmas = np.random.default_rng(2), [], []
+    for _ in range(40):
+        model = RunFilter(ALONE, SIGMAS)
+        bias = rng.normal(size=3) * SIGMAS.shared[:3] * 1e-6
+        for k in range(12):
+            one = station(0.2 + 0.1 * k, 0.5 + 0.05 * k, rng.uniform(0.0, math.tau), bias)
+            model.learn(one, model.evidence(one))
+        mean, covariance = model.shared()
+        errors.append(mean[:3] - bias * 1e6)
+        sigmas.append(np.sqrt(np.diagonal(covariance))[:3])
+    found = consistency([(np.array(errors), np.array(sigmas))], correlated=False, confidence=0.999)
+    # Reference and scales are without error here, so that errors are smaller than their sigmas.
+    assert found.nees <= found.high
+    assert (np.mean(sigmas, axis=0) < 0.7 * SIGMAS.shared[:3]).all()
+
+
+def test_the_hypothesis_that_was_drawn_leads_once_it_shows():
+    model = RunFilter(Priors(), SIGMAS)
+    for k in range(8):
+        one = station(0.3 + 0.12 * k, 0.5 + 0.05 * k, 1.1 * k, (5e-6, 0.0, 0.0))
+        evidence = model.evidence(one)
+        model.learn(one, evidence)
+    odds = model.probabilities(evidence.share)
+    assert sum(odds.values()) == pytest.approx(1.0)
+    assert odds[Hypothesis.CLEAN] < 0.05
+    beside = station(1.3, 0.9, 2.0, (5e-6, 4e-6, -3e-6))
+    assert model.probabilities(model.evidence(beside).share)[Hypothesis.EXTERNAL] > 0.9
+
+
+def with_gyro(one, azimuth, noise, lasting=0.0):
+    one["gyro"], one["gyro_other"], one["gyro_lasting"], one["gyro_variance"] = azimuth, azimuth, lasting, noise**2
+    return one
+
+
+def test_a_gyro_is_weighed_by_its_variance_and_shows_the_declination():
+    model = RunFilter(Priors(external=0.0, turned=0.0, gyro_step=0.0, gyro_outlier=0.0), SIGMAS)
+    one = with_gyro(station(1.0, 2.0, 0.3), 2.0, 1e-3)
+    evidence = model.evidence(one)
+    assert read(evidence).sigma < 1.2e-3
+    model.learn(one, evidence)
+    _, covariance = model.shared()
+    assert math.sqrt(covariance[Shared.DECLINATION, Shared.DECLINATION]) < 0.95 * SIGMAS.shared[Shared.DECLINATION]
+
+
+def test_a_gyro_far_from_a_field_in_order_outweighs_it_and_of_two_that_fit_it_the_field_takes_one():
+    model = RunFilter(Priors(), SIGMAS)
+    evidence = model.evidence(with_gyro(station(1.0, 2.0, 0.3), 2.3, 0.02))
+    assert abs(wrap_pi(read(evidence).mean - 2.3)) < 0.02
+    assert model.probabilities(evidence.share)[Hypothesis.EXTERNAL] > 0.5
+    both = with_gyro(station(1.0, 2.0, 0.3), 2.01, 0.05)
+    both["gyro_other"] = math.pi - 2.01
+    found = read(model.evidence(both))
+    assert abs(wrap_pi(found.mean - 2.0)) < 0.02
+    assert found.alternatives == ()
