@@ -21,6 +21,9 @@ from mwd_surface.surveys.survey_record import Survey, SurveyRecord, Verdict
 NAMESPACE = "http://www.witsml.org/schemas/1series"
 _DEG = 180.0 / math.pi
 _NAME, _COMMENT, _UID = 64, 4000, 64
+# Methods that take axial interference off, and those that know it from the stations of the run together.
+_OF_RUN = ("msa", "fused")
+_AXIAL = ("corrected", *_OF_RUN)
 _STATION = {
     "tvd_m": ("tvd", "m"),
     "inclination_deg": ("incl", "dega"),
@@ -150,8 +153,8 @@ def _type(table: SurveyTable, record: SurveyRecord | None, kind: str) -> str:
 
 def _measured(s: Survey, model: str) -> list[str]:
     parts = [
-        _text("axialMagInterferenceCorUsed", "true" if s.azimuth_method == "corrected" else "false"),
-        _text("MSACorUsed", "true" if s.azimuth_method == "msa" else "false"),
+        _text("axialMagInterferenceCorUsed", "true" if s.azimuth_method in _AXIAL else "false"),
+        _text("MSACorUsed", "true" if s.azimuth_method in _OF_RUN else "false"),
     ]
     if s.g_reference > 0.0:
         parts.append(_measure("gravTotalFieldReference", fixed(s.g_reference, 6), "m/s2"))

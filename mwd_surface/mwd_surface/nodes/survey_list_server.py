@@ -25,14 +25,13 @@ from mwd_surface.nodes.plan_server import PlanServer
 from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.ros import messages
 from mwd_surface.ros.context import SurfaceContext
-from mwd_surface.surveys.azimuth_check import disagreement
 from mwd_surface.surveys.depth import DepthTrack
 from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.message_conversion import survey_of
 from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Verdict
+from mwd_surface.surveys.survey_record import Survey, Verdict
 from mwd_surface.surveys.survey_store import StoreError, SurveyStore
 from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_path import Definitive
@@ -165,13 +164,7 @@ class SurveyListServer:
         survey = survey_of(deserialize_message(data, msg.Survey))
         at = self.depth.sensor_depth(survey.stamp_ns, self.surveys.well.sensor_to_bit)
         known = {r.survey.uuid for r in self.surveys.records}
-        apart = disagreement(survey)
-        if apart:
-            self._alarm_log.raise_alarm(
-                "survey.azimuth", Severity.CRITICAL, apart, "external interference or a faulty sensor: check both"
-            )
-        else:
-            self._alarm_log.clear_alarm("survey.azimuth")
+        self._alarm_verdict(survey)
         try:
             self._replace(self.surveys.add(survey, at.measured_depth, at.depth_age, comment=at.reason))
         except ValueError as error:
@@ -187,6 +180,15 @@ class SurveyListServer:
                     self._accepted_publisher.publish(messages.record_message(record))
                 return f"survey {record.survey.sequence}: {Verdict(survey.verdict).name.lower()}"
         return f"survey {survey.sequence} is in the list already"
+
+    def _alarm_verdict(self, survey: Survey) -> None:
+        """Raise an alarm while the newest azimuth is not to be relied on: magnetic and gyro readings need a look."""
+        if survey.verdict_azimuth in (Verdict.ACCEPT, Verdict.NOT_DETERMINED):
+            self._alarm_log.clear_alarm("survey.azimuth")
+            return
+        severity = Severity.CRITICAL if survey.verdict_azimuth == Verdict.REJECT else Severity.WARNING
+        text = f"survey {survey.sequence}: azimuth {Verdict(survey.verdict_azimuth).word}: {survey.action}"
+        self._alarm_log.raise_alarm("survey.azimuth", severity, text, "survey again, or decide about it in the list")
 
     # Services.
 
