@@ -158,11 +158,15 @@ def test_the_widest_figures_of_a_station_fit_a_plain_terminal():
         b_total=51234.4e-9,
         dip=-1.2,
         verdict="doubtful",
-        reasons=(Reason(ReasonCode.NO_HORIZONTAL_FIELD),),
+        headline=Reason(ReasonCode.NO_HORIZONTAL_FIELD),
+        reasons=(),
     )
     show_surveys(Console(file=screen, width=80), [(station, 12345.6)] * 120)
     row = screen.getvalue().splitlines()[2]
     assert " ".join(row.split()) == "109 12345.6 114.59 ±0.29 359.8 ±11.5 magnetic 343.8 51234 -68.75 doubtful"
+    # One line says what to do about all stations with the same reason.
+    assert screen.getvalue().count("doubtful: ") == 1
+    assert "1-120 doubtful: " in screen.getvalue()
 
 
 def test_a_table_that_cannot_be_used_is_refused_in_one_sentence(tmp_path):

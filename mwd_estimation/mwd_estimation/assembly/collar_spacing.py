@@ -17,8 +17,9 @@ from scipy.optimize import brentq, minimize_scalar
 
 from mwd_estimation.assembly.assembly import Assembly, Component
 
-# Strength that poles of ordinary parts reach, Wb, from the field measurements of Grindrod and Wolff: collars or pipe
-# above the sensor, and what is below it with a motor, with ten metres of collars, with no more than stabiliser and bit.
+# Strength that poles of ordinary parts reach, Wb: collars or pipe above the sensor, and what is below it with a motor,
+# with ten metres of collars, with no more than stabiliser and bit. Typical values as they circulate in the trade, of
+# the size of published field measurements; not checked against the tables of that paper.
 POLES = {"collars": 900e-6, "motor": 1000e-6, "short collars": 300e-6, "bit": 90e-6}
 # A shorter part than this has the strength of stabilisers and bits, m.
 _SHORT = 3.0

@@ -162,7 +162,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
     from mwd_estimation.core.fault_messages import describe
     from mwd_estimation.core.sensor_fault import FaultCode
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.survey_table import show_surveys
+    from mwd_surface.commands.survey_table import numbered, show_surveys
 
     console = terminal.output()
     for warning in summary.warnings:
@@ -193,12 +193,15 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         show_surveys(console, [(survey.station, depth) for survey, depth in summary.surveys])
         without = [r for r in summary.listed.records if r.measured_depth < 0.0 and r.comment]
         for why in dict.fromkeys(r.comment for r in without):
-            numbers = ", ".join(str(r.survey.sequence) for r in without if r.comment == why)
+            numbers = numbered([r.survey.sequence for r in without if r.comment == why])
             terminal.warn(f"no depth of survey {numbers}: {why}")
         # Where the hole comes from to the first of them a recording does not say.
+        flagged: dict[str, list[int]] = {}
         for record in summary.listed.records[1:] if summary.topics.rig is not None else ():
             for flag in record.flags:
-                terminal.warn(f"survey {record.survey.sequence}: {flag}")
+                flagged.setdefault(flag, []).append(record.survey.sequence)
+        for flag, which in flagged.items():
+            terminal.warn(f"survey {numbered(which)}: {flag}")
     else:
         console.print(f"{'surveys':>13}  none: the tool never kept still for long enough", markup=False)
     console.print(f"{'written':>13}  {', '.join(str(folder / name) for name in summary.files)}", markup=False)

@@ -273,7 +273,7 @@ def _show_scores(console: Console, scored: list[Scored]) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from mwd_surface.commands.survey_table import COLOURS
+    from mwd_surface.commands.survey_table import COLOURS, show_actions
 
     if not scored:
         console.print("no survey was taken", markup=False)
@@ -309,5 +309,4 @@ def _show_scores(console: Console, scored: list[Scored]) -> None:
             Text(verdict, style=COLOURS[verdict]),
         )
     console.print(table, soft_wrap=False)
-    for row in scored:
-        console.print(f"{row.sequence:>4}: {'; '.join(row.reasons)}", markup=False)
+    show_actions(console, [(row.sequence, row.verdict.name.lower(), row.action) for row in scored])

@@ -1,4 +1,4 @@
-"""Stations on the screen: a table of figures, and below it each verdict with its reasons."""
+"""Stations on the screen: a table of figures, and below it what to act on."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from rich.table import Table
 from rich.text import Text
 
 from mwd_estimation.core.reason_text import joined
+from mwd_estimation.core.reasons import ReasonCode
+from mwd_estimation.survey.acceptance import ACCEPT
 
 if TYPE_CHECKING:
     from mwd_estimation.settings import EstimatorSettings
@@ -46,10 +48,49 @@ def show_surveys(console: Console, stations: Sequence[tuple[Station, float]]) ->
             Text(station.verdict, style=COLOURS[station.verdict]),
         )
     console.print(table, soft_wrap=False)
-    for number, (station, _) in enumerate(stations[first:], first + 1):
+    actions = [
+        (number, station.verdict, joined(() if station.headline is None else (station.headline,)))
+        for number, (station, _) in enumerate(stations, 1)
+    ]
+    show_actions(console, actions)
+    off = [number for number, (station, _) in enumerate(stations, 1) if _accepted_beyond(station)]
+    if off:
         console.print(
-            Text.assemble(f"{number:>4} ", (station.verdict, COLOURS[station.verdict]), f": {joined(station.reasons)}")
+            f"{numbered(off):>4} accepted with total field or dip beyond its limit, by a wider sigma; where all "
+            "stations are off alike, check place, date and reference",
+            markup=False,
         )
+
+
+def show_actions(console: Console, stations: Sequence[tuple[int, str, str]]) -> None:
+    """
+    Print why stations were not accepted, those with the same reason in one line.
+
+    stations: number, verdict ("accept", "doubtful", "reject") and the reason to act on; empty where there is none.
+    """
+    numbers: dict[tuple[str, str], list[int]] = {}
+    for number, verdict, action in stations:
+        if action:
+            numbers.setdefault((verdict, action), []).append(number)
+    for (verdict, action), which in numbers.items():
+        console.print(Text.assemble(f"{numbered(which):>4} ", (verdict, COLOURS[verdict]), f": {action}"))
+
+
+def _accepted_beyond(station: Station) -> bool:
+    """Whether the station is accepted although its field or dip is not that of the reference."""
+    codes = {reason.code for reason in station.reasons}
+    return station.verdict == ACCEPT and not codes.isdisjoint({ReasonCode.FIELD_OFF, ReasonCode.DIP_OFF})
+
+
+def numbered(numbers: Sequence[int]) -> str:
+    """Ascending numbers as text, runs of them by their ends: `1, 4-7`."""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1][1:] = [number]
+        else:
+            runs.append([number])
+    return ", ".join("-".join(str(end) for end in run) for run in runs)
 
 
 def run_sentences(rows: Sequence[TableStation]) -> list[str]:

@@ -40,7 +40,8 @@ class Scored:
     sigma_azimuth : float or None
         1 sigma of the chosen one.
     verdict : Verdict
-    reasons : tuple of str
+    action : str
+        The one reason to act on; empty of an accepted survey.
     """
 
     sequence: int
@@ -54,7 +55,7 @@ class Scored:
     chosen: float | None
     sigma_azimuth: float | None
     verdict: Verdict
-    reasons: tuple[str, ...]
+    action: str
 
     @property
     def inclination_error(self) -> float:
@@ -130,7 +131,7 @@ def _beside(survey: Survey, truth: NDArray[np.float64]) -> Scored:
         chosen=survey.azimuth_from(North.TRUE),
         sigma_azimuth=sigma if sigma >= 0.0 else None,
         verdict=Verdict(survey.verdict),
-        reasons=survey.reasons,
+        action=survey.action,
     )
 
 

@@ -92,7 +92,7 @@ def test_a_survey_is_compared_with_the_truth_of_its_moment_from_true_north(tmp_p
     assert math.degrees(one.raw) == pytest.approx(6.0)
     assert math.degrees(one.corrected) % 360.0 == pytest.approx(0.0, abs=1e-9)
     assert one.sigma_azimuth == pytest.approx(0.01)
-    assert (one.verdict, one.reasons) == (Verdict.DOUBTFUL, ("why",))
+    assert (one.verdict, one.action) == (Verdict.DOUBTFUL, "why")
 
 
 def test_surveys_come_once_each_in_order_of_time(tmp_path):
