@@ -17,9 +17,11 @@ from mwd_sensors.core.compiled import compiled
 
 SAMPLES_PER_TU = 4
 BEFORE = 6  # samples of the response before the nominal edge: an error of the sync's time
-RESPONSE = 70  # samples of the response in all
-_SMOOTH = 2.5  # correlation length, samples: a pulse of 2 TU through a valve and some km of mud
+RESPONSE = 200  # samples of the response in all
+_SMOOTH = 4.0  # correlation length, samples: a pulse of 2 TU through a valve and some km of mud
 _FLAT_TU, _DECAY_TU = 4.0, 4.0
+# The line behind the pulse relaxes over seconds: a share of the response that dies away slowly.
+_SLOW, _SLOW_TU = 0.3, 20.0
 _LEAST = 1e-3  # components below this share of the largest are left out
 
 
@@ -35,9 +37,14 @@ def basis(length: int = RESPONSE) -> Array:
     """
     at = np.arange(length, dtype=float)
     since = (at - BEFORE) / SAMPLES_PER_TU
-    size = np.exp(-np.maximum(since - _FLAT_TU, 0.0) / _DECAY_TU)
+    size = (1.0 - _SLOW) * np.exp(-np.maximum(since - _FLAT_TU, 0.0) / _DECAY_TU)
+    size += _SLOW * np.exp(-np.maximum(since, 0.0) / _SLOW_TU)
     size *= np.minimum((at + 1.0) / BEFORE, 1.0) * np.minimum((length - at) / 12.0, 1.0)
-    apart = at[:, None] - at[None, :]
+    # What comes late is smoother, as friction takes high frequencies first: late lags count by their logarithm.
+    flat = _FLAT_TU * SAMPLES_PER_TU
+    late = np.maximum(at - BEFORE - flat, 0.0)
+    lag = np.minimum(at, BEFORE + flat) + flat * np.log1p(late / flat)
+    apart = lag[:, None] - lag[None, :]
     covariance = size[:, None] * size[None, :] * np.exp(-0.5 * (apart / _SMOOTH) ** 2)
     values, vectors = np.linalg.eigh(covariance)
     kept = values > _LEAST * values[-1]
@@ -89,45 +96,9 @@ def normal_equations(train: Array, shapes: Array, whitened: Array, weight: Array
             matrix[b, a] = matrix[a, b]
 
 
-@compiled
-def add_spread(chance: Array, at: Array, shapes: Array, matrix: Array) -> None:
+def coefficients(matrix: Array, right: Array, scale: float) -> tuple[Array, float, Array]:
     """
-    What the uncertainty of one packet's place adds to the normal equations: sum p x x' - (sum p x)(sum p x)'.
-
-    Parameters
-    ----------
-    chance : ndarray, shape (v,)
-        Probability of each place.
-    at : ndarray, shape (v,)
-        Places, samples; only their distances matter.
-    shapes : ndarray, shape (c, m)
-        Whitened components.
-    matrix : ndarray, shape (c, c)
-        Added to.
-    """
-    c, m = shapes.shape
-    low, high = int(at.min()), int(at.max())
-    mean = np.zeros((c, m + high - low))
-    for v in range(len(chance)):
-        shift = int(at[v]) - low
-        for a in range(c):
-            for k in range(m):
-                mean[a, shift + k] += chance[v] * shapes[a, k]
-    for a in range(c):
-        for b in range(a + 1):
-            own = both = 0.0
-            for k in range(m):
-                own += shapes[a, k] * shapes[b, k]
-            for k in range(mean.shape[1]):
-                both += mean[a, k] * mean[b, k]
-            matrix[a, b] += own - both
-            if a != b:
-                matrix[b, a] += own - both
-
-
-def coefficients(matrix: Array, right: Array, scale: float) -> tuple[Array, float]:
-    """
-    Posterior mean of the coefficients, and their scale made anew from it.
+    Posterior of the coefficients, and their scale made anew from it.
 
     Parameters
     ----------
@@ -142,11 +113,30 @@ def coefficients(matrix: Array, right: Array, scale: float) -> tuple[Array, floa
         Coefficients, Pa.
     float
         Their standard deviation by expectation-maximisation.
+    ndarray, shape (c, c)
+        Posterior covariance of the coefficients, Pa^2.
     """
     count = len(right)
-    inverse = np.linalg.inv(matrix + np.eye(count) / scale**2)
+    inverse = np.asarray(np.linalg.inv(matrix + np.eye(count) / scale**2), dtype=float)
     u = inverse @ right
-    return u, float(np.sqrt((u @ u + np.trace(inverse)) / count))
+    return u, float(np.sqrt((u @ u + np.trace(inverse)) / count)), inverse
+
+
+def uncertainty(u: Array, covariance: Array, shapes: Array) -> float:
+    """
+    Variance that an uncertain response adds to the decision between two places one TU apart, noise being 1.
+
+    Parameters
+    ----------
+    u, covariance : ndarray, shapes (c,), (c, c)
+        Posterior of the coefficients.
+    shapes : ndarray, shape (c, m)
+        Whitened components.
+    """
+    apart = np.pad(shapes, ((0, 0), (0, SAMPLES_PER_TU))) - np.pad(shapes, ((0, 0), (SAMPLES_PER_TU, 0)))
+    gram = apart @ apart.T
+    metric = gram @ u
+    return float(metric @ covariance @ metric) / max(float(u @ metric), 1e-300)
 
 
 @compiled

@@ -1,8 +1,8 @@
 """
-One stretch of a transmission decoded: packets, channel and noise found together by expectation-maximisation.
+One stretch of a transmission decoded: packets and noise found together, with the channel of the pulses before.
 
-The expectation is a forward-backward pass over the packets, the maximisation a new channel estimate, a new noise model
-and new weights of disturbed samples. Pulses before the stretch are known and carry the channel over.
+A forward-backward pass over the packets and a new noise model follow each other. The channel is estimated from the
+sync and the packets already decoded, never from the stretch itself, and its uncertainty is added to the noise.
 """
 
 from __future__ import annotations
@@ -15,22 +15,23 @@ import numpy as np
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_surface.receiver import trellis
 from mwd_surface.receiver.channel_estimate import (
+    BEFORE,
     RESPONSE,
     SAMPLES_PER_TU,
-    add_spread,
     basis,
     coefficients,
     common_energy,
     matched,
     normal_equations,
     reconstruct,
+    uncertainty,
 )
 from mwd_surface.receiver.pump_lines import pump_noise
 from mwd_surface.receiver.whitening import filtered, prediction_error_filter, steadiness
 
 ORDER = 40
 FLOOR = 1e-6
-_ROUNDS = 6
+_ROUNDS = 4
 _TAIL = 24  # samples of a whitened response beyond the response itself
 
 
@@ -83,10 +84,9 @@ class Decision:
     probability : ndarray, shape (k, 8)
         Of each packet's values, parity used.
     channel : Channel
-        As estimated with this stretch.
+        As estimated from the pulses before, with the noise model of this stretch.
     ebn0_db : float
         Energy of a bit over noise density.
-    lag, drift : (float, float)
     timing : (float, float, float)
         Relative drift of the pulses against the clock of the samples, its variance, and the sample it turns about.
     evidence : float
@@ -127,9 +127,8 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
     pumps = pump_noise(stretch.pressure, stretch.known)
     for turn in range(_ROUNDS):
         filtered(stretch.pressure - pumps, state.whitener, whitened)
-        if turn > 0:
-            _whitened_shapes(state.whitener, shapes)
-            state.response, state.scale = _estimate(stretch, probability, shapes, whitened, weight, state.scale)
+        _whitened_shapes(state.whitener, shapes)
+        sure = _estimate(stretch, state, shapes, whitened, weight)
         g = _whitened(state.response, state.whitener)
         train = _train(stretch, probability)
         weight = _weights(stretch, train, g, whitened) if turn > 0 else weight
@@ -141,13 +140,14 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
         before = before[before > -len(common)]
         shared = np.empty((count, trellis.VALUES))
         trellis.mean_interference(packets, before, common, level, probability, shared)
-        unary = _unary(packets, out, energy) - shared
+        unary = sure * (_unary(packets, out, energy) - shared)
+        common = sure * common
         trellis.forward_backward(packets, unary, common, level, stretch.parity, forward, backward)
         evidence = trellis.marginals(packets, forward, backward, probability, even)
         pumps = _new_noise(stretch, _train(stretch, probability), state, weight)
     g = _whitened(state.response, state.whitener)
     bits = float(packets[:, 1].sum())
-    ebn0 = 10.0 * np.log10(max(common[0] * count / (2.0 * bits), 1e-6))
+    ebn0 = 10.0 * np.log10(max(float(g @ g) * count / (2.0 * bits), 1e-6))
     timing = _timing(stretch, probability, state, weight, pumps)
     return Decision(unary, level, common, probability, state, float(ebn0), timing, evidence - bits * math.log(2.0))
 
@@ -168,12 +168,17 @@ def _place(packets: Indices) -> Indices:
 def _train(stretch: Stretch, probability: Array) -> Array:
     """Expected edges at each sample."""
     train = np.zeros(len(stretch.pressure))
-    for edge, chance in zip(stretch.edges, stretch.chances, strict=True):
-        if 0 <= edge < len(train):
-            train[round(edge)] += chance
+    _add_known(stretch, train)
     at = stretch.start + SAMPLES_PER_TU * _place(stretch.packets)
     np.add.at(train, np.clip(at, 0, len(train) - 1), probability)
     return train
+
+
+def _add_known(stretch: Stretch, train: Array) -> None:
+    """Add the pulses before the packets."""
+    for edge, chance in zip(stretch.edges, stretch.chances, strict=True):
+        if 0 <= edge < len(train):
+            train[round(edge)] += chance
 
 
 def _unary(packets: Indices, out: Array, energy: Array) -> Array:
@@ -195,19 +200,22 @@ def _whitened_shapes(whitener: Array, shapes: Array) -> None:
         shapes[k] = _whitened(one, whitener)
 
 
-def _estimate(
-    stretch: Stretch, probability: Array, shapes: Array, whitened: Array, weight: Array, scale: float
-) -> tuple[Array, float]:
+def _estimate(stretch: Stretch, state: Channel, shapes: Array, whitened: Array, weight: Array) -> float:
+    """
+    Response from the pulses before the packets; returns how sure a decision with it is, 0 to 1.
+
+    The packets themselves are left out: a response that learns from its own decisions confirms them.
+    """
     count = len(shapes)
     matrix, right = np.empty((count, count)), np.empty(count)
-    normal_equations(_train(stretch, probability), shapes, whitened, weight, matrix, right)
-    at = SAMPLES_PER_TU * _place(stretch.packets).astype(float)
-    for k, row in enumerate(stretch.packets):
-        values = 1 << row[1]
-        if probability[k].max() < 0.995:
-            add_spread(probability[k, :values], at[k, :values], shapes, matrix)
-    u, scale = coefficients(matrix, right, scale)
-    return u @ basis(), scale
+    before = weight.copy()
+    before[max(stretch.start - BEFORE, 0) :] = 0.0
+    train = np.zeros(len(before))
+    _add_known(stretch, train)
+    normal_equations(train, shapes, whitened, before, matrix, right)
+    u, state.scale, covariance = coefficients(matrix, right, state.scale)
+    state.response = u @ basis()
+    return 1.0 / (1.0 + uncertainty(u, covariance, shapes))
 
 
 def _weights(stretch: Stretch, train: Array, g: Array, whitened: Array) -> Array:

@@ -138,7 +138,7 @@ def _fitted(whitened: Array, shapes: Array, edges: Array, at: int) -> tuple[Arra
     scale = float(np.sqrt(len(shapes)) * np.linalg.norm(right) / np.trace(matrix))
     u = right
     for _ in range(5):
-        u, scale = coefficients(matrix, right, scale)
+        u, scale, _ = coefficients(matrix, right, scale)
     return u, scale
 
 

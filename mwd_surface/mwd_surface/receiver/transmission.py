@@ -13,7 +13,7 @@ from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver import segment, trellis
 from mwd_surface.receiver.belief import TEMPERATURES, Candidate, Soft, Temper
-from mwd_surface.receiver.channel_estimate import RESPONSE, SAMPLES_PER_TU, basis
+from mwd_surface.receiver.channel_estimate import RESPONSE, SAMPLES_PER_TU
 from mwd_surface.receiver.grid import REACH, Grid
 from mwd_surface.receiver.synchronisation import SyncFound
 from mwd_surface.receiver.words import ReceivedWord, packet_rows, received
@@ -309,7 +309,7 @@ class Transmission:
                 if chance[value] > 1e-3:
                     self._edges.append(float(start + SAMPLES_PER_TU * (row[0] + (1 << row[1]) - 1 - value)))
                     self._chances.append(float(chance[value]))
-        oldest = start - SAMPLES_PER_TU * (_HISTORY_TU + len(basis()))
+        oldest = start - SAMPLES_PER_TU * _HISTORY_TU - RESPONSE
         keep = next((k for k, edge in enumerate(self._edges) if edge >= oldest), len(self._edges))
         del self._edges[:keep], self._chances[:keep]
 
