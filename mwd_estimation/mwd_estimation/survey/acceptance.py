@@ -65,7 +65,7 @@ class QualitySettings:
         4.0, "A smaller sigma of the azimuth is always good enough", unit="deg", low=0.0, high=90.0
     )
     most_sigma_deg: float = setting(
-        6.0,
+        5.0,
         "A larger sigma of the azimuth is never good enough; where a sound tool has it, the azimuth is not determined",
         unit="deg",
         low=0.1,

@@ -159,9 +159,12 @@ def _judge_azimuth(
         azimuth.add(DOUBTFUL, Reason(Code.READINGS_REPEATED, float(finding.repeats)))
     limit, determined = _limit(station, finding, settings)
     if not determined and station.sigma_azimuth > limit:
-        # Field and dip concern the azimuth alone: a string magnetised along its axis is no defect of a vertical hole.
+        # A string magnetised along its axis is no defect of a vertical hole; of a field that something else disturbs,
+        # the totals tell how far.
         if azimuth.verdict == ACCEPT:
             azimuth.verdict = NOT_DETERMINED
+        else:
+            _judge_totals(azimuth, station, settings)
         return
     if finding.broken is not None:
         azimuth.add(DOUBTFUL, Reason(Code.PROPAGATED_DISAGREES, finding.broken[0], values=(finding.broken[1],)))
@@ -188,7 +191,7 @@ def _judge_field(azimuth: _Findings, station: Station, finding: Finding, setting
 
 
 def _judge_totals(azimuth: _Findings, station: Station, settings: StationSettings) -> None:
-    """Field and dip against limits that are fixed."""
+    """Field and dip against their limits."""
     judgement = acceptance.judge(replace(station.deviations, gravity=math.nan), settings.quality.limits)
     azimuth.add(judgement.verdict, *judgement.reasons)
 

@@ -88,8 +88,8 @@ class Priors:
 # Along the axis, 1 sigma, uT, with the share of each size; along and across it (0: as the tool code).
 _AXIAL = {0.7: 0.4, 2.0: 0.3, 6.0: 0.15, 20.0: 0.1, 60.0: 0.05}
 _CROSS = ((0.0, 0.25), (0.0, 0.7), (0.0, 2.0), (0.6, 0.35), (2.0, 1.0), (4.0, 2.0))
-# A wrong model errs in total and dip; its declination, which no reading shows, by less.
-_REFERENCE_TIMES = {"TOTAL": 4.0, "DIP": 4.0, "DECLINATION": 2.0}
+# A wrong model errs in total, dip and declination alike: a field of the crust that it lacks has any direction.
+_REFERENCE_TIMES = 4.0
 _STORM_UT = (0.4, 0.4, 0.25)
 _DEFECT_SCALE, _DEFECT_MOUNT = 0.02, 0.025
 # 1 sigma of each component of an external field, uT; the first is none.
@@ -138,7 +138,7 @@ def filters(priors: Priors, sigma: Array) -> Filters:
         add(Hypothesis.AXIAL, priors.axial * share, FIELD_BIAS=size)
     for along, across in _CROSS:
         add(Hypothesis.CROSS_AXIAL, priors.cross_axial / len(_CROSS), FIELD_BIAS=(along, across, across))
-    of_field = {name: times * float(sigma[int(Shared[name])]) for name, times in _REFERENCE_TIMES.items()}
+    of_field = {name: _REFERENCE_TIMES * float(sigma[int(Shared[name])]) for name in ("TOTAL", "DIP", "DECLINATION")}
     add(Hypothesis.REFERENCE, 0.5 * priors.reference, **of_field)
     add(Hypothesis.REFERENCE, 0.5 * priors.reference, OUTSIDE=_STORM_UT)
     add(Hypothesis.SENSOR, 0.5 * priors.sensor, FIELD_SCALE=(_DEFECT_SCALE,) * 3)
