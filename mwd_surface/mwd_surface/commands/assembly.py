@@ -201,7 +201,7 @@ def _show_sag(console: Console, rows: list[tuple[float, float, float]]) -> None:
     for name in ("inclination deg", "build deg/30m", "add to inclination deg"):
         table.add_column(name, justify="right")
     for angle, rate, correction in rows:
-        table.add_row(f"{angle:g}", f"{rate:g}", f"{correction:+.3f}")
+        table.add_row(f"{angle:g}", f"{rate:g}", f"{round(correction, 3) + 0.0:+.3f}")
     console.print(table, soft_wrap=False)
 
 

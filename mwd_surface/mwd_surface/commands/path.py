@@ -254,7 +254,7 @@ def _show(console: Console, table: SurveyTable) -> None:
         ("stations", f"{len(table.records)}, to {path.md[last]:.2f} m ({path.kind[last]})"),
         ("end", f"{down:.2f} m TVD, {n:+.2f} m north, {e:+.2f} m east"),
         ("azimuth", f"from {path.north.name.lower()} north"),
-        ("error model", table.covariance_note),
+        ("sigmas", table.covariance_note),
     ]
     for name, value in lines:
         console.print(f"{name:>13}  {value}", markup=False)
