@@ -116,6 +116,15 @@ def test_readings_played_again_are_no_second_station():
     np.testing.assert_array_equal(again.shared[0], first.shared[0])
 
 
+def test_a_station_measured_again_at_rest_is_as_good_as_the_first_and_teaches_nothing():
+    decide, again = decision(), average(1, 0.8, 1.9)
+    first = decide.begin(again, 1, REFERENCE, None)
+    noisy = dataclasses.replace(again.mag, mean=again.mag.mean + np.array([2e-8, -1e-8, 1e-8]))
+    second = decide.begin(dataclasses.replace(again, start_ns=2 * 10**12, mag=noisy), 2, REFERENCE, None)
+    assert first.survey.station.verdict == second.survey.station.verdict == "accept"
+    np.testing.assert_array_equal(second.shared[0], first.shared[0])
+
+
 def test_a_run_learns_the_string_s_field_and_steel_at_one_station_leaves_no_trace():
     decide, rng = decision(), np.random.default_rng(5)
     verdicts, axial = [], []
