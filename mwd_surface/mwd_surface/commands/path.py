@@ -218,7 +218,8 @@ def _table(surveys: SurveyList) -> SurveyTable:
     for text in table.left_out:
         terminal.warn(text)
     if table.covariance is None:
-        terminal.warn(f"no position uncertainty: {table.covariance_note}; give --lat and --lon, or --field")
+        remedy = "; give --lat and --lon, or --field" if "reference field" in table.covariance_note else ""
+        terminal.warn(f"no position uncertainty: {table.covariance_note}{remedy}")
     return table
 
 
