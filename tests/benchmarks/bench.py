@@ -33,8 +33,9 @@ SECTIONS = (
 )
 
 
-# The benchmarks read signals and figures that the tests use too.
-_SHARED = (HERE.parent, *(HERE.parents[1] / "mwd_estimation" / "test" / room for room in ("", "survey")))
+# The packages of this tree, whichever is installed; the benchmarks read signals and figures that the tests use too.
+_PACKAGES = tuple(HERE.parents[1] / name for name in ("mwd_sensors", "mwd_estimation", "mwd_surface"))
+_SHARED = (*_PACKAGES, HERE.parent, *(HERE.parents[1] / "mwd_estimation" / "test" / room for room in ("", "survey")))
 ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, _SHARED))}
 
 
