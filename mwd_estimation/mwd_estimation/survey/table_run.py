@@ -2,8 +2,8 @@
 The stations of one run together: what each said when it was taken, and what it says with all of the run.
 
 The first value of a station knows the stations above it in the table, as the live one does; its revision knows every
-other station of the run, and no station counts for itself twice. The others of each station are taken in by halves, so
-that n stations need some n log2(n) steps.
+other station of the run, and no station counts for itself twice. A station whose field is not that of the others tells
+them nothing. The others of each station are taken in by halves, so that n stations need some n log2(n) steps.
 """
 
 from __future__ import annotations
@@ -54,6 +54,9 @@ def _run(rows: list[TableRow], settings: StationSettings) -> list[TableStation]:
     final: dict[int, Finding | None] = {}
     if sound:
         _revise(RunModel(settings), sound, own, hours, final)
+    fitting = [k for k in sound if not _outlier(final[k])]
+    if 0 < len(fitting) < len(sound):
+        _revise(RunModel(settings), fitting, own, hours, final)
     stations = []
     for k, row in enumerate(rows):
         last = final.get(k)
@@ -64,10 +67,14 @@ def _run(rows: list[TableRow], settings: StationSettings) -> list[TableStation]:
                 judged(own[k], last, settings, row.faults),
                 row.run,
                 judged(own[k], first[k], settings, row.faults),
-                last is not None and last.hypotheses.get(Hypothesis.EXTERNAL, 0.0) > _OUTLIER,
+                _outlier(last),
             )
         )
     return stations
+
+
+def _outlier(finding: Finding | None) -> bool:
+    return finding is not None and finding.hypotheses.get(Hypothesis.EXTERNAL, 0.0) > _OUTLIER
 
 
 def _revise(
