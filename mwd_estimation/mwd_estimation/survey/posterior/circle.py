@@ -12,8 +12,8 @@ from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 # A valley between two modes is lower than this share of the lower one.
 _VALLEY = 0.5
-# Share of a mode that three sigma hold.
-_THREE_SIGMA = 0.9973
+# Share of a mode that so many sigma hold.
+_HELD, _SIGMAS = 0.99, 2.576
 # A mode with less probability than this is not named.
 _LEAST = 0.003
 # Coarse grid, and the fine one about each of its peaks: half width and spacing, rad.
@@ -31,7 +31,7 @@ class Circle:
     Attributes
     ----------
     mean, sigma : float
-        Of the chief mode, rad; sigma is at least a third of the half width that holds 99.73 % of it.
+        Of the chief mode, rad; sigma is at least that of a normal density whose 99 % have its half width.
     share : float
         Probability of the chief mode.
     alternatives : tuple of (float, float)
@@ -113,6 +113,6 @@ def _moments(angles: Array, mass: Array, peak: float) -> tuple[float, float, flo
     spread = math.sqrt(float(mass @ (away - mean) ** 2) / share)
     off = np.abs(away - mean)
     order = np.argsort(off)
-    held = np.searchsorted(np.cumsum(mass[order]), _THREE_SIGMA * share)
-    wide = float(off[order[min(int(held), len(order) - 1)]]) / 3.0
+    held = np.searchsorted(np.cumsum(mass[order]), _HELD * share)
+    wide = float(off[order[min(int(held), len(order) - 1)]]) / _SIGMAS
     return share, float(wrap_tau(peak + mean)), max(spread, wide)

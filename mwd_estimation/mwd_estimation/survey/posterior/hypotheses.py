@@ -81,7 +81,7 @@ class Priors:
         0.002, "Probability that the bias of a gyro has stepped by some of its sigmas.", low=0.0, high=0.5
     )
     gyro_outlier: float = setting(
-        0.00002, "Probability that a gyro azimuth is wrong by more than its sigma says.", low=0.0, high=0.5
+        0.0003, "Probability that a gyro azimuth is wrong by more than its sigma says.", low=0.0, high=0.5
     )
 
 
