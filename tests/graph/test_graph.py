@@ -6,6 +6,7 @@ import json
 import math
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import urllib.request
@@ -19,6 +20,8 @@ from rosbags.highlevel import AnyReader
 import running_graph
 from mwd_estimation.core.status import words
 from mwd_sensors.core.frames import wrap_pi
+from mwd_surface.rig.modbus.map import StatusBit
+from mwd_surface.rig.status import FILE_NAME, read_status
 from running_graph import PLACE, samples_of, until
 
 SCENARIO = Path(__file__).parent / "scenarios" / "short.yaml"
@@ -71,6 +74,7 @@ def played(tmp_path_factory):
         plan.write_text("md_m,inc_deg,azi_true_deg\n0,30,40\n60,36,47\n300,60,50\n")
         settings = {"folder": folder / "data", "page__port": 0, "well__sensor_to_bit": 3.0, "record__name": "run"}
         settings |= {"plan__file": plan, "advisory__toolface_deg": 30.0}
+        settings |= {"rig__modbus__enabled": True, "rig__modbus__port": 0}
         surface = graph.start("surface", "w1", **settings)
         estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
         for name in (surface, estimator):
@@ -128,6 +132,7 @@ print(json.dumps(reported))
 """,
         ).reported
         facts["page without plan"] = page()
+        facts["modbus status"] = _modbus_status(folder / "data" / "w1")
         until(lambda: "scenario is over" in graph.log(sonde), 90, "the scenario is over")
         until(lambda: "survey: survey 2" in graph.log(surface), 30, "second survey")
         facts["ends"] = {"sonde": graph.end(sonde), "estimator": graph.end(estimator, signal.SIGTERM)}
@@ -229,6 +234,41 @@ def test_surveys_agree_with_the_simulated_truth(played):
         raw = next(one for one in survey.azimuths if one.method == "raw")
         assert math.degrees(abs(wrap_pi(raw.azimuth - true["azimuth"]))) > 1.0
         assert 2.0e-6 < survey.axial_interference < 3.0e-6
+
+
+def _modbus_status(folder):
+    """Register 2 of the Modbus server whose address the status file of the well names."""
+    (modbus,) = (one for one in read_status(folder / FILE_NAME).interfaces if one.name == "modbus")
+    host, port = modbus.address.rsplit(":", 1)
+    with socket.create_connection((host, int(port)), 10.0) as connection:
+        connection.sendall(struct.pack(">HHHBBHH", 1, 0, 6, 1, 4, 2, 1))
+        return struct.unpack(">H", connection.recv(64)[9:11])[0]
+
+
+def test_a_rig_is_told_that_the_tool_is_simulated_however_the_nodes_were_started(played):
+    assert played["modbus status"] >> StatusBit.SIMULATED & 1
+
+
+def test_the_frame_of_every_header_resolves_in_tf(played):
+    from mwd_surface.bags.bag_reader import Bag
+
+    parents, named = {}, {}
+    with Bag(played["bag"]) as bag:
+        for _, topic, _, data in bag.messages(list(bag.topics)):
+            message = bag.decode(topic, data)
+            for transform in getattr(message, "transforms", ()):
+                parents[transform.child_frame_id] = transform.header.frame_id
+            frame = getattr(getattr(message, "header", None), "frame_id", "")
+            if frame:
+                named.setdefault(frame, topic)
+    # The controller's frame of commands has no axes; no command was given here.
+    assert {"w1/sonde_link", "w1/rig_floor", "w1/local_enu", "w1/wellhead"} <= set(named)
+    for frame, topic in named.items():
+        root = frame
+        while root in parents:
+            root = parents[root]
+        assert root == "w1/local_enu", f"{topic} is in {frame}"
+    assert parents["w1/bit"] == "w1/sonde_link"
 
 
 def _messages(bag, topic):

@@ -179,7 +179,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         stamp_ns = int(oriented["stamp_ns"])
         if not 0 <= stamp_ns - self._last_tf_ns < _TF_PERIOD_NS:
             self._last_tf_ns = stamp_ns
-            transform = tool_transform(oriented, self.get_namespace().strip("/"), frame)
+            transform = tool_transform(oriented, self.frame(wire.LOCAL_FRAME), frame)
             self._tf.publish(TFMessage(transforms=[transform]))
 
     # Services.

@@ -31,7 +31,7 @@ def survey_message(survey: Survey, frame_id: str) -> SurveyMessage:
     return message
 
 
-def tool_transform(oriented: Any, namespace: str, frame_id: str) -> TransformStamped:
+def tool_transform(oriented: Any, local_frame: str, tool_frame: str) -> TransformStamped:
     """
     Transform of the tool frame from local east-north-up.
 
@@ -39,15 +39,13 @@ def tool_transform(oriented: Any, namespace: str, frame_id: str) -> TransformSta
     ----------
     oriented : record
         One sample of `wire.IMU` with its orientation.
-    namespace : str
-        Of the well; precedes both frame ids where it is not empty.
-    frame_id : str
-        Frame of the tool.
+    local_frame, tool_frame : str
+        Frame of the well, east-north-up, and that of the tool's messages.
     """
     transform = TransformStamped()
     transform.header.stamp = stamp(int(oriented["stamp_ns"]))
-    transform.header.frame_id = f"{namespace}/local_enu" if namespace else "local_enu"
-    transform.child_frame_id = f"{namespace}/{frame_id}" if namespace else frame_id
+    transform.header.frame_id = local_frame
+    transform.child_frame_id = tool_frame
     x, y, z, w = (float(v) for v in oriented["orientation"])
     rotation = transform.transform.rotation
     rotation.x, rotation.y, rotation.z, rotation.w = x, y, z, w

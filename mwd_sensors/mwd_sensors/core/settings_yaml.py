@@ -29,6 +29,8 @@ def parameter_file(node: str, settings: Any) -> str:
         "    ros__parameters:",
         "      # Configure and activate at start; false: wait for the lifecycle services.",
         "      autostart: true",
+        "      # Before every frame in headers and transforms; auto: the namespace and a slash; empty: nothing.",
+        "      frame_prefix: auto",
     ]
     return "\n".join(lines + _lines(settings, 6)) + "\n"
 

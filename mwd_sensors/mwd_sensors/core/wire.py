@@ -324,5 +324,9 @@ SONDE_TOPICS = {
     "truth": TRUTH,
     "rig/state": RIG_STATE,
 }
-SONDE_FRAME = "sonde_link"
-RIG_FRAME = "rig_floor"
+# Frames; in headers and transforms a node puts its prefix before them (`GraphNode.frame`).
+SONDE_FRAME = "sonde_link"  # x down the hole, z the scribe line
+BIT_FRAME = "bit"  # axes of the sonde, at the bit
+RIG_FRAME = "rig_floor"  # axes of local_enu, where depths are measured from
+WELLHEAD_FRAME = "wellhead"  # north, east, down from where the well path begins
+LOCAL_FRAME = "local_enu"  # east, north, up

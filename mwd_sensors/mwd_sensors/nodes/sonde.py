@@ -185,7 +185,7 @@ class SondeNode(GraphNode[SondeSettings]):
 
     def _messages(self, sonde: Sonde, order: int, topic: str, samples: Samples) -> list[tuple[float, int, str, bytes]]:
         """Messages of one topic, each with the time it is due, s after the start, and its place among the topics."""
-        frame = wire.RIG_FRAME if topic == "rig/state" else wire.SONDE_FRAME
+        frame = self.frame(wire.RIG_FRAME if topic == "rig/state" else wire.SONDE_FRAME)
         dues = (samples["stamp_ns"] - sonde.epoch_ns) * 1e-9
         if not self.settings.burst or topic not in _BURST_TOPIC:
             rows = wire.SONDE_TOPICS[topic].encode(samples, frame)

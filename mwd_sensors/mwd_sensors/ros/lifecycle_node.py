@@ -27,6 +27,7 @@ from mwd_sensors.ros.parameters import SettingsParameters
 
 T = TypeVar("T")
 
+_NAMESPACE = "auto"  # value of `frame_prefix`: the namespace and a slash
 _DIAGNOSTICS_PERIOD = 1.0  # s
 _SIGNAL_PERIOD = 0.2  # s; longest time until an idle node reacts to a signal
 
@@ -63,6 +64,7 @@ class GraphNode(LifecycleNode, Generic[T]):
     def __init__(self, name: str, default: T, **node_options: Any) -> None:
         super().__init__(name, **node_options)
         self.declare_parameter("autostart", True)
+        self.declare_parameter("frame_prefix", _NAMESPACE)
         self._parameter_set = SettingsParameters(self, default, self._settings_changed, self.changeable_at_runtime)
         self._destructors: list[Callable[[], Any]] = []
         self._buffers: list[MessageBuffer] = []
@@ -85,6 +87,14 @@ class GraphNode(LifecycleNode, Generic[T]):
     def settings(self) -> T:
         """Settings in force."""
         return self._parameter_set.value
+
+    def frame(self, name: str) -> str:
+        """Name of a frame in headers and transforms: behind `frame_prefix`, so that each well has its own."""
+        prefix: str = self.get_parameter("frame_prefix").value
+        if prefix == _NAMESPACE:
+            namespace = self.get_namespace().strip("/")
+            prefix = f"{namespace}/" if namespace else ""
+        return prefix + name
 
     # Hooks of subclasses.
 

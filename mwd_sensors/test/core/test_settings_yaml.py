@@ -32,6 +32,7 @@ def test_the_file_gives_back_the_settings_it_was_made_of():
     settings = Outer(5, "Ann: the 'best'", Inner(0.5), (7.0,), ["a", "b"])
     read = parameters(parameter_file("sonde", settings))
     assert read.pop("autostart") is True
+    assert read.pop("frame_prefix") == "auto"
     assert from_mapping(Outer, read) == settings
     assert list(read) == list(to_mapping(settings))
 

@@ -52,7 +52,7 @@ class RigBridge:
         self._rig_data: queue.SimpleQueue[Samples] = queue.SimpleQueue()
         self._surveys: tuple[AcceptedSurvey, ...] = ()
         self._values: RigValues | None = None
-        self._sent_at = 0.0
+        self._sent_at, self._simulated = 0.0, False
         self._publisher: Any = None
         self._well, self._status_file = well, context.folder / FILE_NAME
         self._status_written_at, self._status_error = 0.0, ""
@@ -88,7 +88,7 @@ class RigBridge:
             samples = self._rig_data.get()
             # The interfaces stamp with the wall clock, the graph with the node's clock.
             samples["stamp_ns"] = self._alarm_log.now_ns()
-            self._publisher.publish(wire.RIG_STATE.encode(samples, wire.RIG_FRAME)[0].tobytes())
+            self._publisher.publish(wire.RIG_STATE.encode(samples, self._node.frame(wire.RIG_FRAME))[0].tobytes())
         if now - self._sent_at >= _VALUES_PERIOD:
             self.send_values(now)
         if now - self._status_written_at >= _STATUS_PERIOD:
@@ -105,10 +105,15 @@ class RigBridge:
             self._surveys,
             now_ns=self._alarm_log.now_ns(),
             active=active,
-            simulated=self._settings.simulated,
+            simulated=self._is_simulated(),
             previous=self._values,
         )
         self._port.publish(self._values)
+
+    def _is_simulated(self) -> bool:
+        """Whether a simulator, which alone publishes the truth, has been seen since the node was configured."""
+        self._simulated = self._simulated or self._node.count_publishers("truth") > 0
+        return self._simulated
 
     def _write_status(self, now: float) -> None:
         wall = time.time()

@@ -36,6 +36,8 @@ class StreamDecoder:
     ----------
     buffers : dict
         From topic to the list its serialised messages are appended to as they arrive.
+    tool_frame : str
+        Frame of the attitude; empty before the first.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class StreamDecoder:
         }
         self.buffers: dict[str, list[bytes]] = {topic: [] for topic in self._topics}
         self._unreadable = 0
+        self.tool_frame = ""
 
     def open(self) -> None:
         """Open the toolface topic."""
@@ -86,6 +89,8 @@ class StreamDecoder:
             return
         if topic in _OF_SONDE:
             self._on_sonde(samples)
+        if topic == "attitude":
+            self.tool_frame = wire.frame_id(messages[0])
         handler(samples, now)
 
     def _take_rig_state(self, samples: Samples, now: float) -> None:
@@ -106,7 +111,7 @@ class StreamDecoder:
             rotary_speed=reading.rotary_speed,
         )
         message.header.stamp = stamp(reading.stamp_ns)
-        message.header.frame_id = wire.SONDE_FRAME
+        message.header.frame_id = self.tool_frame
         self._toolface.publish(message)
 
     def diagnostics(self) -> list[Diagnostic]:

@@ -35,6 +35,7 @@ from mwd_surface.nodes.recording_server import RecordingServer
 from mwd_surface.nodes.rig_bridge import RigBridge
 from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.nodes.slide_recorder import SlideRecorder
+from mwd_surface.nodes.static_frames import StaticFrames
 from mwd_surface.nodes.stream_decoder import StreamDecoder
 from mwd_surface.nodes.survey_list_server import SurveyListServer
 from mwd_surface.nodes.topic_router import TopicRouter
@@ -122,6 +123,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._foxglove = self._closed_on_cleanup(FoxgloveBridge(context, settings.foxglove))
         self._foxglove.open()
         self._rig = self._closed_on_cleanup(RigBridge(context, settings.rig, well.name))
+        self._frames = StaticFrames(context)
         self._decoder = StreamDecoder(
             context, on_attitude=self._on_attitude, on_rig_state=self._on_rig_state, on_sonde=self._surveys.on_sonde
         )
@@ -140,8 +142,10 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
     def _open_topics(self) -> None:
         alarm_log, monitor = self._shared.alarm_log, self._monitor
-        for part in (alarm_log, self._surveys, self._recording, self._parameter_tables, self._rig, self._decoder):
+        for part in (alarm_log, self._surveys, self._recording, self._parameter_tables, self._rig):
             part.open()
+        self._frames.open()
+        self._decoder.open()
         self._router = TopicRouter(
             self._shared,
             record=self._recording.put,
@@ -236,6 +240,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def _update_slow(self) -> None:
         now = time.monotonic()
         self._router.find_missing()
+        self._frames.publish(self._decoder.tool_frame, self._surveys.surveys.well.sensor_to_bit)
         self._page.open()
         self._foxglove.open()
         self._parameter_tables.request()

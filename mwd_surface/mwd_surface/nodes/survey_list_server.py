@@ -13,6 +13,7 @@ from mwd_msgs import msg, srv
 from nav_msgs.msg import Path as PathMessage
 from rclpy.serialization import deserialize_message
 
+from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
@@ -286,11 +287,10 @@ class SurveyListServer:
     def publish(self) -> None:
         """Publish list and path, and show them on the page."""
         now, surveys, path = time.monotonic(), self.surveys, self.definitive()
-        self._list_publisher.publish(messages.list_message(surveys))
-        self._trajectory_publisher.publish(messages.trajectory_message(path, surveys.changed_ns))
-        prefix = self._node.get_namespace().strip("/")
-        frame = f"{prefix}/local_enu" if prefix else "local_enu"
-        self._path_publisher.publish(messages.path_message(path, surveys.changed_ns, frame))
+        wellhead, local = (self._node.frame(name) for name in (wire.WELLHEAD_FRAME, wire.LOCAL_FRAME))
+        self._list_publisher.publish(messages.list_message(surveys, wellhead))
+        self._trajectory_publisher.publish(messages.trajectory_message(path, surveys.changed_ns, wellhead))
+        self._path_publisher.publish(messages.path_message(path, surveys.changed_ns, local))
         self._live.on_records(surveys.records, now)
         self._covariance, self._shown_bit = None, self.bit_depth
         self._live.on_trajectory(path, now)

@@ -49,7 +49,6 @@ class RigSettings:
     modbus: ModbusSettings = setting(ModbusSettings, "Modbus TCP")
     modbus_serial: ModbusSerialSettings = setting(ModbusSerialSettings, "Modbus RTU")
     witsml_store: WitsmlStoreSettings = setting(WitsmlStoreSettings, "WITSML store")
-    simulated: bool = setting(False, "mark all values to the rig as simulated", fixed=True)
     strict: bool = setting(
         False, "refuse to start where an interface cannot start; false: try again every retry_period", fixed=True
     )

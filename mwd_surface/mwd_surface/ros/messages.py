@@ -25,16 +25,18 @@ def record_message(record: SurveyRecord) -> msg.SurveyRecord:
     return message
 
 
-def list_message(surveys: SurveyList) -> msg.SurveyList:
+def list_message(surveys: SurveyList, frame_id: str) -> msg.SurveyList:
     """Message of the whole list."""
     message = msg.SurveyList()
+    message.header.frame_id = frame_id
     fill_list(message, surveys, msg.SurveyRecord, msg.AzimuthEstimate)
     return message
 
 
-def trajectory_message(path: Definitive, changed_ns: int) -> msg.Trajectory:
+def trajectory_message(path: Definitive, changed_ns: int, frame_id: str) -> msg.Trajectory:
     """Message of the well path."""
     message = msg.Trajectory()
+    message.header.frame_id = frame_id
     fill_trajectory(message, path, changed_ns)
     return message
 

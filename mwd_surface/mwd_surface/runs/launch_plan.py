@@ -107,12 +107,12 @@ def page_port(wanted: int | None) -> Iterator[int]:
 @contextlib.contextmanager
 def rig_parameters() -> Iterator[dict[str, Any]]:
     """
-    Parameters of the surface that switch on WITS, OPC UA and Modbus on this machine alone, for a simulated tool.
+    Parameters of the surface that switch on WITS, OPC UA and Modbus on this machine alone.
 
     Each has the first free port from its usual one on, held until the block ends. One whose package is not installed,
     or for which no port is free, stays off.
     """
-    parameters: dict[str, Any] = {"rig.simulated": True}
+    parameters: dict[str, Any] = {}
     with contextlib.ExitStack() as held:
         for name, (first, package) in _RIG_PORTS.items():
             port = held.enter_context(_free_port(first, _PORTS))

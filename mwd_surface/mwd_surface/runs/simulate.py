@@ -62,7 +62,7 @@ def record(
         done = 0.0
         for block in sonde.blocks(_BLOCK_S):
             for name, samples in block.items():
-                frame = wire.RIG_FRAME if name == "rig/state" else wire.SONDE_FRAME
+                frame = prefix[1:] + (wire.RIG_FRAME if name == "rig/state" else wire.SONDE_FRAME)
                 rows = wire.SONDE_TOPICS[name].encode(samples, frame)
                 bag.write_rows(channels[name], rows, samples["stamp_ns"])
             done += _BLOCK_S

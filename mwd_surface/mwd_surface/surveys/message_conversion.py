@@ -15,7 +15,6 @@ from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import AzimuthEstimate, Decision, Judgement, Survey, SurveyRecord
 from mwd_surface.surveys.well_path import Definitive
 
-WELLHEAD = "wellhead"
 _SECOND = 10**9
 # On the message these are part of the header, or messages of their own.
 _OWN_WAY = {"stamp_ns", "frame_id", "azimuths"}
@@ -108,9 +107,8 @@ def fill_record(message: Any, record: SurveyRecord, new_azimuth: Callable[[], An
 
 
 def fill_list(message: Any, surveys: SurveyList, new_record: Callable[[], Any], new_azimuth: Callable[[], Any]) -> None:
-    """Write a list into an empty mwd_msgs/msg/SurveyList."""
+    """Write a list into an empty mwd_msgs/msg/SurveyList, all but its frame."""
     fill_stamp(message.header.stamp, surveys.changed_ns)
-    message.header.frame_id = WELLHEAD
     message.well = surveys.well.name
     message.records = []
     for record in surveys.records:
@@ -120,9 +118,8 @@ def fill_list(message: Any, surveys: SurveyList, new_record: Callable[[], Any], 
 
 
 def fill_trajectory(message: Any, path: Definitive, stamp_ns: int) -> None:
-    """Write a path into an empty mwd_msgs/msg/Trajectory."""
+    """Write a path into an empty mwd_msgs/msg/Trajectory, all but its frame."""
     fill_stamp(message.header.stamp, stamp_ns)
-    message.header.frame_id = WELLHEAD
     message.north_reference = int(path.north)
     message.measured_depth = path.md.tolist()
     message.inclination = path.inclination.tolist()

@@ -1,0 +1,53 @@
+"""The fixed transforms of one well: wellhead and rig floor at the origin of its path, the bit ahead of the sonde."""
+
+from __future__ import annotations
+
+import numpy as np
+from geometry_msgs.msg import TransformStamped
+from tf2_msgs.msg import TFMessage
+
+from mwd_sensors.core import frames, wire
+from mwd_sensors.ros.qos import LATCHED
+from mwd_sensors.ros.time_stamps import stamp
+from mwd_surface.ros.context import SurfaceContext
+
+_NORTH_EAST_DOWN = [float(v) for v in frames.orientation_et(np.eye(3))]
+
+
+class StaticFrames:
+    """Publishes `/tf_static`, anew where the tool's frame or its distance to the bit is another one."""
+
+    def __init__(self, context: SurfaceContext) -> None:
+        self._context = context
+        self._published: tuple[str, float] | None = None
+
+    def open(self) -> None:
+        """Open the topic."""
+        self._publisher = self._context.node.add_publisher(TFMessage, "/tf_static", LATCHED)
+
+    def publish(self, tool_frame: str, sensor_to_bit: float) -> None:
+        """
+        Publish the transforms where they changed.
+
+        tool_frame: of the tool's messages, empty while unknown; sensor_to_bit: distance along the tool, m.
+        """
+        if self._published == (tool_frame, sensor_to_bit):
+            return
+        node = self._context.node
+        local = node.frame(wire.LOCAL_FRAME)
+        wellhead = self._transform(local, node.frame(wire.WELLHEAD_FRAME))
+        turned = wellhead.transform.rotation
+        turned.x, turned.y, turned.z, turned.w = _NORTH_EAST_DOWN
+        transforms = [wellhead, self._transform(local, node.frame(wire.RIG_FRAME))]
+        if tool_frame:
+            bit = self._transform(tool_frame, node.frame(wire.BIT_FRAME))
+            bit.transform.translation.x = sensor_to_bit
+            transforms.append(bit)
+        self._publisher.publish(TFMessage(transforms=transforms))
+        self._published = tool_frame, sensor_to_bit
+
+    def _transform(self, parent: str, child: str) -> TransformStamped:
+        transform = TransformStamped(child_frame_id=child)
+        transform.header.frame_id = parent
+        transform.header.stamp = stamp(self._context.now_ns())
+        return transform
