@@ -11,13 +11,31 @@ from __future__ import annotations
 import functools
 import itertools
 import math
+from collections.abc import Sequence
 
 from mwd_sensors.telemetry.pulse_position import Pulses
+from mwd_sensors.telemetry.sequences import SequenceItem
 
 # A pulse is 2 TU wide; as many follow it before the next edge, so that the valve closes and the mud settles.
 SPACING_TU = 4
 # From the last slot of an edge to the next word: the pulse and as much again.
 _TAIL_TU = 4
+# A receiver weighs all codes of a word against each other.
+MOST_BITS = 16
+
+
+def check(items: Sequence[SequenceItem]) -> None:
+    """
+    Refuse what the code is not used for.
+
+    Raises
+    ------
+    ValueError
+        A word is longer than `MOST_BITS`, parity included.
+    """
+    for item in items:
+        if item.length > MOST_BITS:
+            raise ValueError(f"{item.name} has {item.length} bits; the combinatorial code takes {MOST_BITS} at most")
 
 
 @functools.cache

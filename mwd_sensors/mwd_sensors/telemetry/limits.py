@@ -2,7 +2,8 @@
 Closed-form limits of the codes in white Gaussian noise: what no receiver can beat, for tests, benchmarks and planning.
 
 Eb / N0 counts every bit on air, parity included.
-Source: J. G. Proakis, M. Salehi, Digital Communications, 5th ed., 2008: union bound (4.2-70).
+Source: J. G. Proakis, M. Salehi, Digital Communications, 5th ed., 2008: union bound (4.2-70), DPSK over several symbols
+(11.1-13), coded bits (8.2-16).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import math
 import numpy as np
 
 from mwd_sensors.core.arrays import Array, Indices
+from mwd_sensors.telemetry import convolution
 from mwd_sensors.telemetry.pulse_position import packets
 
 
@@ -38,6 +40,48 @@ def packet_error(ebn0_db: float, bits: int) -> float:
 def word_error(ebn0_db: float, bits: int) -> float:
     """Error probability of a word whose packets are each decided alone (hard decision)."""
     return 1.0 - math.prod(1.0 - packet_error(ebn0_db, size) for size in packets(bits))
+
+
+def bit_error(ebn0_db: float, modulation: str) -> float:
+    """Bit error probability of a carrier without code; of DPSK with each symbol against the one before."""
+    energy = ratio(ebn0_db)
+    return 0.5 * math.exp(-energy) if modulation == "dpsk" else 0.5 * math.erfc(math.sqrt(energy))
+
+
+def coded_block_error(ebn0_db: float, bits: int, modulation: str) -> float:
+    """
+    Error probability of a block behind the convolutional code, soft decisions; a union bound, tight below 0.1.
+
+    Parameters
+    ----------
+    ebn0_db : float
+        Energy per bit into the encoder over noise density, dB; a coded bit has half of it.
+    bits : int
+        Into the encoder, the ending zeros left out: as many places where an error can begin.
+    modulation : str
+        "bpsk", "qpsk" or "dpsk".
+    """
+    spectrum = convolution.spectrum()
+    pair = _dpsk_pair if modulation == "dpsk" else _coherent_pair
+    errors = [
+        count * pair(0.5 * ratio(ebn0_db), int(d)) for d, count in zip(spectrum.weights, spectrum.paths, strict=True)
+    ]
+    return float(min(1.0, bits * sum(errors)))
+
+
+def _coherent_pair(energy: float, distance: int) -> float:
+    """Probability to confuse two paths that differ in so many coded bits, energy over N0 each."""
+    return 0.5 * math.erfc(math.sqrt(distance * energy))
+
+
+def _dpsk_pair(energy: float, distance: int) -> float:
+    """As `_coherent_pair`, the products of neighbouring symbols summed."""
+    total = distance * energy
+    series = sum(
+        total**k / math.factorial(k) * sum(math.comb(2 * distance - 1, n) for n in range(distance - k))
+        for k in range(distance)
+    )
+    return float(math.exp(-total) * series / 2 ** (2 * distance - 1))
 
 
 def soft_word_error(ebn0_db: float, bits: int, trials: int = 20000, seed: int = 0) -> float:

@@ -1,5 +1,5 @@
 """
-The tool configuration (tool.yaml): all that the surface has to know of a tool to read its pulses.
+The tool configuration (tool.yaml): all that the surface has to know of a tool to read what it sends.
 
 Kits differ in nothing that is not named here. Times on air follow from it.
 """
@@ -17,12 +17,14 @@ import yaml
 
 from mwd_sensors.core import settings
 from mwd_sensors.core.settings import setting
-from mwd_sensors.telemetry import combinatorial, pulse_position, sequences
+from mwd_sensors.telemetry import combinatorial, pulse_position, sequences, serial_frames
+from mwd_sensors.telemetry.carrier import MOST_SEQUENCES, Carrier, blocks_of
 from mwd_sensors.telemetry.pulse_position import PULSE_TU, Pulses
 from mwd_sensors.telemetry.sequences import SequenceItem
+from mwd_sensors.telemetry.serial_frames import SerialLine
 from mwd_sensors.telemetry.words import COMMON, Word
 
-_CODES = {"mary": pulse_position.encode, "combinatorial": combinatorial.encode}
+PULSE_CODES = {"mary": pulse_position.encode, "combinatorial": combinatorial.encode}
 _SURVEY = "Inc:12:P Azm:12:P DipA:12:P Temp:8:P Grav:12:P MagF:12:P BatV:8:P"
 _TOOLFACE = "3{2{aTFA:6:P} Gama:8:P aTFA:6:P Gama:8:P} RINC:11:P RAZM:11:P"
 
@@ -55,9 +57,15 @@ class Sync:
 class ToolConfiguration:
     """What a tool sends, and how."""
 
-    code: str = setting("mary", "Pulse code.", choices=tuple(_CODES))
+    code: str = setting(
+        "mary",
+        "How words are sent: pulses (mary, combinatorial), phases of a carrier (psk) or a serial line (serial).",
+        choices=(*PULSE_CODES, "psk", "serial"),
+    )
     pulse_width_s: float = setting(0.8, "Time a pulse lasts; 1 TU is half of it.", unit="s", low=0.02, high=20.0)
     sync: Sync = setting(Sync, "Start of a transmission.")
+    carrier: Carrier = setting(Carrier, "Carrier and its blocks, of the code psk.")
+    serial: SerialLine = setting(SerialLine, "Line and frames, of the code serial.")
     header_bits: int = setting(
         0, "Bits behind the sync with the number of the sequence, from 0; 0: always the first.", low=0, high=6
     )
@@ -88,8 +96,25 @@ class ToolConfiguration:
                     sequences.parse(text, self.table)
                 except ValueError as error:
                     raise ValueError(f"{name}[{k}]: {error}") from error
+            self._check_code(name)
         if self.header_bits == 1:
             raise ValueError("header_bits: no packet has 1 bit; use 2 or more, or 0")
+
+    def _check_code(self, name: str) -> None:
+        """Refuse sequences that the code cannot send; name: of the setting that holds them."""
+        parsed = self.surveys if name == "survey_sequences" else self.toolfaces
+        if self.code not in PULSE_CODES and len(parsed) > MOST_SEQUENCES:
+            raise ValueError(f"{name}: {self.code} can number {MOST_SEQUENCES} sequences, got {len(parsed)}")
+        for k, items in enumerate(parsed):
+            try:
+                if self.code == "psk":
+                    blocks_of(items, self.carrier.block_bits)
+                elif self.code == "combinatorial":
+                    combinatorial.check(items)
+                elif self.code == "serial":
+                    serial_frames.check(items)
+            except ValueError as error:
+                raise ValueError(f"{name}[{k}]: {error}") from error
 
     @functools.cached_property
     def table(self) -> Mapping[str, Word]:
@@ -117,11 +142,31 @@ class ToolConfiguration:
 
     def pulses(self, code: int, bits: int) -> Pulses:
         """Pulses of a whole number of so many bits, parity included."""
-        return _CODES[self.code](code, bits)
+        return PULSE_CODES[self.code](code, bits)
 
     def length_tu(self, items: tuple[SequenceItem, ...]) -> int:
         """Time on air of a sequence without its sync and header, TU."""
         return sum(self.pulses(0, item.length).length for item in items)
+
+    def seconds(self, items: tuple[SequenceItem, ...]) -> float:
+        """Time on air of one pass of a sequence, s; of pulses without sync and header, which may be left out."""
+        if self.code == "psk":
+            return len(blocks_of(items, self.carrier.block_bits)) * self.carrier.block_s
+        if self.code == "serial":
+            on_line = serial_frames.frame_bytes(items) * serial_frames.BITS_PER_BYTE / self.serial.baud
+            return max(on_line, self.serial.period_s)
+        return self.length_tu(items) * self.tu_s
+
+    @property
+    def head_s(self) -> float:
+        """Time on air of sync and header, s; 0 where each block or frame names itself."""
+        return (self.sync.length_tu + self.header_tu) * self.tu_s if self.code in PULSE_CODES else 0.0
+
+    def sent(self, items: tuple[SequenceItem, ...], codes: tuple[int, ...]) -> tuple[int, ...]:
+        """Codes as they are sent: with the parity bit last where a word has one."""
+        return tuple(
+            code << 1 | self.parity_bit(code) if item.parity else code for item, code in zip(items, codes, strict=True)
+        )
 
     @property
     def header_tu(self) -> int:
@@ -163,8 +208,7 @@ def encode(
             head = tool.pulses(number, tool.header_bits)
             edges += [at + edge for edge in head.edges]
             at += head.length
-    for item, code in zip(items, codes, strict=True):
-        sent = code << 1 | tool.parity_bit(code) if item.parity else code
+    for item, sent in zip(items, tool.sent(items, codes), strict=True):
         one = tool.pulses(sent, item.length)
         edges += [at + edge for edge in one.edges]
         at += one.length
@@ -210,6 +254,26 @@ def read(path: Path) -> ToolConfiguration:
         return from_mapping(given)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
+
+
+def starting(code: str) -> ToolConfiguration:
+    """
+    Configuration of a code to begin with: sequences as kits have them.
+
+    Raises
+    ------
+    SettingsError
+        There is no such code.
+    """
+    plain = from_mapping({"code": code})
+    if code in PULSE_CODES:
+        return plain
+    # A check of the whole block or frame makes the parity of each word needless.
+    surveys, toolfaces = (
+        tuple(sequences.written(tuple(item._replace(parity=False) for item in items)) for items in kind)
+        for kind in (plain.surveys, plain.toolfaces)
+    )
+    return dataclasses.replace(plain, survey_sequences=surveys, toolface_sequences=toolfaces)
 
 
 def text(tool: ToolConfiguration) -> str:

@@ -29,3 +29,22 @@ def test_parity_used_softly_lowers_the_word_error_to_a_half_or_less():
 def test_pulses_that_resemble_their_neighbours_are_harder_to_tell_apart():
     apart, alike = (20.0 * np.array([1.0, near, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]) for near in (0.0, 0.7))
     assert limits.channel_word_error(alike, 13) > 5.0 * limits.channel_word_error(apart, 13)
+
+
+@pytest.mark.parametrize(
+    ("ebn0_db", "coherent", "dpsk"), [(4.0, 1.3e-2, 4.1e-2), (7.0, 7.7e-4, 3.3e-3), (10.0, 3.9e-6, 2.3e-5)]
+)
+def test_bit_errors_without_code_are_those_of_the_books(ebn0_db, coherent, dpsk):
+    assert limits.bit_error(ebn0_db, "qpsk") == pytest.approx(coherent, rel=0.05)
+    assert limits.bit_error(ebn0_db, "dpsk") == pytest.approx(dpsk, rel=0.05)
+
+
+def test_the_code_gains_and_dpsk_loses():
+    """K = 7, rate 1/2: 1e-5 bit errors at 4.2 dB (Proakis, figure 8.3-2), some 5 dB below a carrier without code."""
+    assert limits.coded_block_error(4.2, 1, "bpsk") < 1e-5 < limits.coded_block_error(3.5, 1, "bpsk")
+    assert limits.coded_block_error(5.5, 64, "dpsk") > limits.coded_block_error(5.5, 64, "qpsk") * 5.0
+
+
+def test_one_symbol_of_dpsk_is_the_plain_formula():
+    for energy in (0.5, 2.0, 5.0):
+        assert limits._dpsk_pair(energy, 1) == pytest.approx(0.5 * np.exp(-energy))

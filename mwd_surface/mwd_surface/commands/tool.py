@@ -1,4 +1,4 @@
-"""`mwd tool`: the configuration of a pulse tool checked, and pressure simulated as such a tool would make it."""
+"""`mwd tool`: the configuration of a tool checked, and a recording simulated as such a tool would make it."""
 
 from __future__ import annotations
 
@@ -11,26 +11,29 @@ if TYPE_CHECKING:
     from mwd_sensors.telemetry.sequences import SequenceItem
     from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
-tool = typer.Typer(help="Configuration of a pulse tool (tool.yaml): check it, try it.", no_args_is_help=True)
+tool = typer.Typer(help="Configuration of a tool (tool.yaml): check it, try it.", no_args_is_help=True)
 Configuration = Annotated[Path, typer.Argument(metavar="TOOL.YAML", help="Tool configuration.")]
 
 
 @tool.command()
 def new(
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write; an existing one is kept.")],
+    code: Annotated[str, typer.Option(help="mary, combinatorial, psk or serial.")] = "mary",
 ) -> None:
     """
-    Write a tool configuration to begin with: M-ary pulses of 0.8 s and sequences as kits have them.
+    Write a tool configuration to begin with: pulses of 0.8 s or another code, and sequences as kits have them.
 
     \b
-    Example:
+    Examples:
       mwd tool new -o tool.yaml
+      mwd tool new -o siren.yaml --code psk
     """
-    from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, text
+    from mwd_sensors.telemetry.tool_configuration import starting, text
     from mwd_surface.commands import terminal
 
+    configuration = starting(code)
     with output.open("x", encoding="utf-8") as file:
-        file.write(text(ToolConfiguration()))
+        file.write(text(configuration))
     terminal.output().print(f"written: {output}", markup=False)
 
 
@@ -49,20 +52,22 @@ def check(configuration: Configuration) -> None:
     read = tool_configuration.read(configuration)
     console = terminal.output()
     bits = sum(item.length for item in read.surveys[0])
-    rate = bits / (read.length_tu(read.surveys[0]) * read.tu_s)
-    console.print(f"{read.code}, pulse width {read.pulse_width_s:g} s, {rate:.2f} bit/s", markup=False)
-    head = (read.sync.length_tu + read.header_tu) * read.tu_s
-    console.print(f"sync and header {head:.1f} s, sent {read.transmit_delay_s:g} s after flow-on", markup=False)
+    rate = bits / read.seconds(read.surveys[0])
+    console.print(f"{read.code}, {_signal_line(read)}, {rate:.2f} bit/s of words", markup=False)
+    if read.head_s:
+        console.print(f"sync and header {read.head_s:.1f} s", markup=False)
+    console.print(f"sent {read.transmit_delay_s:g} s after flow-on", markup=False)
     for number, items in enumerate(read.surveys):
-        on_air = read.length_tu(items) * read.tu_s
-        total = read.transmit_delay_s + head + on_air
+        on_air = read.seconds(items)
+        total = read.transmit_delay_s + read.head_s + on_air
         console.print(f"survey {number}: {on_air:.1f} s on air, complete {total:.0f} s after flow-on", markup=False)
     for number, items in enumerate(read.toolfaces):
         console.print(f"toolface {number}: {_toolface_line(read, items)}", markup=False)
+    pulses = read.code in tool_configuration.PULSE_CODES
     seen = dict.fromkeys(item for items in (*read.surveys, *read.toolfaces) for item in items)
     for item in seen:
         word = read.table[item.name]
-        unprotected = "" if item.parity else ", no parity: an error in it cannot be seen"
+        unprotected = "" if item.parity or not pulses else ", no parity: an error in it cannot be seen"
         console.print(
             f"  {item.name}:{item.bits} {word.low:g} to {word.high:g} {word.unit}, step"
             f" {word.step(item.bits):.3g}, sigma {word.sigma_of(item.bits):.3g}{unprotected}",
@@ -70,8 +75,20 @@ def check(configuration: Configuration) -> None:
         )
 
 
+def _signal_line(read: ToolConfiguration) -> str:
+    if read.code == "psk":
+        one = read.carrier
+        return (
+            f"{one.modulation.upper()} on {one.frequency_hz:g} Hz in the {one.medium}, {one.symbol_rate_hz:g} symbols a"
+            f" second, blocks of {one.block_bits} bits in {one.block_s:.1f} s"
+        )
+    if read.code == "serial":
+        return f"{read.serial.format} frames at {read.serial.baud} baud"
+    return f"pulse width {read.pulse_width_s:g} s"
+
+
 def _toolface_line(read: ToolConfiguration, items: tuple[SequenceItem, ...]) -> str:
-    on_air = read.length_tu(items) * read.tu_s
+    on_air = read.seconds(items)
     toolfaces = sum(item.name.upper().endswith("TFA") for item in items)
     each = f", a toolface every {on_air / toolfaces:.1f} s in the mean" if toolfaces else ", without a toolface"
     return f"{on_air:.1f} s on air{each}"

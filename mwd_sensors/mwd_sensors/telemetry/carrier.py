@@ -1,0 +1,212 @@
+"""
+Words on a carrier: blocks of whole words with header and CRC-16, coded, interleaved, as phases of BPSK, DPSK or QPSK.
+
+A block is sent as first half, marker of known symbols, second half: from the marker in its middle the receiver learns
+time, phase and channel, and neither end is far from it. Every block is as long as every other one and says itself
+which words it holds, so any of them can be the first that is heard.
+Sources: J. G. Proakis, M. Salehi, Digital Communications, 5th ed., 2008, sections 3.2 and 4.5; S. Crozier, New
+high-spread high-distance interleavers for turbo-codes, 2000 (relative prime interleaver).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.core.arrays import Indices
+from mwd_sensors.core.settings import setting
+from mwd_sensors.telemetry import convolution
+from mwd_sensors.telemetry.checksum import CRC_BYTES, holds, signed
+from mwd_sensors.telemetry.sequences import SequenceItem
+
+Complex = NDArray[np.complex128]
+# Aperiodic autocorrelation beside its peak is 2 at most: the best of all 20-symbol sequences of +-1.
+_MARKER = 0x4D4E
+MARKER_SYMBOLS = 20
+KINDS = ("survey", "toolface")
+MOST_SEQUENCES, MOST_BLOCKS = 8, 16  # 3 and 4 bits of the header
+_HEADER_BYTES = 1
+_BITS_PER_SYMBOL = {"bpsk": 1, "dpsk": 1, "qpsk": 2}
+
+
+@dataclasses.dataclass(frozen=True)
+class Carrier:
+    """A carrier and what is laid on it."""
+
+    medium: str = setting(
+        "mud",
+        "What carries it: pressure of the mud (siren, oscillator) or voltage in the earth.",
+        choices=("mud", "earth"),
+    )
+    modulation: str = setting(
+        "qpsk",
+        "Phases: BPSK and QPSK need a steady phase; DPSK bears one that wanders, at some 2 dB more.",
+        choices=tuple(_BITS_PER_SYMBOL),
+    )
+    frequency_hz: float = setting(12.0, "Frequency of the carrier.", unit="Hz", low=0.5, high=200.0)
+    symbol_rate_hz: float = setting(
+        2.5, "Symbols a second. A lower rate reaches deeper.", unit="Hz", low=0.1, high=50.0
+    )
+    block_bits: int = setting(
+        40,
+        "Bits of words in a block, a multiple of 8. Longer blocks lose less to marker and check, and come later.",
+        unit="bit",
+        low=16,
+        high=240,
+    )
+
+    def __post_init__(self) -> None:
+        """
+        Check the block and the band.
+
+        Raises
+        ------
+        ValueError
+            The block is no whole number of bytes, or the band reaches down to zero frequency.
+        """
+        if self.block_bits % 8:
+            raise ValueError(f"block_bits: must be a multiple of 8, got {self.block_bits}")
+        if self.frequency_hz < self.symbol_rate_hz:
+            raise ValueError(
+                f"frequency_hz: {self.frequency_hz:g} must not be below symbol_rate_hz ({self.symbol_rate_hz:g})"
+            )
+
+    @property
+    def coded_bits(self) -> int:
+        """Bits of a block on air: header, words and check, coded."""
+        return 2 * (8 * (_HEADER_BYTES + CRC_BYTES) + self.block_bits + convolution.MEMORY)
+
+    @property
+    def half(self) -> int:
+        """Symbols before the marker."""
+        return self.coded_bits // _BITS_PER_SYMBOL[self.modulation] // 2 + (self.modulation == "dpsk")
+
+    @property
+    def block_symbols(self) -> int:
+        """Symbols of a block, marker included."""
+        data = self.coded_bits // _BITS_PER_SYMBOL[self.modulation]
+        return MARKER_SYMBOLS + data + (self.modulation == "dpsk")
+
+    @property
+    def block_s(self) -> float:
+        """Time on air of a block, s."""
+        return self.block_symbols / self.symbol_rate_hz
+
+
+class BlockName(NamedTuple):
+    """Which words a block holds: kind and number of the sequence, and the block's place in it."""
+
+    kind: str
+    number: int
+    place: int
+
+
+@functools.cache
+def marker() -> Complex:
+    """Known symbols in the middle of a block, shape (20,): +1 or -1."""
+    return np.array([1.0 - 2.0 * (_MARKER >> k & 1) for k in reversed(range(MARKER_SYMBOLS))], dtype=complex)
+
+
+@functools.cache
+def interleaver(count: int) -> Indices:
+    """
+    Coded bit that is sent at each place, shape (count,).
+
+    Places a golden section of the block apart, so that a disturbance of many symbols hits bits far from each other.
+    """
+    step = round(count * (math.sqrt(5.0) - 1.0) / 2.0)
+    while math.gcd(step, count) > 1:
+        step += 1
+    return np.asarray(step * np.arange(count) % count)
+
+
+@functools.cache
+def data_places(carrier: Carrier) -> Indices:
+    """Places of the symbols that carry coded bits, shape (n,); of DPSK those that differ from the symbol before."""
+    places = np.arange(carrier.block_symbols)
+    inside = (places >= carrier.half) & (places < carrier.half + MARKER_SYMBOLS)
+    return places[~inside & (places >= (carrier.modulation == "dpsk"))]
+
+
+def blocks_of(items: tuple[SequenceItem, ...], capacity: int) -> tuple[tuple[SequenceItem, ...], ...]:
+    """
+    Words of each block of a sequence: as many whole words as fit.
+
+    Raises
+    ------
+    ValueError
+        A word is longer than a block, or the sequence needs more blocks than the header can number.
+    """
+    blocks: list[list[SequenceItem]] = [[]]
+    for item in items:
+        if item.length > capacity:
+            raise ValueError(f"{item.name} has {item.length} bits, more than a block holds (block_bits: {capacity})")
+        if sum(one.length for one in blocks[-1]) + item.length > capacity:
+            blocks.append([])
+        blocks[-1].append(item)
+    if len(blocks) > MOST_BLOCKS:
+        raise ValueError(
+            f"it needs {len(blocks)} blocks of {capacity} bits; {MOST_BLOCKS} is the most: raise block_bits"
+        )
+    return tuple(tuple(block) for block in blocks)
+
+
+def packed(codes: Sequence[int], lengths: Sequence[int], capacity: int) -> bytes:
+    """Codes one after the other, most significant bit first, filled with zeros up to a number of bits."""
+    whole = 0
+    for code, length in zip(codes, lengths, strict=True):
+        whole = whole << length | code
+    return (whole << (capacity - sum(lengths))).to_bytes(capacity // 8, "big")
+
+
+def unpacked(data: bytes, lengths: Sequence[int]) -> tuple[int, ...]:
+    """Codes of `packed` bytes; what fills the end is not looked at."""
+    whole, left = int.from_bytes(data, "big"), 8 * len(data)
+    codes = []
+    for length in lengths:
+        left -= length
+        codes.append(whole >> left & (1 << length) - 1)
+    return tuple(codes)
+
+
+def block_bits(carrier: Carrier, name: BlockName, codes: Sequence[int], lengths: Sequence[int]) -> Indices:
+    """Header, words and check of a block as bits, before they are coded; shape (24 + block_bits,)."""
+    header = KINDS.index(name.kind) << 7 | name.number << 4 | name.place
+    data = signed(bytes([header]) + packed(codes, lengths, carrier.block_bits))
+    return np.unpackbits(np.frombuffer(data, dtype=np.uint8)).astype(np.int64)
+
+
+def read_block(bits: Indices) -> tuple[BlockName, bytes] | None:
+    """Name and words of decoded bits; None where the check fails."""
+    data = np.packbits(np.asarray(bits, dtype=np.uint8)).tobytes()
+    if not holds(data):
+        return None
+    return BlockName(KINDS[data[0] >> 7], data[0] >> 4 & 7, data[0] & 15), data[_HEADER_BYTES:-CRC_BYTES]
+
+
+def symbols(carrier: Carrier, bits: Indices) -> Complex:
+    """Symbols of a block, shape (block_symbols,), each of size 1; bits as `block_bits` gives them."""
+    coded = convolution.encode(bits)
+    return mapped(carrier, coded[interleaver(len(coded))])
+
+
+def mapped(carrier: Carrier, sent: Indices) -> Complex:
+    """Symbols of interleaved coded bits; shape (block_symbols,)."""
+    out = np.empty(carrier.block_symbols, dtype=complex)
+    first = carrier.half
+    out[first : first + MARKER_SYMBOLS] = marker()
+    signs = 1.0 - 2.0 * sent
+    if carrier.modulation == "qpsk":
+        out[data_places(carrier)] = (signs[0::2] + 1j * signs[1::2]) / math.sqrt(2.0)
+    elif carrier.modulation == "bpsk":
+        out[data_places(carrier)] = signs
+    else:
+        out[:first] = np.cumprod(np.concatenate([[1.0], signs[: first - 1]]))
+        out[first + MARKER_SYMBOLS :] = marker()[-1] * np.cumprod(signs[first - 1 :])
+    return out
