@@ -13,7 +13,7 @@ from typing import Any
 
 from mwd_estimation.assembly.assembly import Assembly, read_assembly
 from mwd_estimation.assembly.sag import SagCorrection, correction_of
-from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth, time_alignment
+from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth, time_alignment_state
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gravity import accelerometer_only
@@ -21,7 +21,7 @@ from mwd_estimation.gravity.methods import method
 from mwd_estimation.gyrocompass.gyro_params import GyroParams
 from mwd_estimation.gyrocompass.session import SessionParams
 from mwd_estimation.health import monitor
-from mwd_estimation.magnetic import interference_filter
+from mwd_estimation.magnetic import interference_state
 from mwd_estimation.place import reference_of
 from mwd_estimation.settings import EstimatorSettings
 from mwd_estimation.survey import tool_code
@@ -101,22 +101,22 @@ def precision_gyro_bias(settings: EstimatorSettings) -> float:
     return math.radians(settings.tool.precision.gyro.bias_deg_h) / 3600.0
 
 
-def time_alignment_params(settings: EstimatorSettings) -> time_alignment.Params:
+def time_alignment_params(settings: EstimatorSettings) -> time_alignment_state.Params:
     """Parameters of the pairing of magnetic samples with gravity."""
     attitude, tool = settings.attitude, settings.tool
-    return time_alignment.Params(
-        mag_lag_s=tool.magnetometer.delay_s,
+    return time_alignment_state.Params(
+        mag_lag_ns=round(tool.magnetometer.delay_s * 1e9),
         smoothing_s=attitude.smoothing_s,
-        vertical_enter_deg=attitude.vertical_deg,
-        vertical_leave_deg=attitude.vertical_deg + 1.0,
-        toolface_latency_s=tool.latency_s,
+        vertical_enter=math.radians(attitude.vertical_deg),
+        vertical_leave=math.radians(attitude.vertical_deg + 1.0),
+        latency_s=tool.latency_s,
     )
 
 
-def interference_params(settings: EstimatorSettings) -> interference_filter.Params:
+def interference_params(settings: EstimatorSettings) -> interference_state.Params:
     """Parameters of the filter of the drill string's field."""
-    return interference_filter.Params(
-        axial_nt=settings.tool.possible_axial_nt, scale=settings.tool.magnetometer.scale_ppm / 1e6
+    return interference_state.Params(
+        axial=settings.tool.possible_axial_nt * 1e-9, scale=settings.tool.magnetometer.scale_ppm / 1e6
     )
 
 

@@ -16,7 +16,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.attitude import attitude_rows, gyro_azimuth, rejected_samples, time_alignment
+from mwd_estimation.attitude import attitude_rows, gyro_azimuth, rejected_samples, time_alignment, time_alignment_state
 from mwd_estimation.attitude.attitude_rows import LAST_MAGNETIC, Sources, Stretch
 from mwd_estimation.attitude.block import BinEvent, Block, MagneticModelInForce, StationAzimuth
 from mwd_estimation.attitude.gyro_azimuth_state import (
@@ -34,7 +34,7 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import ACCEL
 from mwd_estimation.core.status import Status
-from mwd_estimation.magnetic import interference_filter
+from mwd_estimation.magnetic import interference_state
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 
@@ -49,8 +49,8 @@ class AttitudeStream:
 
     Parameters
     ----------
-    alignment : time_alignment.Params
-    interference : interference_filter.Params
+    alignment : time_alignment_state.Params
+    interference : interference_state.Params
     azimuth : gyro_azimuth.Params
     errors : SensorErrors
     bin_ns : int
@@ -68,16 +68,18 @@ class AttitudeStream:
 
     def __init__(
         self,
-        alignment: time_alignment.Params,
-        interference: interference_filter.Params,
+        alignment: time_alignment_state.Params,
+        interference: interference_state.Params,
         azimuth: gyro_azimuth.Params,
         errors: SensorErrors,
         bin_ns: int,
         latitude_deg: float | None,
         precision: gyro_azimuth.Precision,
     ) -> None:
-        self._alignment = time_alignment.kernel_params(alignment)
-        self._azimuth = gyro_azimuth.kernel_params(azimuth, bin_ns, latitude_deg, precision, alignment.pair_interval_s)
+        self._alignment = alignment
+        self._azimuth = gyro_azimuth.kernel_params(
+            azimuth, bin_ns, latitude_deg, precision, alignment.interval_ns / 1e9
+        )
         self._magnetic = MagneticAzimuths(interference, errors, azimuth.slow_share)
         self._alignment_state = initial_alignment()
         self._rejected_state = rejected_samples.initial()

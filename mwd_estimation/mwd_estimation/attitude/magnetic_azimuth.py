@@ -17,7 +17,7 @@ from mwd_estimation.attitude.gyro_azimuth_state import MAGNETIC_AZIMUTH
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
-from mwd_estimation.magnetic import interference_filter
+from mwd_estimation.magnetic import interference_filter, interference_state
 from mwd_estimation.magnetic.interference_state import FieldSamples, field_samples
 from mwd_sensors.core.arrays import Samples
 
@@ -46,15 +46,14 @@ class MagneticAzimuths:
 
     Parameters
     ----------
-    params : interference_filter.Params
+    params : interference_state.Params
     errors : SensorErrors
     constant_share : float
         Share of the magnetic sigma that stays from sample to sample where no reference separates its parts.
     """
 
-    def __init__(self, params: interference_filter.Params, errors: SensorErrors, constant_share: float) -> None:
+    def __init__(self, params: interference_state.Params, errors: SensorErrors, constant_share: float) -> None:
         self._params, self._errors, self._share = params, errors, constant_share
-        self._kernel = interference_filter.kernel_params(params)
         self.withdrawn = False
         self.set_reference(None)
 
@@ -87,7 +86,7 @@ class MagneticAzimuths:
             s.x[:], s.P[:] = station.interference
         if math.isfinite(station.azimuth):
             interference_filter.aid_azimuth(
-                self._kernel, state, station.down, station.field, station.azimuth, station.sigma
+                self._params, state, station.down, station.field, station.azimuth, station.sigma
             )
 
     def _contradicts(self, state: Samples, station: StationUpdate) -> bool:
@@ -99,7 +98,7 @@ class MagneticAzimuths:
             np.full(1, _MAG_NOISE),
             np.zeros(1, dtype=np.bool_),
         )
-        found = interference_filter.run(self._kernel, state.copy(), sample)
+        found = interference_filter.run(self._params, state.copy(), sample)
         return bool(found["ratio"][0] > (_CONTRADICTED if state[0].learnt_s > 0.0 else 1.0))
 
     def read(self, pairs: Samples, in_force: MagneticModelInForce, start: int) -> Samples:
@@ -135,7 +134,7 @@ class MagneticAzimuths:
         samples = field_samples(
             pairs["stamp_ns"], pairs["g_t"], pairs["b_t"], pairs["sigma_tilt"], np.full(n, _MAG_NOISE)
         )
-        found = interference_filter.run(self._kernel, state, samples)
+        found = interference_filter.run(self._params, state, samples)
         horizontal = float(s.field[0])
         observed = found["sigma"] < _UNOBSERVED * np.sqrt(np.diagonal(s.prior)[:3])
         quiet = self._since_disturbed(found["ratio"], samples.stamp_ns)

@@ -9,7 +9,6 @@ The azimuth of the hole axis hardly moves in that time; the magnetic toolface do
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -22,9 +21,9 @@ from mwd_estimation.attitude.time_alignment_state import (
     FieldModel,
     Gravity,
     GravityBlock,
-    KernelParams,
     MagBlock,
     Pair,
+    Params,
     State,
 )
 from mwd_estimation.core.magnetic_geometry import raw_azimuth_sample
@@ -34,51 +33,6 @@ from mwd_sensors.core.compiled import compiled
 
 _MAX_GAP = 0.5  # s between samples over which the turn about the axis is integrated
 _NO_MAG, _NEAR_VERTICAL = int(Status.NO_MAG), int(Status.NEAR_VERTICAL)
-
-
-@dataclasses.dataclass(frozen=True)
-class Params:
-    """
-    How magnetic samples become a continuous azimuth.
-
-    Attributes
-    ----------
-    mag_lag_s : float
-        Delay after which a magnetic sample is paired with gravity, s.
-    mag_timeout_s : float
-        Age of the magnetic field beyond which there is no azimuth, s.
-    smoothing_s : float
-        Time constant of the continuous azimuth, s.
-    vertical_enter_deg : float
-        Inclination below which azimuth and high side are undefined, deg.
-    vertical_leave_deg : float
-        Inclination above which they are defined again, deg.
-    pair_interval_s : float
-        Interval in which one magnetic sample updates the interference filter and the azimuth, s.
-    toolface_latency_s : float
-        Age of a reading at its stamp, over which both toolfaces are propagated by the x gyro, s.
-    """
-
-    mag_lag_s: float = 0.02
-    mag_timeout_s: float = 2.0
-    smoothing_s: float = 1.0
-    vertical_enter_deg: float = 3.0
-    vertical_leave_deg: float = 4.0
-    pair_interval_s: float = 0.2
-    toolface_latency_s: float = 0.0
-
-
-def kernel_params(params: Params) -> KernelParams:
-    """Settings in SI units."""
-    return KernelParams(
-        mag_lag_ns=round(params.mag_lag_s * 1e9),
-        mag_timeout_ns=round(params.mag_timeout_s * 1e9),
-        interval_ns=round(params.pair_interval_s * 1e9),
-        smoothing_s=params.smoothing_s,
-        vertical_enter=math.radians(params.vertical_enter_deg),
-        vertical_leave=math.radians(params.vertical_leave_deg),
-        latency_s=params.toolface_latency_s,
-    )
 
 
 def last_totals(state: Samples) -> tuple[float, float] | None:
@@ -93,14 +47,14 @@ def restart_smoothing(state: Samples) -> None:
 
 
 def run(
-    p: KernelParams, state: Samples, model: FieldModel, block: GravityBlock, mag: MagBlock
+    p: Params, state: Samples, model: FieldModel, block: GravityBlock, mag: MagBlock
 ) -> tuple[Samples, Samples, int]:
     """
     Attitude of a block of samples.
 
     Parameters
     ----------
-    p : KernelParams
+    p : Params
     state : ndarray, shape (1,)
         From `time_alignment_state.initial`; changed in place. Blocks of any length give the same numbers.
     model : FieldModel
@@ -111,7 +65,7 @@ def run(
     -------
     rows : ndarray of dtype ATTITUDE_ROW, shape (n,)
     pairs : ndarray of dtype PAIR
-        One magnetic sample in each interval of `pair_interval_s`.
+        One magnetic sample in each interval of `interval_ns`.
     used : int
         How many of the waiting magnetic samples were taken; the rest waits for the next block.
     """
@@ -173,7 +127,7 @@ def _gravity_at(s: State, at: int, down: Array) -> tuple[float, float]:
 
 
 @compiled
-def _take_mag(p: KernelParams, s: State, model: FieldModel, at: int, pair: Pair) -> bool:
+def _take_mag(p: Params, s: State, model: FieldModel, at: int, pair: Pair) -> bool:
     """
     Pair one magnetic sample with gravity at its stamp and move azimuth and magnetic toolface towards it.
 
@@ -203,7 +157,7 @@ def _take_mag(p: KernelParams, s: State, model: FieldModel, at: int, pair: Pair)
 
 
 @compiled
-def _smooth(p: KernelParams, s: State, at: int, azimuth: float, toolface: float) -> None:
+def _smooth(p: Params, s: State, at: int, azimuth: float, toolface: float) -> None:
     """Move the smoothed azimuth and toolface (less turn), rad, towards those of a magnetic sample."""
     gap = (at - s.mag_ns) * 1e-9
     whole = not s.have_mag or s.restart or p.smoothing_s <= 0.0 or gap <= 0.0 or gap > 10.0 * p.smoothing_s
@@ -267,7 +221,7 @@ def _hand_on(s: State, model: FieldModel, at: int, sigma_tilt: float, pair: Pair
 
 
 @compiled
-def _follow_vertical(p: KernelParams, s: State, inclination: float) -> None:
+def _follow_vertical(p: Params, s: State, inclination: float) -> None:
     from_vertical = min(inclination, math.pi - inclination)
     if not s.near_vertical and from_vertical < p.vertical_enter:
         s.near_vertical = True
@@ -276,7 +230,7 @@ def _follow_vertical(p: KernelParams, s: State, inclination: float) -> None:
 
 
 @compiled
-def _write(p: KernelParams, s: State, model: FieldModel, sample: Gravity, across_axis: float, row: AttitudeRow) -> None:
+def _write(p: Params, s: State, model: FieldModel, sample: Gravity, across_axis: float, row: AttitudeRow) -> None:
     """Row of a sample; across_axis: axial interference across the azimuth of now, T, in a horizontal hole."""
     row.total, row.dip = (s.total, s.dip) if s.have_mag else (math.nan, math.nan)
     row.azimuth = row.magnetic_toolface = math.nan
@@ -318,7 +272,7 @@ def _write(p: KernelParams, s: State, model: FieldModel, sample: Gravity, across
 
 @compiled
 def _run(
-    p: KernelParams, s: State, model: FieldModel, block: GravityBlock, mag: MagBlock, rows: Samples, pairs: Samples
+    p: Params, s: State, model: FieldModel, block: GravityBlock, mag: MagBlock, rows: Samples, pairs: Samples
 ) -> tuple[int, int]:
     """Arguments as in `run`, the last two are filled; returns how many samples were used and handed on."""
     used, handed_on = 0, 0

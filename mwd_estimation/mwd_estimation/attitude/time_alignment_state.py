@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
@@ -13,30 +14,33 @@ from mwd_sensors.core.records import dtype_of
 RING = 1024  # samples of gravity kept for pairing: 0.2 s at 5 kHz
 
 
-class KernelParams(NamedTuple):
+class Params(NamedTuple):
     """
-    `Params` in SI units.
+    How magnetic samples become a continuous azimuth.
 
     Attributes
     ----------
-    mag_lag_ns, mag_timeout_ns, interval_ns : int
-        After its stamp a magnetic sample is taken in; at that age there is no azimuth; one sample in each interval is
-        handed on.
+    mag_lag_ns : int
+        Delay after which a magnetic sample is paired with gravity.
+    mag_timeout_ns : int
+        Age of the magnetic field beyond which there is no azimuth.
+    interval_ns : int
+        Interval in which one magnetic sample updates the interference filter and the azimuth.
     smoothing_s : float
         Time constant of azimuth and magnetic toolface.
     vertical_enter, vertical_leave : float
-        Inclination below which the hole counts as near vertical, and above which it does no more, rad.
+        Inclination below which azimuth and high side are undefined, and above which they are defined again, rad.
     latency_s : float
-        Time over which toolfaces are propagated.
+        Age of a reading at its stamp, over which both toolfaces are propagated by the x gyro.
     """
 
-    mag_lag_ns: int
-    mag_timeout_ns: int
-    interval_ns: int
-    smoothing_s: float
-    vertical_enter: float
-    vertical_leave: float
-    latency_s: float
+    mag_lag_ns: int = 20_000_000
+    mag_timeout_ns: int = 2_000_000_000
+    interval_ns: int = 200_000_000
+    smoothing_s: float = 1.0
+    vertical_enter: float = math.radians(3.0)
+    vertical_leave: float = math.radians(4.0)
+    latency_s: float = 0.0
 
 
 class FieldModel(NamedTuple):

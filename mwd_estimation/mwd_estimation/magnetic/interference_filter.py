@@ -16,7 +16,6 @@ correlation time, however often it is sampled. A block of n samples gives the sa
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,7 +30,7 @@ from mwd_estimation.magnetic.interference_state import (
     FieldSamples,
     Innovation,
     Interference,
-    KernelParams,
+    Params,
     State,
 )
 from mwd_sensors.core.arrays import Array, Samples
@@ -45,60 +44,6 @@ _MAX_STEP = 7200.0
 _BEND_TIME = 3600.0
 # Chi-square of one degree of freedom beyond which an azimuth from elsewhere disagrees: odds of one in a thousand.
 _AZIMUTH_GATE = 10.83
-
-
-@dataclass(frozen=True)
-class Params:
-    """
-    Priors, noise and gates of the filter.
-
-    Attributes
-    ----------
-    axial_nt : float
-        Prior of the axial interference, 1 sigma, nT.
-    cross_axial_nt : float
-        Prior of the cross-axial bias, 1 sigma, nT.
-    scale : float
-        Scale error of each magnetometer, 1 sigma.
-    walk_nt : float
-        Drift of every bias in an hour, 1 sigma, nT/sqrt(h).
-    field_walk_nt : float
-        Change of the field along the hole in an hour, 1 sigma, nT/sqrt(h).
-    varying_nt : float
-        Error of a sample that lasts a correlation time, each of H and V, 1 sigma, nT.
-    correlation_s : float
-        Correlation time of errors that are not white, s.
-    gate : float
-        Chi-square of two degrees of freedom beyond which a sample is rejected.
-    max_reset_time_s : float
-        Longest time for which samples must be rejected before the filter restarts from its priors, s.
-    min_reset_time_s : float
-        Shortest time for which samples must be rejected before the filter restarts, s; lower restarts on short shocks.
-    """
-
-    axial_nt: float = 2000.0
-    cross_axial_nt: float = 200.0
-    scale: float = 0.0016
-    walk_nt: float = 20.0
-    field_walk_nt: float = 30.0
-    varying_nt: float = 30.0
-    correlation_s: float = 10.0
-    gate: float = 16.0
-    max_reset_time_s: float = 900.0
-    min_reset_time_s: float = 10.0
-
-
-def kernel_params(params: Params) -> KernelParams:
-    """Settings in SI units."""
-    return KernelParams(
-        walk=params.walk_nt**2 * 1e-18 / 3600.0,
-        field_walk=params.field_walk_nt**2 * 1e-18 / 3600.0,
-        varying=params.varying_nt * 1e-9,
-        correlation_s=params.correlation_s,
-        gate=params.gate,
-        max_reset_time_s=params.max_reset_time_s,
-        min_reset_time_s=params.min_reset_time_s,
-    )
 
 
 def initial(
@@ -133,8 +78,8 @@ def initial(
     """
     bias = (0.0 if errors is None else errors.magnetometer_bias_nt) * 1e-9
     scale = params.scale if errors is None else errors.magnetometer_scale
-    along = max(math.hypot(params.axial_nt * 1e-9, bias), axial[1])
-    cross = math.hypot(params.cross_axial_nt * 1e-9, bias)
+    along = max(math.hypot(params.axial, bias), axial[1])
+    cross = math.hypot(params.cross_axial, bias)
     state = np.zeros(1, dtype=STATE)
     s = state[0]
     s.prior[range(6), range(6)] = np.array([along, cross, cross, scale, scale, scale]) ** 2
@@ -146,13 +91,13 @@ def initial(
     return state
 
 
-def run(p: KernelParams, state: Samples, samples: FieldSamples) -> Samples:
+def run(p: Params, state: Samples, samples: FieldSamples) -> Samples:
     """
     Take in samples and give the azimuth freed of what is known so far.
 
     Parameters
     ----------
-    p : KernelParams
+    p : Params
     state : ndarray, shape (1,)
         From `initial`; changed in place. Blocks of any length give the same numbers.
     samples : FieldSamples
@@ -166,13 +111,13 @@ def run(p: KernelParams, state: Samples, samples: FieldSamples) -> Samples:
     return rows
 
 
-def aid_azimuth(p: KernelParams, state: Samples, g_t: Array, b_t: Array, azimuth: float, sigma: float) -> float:
+def aid_azimuth(p: Params, state: Samples, g_t: Array, b_t: Array, azimuth: float, sigma: float) -> float:
     """
     Take in a magnetic azimuth known otherwise (a gyro's less the declination), with field and gravity of that instant.
 
     Parameters
     ----------
-    p : KernelParams
+    p : Params
     state : ndarray, shape (1,)
         Changed in place unless the azimuth is rejected.
     g_t, b_t : ndarray, shape (3,)
@@ -261,7 +206,7 @@ def _variance_east(s: State, m: Innovation) -> float:
 
 
 @compiled
-def _innovate(p: KernelParams, s: State, samples: FieldSamples, k: int, m: Innovation) -> float:
+def _innovate(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation) -> float:
     """Fill the innovation of sample k; returns its chi-square over the gate."""
     g = samples.g_t[k]
     _directions(s, g, samples.b_t[k], m)
@@ -297,7 +242,7 @@ def _innovate(p: KernelParams, s: State, samples: FieldSamples, k: int, m: Innov
 
 
 @compiled
-def _learn(p: KernelParams, s: State, m: Innovation, white: float, step: float) -> None:
+def _learn(p: Params, s: State, m: Innovation, white: float, step: float) -> None:
     """Kalman update by the innovation; white: variance of the noise, T^2, step: s since the last sample."""
     # An error that lasts counts as one sample in a correlation time (of an exponential correlation: as two), the
     # variance of the second-order term as one in an hour.
@@ -325,7 +270,7 @@ def _learn(p: KernelParams, s: State, m: Innovation, white: float, step: float) 
 
 
 @compiled
-def _reject(p: KernelParams, s: State, step: float) -> bool:
+def _reject(p: Params, s: State, step: float) -> bool:
     """Count a rejected sample; restart after enough of them. True where that drops what was learnt lately."""
     s.disturbed_s += step
     if not s.disturbed_s > min(max(s.learnt_s, p.min_reset_time_s), p.max_reset_time_s):
@@ -356,7 +301,7 @@ def _write(s: State, samples: FieldSamples, k: int, m: Innovation, row: Interfer
 
 
 @compiled
-def _predict(p: KernelParams, s: State, stamp_ns: int) -> tuple[float, bool]:
+def _predict(p: Params, s: State, stamp_ns: int) -> tuple[float, bool]:
     """Let the errors walk to a sample; s since the last one, and whether its stamp advances."""
     first = s.last_ns < 0
     step = 0.0 if first else 1e-9 * (stamp_ns - s.last_ns)
@@ -373,7 +318,7 @@ def _predict(p: KernelParams, s: State, stamp_ns: int) -> tuple[float, bool]:
 
 
 @compiled
-def _run(p: KernelParams, s: State, samples: FieldSamples, m: Innovation, rows: Samples) -> None:
+def _run(p: Params, s: State, samples: FieldSamples, m: Innovation, rows: Samples) -> None:
     """Explicit loops over samples and states; m is scratch, `rows` is filled."""
     for k in range(len(samples.stamp_ns)):
         row, finite = rows[k], True

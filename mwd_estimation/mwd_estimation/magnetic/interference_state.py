@@ -28,31 +28,41 @@ class Error(enum.IntEnum):
 STATES = 8
 
 
-class KernelParams(NamedTuple):
+class Params(NamedTuple):
     """
-    Settings in SI units.
+    Priors, noise and gates of the filter.
 
     Attributes
     ----------
-    walk, field_walk : float
-        Random walk of a bias and of the reference field, T^2/s.
+    axial, cross_axial : float
+        Prior of the axial interference and of the cross-axial bias, 1 sigma, T.
+    scale : float
+        Scale error of each magnetometer, 1 sigma.
+    walk : float
+        Random walk of every bias, T^2/s.
+    field_walk : float
+        Random walk of the field along the hole, T^2/s.
     varying : float
-        1 sigma of the error of H and V that lasts a correlation time, T.
+        Error of a sample that lasts a correlation time, each of H and V, 1 sigma, T.
     correlation_s : float
         Correlation time of errors that are not white.
     gate : float
         Chi-square of two degrees of freedom beyond which a sample is rejected.
     max_reset_time_s, min_reset_time_s : float
-        Longest and shortest time that samples must be rejected before the filter restarts.
+        Longest and shortest time for which samples must be rejected before the filter restarts from its priors; a lower
+        shortest one restarts on short shocks.
     """
 
-    walk: float
-    field_walk: float
-    varying: float
-    correlation_s: float
-    gate: float
-    max_reset_time_s: float
-    min_reset_time_s: float
+    axial: float = 2000.0 * 1e-9
+    cross_axial: float = 200.0 * 1e-9
+    scale: float = 0.0016
+    walk: float = 20.0**2 * 1e-18 / 3600.0
+    field_walk: float = 30.0**2 * 1e-18 / 3600.0
+    varying: float = 30.0 * 1e-9
+    correlation_s: float = 10.0
+    gate: float = 16.0
+    max_reset_time_s: float = 900.0
+    min_reset_time_s: float = 10.0
 
 
 class State:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mwd_estimation.attitude import gyro_azimuth, time_alignment
+from mwd_estimation.attitude import gyro_azimuth, time_alignment_state
 from mwd_estimation.attitude.block import BinEvent, Block, MagneticModelInForce, StationUpdate
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
 from mwd_estimation.attitude.gyro_azimuth import Precision
@@ -15,7 +15,7 @@ from mwd_estimation.core.error_model import BENCH
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import Track
-from mwd_estimation.magnetic import interference_filter
+from mwd_estimation.magnetic import interference_filter, interference_state
 from mwd_sensors.core import wire
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
@@ -29,8 +29,8 @@ NO_PRECISION = PrecisionRates(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
 
 def stream(reference=REFERENCE, **carry):
     made = AttitudeStream(
-        time_alignment.Params(),
-        interference_filter.Params(),
+        time_alignment_state.Params(),
+        interference_state.Params(),
         gyro_azimuth.Params(**carry),
         BENCH,
         BIN_NS,
@@ -113,7 +113,7 @@ def test_a_gyro_azimuth_there_teaches_both_azimuth_and_axial_field():
 
 def test_what_many_stations_found_is_gone_on_from():
     block, b_t = samples(1000, math.pi / 2, azimuth=math.pi / 2, own=(2e-6, 0.0, 0.0))
-    state = interference_filter.initial(interference_filter.Params(), REFERENCE, BENCH)
+    state = interference_filter.initial(interference_state.Params(), REFERENCE, BENCH)
     state[0].x[0], state[0].P[0, 0] = 2e-6, (5e-8) ** 2
     update = StationUpdate((state[0].x, state[0].P), block.track.g_t[0], b_t[0])
     attitude, _, interference, _ = follow(stream(), block, b_t, [(500, update)])

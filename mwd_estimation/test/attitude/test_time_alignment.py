@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_estimation.attitude import time_alignment
-from mwd_estimation.attitude.time_alignment import Params, kernel_params
+from mwd_estimation.attitude.time_alignment import Params
 from mwd_estimation.attitude.time_alignment_state import FieldModel, GravityBlock, MagBlock, initial
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.frames import TAU, gravity_toolface, magnetic_toolface, mat_nt, wrap_pi
@@ -18,7 +18,7 @@ FIELD_N = np.array([2e-5, 0.0, 4e-5])
 def run(params, state, model, stamps, g_t, rate_x, sigma_tilt, mag_ns, b_t):
     """Rows, pairs and the number of magnetic samples used."""
     block = GravityBlock(stamps, np.ascontiguousarray(g_t), rate_x, sigma_tilt)
-    return time_alignment.run(kernel_params(params), state, model, block, MagBlock(mag_ns, np.ascontiguousarray(b_t)))
+    return time_alignment.run(params, state, model, block, MagBlock(mag_ns, np.ascontiguousarray(b_t)))
 
 
 CLEAN = FieldModel((0.0, 0.0, 0.0), 0.0, 0.0)
@@ -72,7 +72,7 @@ def test_no_azimuth_is_invented_before_the_first_magnetic_sample_or_after_the_la
     mat = _turning(0.8, 1.0, times, 0.0)
     stamps = START + np.round(times * 1e9).astype(np.int64)
     rows, _, used = run(
-        Params(mag_timeout_s=1.0),
+        Params(mag_timeout_ns=1_000_000_000),
         initial(),
         CLEAN,
         stamps,
@@ -184,7 +184,7 @@ def test_one_magnetic_sample_in_each_interval_is_handed_on_with_the_gravity_of_i
     model = FieldModel((1e-6, 0.0, 0.0), 2e-7, 1e-7)
     b_t = _seen(mag_mat, FIELD_N) + model.interference
     rows, pairs, _ = run(
-        Params(pair_interval_s=0.5),
+        Params(interval_ns=500_000_000),
         initial(),
         model,
         to_ns(times),
@@ -205,7 +205,7 @@ def test_one_magnetic_sample_in_each_interval_is_handed_on_with_the_gravity_of_i
 
 @pytest.mark.parametrize("inclination", [0.9, 0.01])
 def test_toolfaces_are_carried_on_over_the_latency(inclination):
-    late, _ = _run(inclination, 1.0, params=Params(toolface_latency_s=0.08), rate=2.0)
+    late, _ = _run(inclination, 1.0, params=Params(latency_s=0.08), rate=2.0)
     ahead = mat_nt(inclination, np.full(600, 1.0), (2.0 * (np.arange(600) * 0.01 + 0.08)) % TAU)
     slack = 1e-9 if inclination > 0.1 else 1e-3
     np.testing.assert_allclose(wrap_pi(late["magnetic_toolface"] - magnetic_toolface(ahead))[5:], 0.0, atol=slack)

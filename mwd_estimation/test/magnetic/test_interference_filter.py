@@ -9,22 +9,22 @@ from scipy.signal import lfilter
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.magnetic import interference_filter
-from mwd_estimation.magnetic.interference_filter import Params, initial, kernel_params
+from mwd_estimation.magnetic.interference_filter import Params, initial
 from mwd_estimation.magnetic.interference_state import INNOVATION, STATE, field_samples
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
 DEG = math.pi / 180.0
-PARAMS = Params(axial_nt=900.0, cross_axial_nt=150.0, scale=0.001, walk_nt=0.0, field_walk_nt=0.0, varying_nt=1.0)
+PARAMS = Params(axial=9e-7, cross_axial=1.5e-7, scale=0.001, walk=0.0, field_walk=0.0, varying=1e-9)
 FIELD = np.array([16e-6, 47e-6])
 SIGMA_B, SIGMA_G, TAU, RATE = 50e-9, 5e-4, 10.0, 10.0
 
 
 def run(params, state, *samples):
-    return interference_filter.run(kernel_params(params), state, field_samples(*samples))
+    return interference_filter.run(params, state, field_samples(*samples))
 
 
 def aid_azimuth(params, state, *given):
-    return interference_filter.aid_azimuth(kernel_params(params), state, *given)
+    return interference_filter.aid_azimuth(params, state, *given)
 
 
 def axial(state):
@@ -153,7 +153,7 @@ def test_slopes_of_the_innovations_agree_with_finite_differences():
 
 
 def test_casing_is_not_learnt_and_a_new_assembly_is_after_patience():
-    params = Params(axial_nt=900.0, cross_axial_nt=150.0, max_reset_time_s=20.0)
+    params = Params(axial=9e-7, cross_axial=1.5e-7, max_reset_time_s=20.0)
     samples, reference, truth, _ = drilled(2, [30], [60], 60, 120)
     stamps, g_t, b_t, sigma_g, sigma_b = samples
     state = initial(params, reference)
@@ -173,7 +173,7 @@ def test_casing_is_not_learnt_and_a_new_assembly_is_after_patience():
 
 
 def test_from_the_interference_a_station_showed_it_starts_and_after_casing_starts_again():
-    params = Params(axial_nt=900.0, cross_axial_nt=150.0, max_reset_time_s=20.0)
+    params = Params(axial=9e-7, cross_axial=1.5e-7, max_reset_time_s=20.0)
     (stamps, g_t, b_t, sigma_g, sigma_b), reference, truth, bias = drilled(2, [30], [60], 60, 120)
     strong = 4e-5
     b_t = b_t + np.array([strong, 0, 0])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from mwd_estimation.gravity.bounded import clipping, mechanisation, noise
-from mwd_estimation.gravity.bounded.params import KernelParams
+from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, POS, SCALE, TILT, VEL, Record
 from mwd_sensors.core.arrays import Vector
 from mwd_sensors.core.compiled import compiled
@@ -83,7 +83,7 @@ def unknown_motion(s: Record, scatter: float) -> None:
 
 
 @compiled
-def average(p: KernelParams, s: Record, dt: float, f: Vector) -> bool:
+def average(p: Params, s: Record, dt: float, f: Vector) -> bool:
     """Add a force, m/s^2, to the mean, in axes that the gyro carries; True when the attitude was found."""
     step, C = max(dt, 1e-3), s.C
     s.age += step
@@ -121,7 +121,7 @@ def direction(s: Record) -> float:
 
 
 @compiled
-def _start(p: KernelParams, s: Record) -> None:
+def _start(p: Params, s: Record) -> None:
     """First attitude from the mean force and its error from its scatter."""
     P = s.P
     mx, my, mz = s.mean[0] / s.age, s.mean[1] / s.age, s.mean[2] / s.age
@@ -162,7 +162,7 @@ def _start(p: KernelParams, s: Record) -> None:
 
 
 @compiled
-def attitude_lost(p: KernelParams, s: Record) -> bool:
+def attitude_lost(p: Params, s: Record) -> bool:
     """
     Whether there is half of gravity for seconds where there should be none, and gravity somewhere else.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from mwd_estimation.gravity.bounded.params import KernelParams
+from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, SLOPE, TILT, VEL, Record
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
@@ -25,7 +25,7 @@ NEVER = 1e30  # gate that no innovation passes
 
 
 @compiled
-def follow_shocks(p: KernelParams, s: Record, dt: float, f: Vector, power: float) -> None:
+def follow_shocks(p: Params, s: Record, dt: float, f: Vector, power: float) -> None:
     """
     Count shocks, and make the velocity uncertain by what each may have hidden.
 
@@ -100,7 +100,7 @@ def _forget_from(P: Array, first: int, last: int) -> None:
 
 
 @compiled
-def follow_rate(p: KernelParams, s: Record, dt: float, wx: float) -> bool:
+def follow_rate(p: Params, s: Record, dt: float, wx: float) -> bool:
     """
     Follow the slope of the x rate, and the missing rate while the gyro clips; True if roll is lost at the end of that.
 

@@ -20,7 +20,7 @@ from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import alignment, clipping, gaps, measurement, mechanisation, noise, scale
 from mwd_estimation.gravity.bounded.log import Log
-from mwd_estimation.gravity.bounded.params import KernelParams, Params, kernel_params
+from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import (
     BIAS,
     DOWN,
@@ -89,14 +89,13 @@ def run_logged(
 def _follow(params: Params, state: State, stamps: Stamps, gyro: Array, accel: Array, log: Log) -> Track:
     out = Track.empty(len(stamps))
     rows = _Rows(out.g_t, out.sigma_inclination, out.sigma_toolface, out.non_gravity, out.rotary_speed, out.status)
-    p, s = kernel_params(params), state.record[0]
-    _run(p, state.clock[0], state.motion[0], s, (stamps, gyro, accel), rows, log)
+    _run(params, state.clock[0], state.motion[0], state.record[0], (stamps, gyro, accel), rows, log)
     return out
 
 
 @compiled
 def _run(
-    p: KernelParams,
+    p: Params,
     clock: track.Clock,
     motion: track.Motion,
     s: Record,
@@ -154,7 +153,7 @@ def _publish(s: Record) -> int:
 
 
 @compiled
-def _resume(p: KernelParams, s: Record, verdict: int, dt: float, w: Array, i: int, log: Log) -> None:
+def _resume(p: Params, s: Record, verdict: int, dt: float, w: Array, i: int, log: Log) -> None:
     """Begin, or go on after a data gap of dt s at whose end the rates are w."""
     known = s.started and s.clipping.sign == 0.0
     if verdict == track.FIRST or not known or not 0.0 < dt < p.max_bridged_gap_s:
@@ -169,7 +168,7 @@ def _resume(p: KernelParams, s: Record, verdict: int, dt: float, w: Array, i: in
 
 
 @compiled
-def _take(p: KernelParams, s: Record, dt: float, w: Vector, f: Vector) -> float:
+def _take(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
     """One admitted sample; returns the magnitude of the force that is not gravity, m/s^2."""
     power = mechanisation.mechanise(p, s, dt, w, f)
     if s.started:
@@ -190,7 +189,7 @@ def _take(p: KernelParams, s: Record, dt: float, w: Vector, f: Vector) -> float:
 
 
 @compiled
-def _update(p: KernelParams, s: Record, w: Array, i: int, log: Log) -> None:
+def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
     """Carry the covariance over the sums, add noise, measure, and empty the sums; w: rates at the end."""
     size = STEADY if s.clipping.sign == 0.0 else ERRORS
     s.settled += s.sums.time
@@ -228,7 +227,7 @@ def _update(p: KernelParams, s: Record, w: Array, i: int, log: Log) -> None:
 
 
 @compiled
-def _forget(p: KernelParams, s: Record) -> None:
+def _forget(p: Params, s: Record) -> None:
     """Set what was learnt of the sensors to what is known at switch-on (`initial`): the covariance is none any more."""
     for j in range(ERRORS):
         for m in range(ERRORS):
@@ -258,7 +257,7 @@ def _log_before(s: Record, i: int, log: Log) -> None:
 
 
 @compiled
-def _log_after(p: KernelParams, s: Record, log: Log) -> None:
+def _log_after(p: Params, s: Record, log: Log) -> None:
     entry = log.updates[log.entries[0]]
     for j in range(STEADY):
         entry.correction[j] = s.correction[j]

@@ -9,7 +9,7 @@ velocity and position begin anew; attitude and all that was learnt of the sensor
 from __future__ import annotations
 
 from mwd_estimation.gravity.bounded import alignment, mechanisation
-from mwd_estimation.gravity.bounded.params import KernelParams
+from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import BIAS, STEADY, TILT, Record
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
@@ -27,7 +27,7 @@ def stands_out(s: Record, dt: float) -> bool:
 
 
 @compiled
-def bridge(p: KernelParams, s: Record, T: float, w: Array) -> bool:
+def bridge(p: Params, s: Record, T: float, w: Array) -> bool:
     """
     Carry the attitude over a gap of T s, at whose end the rates are w, rad/s; False where the roll is lost.
 

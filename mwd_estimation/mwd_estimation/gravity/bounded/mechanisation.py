@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from mwd_estimation.gravity.bounded.params import KernelParams
+from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import BIAS, DOWN, MISSING, POS, SCALE, SLOPE, TILT, VEL, Record, Sums
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
@@ -49,7 +49,7 @@ def rotate(s: Record, px: float, py: float, pz: float) -> None:
 
 
 @compiled
-def mechanise(p: KernelParams, s: Record, dt: float, w: Vector, f: Vector) -> float:
+def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
     """
     Move the nominal values and the sums by one sample; returns the square of the acceleration, (m/s^2)^2.
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from mwd_estimation.gravity.bounded.clipping import FREQUENT
-from mwd_estimation.gravity.bounded.params import KernelParams
+from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import BIAS, DOWN, POS, SCALE, SLOPE, TILT, VEL, Record
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
@@ -39,7 +39,7 @@ ALIASED_SHARE, ALIASED_LEAST, ALIASED_AFTER = 0.3, 0.002, 3.0  # of the displace
 
 
 @compiled
-def follow_rates(p: KernelParams, s: Record, dt: float, w: Vector, f: Vector) -> None:
+def follow_rates(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> None:
     """Noise of the attitude from errors in proportion to the rates, from clipping and from samples that are missing."""
     sums, motion = s.sums, s.motion
     sums.turn += (p.rate_noise**2 * (w[1] * w[1] + w[2] * w[2]) + ROTARY_NOISE**2 * w[0] * w[0]) * dt
@@ -135,7 +135,7 @@ def aliased(s: Record) -> bool:
 
 
 @compiled
-def displacement_noise(p: KernelParams, s: Record) -> tuple[float, float]:
+def displacement_noise(p: Params, s: Record) -> tuple[float, float]:
     """Variance of the white displacement along the hole and across it, m^2."""
     along, across = _displacement(s)
     return p.displacement**2 + WHITE_PER_DISPLACEMENT**2 * along, p.displacement**2 + WHITE_PER_DISPLACEMENT**2 * across
@@ -152,7 +152,7 @@ def _displacement(s: Record) -> tuple[float, float]:
 
 
 @compiled
-def add_noise(p: KernelParams, s: Record) -> float:
+def add_noise(p: Params, s: Record) -> float:
     """Noise of one interval; returns the variance that is added to the tilt, rad^2."""
     P, T = s.P, s.sums.time
     turn = p.gyro_noise**2 * T + s.sums.turn

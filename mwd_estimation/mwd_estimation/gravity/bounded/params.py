@@ -1,168 +1,67 @@
-"""Settings of the bounded gravity filter, for people (`Params`) and for its kernels (`KernelParams`)."""
+"""Settings of the bounded gravity filter, as its kernels take them."""
 
 from __future__ import annotations
 
-import dataclasses
 from typing import NamedTuple
 
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.settings import setting
 
 
-@dataclasses.dataclass(frozen=True)
-class Params:
-    """Settings of the bounded filter: first the place and the tool, then the expert settings of the method."""
+class Params(NamedTuple):
+    """
+    Settings of the bounded filter: first the place and the tool, then the filter's own. All sigmas are 1 sigma.
 
-    gravity: float = setting(
-        STANDARD_GRAVITY,
-        "Magnitude of local gravity. An error of 0.01 costs nothing in attitude; a state absorbs it.",
-        unit="m/s^2",
-        low=9.0,
-        high=10.5,
-    )
-    gyro_range: float = setting(
-        34.9,
-        "Rate at which the gyro clips. Raising it above the sensor's range integrates clipped rates.",
-        unit="rad/s",
-        low=0.1,
-        high=200.0,
-    )
-    accel_range: float = setting(
-        156.9,
-        "Force at which the accelerometer clips. Raising it above the sensor's range hides velocity lost in shocks.",
-        unit="m/s^2",
-        low=10.0,
-        high=4000.0,
-    )
-    coning: float = setting(
-        0.0,
-        "Share of the 1/12 coning term: 1 for mean rates, 0 where the sensor strapdown-integrates.",
-        low=0.0,
-        high=1.0,
-    )
-    sampled: bool = setting(
-        False, "Rates are point samples instead of means over the sampling interval: integrate them by the trapezoid."
-    )
-    bias_sigma: float = setting(
-        0.005,
-        "Gyro bias at switch-on, 1 sigma. Raising it lets the bias settle faster and the start be less certain.",
-        unit="rad/s",
-        low=1e-6,
-        high=0.2,
-    )
-    scale_sigma: float = setting(
-        0.0015,
-        "Scale error of the x gyro at switch-on, 1 sigma. Raising it widens the start where the speed varies.",
-        low=1e-6,
-        high=0.2,
-    )
-    lever_sigma: float = setting(
-        0.03,
-        "Distance of the sensor from the point of the tool that moves least, 1 sigma. Raising it lets a sensor far off"
-        " the axis settle faster.",
-        unit="m",
-        low=1e-4,
-        high=5.0,
-    )
-    calibration_sigma: float = setting(
-        0.00017,
-        "Tilt that calibration errors of the accelerometers leave: a floor of sigma. 0.003 for a sensor as it leaves"
-        " the factory.",
-        unit="rad",
-        low=0.0,
-        high=0.5,
-    )
-    misalignment_sigma: float = setting(
-        0.0003,
-        "Angle between the axes of gyros and accelerometers that calibration leaves: a floor of the sigma of"
-        " inclination while the tool rotates.",
-        unit="rad",
-        low=0.0,
-        high=0.5,
-    )
-    gyro_noise: float = setting(
-        0.00071,
-        "Gyro white noise with reserve. Raising it follows the accelerometer faster and lets more vibration through.",
-        unit="rad/s/sqrt(Hz)",
-        low=1e-7,
-        high=0.1,
-    )
-    rate_noise: float = setting(
-        0.0012,
-        "Gyro noise for each rate across the tool axis (scale and misalignment, which are no states). Raise it for"
-        " uncalibrated gyros.",
-        low=0.0,
-        high=0.1,
-    )
-    bias_walk: float = setting(
-        0.00013,
-        "Random walk of the gyro bias with reserve. Raising it follows a warming gyro faster and is noisier.",
-        unit="rad/s/sqrt(s)",
-        low=0.0,
-        high=0.01,
-    )
-    accel_noise: float = setting(
-        0.014,
-        "Accelerometer white noise with reserve. Raising it smooths more.",
-        unit="m/s^2/sqrt(Hz)",
-        low=1e-5,
-        high=1.0,
-    )
-    displacement: float = setting(
-        0.0038,
-        "Least displacement of the tool by vibration, 1 sigma. Raising it smooths a quiet tool more.",
-        unit="m",
-        low=1e-5,
-        high=1.0,
-    )
-    walk: float = setting(
-        0.001,
-        "Least random walk of the point that the tool vibrates about. Raising it smooths a quiet tool more.",
-        unit="m/sqrt(s)",
-        low=1e-6,
-        high=10.0,
-    )
-    axial_speed: float = setting(
-        0.5,
-        "Usual speed along the hole, 1 sigma; in a curve it is an acceleration. Raising it widens sigma while"
-        " drilling a curve. Raise it for wireline speeds.",
-        unit="m/s",
-        low=0.0,
-        high=10.0,
-    )
-    max_bridged_gap_s: float = setting(
-        10.0,
-        "Longest data gap over which the attitude is continued with a wider sigma; a longer one starts it anew."
-        " Raising it keeps the attitude of a tool that does not turn.",
-        unit="s",
-        low=0.0,
-        high=600.0,
-    )
+    Attributes
+    ----------
+    gravity : float
+        Magnitude of local gravity, m/s^2. An error of 0.01 costs nothing in attitude; a state absorbs it.
+    gyro_range, accel_range : float
+        Rate, rad/s, and force, m/s^2, at which the sensors clip.
+    coning : float
+        Share of the 1/12 coning term: 1 for mean rates, 0 where the sensor strapdown-integrates.
+    sampled : bool
+        Rates are point samples instead of means over the sampling interval: integrate them by the trapezoid.
+    bias_sigma : float
+        Gyro bias at switch-on, rad/s. Raising it lets the bias settle faster and the start be less certain.
+    scale_sigma : float
+        Scale error of the x gyro at switch-on. Raising it widens the start where the speed varies.
+    lever_sigma : float
+        Distance of the sensor from the point of the tool that moves least, m.
+    calibration_sigma : float
+        Tilt that calibration errors of the accelerometers leave, rad: a floor of sigma. 0.003 as from the factory.
+    misalignment_sigma : float
+        Angle between the axes of gyros and accelerometers that calibration leaves, rad: a floor while the tool rotates.
+    gyro_noise : float
+        Gyro white noise with reserve, rad/s/sqrt(Hz). Raising it lets more vibration through.
+    rate_noise : float
+        Gyro noise for each rate across the tool axis: scale and misalignment, which are no states.
+    bias_walk : float
+        Random walk of the gyro bias with reserve, rad/s/sqrt(s). Raising it follows a warming gyro faster.
+    accel_noise : float
+        Accelerometer white noise with reserve, m/s^2/sqrt(Hz). Raising it smooths more.
+    displacement : float
+        Least displacement of the tool by vibration, m. Raising it smooths a quiet tool more.
+    walk : float
+        Least random walk of the point that the tool vibrates about, m/sqrt(s). Raising it smooths a quiet tool more.
+    axial_speed, max_bridged_gap_s : float
+        As in `gravity_settings.Bounded`, m/s and s.
+    """
 
-
-class KernelParams(NamedTuple):
-    """The settings as compiled kernels take them; names, units and meaning as in `Params`."""
-
-    gravity: float
-    gyro_range: float
-    accel_range: float
-    coning: float
-    sampled: bool
-    bias_sigma: float
-    scale_sigma: float
-    lever_sigma: float
-    calibration_sigma: float
-    misalignment_sigma: float
-    gyro_noise: float
-    rate_noise: float
-    bias_walk: float
-    accel_noise: float
-    displacement: float
-    walk: float
-    axial_speed: float
-    max_bridged_gap_s: float
-
-
-def kernel_params(params: Params) -> KernelParams:
-    """Return the settings for the kernels."""
-    return KernelParams(*(getattr(params, name) for name in KernelParams._fields))
+    gravity: float = STANDARD_GRAVITY
+    gyro_range: float = 34.9
+    accel_range: float = 156.9
+    coning: float = 0.0
+    sampled: bool = False
+    bias_sigma: float = 0.005
+    scale_sigma: float = 0.0015
+    lever_sigma: float = 0.03
+    calibration_sigma: float = 0.00017
+    misalignment_sigma: float = 0.0003
+    gyro_noise: float = 0.00071
+    rate_noise: float = 0.0012
+    bias_walk: float = 0.00013
+    accel_noise: float = 0.014
+    displacement: float = 0.0038
+    walk: float = 0.001
+    axial_speed: float = 0.5
+    max_bridged_gap_s: float = 10.0

@@ -15,7 +15,7 @@ import math
 
 from mwd_estimation.gravity.bounded import noise
 from mwd_estimation.gravity.bounded.measurement import hole_direction
-from mwd_estimation.gravity.bounded.params import KernelParams
+from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import TILT, Record, Scale
 from mwd_sensors.core.compiled import compiled
 
@@ -81,7 +81,7 @@ def factors(s: Record) -> tuple[float, float]:
 
 
 @compiled
-def floors(p: KernelParams, s: Record) -> tuple[float, float]:
+def floors(p: Params, s: Record) -> tuple[float, float]:
     """Variances that no innovation shows, of the inclination and of the tilt across the hole, rad^2."""
     C, turn2 = s.C, s.turning**2
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2
@@ -103,7 +103,7 @@ def floors(p: KernelParams, s: Record) -> tuple[float, float]:
 
 
 @compiled
-def publish(p: KernelParams, s: Record) -> None:
+def publish(p: Params, s: Record) -> None:
     """Sigma of inclination and of toolface, rad, at most pi, until the covariance changes again."""
     tilt, aside = tilts(s)
     along, across = factors(s)

@@ -6,11 +6,10 @@ from scipy.spatial.transform import Rotation
 
 from mwd_estimation.gravity.bounded import measurement, mechanisation
 from mwd_estimation.gravity.bounded.filter import Params, initial
-from mwd_estimation.gravity.bounded.params import kernel_params
 from mwd_estimation.gravity.bounded.state import BIAS, DOWN, LEVER, POS, SCALE, STEADY, TILT, VEL
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-KERNEL = kernel_params(Params())
+KERNEL = Params()
 NEVER = 1e30
 
 
