@@ -16,19 +16,34 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
 SAMPLES_PER_TU = 4
-BEFORE = 6  # samples of the response before the nominal edge: an error of the sync's time
-RESPONSE = 200  # samples of the response in all
+BEFORE = 12  # samples of the response before the nominal edge: a slow rise, and an error of the time of the sync
+_RISE = 6  # samples over which the response begins
+# Length of the response: echoes of the string come within 2 depth / speed, and the line relaxes over seconds.
+_RESPONSE_S = 15.0
+_LEAST_TU, _MOST_TU = 24, 120
 _SMOOTH = 4.0  # correlation length, samples: a pulse of 2 TU through a valve and some km of mud
 _FLAT_TU, _DECAY_TU = 4.0, 4.0
-# The line behind the pulse relaxes over seconds: a share of the response that dies away slowly.
-_SLOW, _SLOW_TU = 0.3, 20.0
+# The line behind the pulse relaxes over seconds, whatever the pulse width: a share that dies away slowly.
+_SLOW, _SLOW_S = 0.3, 8.0
 _LEAST = 1e-3  # components below this share of the largest are left out
 
 
+def response_length(tu_s: float) -> int:
+    """Samples of the response for a time unit of so many seconds."""
+    return SAMPLES_PER_TU * min(max(round(_RESPONSE_S / tu_s), _LEAST_TU), _MOST_TU)
+
+
 @functools.cache
-def basis(length: int = RESPONSE) -> Array:
+def basis(length: int, tu_s: float) -> Array:
     """
     Components of the response.
+
+    Parameters
+    ----------
+    length : int
+        Samples.
+    tu_s : float
+        Time unit of the tool, s.
 
     Returns
     -------
@@ -38,8 +53,8 @@ def basis(length: int = RESPONSE) -> Array:
     at = np.arange(length, dtype=float)
     since = (at - BEFORE) / SAMPLES_PER_TU
     size = (1.0 - _SLOW) * np.exp(-np.maximum(since - _FLAT_TU, 0.0) / _DECAY_TU)
-    size += _SLOW * np.exp(-np.maximum(since, 0.0) / _SLOW_TU)
-    size *= np.minimum((at + 1.0) / BEFORE, 1.0) * np.minimum((length - at) / 12.0, 1.0)
+    size += _SLOW * np.exp(-np.maximum(since, 0.0) * tu_s / _SLOW_S)
+    size *= np.minimum((at + 1.0) / _RISE, 1.0) * np.minimum((length - at) / 12.0, 1.0)
     # What comes late is smoother, as friction takes high frequencies first: late lags count by their logarithm.
     flat = _FLAT_TU * SAMPLES_PER_TU
     late = np.maximum(at - BEFORE - flat, 0.0)

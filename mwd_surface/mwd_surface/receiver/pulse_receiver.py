@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
@@ -12,8 +10,7 @@ from mwd_surface.receiver import synchronisation
 from mwd_surface.receiver.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.grid import REACH, STEPS_PER_TU, Grid
 from mwd_surface.receiver.resampling import Resampler
-from mwd_surface.receiver.transmission import FrameReport, Transmission
-from mwd_surface.receiver.words import ReceivedWord
+from mwd_surface.receiver.transmission import Reception, Transmission
 
 # The search for syncs proceeds by hops, each with data before it for the noise model and behind it for the pulses.
 _HOP_TU = 32
@@ -29,19 +26,6 @@ _SURER = 1.5
 LEAST_PER_TU = 2.5
 # Pulses shorter than this: confidence was too high in the simulated channel (bench section "link").
 SHORTEST_CALIBRATED_S = 0.4
-
-
-@dataclasses.dataclass
-class Reception:
-    """What a block of samples completed: words and passes of sequences."""
-
-    words: list[ReceivedWord] = dataclasses.field(default_factory=list)
-    frames: list[FrameReport] = dataclasses.field(default_factory=list)
-
-    def add(self, found: tuple[list[ReceivedWord], list[FrameReport]]) -> None:
-        """Take words and passes."""
-        self.words += found[0]
-        self.frames += found[1]
 
 
 class PulseReceiver:
@@ -95,8 +79,7 @@ class PulseReceiver:
         # As if the gauge had failed: what is there is decoded as far as it goes.
         missing = np.zeros(STEPS_PER_TU * (2 * _HOP_TU + self._beyond))
         if self._grid.end:
-            last = self._take(missing, missing)
-            done.add((last.words, last.frames))
+            done.add(self._take(missing, missing))
         if self._active is not None:
             done.add(self._active.close())
         return done
@@ -168,8 +151,8 @@ class PulseReceiver:
         return _GUARD_TU + self._tool.sync.edges_tu[-1] + 16
 
     def _oldest(self) -> int:
-        needed = self._active.reaches() if self._active is not None else self._grid.end
-        return int(min(needed, STEPS_PER_TU * self._hop * _HOP_TU)) - STEPS_PER_TU * (_KEPT_TU + 200)
+        needed = self._active.keeps() if self._active is not None else self._grid.end
+        return int(min(needed, STEPS_PER_TU * (self._hop * _HOP_TU - _KEPT_TU)))
 
     def _search(self, done: Reception) -> None:
         pace = STEPS_PER_TU // SAMPLES_PER_TU
@@ -180,7 +163,7 @@ class PulseReceiver:
         low, high = (SAMPLES_PER_TU * (tu - first_tu) for tu in (begin_tu, end_tu))
         guard = SAMPLES_PER_TU * _GUARD_TU
         whitener = self._active.whitener if self._active is not None else None
-        found = synchronisation.search(pressure, known, self._tool.sync, low - guard, high + guard, whitener)
+        found = synchronisation.search(pressure, known, self._tool, low - guard, high + guard, whitener)
         if found is None or found.at >= high:
             return
         position = float(STEPS_PER_TU * first_tu + found.at * pace)
@@ -207,6 +190,5 @@ def decode(tool: ToolConfiguration, time_s: Array, pressure_pa: Array) -> Recept
     """Words of a whole recording; as `PulseReceiver.push` and `finish`."""
     receiver = PulseReceiver(tool)
     done = receiver.push(np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float))
-    rest = receiver.finish()
-    done.add((rest.words, rest.frames))
+    done.add(receiver.finish())
     return done

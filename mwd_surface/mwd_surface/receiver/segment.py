@@ -1,8 +1,9 @@
 """
-One stretch of a transmission decoded: packets and noise found together, with the channel of the pulses before.
+One stretch of a transmission decoded: packets and noise found together, with the channel of the other pulses.
 
 A forward-backward pass over the packets and a new noise model follow each other. The channel is estimated from the
-sync and the packets already decoded, never from the stretch itself, and its uncertainty is added to the noise.
+sync and the packets already decoded, before the stretch and behind it, never from the pressure of the stretch itself,
+and its uncertainty is added to the noise.
 """
 
 from __future__ import annotations
@@ -16,9 +17,7 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_surface.receiver import trellis
 from mwd_surface.receiver.channel_estimate import (
     BEFORE,
-    RESPONSE,
     SAMPLES_PER_TU,
-    basis,
     coefficients,
     common_energy,
     matched,
@@ -31,17 +30,31 @@ from mwd_surface.receiver.whitening import filtered, prediction_error_filter, st
 
 ORDER = 40
 FLOOR = 1e-6
-_ROUNDS = 4
+_ROUNDS, _ROUNDS_AGAIN = 4, 2
 _TAIL = 24  # samples of a whitened response beyond the response itself
 
 
 @dataclasses.dataclass
 class Channel:
-    """What is known of the channel: response in Pa from `BEFORE` the edge, scale of its coefficients, noise filter."""
+    """
+    What is known of the channel.
+
+    Attributes
+    ----------
+    response : ndarray, shape (m,)
+        Of a pulse, Pa, from `BEFORE` its edge.
+    scale : float
+        Standard deviation of the coefficients of its components.
+    whitener : ndarray
+        Prediction error filter of the noise.
+    components : ndarray, shape (c, m)
+        Of the response (`channel_estimate.basis`).
+    """
 
     response: Array
     scale: float
     whitener: Array
+    components: Array
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,13 +67,17 @@ class Stretch:
     pressure, known : ndarray, shape (n,)
         Pa; 1 where a sample is known.
     edges : ndarray, shape (j,)
-        Pulses before the packets, sample; and how probable each is, `chances`.
+        Pulses before the packets and, once these are decoded, behind them, sample; how probable each is, `chances`.
     packets : ndarray, shape (k, 4)
         As `trellis.forward_backward`; starts in TU after `start`.
     start : int
         Sample of TU 0 of the packets.
     parity : int
         0 even, 1 odd.
+    end : int
+        Sample up to which pressure is the packets' own, from which the response does not learn.
+    probability : ndarray, shape (k, 8), optional
+        Of the packets' values, from decoding them before.
     """
 
     pressure: Array
@@ -70,6 +87,8 @@ class Stretch:
     packets: Indices
     start: int
     parity: int
+    end: int
+    probability: Array | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,30 +135,32 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
     packets = stretch.packets
     n, count = len(stretch.pressure), len(packets)
     weight = stretch.known.copy()
-    probability = _uniform(packets)
-    whitened, shapes = np.empty(n), np.empty((len(basis()), RESPONSE + _TAIL))
+    again = stretch.probability is not None
+    probability = _uniform(packets) if stretch.probability is None else stretch.probability.copy()
+    reach = channel.components.shape[1] + _TAIL
+    whitened, shapes = np.empty(n), np.empty((len(channel.components), reach))
     state = dataclasses.replace(channel)
     places = int(packets[-1, 0]) + trellis.VALUES
     unary, level = np.zeros((count, trellis.VALUES)), np.ones(count)
     common = np.zeros(1)
     forward, backward = np.empty((count, 16)), np.empty((count, 16))
     even, evidence = np.empty(count), 0.0
-    pumps = pump_noise(stretch.pressure, stretch.known)
-    for turn in range(_ROUNDS):
+    pumps = _pumps(stretch, state, probability) if again else pump_noise(stretch.pressure, stretch.known)
+    for turn in range(_ROUNDS_AGAIN if again else _ROUNDS):
         filtered(stretch.pressure - pumps, state.whitener, whitened)
-        _whitened_shapes(state.whitener, shapes)
-        sure = _estimate(stretch, state, shapes, whitened, weight)
-        g = _whitened(state.response, state.whitener)
+        _whitened_shapes(state, shapes)
         train = _train(stretch, probability)
-        weight = _weights(stretch, train, g, whitened) if turn > 0 else weight
+        sure = _estimate(stretch, state, shapes, whitened, (weight, train))
+        g = _whitened(state.response, state.whitener)
+        weight = _weights(stretch, train, g, whitened) if turn > 0 or again else weight
         out, energy = np.empty(places), np.empty(places)
         matched(whitened, weight, g, stretch.start, out, energy)
-        common = common_energy(g, (RESPONSE + _TAIL) // SAMPLES_PER_TU)
+        common = common_energy(g, reach // SAMPLES_PER_TU)
         level = _levels(packets, energy, common[0])
-        before = np.round((stretch.edges[stretch.chances > 0.5] - stretch.start) / SAMPLES_PER_TU)
-        before = before[before > -len(common)]
+        others = np.round((stretch.edges - stretch.start) / SAMPLES_PER_TU)
+        near = (others > -len(common)) & (others < places + len(common))
         shared = np.empty((count, trellis.VALUES))
-        trellis.mean_interference(packets, before, common, level, probability, shared)
+        trellis.mean_interference(packets, others[near], stretch.chances[near], common, level, probability, shared)
         unary = sure * (_unary(packets, out, energy) - shared)
         common = sure * common
         trellis.forward_backward(packets, unary, common, level, stretch.parity, forward, backward)
@@ -175,7 +196,7 @@ def _train(stretch: Stretch, probability: Array) -> Array:
 
 
 def _add_known(stretch: Stretch, train: Array) -> None:
-    """Add the pulses before the packets."""
+    """Add the pulses that are not those of the packets."""
     for edge, chance in zip(stretch.edges, stretch.chances, strict=True):
         if 0 <= edge < len(train):
             train[round(edge)] += chance
@@ -192,29 +213,37 @@ def _levels(packets: Indices, energy: Array, whole: float) -> Array:
 
 
 def _whitened(response: Array, whitener: Array) -> Array:
-    return np.convolve(response, whitener)[: RESPONSE + _TAIL]
+    return np.convolve(response, whitener)[: len(response) + _TAIL]
 
 
-def _whitened_shapes(whitener: Array, shapes: Array) -> None:
-    for k, one in enumerate(basis()):
-        shapes[k] = _whitened(one, whitener)
+def _whitened_shapes(state: Channel, shapes: Array) -> None:
+    for k, one in enumerate(state.components):
+        shapes[k] = _whitened(one, state.whitener)
 
 
-def _estimate(stretch: Stretch, state: Channel, shapes: Array, whitened: Array, weight: Array) -> float:
+def _pumps(stretch: Stretch, state: Channel, probability: Array) -> Array:
+    """Pump noise of a stretch whose pulses are known from decoding it before."""
+    explained = np.empty(len(stretch.pressure))
+    reconstruct(_train(stretch, probability), state.response, explained)
+    return pump_noise(stretch.pressure - explained, stretch.known)
+
+
+def _estimate(
+    stretch: Stretch, state: Channel, shapes: Array, whitened: Array, weighted_train: tuple[Array, Array]
+) -> float:
     """
-    Response from the pulses before the packets; returns how sure a decision with it is, 0 to 1.
+    Response from the pulses round the packets; returns how sure a decision with it is, 0 to 1.
 
-    The packets themselves are left out: a response that learns from its own decisions confirms them.
+    The pressure of the packets themselves is left out: a response that learns from its own decisions confirms them.
     """
     count = len(shapes)
     matrix, right = np.empty((count, count)), np.empty(count)
-    before = weight.copy()
-    before[max(stretch.start - BEFORE, 0) :] = 0.0
-    train = np.zeros(len(before))
-    _add_known(stretch, train)
-    normal_equations(train, shapes, whitened, before, matrix, right)
+    weight, train = weighted_train
+    others = weight.copy()
+    others[max(stretch.start - BEFORE, 0) : stretch.end] = 0.0
+    normal_equations(train, shapes, whitened, others, matrix, right)
     u, state.scale, covariance = coefficients(matrix, right, state.scale)
-    state.response = u @ basis()
+    state.response = u @ state.components
     return 1.0 / (1.0 + uncertainty(u, covariance, shapes))
 
 

@@ -13,7 +13,7 @@ import dataclasses
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.telemetry.tool_configuration import Sync
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.channel_estimate import BEFORE, SAMPLES_PER_TU, basis, coefficients, normal_equations
 from mwd_surface.receiver.pump_lines import pump_noise
 from mwd_surface.receiver.whitening import filtered, steadiness, steady_filter
@@ -21,7 +21,7 @@ from mwd_surface.receiver.whitening import filtered, steadiness, steady_filter
 ORDER = 24
 FLOOR = 1e-6
 # Samples of the response that a search uses: what comes later adds more noise than signal to so few pulses.
-RESPONSE = 24
+RESPONSE = 30
 _TAIL = 20
 # F of about 10 and 160 degrees of freedom exceeds this once in 1e5 draws of noise; 6 dB a bit give 11 in the mean. What
 # passes by chance costs a trial: parities decide whether it is a transmission.
@@ -45,7 +45,7 @@ class SyncFound:
 
 
 def search(
-    pressure: Array, known: Array, sync: Sync, begin: int, end: int, whitener: Array | None = None
+    pressure: Array, known: Array, tool: ToolConfiguration, begin: int, end: int, whitener: Array | None = None
 ) -> SyncFound | None:
     """
     Best sync that starts at a sample of a range.
@@ -54,7 +54,8 @@ def search(
     ----------
     pressure, known : ndarray, shape (n,)
         Pa, `SAMPLES_PER_TU` samples a TU; 1 where a sample is known.
-    sync : Sync
+    tool : ToolConfiguration
+        Its sync and its time unit.
     begin, end : int
         Range of its first sample. What comes before it teaches the noise.
     whitener : ndarray, optional
@@ -75,8 +76,9 @@ def search(
     filtered(pressure, whitener, whitened)
     # A disturbed sample counts as its weight, on either side of the ratio.
     whitened *= np.sqrt(steadiness(whitened, known))
-    shapes = np.array([np.convolve(one, whitener)[: RESPONSE + _TAIL] for one in basis(RESPONSE)])
-    edges = SAMPLES_PER_TU * np.array(sync.edges_tu)
+    components = basis(RESPONSE, tool.tu_s)
+    shapes = np.array([np.convolve(one, whitener)[: RESPONSE + _TAIL] for one in components])
+    edges = SAMPLES_PER_TU * np.array(tool.sync.edges_tu)
     length = int(edges[-1]) + RESPONSE + _TAIL
     first = max(begin, BEFORE)
     last = min(end, len(pressure) - length)
@@ -91,14 +93,14 @@ def search(
         return None
     # The response is free, so the time is not: lay the largest pressure where a pulse has its middle.
     found = _fitted(whitened, shapes, edges, first + at)
-    early = int(np.argmax(np.abs(found[0] @ basis(RESPONSE)))) - BEFORE - _MIDDLE
+    early = int(np.argmax(np.abs(found[0] @ components))) - BEFORE - _MIDDLE
     moved = min(max(at + early, 0), count - 1)
     if moved != at:
         at, found = moved, _fitted(whitened, shapes, edges, first + moved)
     noise = float((total[at] - explained[at]) / (length - freedom))
     if not _alike(whitened, found[0] @ shapes, edges, first + at, noise):
         return None
-    response = found[0] @ basis(RESPONSE)
+    response = found[0] @ components
     return SyncFound(first + at, float(score[at]), response, found[1], whitener)
 
 

@@ -149,7 +149,7 @@ def marginals(packets: Indices, forward: Array, backward: Array, out: Array, eve
 
 @compiled
 def mean_interference(
-    packets: Indices, known: Array, common: Array, level: Array, probability: Array, out: Array
+    packets: Indices, known: Array, chance: Array, common: Array, level: Array, probability: Array, out: Array
 ) -> None:
     """
     What pulses that are not neighbours have in common with each place of a packet, in the mean.
@@ -158,8 +158,8 @@ def mean_interference(
     ----------
     packets, common, level
         As `forward_backward`.
-    known : ndarray, shape (j,)
-        Edges of pulses before the first packet, TU, each with probability 1.
+    known, chance : ndarray, shape (j,)
+        Edges of pulses before and behind these packets, TU, and how probable each is.
     probability : ndarray, shape (n, 8)
         Of the packets' values.
     out : ndarray, shape (n, 8)
@@ -172,7 +172,7 @@ def mean_interference(
             at = packets[k, 0] + (1 << packets[k, 1]) - 1 - value
             total = 0.0
             for j in range(len(known)):
-                total += _pair(common, abs(at - int(known[j])), level[k])
+                total += chance[j] * _pair(common, abs(at - int(known[j])), level[k])
             for other in range(n):
                 if abs(other - k) < 2:
                     continue

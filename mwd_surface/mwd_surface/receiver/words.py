@@ -24,8 +24,8 @@ class ReceivedWord:
     ----------
     start_s, end_s : float
         Time on air at the surface, on the clock of the pressure.
-    frame : int
-        Counts the passes of sequences, from 0.
+    frame, index : int
+        Counts the passes of sequences, from 0, and the words of the pass.
     kind : str
         "survey" or "toolface": the sequence it came in.
     name, unit : str
@@ -41,11 +41,14 @@ class ReceivedWord:
         "believed", or "erased" where the confidence is below the level of its kind.
     alternatives : tuple of (int, float)
         Next codes with their probabilities.
+    revision : int
+        0: provisional, as decoded when it was heard; 1: final, decoded again with the whole pass.
     """
 
     start_s: float
     end_s: float
     frame: int
+    index: int
     kind: str
     name: str
     unit: str
@@ -55,23 +58,34 @@ class ReceivedWord:
     sigma: float
     status: str
     alternatives: tuple[tuple[int, float], ...]
+    revision: int = 1
+
+
+@dataclasses.dataclass(frozen=True)
+class WordPlace:
+    """Where a word stands: frame, index in it, kind of its sequence, revision."""
+
+    frame: int
+    index: int
+    kind: str
+    revision: int
 
 
 def received(
-    tool: ToolConfiguration, item: SequenceItem, judged: Judged, span: tuple[float, float], where: tuple[int, str]
+    tool: ToolConfiguration, item: SequenceItem, judged: Judged, span: tuple[float, float], place: WordPlace
 ) -> ReceivedWord:
     """
     Word from its judged codes.
 
-    span: begin and end, s; where: number of the frame and kind of the sequence.
+    span: begin and end, s.
     """
     word = tool.table[item.name]
-    frame, kind = where
-    level = SURVEY_LEVEL if kind == "survey" else TOOLFACE_LEVEL
+    level = SURVEY_LEVEL if place.kind == "survey" else TOOLFACE_LEVEL
     return ReceivedWord(
         *span,
-        frame,
-        kind,
+        place.frame,
+        place.index,
+        place.kind,
         item.name,
         word.unit,
         judged.code,
@@ -80,6 +94,7 @@ def received(
         word.sigma_of(item.bits),
         BELIEVED if judged.confidence >= level else ERASED,
         judged.alternatives,
+        place.revision,
     )
 
 

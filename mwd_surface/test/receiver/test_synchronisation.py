@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mwd_sensors.telemetry.tool_configuration import Sync
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.synchronisation import search
 
 RESPONSE = np.convolve(np.ones(8), [1.0, 0.0, 0.0, 0.0, 0.0, -0.5, 0.3])
@@ -20,7 +20,7 @@ def data(edges, seed=1, size=4.0, n=900):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_sync_is_found_through_an_unknown_channel(sign):
-    found = search(sign * data([400 + 4 * e for e in (0, 5, 15, 20, 30)]), np.ones(900), Sync(), 300, 550)
+    found = search(sign * data([400 + 4 * e for e in (0, 5, 15, 20, 30)]), np.ones(900), ToolConfiguration(), 300, 550)
     assert found is not None
     assert abs(found.at - 400) <= 4
     assert found.score > 8.0
@@ -29,8 +29,8 @@ def test_a_sync_is_found_through_an_unknown_channel(sign):
 @pytest.mark.parametrize("edges", [(), (0,), (0, 5, 15)])
 def test_noise_and_other_pulses_are_no_sync(edges):
     pressure = data([400 + 4 * e for e in edges])
-    assert search(pressure, np.ones(900), Sync(), 300, 550) is None
+    assert search(pressure, np.ones(900), ToolConfiguration(), 300, 550) is None
 
 
 def test_a_gauge_that_stands_has_no_sync():
-    assert search(np.full(900, 2.0e7), np.ones(900), Sync(), 300, 550) is None
+    assert search(np.full(900, 2.0e7), np.ones(900), ToolConfiguration(), 300, 550) is None

@@ -1,0 +1,125 @@
+"""One pass of a sequence: its words stretch by stretch, decoded when they come and again when the pass is complete."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array, Indices
+from mwd_sensors.telemetry.sequences import SequenceItem
+from mwd_surface.receiver import segment, trellis
+from mwd_surface.receiver.belief import TEMPERATURES, Candidate, Soft
+from mwd_surface.receiver.channel_estimate import SAMPLES_PER_TU
+
+# Words are decoded together until they have so many bits: enough pulses for a noise model, and soon shown.
+_STRETCH_BITS = 30
+_BEAM = 16
+
+
+@dataclasses.dataclass
+class Part:
+    """
+    Some words of a pass, decoded together.
+
+    Attributes
+    ----------
+    items : tuple of SequenceItem
+    rows : ndarray, shape (k, 4)
+        Their packets, as `trellis.forward_backward`.
+    at, length : int
+        First sample of the transmission; TU on air.
+    probability : ndarray, shape (k, 8)
+        Of the packets' values.
+    soft : list of Soft
+    ebn0_db : float
+    first : int
+        Index of its first word in the pass.
+    """
+
+    items: tuple[SequenceItem, ...]
+    rows: Indices
+    at: int
+    length: int
+    probability: Array
+    soft: list[Soft]
+    ebn0_db: float
+    first: int = 0
+
+    def edges(self) -> tuple[list[float], list[float]]:
+        """Places of its pulses, samples of the transmission, and how probable each is."""
+        edges, chances = [], []
+        for row, chance in zip(self.rows, self.probability, strict=True):
+            for value in range(1 << row[1]):
+                if chance[value] > 1e-3:
+                    edges.append(float(self.at + SAMPLES_PER_TU * (row[0] + (1 << row[1]) - 1 - value)))
+                    chances.append(float(chance[value]))
+        return edges, chances
+
+
+@dataclasses.dataclass
+class Pass:
+    """A pass of a sequence that is being received."""
+
+    kind: str
+    items: tuple[SequenceItem, ...]
+    start: int
+    done: int = 0
+    at: int = 0
+    parts: list[Part] = dataclasses.field(default_factory=list)
+
+    @property
+    def complete(self) -> bool:
+        """Whether all its words are decoded."""
+        return self.done == len(self.items)
+
+    def following(self) -> tuple[SequenceItem, ...]:
+        """Words that are decoded next."""
+        return stretch_of(self.items, self.done)
+
+    def add(self, part: Part) -> None:
+        """Take the next words."""
+        part.first = self.done
+        self.parts.append(part)
+        self.done += len(part.items)
+        self.at += SAMPLES_PER_TU * part.length
+
+
+def stretch_of(items: tuple[SequenceItem, ...], done: int) -> tuple[SequenceItem, ...]:
+    """Next words of a sequence that are decoded together; a short rest joins the last stretch."""
+    bits, end = 0, done
+    while end < len(items) and bits < _STRETCH_BITS:
+        bits += items[end].length
+        end += 1
+    if sum(item.length for item in items[end:]) < _STRETCH_BITS // 2:
+        end = len(items)
+    return items[done:end]
+
+
+def soft_words(decision: segment.Decision, rows: Indices, items: tuple[SequenceItem, ...], parity: int) -> list[Soft]:
+    """Words with the probabilities of their codes at each temperature."""
+    count = len(rows)
+    forward, backward = np.empty((count, 16)), np.empty((count, 16))
+    chance, even = np.empty((count, trellis.VALUES)), np.empty(count)
+    ends = np.flatnonzero(rows[:, 2])
+    firsts = np.concatenate([[0], ends[:-1] + 1])
+    holds = np.empty((len(items), len(TEMPERATURES)))
+    codes: list[dict[int, list[float]]] = [{} for _ in items]
+    for t, temperature in enumerate(TEMPERATURES):
+        given = (rows, decision.unary / temperature, decision.common / temperature, decision.level)
+        trellis.forward_backward(*given, -1, forward, backward)
+        trellis.marginals(rows, forward, backward, chance, even)
+        holds[:, t] = even[ends] if parity == 0 else 1.0 - even[ends]
+        trellis.forward_backward(*given, parity, forward, backward)
+        evidence = trellis.marginals(rows, forward, backward, chance, even)
+        found = np.empty((_BEAM, 2))
+        for k, item in enumerate(items):
+            made = trellis.best_words(*given, forward, backward, int(firsts[k]), found)
+            for code, log in found[:made]:
+                value = int(code) >> 1 if item.parity else int(code)
+                codes[k].setdefault(value, [0.0] * len(TEMPERATURES))[t] += math.exp(min(log - evidence, 0.0))
+    return [
+        Soft(tuple(Candidate(code, tuple(p)) for code, p in codes[k].items()), tuple(holds[k]) if item.parity else None)
+        for k, item in enumerate(items)
+    ]
