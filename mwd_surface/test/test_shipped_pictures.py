@@ -2,6 +2,7 @@
 
 import json
 import re
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import yaml
 
 pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 
+from mwd_sensors.core import wire
 from mwd_surface.ros.topics import TOPICS
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -57,12 +59,21 @@ def test_rviz_subscribes_to_topics_that_exist_with_profiles_that_match():
     assert topics[0]["Reliability Policy"].upper() == profile.reliability.name
 
 
-def test_every_frame_is_one_of_the_two_of_a_well():
+def test_every_frame_is_one_of_a_well_and_documented():
     frames = {text for text in [*strings(LAYOUT), *strings(RVIZ)] if re.fullmatch(r"well_1/\w+", text)}
     assert frames == {"well_1/local_enu", "well_1/sonde_link"}
     text = (PACKAGE.parent / "docs" / "reference" / "frames.md").read_text()
-    for frame in ("local_enu", "sonde_link", "wellhead", "rig_floor"):
-        assert f"`{frame}`" in text
+    for frame in (wire.LOCAL_FRAME, wire.SONDE_FRAME, wire.WELLHEAD_FRAME, wire.RIG_FRAME, wire.BIT_FRAME):
+        assert f"`WELL/{frame}`" in text
+
+
+def test_the_drawing_of_the_tool_names_the_frames_of_tf():
+    drawing = ET.parse(PACKAGE / "config" / "sonde.urdf").getroot()  # noqa: S314  (our own file)
+    assert {link.get("name") for link in drawing.iter("link")} == {wire.SONDE_FRAME, wire.BIT_FRAME}
+    (joint,) = drawing.iter("joint")
+    assert joint.find("origin").get("xyz") == "8.0 0 0"
+    (display,) = (d for d in RVIZ["Visualization Manager"]["Displays"] if d["Class"].endswith("RobotModel"))
+    assert display["Description File"] == "package://mwd_surface/config/sonde.urdf"
 
 
 def test_they_are_installed():

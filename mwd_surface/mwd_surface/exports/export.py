@@ -91,8 +91,9 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
     folder : path
         Made where it is missing.
     name : str
-        Of the file, without folder; made safe. Empty: well, word of the format and time of the table. A file of that
-        name is replaced.
+        Of the file, without folder; made safe. Empty: well, word of the format and time of the table. Without its
+        ending the raw format gets its word too, so that two formats of one name are two files. A file of that name
+        is replaced.
 
     Returns
     -------
@@ -111,7 +112,9 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
         raise ValueError(f"format: no {kind!r}; did you mean {' or '.join(near)}?")
     made = FORMATS[kind]
     if name:
-        stem = safe_name(name.removesuffix(made.ending))
+        first = next(key for key, other in FORMATS.items() if other.ending == made.ending)
+        word = "" if name.endswith(made.ending) or kind == first else made.word
+        stem = safe_name(*filter(None, (name.removesuffix(made.ending), word)))
     else:
         from mwd_surface.exports.survey_table import utc
 

@@ -116,9 +116,10 @@ def _station(table: SurveyTable, k: int, seen: set[str]) -> str:
     # Of an imported station only the angles are known.
     measured = record if record is not None and record.survey.has_readings else None
     if measured is not None:
-        if measured.survey.has_azimuth:
-            parts.append(_measure("mtf", fixed(measured.survey.magnetic_toolface * _DEG, 4, 360.0), "dega"))
-        parts.append(_measure("gtf", fixed(measured.survey.gravity_toolface * _DEG, 4, 360.0), "dega"))
+        gravity, magnetic = measured.survey.toolfaces
+        for tag, toolface in (("mtf", magnetic), ("gtf", gravity)):
+            if toolface is not None:
+                parts.append(_measure(tag, fixed(toolface * _DEG, 4, 360.0), "dega"))
     parts += [_measure(tag, table.column(key).cell(k), uom) for key, (tag, uom) in _PLACE.items()]
     if table.surveys.well.error_model and record is not None:
         parts.append(_text("modelToolError", table.surveys.well.error_model, _COMMENT))

@@ -43,8 +43,6 @@ class AcceptedSurvey:
     vertical_section: float
     dogleg_severity: float
     turn_rate: float
-    gravity_toolface: float
-    magnetic_toolface: float | None
     azimuth_uncorrected: float | None
     sigma_inclination: float | None
     sigma_azimuth: float | None
@@ -96,8 +94,6 @@ def _accepted(record: SurveyRecord, path: Definitive, k: int) -> AcceptedSurvey:
         vertical_section=float(path.vertical_section[k]),
         dogleg_severity=float(path.dogleg_severity[k]),
         turn_rate=float(path.turn_rate[k]),
-        gravity_toolface=s.gravity_toolface,
-        magnetic_toolface=s.magnetic_toolface if s.has_azimuth else None,
         azimuth_uncorrected=_uncorrected(s),
         sigma_inclination=_known(s.sigma_inclination),
         sigma_azimuth=_known(s.sigma_azimuth),
@@ -119,10 +115,9 @@ def _accepted(record: SurveyRecord, path: Definitive, k: int) -> AcceptedSurvey:
 def _uncorrected(s: Survey) -> float | None:
     """Azimuth from magnetic north of the method without correction; that of the survey where no other was made."""
     for estimate in s.azimuths:
-        if estimate.method == "raw" and estimate.north == North.MAGNETIC and estimate.sigma >= 0.0:
-            return estimate.azimuth
-    plain = s.has_azimuth and s.north == North.MAGNETIC and s.azimuth_method in ("", "raw")
-    return s.azimuth if plain else None
+        if estimate.method == "raw" and estimate.sigma >= 0.0:
+            return s.turned(estimate.azimuth, North(estimate.north), North.MAGNETIC)
+    return s.azimuth_from(North.MAGNETIC) if s.azimuth_method in ("", "raw") else None
 
 
 def _is_corrected(s: Survey) -> bool:

@@ -151,6 +151,13 @@ class Survey:
         return self.g_total > 0.0
 
     @property
+    def toolfaces(self) -> tuple[float | None, float | None]:
+        """Gravity and magnetic toolface, rad; None where not measured: a tool that turns has neither."""
+        if self.kind == ROTARY or not self.has_readings:
+            return None, None
+        return self.gravity_toolface, self.magnetic_toolface if self.has_azimuth else None
+
+    @property
     def has_reference(self) -> bool:
         """True where a reference field, and with it declination and convergence, was configured."""
         return self.b_reference > 0.0

@@ -191,3 +191,10 @@ def test_a_disk_that_refuses_leaves_the_old_file_and_no_piece_of_the_new(files, 
         export(files[0], "csv", tmp_path, "a")
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_two_formats_with_one_ending_and_one_name_are_two_files(files, tmp_path):
+    table = example.table()
+    assert export(table, "csv", tmp_path, "run7").name == "run7.csv"
+    assert export(table, "raw_csv", tmp_path, "run7").name == "run7-raw.csv"
+    assert export(table, "raw_csv", tmp_path, "all.csv").name == "all.csv"

@@ -16,6 +16,7 @@ from mwd_surface.surveys.leg import TieOn
 from mwd_surface.surveys.list_file import list_from_witsml
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import ROTARY
 from project import REFERENCE_DATA
 
 XSD = REFERENCE_DATA / "witsml" / "xsd" / "obj_trajectory.xsd"
@@ -73,6 +74,14 @@ def test_raw_gravity_points_down_and_corrections_carry_their_sign():
     assert text(one, "corUsed/magAxialDrlstrCor") == "-850.0"
     assert text(one, "axialMagInterferenceCorUsed") == "true"
     assert text(one, "matrixCov/varianceVertVert") is not None
+
+
+def test_a_rotary_survey_has_no_toolface_rather_than_a_zero():
+    still, turning = example.surveys(), SurveyList(well=example.WELL)
+    turning = turning.add(example.survey(1, 30.0, 75.0, kind=ROTARY), 300.0, 0.0)
+    for whole, expected in ((still, True), (turning, False)):
+        root = checked(witsml(survey_table(whole, whole.changed_ns)))
+        assert [text(station(root, 1), tag) is not None for tag in ("gtf", "mtf")] == [expected, expected]
 
 
 def test_a_persons_judgement_stands_in_the_comments():

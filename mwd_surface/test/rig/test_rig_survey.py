@@ -9,7 +9,7 @@ from example_surveys import START, WELL, S, survey, surveys
 from mwd_estimation.core.status import Status
 from mwd_surface.rig.survey import accepted_surveys
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Verdict
+from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Verdict
 
 
 def test_the_accepted_are_those_in_use_oldest_first_with_the_numbers_of_the_path():
@@ -42,6 +42,16 @@ def test_the_uncorrected_azimuth_is_the_magnetic_one_of_the_raw_method():
     last = accepted_surveys(surveys())[-1]
     assert math.degrees(last.azimuth_uncorrected) == pytest.approx(75.0 + 0.4 * 12 - 2.0 + 0.8)
     assert last.corrected
+
+
+def test_the_uncorrected_azimuth_stays_known_where_a_reference_turns_azimuths_to_another_north():
+    raw = (AzimuthEstimate("raw", int(North.GRID), math.radians(76.0), 0.01),)
+    fields = {"b_reference": 5e-5, "declination": math.radians(5.0), "convergence": math.radians(1.0)}
+    one = survey(1, 30.0, 75.0, azimuths=raw, north=int(North.GRID), **fields)
+    well = dataclasses.replace(WELL, north_reference="grid")
+    (accepted,) = accepted_surveys(SurveyList(well=well).add(one, 300.0, 0.0))
+    # Magnetic = grid + convergence - declination.
+    assert math.degrees(accepted.azimuth_uncorrected) == pytest.approx(72.0)
 
 
 @pytest.mark.parametrize(
