@@ -10,6 +10,8 @@ anew. The stages behind that, in the order of the signal, are those of `estimate
 
 from __future__ import annotations
 
+import numpy as np
+
 from mwd_estimation.bin_stage import Numbering
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode
@@ -25,6 +27,7 @@ from mwd_estimation.settings import EstimatorSettings, latitude_of
 from mwd_estimation.survey.magnetic_feedback import NORTH_CODES
 from mwd_estimation.survey.static_survey import Refusal
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.mount import Mount, resolve
 
 # Who runs the estimator finds here all that goes with it.
 __all__ = [
@@ -48,10 +51,15 @@ class Pipeline:
     settings : EstimatorSettings
     reference : Reference, optional
         Overrides the settings, for a field measured beforehand.
+    mount : Mount, optional
+        How the units sit in the tool; by default as the settings say without frames and static transforms.
     """
 
-    def __init__(self, settings: EstimatorSettings, reference: Reference | None = None) -> None:
+    def __init__(
+        self, settings: EstimatorSettings, reference: Reference | None = None, mount: Mount | None = None
+    ) -> None:
         self.settings = settings
+        self.mount = mount or resolve(settings.tool.mount)
         self.counters = Counters()
         self._numbering = Numbering()
         self._given = reference
@@ -66,12 +74,18 @@ class Pipeline:
         self._estimate = Estimate(self.settings, self._given, self.counters, self._numbering)
 
     def push_mag(self, samples: Samples) -> None:
-        """Take magnetic samples, dtype of `wire.MAG`."""
+        """Take magnetic samples, dtype of `wire.MAG`, in axes of the unit; left out where its mount is not known."""
+        if "mag" in self.mount.unusable:
+            return
+        samples = self.mount.mag_in_tool(samples)
         self.counters.mag += len(samples)
         self._estimate.take_mag(self._clocks.beside("mag", samples))
 
     def push_precision(self, samples: Samples) -> None:
-        """Take samples of the high-precision unit, dtype of `wire.IMU`."""
+        """Take samples of the high-precision unit, dtype of `wire.IMU`; left out where its mount is not known."""
+        if "precision" in self.mount.unusable:
+            return
+        samples = self.mount.precision_in_tool(samples)
         self.counters.precision += len(samples)
         self._estimate.take_precision(self._clocks.beside("precision", samples))
 
@@ -81,10 +95,13 @@ class Pipeline:
 
     def push_imu(self, samples: Samples, followed: Track | None = None) -> Output:
         """
-        Take samples of the AHRS, dtype of `wire.IMU`; everything else of their time must be pushed before them.
+        Take samples of the AHRS, dtype of `wire.IMU`, in axes of the unit; all else of their time comes before them.
 
-        followed : gravity of these samples, where something else than the method followed it (a smoother).
+        followed : gravity of these samples in tool axes, where something else than the method followed it (a smoother).
         """
+        if "imu" in self.mount.unusable:
+            return Output.empty(0)
+        samples = self.mount.imu_in_tool(samples)
         self.counters.imu += len(samples)
         (first, new), *rest = self._clocks.lead(samples)
         if new is None:
@@ -118,6 +135,12 @@ class Pipeline:
         for name, waiting in self._clocks.release().items():
             take[name](waiting)
         estimate.take_imu(begun)
+
+    def set_mount(self, mount: Mount) -> None:
+        """Turn samples like this from now on; with other axes of the conventional unit the estimate begins anew."""
+        before, self.mount = self.mount, mount
+        if not np.array_equal(before.imu, mount.imu):
+            self.reset()
 
     def finish(self) -> Output:
         """

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mwd_estimation.precision_settings import PrecisionUnit, Vector
+from mwd_sensors.core.mount import MountSettings
 from mwd_sensors.core.settings import setting
 
 
@@ -171,6 +172,7 @@ class Tool:
     accelerometer: Accelerometer = setting(Accelerometer, "Accelerometers of the conventional unit")
     magnetometer: Magnetometer = setting(Magnetometer, "Magnetometer")
     precision: PrecisionUnit = setting(PrecisionUnit, "The high-precision unit")
+    mount: MountSettings = setting(MountSettings, "How the units sit in the tool")
     samples: str = setting(
         "integrated",
         "What a sample of the conventional unit is: integrated (strapdown-integrated over its interval), means "

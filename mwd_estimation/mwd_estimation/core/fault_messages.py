@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterable
 
 from mwd_estimation.core.axis_mappings import MAPPINGS, kind_of
 from mwd_estimation.core.sensor_fault import SENSORS, FaultCode, SensorFault, Unit
+from mwd_sensors.core.mount import PRESETS
 
 # Units beside SI that a sensor may send, in the order of their numbers.
 OTHER_UNITS = (("deg/s",), ("g",), ("mT", "gauss", "uT", "mG", "nT"))
@@ -34,6 +36,7 @@ _CONFIDENCE = {
     FaultCode.FRAME: 0.6,
     FaultCode.SIGN: 0.95,
     FaultCode.POINTS_UP: 0.95,
+    FaultCode.MOUNT: 0.95,
 }
 
 
@@ -45,8 +48,8 @@ class FaultText:
     Attributes
     ----------
     kind : str
-        stuck, saturated, invalid, dead, noise, absent, held, rate, stamps, unit, swapped, flipped, frame, mismatch or
-        gravity; several possible ones are joined by "/".
+        stuck, saturated, invalid, dead, noise, absent, held, rate, stamps, unit, swapped, flipped, frame, mount,
+        mismatch or gravity; several possible ones are joined by "/".
     sensor, axis : str
         Which; several possible ones are joined by "/" ("" where no single axis is meant).
     severity : str
@@ -119,7 +122,7 @@ def _axis(fault: SensorFault) -> str:
         return "xyz"[fault.place % 3]
     if fault.code in (FaultCode.INVALID, FaultCode.NOISE):
         return "/".join("xyz"[k] for k in _bits(fault.which[0], 3))
-    if fault.code in (FaultCode.RATE, FaultCode.STAMPS, FaultCode.REPLAYED, FaultCode.FRAME):
+    if fault.code in (FaultCode.RATE, FaultCode.STAMPS, FaultCode.REPLAYED, FaultCode.FRAME, FaultCode.MOUNT):
         return ""
     return "y/z" if fault.code == FaultCode.REST_RATE else "all"
 
@@ -196,6 +199,17 @@ def _frame(fault: SensorFault, _: str) -> tuple[str, str]:
     return (f"{message}; it fits with {ways}" if ways else message), remedy
 
 
+def _mount(fault: SensorFault, _: str) -> tuple[str, str]:
+    if not fault.which[0]:
+        off = math.degrees(math.acos(min(max(fault.value, -1.0), 1.0)))
+        remedy = "set tool.mount (mwd process: --mount) to the rotation from the unit's axes to the tool's"
+        return f"the string turns about an axis {off:.0f} deg off the unit's x: the unit is mounted askew", remedy
+    found = list(PRESETS)[fault.which[0] - 1]
+    turning = "the other way round" if found == "x-up" else f"about {found[0]}, not about x"
+    remedy = f"set tool.mount to {found} (mwd process: --mount {found}), on top of what it is set to now"
+    return f"the string turns {turning}, as seen by the unit: it is mounted {found}", remedy
+
+
 def _axes_words(fault: SensorFault, _: str) -> tuple[str, str]:
     remedy = "correct the axes in the driver or the mounting, then rotate the tool again"
     return f"{_of(fault)}the motion shows wrong axes; {_way_words(fault.which)}", remedy
@@ -254,6 +268,7 @@ _WORDS: dict[FaultCode, Callable[[SensorFault, str], tuple[str, str]]] = {
     FaultCode.SIGN: _sign,
     FaultCode.POINTS_UP: _sign,
     FaultCode.FRAME: _frame,
+    FaultCode.MOUNT: _mount,
     FaultCode.GRAVITY: _gravity,
     FaultCode.MISMATCH: _plain(
         "{sensor} agrees with no axis of the other unit's", "check its scale, its clock and its mounting"

@@ -26,7 +26,8 @@ class FaultCode(enum.IntEnum):
     that are not finite), DEAD (all axes repeat), NOISE (random numbers), NEVER_CAME and SILENT (no samples),
     REPEATED (sent twice), UNIT, MISMATCH (fits no axis of the other unit), GRAVITY (the mean force is not gravity),
     REST_RATE (turns at rest). Of the stream: RATE, STAMPS, REPLAYED (old samples come again). Between sensors:
-    AXES, SIGN, POINTS_UP (a sign, seen without a reference), FRAME.
+    AXES, SIGN, POINTS_UP (a sign, seen without a reference), FRAME. Of all of them: MOUNT (the string turns about
+    another axis of the unit than x).
     """
 
     STUCK = 0
@@ -49,6 +50,7 @@ class FaultCode(enum.IntEnum):
     GRAVITY = 17
     REST_RATE = 18
     REPLAYED = 19
+    MOUNT = 20
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,7 +69,8 @@ class SensorFault:
     which : tuple of int
         AXES and FRAME: bits of the mappings of gyro, accelerometer and magnetometer that explain what was seen
         (`axis_mappings`). INVALID, NOISE: bits of the axes. UNIT: number of the unit, from 1
-        (`fault_messages.OTHER_UNITS`). SIGN: bits of the sensors. Each in the first place; otherwise zeros.
+        (`fault_messages.OTHER_UNITS`). SIGN: bits of the sensors. MOUNT: the axis that points down-hole, its number
+        in `mount.PRESETS`, from 1; 0: none. Each in the first place; otherwise zeros.
     unusable : int
         Bits GYRO, ACCEL, MAG, PRECISION of what must not be used while it lasts.
     since_ns : int
@@ -97,7 +100,7 @@ class SensorFault:
         if self.code in (FaultCode.AXES, FaultCode.FRAME):
             named = tuple(s for s in range(3) if self.which[s])
             return named or (1, 2)
-        if self.code == FaultCode.REPLAYED:
+        if self.code in (FaultCode.REPLAYED, FaultCode.MOUNT):
             return 0, 1, 2
         if self.code == FaultCode.SIGN:
             return tuple(s for s in range(3) if self.which[0] >> s & 1)

@@ -52,8 +52,10 @@ class Window:
         In tool axes.
     push : float
         Largest mean force of a half second along an axis of the tool.
-    path, turn_x : float
-        Angle turned through, and about the tool's axis, as the gyros read it, rad.
+    path : float
+        Angle turned through, as the gyros read it, rad.
+    turn : ndarray, shape (3,)
+        Sum of the turns about each axis, rad.
     began_ns : int
         Begin of the window.
     seconds : float
@@ -67,7 +69,7 @@ class Window:
         self.forces, self.fields = int(steps["forces"].sum()), int(counts.sum())
         self.force2 = float(steps["force2"].sum() / max(self.forces, 1))
         self.field2 = float(steps["field2"].sum() / max(self.fields, 1))
-        self.path, self.turn_x = float(np.sqrt((turn**2).sum(axis=1)).sum()), float(turn[:, 0].sum())
+        self.path, self.turn = float(np.sqrt((turn**2).sum(axis=1)).sum()), turn.sum(axis=0)
         starts = np.flatnonzero(np.diff(steps["part"], prepend=-1))
         part_forces = np.add.reduceat(steps["forces"], starts)
         by_part, in_all = [], []

@@ -91,6 +91,7 @@ RULES = {
     FaultCode.GRAVITY: Rule(4, 2),
     FaultCode.REST_RATE: Rule(5, 4),
     FaultCode.REPLAYED: Rule(2, 4),
+    FaultCode.MOUNT: Rule(4, 2),
 }
 _RULES = np.array([RULES[code] for code in FaultCode], dtype=np.int64)
 # Mappings up to which a frame that does not fit accuses the accelerometer as well.
@@ -170,7 +171,7 @@ def accused(code: int, place: int, which: Indices) -> int:
         return int(which[0])
     if code == FaultCode.POINTS_UP:
         return ACCEL
-    if code == FaultCode.REPLAYED:
+    if code in (FaultCode.REPLAYED, FaultCode.MOUNT):
         return GYRO | ACCEL | MAG
     if code == FaultCode.AXES:
         return (GYRO if which[0] else 0) | (ACCEL if which[1] else 0) | (MAG if which[2] else 0)

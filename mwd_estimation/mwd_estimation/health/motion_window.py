@@ -25,6 +25,10 @@ _TURN2, _STEP_NS = 0.2, 100_000_000
 # An interval beyond which the turn between two samples is not known, s.
 _LONGEST = 0.25
 _ABSURD = 1e12
+TURNING = 3.0
+"""Net rate from which a string turns, rad/s: a tool handled by people does not turn so for seconds."""
+UPWARDS = 0.17
+"""Axial force, as a share of gravity, from which the hole would point upwards, by 10 deg."""
 
 
 class MotionStep:
@@ -222,6 +226,16 @@ def _length_noise(carried: Any) -> float:
 
 
 @compiled
+def _turns_about_x(expected: Expected, carried: Any, seconds: float) -> bool:
+    """Whether the tool stands, or turns about x as a string does that points downwards, whatever it shakes beside."""
+    upwards = carried.force_x / carried.forces > UPWARDS * expected.gravity
+    turned = -carried.turn_x if math.isfinite(expected.dip) else abs(carried.turn_x)
+    if upwards and turned > TURNING * seconds:
+        return False
+    return bool(carried.path <= TURNING * seconds or abs(carried.turn_x) >= 0.5 * carried.path)
+
+
+@compiled
 def consistent(p: Consistency, expected: Expected, carried: Any, seconds: float) -> bool:
     """Whether gravity is g long, the field steady and of its size, and the dip the place's, with axes as they are."""
     if carried.path > 50.0 * seconds:
@@ -232,8 +246,7 @@ def consistent(p: Consistency, expected: Expected, carried: Any, seconds: float)
         off = abs(length / expected.gravity - 1.0)
         if off > p.length + p.sigmas * _length_noise(carried) / expected.gravity:
             return False
-        upwards = carried.force_x / carried.forces > 0.17 * expected.gravity
-        if upwards and not math.isfinite(expected.dip) and abs(carried.turn_x) > 3.0 * seconds:
+        if not _turns_about_x(expected, carried, seconds):
             return False
     if carried.fields < 3:
         return True

@@ -30,7 +30,7 @@ _MINUTE_NS, _IN_VAIN = 60_000_000_000, 3
 # Samples that wait at most, where time stands still.
 _MOST_WAITING = 16384
 # The checks of windows, from and to before.
-_WINDOW_CODES = int(FaultCode.UNIT), int(FaultCode.REST_RATE)
+_WINDOW_CODES = (*range(FaultCode.UNIT, FaultCode.REST_RATE), int(FaultCode.MOUNT))
 # Where a call of the kernel stands: at a new sample, behind the check of its stamp, behind a half second.
 _NEW, _STAMPED, _CLOSED = 0, 1, 2
 
@@ -77,7 +77,7 @@ def _due(k: Kernel, s: Any, tables: Tables, expected: Expected, full: bool) -> b
         return True
     if not full:
         return False
-    for code in range(_WINDOW_CODES[0], _WINDOW_CODES[1]):
+    for code in _WINDOW_CODES:
         for place in range(7):
             check = checks[code, place]
             if check.votes_for > 0 or check.state == FAULT:

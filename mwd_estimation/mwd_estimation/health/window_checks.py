@@ -18,9 +18,10 @@ from mwd_estimation.core.axis_mappings import ACCEL, MAG, MAPPINGS, MISTAKES, WE
 from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, NOTHING, OK, STRONGLY, observe
-from mwd_estimation.health.motion_window import Expected
+from mwd_estimation.health.motion_window import TURNING, UPWARDS, Expected
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.mount import PRESETS, axis_down
 
 Flags = NDArray[np.bool_]
 
@@ -31,6 +32,7 @@ FIELD_POWERS = np.array([3.0, 4.0, 6.0, 7.0, 9.0])
 _MATRICES = np.array(MAPPINGS, dtype=float)
 _SENSOR, _MAPPING, _BY_FORCE, _BY_FIELD = MISTAKES.T
 _FEW_FORCES, _FEW_FIELDS = 40, 10
+_DOWN = list(PRESETS)
 
 
 class WindowLimits(NamedTuple):
@@ -131,6 +133,8 @@ class WindowJudge:
         if self._judge_gyro_unit():
             return
         axes = self._judge_axes()
+        if axes != FOR and self._judge_mount():
+            return
         # What a string that surges does to the mean of less than the whole window is no other dip.
         whole = w.seconds > 2.9
         usable = whole and self._samples[0] < BROKEN
@@ -312,6 +316,25 @@ class WindowJudge:
         check.seen_which = common if seen == FOR and check.votes_for and any(common) else masks
         return seen
 
+    def _judge_mount(self) -> bool:
+        """Whether the string turns about another axis of the unit than x, or the other way round and points up."""
+        w = self._window
+        # Of a unit whose axes do not belong together nothing is known of its mount.
+        together = self._force.confirms or self._field.confirms
+        if not together or self._checks[FaultCode.AXES, 0].state == FAULT or self._samples[0] != WHOLE:
+            return False
+        net = float(np.linalg.norm(w.turn))
+        if net < max(TURNING * w.seconds, 0.9 * w.path):
+            return False
+        about_x, down = float(w.turn[0]) / net, axis_down(w.turn, w.path)
+        # A string that turns to the left points up only where the unit lies the wrong way round.
+        upwards = float(w.mean_force[0]) > UPWARDS * self._length
+        seen = AGAINST if abs(about_x) > 0.95 else NOTHING
+        seen = FOR if abs(about_x) < 0.85 or (down == "x-up" and upwards) else seen
+        check = self._note(FaultCode.MOUNT, 0, seen, about_x, 0.85)
+        check.seen_which[0] = 1 + _DOWN.index(down) if down else 0
+        return seen == FOR
+
     def _judge_signs(self) -> None:
         """Signs and frames: by the dip where the reference is known, else by which way a turning string points."""
         w, p, expected = self._window, self._limits, self._expected.dip
@@ -319,7 +342,7 @@ class WindowJudge:
         inclination = math.acos(min(max(-up, -1.0), 1.0))
         known = self._right_strength() and self._samples[2] == WHOLE and w.fields >= 3
         if not known or abs(expected) <= 0.35:
-            if abs(w.turn_x) > 3.0 * w.seconds:
+            if abs(w.turn[0]) > TURNING * w.seconds:
                 seen = FOR if inclination > 2.1 else (AGAINST if inclination < 1.75 else NOTHING)
                 self._note(FaultCode.POINTS_UP, 3, seen, inclination, 1.75)
             return

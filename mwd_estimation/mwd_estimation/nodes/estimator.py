@@ -58,7 +58,9 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self.get_logger().info("preparing the filters; the first time after a change they are compiled")
         warm_up(self.settings)
         self.get_logger().info("the filters are ready")
-        self._pipeline = Pipeline(self.settings)
+        self._inputs = InputTopics(self)
+        self._mount_key = self._inputs.mount_key
+        self._pipeline = Pipeline(self.settings, None, self._inputs.mount(self.settings.tool.mount))
         self._last_tf_ns = 0
         self._last_published_ns = -MIN_SPACING_NS
         self._last_status = 0
@@ -70,7 +72,6 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._dynamics = self.add_publisher(Dynamics, "dynamics", qos.STATE)
         self._survey = self.add_publisher(SurveyMessage, "survey", qos.EVENT)
         self._tf = self.add_publisher(TFMessage, "/tf", qos.STATE)
-        self._inputs = InputTopics(self)
         self.add_timer(_BLOCK_PERIOD, self._estimate_block)
         self.add_timer(FEEDBACK_PERIOD, self._actions.publish_feedback)
         self.add_subscription(SurveyList, "surveys", self._on_surveys, qos.LATCHED)
@@ -86,7 +87,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._actions.abort("the settings were changed")
         self._respond(False, "no survey taken: the settings were changed", 0)
         before = self._pipeline
-        self._pipeline = Pipeline(settings, before.given_reference if settings.place == before.settings.place else None)
+        reference = before.given_reference if settings.place == before.settings.place else None
+        self._pipeline = Pipeline(settings, reference, self._inputs.mount(settings.tool.mount))
         self._pipeline.continue_numbering(before.sequence)
         self._times_set_back = 0
 
@@ -105,26 +107,30 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     def _estimate_block(self) -> None:
         """Estimate from all samples that wait: the same bits as one by one, with one call of each kernel."""
         # IMU samples are taken first and pushed last: the other samples of their time were sent before them.
-        imu = self._inputs.take("imu/data_raw")
-        for topic, push in (
-            ("imu/mag", self._push_mag),
-            ("gyro/data_raw", self._pipeline.push_precision),
-            ("imu/temperature", self._pipeline.push_temperature),
-        ):
-            samples = self._inputs.take(topic)
+        inputs, pipeline = self._inputs, self._pipeline
+        imu = inputs.take("imu/data_raw")
+        others = [inputs.take(topic) for topic in ("imu/mag", "gyro/data_raw", "imu/temperature")]
+        if inputs.mount_key != self._mount_key:
+            # Frames and static transforms are known with the first messages.
+            self._mount_key = inputs.mount_key
+            pipeline.set_mount(inputs.mount(pipeline.settings.tool.mount))
+        pushes = (pipeline.push_mag, pipeline.push_precision, pipeline.push_temperature)
+        for push, samples in zip(pushes, others, strict=True):
             if len(samples):
                 push(samples)
-        if len(imu):
-            self._publish(imu, self._pipeline.push_imu(imu))
+        if len(imu) and "imu" not in pipeline.mount.unusable:
+            self._publish(imu, pipeline.push_imu(imu))
 
-    def _push_mag(self, samples: Samples) -> None:
-        if not self._inputs.frames_differ():
-            self._pipeline.push_mag(samples)
+    @property
+    def _frame(self) -> str:
+        """Frame of the tool's axes: that of the samples, unless they are turned."""
+        mount, frame = self.settings.tool.mount, self._inputs.frames.get("imu/data_raw", "")
+        return self.frame(mount.frame) if self._pipeline.mount.turns else frame
 
     # Publishers.
 
     def _publish(self, samples: Samples, output: Output) -> None:
-        frame = self._inputs.frames["imu/data_raw"]
+        frame = self._frame
         self._publish_streams(samples, output, frame)
         for change in output.health:
             fault = describe(change)
@@ -157,7 +163,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         publish_rows(self._gravity, wire.GRAVITY.encode(output.gravity[rows], frame))
         publish_rows(self._interference, wire.INTERFERENCE.encode(output.interference, frame))
         publish_rows(self._dynamics, wire.DYNAMICS.encode(output.dynamics, frame))
-        oriented = oriented_imu(samples[rows], output.attitude[rows])
+        oriented = oriented_imu(self._pipeline.mount.imu_in_tool(samples[rows]), output.attitude[rows])
         publish_rows(self._imu, wire.IMU.encode(oriented, frame))
         if len(oriented):
             self._last_status = int(output.attitude["status"][-1])
@@ -173,7 +179,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     def _publish_pending_survey(self) -> None:
         """No more samples come in the still interval: publish the survey that waits for the gyro as it is."""
         for survey in self._pipeline.finish().surveys:
-            self._publish_survey(survey, self._inputs.frames.get("imu/data_raw", ""))
+            self._publish_survey(survey, self._frame)
 
     def _publish_tf(self, oriented: Any, frame: str) -> None:
         stamp_ns = int(oriented["stamp_ns"])
@@ -247,7 +253,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         found.append(inputs.diagnostic("imu/mag", counters.mag, WARN))
         if inputs.received("gyro/data_raw"):
             found.append(inputs.diagnostic("gyro/data_raw", counters.precision, WARN))
-        found += inputs.frames_diagnostics()
+        found += inputs.mount_diagnostics(pipeline.mount)
         found.append(diagnostics.sample_diagnostic(pipeline, inputs.unreadable))
         found.append(diagnostics.reference_diagnostic(pipeline.reference))
         found += diagnostics.sensor_diagnostics(pipeline)

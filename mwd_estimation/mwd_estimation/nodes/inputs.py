@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 from mwd_msgs.msg import ImuBurst
 from sensor_msgs.msg import Imu, MagneticField, Temperature
+from tf2_msgs.msg import TFMessage
 
 from mwd_sensors.core import burst, wire
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.mount import Mount, MountSettings, Transforms, resolve
 from mwd_sensors.ros import qos
-from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
+from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.message_buffer import decode_messages
 
@@ -26,6 +28,8 @@ _TYPES = {
     "imu/data_raw": Imu,
     "imu/burst": ImuBurst,
 }
+# Topics of the units that a mount turns.
+_UNITS = {"imu": "imu/data_raw", "mag": "imu/mag", "precision": "gyro/data_raw"}
 _BURST_TOPIC = {single: name for name, single in burst.TOPICS.items()}
 
 
@@ -46,6 +50,9 @@ class InputTopics:
         self.unreadable = 0
         self._node = node
         self._received_at: dict[str, float] = {}
+        self._transforms = Transforms()
+        self._transforms_seen = 0
+        node.add_subscription(TFMessage, "/tf_static", self._on_transforms, qos.EVENT)
         self._buffers = {
             topic: node.add_buffered_subscription(msg_type, topic, qos.buffered(qos.STREAM))
             for topic, msg_type in _TYPES.items()
@@ -81,10 +88,21 @@ class InputTopics:
         """Whether no message of the topic has arrived for `TIMEOUT_S`."""
         return time.monotonic() - self._received_at.get(topic, -TIMEOUT_S) >= TIMEOUT_S
 
-    def frames_differ(self) -> bool:
-        """Whether IMU and magnetometer are published in two frames."""
-        imu = self.frames.get("imu/data_raw")
-        return imu is not None and imu != self.frames.get("imu/mag", imu)
+    @property
+    def mount_key(self) -> tuple[Any, ...]:
+        """What `mount` rests on beside the settings: it is the same as long as this is."""
+        return self._transforms_seen, *(self.frames.get(topic) for topic in _UNITS.values())
+
+    def mount(self, given: MountSettings) -> Mount:
+        """How the units sit in the tool, by the settings, the frames of their messages and the static transforms."""
+        names = {unit: self.frames.get(topic, "") for unit, topic in _UNITS.items()}
+        return resolve(given, names, self._transforms)
+
+    def _on_transforms(self, message: TFMessage) -> None:
+        for one in message.transforms:
+            q = one.transform.rotation
+            self._transforms.add(one.header.frame_id, one.child_frame_id, (q.x, q.y, q.z, q.w))
+        self._transforms_seen += 1
 
     def diagnostic(self, topic: str, count: int, level: bytes) -> Diagnostic:
         """
@@ -111,10 +129,13 @@ class InputTopics:
         message = f"{name} has a publisher ({policy}) but nothing arrives"
         return Diagnostic(topic, level, message, "check its QoS", values)
 
-    def frames_diagnostics(self) -> tuple[Diagnostic, ...]:
-        """Report an error where IMU and magnetometer are published in two frames, else nothing."""
-        if not self.frames_differ():
-            return ()
-        imu, mag = self.frames["imu/data_raw"], self.frames["imu/mag"]
-        message = f"imu/data_raw is in {imu!r}, imu/mag in {mag!r}: the magnetometer is not used"
-        return (Diagnostic("frames", ERROR, message, "publish both in one frame"),)
+    def mount_diagnostics(self, mount: Mount) -> tuple[Diagnostic, ...]:
+        """Report units that are not used because their mount is not known; nothing where all of them are."""
+        found = []
+        for unit, sentence in mount.unusable.items():
+            # A unit that never came is reported as such.
+            if unit == "imu" or self.received(_UNITS[unit]):
+                level = ERROR if unit == "imu" else WARN
+                what, _, remedy = sentence.partition(": ")
+                found.append(Diagnostic(f"mount of {_UNITS[unit]}", level, f"not used: {what}", remedy))
+        return tuple(found)

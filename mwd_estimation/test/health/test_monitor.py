@@ -13,6 +13,7 @@ from mwd_estimation.core.fault_messages import describe
 from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health import monitor as health
 from mwd_estimation.health.fault_debounce import OK, UNKNOWN
+from mwd_sensors.core.mount import PRESETS
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import REFERENCE_DATA, ROOT
@@ -415,3 +416,15 @@ def test_real_disturbed_recordings_raise_no_alarm():
         stamps = np.round(np.arange(len(gyro)) * 1e9 / float(data["fs"])).astype(np.int64)
         _, _, changes = judged(Run(stamps, gyro, accel, stamps, mag * 1e-6, (None, None, None)))
         assert changes == [], file.name
+
+
+@pytest.mark.parametrize("name", [name for name in PRESETS if name != "x-down"])
+@pytest.mark.parametrize("reference", [True, False])
+def test_a_unit_mounted_otherwise_is_named_by_the_axis_the_string_turns_about(name, reference):
+    run, mat = sent("default", 30.0), PRESETS[name]
+    mounted = dataclasses.replace(run, gyro=run.gyro @ mat, accel=run.accel @ mat, mag=run.mag @ mat)
+    _, unusable, changes = judged(mounted, reference=reference)
+    (fault,) = [change for change in changes if change.code == FaultCode.MOUNT]
+    assert name in describe(fault).message
+    assert f"--mount {name}" in describe(fault).remedy
+    assert unusable[-1] == evidence.GYRO | evidence.ACCEL | evidence.MAG

@@ -94,7 +94,7 @@ def test_rates_in_degrees_are_recognised_and_a_vector_fixed_in_the_tool_too():
     assert math.sqrt(found.force_deg / found.force2) == pytest.approx(1.0, abs=0.03)
     assert shares(found).max() < 0.9
     assert found.path == pytest.approx(math.degrees((SECONDS - 1 / HZ) * math.sqrt(5.0)), rel=1e-6)
-    assert found.turn_x == pytest.approx(math.degrees((SECONDS - 1 / HZ) * 2.0))
+    assert found.turn[0] == pytest.approx(math.degrees((SECONDS - 1 / HZ) * 2.0))
     still = window(steadily(0.0, 0.0, 0.0))
     assert still.force_fixed == pytest.approx(still.force2)
 

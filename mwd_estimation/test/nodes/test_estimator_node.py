@@ -10,6 +10,7 @@ pytest.importorskip("rclpy")
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.nodes.estimator import EstimatorNode
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_sensors.core.mount import resolve
 
 FIELD = Reference(5e-5, 1.2, 0.05, 0.0, 9.81, "measured on the pad")
 
@@ -26,6 +27,7 @@ def changed(**blocks):
         _actions=SimpleNamespace(abort=answers.append),
         _respond=lambda success, message, _sequence: answers.append((success, message)),
         _times_set_back=3,
+        _inputs=SimpleNamespace(mount=resolve),
     )
     EstimatorNode.on_settings_changed(node, dataclasses.replace(settings, **blocks))
     return node, answers

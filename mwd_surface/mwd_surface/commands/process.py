@@ -19,13 +19,13 @@ from mwd_surface.commands.process_options import (
     MagTopic,
     MagUnit,
     Method,
+    MountOption,
     NorthName,
     Output,
     Partial,
     Rate,
     Recording,
     RigTopic,
-    SameAxes,
     SensorToBit,
     Smooth,
     Start,
@@ -41,6 +41,7 @@ from mwd_surface.commands.reference_options import (
     Precision,
     Tool,
     given_settings,
+    mount_changes,
     placed_settings,
     recording_changes,
     tool_changes,
@@ -79,7 +80,7 @@ def process(
     sensor_to_bit_m: SensorToBit = None,
     depths: Depths = None,
     calibration: CalibrationFile = None,
-    same_axes: SameAxes = False,
+    mount: MountOption = None,
     form: Format = None,
     rate_hz: Rate = None,
     smooth: Smooth = False,
@@ -101,10 +102,12 @@ def process(
       mwd process bags/run_7 -o out --field 50360,71.63,-2.2 --method s3
       mwd process bags/run_7 -o out --format parquet --rate 10
       mwd process bags/run_7 -o out --format mcap --smooth
+      mwd process bags/run_7 -o out --mount z-down
       mwd process bags/other_names -o out --imu-topic /tool/imu --gyro-topic /tool/fog
     """
     options = locals()  # first of all: the options alone, by name
-    place, sensors = recording_changes(lat, lon, date, field), tool_changes(tool, precision)
+    place = recording_changes(lat, lon, date, field)
+    sensors = tool_changes(tool, precision) | mount_changes(mount)
     _run(
         bag,
         output,

@@ -53,8 +53,15 @@ CalibrationFile = Annotated[
     Path | None,
     typer.Option(help="Calibration of the IMU and magnetometer, from `mwd calibrate`.", rich_help_panel=_INPUT),
 ]
-SameAxes = Annotated[
-    bool, typer.Option("--same-axes", help="IMU and magnetometer share axes under two names.", rich_help_panel=_INPUT)
+MountOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--mount",
+        help="How the units sit in the tool: z-down, x-up ..., nine numbers, a quaternion x,y,z,w, or tf; of one unit "
+        "as mag=z-down (imu, mag, precision). May be repeated.",
+        metavar="[UNIT=]MOUNT",
+        rich_help_panel=_INPUT,
+    ),
 ]
 Format = Annotated[
     str | None, typer.Option("--format", "-f", help="Attitude as csv, parquet or mcap.", rich_help_panel=_OUTPUT)

@@ -88,6 +88,25 @@ def tool_changes(tool: str | None, precision: str | None) -> dict[str, Any]:
     return changes
 
 
+def mount_changes(given: Sequence[str] | None) -> dict[str, Any]:
+    """
+    Settings `tool.mount.*` of the option --mount: of every unit, or of one as UNIT=MOUNT.
+
+    Raises
+    ------
+    ValueError
+        A unit that is none.
+    """
+    changes: dict[str, Any] = {}
+    for text in given or ():
+        unit, equals, mount = text.rpartition("=")
+        units = (unit.strip(),) if equals else ("imu", "mag", "precision")
+        if not set(units) <= {"imu", "mag", "precision"}:
+            raise ValueError(f"--mount {text}: {unit!r} is no unit; write imu, mag or precision before the equals sign")
+        changes |= {f"tool.mount.{name}": mount.strip() for name in units}
+    return changes
+
+
 def _flat(table: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for name, value in table.items():

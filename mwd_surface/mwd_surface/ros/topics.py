@@ -40,7 +40,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "alarms": (msg.AlarmList, LATCHED),
     "recorder": (msg.RecorderStatus, STATE),
     "/tf": (TFMessage, STATE),
-    "/tf_static": (TFMessage, LATCHED),
+    "/tf_static": (TFMessage, EVENT),
     "/parameter_events": (ParameterEvent, STATE),
     "/diagnostics": (DiagnosticArray, STATE),
 }

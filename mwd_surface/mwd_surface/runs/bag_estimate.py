@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation import derivation
+from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.gravity.bounded.filter import Params
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
+from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_sensors.calibration.compensation import Compensation
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
@@ -26,9 +28,9 @@ from mwd_surface.runs.bag_input import (
     check_imu,
     check_mag,
     find_topics,
-    frames_differ,
     guesses,
     in_si,
+    mount_of,
     unstamped,
 )
 from mwd_surface.runs.imu_queue import ImuQueue
@@ -109,8 +111,11 @@ class BagEstimate:
         self._bag, self._estimator, self._given = bag, estimator, given
         self._list = ListBuilder(bag, self.topics, estimator, given, recorded or Recorded())
         self._compensation, self._merger = compensation, merger
-        self._pipeline = Pipeline(estimator)
-        self._queue = ImuQueue(_smoothing(estimator, bag.start_ns) if smooth else None)
+        mount = mount_of(bag, self.topics, estimator.tool.mount)
+        self._pipeline = Pipeline(estimator, mount=mount)
+        if merger is not None and mount.turns:
+            merger.frame = estimator.tool.mount.frame
+        self._queue = ImuQueue(_smoothing(estimator, bag.start_ns) if smooth else None, mount.imu)
         self._start_ns = bag.start_ns + round(given.start_s * 1e9)
         self._end_ns = bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
         self._last_ns = bag.end_ns if self._end_ns is None else min(bag.end_ns, self._end_ns)
@@ -149,10 +154,10 @@ class BagEstimate:
         if self._without_time:
             names = ", ".join(sorted(self._without_time))
             self._summary.warnings.append(f"{names}: no time in the headers; the times of recording are used")
-        differ = frames_differ(self._bag, self.topics)
-        if differ and not self._given.same_axes:
-            self._use_mag = False
-            self._summary.warnings.append(f"{differ}: the magnetometer is not used; if they share axes say --same-axes")
+        unusable = self._pipeline.mount.unusable
+        self._use_mag = self._use_mag and "mag" not in unusable
+        units = {"mag": self.topics.mag, "precision": self.topics.precision}
+        self._summary.warnings += [f"{units[unit]} is not used: {why}" for unit, why in unusable.items()]
 
     def _blocks(self) -> Iterator[tuple[Block, list[Originals]]]:
         """Read the bag, with its messages as they are where a merger wants them."""
@@ -218,10 +223,23 @@ class BagEstimate:
             summary.warnings.append(
                 f"{compensation.without_temperature} samples were calibrated before any temperature was known"
             )
+        self._reject_wrong_mount()
         summary.listed, summary.live = self._list.finish()
         summary.depths = self._list.depth_source
         summary.warnings += self._list.warnings
         summary.warnings += pipeline_warnings(summary, pipeline, self._estimator)
+
+    def _reject_wrong_mount(self) -> None:
+        """Reject what was surveyed before the turning string showed the unit's mount, which does not change."""
+        summary, history = self._summary, FaultHistory()
+        wrong = [fault for fault in summary.faults if fault.code == FaultCode.MOUNT and not fault.cleared_ns]
+        if not wrong:
+            return
+        history.note(wrong[0])
+        for k, (survey, depth) in enumerate(summary.surveys):
+            if survey.stamp_ns < wrong[0].since_ns:
+                summary.surveys[k] = history.judge(survey), depth
+                self._list.replace(summary.surveys[k][0])
 
 
 def _last_log(block: Block, originals: list[Originals]) -> int:

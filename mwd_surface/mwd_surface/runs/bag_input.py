@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 
 from mwd_sensors.core import burst, units, wire
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.mount import Mount, MountSettings, Transforms, resolve
 from mwd_sensors.core.settings import setting
 from mwd_surface.bags.bag_reader import Bag, BagError, Block
 from mwd_surface.bags.mcap.records import MAGIC
 
 IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
 IMU_BURST, PRECISION_BURST = burst.TOPICS
+_TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _LOOKED_AT = 2000  # messages, of all topics together, before frames and times count as seen
 _SAME_AT_LEAST = 10  # messages of one and the same time, before it counts as none
 
@@ -41,7 +43,6 @@ class InputSettings:
     mag_unit: str = setting("T", "Unit of the magnetic field", choices=tuple(units.FACTORS["field"]))
     start_s: float = setting(0.0, "Begin so long after the first message", unit="s", low=0.0)
     end_s: float = setting(math.inf, "End so long after the first message", unit="s", low=0.0)
-    same_axes: bool = setting(False, "IMU and magnetometer share axes although their frames have different names")
     partial: bool = setting(False, "Use what can be read of a bag that is cut off or damaged")
     sensor_to_bit_m: float = setting(
         -1.0, "Sonde behind the bit; -1: as the recording says, else 0", unit="m", low=-1.0, high=100.0
@@ -182,20 +183,46 @@ def check_mag(topic: str | None, mag: Samples) -> list[str]:
     return [f"{topic}: {found[0]}; not used, there is no azimuth: {remedy}"]
 
 
-def frames_differ(bag: Bag, topics: Topics) -> str:
-    """Which frames IMU and magnetometer name, where they name different ones; else empty, as where one names none."""
-    if topics.mag is None:
-        return ""
+def mount_of(bag: Bag, topics: Topics, given: MountSettings) -> Mount:
+    """
+    How the units sit in the tool, by the settings, the frames that the messages name and the bag's static transforms.
+
+    Raises
+    ------
+    BagError
+        The mount of the IMU is not known.
+    """
+    units = {"imu": topics.imu, "mag": topics.mag, "precision": topics.precision}
+    seen = frame_names(bag, [name for name in units.values() if name is not None])
+    names = {unit: seen.get(name, "") for unit, name in units.items() if name is not None}
+    mount = resolve(given, names, static_transforms(bag))
+    if "imu" in mount.unusable:
+        raise BagError(f"{topics.imu}: {mount.unusable['imu']}", "with `mwd process`: --mount z-down, for example")
+    there = {unit: why for unit, why in mount.unusable.items() if units[unit] is not None}
+    return dataclasses.replace(mount, unusable=there)
+
+
+def frame_names(bag: Bag, topics: list[str]) -> dict[str, str]:
+    """Frame that the first messages of each topic name; topics that name none are left out."""
     found: dict[str, str] = {}
-    for count, (_, name, _, data) in enumerate(bag.messages([topics.imu, topics.mag])):
+    for count, (_, name, _, data) in enumerate(bag.messages(topics)):
         with contextlib.suppress(wire.WireError):
             if frame := wire.frame_id(data):
                 found.setdefault(name, frame)
-        if len(found) == 2 or count > _LOOKED_AT:
+        if len(found) == len(topics) or count > _LOOKED_AT:
             break
-    if len(set(found.values())) < 2:
-        return ""
-    return " and ".join(f"{name} is in {frame!r}" for name, frame in found.items())
+    return found
+
+
+def static_transforms(bag: Bag) -> Transforms:
+    """Static transforms in a bag, of all its topics that end in tf_static."""
+    transforms = Transforms()
+    topics = [t.name for t in bag.topics.values() if t.name.endswith("tf_static") and t.type_name == _TRANSFORMS]
+    for _, name, _, data in bag.messages(topics) if topics else ():
+        for one in bag.decode(name, data).transforms:
+            q = one.transform.rotation
+            transforms.add(one.header.frame_id, one.child_frame_id, (q.x, q.y, q.z, q.w))
+    return transforms
 
 
 def refuse_damaged(bag: Bag, given: InputSettings) -> None:

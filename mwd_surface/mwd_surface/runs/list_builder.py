@@ -124,6 +124,19 @@ class ListBuilder:
             self.warnings.append(f"survey {survey.sequence} is not in the survey list: {error}")
         return md if md >= 0.0 else math.nan
 
+    def replace(self, survey: Survey) -> None:
+        """Put a survey judged anew in the place of the same survey in the list."""
+        listed = survey_of_fields(survey_fields(survey, survey.status), survey.stamp_ns)
+        old = next((record for record in self.surveys.records if record.survey.uuid == listed.uuid), None)
+        if old is None:
+            return
+        rest = tuple(record for record in self.surveys.records if record is not old)
+        table = dataclasses.replace(self.surveys, records=rest)
+        listed = dataclasses.replace(listed, sequence=old.survey.sequence)
+        self.surveys = table.add(
+            listed, old.measured_depth, old.depth_age, comment=old.comment, leg=old.leg, tool=old.tool
+        )
+
     def finish(self) -> tuple[SurveyList, str]:
         """Return the list with the decisions of people, and in words how it compares with the live one."""
         if not self._live.records:

@@ -52,12 +52,14 @@ class Merger:
     ----------
     remarks : list of str
         What is called otherwise than one would expect.
+    frame : str
+        Of the estimates: that of the IMU, unless its samples are turned.
     """
 
     def __init__(self, path: Path, bag: Bag, imu_topic: str, thinner: Thinner) -> None:
         self.remarks: list[str] = []
         first = next(bag.messages([imu_topic]), None)
-        self._frame = wire.SONDE_FRAME if first is None else wire.frame_id(first[3])
+        self.frame = wire.SONDE_FRAME if first is None else wire.frame_id(first[3])
         self._thinner = thinner
         self._merged = MergedBag(path, bag)
         namespace = imu_topic.removesuffix(_IMU) if imu_topic.endswith(_IMU) else imu_topic.rpartition("/")[0] + "/"
@@ -108,7 +110,7 @@ class Merger:
 
     def _add(self, relative: str, samples: Samples, log_ns: NDArray[np.int64]) -> None:
         if len(samples):
-            self._merged.add_rows(self._channels[relative], _TOPICS[relative].encode(samples, self._frame), log_ns)
+            self._merged.add_rows(self._channels[relative], _TOPICS[relative].encode(samples, self.frame), log_ns)
 
     def _write_survey(self, survey: Survey, log_ns: int) -> None:
         data = np.frombuffer(self._serialised(survey), dtype=np.uint8)
@@ -120,7 +122,7 @@ class Merger:
         stamp = types["builtin_interfaces/msg/Time"](seconds, nanoseconds)
         fields = survey_fields(survey, survey.status)
         azimuths = [types[_AZIMUTH_TYPE](**one) for one in fields.pop("azimuths")]
-        header = types["std_msgs/msg/Header"](stamp, self._frame)
+        header = types["std_msgs/msg/Header"](stamp, self.frame)
         return bytes(self._store.serialize_cdr(types[_SURVEY_TYPE](header, azimuths=azimuths, **fields), _SURVEY_TYPE))
 
     def __enter__(self) -> Merger:

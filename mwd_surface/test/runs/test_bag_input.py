@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.mount import MountSettings
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.runs import bag_input
@@ -163,17 +164,21 @@ def test_a_magnetometer_that_cannot_be_used_says_why_and_what_to_do():
     assert "look at the magnetometer" in reason
 
 
-def test_frames_that_differ_are_both_named(tmp_path):
+def test_frames_that_differ_without_a_transform_leave_the_magnetometer_out_and_name_both(tmp_path):
     same = written(tmp_path / "same", ("/imu/data_raw", IMU, "a"), ("/imu/mag", MAG, "a"))
     other = written(tmp_path / "other", ("/imu/data_raw", IMU, "a"), ("/imu/mag", MAG, "b"))
     unnamed = written(tmp_path / "unnamed", ("/imu/data_raw", IMU, ""), ("/imu/mag", MAG, "b"))
     for path in (same, unnamed):
         with Bag(path) as bag:
-            assert bag_input.frames_differ(bag, find_topics(bag, InputSettings())) == ""
+            assert bag_input.mount_of(bag, find_topics(bag, InputSettings()), MountSettings()).unusable == {}
     with Bag(other) as bag:
         topics = find_topics(bag, InputSettings())
-        assert bag_input.frames_differ(bag, topics) == "/imu/data_raw is in 'a' and /imu/mag is in 'b'"
-        assert bag_input.frames_differ(bag, Topics(topics.imu, None, None, None, None)) == ""
+        why = bag_input.mount_of(bag, topics, MountSettings()).unusable
+        assert list(why) == ["mag"]
+        assert "it is in 'b', the IMU in 'a'" in why["mag"]
+        assert bag_input.mount_of(bag, topics, MountSettings(mag="x-down")).unusable == {}
+        with pytest.raises(BagError, match="/imu/data_raw: no static transform leads from 'a' to 'sonde_link'"):
+            bag_input.mount_of(bag, topics, MountSettings(imu="tf"))
 
 
 @pytest.mark.parametrize("lost", [1, 8, 400])

@@ -1,0 +1,283 @@
+"""
+How the sensor units sit in the tool: rotations from the axes of each unit to those of the tool.
+
+A mount is written as a preset (which axis of the unit points where), as a matrix, as a quaternion, or as `tf`, for the
+static transforms of a recording or of the graph. One resolution of it serves the live estimator and recordings alike.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Mapping
+
+import numpy as np
+
+from mwd_sensors.core import frames, wire
+from mwd_sensors.core.arrays import Array, Samples
+from mwd_sensors.core.settings import setting
+
+AS_IMU, TF = "as imu", "tf"
+# Entries of a matrix that differ from a rotation's by less are rounding of who wrote them.
+_ROUNDING = 2e-3
+_HALF_ABOUT_Z = np.diag([-1.0, -1.0, 1.0])
+
+
+def _presets() -> dict[str, Array]:
+    """Rows: tool axes x, y, z in axes of the unit. Down: in cyclic order; up: turned half round about the tool's z."""
+    found = {}
+    for k, axis in enumerate("xyz"):
+        down = np.eye(3)[[k, (k + 1) % 3, (k + 2) % 3]]
+        found[f"{axis}-down"], found[f"{axis}-up"] = down, _HALF_ABOUT_Z @ down
+    return found
+
+
+PRESETS = _presets()
+"""Name to rotation from unit to tool axes, shape (3, 3): `z-down` says that the unit's z points down-hole."""
+_FORMS = f"one of {', '.join(PRESETS)}; nine numbers (rows of the matrix from unit to tool axes); x,y,z,w; or {TF}"
+
+
+def rotation(text: str) -> Array:
+    """
+    Rotation from unit to tool axes, shape (3, 3), of a preset, nine numbers (row by row) or a quaternion x,y,z,w.
+
+    Raises
+    ------
+    ValueError
+        Another text, or numbers that are no rotation; the message says what is allowed.
+    """
+    if text in PRESETS:
+        return PRESETS[text].copy()
+    try:
+        figures = np.array([float(part) for part in re.split(r"[\s,;]+", text.strip("[]() \t"))])
+    except ValueError:
+        figures = np.empty(0)
+    if len(figures) not in (4, 9):
+        raise ValueError(f"{text!r} is no mount; write {_FORMS}")
+    if len(figures) == 4:
+        length = float(np.linalg.norm(figures))
+        if not abs(length - 1.0) < _ROUNDING:
+            raise ValueError(f"{text!r} is no rotation: a quaternion has the length 1, this one {length:.4g}")
+        return frames.mat_from_quat(figures / length)
+    given = figures.reshape(3, 3)
+    if not np.abs(given @ given.T - np.eye(3)).max() < _ROUNDING or np.linalg.det(given) < 0.0:
+        raise ValueError(f"{text!r} is no rotation: rows of length 1, at right angles and right-handed are needed")
+    u, _, v = np.linalg.svd(given)
+    nearest: Array = u @ v
+    # A permutation of axes stays one to the bit.
+    return np.round(nearest) if np.abs(nearest - np.round(nearest)).max() < 1e-12 else nearest
+
+
+@dataclasses.dataclass(frozen=True)
+class MountSettings:
+    """How the units sit in the tool, in the words of its users."""
+
+    imu: str = setting(
+        "x-down",
+        "Axes of the conventional unit: which one points down-hole (x-down, x-up, y-down, y-up, z-down, z-up), nine "
+        "numbers (rows of the matrix from unit to tool axes), a quaternion x,y,z,w from unit to tool, or tf (static "
+        "transforms). Set it where the unit's x is not the tool's; the health of the sensors names a wrong one.",
+    )
+    mag: str = setting(
+        AS_IMU,
+        "As mount.imu, of the magnetometer; as imu: in the axes of the conventional unit, or turned into them by the "
+        "static transforms where its messages name another frame.",
+    )
+    precision: str = setting(
+        AS_IMU,
+        "As mount.mag, of the high-precision unit.",
+    )
+    frame: str = setting(
+        wire.SONDE_FRAME,
+        "Frame of the tool axes in the static transforms, where a mount is tf.",
+        expert=True,
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse what is no mount."""
+        for name in ("imu", "mag", "precision"):
+            value = getattr(self, name)
+            if value == TF or (value == AS_IMU and name != "imu"):
+                continue
+            try:
+                rotation(value)
+            except ValueError as error:
+                raise ValueError(f"{name}: {error}" + ("" if name == "imu" else f", or {AS_IMU}")) from error
+
+    @property
+    def uses_transforms(self) -> bool:
+        """Whether nothing can be resolved without static transforms."""
+        return TF in (self.imu, self.mag, self.precision)
+
+
+class Transforms:
+    """Static transforms between frames; only their rotations matter here."""
+
+    def __init__(self) -> None:
+        self._to_parent: dict[str, tuple[str, Array]] = {}
+
+    def add(self, parent: str, child: str, quaternion: tuple[float, float, float, float]) -> None:
+        """Take a transform of tf: the quaternion (x, y, z, w) turns vectors of the child into the parent's axes."""
+        q = np.asarray(quaternion, dtype=float)
+        length = float(np.linalg.norm(q))
+        if child.strip("/") != parent.strip("/") and np.isfinite(length) and length > 0.5:
+            self._to_parent[child.strip("/")] = (parent.strip("/"), frames.mat_from_quat(q / length))
+
+    def between(self, source: str, target: str) -> Array | None:
+        """Rotation, shape (3, 3), of vectors from one frame into another; None where no chain joins them."""
+        from_source, from_target = self._chain(source.strip("/")), self._chain(target.strip("/"))
+        for frame, mat in from_source.items():
+            if frame in from_target:
+                return np.asarray(from_target[frame].T @ mat)
+        return None
+
+    def full_name(self, frame: str) -> str:
+        """A frame as the transforms name it: with the prefix of the well where only that one is known."""
+        known = {name for child, (parent, _) in self._to_parent.items() for name in (child, parent)}
+        prefixed = [name for name in known if name.endswith(f"/{frame}")]
+        return prefixed[0] if frame not in known and len(prefixed) == 1 else frame
+
+    def _chain(self, frame: str) -> dict[str, Array]:
+        """Rotations from a frame into each of its ancestors, itself first."""
+        mat, found = np.eye(3), {}
+        while frame not in found:
+            found[frame] = mat
+            if frame not in self._to_parent:
+                break
+            frame, step = self._to_parent[frame]
+            mat = step @ mat
+        return found
+
+
+@dataclasses.dataclass(frozen=True)
+class Mount:
+    """
+    Rotations in force from the axes of each unit to those of the tool.
+
+    Attributes
+    ----------
+    imu, mag, precision : ndarray, shape (3, 3)
+    unusable : dict of str to str
+        Units (imu, mag, precision) whose rotation is not known, each with a sentence that says what to do.
+    """
+
+    imu: Array
+    mag: Array
+    precision: Array
+    unusable: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+    @property
+    def turns(self) -> bool:
+        """Whether the tool's axes differ from those of the conventional unit."""
+        return not np.array_equal(self.imu, np.eye(3))
+
+    def imu_in_tool(self, samples: Samples) -> Samples:
+        """Samples of the conventional unit, dtype of `wire.IMU` or part of it, in tool axes."""
+        return _turned(samples, self.imu, ("angular_velocity", "linear_acceleration"))
+
+    def mag_in_tool(self, samples: Samples) -> Samples:
+        """Samples of the magnetometer, dtype of `wire.MAG` or part of it, in tool axes."""
+        return _turned(samples, self.mag, ("magnetic_field",))
+
+    def precision_in_tool(self, samples: Samples) -> Samples:
+        """Samples of the high-precision unit, as `imu_in_tool`."""
+        return _turned(samples, self.precision, ("angular_velocity", "linear_acceleration"))
+
+
+def resolve(
+    given: MountSettings, names: Mapping[str, str] | None = None, transforms: Transforms | None = None
+) -> Mount:
+    """
+    Find the rotations that settings, frame names and static transforms make together.
+
+    Parameters
+    ----------
+    given : MountSettings
+    names : mapping of str to str, optional
+        Frames that the messages of imu, mag and precision name; missing or empty: not known.
+    transforms : Transforms, optional
+
+    Returns
+    -------
+    Mount
+        Units whose rotation is not known keep that of the conventional unit and are named in `unusable`.
+    """
+    names, transforms = names or {}, transforms or Transforms()
+    unusable: dict[str, str] = {}
+    found: dict[str, Array] = {}
+    for unit in ("imu", "mag", "precision"):
+        text, frame, imu_frame = getattr(given, unit), names.get(unit, ""), names.get("imu", "")
+        if text == TF:
+            known = transforms.between(frame, transforms.full_name(given.frame)) if frame else None
+            if known is None:
+                unusable[unit] = (
+                    f"no static transform leads from {frame or 'its frame'!r} to {given.frame!r}: publish one on "
+                    f"/tf_static, or set tool.mount.{unit} to a preset such as z-down"
+                )
+            found[unit] = found.get("imu", np.eye(3)) if known is None else known
+        elif text != AS_IMU:
+            found[unit] = rotation(text)
+        elif not frame or not imu_frame or frame == imu_frame:
+            found[unit] = found["imu"]
+        else:
+            known = transforms.between(frame, imu_frame)
+            found[unit] = found["imu"] if known is None else found["imu"] @ known
+            if known is None and unit == "mag":
+                unusable[unit] = (
+                    f"it is in {frame!r}, the IMU in {imu_frame!r}, and no static transform joins them: set "
+                    "tool.mount.mag (x-down if it shares the tool's axes), or publish the transform on /tf_static"
+                )
+    clean = {unit: _snapped(mat) for unit, mat in found.items()}
+    return Mount(clean["imu"], clean["mag"], clean["precision"], unusable)
+
+
+def _snapped(mat: Array) -> Array:
+    """A quarter turn that went through a quaternion stays one to the bit."""
+    whole = np.round(mat)
+    # Adding zero makes 0 of -0.
+    return whole + 0.0 if np.abs(mat - whole).max() < 1e-9 else mat
+
+
+def _turned(samples: Samples, mat: Array, fields: tuple[str, ...]) -> Samples:
+    if np.array_equal(mat, np.eye(3)):
+        return samples
+    out = samples.copy()
+    for name in fields:
+        out[name] = turned(mat, samples[name])
+        covariance = f"{name}_covariance"
+        if covariance in (samples.dtype.names or ()):
+            square = samples[covariance].reshape(-1, 3, 3)
+            reported = (square[:, :1, :1] != -1.0) & square.any(axis=(1, 2), keepdims=True)
+            out[covariance] = np.where(reported, mat @ square @ mat.T, square).reshape(-1, 9)
+    return out
+
+
+def turned(mat: Array, vectors: Array) -> Array:
+    """Vectors, shape (n, 3), turned by a matrix; an exchange of axes is exact and keeps what is not finite in place."""
+    order = np.abs(mat).argmax(axis=1)
+    signs = mat[np.arange(3), order]
+    if np.array_equal(np.abs(mat), np.eye(3)[order]):
+        return np.asarray(vectors[:, order] * signs)
+    return np.asarray(vectors @ mat.T)
+
+
+def words(mat: Array) -> str:
+    """Name of a rotation for people: its preset, or the nine numbers."""
+    for name, preset in PRESETS.items():
+        if np.array_equal(mat, preset):
+            return name
+    return ", ".join(f"{value:.4g}" for value in mat.ravel())
+
+
+def axis_down(turn: Array, path: float) -> str:
+    """
+    Name the axis of the unit that a turning string shows to point down-hole.
+
+    turn, shape (3,): sum of the unit's turns, rad; path: sum of their lengths, rad. A drill string turns to the right
+    (clockwise seen down-hole), so that the turn points down-hole. Empty where the turn has no one axis.
+    """
+    length = float(np.linalg.norm(turn))
+    k = int(np.abs(turn).argmax())
+    if length < 0.8 * path or abs(turn[k]) < 0.95 * length:
+        return ""
+    return f"{'xyz'[k]}-{'down' if turn[k] > 0.0 else 'up'}"
