@@ -7,6 +7,7 @@ Facts of the tool and the place enter here and nowhere else; what is not derived
 from __future__ import annotations
 
 import dataclasses
+import datetime
 import math
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ from mwd_estimation.survey.rotary_survey import Params as RotaryParams
 from mwd_estimation.survey.static_survey import Params as StillParams
 from mwd_estimation.survey.station import StationSettings
 from mwd_estimation.tool_settings import Gyro, Tool
+from mwd_sensors.core import earth
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import SettingsError
 
@@ -224,6 +226,34 @@ def reference(settings: EstimatorSettings, first_ns: int) -> Reference | None:
     """
     found = reference_of(settings.place, first_ns)
     return None if found is None else with_code(settings, found)
+
+
+def reference_or_none(settings: EstimatorSettings, first_ns: int) -> Reference | None:
+    """
+    As `reference`, but a clock outside the model's years gives a reference of nothing whose source says so.
+
+    A node whose clock is wrong still follows gravity; an error of the settings themselves is raised, as by `reference`.
+    """
+    try:
+        return reference(settings, first_ns)
+    except ValueError as error:
+        if settings.place.date:
+            raise
+        return Reference(source=f"none: {error}; set the clock, or place.date")
+
+
+def check(settings: EstimatorSettings) -> None:
+    """
+    Refuse a place without a reference field, on the day that is set or else on any day of the model.
+
+    Raises
+    ------
+    ValueError
+        As `reference`.
+    """
+    first_year, _ = earth.years(settings.place.model)
+    day = datetime.datetime(math.ceil(first_year) + 1, 1, 1, tzinfo=datetime.UTC)
+    reference(settings, round(day.timestamp()) * 10**9)
 
 
 def with_code(settings: EstimatorSettings, found: Reference) -> Reference:

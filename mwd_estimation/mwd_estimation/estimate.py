@@ -87,7 +87,7 @@ class Estimate:
     def _begin(self, first_ns: int) -> None:
         """Set what depends on the day and place of the first sample."""
         if self._given is None:
-            self.field.set_reference(derivation.reference(self.settings, first_ns))
+            self.field.set_reference(derivation.reference_or_none(self.settings, first_ns))
         self._ready = True
         self._attitude.set_reference(self.field.reference)
         self.watch.set_reference(self.field.reference)

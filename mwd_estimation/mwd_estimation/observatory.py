@@ -11,6 +11,7 @@ from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.place import Place
 from mwd_estimation.survey.station_record import Station
+from mwd_sensors.core.input_files import read_file
 from mwd_sensors.core.settings import SettingsError
 
 
@@ -73,5 +74,5 @@ class Observatory:
         status = path.stat()
         now = (status.st_mtime_ns, status.st_size)
         if now != self._read_at:
-            self._record = read_iaga2002(path.read_text(encoding="utf-8", errors="replace"), path.name)
+            self._record = read_iaga2002(read_file(path).decode(errors="replace"), path.name)
             self._read_at = now

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mwd_estimation import derivation
 from mwd_estimation.bin_stage import Numbering
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode
@@ -53,11 +54,17 @@ class Pipeline:
         Overrides the settings, for a field measured beforehand.
     mount : Mount, optional
         How the units sit in the tool; by default as the settings say without frames and static transforms.
+
+    Raises
+    ------
+    ValueError
+        Settings that no estimate can be made with: a file that cannot be read, a place without a field.
     """
 
     def __init__(
         self, settings: EstimatorSettings, reference: Reference | None = None, mount: Mount | None = None
     ) -> None:
+        derivation.check(settings)
         self.settings = settings
         self.mount = mount or resolve(settings.tool.mount)
         self.counters = Counters()

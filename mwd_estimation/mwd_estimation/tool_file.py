@@ -12,6 +12,7 @@ import yaml
 
 from mwd_estimation.precision_settings import PrecisionUnit
 from mwd_estimation.tool_settings import Tool
+from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import SettingsError, unknown_key
 
 # Terms of a grade that a simulated sensor has and no filter here asks for.
@@ -65,7 +66,7 @@ def from_file(path: Path, unit: type[Tool] | type[PrecisionUnit] = Tool) -> dict
         The file cannot be read.
     """
     try:
-        table = yaml.safe_load(path.read_text(encoding="utf-8"))
+        table = load_yaml(read_text(path))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
     if not isinstance(table, Mapping):

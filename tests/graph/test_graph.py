@@ -131,8 +131,15 @@ reported["export"] = call(Export, "/w1/export", format="csv").path
 print(json.dumps(reported))
 """,
         ).reported
-        facts["page without plan"] = page()
         facts["modbus status"] = _modbus_status(folder / "data" / "w1")
+
+        def without_plan():
+            now = page()
+            alarmed = any(alarm["id"] == "plan.file" for alarm in now["sections"]["alarms"]["rows"])
+            return now if alarmed and not now["sections"]["plan"]["name"] else None
+
+        # Files are read beside the node's work.
+        facts["page without plan"] = until(without_plan, 20, "the page without plan")
         until(lambda: "scenario is over" in graph.log(sonde), 90, "the scenario is over")
         until(lambda: "survey: survey 2" in graph.log(surface), 30, "second survey")
         facts["ends"] = {"sonde": graph.end(sonde), "estimator": graph.end(estimator, signal.SIGTERM)}

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import yaml
 
+from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import SettingsError, from_mapping, setting
 
 # 1 sigma of the sag left after a correction by a model, in a horizontal hole, deg: SAGE of the OWSG codes with SAG.
@@ -125,7 +126,7 @@ def read_assembly(path: Path) -> Assembly:
         The file cannot be read.
     """
     try:
-        table = yaml.safe_load(path.read_text(encoding="utf-8"))
+        table = load_yaml(read_text(path))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
     if not isinstance(table, Mapping):

@@ -82,6 +82,10 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self.add_action_server(NorthSeek, "north_seek", actions.start_north_seek, actions.cancel_north_seek)
         self.add_action_server(RotarySurvey, "rotary_survey", actions.start_rotary_survey, actions.cancel_rotary_survey)
 
+    def check_settings(self, settings: EstimatorSettings) -> None:
+        """Refuse what no estimate can be made with: a day outside the field model, a file that cannot be read."""
+        Pipeline(settings)
+
     def on_settings_changed(self, settings: EstimatorSettings) -> None:
         """Start the estimate anew; survey numbers go on, and a field given by service while the place is the same."""
         self._actions.abort("the settings were changed")

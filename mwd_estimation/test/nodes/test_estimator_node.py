@@ -3,13 +3,16 @@
 import dataclasses
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
 
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.estimator import EstimatorNode
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_sensors.core import wire
 from mwd_sensors.core.mount import resolve
 
 FIELD = Reference(5e-5, 1.2, 0.05, 0.0, 9.81, "measured on the pad")
@@ -45,3 +48,27 @@ def test_a_field_given_by_service_outlives_a_change_of_settings_but_not_of_the_p
     assert kept._pipeline.sequence == 7
     moved, _ = changed(place=dataclasses.replace(settings.place, lat_deg=60.0, lon_deg=2.0))
     assert moved._pipeline.given_reference is None
+
+
+@pytest.mark.fault_case(36)
+@pytest.mark.parametrize("date", ["2026-13-01", "1066-01-01", "2031-01-01"])
+def test_a_day_that_the_field_model_does_not_know_is_refused_before_it_is_accepted(date):
+    settings = EstimatorSettings()
+    place = dataclasses.replace(settings.place, field="model", lat_deg=60.0, lon_deg=2.0, date=date)
+    with pytest.raises(ValueError, match=date[:4]):
+        EstimatorNode.check_settings(SimpleNamespace(), dataclasses.replace(settings, place=place))
+
+
+@pytest.mark.fault_case(36)
+def test_a_clock_outside_the_field_model_costs_the_reference_not_the_attitude():
+    settings = EstimatorSettings()
+    place = dataclasses.replace(settings.place, field="model", lat_deg=60.0, lon_deg=2.0)
+    pipeline = Pipeline(dataclasses.replace(settings, place=place))
+    imu = wire.IMU.empty(400)
+    imu["stamp_ns"] = np.arange(1, 401) * 10_000_000
+    imu["linear_acceleration"] = (-7.0, 0.0, 7.0)
+    output = pipeline.push_imu(imu)
+    assert np.isfinite(output.attitude["inclination"]).all()
+    shown = diagnostics.reference_diagnostic(pipeline.reference)
+    assert "outside wmm2025" in shown.message
+    assert "set the clock" in shown.message

@@ -144,6 +144,20 @@ def field_at_year(lat: float, lon: float, height: float, year: float, model: str
     return _wmm(lat, lon, height, year) if model == "wmm2025" else _igrf(lat, lon, height, year)
 
 
+def years(model: str) -> tuple[float, float]:
+    """
+    First and last decimal year for which a model is valid.
+
+    Raises
+    ------
+    ValueError
+        An unknown model.
+    """
+    if model not in MODELS:
+        raise ValueError(f"model {model!r} is not known; one of {', '.join(MODELS)}")
+    return _YEARS[model]
+
+
 def decimal_year(date: datetime.date) -> float:
     """Year with its fraction at the start of the day."""
     start = datetime.date(date.year, 1, 1)

@@ -235,6 +235,15 @@ def _checked_sequence(value: Any, kind: Any, rule: Rule, where: str) -> Any:
     return tuple(checked(v, a, rule, f"{where}[{k}]") for k, (v, a) in enumerate(zip(items, args, strict=True)))
 
 
+def unprintable(text: str) -> str:
+    """Why a text can be neither printed on one line nor written to a file; empty where it can."""
+    if any(ord(c) < 32 or ord(c) == 127 for c in text):
+        return "has control characters; write one line"
+    if any("\ud800" <= c <= "\udfff" for c in text):
+        return "has characters that are no text (not UTF-8); write it again"
+    return ""
+
+
 def _checked_scalar(value: Any, kind: Any, rule: Rule, where: str) -> Any:
     if kind is Any:
         return value
@@ -243,6 +252,8 @@ def _checked_scalar(value: Any, kind: Any, rule: Rule, where: str) -> Any:
     if type(value) is not kind:
         hint = " (write it with a decimal point)" if kind is float and isinstance(value, str) else ""
         raise SettingsError(f"{where}: expected {_SCALARS.get(kind, kind)}{hint}, got {value!r}; {rule.text()}")
+    if isinstance(value, str) and any("\ud800" <= c <= "\udfff" for c in value):
+        raise SettingsError(f"{where}: {value!r} has characters that are no text (not UTF-8); {rule.text()}")
     if isinstance(value, float) and not math.isfinite(value):
         raise SettingsError(f"{where}: must be finite, got {value!r}; {rule.text()}")
     if isinstance(value, (int, float)) and not isinstance(value, bool):

@@ -218,7 +218,7 @@ class SondeNode(GraphNode[SondeSettings]):
             response.success, response.message = False, "the scenario has not started"
             return response
         fault = {"component": request.component, "fault": request.fault, "axis": request.axis or "all"}
-        if request.duration > 0.0:
+        if request.duration != 0.0:
             fault["seconds"] = request.duration
         try:
             self._sonde.inject(from_mapping(Fault, fault))

@@ -24,6 +24,7 @@ from mwd_sensors.ros.deferred import DeferredActionServer, DeferredGoal, allow_d
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic, diagnostic_array
 from mwd_sensors.ros.message_buffer import MessageBuffer
 from mwd_sensors.ros.parameters import SettingsParameters
+from mwd_sensors.ros.request_rules import refusal
 
 T = TypeVar("T")
 
@@ -65,7 +66,9 @@ class GraphNode(LifecycleNode, Generic[T]):
         super().__init__(name, **node_options)
         self.declare_parameter("autostart", True)
         self.declare_parameter("frame_prefix", _NAMESPACE)
-        self._parameter_set = SettingsParameters(self, default, self._settings_changed, self.changeable_at_runtime)
+        self._parameter_set = SettingsParameters(
+            self, default, self._settings_changed, self.changeable_at_runtime, self.check_settings
+        )
         self._destructors: list[Callable[[], Any]] = []
         self._buffers: list[MessageBuffer] = []
         self.active = self._configured = False
@@ -114,6 +117,9 @@ class GraphNode(LifecycleNode, Generic[T]):
         """Whether a running node accepts a change of that parameter; the others are read-only."""
         return True
 
+    def check_settings(self, settings: T) -> None:
+        """Raise ValueError for settings that the node could not work with; they are then refused, at start too."""
+
     def on_settings_changed(self, settings: T) -> None:
         """React to a checked change of parameters that is in force; called on a configured node."""
 
@@ -154,11 +160,14 @@ class GraphNode(LifecycleNode, Generic[T]):
         """
         Create a service whose response has `success` and `message`; an inactive node answers with the reason.
 
-        `callback` returns the response, or a `DeferredResponse` through which the response is sent later.
+        A request that breaks the rules of `request_rules` is answered with the reason too. `callback` returns the
+        response, or a `DeferredResponse` through which the response is sent later.
         """
 
         def respond(request: Any, response: Any) -> Any:
-            answer, failure = self._call(name, callback, request, response)
+            answer, failure = None, refusal(request)
+            if not failure:
+                answer, failure = self._call(name, callback, request, response)
             if failure:
                 response.success, response.message = False, failure
             return response if failure else answer
@@ -181,7 +190,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         """
 
         def call(callback: Callable[[DeferredGoal], None], goal: DeferredGoal) -> None:
-            _, failure = self._call(name, callback, goal)
+            failure = refusal(goal.request) or self._call(name, callback, goal)[1]
             if failure:
                 goal.finish(action_type.Result(success=False, message=failure))
 

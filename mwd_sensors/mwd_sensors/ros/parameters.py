@@ -24,8 +24,9 @@ class SettingsParameters(Generic[T]):
     The settings of a node, kept equal to its ROS parameters.
 
     Every leaf of the dataclass is declared under its dotted name with meaning, unit, range and read-only flag. A
-    change is checked as a whole by the rules of a configuration file; a refused one leaves everything as it was.
-    `live` decides which names can change at run time; the others are read-only.
+    change is checked as a whole by the rules of a configuration file and by `check`, which raises ValueError for
+    settings that the node could not work with; a refused one leaves everything as it was. `live` decides which names
+    can change at run time; the others are read-only.
 
     Raises
     ------
@@ -33,13 +34,20 @@ class SettingsParameters(Generic[T]):
         A value given at start is not allowed, or a name given at start does not exist (its near misses are named).
     """
 
-    def __init__(self, node: Node, default: T, changed: Callable[[T], None], live: Callable[[str], bool]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        default: T,
+        changed: Callable[[T], None],
+        live: Callable[[str], bool],
+        check: Callable[[T], None],
+    ) -> None:
         self._given = node._parameter_overrides  # rclpy offers no public way to see what was given at start
         # A choice may bring settings of its own, so that it is made before the names are declared.
         choices = [name for name, (_, rule) in settings.flat(default).items() if rule.choices]
         default = settings.changed(default, {name: self._given[name].value for name in choices if name in self._given})
         self.value = default
-        self._changed = changed
+        self._changed, self._accept = changed, check
         self._names = settings.flat(default)
         self._refuse_unknown(node)
         start = {}
@@ -48,6 +56,10 @@ class SettingsParameters(Generic[T]):
                 node, name, value, rule if live(name) else dataclasses.replace(rule, fixed=True)
             )
         self.value = settings.changed(default, start)
+        try:
+            self._accept(self.value)
+        except ValueError as error:
+            raise SettingsError(str(error)) from error
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
 
@@ -80,8 +92,8 @@ class SettingsParameters(Generic[T]):
 
     def _check(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         try:
-            settings.changed(self.value, self._collect(parameters))
-        except SettingsError as error:
+            self._accept(settings.changed(self.value, self._collect(parameters)))
+        except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 

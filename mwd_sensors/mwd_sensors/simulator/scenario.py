@@ -15,6 +15,7 @@ from typing import Any
 
 import yaml
 
+from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import SettingsError, from_mapping, setting
 from mwd_sensors.simulator.faults import Fault, Link, check
 from mwd_sensors.simulator.instrument_grade import grade
@@ -158,7 +159,7 @@ def parse(text: str, changes: Mapping[str, Any] | None = None) -> Scenario:
         Not a table, an unknown key (with its near misses), a value of the wrong type or out of bounds.
     """
     try:
-        given = yaml.safe_load(text)
+        given = load_yaml(text)
     except yaml.YAMLError as error:
         raise SettingsError(f"scenario: not readable as YAML: {error}") from error
     if not isinstance(given, dict):
@@ -170,7 +171,7 @@ def read(path: str | pathlib.Path, changes: Mapping[str, Any] | None = None) -> 
     """Scenario from a YAML file; errors name the file, otherwise as `parse`."""
     path = pathlib.Path(path)
     try:
-        return parse(path.read_text(encoding="utf-8"), changes)
+        return parse(read_text(path), changes)
     except SettingsError as error:
         raise SettingsError(f"{path.name}: {error}") from error
 

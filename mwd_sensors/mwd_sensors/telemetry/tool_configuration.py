@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 
 from mwd_sensors.core import settings
+from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import setting
 from mwd_sensors.telemetry import combinatorial, pulse_position, sequences, serial_frames
 from mwd_sensors.telemetry.carrier import MOST_SEQUENCES, Carrier, blocks_of
@@ -247,7 +248,7 @@ def read(path: Path) -> ToolConfiguration:
         The file cannot be read.
     """
     try:
-        given = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        given = load_yaml(read_text(path)) or {}
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: no YAML: {error}") from error
     try:

@@ -15,6 +15,8 @@ from typing import Any
 
 import yaml
 
+from mwd_sensors.core.input_files import load_yaml, read_text
+
 FILE_NAME = "metadata.yaml"
 VERSION = 9
 NO_TIME = 2**63 - 1
@@ -28,7 +30,6 @@ _POLICIES = {
     "liveliness": ("system_default", "automatic", "manual_by_node", "manual_by_topic", "unknown", "best_available"),
 }
 
-_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
@@ -117,7 +118,7 @@ def parse_qos(given: str | Sequence[Mapping[str, Any]] | None) -> list[dict[str,
     """
     if isinstance(given, str):
         try:
-            given = yaml.load(given, _Loader)  # noqa: S506  (safe, and in C where built)
+            given = load_yaml(given)
         except yaml.YAMLError as error:
             raise ValueError(f"qos: not YAML: {error}") from error
     if not given:
@@ -193,7 +194,7 @@ def read(folder: Path) -> BagMetadata:
     """
     path = folder / FILE_NAME
     try:
-        table = yaml.load(path.read_text(encoding="utf-8"), _Loader)  # noqa: S506
+        table = load_yaml(read_text(path))
         info = table["rosbag2_bagfile_information"]
         names = [Path(str(name)).name for name in info["relative_file_paths"]]
         details = {Path(str(item["path"])).name: item for item in info.get("files") or []}

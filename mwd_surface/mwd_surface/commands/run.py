@@ -51,6 +51,7 @@ def run(
     """
     from mwd_sensors.simulator import scenario_files
     from mwd_sensors.simulator.scenario import read
+    from mwd_surface.bags.recorder.folder import recordings_named
     from mwd_surface.commands import terminal
     from mwd_surface.runs import launch_plan
 
@@ -71,7 +72,8 @@ def run(
         "well.name": namespace,
     }
     _run_graph(story.name, namespace, parameters, folder, port=port, rig=not no_rig)
-    _conclude(console, folder / namespace.replace("/", "_") / "bags" / name, no_record)
+    for bag in recordings_named(folder / namespace.replace("/", "_") / "bags", name):
+        _conclude(console, bag)
     console.print(f"surveys and logs: {folder}", markup=False)
 
 
@@ -250,13 +252,11 @@ def _state(address: str) -> dict[str, Any]:
     return state.get("sections", {}) if isinstance(state, dict) else {}
 
 
-def _conclude(console: Console, bag: Path, no_record: bool) -> None:
+def _conclude(console: Console, bag: Path) -> None:
     from mwd_surface.bags.bag_reader import Bag, BagError
     from mwd_surface.commands import terminal
     from mwd_surface.surveys.score import score
 
-    if no_record:
-        return
     try:
         with Bag(bag) as opened:
             _show_scores(console, score(opened))

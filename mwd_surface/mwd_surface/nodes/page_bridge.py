@@ -11,6 +11,7 @@ from mwd_msgs import srv
 
 from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
+from mwd_sensors.ros.request_rules import refusal
 from mwd_surface.live.alarms import Severity
 from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.page.page_server import PageServer
@@ -94,6 +95,8 @@ def call_service(
         request.measured_depth = -1.0
     for field, value in arguments.items():
         setattr(request, field, value)
+    if reason := refusal(request):
+        return False, reason
     response = callback(request, srv_type.Response())
     if not isinstance(response, DeferredResponse):
         return response.success, response.message

@@ -35,19 +35,25 @@ class PlanServer:
         self._live = live
         self._alarm_log = alarm_log
 
-    def read(self, settings: PlanSettings, north: str) -> None:
-        """Read the plan from its file; a file that cannot be used raises an alarm, and there is no plan."""
+    @staticmethod
+    def read(settings: PlanSettings, north: str) -> Plan | ListFileError | None:
+        """Read the plan from its file, in any thread: the plan, why it cannot be used, or None where none is named."""
+        try:
+            return read_plan(Path(settings.file).expanduser(), north) if settings.file else None
+        except ListFileError as error:
+            return error
+
+    def use(self, found: Plan | ListFileError | None) -> None:
+        """Use what `read` has found; a file that cannot be used raises an alarm, and there is no plan."""
         self.plan = None
-        if settings.file:
-            try:
-                plan = read_plan(Path(settings.file).expanduser(), north)
-            except ListFileError as error:
-                text = f"the plan is not used: {error}"
-                remedy = "correct the file, then set plan.file again"
-                self._alarm_log.raise_alarm("plan.file", Severity.WARNING, text, remedy)
-                return
-            self.plan = plan
-            self._alarm_log.log_event("plan", f"{plan.name}: {len(plan.md)} stations to {plan.md[-1]:.0f} m")
+        if isinstance(found, ListFileError):
+            text = f"the plan is not used: {found}"
+            remedy = "correct the file, then set plan.file again"
+            self._alarm_log.raise_alarm("plan.file", Severity.WARNING, text, remedy)
+            return
+        if found is not None:
+            self.plan = found
+            self._alarm_log.log_event("plan", f"{found.name}: {len(found.md)} stations to {found.md[-1]:.0f} m")
         self._alarm_log.clear_alarm("plan.file")
 
     def with_section(self, well: Well) -> Well:

@@ -23,6 +23,8 @@ from mwd_surface.ros.context import SurfaceContext
 _STOP_TIMEOUT_S = 1.3  # of each step of stopping a recording, so that all of them stay below 3 s
 _ATTACH_TIMEOUT_S = 0.4  # of each table or file that is added to a recording
 _RETRY_S = 5.0  # between attempts to start a recording
+_RESUMES = "free the disk, or make its folder writable; recording resumes by itself"
+_FASTER = "use a faster disk, or record fewer topics"
 _SEVERITIES = {Level.INFO: Severity.INFO, Level.WARNING: Severity.WARNING, Level.ERROR: Severity.CRITICAL}
 
 Attachment = tuple[str, str, bytes]
@@ -63,6 +65,8 @@ class RecordingServer:
         self._attachments = attachments
         self._wanted = False
         self._tried_at = -_RETRY_S
+        # Why the recording that is wanted has not started, and the remedy.
+        self._refusal = ("", "")
         self._recorder = Recorder(
             context.folder / "bags",
             settings.recorder,
@@ -93,11 +97,10 @@ class RecordingServer:
         try:
             self._recorder.start(self._settings.name)
         except RecorderError as error:
-            self._alarm_log.raise_alarm(
-                "recording.start", Severity.CRITICAL, str(error), "free the disk; it is tried every 5 s"
-            )
+            self._refusal = str(error), f"{error.remedy}; it is tried every {_RETRY_S:g} s"
+            self._alarm_log.raise_alarm("recording.start", Severity.CRITICAL, *self._refusal)
             return
-        self._wanted = False
+        self._wanted, self._refusal = False, ("", "")
         self._alarm_log.clear_alarm("recording.start")
 
     def deactivate(self) -> None:
@@ -176,10 +179,10 @@ class RecordingServer:
         self._live.on_recorder(status, now)
         causes: dict[str, tuple[int, str, str]] = {}
         if status.state in (RecorderState.PAUSED_DISK_FULL, RecorderState.FAILED):
-            causes["recorder.state"] = (Severity.CRITICAL, status.reason, "free the disk; recording resumes by itself")
+            causes["recorder.state"] = (Severity.CRITICAL, status.reason, _RESUMES)
         if status.dropped:
             text = f"{status.dropped} messages were not recorded"
-            causes["recorder.dropped"] = (Severity.WARNING, text, "a faster disk, or fewer topics")
+            causes["recorder.dropped"] = (Severity.WARNING, text, _FASTER)
         self._alarm_log.set_alarms("recorder.", causes)
         for event in self._recorder.take_events():
             self._alarm_log.log_event("recorder", event.text, _SEVERITIES[event.level])
@@ -187,7 +190,12 @@ class RecordingServer:
     def diagnostics(self) -> list[Diagnostic]:
         """State of the recorder."""
         status = self._recorder.status()
-        bad = status.state in (RecorderState.FAILED, RecorderState.PAUSED_DISK_FULL) or status.dropped > 0
-        text = status.reason or status.state.name.lower()
         values = (("messages", str(status.messages)), ("dropped", str(status.dropped)))
-        return [Diagnostic("recorder", ERROR if bad else OK, text, "free the disk" if bad else "", values)]
+        text, remedy = status.state.name.lower(), ""
+        if self._wanted and self._refusal[0]:
+            text, remedy = f"not recording: {self._refusal[0]}", self._refusal[1]
+        elif status.state in (RecorderState.FAILED, RecorderState.PAUSED_DISK_FULL):
+            text, remedy = f"paused: {status.reason}", _RESUMES
+        elif status.dropped:
+            text, remedy = f"{status.dropped} messages were not recorded", _FASTER
+        return [Diagnostic("recorder", ERROR if remedy else OK, text, remedy, values)]

@@ -50,7 +50,9 @@ class RecordSettings:
     """What is recorded."""
 
     enabled: bool = setting(True, "Start a recording when the node is activated", fixed=True)
-    name: str = setting("", "Folder name of the recording; empty: made from date and time", fixed=True)
+    name: str = setting(
+        "", "Folder name of the recording; numbered where taken, and made of date and time where empty", fixed=True
+    )
     topics: list[str] = setting(
         list(TOPICS),
         "Topics to record, relative to the well or absolute. A topic that does not exist yet is recorded as soon as it "

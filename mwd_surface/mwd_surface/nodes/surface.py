@@ -65,10 +65,15 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
     def on_settings_changed(self, settings: SurfaceSettings) -> None:
         """Apply changed settings to survey list, plan and page."""
-        self._plan.read(settings.plan, settings.well.north_reference)
         self._plan.show_advisory(settings.advisory)
-        self._surveys.change_settings(self._plan.with_section(settings.well), settings.rules, settings.leg)
-        self._show_well()
+
+        def apply(job: concurrent.futures.Future[Any]) -> None:
+            self._plan.use(job.result())
+            self._surveys.change_settings(self._plan.with_section(settings.well), settings.rules, settings.leg)
+            self._show_well()
+
+        # A disk may take its time; the node meanwhile serves page and rig.
+        self._shared.worker.submit(lambda: self._plan.read(settings.plan, settings.well.north_reference), apply)
 
     def _show_well(self) -> None:
         self._monitor.show_well(self._surveys.surveys.well)
@@ -100,7 +105,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         )
         self._monitor = DiagnosticsMonitor(context)
         self._plan = PlanServer(live, context.alarm_log)
-        self._plan.read(settings.plan, settings.well.north_reference)
+        self._plan.use(self._plan.read(settings.plan, settings.well.north_reference))
         well = self._plan.with_section(settings.well)
         self._slides = self._closed_on_cleanup(SlideRecorder(context, settings.slides))
         self._surveys = self._closed_on_cleanup(

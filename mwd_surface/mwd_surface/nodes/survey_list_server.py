@@ -210,10 +210,10 @@ class SurveyListServer:
                 surveys = self.surveys.accept(*judge, measured_depth=depth, replace=replace)
             else:
                 surveys = self.surveys.reject(*judge)
+            self._replace(surveys)
         except ValueError as error:
             response.success, response.message = False, str(error)
             return response
-        self._replace(surveys)
         for record in self.surveys.records:
             if record.in_use and record.survey.uuid not in used:
                 self._accepted_publisher.publish(messages.record_message(record))
@@ -263,13 +263,14 @@ class SurveyListServer:
     def _replace(self, surveys: SurveyList) -> None:
         if surveys is self.surveys:
             return
+        # Saved before it is in force: a list that cannot be written down (ValueError) changes nothing.
+        self._save(surveys)
         self.surveys = surveys
-        self._save()
         self.publish()
 
-    def _save(self) -> None:
+    def _save(self, surveys: SurveyList) -> None:
         try:
-            self._store.save(self.surveys)
+            self._store.save(surveys)
         except StoreError as error:
             self._save_error = str(error)
             self._alarm_log.raise_alarm(
@@ -282,7 +283,7 @@ class SurveyListServer:
     def retry_save(self) -> None:
         """Try again to save a list that could not be saved; called once a second."""
         if self._save_error:
-            self._save()
+            self._save(self.surveys)
 
     def publish(self) -> None:
         """Publish list and path, and show them on the page."""

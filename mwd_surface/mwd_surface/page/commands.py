@@ -9,6 +9,8 @@ from typing import Any
 
 from aiohttp import web
 
+from mwd_sensors.core.settings import unprintable
+
 Command = Callable[[str, dict[str, Any]], tuple[bool, str]]
 # Commands, and of each argument: its type and whether it may be left out.
 COMMANDS: dict[str, dict[str, tuple[type, bool]]] = {
@@ -70,8 +72,8 @@ def _argument(name: str, value: Any, kind: type) -> Any:
         raise web.HTTPBadRequest(text=f"{name}: expected {kind.__name__}, got {type(value).__name__}")
     if isinstance(value, float) and not math.isfinite(value):
         raise web.HTTPBadRequest(text=f"{name}: must be finite")
-    if isinstance(value, str) and (len(value) > _MAX_TEXT or any(ord(c) < 32 for c in value)):
-        raise web.HTTPBadRequest(text=f"{name}: at most {_MAX_TEXT} characters on one line")
+    if isinstance(value, str) and (len(value) > _MAX_TEXT or unprintable(value)):
+        raise web.HTTPBadRequest(text=f"{name}: {unprintable(value) or f'at most {_MAX_TEXT} characters'}")
     if type(value) is int and not 0 <= value < 2**32:
         raise web.HTTPBadRequest(text=f"{name}: must be within 0 and {2**32 - 1}")
     return value

@@ -111,6 +111,8 @@ class BagEstimate:
         self._bag, self._estimator, self._given = bag, estimator, given
         self._list = ListBuilder(bag, self.topics, estimator, given, recorded or Recorded())
         self._compensation, self._merger = compensation, merger
+        # A recording waits for nobody's clock: a date outside the model ends the run before it begins.
+        derivation.reference(estimator, bag.start_ns)
         mount = mount_of(bag, self.topics, estimator.tool.mount)
         self._pipeline = Pipeline(estimator, mount=mount)
         if merger is not None and mount.turns:

@@ -17,6 +17,7 @@ from mwd_sensors.calibration.triad_calibration import Calibration, as_table, fro
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.simulator.scenario import Scenario, parse
 from mwd_sensors.simulator.sonde import Sonde, reference_of
@@ -160,7 +161,7 @@ def read(path: Path, unit: str = "ahrs") -> Calibration:
         It cannot be read.
     """
     try:
-        table = yaml.safe_load(path.read_text(encoding="utf-8"))
+        table = load_yaml(read_text(path))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
     if not isinstance(table, dict) or not isinstance(table.get("calibration"), dict):

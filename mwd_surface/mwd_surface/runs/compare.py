@@ -16,6 +16,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_surface.runs import run_folder
 from mwd_surface.runs.run_folder import ANGLES, Rows
 
@@ -108,11 +109,14 @@ def read_limits(path: Path) -> dict[str, float]:
     Raises
     ------
     ValueError
-        It is not such a table, a name is unknown, or a reason lacks.
+        It is no YAML, not such a table, a name is unknown, or a reason lacks.
     OSError
         It cannot be read.
     """
-    table = yaml.safe_load(path.read_text(encoding="utf-8"))
+    try:
+        table = load_yaml(read_text(path))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
     if not isinstance(table, dict):
         raise ValueError(f"{path}: expected a table of limits")  # noqa: TRY004
     limits = {}

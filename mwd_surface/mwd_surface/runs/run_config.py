@@ -10,6 +10,7 @@ import yaml
 
 from mwd_estimation.pipeline import EstimatorSettings
 from mwd_sensors.core import settings as settings_of
+from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_surface.runs.bag_input import InputSettings, Topics
 from mwd_surface.runs.run_output import OutputSettings
 
@@ -40,7 +41,7 @@ def read_config(path: Path) -> dict[str, Any]:
         It cannot be read.
     """
     try:
-        table = yaml.safe_load(path.read_text(encoding="utf-8"))
+        table = load_yaml(read_text(path))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise settings_of.SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
     if table is None:

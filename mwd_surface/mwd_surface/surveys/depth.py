@@ -17,6 +17,7 @@ import math
 from collections.abc import Iterable
 
 from mwd_sensors.core.settings import setting
+from mwd_surface.surveys.list_rules import DEEPEST
 
 NS = 1e-9
 _REMEMBERED = 100  # rejected readings and jumps, of which those around a survey count
@@ -46,7 +47,7 @@ class DepthRules:
         unit="s",
         low=0.1,
     )
-    deepest: float = setting(15000.0, "depth above which a reading is rejected", unit="m", low=1.0)
+    deepest: float = setting(DEEPEST, "depth above which a reading is rejected", unit="m", low=1.0)
     clock_limit: float = setting(
         20.0,
         "difference of the clocks of rig and sonde, by the order in which their data arrive, above which no depth is "

@@ -17,6 +17,7 @@ import numpy as np
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.input_files import read_file
 from mwd_surface.surveys import list_columns
 from mwd_surface.surveys.list_columns import FIGURES, NEEDED, NORTHS, TEXTS, Given, ListFileError
 
@@ -92,9 +93,7 @@ def read_list(path: str | Path, given: Given | None = None) -> StationList:
     """
     path = Path(path)
     try:
-        if path.stat().st_size > LARGEST:
-            raise ListFileError(f"{path.name}: larger than {LARGEST // 1_000_000} MB: no list of stations of a well")
-        data = path.read_bytes()
+        data = read_file(path, LARGEST)
     except OSError as error:
         raise ListFileError(f"{path}: {error.strerror}") from error
     start = data.lstrip(b"\xef\xbb\xbf \t\r\n")

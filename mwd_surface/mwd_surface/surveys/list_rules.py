@@ -6,6 +6,9 @@ import dataclasses
 
 from mwd_sensors.core.settings import setting
 
+DEEPEST = 15_000.0  # m; the deepest hole there is has 12.3 km
+LAST_SEQUENCE = 999_999  # a survey a minute for two years; a higher number is no number of a survey
+
 
 @dataclasses.dataclass(frozen=True)
 class ListRules:

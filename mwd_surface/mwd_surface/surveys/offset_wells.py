@@ -16,6 +16,7 @@ import yaml
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core import settings
 from mwd_sensors.core.frames import wrap_tau
+from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import setting
 from mwd_surface.surveys.clearance import Clearance, ClearanceRule, clearance, nearest_first
 from mwd_surface.surveys.error_terms import ErrorReference
@@ -92,9 +93,7 @@ def read_offset_wells(path: Path) -> OffsetWells:
         A file that cannot be read, is no YAML table of `wells`, or has unknown keys or two wells of one name.
     """
     try:
-        if path.stat().st_size > _LARGEST:
-            raise OffsetWellError(f"{path.name}: larger than {_LARGEST // 1_000_000} MB: no list of offset wells")
-        table = yaml.safe_load(path.read_text(encoding="utf-8"))
+        table = load_yaml(read_text(path, _LARGEST))
     except OSError as error:
         raise OffsetWellError(f"{path}: {error.strerror}") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:

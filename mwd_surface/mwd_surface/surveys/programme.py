@@ -17,6 +17,7 @@ import yaml
 
 from mwd_sensors.core import settings
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import setting
 from mwd_surface.surveys.error_terms import Tool, check_tool_code
 from mwd_surface.surveys.position_covariance import StationErrors
@@ -165,9 +166,7 @@ def read_programme(path: Path) -> Programme:
         start.
     """
     try:
-        if path.stat().st_size > _LARGEST:
-            raise ProgrammeError(f"{path.name}: larger than {_LARGEST // 1_000_000} MB: no survey programme")
-        table = yaml.safe_load(path.read_text(encoding="utf-8"))
+        table = load_yaml(read_text(path, _LARGEST))
     except OSError as error:
         raise ProgrammeError(f"{path}: {error.strerror}") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:

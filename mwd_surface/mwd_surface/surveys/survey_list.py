@@ -18,7 +18,7 @@ from typing import Any
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core import settings
 from mwd_surface.surveys.leg import MAIN, Leg, TieOn
-from mwd_surface.surveys.list_rules import ListRules
+from mwd_surface.surveys.list_rules import DEEPEST, LAST_SEQUENCE, ListRules
 from mwd_surface.surveys.station_checks import (
     at_same_depth,
     conflicts,
@@ -102,7 +102,7 @@ class SurveyList:
         ----------
         survey : Survey
             One already there (same uuid) changes nothing. A number already taken by another survey, as after a tool
-            that lost its memory, becomes the next free one; the comment says so.
+            that lost its memory, or beyond `LAST_SEQUENCE` becomes the next free one; the comment says so.
         measured_depth, depth_age : float
             Of the sensor at the survey, m, and how old that reading was, s; -1 unknown.
         leg, tool : str, optional
@@ -117,7 +117,8 @@ class SurveyList:
         if any(r.survey.uuid == survey.uuid for r in self.records):
             return self
         _checked_depth(measured_depth, depth_age)
-        if any(r.survey.sequence == survey.sequence for r in self.records):
+        taken = any(r.survey.sequence == survey.sequence for r in self.records)
+        if taken or survey.sequence > LAST_SEQUENCE:
             comment = f"{comment}; ".lstrip("; ") + f"numbered {survey.sequence} by the tool"
             survey = dataclasses.replace(survey, sequence=self.next_sequence)
         record = SurveyRecord(
@@ -344,8 +345,8 @@ def _judged(record: SurveyRecord, judgement: Judgement, who: str, reason: str, s
 
 
 def _checked_depth(measured_depth: float, depth_age: float) -> None:
-    if measured_depth != -1.0 and not (math.isfinite(measured_depth) and measured_depth >= 0.0):
-        raise ValueError(f"measured_depth: must be -1 (unknown) or 0 m and more, got {measured_depth}")
+    if measured_depth != -1.0 and not 0.0 <= measured_depth <= DEEPEST:
+        raise ValueError(f"measured_depth: must be -1 (unknown) or within 0 and {DEEPEST:g} m, got {measured_depth:g}")
     if depth_age != -1.0 and not (math.isfinite(depth_age) and depth_age >= 0.0):
         raise ValueError(f"depth_age: must be -1 (unknown) or 0 s and more, got {depth_age}")
 
@@ -353,3 +354,5 @@ def _checked_depth(measured_depth: float, depth_age: float) -> None:
 def _checked_operator(name: str) -> None:
     if not name.strip():
         raise ValueError("operator_name: must not be empty: the log says who decided")
+    if fault := settings.unprintable(name):
+        raise ValueError(f"operator_name: {fault}")

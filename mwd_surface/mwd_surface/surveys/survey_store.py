@@ -81,6 +81,8 @@ class SurveyStore:
         ------
         StoreError
             The disk is full or refuses. The files that were there are untouched.
+        ValueError
+            The list has a text or number that a file cannot hold. Nothing is written.
         """
         data = encoded(surveys)
         try:

@@ -1,6 +1,8 @@
 """Where the well is from its plan and how to steer back: closed forms, brute force, arcs that end where they aim."""
 
 import math
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,8 @@ from hypothesis import strategies as st
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.surveys import plan as planning
+from mwd_surface.surveys.list_columns import ListFileError
+from mwd_surface.surveys.plan_file import read_plan
 
 J_CURVE = planning.plan_of([0.0, 500.0, 1100.0, 2000.0], [0.0, 0.0, math.pi / 3, math.pi / 3], [0.0, 0.7, 0.7, 0.7])
 coordinates = st.tuples(st.floats(-800, 1500), st.floats(-800, 1500), st.floats(-100, 2500))
@@ -94,3 +98,12 @@ def test_a_target_behind_or_at_the_bit_is_refused():
 def test_the_section_azimuth_runs_from_the_start_to_the_target():
     assert J_CURVE.section_azimuth == pytest.approx(0.7)
     np.testing.assert_array_equal(J_CURVE.target, J_CURVE.positions[-1])
+
+
+@pytest.mark.fault_case(40)
+def test_a_plan_file_that_never_ends_is_refused_at_once(tmp_path):
+    pipe = tmp_path / "plan.csv"
+    os.mkfifo(pipe)
+    for path in (pipe, Path("/dev/zero")):
+        with pytest.raises(ListFileError, match="no regular file"):
+            read_plan(path)

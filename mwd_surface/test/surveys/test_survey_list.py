@@ -299,3 +299,25 @@ def test_every_decision_about_a_survey_is_kept_with_who_why_and_when():
     kept = [(Judgement(d.judgement).name, d.operator_name, d.reason, d.stamp_ns) for d in whole.find(number).decisions]
     assert kept == [("REJECTED", "Ann", "steel near", 5), ("ACCEPTED", "Bo", "gyro agrees", 7)]
     assert SurveyList.from_mapping(whole.to_mapping()) == whole
+
+
+@pytest.mark.fault_case(86)
+@pytest.mark.parametrize("depth", [1e300, 15_001.0, -2.0, math.nan])
+def test_a_depth_that_no_hole_has_is_refused(depth):
+    whole = filled((100.0, 0.5, 10.0))
+    with pytest.raises(ValueError, match="measured_depth"):
+        whole.accept(1, "A. Smith", "", 5, measured_depth=depth)
+
+
+@pytest.mark.fault_case(58)
+def test_a_number_beyond_all_numbers_of_surveys_becomes_the_next_free_one():
+    whole = SurveyList().add(shot(1)).add(shot(2**32 - 1)).add(shot(3))
+    assert sorted(r.survey.sequence for r in whole.records) == [1, 2, 3]
+    assert f"numbered {2**32 - 1} by the tool" in whole.find(2).comment
+
+
+@pytest.mark.parametrize("name", ["A\ud800", "A\nB", " "])
+def test_a_name_that_no_file_can_hold_is_refused_before_anything_changes(name):
+    whole = filled((100.0, 0.5, 10.0))
+    with pytest.raises(ValueError, match="operator_name"):
+        whole.reject(1, name, "", 5)

@@ -201,3 +201,14 @@ def test_the_file_is_text_that_people_can_read(tmp_path):
     assert "Åsgard Ω-1" in text
     assert len(text.splitlines()) == 5
     assert json.loads(text)["list"]["records"][0]["survey"]["uuid"] == "u1"
+
+
+def test_a_list_that_cannot_be_written_leaves_the_files_as_they_were(tmp_path):
+    with SurveyStore(tmp_path) as store:
+        whole = grown(SurveyList(well=WELL), 2)
+        store.save(whole)
+        before = store.current.read_bytes()
+        bad = whole.remark(1, "\ud800")
+        with pytest.raises(ValueError, match="surrogates"):
+            store.save(bad)
+        assert store.current.read_bytes() == before

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import itertools
 from pathlib import Path
 
 from mwd_surface.bags.folder_lock import FolderLock, FolderTakenError
@@ -34,19 +35,21 @@ def recording_path(folder: Path, name: str, prefix: str) -> Path:
     """
     Return the path of a new recording: `name`, or where it is empty the prefix and the time of day.
 
+    A name that is taken gets _2, _3 and so on: what starts again after a crash records again, and overwrites nothing.
+
     Raises
     ------
     RecorderError
-        The name is taken or no plain name.
+        It is no plain name.
     """
-    if name:
-        if name != Path(name).name or name.startswith("."):
-            raise RecorderError(f"{name!r} is no plain name for a recording")
-        path = folder / name
-        if path.exists():
-            raise RecorderError(f"{path} exists already; choose another name")
-        return path
-    now = datetime.datetime.now(datetime.UTC)
-    base = f"{prefix}_{now:%Y%m%dT%H%M%SZ}"
-    names = [base, *(f"{base}_{k}" for k in range(2, 1000))]
-    return next(folder / one for one in names if not (folder / one).exists())
+    if name and (name != Path(name).name or name.startswith(".") or not name.isprintable()):
+        raise RecorderError(f"{name!r} is no plain name for a recording", "give a name without slashes")
+    base = name or f"{prefix}_{datetime.datetime.now(datetime.UTC):%Y%m%dT%H%M%SZ}"
+    paths = (folder / base if k == 1 else folder / f"{base}_{k}" for k in itertools.count(1))
+    return next(path for path in paths if not path.exists())
+
+
+def recordings_named(folder: Path, name: str) -> list[Path]:
+    """Return the recordings of a folder that were given this name, in their order: `name`, `name`_2 and so on."""
+    paths = (folder / name if k == 1 else folder / f"{name}_{k}" for k in itertools.count(1))
+    return list(itertools.takewhile(Path.exists, paths))

@@ -136,12 +136,13 @@ class Recorder:
         """
         Begin a recording; returns its folder.
 
-        name : folder's name below `folder`; by default the time of day. custom : ``custom_data`` of metadata.yaml.
+        name : folder's name below `folder`, numbered where it is taken; by default the time of day. custom :
+        ``custom_data`` of metadata.yaml.
 
         Raises
         ------
         RecorderError
-            One is running already, the name is taken or no plain name, or the disk refuses.
+            One is running already, the name is no plain name, or the disk refuses.
         """
         path: Path = self._command(lambda: self._start(name, dict(custom or {})), timeout_s)
         return path

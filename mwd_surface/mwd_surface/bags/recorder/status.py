@@ -10,7 +10,11 @@ from mwd_surface.bags.mcap.recovery_report import RecoveryReport
 
 
 class RecorderError(Exception):
-    """A request that the recorder cannot carry out; one sentence with path and reason."""
+    """A request that the recorder cannot carry out; one sentence with path and reason, and what to do about it."""
+
+    def __init__(self, text: str, remedy: str = "free the disk, or make its folder writable") -> None:
+        super().__init__(text)
+        self.remedy = remedy
 
 
 class RecorderState(enum.IntEnum):

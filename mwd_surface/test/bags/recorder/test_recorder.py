@@ -21,6 +21,7 @@ from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.definitions import Definitions
 from mwd_surface.bags.mcap import recovery
+from mwd_surface.bags.recorder.folder import recordings_named
 from mwd_surface.bags.recorder.recorder import Recorder
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.bags.recorder.status import Level, RecorderError, RecorderState
@@ -397,11 +398,20 @@ def test_what_cannot_be_done_is_reported(tmp_path):
         assert path.name.startswith("mwd_2")
         with pytest.raises(RecorderError, match="running already"):
             recorder.start()
-        recorder.stop()
-        with pytest.raises(RecorderError, match="exists already"):
-            recorder.start(path.name)
     with pytest.raises(RecorderError, match="closed"):
         recorder.start()
+
+
+@pytest.mark.fault_case(59)
+def test_a_name_that_is_taken_is_numbered_so_that_a_restart_records_again(tmp_path):
+    made = []
+    for k in range(3):
+        with Recorder(tmp_path, QUICK) as recorder:
+            made.append(recorder.start("fixed"))
+            put(recorder, 10 * k, 10)
+    assert [path.name for path in made] == ["fixed", "fixed_2", "fixed_3"]
+    assert [len(recorded(path)) for path in made] == [10, 10, 10]
+    assert recordings_named(tmp_path, "fixed") == made
 
 
 def test_a_jump_of_the_clock_begins_a_new_file_and_is_recorded(tmp_path):

@@ -1,0 +1,58 @@
+"""Files that would be read without end, and YAML that would fill the memory."""
+
+import os
+
+import pytest
+import yaml
+
+from mwd_sensors.core.input_files import load_yaml, read_file, read_text
+from mwd_sensors.core.settings import SettingsError
+from mwd_sensors.simulator.scenario import parse
+
+BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"{new}: &{new} [{', '.join(['*' + old] * 9)}]\n" for old, new in zip("abcdefgh", "bcdefghi", strict=True)
+)
+
+
+def test_a_device_a_pipe_and_a_folder_are_refused_at_once(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for path in (pipe, tmp_path, "/dev/zero"):
+        with pytest.raises(OSError, match=r"no regular file|directory"):
+            read_file(path)
+
+
+def test_a_file_beyond_its_limit_is_refused_and_one_at_it_is_read(tmp_path):
+    file = tmp_path / "list"
+    file.write_bytes(b"x" * 100)
+    assert read_file(file, 100) == b"x" * 100
+    with pytest.raises(OSError, match="larger than"):
+        read_file(file, 99)
+
+
+def test_a_byte_order_mark_is_no_text(tmp_path):
+    file = tmp_path / "list"
+    file.write_bytes(b"\xef\xbb\xbfmd")
+    assert read_text(file) == "md"
+
+
+@pytest.mark.fault_case(84)
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (BOMB, "unfold"),
+        ("&a [*a]", "unfold"),
+        ("[" * 20_000, "levels deep"),
+        ("{a: " * 20_000, "levels deep"),
+        ("!!python/object/apply:os.system [id]", "constructor"),
+    ],
+)
+def test_yaml_that_attacks_its_reader_is_refused_in_a_sentence(text, why):
+    with pytest.raises(yaml.YAMLError, match=why):
+        load_yaml(text)
+    with pytest.raises(SettingsError, match="not readable as YAML"):
+        parse(text)
+
+
+def test_anchors_and_merged_tables_are_read():
+    assert load_yaml("base: &b {x: 1}\nother: {<<: *b, y: 2}") == {"base": {"x": 1}, "other": {"x": 1, "y": 2}}
