@@ -191,6 +191,11 @@ class Pipeline:
         return "" if waits_for is None else text(waits_for)
 
     @property
+    def survey_waited_s(self) -> float:
+        """How long that survey has waited, s."""
+        return self._estimate.bin_stage.still.waited_s
+
+    @property
     def sequence(self) -> int:
         """Number of the last survey."""
         return self._numbering.last

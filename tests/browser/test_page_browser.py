@@ -16,7 +16,7 @@ from mwd_sensors.core import wire
 from mwd_surface.bags.recorder.status import RecorderState, RecorderStatus
 from mwd_surface.live.alarms import AlarmBook, Severity
 from mwd_surface.live.live_state import LiveState
-from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField
+from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField, SurveyProgress
 from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_json import StateJson
@@ -110,7 +110,9 @@ class Rig:
             odd |= {"verdict_azimuth": int(Verdict.DOUBTFUL), "headline": "External field: use a gyro"}
             odd |= {"alternatives": (1.0,), "alternative_odds": (0.04,)}
             self.list = self.list.add(survey(k, **(odd if k == 4 else {})), 300.0 * k, 1.0, comment=EVIL)
-        self.book.raise_alarm("mag.field", Severity.WARNING, f"total field is off {EVIL}", "check", 10**18)
+        self.book.raise_alarm(
+            "mag.field", Severity.WARNING, f"total field is off {EVIL}", "check", time.time_ns() - 75 * 10**9
+        )
         self.live()
         self.publish()
 
@@ -124,7 +126,7 @@ class Rig:
         plan = plan_of([0.0, 600.0, 1800.0], [0.0, 0.3, 1.0], [1.0, 1.0, 1.0], name="C")
         self.state.on_plan(plan, now)
         self.state.on_clearance((near("A-3", 9.0), near(EVIL, 40.0)), now)
-        self.state.on_alarms(self.book.alarms(), self.book.events(), now)
+        self.state.on_alarms(self.book.alarms(), self.book.events(), now, time.time_ns())
         self.state.on_diagnostics([NodeDiagnostic(EVIL, 1, "slow", "look")], now)
         self.push()
 
@@ -231,7 +233,7 @@ def test_the_first_screen_says_where_the_tool_points_with_unit_sigma_and_age(bro
         assert "0.00°" in text(browser, '[data-cell="attitude.azimuth"]')
         assert "grid north" in text(browser, '[data-cell="attitude.azimuth"]')
         datum = text(browser, "#datum")
-        assert all(word in datum for word in ("RKB datum", "grid north", "total correction +0.10°", "WMM2025"))
+        assert all(word in datum for word in ("Depth from RKB", "grid north", "total correction +0.10°", "WMM2025"))
         assert "recording" in text(browser, "#pills")
 
 
@@ -432,7 +434,7 @@ def test_strip_charts_are_drawn_from_the_history(browser):
             rig.live()
             wait(browser, lambda: state_of(browser, "drilling.vibration") == "live")
         tab(browser, "charts")
-        assert browser.execute_script("return document.querySelectorAll('.charts canvas').length") == 8
+        assert browser.execute_script("return document.querySelectorAll('.charts canvas').length") == 9
         wait(browser, lambda: "≤ 19.6 m/s²" in text(browser, ".charts"))
         assert "no data" in text(browser, ".charts")
 
@@ -566,7 +568,7 @@ def test_over_depth_the_tracks_stand_beside_slides_surveys_and_shaded_doubt(brow
         wait(browser, lambda: browser.execute_script(count, ".track") > 5)
         assert browser.execute_script(count, ".mode-slide") == 1
         assert browser.execute_script(count, ".mode-rotate") == 2
-        assert browser.execute_script(count, ".shade-doubt") == 5
+        assert browser.execute_script(count, ".shade-doubt") == 6
         # One station was accepted in the interval; it is a dot on the inclination.
         assert browser.execute_script(count, ".station") == 1
         assert not browser.find_element(By.CSS_SELECTOR, ".charts").is_displayed()
@@ -607,6 +609,250 @@ def test_the_keyboard_alone_reaches_tabs_and_survey_lines(browser):
         assert text(browser, ".detail")
 
 
+def box(browser, selector):
+    script = "const r = document.querySelector(arguments[0]).getBoundingClientRect();"
+    return browser.execute_script(f"{script} return [r.x, r.y, r.width, r.height]", selector)
+
+
+def font_sizes(browser, selector):
+    script = "return [...document.querySelectorAll(arguments[0])].map((e) => parseFloat(getComputedStyle(e).fontSize))"
+    return browser.execute_script(script, selector)
+
+
+# Distance of the needle from the centre in widths of the dial, frame by frame until the number has followed.
+NEEDLE = """
+const [wanted, done] = arguments, seen = [], part = (name) => document.querySelector(name).getBoundingClientRect();
+const middle = (r) => [r.x + r.width / 2, r.y + r.height / 2];
+const look = () => {
+  const [x, y] = middle(part(".needle")), [cx, cy] = middle(part(".bezel"));
+  seen.push(Math.hypot(x - cx, y - cy) / part(".bezel").width);
+  if (document.querySelector(".dial-number").textContent === wanted && seen.length > 15) done(seen);
+  else requestAnimationFrame(look);
+};
+look();
+"""
+
+
+def test_the_needle_stays_in_its_ring_while_the_tool_turns(browser):
+    with rig_on(browser) as rig:
+        rig.live()
+        wait(browser, lambda: text(browser, ".dial-number") == "127°")
+        distances = []
+        for degrees in (350.0, 10.0, 100.0, 190.0, 280.0, 5.0):
+            rig.live(toolface_deg=degrees, status=int(Status.ROTATING))
+            distances += browser.execute_async_script(NEEDLE, f"{degrees:.0f}°")
+        assert min(distances) > 0.38
+        assert max(distances) < 0.5
+
+
+def test_in_silence_no_pill_says_what_tool_or_rig_do(browser):
+    with rig_on(browser) as rig:
+        rig.live(status=int(Status.STILL | Status.NO_MAG))
+        wait(browser, lambda: "tool still" in text(browser, "#pills"))
+        assert "no usable magnetometer" in text(browser, "#pills")
+        wait(browser, lambda: "no estimator" in text(browser, "#pills"))
+        assert "tool" not in text(browser, "#pills")
+        assert "magnetometer" not in text(browser, "#pills")
+
+
+def test_the_pumps_are_named_on_or_off_and_not_at_all_where_the_rig_is_silent(browser):
+    with rig_on(browser) as rig:
+        r = wire.RIG_STATE.empty(1)
+        for flow, word in ((0.03, "pumps on"), (0.0, "pumps off")):
+            r["flow_rate"], r["valid"] = flow, 128
+            rig.state.on_rig_state(r, time.monotonic())
+            rig.push()
+            wait(browser, lambda word=word: word in text(browser, "#pills"))
+        wait(browser, lambda: "pumps" not in text(browser, "#pills"))
+
+
+def test_a_stuck_magnetometer_leaves_no_bright_total_field(browser):
+    with rig_on(browser) as rig:
+        m = wire.MAG.empty(1)
+        m["magnetic_field"] = 50e-6, 0.0, 0.0
+
+        def field(status):
+            rig.live(status=status)
+            rig.state.on_magnetic_field(m, time.monotonic())
+            rig.push()
+            return state_of(browser, "drilling.total_field")
+
+        wait(browser, lambda: field(int(Status.STILL)) == "live")
+        wait(browser, lambda: field(int(Status.STILL | Status.NO_MAG)) == "stale")
+        assert "no usable magnetometer" in text(browser, '[data-cell="drilling.total_field"]')
+
+
+def test_a_survey_counts_down_by_itself_and_what_it_waits_for_is_said_with_its_time(browser):
+    with rig_on(browser) as rig:
+        progress = SurveyProgress(True, "averaging", 7.0, 1.9)
+        rig.state.on_survey_progress(progress, time.monotonic())
+        rig.push()
+        wait(browser, lambda: "2 s to go" in text(browser, "#progress"))
+        wait(browser, lambda: "finishing" in text(browser, "#progress"))
+        waits = SurveyProgress(True, "averaging on", 12.0, 108.0, waits_for="gyro azimuth sigma 2.1 deg")
+        rig.state.on_survey_progress(waits, time.monotonic())
+        rig.push()
+        wait(browser, lambda: "SURVEY WAITS · 12 s so far, at most 108 s more" in text(browser, "#progress"))
+        assert "gyro azimuth sigma 2.1 deg" in text(browser, "#progress")
+        wait(browser, lambda: "14 s so far, at most 106 s more" in text(browser, "#progress"))
+        rig.state.on_survey_progress(SurveyProgress(result="no survey taken: the tool turns"), time.monotonic())
+        rig.push()
+        wait(browser, lambda: "Last: no survey taken: the tool turns" in text(browser, "#progress"))
+        assert "No survey under way" in text(browser, "#progress")
+
+
+def test_the_worst_alarm_stands_above_all_with_text_remedy_and_age_and_opens_the_list(browser):
+    with rig_on(browser) as rig:
+        wait(browser, lambda: "for 7" in text(browser, "#alarm"))
+        raised = time.time_ns() - 12 * 10**9
+        rig.book.raise_alarm("input.attitude", Severity.CRITICAL, "no attitude", "is the estimator alive?", raised)
+        rig.publish()
+        wait(browser, lambda: "CRITICAL: no attitude" in text(browser, "#alarm"))
+        assert "is the estimator alive?" in text(browser, "#alarm")
+        assert "for 1" in text(browser, "#alarm")
+        assert "+ 1 more" in text(browser, "#alarm")
+        click(browser, "#alarm")
+        assert browser.find_element(By.ID, "tab-alarms").is_displayed()
+        rig.book.acknowledge("input.attitude", "A. Berg", time.time_ns())
+        rig.publish()
+        # An alarm that nobody has seen comes before one that somebody has.
+        wait(browser, lambda: "WARNING: total field is off" in text(browser, "#alarm"))
+        for alarm in rig.book.alarms():
+            rig.book.acknowledge(alarm.id, "A. Berg", time.time_ns())
+            rig.book.clear(alarm.id, time.time_ns())
+        rig.publish()
+        wait(browser, lambda: text(browser, "#alarm") == "✓ No alarms")
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_nothing_moves_when_alarms_surveys_faults_and_silence_come_and_go(browser, size):
+    places = ("#dial-panel", "#dial svg", "#numbers", "#small", "#quality", "#lights", "#tabs", "#alarm")
+
+    def layout():
+        return [box(browser, place) for place in places]
+
+    with rig_on(browser, size) as rig:
+        rig.live()
+        wait(browser, lambda: state_of(browser, "attitude.inclination") == "live")
+        before = layout()
+        rig.state.on_survey_progress(SurveyProgress(True, "averaging", 7.0, 9.0, waits_for="gyro"), time.monotonic())
+        rig.book.raise_alarm("a", Severity.CRITICAL, 9 * "a long text of an alarm ", 9 * "do this ", 10**18)
+        rig.publish()
+        rig.live(status=int(Status.ROTATING | Status.NO_MAG | Status.CLIPPED | Status.MAG_DISTURBED))
+        wait(browser, lambda: "magnetic disturbance" in text(browser, "#pills"))
+        assert layout() == before, "trouble"
+        wait(browser, lambda: state_of(browser, "attitude.inclination") == "stale")
+        assert layout() == before, "stale"
+        rig.server.stop()
+        wait(browser, lambda: browser.find_element(By.ID, "banner").is_displayed())
+        assert layout() == before, "disconnected"
+
+
+def test_why_a_direction_is_withheld_stands_beside_its_name(browser):
+    with rig_on(browser) as rig:
+        a = wire.ATTITUDE.empty(1)
+        a["inclination"], a["sigma_inclination"], a["sigma_azimuth"], a["north"] = 0.02, 0.001, -1.0, 3
+        a["sigma_gravity_toolface"], a["sigma_magnetic_toolface"] = -1.0, 0.01
+        a["status"] = int(Status.NEAR_VERTICAL)
+        rig.state.on_attitude(a, time.monotonic())
+        rig.push()
+        wait(browser, lambda: "not defined this near to vertical" in text(browser, '[data-cell="attitude.azimuth"]'))
+
+
+def test_a_still_gyro_reads_zero_turns(browser):
+    with rig_on(browser) as rig:
+        g = wire.GRAVITY.empty(1)
+        for speed, shown in ((0.12, "0r/min"), (-0.12, "0r/min"), (1.0, "10r/min")):
+            g["sigma"], g["rotary_speed"] = 0.001, speed
+            rig.live()
+            rig.state.on_gravity(g, time.monotonic())
+            rig.push()
+            wait(browser, lambda shown=shown: shown in text(browser, '[data-cell="drilling.rotary_speed"]'))
+
+
+def test_the_datum_names_what_is_not_given_and_where_the_sensor_sits(browser):
+    with rig_on(browser) as rig:
+        well = dataclasses.replace(rig.list.well, sensor_to_bit=14.25)
+        rig.state.on_well(well, time.monotonic(), ReferenceField(declination=0.02, source="typed in"))
+        rig.push()
+        wait(browser, lambda: "sensor 14.25 m above bit" in text(browser, "#datum"))
+        assert "convergence not given" in text(browser, "#datum")
+        assert "total correction not given" in text(browser, "#datum")
+        rig.state.on_vertical_limit(math.radians(3.0))
+        rig.live()
+        wait(browser, lambda: "MTF below 3° inclination" in text(browser, "#dial-legend"))
+
+
+def test_each_line_of_the_survey_table_shows_its_deviations_with_their_verdict(browser):
+    with rig_on(browser):
+        words = "[...document.querySelectorAll('tr[data-sequence=\"4\"] .word')]"
+        found = browser.execute_script(f"return {words}.map((e) => [e.className, e.textContent])")
+        assert found == [["word good", "0.00 ✓"], ["word doubtful", "+380 ▲"], ["word good", "0.00 ✓"]]
+
+
+def test_the_last_survey_says_what_to_do_and_what_each_quantity_is_worth(browser):
+    with rig_on(browser):
+        wait(browser, lambda: "External field: use a gyro" in text(browser, "#reasons .headline"))
+        assert "Azimuth may also be 57.3° (4.0 %)" in text(browser, "#reasons")
+        assert text(browser, ".each") == "inclination ✓azimuth ▲toolface ✓"
+
+
+def test_the_azimuth_has_a_strip_over_time_and_over_depth(browser):
+    with rig_on(browser) as rig:
+        steered(rig)
+        tab(browser, "charts")
+        wait(browser, lambda: "Azimuth" in text(browser, ".charts"))
+        click(browser, "#tab-charts .choice")
+        wait(browser, lambda: "Azimuth, °" in text(browser, ".depth-box"))
+
+
+@pytest.mark.parametrize("size", [*SIZES, (1280, 800), (844, 390)])
+def test_the_dial_alone_is_read_at_three_metres_and_touched_with_gloves(browser, size):
+    with rig_on(browser, size, path="?view=toolface") as rig:
+        rig.state.on_advisory(math.radians(120.0), math.radians(15.0))
+        rig.live()
+        wait(browser, lambda: text(browser, ".far-number") == "127°")
+        assert "INSIDE" in text(browser, ".far-note")
+        (high,) = font_sizes(browser, ".far-number")
+        # On a phone held upright the width is what limits.
+        assert high >= (0.2 * size[1] if size[0] > size[1] else 0.38 * size[0])
+        left, top, wide, tall = box(browser, "#dial svg")
+        assert min(wide, tall) > 0.25 * min(size)
+        assert left >= 0
+        assert top >= 0
+        assert top + tall <= size[1]
+        left, _, wide, _ = box(browser, ".far-number")
+        assert left + wide <= size[0]
+        touched = [box(browser, s)[2:] for s in ("#units", "#theme", "#view")]
+        assert all(width >= 60 and height >= 60 for width, height in touched)
+        assert not browser.find_element(By.ID, "tabs").is_displayed()
+        if size == (1920, 1080):
+            shown = "#big .name, #big .under, #dial-legend span, #datum, .alarm-what, .alarm-age, .far-note"
+            assert min(font_sizes(browser, shown)) >= 18
+
+
+def test_a_button_fills_the_screen_with_the_dial_and_the_address_keeps_it(browser):
+    with rig_on(browser) as rig:
+        click(browser, "#view")
+        wait(browser, lambda: "view=toolface" in browser.current_url)
+        show(browser, rig, path="?view=toolface")
+        assert not browser.find_element(By.ID, "tabs").is_displayed()
+        click(browser, "#view")
+        assert browser.find_element(By.ID, "tabs").is_displayed()
+        assert "view=" not in browser.current_url
+
+
+def test_a_phone_on_its_side_shows_the_whole_dial_and_both_directions(browser):
+    with rig_on(browser, (844, 390)) as rig:
+        rig.live()
+        wait(browser, lambda: text(browser, ".dial-number") == "127°")
+        for selector in ("#dial svg", '[data-cell="attitude.inclination"]', '[data-cell="attitude.azimuth"]', "#alarm"):
+            left, top, wide, tall = box(browser, selector)
+            assert top >= 0, selector
+            assert top + tall <= 390, selector
+            assert left + wide <= 844, selector
+
+
 @pytest.mark.parametrize("size", SIZES)
 def test_nothing_is_wider_than_the_screen(browser, size):
     with rig_on(browser, size) as rig:
@@ -639,11 +885,7 @@ def test_values_are_at_least_24_pixels_high(browser):
     with rig_on(browser) as rig:
         rig.live()
         wait(browser, lambda: state_of(browser, "rig.bit_depth") == "live")
-        smallest = browser.execute_script(
-            "return Math.min(...[...document.querySelectorAll('.value[data-state=live] .number')]"
-            ".map((e) => parseFloat(getComputedStyle(e).fontSize)))"
-        )
-        assert smallest >= 24
+        assert min(font_sizes(browser, ".value[data-state=live] .number")) >= 24
 
 
 @pytest.mark.parametrize(("theme", "size"), [("night", SIZES[0]), ("day", SIZES[1]), ("day", SIZES[2])])

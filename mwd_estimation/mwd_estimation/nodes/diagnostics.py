@@ -90,10 +90,12 @@ def survey_diagnostic(pipeline: Pipeline, settings: EstimatorSettings, requested
     if share >= 1.0:
         return Diagnostic("survey", OK, "taken; the next one comes after the tool has moved")
     seconds = survey.settle_s + survey.duration_s if requested_s is None else requested_s
-    values = (("elapsed_s", f"{share * seconds:.1f}"), ("remaining_s", f"{(1.0 - share) * seconds:.1f}"))
-    waits_for = pipeline.survey_waits_for
+    waits_for, waited = pipeline.survey_waits_for, pipeline.survey_waited_s
     if waits_for:
-        return Diagnostic("survey", OK, f"averaging on, waits for the gyro: {waits_for}", values=values)
+        left = max(survey.wait_for_gyro_s - waited, 0.0)
+        waits = (("elapsed_s", f"{waited:.1f}"), ("remaining_s", f"{left:.1f}"), ("waits_for", waits_for))
+        return Diagnostic("survey", OK, f"averaging on, waits for the gyro: {waits_for}", values=waits)
+    values = (("elapsed_s", f"{share * seconds:.1f}"), ("remaining_s", f"{(1.0 - share) * seconds:.1f}"))
     settling = requested_s is None and share * seconds < survey.settle_s
     return Diagnostic("survey", OK, "letting the string settle" if settling else "averaging", values=values)
 

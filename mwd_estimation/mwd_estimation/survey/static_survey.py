@@ -129,6 +129,11 @@ class StillSurvey:
         return share if self.waits_for is None else min(share, 0.99)
 
     @property
+    def waited_s(self) -> float:
+        """How long a survey that has averaged enough has waited for something, s."""
+        return 0.0 if self.waits_for is None else (len(self._run) - self._needed()) * _BIN_S
+
+    @property
     def complete(self) -> bool:
         """Whether a survey taken by itself has all it needs: it may wait for something, and is given when that ends."""
         unasked = self.params.automatic and not self._taken and self._requested_bins == 0

@@ -101,6 +101,17 @@ def test_a_stream_that_was_silent_for_part_of_the_time_is_not_averaged():
     assert results[0].mag is None
 
 
+def test_how_long_a_survey_has_waited_counts_from_when_it_had_averaged_enough():
+    survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=30.0))
+    waited = []
+    for one in _bins(10.0):
+        survey.add(BinSet(one), WAIT)
+        waited.append(survey.waited_s)
+    enough = round(7.0e9 / BIN_NS)
+    assert waited[: enough - 1] == [0.0] * (enough - 1)
+    assert waited[enough:] == [(k + 1) * BIN_NS * 1e-9 for k in range(len(waited) - enough)]
+
+
 def test_a_survey_taken_by_itself_reports_what_it_waits_for_and_averages_all_of_it():
     survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=30.0))
     bins = _bins(30.0)

@@ -7,6 +7,7 @@ here reads a clock: every call takes `now`, s, of one steady clock.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterable, Sequence
 
@@ -51,6 +52,7 @@ class LiveState(LiveStreams):
         self._diagnostics: tuple[NodeDiagnostic, ...] = ()
         self._alarms: tuple[Alarm, ...] = ()
         self._events: tuple[Event, ...] = ()
+        self._clock_offset: float | None = None
 
     def on_quill(self, angle: float, now: float) -> None:
         """Take the angle of the quill, rad clockwise looking down-hole from the zero of the rig."""
@@ -98,12 +100,15 @@ class LiveState(LiveStreams):
             self._stretches, self._yields = tuple(stretches), tuple(yields)
             self._touch("steering", now)
 
-    def on_survey_progress(
-        self, active: bool, now: float, elapsed: float = 0.0, remaining: float = 0.0, state: str = "", result: str = ""
-    ) -> None:
-        """Take the progress of a survey or north seek (elapsed and remaining, s), or its end with a result."""
-        left, spent = (value if active and math.isfinite(value) else None for value in (remaining, elapsed))
-        self._progress = SurveyProgress(active, state, spent, left, result)
+    def on_survey_progress(self, progress: SurveyProgress, now: float) -> None:
+        """Take the progress of a survey or north seek, or its end with a result."""
+        known = progress.active and progress.elapsed is not None and math.isfinite(progress.elapsed)
+        left = progress.active and progress.remaining is not None and math.isfinite(progress.remaining)
+        self._progress = dataclasses.replace(
+            progress,
+            elapsed=progress.elapsed if known else None,
+            remaining=progress.remaining if left else None,
+        )
         self._touch("survey_progress", now)
 
     def on_recorder(self, status: RecorderStatus, now: float) -> None:
@@ -119,8 +124,11 @@ class LiveState(LiveStreams):
             self._diagnostics = worst_first
             self._touch("diagnostics", now)
 
-    def on_alarms(self, alarms: Sequence[Alarm], events: Sequence[Event], now: float) -> None:
-        """Take alarms and events, newest first (`AlarmBook.alarms`, `.events`)."""
+    def on_alarms(
+        self, alarms: Sequence[Alarm], events: Sequence[Event], now: float, now_ns: int | None = None
+    ) -> None:
+        """Take alarms and events, newest first (`AlarmBook.alarms`, `.events`); now_ns: `now` on their clock."""
+        self._clock_offset = None if now_ns is None else now_ns * 1e-9 - now
         self._alarms, self._events = tuple(alarms), tuple(events)
         self._touch("alarms", now)
         self._touch("events", now)
@@ -152,6 +160,7 @@ class LiveState(LiveStreams):
             diagnostics=self._diagnostics,
             alarms=self._alarms,
             events=self._events,
+            clock_offset=self._clock_offset,
             history=history,
             depth_log=depth_log,
             changes=dict(self._changes),

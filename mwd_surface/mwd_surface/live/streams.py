@@ -98,11 +98,13 @@ _HISTORY = {
     "total_field": "mean",
     "axial_interference": "mean",
     "inclination": "mean",
+    "azimuth": "angle",
     "doubt": "max",
 }
 # Charts over the depth of the sensor while hole is drilled.
 _LOGGED = {
     "inclination": "mean",
+    "azimuth": "angle",
     "vibration": "max",
     "rotary_speed": "mean",
     "stick_slip": "max",
@@ -116,7 +118,7 @@ _BAD = Status.SENSOR_FAULT | Status.SENSOR_SUSPECT | Status.INITIALISING
 # The reason for a withheld value by status bit, in order of precedence.
 _WHY = (
     (Status.SENSOR_FAULT, "a sensor is judged faulty"),
-    (Status.SENSOR_SUSPECT, "something speaks against a sensor: wait a few seconds"),
+    (Status.SENSOR_SUSPECT, "a sensor is in doubt: wait a few seconds"),
     (Status.INITIALISING, "the estimator is still settling"),
     (Status.NEAR_VERTICAL, "not defined this near to vertical"),
     (Status.NO_MAG, "no usable magnetometer"),
@@ -143,6 +145,7 @@ class LiveStreams:
         self._log_depth: float | None = None
         self._sample: Samples | None = None
         self._advisory: tuple[float, float] | None = None
+        self._vertical_limit: float | None = None
         self._in_slips: bool | None = None
         self._changes: dict[str, Change] = {}
 
@@ -167,9 +170,9 @@ class LiveStreams:
         why = next((text for bit, text in _WHY if int(last["status"]) & bit), "the estimator gives no sigma")
         for name in _ANGLES:
             self._angle(name, float(last[name]), float(last["sigma_" + name]), why, now)
-        inclination = self._values.updated("inclination", now)
-        if inclination is not None:
-            self._chart("inclination", inclination, now)
+            angle = self._values.updated(name, now)
+            if angle is not None:
+                self._chart(name, angle, now)
         every = int(np.bitwise_or.reduce(samples["status"]))
         self._chart("doubt", 2.0 if every & _BAD else 1.0 if every & _DOUBTFUL else 0.0, now)
         self._touch("attitude", now)
@@ -236,7 +239,10 @@ class LiveStreams:
         self.on_stream("sonde", len(samples), now)
         self.on_stream("magnetometer", len(samples), now)
         totals = np.linalg.norm(samples["magnetic_field"], axis=1)
-        self._put("total_field", float(np.mean(totals)), None, now)
+        if self._without_magnetometer(now):
+            self._withhold("total_field", "no usable magnetometer", now)
+        else:
+            self._put("total_field", float(np.mean(totals)), None, now)
 
     def on_interference(self, samples: Samples, now: float) -> None:
         """Take estimates of interference, `wire.INTERFERENCE`; the last one counts."""
@@ -279,6 +285,12 @@ class LiveStreams:
             self._advisory = float(toolface) % math.tau, abs(float(limit))
         self._touch("toolface")
 
+    def on_vertical_limit(self, inclination: float | None) -> None:
+        """Set the inclination, rad, below which the estimator gives the magnetic toolface."""
+        if inclination != self._vertical_limit:
+            self._vertical_limit = inclination
+            self._touch("toolface")
+
     def attitude(self, now: float) -> AttitudeState:
         """Return the continuous attitude as of `now`."""
         inclination, azimuth = (self._values.value(name, now) for name in _ANGLES)
@@ -305,6 +317,7 @@ class LiveStreams:
             stamp_ns=None if reading is None else reading.stamp_ns,
             readings=tuple(self._readings),
             advisory=self._advisory_of(angle),
+            threshold=self._vertical_limit,
         )
 
     def drilling(self, now: float) -> DrillingState:
@@ -324,6 +337,12 @@ class LiveStreams:
         self._history.advance(now)
         over_time, over_depth = (Chart(strip.columns, strip.rows()) for strip in (self._history, self._log))
         return over_time, over_depth
+
+    def _without_magnetometer(self, now: float) -> bool:
+        """Whether the estimator, while it lives, says that the magnetometer cannot be used."""
+        if self._sample is None or self._values.streams(now)["estimator"].state != Freshness.LIVE:
+            return False
+        return bool(int(self._sample[0]["status"]) & Status.NO_MAG)
 
     def _all(self, names: Iterable[str], now: float) -> dict[str, LiveValue]:
         return {name: self._values.value(name, now) for name in names}
@@ -356,7 +375,7 @@ class LiveStreams:
             return
         self._values.put(name, value, sigma, now)
         self._touch(_PART_OF[name], now)
-        if name != "inclination":
+        if name not in _ANGLES:
             self._chart(name, value, now)
 
     def _chart(self, name: str, value: float, now: float) -> None:

@@ -15,8 +15,8 @@ class StripHistory:
 
     Parameters
     ----------
-    channels : mapping of str to "mean" or "max"
-        What becomes of several values within one interval.
+    channels : mapping of str to "mean", "max" or "angle"
+        What becomes of several values within one interval; "angle": their mean on the circle, rad in [0, 2 pi).
     seconds, rate : float
         How long, s, and rows per second.
 
@@ -28,8 +28,8 @@ class StripHistory:
 
     def __init__(self, channels: Mapping[str, str], seconds: float = 600.0, rate: float = 1.0) -> None:
         for name, how in channels.items():
-            if how not in ("mean", "max"):
-                raise ValueError(f"channels: {name}: expected mean or max, got {how!r}")
+            if how not in ("mean", "max", "angle"):
+                raise ValueError(f"channels: {name}: expected mean, max or angle, got {how!r}")
         if not seconds * rate >= 1.0:
             raise ValueError(f"seconds, rate: need room for one row, got {seconds} s at {rate} Hz")
         self.channels = dict(channels)
@@ -51,6 +51,10 @@ class StripHistory:
         total, count = self._sums.get(channel, (0.0, 0))
         if self.channels[channel] == "max":
             self._sums[channel] = (value if count == 0 else max(total, value), count + 1)
+        elif self.channels[channel] == "angle" and count:
+            # Beside the mean so far, so that 359 and 1 deg give 0.
+            mean = total / count
+            self._sums[channel] = (total + mean + math.remainder(value - mean, math.tau), count + 1)
         else:
             self._sums[channel] = (total + value, count + 1)
 
@@ -77,5 +81,7 @@ class StripHistory:
         for name, how in self.channels.items():
             total, count = self._sums.get(name, (0.0, 0))
             value = None if count == 0 else (total if how == "max" else total / count)
+            if value is not None and how == "angle":
+                value %= math.tau
             values.append(None if value is None else float(f"{value:.5g}"))
         return tuple(values)

@@ -15,7 +15,7 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.live.alarms import Alarm, Event
-from mwd_surface.live.latest_values import LiveValue, StreamState
+from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.strip_history import Row
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.surveys.clearance import Clearance
@@ -26,6 +26,9 @@ from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_path import Definitive
 
 NO_STATUS = Status(0)
+# Far below what drills and far above what a sensor reads of standing mud.
+_LEAST_FLOW = 100e-3 / 60.0  # m^3/s
+_LEAST_PRESSURE = 1e6  # Pa
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,6 +102,8 @@ class ToolfaceState:
     readings : tuple of DialReading
         Oldest first.
     advisory : Advisory or None
+    threshold : float or None
+        Inclination, rad, below which the mode is MAGNETIC; None while the estimator has not told it.
     """
 
     angle: LiveValue
@@ -107,6 +112,7 @@ class ToolfaceState:
     stamp_ns: int | None = None
     readings: tuple[DialReading, ...] = ()
     advisory: Advisory | None = None
+    threshold: float | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -146,6 +152,14 @@ class RigState:
     rate_of_penetration: LiveValue
     in_slips: bool | None = None
 
+    @property
+    def pumps_on(self) -> bool | None:
+        """Whether mud is pumped, by flow or else by standpipe pressure; None where the rig reports neither."""
+        for measured, least in ((self.flow_rate, _LEAST_FLOW), (self.pressure, _LEAST_PRESSURE)):
+            if measured.state == Freshness.LIVE and measured.value is not None:
+                return measured.value > least
+        return None
+
 
 @dataclasses.dataclass(frozen=True)
 class ReferenceField:
@@ -173,13 +187,18 @@ class ReferenceField:
 
 @dataclasses.dataclass(frozen=True)
 class SurveyProgress:
-    """A survey or north seek under way: elapsed and remaining, s; result: how the last one ended."""
+    """
+    A survey or north seek under way: elapsed and remaining, s; result: how the last one ended.
+
+    waits_for: why a survey that has averaged enough is not given yet; elapsed and remaining are then of that wait.
+    """
 
     active: bool = False
     state: str = ""
     elapsed: float | None = None
     remaining: float | None = None
     result: str = ""
+    waits_for: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -238,6 +257,8 @@ class WellState:
         Worst first.
     alarms, events
         Newest first.
+    clock_offset : float or None
+        Time since the epoch minus `now` when the alarms came, s: turns their stamps into ages.
     history, depth_log : Chart
         Over time and over the depth of the sensor.
     changes : mapping of str to Change
@@ -267,6 +288,7 @@ class WellState:
     diagnostics: tuple[NodeDiagnostic, ...]
     alarms: tuple[Alarm, ...]
     events: tuple[Event, ...]
+    clock_offset: float | None
     history: Chart
     depth_log: Chart
     changes: Mapping[str, Change]

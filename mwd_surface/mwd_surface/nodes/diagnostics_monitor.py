@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 from typing import Any
@@ -10,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.serialization import deserialize_message
 
 from mwd_surface.live.alarms import Severity
-from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField
+from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField, SurveyProgress
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.surveys.well import Well
 
@@ -43,7 +44,7 @@ class DiagnosticsMonitor:
         self._well = Well()
         self._received_at: dict[str, float] = {}
         self._diagnostics_of: dict[str, tuple[float, list[Any]]] = {}
-        self._progress: tuple[bool, str] = (False, "")
+        self._progress = SurveyProgress()
         self._progress_at = 0.0
         self._action_at = -_TIMEOUT_S
         self._result = ""
@@ -69,7 +70,10 @@ class DiagnosticsMonitor:
                 figures = (float(values.get("elapsed_s", 0.0)), float(values.get("remaining_s", 0.0)))
                 # The feedback of an action is more recent.
                 if time.monotonic() - self._action_at > _TIMEOUT_S:
-                    self._show_progress("remaining_s" in values, *figures, status.message)
+                    waits_for = values.get("waits_for", "")
+                    self._show_progress(
+                        SurveyProgress("remaining_s" in values, status.message, *figures, waits_for=waits_for)
+                    )
             elif status.name.endswith("estimator: reference field"):
                 self._on_reference(values, status.message)
 
@@ -88,18 +92,19 @@ class DiagnosticsMonitor:
 
     def _on_feedback(self, progress: Any, state: str) -> None:
         self._action_at = time.monotonic()
-        self._show_progress(True, progress.elapsed, progress.remaining, state)
+        self._show_progress(SurveyProgress(True, state, progress.elapsed, progress.remaining))
 
     def survey_ended(self, result: str) -> None:
         """Show that the survey has ended; result: in words."""
         self._result = result
-        self._show_progress(False)
+        self._show_progress(SurveyProgress(state=self._progress.state))
 
-    def _show_progress(self, active: bool, elapsed: float = 0.0, remaining: float = 0.0, state: str = "") -> None:
-        if active or self._progress != (active, self._result):
+    def _show_progress(self, progress: SurveyProgress) -> None:
+        shown = dataclasses.replace(progress, result=self._result)
+        if shown.active or shown != self._progress:
             self._progress_at = time.monotonic()
-            self._progress = (active, self._result)
-            self._live.on_survey_progress(active, self._progress_at, elapsed, remaining, state, self._result)
+            self._progress = shown
+            self._live.on_survey_progress(shown, self._progress_at)
 
     def _on_reference(self, values: dict[str, str], source: str) -> None:
         reference = None
@@ -120,8 +125,8 @@ class DiagnosticsMonitor:
                 causes[f"input.{topic}"] = (severity, text, f"is the {source} alive and connected? ({age:.0f} s)")
         self._alarm_log.set_alarms("input.", causes)
         self._alarm_log.set_alarms("node.", self._node_alarms(now))
-        if self._progress[0] and now - self._progress_at > _TIMEOUT_S + 1.0:
-            self._show_progress(False)
+        if self._progress.active and now - self._progress_at > _TIMEOUT_S + 1.0:
+            self._show_progress(SurveyProgress())
         statuses = [
             NodeDiagnostic(s.name, s.level[0], s.message, _remedy(s))
             for received_at, found in self._diagnostics_of.values()

@@ -8,6 +8,7 @@ connects them with the topics.
 from __future__ import annotations
 
 import concurrent.futures
+import math
 import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -25,6 +26,7 @@ from mwd_sensors.ros.qos import STATE
 from mwd_sensors.ros.run_node import run_node
 from mwd_surface import __version__
 from mwd_surface.bags.recorder.status import RecorderError
+from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.nodes.clearance_monitor import ClearanceMonitor
 from mwd_surface.nodes.diagnostics_monitor import DiagnosticsMonitor
@@ -228,8 +230,16 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             return call_service(self._service_callbacks, name, arguments)
         if not self._survey_client.service_is_ready():
             return False, "the estimator is not there"
-        self._survey_client.call_async(srv.TakeSurvey.Request(**arguments))
-        return True, "asked for a survey; it appears in the table"
+        asked = self._survey_client.call_async(srv.TakeSurvey.Request(**arguments))
+        asked.add_done_callback(self._on_survey_answer)
+        return True, "asked for a survey; how it goes and ends stands under Survey"
+
+    def _on_survey_answer(self, asked: Any) -> None:
+        """Show why a survey that a person asked for was not taken; one that was taken comes as a message."""
+        answer = asked.result()
+        if not answer.success:
+            self._shared.alarm_log.log_event("survey", answer.message, Severity.WARNING)
+            self._monitor.survey_ended(answer.message)
 
     # Timers.
 
@@ -250,6 +260,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._foxglove.open()
         self._parameter_tables.request()
         self._recording.add_tables(self._parameter_tables.take_new())
+        limit = self._parameter_tables.value("estimator", "attitude.vertical_deg")
+        self._shared.live.on_vertical_limit(None if limit is None else math.radians(float(limit)))
         self._recording.update(now)
         self._monitor.update(now)
         self._surveys.retry_save()

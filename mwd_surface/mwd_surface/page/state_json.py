@@ -96,6 +96,7 @@ class StateJson:
             "rig": {
                 **_values({k: v for k, v in vars(state.rig).items() if k != "in_slips"}),
                 "in_slips": state.rig.in_slips,
+                "pumps_on": state.rig.pumps_on,
             },
             "links": {name: _link(link) for name, link in state.links.items()},
             "recorder": _recorder(state),
@@ -118,8 +119,8 @@ class StateJson:
         north, section, most = state.well.north_reference, _section(state), self._settings.max_rows
         builders: dict[str, tuple[str, Any, Callable[[], Table]]] = {
             "well": ("well", section, lambda: _well(state)),
-            "quality": ("records", None, lambda: self._quality(state)),
-            "surveys": ("records", north, lambda: _surveys(state, most)),
+            "quality": ("records", north, lambda: self._quality(state)),
+            "surveys": ("records", north, lambda: self._surveys(state, most)),
             "path": ("path", None, lambda: _path(state, most)),
             "plan": ("plan", section, lambda: _plan(state.plan, section, most)),
             "offset": ("offset", None, lambda: _offset(state)),
@@ -128,7 +129,7 @@ class StateJson:
             "quill": ("quill", None, lambda: {"angle": number(state.quill)}),
             "survey_progress": ("survey_progress", None, lambda: _progress(state)),
             "findings": ("diagnostics", None, lambda: _diagnostics(state)),
-            "alarms": ("alarms", None, lambda: {"rows": plain_alarms(state.alarms)}),
+            "alarms": ("alarms", None, lambda: _alarms(state)),
             "events": ("events", None, lambda: {"rows": plain_events(state.events[:_MAX_EVENTS])}),
         }
         tables = {}
@@ -140,7 +141,12 @@ class StateJson:
 
     def _quality(self, state: WellState) -> Table:
         last = max(state.records, key=lambda r: r.survey.stamp_ns, default=None)
-        return quality_lights(last, self._settings.limits)
+        return quality_lights(last, self._settings.limits, North[state.well.north_reference.upper()])
+
+    def _surveys(self, state: WellState, most: int) -> Table:
+        north, kept = North[state.well.north_reference.upper()], state.records[-most:]
+        rows = [survey_row(record, north, self._settings.limits) for record in kept]
+        return {"rows": rows, "left_out": len(state.records) - len(kept)}
 
     def _revise(self, name: str, signature: Any) -> bool:
         """Count the revision of a table up where its signature is new; return whether it is."""
@@ -154,6 +160,13 @@ class StateJson:
 def plain_alarms(alarms: Iterable[Alarm]) -> list[Table]:
     """Return alarms as plain tables."""
     return [{**dataclasses.asdict(a), "severity_word": Severity(a.severity).name.lower()} for a in alarms]
+
+
+def _alarms(state: WellState) -> Table:
+    """Alarms; raised_at: s of the steady clock, None where the clock of their stamps is not known."""
+    offset = state.clock_offset
+    ages = [None if offset is None else number(a.raised_ns * 1e-9 - offset) for a in state.alarms]
+    return {"rows": [{**row, "raised_at": at} for row, at in zip(plain_alarms(state.alarms), ages, strict=True)]}
 
 
 def plain_events(events: Iterable[Event]) -> list[Table]:
@@ -203,6 +216,7 @@ def _toolface(toolface: ToolfaceState, north: str) -> Table:
         "rotating": toolface.rotating,
         "stamp_ns": toolface.stamp_ns,
         "north": north,
+        "threshold": number(toolface.threshold),
         "readings": [
             {
                 "angle": number(reading.angle),
@@ -252,11 +266,6 @@ def _well(state: WellState) -> Table:
         "field_gravity": number(reference.gravity),
         "field_source": reference.source,
     }
-
-
-def _surveys(state: WellState, most: int) -> Table:
-    north, kept = North[state.well.north_reference.upper()], state.records[-most:]
-    return {"rows": [survey_row(record, north) for record in kept], "left_out": len(state.records) - len(kept)}
 
 
 def _section(state: WellState) -> float:
@@ -321,6 +330,7 @@ def _progress(state: WellState) -> Table:
         "elapsed": number(progress.elapsed),
         "remaining": number(progress.remaining),
         "result": progress.result,
+        "waits_for": progress.waits_for,
     }
 
 

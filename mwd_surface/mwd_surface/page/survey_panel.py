@@ -15,7 +15,7 @@ from mwd_surface.live.settings import Limits
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.surveys.position_covariance import ellipse, in_section
 from mwd_surface.surveys.station_quality import totals
-from mwd_surface.surveys.survey_record import ROTARY, Judgement, North, SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import ROTARY, Judgement, North, Survey, SurveyRecord, Verdict
 from mwd_surface.surveys.well_path import Definitive
 
 NORTH_WORDS = ("", "magnetic", "true", "grid")
@@ -30,15 +30,14 @@ _PLACED = (
 )
 
 
-def survey_row(record: SurveyRecord, north: North) -> dict[str, Any]:
-    """Return one row of the survey table; the azimuth is from `north` where known, else from its own north."""
+def survey_row(record: SurveyRecord, north: North, limits: Limits | None = None) -> dict[str, Any]:
+    """
+    Return one row of the survey table; the azimuth is from `north` where known, else from its own north.
+
+    limits: of the totals, where the survey brings none.
+    """
     s = record.survey
-    azimuth = s.azimuth_from(north)
-    if azimuth is not None:
-        azimuth_north = north
-    else:
-        azimuth_north = North(s.north) if s.has_azimuth else North.UNKNOWN
-        azimuth = s.azimuth if s.has_azimuth else None
+    azimuth, azimuth_north = _azimuth(s, north)
     placed = {name: number(getattr(record, name)) if record.in_use else None for name in _PLACED}
     word, by = _verdict(record)
     return {
@@ -59,7 +58,8 @@ def survey_row(record: SurveyRecord, north: North) -> dict[str, Any]:
         "automatic": Verdict(s.verdict).word,
         "verdicts": list(s.verdicts),
         "headline": s.action,
-        "alternatives": [[number(other), number(odds)] for other, odds in s.alternatives_from(azimuth_north)],
+        "alternatives": _alternatives(s, azimuth_north),
+        "totals": _lights(s, limits),
         "disturbances": [[words, number(odds)] for words, odds in s.disturbances],
         "verdict": word,
         "accepted_by": by,
@@ -71,6 +71,18 @@ def survey_row(record: SurveyRecord, north: North) -> dict[str, Any]:
         "leg": record.leg,
         "tool": record.tool,
     }
+
+
+def _azimuth(s: Survey, north: North) -> tuple[float | None, North]:
+    """Return the azimuth from `north` where that is known, else from the survey's own north, and which it is."""
+    azimuth = s.azimuth_from(north)
+    if azimuth is not None:
+        return azimuth, north
+    return (s.azimuth, North(s.north)) if s.has_azimuth else (None, North.UNKNOWN)
+
+
+def _alternatives(s: Survey, north: North) -> list[list[float | None]]:
+    return [[number(other), number(odds)] for other, odds in s.alternatives_from(north)]
 
 
 def _verdict(record: SurveyRecord) -> tuple[str, str]:
@@ -89,13 +101,8 @@ def _known(value: float, low: float = 0.0) -> float | None:
     return number(value) if value >= low else None
 
 
-def quality_lights(record: SurveyRecord | None, limits: Limits) -> dict[str, Any]:
-    """Return the quality lights of a survey; `limits` count where the survey brings none."""
-    nothing = {"known": False, "lights": [], "verdict": "", "reasons": [], "sequence": None, "stamp_ns": None}
-    if record is None:
-        return nothing
-    s = record.survey
-    lights = [
+def _lights(s: Survey, limits: Limits | None) -> list[dict[str, Any]]:
+    return [
         {
             "name": total.name,
             "unit": total.unit,
@@ -108,11 +115,27 @@ def quality_lights(record: SurveyRecord | None, limits: Limits) -> dict[str, Any
         }
         for total in totals(s, limits)
     ]
+
+
+def quality_lights(record: SurveyRecord | None, limits: Limits, north: North = North.UNKNOWN) -> dict[str, Any]:
+    """
+    Return the quality of a survey: verdicts, totals, and what else its azimuth may be.
+
+    limits: of the totals, where the survey brings none. north: of the azimuths, where it is known.
+    """
+    if record is None:
+        return {"known": False, "lights": [], "verdict": "", "reasons": [], "sequence": None, "stamp_ns": None}
+    s = record.survey
+    azimuth, azimuth_north = _azimuth(s, north)
     return {
         "known": True,
-        "lights": lights,
+        "lights": _lights(s, limits),
         "verdict": Verdict(s.verdict).name.lower(),
-        "reasons": [text for text in dict.fromkeys((s.action, *s.reasons, *record.flags)) if text],
+        "verdicts": list(s.verdicts),
+        "headline": s.action,
+        "azimuth": number(azimuth),
+        "alternatives": _alternatives(s, azimuth_north),
+        "reasons": [text for text in dict.fromkeys((*s.reasons, *record.flags)) if text],
         "sequence": s.sequence,
         "stamp_ns": s.stamp_ns,
     }

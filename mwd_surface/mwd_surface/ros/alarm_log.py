@@ -63,7 +63,7 @@ class AlarmLog:
         alarms = msg.AlarmList(alarms=[messages.alarm_message(a) for a in self.book.alarms()])
         alarms.header.stamp = stamp(self.now_ns())
         self._publisher.publish(alarms)
-        self._live.on_alarms(self.book.alarms(), self.book.events(), now)
+        self._live.on_alarms(self.book.alarms(), self.book.events(), now, self.now_ns())
 
     def acknowledge(self, request: Any, response: Any) -> Any:
         """Acknowledge an alarm (service)."""

@@ -73,6 +73,10 @@ class ParameterTables:
         known = {f"parameters/{name}": table for name, table in self._tables.items() if table}
         return {f"parameters/{self._node.get_name()}": self.own(), **known}
 
+    def value(self, node: str, name: str) -> Any:
+        """Value of one parameter of another node; None while it is not known."""
+        return self._tables.get(node, {}).get(name)
+
     def take_new(self) -> dict[str, dict[str, str]]:
         """Tables received since the last call; a running recording lacks them."""
         new, self._new = self._new, []

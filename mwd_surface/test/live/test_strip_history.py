@@ -52,7 +52,16 @@ def test_what_is_not_finite_or_comes_from_a_clock_that_went_back_is_left_out():
 
 
 def test_an_unknown_way_to_combine_or_no_room_is_refused_in_words():
-    with pytest.raises(ValueError, match="mean or max, got 'sum'"):
+    with pytest.raises(ValueError, match="max or angle, got 'sum'"):
         StripHistory({"a": "sum"})
     with pytest.raises(ValueError, match="room for one row"):
         StripHistory({"a": "mean"}, seconds=0.1, rate=1.0)
+
+
+def test_an_angle_is_averaged_across_north():
+    history = StripHistory({"azimuth": "angle"})
+    for k, degrees in enumerate((359.0, 1.0, 3.0)):
+        history.add("azimuth", math.radians(degrees), 10.1 + 0.1 * k)
+    history.advance(11.0)
+    ((_, mean),) = history.rows()
+    assert mean == pytest.approx(math.radians(1.0), rel=1e-4)

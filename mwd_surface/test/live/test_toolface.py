@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mwd_estimation.attitude import time_alignment
-from mwd_estimation.attitude.time_alignment import Params, kernel_params
+from mwd_estimation.attitude.time_alignment import Params
 from mwd_estimation.attitude.time_alignment_state import FieldModel, GravityBlock, MagBlock, initial
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
@@ -38,10 +38,10 @@ def test_the_mode_is_the_estimators_through_its_hysteresis_and_at_any_inclinatio
     inclination = np.radians(np.concatenate([np.linspace(1.0, 9.0, 60), np.linspace(9.0, 1.0, 60), [120.0, 178.0]]))
     g_t = np.stack([np.cos(inclination), np.zeros(122), np.sin(inclination)], axis=1)
     stamps, none = np.arange(122) * 10**7, np.zeros((0, 3))
-    params = Params(vertical_enter_deg=5.0, vertical_leave_deg=6.0)
+    params = Params(vertical_enter=np.radians(5.0), vertical_leave=np.radians(6.0))
     model = FieldModel((0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
     rows, _, _ = time_alignment.run(
-        kernel_params(params),
+        params,
         initial(),
         model,
         GravityBlock(stamps, g_t, np.zeros(122), np.zeros(122)),

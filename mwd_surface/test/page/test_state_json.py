@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mwd_sensors.core import wire
 from mwd_surface.live.alarms import AlarmBook, Severity
 from mwd_surface.live.settings import LiveSettings
-from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField
+from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField, SurveyProgress
 from mwd_surface.page.state_json import plain_alarms, plain_events
 from mwd_surface.surveys.clearance import Clearance, ClearanceRule
 from mwd_surface.surveys.plan import Offset, plan_of
@@ -69,7 +69,7 @@ def test_whatever_the_messages_hold_json_stays_finite(value, sigma):
     i["sigma_axial"], i["sigma_cross_axial"] = sigma, sigma
     state.on_interference(i, 0.0)
     state.on_rig_state(rig(bit_depth=value, hookload=value), 0.0)
-    state.on_survey_progress(True, 0.0, value, value)
+    state.on_survey_progress(SurveyProgress(True, "averaging", value, value), 0.0)
     state.on_recorder(recorder(duration_s=value), 0.0)
     text = json.dumps(state.snapshot(2.0), allow_nan=False)
     assert all(math.isfinite(v) for v in leaves(json.loads(text)) if isinstance(v, float))

@@ -13,6 +13,7 @@ const CHARTS = [
   ["Total field", "field", [["total_field", "", "--trace", []]]],
   ["Axial interf.", "field", [["axial_interference", "", "--trace", []]]],
   ["Inclination", "angle", [["inclination", "", "--trace", []]]],
+  ["Azimuth", "bearing", [["azimuth", "", "--trace", []]]],
 ];
 const MINUTES = 10;
 
@@ -46,7 +47,7 @@ export class Charts {
           series: [{}, ...lines.map(([, , tone, dash]) => ({ stroke: colour(tone), dash, width: 1.5, points: { show: false }, spanGaps: false }))],
           axes: [
             { ...axis, size: 24, values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${t} min`)), splits: () => [-10, -5, 0] },
-            { ...axis, size: 50, space: 18, values: (_, ticks) => ticks.map((t) => String(Number(t.toFixed(3)))) },
+            { ...axis, size: 50, space: 18, values: (_, ticks) => ticks.map((t) => String(Number((kind === "bearing" ? units.turn(t) : t).toFixed(3)))) },
           ],
           hooks: { drawClear: [(u) => this.shade(u)] },
         },
@@ -87,8 +88,9 @@ export class Charts {
     this.shades = shadesOf(times, rows.map((row) => row[doubt]));
     for (const { lines, kind, plot, value } of this.charts) {
       const columns = lines.map(([name]) => history.columns.indexOf(name));
-      plot.setData([times, ...columns.map((k) => rows.map((row) => (row[k] === null ? null : units.plain(kind, row[k]))))]);
-      const raw = columns.flatMap((k) => rows.map((row) => row[k])).filter((v) => v !== null);
+      const traces = columns.map((k) => rows.map((row) => row[k])).map((trace) => (kind === "bearing" ? unwrapped(trace) : trace));
+      plot.setData([times, ...traces.map((trace) => trace.map((v) => (v === null ? null : units.plain(kind, v))))]);
+      const raw = traces.flat().filter((v) => v !== null);
       setText(
         value,
         raw.length ? spanOf(raw, kind, lines.length > 1)
@@ -98,9 +100,20 @@ export class Charts {
   }
 }
 
+// Across north a bearing goes on, so that its line does not jump.
+export function unwrapped(angles) {
+  let last = null;
+  return angles.map((v) => {
+    if (v === null) return null;
+    last = last === null ? v : last + Math.atan2(Math.sin(v - last), Math.cos(v - last));
+    return last;
+  });
+}
+
 const spanOf = (raw, kind, most) => {
-  const high = `${units.number(kind, Math.max(...raw))}${units.after(kind)}`;
-  return most ? `≤ ${high}` : `${units.number(kind, Math.min(...raw))} to ${high}`;
+  const text = (v) => (kind === "bearing" ? units.bearing(v, 1) : units.number(kind, v));
+  const high = `${text(Math.max(...raw))}${units.after(kind)}`;
+  return most ? `≤ ${high}` : `${text(Math.min(...raw))} to ${high}`;
 };
 
 // Stretches of one level of doubt: from, to, level.

@@ -1,11 +1,12 @@
 // Tracks over depth, deepest below: what the tool measured while the hole was made, with slides and surveys beside it.
 
 import { el, svg } from "./dom.js";
-import { shadesOf } from "./charts.js";
+import { shadesOf, unwrapped } from "./charts.js";
 import * as units from "./units.js";
 
 const TRACKS = [
   ["inclination", "Inclination", "angle"],
+  ["azimuth", "Azimuth", "bearing"],
   ["vibration", "Vibration", "vibration"],
   ["rotary_speed", "Rotary, tool", "rotation"],
   ["stick_slip", "Stick-slip", "index"],
@@ -69,7 +70,8 @@ export function depthTracks(log, steering, surveys, size) {
   tracks.forEach(([column, title, kind], k) => {
     const left = first + k * (wide + EDGE.gap);
     const index = log.columns.indexOf(column);
-    const values = log.rows.map((row) => (row[index] === null || row[0] < top ? null : units.plain(kind, row[index])));
+    const raw = log.rows.map((row) => (row[0] < top ? null : row[index]));
+    const values = (kind === "bearing" ? unwrapped(raw) : raw).map((v) => (v === null ? null : units.plain(kind, v)));
     const points = column === "inclination" ? stations.filter((s) => s.measured_depth >= top) : [];
     const marks = points.map((s) => units.plain(kind, s.inclination));
     const [low, high] = range([...values.filter((v) => v !== null), ...marks]);
@@ -80,8 +82,8 @@ export function depthTracks(log, steering, surveys, size) {
     plot.append(
       svg("rect", { class: "grid", x: left, y: EDGE.top, width: wide, height: height - EDGE.top - EDGE.bottom }),
       svg("text", { class: "axis", x: left + wide / 2, y: 14, "text-anchor": "middle" }, `${title}${units.unit(kind) ? `, ${units.unit(kind)}` : ""}`),
-      svg("text", { class: "tick", x: left, y: EDGE.top - 8 }, short(low)),
-      svg("text", { class: "tick", x: left + wide, y: EDGE.top - 8, "text-anchor": "end" }, short(high)),
+      svg("text", { class: "tick", x: left, y: EDGE.top - 8 }, short(kind === "bearing" ? units.turn(low) : low)),
+      svg("text", { class: "tick", x: left + wide, y: EDGE.top - 8, "text-anchor": "end" }, short(kind === "bearing" ? units.turn(high) : high)),
     );
     for (const part of runs(values.map((v) => (v === null ? null : x(v))), depths.map(y))) plot.append(svg("polyline", { class: "track", points: part.join(" ") }));
     marks.forEach((v, n) => plot.append(svg("circle", { class: "station", cx: x(v), cy: y(points[n].measured_depth), r: 4 })));

@@ -6,7 +6,8 @@ import * as units from "./units.js";
 
 const CENTRE = 200;
 const QUILL_LASTS = 3; // s
-const RINGS = { newest: 127, oldest: 92 };
+const HUB = 92;
+const RINGS = { newest: 130, oldest: 102 };
 
 const point = (angle, radius) => [
   CENTRE + radius * Math.sin(angle),
@@ -28,16 +29,16 @@ const LABELS = {
 };
 
 export class Dial {
-  constructor(place, legend) {
+  constructor(place, side, legend) {
     this.advisory = svg("path", { class: "advisory", d: "" });
     this.labels = svg("g", { class: "labels" });
     this.readings = svg("g", { class: "readings" });
     this.needle = svg("path", { class: "needle", d: "M 200 13 L 218 55 L 200 46 L 182 55 Z" });
     this.quill = svg("path", { class: "quill", d: "M 200 14 L 190 -4 L 210 -4 Z", visibility: "hidden" });
-    this.number = svg("text", { class: "dial-number", x: 200, y: 208 }, "");
-    this.side = svg("text", { class: "dial-side", x: 200, y: 236 }, "");
-    this.mode = svg("text", { class: "dial-mode", x: 200, y: 152 }, "");
-    this.note = svg("text", { class: "dial-note", x: 200, y: 262 }, "");
+    this.number = svg("text", { class: "dial-number", x: 200, y: 206 }, "");
+    this.side = svg("text", { class: "dial-side", x: 200, y: 233 }, "");
+    this.mode = svg("text", { class: "dial-mode", x: 200, y: 143 }, "");
+    this.note = svg("text", { class: "dial-note", x: 200, y: 259 }, "");
     const ticks = svg("g", { class: "ticks", "aria-hidden": "true" });
     for (let degrees = 0; degrees < 360; degrees += 5) {
       const angle = (degrees * Math.PI) / 180;
@@ -53,7 +54,7 @@ export class Dial {
       this.advisory,
       ticks,
       this.labels,
-      svg("circle", { class: "hub", cx: 200, cy: 200, r: 82 }),
+      svg("circle", { class: "hub", cx: 200, cy: 200, r: HUB }),
       this.readings,
       this.needle,
       this.quill,
@@ -63,6 +64,10 @@ export class Dial {
       this.note,
     );
     place.append(this.svg);
+    // Beside the dial where it fills the screen: read at three metres.
+    this.far = { number: el("p", { class: "far-number" }), words: el("p", { class: "far-words" }), note: el("p", { class: "far-note" }) };
+    this.beside = el("div", { class: "far", "aria-hidden": "true" }, this.far.words, this.far.number, this.far.note);
+    side.append(this.beside);
     this.legend = legend;
     this.labelled = "";
   }
@@ -72,7 +77,7 @@ export class Dial {
     this.labelled = mode;
     this.labels.replaceChildren();
     for (let degrees = 0; degrees < 360; degrees += 30) {
-      const [x, y] = point((degrees * Math.PI) / 180, 150);
+      const [x, y] = point((degrees * Math.PI) / 180, 144);
       const word = LABELS[mode][degrees];
       this.labels.append(
         svg("text", { x: x.toFixed(1), y: (y + 6).toFixed(1), class: word ? "cardinal" : "" }, word || String(degrees)),
@@ -97,7 +102,7 @@ export class Dial {
     if (state === "none") {
       setText(this.number, "no data");
       setText(this.side, "");
-      setText(this.note, cell.reason || "");
+      setText(this.note, "");
       mark(this.needle, "visibility", "hidden");
       mark(this.svg, "aria-label", `Toolface, ${words}: no data`);
     } else {
@@ -113,7 +118,15 @@ export class Dial {
       setText(this.note, note);
       mark(this.svg, "aria-label", `Toolface ${degrees} degrees, ${words}, ${note}`);
     }
+    this.showFar(state);
     this.showLegend(toolface, words, cell, state);
+  }
+
+  showFar(state) {
+    for (const name of ["data-state", "data-inside", "data-rotating"]) mark(this.beside, name, this.svg.getAttribute(name) || "none");
+    setText(this.far.number, this.number.textContent);
+    setText(this.far.words, [this.mode.textContent, this.side.textContent].filter(Boolean).join(" · "));
+    setText(this.far.note, state === "none" ? "" : this.note.textContent);
   }
 
   showAdvisory(toolface, state) {
@@ -124,7 +137,7 @@ export class Dial {
       return;
     }
     const limit = Math.min(advisory.limit, Math.PI - 0.01);
-    mark(this.advisory, "d", sector(advisory.toolface - limit, advisory.toolface + limit, 84, 170));
+    mark(this.advisory, "d", sector(advisory.toolface - limit, advisory.toolface + limit, HUB + 2, 170));
     mark(this.svg, "data-inside", state !== "live" || toolface.rotating || advisory.inside === null ? "none" : advisory.inside ? "yes" : "no");
   }
 
@@ -161,7 +174,8 @@ export class Dial {
 
   showLegend(toolface, words, cell, state) {
     const parts = [words];
-    if (state !== "none" && cell.sigma !== null) parts.push(`± ${units.size("coarse_angle", cell.sigma)}° 1σ`);
+    if (state !== "live" && cell.reason) parts.push(cell.reason);
+    else if (state !== "none" && cell.sigma !== null) parts.push(`± ${units.size("coarse_angle", cell.sigma)}° 1σ`);
     const advisory = toolface.advisory;
     const lines = [parts.join(" · ")];
     const second = [];
@@ -172,7 +186,8 @@ export class Dial {
     }
     if (this.quillText) second.push(this.quillText);
     lines.push(second.join(" · "));
-    lines.push("● GTF ■ MTF near vertical ○ rotating");
+    const below = toolface.threshold === null ? "near vertical" : `below ${units.size("angle", toolface.threshold, -2)}° inclination`;
+    lines.push(`● GTF  ■ MTF ${below}  ○ rotating`);
     const text = lines.join("\n");
     if (this.legendText === text) return;
     this.legendText = text;

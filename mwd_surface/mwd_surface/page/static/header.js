@@ -22,18 +22,20 @@ export function showBanner(connection, silent) {
 
 export function showWell(well) {
   setText(byId("well-name"), well.wellbore || well.name);
-  const angle = (v) => (v === null ? "unknown" : `${v < 0 ? "−" : "+"}${units.size("angle", Math.abs(v))}°`);
-  const parts = [`${well.depth_datum} datum`, `${well.north_reference} north`];
-  if (well.field_declination === null && well.field_convergence === null) parts.push("no reference field");
-  else {
-    parts.push(`decl ${angle(well.field_declination)}`, `conv ${angle(well.field_convergence)}`);
-    if (well.field_declination !== null && well.field_convergence !== null) {
-      const total = { grid: well.field_declination - well.field_convergence, true: well.field_declination, magnetic: 0 }[well.north_reference];
-      parts.push(`total correction ${angle(total)}`);
-    }
-  }
-  if (well.field_source) parts.push(well.field_source);
-  setText(byId("datum"), parts.join(" · "));
+  const angle = (v) => (v === null ? "not given" : `${v < 0 ? "−" : "+"}${units.size("angle", Math.abs(v))}°`);
+  const { field_declination: declination, field_convergence: convergence } = well;
+  const total = {
+    grid: declination === null || convergence === null ? null : declination - convergence, true: declination, magnetic: 0,
+  }[well.north_reference];
+  setText(byId("datum"), [
+    `Depth from ${well.depth_datum || "a datum not given"}`,
+    `sensor ${units.number("length", well.sensor_to_bit)} ${units.unit("length")} above bit`,
+    `${well.north_reference} north`,
+    `declination ${angle(declination)}`,
+    `convergence ${angle(convergence)}`,
+    `total correction ${angle(total)}`,
+    `field ${well.field_source || "not given"}`,
+  ].join(" · "));
   document.title = `${well.wellbore || well.name} · MWD`;
 }
 
@@ -49,36 +51,68 @@ function pillTo(select, [tabName, kind, text]) {
 
 let pillsText = "";
 
+// Status words of the estimator, as a driller says them.
+const TOOL = { still: "tool still", rotating: "tool rotating", sliding: "tool sliding" };
+const TROUBLE = {
+  sensor_fault: "sensor faulty", sensor_suspect: "sensor in doubt", clipped: "sensor at its limit", mag_disturbed: "magnetic disturbance",
+  no_mag: "no usable magnetometer", initialising: "settling", aliased: "vibration too fast for the sensor",
+  no_reference: "no reference field", correction_refused: "azimuth not corrected",
+};
+
+function linkPill(links, now, silent) {
+  const stream = (name) => stateOfStream(links[name], now, silent);
+  const down = ["sonde", "estimator", "rig"].filter((name) => stream(name) !== "live");
+  const word = (name) => `no ${STREAM_NAMES[name].toLowerCase()}${stream(name) === "none" ? "" : ` ${units.age(now - links[name].at)}`}`;
+  if (silent) return ["system", "reject", "link lost"];
+  return down.length ? ["system", "doubtful", down.map(word).join(", ")] : ["system", "good", "link"];
+}
+
+function recorderPill(recorder, now, silent) {
+  if (recorder.since === null || silent || now - recorder.since > recorder.stale_after) return ["system", "stale", "recorder no data"];
+  const kind = { recording: recorder.dropped ? "doubtful" : "good", stopped: "idle" }[recorder.state] || "reject";
+  const word = recorder.state === "recording" ? "recording" : `recorder ${recorder.state}`;
+  return ["system", kind, `${word}${recorder.dropped ? `, ${recorder.dropped} dropped` : ""}`];
+}
+
+// What the tool and the rig do is said only while they tell it.
 export function showPills(sections, now, silent, select) {
-  const { links, recorder, alarms, attitude, rig } = sections;
+  const { links, recorder, attitude, rig } = sections;
   const list = [];
-  if (links) {
-    const down = ["sonde", "estimator", "rig"].filter((name) => stateOfStream(links[name], now, silent) !== "live");
-    const word = (name) => `${STREAM_NAMES[name].toLowerCase()} ${stateOfStream(links[name], now, silent) === "none" ? "" : units.age(now - links[name].at)}`.trim();
-    list.push(silent ? ["system", "reject", "link lost"] : down.length ? ["system", "doubtful", `no ${down.map(word).join(", no ")}`] : ["system", "good", "link"]);
+  const alive = (name) => links && stateOfStream(links[name], now, silent) === "live";
+  if (links) list.push(linkPill(links, now, silent));
+  if (recorder) list.push(recorderPill(recorder, now, silent));
+  if (attitude && alive("estimator")) {
+    const doing = Object.keys(TOOL).find((word) => attitude.status.includes(word));
+    if (doing) list.push(["system", "info", TOOL[doing]]);
+    const bad = Object.keys(TROUBLE).filter((word) => attitude.status.includes(word));
+    if (bad.length) list.push(["system", "doubtful", bad.map((word) => TROUBLE[word]).join(", ")]);
   }
-  if (recorder) {
-    const fresh = recorder.since !== null && !silent && now - recorder.since <= recorder.stale_after;
-    const kind = !fresh ? "stale" : recorder.state === "recording" ? (recorder.dropped ? "doubtful" : "good") : recorder.state === "stopped" ? "idle" : "reject";
-    list.push(["system", kind, fresh ? `${recorder.state === "recording" ? "recording" : `recorder ${recorder.state}`}${recorder.dropped ? `, ${recorder.dropped} dropped` : ""}` : "recorder no data"]);
+  if (rig && alive("rig")) {
+    if (rig.pumps_on !== null) list.push(["system", "info", rig.pumps_on ? "pumps on" : "pumps off"]);
+    if (rig.in_slips) list.push(["system", "info", "in slips"]);
   }
-  if (alarms) {
-    const active = alarms.rows.filter((a) => a.active || !a.acknowledged);
-    const waiting = alarms.rows.filter((a) => !a.acknowledged);
-    const worst = Math.max(-1, ...active.map((a) => a.severity));
-    list.push(["alarms", active.length ? ["info", "doubtful", "reject"][worst] : "good", active.length ? `${active.length} alarm${active.length > 1 ? "s" : ""}, ${waiting.length} new` : "no alarms"]);
-  }
-  if (attitude?.status.length) {
-    const known = ["still", "rotating", "sliding"].find((word) => attitude.status.includes(word));
-    if (known) list.push(["system", "info", `tool ${known}`]);
-    const bad = attitude.status.filter((word) => ["sensor_fault", "sensor_suspect", "clipped", "mag_disturbed", "no_mag", "initialising", "aliased", "no_reference", "correction_refused"].includes(word));
-    if (bad.length) list.push(["system", "doubtful", bad.map((word) => word.replace("_", " ")).join(", ")]);
-  }
-  if (rig?.in_slips) list.push(["system", "info", "in slips"]);
   const text = JSON.stringify(list);
   if (text === pillsText) return;
   const held = [...byId("pills").children].indexOf(document.activeElement);
   pillsText = text;
   byId("pills").replaceChildren(...list.map((item) => pillTo(select, item)));
   if (held >= 0) byId("pills").children[Math.min(held, list.length - 1)]?.focus();
+}
+
+// One line, always there: the worst alarm nobody has seen, then the worst that is still there.
+export function showAlarmStrip({ alarms }, now) {
+  if (!alarms) return;
+  const rows = alarms.rows.filter((a) => a.active || !a.acknowledged);
+  const [worst] = [...rows].sort((a, b) => a.acknowledged - b.acknowledged || b.severity - a.severity || b.raised_ns - a.raised_ns);
+  const strip = byId("alarm");
+  mark(strip, "data-severity", worst ? worst.severity_word : "none");
+  mark(strip, "data-seen", worst?.acknowledged ? "yes" : "no");
+  if (!strip.firstChild) strip.append(...["what", "remedy", "age"].map((name) => el("span", { class: `alarm-${name}` })));
+  const [what, remedy, age] = strip.children;
+  setText(what, worst ? `${{ info: "●", warning: "▲", critical: "✕" }[worst.severity_word]} ${worst.severity_word.toUpperCase()}: ${worst.text}` : "✓ No alarms");
+  setText(remedy, worst?.remedy || "");
+  setText(age, worst ? [
+    worst.raised_at === null ? `since ${units.clock(worst.raised_ns)} UTC` : `for ${units.age(Math.max(0, now - worst.raised_at))}`,
+    worst.active ? "" : "gone", worst.acknowledged ? "seen" : "", rows.length > 1 ? `+ ${rows.length - 1} more` : "",
+  ].filter(Boolean).join(" · ") : "");
 }

@@ -6,7 +6,7 @@ import { ChartsTab } from "./charts_tab.js";
 import { Connection } from "./connection.js";
 import { Dial } from "./dial.js";
 import { byId, setText } from "./dom.js";
-import { showBanner, showPills, showTitle, showWell } from "./header.js";
+import { showAlarmStrip, showBanner, showPills, showTitle, showWell } from "./header.js";
 import { act, mayCommand, operatorName, showControls } from "./operator_tab.js";
 import { showPath } from "./path_tab.js";
 import { slideSheet } from "./slide_sheet.js";
@@ -24,7 +24,7 @@ const memory = {
 units.setField(memory.get("units") === "field");
 document.documentElement.dataset.theme = memory.get("theme") === "day" ? "day" : "night";
 
-const dial = new Dial(byId("dial"), byId("dial-legend"));
+const dial = new Dial(byId("dial"), byId("dial-side"), byId("dial-legend"));
 const table = new SurveyTable(byId("tab-surveys"), (name, values) => act(name, { ...values, operator_name: operatorName() }));
 
 byId("head-values").append(
@@ -42,9 +42,9 @@ byId("big").append(
 byId("small").append(
   valueBox("drilling.rotary_speed", "Rotary", "rotation"),
   valueBox("drilling.vibration", "Vibration", "vibration"),
-  valueBox("drilling.temperature", "Temp.", "temperature"),
+  valueBox("drilling.temperature", "Temperature", "temperature"),
   valueBox("drilling.total_field", "Total field", "field"),
-  valueBox("drilling.axial_interference", "Axial int.", "field"),
+  valueBox("drilling.axial_interference", "Axial interf.", "field"),
   valueBox("rig.weight_on_bit", "WOB", "force"),
 );
 
@@ -54,7 +54,6 @@ const SHOW = {
   quality: ({ quality }) => showQuality(quality),
   offset: ({ offset }) => showOffset(offset),
   clearance: showWellPath,
-  survey_progress: (sections) => showProgress(sections.survey_progress),
   surveys: () => { showSurveys(); charts.show(); },
   steering: () => { showSteering(); charts.show(); },
   depth_log: showCharts,
@@ -87,7 +86,9 @@ function tick() {
   if (now === null) return;
   refresh(sections, now, silent);
   dial.show(sections.toolface, sections.quill, now, silent);
+  showProgress(sections, now, silent);
   showPills(sections, now, silent, select);
+  showAlarmStrip(sections, now);
   showStreams(connection, now, silent);
   showSince(now);
 }
@@ -144,6 +145,29 @@ byId("theme").addEventListener("click", () => {
   redraw();
 });
 byId("sound").addEventListener("click", toggleSound);
+byId("alarm").addEventListener("click", () => {
+  setView("all");
+  select("alarms", true);
+});
+
+// The dial alone, as large as the screen; the address keeps the choice, so that a screen can be set up with it.
+function setView(view) {
+  document.body.dataset.view = view;
+  setText(byId("view"), view === "toolface" ? "All" : "Dial");
+  const address = new URL(location.href);
+  if (view === "toolface") address.searchParams.set("view", view);
+  else address.searchParams.delete("view");
+  if (address.href !== location.href) history.replaceState(null, "", address);
+}
+byId("view").addEventListener("click", () => {
+  const wanted = document.body.dataset.view === "toolface" ? "all" : "toolface";
+  setView(wanted);
+  // A browser may refuse to fill the screen; the page's own layout does not depend on it.
+  if (wanted === "toolface") document.documentElement.requestFullscreen?.().catch(() => {});
+  else if (document.fullscreenElement) document.exitFullscreen();
+  tick();
+});
+setView(new URL(location.href).searchParams.get("view") === "toolface" ? "toolface" : "all");
 
 new ResizeObserver(showWellPath).observe(byId("tab-path"));
 

@@ -1,65 +1,83 @@
 // The panel beside the numbers: progress of a survey, quality of the last one, offset from the plan.
 
-import { byId, el, pill } from "./dom.js";
+import { byId, el, mark, pill, setText } from "./dom.js";
+import { percent } from "./survey_table.js";
 import * as units from "./units.js";
 
 const LIGHTS = { good: "good", doubtful: "doubtful", reject: "reject", "no reference": "idle" };
 const VERDICTS = { accept: ["good", "accept"], doubtful: ["doubtful", "doubtful"], reject: ["reject", "reject"] };
+const SIGNS = { accept: "✓", doubtful: "▲", reject: "✕" };
 const KINDS = { "m/s^2": "gravity_deviation", T: "field", rad: "angle" };
 
-export function showProgress(progress) {
+const progressParts = { head: el("p", { class: "taking" }), state: el("p", { class: "doing" }), bar: el("progress", { max: 1, value: 0, "aria-label": "Survey in progress" }), result: el("p", { class: "result" }) };
+
+// What the survey does or waits for, for how long, and how the last one ended; the box keeps its height.
+export function showProgress({ survey_progress: progress, rig }, now, silent) {
+  const { head, state, bar, result } = progressParts;
   const place = byId("progress");
-  if (!progress.active) {
-    place.replaceChildren(...(progress.result ? [el("p", { class: "result" }, progress.result)] : []));
-    return;
-  }
-  const total = progress.elapsed + progress.remaining;
-  const share = total > 0 ? progress.elapsed / total : 0;
-  const words = `TAKING SURVEY · ${Math.ceil(progress.remaining)} s to go`;
-  place.replaceChildren(
-    el("p", { class: "taking" }, words),
-    el("p", { class: "quiet-text" }, progress.state),
-    el("progress", { max: 1, value: share.toFixed(3), "aria-label": "Survey in progress" }),
-  );
+  if (!progress) return;
+  if (!place.firstChild) place.append(head, state, bar, result);
+  const past = progress.since === null ? 0 : Math.max(0, now - progress.since);
+  const waiting = progress.active && Boolean(progress.waits_for);
+  const elapsed = progress.elapsed === null ? null : progress.elapsed + past;
+  const left = progress.remaining === null ? null : Math.max(0, progress.remaining - past);
+  const pumps = { true: "pumps on", false: "pumps off" }[rig?.pumps_on] || "";
+  mark(place, "data-state", silent ? "silent" : waiting ? "waiting" : progress.active ? "taking" : "idle");
+  setText(head, silent ? "NO NEWS OF A SURVEY" : waiting
+    ? `SURVEY WAITS · ${whole(elapsed, Math.floor)} so far, at most ${whole(left, Math.ceil)} more`
+    : progress.active ? `TAKING SURVEY · ${left === null ? "time unknown" : left > 0 ? `${Math.ceil(left)} s to go` : "finishing"}` : "No survey under way");
+  setText(state, [waiting ? `averaging on; ${progress.waits_for}` : progress.state, progress.active ? pumps : ""].filter(Boolean).join(" · "));
+  const share = !progress.active || elapsed === null || left === null || elapsed + left <= 0 ? 0 : elapsed / (elapsed + left);
+  mark(bar, "value", share.toFixed(3));
+  setText(result, progress.result ? `Last: ${progress.result}` : "");
 }
 
+const whole = (seconds, round) => (seconds === null ? "time unknown" : `${round(seconds)} s`);
+
+function lightRow(light) {
+  const unit = KINDS[light.unit];
+  const text = light.deviation === null
+    ? (light.value === null ? "no data" : "no reference")
+    : `${units.signed(unit, light.deviation)} of ± ${units.size(unit, light.limit)}${units.after(unit)}`;
+  const share = light.deviation === null ? 0 : Math.max(-1, Math.min(1, light.deviation / (2 * light.limit)));
+  const bar = el("span", { class: "bar", "aria-hidden": "true" }, el("span", { class: `fill ${LIGHTS[light.light]}` }));
+  const fill = bar.firstChild.style;
+  fill.left = `${50 + Math.min(0, share) * 50}%`;
+  fill.width = `${Math.abs(share) * 50}%`;
+  return el("div", { class: "light", "data-light": light.light },
+    pill(LIGHTS[light.light], light.light), el("span", { class: "name" }, light.corrected ? `${light.name}, corrected` : light.name), el("span", { class: "deviation" }, text), bar);
+}
+
+const NAMES = ["inclination", "azimuth", "toolface"];
+// Before the first survey: the same rows, empty.
+const NONE = ["total gravity", "total field", "dip"].map((name) => ({ name, unit: "T", value: null, deviation: null, limit: 1, light: "no reference" }));
+
 export function showQuality(quality) {
-  const place = byId("lights");
-  if (!quality.known) {
-    place.replaceChildren(el("p", { class: "empty" }, "No survey yet."));
-    byId("reasons").replaceChildren();
-    return;
-  }
-  const [kind, word] = VERDICTS[quality.verdict];
-  const rows = quality.lights.map((light) => {
-    const unit = KINDS[light.unit];
-    const text = light.deviation === null
-      ? (light.value === null ? "no data" : "no reference")
-      : `${units.signed(unit, light.deviation)} of ± ${units.size(unit, light.limit)}${units.after(unit)}`;
-    const share = light.deviation === null ? 0 : Math.max(-1, Math.min(1, light.deviation / (2 * light.limit)));
-    const bar = el("span", { class: "bar", "aria-hidden": "true" }, el("span", { class: `fill ${LIGHTS[light.light]}` }));
-    const fill = bar.firstChild.style;
-    fill.left = `${50 + Math.min(0, share) * 50}%`;
-    fill.width = `${Math.abs(share) * 50}%`;
-    return el("div", { class: "light", "data-light": light.light },
-      pill(LIGHTS[light.light], light.light), el("span", { class: "name" }, light.corrected ? `${light.name}, corrected` : light.name), el("span", { class: "deviation" }, text), bar);
-  });
-  place.replaceChildren(
-    el("p", { class: "verdict" }, `No. ${quality.sequence}, ${units.clock(quality.stamp_ns)}`, pill(kind, word)),
-    ...rows,
+  const verdict = (word) => VERDICTS[word] || ["idle", word];
+  byId("lights").replaceChildren(
+    el("p", { class: "verdict" }, quality.known ? [`No. ${quality.sequence}, ${units.clock(quality.stamp_ns)}`, pill(...verdict(quality.verdict))] : "No survey yet."),
+    el("p", { class: "each" }, quality.known ? NAMES.map((name, k) => el("span", { class: `word ${verdict(quality.verdicts[k])[0]}` }, `${name} ${SIGNS[quality.verdicts[k]] || "–"}`)) : ""),
+    ...(quality.known ? quality.lights : NONE).map(lightRow),
   );
-  byId("reasons").replaceChildren(...quality.reasons.map((text) => el("li", {}, text)));
+  const other = quality.known && quality.alternatives.length
+    ? `Azimuth may also be ${quality.alternatives.map(([azimuth, odds]) => `${units.bearing(azimuth, 1)}° (${percent(odds)})`).join(" or ")}.` : "";
+  const details = quality.known ? quality.reasons.filter((text) => text !== quality.headline) : [];
+  byId("reasons").replaceChildren(
+    quality.headline ? el("p", { class: "headline" }, quality.headline) : "",
+    other ? el("p", {}, other) : "",
+    details.length ? el("ul", { class: "reasons" }, details.map((text) => el("li", {}, text))) : "",
+  );
 }
 
 export function showOffset(o) {
   const place = byId("offset");
   if (!o.known) {
-    place.replaceChildren(el("p", { class: "empty" }, "No plan loaded."));
+    place.replaceChildren(el("p", { class: "empty" }, "To plan: no plan loaded."));
     return;
   }
   const length = (v) => `${units.number("length", Math.abs(v))} ${units.unit("length")}`;
   const facts = [
-    ["Well is", `${length(o.up)} ${o.up < 0 ? "below" : "above"}, ${length(o.right)} ${o.right < 0 ? "left" : "right"}`],
+    ["To plan: well is", `${length(o.up)} ${o.up < 0 ? "below" : "above"}, ${length(o.right)} ${o.right < 0 ? "left" : "right"}`],
     ["Steer back at", `${units.bearing(o.toolface, 0)}° GTF`],
   ];
   if (o.dogleg_to_target !== null) facts.push(["To hit target", `${units.number("dogleg", o.dogleg_to_target)}${units.after("dogleg")}`]);

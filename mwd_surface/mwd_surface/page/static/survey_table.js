@@ -13,13 +13,21 @@ const each = (row) => row.verdicts.every((word) => word === "accept") ? null : e
   { class: "each-verdict", title: QUANTITIES.map(([, name], k) => `${name}: ${row.verdicts[k]}`).join(", ") },
   QUANTITIES.map(([letter], k) => `${letter}${MARKS[row.verdicts[k]]}`).join(" "));
 
-const percent = (odds) => `${(100 * odds).toFixed(odds < 0.1 ? 1 : 0)} %`;
+export const percent = (odds) => `${(100 * odds).toFixed(odds < 0.1 ? 1 : 0)} %`;
 
 const BLANK = { reason: "", depth: "", replace: false };
 
 const hemisphere = (value, plus, minus) =>
   value === null ? "–" : `${units.number("length", Math.abs(value))} ${value < 0 ? minus : plus}`;
 const or = (value, show) => (value === null || value === undefined ? "–" : show(value));
+
+// Deviation from the reference, as judged, in the colour and with the mark of its light.
+function delta(row, k, kind) {
+  const total = row.totals?.[k];
+  if (!total || total.deviation === null) return "–";
+  const mark = { good: "✓", doubtful: "▲", reject: "✕" }[total.light];
+  return el("span", { class: `word ${total.light}` }, `${units.signed(kind, total.deviation)} ${mark}`);
+}
 
 // Column: heading, unit kind, text of a row, and from which width on it is shown (0 always, 1 tablet, 2 wide).
 function columns(north) {
@@ -34,9 +42,12 @@ function columns(north) {
     ["DLS", "dogleg", (r) => or(r.dogleg_severity, (v) => units.number("dogleg", v)), 1],
     ["Build", "dogleg", (r) => or(r.build_rate, (v) => units.number("dogleg", v)), 2],
     ["Turn", "dogleg", (r) => or(r.turn_rate, (v) => units.number("dogleg", v)), 2],
-    ["Gtot", "gravity", (r) => or(r.g_total, (v) => units.number("gravity", v, -1)), 1],
-    ["Btot", "field", (r) => or(r.b_total, (v) => units.number("field", v)), 1],
-    ["Dip", "angle", (r) => or(r.dip, (v) => units.number("angle", v)), 1],
+    ["Gtot", "gravity", (r) => or(r.g_total, (v) => units.number("gravity", v, -1)), 2],
+    ["ΔG", "gravity_deviation", (r) => delta(r, 0, "gravity_deviation"), 1],
+    ["Btot", "field", (r) => or(r.b_total, (v) => units.number("field", v)), 2],
+    ["ΔB", "field", (r) => delta(r, 1, "field"), 1],
+    ["Dip", "angle", (r) => or(r.dip, (v) => units.number("angle", v)), 2],
+    ["ΔDip", "angle", (r) => delta(r, 2, "angle"), 1],
   ];
 }
 
@@ -62,7 +73,7 @@ export class SurveyTable {
     for (const [name, kind, , level] of wanted) {
       head.append(el("th", { scope: "col", class: `at-${level}` }, name, el("small", {}, units.unit(kind))));
     }
-    head.append(el("th", { scope: "col" }, "Verdict"), el("th", { scope: "col", class: "at-1" }, "Method"), el("th", { scope: "col", class: "at-1" }, "By"));
+    head.append(el("th", { scope: "col" }, "Verdict"), el("th", { scope: "col", class: "at-2" }, "Method"), el("th", { scope: "col", class: "at-1" }, "By"));
     const body = el("tbody", {});
     const bit = this.projected(path);
     if (bit) body.append(this.bitRow(bit, wanted));
@@ -88,7 +99,7 @@ export class SurveyTable {
   bitRow(bit, wanted) {
     const line = el("tr", { class: "projected-row" }, el("th", { scope: "row" }, "bit"));
     for (const [, , text, level] of wanted) line.append(el("td", { class: `at-${level}` }, text({ ...bit, build_rate: null, turn_rate: null, g_total: null, b_total: null, dip: null, azimuth_north: wanted[2][0].slice(4) })));
-    line.append(el("td", {}, pill("idle", "projected")), el("td", { class: "at-1" }, "–"), el("td", { class: "at-1" }, "–"));
+    line.append(el("td", {}, pill("idle", "projected")), el("td", { class: "at-2" }, "–"), el("td", { class: "at-1" }, "–"));
     return line;
   }
 
@@ -103,7 +114,7 @@ export class SurveyTable {
     for (const [, , text, level] of wanted) line.append(el("td", { class: `at-${level}` }, text(row)));
     line.append(
       el("td", {}, pill(VERDICTS[row.verdict] || "info", row.verdict), each(row)),
-      el("td", { class: "at-1" }, row.method || "–"),
+      el("td", { class: "at-2" }, row.method || "–"),
       el("td", { class: "at-1 by" }, row.accepted_by === "automatic" ? "auto" : row.accepted_by),
     );
     return line;

@@ -7,6 +7,7 @@ const G = 9.80665;
 // kind: [factor, offset, decimals, unit] for metric and US field units.
 const KINDS = {
   angle: [[DEG, 0, 2, "°"]],
+  bearing: [[DEG, 0, 2, "°"]],
   coarse_angle: [[DEG, 0, 1, "°"]],
   depth: [[1, 0, 1, "m"], [1 / FOOT, 0, 0, "ft"]],
   length: [[1, 0, 2, "m"], [1 / FOOT, 0, 1, "ft"]],
@@ -26,6 +27,9 @@ const KINDS = {
   pressure: [[1e-5, 0, 0, "bar"], [1 / 6894.757, 0, 0, "psi"]],
 };
 
+// A still gyro reads a little; a string does not turn slower than this.
+const DEAD_BAND = { rotation: 0.16 }; // rad/s
+
 let system = 0;
 
 export const isField = () => system === 1;
@@ -40,6 +44,7 @@ export const after = (kind) => (/^(°(?![CF])|$)/.test(unit(kind)) ? unit(kind) 
 
 export function number(kind, value, more = 0) {
   const [factor, offset, decimals] = rule(kind);
+  if (Math.abs(value) < (DEAD_BAND[kind] || 0)) return "0";
   // A small negative number rounds to "-0", which nobody measures.
   return (value * factor + offset).toFixed(Math.max(0, decimals + more)).replace(/^-(0(\.0*)?)$/, "$1");
 }
@@ -64,9 +69,12 @@ export function metres(text) {
 
 export const plain = (kind, value) => value * rule(kind)[0] + rule(kind)[1];
 
+// Degrees within one turn.
+export const turn = (degrees) => ((degrees % 360) + 360) % 360;
+
 // 359.97 rounded to one decimal is 0.0, not 360.0.
 export function bearing(value, decimals = 1) {
-  const text = ((((value * DEG) % 360) + 360) % 360).toFixed(decimals);
+  const text = turn(value * DEG).toFixed(decimals);
   return Number(text) >= 360 ? (0).toFixed(decimals) : text;
 }
 
