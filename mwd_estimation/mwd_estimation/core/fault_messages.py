@@ -162,10 +162,15 @@ def _noise(fault: SensorFault, sensor: str) -> tuple[str, str]:
     return f"{sensor} reads noise of {size} from sample to sample", f"{_CABLE}; check its range setting"
 
 
+def unit_words(fault: SensorFault) -> str:
+    """Name of the unit that a fault UNIT has found."""
+    name = OTHER_UNITS[fault.place // 3][max(fault.which[0] - 1, 0)]
+    return "G" if name == "gauss" else name
+
+
 def _unit(fault: SensorFault, sensor: str) -> tuple[str, str]:
     s = fault.place // 3
-    name = OTHER_UNITS[s][max(fault.which[0] - 1, 0)]
-    return f"{_of(fault)}{sensor} looks like {name}, not {_SI[s]}", f"convert it to {_SI[s]} in the driver"
+    return f"{_of(fault)}{sensor} looks like {unit_words(fault)}, not {_SI[s]}", f"convert it to {_SI[s]} in the driver"
 
 
 def _silent(fault: SensorFault, sensor: str) -> tuple[str, str]:
@@ -185,6 +190,8 @@ def _gravity(fault: SensorFault, sensor: str) -> tuple[str, str]:
 
 def _sign(fault: SensorFault, _: str) -> tuple[str, str]:
     remedy = "reverse its signs in the driver: at rest the accelerometer reads up, the magnetometer along the field"
+    if fault.code == FaultCode.POINTS_UP or fault.sensors == (1,):
+        remedy = "set tool.mount.accelerometer to down (mwd process: --accelerometer down)"
     if fault.code == FaultCode.POINTS_UP:
         return "accelerometer reads upside down: the hole would point upwards", remedy
     if fault.sensors == (1,):

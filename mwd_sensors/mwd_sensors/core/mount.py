@@ -87,6 +87,12 @@ class MountSettings:
         AS_IMU,
         "As mount.mag, of the high-precision unit.",
     )
+    accelerometer: str = setting(
+        "up",
+        "What the conventional unit's accelerometer reads at rest: up (specific force, as REP-145 has it) or down "
+        "(gravity). Set it to down where the health of the sensors finds all its signs reversed.",
+        choices=("up", "down"),
+    )
     frame: str = setting(
         wire.SONDE_FRAME,
         "Frame of the tool axes in the static transforms, where a mount is tf.",
@@ -157,6 +163,8 @@ class Mount:
     Attributes
     ----------
     imu, mag, precision : ndarray, shape (3, 3)
+    reversed_accelerometer : bool
+        The accelerometer of the conventional unit reads gravity instead of specific force.
     unusable : dict of str to str
         Units (imu, mag, precision) whose rotation is not known, each with a sentence that says what to do.
     """
@@ -165,6 +173,7 @@ class Mount:
     mag: Array
     precision: Array
     unusable: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    reversed_accelerometer: bool = False
 
     @property
     def turns(self) -> bool:
@@ -173,7 +182,11 @@ class Mount:
 
     def imu_in_tool(self, samples: Samples) -> Samples:
         """Samples of the conventional unit, dtype of `wire.IMU` or part of it, in tool axes."""
-        return _turned(samples, self.imu, ("angular_velocity", "linear_acceleration"))
+        out = _turned(samples, self.imu, ("angular_velocity", "linear_acceleration"))
+        if self.reversed_accelerometer:
+            out = out.copy() if out is samples else out
+            out["linear_acceleration"] *= -1.0
+        return out
 
     def mag_in_tool(self, samples: Samples) -> Samples:
         """Samples of the magnetometer, dtype of `wire.MAG` or part of it, in tool axes."""
@@ -228,7 +241,7 @@ def resolve(
                     "tool.mount.mag (x-down if it shares the tool's axes), or publish the transform on /tf_static"
                 )
     clean = {unit: _snapped(mat) for unit, mat in found.items()}
-    return Mount(clean["imu"], clean["mag"], clean["precision"], unusable)
+    return Mount(clean["imu"], clean["mag"], clean["precision"], unusable, given.accelerometer == "down")
 
 
 def _snapped(mat: Array) -> Array:

@@ -20,6 +20,7 @@ from mwd_surface.bags.bag_metadata import MetadataError
 from mwd_surface.bags.mcap.contents import Contents
 from mwd_surface.bags.mcap.reader import McapFile
 from mwd_surface.bags.mcap.records import FormatError
+from mwd_surface.bags.ros1_bag import Ros1Reader
 
 
 class BagError(Exception):
@@ -101,7 +102,7 @@ class BagFiles:
         self.message_compression = False
         self.mcap: list[tuple[McapFile, Contents]] = []
         self.names: list[dict[int, str]] = []
-        self.rosbags: RosbagsReader | None = None
+        self.rosbags: RosbagsReader | Ros1Reader | None = None
         self._scratch: tempfile.TemporaryDirectory[str] | None = None
         try:
             self._open()
@@ -133,8 +134,11 @@ class BagFiles:
             self._open_mcap(files)
         elif suffixes == {".db3"}:
             self._open_rosbags(files)
+        elif suffixes == {".bag"}:
+            self.storage = "ros1"
+            self._open_rosbags(files)
         else:
-            raise BagError(f"{self.path} is not a bag", "expected a folder with metadata.yaml, an .mcap or a .db3 file")
+            raise BagError(f"{self.path} is not a bag", "expected a folder with metadata.yaml, an .mcap, .db3 or .bag")
         if not any(topic.count for topic in self.topics.values()):
             reason = "; ".join(self.notes)
             raise BagError(f"{self.path} holds no message" + (f" ({reason})" if reason else ""), "record it again")
@@ -227,12 +231,17 @@ class BagFiles:
         if path.is_file() and path.suffix == ".zstd":
             path = self._unpacked(path)
         try:
-            self.rosbags = RosbagsReader(path)
+            self.rosbags = Ros1Reader(path) if self.storage == "ros1" else RosbagsReader(path)
             self.rosbags.open()
         except Exception as error:
             # rosbags, sqlite and its YAML parser each raise their own kinds.
-            raise BagError(f"{self.path} cannot be read: {error}", "is it a rosbag2 recording?") from error
+            raise BagError(f"{self.path} cannot be read: {error}", "was it recorded to the end?") from error
+        left_out = self.rosbags.left_out if isinstance(self.rosbags, Ros1Reader) else []
+        if left_out:
+            self.notes.append(f"not read, of types that are no common ones: {', '.join(left_out)}")
         for name, info in self.rosbags.topics.items():
+            if name in left_out:
+                continue
             connection = info.connections[0]
             self.topics[name] = TopicInfo(
                 name,
@@ -247,7 +256,8 @@ class BagFiles:
         if self.rosbags.message_count:
             self.start_ns, self.end_ns = self.rosbags.start_time, self.rosbags.end_time - 1
         self.message_compression = False  # rosbags undoes it itself
-        self.notes.append(f"{files[0].suffix} storage: read through rosbags, which is slower")
+        kind = "a recording of ROS 1" if self.storage == "ros1" else f"{files[0].suffix} storage"
+        self.notes.append(f"{kind}: read through rosbags, which is slower")
 
     def _unpacked(self, path: Path) -> Path:
         if path.suffix != ".zstd":

@@ -21,6 +21,7 @@ from mwd_surface.bags.mcap.contents import Span
 from mwd_surface.bags.mcap.records import FormatError
 from mwd_surface.bags.mcap.walk import walk_records
 from mwd_surface.bags.message_parts import NEVER, Decoded, Part, part_of
+from mwd_surface.bags.ros1_bag import Ros1Reader
 
 M = TypeVar("M", Part, Decoded)
 
@@ -135,7 +136,9 @@ class PartStream:
             part = part.at(np.argsort(part.log_ns, kind="stable"))
         return part
 
-    def _rosbags_parts(self, reader: RosbagsReader, topics: list[str], start: int, end: int) -> Iterator[Part]:
+    def _rosbags_parts(
+        self, reader: RosbagsReader | Ros1Reader, topics: list[str], start: int, end: int
+    ) -> Iterator[Part]:
         numbers = {name: number for number, name in enumerate(self._topics)}
         connections = [one for one in reader.connections if one.topic in topics]
         rows: list[tuple[int, int, bytes]] = []

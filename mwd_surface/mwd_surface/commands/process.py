@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mwd_surface.commands.process_options import (
+    Accelerometer,
     AccelUnit,
     CalibrationFile,
     Depths,
@@ -81,6 +82,7 @@ def process(
     depths: Depths = None,
     calibration: CalibrationFile = None,
     mount: MountOption = None,
+    accelerometer: Accelerometer = None,
     form: Format = None,
     rate_hz: Rate = None,
     smooth: Smooth = False,
@@ -107,7 +109,7 @@ def process(
     """
     options = locals()  # first of all: the options alone, by name
     place = recording_changes(lat, lon, date, field)
-    sensors = tool_changes(tool, precision) | mount_changes(mount)
+    sensors = tool_changes(tool, precision) | mount_changes(mount, accelerometer)
     _run(
         bag,
         output,
@@ -171,8 +173,8 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
     for warning in summary.warnings:
         terminal.warn(warning)
     for fault in summary.faults:
-        if fault.code == FaultCode.NEVER_CAME and summary.topics.mag is None:
-            continue  # the recording has none, as the table below says
+        if fault.code == FaultCode.NEVER_CAME and not summary.mag_used:
+            continue  # said before, or in the table below
         # Relative to the first sample, as --start and --end count.
         moment = max((fault.cleared_ns or fault.since_ns) - summary.start_ns, 0)
         text = describe(fault)
@@ -194,7 +196,9 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         console.print(f"{name:>13}  {value}", markup=False)
     if summary.surveys:
         show_surveys(console, [(survey.station, depth) for survey, depth in summary.surveys])
-        without = [r for r in summary.listed.records if r.measured_depth < 0.0 and r.comment]
+        # Of a recording without depths the line above says so.
+        rows = summary.listed.records if summary.topics.rig is not None else ()
+        without = [r for r in rows if r.measured_depth < 0.0 and r.comment]
         for why in dict.fromkeys(r.comment for r in without):
             numbers = numbered([r.survey.sequence for r in without if r.comment == why])
             terminal.warn(f"no depth of survey {numbers}: {why}")

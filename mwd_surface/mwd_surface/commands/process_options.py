@@ -49,6 +49,10 @@ Depths = Annotated[
         rich_help_panel=_INPUT,
     ),
 ]
+Accelerometer = Annotated[
+    str | None,
+    typer.Option(help="What it reads at rest: up (specific force) or down (gravity).", rich_help_panel=_INPUT),
+]
 CalibrationFile = Annotated[
     Path | None,
     typer.Option(help="Calibration of the IMU and magnetometer, from `mwd calibrate`.", rich_help_panel=_INPUT),

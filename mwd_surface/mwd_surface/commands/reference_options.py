@@ -88,16 +88,16 @@ def tool_changes(tool: str | None, precision: str | None) -> dict[str, Any]:
     return changes
 
 
-def mount_changes(given: Sequence[str] | None) -> dict[str, Any]:
+def mount_changes(given: Sequence[str] | None, accelerometer: str | None = None) -> dict[str, Any]:
     """
-    Settings `tool.mount.*` of the option --mount: of every unit, or of one as UNIT=MOUNT.
+    Settings `tool.mount.*` of --mount, of every unit or of one as UNIT=MOUNT, and of --accelerometer.
 
     Raises
     ------
     ValueError
         A unit that is none.
     """
-    changes: dict[str, Any] = {}
+    changes: dict[str, Any] = {} if accelerometer is None else {"tool.mount.accelerometer": accelerometer}
     for text in given or ():
         unit, equals, mount = text.rpartition("=")
         units = (unit.strip(),) if equals else ("imu", "mag", "precision")

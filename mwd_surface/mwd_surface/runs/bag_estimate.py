@@ -25,12 +25,12 @@ from mwd_surface.bags.bag_reader import Bag, Block, Originals
 from mwd_surface.runs.bag_input import (
     InputSettings,
     Topics,
-    check_imu,
-    check_mag,
+    check_units,
     find_topics,
     guesses,
     in_si,
     mount_of,
+    refuse_wrong_unit,
     unstamped,
 )
 from mwd_surface.runs.imu_queue import ImuQueue
@@ -117,7 +117,7 @@ class BagEstimate:
         self._pipeline = Pipeline(estimator, mount=mount)
         if merger is not None and mount.turns:
             merger.frame = estimator.tool.mount.frame
-        self._queue = ImuQueue(_smoothing(estimator, bag.start_ns) if smooth else None, mount.imu)
+        self._queue = ImuQueue(_smoothing(estimator, bag.start_ns) if smooth else None, mount)
         self._start_ns = bag.start_ns + round(given.start_s * 1e9)
         self._end_ns = bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
         self._last_ns = bag.end_ns if self._end_ns is None else min(bag.end_ns, self._end_ns)
@@ -192,14 +192,12 @@ class BagEstimate:
         yield _Result(self._pipeline.finish())
 
     def _check_units(self, samples: BlockSamples) -> None:
-        """Check the units of the first samples of IMU and magnetometer; one in doubtful units is not used."""
-        if self.topics.imu in self._unchecked and self.topics.imu in samples:
-            self._summary.warnings += check_imu(self.topics.imu, samples[self.topics.imu])
-        if self._use_mag and self.topics.mag in self._unchecked and self.topics.mag in samples:
-            doubtful = check_mag(self.topics.mag, samples[self.topics.mag])
-            self._summary.warnings += doubtful
-            self._use_mag = not doubtful
-        self._unchecked -= samples.keys()
+        """Check the units of the first samples of IMU and magnetometer; one that is none in any unit is not used."""
+        new = {name: samples[name] for name in self._unchecked & samples.keys()}
+        self._unchecked -= new.keys()
+        warnings = check_units(self.topics, new)
+        self._summary.warnings += warnings
+        self._use_mag = self._use_mag and not any(text.startswith(f"{self.topics.mag}:") for text in warnings)
 
     def _push_companions(self, samples: BlockSamples, block: Block) -> None:
         """Push all samples but those of the IMU; block: the same with the times of their messages."""
@@ -225,7 +223,9 @@ class BagEstimate:
             summary.warnings.append(
                 f"{compensation.without_temperature} samples were calibrated before any temperature was known"
             )
+        refuse_wrong_unit(self.topics, summary.faults)
         self._reject_wrong_mount()
+        summary.mag_used = self._use_mag
         summary.listed, summary.live = self._list.finish()
         summary.depths = self._list.depth_source
         summary.warnings += self._list.warnings

@@ -10,11 +10,14 @@ import contextlib
 import dataclasses
 import math
 import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_estimation.core.fault_messages import describe, unit_words
+from mwd_estimation.core.sensor_fault import FaultCode, SensorFault, Unit
 from mwd_sensors.core import burst, units, wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.mount import Mount, MountSettings, Transforms, resolve
@@ -24,6 +27,12 @@ from mwd_surface.bags.mcap.records import MAGIC
 
 IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
 IMU_BURST, PRECISION_BURST = burst.TOPICS
+# Unit, field, quantity, and the option that names its unit.
+QUANTITIES = (
+    ("imu", "linear_acceleration", "acceleration", "--accel-unit"),
+    ("imu", "angular_velocity", "rate", "--gyro-unit"),
+    ("mag", "magnetic_field", "field", "--mag-unit"),
+)
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _LOOKED_AT = 2000  # messages, of all topics together, before frames and times count as seen
 _SAME_AT_LEAST = 10  # messages of one and the same time, before it counts as none
@@ -159,28 +168,38 @@ def in_si(
     return samples
 
 
-def check_imu(topic: str, imu: Samples) -> list[str]:
-    """Refuse an IMU that is not in SI; a warning where it is implausible in any unit."""
-    warnings = []
-    for field, quantity, option in (
-        ("linear_acceleration", "acceleration", "--accel-unit"),
-        ("angular_velocity", "rate", "--gyro-unit"),
-    ):
-        found = units.doubt(quantity, imu[field])
+def check_units(topics: Topics, samples: Mapping[str | None, Samples]) -> list[str]:
+    """
+    Warnings of readings that are implausible in any unit; samples: some of the IMU and of the magnetometer, in SI.
+
+    Raises
+    ------
+    ValueError
+        Readings that look like another unit, all of them in one sentence with the options that say so.
+    """
+    warnings, words, options = [], [], []
+    for name, field, quantity, option in QUANTITIES:
+        topic = getattr(topics, name)
+        found = units.doubt(quantity, samples[topic][field]) if topic in samples else None
         if found and found[1]:
-            raise ValueError(f"{topic}: {found[0]}; say so with {option} {found[1]}")
-        if found:
-            warnings.append(f"{topic}: {found[0]}")
+            words.append(f"{topic}: {found[0]}")
+            options.append(f"{option} {found[1]}")
+        elif found:
+            remedy = "; not used: look at the magnetometer or its driver" if name == "mag" else ""
+            warnings.append(f"{topic}: {found[0]}{remedy}")
+    if options:
+        raise ValueError(f"{'; '.join(words)}; say so with {' '.join(options)}")
     return warnings
 
 
-def check_mag(topic: str | None, mag: Samples) -> list[str]:
-    """Why a magnetometer cannot be used; empty where it can."""
-    found = units.doubt("field", mag["magnetic_field"])
-    if found is None:
-        return []
-    remedy = f"say so with --mag-unit {found[1]}" if found[1] else "look at the magnetometer or its driver"
-    return [f"{topic}: {found[0]}; not used, there is no azimuth: {remedy}"]
+def refuse_wrong_unit(topics: Topics, faults: Sequence[SensorFault]) -> None:
+    """Raise ValueError where the motion showed another unit to the end, with the option that says so."""
+    last = {fault.check: fault for fault in faults if fault.unit == Unit.CONVENTIONAL}
+    for fault in last.values():
+        if fault.code == FaultCode.UNIT and not fault.cleared_ns:
+            option, unit = QUANTITIES[(1, 0, 2)[fault.place // 3]][3], unit_words(fault)
+            topic = topics.mag if fault.place == 6 else topics.imu
+            raise ValueError(f"{topic}: {describe(fault).message}; say so with {option} {unit}")
 
 
 def mount_of(bag: Bag, topics: Topics, given: MountSettings) -> Mount:

@@ -15,8 +15,8 @@ from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import smoother as gravity_smoother
 from mwd_estimation.gravity.bounded.filter import Params
 from mwd_sensors.core import wire
-from mwd_sensors.core.arrays import Array, Samples, Stamps
-from mwd_sensors.core.mount import turned
+from mwd_sensors.core.arrays import Samples, Stamps
+from mwd_sensors.core.mount import Mount, MountSettings, resolve
 
 # A smoother without samples for so long waits no longer: samples after such a gap do not change those before.
 _SILENCE_NS = 60 * wire.NANOSECONDS
@@ -36,11 +36,11 @@ class ImuQueue:
     Holds samples back.
 
     smooth : settings of the method bounded, to smooth gravity by; None: no smoothing.
-    mat : rotation from the axes of the unit to those of the tool, in which gravity is followed.
+    mount : how the units sit in the tool, in whose axes gravity is followed.
     """
 
-    def __init__(self, smooth: Params | None = None, mat: Array | None = None) -> None:
-        self._mat = np.eye(3) if mat is None else mat
+    def __init__(self, smooth: Params | None = None, mount: Mount | None = None) -> None:
+        self._mount = mount or resolve(MountSettings())
         self._params = smooth
         self._smoother = gravity_smoother.Smoother(smooth) if smooth is not None else None
         self._new: list[tuple[Samples, Stamps]] = []
@@ -83,8 +83,8 @@ class ImuQueue:
         smoother = self._smoother
         if smoother is None:
             return Track.empty(0)
-        gyro, accel = (turned(self._mat, samples[name]) for name in ("angular_velocity", "linear_acceleration"))
-        return smoother.push(samples["stamp_ns"], gyro, accel)
+        samples = self._mount.imu_in_tool(samples)
+        return smoother.push(samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"])
 
     def _finished(self) -> Iterator[Imu]:
         if self._smoother is not None and self._params is not None and self._old:

@@ -9,8 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.pipeline import EstimatorSettings, Output
 from mwd_sensors.calibration.compensation import Compensation
+from mwd_sensors.core import settings
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.runs.bag_estimate import BagEstimate
 from mwd_surface.runs.bag_input import InputSettings, refuse_damaged, worth_saying
@@ -21,6 +23,10 @@ from mwd_surface.runs.run_output import OutputSettings, destination, drafts, fau
 from mwd_surface.runs.run_summary import Summary
 from mwd_surface.surveys.survey_store import encoded
 
+_REVERSED = (
+    "the accelerometer reads gravity instead of specific force: its signs are reversed for these results, as "
+    "--accelerometer down does"
+)
 _AFTER = ("surveys.csv", "surveys.json", "faults.csv", "config.yaml")  # files named after the attitude
 
 
@@ -64,6 +70,33 @@ def process(
         The folder cannot be written.
     """
     given, wanted = given or InputSettings(), wanted or OutputSettings()
+    summary = _processed(bag, folder, estimator, given, progress, compensation, wanted, recorded)
+    if estimator.tool.mount.accelerometer == "up" and _reads_down(summary):
+        changed = settings.changed(estimator, {"tool.mount.accelerometer": "down"})
+        summary = _processed(bag, folder, changed, given, progress, compensation, wanted, recorded)
+        summary.warnings.insert(0, _REVERSED)
+    return summary
+
+
+def _reads_down(summary: Summary) -> bool:
+    """Whether the motion or the dip showed to the end that the accelerometer, and nothing else, is reversed."""
+    last = {fault.check: fault for fault in summary.faults}
+    standing = [fault for fault in last.values() if not fault.cleared_ns]
+    reversals = (FaultCode.SIGN, FaultCode.POINTS_UP)
+    return any(fault.code in reversals and fault.sensors == (1,) for fault in standing)
+
+
+def _processed(
+    bag: Bag,
+    folder: Path,
+    estimator: EstimatorSettings,
+    given: InputSettings,
+    progress: Callable[[float], None],
+    compensation: Compensation | None,
+    wanted: OutputSettings,
+    recorded: Recorded | None,
+) -> Summary:
+    """Process a bag once."""
     with drafts(folder) as draft:
         with destination(draft, bag, wanted, given) as (sink, merger):
             run = _run_of(bag, estimator, given, compensation, wanted.smooth, merger, recorded)

@@ -51,6 +51,8 @@ class Summary:
     warnings : list of str
     files : list of str
         Names of what was written.
+    mag_used : bool
+        Whether the magnetometer was used.
     """
 
     topics: Topics
@@ -75,6 +77,7 @@ class Summary:
     faults: list[SensorFault] = dataclasses.field(default_factory=list)
     warnings: list[str] = dataclasses.field(default_factory=list)
     files: list[str] = dataclasses.field(default_factory=list)
+    mag_used: bool = True
 
     @property
     def seconds(self) -> float:

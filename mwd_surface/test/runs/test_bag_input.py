@@ -149,18 +149,21 @@ def test_samples_in_si_are_left_as_they_are_bit_for_bit():
     assert bag_input.in_si(there, TOPICS, InputSettings())["i"].tobytes() == there["i"][1].tobytes()
 
 
-def test_an_imu_in_another_unit_is_refused_with_the_option_to_say_so():
-    assert bag_input.check_imu("i", block()["i"][1]) == []
-    with pytest.raises(ValueError, match=r"i: .* looks like g; say so with --accel-unit g"):
-        bag_input.check_imu("i", block(force=1.0)["i"][1])
+def first(**readings):
+    return {name: part[1] for name, part in block(**readings).items()}
 
 
-def test_a_magnetometer_that_cannot_be_used_says_why_and_what_to_do():
-    assert bag_input.check_mag("m", block()["m"][1]) == []
-    (reason,) = bag_input.check_mag("m", block(field=50.0)["m"][1])
-    assert "looks like uT" in reason
-    assert "--mag-unit uT" in reason
-    (reason,) = bag_input.check_mag("m", block(field=0.0)["m"][1])
+def test_other_units_are_refused_in_one_sentence_with_the_options_to_say_so():
+    assert bag_input.check_units(TOPICS, first()) == []
+    with pytest.raises(ValueError, match=r"^i: .* looks like g; say so with --accel-unit g$"):
+        bag_input.check_units(TOPICS, first(force=1.0))
+    with pytest.raises(ValueError, match=r"i: .* g; m: .* uT; say so with --accel-unit g --mag-unit uT$"):
+        bag_input.check_units(TOPICS, first(force=1.0, field=50.0))
+
+
+def test_a_magnetometer_that_is_none_in_any_unit_says_what_to_do():
+    (reason,) = bag_input.check_units(TOPICS, first(field=0.0))
+    assert reason.startswith("m: ")
     assert "look at the magnetometer" in reason
 
 

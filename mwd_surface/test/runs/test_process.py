@@ -294,11 +294,10 @@ def test_a_start_beyond_the_end_of_a_bag_is_reported(tmp_path):
         run(tmp_path / "bag", tmp_path / "out", start_s=60.0)
 
 
-def test_a_field_in_another_unit_is_not_used_until_its_unit_is_given(tmp_path):
+def test_a_field_in_another_unit_is_refused_until_its_unit_is_given(tmp_path):
     recording(tmp_path / "bag", mag_scale=1e6)
-    summary = run(tmp_path / "bag", tmp_path / "out")
-    assert any("looks like uT" in warning and "--mag-unit uT" in warning for warning in summary.warnings)
-    assert summary.without_azimuth == summary.rows
+    with pytest.raises(ValueError, match=r"^/imu/mag: .* looks like uT; say so with --mag-unit uT$"):
+        run(tmp_path / "bag", tmp_path / "out")
     summary = run(tmp_path / "bag", tmp_path / "out", mag_unit="uT")
     assert not summary.warnings
     assert float(attitude(tmp_path / "out")[-1]["azimuth_deg"]) == pytest.approx(70.0, abs=0.3)
@@ -311,9 +310,8 @@ def test_a_magnetometer_that_speaks_late_is_checked_too(tmp_path):
     with BagWriter(tmp_path / "bag", chunk_bytes=4096) as bag:
         for name, layout, rows in (("/imu/data_raw", wire.IMU, imu), ("/imu/mag", wire.MAG, late)):
             bag.write_rows(bag.topic(name, layout.type_name), layout.encode(rows, "x"), rows["stamp_ns"])
-    summary = run(tmp_path / "bag", tmp_path / "out")
-    assert any("looks like nT" in warning for warning in summary.warnings)
-    assert summary.without_azimuth == summary.rows
+    with pytest.raises(ValueError, match=r"looks like nT; say so with --mag-unit nT$"):
+        run(tmp_path / "bag", tmp_path / "out")
 
 
 def test_an_older_sqlite3_recording_gives_the_same_lines(tmp_path):

@@ -1,0 +1,98 @@
+"""`mwd inspect`: what a recording holds, what it lacks for which result, and the command that processes it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mwd_surface.commands.process_options import (
+    AccelUnit,
+    GyroTopic,
+    GyroUnit,
+    ImuTopic,
+    MagTopic,
+    MagUnit,
+    MountOption,
+    Recording,
+    RigTopic,
+)
+from mwd_surface.commands.reference_options import (
+    Date,
+    Field,
+    Lat,
+    Lon,
+    given_settings,
+    mount_changes,
+    placed_settings,
+    recording_changes,
+)
+
+
+def inspect(
+    bag: Recording,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder that the command names.")] = Path("out"),
+    lat: Lat = None,
+    lon: Lon = None,
+    date: Date = None,
+    field: Field = None,
+    imu_topic: ImuTopic = None,
+    mag_topic: MagTopic = None,
+    gyro_topic: GyroTopic = None,
+    rig_topic: RigTopic = None,
+    accel_unit: AccelUnit = None,
+    gyro_unit: GyroUnit = None,
+    mag_unit: MagUnit = None,
+    mount: MountOption = None,
+) -> None:
+    """
+    Look through a recording: topics, rates, units, signs, mount, gaps, clocks, and what is missing for which result.
+
+    Prints the `mwd process` command that reads it as found. With the place (--lat, --lon) signs and axes of the
+    magnetometer are found too.
+
+    \b
+    Examples:
+      mwd inspect bags/run_7
+      mwd inspect other.bag --lat 58.44 --lon 1.88
+    """
+    options = locals()
+    from mwd_surface.bags.bag_reader import Bag
+    from mwd_surface.commands import terminal
+    from mwd_surface.runs.bag_input import InputSettings
+    from mwd_surface.runs.inspection import figures
+    from mwd_surface.runs.inspection import inspect as look_through
+    from mwd_surface.runs.recorded_settings import recorded_settings
+
+    place, console = recording_changes(lat, lon, date, field), terminal.output()
+    with Bag(bag) as opened, terminal.progress(f"reading {bag.name}") as progress:
+        recorded = recorded_settings(opened).estimator
+        estimator = placed_settings(None, None, place, tool=mount_changes(mount), start=recorded)
+        found = look_through(opened, given_settings(InputSettings, options), estimator, output, progress)
+        others = [t for t in opened.topics.values() if t.name not in found.topics.all]
+        notes, complete = list(opened.notes), opened.complete
+    names = ("IMU", "magnetometer", "precision unit", "temperature", "rig")
+    lines = []
+    for what, name in zip(names, vars(found.topics).values(), strict=True):
+        if name is not None:
+            frame = found.frames.get(name, "")
+            lines.append((what, f"{name}: {figures(found.times[name])}" + (f", frame {frame}" if frame else "")))
+    words = {"accel_unit": "specific force", "gyro_unit": "angular rate", "mag_unit": "field"}
+    lines += [
+        ("units", ", ".join(f"{words[name]} in {unit}" for name, unit in found.units.items())),
+        ("mount", found.mount),
+        ("turning", f"{found.turns_about} in axes of the IMU" if found.turns_about else "never seen: axes not checked"),
+        ("at rest", f"{found.rests} times long enough for a survey, longest {found.rest_s:.0f} s"),
+        ("settings", "those of the recording" if recorded is not None else "none in the recording"),
+    ]
+    if others:
+        lines.append(("not used", ", ".join(f"{topic.name} ({topic.type_name})" for topic in others)))
+    lines += [("missing", f"for {result}: {need}") for result, need in found.missing]
+    for name, value in lines:
+        console.print(f"{name:>14}  {value}", markup=False)
+    for remark in [*notes, *found.remarks]:
+        terminal.warn(remark)
+    if not complete:
+        terminal.warn(f"the recording is cut off or damaged; `mwd recover {bag}` makes it whole")
+    console.print(f"\n{found.command}", markup=False)

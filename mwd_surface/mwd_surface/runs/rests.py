@@ -1,0 +1,58 @@
+"""Intervals in which a tool stands, from its samples: how many are long enough for a survey."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from mwd_estimation.settings import Survey
+from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Array, Stamps
+
+_BIN_NS = wire.NANOSECONDS // 2
+
+
+class Rests:
+    """
+    Counts the intervals at rest, taken block by block, by the limits of a survey.
+
+    survey : settings of the surveys.
+
+    Attributes
+    ----------
+    count : int
+        Intervals of at least the settling and averaging time.
+    longest_s : float
+        Longest interval.
+    """
+
+    def __init__(self, survey: Survey | None = None) -> None:
+        self._survey = survey or Survey()
+        self.count = 0
+        self.longest_s = 0.0
+        self._still_s = 0.0
+        self._rest: tuple[Stamps, Array] = np.empty(0, dtype=np.int64), np.empty((0, 6))
+
+    def take(self, stamp_ns: Stamps, gyro: Array, accel: Array) -> None:
+        """Take samples: shapes (n,), ns, and (n, 3), rad/s and m/s^2."""
+        stamps = np.concatenate([self._rest[0], stamp_ns])
+        values = np.concatenate([self._rest[1], np.hstack([gyro, accel])])
+        bins = stamps // _BIN_NS
+        starts = np.flatnonzero(np.diff(bins, prepend=bins[:1] - 1))
+        for start, stop in itertools.pairwise(starts):
+            self._close(values[start:stop])
+        self._rest = stamps[starts[-1] :], values[starts[-1] :]
+
+    def _close(self, values: Array) -> None:
+        """Judge half a second."""
+        limit = self._survey
+        mean, noise = values.mean(axis=0), values.std(axis=0)
+        turns = np.linalg.norm(mean[:3]) > limit.max_rate or noise[:3].max() > limit.max_rate_noise
+        if turns or noise[3:].max() > limit.max_force_noise or not np.isfinite(mean).all():
+            self._still_s = 0.0
+            return
+        before, needed = self._still_s, limit.settle_s + limit.duration_s
+        self._still_s += _BIN_NS * 1e-9
+        self.longest_s = max(self.longest_s, self._still_s)
+        self.count += int(before < needed <= self._still_s)

@@ -1,0 +1,99 @@
+"""The times of one topic of a recording: its rate, gaps, stamps that do not advance, and its clock against the log."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Stamps
+
+# A gap is longer than so many intervals, and than so long, s.
+_INTERVALS, _SHORTEST_S = 5.0, 0.1
+# A clock off the recorder's by more is worth a word, s; a drift, as a share of time.
+_OFFSET_S, _DRIFT = 1.0, 1e-4
+_FEW = 10
+
+
+class StreamTimes:
+    """
+    Times of the samples of a topic, taken block by block.
+
+    Attributes
+    ----------
+    count, gaps, backwards : int
+        Samples, gaps, and stamps that do not advance.
+    first_ns, last_ns : int
+        Stamps; 0 before any.
+    longest_gap_s, gap_at_s : float
+        Longest gap, and how long after the first sample it begins.
+    """
+
+    def __init__(self) -> None:
+        self.count = self.gaps = self.backwards = 0
+        self.first_ns = self.last_ns = 0
+        self.longest_gap_s = self.gap_at_s = 0.0
+        self._interval_s = math.nan
+        self._offsets: list[tuple[int, float]] = []
+
+    def take(self, stamp_ns: Stamps, log_ns: Stamps) -> None:
+        """Take samples: stamps and log times, shape (n,), ns."""
+        if not len(stamp_ns):
+            return
+        begin = self.last_ns if self.count else int(stamp_ns[0])
+        self.first_ns = self.first_ns if self.count else begin
+        steps = np.diff(stamp_ns, prepend=begin) * 1e-9
+        forward = steps[1:] if self.count == 0 else steps
+        self.backwards += int(np.count_nonzero(forward <= 0.0))
+        if math.isnan(self._interval_s) and (forward > 0.0).any():
+            self._interval_s = float(np.median(forward[forward > 0.0]))
+        limit = max(_INTERVALS * self._interval_s, _SHORTEST_S)
+        # Of a clock that is set while it records nothing is known.
+        long = np.flatnonzero(steps > limit)
+        self.gaps += len(long)
+        if len(long) and steps[long].max() > self.longest_gap_s:
+            k = int(long[np.argmax(steps[long])])
+            self.longest_gap_s = float(steps[k])
+            self.gap_at_s = (int(stamp_ns[k]) - self.first_ns) * 1e-9 - self.longest_gap_s
+        self.count += len(stamp_ns)
+        self.last_ns = int(stamp_ns[-1])
+        # The messages that were on their way the shortest time show the clocks.
+        self._offsets.append((int(log_ns[-1]), float((log_ns - stamp_ns).min()) * 1e-9))
+
+    @property
+    def rate(self) -> float:
+        """Samples a second, by the median interval of the first of them; nan for a single one."""
+        return 1.0 / self._interval_s if self._interval_s > 0.0 else math.nan
+
+    @property
+    def offset_s(self) -> float:
+        """Clock of the recorder less that of the stamps, s; nan before any sample."""
+        return min((offset for _, offset in self._offsets), default=math.nan)
+
+    @property
+    def drift(self) -> float:
+        """Change of that, as a share of time; nan from less than some blocks."""
+        if len(self._offsets) < _FEW:
+            return math.nan
+        at = np.array([log_ns - self._offsets[0][0] for log_ns, _ in self._offsets]) * 1e-9
+        return float(np.polyfit(at, [offset for _, offset in self._offsets], 1)[0]) if at[-1] > 60.0 else math.nan
+
+    def remarks(self, regular: bool = True) -> list[str]:
+        """What is unusual, in words; regular: the topic has one rate, so that gaps mean something."""
+        found = []
+        if self.gaps and regular:
+            often = "a gap" if self.gaps == 1 else f"{self.gaps} gaps, the longest"
+            found.append(f"{often} of {self.longest_gap_s:.2f} s, {self.gap_at_s:.1f} s after the start")
+        if self.backwards:
+            one = self.backwards == 1
+            found.append(
+                "a stamp does not advance: it repeats or goes back"
+                if one
+                else f"{self.backwards} stamps do not advance: they repeat or go back"
+            )
+        if abs(self.offset_s) > _OFFSET_S:
+            side = "behind" if self.offset_s > 0 else "ahead of"
+            found.append(f"its clock is {abs(self.offset_s):.1f} s {side} the recorder's")
+        if abs(self.drift) > _DRIFT:
+            found.append(f"its clock drifts from the recorder's by {1e6 * self.drift:+.0f} us a second")
+        return found
