@@ -92,7 +92,8 @@ def main() -> None:
     """
     Run one command and end the process.
 
-    Status 0 when all is well, 2 with one sentence when the input, the settings or the disk do not allow it.
+    Status 0 when all is well, 2 with one sentence when the input, the settings or the disk do not allow it, 130 when
+    somebody interrupts.
     """
     # What sourcing an environment would set; the packages of this Python are found without.
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)

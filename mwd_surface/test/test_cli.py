@@ -304,3 +304,11 @@ def test_an_unknown_node_is_refused():
     done = mwd("node", "engine")
     assert done.returncode == 2
     assert "sonde" in done.stderr
+
+
+def test_results_of_a_run_are_replaced_only_with_force(tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "attitude.parquet").write_bytes(b"of another run")
+    refused(mwd("process", tmp_path / "bag", "-o", out), "attitude.parquet", "--force")
+    assert (out / "attitude.parquet").read_bytes() == b"of another run"

@@ -91,7 +91,7 @@ class Rig:
         self.state, self.tables = LiveState(), StateJson()
         self.book, self.calls = AlarmBook(), []
         self.list = SurveyList(well=Well(name="Nordlys 7 H", north_reference="grid", section_azimuth_deg=60.0))
-        self.server = PageServer(PageSettings(port=0, token=token), self.command)
+        self.server = PageServer(PageSettings(port=0), self.command, token=token)
 
     def command(self, name, arguments):
         self.calls.append((name, arguments))
@@ -310,7 +310,7 @@ def test_the_page_comes_back_by_itself_when_the_unit_does(browser):
         port = int(address.rstrip("/").rsplit(":", 1)[1])
         rig.server.stop()
         wait(browser, lambda: browser.find_element(By.ID, "banner").is_displayed())
-        rig.server = PageServer(PageSettings(port=port, token=TOKEN), rig.command)
+        rig.server = PageServer(PageSettings(port=port), rig.command, token=TOKEN)
         rig.live(toolface_deg=200.0)
         rig.server.start()
         wait(browser, lambda: not browser.find_element(By.ID, "banner").is_displayed(), 8.0)

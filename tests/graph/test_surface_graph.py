@@ -43,7 +43,8 @@ def run(tmp_path_factory):
     """A short run with everything switched on."""
     folder = tmp_path_factory.mktemp("surface")
     with running_graph.graph(folder) as graph:
-        extras = {"foxglove__enabled": True, "foxglove__port": 0, "page__port": 0, "page__token": "a-long-secret"}
+        extras = {"foxglove__enabled": True, "foxglove__port": 0, "page__port": 0}
+        graph.environment["MWD_PAGE_TOKEN"] = "a-long-secret"  # noqa: S105
         surface = graph.start("surface", "w1", folder=folder / "data", record__name="run", **extras)
         estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
         for name in (surface, estimator):

@@ -10,6 +10,7 @@ from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
 
+_RESPAWN_DELAY = 2.0  # s
 _SWITCHES = ("use_sim_time", "autostart")
 
 
@@ -17,8 +18,8 @@ def single_node(package: str, name: str) -> LaunchDescription:
     """
     Start one node of one well.
 
-    Its arguments: namespace, params_file (laid over the package's own), use_sim_time, autostart. Executable and
-    default parameter file are called as the node.
+    Its arguments: namespace, params_file (laid over the package's own), use_sim_time, autostart, respawn. Executable
+    and default parameter file are called as the node.
     """
     defaults = PathJoinSubstitution([FindPackageShare(package), "config", f"{name}.yaml"])
     switches = {word: ParameterValue(LaunchConfiguration(word), value_type=bool) for word in _SWITCHES}
@@ -28,6 +29,7 @@ def single_node(package: str, name: str) -> LaunchDescription:
             DeclareLaunchArgument("params_file", default_value=defaults, description="Parameter file of the node"),
             DeclareLaunchArgument("use_sim_time", default_value="false", description="Take the time from /clock"),
             DeclareLaunchArgument("autostart", default_value="true", description="Configure and activate at start"),
+            DeclareLaunchArgument("respawn", default_value="true", description="Start the node again when it ends"),
             Node(
                 package=package,
                 executable=name,
@@ -35,6 +37,8 @@ def single_node(package: str, name: str) -> LaunchDescription:
                 namespace=LaunchConfiguration("namespace"),
                 parameters=[defaults, LaunchConfiguration("params_file"), switches],
                 output="screen",
+                respawn=LaunchConfiguration("respawn"),
+                respawn_delay=_RESPAWN_DELAY,
             ),
         ]
     )

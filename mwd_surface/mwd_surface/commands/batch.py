@@ -18,7 +18,20 @@ _CLUSTER = "Cluster"
 
 Scheduler = Annotated[
     str,
-    typer.Option(help="local, processes, threads, or the tcp://HOST:PORT of a Dask cluster.", rich_help_panel=_CLUSTER),
+    typer.Option(
+        help="local, processes, threads, or tls://HOST:PORT or tcp://HOST:PORT.",
+        rich_help_panel=_CLUSTER,
+    ),
+]
+TlsCa = Annotated[
+    Path | None,
+    typer.Option("--tls-ca", help="Authority of a tls:// cluster, PEM.", rich_help_panel=_CLUSTER),
+]
+TlsCert = Annotated[
+    Path | None, typer.Option("--tls-cert", help="Own certificate for a tls:// cluster, PEM.", rich_help_panel=_CLUSTER)
+]
+TlsKey = Annotated[
+    Path | None, typer.Option("--tls-key", help="Key of that certificate, PEM.", rich_help_panel=_CLUSTER)
 ]
 Workers = Annotated[int, typer.Option(help="Workers; 0: as many as there are cores.", min=0, rich_help_panel=_CLUSTER)]
 
@@ -35,6 +48,9 @@ def batch(
     changes: Changes = None,
     partial: Annotated[bool, typer.Option("--partial", help="Use what can be read of damaged recordings.")] = False,
     scheduler: Scheduler = "local",
+    tls_ca: TlsCa = None,
+    tls_cert: TlsCert = None,
+    tls_key: TlsKey = None,
     workers: Workers = 0,
 ) -> None:
     """
@@ -66,18 +82,25 @@ def batch(
     estimator = placed_settings(config, changes, recording_changes(lat, lon, date, field), method)
     found = fleet_run.find_bags(bags)
     given = settings.from_mapping(InputSettings, {"partial": partial})
+    tls = fleet_run.Tls(*(str(path) if path is not None else "" for path in (tls_ca, tls_cert, tls_key)))
     began = time.monotonic()
-    with (
-        fleet_run.cluster(scheduler, workers) as client,
-        terminal.progress(f"{len(found)} recordings") as progress,
-    ):
+    if scheduler.startswith("tcp://"):
+        terminal.warn(f"{scheduler}: all who reach this cluster can run programs on it; tls:// is safe")
 
-        def report(outcome: Outcome, share: float) -> None:
-            if outcome.row["outcome"] == FAILED:
-                terminal.warn(f"{outcome.bag}: {outcome.row['reason']}")
-            progress(share)
+    def report(outcome: Outcome, share: float) -> None:
+        if outcome.row["outcome"] == FAILED:
+            terminal.warn(f"{outcome.bag}: {outcome.row['reason']}")
+        progress(share)
 
-        outcomes = fleet_run.run(found, output, client, estimator, given, report)
+    try:
+        with (
+            fleet_run.cluster(scheduler, workers, tls) as client,
+            terminal.progress(f"{len(found)} recordings") as progress,
+        ):
+            outcomes = fleet_run.run(found, output, client, estimator, given, report)
+    except KeyboardInterrupt:
+        terminal.warn("interrupted; what is done is kept, and the same command continues")
+        raise typer.Exit(130) from None
     failed = _show(output, fleet_index.write_index(output, outcomes), outcomes, time.monotonic() - began)
     if failed:
         raise typer.Exit(1)

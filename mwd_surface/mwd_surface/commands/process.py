@@ -13,6 +13,7 @@ from mwd_surface.commands.process_options import (
     CalibrationFile,
     Depths,
     End,
+    Force,
     Format,
     GyroTopic,
     GyroUnit,
@@ -87,6 +88,7 @@ def process(
     rate_hz: Rate = None,
     smooth: Smooth = False,
     partial: Partial = False,
+    force: Force = False,
 ) -> None:
     """
     Compute attitude and surveys from a recording.
@@ -108,6 +110,8 @@ def process(
       mwd process bags/other_names -o out --imu-topic /tool/imu --gyro-topic /tool/fog
     """
     options = locals()  # first of all: the options alone, by name
+    if not force:
+        _refuse_taken(output)
     place = recording_changes(lat, lon, date, field)
     sensors = tool_changes(tool, precision) | mount_changes(mount, accelerometer)
     _run(
@@ -117,6 +121,15 @@ def process(
         options,
         calibration,
     )
+
+
+def _refuse_taken(output: Path) -> None:
+    """Refuse a folder with results of a run before the work begins."""
+    from mwd_surface.runs.run_output import results_in
+
+    if found := results_in(output):
+        names = ", ".join(path.name for path in found)
+        raise ValueError(f"{output} holds the results of a run ({names}): choose another folder, or say --force")
 
 
 def _run(

@@ -78,6 +78,7 @@ Smooth = Annotated[
     bool,
     typer.Option("--smooth", help="Gravity from what came after each sample too: never live.", rich_help_panel=_OUTPUT),
 ]
+Force = Annotated[bool, typer.Option("--force", help="Replace the results of a run that are in the folder.")]
 Partial = Annotated[
     bool, typer.Option("--partial", help="Use what can be read of a damaged bag.", rich_help_panel=_INPUT)
 ]

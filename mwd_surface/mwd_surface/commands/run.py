@@ -86,7 +86,7 @@ def _run_graph(
 
     from mwd_surface.commands import terminal
     from mwd_surface.runs import launch_plan
-    from mwd_surface.runs.supervise import Order, Supervisor, SupervisorError
+    from mwd_surface.runs.supervise import Order, Supervisor
 
     console, logs = terminal.output(), folder / "logs"
     own_domain, page_port = launch_plan.own_domain(os.environ), launch_plan.page_port(port)
@@ -110,7 +110,7 @@ def _run_graph(
                     console.print(f"rig: {where} (`mwd rig status {folder}`)", markup=False)
                 supervisor.start(orders["sonde"])
                 _run_to_end(supervisor, interrupts, address, story)
-        except SupervisorError as error:
+        except _StartError as error:
             terminal.warn(f"{error}; logs in {logs}")
             raise typer.Exit(1) from error
         finally:
@@ -142,6 +142,10 @@ def _parameters(
         "estimator": launch_plan.reference_parameters(story) | ({"gravity.method": method} if method else {}),
         "sonde": sonde | ({"seed": seed} if seed is not None else {}),
     }
+
+
+class _StartError(RuntimeError):
+    """The graph did not start; the message says which node and why."""
 
 
 class _Interrupts:
@@ -190,12 +194,13 @@ def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: 
     import time
 
     from mwd_surface.commands import terminal
-    from mwd_surface.runs.supervise import SupervisorError
 
     began = last = time.monotonic()
     with terminal.waiting("starting the nodes; the first time their filters are compiled"):
         while not interrupts.count:
             supervisor.watch()
+            if supervisor.failing:
+                raise _StartError("; ".join(supervisor.failing))
             rows = _state(address).get("findings", {}).get("rows", [])
             if any(row["name"].endswith("estimator: lifecycle") and row["message"] == "active" for row in rows):
                 return True
@@ -205,11 +210,11 @@ def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: 
                 # A node that cannot open its topics, files or port lives on, unconfigured, for somebody to mend it.
                 _, found, reason = words.partition("cannot configure: ")
                 if found:
-                    raise SupervisorError(f"{log.stem} cannot start: {reason.splitlines()[0]}")
+                    raise _StartError(f"{log.stem} cannot start: {reason.splitlines()[0]}")
                 if "preparing the filters" in words and "the filters are ready" not in words:
                     last = now
             if now - last > _READY_WITHIN or now - began > _PREPARED_WITHIN:
-                raise SupervisorError(f"the nodes are not ready after {now - began:.0f} s")
+                raise _StartError(f"the nodes are not ready after {now - began:.0f} s")
             time.sleep(_POLL)
     return False
 

@@ -8,8 +8,11 @@ recordings, handing them out, and an outcome for each, whatever becomes of its w
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import glob
 import os
+import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -52,31 +55,51 @@ def _bag_of(file: Path) -> Path:
     return file.parent if (file.parent / "metadata.yaml").is_file() else file
 
 
+@dataclasses.dataclass(frozen=True)
+class Tls:
+    """Files of an encrypted cluster, PEM: its certificate authority, and certificate and key of ours."""
+
+    ca: str = ""
+    cert: str = ""
+    key: str = ""
+
+
+def _security(scheduler: str, tls: Tls) -> distributed.Security | None:
+    if not scheduler.startswith("tls://"):
+        return None
+    missing = [f"--tls-{field.name}" for field in dataclasses.fields(tls) if not getattr(tls, field.name)]
+    if missing:
+        raise ValueError(f"--scheduler {scheduler}: needs {', '.join(missing)}")
+    return distributed.Security(
+        tls_ca_file=tls.ca, tls_client_cert=tls.cert, tls_client_key=tls.key, require_encryption=True
+    )
+
+
 @contextlib.contextmanager
-def cluster(scheduler: str, workers: int = 0) -> Iterator[distributed.Client]:
+def cluster(scheduler: str, workers: int = 0, tls: Tls | None = None) -> Iterator[distributed.Client]:
     """
-    A Dask client: of a cluster that is there (`tcp://...`), or of one made for the run.
+    A Dask client: of a cluster that is there (`tls://...`, `tcp://...`), or of one made for the run.
 
     scheduler: "local" or "processes" (a process a core, started again when it dies), "threads" (in this process).
-    workers: how many; 0: as the machine has cores.
+    workers: how many; 0: as the machine has cores. tls: files for a cluster at tls://.
 
     Raises
     ------
     ValueError
-        The name is none of these.
+        The name is none of these, or a tls:// cluster without its files.
     OSError
         Nobody answers at the address.
     """
     if "://" in scheduler:
-        with distributed.Client(scheduler, timeout="10s") as client:
+        with distributed.Client(scheduler, timeout="10s", security=_security(scheduler, tls or Tls())) as client:
             yield client
         return
     if scheduler not in SCHEDULERS:
         raise ValueError(f"--scheduler {scheduler}: expected {', '.join(SCHEDULERS)} or tcp://HOST:PORT")
     processes = scheduler != "threads"
     cores = workers or len(os.sched_getaffinity(0))
-    with (
-        distributed.LocalCluster(
+    with _interrupts_ignored():
+        made = distributed.LocalCluster(
             n_workers=cores if processes else 1,
             threads_per_worker=1 if processes else cores,
             processes=processes,
@@ -84,10 +107,22 @@ def cluster(scheduler: str, workers: int = 0) -> Iterator[distributed.Client]:
             # Any port that is free: two fleets may run side by side.
             dashboard_address="127.0.0.1:0",
             silence_logs=50,
-        ) as made,
-        distributed.Client(made) as client,
-    ):
+        )
+    with made, distributed.Client(made) as client:
         yield client
+
+
+@contextlib.contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """Start processes that a Ctrl-C on the terminal does not reach: who started them ends them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def run(
@@ -125,16 +160,24 @@ def run(
     # A task whose worker dies is given to another by Dask, until it has taken a few of them with it.
     futures = {client.submit(carry_out, work, pure=False): work for work in works}
     outcomes: dict[str, Outcome] = {}
-    for future in distributed.as_completed(futures):
-        work = futures[future]
-        if future.status == "finished":
-            outcome: Outcome = future.result()
-        else:
-            error = future.exception()
-            if isinstance(error, OSError):
-                raise error
-            outcome = failed(work, "", f"the worker failed: {type(error).__name__}: {error}"[:500])
-        outcomes[work.bag] = outcome
-        report(outcome, len(outcomes) / len(works))
+    try:
+        for future in distributed.as_completed(futures):
+            work = futures[future]
+            outcome = _outcome(future, work)
+            outcomes[work.bag] = outcome
+            report(outcome, len(outcomes) / len(works))
+    except KeyboardInterrupt:
+        client.cancel(list(futures))
+        raise
     fleet_dataset.tidy(folder, {one.bag: one.key for one in outcomes.values() if one.key})
     return [outcomes[work.bag] for work in works]
+
+
+def _outcome(future: distributed.Future, work: Work) -> Outcome:
+    if future.status == "finished":
+        outcome: Outcome = future.result()
+        return outcome
+    error = future.exception()
+    if isinstance(error, OSError):
+        raise error
+    return failed(work, "", f"the worker failed: {type(error).__name__}: {error}"[:500])

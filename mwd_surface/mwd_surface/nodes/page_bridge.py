@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import concurrent.futures
+import os
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -14,6 +15,7 @@ from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.request_rules import refusal
 from mwd_surface.live.alarms import Severity
 from mwd_surface.nodes.settings import SurfaceSettings
+from mwd_surface.page.access import read_token
 from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.state_json import StateJson
 from mwd_surface.ros.context import SurfaceContext
@@ -49,7 +51,8 @@ class PageBridge:
             return
         self._tried_at = time.monotonic()
         alarm_log = self._context.alarm_log
-        server = PageServer(self._settings.page, self._context.requests.call)
+        token = read_token(self._settings.page.token_file, os.environ)
+        server = PageServer(self._settings.page, self._context.requests.call, token=token)
         try:
             server.start()
         except OSError as error:

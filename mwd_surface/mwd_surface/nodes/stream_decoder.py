@@ -4,19 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 from mwd_msgs import msg
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.ros.diagnostics import WARN, Diagnostic
+from mwd_sensors.ros.message_buffer import decode_messages
 from mwd_sensors.ros.qos import DEADLINE_STATE
 from mwd_sensors.ros.time_stamps import stamp
+from mwd_surface.live.alarms import Severity
+from mwd_surface.live.source_selection import SourceSelection
 from mwd_surface.ros.context import SurfaceContext
 
 Handler = Callable[[Samples, float], None]
 
+_FRAME = slice(12, 48)  # of a serialised message: length and beginning of its frame name
 _OF_SONDE = ("attitude", "imu/temperature", "imu/mag")
+
+
+def _frame_of(message: bytes) -> str | None:
+    try:
+        return wire.frame_id(message)
+    except wire.WireError:
+        return None
 
 
 class StreamDecoder:
@@ -48,7 +58,7 @@ class StreamDecoder:
         on_rig_state: Callable[[Samples], None],
         on_sonde: Callable[[Samples], None],
     ) -> None:
-        self._node, self._live = context.node, context.live
+        self._context, self._node, self._live = context, context.node, context.live
         self._on_attitude, self._on_rig_state, self._on_sonde = on_attitude, on_rig_state, on_sonde
         # In the order of decoding: what a topic shows may depend on the topics before it.
         self._topics: dict[str, tuple[wire.Layout, Handler]] = {
@@ -61,6 +71,7 @@ class StreamDecoder:
             "imu/mag": (wire.MAG, self._live.on_magnetic_field),
         }
         self.buffers: dict[str, list[bytes]] = {topic: [] for topic in self._topics}
+        self._sources = {topic: SourceSelection() for topic in self._topics}
         self._unreadable = 0
         self.tool_frame = ""
 
@@ -80,18 +91,42 @@ class StreamDecoder:
             return
         self.buffers[topic].clear()
         layout, handler = self._topics[topic]
-        try:
-            rows = np.frombuffer(b"".join(messages), dtype=np.uint8).reshape(len(messages), -1)
-            samples = layout.decode(rows)
-        except ValueError as error:
-            self._unreadable += len(messages)
+        samples, errors = decode_messages(layout, self._of_one_source(topic, messages, now))
+        for error in errors:
+            self._unreadable += 1
             self._node.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=10.0)
+        if not len(samples):
             return
         if topic in _OF_SONDE:
             self._on_sonde(samples)
         if topic == "attitude":
             self.tool_frame = wire.frame_id(messages[0])
         handler(samples, now)
+
+    def _of_one_source(self, topic: str, messages: list[bytes], now: float) -> list[bytes]:
+        """Return the messages of the source in force; those of others are recorded, and not used."""
+        heads = {message[_FRAME] for message in messages}
+        selection = self._sources[topic]
+        if len(heads) == 1 and selection.source is not None and not selection.others(now):
+            # One source, as almost always: its name is read once a block.
+            frames = [_frame_of(messages[0])] * len(messages)
+        else:
+            frames = [_frame_of(message) for message in messages]
+        named = [frame for frame in frames if frame is not None]
+        if not named:
+            return messages
+        source = selection.choose(named, now)
+        # What has no readable header is left for the decoder to count.
+        return [message for message, frame in zip(messages, frames, strict=True) if frame in (source, None)]
+
+    def update(self, now: float) -> None:
+        """Raise an alarm for each topic that two sources publish; called once a second. now: steady time, s."""
+        causes: dict[str, tuple[int, str, str]] = {}
+        for topic, selection in self._sources.items():
+            if others := selection.others(now):
+                text = f"{topic} comes from {', '.join([str(selection.source), *others])}: {selection.source} is used"
+                causes[f"sources.{topic}"] = (Severity.CRITICAL, text, "stop all but one of them")
+        self._context.alarm_log.set_alarms("sources.", causes)
 
     def _take_rig_state(self, samples: Samples, now: float) -> None:
         self._on_rig_state(samples)

@@ -264,6 +264,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._shared.live.on_vertical_limit(None if limit is None else math.radians(float(limit)))
         self._recording.update(now)
         self._monitor.update(now)
+        self._decoder.update(now)
         self._surveys.retry_save()
         self._surveys.update_projection(now)
         self._clearance.update(self._surveys.surveys, self._surveys.bit_depth)

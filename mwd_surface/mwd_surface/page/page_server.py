@@ -13,7 +13,6 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 import contextlib
-import hmac
 import ipaddress
 import socket
 import threading
@@ -26,6 +25,7 @@ from aiohttp import WSMsgType, web
 
 from mwd_surface.exports.export import FORMATS
 from mwd_surface.loopback import is_loopback
+from mwd_surface.page.access import Access
 from mwd_surface.page.commands import COMMANDS, Command, checked_arguments
 from mwd_surface.page.files import PAGE, page_files, sender
 from mwd_surface.page.listener import listener, peer_of, port_error
@@ -56,6 +56,8 @@ class PageServer:
     on_command : callable, optional
         `on_command(name, arguments) -> (ok, message)`, called in a thread of the server, one at a time; arguments are
         checked against `COMMANDS`. None, or an empty token: read-only.
+    token : str
+        The secret that commands need (`access.read_token`).
     clock : callable
         Steady seconds, the clock of the snapshots' `now`.
     page : Path
@@ -73,21 +75,23 @@ class PageServer:
         on_command: Command | None = None,
         clock: Callable[[], float] = time.monotonic,
         page: Path = PAGE,
+        *,
+        token: str = "",
     ) -> None:
         self.settings = settings or PageSettings()
         if not self.settings.allow_network and not is_loopback(self.settings.host):
             raise ValueError(
                 f"host: {self.settings.host} can be reached from other machines; set allow_network if that is meant"
             )
-        if 0 < len(self.settings.token) < 8:
-            raise ValueError("token: a secret needs at least 8 characters")
         self.refused = 0
-        self._on_command = on_command if self.settings.token else None
+        self._access = Access(token, clock) if token else None
+        self._on_command = on_command if token else None
         self._page = page
         self._feed = StateFeed(1.0 / self.settings.max_rate, self.settings.send_timeout, clock)
         if self._on_command is not None:
             self._feed.own |= {"controls": True, "exports": [[kind, made.what] for kind, made in FORMATS.items()]}
-        self._silent: set[Any] = set()
+        # Connections that have not made a whole request yet, oldest first.
+        self._silent: dict[Any, None] = {}
         self._executor: concurrent.futures.ThreadPoolExecutor | None = None
         self._thread: threading.Thread | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -226,8 +230,7 @@ class PageServer:
                 # Out of file handles, or the other side has gone already: the next one may do better.
                 await asyncio.sleep(0.05)
                 continue
-            there = [peer_of(handler.transport) for handler in server.connections]
-            if len(there) >= self.settings.max_connections or there.count(peer[0]) >= self.settings.max_per_peer:
+            if not self._has_room(server, peer[0]):
                 self.refused += 1
                 with contextlib.suppress(OSError):
                     connection.send(_BUSY)
@@ -238,19 +241,31 @@ class PageServer:
             except OSError:
                 connection.close()
                 continue
-            self._silent.add(protocol)
+            self._silent[protocol] = None
             loop.call_later(self.settings.request_timeout, self._expire, protocol)
+
+    def _has_room(self, server: web.Server, peer: str) -> bool:
+        """Whether one more connection of an address is let in; one that has asked for nothing yet makes room for it."""
+        there = [peer_of(handler.transport) for handler in server.connections]
+        full = len(there) >= self.settings.max_connections
+        if not full and there.count(peer) < self.settings.max_per_peer:
+            return True
+        for protocol in self._silent:
+            if full or peer_of(protocol.transport) == peer:
+                self._expire(protocol)
+                return True
+        return False
 
     def _expire(self, protocol: Any) -> None:
         if protocol in self._silent and protocol.transport is not None:
             protocol.transport.abort()
-        self._silent.discard(protocol)
+        self._silent.pop(protocol, None)
 
     @web.middleware
     async def _guard(
         self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
     ) -> web.StreamResponse:
-        self._silent.discard(request.protocol)
+        self._silent.pop(request.protocol, None)
         try:
             self._check_origin(request)
             response = await handler(request)
@@ -299,7 +314,7 @@ class PageServer:
         if len(self._feed.clients) >= self.settings.max_clients:
             self.refused += 1
             raise web.HTTPServiceUnavailable(text=f"{self.settings.max_clients} browsers are watching already")
-        talk = web.WebSocketResponse(max_msg_size=1024, heartbeat=20.0, timeout=0.2, compress=False)
+        talk = web.WebSocketResponse(max_msg_size=1024, autoping=False, timeout=0.2, compress=False)
         await talk.prepare(request)
         if request.transport is None:
             return talk
@@ -309,7 +324,11 @@ class PageServer:
         try:
             async for message in talk:
                 # Nothing is expected from a browser; what is not a control frame ends the talk.
-                if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
+                if message.type == WSMsgType.PONG:
+                    client.answered()
+                elif message.type == WSMsgType.PING:
+                    await talk.pong(message.data)
+                elif message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
                     break
         finally:
             self._feed.clients.discard(client)
@@ -321,10 +340,13 @@ class PageServer:
         return talk
 
     async def _command(self, request: web.Request) -> web.StreamResponse:
-        if self._on_command is None:
+        if self._on_command is None or self._access is None:
             raise web.HTTPForbidden(text="this page is read-only: no token is configured")
+        peer = peer_of(request.transport)
+        if wait_s := self._access.wait_s(peer):
+            raise web.HTTPTooManyRequests(text=f"too many wrong tokens: try again in {wait_s} s")
         kind, _, given = request.headers.get("Authorization", "").partition(" ")
-        if kind != "Bearer" or not hmac.compare_digest(given.encode(), self.settings.token.encode()):
+        if kind != "Bearer" or not self._access.allows(peer, given):
             # Slows guessing down without blocking anybody else.
             await asyncio.sleep(0.3)
             raise web.HTTPUnauthorized(text="the token is missing or wrong")

@@ -19,8 +19,11 @@ class PageSettings:
     allowed_hosts: tuple[str, ...] = setting(
         (), "further host names in requests that are answered; protects against DNS rebinding", fixed=True
     )
-    token: str = setting(
-        "", "secret for the operator controls, 8 characters or more; empty: the page is read-only", fixed=True
+    token_file: str = setting(
+        "",
+        "file whose first line is the secret for the operator controls, 8 characters or more, readable by you alone; "
+        "empty: the environment variable MWD_PAGE_TOKEN, and without it the page is read-only",
+        fixed=True,
     )
     max_rate: float = setting(
         15.0,

@@ -1,7 +1,9 @@
 """
 Sends the state of the page to its clients: to each what changed since it was last sent, at a bounded rate.
 
-A client that is too slow skips states instead of queueing them, so that memory does not grow.
+A client that is too slow skips states instead of queueing them, so that memory does not grow and what it sees is not
+old: behind each state goes a ping, which a browser answers by itself once it has read so far, and only a few states are
+on their way at a time.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from aiohttp import web
 # Sections that grow by rows: a client gets the new ones.
 _STRIPS = ("history", "depth_log")
 _HEARTBEAT = 1.0  # s
+_ON_THE_WAY = 4  # states at most; at 15 Hz a round trip of a quarter of a second costs no update
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,6 +40,20 @@ class Client:
         self.wake = asyncio.Event()
         self.seen = Seen()
         self.skipped = 0
+        self.on_the_way = 0
+        self.may_send = asyncio.Event()
+        self.may_send.set()
+
+    def sent_one(self) -> None:
+        """Count a state that goes out."""
+        self.on_the_way += 1
+        if self.on_the_way >= _ON_THE_WAY:
+            self.may_send.clear()
+
+    def answered(self) -> None:
+        """Take the answer to the ping behind a state: the client has read that state."""
+        self.on_the_way = max(0, self.on_the_way - 1)
+        self.may_send.set()
 
 
 class StateFeed:
@@ -66,13 +83,25 @@ class StateFeed:
         """Send a client what is new, at the allowed rate, and a heartbeat at least once a second, until it leaves."""
         period = self._period
         while not client.socket.closed:
+            if not client.may_send.is_set():
+                before = self.snapshot
+                try:
+                    await asyncio.wait_for(client.may_send.wait(), self._send_timeout)
+                except TimeoutError:
+                    # Nothing was read for too long; the browser connects again when it can.
+                    client.transport.abort()
+                    return
+                if self.snapshot is not before:
+                    client.skipped += 1
+                    self.skipped += 1
             client.wake.clear()
             started = self._clock()
             text, seen, news = self.message(client.seen, client.skipped)
             if news or started - client.sent >= _HEARTBEAT:
                 before = self.snapshot
+                client.sent_one()
                 try:
-                    await asyncio.wait_for(client.socket.send_str(text), self._send_timeout)
+                    await asyncio.wait_for(_sent(client.socket, text), self._send_timeout)
                 except (TimeoutError, ConnectionError):
                     # No byte was taken for too long; the browser connects again when it can.
                     client.transport.abort()
@@ -131,6 +160,11 @@ class StateFeed:
         if known is None or known[0] != revision:
             known = self._texts[name] = (revision, dumps(section))
         return known[1]
+
+
+async def _sent(socket: web.WebSocketResponse, text: str) -> None:
+    await socket.send_str(text)
+    await socket.ping()
 
 
 def dumps(table: Any) -> str:

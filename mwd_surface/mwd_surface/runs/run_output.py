@@ -24,6 +24,7 @@ from mwd_surface.surveys import station_csv
 
 FORMATS = ("csv", "parquet", "mcap")
 MERGED = "merged"
+_RESULTS = ("attitude.csv", "attitude.parquet", MERGED, "surveys.csv", "surveys.json", "faults.csv", "config.yaml")
 SURVEY_COLUMNS = ("sequence", "stamp_ns", "duration_s", "samples", "requested", *station_csv.COLUMNS, "uuid")
 FAULT_COLUMNS = ("since_ns", "cleared_ns", "severity", "sensor", "axis", "kind", "confidence", "message", "remedy")
 
@@ -37,10 +38,18 @@ class OutputSettings:
     smooth: bool = setting(False, "Gravity of each sample from what came after it too; method bounded only")
 
 
+def results_in(folder: Path) -> list[Path]:
+    """Results of a run that lie in a folder."""
+    return [folder / name for name in _RESULTS if (folder / name).is_symlink() or (folder / name).exists()]
+
+
 @contextlib.contextmanager
 def drafts(folder: Path) -> Iterator[Path]:
     """
     A folder beside `folder` to write results into; they move to `folder` when the block ends well, else vanish.
+
+    Results of an earlier run in `folder` go, whatever their format, so that it never holds those of two; other files in
+    it stay.
 
     Raises
     ------
@@ -54,9 +63,12 @@ def drafts(folder: Path) -> Iterator[Path]:
     try:
         yield draft
         if folder.exists():
+            for old in results_in(folder):
+                if old.is_dir() and not old.is_symlink():
+                    shutil.rmtree(old)
+                else:
+                    old.unlink()
             for file in sorted(draft.iterdir()):
-                if (folder / file.name).is_dir() and not (folder / file.name).is_symlink():
-                    shutil.rmtree(folder / file.name)
                 file.replace(folder / file.name)
         else:
             draft.chmod(0o777 & ~_umask())

@@ -2,8 +2,9 @@
 Processes that belong together: started, restarted when they crash, ended in order, none left behind.
 
 Each runs in a process group of its own, so that a Ctrl-C on the terminal reaches only the supervisor and a kill reaches
-all a process started. One that dies although its supervisor lives is started again after a pause that doubles; one that
-ends with status 0 is done. A process asks to die with its supervisor by `die_with_supervisor`.
+all a process started. One that dies although its supervisor lives is started again after a pause that doubles, and then
+slowly for ever, while the others go on; one that ends with status 0 is done. A process asks to die with its supervisor
+by `die_with_supervisor`.
 """
 
 from __future__ import annotations
@@ -23,13 +24,10 @@ REFUSED = 2  # status of a process whose settings are not allowed: starting it a
 
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.5, 10.0
 _SETTLED = 20.0  # s of life after which a crash counts as the first again
-_MOST_CRASHES = 5
+_MOST_CRASHES = 5  # in a row before a process counts as failing
+_SLOW_PAUSE = 30.0  # s between attempts to start a failing process
 _TERM_PATIENCE = 2.0
 _PR_SET_PDEATHSIG = 1
-
-
-class SupervisorError(RuntimeError):
-    """A process that cannot be kept alive; the message has its name, its status and its last output."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,6 +47,7 @@ class _Child:
     crashes: int = 0
     due: float | None = None
     status: int | None = None
+    failure: str = ""
 
 
 class Supervisor:
@@ -101,21 +100,22 @@ class Supervisor:
         """Whether it ended by itself, with status 0."""
         return name in self._children and self._children[name].status == 0
 
-    def watch(self) -> None:
-        """
-        Look after every process; to be called several times a second.
+    @property
+    def failing(self) -> list[str]:
+        """A sentence for each process that refused its settings or crashed too often in a row; it is tried slowly."""
+        return [child.failure for child in self._children.values() if child.failure]
 
-        Raises
-        ------
-        SupervisorError
-            A process refused its settings, or crashed too often in a row.
-        """
+    def watch(self) -> None:
+        """Look after every process; to be called several times a second."""
         now = self._clock()
         for child in self._children.values():
             if child.process is not None:
                 status = child.process.poll()
                 if status is not None:
                     self._ended(child, status, now)
+                elif child.failure and now - child.born > _SETTLED:
+                    child.failure = ""
+                    self._report(f"{child.order.name} is well again")
             elif child.due is not None and now >= child.due:
                 child.due = None
                 self._report(f"{child.order.name} is started again")
@@ -172,13 +172,15 @@ class Supervisor:
         name = child.order.name
         if status == 0:
             return
-        if status == REFUSED:
-            raise SupervisorError(f"{name} does not start: {last_words(child.order.log)}")
         child.crashes = 1 if now - child.born > _SETTLED else child.crashes + 1
-        if child.crashes > _MOST_CRASHES:
-            raise SupervisorError(
-                f"{name} crashed {child.crashes} times in a row ({in_words(status)}): {last_words(child.order.log)}"
-            )
+        if status == REFUSED or child.crashes > _MOST_CRASHES:
+            words = last_words(child.order.log)
+            many = f"crashed {child.crashes} times in a row ({in_words(status)})"
+            known, child.failure = child.failure, f"{name} {'does not start' if status == REFUSED else many}: {words}"
+            child.due = now + _SLOW_PAUSE
+            if not known:
+                self._report(f"{child.failure}; the other nodes go on, it is tried every {_SLOW_PAUSE:g} s")
+            return
         pause = min(_FIRST_PAUSE * 2.0 ** (child.crashes - 1), _LONGEST_PAUSE)
         child.due = now + pause
         self._report(f"{name} ended unexpectedly ({in_words(status)}); it is started again in {pause:g} s")

@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 import warnings
 from pathlib import Path
 
@@ -157,3 +158,27 @@ def test_two_clusters_side_by_side_have_nothing_to_warn_of():
         warnings.simplefilter("error", UserWarning)
         with fleet_run.cluster("threads", 1) as one, fleet_run.cluster("threads", 1) as other:
             assert one.submit(int, 4).result() + other.submit(int, 5).result() == 9
+
+
+def test_an_interrupted_batch_ends_with_one_sentence(tmp_path):
+    bags = [recording(tmp_path / "pad" / f"bag_{k}", k) for k in range(3)]
+    words = [sys.executable, "-P", "-m", "mwd_surface.cli", "batch", *map(str, bags), "-o", str(tmp_path / "fleet")]
+    process = subprocess.Popen(
+        [*words, "--workers", "1"], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
+    while not (tmp_path / "fleet" / "bags").is_dir() and process.poll() is None:
+        time.sleep(0.02)
+    # As a terminal does: to every process of the group.
+    os.killpg(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130, said
+    assert "Traceback" not in said
+    assert "the same command continues" in said
+
+
+def test_a_cluster_that_anybody_may_use_needs_no_files_and_an_encrypted_one_does():
+    with (
+        pytest.raises(ValueError, match="needs --tls-ca, --tls-cert, --tls-key"),
+        fleet_run.cluster("tls://127.0.0.1:1"),
+    ):
+        pass

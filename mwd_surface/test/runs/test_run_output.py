@@ -103,3 +103,12 @@ def test_a_merged_bag_is_handed_everything_and_the_attitude_with_it(tmp_path):
     with Bag(tmp_path / "bag") as bag, destination(tmp_path / "out", bag, wanted, InputSettings()) as (_, merger):
         assert merger is not None
     assert names(tmp_path / "out") == [run_output.MERGED]
+
+
+def test_a_folder_never_holds_the_results_of_two_runs(tmp_path):
+    out = tmp_path / "out"
+    for names in (("attitude.parquet", "surveys.csv"), ("attitude.csv", "config.yaml")):
+        with run_output.drafts(out) as draft:
+            for name in names:
+                (draft / name).write_text(name)
+    assert sorted(path.name for path in out.iterdir()) == ["attitude.csv", "config.yaml"]

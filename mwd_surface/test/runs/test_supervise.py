@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from mwd_surface.runs import supervise
-from mwd_surface.runs.supervise import Order, Supervisor, SupervisorError
+from mwd_surface.runs.supervise import Order, Supervisor
 
 PATIENT = "import signal, sys, time; signal.signal(signal.SIGINT, lambda *_: sys.exit(0)); print('up', flush=True); "
 PATIENT += "[time.sleep(0.05) for _ in range(600)]"
@@ -92,27 +92,58 @@ def test_a_crashed_process_is_started_again_after_a_pause_that_doubles(make, tmp
         assert sentences[-1] == "a is started again"
 
 
-def test_a_process_that_crashes_again_and_again_is_given_up_with_its_last_words(make, tmp_path):
-    clock = Clock()
-    supervisor = make(clock=clock)
+@pytest.mark.fault_case(57)
+def test_a_process_that_crashes_again_and_again_is_tried_slowly_while_the_others_go_on(make, tmp_path):
+    clock, sentences = Clock(), []
+    supervisor = make(report=sentences.append, clock=clock)
+    supervisor.start(order(tmp_path, "page", PATIENT))
     supervisor.start(order(tmp_path, "a", "import sys; print('no such sensor'); sys.exit(7)"))
 
-    for _ in range(5):
+    def crash():
         until(lambda: not supervisor.runs("a"))
         supervisor.watch()
+
+    for _ in range(5):
+        crash()
         clock.now += 20.0
         supervisor.watch()
+    crash()
+    assert supervisor.failing == ["a crashed 6 times in a row (status 7): no such sensor"]
+    assert "tried every 30 s" in sentences[-1]
+    clock.now += 29.0
+    supervisor.watch()
+    assert not supervisor.runs("a")
+    clock.now += 2.0
+    supervisor.watch()
+    assert sentences[-1] == "a is started again"
+    crash()
+    assert supervisor.runs("page")
+
+
+def test_a_failing_process_that_stays_alive_is_well_again(make, tmp_path):
+    clock, sentences = Clock(), []
+    supervisor = make(report=sentences.append, clock=clock)
+    words = f"import os, sys; sys.exit(2) if not os.path.exists('{tmp_path}/now') else None; {PATIENT}"
+    supervisor.start(order(tmp_path, "a", words))
     until(lambda: not supervisor.runs("a"))
-    with pytest.raises(SupervisorError, match=r"a crashed 6 times in a row \(status 7\): no such sensor"):
-        supervisor.watch()
+    supervisor.watch()
+    assert supervisor.failing
+    (tmp_path / "now").touch()
+    clock.now += 31.0
+    supervisor.watch()
+    until(reported(tmp_path, "a"))
+    clock.now += 21.0
+    supervisor.watch()
+    assert not supervisor.failing
+    assert sentences[-1] == "a is well again"
 
 
-def test_refused_settings_are_not_tried_again(make, tmp_path):
+def test_refused_settings_are_named(make, tmp_path):
     supervisor = make()
     supervisor.start(order(tmp_path, "a", "import sys; print('rate: must be above 0'); sys.exit(2)"))
     until(lambda: not supervisor.runs("a"))
-    with pytest.raises(SupervisorError, match="a does not start: rate: must be above 0"):
-        supervisor.watch()
+    supervisor.watch()
+    assert supervisor.failing == ["a does not start: rate: must be above 0"]
 
 
 def test_processes_end_by_request_and_in_order(make, tmp_path):

@@ -1,0 +1,95 @@
+"""
+Who may command: one secret, kept as a hash, and a pause for an address that guesses.
+
+The secret comes from a file or the environment, never from a parameter: parameters are read by every node of the graph
+and recorded.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import math
+import stat
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from mwd_sensors.core.input_files import read_text
+
+VARIABLE = "MWD_PAGE_TOKEN"
+_SHORTEST = 8
+_MOST_WRONG = 5  # wrong secrets of an address before it has to wait
+_WAIT_S = 60.0
+_REMEMBERED = 1000  # addresses
+
+
+def read_token(file: str, environment: Mapping[str, str]) -> str:
+    """
+    Read the secret of the operator controls: the first line of a file, else the variable MWD_PAGE_TOKEN; "" for none.
+
+    Raises
+    ------
+    ValueError
+        The file cannot be read or others than its owner and group may read it, or the secret is too short.
+    """
+    token = environment.get(VARIABLE, "")
+    if file:
+        path = Path(file).expanduser()
+        try:
+            if path.stat().st_mode & stat.S_IROTH:
+                raise ValueError(f"page.token_file: every user of this machine can read {path}; chmod 640 {path}")
+            token = read_text(path, 10_000).partition("\n")[0].strip()
+        except OSError as error:
+            raise ValueError(f"page.token_file: {path}: {error.strerror}") from error
+        if not token:
+            raise ValueError(f"page.token_file: {path} is empty")
+    if 0 < len(token) < _SHORTEST:
+        raise ValueError(f"page.token_file: a secret needs at least {_SHORTEST} characters")
+    return token
+
+
+class Access:
+    """
+    Judges the secrets that come with commands.
+
+    Parameters
+    ----------
+    token : str
+        The secret; only its hash is kept.
+    clock : callable
+        Steady seconds.
+
+    Raises
+    ------
+    ValueError
+        The secret is too short.
+    """
+
+    def __init__(self, token: str, clock: Callable[[], float]) -> None:
+        if len(token) < _SHORTEST:
+            raise ValueError(f"token: a secret needs at least {_SHORTEST} characters")
+        self._hash = _hashed(token)
+        self._clock = clock
+        # Wrong secrets in a row by address, and when the last one came.
+        self._wrong: OrderedDict[str, tuple[int, float]] = OrderedDict()
+
+    def wait_s(self, peer: str) -> int:
+        """Whole seconds that an address has to wait before its next secret is looked at."""
+        count, at = self._wrong.get(peer, (0, 0.0))
+        return max(0, math.ceil(at + _WAIT_S - self._clock())) if count >= _MOST_WRONG else 0
+
+    def allows(self, peer: str, given: str) -> bool:
+        """Whether a secret is right; a wrong one is counted against its address."""
+        if hmac.compare_digest(_hashed(given), self._hash):
+            self._wrong.pop(peer, None)
+            return True
+        self._wrong[peer] = (self._wrong.pop(peer, (0, 0.0))[0] + 1, self._clock())
+        if len(self._wrong) > _REMEMBERED:
+            self._wrong.popitem(last=False)
+        return False
+
+
+def _hashed(token: str) -> bytes:
+    # A header may hold bytes that are no text.
+    return hashlib.sha256(token.encode("utf-8", "surrogateescape")).digest()
