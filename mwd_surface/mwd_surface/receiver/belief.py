@@ -17,8 +17,9 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 
 TEMPERATURES = (1.0, 1.35, 1.8, 2.5, 4.0)
-# Before any parity is seen. The last is for a temperature without bound.
-_PRIOR = (0.30, 0.27, 0.18, 0.12, 0.05, 0.08)
+# Before any parity is seen: channels and noise that are estimated make 1 too sharp. The last is for a temperature
+# without bound.
+_PRIOR = (0.18, 0.37, 0.22, 0.11, 0.04, 0.08)
 _REMEMBERED = 32  # words with parity
 SURVEY_LEVEL, TOOLFACE_LEVEL = 0.99, 0.95
 

@@ -148,7 +148,9 @@ def uncertainty(u: Array, covariance: Array, shapes: Array) -> float:
     shapes : ndarray, shape (c, m)
         Whitened components.
     """
-    apart = np.pad(shapes, ((0, 0), (0, SAMPLES_PER_TU))) - np.pad(shapes, ((0, 0), (SAMPLES_PER_TU, 0)))
+    apart = np.zeros((len(shapes), shapes.shape[1] + SAMPLES_PER_TU))
+    apart[:, :-SAMPLES_PER_TU] = shapes
+    apart[:, SAMPLES_PER_TU:] -= shapes
     gram = apart @ apart.T
     metric = gram @ u
     return float(metric @ covariance @ metric) / max(float(u @ metric), 1e-300)

@@ -12,6 +12,7 @@ from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_surface.receiver import segment, trellis
 from mwd_surface.receiver.belief import TEMPERATURES, Candidate, Soft
 from mwd_surface.receiver.channel_estimate import SAMPLES_PER_TU
+from mwd_surface.receiver.words import packet_rows
 
 # Words are decoded together until they have so many bits: enough pulses for a noise model, and soon shown.
 _STRETCH_BITS = 30
@@ -21,31 +22,28 @@ _BEAM = 16
 @dataclasses.dataclass
 class Part:
     """
-    Some words of a pass, decoded together.
+    A word of a pass as it is known so far.
 
     Attributes
     ----------
-    items : tuple of SequenceItem
+    item : SequenceItem
     rows : ndarray, shape (k, 4)
-        Their packets, as `trellis.forward_backward`.
+        Its packets, as `trellis.forward_backward`.
     at, length : int
         First sample of the transmission; TU on air.
     probability : ndarray, shape (k, 8)
         Of the packets' values.
-    soft : list of Soft
+    soft : Soft
     ebn0_db : float
-    first : int
-        Index of its first word in the pass.
     """
 
-    items: tuple[SequenceItem, ...]
+    item: SequenceItem
     rows: Indices
     at: int
     length: int
     probability: Array
-    soft: list[Soft]
+    soft: Soft
     ebn0_db: float
-    first: int = 0
 
     def edges(self) -> tuple[list[float], list[float]]:
         """Places of its pulses, samples of the transmission, and how probable each is."""
@@ -78,12 +76,24 @@ class Pass:
         """Words that are decoded next."""
         return stretch_of(self.items, self.done)
 
-    def add(self, part: Part) -> None:
+    def add(self, items: tuple[SequenceItem, ...], decision: segment.Decision, soft: list[Soft]) -> None:
         """Take the next words."""
-        part.first = self.done
-        self.parts.append(part)
-        self.done += len(part.items)
-        self.at += SAMPLES_PER_TU * part.length
+        self.parts += parts_of(items, decision, soft, self.at)
+        self.done += len(items)
+        self.at = self.parts[-1].at + SAMPLES_PER_TU * self.parts[-1].length
+
+
+def parts_of(items: tuple[SequenceItem, ...], decision: segment.Decision, soft: list[Soft], at: int) -> list[Part]:
+    """Words of a decision about some of them; at: first sample of the transmission."""
+    parts = []
+    first = 0
+    for item, one in zip(items, soft, strict=True):
+        rows, length = packet_rows((item,))
+        probability = decision.probability[first : first + len(rows)]
+        parts.append(Part(item, rows, at, length, probability, one, decision.ebn0_db))
+        first += len(rows)
+        at += SAMPLES_PER_TU * length
+    return parts
 
 
 def stretch_of(items: tuple[SequenceItem, ...], done: int) -> tuple[SequenceItem, ...]:

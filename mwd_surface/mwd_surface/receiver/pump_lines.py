@@ -8,9 +8,11 @@ Source: B. Widrow et al., Adaptive noise cancelling, Proc. IEEE 63 (1975) 1692 (
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
@@ -21,7 +23,15 @@ _STANDS_OUT = 200.0
 _MOST_LINES = 16
 _NEIGHBOURHOOD = 32  # bins over which the floor of the spectrum is judged
 _BLOCK = 16  # samples averaged first
-_SMOOTH = 6.0  # 1 sigma of the Gaussian average, blocks: 24 TU
+# 1 sigma of the Gaussian average: over 24 TU where pulses are still in the pressure; 10 s, for which pumps hold their
+# strokes, where they are known and cannot be taken for a line.
+SEARCH_SAMPLES = 96.0
+STEADY_S = 10.0
+
+
+@functools.lru_cache(maxsize=64)
+def _window(length: int) -> Array:
+    return np.asarray(np.hanning(length))
 
 
 def line_frequencies(noise: Array) -> Array:
@@ -32,7 +42,8 @@ def line_frequencies(noise: Array) -> Array:
     """
     # The first difference takes the slope of 1/f noise out, so that the floor is even.
     step = np.diff(noise)
-    power = np.abs(np.fft.rfft((step - step.mean()) * np.hanning(len(step)))) ** 2
+    whole = next_fast_len(len(step), real=True)
+    power = np.abs(np.fft.rfft((step - step.mean()) * _window(len(step)), whole)) ** 2
     count = len(power) // _NEIGHBOURHOOD
     if count < 3:
         return np.zeros(0)
@@ -46,11 +57,11 @@ def line_frequencies(noise: Array) -> Array:
     # Middle of a Hann-windowed line from the amplitudes beside its largest one.
     left, middle, right = (np.sqrt(power[found + k]) for k in (-1, 0, 1))
     share = (right - left) / (2.0 * middle - left - right + 1e-300)
-    return np.asarray(2.0 * math.pi * (found + 0.5 * np.clip(share, -1.0, 1.0)) / len(step))
+    return np.asarray(2.0 * math.pi * (found + 0.5 * np.clip(share, -1.0, 1.0)) / whole)
 
 
 @compiled
-def subtract_line(noise: Array, known: Array, omega: float, out: Array) -> None:
+def subtract_line(noise: Array, known: Array, omega: float, memory: float, out: Array) -> None:
     """
     Take one line out.
 
@@ -62,6 +73,8 @@ def subtract_line(noise: Array, known: Array, omega: float, out: Array) -> None:
         Weight of each sample.
     omega : float
         Radians a sample.
+    memory : float
+        1 sigma of the average, samples.
     out : ndarray, shape (n,)
         What was subtracted is added to it.
     """
@@ -70,35 +83,43 @@ def subtract_line(noise: Array, known: Array, omega: float, out: Array) -> None:
     if count < 2:
         return
     cosine, sine, weight = np.zeros(count), np.zeros(count), np.zeros(count)
+    turn_c, turn_s = math.cos(omega), math.sin(omega)
     for b in range(count):
+        # Cosine and sine turn on from sample to sample: exact enough over a block, and much faster.
+        c, s = math.cos(omega * b * _BLOCK), math.sin(omega * b * _BLOCK)
         for i in range(b * _BLOCK, (b + 1) * _BLOCK):
-            cosine[b] += 2.0 * known[i] * noise[i] * math.cos(omega * i)
-            sine[b] += 2.0 * known[i] * noise[i] * math.sin(omega * i)
+            cosine[b] += 2.0 * known[i] * noise[i] * c
+            sine[b] += 2.0 * known[i] * noise[i] * s
             weight[b] += known[i]
-    reach = int(3.0 * _SMOOTH)
+            c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+    sigma = memory / _BLOCK
+    reach = int(3.0 * sigma)
     smooth_c, smooth_s = np.zeros(count), np.zeros(count)
     for b in range(count):
         total = 0.0
         for j in range(max(b - reach, 0), min(b + reach + 1, count)):
-            g = math.exp(-0.5 * ((j - b) / _SMOOTH) ** 2)
+            g = math.exp(-0.5 * ((j - b) / sigma) ** 2)
             smooth_c[b] += g * cosine[j]
             smooth_s[b] += g * sine[j]
             total += g * weight[j]
         if total > 0.0:
             smooth_c[b] /= total
             smooth_s[b] /= total
+    c, s = 1.0, 0.0
     for i in range(n):
+        if i % _BLOCK == 0:
+            c, s = math.cos(omega * i), math.sin(omega * i)
         at = min(max((i + 0.5) / _BLOCK - 0.5, 0.0), count - 1.0)
         b = min(int(at), count - 2)
         share = at - b
-        c = smooth_c[b] * (1.0 - share) + smooth_c[b + 1] * share
-        s = smooth_s[b] * (1.0 - share) + smooth_s[b + 1] * share
-        line = c * math.cos(omega * i) + s * math.sin(omega * i)
+        line = (smooth_c[b] * (1.0 - share) + smooth_c[b + 1] * share) * c
+        line += (smooth_s[b] * (1.0 - share) + smooth_s[b + 1] * share) * s
         noise[i] -= line
         out[i] += line
+        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
 
 
-def pump_noise(noise: Array, known: Array) -> Array:
+def pump_noise(noise: Array, known: Array, memory: float = SEARCH_SAMPLES) -> Array:
     """
     Sum of all lines.
 
@@ -108,6 +129,8 @@ def pump_noise(noise: Array, known: Array) -> Array:
         Pressure without its pulses, Pa.
     known : ndarray, shape (n,)
         Weight of each sample, 0 to 1.
+    memory : float
+        As `subtract_line`.
 
     Returns
     -------
@@ -117,5 +140,5 @@ def pump_noise(noise: Array, known: Array) -> Array:
     out = np.zeros(len(noise))
     rest = noise - np.mean(noise)
     for omega in line_frequencies(noise):
-        subtract_line(rest, known, float(omega), out)
+        subtract_line(rest, known, float(omega), memory, out)
     return out

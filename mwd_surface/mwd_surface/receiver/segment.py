@@ -49,12 +49,15 @@ class Channel:
         Prediction error filter of the noise.
     components : ndarray, shape (c, m)
         Of the response (`channel_estimate.basis`).
+    memory : float
+        1 sigma of the average over lines of the pumps, samples.
     """
 
     response: Array
     scale: float
     whitener: Array
     components: Array
+    memory: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -165,11 +168,12 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
         common = sure * common
         trellis.forward_backward(packets, unary, common, level, stretch.parity, forward, backward)
         evidence = trellis.marginals(packets, forward, backward, probability, even)
-        pumps = _new_noise(stretch, _train(stretch, probability), state, weight)
+        if not (again and turn == _ROUNDS_AGAIN - 1):
+            pumps = _new_noise(stretch, _train(stretch, probability), state, weight)
     g = _whitened(state.response, state.whitener)
     bits = float(packets[:, 1].sum())
     ebn0 = 10.0 * np.log10(max(float(g @ g) * count / (2.0 * bits), 1e-6))
-    timing = _timing(stretch, probability, state, weight, pumps)
+    timing = (0.0, 1.0, 0.0) if again else _timing(stretch, probability, state, weight, pumps)
     return Decision(unary, level, common, probability, state, float(ebn0), timing, evidence - bits * math.log(2.0))
 
 
@@ -197,9 +201,9 @@ def _train(stretch: Stretch, probability: Array) -> Array:
 
 def _add_known(stretch: Stretch, train: Array) -> None:
     """Add the pulses that are not those of the packets."""
-    for edge, chance in zip(stretch.edges, stretch.chances, strict=True):
-        if 0 <= edge < len(train):
-            train[round(edge)] += chance
+    at = np.rint(stretch.edges).astype(np.int64)
+    inside = (at >= 0) & (at < len(train))
+    np.add.at(train, at[inside], stretch.chances[inside])
 
 
 def _unary(packets: Indices, out: Array, energy: Array) -> Array:
@@ -225,7 +229,7 @@ def _pumps(stretch: Stretch, state: Channel, probability: Array) -> Array:
     """Pump noise of a stretch whose pulses are known from decoding it before."""
     explained = np.empty(len(stretch.pressure))
     reconstruct(_train(stretch, probability), state.response, explained)
-    return pump_noise(stretch.pressure - explained, stretch.known)
+    return pump_noise(stretch.pressure - explained, stretch.known, state.memory)
 
 
 def _estimate(
@@ -260,7 +264,7 @@ def _new_noise(stretch: Stretch, train: Array, state: Channel, weight: Array) ->
     reconstruct(train, state.response, explained)
     whitener = np.empty(ORDER + 2)
     residual = stretch.pressure - explained
-    pumps = pump_noise(residual, weight)
+    pumps = pump_noise(residual, weight, state.memory)
     residual -= pumps
     if prediction_error_filter(residual, np.sqrt(weight), ORDER, FLOOR, whitener) > 0.0:
         state.whitener = whitener

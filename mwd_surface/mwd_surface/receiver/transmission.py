@@ -15,16 +15,16 @@ from mwd_surface.receiver import segment
 from mwd_surface.receiver.belief import Temper
 from mwd_surface.receiver.channel_estimate import SAMPLES_PER_TU, basis, response_length
 from mwd_surface.receiver.grid import REACH, Grid
-from mwd_surface.receiver.passes import Part, Pass, soft_words, stretch_of
+from mwd_surface.receiver.passes import Part, Pass, parts_of, soft_words, stretch_of
+from mwd_surface.receiver.pump_lines import STEADY_S
 from mwd_surface.receiver.synchronisation import SyncFound
+from mwd_surface.receiver.tool_clock import ToolClock
 from mwd_surface.receiver.words import ReceivedWord, WordPlace, packet_rows, received
 
 _HISTORY_TU = 400
 _BEFORE_TU = 50
 # A response that comes after the last packet, as far as it still carries energy.
 _AFTER_TU = 14
-# 1 sigma of a tool's clock, and of its change from stretch to stretch: temperature, and windows that overlap.
-_CLOCK, _CLOCK_WALK = 1e-3, 5e-5
 # Beyond this probability that parities mean nothing, the transmission is lost.
 _LOST = 0.95
 _DOUBTFUL = 0.2
@@ -91,8 +91,7 @@ class Transmission:
 
     def __init__(self, tool: ToolConfiguration, grid: Grid, found: SyncFound, position: float, frame: int) -> None:
         self._tool, self._grid = tool, grid
-        self._start, self._pace = position, grid.steps_per_tu / SAMPLES_PER_TU
-        self._clock_variance = _CLOCK**2
+        self._clock = ToolClock(position)
         self._edges = [float(SAMPLES_PER_TU * edge) for edge in tool.sync.edges_tu]
         self._chances = [1.0] * len(self._edges)
         response = np.zeros(response_length(tool.tu_s))
@@ -100,7 +99,8 @@ class Transmission:
         whitener = np.zeros(segment.ORDER + 2)
         whitener[: len(found.whitener)] = found.whitener
         # The search has fewer components than the estimate: the same variance in all, spread over more.
-        self._channel = segment.Channel(response, found.scale, whitener, basis(len(response), tool.tu_s))
+        memory = STEADY_S / tool.tu_s * SAMPLES_PER_TU
+        self._channel = segment.Channel(response, found.scale, whitener, basis(len(response), tool.tu_s), memory)
         self._at_once, self.temper = Temper(), Temper()
         self._usual: deque[float] = deque(maxlen=8)
         self.frame = frame
@@ -112,7 +112,7 @@ class Transmission:
 
     def expects_sync(self, position: float) -> bool:
         """Whether a sync found at a position of the grid starts where the next pass would."""
-        at = (position - self._start) / self._pace
+        at = (position - self._clock.start) / self._clock.pace
         return self._pass is not None and abs(at - self._pass_end(self._pass)) <= SAMPLES_PER_TU
 
     def offer_sync(self) -> None:
@@ -125,18 +125,18 @@ class Transmission:
             longest = max(self._first_length(kind) for kind in ("survey", "toolface"))
             start = self._boundary if self._pass is None else self._pass_end(self._pass)
             start += SAMPLES_PER_TU * self._tool.sync.length_tu if self._offered else 0
-            return self._at(start + SAMPLES_PER_TU * (self._tool.header_tu + longest + _AFTER_TU)) + REACH
+            return self._clock.at(start + SAMPLES_PER_TU * (self._tool.header_tu + longest + _AFTER_TU)) + REACH
         _, length = packet_rows(self._pass.following())
-        return self._at(self._pass.at + SAMPLES_PER_TU * (length + _AFTER_TU)) + REACH
+        return self._clock.at(self._pass.at + SAMPLES_PER_TU * (length + _AFTER_TU)) + REACH
 
     def reaches(self) -> float:
         """Position of the grid where the next stretch ends on air."""
-        return self.needs() - SAMPLES_PER_TU * _AFTER_TU * self._pace
+        return self.needs() - SAMPLES_PER_TU * _AFTER_TU * self._clock.pace
 
     def keeps(self) -> float:
         """Position of the grid from which pressure is still needed: a pass is decoded again when it is complete."""
         start = self._boundary if self._pass is None else self._pass.start
-        return self._at(start - SAMPLES_PER_TU * _HISTORY_TU)
+        return self._clock.at(start - SAMPLES_PER_TU * _HISTORY_TU)
 
     def step(self) -> Reception:
         """Decode the next stretch: provisional words, and all those of the pass once it is complete."""
@@ -153,11 +153,11 @@ class Transmission:
             return self.close()
         self._channel = decision.channel
         soft = soft_words(decision, rows, items, self._parity)
-        now.add(Part(items, rows, now.at, length, decision.probability, soft, decision.ebn0_db))
+        now.add(items, decision, soft)
         self._at_once.learn(soft)
         if self._at_once.failing > _LOST:
             self.lost = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
-        provisional = self._words(now, now.parts[-1:], self._at_once, 0)
+        provisional = self._words(now, now.done - len(items), self._at_once, 0)
         if not (now.complete or self.lost):
             return Reception(provisional=provisional)
         done = self.close()
@@ -178,38 +178,33 @@ class Transmission:
         if now is None or not now.parts:
             return Reception()
         self._decode_again(now)
-        for part in now.parts:
-            self.temper.learn(part.soft)
-        words = self._words(now, now.parts, self.temper, 1)
+        self.temper.learn([part.soft for part in now.parts])
+        words = self._words(now, 0, self.temper, 1)
         ebn0 = float(np.mean([part.ebn0_db for part in now.parts]))
         report = FrameReport(
-            self.frame, now.kind, words[0].start_s, words[-1].end_s, ebn0, self._clock_error, self.lost
+            self.frame, now.kind, words[0].start_s, words[-1].end_s, ebn0, self._clock.error, self.lost
         )
         self.frame += 1
         self._forget(now)
         return Reception(words, [report])
 
-    def _words(self, now: Pass, parts: list[Part], temper: Temper, revision: int) -> list[ReceivedWord]:
+    def _words(self, now: Pass, first: int, temper: Temper, revision: int) -> list[ReceivedWord]:
         words = []
-        for part in parts:
-            at = part.at
-            for k, (item, soft) in enumerate(zip(part.items, part.soft, strict=True)):
-                end = at + SAMPLES_PER_TU * self._tool.pulses(0, item.length).length
-                span = (self._seconds(at), self._seconds(end))
-                place = WordPlace(self.frame, part.first + k, now.kind, revision)
-                words.append(received(self._tool, item, temper.judge(soft), span, place))
-                at = end
+        for k, part in enumerate(now.parts[first:], first):
+            span = (self._seconds(part.at), self._seconds(part.at + SAMPLES_PER_TU * part.length))
+            place = WordPlace(self.frame, k, now.kind, revision)
+            words.append(received(self._tool, part.item, temper.judge(part.soft), span, place))
         return words
 
     def _decode_again(self, now: Pass) -> None:
-        """Decode each stretch of a pass once more, with the pulses before it and behind it."""
+        """Decode each word of a pass once more, with the pulses before it and behind it."""
         for part in now.parts:
             stop = min(part.at + SAMPLES_PER_TU * (part.length + _HISTORY_TU), now.at)
             stretch = self._stretch(part.rows, part.at, stop, part)
             decision = segment.decode(stretch, self._channel)
             self._channel = decision.channel
             part.probability, part.ebn0_db = decision.probability, decision.ebn0_db
-            part.soft = soft_words(decision, part.rows, part.items, self._parity)
+            part.soft = soft_words(decision, part.rows, (part.item,), self._parity)[0]
 
     def _forget(self, now: Pass) -> None:
         """Keep of a pass the pulses that later ones need."""
@@ -237,7 +232,7 @@ class Transmission:
     @property
     def heard(self) -> float:
         """Position of the grid up to which pulses were heard."""
-        return self._at(self._pass.at if self._pass is not None else 0)
+        return self._clock.at(self._pass.at if self._pass is not None else 0)
 
     @property
     def whitener(self) -> Array:
@@ -248,15 +243,8 @@ class Transmission:
     def _parity(self) -> int:
         return int(self._tool.parity == "odd")
 
-    @property
-    def _clock_error(self) -> float:
-        return self._pace * SAMPLES_PER_TU / self._grid.steps_per_tu - 1.0
-
-    def _at(self, sample: float) -> float:
-        return self._start + sample * self._pace
-
     def _seconds(self, sample: float) -> float:
-        return self._grid.seconds(self._at(sample))
+        return self._grid.seconds(self._clock.at(sample))
 
     def _pass_end(self, one: Pass) -> int:
         return one.start + SAMPLES_PER_TU * self._tool.length_tu(one.items)
@@ -311,7 +299,7 @@ class Transmission:
         decision = self._decode(rows, length, start)
         soft = soft_words(decision, rows, items, self._parity)[0]
         most = max(len(self._tool.surveys), len(self._tool.toolfaces))
-        edges, chances = Part(items, rows, start, length, decision.probability, [], 0.0).edges()
+        edges, chances = parts_of(items, decision, [soft], start)[0].edges()
         self._edges += edges
         self._chances += chances
         valid = [one for one in soft.candidates if one.code < most]
@@ -319,10 +307,12 @@ class Transmission:
 
     def _decode(self, rows: Indices, length: int, start: int) -> segment.Decision:
         decision = self._decode_once(rows, length, start)
-        change = self._follow_clock(decision)
+        heard = start // SAMPLES_PER_TU
+        window = min(_HISTORY_TU, heard) + length
+        overlap = None if heard <= _HISTORY_TU else window / length
+        self._clock, change = self._clock.followed(decision.timing, overlap)
         # Half a sample at the ends of the window blurs the channel: once more on the better clock.
-        window = SAMPLES_PER_TU * min(_HISTORY_TU, length + _BEFORE_TU + self._tool.sync.length_tu)
-        return self._decode_once(rows, length, start) if abs(change) * window > 0.5 else decision
+        return self._decode_once(rows, length, start) if abs(change) * SAMPLES_PER_TU * window > 0.5 else decision
 
     def _decode_once(self, rows: Indices, length: int, start: int) -> segment.Decision:
         stretch = self._stretch(rows, start, start + SAMPLES_PER_TU * length, None)
@@ -333,9 +323,9 @@ class Transmission:
     def _stretch(self, rows: Indices, start: int, stop: int, before: Part | None) -> segment.Stretch:
         """Pressure round some packets, up to and with the response of the last pulse before `stop`."""
         begin = max(start - SAMPLES_PER_TU * _HISTORY_TU, -SAMPLES_PER_TU * _BEFORE_TU)
-        begin = max(begin, math.ceil((self._grid.first - self._start) / self._pace))
+        begin = max(begin, math.ceil((self._grid.first - self._clock.start) / self._clock.pace))
         count = stop + SAMPLES_PER_TU * _AFTER_TU - begin
-        pressure, known = self._grid.samples(self._at(begin), self._pace, count)
+        pressure, known = self._grid.samples(self._clock.at(begin), self._clock.pace, count)
         edges, chances = self._pulses(before)
         end = count if before is None else start - begin + SAMPLES_PER_TU * before.length
         return segment.Stretch(
@@ -349,14 +339,3 @@ class Transmission:
             end,
             None if before is None else before.probability,
         )
-
-    def _follow_clock(self, decision: segment.Decision) -> float:
-        """Turn the time axis about the middle of the pulses; returns the relative change of the pace."""
-        drift, variance, middle = decision.timing
-        self._clock_variance += _CLOCK_WALK**2
-        gain = self._clock_variance / (self._clock_variance + variance)
-        change = gain * drift
-        self._clock_variance *= 1.0 - gain
-        self._start -= middle * self._pace * change
-        self._pace *= 1.0 + change
-        return change
