@@ -100,6 +100,7 @@ def survey_fields(survey: Survey, status: int) -> dict[str, Any]:
         "dip_reference": known(reference.dip if reference else None, 0.0),
         "declination": known(reference.declination if reference else None, 0.0),
         "convergence": known(reference.convergence if reference else None, 0.0),
+        "reference_source": reference.source if reference else "",
         "axial_interference": known(station.interference, 0.0),
         "sigma_axial_interference": known(station.sigma_interference, -1.0),
         **{name: known(limit, -1.0) for name, limit in zip(LIMITS, station.limits, strict=True)},

@@ -124,7 +124,7 @@ def _station(table: SurveyTable, k: int, seen: set[str]) -> str:
     if table.surveys.well.error_model and record is not None:
         parts.append(_text("modelToolError", table.surveys.well.error_model, _COMMENT))
     if measured is not None:
-        parts += _measured(measured.survey, table.surveys.well.geomagnetic_model)
+        parts += _measured(measured.survey, table.surveys.well.geomagnetic_model or measured.survey.reference_source)
     parts.append(_text("statusTrajStation", "position"))
     if measured is not None:
         parts += _groups(measured, table.surveys.well.sensor_to_bit)

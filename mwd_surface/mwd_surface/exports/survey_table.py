@@ -299,7 +299,7 @@ def _header(
         ("Declination", f"{fixed(reference.declination * _DEG, 3)} deg" if reference else unknown),
         ("Grid convergence", f"{fixed(reference.convergence * _DEG, 3)} deg" if reference else unknown),
         ("Total azimuth correction", f"{fixed(correction * _DEG, 3)} deg" if known_correction else unknown),
-        ("Geomagnetic model", well.geomagnetic_model or unknown),
+        ("Geomagnetic model", well.geomagnetic_model or (reference.reference_source if reference else "") or unknown),
         ("Reference total field", f"{fixed(reference.b_reference * 1e9, 0)} nT" if reference else unknown),
         ("Reference dip", f"{fixed(reference.dip_reference * _DEG, 3)} deg" if reference else unknown),
         ("Reference gravity", f"{fixed(g_reference, 5)} m/s2" if g_reference > 0.0 else unknown),

@@ -159,11 +159,7 @@ class ListBuilder:
         well = self._surface.well
         place, station = self._estimator.place, first.station
         if self._recorded.surface is None:
-            well = dataclasses.replace(
-                well,
-                north_reference=station.north,
-                geomagnetic_model=station.reference.source if station.reference is not None else "",
-            )
+            well = dataclasses.replace(well, north_reference=station.north)
         recorded = self._recorded.estimator
         if recorded is None or place != recorded.place:
             well = dataclasses.replace(well, latitude_deg=place.lat_deg, longitude_deg=place.lon_deg)

@@ -102,7 +102,7 @@ def reference_in(surveys: SurveyList) -> Reference | None:
         declination=last.declination,
         convergence=last.convergence,
         gravity=last.g_reference if last.g_reference > 0.0 else None,
-        source=surveys.well.geomagnetic_model,
+        source=last.reference_source or surveys.well.geomagnetic_model,
     )
 
 
@@ -166,7 +166,9 @@ def _covariance(stations: StationList, k: int, *, known: bool) -> Nine:
 
 def _figures(stations: StationList, k: int, reference: Reference | None) -> dict[str, Any]:
     """Fields of a survey that tell its reference: the one given, else that of the list; unknown ones are left out."""
-    figures = {name: float(values[k]) for name, values in stations.figures.items() if math.isfinite(values[k])}
+    figures: dict[str, Any] = {
+        name: float(values[k]) for name, values in stations.figures.items() if math.isfinite(values[k])
+    }
     if reference is not None:
         given = {
             "b_reference": reference.total,
@@ -174,6 +176,7 @@ def _figures(stations: StationList, k: int, reference: Reference | None) -> dict
             "declination": reference.declination,
             "convergence": reference.convergence,
             "g_reference": reference.gravity,
+            "reference_source": reference.source,
         }
         figures |= {name: value for name, value in given.items() if value is not None}
     return figures

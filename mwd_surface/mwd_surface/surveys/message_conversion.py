@@ -23,6 +23,7 @@ _OF_THE_FILE = {"decisions"}
 # Messages of older recordings do not have these; the record then says "unknown".
 _QUANTITIES = {"verdict_inclination", "verdict_azimuth", "verdict_toolface"}
 _LATER = {
+    "reference_source",
     "g_limit",
     "b_limit",
     "dip_limit",

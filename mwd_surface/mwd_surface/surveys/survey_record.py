@@ -99,6 +99,7 @@ class Survey:
     dip_reference: float = 0.0
     declination: float = 0.0
     convergence: float = 0.0
+    reference_source: str = ""
     axial_interference: float = 0.0
     sigma_axial_interference: float = -1.0
     g_limit: float = -1.0

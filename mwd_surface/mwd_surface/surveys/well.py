@@ -47,7 +47,7 @@ class Well:
         unit="m",
         low=0.0,
     )
-    geomagnetic_model: str = setting("", "source of the reference field, as printed")
+    geomagnetic_model: str = setting("", "source of the reference field, as printed; empty: the one each survey names")
     error_model: str = setting(
         "MWD+SRGM", "ISCWSA / OWSG tool code of the position covariance of the whole well; empty: none is computed"
     )

@@ -62,6 +62,7 @@ def test_the_trajectory_is_valid_and_says_what_each_station_is():
     assert text(bit, "typeTrajStation") == "hold to MD"
     assert text(bit, "commonData/comments") == "projected to the bit, not surveyed"
     assert text(root[0], "aziRef") == "grid north"
+    assert text(station(root, 1), "magModelUsed") == "WMM2025 2026-05-14"
     assert text(root[0], "nameWell") == "Åsgard Ω-1"
     assert station(root, 1).get("uid") == example.survey(1, 0, 0).uuid
 
