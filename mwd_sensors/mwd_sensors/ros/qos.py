@@ -11,6 +11,9 @@ LATCHED               reliable     transient local   tables: the last message is
 DEADLINE_STREAM       as STREAM, with deadline and liveliness lease
 DEADLINE_STATE        as STATE, with deadline and liveliness lease
 ====================  ===========  ================  ==========================================
+
+They are what a subscription asks for. A publisher offers `offered` of them, always reliable, which serves best-effort
+and reliable subscriptions alike (REP-2003).
 """
 
 from rclpy.duration import Duration
@@ -66,6 +69,19 @@ DEADLINE_STATE = QoSProfile(
     liveliness=QoSLivelinessPolicy.AUTOMATIC,
     liveliness_lease_duration=LEASE,
 )
+
+
+def offered(profile: QoSProfile) -> QoSProfile:
+    """Copy a profile for a publisher: reliable, so that a subscription of either kind receives its messages."""
+    return QoSProfile(
+        history=profile.history,
+        depth=profile.depth,
+        reliability=QoSReliabilityPolicy.RELIABLE,
+        durability=profile.durability,
+        deadline=profile.deadline,
+        liveliness=profile.liveliness,
+        liveliness_lease_duration=profile.liveliness_lease_duration,
+    )
 
 
 def buffered(profile: QoSProfile) -> QoSProfile:

@@ -5,16 +5,18 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from mwd_msgs.srv import SeekReplay, SetReplayRate, StepReplay
+from rclpy.duration import Duration
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.settings import setting
+from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.discovery import SubscriberDiscovery
@@ -31,6 +33,7 @@ _TIMER_PERIOD = 0.002  # s
 # Most messages of one timer callback, so that services are served and subscribers keep up when the replay is late.
 _MAX_PER_CALLBACK = 100
 _MAX_PER_STEP_CALLBACK = 50  # a step has no pace; subscribers must keep up with it
+_FOREVER_S = 9e9  # what recordings write for "no limit" is longer
 _NOT_STARTED = "the replay has not begun"
 
 
@@ -328,17 +331,25 @@ def profile(recorded: str) -> QoSProfile:
     """Derive a profile to publish with, compatible with every subscriber of the recorded one."""
     try:
         first = parse_qos(recorded)[0]
-    except (ValueError, IndexError):
+        deadline, lease = (_duration(first[name]) for name in ("deadline", "liveliness_lease_duration"))
+        depth = int(first["depth"]) or STREAM.depth
+    except (ValueError, IndexError, TypeError, KeyError):
         return STREAM
     latched = first["durability"] == "transient_local"
-    reliable = first["reliability"] == "reliable"
-    depth = int(first["depth"]) or STREAM.depth
     return QoSProfile(
         history=QoSHistoryPolicy.KEEP_LAST,
         depth=min(max(depth, 10), 1000),
-        reliability=QoSReliabilityPolicy.RELIABLE if reliable else QoSReliabilityPolicy.BEST_EFFORT,
+        reliability=QoSReliabilityPolicy.RELIABLE,
         durability=QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE,
+        deadline=deadline,
+        liveliness_lease_duration=lease,
     )
+
+
+def _duration(recorded: Mapping[str, Any]) -> Duration:
+    """Convert a recorded duration; the middleware's "for ever" is no limit."""
+    seconds = float(recorded["sec"]) + float(recorded["nsec"]) / NANOSECONDS
+    return Duration(seconds=seconds if 0.0 <= seconds < _FOREVER_S else 0.0)
 
 
 def _is_sensor(topic: str) -> bool:

@@ -13,7 +13,9 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu, JointState, MagneticField, Temperature
 from tf2_msgs.msg import TFMessage
 
-from mwd_sensors.ros.qos import DEADLINE_STATE, DEADLINE_STREAM, EVENT, LATCHED, STATE, STREAM
+from mwd_sensors.core.wire import NANOSECONDS
+from mwd_sensors.ros.qos import DEADLINE_STATE, DEADLINE_STREAM, EVENT, LATCHED, STATE, STREAM, offered
+from mwd_surface.bags.bag_metadata import qos_profile, qos_text
 
 TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "imu/data_raw": (Imu, STREAM),
@@ -63,17 +65,18 @@ def message_class(type_name: str) -> Any:
 
 def profile_yaml(profile: QoSProfile) -> str:
     """
-    Write a profile as rosbag2 does into ``offered_qos_profiles``: a list of one, in YAML.
+    Write what a publisher offers of a profile as rosbag2 does into ``offered_qos_profiles``: a list of one, in YAML.
 
-    Without deadline and lease: a replay may be slow or paused, and promises neither.
+    With deadline and lease, so that a replay serves subscriptions that ask for them.
     """
-    endless = "    sec: 9223372036\n    nsec: 854775807\n"
-    return (
-        f"- history: {profile.history.name.lower()}\n"
-        f"  depth: {profile.depth}\n"
-        f"  reliability: {profile.reliability.name.lower()}\n"
-        f"  durability: {profile.durability.name.lower()}\n"
-        f"  deadline:\n{endless}  lifespan:\n{endless}"
-        f"  liveliness: automatic\n  liveliness_lease_duration:\n{endless}"
-        "  avoid_ros_namespace_conventions: false"
-    )
+    offer = offered(profile)
+    table = qos_profile(offer.reliability.name.lower(), offer.durability.name.lower(), depth=offer.depth)
+    for name, duration in (
+        ("deadline", offer.deadline),
+        ("liveliness_lease_duration", offer.liveliness_lease_duration),
+    ):
+        # Zero stands for no limit, which the table has from the start.
+        if duration.nanoseconds:
+            seconds, rest = divmod(duration.nanoseconds, NANOSECONDS)
+            table[name] = {"sec": seconds, "nsec": rest}
+    return qos_text([table])

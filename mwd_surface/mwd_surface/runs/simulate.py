@@ -13,7 +13,7 @@ from mwd_surface.bags.bag_writer import BagWriter
 
 _BLOCK_S = 1.0
 # As `mwd_sensors.ros.qos` names them: STREAM, and EVENT for the rig.
-_STREAM = qos_profile(reliability="best_effort", depth=200)
+_STREAM = qos_profile(depth=200)
 _EVENT = qos_profile(durability="transient_local", depth=100)
 
 

@@ -23,9 +23,10 @@ from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import Imu, MagneticField  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
+from mwd_sensors.ros.qos import DEADLINE, LEASE  # noqa: E402
 from mwd_sensors.ros.time_stamps import stamp  # noqa: E402
 from mwd_surface.nodes import replay  # noqa: E402
-from mwd_surface.ros.topics import message_class  # noqa: E402
+from mwd_surface.ros.topics import TOPICS, message_class, profile_yaml  # noqa: E402
 
 pytestmark = pytest.mark.slow
 
@@ -216,9 +217,21 @@ def test_a_recorded_profile_is_offered_again():
     latched = replay.profile(qos_text([qos_profile(durability="transient_local", depth=1)]))
     assert latched.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL
     assert latched.reliability == QoSReliabilityPolicy.RELIABLE
-    assert replay.profile(qos_text([qos_profile("best_effort")])).reliability == QoSReliabilityPolicy.BEST_EFFORT
+    streamed = replay.profile(qos_text([qos_profile("best_effort")]))
+    assert streamed.reliability == QoSReliabilityPolicy.RELIABLE
+    assert streamed.deadline.nanoseconds == 0
     assert replay.profile("").reliability == replay.STREAM.reliability
     assert replay.profile("what: [").reliability == replay.STREAM.reliability
+
+
+def test_a_watched_topic_is_recorded_and_replayed_with_its_deadline_and_lease():
+    recorded = replay.profile(profile_yaml(TOPICS["attitude"][1]))
+    for ours, theirs in (
+        (recorded.deadline, DEADLINE),
+        (recorded.liveliness_lease_duration, LEASE),
+    ):
+        assert ours.nanoseconds == theirs.nanoseconds
+    assert replay.profile("- {depth: 3, deadline: {sec: 1}}").depth == replay.STREAM.depth
 
 
 def test_a_type_that_is_not_installed_has_no_class():
