@@ -18,6 +18,8 @@ from mwd_estimation.survey.rotary_survey import RotarySurvey
 from mwd_estimation.survey.static_survey import BIN_NS, Refusal, StillAverage
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 
+LONGEST_S = 3600.0  # of a request
+
 
 class Requests:
     """
@@ -50,7 +52,7 @@ class Requests:
         if latitude is None:
             raise ValueError("the latitude is not known: set place.lat_deg and place.lon_deg")
         params, unit = derivation.north_params(self._settings), derivation.gyrocompass_params(self._settings)
-        self._north = NorthSession(params, unit, latitude, gravity, duration_s, mode)
+        self._north = NorthSession(params, unit, latitude, gravity, _bounded(duration_s), mode)
         self._rates = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
 
     def cancel_north(self) -> None:
@@ -98,7 +100,7 @@ class Requests:
         """
         if self._rotary is not None:
             raise ValueError("a rotary survey is already being taken")
-        self._rotary = RotarySurvey(derivation.rotary_params(self._settings), duration_s)
+        self._rotary = RotarySurvey(derivation.rotary_params(self._settings), _bounded(duration_s))
 
     def cancel_rotary(self) -> None:
         """Take the rotary survey no longer."""
@@ -118,3 +120,10 @@ class Requests:
             return None
         ended, self._rotary = self._rotary, None
         return result, 0.0 if isinstance(result, Refusal) else ended.rotary_speed
+
+
+def _bounded(duration_s: float) -> float:
+    """Give the duration of a request back, or refuse one that would never end."""
+    if duration_s > LONGEST_S:
+        raise ValueError(f"duration: must be at most {LONGEST_S:g} s, got {duration_s:g}")
+    return duration_s

@@ -12,10 +12,14 @@ NODES = {"surface": "mwd_surface", "estimator": "mwd_estimation", "sonde": "mwd_
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Arguments: namespace, use_sim_time, autostart, and <node>_params_file for each node."""
-    ours = PathJoinSubstitution([FindPackageShare("mwd_surface"), "config", "fastdds.xml"])
+    """Arguments: namespace, use_sim_time, autostart, params_file for all nodes, <node>_params_file for one of them."""
+    config = [FindPackageShare("mwd_surface"), "config"]
+    ours = PathJoinSubstitution([*config, "fastdds.xml"])
+    # A file has a section a node; the surface's own defaults, which it reads anyway, say nothing to the others.
+    nothing_more = PathJoinSubstitution([*config, "surface.yaml"])
     actions = [
         SetEnvironmentVariable(PROFILES, EnvironmentVariable(PROFILES, default_value=[ours])),
+        DeclareLaunchArgument("params_file", default_value=nothing_more, description="Parameter file of all nodes"),
         DeclareLaunchArgument("namespace", default_value="", description="Name of the well; empty: none"),
         DeclareLaunchArgument("use_sim_time", default_value="false", description="Take the time from /clock"),
         DeclareLaunchArgument("autostart", default_value="true", description="Configure and activate at start"),
@@ -25,8 +29,8 @@ def generate_launch_description() -> LaunchDescription:
         actions += [
             DeclareLaunchArgument(
                 f"{node}_params_file",
-                default_value=PathJoinSubstitution([share, "config", f"{node}.yaml"]),
-                description=f"Parameter file of the {node} node",
+                default_value=LaunchConfiguration("params_file"),
+                description=f"Parameter file of the {node} node, in place of params_file",
             ),
             IncludeLaunchDescription(
                 PathJoinSubstitution([share, "launch", f"{node}.launch.py"]),

@@ -94,6 +94,8 @@ reported["north"] = status, result.success, result.azimuth, result.sigma, result
 reported["progress"] = [(f.elapsed, f.remaining, f.sigma) for f in feedback]
 status, result, _ = ask(north, NorthSeek.Goal(duration=30.0, mode="sideways"))
 reported["bad"] = status, result.message
+endless = [ask(client, goal(duration=1e9)) for client, goal in ((north, NorthSeek.Goal), (rotary, RotarySurvey.Goal))]
+reported["endless"] = [(status, result.message) for status, result, _ in endless]
 status, result, _ = ask(north, NorthSeek.Goal(duration=600.0), cancel_after=1)
 reported["cancelled"] = status, result.message
 first = wait(north.send_goal_async(NorthSeek.Goal(duration=600.0)))
@@ -169,6 +171,9 @@ def test_what_cannot_be_done_is_ended_with_its_reason(reported):
     assert reported["silent"] == [ABORTED, "no north found: no samples arrive from the sonde"]
     assert reported["bad"][0] == ABORTED
     assert "mode: must be still" in reported["bad"][1]
+    for status, message in reported["endless"]:
+        assert status == ABORTED
+        assert "must be at most 3600 s" in message
     assert reported["second"] == [ABORTED, "no north found: north is already being sought"]
     assert reported["at rest"][0] == ABORTED
     assert "take a survey at rest" in reported["at rest"][1]

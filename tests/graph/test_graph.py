@@ -9,6 +9,7 @@ import socket
 import struct
 import subprocess
 import sys
+import time
 import urllib.request
 from pathlib import Path
 
@@ -48,8 +49,10 @@ TALK = """
 import json, math, time, rclpy
 from rclpy.parameter import Parameter
 from rcl_interfaces.srv import SetParametersAtomically, DescribeParameters
-from lifecycle_msgs.srv import GetState
-from mwd_msgs.msg import SurveyList
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from mwd_msgs.msg import Attitude, Gravity, SurveyList
+from sensor_msgs.msg import Imu, MagneticField
 from mwd_msgs.srv import JudgeSurvey, SetDepth, SetReferenceField, InjectFault, Export
 from mwd_sensors.ros import qos
 rclpy.init(); node = rclpy.create_node("talk"); reported = {}
@@ -62,6 +65,13 @@ def call(kind, name, **fields):
         rclpy.spin_until_future_complete(node, future, timeout_sec=20.0)
         if future.done(): return future.result()
     raise AssertionError(f"{name} does not answer")
+"""
+
+
+SHUT_DOWN = """
+transition = Transition(id=Transition.TRANSITION_ACTIVE_SHUTDOWN)
+reported["shut down"] = call(ChangeState, "/w1/sonde/change_state", transition=transition).success
+print(json.dumps(reported))
 """
 
 
@@ -104,10 +114,13 @@ def played(tmp_path_factory):
             graph,
             TALK
             + """
-got = []
+got, plain = [], {}
 node.create_subscription(SurveyList, "/w1/surveys", got.append, qos.LATCHED)
+for name, kind in (("imu/data_raw", Imu), ("imu/mag", MagneticField), ("attitude", Attitude), ("gravity", Gravity)):
+    node.create_subscription(kind, f"/w1/{name}", lambda _message, name=name: plain.setdefault(name, 1), 10)
 end = time.monotonic() + 10
-while not got and time.monotonic() < end: rclpy.spin_once(node, timeout_sec=0.1)
+while (not got or len(plain) < 4) and time.monotonic() < end: rclpy.spin_once(node, timeout_sec=0.1)
+reported["with the default profile"] = sorted(plain)
 reported["late joiner sees"] = len(got[0].records)
 def set_all(target, **values):
     parameters = [Parameter(k.replace("__", "."), value=v).to_parameter_msg() for k, v in values.items()]
@@ -142,7 +155,10 @@ print(json.dumps(reported))
         facts["page without plan"] = until(without_plan, 20, "the page without plan")
         until(lambda: "scenario is over" in graph.log(sonde), 90, "the scenario is over")
         until(lambda: "survey: survey 2" in graph.log(surface), 30, "second survey")
-        facts["ends"] = {"sonde": graph.end(sonde), "estimator": graph.end(estimator, signal.SIGTERM)}
+        facts["shut down"] = Talk(graph, TALK + SHUT_DOWN).reported["shut down"]
+        began = time.monotonic()
+        facts["ends"] = {"sonde": (graph.wait(sonde, 20.0), time.monotonic() - began)}
+        facts["ends"]["estimator"] = graph.end(estimator, signal.SIGTERM)
         facts["ends"]["surface"] = graph.end(surface)
         facts["logs"] = graph.log(surface) + graph.log(estimator) + graph.log(sonde)
         facts["bag"] = folder / "data" / "w1" / "bags" / "run"
@@ -151,6 +167,7 @@ print(json.dumps(reported))
 
 
 def test_every_node_ends_in_order_and_in_time(played):
+    assert played["shut down"]
     assert {status for status, _ in played["ends"].values()} == {0}
     assert max(seconds for _, seconds in played["ends"].values()) < 3.0
     assert "Traceback" not in played["logs"]
@@ -215,6 +232,11 @@ def test_parameters_are_described_and_changed_all_or_nothing(played):
     assert "[s] (1 to 600)" in reported["description"][0]
     assert reported["description"][1] == 600.0
     assert reported["state"] == "active"
+
+
+def test_a_subscription_with_the_default_profile_receives_the_streams(played):
+    expected = ["attitude", "gravity", "imu/data_raw", "imu/mag"]
+    assert played["reported"]["with the default profile"] == expected
 
 
 def test_services_say_why_not(played):

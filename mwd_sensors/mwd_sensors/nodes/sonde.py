@@ -243,7 +243,8 @@ class SondeNode(GraphNode[SondeSettings]):
             response.success, response.message = False, str(error)
             return response
         response.success = True
-        response.message = f"{request.component} {request.fault} from now on"
+        until = f"for {request.duration:g} s" if request.duration > 0.0 else "from now on"
+        response.message = f"{request.component} {request.fault} {until}"
         self.get_logger().warning(f"fault injected: {response.message}")
         return response
 

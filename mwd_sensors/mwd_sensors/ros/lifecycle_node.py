@@ -24,6 +24,7 @@ from mwd_sensors.ros.deferred import DeferredActionServer, DeferredGoal, allow_d
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic, diagnostic_array
 from mwd_sensors.ros.message_buffer import MessageBuffer
 from mwd_sensors.ros.parameters import SettingsParameters
+from mwd_sensors.ros.qos import offered
 from mwd_sensors.ros.request_rules import refusal
 
 T = TypeVar("T")
@@ -130,8 +131,8 @@ class GraphNode(LifecycleNode, Generic[T]):
     # Entities.
 
     def add_publisher(self, msg_type: Any, topic: str, qos: QoSProfile) -> Any:
-        """Create a lifecycle publisher: it publishes nothing while the node is inactive."""
-        publisher = self.create_lifecycle_publisher(msg_type, topic, qos)
+        """Create a lifecycle publisher that offers the profile reliably; it is silent while the node is inactive."""
+        publisher = self.create_lifecycle_publisher(msg_type, topic, offered(qos))
         self._destructors.append(lambda: self.destroy_lifecycle_publisher(publisher))
         return publisher
 
@@ -226,6 +227,11 @@ class GraphNode(LifecycleNode, Generic[T]):
             self.get_logger().error(f"{name}:\n{traceback.format_exc()}", throttle_duration_sec=5.0)
             return None, f"{name} failed inside the node; see its log"
 
+    @property
+    def finalized(self) -> bool:
+        """Whether the node is shut down for good."""
+        return bool(self._state_machine.current_state[1] == "finalized")
+
     def request_stop(self) -> None:
         """End the process in order, as a signal would."""
         if not self.stop_requested.done():
@@ -281,10 +287,11 @@ class GraphNode(LifecycleNode, Generic[T]):
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Shut down from any state."""
+        """Shut down from any state, and end the process: a finalized node does nothing any more."""
         if self.active:
             self.deactivate()
         self._release()
+        self.request_stop()
         return super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:

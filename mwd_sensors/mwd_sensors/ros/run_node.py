@@ -56,7 +56,8 @@ def _spin(make_node: Callable[[], GraphNode[Any]]) -> int:
     except ExternalShutdownException:
         node.get_logger().info("the middleware was shut down from outside")
     finally:
-        node.trigger_shutdown()
+        if not node.finalized:
+            node.trigger_shutdown()
         executor.remove_node(node)
         node.destroy_node()
     return 0
