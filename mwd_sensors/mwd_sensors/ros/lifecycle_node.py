@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any, Generic, TypeVar
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
@@ -22,9 +22,11 @@ from rclpy.task import Future
 
 from mwd_sensors.ros.deferred import DeferredActionServer, DeferredGoal, allow_deferred_responses
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic, diagnostic_array
+from mwd_sensors.ros.heartbeat import Heartbeat
 from mwd_sensors.ros.message_buffer import MessageBuffer
+from mwd_sensors.ros.middleware_events import MiddlewareEvents
 from mwd_sensors.ros.parameters import SettingsParameters
-from mwd_sensors.ros.qos import offered
+from mwd_sensors.ros.qos import STATE, offered
 from mwd_sensors.ros.request_rules import refusal
 
 T = TypeVar("T")
@@ -76,6 +78,9 @@ class GraphNode(LifecycleNode, Generic[T]):
         self._callback_failures: dict[str, int] = {}
         self.stop_requested: Future = Future()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._middleware = MiddlewareEvents(self)
+        self._heartbeat = Heartbeat(self.get_fully_qualified_name(), self.get_namespace())
+        self._heartbeat_publisher = self.create_publisher(DiagnosticStatus, "heartbeat", STATE)
         self._diagnostics_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._diagnostics_timer = self.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics, clock=steady)
         # An idle executor waits in native code; Python sees a signal only when some callback runs.
@@ -132,7 +137,9 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     def add_publisher(self, msg_type: Any, topic: str, qos: QoSProfile) -> Any:
         """Create a lifecycle publisher that offers the profile reliably; it is silent while the node is inactive."""
-        publisher = self.create_lifecycle_publisher(msg_type, topic, offered(qos))
+        profile = offered(qos)
+        events = self._middleware.of_publisher(topic, profile)
+        publisher = self.create_lifecycle_publisher(msg_type, topic, profile, event_callbacks=events)
         self._destructors.append(lambda: self.destroy_lifecycle_publisher(publisher))
         return publisher
 
@@ -140,12 +147,18 @@ class GraphNode(LifecycleNode, Generic[T]):
         self, msg_type: Any, topic: str, callback: Callable[[Any], None], qos: QoSProfile, *, raw: bool = False
     ) -> None:
         """Create a subscription; a message that arrives while the node is inactive is dropped."""
-        subscription = self.create_subscription(msg_type, topic, partial(self._call, topic, callback), qos, raw=raw)
+        events = self._middleware.of_subscription(topic, qos)
+        subscription = self.create_subscription(
+            msg_type, topic, partial(self._call, topic, callback), qos, raw=raw, event_callbacks=events
+        )
         self._destructors.append(lambda: self.destroy_subscription(subscription))
 
     def add_buffered_subscription(self, msg_type: Any, topic: str, qos: QoSProfile) -> MessageBuffer:
         """Create a subscription without callback: serialised messages wait in the middleware until they are taken."""
-        subscription = self.create_subscription(msg_type, topic, lambda _message: None, qos, raw=True)
+        events = self._middleware.of_subscription(topic, qos)
+        subscription = self.create_subscription(
+            msg_type, topic, lambda _message: None, qos, raw=True, event_callbacks=events
+        )
         # Registered before the executor sees the subscription: the executor must never take from it.
         buffer = MessageBuffer(subscription)
         self._buffers.append(buffer)
@@ -221,7 +234,8 @@ class GraphNode(LifecycleNode, Generic[T]):
         if not self.active:
             return None, f"{self.get_name()} is not active; activate it first"
         try:
-            return callback(*arguments), ""
+            with self._heartbeat.timed():
+                return callback(*arguments), ""
         except Exception:  # noqa: BLE001  (one bad message or request must not end the node)
             self._callback_failures[name] = self._callback_failures.get(name, 0) + 1
             self.get_logger().error(f"{name}:\n{traceback.format_exc()}", throttle_duration_sec=5.0)
@@ -313,10 +327,11 @@ class GraphNode(LifecycleNode, Generic[T]):
     def _publish_diagnostics(self) -> None:
         state = self._state_machine.current_state[1]
         if self.active:
-            found = [Diagnostic("lifecycle", OK, state), *self.diagnostics()]
+            found = [Diagnostic("lifecycle", OK, state), *self.diagnostics(), *self._middleware.diagnostics()]
         else:
             found = [Diagnostic("lifecycle", WARN, state, "activate the node")]
         if self._callback_failures:
             counts = tuple((name, str(count)) for name, count in self._callback_failures.items())
             found.append(Diagnostic("failures", ERROR, "a callback raised an exception", "read the node's log", counts))
         self._diagnostics_publisher.publish(diagnostic_array(self, found))
+        self._heartbeat_publisher.publish(self._heartbeat.message(state, max(one.level for one in found)))

@@ -1,4 +1,4 @@
-"""Monitors the graph: diagnostics of the other nodes, progress of a survey, and input topics that went silent."""
+"""Monitors the graph: diagnostics of the nodes, and the progress of a survey."""
 
 from __future__ import annotations
 
@@ -11,19 +11,16 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.serialization import deserialize_message
 
 from mwd_surface.live.alarms import Severity
+from mwd_surface.live.supervision import TABLE
 from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField, SurveyProgress
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.surveys.well import Well
 
 _TIMEOUT_S = 2.0  # without a message before a topic counts as silent
+_SUPERVISED = {row.alarm for row in TABLE}
 _WARN, _ERROR = DiagnosticStatus.WARN[0], DiagnosticStatus.ERROR[0]
 _DIAGNOSTICS_AGE_S = 5.0  # diagnostics older than this are no longer shown
 _REFERENCE = ("total", "dip", "declination", "convergence", "gravity")
-_MONITORED = (
-    ("imu/data_raw", "sonde", Severity.CRITICAL),
-    ("attitude", "estimator", Severity.CRITICAL),
-    ("rig/state", "rig data", Severity.WARNING),
-)
 
 
 class DiagnosticsMonitor:
@@ -42,16 +39,11 @@ class DiagnosticsMonitor:
         self._namespace = context.node.get_namespace()
         self._live, self._alarm_log = context.live, context.alarm_log
         self._well = Well()
-        self._received_at: dict[str, float] = {}
         self._diagnostics_of: dict[str, tuple[float, list[Any]]] = {}
         self._progress = SurveyProgress()
         self._progress_at = 0.0
         self._action_at = -_TIMEOUT_S
         self._result = ""
-
-    def message_received(self, topic: str) -> None:
-        """Note that a message of the topic has arrived."""
-        self._received_at[topic] = time.monotonic()
 
     def show_well(self, well: Well) -> None:
         """Show the well, with the field in force."""
@@ -116,14 +108,7 @@ class DiagnosticsMonitor:
             self.show_well(self._well)
 
     def update(self, now: float) -> None:
-        """Raise alarms of silent topics and faulty nodes, show the diagnostics; called once a second. now: s."""
-        causes: dict[str, tuple[int, str, str]] = {}
-        for topic, source, severity in _MONITORED:
-            if topic in self._received_at and now - self._received_at[topic] > _TIMEOUT_S:
-                age = now - self._received_at[topic]
-                text = f"no {topic} from the {source}: the last came more than {_TIMEOUT_S:.0f} s ago"
-                causes[f"input.{topic}"] = (severity, text, f"is the {source} alive and connected? ({age:.0f} s)")
-        self._alarm_log.set_alarms("input.", causes)
+        """Raise alarms of faulty nodes, show the diagnostics; called once a second. now: s."""
         self._alarm_log.set_alarms("node.", self._node_alarms(now))
         if self._progress.active and now - self._progress_at > _TIMEOUT_S + 1.0:
             self._show_progress(SurveyProgress())
@@ -139,12 +124,14 @@ class DiagnosticsMonitor:
         """Errors of other nodes, and errors and warnings of sensors; silent topics have alarms of their own."""
         causes: dict[str, tuple[int, str, str]] = {}
         for node, (received_at, found) in self._diagnostics_of.items():
-            if now - received_at >= _DIAGNOSTICS_AGE_S or node == self._own_name:
+            if now - received_at >= _DIAGNOSTICS_AGE_S:
                 continue
             for status in found:
                 level, what = status.level[0], status.name.partition(": ")[2]
                 alarming = level == _ERROR or (level == _WARN and what.startswith("sensors"))
-                if alarming and what not in {topic for topic, _, _ in _MONITORED}:
+                # Its own errors raise alarms where they happen, but for what the middleware says.
+                own = node == self._own_name and not what.startswith("middleware")
+                if alarming and not own and f"input.{what}" not in _SUPERVISED:
                     severity = Severity.CRITICAL if level == _ERROR else Severity.WARNING
                     causes[f"node.{node.strip('/')}.{what}"] = (severity, status.message, _remedy(status))
         return causes

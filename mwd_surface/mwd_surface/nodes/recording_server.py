@@ -14,7 +14,7 @@ from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.qos import STATE
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.bags.recorder.recorder import Recorder
-from mwd_surface.bags.recorder.status import Level, RecorderError, RecorderState
+from mwd_surface.bags.recorder.status import Level, RecorderError, RecorderState, RecorderStatus
 from mwd_surface.live.alarms import Severity
 from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.ros import messages
@@ -186,6 +186,10 @@ class RecordingServer:
         self._alarm_log.set_alarms("recorder.", causes)
         for event in self._recorder.take_events():
             self._alarm_log.log_event("recorder", event.text, _SEVERITIES[event.level])
+
+    def status(self) -> RecorderStatus:
+        """Status of the recorder."""
+        return self._recorder.status()
 
     def diagnostics(self) -> list[Diagnostic]:
         """State of the recorder."""

@@ -39,6 +39,7 @@ from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.nodes.slide_recorder import SlideRecorder
 from mwd_surface.nodes.static_frames import StaticFrames
 from mwd_surface.nodes.stream_decoder import StreamDecoder
+from mwd_surface.nodes.supervision_monitor import SupervisionMonitor
 from mwd_surface.nodes.survey_list_server import SurveyListServer
 from mwd_surface.nodes.topic_router import TopicRouter
 from mwd_surface.page.foxglove_server import FoxgloveError
@@ -106,6 +107,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             requests=RequestQueue(self._handle_request),
         )
         self._monitor = DiagnosticsMonitor(context)
+        self._supervision = SupervisionMonitor(context)
         self._plan = PlanServer(live, context.alarm_log)
         self._plan.use(self._plan.read(settings.plan, settings.well.north_reference))
         well = self._plan.with_section(settings.well)
@@ -132,7 +134,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._rig = self._closed_on_cleanup(RigBridge(context, settings.rig, well.name))
         self._frames = StaticFrames(context)
         self._decoder = StreamDecoder(
-            context, on_attitude=self._on_attitude, on_rig_state=self._on_rig_state, on_sonde=self._surveys.on_sonde
+            context, on_attitude=self._on_attitude, on_rig_state=self._on_rig_state, on_sonde=self._on_sonde
         )
 
     def _closed_on_cleanup(self, part: Any) -> Any:
@@ -161,9 +163,10 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
                 **{topic: buffer.append for topic, buffer in self._decoder.buffers.items()},
                 "survey": self._on_survey,
                 "/diagnostics": monitor.on_diagnostics,
+                "heartbeat": self._supervision.on_heartbeat,
                 "rig/quill": self._slides.on_quill,
             },
-            on_message=monitor.message_received,
+            on_message=self._supervision.message_received,
         )
         self._router.open(self.settings.record.topics)
         # The feedback of an action is a topic, which others than the action's client may subscribe to.
@@ -215,6 +218,10 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def _on_attitude(self, samples: Samples) -> None:
         self._slides.on_attitude(samples)
 
+    def _on_sonde(self, samples: Samples) -> None:
+        self._supervision.on_sonde(samples)
+        self._surveys.on_sonde(samples)
+
     def _on_rig_state(self, samples: Samples) -> None:
         bit_depth = self._surveys.on_rig_state(samples)
         self._slides.on_rig_state(samples, bit_depth)
@@ -264,6 +271,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._shared.live.on_vertical_limit(None if limit is None else math.radians(float(limit)))
         self._recording.update(now)
         self._monitor.update(now)
+        self._supervision.update(now, self._recording.status(), self._surveys.depth.clock_difference)
         self._decoder.update(now)
         self._surveys.retry_save()
         self._surveys.update_projection(now)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from mwd_msgs import msg
 from nav_msgs.msg import Path
 from rcl_interfaces.msg import ParameterEvent
@@ -41,6 +41,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "path": (Path, LATCHED),
     "alarms": (msg.AlarmList, LATCHED),
     "recorder": (msg.RecorderStatus, STATE),
+    "heartbeat": (DiagnosticStatus, STATE),
     "/tf": (TFMessage, STATE),
     "/tf_static": (TFMessage, EVENT),
     "/parameter_events": (ParameterEvent, STATE),

@@ -105,6 +105,11 @@ class DepthTrack:
         """Stamp and bit depth of the last reading accepted, ns and m."""
         return (self._stamps[-1], self._depths[-1]) if self._stamps else None
 
+    @property
+    def clock_difference(self) -> float | None:
+        """Clock of the rig minus that of the sonde, s, by the order in which their data arrive; None: too few data."""
+        return min(self._clocks, key=abs) if len(self._clocks) >= _FEWEST else None
+
     def note_sonde(self, stamp_ns: int) -> None:
         """Take the time of a sample of the sonde that has arrived: the readings that come next are of that time."""
         newest = self._sonde_ns
@@ -220,7 +225,7 @@ class DepthTrack:
 
     def _clock_doubt(self) -> str:
         """How the clocks of rig and sonde differ, in words; empty where they fit."""
-        apart = min(self._clocks, key=abs) if len(self._clocks) >= _FEWEST else 0.0
+        apart = self.clock_difference or 0.0
         if abs(apart) <= self.rules.clock_limit:
             return ""
         way = "ahead of" if apart > 0.0 else "behind"

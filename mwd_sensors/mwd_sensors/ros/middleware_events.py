@@ -1,0 +1,110 @@
+"""
+What the middleware says of a node's topics: incompatible quality of service, and more than one publisher.
+
+The middleware reports both once, and an incompatible pair simply exchanges nothing; here they stay in the diagnostics,
+with names and a remedy, until the cause has gone.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
+
+from mwd_sensors.ros.diagnostics import ERROR, Diagnostic
+
+_SEVERAL_S = 3.0  # two publishers for so long are no hand-over
+# A killed process stays in the middleware's graph until its lease is over (Fast DDS: 20 s).
+_SAME_NAME_S = 25.0
+# Every node of a well publishes these.
+_SHARED = ("heartbeat",)
+
+
+class MiddlewareEvents:
+    """
+    Events of the subscriptions and publishers of one node.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    clock : callable
+        Steady seconds.
+    """
+
+    def __init__(self, node: Any, clock: Callable[[], float] = time.monotonic) -> None:
+        self._node, self._clock = node, clock
+        self._incompatible: dict[tuple[str, bool], QoSProfile] = {}
+        self._several: dict[str, float] = {}
+
+    def of_subscription(self, topic: str, qos: QoSProfile) -> SubscriptionEventCallbacks:
+        """Return the event callbacks of a subscription."""
+
+        def matched(event: Any) -> None:
+            # Topics outside the well, such as /diagnostics, have many publishers.
+            if topic.startswith("/") or topic in _SHARED or event.current_count < 2:
+                self._several.pop(topic, None)
+            else:
+                self._several.setdefault(topic, self._clock())
+
+        def incompatible(_event: Any) -> None:
+            self._incompatible[topic, True] = qos
+
+        return SubscriptionEventCallbacks(incompatible_qos=incompatible, matched=matched)
+
+    def of_publisher(self, topic: str, qos: QoSProfile) -> PublisherEventCallbacks:
+        """Return the event callbacks of a publisher."""
+
+        def incompatible(_event: Any) -> None:
+            self._incompatible[topic, False] = qos
+
+        return PublisherEventCallbacks(incompatible_qos=incompatible)
+
+    def diagnostics(self) -> list[Diagnostic]:
+        """Return an error for each topic whose other side does not fit, and for each with more than one publisher."""
+        found = []
+        for (topic, receives), qos in list(self._incompatible.items()):
+            others = self._unfit(topic, receives, qos)
+            if others:
+                verb = "receives nothing from" if receives else "is not heard by"
+                message = f"{topic}: this node {verb} {'; '.join(others)}; its own profile is {_words(qos)}"
+                found.append(Diagnostic(f"middleware {topic}", ERROR, message, "give both the same QoS profile"))
+            else:
+                del self._incompatible[topic, receives]
+        return found + [self._named(topic) for topic in self._several if self._lasting(topic)]
+
+    def _unfit(self, topic: str, receives: bool, qos: QoSProfile) -> list[str]:
+        name = self._node.resolve_topic_name(topic)
+        infos = self._node.get_publishers_info_by_topic if receives else self._node.get_subscriptions_info_by_topic
+        unfit = []
+        for info in infos(name):
+            pair = (info.qos_profile, qos) if receives else (qos, info.qos_profile)
+            if qos_check_compatible(*pair)[0] == QoSCompatibility.ERROR:
+                unfit.append(f"{_node_of(info)} ({_words(info.qos_profile)})")
+        return unfit
+
+    def _publishers(self, topic: str) -> list[str]:
+        name = self._node.resolve_topic_name(topic)
+        return sorted(_node_of(info) for info in self._node.get_publishers_info_by_topic(name))
+
+    def _lasting(self, topic: str) -> bool:
+        names = self._publishers(topic)
+        wait_s = _SAME_NAME_S if len(set(names)) < 2 else _SEVERAL_S
+        return len(names) > 1 and self._clock() - self._several[topic] >= wait_s
+
+    def _named(self, topic: str) -> Diagnostic:
+        names = self._publishers(topic)
+        message = f"{topic} has {len(names)} publishers: {', '.join(names)}"
+        return Diagnostic(
+            f"middleware {topic}", ERROR, message, "stop all but one, or give each well its own namespace"
+        )
+
+
+def _node_of(info: Any) -> str:
+    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+
+
+def _words(qos: QoSProfile) -> str:
+    return f"{qos.reliability.name}, {qos.durability.name}".lower().replace("_", " ")

@@ -1,0 +1,211 @@
+"""
+The table of supervision: what is watched of each node, its limit, how long it must last, and what follows.
+
+As in NASA's cFS (applications HS and LC): a table, not code in many places. A reading beyond its limit for as long as
+the row says raises the row's alarm; the alarm clears when the reading has been within the limit for the same time. A
+reading that is not there is not judged.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+
+from mwd_surface.live.alarms import Severity
+
+Causes = dict[str, tuple[int, str, str]]
+"""From the id of an alarm to severity, text and remedy."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """
+    One thing that is watched.
+
+    Attributes
+    ----------
+    alarm : str
+        Id of its alarm; also the name of its reading.
+    node, what : str
+        Whose, and what is watched, in words; `what` has {value} and {limit} in it.
+    limit : float
+        Readings above it count.
+    persistence_s : float
+        How long they must, s.
+    severity : Severity
+    remedy : str
+        What a person can do.
+    action, degraded : str
+        What the graph does by itself, and what still works meanwhile; for the reference.
+    """
+
+    alarm: str
+    node: str
+    what: str
+    limit: float
+    persistence_s: float
+    severity: Severity
+    remedy: str
+    action: str
+    degraded: str
+
+
+_GONE = "values turn stale and are withheld from the rig"
+TABLE = (
+    Row(
+        "input.imu/data_raw",
+        "sonde",
+        "no imu/data_raw from the sonde: the last came more than {limit:.0f} s ago",
+        2.0,
+        0.0,
+        Severity.CRITICAL,
+        "is the sonde alive and connected?",
+        _GONE,
+        "survey list, path and recording go on",
+    ),
+    Row(
+        "input.attitude",
+        "estimator",
+        "no attitude from the estimator: the last came more than {limit:.0f} s ago",
+        2.0,
+        0.0,
+        Severity.CRITICAL,
+        "is the estimator alive and connected?",
+        _GONE,
+        "raw data are recorded; `mwd process` gives the surveys afterwards",
+    ),
+    Row(
+        "input.rig/state",
+        "rig data",
+        "no rig/state from the rig data: the last came more than {limit:.0f} s ago",
+        2.0,
+        0.0,
+        Severity.WARNING,
+        "is the rig data alive and connected?",
+        "surveys wait for a depth",
+        "attitude and toolface go on; a depth can be set by hand",
+    ),
+    Row(
+        "clock.sonde",
+        "sonde",
+        "samples of the sonde arrive and their time has stood still for more than {limit:.0f} s",
+        3.0,
+        2.0,
+        Severity.CRITICAL,
+        "the clock of the sonde or its link stands: restart it",
+        "samples that do not advance are not used",
+        "the last survey stays; the recording goes on",
+    ),
+    Row(
+        "clock.rig",
+        "rig data",
+        "the clocks of rig and sonde differ by {value:.0f} s",
+        20.0,
+        5.0,
+        Severity.WARNING,
+        "synchronise both clocks, or set the depth by hand",
+        "no depth is paired with surveys",
+        "attitude and toolface go on; a depth can be set by hand",
+    ),
+    Row(
+        "heartbeat.sonde",
+        "sonde",
+        "no heartbeat of the sonde node for more than {limit:.0f} s",
+        4.0,
+        0.0,
+        Severity.WARNING,
+        "is the process alive? it may hang: read its log",
+        "its supervisor starts it again where it has ended",
+        "as without samples",
+    ),
+    Row(
+        "heartbeat.estimator",
+        "estimator",
+        "no heartbeat of the estimator for more than {limit:.0f} s",
+        4.0,
+        0.0,
+        Severity.WARNING,
+        "is the process alive? it may hang: read its log",
+        "its supervisor starts it again where it has ended",
+        "as without attitude",
+    ),
+    *(
+        Row(
+            f"callback.{node}",
+            node,
+            f"a callback of the {node} took {{value:.1f}} s",
+            1.0,
+            3.0,
+            Severity.WARNING,
+            "free the machine; read the node's log",
+            "messages wait in bounded queues, the oldest are dropped and counted",
+            "everything, late",
+        )
+        for node in ("sonde", "estimator", "surface")
+    ),
+    *(
+        Row(
+            f"memory.{node}",
+            node,
+            f"the {node} uses {{value:.0f}} MB of memory, more than {{limit:.0f}} MB",
+            2000.0,
+            30.0,
+            Severity.WARNING,
+            "restart the node between two surveys, and report it with its log",
+            "none",
+            "everything",
+        )
+        for node in ("sonde", "estimator", "surface")
+    ),
+    Row(
+        "disk.low",
+        "surface",
+        "the disk of the recordings is {value:.0f} % full",
+        95.0,
+        10.0,
+        Severity.WARNING,
+        "free the disk, or move old recordings away",
+        "recording pauses at recorder.min_free_bytes and resumes by itself",
+        "survey list, page and rig interfaces go on",
+    ),
+    Row(
+        "queue.recorder",
+        "surface",
+        "{value:.0f} % of the recorder's queue wait for the disk",
+        50.0,
+        3.0,
+        Severity.WARNING,
+        "use a faster disk, or record fewer topics",
+        "what does not fit is dropped, counted and recorded as an event",
+        "everything but a part of the recording",
+    ),
+)
+
+
+class Supervision:
+    """Judges readings by the table; `prefixes` are the beginnings of its alarms' ids, each to be set as a whole."""
+
+    def __init__(self, table: Iterable[Row] = TABLE) -> None:
+        self._table = tuple(table)
+        self.prefixes = sorted({f"{row.alarm.partition('.')[0]}." for row in self._table})
+        self._since: dict[str, float] = {}
+        # As they were when they were raised: an alarm that changes every second cannot be read.
+        self._raised: dict[str, str] = {}
+
+    def judge(self, readings: Mapping[str, float], now: float) -> Causes:
+        """Return the alarms that stand; readings: by the id of their row, now: steady time, s."""
+        causes: Causes = {}
+        for row in self._table:
+            value = readings.get(row.alarm)
+            beyond = value is not None and value > row.limit
+            if beyond == (row.alarm in self._raised):
+                self._since.pop(row.alarm, None)
+            elif now - self._since.setdefault(row.alarm, now) >= row.persistence_s:
+                del self._since[row.alarm]
+                if beyond:
+                    self._raised[row.alarm] = row.what.format(value=value, limit=row.limit)
+                else:
+                    del self._raised[row.alarm]
+            if row.alarm in self._raised:
+                causes[row.alarm] = (row.severity, self._raised[row.alarm], row.remedy)
+        return causes
