@@ -18,11 +18,11 @@ setup(
         (f"share/{NAME}/scenarios", glob("scenarios/*.yaml")),
         (f"share/{NAME}/scenarios/bench", glob("scenarios/bench/*.yaml")),
     ],
-    install_requires=["numpy", "scipy", "numba", "PyYAML", "pyproj", "pygeomag", "ppigrf"],
+    install_requires=["numpy", "scipy", "numba", "PyYAML", "pyproj", "pygeomag", "ppigrf", "pyserial"],
     zip_safe=False,
     maintainer="MWD telemetry maintainers",
     maintainer_email="maintainers@mwd-telemetry.example",
     description="What the tool feels: frames, earth, instruments, drilling dynamics, scenarios, the simulated sonde.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["sonde = mwd_sensors.nodes.sonde:main"]},
+    entry_points={"console_scripts": ["sonde = mwd_sensors.nodes.sonde:main", "probe = mwd_sensors.nodes.probe:main"]},
 )

@@ -16,6 +16,7 @@ from mwd_surface.commands.clearance import clearance
 from mwd_surface.commands.compare import compare
 from mwd_surface.commands.decode import decode
 from mwd_surface.commands.doctor import doctor
+from mwd_surface.commands.emulate import emulate
 from mwd_surface.commands.export import export, report
 from mwd_surface.commands.forecast import forecast
 from mwd_surface.commands.inspect import inspect
@@ -62,6 +63,7 @@ _LIVE, _RECORDINGS, _PLANNING, _MACHINE = "Live", "Recordings", "Planning", "Thi
 app.command(rich_help_panel=_LIVE)(run)
 app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(replay)
 app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(node)
+app.command(rich_help_panel=_LIVE)(emulate)
 app.command(rich_help_panel=_RECORDINGS)(inspect)
 app.command(rich_help_panel=_RECORDINGS)(process)
 app.command(rich_help_panel=_RECORDINGS)(batch)

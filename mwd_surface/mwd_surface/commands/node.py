@@ -13,12 +13,14 @@ class Node(enum.StrEnum):
     """The nodes of the graph."""
 
     SONDE = "sonde"
+    PROBE = "probe"
     ESTIMATOR = "estimator"
     SURFACE = "surface"
 
 
 MODULES = {
     Node.SONDE: "mwd_sensors.nodes.sonde",
+    Node.PROBE: "mwd_sensors.nodes.probe",
     Node.ESTIMATOR: "mwd_estimation.nodes.estimator",
     Node.SURFACE: "mwd_surface.nodes.surface",
 }

@@ -1,0 +1,1 @@
+"""Drivers of real sensors: what their serial lines carry, their clocks, and an emulator that plays recordings."""

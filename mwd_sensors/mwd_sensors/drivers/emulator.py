@@ -1,0 +1,157 @@
+"""
+A probe without hardware: samples of a recording or a scenario on a pseudo terminal, as the serial line carries them.
+
+It obeys the commands of `probe_protocol`: start and stop of the samples, its time, its name.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import time
+import tty
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.drivers import mtdata2, probe_protocol
+from mwd_sensors.drivers.readings import LAYOUTS, Answer, Reading, readings_of
+
+NAME = "mwd emulator 1"
+# At equal stamps the IMU comes last: the other samples that the estimator needs are then there.
+_ORDER = ("imu/temperature", "gyro/data_raw", "imu/mag", "imu/data_raw")
+PROTOCOLS = ("binary", "ascii", "xsens")
+# Longest wait for commands between two samples, and for who reads the line, s.
+_WAIT_S = 0.02
+
+
+class Emulator:
+    """
+    The unit's end of a serial line.
+
+    Parameters
+    ----------
+    protocol : str
+        binary, ascii or xsens; xsens sends the IMU alone, and listens to nothing.
+    link : Path, optional
+        A name for the line beside its own (/dev/pts/...).
+    wait_for_start : bool
+        Send nothing until the command start has come.
+
+    Attributes
+    ----------
+    device : str
+        Name of the host's end, for the driver.
+    sent : int
+        Samples sent.
+    """
+
+    def __init__(self, protocol: str, link: Path | None = None, wait_for_start: bool = False) -> None:
+        self._protocol = protocol
+        self._master, self._slave = os.openpty()
+        for end in (self._master, self._slave):
+            tty.setraw(end)
+        os.set_blocking(self._master, False)
+        self.device = os.ttyname(self._slave)
+        self._link = link
+        if link is not None:
+            if link.is_symlink():
+                link.unlink()
+            link.symlink_to(self.device)
+        self._commands = probe_protocol.Splitter(protocol == "ascii")
+        self._sending = not wait_for_start or protocol == "xsens"
+        self._counter = 0
+        self._before_ns = 0
+        self._unit_ns = 0
+        self.sent = 0
+
+    def play(self, blocks: Iterable[Mapping[str, Samples]], rate: float = 1.0) -> None:
+        """
+        Send all samples of blocks, each a table of topics, in the order of their stamps.
+
+        rate: seconds of the samples in one of the wall clock; 0: as fast as the line takes them.
+        """
+        began, first_ns = 0.0, 0
+        for reading in _in_order(blocks):
+            while not self._sending:
+                self._listen(_WAIT_S)
+            if not began:
+                began, first_ns = time.monotonic(), reading.stamp_ns
+            if rate > 0.0:
+                due = began + (reading.stamp_ns - first_ns) * 1e-9 / rate
+                while (left := due - time.monotonic()) > 0.0:
+                    self._listen(min(left, _WAIT_S))
+            self._unit_ns = reading.stamp_ns
+            self._send(self._encoded(reading))
+            self.sent += 1
+        self._drain()
+
+    def close(self) -> None:
+        """Take the line away."""
+        os.close(self._master)
+        os.close(self._slave)
+        if self._link is not None:
+            self._link.unlink(missing_ok=True)
+
+    def __enter__(self) -> Emulator:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.close()
+
+    def _encoded(self, reading: Reading) -> bytes:
+        if self._protocol != "xsens":
+            self._counter += 1
+            return probe_protocol.sample(reading, self._counter, self._protocol == "ascii")
+        if reading.topic != "imu/data_raw":
+            return b""
+        self._counter += 1
+        interval = max((reading.stamp_ns - self._before_ns) * 1e-9, 1e-4) if self._before_ns else 0.01
+        self._before_ns = reading.stamp_ns
+        return mtdata2.packet(reading, interval, reading.stamp_ns // 100_000, self._counter)
+
+    def _send(self, data: bytes) -> None:
+        """Write all of it; commands are read meanwhile, so that two full queues cannot wait for each other."""
+        while data:
+            self._listen(0.0)
+            _, ready, _ = select.select([], [self._master], [], _WAIT_S)
+            if ready:
+                data = data[os.write(self._master, data) :]
+
+    def _drain(self) -> None:
+        """Answer commands for a moment after the last sample."""
+        end = time.monotonic() + 10.0 * _WAIT_S
+        while time.monotonic() < end:
+            self._listen(_WAIT_S)
+
+    def _listen(self, wait_s: float) -> None:
+        """Obey the commands that have come."""
+        ready, _, _ = select.select([self._master], [], [], wait_s)
+        if not ready or self._protocol == "xsens":
+            if ready:
+                os.read(self._master, 4096)
+            return
+        for kind, content in self._commands.take(os.read(self._master, 4096)):
+            asked = probe_protocol.requested(kind, content)
+            if asked is None:
+                continue
+            name, host_ns = asked
+            if name in ("start", "stop"):
+                self._sending = name == "start"
+                continue
+            told = Answer("time", "", host_ns, self._unit_ns) if name == "time" else Answer("info", NAME)
+            self._counter += 1
+            self._send(probe_protocol.answer(told, self._counter, self._protocol == "ascii"))
+
+
+def _in_order(blocks: Iterable[Mapping[str, Samples]]) -> Iterator[Reading]:
+    """Readings of each block in the order of stamps; blocks follow each other in time."""
+    for block in blocks:
+        rows = [
+            (one.stamp_ns, order, one)
+            for order, topic in enumerate(_ORDER)
+            if topic in block and topic in LAYOUTS
+            for one in readings_of(topic, block[topic])
+        ]
+        rows.sort(key=lambda row: row[:2])
+        yield from (one for _, _, one in rows)

@@ -1,0 +1,198 @@
+"""
+Xsens MTi over a serial line: MTData2 packets with strapdown-integrated increments, field, temperature and status.
+
+A message is 0xFA, bus (0xFF), kind, length, data, and a byte that makes the sum behind 0xFA zero. The data of MTData2
+(kind 0x36) are items of identifier (2 bytes, big endian), length and content; the low bits of the identifier say the
+format of the numbers. Increments (DeltaQ, DeltaV) are those of one interval of the unit; they become its mean rate and
+force, as the estimator takes them (`tool.samples` integrated), without being differentiated.
+
+Source: Xsens, MT Low-Level Communication Protocol Documentation, sections "Message structure" and "MTData2".
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import numpy as np
+
+from mwd_sensors.core import frames
+from mwd_sensors.drivers.readings import CLIPPED_ACCEL, CLIPPED_GYRO, CLIPPED_MAG, FAULT, Counters, Reading
+
+PREAMBLE, BUS, MTDATA2 = 0xFA, 0xFF, 0x36
+GO_TO_MEASUREMENT, GO_TO_CONFIG = 0x10, 0x30
+COUNT, FINE_TIME, TEMPERATURE = 0x1020, 0x1060, 0x0810
+ACCELERATION, DELTA_V, RATE_OF_TURN, DELTA_Q, FIELD, STATUS = 0x4020, 0x4010, 0x8020, 0x8030, 0xC020, 0xE020
+_TICK_NS, _WRAP = 100_000, 2**32  # of the fine time, which counts tenths of a millisecond
+_EXTENDED = 0xFF
+# Bit of the status word, and of ours.
+_CLIPS = dict(zip(range(8, 17), (*CLIPPED_ACCEL, *CLIPPED_GYRO, *CLIPPED_MAG), strict=True))
+_KIND = 0xFFF0  # an identifier without the format of its numbers
+_LONGEST = 2 * 2048
+_FASTEST_S, _SLOWEST_S = 1e-4, 1.0
+
+
+def message(kind: int, data: bytes = b"") -> bytes:
+    """Make a message of a kind."""
+    size = bytes([len(data)]) if len(data) < _EXTENDED else bytes([_EXTENDED]) + len(data).to_bytes(2, "big")
+    body = bytes([BUS, kind]) + size + data
+    return bytes([PREAMBLE]) + body + bytes([-sum(body) & 0xFF])
+
+
+def item(identifier: int, content: bytes) -> bytes:
+    """Make an item of MTData2."""
+    return struct.pack(">HB", identifier, len(content)) + content
+
+
+class MtReader:
+    """
+    Reads an MTi: bytes in, samples out.
+
+    Parameters
+    ----------
+    field_t : float
+        Field that the unit reads as 1, T: that of the place of its calibration. 0: not known, its field is left out.
+
+    Attributes
+    ----------
+    counters : Counters
+    without_interval : int
+        Packets with increments whose interval is not known, left out.
+    """
+
+    def __init__(self, field_t: float = 0.0) -> None:
+        self.counters = Counters()
+        self.without_interval = 0
+        self._field_t = field_t
+        self._held = b""
+        self._ticks = -1
+        self._time_ns = 0
+        self._count = -1
+
+    def take(self, data: bytes) -> list[Reading]:
+        """Take bytes; the samples of the packets that are whole."""
+        self._held += data
+        found: list[Reading] = []
+        while True:
+            at = self._held.find(bytes([PREAMBLE, BUS]))
+            if at < 0:
+                # The first byte of a message may be the last that came.
+                self._held = self._held[-1:] if self._held[-1:] == bytes([PREAMBLE]) else b""
+                return found
+            self._held = self._held[at:]
+            size = self._size()
+            if size is None or (len(self._held) < size <= _LONGEST):
+                return found
+            whole = self._held[:size]
+            if size > _LONGEST or sum(whole[1:]) & 0xFF:
+                self.counters.broken += 1
+                self._held = self._held[1:]
+                continue
+            self._held = self._held[size:]
+            self.counters.frames += 1
+            if whole[2] == MTDATA2:
+                found += self._packet(whole[6:-1] if whole[3] == _EXTENDED else whole[4:-1])
+
+    def _size(self) -> int | None:
+        """Bytes of the message that begins; None while its length has not come."""
+        if len(self._held) < 4:
+            return None
+        if self._held[3] != _EXTENDED:
+            return 5 + self._held[3]
+        return 7 + int.from_bytes(self._held[4:6], "big") if len(self._held) >= 6 else None
+
+    def _packet(self, data: bytes) -> list[Reading]:
+        items: dict[int, tuple[float, ...]] = {}
+        at = 0
+        while at + 3 <= len(data):
+            identifier, size = struct.unpack_from(">HB", data, at)
+            content = data[at + 3 : at + 3 + size]
+            at += 3 + size
+            if len(content) == size:
+                items[identifier & _KIND] = _numbers(identifier, content)
+        if at != len(data):
+            self.counters.broken += 1
+            return []
+        return self._readings(items)
+
+    def _readings(self, items: dict[int, tuple[float, ...]]) -> list[Reading]:
+        if FINE_TIME not in items:
+            self.without_interval += 1
+            return []
+        interval = self._advance(int(items[FINE_TIME][0]), int(items[COUNT][0]) if COUNT in items else None)
+        status = _status(int(items[STATUS][0])) if STATUS in items else 0
+        found = []
+        if TEMPERATURE in items:
+            found.append(Reading("imu/temperature", self._time_ns, items[TEMPERATURE][:1]))
+        if FIELD in items and self._field_t > 0.0:
+            field = tuple(self._field_t * value for value in items[FIELD])
+            found.append(Reading("imu/mag", self._time_ns, field, status))
+        motion = _motion(items, interval)
+        if motion is not None:
+            found.append(Reading("imu/data_raw", self._time_ns, motion, status))
+        elif DELTA_V in items or DELTA_Q in items:
+            self.without_interval += 1
+        return found
+
+    def _advance(self, ticks: int, count: int | None) -> float:
+        """Set the time to that of a packet; the interval of its increments, s, nan where it is not known."""
+        packets = 1
+        if count is not None and self._count >= 0:
+            packets = (count - self._count) % 65536
+            self.counters.lost += max(packets - 1, 0)
+        self._count = -1 if count is None else count
+        if self._ticks < 0:
+            self._ticks = ticks
+            return math.nan
+        step = (ticks - self._ticks) % _WRAP
+        self._ticks = ticks
+        self._time_ns += step * _TICK_NS
+        interval = step * _TICK_NS * 1e-9 / max(packets, 1)
+        return interval if _FASTEST_S <= interval <= _SLOWEST_S else math.nan
+
+
+def _numbers(identifier: int, content: bytes) -> tuple[float, ...]:
+    """Numbers of an item: whole ones of times and status, else by the low bits of the identifier."""
+    kind = identifier & _KIND
+    if kind in (COUNT, FINE_TIME, STATUS):
+        return (float(int.from_bytes(content, "big")),)
+    form = identifier & 0x3
+    if form == 1:
+        return tuple(value / 2**20 for (value,) in struct.iter_unpack(">i", content))
+    if form == 2:
+        # 32 bits behind the point come before the 16 in front of it.
+        return tuple(whole + part / 2**32 for part, whole in struct.iter_unpack(">Ih", content))
+    code, size = (">f", 4) if form == 0 else (">d", 8)
+    return tuple(v for (v,) in struct.iter_unpack(code, content[: len(content) // size * size]))
+
+
+def _motion(items: dict[int, tuple[float, ...]], interval: float) -> tuple[float, ...] | None:
+    """Rate and force of a packet: of its increments, else as it says; None where one of them is missing."""
+    if DELTA_Q in items and DELTA_V in items:
+        if math.isnan(interval) or len(items[DELTA_Q]) != 4 or len(items[DELTA_V]) != 3:
+            return None
+        w, *vector = items[DELTA_Q]
+        length = math.sqrt(sum(v * v for v in vector))
+        angle = 2.0 * math.atan2(length, w)
+        scale = angle / length if length > 0.0 else 2.0
+        return (*(scale * v / interval for v in vector), *(v / interval for v in items[DELTA_V]))
+    if RATE_OF_TURN in items and ACCELERATION in items:
+        return (*items[RATE_OF_TURN], *items[ACCELERATION])
+    return None
+
+
+def _status(word: int) -> int:
+    found = 0 if word & 1 else FAULT  # bit 0: the self-test passed
+    for bit, ours in _CLIPS.items():
+        found |= ours if word >> bit & 1 else 0
+    return found
+
+
+def packet(reading: Reading, interval: float, ticks: int, count: int, status_word: int = 1) -> bytes:
+    """Make the packet of a sample of the IMU, with increments in double precision, as an MTi sends it; for tests."""
+    rate, force = np.array(reading.values[:3]), np.array(reading.values[3:])
+    x, y, z, w = frames.quat_from_rotvec(rate * interval).tolist()
+    content = item(COUNT, struct.pack(">H", count % 65536)) + item(FINE_TIME, struct.pack(">I", ticks % _WRAP))
+    content += item(DELTA_Q | 3, struct.pack(">4d", w, x, y, z))
+    content += item(DELTA_V | 3, struct.pack(">3d", *(force * interval).tolist()))
+    return message(MTDATA2, content + item(STATUS, struct.pack(">I", status_word)))

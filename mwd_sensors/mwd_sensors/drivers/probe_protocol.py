@@ -1,0 +1,182 @@
+"""
+Serial protocol of the probe: samples, time, commands and answers, as binary frames or as lines of text.
+
+A binary frame is COBS of: kind (1 byte), counter (1), content, CRC-16; a zero byte ends it. Numbers are little endian:
+stamps int64, ns, values float64, SI, status uint16. A line of text is `$KIND,counter,...*CRC`, with the CRC-16 of what
+stands between `$` and `*` in hex and each value in as many digits as it takes to give the same number. Both carry every
+sample to the bit.
+
+Source of COBS: S. Cheshire, M. Baker, Consistent overhead byte stuffing, IEEE/ACM Trans. Networking 7 (1999) 159.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from mwd_sensors.drivers.readings import Answer, Counters, Reading
+from mwd_sensors.telemetry.checksum import CRC_BYTES, crc16, holds, signed
+from mwd_sensors.telemetry.serial_frames import cobs, uncobs
+
+END = b"\0"
+# Kind of a frame, its name in a line, and how many values a sample has.
+_SAMPLES = {1: ("IMU", "imu/data_raw", 6), 2: ("MAG", "imu/mag", 3), 3: ("GYRO", "gyro/data_raw", 6)}
+_SAMPLES |= {4: ("TEMP", "imu/temperature", 1)}
+_TIME, _INFO = 16, 17
+COMMANDS = {"start": 32, "stop": 33, "time": 34, "info": 35}
+"""Commands to a probe: samples on and off, its time, its name."""
+_BY_NAME = {name: (topic, count) for name, topic, count in _SAMPLES.values()}
+_BY_TOPIC = {topic: (kind, name) for kind, (name, topic, _) in _SAMPLES.items()}
+# A longer run without an end is no frame: what is left of it is dropped.
+_LONGEST = 512
+
+
+def frame(kind: int, counter: int, content: bytes) -> bytes:
+    """Make a binary frame, its end included."""
+    return cobs(signed(bytes([kind, counter & 0xFF]) + content)) + END
+
+
+def line(name: str, counter: int, *words: object) -> bytes:
+    """Make a line of text, its end included; floats are written so that they read back to the bit."""
+    text = ",".join([name, str(counter & 0xFF), *(repr(w) if isinstance(w, float) else str(w) for w in words)])
+    return b"$%s*%04X\r\n" % (text.encode("ascii"), crc16(text.encode("ascii")))
+
+
+def sample(reading: Reading, counter: int, text: bool) -> bytes:
+    """Encode a sample as a frame or as a line."""
+    kind, name = _BY_TOPIC[reading.topic]
+    if text:
+        return line(name, counter, reading.stamp_ns, *reading.values, reading.status)
+    packed = struct.pack(f"<q{len(reading.values)}dH", reading.stamp_ns, *reading.values, reading.status)
+    return frame(kind, counter, packed)
+
+
+def command(name: str, counter: int, text: bool, now_ns: int = 0) -> bytes:
+    """Encode a command of `COMMANDS`; now_ns: time of the host, which `time` carries."""
+    if text:
+        return line(name.upper(), counter, now_ns)
+    return frame(COMMANDS[name], counter, struct.pack("<q", now_ns))
+
+
+def answer(given: Answer, counter: int, text: bool) -> bytes:
+    """Encode what a probe answers."""
+    if given.kind == "time":
+        content = struct.pack("<qq", given.sent_ns, given.unit_ns)
+        return line("CLOCK", counter, given.sent_ns, given.unit_ns) if text else frame(_TIME, counter, content)
+    words = given.text.replace(",", " ")
+    return line("PROBE", counter, words) if text else frame(_INFO, counter, given.text.encode("ascii", "replace"))
+
+
+class Splitter:
+    """
+    Cuts what a line carries into frames or lines whose check holds, whatever the blocks it comes in.
+
+    text : lines of text instead of binary frames.
+    """
+
+    def __init__(self, text: bool) -> None:
+        self.text = text
+        self.counters = Counters()
+        self._held = b""
+        self._counter = -1
+        # What comes before the first end may be the rest of a frame: no fault of the line.
+        self._begun = False
+
+    def take(self, data: bytes) -> list[tuple[int | str, bytes]]:
+        """Take bytes; kind (number or name) and content of each whole frame or line."""
+        *whole, self._held = (self._held + data).split(b"\n" if self.text else END)
+        if len(self._held) > _LONGEST:
+            self._held = b""
+            self.counters.broken += 1
+        found = []
+        for one in whole:
+            plain = _of_line(one) if self.text else _of_frame(one)
+            if plain is not None:
+                self._count(plain[1])
+                found.append((plain[0], plain[2]))
+            elif one.strip(b"\r") and self._begun:
+                self.counters.broken += 1
+            self._begun = True
+        return found
+
+    def _count(self, counter: int) -> None:
+        self.counters.frames += 1
+        if self._counter >= 0:
+            self.counters.lost += (counter - self._counter - 1) % 256
+        self._counter = counter
+
+
+def _of_frame(data: bytes) -> tuple[int, int, bytes] | None:
+    plain = uncobs(data)
+    if plain is None or len(plain) < 2 + CRC_BYTES or not holds(plain):
+        return None
+    return plain[0], plain[1], plain[2:-CRC_BYTES]
+
+
+def _of_line(data: bytes) -> tuple[str, int, bytes] | None:
+    text, star, check = data.rstrip(b"\r").rpartition(b"*")
+    if not star or not text.startswith(b"$") or check != b"%04X" % crc16(text[1:]):
+        return None
+    name, _, rest = text[1:].partition(b",")
+    counter, _, content = rest.partition(b",")
+    return (name.decode("ascii", "replace"), int(counter) & 0xFF, content) if counter.isdigit() else None
+
+
+class ProbeReader:
+    """
+    Reads a probe: bytes in, samples and answers out.
+
+    text : lines of text instead of binary frames.
+
+    Attributes
+    ----------
+    counters : Counters
+    """
+
+    def __init__(self, text: bool) -> None:
+        self._splitter = Splitter(text)
+        self.counters = self._splitter.counters
+
+    def take(self, data: bytes) -> list[Reading | Answer]:
+        """Take bytes; the samples and answers that are whole, in order. A frame that holds no such is broken."""
+        found: list[Reading | Answer] = []
+        for kind, content in self._splitter.take(data):
+            try:
+                one = _parsed(kind, content)
+            except (ValueError, struct.error):
+                self.counters.broken += 1
+                continue
+            if one is not None:
+                found.append(one)
+        return found
+
+
+def _parsed(kind: int | str, content: bytes) -> Reading | Answer | None:
+    """What a frame or line says; None for a kind that is not known here, as of a later version."""
+    if isinstance(kind, str):
+        words = content.decode("ascii").split(",")
+        if kind in _BY_NAME:
+            topic, count = _BY_NAME[kind]
+            if len(words) != count + 2:
+                raise ValueError(f"{kind}: {len(words)} values")
+            return Reading(topic, int(words[0]), tuple(float(word) for word in words[1:-1]), int(words[-1]))
+        if kind == "CLOCK":
+            return Answer("time", sent_ns=int(words[0]), unit_ns=int(words[1]))
+        return Answer("info", content.decode("ascii")) if kind == "PROBE" else None
+    if kind in _SAMPLES:
+        _, topic, count = _SAMPLES[kind]
+        stamp_ns, *values, status = struct.unpack(f"<q{count}dH", content)
+        return Reading(topic, stamp_ns, tuple(values), status)
+    if kind == _TIME:
+        sent_ns, unit_ns = struct.unpack("<qq", content)
+        return Answer("time", sent_ns=sent_ns, unit_ns=unit_ns)
+    return Answer("info", content.decode("ascii", "replace")) if kind == _INFO else None
+
+
+def requested(kind: int | str, content: bytes) -> tuple[str, int] | None:
+    """Name of a command and the host's time in it, ns, as a probe reads them; None for what is no command."""
+    names = {number: name for name, number in COMMANDS.items()}
+    if isinstance(kind, str):
+        return (kind.lower(), int(content)) if kind.lower() in COMMANDS and content.isdigit() else None
+    if kind not in names or len(content) != 8:
+        return None
+    return names[kind], int(struct.unpack("<q", content)[0])

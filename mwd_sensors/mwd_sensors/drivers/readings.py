@@ -1,0 +1,118 @@
+"""What a driver takes from a serial line: samples of the graph's layouts, which axes were clipped, and events."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from mwd_sensors.core import burst, wire
+from mwd_sensors.core.arrays import Samples
+
+# Bits of `status`: the reading of this axis was at the end of its range within the interval of the sample.
+CLIPPED_ACCEL, CLIPPED_GYRO, CLIPPED_MAG = (1, 2, 4), (8, 16, 32), (64, 128, 256)
+FAULT = 512  # the unit says of itself that it is not well
+CLIPPED = sum((*CLIPPED_ACCEL, *CLIPPED_GYRO, *CLIPPED_MAG))
+CLIP_WORDS = {
+    bit: f"{sensor} {axis}"
+    for sensor, bits in (("accelerometer", CLIPPED_ACCEL), ("gyro", CLIPPED_GYRO), ("magnetometer", CLIPPED_MAG))
+    for bit, axis in zip(bits, "xyz", strict=True)
+}
+LAYOUTS = {
+    "imu/data_raw": wire.IMU,
+    "imu/mag": wire.MAG,
+    "gyro/data_raw": wire.IMU,
+    "imu/temperature": wire.TEMPERATURE,
+}
+"""Topics that a probe sends samples of, and their layouts."""
+FIELDS = {
+    "imu/data_raw": ("angular_velocity", "linear_acceleration"),
+    "imu/mag": ("magnetic_field",),
+    "gyro/data_raw": ("angular_velocity", "linear_acceleration"),
+    "imu/temperature": ("temperature",),
+}
+"""Fields of these that are measured; SI."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Reading:
+    """
+    One sample.
+
+    Attributes
+    ----------
+    topic : str
+        Of `LAYOUTS`.
+    stamp_ns : int
+        By the clock of the unit, ns.
+    values : tuple of float
+        Of `FIELDS`, in order, SI.
+    status : int
+        Bits of `CLIPPED` and `FAULT`.
+    """
+
+    topic: str
+    stamp_ns: int
+    values: tuple[float, ...]
+    status: int = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class Answer:
+    """
+    What a unit says to a command.
+
+    Attributes
+    ----------
+    kind : str
+        time or info.
+    text : str
+        Of info: name, serial number and version of the unit.
+    sent_ns, unit_ns : int
+        Of time: the time in the command, and that of the unit when it read the command, ns.
+    """
+
+    kind: str
+    text: str = ""
+    sent_ns: int = 0
+    unit_ns: int = 0
+
+
+@dataclasses.dataclass
+class Counters:
+    """
+    What a line carried.
+
+    Attributes
+    ----------
+    frames, broken, lost : int
+        Whole frames, those whose check or form does not hold, and those that a gap in the counter shows missing.
+    """
+
+    frames: int = 0
+    broken: int = 0
+    lost: int = 0
+
+
+def samples_of(topic: str, readings: list[Reading], offset_ns: int = 0) -> Samples:
+    """
+    Samples of the readings of one topic; offset_ns is added to the unit's time.
+
+    What a unit does not measure is not reported, as REP-145 has it.
+    """
+    out = burst.bare(len(readings)) if LAYOUTS[topic] is wire.IMU else LAYOUTS[topic].empty(len(readings))
+    out["stamp_ns"] = np.array([one.stamp_ns for one in readings], dtype=np.int64) + offset_ns
+    values = np.array([one.values for one in readings], dtype=float).reshape(len(readings), -1)
+    for k, field in enumerate(FIELDS[topic]):
+        width = 3 if out[field].ndim == 2 else 1
+        part = values[:, k * width : (k + 1) * width]
+        out[field] = part if width == 3 else part[:, 0]
+    return out
+
+
+def readings_of(topic: str, samples: Samples) -> list[Reading]:
+    """Readings of samples: the inverse of `samples_of`."""
+    columns = [np.asarray(samples[field], dtype=float).reshape(len(samples), -1) for field in FIELDS[topic]]
+    rows = np.hstack(columns).tolist()
+    stamps = samples["stamp_ns"].tolist()
+    return [Reading(topic, stamp, tuple(row)) for stamp, row in zip(stamps, rows, strict=True)]

@@ -1,0 +1,200 @@
+"""
+A probe on a serial line: opens it, opens it again when it is lost, reads samples and keeps the unit's clock.
+
+The line is read without waiting, so that a node's timer or a plain loop can do it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+
+import serial  # type: ignore[import-untyped]
+
+from mwd_sensors.core.settings import setting
+from mwd_sensors.drivers import mtdata2, probe_protocol
+from mwd_sensors.drivers.mtdata2 import MtReader
+from mwd_sensors.drivers.probe_protocol import ProbeReader
+from mwd_sensors.drivers.readings import CLIP_WORDS, FAULT, Answer, Reading
+from mwd_sensors.drivers.unit_clock import UnitClock
+
+_RETRY_S = 1.0
+_EXCHANGE_S = 1.0  # between two requests of the unit's time
+
+
+@dataclasses.dataclass(frozen=True)
+class LineSettings:
+    """The serial line of a probe."""
+
+    port: str = setting("/dev/ttyUSB0", "Device of the serial line; of `mwd emulate`, the name it prints.", fixed=True)
+    baud: int = setting(
+        921600, "Speed; 8 data bits, no parity, 1 stop bit.", unit="bit/s", low=1200, high=12_000_000, fixed=True
+    )
+    protocol: str = setting(
+        "binary",
+        "What the line carries: binary (COBS frames with CRC-16), ascii (lines with CRC-16), xsens (MTData2).",
+        choices=("binary", "ascii", "xsens"),
+        fixed=True,
+    )
+    clock: str = setting(
+        "host",
+        "Stamps: host (the unit's time brought to that of this machine) or unit (as the unit says, such as of a "
+        "recording that is played).",
+        choices=("host", "unit"),
+        fixed=True,
+    )
+    xsens_field_ut: float = setting(
+        0.0,
+        "Field that an MTi reads as 1: that of its place of calibration. 0: not known, its magnetometer is not used.",
+        unit="uT",
+        low=0.0,
+        high=100.0,
+        fixed=True,
+    )
+    wait_for_listener_s: float = setting(
+        0.0,
+        "Longest wait for subscribers before the line is opened; 0: open it at once.",
+        unit="s",
+        low=0.0,
+        high=600.0,
+        fixed=True,
+    )
+
+
+class SerialProbe:
+    """
+    One probe.
+
+    Attributes
+    ----------
+    connected : bool
+    failure : str
+        Why the line cannot be opened or was lost; empty while it is open.
+    connections : int
+        Times that it was opened.
+    info : str
+        What the unit says of itself.
+    clips : dict of str to int
+        Samples in which each axis was clipped.
+    faults : int
+        Samples whose status says that the unit is not well.
+    received : int
+    """
+
+    def __init__(self, settings: LineSettings) -> None:
+        self._settings = settings
+        self._line: serial.Serial | None = None
+        self._next_try = self._next_exchange = 0.0
+        self._counter = 0
+        self.failure, self.info = "", ""
+        self.connections = self.faults = self.received = 0
+        self.clips: dict[str, int] = {}
+        self._open_reader()
+
+    def _open_reader(self) -> None:
+        text = self._settings.protocol == "ascii"
+        xsens = self._settings.protocol == "xsens"
+        self._reader = MtReader(1e-6 * self._settings.xsens_field_ut) if xsens else ProbeReader(text)
+        self.clock = UnitClock()
+
+    @property
+    def connected(self) -> bool:
+        """Whether the line is open."""
+        return self._line is not None
+
+    @property
+    def reader(self) -> MtReader | ProbeReader:
+        """What reads the line, with its counters; another one after each opening."""
+        return self._reader
+
+    @property
+    def offset_ns(self) -> int:
+        """What is added to the unit's stamps, ns."""
+        return self.clock.offset_ns if self._settings.clock == "host" else 0
+
+    def poll(self, now_ns: int) -> list[Reading]:
+        """Samples that have come since the last call; now_ns: time of the host, ns. Opens the line where need be."""
+        moment = time.monotonic()
+        if self._line is None:
+            if moment >= self._next_try:
+                self._next_try = moment + _RETRY_S
+                self._open()
+            return []
+        try:
+            data = self._line.read(max(self._line.in_waiting, 1))
+            if self._settings.protocol != "xsens" and moment >= self._next_exchange:
+                self._next_exchange = moment + _EXCHANGE_S
+                self._command("time", now_ns)
+        except OSError as error:
+            self._lose(error)
+            return []
+        found = []
+        for one in self._reader.take(data) if data else ():
+            if isinstance(one, Answer):
+                self._take_answer(one, now_ns)
+            else:
+                found.append(one)
+                self._note(one)
+        if found and self._settings.protocol == "xsens":
+            self.clock.observe(found[-1].stamp_ns, now_ns)
+        self.received += len(found)
+        # Without the offset a sample has no time of the host.
+        return [] if self._settings.clock == "host" and self.clock.jumps < 0 else found
+
+    def stream(self, on: bool) -> bool:
+        """Let the unit send samples, or not; whether the command could be sent."""
+        if self._line is None:
+            return False
+        try:
+            if self._settings.protocol == "xsens":
+                kind = mtdata2.GO_TO_MEASUREMENT if on else mtdata2.GO_TO_CONFIG
+                self._line.write(mtdata2.message(kind))
+            else:
+                self._command("start" if on else "stop", 0)
+        except OSError as error:
+            self._lose(error)
+            return False
+        return True
+
+    def close(self) -> None:
+        """Close the line."""
+        if self._line is not None:
+            self._line.close()
+            self._line = None
+
+    def _open(self) -> None:
+        settings = self._settings
+        try:
+            # A probe without power takes nothing: a write must not wait for it.
+            self._line = serial.Serial(settings.port, settings.baud, timeout=0, write_timeout=0, exclusive=True)
+        except (OSError, ValueError) as error:
+            self.failure = f"{settings.port}: {getattr(error, 'strerror', None) or error}"
+            return
+        self.failure = ""
+        self.connections += 1
+        self._next_exchange = 0.0
+        self._open_reader()
+        if self.stream(True) and settings.protocol != "xsens":
+            self._command("info", 0)
+
+    def _lose(self, error: OSError) -> None:
+        self.close()
+        self.failure = f"{self._settings.port} was lost: {error.strerror or error}"
+
+    def _command(self, name: str, now_ns: int) -> None:
+        if self._line is not None:
+            self._counter += 1
+            text = self._settings.protocol == "ascii"
+            self._line.write(probe_protocol.command(name, self._counter, text, now_ns))
+
+    def _take_answer(self, answer: Answer, now_ns: int) -> None:
+        if answer.kind == "info":
+            self.info = answer.text
+        elif 0 <= now_ns - answer.sent_ns < int(_EXCHANGE_S * 1e9):
+            self.clock.observe(answer.unit_ns, now_ns, (now_ns - answer.sent_ns) // 2)
+
+    def _note(self, reading: Reading) -> None:
+        self.faults += int(bool(reading.status & FAULT))
+        for bit, words in CLIP_WORDS.items() if reading.status else ():
+            if reading.status & bit:
+                self.clips[words] = self.clips.get(words, 0) + 1

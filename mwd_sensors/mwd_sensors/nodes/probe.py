@@ -1,0 +1,134 @@
+"""A real probe as a node: reads its serial line and publishes the sensor topics that the simulated sonde publishes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from sensor_msgs.msg import Imu, MagneticField, Temperature
+from std_srvs.srv import SetBool
+
+from mwd_sensors.core import wire
+from mwd_sensors.drivers.readings import LAYOUTS, Reading, samples_of
+from mwd_sensors.drivers.serial_probe import LineSettings, SerialProbe
+from mwd_sensors.ros import qos
+from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
+from mwd_sensors.ros.discovery import SubscriberDiscovery
+from mwd_sensors.ros.lifecycle_node import GraphNode
+from mwd_sensors.ros.message_buffer import publish_rows
+from mwd_sensors.ros.run_node import run_node
+
+_PERIOD = 0.002  # s
+_TYPES = {
+    "imu/temperature": Temperature,
+    "gyro/data_raw": Imu,
+    "imu/mag": MagneticField,
+    # Last: what the estimator pairs with it has then been published.
+    "imu/data_raw": Imu,
+}
+
+
+class ProbeNode(GraphNode[LineSettings]):
+    """Publishes the samples of a probe; the line is opened while the node is active, and again when it is lost."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("probe", LineSettings(), **node_options)
+        self._probe: SerialProbe | None = None
+        self._said = ""
+        self._received_before = 0
+
+    def configure(self) -> None:
+        """Open the topics."""
+        self._topics = {topic: self.add_publisher(kind, topic, qos.STREAM) for topic, kind in _TYPES.items()}
+        self.add_service(SetBool, "stream", self._stream)
+        self.add_timer(_PERIOD, self._on_timer)
+
+    def activate(self) -> None:
+        """Begin with a line that is not open yet."""
+        self._probe = SerialProbe(self.settings)
+        self._discovery = SubscriberDiscovery(time.monotonic(), self.settings.wait_for_listener_s)
+
+    def deactivate(self) -> None:
+        """Close the line."""
+        if self._probe is not None:
+            self._probe.close()
+
+    def _on_timer(self) -> None:
+        probe = self._probe
+        if probe is None or not self._discovery.complete(self._topics.values(), time.monotonic()):
+            return
+        readings = probe.poll(self.get_clock().now().nanoseconds)
+        if probe.failure != self._said:
+            self._said = probe.failure
+            if probe.failure:
+                self.get_logger().warning(f"{probe.failure}; trying again every second")
+            else:
+                self.get_logger().info(f"{self.settings.port} is open")
+        by_topic: dict[str, list[Reading]] = {topic: [] for topic in _TYPES}
+        for one in readings:
+            by_topic[one.topic].append(one)
+        frame = self.frame(wire.SONDE_FRAME)
+        for topic, publisher in self._topics.items():
+            if by_topic[topic]:
+                samples = samples_of(topic, by_topic[topic], probe.offset_ns)
+                publish_rows(publisher, LAYOUTS[topic].encode(samples, frame))
+
+    def _stream(self, request: Any, response: Any) -> Any:
+        sent = self._probe is not None and self._probe.stream(request.data)
+        response.success = sent
+        words = "samples on" if request.data else "samples off"
+        response.message = f"sent to the probe: {words}" if sent else "the line is not open"
+        return response
+
+    def diagnostics(self) -> Sequence[Diagnostic]:
+        """The line and what it carries, the clock, and clipped axes."""
+        probe = self._probe
+        if probe is None:
+            return ()
+        return (self._line_diagnostic(probe), self._clock_diagnostic(probe), self._status_diagnostic(probe))
+
+    def _line_diagnostic(self, probe: SerialProbe) -> Diagnostic:
+        counters, settings = probe.reader.counters, self.settings
+        new, self._received_before = probe.received - self._received_before, probe.received
+        values = (
+            ("samples", str(probe.received)),
+            ("frames", str(counters.frames)),
+            ("broken", str(counters.broken)),
+            ("lost", str(counters.lost)),
+            ("connections", str(probe.connections)),
+            ("unit", probe.info),
+        )
+        if not probe.connected:
+            remedy = "check plug, power and the parameter port"
+            return Diagnostic("line", ERROR, probe.failure or "not open yet", remedy, values)
+        if not new:
+            remedy = f"check power, the parameters baud ({settings.baud}) and protocol ({settings.protocol})"
+            message = "broken frames only" if counters.broken and not counters.frames else "no samples"
+            return Diagnostic("line", ERROR, message, remedy, values)
+        if counters.broken or counters.lost:
+            message = f"{counters.broken} frames broken, {counters.lost} lost"
+            return Diagnostic("line", WARN, message, "check cable, ground and speed", values)
+        return Diagnostic("line", OK, f"{new} samples in the last second", values=values)
+
+    def _clock_diagnostic(self, probe: SerialProbe) -> Diagnostic:
+        if self.settings.clock == "unit":
+            return Diagnostic("clock", OK, "stamps are those of the unit")
+        if probe.clock.jumps < 0:
+            return Diagnostic("clock", WARN, "not known yet: samples wait for it", "does the unit answer to time?")
+        values = (("offset", f"{probe.clock.offset_ns * 1e-9:.6f}"), ("jumps", str(probe.clock.jumps)))
+        return Diagnostic("clock", OK, "synchronised", values=values)
+
+    def _status_diagnostic(self, probe: SerialProbe) -> Diagnostic:
+        values = tuple((f"clipped {axis}", str(count)) for axis, count in probe.clips.items())
+        if probe.faults:
+            return Diagnostic("status", ERROR, "the unit says that it is not well", "change the probe", values)
+        if probe.clips:
+            message = f"clipped: {', '.join(probe.clips)}"
+            return Diagnostic("status", WARN, message, "reduce shocks or rotary speed, or fit a wider range", values)
+        return Diagnostic("status", OK, "no axis clipped")
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the probe node."""
+    return run_node(ProbeNode, args)

@@ -1,0 +1,109 @@
+"""A probe on a pseudo terminal: its samples to the bit, its clock, and a line that is lost and found again."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from mwd_sensors.core import burst, wire
+from mwd_sensors.drivers.emulator import NAME, Emulator
+from mwd_sensors.drivers.readings import samples_of
+from mwd_sensors.drivers.serial_probe import LineSettings, SerialProbe
+from mwd_sensors.drivers.unit_clock import UnitClock
+
+START = 1_772_344_800_000_000_000
+
+
+def measured(seconds=2.0):
+    """Samples of all topics of a probe."""
+    rng = np.random.default_rng(4)
+    n = round(100 * seconds)
+    imu, gyro, mag, temperature = burst.bare(n), burst.bare(n), wire.MAG.empty(n), wire.TEMPERATURE.empty(n // 100)
+    for one in (imu, gyro, mag):
+        one["stamp_ns"] = START + np.arange(n) * 10_000_000
+    temperature["stamp_ns"] = START + np.arange(n // 100) * 1_000_000_000
+    for one in (imu, gyro):
+        one["angular_velocity"], one["linear_acceleration"] = rng.normal(size=(2, n, 3))
+    mag["magnetic_field"], temperature["temperature"] = rng.normal(size=(n, 3)), 40.0
+    return {"imu/data_raw": imu, "imu/mag": mag, "gyro/data_raw": gyro, "imu/temperature": temperature}
+
+
+def received(probe, until, within=30.0):
+    """Readings until so many have come; the line is read as a node's timer does."""
+    got, end = [], time.monotonic() + within
+    while len(got) < until and time.monotonic() < end:
+        got += probe.poll(time.time_ns())
+    assert len(got) >= until
+    return got
+
+
+@pytest.mark.parametrize("protocol", ["binary", "ascii"])
+def test_what_a_probe_sends_comes_to_the_bit(protocol):
+    sent = measured()
+    with Emulator(protocol, wait_for_start=True) as emulator:
+        probe = SerialProbe(LineSettings(port=emulator.device, protocol=protocol, clock="unit"))
+        player = threading.Thread(target=emulator.play, args=([sent], 0.0))
+        player.start()
+        got = received(probe, sum(len(samples) for samples in sent.values()))
+        player.join()
+        assert probe.info == NAME
+        counters = probe.reader.counters
+        assert (counters.broken, counters.lost) == (0, 0)
+        probe.close()
+    for topic, samples in sent.items():
+        mine = samples_of(topic, [one for one in got if one.topic == topic])
+        assert mine.tobytes() == samples.tobytes()
+
+
+def test_the_unit_s_time_is_brought_to_that_of_the_host():
+    sent = measured(1.0)
+    for samples in sent.values():
+        samples["stamp_ns"] -= START  # a unit whose clock begins at zero
+    with Emulator("binary", wait_for_start=True) as emulator:
+        probe = SerialProbe(LineSettings(port=emulator.device))
+        player = threading.Thread(target=emulator.play, args=([sent], 1.0))
+        player.start()
+        got = received(probe, 150)
+        player.join()
+        assert probe.clock.jumps == 0
+        assert got[0].stamp_ns + probe.offset_ns == pytest.approx(time.time_ns(), abs=5e9)
+        probe.close()
+
+
+def test_a_line_that_is_lost_is_opened_again(tmp_path):
+    sent, link = measured(1.0), tmp_path / "probe"
+    settings = LineSettings(port=str(link), clock="unit")
+    probe = SerialProbe(settings)
+    assert probe.poll(1) == []
+    assert "No such file" in probe.failure
+    for round_ in (1, 2):
+        with Emulator("binary", link, wait_for_start=True) as emulator:
+            player = threading.Thread(target=emulator.play, args=([sent], 0.0))
+            player.start()
+            got = received(probe, sum(len(samples) for samples in sent.values()))
+            player.join()
+            assert got
+            assert probe.connections == round_
+        end = time.monotonic() + 10.0
+        while probe.connected and time.monotonic() < end:
+            probe.poll(time.time_ns())
+        assert "was lost" in probe.failure
+    assert not probe.stream(True)
+
+
+def test_the_offset_of_a_clock_follows_the_fastest_message_slowly_and_a_new_start_at_once():
+    clock = UnitClock()
+    rng = np.random.default_rng(3)
+    offsets = []
+    for k in range(2000):
+        unit_ns = k * 10_000_000
+        # A unit that runs 20 ppm slow, 5 s behind, with messages up to 3 ms on the way.
+        host_ns = round(unit_ns * (1 + 20e-6)) + 5_000_000_000 + int(rng.exponential(1e6))
+        clock.observe(unit_ns, host_ns)
+        offsets.append(clock.offset_ns)
+    assert abs(np.diff(offsets[5:])).max() <= 5e-4 * 16_000_000
+    assert offsets[-1] == pytest.approx(5_000_400_000, abs=400_000)
+    clock.observe(0, 90_000_000_000)
+    assert clock.jumps == 1
+    assert clock.offset_ns == 90_000_000_000

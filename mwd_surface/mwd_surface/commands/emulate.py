@@ -1,0 +1,78 @@
+"""`mwd emulate`: a probe without hardware, on a pseudo terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from mwd_sensors.core.arrays import Samples
+
+
+def emulate(
+    source: Annotated[str, typer.Argument(metavar="RECORDING|SCENARIO", help="What the probe measures.")],
+    protocol: Annotated[str, typer.Option(help="What the line carries: binary, ascii or xsens.")] = "binary",
+    link: Annotated[Path | None, typer.Option(help="A name for the line, such as /tmp/probe.")] = None,
+    rate: Annotated[float, typer.Option(help="Seconds of samples a second; 0: as fast as the line takes them.")] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end; a scenario is played once.")] = False,
+    wait: Annotated[
+        bool, typer.Option("--wait", help="Send nothing before a driver has sent the command to start.")
+    ] = False,
+) -> None:
+    """
+    Play a recording or a scenario as a probe on a serial line, for the probe node or any other driver.
+
+    The name of the line is printed; give it to the driver as its port. The probe answers to the commands of the
+    protocol: samples on and off, its time, its name.
+
+    \b
+    Examples:
+      mwd emulate default --link /tmp/probe
+      mwd emulate bags/run_7 --protocol ascii --wait
+      mwd node probe --ros-args -p port:=/tmp/probe -p clock:=unit
+    """
+    from mwd_sensors.drivers.emulator import PROTOCOLS, Emulator
+    from mwd_surface.commands import terminal
+
+    if protocol not in PROTOCOLS:
+        raise ValueError(f"--protocol {protocol}: is none; write {', '.join(PROTOCOLS)}")
+    if rate < 0.0:
+        raise ValueError(f"--rate {rate:g}: must be 0 or more")
+    samples = _samples(source)
+    with Emulator(protocol, link, wait) as emulator:
+        terminal.output().print(str(link or emulator.device), markup=False)
+        emulator.play(samples, rate)
+        while loop and Path(source).exists():
+            emulator.play(_samples(source), rate)
+        terminal.remark(f"{emulator.sent} samples sent")
+
+
+def _samples(source: str) -> Iterator[dict[str, Samples]]:
+    """Samples of a recording or of a scenario, by topic, in blocks of time."""
+    if not Path(source).exists() or Path(source).suffix in (".yaml", ".yml"):
+        from mwd_sensors.simulator import scenario_files
+        from mwd_sensors.simulator.scenario import read
+        from mwd_sensors.simulator.sonde import Sonde
+
+        return iter(Sonde(read(scenario_files.find(source))).blocks(0.1))
+    return _recorded(Path(source))
+
+
+def _recorded(path: Path) -> Iterator[dict[str, Samples]]:
+    from mwd_surface.bags.bag_reader import Bag
+    from mwd_surface.runs.bag_input import InputSettings, find_topics
+
+    with Bag(path) as bag:
+        topics = find_topics(bag, InputSettings())
+        names = {
+            topics.imu: "imu/data_raw",
+            topics.mag: "imu/mag",
+            topics.precision: "gyro/data_raw",
+            topics.temperature: "imu/temperature",
+        }
+        wanted = [name for name in names if name is not None]
+        for block in bag.blocks(wanted, block_messages=1000):
+            yield {names[name]: samples for name, (_, samples) in block.items()}
