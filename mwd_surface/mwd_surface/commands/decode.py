@@ -14,6 +14,10 @@ def decode(
     ],
     tool: Annotated[Path, typer.Option("--tool", help="Tool configuration, YAML: what the tool sends, and how.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of words.csv, surveys.csv and picture.png.")],
+    strokes: Annotated[
+        Path | None,
+        typer.Option(help="CSV pump,time_s of a stroke counter; omit it to find the pumps in the pressure."),
+    ] = None,
     gauge: Annotated[int, typer.Option(help="Which pressure gauge: 1 or 2.")] = 1,
     topic: Annotated[str, typer.Option(help="Topic of a recording that has several pressures.")] = "",
 ) -> None:
@@ -27,6 +31,7 @@ def decode(
     \b
     Examples:
       mwd decode pressure.csv --tool tool.yaml -o decoded
+      mwd decode pressure.csv --strokes strokes.csv --tool tool.yaml -o decoded
       mwd decode standpipe.wav --tool tool.yaml -o decoded
     """
     from mwd_sensors.telemetry import tool_configuration
@@ -38,12 +43,9 @@ def decode(
     read = pressure_files.read(file, gauge, topic)
     for note in read.notes:
         terminal.warn(f"{file.name}: {note}")
-    if configuration.pulse_width_s < pulse_receiver.SHORTEST_CALIBRATED_S:
-        terminal.warn(
-            f"pulses of {configuration.pulse_width_s:g} s: below {pulse_receiver.SHORTEST_CALIBRATED_S:g} s the"
-            " confidence of words is too high; check each survey against the last one"
-        )
     receiver = pulse_receiver.PulseReceiver(configuration)
+    for pump, times in (pressure_files.read_strokes(strokes) if strokes else {}).items():
+        receiver.strokes(pump, times)
     got = receiver.push(read.time_s, read.pressure_pa)
     got.add(receiver.finish())
     output.mkdir(parents=True, exist_ok=True)

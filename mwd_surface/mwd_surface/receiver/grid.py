@@ -6,6 +6,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.receiver.resampling import interpolate
+from mwd_surface.receiver.strokes import Strokes
 
 STEPS_PER_TU = 8
 # Values beyond the last one wanted that the interpolation uses: they must be there, or a later call would give others.
@@ -14,7 +15,7 @@ REACH = 4
 
 class Grid:
     """
-    Pressure, `STEPS_PER_TU` values a TU.
+    Pressure, `STEPS_PER_TU` values a TU, and the strokes of the pumps.
 
     Parameters
     ----------
@@ -28,6 +29,7 @@ class Grid:
         self.step_s = tu_s / STEPS_PER_TU
         self.origin_s = 0.0
         self.first = 0
+        self.strokes = Strokes()
         self._values = np.zeros(0)
         self._known = np.zeros(0)
 
@@ -53,10 +55,16 @@ class Grid:
         drop = min(max(before - self.first, 0), len(self._values))
         self._values, self._known = self._values[drop:], self._known[drop:]
         self.first += drop
+        self.strokes.forget(self.seconds(self.first))
 
     def seconds(self, position: float) -> float:
         """Time of a position, s, on the clock of the pressure."""
         return self.origin_s + position * self.step_s
+
+    def angles(self, position: float, pace: float, count: int) -> Array:
+        """Crank angles of the pumps that are counted, rad, shape (pumps, count); arguments as `samples`."""
+        at: Array = self.origin_s + (position + pace * np.arange(count, dtype=np.float64)) * self.step_s
+        return self.strokes.angles(at)
 
     def samples(self, position: float, pace: float, count: int) -> tuple[Array, Array]:
         """

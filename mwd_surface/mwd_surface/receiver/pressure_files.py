@@ -62,18 +62,42 @@ def read(path: Path, gauge: int = 1, topic: str = "") -> PressureFile:
     return PressureFile(time, pressure, origin, _notes(time, pressure))
 
 
+def read_strokes(path: Path) -> dict[int, Array]:
+    """
+    Read a CSV with columns pump and time_s, a row for each stroke.
+
+    Returns
+    -------
+    dict of int to ndarray
+        Times of each pump in order, s, on the clock of the pressure.
+
+    Raises
+    ------
+    ValueError
+        A column is missing, or a row is no number.
+    OSError
+        The file cannot be read.
+    """
+    table = _columns(path, ("pump", _TIME))
+    return {int(pump): np.sort(table[table[:, 0] == pump, 1]) for pump in np.unique(table[:, 0])}
+
+
 def _csv(path: Path, gauge: int) -> tuple[Array, Array, str]:
-    wanted = _PRESSURE if gauge == 1 else "pressure_2_pa"
+    table = _columns(path, (_TIME, _PRESSURE if gauge == 1 else "pressure_2_pa"))
+    return table[:, 0], table[:, 1], "time_s of the file"
+
+
+def _columns(path: Path, wanted: tuple[str, str]) -> Array:
+    """Two columns of a CSV; shape (n, 2)."""
     with path.open(encoding="utf-8-sig") as file:
         names = [name.strip() for name in file.readline().split(",")]
-        for name in (_TIME, wanted):
+        for name in wanted:
             if name not in names:
                 raise ValueError(f"{path}: no column {name}; it has {', '.join(names)}")
         try:
-            table = np.loadtxt(file, delimiter=",", usecols=(names.index(_TIME), names.index(wanted)), ndmin=2)
+            return np.loadtxt(file, delimiter=",", usecols=[names.index(name) for name in wanted], ndmin=2)
         except ValueError as error:
             raise ValueError(f"{path}: not all rows are numbers: {error}") from error
-    return table[:, 0], table[:, 1], "time_s of the file"
 
 
 def _wav(path: Path, gauge: int) -> tuple[Array, Array, str]:

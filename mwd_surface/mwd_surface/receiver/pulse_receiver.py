@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
@@ -24,8 +26,6 @@ _KEPT_TU = 500
 _SURER = 1.5
 # Samples a TU that the pulse code needs: 2 for each edge of a pulse that is 2 TU wide, and some for the filter.
 LEAST_PER_TU = 2.5
-# Pulses shorter than this: confidence was too high in the simulated channel (bench section "link").
-SHORTEST_CALIBRATED_S = 0.4
 
 
 class PulseReceiver:
@@ -72,6 +72,22 @@ class PulseReceiver:
             The samples are too far apart for the pulse width.
         """
         return self._take(*self._resampler.push(time_s, pressure_pa))
+
+    def strokes(self, pump: int, time_s: Array) -> None:
+        """
+        Take strokes that a counter saw; without a counter the lines of the pumps are found in the pressure.
+
+        Words depend on no stroke that comes later than their pressure: for the same words, give the strokes up to a
+        time before the pressure of that time, as `decode` does.
+
+        Parameters
+        ----------
+        pump : int
+            Number of the pump.
+        time_s : ndarray, shape (n,)
+            Rising times, s, on the clock of the pressure.
+        """
+        self._grid.strokes.add(pump, time_s)
 
     def finish(self) -> Reception:
         """Words of what is left at the end of the samples."""
@@ -186,9 +202,13 @@ class PulseReceiver:
             self._waiting = None
 
 
-def decode(tool: ToolConfiguration, time_s: Array, pressure_pa: Array) -> Reception:
-    """Words of a whole recording; as `PulseReceiver.push` and `finish`."""
+def decode(
+    tool: ToolConfiguration, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array] | None = None
+) -> Reception:
+    """Words of a whole recording, and strokes by pump; as `PulseReceiver.strokes`, `push` and `finish`."""
     receiver = PulseReceiver(tool)
+    for pump, times in (strokes or {}).items():
+        receiver.strokes(pump, times)
     done = receiver.push(np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float))
     done.add(receiver.finish())
     return done

@@ -1,5 +1,5 @@
 """
-Pump noise taken out: narrow lines of the spectrum, found without a stroke counter and followed in amplitude and phase.
+Pump noise taken out: narrow lines of the spectrum, at the strokes that are counted or found without a counter.
 
 Strokes make lines at their multiples, strongest at 3, 6, 9 x of a triplex. A line is demodulated, averaged over some
 pulse widths and subtracted; what hunts faster than the average stays for the noise model.
@@ -21,6 +21,11 @@ from mwd_sensors.core.compiled import compiled
 # 0.3 s lines lie among the pulses' own spectrum, and a lower bound lost words of healthy pumps.
 _STANDS_OUT = 200.0
 _MOST_LINES = 16
+# Power of a line over that of noise in its average: below, taking it out adds more than it removes.
+_COHERENT = 4.0
+# Harmonics of counted strokes: how many, up to which share of the highest frequency, and for how many times longer
+# than without a counter they are averaged, for the counter follows the pump's rate.
+_MOST_HARMONICS, _HIGHEST, _STROKES_HOLD = 12, 0.9, 3.0
 _NEIGHBOURHOOD = 32  # bins over which the floor of the spectrum is judged
 _BLOCK = 16  # samples averaged first
 # 1 sigma of the Gaussian average: over 24 TU where pulses are still in the pressure; 10 s, for which pumps hold their
@@ -61,9 +66,22 @@ def line_frequencies(noise: Array) -> Array:
 
 
 @compiled
-def subtract_line(noise: Array, known: Array, omega: float, memory: float, out: Array) -> None:
+def turning(omega: float, cosine: Array, sine: Array) -> None:
+    """Cosine and sine of an angle that turns by omega, rad, a sample; both of shape (n,) are filled."""
+    turn_c, turn_s = math.cos(omega), math.sin(omega)
+    c, s = 1.0, 0.0
+    for i in range(len(cosine)):
+        # They turn on from sample to sample: exact enough over a block, and much faster.
+        if i % _BLOCK == 0:
+            c, s = math.cos(omega * i), math.sin(omega * i)
+        cosine[i], sine[i] = c, s
+        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+
+
+@compiled
+def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory: float, out: Array) -> None:
     """
-    Take one line out.
+    Take one line out, where it stands out of what is beside it.
 
     Parameters
     ----------
@@ -71,8 +89,8 @@ def subtract_line(noise: Array, known: Array, omega: float, memory: float, out: 
         Pressure without its pulses and without its mean, Pa; the line is taken out of it.
     known : ndarray, shape (n,)
         Weight of each sample.
-    omega : float
-        Radians a sample.
+    cosine, sine : ndarray, shape (n,)
+        Of the angle of the line.
     memory : float
         1 sigma of the average, samples.
     out : ndarray, shape (n,)
@@ -82,44 +100,42 @@ def subtract_line(noise: Array, known: Array, omega: float, memory: float, out: 
     count = n // _BLOCK
     if count < 2:
         return
-    cosine, sine, weight = np.zeros(count), np.zeros(count), np.zeros(count)
-    turn_c, turn_s = math.cos(omega), math.sin(omega)
+    in_phase, across, weight = np.zeros(count), np.zeros(count), np.zeros(count)
     for b in range(count):
-        # Cosine and sine turn on from sample to sample: exact enough over a block, and much faster.
-        c, s = math.cos(omega * b * _BLOCK), math.sin(omega * b * _BLOCK)
         for i in range(b * _BLOCK, (b + 1) * _BLOCK):
-            cosine[b] += 2.0 * known[i] * noise[i] * c
-            sine[b] += 2.0 * known[i] * noise[i] * s
+            in_phase[b] += 2.0 * known[i] * noise[i] * cosine[i]
+            across[b] += 2.0 * known[i] * noise[i] * sine[i]
             weight[b] += known[i]
-            c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
     sigma = memory / _BLOCK
     reach = int(3.0 * sigma)
     smooth_c, smooth_s = np.zeros(count), np.zeros(count)
+    line = raw = 0.0
     for b in range(count):
         total = 0.0
         for j in range(max(b - reach, 0), min(b + reach + 1, count)):
             g = math.exp(-0.5 * ((j - b) / sigma) ** 2)
-            smooth_c[b] += g * cosine[j]
-            smooth_s[b] += g * sine[j]
+            smooth_c[b] += g * in_phase[j]
+            smooth_s[b] += g * across[j]
             total += g * weight[j]
         if total > 0.0:
             smooth_c[b] /= total
             smooth_s[b] /= total
-    c, s = 1.0, 0.0
+        line += weight[b] * (smooth_c[b] ** 2 + smooth_s[b] ** 2)
+        raw += (in_phase[b] ** 2 + across[b] ** 2) / max(weight[b], 1.0)
+    # Of noise alone the average keeps 1 / (2 sqrt(pi) sigma).
+    if line * 2.0 * math.sqrt(math.pi) * sigma < _COHERENT * max(raw - line, 0.0):
+        return
     for i in range(n):
-        if i % _BLOCK == 0:
-            c, s = math.cos(omega * i), math.sin(omega * i)
         at = min(max((i + 0.5) / _BLOCK - 0.5, 0.0), count - 1.0)
         b = min(int(at), count - 2)
         share = at - b
-        line = (smooth_c[b] * (1.0 - share) + smooth_c[b + 1] * share) * c
-        line += (smooth_s[b] * (1.0 - share) + smooth_s[b + 1] * share) * s
-        noise[i] -= line
-        out[i] += line
-        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+        one = (smooth_c[b] * (1.0 - share) + smooth_c[b + 1] * share) * cosine[i]
+        one += (smooth_s[b] * (1.0 - share) + smooth_s[b + 1] * share) * sine[i]
+        noise[i] -= one
+        out[i] += one
 
 
-def pump_noise(noise: Array, known: Array, memory: float = SEARCH_SAMPLES) -> Array:
+def pump_noise(noise: Array, known: Array, memory: float = SEARCH_SAMPLES, angles: Array | None = None) -> Array:
     """
     Sum of all lines.
 
@@ -131,6 +147,8 @@ def pump_noise(noise: Array, known: Array, memory: float = SEARCH_SAMPLES) -> Ar
         Weight of each sample, 0 to 1.
     memory : float
         As `subtract_line`.
+    angles : ndarray, shape (pumps, n), optional
+        Crank angles where strokes are counted, rad; nan where a pump is not known.
 
     Returns
     -------
@@ -139,6 +157,23 @@ def pump_noise(noise: Array, known: Array, memory: float = SEARCH_SAMPLES) -> Ar
     """
     out = np.zeros(len(noise))
     rest = noise - np.mean(noise)
-    for omega in line_frequencies(noise):
-        subtract_line(rest, known, float(omega), memory, out)
+    for angle in angles if angles is not None else ():
+        _subtract_strokes(rest, known, angle, memory, out)
+    cosine, sine = np.empty(len(noise)), np.empty(len(noise))
+    for omega in line_frequencies(rest):
+        turning(float(omega), cosine, sine)
+        subtract_line(rest, known, cosine, sine, memory, out)
     return out
+
+
+def _subtract_strokes(rest: Array, known: Array, angle: Array, memory: float, out: Array) -> None:
+    """Take the harmonics of one pump out, as far as they are below the highest frequency that samples show."""
+    steps = np.diff(angle)
+    if not np.any(np.isfinite(steps)):
+        return
+    turn = np.where(np.isfinite(angle), np.exp(1j * np.nan_to_num(angle)), 0.0)
+    runs = known * np.isfinite(angle)
+    one = turn.copy()
+    for _ in range(min(int(_HIGHEST * math.pi / max(float(np.nanmedian(steps)), 1e-9)), _MOST_HARMONICS)):
+        subtract_line(rest, runs, one.real.copy(), one.imag.copy(), _STROKES_HOLD * memory, out)
+        one *= turn

@@ -81,6 +81,8 @@ class Stretch:
         Sample up to which pressure is the packets' own, from which the response does not learn.
     probability : ndarray, shape (k, 8), optional
         Of the packets' values, from decoding them before.
+    angles : ndarray, shape (pumps, n), optional
+        Crank angles of pumps whose strokes are counted, rad.
     """
 
     pressure: Array
@@ -92,6 +94,7 @@ class Stretch:
     parity: int
     end: int
     probability: Array | None = None
+    angles: Array | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,7 +151,11 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
     common = np.zeros(1)
     forward, backward = np.empty((count, 16)), np.empty((count, 16))
     even, evidence = np.empty(count), 0.0
-    pumps = _pumps(stretch, state, probability) if again else pump_noise(stretch.pressure, stretch.known)
+    pumps = (
+        _pumps(stretch, state, probability)
+        if again
+        else pump_noise(stretch.pressure, stretch.known, angles=stretch.angles)
+    )
     for turn in range(_ROUNDS_AGAIN if again else _ROUNDS):
         filtered(stretch.pressure - pumps, state.whitener, whitened)
         _whitened_shapes(state, shapes)
@@ -229,7 +236,7 @@ def _pumps(stretch: Stretch, state: Channel, probability: Array) -> Array:
     """Pump noise of a stretch whose pulses are known from decoding it before."""
     explained = np.empty(len(stretch.pressure))
     reconstruct(_train(stretch, probability), state.response, explained)
-    return pump_noise(stretch.pressure - explained, stretch.known, state.memory)
+    return pump_noise(stretch.pressure - explained, stretch.known, state.memory, stretch.angles)
 
 
 def _estimate(
@@ -264,7 +271,7 @@ def _new_noise(stretch: Stretch, train: Array, state: Channel, weight: Array) ->
     reconstruct(train, state.response, explained)
     whitener = np.empty(ORDER + 2)
     residual = stretch.pressure - explained
-    pumps = pump_noise(residual, weight, state.memory)
+    pumps = pump_noise(residual, weight, state.memory, stretch.angles)
     residual -= pumps
     if prediction_error_filter(residual, np.sqrt(weight), ORDER, FLOOR, whitener) > 0.0:
         state.whitener = whitener

@@ -338,4 +338,5 @@ class Transmission:
             self._parity,
             end,
             None if before is None else before.probability,
+            self._grid.angles(self._clock.at(begin), self._clock.pace, count),
         )

@@ -91,3 +91,12 @@ def test_a_file_that_is_no_wav_is_refused(tmp_path):
     (tmp_path / "p.wav").write_bytes(b"RIFFnothing")
     with pytest.raises(ValueError, match="no WAV"):
         pressure_files.read(tmp_path / "p.wav")
+
+
+def test_strokes_of_each_pump(tmp_path):
+    path = tmp_path / "s.csv"
+    path.write_text("pump,time_s\n1,0.5\n2,0.7\n1,1.2\n")
+    strokes = pressure_files.read_strokes(path)
+    assert {pump: list(times) for pump, times in strokes.items()} == {1: [0.5, 1.2], 2: [0.7]}
+    with pytest.raises(ValueError, match="no column pump"):
+        pressure_files.read_strokes(csv(tmp_path / "p.csv", np.column_stack([TIME, PRESSURE])))

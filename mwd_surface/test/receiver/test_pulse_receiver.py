@@ -41,6 +41,27 @@ def test_any_cut_gives_the_same_words():
     assert words == whole.words
 
 
+def test_any_cut_gives_the_same_words_with_strokes():
+    run = simulated("0.5")
+    strokes = dict(enumerate(run.strokes_s, 1))
+    whole = decode(FAST, run.time_s, run.pressure_pa, strokes)
+    receiver = PulseReceiver(FAST)
+    got = []
+    for time, pressure in zip(np.array_split(run.time_s, 37), np.array_split(run.pressure_pa, 37), strict=True):
+        for pump, times in strokes.items():
+            receiver.strokes(pump, times[(times >= time[0]) & (times <= time[-1])])
+        got += receiver.push(time, pressure).words
+    assert got + receiver.finish().words == whole.words
+    assert whole.words != reception("0.5").words
+
+
+def test_each_word_is_provisional_before_it_is_final():
+    got = reception("0.5")
+    provisional = {(word.frame, word.index): word for word in got.provisional}
+    assert {(word.frame, word.index) for word in got.words} == set(provisional)
+    assert all(word.revision == 1 and provisional[word.frame, word.index].revision == 0 for word in got.words)
+
+
 def test_word_errors_in_white_noise_are_near_the_limit():
     """7 dB: hard decisions err in 6 % of 13-bit words, parity used softly in 2 %."""
     errors = []

@@ -44,3 +44,20 @@ def test_unknown_samples_do_not_count():
     filled[500:700] = 0.0
     left = (filled - pump_noise(filled, known) - noise())[900:]
     assert np.std(left) < 0.05 * np.std(lines())
+
+
+def test_counted_strokes_follow_a_hunting_pump():
+    """Two harmonics of a pump whose rate wanders by 2 %: too fast for lines of fixed frequency."""
+    angle = 0.3 * np.cumsum(1.0 + 0.02 * np.sin(np.arange(N) / 100.0))
+    pumps = 60.0 * np.cos(angle + 1.0) + 25.0 * np.cos(3.0 * angle)
+    blind = noise() + pumps - pump_noise(noise() + pumps, KNOWN)
+    left = noise() + pumps - pump_noise(noise() + pumps, KNOWN, angles=angle[None, :])
+    assert np.std(left - noise()) < 0.02 * np.std(pumps)
+    assert np.std(left - noise()) < 0.1 * np.std(blind - noise())
+
+
+def test_strokes_that_are_not_in_the_pressure_take_nothing_out():
+    """A counter of a pump that is not on the line."""
+    angle = 0.3 * np.arange(N)
+    taken = pump_noise(noise(), KNOWN, angles=angle[None, :])
+    assert np.std(taken) < 0.1

@@ -1,0 +1,46 @@
+"""Strokes of a counter: crank angles that turn with the pump, and none where it stands."""
+
+import numpy as np
+import pytest
+
+from mwd_surface.receiver.strokes import Strokes
+
+TIME = np.linspace(10.0, 40.0, 301)
+
+
+def counted(*times):
+    strokes = Strokes()
+    for pump, one in enumerate(times, 1):
+        strokes.add(pump, one)
+    return strokes
+
+
+def test_the_angle_turns_once_a_stroke():
+    even, slow = np.arange(0.0, 60.0, 0.7), np.arange(0.0, 60.0, 1.1)
+    angles = counted(even, slow).angles(TIME)
+    assert angles.shape == (2, len(TIME))
+    assert np.diff(angles[0]) == pytest.approx(2.0 * np.pi * 0.1 / 0.7)
+    assert np.diff(angles[1]) == pytest.approx(2.0 * np.pi * 0.1 / 1.1)
+
+
+def test_a_pump_that_stands_has_no_angle():
+    times = np.concatenate([np.arange(0.0, 20.0, 0.7), np.arange(30.0, 60.0, 0.7)])
+    angle = counted(times).angles(TIME)[0]
+    assert np.isnan(angle[(TIME > 21.0) & (TIME < 29.0)]).all()
+    assert np.isfinite(angle[TIME < 19.0]).all()
+    assert counted(times[:4]).angles(TIME).shape == (0, len(TIME))
+
+
+def test_later_strokes_change_nothing():
+    times = np.arange(0.0, 60.0, 0.7)
+    early = counted(times[times <= TIME[-1]])
+    assert np.array_equal(early.angles(TIME), counted(times).angles(TIME))
+    early.forget(9.0)
+    assert np.diff(early.angles(TIME)[0]) == pytest.approx(np.diff(counted(times).angles(TIME)[0]))
+
+
+def test_times_that_do_not_rise_are_left_out():
+    times = np.arange(0.0, 60.0, 0.7)
+    twice = counted(np.repeat(times, 2))
+    twice.add(1, times[:5])
+    assert np.array_equal(twice.angles(TIME), counted(times).angles(TIME))
