@@ -333,7 +333,7 @@ def station_params(settings: EstimatorSettings) -> StationSettings:
         toolface_offset_deg=tool.toolface_offset_deg,
         errors=sensor_errors(settings),
         quality=QualitySettings(
-            limits=verdict.limits, sigma_factor=verdict.sigma_factor, least_sigma_deg=verdict.least_sigma_deg
+            limits=verdict.limits, far_deg=verdict.far_deg, far_probability=verdict.far_probability
         ),
         priors=Priors(
             axial=verdict.magnetised_string,

@@ -123,10 +123,12 @@ class Verdict:
 
     # Settings of before, and what does their work now.
     FORMER: ClassVar[Mapping[str, str]] = {
-        "disagreement_sigmas": "decided by the posterior of the azimuth; see verdict.sigma_factor",
-        "max_gyro_alone_sigma_deg": "verdict.least_sigma_deg",
+        "disagreement_sigmas": "decided by the posterior of the azimuth; see verdict.far_probability",
+        "max_gyro_alone_sigma_deg": "verdict.far_deg",
         "unconfirmed": "not needed: a gyro that cannot confirm is no reason to doubt",
-        "max_correction_sigma_deg": "verdict.least_sigma_deg",
+        "max_correction_sigma_deg": "verdict.far_deg",
+        "sigma_factor": "decided by the probability of a large error; see verdict.far_deg",
+        "least_sigma_deg": "verdict.far_deg: with the default probability its sigma is a third of it",
     }
 
     limits: str = setting(
@@ -135,21 +137,21 @@ class Verdict:
         "service (2.5 mG, 300 nT, 0.45 deg), iscwsa (300 nT, 0.25 deg).",
         choices=("toolcode", "service", "iscwsa"),
     )
-    sigma_factor: float = setting(
-        3.0,
-        "An azimuth is doubtful whose sigma is more than so many times that of a sound tool by its tool code at this "
-        "attitude. Raising it accepts less certain azimuths.",
-        low=1.0,
-        high=10.0,
+    far_deg: float = setting(
+        10.0,
+        "Error of the azimuth that the well must not have. Lowering it accepts only more certain azimuths: a sigma of "
+        "some third of it.",
+        unit="deg",
+        low=0.1,
+        high=90.0,
         expert=True,
     )
-    least_sigma_deg: float = setting(
-        4.0,
-        "A sigma of the azimuth up to this is always good enough. Raising it accepts more stations beside "
-        "interference, with the sigma they state.",
-        unit="deg",
-        low=0.0,
-        high=90.0,
+    far_probability: float = setting(
+        0.005,
+        "An azimuth is doubtful that is farther off than far_deg with a larger probability. Raising it accepts more "
+        "stations beside interference, and more of them are far off.",
+        low=0.0001,
+        high=0.5,
         expert=True,
     )
     magnetised_string: float = setting(

@@ -46,7 +46,7 @@ HYPOTHESES = {
     "sensor": "sensor out of calibration",
 }
 _REST = "let the tool rest longer, or turn it between two rests"
-_UNCERTAIN = "azimuth good only to {value:.1f deg}, limit {limit:.1f deg}: "
+_UNCERTAIN = "azimuth may be more than {limit:.0f deg} off (probability {value:.1f %}): "
 _BIAS_UNKNOWN = (
     "the gyro bias is known only to {values[0]:.2g deg/h}, which leaves the azimuth uncertain by {value:.0f deg}: "
 )
@@ -129,7 +129,7 @@ WORDS: dict[Code, str] = {
     Code.PROPAGATED_DISAGREES: "azimuth is {value:+.1f deg} ({values[0]:.1f sigma}) from that propagated by the gyros "
     "since the last accepted station: external magnetic field, or that station was wrong; survey again",
     Code.HYPOTHESES: "what disturbs the field: {odds}",
-    Code.GYRO_ONLY_UNCERTAIN: "azimuth by the gyro alone, good to {value:.1f deg}, limit {limit:.1f deg}: " + _REST,
+    Code.GYRO_ONLY_UNCERTAIN: _UNCERTAIN + "it is by the gyro alone; " + _REST,
     Code.GYRO_NORTH_UNKNOWN: "the gyro finds true north and what {names[0]} north is from there is not known",
     Code.SENSOR_FAULT: "{fault}; {remedy}",
     Code.SENSOR_FAULT_ENDED: "{fault}, until {value:.1f s} after this survey began: take it again",

@@ -58,18 +58,9 @@ class QualitySettings:
         "Limits on total gravity, total field and dip: by the errors stated, at this attitude, or fixed",
         choices=("toolcode", *LIMITS),
     )
-    sigma_factor: float = setting(
-        3.0, "An azimuth is doubtful whose sigma is so many times that of a sound tool at this attitude", low=1.0
-    )
-    least_sigma_deg: float = setting(
-        4.0, "A smaller sigma of the azimuth is always good enough", unit="deg", low=0.0, high=90.0
-    )
-    most_sigma_deg: float = setting(
-        5.0,
-        "A larger sigma of the azimuth is never good enough; where a sound tool has it, the azimuth is not determined",
-        unit="deg",
-        low=0.1,
-        high=90.0,
+    far_deg: float = setting(10.0, "Error of an azimuth that a well must not have", unit="deg", low=0.1, high=90.0)
+    far_probability: float = setting(
+        0.005, "An azimuth is doubtful that is farther off with a larger probability", low=1e-4, high=0.5
     )
     max_correction_sigma_deg: float = setting(
         3.0, "A single-station correction whose azimuth is less certain is refused", unit="deg", low=0.1, high=90.0

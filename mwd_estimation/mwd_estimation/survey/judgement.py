@@ -28,10 +28,10 @@ from mwd_estimation.survey.station_settings import StationSettings
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.frames import magnetic_toolface, mat_nt, wrap_tau
 
-# Less of the probability in the chief mode, or more for a disturbance, makes an azimuth doubtful.
-_CHIEF, _DISTURBED = 0.99, 0.5
-# The same where a gyro makes the azimuth: the other then rests on a gyro that failed.
-_CHIEF_BY_GYRO = 0.95
+# A disturbance that is more probable makes an azimuth doubtful.
+_DISTURBED = 0.5
+# An attitude determines the azimuth where a sound tool errs by the angle of `QualitySettings.far_deg` at so many sigma.
+_DETERMINED = 6.0
 # A defect this probable makes the inclination doubtful.
 _DEFECT = 0.2
 # Chi-square of three degrees of freedom exceeded by chance once in 10 000: nothing explains the field.
@@ -157,8 +157,10 @@ def _judge_azimuth(
         _judge_field(azimuth, station, finding, settings)
     if finding.repeats is not None:
         azimuth.add(DOUBTFUL, Reason(Code.READINGS_REPEATED, float(finding.repeats)))
-    limit, determined = _limit(station, finding, settings)
-    if not determined and station.sigma_azimuth > limit:
+    far, quality = math.radians(settings.quality.far_deg), settings.quality
+    risk = finding.beyond(far)
+    sound = math.hypot(finding.nominal, math.sqrt(float(station.alignment[1, 1])))
+    if risk > quality.far_probability and _DETERMINED * sound > far:
         # A string magnetised along its axis is no defect of a vertical hole; of a field that something else disturbs,
         # the totals tell how far.
         if azimuth.verdict == ACCEPT:
@@ -170,11 +172,11 @@ def _judge_azimuth(
         azimuth.add(DOUBTFUL, Reason(Code.PROPAGATED_DISAGREES, finding.broken[0], values=(finding.broken[1],)))
     elif finding.gyro_wrong > _DISTURBED:
         azimuth.add(DOUBTFUL, Reason(Code.GYRO_DISAGREES, finding.gyro_wrong))
-    if found.share < (_CHIEF_BY_GYRO if finding.by_gyro > _DISTURBED else _CHIEF):
+    if risk > quality.far_probability and found.alternatives:
         others = tuple(value for pair in found.alternatives for value in pair)
         azimuth.add(DOUBTFUL, Reason(Code.AZIMUTHS_FIT, found.mean, found.share, others))
-    if station.sigma_azimuth > limit:
-        azimuth.add(DOUBTFUL, _why_uncertain(station, finding, limit))
+    elif risk > quality.far_probability:
+        azimuth.add(DOUBTFUL, _why_uncertain(finding, risk, far))
 
 
 def _judge_field(azimuth: _Findings, station: Station, finding: Finding, settings: StationSettings) -> None:
@@ -196,31 +198,23 @@ def _judge_totals(azimuth: _Findings, station: Station, settings: StationSetting
     azimuth.add(judgement.verdict, *judgement.reasons)
 
 
-def _limit(station: Station, finding: Finding, settings: StationSettings) -> tuple[float, bool]:
-    """The largest sigma of the azimuth that is accepted, rad, and whether a sound tool keeps it at this attitude."""
-    quality = settings.quality
-    usual = quality.sigma_factor * math.hypot(finding.nominal, math.sqrt(float(station.alignment[1, 1])))
-    least, most = math.radians(quality.least_sigma_deg), math.radians(quality.most_sigma_deg)
-    return max(min(usual, most), least), usual <= most
-
-
 def _upright(readings: Readings, settings: StationSettings) -> bool:
     least = math.radians(settings.quality.min_azimuth_inclination_deg)
     return math.sin(readings.inclination) < math.sin(least)
 
 
-def _why_uncertain(station: Station, finding: Finding, limit: float) -> Reason:
-    """The likeliest cause of an uncertain azimuth."""
+def _why_uncertain(finding: Finding, risk: float, far: float) -> Reason:
+    """The likeliest cause of an azimuth that may be far off."""
     odds = {name: value for name, value in finding.hypotheses.items() if name is not Hypothesis.CLEAN}
     if not odds:
-        return Reason(Code.GYRO_ONLY_UNCERTAIN, station.sigma_azimuth, limit)
+        return Reason(Code.GYRO_ONLY_UNCERTAIN, risk, far)
     first = max(odds, key=lambda name: odds[name])
     code = {
         Hypothesis.EXTERNAL: Code.UNCERTAIN_EXTERNAL,
         Hypothesis.REFERENCE: Code.UNCERTAIN_REFERENCE,
         Hypothesis.SENSOR: Code.UNCERTAIN_SENSOR,
     }.get(first, Code.UNCERTAIN_STRING)
-    return Reason(code, station.sigma_azimuth, limit)
+    return Reason(code, risk, far)
 
 
 def _finished(

@@ -7,6 +7,7 @@ and gyro solutions become its records, and its densities become findings that `j
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 
@@ -21,7 +22,7 @@ from mwd_estimation.survey.measurement import Measured, Readings
 from mwd_estimation.survey.posterior import circle, field_model
 from mwd_estimation.survey.posterior.field_model import FieldErrors, Row, Shared
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
-from mwd_estimation.survey.posterior.run_filter import Evidence, RunFilter
+from mwd_estimation.survey.posterior.run_filter import Evidence, RunFilter, State
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_sensors.core.arrays import Array
@@ -29,6 +30,8 @@ from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 # Share of the variance of what lasts in a gyro's error that stays the same from station to station.
 _SAME = 0.7
+# Least 1 sigma of it, rad: steps of the bias are counted in it.
+_LEAST_LASTING = 1e-3
 # A reference farther from the run's first one belongs to another place: T, rad.
 _ELSEWHERE = 1e-6, math.radians(2.0)
 # A gyro whose probability of being wrong has risen by more than this factor is contradicted by something.
@@ -97,6 +100,10 @@ class Finding:
         """The density as people read it."""
         return circle.read(self.angles, self.density)
 
+    def beyond(self, width: float) -> float:
+        """Probability that the azimuth is farther from the published one than this, rad."""
+        return circle.beyond(self.angles, self.density, self.circle.mean, width)
+
     def continued(self, azimuth: float, sigma: float, shared: float = 0.0) -> Finding:
         """
         With what the station above and the gyros since say of the azimuth: it chooses between modes, or contradicts.
@@ -134,6 +141,7 @@ class RunModel:
         self._of: tuple[Reference | None, bool] = (None, False)
         self._seen: dict[bytes, int] = {}
         self._lay: list[tuple[Array, Array]] = []
+        self._before: State | None = None
         self._count, self._agreed = 0, False
 
     def take(
@@ -164,12 +172,18 @@ class RunModel:
             return None
         model = self._model(measured)
         model.pass_time(hours)
-        evidence, shares = model.evidence(one), model.gyro_shares(model.state)
+        place = self._lay_before(one)
+        # Measured again at rest: what the tool showed here a moment ago is nothing new of its lasting errors.
+        again = place is not None and place == len(self._lay) - 1
+        state = self._before if again and self._before is not None else model.state
+        evidence, doubts = model.evidence(one, state), model.gyro_doubts(state)
         repeats = self._repeats(one) if learn else None
-        if learn and repeats is None and not self._stayed(one):
+        if learn and repeats is None and place is None:
+            self._lay.append(_directions(one))
+            self._before = copy.deepcopy(model.state)
             model.learn(one, evidence)
         turn = _turn(station.north_correction, self._north(measured))
-        found = self._finding(model, one, evidence, shares, turn, repeats)
+        found = self._finding(model, one, evidence, doubts, turn, repeats)
         outside = found.hypotheses.get(Hypothesis.EXTERNAL, 1.0)
         self._agreed |= learn and found.has_gyro and found.gyro_wrong < _AGREES and outside < _AGREES
         return found
@@ -204,7 +218,7 @@ class RunModel:
         noise = min(gyro.limit, sigma) if math.isfinite(gyro.limit) else sigma
         lasting = sigma**2 - noise**2
         one["gyro"], one["gyro_other"] = found[0] - turn, found[-1] - turn
-        one["gyro_lasting"] = math.sqrt(_SAME * lasting + north)
+        one["gyro_lasting"] = max(math.sqrt(_SAME * lasting + north), _LEAST_LASTING)
         one["gyro_variance"] = noise**2 + (1.0 - _SAME) * lasting
         return one
 
@@ -218,16 +232,13 @@ class RunModel:
             self._seen, self._lay, self._count, self._agreed = {}, [], 0, False
         return self._filter
 
-    def _stayed(self, one: Row) -> bool:
-        """Whether the tool lies as at an earlier station: what errs there errs again, and shows nothing new."""
-        now = one["force"] / np.linalg.norm(one["force"]), one["field"] / max(float(np.linalg.norm(one["field"])), 1e-9)
-        stayed = any(
-            float(np.linalg.norm(now[0] - force)) < _STAYED and float(np.linalg.norm(now[1] - field)) < _STAYED
-            for force, field in self._lay
-        )
-        if not stayed:
-            self._lay.append(now)
-        return stayed
+    def _lay_before(self, one: Row) -> int | None:
+        """Latest station at which the tool lay alike: what errs there errs again, and shows nothing new."""
+        now = _directions(one)
+        for place in reversed(range(len(self._lay))):
+            if all(float(np.linalg.norm(a - b)) < _STAYED for a, b in zip(now, self._lay[place], strict=True)):
+                return place
+        return None
 
     def _repeats(self, one: Row) -> int | None:
         self._count += 1
@@ -236,16 +247,22 @@ class RunModel:
         return None if first == self._count else first
 
     def _finding(
-        self, model: RunFilter, one: Row, evidence: Evidence, shares: Array, turn: float, repeats: int | None
+        self,
+        model: RunFilter,
+        one: Row,
+        evidence: Evidence,
+        doubts: tuple[float, float],
+        turn: float,
+        repeats: int | None,
     ) -> Finding:
-        share, doubted = evidence.share, 1.0 - float(shares[0])
+        share, (doubted, shown) = evidence.share, doubts
         whole = share.sum(axis=(1, 2))
         right, stepped, wrong = whole.T
         mass, by_gyro, gyro_wrong = right + stepped + wrong, 0.0, 0.0
         if math.isfinite(one["gyro"]):
             if float((stepped + wrong).sum()) <= _CONTRADICTED * doubted:
-                # Nothing contradicts the gyro: what might be wrong with it has no say.
-                mass = right
+                # Nothing contradicts the gyro: only what the run has shown to go wrong with it has a say.
+                mass = right + shown / doubted * (stepped + wrong)
             by_gyro = _gyro_share(evidence.angles, mass, wrong if one["has_field"] else None) * float(right.sum())
             gyro_wrong = float((stepped + wrong).sum())
         mean, covariance = model.shared()
@@ -269,6 +286,11 @@ class RunModel:
             repeats=repeats,
             stations=max(self._count, 1),
         )
+
+
+def _directions(one: Row) -> tuple[Array, Array]:
+    """Unit vectors of force and field in tool axes."""
+    return one["force"] / np.linalg.norm(one["force"]), one["field"] / max(float(np.linalg.norm(one["field"])), 1e-9)
 
 
 def _gyro_share(angles: Array, mass: Array, magnetic: Array | None) -> float:

@@ -23,8 +23,8 @@ def test_every_reason_has_a_sentence(code):
 def test_a_number_is_printed_in_the_unit_of_its_sentence():
     off = Reason(ReasonCode.DIP_OFF, math.radians(0.4), math.radians(0.25))
     assert text(off).startswith("dip +0.40 deg off the reference, limit 0.25 deg")
-    sigma = Reason(ReasonCode.GYRO_ONLY_UNCERTAIN, math.radians(5.04), math.radians(4.0))
-    assert text(sigma).startswith("azimuth by the gyro alone, good to 5.0 deg, limit 4.0 deg")
+    far = Reason(ReasonCode.GYRO_ONLY_UNCERTAIN, 0.0123, math.radians(10.0))
+    assert text(far).startswith("azimuth may be more than 10 deg off (probability 1.2 %)")
 
 
 def test_hypotheses_and_azimuths_are_listed_with_their_odds():

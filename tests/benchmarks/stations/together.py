@@ -18,7 +18,7 @@ from stations.tool_code import DEG
 
 HEAD = (
     "| run | interference nT | uncorrected deg | multi-station deg | its sigma | NEES | refused "
-    "| last station as decided deg | its sigma | NEES |"
+    "| its last station deg | the last as decided deg | its sigma | NEES |"
 )
 # Number of stations, interference, T, and attitudes, deg: inclination and azimuth of the first and the last.
 RUNS = {
@@ -54,7 +54,7 @@ def drawn(name: str, rng: np.random.Generator) -> tuple[Array, Array, Array, Ref
 def row(name: str, count: int, seed: int) -> str:
     """Row under `HEAD` of so many runs."""
     rng = np.random.default_rng([seed, 200 + list(RUNS).index(name)])
-    raw, errors, sigmas, last, refused = [], [], [], [], 0
+    raw, errors, sigmas, together, last, refused = [], [], [], [], [], 0
     for _ in range(count):
         f_t, b_t, azimuth, reference = drawn(name, rng)
         done = multi_station_analysis.analyse(f_t, b_t, reference, _ALIGNED.errors)
@@ -64,6 +64,7 @@ def row(name: str, count: int, seed: int) -> str:
         if done.refused is None:
             errors.append(wrap_pi(done.azimuth + turn - azimuth))
             sigmas.append(done.sigma_azimuth)
+            together.append(errors[-1][-1])
         decision = judge.new_decision(_ALIGNED)
         for k in range(len(azimuth)):
             average = judge.still(f_t[k], b_t[k], 1800 * k)
@@ -71,7 +72,7 @@ def row(name: str, count: int, seed: int) -> str:
         last.append(judge.judged(survey, 0.0, azimuth[-1]))
     words = [f"{RUNS[name][1] * 1e9:.0f}", _rms(np.concatenate(raw))]
     error, sigma = (np.concatenate(part) if part else np.zeros(0) for part in (errors, sigmas))
-    words += [_rms(error), _rms(sigma), _nees(error, sigma), str(refused)]
+    words += [_rms(error), _rms(sigma), _nees(error, sigma), str(refused), _rms(np.array(together))]
     error, sigma = np.array([one.error for one in last]), np.array([one.sigma for one in last])
     words += [_rms(error), _rms(sigma), _nees(error, sigma)]
     return f"| {name} | " + " | ".join(words) + " |"

@@ -44,6 +44,12 @@ class Circle:
     alternatives: tuple[tuple[float, float], ...]
 
 
+def beyond(angles: Array, density: Array, centre: float, width: float) -> float:
+    """Probability of an angle farther than `width` from `centre`, rad; angles and density as of `read`."""
+    mass = density * widths(angles)
+    return float(mass[np.abs(wrap_pi(angles - centre)) > width].sum() / mass.sum())
+
+
 def coarse() -> Array:
     """Angles, rad, one degree apart."""
     return np.asarray(_COARSE, dtype=float)

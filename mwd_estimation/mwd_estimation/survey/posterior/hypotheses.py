@@ -78,10 +78,17 @@ class Priors:
         high=0.1,
     )
     gyro_step: float = setting(
-        0.002, "Probability that the bias of a gyro has stepped by some of its sigmas.", low=0.0, high=0.5
+        0.01,
+        "Probability that the bias of a gyro steps by some of its sigmas before a station.",
+        low=0.0,
+        high=0.5,
     )
     gyro_outlier: float = setting(
-        0.0003, "Probability that a gyro azimuth is wrong by more than its sigma says.", low=0.0, high=0.5
+        0.02,
+        "Probability that a gyro azimuth is wrong by more than its sigma says. Raising it doubts more stations at "
+        "which gyro and magnetometer disagree.",
+        low=0.0,
+        high=0.5,
     )
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from mwd_estimation.survey.posterior import circle, field_model, hypotheses
 from mwd_estimation.survey.posterior.field_model import SIZE, Row, Shared, Sigmas
 from mwd_estimation.survey.posterior.hypotheses import EXTERNAL_UT, TURNED, Hypothesis, Priors
-from mwd_sensors.core.arrays import Array, Indices
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.frames import wrap_pi
 
@@ -35,8 +35,13 @@ _OUT = 1e8
 _STEP = math.radians(1.0), 1.5
 # Share of a field from outside at one station that is there at the next.
 _GOES_ON = 0.5
-# What is believed of a gyro beforehand counts as so many stations.
+# What is believed beforehand of the gyro and of fields from outside counts as so many stations.
 _BELIEVED = 20.0
+# A wrong gyro azimuth has errors of any size (wrapped Cauchy; Mardia and Jupp, Directional Statistics, section 3.5.7):
+# half of them are larger than this, rad.
+_WRONG = math.radians(10.0)
+# Angles of a density that is smeared by `TURNED`, rad.
+_FEW = np.arange(72) * math.tau / 72.0
 _REFERENCE = slice(int(Shared.TOTAL), int(Shared.OUTSIDE))
 _OUTSIDE = slice(int(Shared.OUTSIDE), int(Shared.OUTSIDE) + 3)
 
@@ -55,8 +60,10 @@ class State:
         Of the last station; nan before the first.
     outside : ndarray, shape (h,), or None
         Probabilities of each external field at the last station: steel goes on along the hole.
-    gyro : ndarray, shape (3,)
-        Stations at which a gyro was right, off by a step of its bias, and wrong altogether.
+    of_outside : ndarray, shape (h,)
+        Sum of them over all stations.
+    of_gyro : ndarray, shape (3,)
+        The same of a gyro that is right, whose bias stepped, and that is wrong altogether.
     """
 
     mean: Array
@@ -64,7 +71,8 @@ class State:
     log_weight: Array
     hours: float = math.nan
     outside: Array | None = None
-    gyro: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
+    of_outside: Array = dataclasses.field(default_factory=lambda: np.zeros(len(EXTERNAL_UT) + 1))
+    of_gyro: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,7 +86,7 @@ class Evidence:
         rad, in order.
     log : ndarray, shape (n, k, h, 3)
         Log density of the readings, with all prior weights: by angle, filter, external field, and whether the gyro is
-        right (0), off by a step of its bias (1), or wrong altogether (2).
+        right (0), its bias stepped (1), or it is wrong altogether (2).
     misfit : float
         Least chi-square of the field under the widest hypothesis.
     """
@@ -157,6 +165,12 @@ def _step(one: Row) -> float:
     return _STEP[0] + _STEP[1] * math.hypot(one["gyro_lasting"], math.sqrt(one["gyro_variance"]))
 
 
+def _wrong(residual: Array) -> Array:
+    """Log density of a gyro azimuth that is wrong, per rad; residual: of the gyro, rad."""
+    rho = math.exp(-_WRONG)
+    return np.log((1.0 - rho * rho) / math.tau / (1.0 + rho * rho - 2.0 * rho * np.cos(residual)))
+
+
 def _turned(angles: Array, log: Array, gyro: Array, own: tuple[Array, Array, float]) -> Array:
     """
     Log evidence, shape (n, k, 3), where the whole field is turned about the vertical: that of the field smeared.
@@ -164,10 +178,14 @@ def _turned(angles: Array, log: Array, gyro: Array, own: tuple[Array, Array, flo
     log (n, k): of the field as it is; gyro (n,): its residual; own: what each filter takes off that, and its variance,
     shape (k,), and the variance of a step.
     """
-    apart = wrap_pi(angles[:, None] - angles[None, :])
+    # What is smeared so wide needs few angles.
+    apart = wrap_pi(_FEW[:, None] - angles)
     smear = np.exp(-0.5 * (apart / TURNED) ** 2) * circle.widths(angles) / (TURNED * math.sqrt(math.tau))
     top = log.max(axis=0)
-    found = np.repeat((np.log(smear @ np.exp(log - top) + 1e-300) + top)[:, :, None], 3, axis=2)
+    # Numbers below the normal ones make the product many times slower.
+    few = np.log(smear @ np.exp(np.maximum(log - top, -300.0)) + 1e-300) + top
+    every = [np.interp(angles, _FEW, one, period=math.tau) for one in few.T]
+    found = np.repeat(np.stack(every, axis=1)[:, :, None], 3, axis=2)
     if math.isfinite(gyro[0]):
         off = gyro[:, None] + own[0]
         for j in range(2):
@@ -230,21 +248,24 @@ class RunFilter:
         of_filter = share.sum(axis=(0, 2, 3))
         for k, weight in enumerate(of_filter):
             if weight > 0.0:
-                points = share[:, k] / weight
-                self._update(k, np.argwhere(points > _LEAST * points.max()), points, one, evidence, (r[k], S[k], M[k]))
+                self._update(k, share[:, k] / weight, one, evidence, (r[k], S[k], M[k]))
         if math.isfinite(one["gyro"]):
-            # What is not decided is no experience with the gyro.
-            state.gyro = state.gyro + (share.sum(axis=(0, 1, 2)) > 0.5)
+            state.of_gyro = state.of_gyro + share.sum(axis=(0, 1, 2))
         state.outside = share.sum(axis=(0, 1, 3))
+        state.of_outside = state.of_outside + state.outside
         floor = _FLOOR * self.filters.weight
         weight = np.maximum(of_filter, floor)
         state.log_weight = np.log(weight / weight.sum())
 
     def gyro_shares(self, state: State) -> Array:
-        """Probabilities that a gyro is right, off by a step of its bias, and wrong: what the run has shown of them."""
+        """Probabilities that a gyro is right, its bias steps, and it is wrong: with what the run has shown of them."""
         step, wrong = self.priors.gyro_step, self.priors.gyro_outlier
-        shares = np.array([1.0 - step - wrong, step, wrong]) * _BELIEVED + state.gyro
-        return np.asarray(shares / shares.sum())
+        return _learnt(np.array([1.0 - step - wrong, step, wrong]), state.of_gyro)
+
+    def gyro_doubts(self, state: State) -> tuple[float, float]:
+        """Probability that a gyro steps or is wrong, and how much of it comes from what the run has shown."""
+        doubted = 1.0 - float(self.gyro_shares(state)[0])
+        return doubted, float(state.of_gyro[1:].sum()) / (_BELIEVED + float(state.of_gyro.sum()))
 
     def probabilities(self, share: Array) -> dict[Hypothesis, float]:
         """Probability of each hypothesis at a station; share: as `Evidence.share`."""
@@ -298,43 +319,71 @@ class RunFilter:
         extra = np.append(sizes, _step(one) ** 2)
         _evidence(field_model.basis(angles), gyro, r, np.ascontiguousarray(S), extra, log, misfit)
         log[:, :, -1] = _turned(angles, log[:, :, 0, 2], gyro, (r[:, 0, 3], S[:, 0, 0, 3, 3], extra[-1]))
-        outside = self._external
+        outside = _learnt(self._external, state.of_outside)
         if state.outside is not None:
             outside = (1.0 - _GOES_ON) * outside + _GOES_ON * state.outside
         log += state.log_weight[None, :, None, None] + np.log(np.maximum(outside, 1e-300))[None, None, :, None]
         if math.isfinite(one["gyro"]):
-            right, step, wrong = self.gyro_shares(state)
-            log += np.log(np.maximum([right, step, wrong / math.tau], 1e-300))
+            log += np.log(np.maximum(self.gyro_shares(state), 1e-300))
+            log[..., 2] += _wrong(gyro)[:, None, None]
         else:
             log[..., :2] = -math.inf
         return log, float(misfit.min())
 
-    def _update(
-        self, k: int, at: Indices, points: Array, one: Row, evidence: Evidence, terms: tuple[Array, Array, Array]
-    ) -> None:
-        """Moments of filter k over the points (n, h, 3) at places `at`, shape (p, 3)."""
+    def _update(self, k: int, points: Array, one: Row, evidence: Evidence, terms: tuple[Array, Array, Array]) -> None:
+        """Moments of filter k over all points (n, h, 3): where the gyro's bias stepped, of a wider prior."""
         r, S, M = terms
+        at = np.argwhere(points > _LEAST * points.max())
         share = points[at[:, 0], at[:, 1], at[:, 2]]
         share = share / share.sum()
-        angles = evidence.angles[at[:, 0]]
-        phi = field_model.basis(angles)
-        both = (phi[:, :, None] * phi[:, None, :]).reshape(-1, 9)
+        phi = field_model.basis(evidence.angles[at[:, 0]])
         e = phi @ r
-        has_gyro = math.isfinite(one["gyro"])
-        e[:, 3] += gyro_residual(one, angles) if has_gyro else 0.0
-        s = (both @ S.reshape(9, 16)).reshape(-1, 4, 4)
+        if math.isfinite(one["gyro"]):
+            e[:, 3] += gyro_residual(one, evidence.angles)[at[:, 0]]
+        s = ((phi[:, :, None] * phi[:, None, :]).reshape(-1, 9) @ S.reshape(9, 16)).reshape(-1, 4, 4)
+        stepped = at[:, 2] == 1
         # A field that is turned says nothing of what is shared.
         s[:, range(3), range(3)] += np.append(EXTERNAL_UT**2, _OUT)[at[:, 1]][:, None]
         s[:, 3, 3] += np.array([0.0, _step(one) ** 2, _OUT])[at[:, 2]]
-        inverse = np.linalg.inv(s)
-        # The gain at each point is M (basis x inverse): its moments are those of 12 numbers.
-        y = (phi[:, :, None] * np.einsum("pab,pb->pa", inverse, e)[:, None, :]).reshape(-1, 12)
-        mean = share @ y
-        known = ((both * share[:, None]).T @ inverse.reshape(-1, 16)).reshape(3, 3, 4, 4)
-        off = y - mean
-        change = (off.T * share) @ off - np.transpose(known, (0, 2, 1, 3)).reshape(12, 12)
         M = np.transpose(M, (1, 0, 2)).reshape(SIZE, 12)
-        state = self.state
-        P = state.covariance[k] + M @ change @ M.T
-        state.mean[k] += M @ mean
-        state.covariance[k] = 0.5 * (P + P.T)
+        P, mean = self.state.covariance[k], self.state.mean[k]
+        parts = [_moments(mean, P, M, phi[~stepped], s[~stepped], e[~stepped], share[~stepped])]
+        if stepped.any():
+            P, M = P.copy(), M.copy()
+            P[-1, -1] += (_step(one) / one["gyro_lasting"]) ** 2
+            M[-1, 3] += _step(one) ** 2 / one["gyro_lasting"]
+            parts.append(_moments(mean, P, M, phi[stepped], s[stepped], e[stepped], share[stepped]))
+        mean = sum(weight * of_part for weight, of_part, _ in parts)
+        self.state.mean[k] = mean
+        self.state.covariance[k] = sum(w * (C + np.outer(m - mean, m - mean)) for w, m, C in parts)
+
+
+def _learnt(prior: Array, seen: Array) -> Array:
+    """Probabilities after stations that were of each kind with probabilities of sum `seen`."""
+    shares = prior * _BELIEVED + seen
+    return np.asarray(shares / shares.sum())
+
+
+def _moments(
+    mean: Array, P: Array, M: Array, phi: Array, s: Array, e: Array, share: Array
+) -> tuple[float, Array, Array]:
+    """
+    Weight, mean and covariance of the Gaussians of some points.
+
+    mean (22,), P (22, 22): before the station; M (22, 12): P H' as factors of the basis; phi (p, 3), s (p, 4, 4),
+    e (p, 4) and share (p,): of each point basis, innovation covariance, innovation and probability.
+    """
+    weight = float(share.sum())
+    if not weight > 0.0:
+        return 0.0, mean, P
+    share = share / weight
+    inverse = np.linalg.inv(s)
+    # The gain at each point is M (basis x inverse): its moments are those of 12 numbers.
+    y = (phi[:, :, None] * np.einsum("pab,pb->pa", inverse, e)[:, None, :]).reshape(-1, 12)
+    both = (phi[:, :, None] * phi[:, None, :]).reshape(-1, 9)
+    known = ((both * share[:, None]).T @ inverse.reshape(-1, 16)).reshape(3, 3, 4, 4)
+    moved = share @ y
+    off = y - moved
+    change = (off.T * share) @ off - np.transpose(known, (0, 2, 1, 3)).reshape(12, 12)
+    C = P + M @ change @ M.T
+    return weight, mean + M @ moved, 0.5 * (C + C.T)
