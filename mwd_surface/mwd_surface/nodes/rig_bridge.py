@@ -23,7 +23,7 @@ from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.topics import TOPICS
 from mwd_surface.surveys.survey_list import SurveyList
 
-_VALUES_PERIOD = 0.2  # s between values sent to the rig interfaces
+_VALUES_PERIOD = 0.1  # s between values sent to the rig interfaces
 _STATUS_PERIOD = 1.0  # s between writes of their status file
 
 
@@ -52,7 +52,7 @@ class RigBridge:
         self._rig_data: queue.SimpleQueue[Samples] = queue.SimpleQueue()
         self._surveys: tuple[AcceptedSurvey, ...] = ()
         self._values: RigValues | None = None
-        self._sent_at, self._simulated = 0.0, False
+        self._send_at, self._simulated = 0.0, False
         self._publisher: Any = None
         self._well, self._status_file = well, context.folder / FILE_NAME
         self._status_written_at, self._status_error = 0.0, ""
@@ -89,7 +89,9 @@ class RigBridge:
             # The interfaces stamp with the wall clock, the graph with the node's clock.
             samples["stamp_ns"] = self._alarm_log.now_ns()
             self._publisher.publish(wire.RIG_STATE.encode(samples, self._node.frame(wire.RIG_FRAME))[0].tobytes())
-        if now - self._sent_at >= _VALUES_PERIOD:
+        if now >= self._send_at:
+            # From the time it was due, so that a late call does not slow the rate.
+            self._send_at = max(self._send_at, now - _VALUES_PERIOD) + _VALUES_PERIOD
             self.send_values(now)
         if now - self._status_written_at >= _STATUS_PERIOD:
             self._status_written_at = now
@@ -99,7 +101,6 @@ class RigBridge:
         """Send the newest values to every interface; active False: they must not be acted upon."""
         if not self._port.enabled:
             return
-        self._sent_at = now
         self._values = rig_values(
             self._live.at(now),
             self._surveys,

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.bags.recorder.status import RecorderState
+from mwd_surface.live.alarms import Alarm
 from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.live.well_state import Angle, WellState
@@ -126,14 +127,15 @@ class RigValues:
     Everything an interface may send, as of made_ns.
 
     heartbeat: seconds of a steady clock, so that a watcher sees it stand still. values: of every name in
-    `QUANTITIES`. surveys: the accepted ones, oldest measurement first. circulating, in_slips: None where the rig does
-    not say. mode: of the toolface in force, GRAVITY or MAGNETIC.
+    `QUANTITIES`. surveys: the accepted ones, oldest measurement first. alarms: newest first. circulating, in_slips:
+    None where the rig does not say. mode: of the toolface in force, GRAVITY or MAGNETIC.
     """
 
     made_ns: int
     heartbeat: int
     values: Mapping[str, RigValue]
     surveys: tuple[AcceptedSurvey, ...] = ()
+    alarms: tuple[Alarm, ...] = ()
     well: str = ""
     wellbore: str = ""
     north: str = ""
@@ -189,7 +191,7 @@ def rig_values(
     for name in _FROM_TOOL:
         values[name] = _judged(name, values[name], state.attitude.status, lost=ever and not link)
     values.update(_projection(state, now_ns))
-    values.update(_of_survey(surveys[-1] if surveys else None, now_ns))
+    values.update(survey_values(surveys[-1] if surveys else None, now_ns))
     if not active:
         values = {k: dataclasses.replace(v, condition=Condition.INACTIVE, reason="inactive") for k, v in values.items()}
     flow = state.rig.flow_rate
@@ -198,6 +200,7 @@ def rig_values(
         heartbeat=int(state.now),
         values=values,
         surveys=tuple(surveys),
+        alarms=state.alarms,
         well=state.well.name,
         wellbore=state.well.wellbore_name,
         north=state.well.north_reference,
@@ -342,7 +345,8 @@ def _derived(value: float | None, age: float | None, now_ns: int) -> RigValue:
     return RigValue(value, Condition.GOOD, now_ns - round(age * NANOSECONDS), age)
 
 
-def _of_survey(survey: AcceptedSurvey | None, now_ns: int) -> dict[str, RigValue]:
+def survey_values(survey: AcceptedSurvey | None, now_ns: int) -> dict[str, RigValue]:
+    """Values of the quantities that a survey has, by their names; now_ns: time of the node."""
     if survey is None:
         return {name: RigValue(reason="no survey is accepted yet") for name in SURVEY_QUANTITIES}
     numbers: dict[str, tuple[float | None, float | None]] = {

@@ -83,7 +83,7 @@ class Access:
         return kinds
 
     def _rules(self, types: set[int]) -> Services:
-        return Services({self._ua.NodeId(number) for number in types})
+        return Services(self._ua, {self._ua.NodeId(number) for number in types})
 
     async def _certify(self, server: Any, folder: Path) -> None:
         trusted = folder / "trusted"
@@ -119,14 +119,28 @@ class Access:
 
 
 class Services:
-    """Rules of asyncua: the services that a channel may ask for, whoever the user is."""
+    """
+    Rules of asyncua: the services that a channel may ask for, whoever the user is.
 
-    def __init__(self, allowed: set[Any]) -> None:
-        self._allowed = allowed
+    Where methods may not be called, ConditionRefresh still may: it changes nothing, and shows a late client the alarms.
+    """
 
-    def check_validity(self, _user: Any, action_type_id: Any, _body: Any) -> bool:
+    def __init__(self, ua: Any, allowed: set[Any]) -> None:
+        self._ua, self._allowed = ua, allowed
+
+    def check_validity(self, _user: Any, action_type_id: Any, body: Any) -> bool:
         """Return whether the service may be asked for."""
-        return action_type_id in self._allowed
+        if action_type_id in self._allowed:
+            return True
+        ids = self._ua.ObjectIds
+        call = self._ua.NodeId(ids.CallRequest_Encoding_DefaultBinary)
+        read = self._ua.NodeId(ids.ReadRequest_Encoding_DefaultBinary)
+        if action_type_id != call or read not in self._allowed:
+            return False
+        binary = optional("asyncua.ua.ua_binary", "asyncua", "OPC UA")
+        asked = binary.struct_from_binary(self._ua.CallParameters, body.copy())
+        refresh = self._ua.NodeId(ids.ConditionType_ConditionRefresh)
+        return all(method.MethodId == refresh for method in asked.MethodsToCall)
 
 
 class Users:

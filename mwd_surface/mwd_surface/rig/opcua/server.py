@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import datetime as dt
 import logging
 import time
 from collections.abc import Callable
@@ -31,21 +30,14 @@ from mwd_surface.rig.interface import (
     probe_port,
 )
 from mwd_surface.rig.opcua.access import APPLICATION, Access, Users
-from mwd_surface.rig.opcua.address_space import (
-    MANIFEST,
-    NAMESPACE,
-    UNITS,
-    UNITS_NAMESPACE,
-    VARIABLES,
-    Variable,
-    VariableValue,
-    unit_id,
-    variable_values,
-)
+from mwd_surface.rig.opcua.address_space import MANIFEST, VARIABLES, VariableValue, variable_values
+from mwd_surface.rig.opcua.conditions import Conditions
+from mwd_surface.rig.opcua.data_value import EPOCH, data_value
+from mwd_surface.rig.opcua.information_model import add_well
 from mwd_surface.rig.opcua.settings import OpcuaSettings
-from mwd_surface.rig.values import nothing_yet
+from mwd_surface.rig.opcua.survey_history import SurveyHistory
+from mwd_surface.rig.values import RigValues, nothing_yet
 
-_EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
 _REFUSALS = "asyncua.server.binary_server_asyncio"  # logger of asyncua for refused connections
 _TICK = 1.0  # s
 _LARGEST_MESSAGE = 1 << 20
@@ -97,7 +89,7 @@ class OpcuaServer(LoopInterface):
         self._clock = clock
         self._server: Any = None
         self._since: dict[Any, float] = {}
-        self._written = 0
+        self._written, self._confirmed_at = 0, -_TICK
         self._commands = 0
         self.refused = 0
         self._last: dict[str, VariableValue] = {}
@@ -132,8 +124,9 @@ class OpcuaServer(LoopInterface):
         server = self._server = self._asyncua.Server(user_manager=Users(self._access.user))
         await server.init()
         await server.set_application_uri(APPLICATION)
+        server.product_uri = APPLICATION
         server.set_server_name("MWD surface")
-        await server.set_build_info(APPLICATION, "MWD telemetry", "mwd_surface", __version__, "0", _EPOCH)
+        await server.set_build_info(APPLICATION, "MWD telemetry", "mwd_surface", __version__, "0", EPOCH)
         server.set_endpoint(f"opc.tcp://{host}:{self.settings.port}/")
         await self._access.secure(server)
         self._limit(server)
@@ -174,15 +167,16 @@ class OpcuaServer(LoopInterface):
         server.limits.max_chunk_count = _LARGEST_MESSAGE // server.limits.max_recv_buffer + 1
 
     async def _build(self, server: Any) -> None:
-        """The object of the well, its variables with their units, and its methods."""
+        """The object of the well with its variables and methods, its history and its conditions."""
         ua = self._ua
-        index = await server.register_namespace(NAMESPACE)
-        well = await server.nodes.objects.add_object(ua.NodeId(f"{MANIFEST}", index), f"{index}:{self.well}")
-        now = variable_values(nothing_yet())
-        for variable in VARIABLES:
-            await self._add(well, index, variable, now[variable.name])
+        well, self._ids = await add_well(ua, server, self.well)
+        self._history = SurveyHistory(ua, server, self._ids)
+        await self._history.open()
+        self._conditions = Conditions(ua, server, well)
+        await self._conditions.open()
         if self._on_command is None:
             return
+        index = well.nodeid.NamespaceIndex
         for name, arguments in METHODS.items():
             inputs = [_argument(ua, *argument) for argument in arguments]
             outputs = [
@@ -193,26 +187,8 @@ class OpcuaServer(LoopInterface):
                 ua.NodeId(f"{MANIFEST}.{name}", index), f"{index}:{name}", self._method(name), inputs, outputs
             )
 
-    async def _add(self, well: Any, index: int, variable: Variable, first: VariableValue) -> None:
-        ua = self._ua
-        kind = getattr(ua.VariantType, variable.kind)
-        node = await well.add_variable(
-            ua.NodeId(f"{MANIFEST}.{variable.name}", index), f"{index}:{variable.name}", ua.Variant(first.value, kind)
-        )
-        described = ua.DataValue(ua.Variant(ua.LocalizedText(variable.description), ua.VariantType.LocalizedText))
-        await node.write_attribute(ua.AttributeIds.Description, described)
-        if variable.unit:
-            unit = ua.EUInformation(
-                NamespaceUri=UNITS_NAMESPACE,
-                UnitId=unit_id(variable.unit),
-                DisplayName=ua.LocalizedText(variable.unit),
-                Description=ua.LocalizedText(UNITS[variable.unit][1]),
-            )
-            await node.add_property(0, "EngineeringUnits", unit)
-        self._ids[variable.name] = node.nodeid
-
     async def _follow(self, server: Any, stop: asyncio.Event) -> None:
-        await self._write(server, variable_values(self.values or nothing_yet()))
+        await self._write(server, self.values or nothing_yet())
         while not stop.is_set():
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(_TICK):
@@ -221,25 +197,24 @@ class OpcuaServer(LoopInterface):
             clients = {client for client in server.bserver.clients if client.peer_name}
             self._since = {client: self._since.get(client, self._clock()) for client in clients}
             if self.values is not None:
-                await self._write(server, variable_values(self.values))
+                await self._write(server, self.values)
 
-    async def _write(self, server: Any, table: dict[str, VariableValue]) -> None:
-        ua = self._ua
+    async def _write(self, server: Any, values: RigValues) -> None:
+        table, now = variable_values(values), self._clock()
+        # Within a second every value is confirmed by a new server timestamp, also where nothing has changed.
+        confirm = now - self._confirmed_at >= _TICK
         for variable in VARIABLES:
             reading = table[variable.name]
-            if self._last.get(variable.name) == reading:
+            if not confirm and self._last.get(variable.name) == reading:
                 continue
-            value = ua.DataValue(
-                ua.Variant(reading.value, getattr(ua.VariantType, variable.kind)),
-                StatusCode=ua.StatusCode(reading.status),
-                SourceTimestamp=_EPOCH + dt.timedelta(microseconds=reading.stamp_ns // 1000)
-                if reading.stamp_ns
-                else None,
-                ServerTimestamp=dt.datetime.now(dt.UTC),
-            )
+            value = data_value(self._ua, reading, variable.kind)
             await server.write_attribute_value(self._ids[variable.name], value)
             self._written += 1
         self._last = table
+        if confirm:
+            self._confirmed_at = now
+        await self._history.show(values.surveys)
+        await self._conditions.show(values.alarms)
 
     def _method(self, name: str) -> Callable[..., Any]:
         ua = self._ua

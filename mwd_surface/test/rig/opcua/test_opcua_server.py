@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import dataclasses
+import datetime as dt
 import itertools
 import json
 import shutil
@@ -15,8 +16,9 @@ import pytest
 from example_rig import attitude, eventually, started, values
 
 from mwd_estimation.core.status import Status
+from mwd_surface.live.alarms import Alarm, Severity
 from mwd_surface.rig.interface import InterfaceError, MissingPackageError
-from mwd_surface.rig.opcua.address_space import NAMESPACE
+from mwd_surface.rig.opcua.address_space import NAMESPACE, VARIABLES
 from mwd_surface.rig.opcua.server import OpcuaServer
 from mwd_surface.rig.opcua.settings import OpcuaSettings
 
@@ -35,6 +37,7 @@ def served():
 
 
 BEATS = itertools.count(1)
+START_NS = 1_778_767_020 * 10**9
 
 
 def publish(server, table):
@@ -71,7 +74,106 @@ def test_a_variable_is_found_by_name_and_tells_value_unit_and_time(served):
     assert value.StatusCode.is_good()
     assert value.SourceTimestamp.timestamp() == pytest.approx(table.survey.stamp_ns * 1e-9, abs=1e-5)
     assert (unit.UnitId, unit.DisplayName.Text) == (4405297, "rad")
-    assert level == {ua.AccessLevel.CurrentRead}
+    assert level == {ua.AccessLevel.CurrentRead, ua.AccessLevel.HistoryRead}
+
+
+def test_the_well_has_a_type_whose_variables_it_has_and_numbers_have_units_by_type(served):
+    async def look():
+        async with asyncua.Client(served.address) as client:
+            index = await client.get_namespace_index(NAMESPACE)
+            well = await client.nodes.objects.get_child(f"{index}:Well 1")
+            kind = client.get_node(await well.read_type_definition())
+            declared = {(await node.read_browse_name()).Name for node in await kind.get_variables()}
+            owned = {(await node.read_browse_name()).Name for node in await well.get_variables()}
+            azimuth, mode = await found(client, "Azimuth"), await found(client, "ToolfaceMode")
+            kinds = [(await node.read_type_definition()).Identifier for node in (azimuth, mode)]
+            namespaces = client.get_node(ua.ObjectIds.Server_Namespaces)
+            # The name is an address with slashes, which a path of names would be cut at.
+            metadata = await namespaces.get_child([ua.QualifiedName(NAMESPACE, index)])
+            uri = await (await metadata.get_child("0:NamespaceUri")).read_value()
+            (endpoint, *_) = await client.get_endpoints()
+            return declared, owned, kinds, uri, endpoint.Server.ProductUri
+
+    declared, owned, kinds, uri, product = run(look())
+    assert declared == owned == {variable.name for variable in VARIABLES}
+    assert kinds == [ua.ObjectIds.AnalogUnitType, ua.ObjectIds.BaseDataVariableType]
+    assert (uri, product) == (NAMESPACE, "urn:mwd:surface")
+
+
+def test_every_value_is_confirmed_within_seconds_by_its_server_timestamp(served):
+    async def stamps():
+        async with asyncua.Client(served.address) as client:
+            node = await found(client, "NorthReference")
+            first = (await node.read_data_value()).ServerTimestamp
+            await asyncio.sleep(1.2)
+            await asyncio.to_thread(publish, served, values())
+            return first, (await node.read_data_value()).ServerTimestamp
+
+    first, last = run(stamps())
+    assert last > first
+
+
+def test_the_history_of_a_survey_variable_is_the_accepted_surveys(served):
+    async def read():
+        async with asyncua.Client(served.address) as client:
+            node = await found(client, "Azimuth")
+            return await node.read_raw_history(
+                dt.datetime(2000, 1, 1, tzinfo=dt.UTC), dt.datetime(2100, 1, 1, tzinfo=dt.UTC)
+            )
+
+    table = values()
+    for surveys in (table.surveys, table.surveys[:-1]):
+        publish(served, dataclasses.replace(table, surveys=surveys))
+        history = run(read())
+        assert [value.Value.Value for value in history] == [survey.azimuth for survey in surveys]
+        assert [value.SourceTimestamp.timestamp() for value in history] == pytest.approx(
+            [survey.stamp_ns * 1e-9 for survey in surveys], abs=1e-5
+        )
+
+
+def test_alarms_are_conditions_that_a_late_client_asks_for(served):
+    class Handler:
+        def __init__(self):
+            self.events = []
+
+        def event_notification(self, event):
+            self.events.append(event)
+
+    alarm = Alarm("survey.azimuth", Severity.CRITICAL, "steel nearby", "move the sensor", START_NS, START_NS)
+    seen = dataclasses.replace(alarm, acknowledged=True, acknowledged_by="Ann")
+
+    async def follow():
+        async with asyncua.Client(served.address) as client:
+            index = await client.get_namespace_index(NAMESPACE)
+            well = await client.nodes.objects.get_child(f"{index}:Well 1")
+            early, late = Handler(), Handler()
+            subscription = await client.create_subscription(50, early)
+            await subscription.subscribe_events(well, ua.ObjectIds.AlarmConditionType)
+            for alarms in ((alarm,), (dataclasses.replace(alarm, count=2),), (seen,)):
+                await asyncio.to_thread(publish, served, dataclasses.replace(values(), alarms=alarms))
+            again = await client.create_subscription(50, late)
+            await again.subscribe_events(well, ua.ObjectIds.AlarmConditionType)
+            condition = client.get_node(ua.ObjectIds.ConditionType)
+            identifier = ua.Variant(again.subscription_id, ua.VariantType.UInt32)
+            await condition.call_method(ua.NodeId(ua.ObjectIds.ConditionType_ConditionRefresh), identifier)
+            await asyncio.to_thread(publish, served, values())
+            async with asyncio.timeout(10.0):
+                while len(early.events) < 3 or len(late.events) < 2:
+                    await asyncio.sleep(0.05)
+            return early.events, late.events
+
+    early, late = run(follow())
+    facts = [
+        (e.ConditionName, e.Severity, *(getattr(e, f"{state}State/Id") for state in ("Active", "Acked")), e.Retain)
+        for e in early
+    ]
+    assert facts == [
+        ("survey.azimuth", 900, True, False, True),
+        ("survey.azimuth", 900, True, True, True),
+        ("survey.azimuth", 900, False, True, False),
+    ]
+    assert early[0].Message.Text == "steel nearby; move the sensor"
+    assert [e.Retain for e in late] == [True, False]
 
 
 def test_status_codes_follow_the_state(served):

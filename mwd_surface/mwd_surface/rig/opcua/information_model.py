@@ -1,0 +1,97 @@
+"""The static part of the address space: the well and its type, variables with units, and what the namespace is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mwd_surface import __version__
+from mwd_surface.rig.opcua.address_space import (
+    MANIFEST,
+    NAMESPACE,
+    UNITS,
+    UNITS_NAMESPACE,
+    VARIABLES,
+    Variable,
+    unit_id,
+    variable_values,
+)
+from mwd_surface.rig.opcua.data_value import EPOCH
+from mwd_surface.rig.values import nothing_yet
+
+SAMPLING_MS = 100.0  # values are written at most that often
+
+
+async def add_well(ua: Any, server: Any, well: str) -> tuple[Any, dict[str, Any]]:
+    """
+    Add the object of the well with its variables.
+
+    Parameters
+    ----------
+    ua : module
+        `asyncua.ua`.
+    server : asyncua.Server
+    well : str
+        Browse name of the object.
+
+    Returns
+    -------
+    asyncua.Node
+        The object.
+    dict
+        From the name of a variable to its node id.
+    """
+    index = await server.register_namespace(NAMESPACE)
+    await _describe_namespace(ua, server, index)
+    kind = await server.nodes.base_object_type.add_object_type(
+        ua.NodeId(f"{MANIFEST}Type", index), f"{index}:{MANIFEST}Type"
+    )
+    # The type declares the variables; the well has its own, with values.
+    await _declare(ua, kind, index)
+    node = await server.nodes.objects.add_object(ua.NodeId(MANIFEST, index), f"{index}:{well}")
+    await node.delete_reference(ua.ObjectIds.BaseObjectType, ua.ObjectIds.HasTypeDefinition)
+    await node.add_reference(kind, ua.ObjectIds.HasTypeDefinition, True, False)
+    return node, {v.name: (await _variable(ua, node, index, v, f"{MANIFEST}.{v.name}")).nodeid for v in VARIABLES}
+
+
+async def _declare(ua: Any, kind: Any, index: int) -> None:
+    for variable in VARIABLES:
+        declared = await _variable(ua, kind, index, variable, f"{MANIFEST}Type.{variable.name}")
+        await declared.set_modelling_rule(True)
+
+
+async def _variable(ua: Any, parent: Any, index: int, variable: Variable, identifier: str) -> Any:
+    first = variable_values(nothing_yet())[variable.name].value
+    variant = ua.Variant(first, getattr(ua.VariantType, variable.kind))
+    node = await parent.add_variable(ua.NodeId(identifier, index), f"{index}:{variable.name}", variant)
+    described = ua.DataValue(ua.Variant(ua.LocalizedText(variable.description), ua.VariantType.LocalizedText))
+    await node.write_attribute(ua.AttributeIds.Description, described)
+    sampling = ua.DataValue(ua.Variant(SAMPLING_MS, ua.VariantType.Double))
+    await node.write_attribute(ua.AttributeIds.MinimumSamplingInterval, sampling)
+    if variable.unit:
+        await node.delete_reference(ua.ObjectIds.BaseDataVariableType, ua.ObjectIds.HasTypeDefinition)
+        await node.add_reference(ua.ObjectIds.AnalogUnitType, ua.ObjectIds.HasTypeDefinition, True, False)
+        unit = ua.EUInformation(
+            NamespaceUri=UNITS_NAMESPACE,
+            UnitId=unit_id(variable.unit),
+            DisplayName=ua.LocalizedText(variable.unit),
+            Description=ua.LocalizedText(UNITS[variable.unit][1]),
+        )
+        await node.add_property(0, "EngineeringUnits", unit)
+    return node
+
+
+async def _describe_namespace(ua: Any, server: Any, index: int) -> None:
+    """NamespaceMetadata of ours (OPC 10000-5, 6.3.13): version, and that its node ids are texts that stay."""
+    namespaces = server.get_node(ua.ObjectIds.Server_Namespaces)
+    node = await namespaces.add_object(
+        ua.NodeId(f"{MANIFEST}.Metadata", index), f"{index}:{NAMESPACE}", objecttype=ua.ObjectIds.NamespaceMetadataType
+    )
+    values = {
+        "NamespaceUri": ua.Variant(NAMESPACE, ua.VariantType.String),
+        "NamespaceVersion": ua.Variant(__version__, ua.VariantType.String),
+        "NamespacePublicationDate": ua.Variant(EPOCH, ua.VariantType.DateTime),
+        "IsNamespaceSubset": ua.Variant(False, ua.VariantType.Boolean),
+        "StaticNodeIdTypes": ua.Variant([int(ua.IdType.String)], ua.VariantType.Int32),
+    }
+    for name, value in values.items():
+        await (await node.get_child(f"0:{name}")).write_value(value)
