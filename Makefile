@@ -3,6 +3,7 @@
 # make check  lint, types and the fast tests, before each commit
 # make bench  accuracy and speed against the papers and the peers; writes docs/benchmarks.md
 # make docs   the site, in docs/_build/html
+# make pictures  the pictures of the page in README and docs, from the run of `make run`
 PYTHON ?= python3
 BIN := .venv/bin
 # What another sourced ROS would put in front of ours.
@@ -10,7 +11,7 @@ CLEAN := env -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH -u ROS_DISTRO
 # A file of tests stays with one worker: its fixtures are made once.
 PYTEST := $(CLEAN) $(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
-.PHONY: run test check setup lint config docs lock bench clean
+.PHONY: run test check setup lint config docs pictures lock bench clean
 
 setup:
 	@$(PYTHON) .ci/setup
@@ -38,6 +39,9 @@ docs: setup
 	@$(BIN)/python -m pip install -q --no-deps --disable-pip-version-check -r .ci/docs.lock
 	@$(CLEAN) $(BIN)/python -m sphinx -W -q -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"
+
+pictures: setup
+	@$(CLEAN) $(BIN)/python docs/pictures.py
 
 config: setup
 	@$(BIN)/python .ci/config

@@ -41,6 +41,9 @@ class Well:
     stations: tuple[tuple[float, float, float], ...] = setting(
         ((0.0, 30.0, 45.0),), "rows of measured depth (m), inclination (deg), azimuth from true north (deg)"
     )
+    plan: tuple[tuple[float, float, float], ...] = setting(
+        (), "rows of the planned path, as `stations`; `mwd run` loads it; empty: no plan"
+    )
     bit_m: float = setting(30.0, "measured depth of the bit at the start", unit="m", low=0.0, high=20000.0)
     sensor_to_bit_m: float = setting(3.0, "sonde behind the bit", unit="m", low=0.0, high=100.0)
     toolface_deg: float = setting(0.0, "gravity toolface at the start", unit="deg", low=-360.0, high=360.0)
@@ -104,6 +107,7 @@ class Scenario:
     interference: Interference = setting(Interference, "what disturbs the field")
     faults: tuple[Fault, ...] = setting((), "what fails and when")
     link: Link = setting(Link, "what the link does to samples")
+    surface: dict[str, Any] = setting({}, "parameters of the surface node when `mwd run` plays it, by name")
     rate_hz: int = setting(100, "output of both units", unit="Hz", low=1, high=10000)
     rig_hz: int = setting(5, "output of the rig's gauges", unit="Hz", low=1, high=100)
     kinematics_hz: int = setting(2000, "instants at which the motion is evaluated", unit="Hz", low=100, high=32000)

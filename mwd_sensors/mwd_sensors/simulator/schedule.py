@@ -47,6 +47,13 @@ class Rig:
     stand_m: float = setting(9.0, "length added by a connection", unit="m", low=0.5, high=40.0)
     flow_lpm: float = setting(1200.0, "drilling flow", unit="l/min", low=0.0, high=6000.0)
     pressure_bar: float = setting(110.0, "standpipe pressure at drilling flow", unit="bar", low=0.0, high=600.0)
+    time_lapse: float = setting(
+        1.0,
+        "Hole is made this many times as fast as the rate of penetration says: a stand of an hour and a half passes in "
+        "half a minute. What shakes and turns keeps its own pace. Above 1 the hole bends faster in time than any does",
+        low=1.0,
+        high=1000.0,
+    )
     string_kn: float = setting(450.0, "hookload with the string hanging free", unit="kN", low=1.0, high=5000.0)
     block_kn: float = setting(60.0, "hookload of the empty hook", unit="kN", low=0.0, high=1000.0)
     weight_on_bit_kn: float = setting(60.0, "while drilling", unit="kN", low=0.0, high=1000.0)
@@ -282,7 +289,7 @@ def _work(lanes: _Lanes, phase: Phase, rig: Rig, *, under_way: bool) -> None:
     spin = phase.rpm * 2.0 * math.pi / 60.0 if turning else 0.0
     weight = rig.weight_on_bit_kn * 1e3 if on_bottom else 0.0
     targets: Targets = {
-        "bit_rate": phase.rop_m_h / 3600.0 if on_bottom else 0.0,
+        "bit_rate": phase.rop_m_h / 3600.0 * rig.time_lapse if on_bottom else 0.0,
         "angle_rate": spin,
         "weight": weight,
         "torque": rig.torque_knm * 1e3 if on_bottom and turning else 0.0,

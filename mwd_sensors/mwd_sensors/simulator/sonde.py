@@ -317,7 +317,8 @@ class Sonde:
         samples["flow_rate"] = flow
         full = max(rig.flow_lpm, 1e-9) * 1e-3 / 60.0
         samples["pressure"] = rig.pressure_bar * 1e5 * (flow / full) ** 2
-        samples["rate_of_penetration"] = np.where(bit[0] >= line.hole(t)[0] - 1e-6, np.maximum(bit[1], 0.0), 0.0)
+        speed = np.maximum(bit[1], 0.0) / rig.time_lapse
+        samples["rate_of_penetration"] = np.where(bit[0] >= line.hole(t)[0] - 1e-6, speed, 0.0)
         samples["valid"] = _RIG_VALID
         samples["in_slips"] = line.slips(t)[0] > 0.5
         return samples

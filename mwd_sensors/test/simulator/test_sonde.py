@@ -270,3 +270,12 @@ def test_a_rig_that_takes_no_commands_says_so():
 def test_a_string_that_sticks_by_itself_is_not_shaken_by_the_schedule_too():
     with pytest.raises(ValueError, match="leave stick_slip and hunting out"):
         scenario.read(SCENARIOS / "stick_slip_hell.yaml", {"steering": {}})
+
+
+def test_in_compressed_time_the_rig_reports_the_rate_of_penetration_and_the_depth_runs_ahead():
+    drilled = {"schedule": [{"kind": "drill", "seconds": 10.0, "rop_m_h": 20.0}], "rig": {"time_lapse": 180.0}}
+    _, samples = run(changes=drilled)
+    rig = samples["rig/state"]
+    depth, hours = rig["bit_depth"], (rig["stamp_ns"] - rig["stamp_ns"][0]) / 3600e9
+    assert rig["rate_of_penetration"].max() * 3600.0 == pytest.approx(20.0)
+    assert np.diff(depth).max() / np.diff(hours).max() == pytest.approx(180.0 * 20.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,7 +22,7 @@ _POLL = 0.1
 
 
 def run(
-    scenario: Annotated[str, typer.Argument(help="Name (see `mwd scenario list`) or YAML file.")] = "default",
+    scenario: Annotated[str, typer.Argument(help="Name (see `mwd scenario list`) or YAML file.")] = "demo",
     well: Annotated[str, typer.Option(help="Name of the well: the namespace of its topics.")] = "well_1",
     port: Annotated[int | None, typer.Option(help="Port of the live page; by default 8080 or a free one.")] = None,
     rate: Annotated[float, typer.Option(help="Seconds of the run in a second; 0: as fast as possible.")] = 1.0,
@@ -55,6 +56,7 @@ def run(
     from mwd_surface.commands import terminal
     from mwd_surface.runs import launch_plan
 
+    importlib.import_module("mwd_msgs")  # without ROS, one sentence instead of three nodes that end
     namespace = launch_plan.checked_well(well)
     path = scenario_files.find(scenario).resolve()
     story = read(path, {} if seed is None else {"seed": seed})
@@ -63,8 +65,12 @@ def run(
     folder = _new_folder(output, namespace)
     (folder / "logs").mkdir(parents=True, exist_ok=True)
     console = terminal.output()
+    if story.rig.time_lapse > 1.0:
+        console.print(f"compressed time: hole is made {story.rig.time_lapse:g} times as fast as its rate says")
     name = folder.name if output is None else f"{namespace.replace('/', '_')}_{_now_text()}"
     parameters = _parameters(story, path, method=method, rate=rate, seed=seed)
+    if story.well.plan:
+        parameters["surface"]["plan.file"] = str(_written_plan(story, folder).resolve())
     parameters["surface"] |= {
         "folder": str(folder.resolve()),
         "record.enabled": not no_record,
@@ -75,6 +81,14 @@ def run(
     for bag in recordings_named(folder / namespace.replace("/", "_") / "bags", name):
         _conclude(console, bag)
     console.print(f"surveys and logs: {folder}", markup=False)
+
+
+def _written_plan(story: Scenario, folder: Path) -> Path:
+    """Write the planned path of a scenario as the file that the surface node reads."""
+    lines = [f"{md},{inclination},{azimuth}" for md, inclination, azimuth in story.well.plan]
+    file = folder / f"{story.name}.csv"
+    file.write_text("\n".join(["# north: true", "md_m,inc_deg,azi_deg", *lines, ""]), encoding="utf-8")
+    return file
 
 
 def _run_graph(
@@ -134,6 +148,7 @@ def _parameters(
     }
     return {
         "surface": {
+            **story.surface,
             "strict": True,
             "well.sensor_to_bit": story.well.sensor_to_bit_m,
             "well.latitude_deg": float(story.place.latitude_deg),

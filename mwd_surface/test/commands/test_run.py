@@ -1,5 +1,7 @@
 """`mwd run` as people use it: real nodes, a page, a recording, a table, and nothing left behind."""
 
+import json
+import math
 import os
 import re
 import signal
@@ -18,8 +20,9 @@ pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 SCENARIO = (
-    "name: brief\nwell: {stations: [[0.0, 40.0, 70.0]], bit_m: 103.0}\nschedule: [{kind: still, seconds: 24.0}]\n"
-    "interference: {axial_nt: 1500.0}\n"
+    "name: brief\nschedule: [{kind: still, seconds: 24.0}]\n"
+    "well: {stations: [[0.0, 40.0, 70.0]], bit_m: 103.0, plan: [[0.0, 0.0, 0.0], [200.0, 40.0, 70.0]]}\n"
+    "interference: {axial_nt: 1500.0}\nsurface: {advisory.toolface_deg: 40.0, leg.tie_on_depth: 50.0}\n"
 )
 
 
@@ -100,6 +103,11 @@ def test_two_wells_run_side_by_side_and_end_with_their_tables(start, tmp_path):
 def test_an_interrupt_ends_everything_in_order(start, tmp_path):
     process = start("--rate", 1)
     page = re.search(r"http://\S+", line_with(process, "http://"))[0]
+    with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(f"{page}state.json") as answer:
+        shown = json.load(answer)["sections"]
+    assert shown["plan"]["name"] == "brief.csv"
+    assert shown["toolface"]["advisory"]["toolface"] == pytest.approx(math.radians(40.0))
+    assert shown["path"]["measured_depth"][:1] == [50.0]
     assert len(nodes_of(process)) >= 2
     time.sleep(1.0)  # some samples to record
     process.send_signal(signal.SIGINT)

@@ -26,7 +26,7 @@ export function showProgress({ survey_progress: progress, rig }, now, silent) {
   setText(head, silent ? "NO NEWS OF A SURVEY" : waiting
     ? `SURVEY WAITS · ${whole(elapsed, Math.floor)} so far, at most ${whole(left, Math.ceil)} more`
     : progress.active ? `TAKING SURVEY · ${left === null ? "time unknown" : left > 0 ? `${Math.ceil(left)} s to go` : "finishing"}` : "No survey under way");
-  setText(state, [waiting ? `averaging on; ${progress.waits_for}` : progress.state, progress.active ? pumps : ""].filter(Boolean).join(" · "));
+  setText(state, [waiting ? `averaging on; ${progress.waits_for}` : progress.state === "none under way" ? "" : progress.state, progress.active ? pumps : ""].filter(Boolean).join(" · "));
   const share = !progress.active || elapsed === null || left === null || elapsed + left <= 0 ? 0 : elapsed / (elapsed + left);
   mark(bar, "value", share.toFixed(3));
   setText(result, progress.result ? `Last: ${progress.result}` : "");
@@ -72,12 +72,12 @@ export function showQuality(quality) {
 export function showOffset(o) {
   const place = byId("offset");
   if (!o.known) {
-    place.replaceChildren(el("p", { class: "empty" }, "To plan: no plan loaded."));
+    place.replaceChildren(el("p", { class: "empty" }, "Off plan: no plan loaded."));
     return;
   }
   const length = (v) => `${units.number("length", Math.abs(v))} ${units.unit("length")}`;
   const facts = [
-    ["To plan: well is", `${length(o.up)} ${o.up < 0 ? "below" : "above"}, ${length(o.right)} ${o.right < 0 ? "left" : "right"}`],
+    ["Off plan", `${length(o.up)} ${o.up < 0 ? "below" : "above"}, ${length(o.right)} ${o.right < 0 ? "left" : "right"}`],
     ["Steer back at", `${units.bearing(o.toolface, 0)}° GTF`],
   ];
   if (o.dogleg_to_target !== null) facts.push(["To hit target", `${units.number("dogleg", o.dogleg_to_target)}${units.after("dogleg")}`]);
