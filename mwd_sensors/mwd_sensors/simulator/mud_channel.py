@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 from scipy import signal
@@ -87,7 +88,12 @@ class Pressure:
         self._tails = [np.zeros(taps - 1) for _ in self._responses]
         self._filters: dict[str, Array] = {}
         self._block = 0
+        self._drive: Callable[[Array], Array] = np.zeros_like
         self._stalled = np.zeros(0)
+
+    def modulate(self, drive: Callable[[Array], Array]) -> None:
+        """Let the valve follow a signal, 1 at its most, beside its pulses; drive: signal at times, s."""
+        self._drive = drive
 
     def block(self) -> Array:
         """
@@ -133,7 +139,7 @@ class Pressure:
 
     def _valve(self, time: Array) -> Array:
         inside = (self._pulses[:, 1] > time[0] - 1.0) & (self._pulses[:, 0] <= time[-1])
-        target = np.zeros(len(time))
+        target = np.asarray(self._drive(time), dtype=float)
         for begin, end in self._pulses[inside]:
             # Edges between samples are shared by the two, so that no time is rounded.
             target += np.clip((time - begin) * RATE_HZ + 0.5, 0.0, 1.0) - np.clip(

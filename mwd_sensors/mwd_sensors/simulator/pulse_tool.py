@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -100,9 +101,16 @@ def _placed(
     return placed
 
 
-def link_run(channel: MudChannel, sent: Transmission, seconds: float, seed: int) -> LinkRun:
-    """Pressure of a channel in which a tool sends; seed: of the noise."""
+def link_run(
+    channel: MudChannel,
+    sent: Transmission,
+    seconds: float,
+    seed: int,
+    drive: Callable[[Array], Array] = np.zeros_like,
+) -> LinkRun:
+    """Pressure of a channel in which a tool sends; seed: of the noise; drive: signal of a siren at times, s."""
     stream = Pressure(channel, sent.pulses, seed)
+    stream.modulate(drive)
     blocks = []
     length = 0
     while length < seconds * RATE_HZ:

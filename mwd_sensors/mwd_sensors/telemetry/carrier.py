@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from mwd_sensors.core.arrays import Indices
 from mwd_sensors.core.settings import setting
 from mwd_sensors.telemetry import convolution
-from mwd_sensors.telemetry.checksum import CRC_BYTES, holds, signed
+from mwd_sensors.telemetry.checksum import CRC_BYTES, START, holds, signed
 from mwd_sensors.telemetry.sequences import SequenceItem
 
 Complex = NDArray[np.complex128]
@@ -175,17 +175,19 @@ def unpacked(data: bytes, lengths: Sequence[int]) -> tuple[int, ...]:
     return tuple(codes)
 
 
-def block_bits(carrier: Carrier, name: BlockName, codes: Sequence[int], lengths: Sequence[int]) -> Indices:
-    """Header, words and check of a block as bits, before they are coded; shape (24 + block_bits,)."""
+def block_bits(
+    carrier: Carrier, name: BlockName, codes: Sequence[int], lengths: Sequence[int], start: int = START
+) -> Indices:
+    """Header, words and check (from `start` on) of a block as bits, not yet coded; shape (24 + block_bits,)."""
     header = KINDS.index(name.kind) << 7 | name.number << 4 | name.place
-    data = signed(bytes([header]) + packed(codes, lengths, carrier.block_bits))
+    data = signed(bytes([header]) + packed(codes, lengths, carrier.block_bits), start)
     return np.unpackbits(np.frombuffer(data, dtype=np.uint8)).astype(np.int64)
 
 
-def read_block(bits: Indices) -> tuple[BlockName, bytes] | None:
+def read_block(bits: Indices, start: int = START) -> tuple[BlockName, bytes] | None:
     """Name and words of decoded bits; None where the check fails."""
     data = np.packbits(np.asarray(bits, dtype=np.uint8)).tobytes()
-    if not holds(data):
+    if not holds(data, start):
         return None
     return BlockName(KINDS[data[0] >> 7], data[0] >> 4 & 7, data[0] & 15), data[_HEADER_BYTES:-CRC_BYTES]
 

@@ -7,16 +7,23 @@ import binascii
 CRC_BYTES = 2
 
 
-def crc16(data: bytes) -> int:
+START = 0xFFFF
+
+
+def crc16(data: bytes, start: int = START) -> int:
     """CRC-16 of polynomial 0x1021 and start 0xFFFF (ITU-T V.41; "CRC-16/IBM-3740" in catalogues)."""
-    return binascii.crc_hqx(data, 0xFFFF)
+    return binascii.crc_hqx(data, start)
 
 
-def signed(data: bytes) -> bytes:
-    """Bytes with their check behind them, high byte first."""
-    return data + crc16(data).to_bytes(CRC_BYTES, "big")
+def signed(data: bytes, start: int = START) -> bytes:
+    """
+    Bytes with their check behind them, high byte first.
+
+    start: what tool and surface must have in common; the check holds only for a receiver with the same.
+    """
+    return data + crc16(data, start).to_bytes(CRC_BYTES, "big")
 
 
-def holds(data: bytes) -> bool:
+def holds(data: bytes, start: int = START) -> bool:
     """Whether bytes end with their own check."""
-    return len(data) > CRC_BYTES and crc16(data[:-CRC_BYTES]) == int.from_bytes(data[-CRC_BYTES:], "big")
+    return len(data) > CRC_BYTES and crc16(data[:-CRC_BYTES], start) == int.from_bytes(data[-CRC_BYTES:], "big")

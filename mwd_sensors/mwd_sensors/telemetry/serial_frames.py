@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from mwd_sensors.core.settings import setting
 from mwd_sensors.telemetry.carrier import KINDS, packed
-from mwd_sensors.telemetry.checksum import CRC_BYTES, crc16, holds, signed
+from mwd_sensors.telemetry.checksum import CRC_BYTES, START, crc16, holds, signed
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.words import Word
 
@@ -97,32 +97,34 @@ def uncobs(data: bytes) -> bytes | None:
     return bytes(out)
 
 
-def encode(kind: str, number: int, counter: int, codes: Sequence[int], items: Sequence[SequenceItem]) -> bytes:
+def encode(
+    name: tuple[str, int], counter: int, codes: Sequence[int], items: Sequence[SequenceItem], start: int = START
+) -> bytes:
     """
     Binary frame of one pass of a sequence, its end included.
 
     Parameters
     ----------
-    kind : str
-        "survey" or "toolface".
-    number : int
-        Of the sequence, below 8.
+    name : (str, int)
+        "survey" or "toolface", and number of the sequence, below 8.
     counter : int
         Rises by one with each frame; its low 8 bits are sent.
     codes : sequence of int
         Of the words, parity bit included where they have one.
     items : sequence of SequenceItem
+    start : int
+        Of the check.
     """
-    first = KINDS.index(kind) << 7 | number << 4 | _PATTERN
+    first = KINDS.index(name[0]) << 7 | name[1] << 4 | _PATTERN
     size = payload_bytes(items)
     words = packed(codes, [item.length for item in items], 8 * size)
-    return cobs(signed(bytes([first, counter & 0xFF, size]) + words)) + bytes([END])
+    return cobs(signed(bytes([first, counter & 0xFF, size]) + words, start)) + bytes([END])
 
 
-def read(data: bytes) -> Frame | None:
+def read(data: bytes, start: int = START) -> Frame | None:
     """Content of the bytes between two ends; None where COBS, check, pattern or length do not fit."""
     plain = uncobs(data)
-    if plain is None or not holds(plain) or len(plain) < _HEADER_BYTES + CRC_BYTES + 1:
+    if plain is None or not holds(plain, start) or len(plain) < _HEADER_BYTES + CRC_BYTES + 1:
         return None
     first, counter, size = plain[:_HEADER_BYTES]
     words = plain[_HEADER_BYTES:-CRC_BYTES]
@@ -143,7 +145,7 @@ def encode_line(values: Sequence[str], check: bool) -> bytes:
     return line + (b"*%04X" % crc16(line) if check else b"") + b"\r\n"
 
 
-def read_line(line: bytes, check: bool) -> dict[str, str] | None:
+def read_line(line: bytes, check: bool) -> list[tuple[str, str]] | None:
     """Names and values of a line of text without its end; None where the check or the form does not fit."""
     if check:
         line, star, given = line.rpartition(b"*")
@@ -152,5 +154,4 @@ def read_line(line: bytes, check: bool) -> dict[str, str] | None:
     pairs = [part.partition("=") for part in line.decode("ascii", errors="replace").split(",")]
     if not all(name and equal and value for name, equal, value in pairs):
         return None
-    found = {name: value for name, _, value in pairs}
-    return found if len(found) == len(pairs) else None
+    return [(name, value) for name, _, value in pairs]

@@ -18,7 +18,7 @@ import yaml
 from mwd_sensors.core import settings
 from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import setting
-from mwd_sensors.telemetry import combinatorial, pulse_position, sequences, serial_frames
+from mwd_sensors.telemetry import checksum, combinatorial, pulse_position, sequences, serial_frames
 from mwd_sensors.telemetry.carrier import MOST_SEQUENCES, Carrier, blocks_of
 from mwd_sensors.telemetry.pulse_position import PULSE_TU, Pulses
 from mwd_sensors.telemetry.sequences import SequenceItem
@@ -122,10 +122,32 @@ class ToolConfiguration:
         """All words by name, the tool's own before the common ones."""
         return {**COMMON, **self.words}
 
+    @functools.cached_property
+    def table_check(self) -> int:
+        """Start of the checks of blocks and frames: with another table of words at the surface no check holds."""
+        rows = [
+            f"{item.name}:{item.bits}:{item.parity}:{self.table[item.name].low:g}:{self.table[item.name].high:g}"
+            for items in (*self.surveys, *self.toolfaces)
+            for item in items
+        ]
+        return checksum.crc16(" ".join(rows).encode())
+
     @property
     def tu_s(self) -> float:
         """Time unit, s."""
         return self.pulse_width_s / PULSE_TU
+
+    @property
+    def medium(self) -> str:
+        """What carries the words: mud, earth or serial."""
+        return {"psk": self.carrier.medium, "serial": "serial"}.get(self.code, "mud")
+
+    @property
+    def shortest_s(self) -> float:
+        """Time unit of pulses, or what it would be of a carrier, s: the signal ends at 1.6 over it, Hz."""
+        if self.code == "psk":
+            return 1.6 / (self.carrier.frequency_hz + 2.0 * self.carrier.symbol_rate_hz)
+        return self.tu_s
 
     @functools.cached_property
     def surveys(self) -> tuple[tuple[SequenceItem, ...], ...]:

@@ -1,4 +1,4 @@
-"""`mwd decode`: standpipe pressure of a pulse tool to words and surveys."""
+"""`mwd decode`: standpipe pressure, earth voltage or serial bytes of a tool to words and surveys."""
 
 from __future__ import annotations
 
@@ -10,7 +10,11 @@ import typer
 
 def decode(
     file: Annotated[
-        Path, typer.Argument(help="CSV (time_s,pressure_pa[,pressure_2_pa]), WAV, or a recording with FluidPressure.")
+        Path,
+        typer.Argument(
+            help="CSV (time_s,pressure_pa[,pressure_2_pa] or time_s,voltage_v), WAV, or a recording with FluidPressure;"
+            " bytes as captured for a tool on a serial line."
+        ),
     ],
     tool: Annotated[Path, typer.Option("--tool", help="Tool configuration, YAML: what the tool sends, and how.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of words.csv, surveys.csv and picture.png.")],
@@ -22,7 +26,7 @@ def decode(
     topic: Annotated[str, typer.Option(help="Topic of a recording that has several pressures.")] = "",
 ) -> None:
     """
-    Decode the pulses of an MWD tool from standpipe pressure.
+    Decode what an MWD tool sends: pulses or a carrier in standpipe pressure, a carrier in the earth, serial frames.
 
     Each word has a confidence, the probability that its code is right, and a sigma, its error if it is right. A word
     below 0.99 (survey) or 0.95 (toolface) is erased and shows its alternatives. The same samples give the same words,
@@ -33,32 +37,46 @@ def decode(
       mwd decode pressure.csv --tool tool.yaml -o decoded
       mwd decode pressure.csv --strokes strokes.csv --tool tool.yaml -o decoded
       mwd decode standpipe.wav --tool tool.yaml -o decoded
+      mwd decode voltage.csv --tool em.yaml -o decoded
     """
     from mwd_sensors.telemetry import tool_configuration
     from mwd_surface.commands import terminal
-    from mwd_surface.receiver import picture, pressure_files, pulse_receiver, word_files
+    from mwd_surface.receiver import picture, pressure_files, pulse_receiver, receivers, word_files
     from mwd_surface.receiver.words import BELIEVED
 
     configuration = tool_configuration.read(tool)
-    read = pressure_files.read(file, gauge, topic)
+    wired = configuration.code == "serial"
+    if wired:
+        read = pressure_files.read_bytes(file, configuration.serial.baud)
+    else:
+        read = pressure_files.read(file, gauge, topic)
     for note in read.notes:
         terminal.warn(f"{file.name}: {note}")
-    receiver = pulse_receiver.PulseReceiver(configuration)
-    for pump, times in (pressure_files.read_strokes(strokes) if strokes else {}).items():
-        receiver.strokes(pump, times)
+    receiver = receivers.receiver_of(configuration)
+    if strokes:
+        if not isinstance(receiver, pulse_receiver.PulseReceiver):
+            raise ValueError("--strokes: only the receiver of pulses takes strokes; leave it out")
+        for pump, times in pressure_files.read_strokes(strokes).items():
+            receiver.strokes(pump, times)
     got = receiver.push(read.time_s, read.pressure_pa)
     got.add(receiver.finish())
     output.mkdir(parents=True, exist_ok=True)
     (output / "words.csv").write_text(word_files.words_csv(got.words), encoding="utf-8")
     (output / "surveys.csv").write_text(word_files.surveys_csv(got.words), encoding="utf-8")
-    (output / "picture.png").write_bytes(picture.image(read.time_s, read.pressure_pa, got.words, configuration.tu_s))
+    names = "words.csv, surveys.csv"
+    if not wired:
+        quantity = picture.VOLTAGE if configuration.medium == "earth" else picture.PRESSURE
+        drawn = picture.image(read.time_s, read.pressure_pa, got.words, configuration.shortest_s, quantity=quantity)
+        (output / "picture.png").write_bytes(drawn)
+        names += ", picture.png"
     console = terminal.output()
     for frame in got.frames:
         words = [word for word in got.words if word.frame == frame.frame]
         believed = sum(word.status == BELIEVED for word in words)
+        signal = "" if wired else f"  Eb/N0 {frame.ebn0_db:4.1f} dB  clock {100.0 * frame.clock_error:+.3f} %"
         console.print(
-            f"{frame.start_s:8.1f} s  {frame.kind:8} {believed:3} of {len(words)} words believed"
-            f"  Eb/N0 {frame.ebn0_db:4.1f} dB  clock {100.0 * frame.clock_error:+.3f} %  {frame.reason}".rstrip(),
+            f"{frame.start_s:8.1f} s  {frame.kind:8} {believed:3} of {len(words)} words believed{signal}"
+            f"  {frame.reason}".rstrip(),
             markup=False,
         )
     for word in got.words:
@@ -66,4 +84,4 @@ def decode(
             console.print(f"{word.end_s:8.1f} s  {word.name} {word.value:.2f} {word.unit}", markup=False)
     if not got.words:
         terminal.warn(receiver.why_nothing())
-    console.print(f"written: {output}/words.csv, surveys.csv, picture.png ({read.origin})", markup=False)
+    console.print(f"written: {output}/{names} ({read.origin})", markup=False)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
+    from mwd_sensors.core.arrays import Array
     from mwd_sensors.telemetry.sequences import SequenceItem
     from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
@@ -97,47 +99,92 @@ def _toolface_line(read: ToolConfiguration, items: tuple[SequenceItem, ...]) -> 
 @tool.command()
 def simulate(
     configuration: Configuration,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of pressure.csv, strokes.csv and sent.csv.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the recording and of sent.csv.")],
     depth: Annotated[float, typer.Option(help="Measured depth, m.", min=200.0, max=12000.0)] = 3000.0,
     minutes: Annotated[float, typer.Option(help="Length; flow begins after 20 s.", min=2.0, max=600.0)] = 10.0,
     seed: Annotated[int, typer.Option(help="Of values and noise.")] = 1,
     clock: Annotated[float, typer.Option(help="Error of the tool's clock, %.", min=-1.0, max=1.0)] = 0.0,
+    resistivity: Annotated[float, typer.Option(help="Of the ground of an EM tool, ohm m.", min=0.1, max=1e4)] = 20.0,
+    bit_errors: Annotated[float, typer.Option(help="Share of wrong bits on a serial line.", min=0.0, max=0.1)] = 1e-4,
 ) -> None:
     """
-    Simulate the standpipe pressure of a well with this tool, two pumps and noise; sent.csv has what was sent.
+    Simulate what the surface would record of this tool; sent.csv has what was sent.
+
+    Pulses and a carrier in the mud: pressure.csv, with two pumps and noise, and strokes.csv. A carrier in the earth:
+    voltage.csv, with rig noise. A serial line: bytes.bin.
 
     \b
     Example:
       mwd tool simulate tool.yaml -o well --depth 4000
       mwd decode well/pressure.csv --tool tool.yaml -o decoded
     """
-    import csv
-
     import numpy as np
 
+    from mwd_sensors.simulator import carrier_tool, pulse_tool, serial_channel
+    from mwd_sensors.simulator.earth_channel import EarthChannel, earth_run
+    from mwd_sensors.simulator.earth_line import Ground
     from mwd_sensors.simulator.mud_channel import MudChannel
     from mwd_sensors.simulator.mud_line import Well
-    from mwd_sensors.simulator.pulse_tool import link_run, transmit
     from mwd_sensors.telemetry import tool_configuration
     from mwd_surface.commands import terminal
 
     read = tool_configuration.read(configuration)
-    flow_on, seconds = 20.0, 60.0 * minutes
-    channel = MudChannel(well=Well(depth_m=depth), flow_off_s=((-100.0, flow_on),))
-    sent = transmit(read, ((flow_on, seconds),), seed, 0.01 * clock)
-    run = link_run(channel, sent, seconds, seed)
+    flow_on, seconds, error = 20.0, 60.0 * minutes, 0.01 * clock
+    flows = ((flow_on, seconds),)
     output.mkdir(parents=True, exist_ok=True)
-    table = np.column_stack([run.time_s, run.pressure_pa])
-    np.savetxt(output / "pressure.csv", table, fmt="%.3f", delimiter=",", header="time_s,pressure_pa", comments="")
-    with (output / "strokes.csv").open("w", encoding="utf-8", newline="") as file:
-        rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(("pump", "time_s"))
-        rows.writerows((k + 1, f"{at:.4f}") for k, times in enumerate(run.strokes_s) for at in times)
-    with (output / "sent.csv").open("w", encoding="utf-8", newline="") as file:
-        rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(("start_s", "end_s", "frame", "name", "raw", "value"))
-        for word in sent.words:
-            value = read.table[word.name].value(word.raw, word.bits)
-            rows.writerow((f"{word.start_s:.3f}", f"{word.end_s:.3f}", word.frame, word.name, word.raw, f"{value:.6g}"))
-    console = terminal.output()
-    console.print(f"written: {output}/pressure.csv, strokes.csv, sent.csv ({len(sent.words)} words sent)", markup=False)
+    if read.medium == "serial":
+        data, words = serial_channel.transmit(read, seconds, seed)
+        line = serial_channel.SerialChannel(bit_errors=bit_errors)
+        data = serial_channel.damaged(line, data, read.serial.baud, np.random.default_rng(seed))
+        (output / "bytes.bin").write_bytes(data)
+        name = "bytes.bin"
+    elif read.medium == "earth":
+        sent = carrier_tool.transmit(read, flows, seed, error)
+        ground = Ground(bottom_m=(12000.0,), resistivity=(resistivity,), depth_m=depth)
+        _write_samples(output / "voltage.csv", "voltage_v", *earth_run(EarthChannel(ground), sent, seconds, seed))
+        words, name = sent.words, "voltage.csv"
+    else:
+        well, off = Well(depth_m=depth), ((-100.0, flow_on),)
+        if read.code == "psk":
+            siren = carrier_tool.transmit(read, flows, seed, error)
+            run = carrier_tool.siren_run(MudChannel(well=well, flow_off_s=off), siren, seconds, seed)
+        else:
+            pulses = pulse_tool.transmit(read, flows, seed, error)
+            run = pulse_tool.link_run(MudChannel(well=well, flow_off_s=off), pulses, seconds, seed)
+        _write_samples(output / "pressure.csv", "pressure_pa", run.time_s, run.pressure_pa)
+        strokes = ((k + 1, f"{at:.4f}") for k, times in enumerate(run.strokes_s) for at in times)
+        _write_rows(output / "strokes.csv", ("pump", "time_s"), strokes)
+        words, name = run.sent.words, "pressure.csv, strokes.csv"
+    _write_rows(
+        output / "sent.csv",
+        ("start_s", "end_s", "frame", "name", "raw", "value"),
+        (
+            (
+                f"{word.start_s:.3f}",
+                f"{word.end_s:.3f}",
+                word.frame,
+                word.name,
+                word.raw,
+                f"{read.table[word.name].value(word.raw, word.bits):.6g}",
+            )
+            for word in words
+        ),
+    )
+    terminal.output().print(f"written: {output}/{name}, sent.csv ({len(words)} words sent)", markup=False)
+
+
+def _write_samples(path: Path, column: str, time_s: Array, value: Array) -> None:
+    import numpy as np
+
+    form = "%.3f" if column == "pressure_pa" else "%.9g"
+    table = np.column_stack([time_s, value])
+    np.savetxt(path, table, fmt=["%.4f", form], delimiter=",", header=f"time_s,{column}", comments="")
+
+
+def _write_rows(path: Path, header: tuple[str, ...], rows: Iterable[tuple[object, ...]]) -> None:
+    import csv
+
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(header)
+        table.writerows(rows)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,25 @@ _COLOURS = {True: "#009E73", False: "#999999"}
 _MOST_POINTS = 6000
 
 
-def image(time_s: Array, pressure_pa: Array, words: Sequence[ReceivedWord], tu_s: float, kind: str = "png") -> bytes:
+class Quantity(NamedTuple):
+    """What was recorded, for the axes: name, unit shown, and size of the unit."""
+
+    name: str
+    unit: str
+    size: float
+
+
+PRESSURE, VOLTAGE = Quantity("Pressure", "bar", 1e5), Quantity("Voltage", "mV", 1e-3)
+
+
+def image(
+    time_s: Array,
+    pressure_pa: Array,
+    words: Sequence[ReceivedWord],
+    tu_s: float,
+    kind: str = "png",
+    quantity: Quantity = PRESSURE,
+) -> bytes:
     """
     Picture of a decoded recording.
 
@@ -30,15 +48,17 @@ def image(time_s: Array, pressure_pa: Array, words: Sequence[ReceivedWord], tu_s
         Time unit of the tool, s: the spectrum is drawn as far as its pulses reach.
     kind : str
         "png" or "svg".
+    quantity : Quantity
+        What the samples are.
     """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12.5, 7.5), layout="constrained")
     pressure, confidence, spectrum = figure.subplots(3, 1)
-    _pressure(pressure, time_s, pressure_pa)
+    _pressure(pressure, time_s, pressure_pa, quantity)
     if words:
         # The pressure while the tool sends: a flow-on would hide the pulses.
-        heard = pressure_pa[(time_s >= words[0].start_s) & (time_s <= words[-1].end_s)] / 1e5
+        heard = pressure_pa[(time_s >= words[0].start_s) & (time_s <= words[-1].end_s)] / quantity.size
         if len(heard) and np.ptp(heard) > 0.0:
             pressure.set_ylim(float(heard.min()), float(heard.max()))
     for ax in (pressure, confidence):
@@ -55,7 +75,7 @@ def image(time_s: Array, pressure_pa: Array, words: Sequence[ReceivedWord], tu_s
     confidence.set_ylabel("confidence")
     confidence.set_title("Words: probability that the code is right", loc="left", fontsize=9)
     confidence.legend(loc="lower right", fontsize=8)
-    _spectrum(spectrum, time_s, pressure_pa, tu_s)
+    _spectrum(spectrum, time_s, pressure_pa, tu_s, quantity)
     for ax in (pressure, confidence, spectrum):
         ax.grid(visible=True, linewidth=0.4, color="#cccccc")
         ax.tick_params(labelsize=8)
@@ -64,18 +84,18 @@ def image(time_s: Array, pressure_pa: Array, words: Sequence[ReceivedWord], tu_s
     return out.getvalue()
 
 
-def _pressure(ax: Axes, time_s: Array, pressure_pa: Array) -> None:
+def _pressure(ax: Axes, time_s: Array, pressure_pa: Array, quantity: Quantity) -> None:
     """Lowest and highest value of as many pieces as the picture has columns, so that no pulse is lost."""
     pieces = max(len(time_s) // _MOST_POINTS, 1)
     count = len(time_s) // pieces * pieces
-    blocks = pressure_pa[:count].reshape(-1, pieces) / 1e5
+    blocks = pressure_pa[:count].reshape(-1, pieces) / quantity.size
     at = time_s[:count:pieces]
     ax.fill_between(at, blocks.min(axis=1), blocks.max(axis=1), color="#0072B2", linewidth=0.5)
-    ax.set_ylabel("bar")
-    ax.set_title("Pressure; words in green, erased ones in grey", loc="left", fontsize=9)
+    ax.set_ylabel(quantity.unit)
+    ax.set_title(f"{quantity.name}; words in green, erased ones in grey", loc="left", fontsize=9)
 
 
-def _spectrum(ax: Axes, time_s: Array, pressure_pa: Array, tu_s: float) -> None:
+def _spectrum(ax: Axes, time_s: Array, pressure_pa: Array, tu_s: float, quantity: Quantity) -> None:
     """Mean of the spectra of pieces of 64 pulse widths (Welch's method), by the rate of the samples."""
     step = float(np.median(np.diff(time_s)))
     length = min(max(round(128.0 * tu_s / step), 64), len(pressure_pa))
@@ -86,7 +106,7 @@ def _spectrum(ax: Axes, time_s: Array, pressure_pa: Array, tu_s: float) -> None:
     power = power * 2.0 * step / np.sum(window**2)
     frequency = np.fft.rfftfreq(length, step)
     shown = (frequency > 0.0) & (frequency <= 1.6 / tu_s)
-    ax.semilogy(frequency[shown], power[shown] / 1e10, color="#000000", linewidth=0.8)
+    ax.semilogy(frequency[shown], power[shown] / quantity.size**2, color="#000000", linewidth=0.8)
     ax.set_xlabel("frequency, Hz")
-    ax.set_ylabel("bar²/Hz")
-    ax.set_title("Spectrum of the pressure: lines are pumps", loc="left", fontsize=9)
+    ax.set_ylabel(f"{quantity.unit}²/Hz")
+    ax.set_title(f"Spectrum of the {quantity.name.lower()}: lines are pumps", loc="left", fontsize=9)

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
 
-_TIME, _PRESSURE = "time_s", "pressure_pa"
+_TIME, _PRESSURE, _VOLTAGE = "time_s", "pressure_pa", "voltage_v"
 # Samples of a WAV are shares of full scale; a pressure of this size keeps them far from any rounding.
 _WAV_FULL_SCALE = 1.0e7
 
@@ -32,8 +33,8 @@ def read(path: Path, gauge: int = 1, topic: str = "") -> PressureFile:
     Parameters
     ----------
     path : Path
-        `.csv` with columns time_s, pressure_pa and for a second gauge pressure_2_pa; `.wav`, PCM, a channel for each
-        gauge; anything else is taken for a recording.
+        `.csv` with columns time_s, pressure_pa (or voltage_v) and for a second gauge pressure_2_pa; `.wav`, PCM, a
+        channel for each gauge; anything else is taken for a recording.
     gauge : int
         1 or 2.
     topic : str
@@ -82,8 +83,23 @@ def read_strokes(path: Path) -> dict[int, Array]:
     return {int(pump): np.sort(table[table[:, 0] == pump, 1]) for pump in np.unique(table[:, 0])}
 
 
+def read_bytes(path: Path, baud: int) -> PressureFile:
+    """
+    Read what came over a serial line, captured as it is; its times are those of a line without a pause.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    """
+    data = np.frombuffer(path.read_bytes(), dtype=np.uint8).astype(float)
+    return PressureFile((np.arange(len(data)) + 1.0) * BITS_PER_BYTE / baud, data, "begin of the bytes", ())
+
+
 def _csv(path: Path, gauge: int) -> tuple[Array, Array, str]:
-    table = _columns(path, (_TIME, _PRESSURE if gauge == 1 else "pressure_2_pa"))
+    with path.open(encoding="utf-8-sig") as file:
+        earth = _VOLTAGE in (name.strip() for name in file.readline().split(","))
+    table = _columns(path, (_TIME, _VOLTAGE if earth else _PRESSURE if gauge == 1 else "pressure_2_pa"))
     return table[:, 0], table[:, 1], "time_s of the file"
 
 

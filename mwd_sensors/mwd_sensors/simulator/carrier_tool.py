@@ -1,0 +1,136 @@
+"""What a tool on a carrier sends over a run: blocks of the survey after each flow-on, then of toolfaces for ever."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.simulator.mud_channel import MudChannel
+from mwd_sensors.simulator.pulse_tool import LinkRun, SentWord, Transmission, link_run
+from mwd_sensors.telemetry import carrier as air
+from mwd_sensors.telemetry.carrier import BlockName, Complex
+from mwd_sensors.telemetry.sequences import SequenceItem
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+
+# A rotor needs time to come to another phase; a current source does not.
+_SHIFT = {"mud": 0.1, "earth": 0.0}
+SIREN_PA = 2.0e5  # amplitude of a siren's pressure drop
+_SIREN_RISE_S = 0.005
+
+
+@dataclasses.dataclass(frozen=True)
+class CarrierSpan:
+    """Symbols sent without a break: begin, s; shape (n,)."""
+
+    begin_s: float
+    symbols: Complex
+
+
+@dataclasses.dataclass(frozen=True)
+class CarrierSent:
+    """
+    All that a tool sent on a carrier.
+
+    Attributes
+    ----------
+    words : tuple of SentWord
+    spans : tuple of CarrierSpan
+        In order of time.
+    frequency_hz, symbol_s : float
+        On the clock of the surface.
+    shift : float
+        Share of a symbol in which the phase turns to the next one.
+    """
+
+    words: tuple[SentWord, ...]
+    spans: tuple[CarrierSpan, ...]
+    frequency_hz: float
+    symbol_s: float
+    shift: float
+
+    def drive(self, time_s: Array) -> Array:
+        """Signal at times, shape (n,), s: a cosine of size 1 while the tool sends, 0 else."""
+        out = np.zeros(len(time_s))
+        for span in self.spans:
+            inside = (time_s >= span.begin_s) & (time_s < span.begin_s + len(span.symbols) * self.symbol_s)
+            if not inside.any():
+                continue
+            since = time_s[inside] - span.begin_s
+            place = np.minimum((since / self.symbol_s).astype(np.int64), len(span.symbols) - 1)
+            turns = np.angle(span.symbols[1:] * np.conj(span.symbols[:-1]))
+            phase = np.angle(span.symbols[0]) + np.concatenate([[0.0], np.cumsum(turns)])
+            last = phase[np.maximum(place - 1, 0)]
+            share = since / self.symbol_s - place
+            done = np.minimum(share / self.shift, 1.0) if self.shift > 0.0 else np.ones(len(share))
+            now = last + (phase[place] - last) * done
+            out[inside] = np.cos(2.0 * math.pi * self.frequency_hz * since + now)
+        return out
+
+
+def transmit(
+    tool: ToolConfiguration, flows: tuple[tuple[float, float], ...], seed: int, clock: float = 0.0
+) -> CarrierSent:
+    """
+    Transmission of random values.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+        The first sequences of it are sent.
+    flows : tuple of (float, float)
+        Begin and end of each span with flow, s.
+    seed : int
+        Of the values.
+    clock : float
+        Relative error of the tool's clock: 1e-3 sends 0.1 % slower.
+    """
+    random = np.random.default_rng(seed)
+    carrier = tool.carrier
+    length = carrier.block_s * (1.0 + clock)
+    words: list[SentWord] = []
+    spans = []
+    frame = 0
+    for begin, end in flows:
+        at, kind, items = begin + tool.transmit_delay_s, "survey", tool.surveys[0]
+        first, sent = at, []
+        while at + length <= end:
+            for place, block in enumerate(air.blocks_of(items, carrier.block_bits)):
+                if at + length > end:
+                    break
+                codes = tuple(int(random.integers(2**item.bits)) for item in block)
+                sent.append(_symbols(tool, BlockName(kind, 0, place), block, codes))
+                words += [
+                    SentWord(at, at + length, frame, item.name, item.bits, code)
+                    for item, code in zip(block, codes, strict=True)
+                ]
+                at += length
+            kind, items = "toolface", tool.toolfaces[0]
+            frame += 1
+        if sent:
+            spans.append(CarrierSpan(first, np.concatenate(sent)))
+    return CarrierSent(
+        tuple(words),
+        tuple(spans),
+        carrier.frequency_hz / (1.0 + clock),
+        (1.0 + clock) / carrier.symbol_rate_hz,
+        _SHIFT[carrier.medium],
+    )
+
+
+def siren_run(
+    channel: MudChannel, sent: CarrierSent, seconds: float, seed: int, amplitude_pa: float = SIREN_PA
+) -> LinkRun:
+    """Pressure of a channel in which a siren turns in place of the pulse valve; seed: of the noise."""
+    siren = dataclasses.replace(channel, valve_pa=amplitude_pa, rise_s=_SIREN_RISE_S)
+    return link_run(siren, Transmission(sent.words, np.zeros((0, 2))), seconds, seed, sent.drive)
+
+
+def _symbols(
+    tool: ToolConfiguration, name: BlockName, items: tuple[SequenceItem, ...], codes: tuple[int, ...]
+) -> Complex:
+    lengths = [item.length for item in items]
+    bits = air.block_bits(tool.carrier, name, tool.sent(items, codes), lengths, tool.table_check)
+    return air.symbols(tool.carrier, bits)

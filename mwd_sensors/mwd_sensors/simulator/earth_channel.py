@@ -1,0 +1,131 @@
+"""
+Voltage at the surface of a well with an EM tool: string and ground, electrodes, telluric and rig noise, converter.
+
+The channel runs in blocks counted from its start; same seed, same voltage. Levels of noise are assumptions.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from scipy import signal
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.settings import setting
+from mwd_sensors.simulator.carrier_tool import CarrierSent
+from mwd_sensors.simulator.earth_line import Ground, response
+
+RATE_HZ = 250.0
+_BLOCK = 2500  # samples that are made at once
+_RESPONSE_S = 4.096
+_CORNERS_HZ = (0.05, 0.5, 5.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class EarthNoise:
+    """Everything that is not the tool."""
+
+    telluric_v: float = setting(
+        2.0e-5, "Telluric and electrode noise: rms below 1 Hz, falling as 1/f.", unit="V", low=0.0
+    )
+    amplifier_v: float = setting(2.0e-6, "White noise of the amplifier, rms at 250 Hz.", unit="V", low=0.0)
+    mains_v: float = setting(2.0e-4, "Mains: amplitude.", unit="V", low=0.0)
+    mains_hz: float = setting(50.0, "Mains: frequency.", unit="Hz", low=10.0, high=120.0)
+    drive_v: float = setting(1.0e-5, "Rig drives: amplitude of the first line.", unit="V", low=0.0)
+    drive_hz: float = setting(
+        1.45, "Rig drives: lines at its multiples, as pumps and rotary draw their current.", unit="Hz", low=0.05
+    )
+    switching_per_hour: float = setting(20.0, "Loads switched.", low=0.0, high=1e4)
+    switching_v: float = setting(1.0e-3, "Step of the voltage when a load is switched.", unit="V", low=0.0)
+    full_scale_v: float = setting(0.1, "Range of the converter, to either side.", unit="V", low=1e-4)
+    adc_bits: int = setting(24, "Resolution of the converter, over the range.", low=8, high=32)
+
+
+@dataclasses.dataclass(frozen=True)
+class EarthChannel:
+    """A string in the ground and the noise at the surface."""
+
+    ground: Ground = setting(Ground, "Layers, string, source, electrodes.")
+    noise: EarthNoise = setting(EarthNoise, "Noise.")
+
+
+class EarthVoltage:
+    """
+    Voltage of a channel, block after block.
+
+    Parameters
+    ----------
+    channel : EarthChannel
+    sent : CarrierSent
+    seed : int
+        Of all noise.
+    """
+
+    def __init__(self, channel: EarthChannel, sent: CarrierSent, seed: int) -> None:
+        self._channel, self._sent = channel, sent
+        sources = np.random.SeedSequence(seed).spawn(4)
+        self._telluric, self._amplifier, self._wander, self._switch = map(np.random.default_rng, sources)
+        taps = round(_RESPONSE_S * RATE_HZ)
+        frequency: Array = np.fft.rfftfreq(taps, 1.0 / RATE_HZ).astype(np.float64)
+        frequency[0] = 0.5 * frequency[1]
+        # A little delay for what the roll-off before the converter spreads backwards.
+        roll = 1.0 / np.sqrt(1.0 + (frequency / 60.0) ** 8) * np.exp(-2j * math.pi * frequency * 0.1)
+        self._taps = np.fft.irfft(response(channel.ground, frequency) * roll, taps)
+        self._tail = np.zeros(taps - 1)
+        self._states = [np.zeros(1) for _ in range(len(_CORNERS_HZ) + 1)]
+        self._level = 0.0
+        self._block = 0
+
+    def block(self) -> Array:
+        """Next 10 s of voltage, V, at 250 Hz; shape (2500,)."""
+        noise = self._channel.noise
+        time = (self._block * _BLOCK + np.arange(_BLOCK)) / RATE_HZ
+        whole = signal.oaconvolve(self._sent.drive(time), self._taps)
+        whole[: len(self._tail)] += self._tail
+        self._tail = whole[_BLOCK:]
+        total = whole[:_BLOCK] + self._pink() * noise.telluric_v
+        total += noise.amplifier_v * self._amplifier.normal(size=_BLOCK)
+        decay = math.exp(-1.0 / (20.0 * RATE_HZ))
+        white = self._wander.normal(size=_BLOCK) * math.sqrt(1.0 - decay**2)
+        wander, self._states[-1] = signal.lfilter([1.0], [1.0, -decay], white, zi=self._states[-1])
+        total += noise.mains_v * np.cos(2.0 * math.pi * noise.mains_hz * time + 0.2 * wander)
+        for k in range(1, 13):
+            total += (
+                noise.drive_v / k * np.cos(2.0 * math.pi * k * noise.drive_hz * time + k * (0.3 * wander + 1.7 * k))
+            )
+        total += self._switched()
+        step = 2.0 * noise.full_scale_v / 2**noise.adc_bits
+        self._block += 1
+        return np.asarray(np.clip(np.round(total / step) * step, -noise.full_scale_v, noise.full_scale_v))
+
+    def _pink(self) -> Array:
+        """Noise that falls as 1/f from 0.05 to 10 Hz (three first-order filters a decade apart), rms 1 below 1 Hz."""
+        white = self._telluric.normal(size=_BLOCK)
+        total = np.zeros(_BLOCK)
+        for k, corner in enumerate(_CORNERS_HZ):
+            decay = math.exp(-2.0 * math.pi * corner / RATE_HZ)
+            gain = math.sqrt((1.0 + decay) * (1.0 - decay))
+            one, self._states[k] = signal.lfilter([gain], [1.0, -decay], white, zi=self._states[k])
+            total += one / math.sqrt(3.0)
+        return total
+
+    def _switched(self) -> Array:
+        """Steps that electrodes forget within some seconds."""
+        noise = self._channel.noise
+        decay = math.exp(-1.0 / (3.0 * RATE_HZ))
+        count = self._switch.poisson(noise.switching_per_hour * _BLOCK / RATE_HZ / 3600.0)
+        steps = np.zeros(_BLOCK)
+        places = self._switch.integers(0, _BLOCK, size=count)
+        np.add.at(steps, places, noise.switching_v * self._switch.choice((-1.0, 1.0), size=count))
+        out, last = signal.lfilter([1.0], [1.0, -decay], steps, zi=[self._level])
+        self._level = float(last[0])
+        return np.asarray(out)
+
+
+def earth_run(channel: EarthChannel, sent: CarrierSent, seconds: float, seed: int) -> tuple[Array, Array]:
+    """Times, s, and voltages, V, of a run; shape (n,) each."""
+    stream = EarthVoltage(channel, sent, seed)
+    voltage = np.concatenate([stream.block() for _ in range(math.ceil(seconds * RATE_HZ / _BLOCK))])
+    return np.arange(len(voltage)) / RATE_HZ, voltage

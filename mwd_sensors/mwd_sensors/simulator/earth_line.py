@@ -1,0 +1,155 @@
+"""
+Electric waves along a drill string in layered ground: from the gap of an EM tool to electrodes at the surface.
+
+The string is a leaky transmission line. The propagation constant of its one mode solves the boundary condition at the
+steel, with the ground as outer conductor: G^2 = g^2 + 2 pi s z / K0(l a), l^2 = g^2 - G^2, with g^2 = j w mu s of the
+ground, s its conductivity, z the impedance of the steel per metre and a its radius. Layers are lines one after another.
+Sources: J. R. Wait, D. A. Hill, IEEE Trans. Geosci. Electron. 17 (1979) 21 (rod in conducting rock, mode equation);
+D. A. Hill, J. R. Wait, IEEE Trans. Geosci. Electron. 16 (1978) (propagation along a string); P. DeGauque, R.
+Grudzinski, SPE Drilling Eng. 2 (1987) 127 (surface voltage).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import constants, special
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.settings import setting
+
+Complex = NDArray[np.complex128]
+_STEEL, _PERMEABILITY = 4.9e6, 100.0  # conductivity of steel, S/m, and its relative permeability
+_TURNS = 30
+DB_PER_NEPER = 20.0 / math.log(10.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Ground:
+    """Layers from the surface down, the string in them, and source and electrodes."""
+
+    bottom_m: tuple[float, ...] = setting(
+        (1000.0, 12000.0), "Depth of the bottom of each layer; the last reaches below the bit.", unit="m", low=1.0
+    )
+    resistivity: tuple[float, ...] = setting(
+        (20.0, 10.0),
+        "Resistivity of each layer: clay 1 to 5, sand 10 to 50, salt and limestone 100 and more.",
+        unit="ohm m",
+        low=0.05,
+        high=1e5,
+    )
+    depth_m: float = setting(2000.0, "Depth of the bit.", unit="m", low=50.0, high=12000.0)
+    below_m: float = setting(15.0, "From the gap to the bit.", unit="m", low=1.0, high=200.0)
+    radius_m: float = setting(0.0635, "Outer radius of the string.", unit="m", low=0.02, high=0.3)
+    wall_m: float = setting(0.0092, "Wall of the string.", unit="m", low=0.002, high=0.05)
+    source_v: float = setting(3.0, "Voltage across the gap.", unit="V", low=0.01, high=100.0)
+    source_a: float = setting(5.0, "Most current of the source.", unit="A", low=0.01, high=50.0)
+    electrode_m: float = setting(60.0, "From the wellhead to the other electrode.", unit="m", low=1.0, high=2000.0)
+
+    def __post_init__(self) -> None:
+        """
+        Check the layers.
+
+        Raises
+        ------
+        ValueError
+            Not one resistivity a layer, layers out of order, or a bit below the last one.
+        """
+        if len(self.bottom_m) != len(self.resistivity):
+            raise ValueError(f"resistivity: {len(self.bottom_m)} layers need as many, got {len(self.resistivity)}")
+        if list(self.bottom_m) != sorted(set(self.bottom_m)):
+            raise ValueError(f"bottom_m: layers must go down, got {self.bottom_m}")
+        if self.bottom_m[-1] < self.depth_m:
+            raise ValueError(f"bottom_m: the last layer ends at {self.bottom_m[-1]:g} m, above the bit")
+
+
+def _steel(ground: Ground, omega: Array) -> Complex:
+    """Impedance of the string's wall per metre, ohm/m: skin effect in a tube."""
+    k = np.sqrt(1j * omega * constants.mu_0 * _PERMEABILITY * _STEEL)
+    return np.asarray(k / (2.0 * math.pi * ground.radius_m * _STEEL) / np.tanh(k * ground.wall_m))
+
+
+def propagation(ground: Ground, resistivity: float, frequency_hz: Array) -> tuple[Complex, Complex, Complex]:
+    """
+    Mode of the string in uniform ground.
+
+    Parameters
+    ----------
+    ground : Ground
+        For the string.
+    resistivity : float
+        ohm m.
+    frequency_hz : ndarray, shape (n,)
+        Above 0.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Propagation constant, 1/m.
+    ndarray, shape (n,)
+        Characteristic impedance, ohm.
+    ndarray, shape (n,)
+        Radial wave number in the ground, 1/m.
+    """
+    omega = 2.0 * math.pi * np.asarray(frequency_hz, dtype=float)
+    sigma = 1.0 / resistivity
+    wave = 1j * omega * constants.mu_0 * sigma
+    leak = 2.0 * math.pi * sigma * _steel(ground, omega)
+    radial = np.sqrt(-leak / 8.0)
+    for _ in range(_TURNS):
+        radial = np.sqrt(-leak / special.kv(0, radial * ground.radius_m))
+        radial = np.where(radial.real < 0.0, -radial, radial)
+    outer = special.kv(0, radial * ground.radius_m)
+    constant = np.sqrt(wave + leak / outer)
+    return constant, constant * outer / (2.0 * math.pi * sigma), radial
+
+
+def loss_db_per_km(resistivity: float, frequency_hz: Array, ground: Ground | None = None) -> Array:
+    """Loss along the string in uniform ground; frequency_hz, shape (n,). Returns shape (n,)."""
+    constant, _, _ = propagation(ground or Ground(), resistivity, frequency_hz)
+    return np.asarray(1000.0 * DB_PER_NEPER * constant.real)
+
+
+def response(ground: Ground, frequency_hz: Array) -> Complex:
+    """
+    Voltage between wellhead and electrode over the drive of the source, which is 1 at its most.
+
+    frequency_hz, shape (n,): above 0. Returns shape (n,), V.
+    """
+    frequency = np.asarray(frequency_hz, dtype=float)
+    gap = ground.depth_m - ground.below_m
+    tops = (0.0, *ground.bottom_m[:-1])
+    layers = [
+        (min(bottom, gap) - top, propagation(ground, resistivity, frequency))
+        for top, bottom, resistivity in zip(tops, ground.bottom_m, ground.resistivity, strict=True)
+        if top < gap
+    ]
+    # Seen from the top: an open end, then each layer; voltage and current there for 1 V at the wellhead.
+    voltage, current = np.ones(len(frequency), dtype=complex), np.zeros(len(frequency), dtype=complex)
+    scale = np.zeros(len(frequency))
+    for length, (constant, impedance, _) in layers:
+        x = constant * length
+        # Growing parts are kept apart as exponents: a deep well in clay would overflow.
+        ch, sh = 0.5 * (1.0 + np.exp(-2.0 * x)), 0.5 * (1.0 - np.exp(-2.0 * x))
+        turn = np.exp(1j * x.imag)
+        voltage, current = (
+            turn * (ch * voltage + impedance * sh * current),
+            turn * (ch * current + sh / impedance * voltage),
+        )
+        scale = scale + x.real
+    above = voltage / current
+    constant, impedance, _ = propagation(ground, _at(ground, gap), frequency)
+    below = impedance / np.tanh(constant * ground.below_m)
+    driven = np.minimum(ground.source_v, ground.source_a * np.abs(above + below))
+    at_top = driven * above / (above + below) / voltage * np.exp(-scale)
+    radial = layers[0][1][2]
+    # The ground's own voltage falls with the logarithm of the distance: an electrode far away sees all of it.
+    share = 1.0 - special.kv(0, radial * ground.electrode_m) / special.kv(0, radial * ground.radius_m)
+    return np.asarray(at_top * share)
+
+
+def _at(ground: Ground, depth_m: float) -> float:
+    return next(r for bottom, r in zip(ground.bottom_m, ground.resistivity, strict=True) if depth_m <= bottom)

@@ -1,0 +1,150 @@
+"""
+A band about a carrier, taken out of real samples: complex values on the clock of the tool, and lines that disturb it.
+
+Source: J. G. Proakis, M. Salehi, Digital Communications, 5th ed., 2008, section 2.1 (complex envelope).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.compiled import compiled
+from mwd_sensors.telemetry.carrier import Carrier
+
+Complex = NDArray[np.complex128]
+PER_SYMBOL = 8  # values of the envelope a symbol
+# Half of the band that is let through, in symbol rates, and half width of the filter, symbols: the spectrum of
+# rectangular symbols has 95 % of its energy in it.
+_CUT_OFF = 3.5
+_HALF = 1.5
+# A line stands out of the spectrum by this factor of power: no symbol sequence of a block does.
+_STANDS_OUT = 25.0
+_NEIGHBOURHOOD = 32
+_MOST_LINES = 12
+# A line whose size and phase wander is four slow cosines over a block, as pumps hunt.
+WANDER = 4
+
+
+@dataclasses.dataclass(frozen=True)
+class Band:
+    """Band of a carrier on a grid: radians a step, steps a symbol, cut-off of the envelope in cycles a step."""
+
+    omega: float
+    symbol: float
+    cut_off: float
+
+    @property
+    def reach(self) -> float:
+        """Half width of the filter, steps."""
+        return _HALF * self.symbol
+
+
+def step_s(carrier: Carrier) -> float:
+    """Step of the grid on which a carrier is sampled, s; what is above a fifth of its rate is filtered out before."""
+    return 0.2 / (carrier.frequency_hz + _CUT_OFF * carrier.symbol_rate_hz)
+
+
+def band_of(carrier: Carrier) -> Band:
+    """Band of a carrier on the grid of `step_s`."""
+    step = step_s(carrier)
+    # Not down to zero frequency, where the noise is.
+    width = min(_CUT_OFF * carrier.symbol_rate_hz, 0.9 * carrier.frequency_hz)
+    return Band(2.0 * math.pi * carrier.frequency_hz * step, 1.0 / (carrier.symbol_rate_hz * step), width * step)
+
+
+@compiled
+def _envelope(
+    value: Array, known: Array, at: float, spacing: float, band: tuple[float, float, float], out: Complex, whole: Array
+) -> None:
+    """Envelope at positions at + k spacing of the values; whole: share of the filter that met known values."""
+    omega, cut_off, reach = band
+    for k in range(len(out)):
+        middle = at + k * spacing
+        real = imag = weight = total = 0.0
+        for n in range(math.ceil(middle - reach), math.floor(middle + reach) + 1):
+            u = n - middle
+            a = 2.0 * math.pi * cut_off * u
+            c = math.cos(0.5 * math.pi * u / reach)
+            kernel = 2.0 * cut_off * c * c * c * c * (1.0 if a == 0.0 else math.sin(a) / a)
+            total += kernel
+            if 0 <= n < len(value) and known[n] > 0.0:
+                # The phase turns with the distance from the middle only, so that it is the same for any begin.
+                real += kernel * value[n] * math.cos(omega * u)
+                imag -= kernel * value[n] * math.sin(omega * u)
+                weight += kernel
+        out[k] = complex(real, imag)
+        whole[k] = weight / total
+
+
+def envelope(value: Array, known: Array, band: Band, at: float, count: int, symbol: float) -> tuple[Complex, Array]:
+    """
+    Complex envelope on the clock of the tool.
+
+    Parameters
+    ----------
+    value, known : ndarray, shape (n,)
+        Samples of the grid without their mean, and 1 where they are known.
+    band : Band
+    at : float
+        Position of the first value, steps.
+    count : int
+    symbol : float
+        Steps a symbol on the clock of the tool; its carrier runs on the same clock.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        Envelope, `PER_SYMBOL` values a symbol; phase 0 is that of the tool's carrier at `at`.
+    ndarray, shape (count,)
+        1 where it is known.
+    """
+    out, whole = np.empty(count, dtype=complex), np.empty(count)
+    spacing = symbol / PER_SYMBOL
+    omega = band.omega * band.symbol / symbol
+    _envelope(value, known, at, spacing, (omega, band.cut_off, band.reach), out, whole)
+    turn = np.exp(-1j * omega * spacing * np.arange(count))
+    return out * turn, (whole > 0.95).astype(float)
+
+
+def lines(value: Array, band: Band) -> Array:
+    """
+    Frequencies of the lines in a band, strongest first.
+
+    value, shape (n,): samples of the grid. Returns shape (k,), radians a step.
+    """
+    # The first difference takes the slope of 1/f noise out, so that the floor is even.
+    step = np.diff(value)
+    power = np.abs(np.fft.rfft((step - step.mean()) * np.hanning(len(step)))) ** 2
+    per_bin = 2.0 * math.pi / len(step)
+    reach = 2.0 * math.pi * band.cut_off
+    low = max(int((band.omega - reach) / per_bin), 2)
+    high = min(int((band.omega + reach) / per_bin), len(power) - 3)
+    if high - low < 2 * _NEIGHBOURHOOD:
+        return np.zeros(0)
+    near = np.lib.stride_tricks.sliding_window_view(power[low : high + 1], _NEIGHBOURHOOD)
+    floor = np.pad(
+        np.median(near, axis=1), (_NEIGHBOURHOOD // 2, _NEIGHBOURHOOD - 1 - _NEIGHBOURHOOD // 2), mode="edge"
+    )
+    inner = power[low : high + 1]
+    peak = (inner >= power[low - 1 : high]) & (inner >= power[low + 1 : high + 2]) & (inner > _STANDS_OUT * floor)
+    found = np.flatnonzero(peak)
+    found = low + found[np.argsort(-inner[found], kind="stable")][:_MOST_LINES]
+    # Middle of a Hann-windowed line from the amplitudes beside its largest one.
+    left, middle, right = (np.sqrt(power[found + k]) for k in (-1, 0, 1))
+    share = (right - left) / (2.0 * middle - left - right + 1e-300)
+    return np.asarray(per_bin * (found + 0.5 * np.clip(share, -1.0, 1.0)))
+
+
+def line_columns(found: Array, band: Band, count: int, symbol: float) -> Complex:
+    """Lines in the envelope, as `envelope` would see them: `WANDER` columns for each; shape (count, WANDER k)."""
+    spacing = symbol / PER_SYMBOL
+    n = np.arange(count)
+    slow = np.cos(math.pi * (n[:, None] + 0.5) / count * np.arange(WANDER)[None, :])
+    # The envelope turns against the tool's carrier.
+    turn = np.exp(1j * (found - band.omega * band.symbol / symbol)[None, :] * spacing * n[:, None])
+    return np.asarray((turn[:, :, None] * slow[:, None, :]).reshape(count, -1))

@@ -1,0 +1,275 @@
+"""
+One block of symbols on a carrier decoded: channel, noise and bits found in turn.
+
+The first channel comes from the marker in the middle, later ones from all symbols as the code sees them; symbols and
+lines of the spectrum are solved for together, with the noise made white, and what the code says of a symbol is its
+prior in the next turn. Sources: M. Tuechler, R. Koetter, A. C. Singer, IEEE Trans. Commun. 50 (2002) 754 (turbo
+equalisation by linear estimation); C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning, 2006,
+section 2.1 (prior of the channel).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+
+import numpy as np
+from scipy import linalg
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.telemetry import carrier as air
+from mwd_sensors.telemetry.carrier import MARKER_SYMBOLS, Carrier
+from mwd_sensors.telemetry.convolution import MEMORY
+from mwd_surface.receiver import convolutional
+from mwd_surface.receiver.baseband import PER_SYMBOL, Complex
+from mwd_surface.receiver.whitening import steadiness
+from mwd_surface.receiver.whitening_complex import filtered, prediction_error_filter
+
+MARGIN = 4  # symbols before and behind the block that reach into it
+BEFORE, BEHIND = 1, 4  # symbols of the response before and behind its own
+_LAGS = PER_SYMBOL * (BEFORE + BEHIND)
+_TURNS = 4
+_ORDER = 6
+_UNCERTAIN = 0.03  # weight of samples whose symbols are not known, in the estimate of the lines
+_SCALINGS = 3
+_KNOWN = 1e-4  # variance of a symbol that is known
+_LINE = 1e4  # variance of a line's size, noise being 1: as good as unknown
+
+
+@dataclasses.dataclass(frozen=True)
+class BlockData:
+    """Envelope of a block with its margins, shape (n,); 1 where known; columns of the lines, shape (n, k)."""
+
+    envelope: Complex
+    known: Array
+    lines: Complex
+
+
+@dataclasses.dataclass(frozen=True)
+class BlockDecision:
+    """
+    What the data say of a block.
+
+    Attributes
+    ----------
+    bits : ndarray, shape (n,)
+        Log posterior ratio of each bit into the encoder, positive for 0.
+    symbols : ndarray, shape (block_symbols,)
+        Most probable symbols, the mean of each.
+    evidence : float
+        Compares trials of one block.
+    ebn0_db : float
+        Energy of a bit into the encoder over noise density, after the equaliser.
+    turn : float
+        Phase of the second half against the first, rad a symbol: what is left of the clock's error.
+    taps : ndarray
+        Prediction error filter of the noise.
+    """
+
+    bits: Array
+    symbols: Complex
+    evidence: float
+    ebn0_db: float
+    turn: float
+    taps: Complex
+
+
+@functools.cache
+def _basis() -> Complex:
+    """
+    Components of the response to one symbol, each scaled by its standard deviation; shape (c, _LAGS).
+
+    A symbol lasts its time, arrives with a little error of time and has weaker echoes: the rectangle of a symbol,
+    convolved with independent taps of decreasing variance.
+    """
+    lag = np.arange(_LAGS) - PER_SYMBOL * BEFORE
+    fine = np.arange(-PER_SYMBOL, 3 * PER_SYMBOL, 0.5)
+    size = np.exp(-0.5 * (fine / (0.25 * PER_SYMBOL)) ** 2) + 0.02 * (fine > 0) * np.exp(-fine / PER_SYMBOL)
+    since = (lag[:, None] - fine[None, :] + 0.5) / PER_SYMBOL
+    # Edges as the band lets them through.
+    rise = 0.2
+    shape = 0.5 * (np.tanh(since / rise) - np.tanh((since - 1.0) / rise))
+    values, vectors = np.linalg.eigh(shape * size @ shape.T)
+    kept = values > 1e-3 * values[-1]
+    vectors = vectors[:, kept][:, ::-1]
+    vectors = vectors * np.sign(vectors[np.argmax(np.abs(vectors), axis=0), np.arange(vectors.shape[1])])
+    return np.ascontiguousarray((vectors * np.sqrt(values[kept][::-1] / values[-1])).T.astype(complex))
+
+
+class BlockDecoder:
+    """Decoder of the blocks of a carrier."""
+
+    def __init__(self, carrier: Carrier) -> None:
+        self._carrier = carrier
+        self._count = carrier.block_symbols + 2 * MARGIN
+        self.rows = PER_SYMBOL * self._count
+        first = MARGIN + carrier.half
+        self._marker = slice(first, first + MARKER_SYMBOLS)
+        self._places = MARGIN + air.data_places(carrier)
+        self._order = air.interleaver(carrier.coded_bits)
+
+    def decode(self, data: BlockData, taps: Complex | None, turns: int = _TURNS) -> BlockDecision:
+        """
+        Decode a block.
+
+        Parameters
+        ----------
+        data : BlockData
+        taps : ndarray, optional
+            Prediction error filter of the noise in the block before.
+        turns : int
+            1: with the channel of the marker only, to compare trials.
+        """
+        mean, prior = np.zeros(self._count, dtype=complex), np.ones(self._count)
+        mean[self._marker], prior[self._marker] = air.marker(), _KNOWN
+        rows = slice(PER_SYMBOL * self._marker.start, PER_SYMBOL * self._marker.stop)
+        if np.mean(data.known[rows]) < 0.5 or not np.any(data.envelope[rows]):
+            nothing = np.zeros(self._carrier.coded_bits // 2 - MEMORY)
+            return BlockDecision(nothing, mean[MARGIN:-MARGIN], -math.inf, -60.0, 0.0, np.ones(1, dtype=complex))
+        weight = data.known.copy()
+        given_taps = taps is not None
+        taps = taps if taps is not None else np.ones(1, dtype=complex)
+        extrinsic = np.zeros(self._carrier.coded_bits)
+        bits, evidence, quality = np.zeros(1), 0.0, 1.0
+        for turn in range(turns):
+            response, offset = self._channel(data, mean, prior, taps, weight)
+            if turn > 0 or not given_taps:
+                taps, weight = self._noise(data, response, offset, (mean, prior), weight)
+            estimate, precision = self._equalised(data, (response, taps), mean, prior, weight)
+            given = self._soft_bits(estimate, precision)
+            ordered = np.empty(len(given))
+            ordered[self._order] = given
+            bits, coded, evidence = convolutional.decode(ordered)
+            extrinsic = (coded - np.clip(ordered, -40.0, 40.0))[self._order]
+            whole = coded[self._order]
+            prior_mean, prior_var = self._symbols_of(extrinsic, estimate, precision)
+            mean, prior = (prior_mean, prior_var) if turn < turns - 1 else self._symbols_of(whole, estimate, precision)
+            quality = float(np.mean(precision[self._places]))
+        coded_energy = quality / (2.0 if self._carrier.modulation == "qpsk" else 1.0)
+        return BlockDecision(
+            bits,
+            mean[MARGIN:-MARGIN],
+            evidence,
+            10.0 * math.log10(max(2.0 * coded_energy, 1e-6)),
+            self._turn(estimate, mean, prior),
+            taps,
+        )
+
+    def _turn(self, estimate: Complex, mean: Complex, variance: Array) -> float:
+        product = estimate * np.conj(mean) * (1.0 - np.minimum(variance, 1.0))
+        middle = (self._marker.start + self._marker.stop) // 2
+        early, late = product[MARGIN:middle].sum(), product[middle:-MARGIN].sum()
+        return float(np.angle(late * np.conj(early))) / (0.5 * self._carrier.block_symbols)
+
+    def _trains(self, mean: Complex) -> Complex:
+        """Response of all symbols to each component; shape (n, c)."""
+        impulses = np.zeros(self.rows, dtype=complex)
+        impulses[::PER_SYMBOL] = mean
+        begin = PER_SYMBOL * BEFORE
+        return np.stack([np.convolve(impulses, one)[begin : begin + self.rows] for one in _basis()], axis=1)
+
+    def _channel(
+        self, data: BlockData, mean: Complex, variance: Array, taps: Complex, weight: Array
+    ) -> tuple[Complex, Complex]:
+        """Response to one symbol, shape (_LAGS,), and the lines, shape (n,)."""
+        columns = np.concatenate([self._trains(mean), data.lines], axis=1)
+        left = filtered(columns, taps)
+        right = filtered(data.envelope, taps)
+        # Where symbols are uncertain, they are noise of their own size; lines are seen there all the same.
+        sure = 1.0 - np.minimum(np.repeat(variance, PER_SYMBOL), 1.0)
+        share = weight * np.maximum(sure, _UNCERTAIN)
+        count = len(_basis())
+        gram = left.conj().T @ (share[:, None] * left)
+        seen = left.conj().T @ (share * right)
+        total = float(share @ np.abs(right) ** 2)
+        trust = max(float(share.sum()), 1.0)
+        size = float(np.real(np.trace(gram[:count, :count]))) / count
+        ridge, u = 0.05 * size, seen
+        for _ in range(_SCALINGS):
+            prior = np.concatenate([np.full(count, ridge), np.full(columns.shape[1] - count, 1e-9 * size)])
+            inverse = np.linalg.inv(gram + np.diag(prior + 1e-12 * size))
+            u = inverse @ seen
+            noise = max(total - float(np.real(np.vdot(seen, u))), 1e-9 * total) / trust
+            spread = float(np.sum(np.abs(u[:count]) ** 2) + noise * np.real(np.trace(inverse[:count, :count]))) / count
+            ridge = noise / max(spread, 1e-300)
+        return u[:count] @ _basis(), data.lines @ u[count:]
+
+    def _noise(
+        self,
+        data: BlockData,
+        response: Complex,
+        offset: Complex,
+        symbols: tuple[Complex, Array],
+        weight: Array,
+    ) -> tuple[Complex, Array]:
+        """Prediction error filter for noise of unit variance, from what is left; and the weight of each row."""
+        mean, variance = symbols
+        impulses = np.zeros(self.rows, dtype=complex)
+        impulses[::PER_SYMBOL] = mean
+        begin = PER_SYMBOL * BEFORE
+        rest = data.envelope - offset - np.convolve(impulses, response)[begin : begin + self.rows]
+        sure = weight * (np.repeat(variance, PER_SYMBOL) < 0.5)
+        order = _ORDER if sure.sum() > 30 * _ORDER else 4
+        taps = prediction_error_filter(rest, sure, order)
+        white = filtered(rest, taps)
+        known = sure if sure.sum() > 0.5 * len(sure) else data.known
+        if sure.sum() > 0.5 * len(sure):
+            weight = np.where(sure > 0.0, steadiness(np.abs(white), known), weight)
+        scale = math.sqrt(
+            max(float(np.sum(sure * weight * np.abs(white) ** 2) / max(np.sum(sure * weight), 1e-9)), 1e-300)
+        )
+        return taps / scale, weight
+
+    def _equalised(
+        self, data: BlockData, channel: tuple[Complex, Complex], mean: Complex, variance: Array, weight: Array
+    ) -> tuple[Complex, Array]:
+        """Estimate of each symbol without its own prior, shape (count,), and its precision."""
+        response, taps = channel
+        shape = np.convolve(response, taps)
+        columns = np.zeros((self.rows, self._count + data.lines.shape[1]), dtype=complex)
+        begin = PER_SYMBOL * BEFORE
+        for k in range(self._count):
+            first = PER_SYMBOL * k - begin
+            low, high = max(first, 0), min(first + len(shape), self.rows)
+            columns[low:high, k] = shape[low - first : high - first]
+        columns[:, self._count :] = filtered(data.lines, taps)
+        rest = filtered(data.envelope, taps) - columns[:, : self._count] @ mean
+        root = np.sqrt(weight)[:, None]
+        left = root * columns
+        precision = 1.0 / np.concatenate([np.maximum(variance, _KNOWN), np.full(data.lines.shape[1], _LINE)])
+        gram = left.conj().T @ left + np.diag(precision)
+        factor = linalg.cho_factor(gram, lower=True)
+        inverse = linalg.cho_solve(factor, np.eye(len(gram)))
+        change = inverse @ (left.conj().T @ (root[:, 0] * rest))
+        posterior = np.maximum(np.real(np.diag(inverse))[: self._count], 1e-12)
+        prior = 1.0 / np.maximum(variance, _KNOWN)
+        own = np.maximum(1.0 / posterior - prior, 1e-6)
+        return ((mean + change[: self._count]) / posterior - mean * prior) / own, own
+
+    def _soft_bits(self, estimate: Complex, precision: Array) -> Array:
+        """Log-likelihood ratio of each coded bit on air."""
+        z, rho = estimate[self._places], precision[self._places]
+        if self._carrier.modulation == "qpsk":
+            both = 2.0 * math.sqrt(2.0) * rho * z
+            return np.stack([both.real, both.imag], axis=1).reshape(-1)
+        if self._carrier.modulation == "bpsk":
+            return np.asarray(4.0 * rho * z.real)
+        turned = np.real(z * np.conj(estimate[self._places - 1]))
+        return np.asarray(4.0 * turned / (2.0 / rho + 1.0 / rho**2))
+
+    def _symbols_of(self, ratios: Array, estimate: Complex, precision: Array) -> tuple[Complex, Array]:
+        """Mean and variance of each symbol by the log ratios of its bits; of DPSK by the symbol itself."""
+        mean, variance = np.zeros(self._count, dtype=complex), np.ones(self._count)
+        mean[self._marker], variance[self._marker] = air.marker(), _KNOWN
+        if self._carrier.modulation == "qpsk":
+            soft = np.tanh(0.5 * ratios) / math.sqrt(2.0)
+            mean[self._places] = soft[0::2] + 1j * soft[1::2]
+        elif self._carrier.modulation == "bpsk":
+            mean[self._places] = np.tanh(0.5 * ratios)
+        else:
+            mean[MARGIN:-MARGIN] = np.tanh(2.0 * precision * estimate.real)[MARGIN:-MARGIN]
+            mean[self._marker] = air.marker()
+        inside = slice(MARGIN, self._count - MARGIN)
+        variance[inside] = np.maximum(1.0 - np.abs(mean[inside]) ** 2, _KNOWN)
+        return mean, variance

@@ -1,0 +1,203 @@
+"""
+The receiver of a wired tool: bytes of a serial line in, words out, the same however the bytes are cut.
+
+Of damaged frames a CRC-16 lets one in 65 536 pass. What passes has also to be COBS of the right length, carry the
+pattern, the number and the length of a sequence of this tool, zeros where its last byte is filled up, even parities,
+and a counter that follows the last one. A line of text without check must be a value that the tool can send, digit by
+digit; how often that fails says how often it is met by chance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.telemetry import serial_frames
+from mwd_sensors.telemetry.carrier import KINDS, packed, unpacked
+from mwd_sensors.telemetry.sequences import SequenceItem
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver.belief import Judged
+from mwd_surface.receiver.transmission import FrameReport, Reception
+from mwd_surface.receiver.words import WordPlace, received
+
+_LONGEST = 600  # bytes without an end: noise, or another baud rate
+_FOLLOWS = 16  # frames that may be lost between two
+_REMEMBERED = 200
+_CRC_BY_CHANCE = 2.0**-16
+# Values of a damaged line without check that are values of the tool again: a few of the wrong digits.
+_VALUE_BY_CHANCE = 0.1
+
+
+class _Heard(NamedTuple):
+    """Content of a frame or line: its sequence, codes, time, and counter where it has one."""
+
+    kind: str
+    items: tuple[SequenceItem, ...]
+    codes: tuple[int, ...]
+    span: tuple[float, float]
+    counter: int | None
+
+
+class SerialReceiver:
+    """
+    Receiver of a tool on a serial line.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+        With the code serial.
+    """
+
+    def __init__(self, tool: ToolConfiguration) -> None:
+        self._tool = tool
+        self._ascii = tool.serial.format == "ascii"
+        self._end = b"\n"[0] if self._ascii else serial_frames.END
+        self._open = bytearray()
+        self._begin = self._last = 0.0
+        self._counter: int | None = None
+        self._held: _Heard | None = None
+        self._frame = 0
+        self._outcomes: deque[bool] = deque(maxlen=_REMEMBERED)
+        self._bytes = 0
+        self.syncs: list[tuple[float, float]] = []
+
+    def push(self, time_s: Array, data: Array) -> Reception:
+        """
+        Take bytes.
+
+        Parameters
+        ----------
+        time_s : ndarray, shape (n,)
+            Time of arrival of each, s.
+        data : ndarray, shape (n,)
+            Whole numbers from 0 to 255.
+        """
+        done = Reception()
+        raw = np.asarray(data).astype(np.uint8).tobytes()
+        self._bytes += len(raw)
+        start = 0
+        while start < len(raw):
+            stop = raw.find(self._end, start)
+            piece = raw[start:] if stop < 0 else raw[start:stop]
+            if not self._open and piece:
+                self._begin = float(time_s[start])
+            self._open += piece
+            if stop < 0:
+                del self._open[: max(len(self._open) - _LONGEST, 0)]
+                return done
+            self._last = float(time_s[stop])
+            self._take(bytes(self._open), done)
+            self._open.clear()
+            start = stop + 1
+        return done
+
+    def finish(self) -> Reception:
+        """Words of a frame that waits for the next one to follow it."""
+        done = Reception()
+        if self._held is not None:
+            self._emit(self._held, done)
+            self._held = None
+        return done
+
+    def why_nothing(self) -> str:
+        """Reason in one sentence why there is no word."""
+        if not self._bytes:
+            return "no words: no bytes came; check the cable, the port and that the probe has power"
+        if not self._outcomes:
+            return f"no words: {self._bytes} bytes without the end of a frame; check baud and format in the tool file"
+        return (
+            f"no words: {len(self._outcomes)} frames, but no check holds; check baud, format, sequences and words in"
+            " the tool file"
+        )
+
+    def _take(self, data: bytes, done: Reception) -> None:
+        if not data.strip(b"\r"):
+            return
+        heard = self._line(data.rstrip(b"\r")) if self._ascii else self._binary(data)
+        self._outcomes.append(heard is not None)
+        if heard is None:
+            return
+        self.syncs.append((heard.span[0], 1.0))
+        if heard.counter is None or _follows(heard.counter, self._counter):
+            self._held = None
+            self._accept(heard, done)
+        elif self._held is not None and _follows(heard.counter, self._held.counter):
+            # Two that follow each other outvote what was heard before: the tool began anew.
+            self._accept(self._held, done)
+            self._held = None
+            self._accept(heard, done)
+        else:
+            self._held = heard
+
+    def _accept(self, heard: _Heard, done: Reception) -> None:
+        self._counter = heard.counter
+        self._emit(heard, done)
+
+    def _binary(self, data: bytes) -> _Heard | None:
+        frame = serial_frames.read(data, self._tool.table_check)
+        if frame is None:
+            return None
+        sequences = self._tool.surveys if frame.kind == KINDS[0] else self._tool.toolfaces
+        if frame.number >= len(sequences):
+            return None
+        items = sequences[frame.number]
+        lengths = [item.length for item in items]
+        if len(frame.words) != serial_frames.payload_bytes(items):
+            return None
+        sent = unpacked(frame.words, lengths)
+        if packed(sent, lengths, 8 * len(frame.words)) != frame.words:
+            return None
+        pairs = list(zip(sent, items, strict=True))
+        if any(item.parity and self._tool.parity_bit(code >> 1) != code & 1 for code, item in pairs):
+            return None
+        codes = tuple(code >> 1 if item.parity else code for code, item in pairs)
+        return _Heard(frame.kind, items, codes, (self._begin, self._last), frame.counter)
+
+    def _line(self, line: bytes) -> _Heard | None:
+        pairs = serial_frames.read_line(line, self._tool.serial.check)
+        if pairs is None:
+            return None
+        for kind, sequences in zip(KINDS, (self._tool.surveys, self._tool.toolfaces), strict=True):
+            for items in sequences:
+                if [item.name for item in items] == [name for name, _ in pairs]:
+                    codes = self._codes(items, [value for _, value in pairs])
+                    return None if codes is None else _Heard(kind, items, codes, (self._begin, self._last), None)
+        return None
+
+    def _codes(self, items: Sequence[SequenceItem], values: Sequence[str]) -> tuple[int, ...] | None:
+        """Codes of values as the tool writes them; None where it never writes one so."""
+        codes = []
+        for item, value in zip(items, values, strict=True):
+            word = self._tool.table[item.name]
+            try:
+                code = word.code(float(value), item.bits)
+            except ValueError:
+                return None
+            if serial_frames.written(item, word, code) != f"{item.name}={value}":
+                return None
+            codes.append(code)
+        return tuple(codes)
+
+    @property
+    def _confidence(self) -> float:
+        """Probability that what passed the checks is right, by how many of the last frames did not pass."""
+        failed = (sum(not good for good in self._outcomes) + 1.0) / (len(self._outcomes) + 2.0)
+        chance = _VALUE_BY_CHANCE if self._ascii and not self._tool.serial.check else _CRC_BY_CHANCE
+        return max(1.0 - chance * failed / (1.0 - failed), 0.0)
+
+    def _emit(self, heard: _Heard, done: Reception) -> None:
+        confidence = self._confidence
+        for k, (item, code) in enumerate(zip(heard.items, heard.codes, strict=True)):
+            place = WordPlace(self._frame, k, heard.kind, 1)
+            done.words.append(received(self._tool, item, Judged(code, confidence, ()), heard.span, place))
+        done.frames.append(FrameReport(self._frame, heard.kind, *heard.span, math.nan, 0.0, ""))
+        self._frame += 1
+
+
+def _follows(counter: int | None, last: int | None) -> bool:
+    return counter is not None and last is not None and 1 <= (counter - last) % 256 <= _FOLLOWS
