@@ -35,7 +35,7 @@ setup(
     ],
     extras_require={
         "opcua": ["asyncua", "cryptography"],
-        "modbus": ["pymodbus<4"],
+        "modbus": ["pymodbus>=3.13,<4"],
         "serial": ["pyserial"],
         "cluster": ["distributed"],
         "foxglove": ["foxglove-sdk"],

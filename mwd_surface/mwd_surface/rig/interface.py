@@ -13,6 +13,7 @@ import concurrent.futures
 import dataclasses
 import errno
 import importlib
+import importlib.metadata
 import socket
 import threading
 from collections.abc import Callable
@@ -213,16 +214,24 @@ class LoopInterface(RigInterface):
             self._started.set_result(address)
 
 
-def optional(module: str, package: str, what: str) -> ModuleType:
+def optional(module: str, package: str, what: str, floor: tuple[int, int] = (0, 0)) -> ModuleType:
     """
-    Import of an optional package.
+    Import of an optional package, of this version (major, minor) at least.
 
     Raises
     ------
     MissingPackageError
-        It is not installed; the message gives the command that installs it.
+        It is not installed, or too old; the message gives the command that installs it.
     """
+    least = ".".join(map(str, floor))
     try:
+        installed = importlib.metadata.version(package)
+        major, minor = (int(part) for part in installed.split(".")[:2])
+        if (major, minor) < floor:
+            raise MissingPackageError(
+                f"{what} needs {package} {least} or later, and {installed} is installed:"
+                f" pip install '{package}>={least}'"
+            )
         return importlib.import_module(module)
     except ImportError as error:
         raise MissingPackageError(

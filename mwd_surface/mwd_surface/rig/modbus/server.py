@@ -39,6 +39,7 @@ _READ_INPUT, _READ_HOLDING, _WRITE_MULTIPLE = 4, 3, 16
 _MOST_READ = {1: 2000, 2: 2000, 3: 125, 4: 125}
 _WRITES = (5, 6, 15, 16, 22, 23)
 _LOOK = 1.0  # s between looks for idle connections
+_PYMODBUS = 3, 13  # the first with the simulator devices that the server answers from
 
 
 @dataclasses.dataclass
@@ -99,7 +100,7 @@ class ModbusServer(LoopInterface):
         InterfaceError
             pymodbus is missing, or the address or port is not to be had.
         """
-        self._server = optional("pymodbus.server", "pymodbus", self._what)
+        self._server = optional("pymodbus.server", "pymodbus", self._what, _PYMODBUS)
         self._simulator = optional("pymodbus.simulator", "pymodbus", self._what)
         self._codes = optional("pymodbus.constants", "pymodbus", self._what).ExcCodes
         self._identity = optional("pymodbus", "pymodbus", self._what).ModbusDeviceIdentification

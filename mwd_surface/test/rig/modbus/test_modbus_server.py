@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import importlib.metadata
 import math
 import os
 import pty
@@ -181,6 +182,12 @@ def test_a_taken_port_and_a_foreign_address_are_named():
 def test_without_pymodbus_the_message_says_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "pymodbus.server", None)
     with pytest.raises(MissingPackageError, match="pip install pymodbus"):
+        server().start()
+
+
+def test_an_older_pymodbus_is_named_with_the_version_that_serves(monkeypatch):
+    monkeypatch.setattr(importlib.metadata, "version", lambda _package: "3.11.3")
+    with pytest.raises(MissingPackageError, match=r"pymodbus 3\.13 or later, and 3\.11\.3 is installed"):
         server().start()
 
 
