@@ -11,6 +11,7 @@ import contextlib
 import importlib.util
 import io
 import json
+import sys
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 
@@ -42,6 +43,32 @@ def parameters() -> str:
     module = importlib.util.module_from_spec(importlib.util.spec_from_loader("ci_config", loader))
     loader.exec_module(module)
     return BANNER + module.reference()
+
+
+def fault_cases() -> str:
+    """The table of fault cases with the tests that hold them."""
+    loader = SourceFileLoader("fault_cases", str(ROOT / "tests" / "fault_cases.py"))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader("fault_cases", loader))
+    sys.modules["fault_cases"] = module
+    loader.exec_module(module)
+    return module.page()
+
+
+def supervision() -> str:
+    """The table of what is watched of each node."""
+    from mwd_surface.live.supervision import TABLE
+
+    lines = [
+        "# Supervision\n",
+        "What the surface node watches of each node: a reading above its limit for the time given raises its alarm;",
+        "the same time within the limit clears it.\n",
+        "| alarm | of | limit | for s | severity | what the graph does | what still works | remedy |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for row in TABLE:
+        cells = (row.alarm, row.node, f"{row.limit:g}", f"{row.persistence_s:g}", row.severity.name.lower())
+        lines.append(f"| {' | '.join((*cells, row.action, row.degraded, row.remedy))} |")
+    return "\n".join(lines) + "\n"
 
 
 def api() -> dict[str, str]:
@@ -179,6 +206,8 @@ def write_all(docs: Path) -> None:
     write(docs / "reference" / "interfaces.md", interfaces())
     write(docs / "reference" / "topics.md", topics())
     write(docs / "reference" / "parameters.md", parameters())
+    write(docs / "reference" / "fault_cases.md", BANNER + fault_cases())
+    write(docs / "reference" / "supervision.md", BANNER + supervision())
     write(docs / "reference" / "changelog.md", BANNER + (ROOT / "CHANGELOG.md").read_text())
     for name, text in api().items():
         write(docs / "reference" / "api" / f"{name}.md", text)

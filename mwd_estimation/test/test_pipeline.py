@@ -108,6 +108,7 @@ def test_the_tool_s_own_field_is_learnt_while_drilling_and_taken_off_the_azimuth
     assert (np.abs(own["cross_axial"][-1]) < 3.0 * own["sigma_cross_axial"][-1]).all()
 
 
+@pytest.mark.fault_case(24)
 def test_a_passing_casing_is_flagged_and_the_azimuth_carried_through_it():
     imu, mag = _samples(seconds=60.0, rate=3.0, still_after=60.0)
     mag["magnetic_field"][4000:5000] += 3e-6
@@ -139,6 +140,7 @@ def test_dynamics_come_once_a_second_beside_the_attitude():
     assert dynamics["status"][-1] & Status.ROTATING
 
 
+@pytest.mark.fault_case(34)
 def test_without_a_reference_the_azimuth_says_that_it_is_magnetic_and_uncorrected():
     imu, mag = _samples()
     (output,) = _run(imu, mag, Pipeline(EstimatorSettings()))
@@ -152,6 +154,7 @@ def test_without_a_reference_the_azimuth_says_that_it_is_magnetic_and_uncorrecte
     assert any("no reference field" in reason for reason in texts(survey.station.reasons))
 
 
+@pytest.mark.fault_case(18)
 def test_without_a_magnetometer_there_is_no_azimuth_but_everything_else():
     imu, _ = _samples()
     pipeline = Pipeline(EstimatorSettings(), REFERENCE)
@@ -163,6 +166,7 @@ def test_without_a_magnetometer_there_is_no_azimuth_but_everything_else():
     assert output.surveys[0].station.verdict == "reject"
 
 
+@pytest.mark.fault_case(3)
 def test_nothing_that_is_not_finite_ever_comes_out():
     imu, mag = _samples(seconds=6.0)
     imu["linear_acceleration"][100] = np.nan
@@ -178,6 +182,7 @@ def test_nothing_that_is_not_finite_ever_comes_out():
     assert pipeline.counters.rejected == 13
 
 
+@pytest.mark.fault_case(21)
 def test_a_survey_asked_for_is_marked_and_one_while_turning_is_refused():
     imu, mag = _samples(seconds=20.0, rate=10.0, still_after=8.0)
     pipeline = Pipeline(EstimatorSettings(survey=Survey(automatic=False)), REFERENCE)
@@ -235,6 +240,7 @@ def test_every_gravity_method_takes_its_own_settings(name):
     assert (params.gravity, params.accel_range) == (9.7, 8.0 * STANDARD_GRAVITY)
 
 
+@pytest.mark.fault_case(43)
 def test_time_that_goes_back_begins_the_estimate_anew_with_the_numbers_of_a_fresh_start():
     imu, mag = _samples(seconds=14.0)
     fresh = _joined(_run(imu, mag, Pipeline(EstimatorSettings(), REFERENCE)), "attitude")

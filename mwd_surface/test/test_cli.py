@@ -77,6 +77,7 @@ def test_the_version_is_printed_by_command_and_by_option():
     assert asked.stdout.startswith("mwd ")
 
 
+@pytest.mark.fault_case(97)
 def test_help_needs_no_heavy_package():
     code = (
         "import sys, mwd_surface.cli\n"

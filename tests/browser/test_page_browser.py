@@ -317,6 +317,7 @@ def test_the_page_comes_back_by_itself_when_the_unit_does(browser):
         wait(browser, lambda: text(browser, ".dial-number") == "200°")
 
 
+@pytest.mark.fault_case(96)
 def test_a_browser_whose_clock_is_hours_off_shows_the_right_age(browser):
     with rig_on(browser) as rig:
         source = "const real = Date.now; Date.now = () => real() + 7200000;"
@@ -330,6 +331,7 @@ def test_a_browser_whose_clock_is_hours_off_shows_the_right_age(browser):
             browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
 
 
+@pytest.mark.fault_case(95)
 def test_where_no_websocket_gets_through_the_page_polls(browser):
     with rig_on(browser) as rig:
         source = "window.WebSocket = class { constructor() { setTimeout(() => this.onclose?.(), 10); } close() {} };"

@@ -200,6 +200,7 @@ def test_dynamics_are_published_while_it_turns(reported):
     assert 0.0 <= index < 0.1
 
 
+@pytest.mark.fault_case(58)
 def test_numbers_that_a_list_remembers_are_not_given_again(reported):
     success, sequence, message = reported["numbered"]
     assert success, message

@@ -166,6 +166,7 @@ print(json.dumps(reported))
         yield facts
 
 
+@pytest.mark.fault_case(60)
 def test_every_node_ends_in_order_and_in_time(played):
     assert played["shut down"]
     assert {status for status, _ in played["ends"].values()} == {0}
@@ -173,6 +174,7 @@ def test_every_node_ends_in_order_and_in_time(played):
     assert "Traceback" not in played["logs"]
 
 
+@pytest.mark.fault_case(54)
 def test_a_late_joiner_sees_the_survey_table_and_the_page_shows_it(played):
     assert played["reported"]["late joiner sees"] == 1
     assert len(played["page"]["sections"]["surveys"]["rows"]) == 1
@@ -223,6 +225,7 @@ def test_a_taken_port_is_an_alarm_and_the_page_comes_once_it_is_free(tmp_path):
         assert graph.end(surface)[0] == 0
 
 
+@pytest.mark.fault_case(85)
 def test_parameters_are_described_and_changed_all_or_nothing(played):
     reported = played["reported"]
     assert reported["good set"][0]
@@ -239,6 +242,7 @@ def test_a_subscription_with_the_default_profile_receives_the_streams(played):
     assert played["reported"]["with the default profile"] == expected
 
 
+@pytest.mark.fault_case(86)
 def test_services_say_why_not(played):
     reported = played["reported"]
     assert "operator_name" in reported["nameless"]
@@ -419,6 +423,7 @@ def test_replaying_the_recording_gives_the_same_bits_as_processing_it(played, tm
                 assert float(row[f"{name}_deg"]) == pytest.approx(math.degrees(sample[name]), abs=1e-6)
 
 
+@pytest.mark.fault_case(56)
 def test_two_wells_live_side_by_side_without_hearing_each_other(tmp_path):
     with running_graph.graph(tmp_path) as graph:
         surfaces = {}

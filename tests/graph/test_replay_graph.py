@@ -54,6 +54,7 @@ def estimated(bag, from_ns):
     return output.attitude
 
 
+@pytest.mark.fault_case(46)
 def test_each_round_of_a_loop_and_what_follows_a_seek_equal_a_fresh_start(tmp_path):
     (tmp_path / "loop.yaml").write_text(SCENARIO)
     bag = tmp_path / "bag"

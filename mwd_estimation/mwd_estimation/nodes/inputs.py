@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import collections
+import itertools
 import time
 from typing import Any
 
 import numpy as np
 from mwd_msgs.msg import ImuBurst
+from numpy.typing import NDArray
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 from tf2_msgs.msg import TFMessage
 
-from mwd_sensors.core import burst, wire
+from mwd_sensors.core import burst, input_covariance, wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.mount import Mount, MountSettings, Transforms, resolve
 from mwd_sensors.ros import qos
@@ -18,6 +21,9 @@ from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.message_buffer import decode_messages
 
+_SLOWEST_HZ = 20.0  # below, a string at 120 r/min turns more than a third of a turn from sample to sample
+_RATED = 16  # samples a rate is told from
+_SKEW_S = 1.0  # between topics that arrive together
 TIMEOUT_S = 2.0  # without a message before a topic counts as silent
 
 _TYPES = {
@@ -50,6 +56,9 @@ class InputTopics:
         self.unreadable = 0
         self._node = node
         self._received_at: dict[str, float] = {}
+        self._covariances: dict[str, dict[str, str]] = {}
+        self._newest_ns: dict[str, int] = {}
+        self._rates: dict[str, _Rate] = collections.defaultdict(_Rate)
         self._transforms = Transforms()
         self._transforms_seen = 0
         node.add_subscription(TFMessage, "/tf_static", self._on_transforms, qos.EVENT)
@@ -75,6 +84,11 @@ class InputTopics:
             self._received_at[topic] = time.monotonic()
         if topic not in self.frames and len(samples):
             self.frames[topic] = wire.frame_id((messages + bursts)[0])
+        if len(samples):
+            samples, notes = input_covariance.judge(samples, layout.type_name)
+            self._covariances[topic] = notes
+            self._newest_ns[topic] = int(samples["stamp_ns"][-1])
+            self._rates[topic].add(samples["stamp_ns"])
         for error in errors:
             self.unreadable += 1
             self._node.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=10.0)
@@ -117,6 +131,10 @@ class InputTopics:
         """
         values = (("messages", str(count)), ("frame", self.frames.get(topic, "")))
         if not self.silent(topic):
+            rate_hz = self._rates[topic].hz
+            if 0.0 < rate_hz < _SLOWEST_HZ:
+                message = f"rate too low: {rate_hz:.1f} Hz, a turning string needs {_SLOWEST_HZ:g} Hz"
+                return Diagnostic(topic, WARN, message, "raise the rate of the unit; surveys at rest go on", values)
             return Diagnostic(topic, OK, "arriving", values=values)
         if self.received(topic):
             age = time.monotonic() - self._received_at[topic]
@@ -139,3 +157,46 @@ class InputTopics:
                 what, _, remedy = sentence.partition(": ")
                 found.append(Diagnostic(f"mount of {_UNITS[unit]}", level, f"not used: {what}", remedy))
         return tuple(found)
+
+    def covariance_diagnostics(self) -> list[Diagnostic]:
+        """Name vectors that the messages declare absent, and covariances that are none."""
+        found = []
+        for topic, notes in self._covariances.items():
+            for vector, note in notes.items():
+                absent = note == input_covariance.ABSENT
+                message = f"{topic}: {vector} is declared {note}" if absent else f"{topic}: {vector} comes with {note}"
+                remedy = "give its covariance, or zeros where it is unknown"
+                taken = "it is not used" if absent else "the noise of the tool's settings is used"
+                found.append(Diagnostic(f"covariance {topic} {vector}", WARN, f"{message}: {taken}", remedy))
+        return found
+
+    def skew_diagnostics(self) -> list[Diagnostic]:
+        """Name a topic whose stamps are far from those of the IMU, both arriving."""
+        lead = self._newest_ns.get("imu/data_raw")
+        if lead is None or self.silent("imu/data_raw"):
+            return []
+        found = []
+        for topic in ("imu/mag", "gyro/data_raw"):
+            skew_s = (self._newest_ns.get(topic, lead) - lead) * 1e-9
+            if abs(skew_s) > _SKEW_S and not self.silent(topic):
+                way = "ahead of" if skew_s > 0.0 else "behind"
+                message = f"{topic} is {abs(skew_s):.1f} s {way} imu/data_raw: it is not used together with it"
+                found.append(Diagnostic(f"time {topic}", ERROR, message, "stamp both with one clock"))
+        return found
+
+
+class _Rate:
+    """Rate of a stream from the stamps of its last samples, Hz; 0 while it is not known."""
+
+    def __init__(self) -> None:
+        self._stamps: collections.deque[int] = collections.deque(maxlen=_RATED)
+
+    def add(self, stamp_ns: NDArray[np.int64]) -> None:
+        """Take the stamps of samples that arrived."""
+        self._stamps.extend(stamp_ns[-_RATED:].tolist())
+
+    @property
+    def hz(self) -> float:
+        """Rate of the last samples."""
+        steps = sorted(later - earlier for earlier, later in itertools.pairwise(self._stamps) if later > earlier)
+        return 1e9 / steps[len(steps) // 2] if len(steps) >= _RATED // 2 else 0.0

@@ -90,6 +90,7 @@ def test_a_turning_tool_gives_its_own_field_in_three_axes_and_an_azimuth_free_of
     assert gravity["gravity"][-1] == pytest.approx(block.track.g_t[-1])
 
 
+@pytest.mark.fault_case(30)
 def test_a_horizontal_east_west_hole_hides_the_axial_field_and_sigma_and_status_say_so():
     block, b_t = samples(3000, math.pi / 2, azimuth=math.pi / 2, rate=6.0, own=(2e-6, 0.0, 0.0))
     attitude, _, interference, _ = follow(stream(), block, b_t)
@@ -167,6 +168,7 @@ def test_an_azimuth_that_a_gyro_left_open_says_so_and_gives_way_to_a_better_gyro
     assert attitude["sigma_azimuth"][2150] < math.radians(4.2)
 
 
+@pytest.mark.fault_case(27)
 def test_near_vertical_the_magnetic_toolface_stands_and_the_azimuth_is_unknown():
     block, b_t = samples(1000, 0.02, rate=1.0)
     attitude, _, _, _ = follow(stream(), block, b_t)
@@ -187,6 +189,7 @@ def test_without_a_reference_the_azimuth_is_carried_all_the_same_and_says_that_i
     assert (interference["sigma_axial"] == -1.0).all()
 
 
+@pytest.mark.fault_case(47)
 def test_an_azimuth_that_has_grown_too_uncertain_is_withheld_not_replaced():
     block, b_t = samples(3000, 0.9)
     b_t[500:] += 2e-5

@@ -227,6 +227,7 @@ def test_without_mag_from_the_start_there_is_no_azimuth_until_the_gyro_gives_one
     assert 0.49 * DEG < rows["sigma"][-1] < 0.51 * DEG
 
 
+@pytest.mark.fault_case(19)
 @pytest.mark.parametrize("seconds", [5, 60])
 def test_unplugged_mag_lets_sigma_grow_and_comes_back_without_a_flip(seconds: int) -> None:
     well = drilling(400.0, 60.0)
@@ -244,6 +245,7 @@ def test_unplugged_mag_lets_sigma_grow_and_comes_back_without_a_flip(seconds: in
     assert (error < 4.0 * rows["sigma"][200:]).all()
 
 
+@pytest.mark.fault_case(24)
 def test_a_passing_tool_joint_is_gated_out() -> None:
     well = drilling(400.0, 60.0)
     mag = magnetic(well, np.random.default_rng(4))

@@ -118,6 +118,7 @@ def test_a_magnetic_azimuth_leaves_the_station_alone_and_its_covariance_is_josep
     assert_allclose(s.P, kept @ before @ kept.T + r2 * np.outer(gain, gain), atol=1e-15)
 
 
+@pytest.mark.fault_case(8)
 def test_beyond_the_gate_nothing_changes() -> None:
     s = state_of(P=np.eye(STATES) * 1e-6)
     assert not gyro_azimuth_filter.correct(PARAMS, s, 1.0, 0.0, 0.0, 1e-6, 0.0)

@@ -32,6 +32,7 @@ def test_every_fault_has_words_and_a_remedy_and_its_end_too(code, unit):
     assert (ended.remedy, ended.kind, ended.sensor) == ("", text.kind, text.sensor)
 
 
+@pytest.mark.fault_case(10)
 @pytest.mark.parametrize(
     ("k", "words"),
     [

@@ -12,6 +12,7 @@ from mwd_sensors.core.frames import mat_nt
 DEG = math.pi / 180.0
 
 
+@pytest.mark.fault_case(37)
 def test_grid_azimuth_is_magnetic_plus_declination_minus_convergence():
     reference = Reference(declination=-2.21 * DEG, convergence=-0.95 * DEG)
     assert best_north(reference) == "grid"
@@ -41,6 +42,7 @@ def test_covariance_of_horizontal_and_vertical_matches_drawn_fields():
     assert reference.horizontal == pytest.approx(50e-6 * math.cos(72 * DEG))
 
 
+@pytest.mark.fault_case(31)
 def test_declination_is_less_certain_where_the_horizontal_field_is_weak():
     reference = Reference()
     assert math.sqrt(reference.declination_variance(15451e-9)) / DEG == pytest.approx(0.53, abs=0.005)
@@ -78,6 +80,7 @@ def test_a_models_field_becomes_a_reference_with_sigmas():
     assert reference.has_field
 
 
+@pytest.mark.fault_case(35)
 @pytest.mark.parametrize(
     ("given", "words"),
     [

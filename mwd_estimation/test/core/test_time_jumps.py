@@ -1,6 +1,7 @@
 """Stamps that go back: accepted when several do, with nothing of the new time lost and nothing of the old mixed in."""
 
 import numpy as np
+import pytest
 
 from mwd_estimation.core.time_jumps import Clocks
 from mwd_sensors.core import wire
@@ -27,6 +28,7 @@ def test_a_stream_that_advances_passes_as_it_is():
     assert new is None
 
 
+@pytest.mark.fault_case(42)
 def test_a_single_stamp_that_is_garbage_changes_nothing():
     clocks = Clocks()
     clocks.lead(samples(100, 101))
@@ -81,6 +83,7 @@ def test_a_stream_that_was_silent_meanwhile_is_used_again():
     assert seconds(clocks.beside("mag", samples(52, 53))) == [52, 53]
 
 
+@pytest.mark.fault_case(51)
 def test_a_stream_whose_clock_alone_is_set_back_is_not_used():
     clocks = Clocks()
     clocks.beside("mag", samples(100))

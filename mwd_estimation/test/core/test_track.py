@@ -33,6 +33,7 @@ def test_a_value_that_is_no_measurement_is_rejected_and_does_not_move_the_clock(
     assert c.last_ns == 5
 
 
+@pytest.mark.fault_case(44)
 def test_one_stamp_from_the_future_does_not_end_the_estimate():
     c = clock()
     track.admit(c, 0, *GOOD, 100)

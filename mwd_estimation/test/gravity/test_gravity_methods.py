@@ -72,6 +72,7 @@ def test_one_sample_at_a_time_is_the_block(name):
         assert np.array_equal(ones[field], whole[field]), field
 
 
+@pytest.mark.fault_case(1, 3)
 @every_method
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e30])
 def test_a_value_that_is_no_measurement_is_rejected_and_flagged_and_changes_nothing(name, bad):
@@ -91,6 +92,7 @@ def test_a_value_that_is_no_measurement_is_rejected_and_flagged_and_changes_noth
         assert np.abs(got.g_t[-1] - clean.g_t[-1]).max() < 0.02
 
 
+@pytest.mark.fault_case(41, 42)
 @every_method
 def test_stamps_that_do_not_advance_are_rejected_until_the_clock_has_plainly_been_set_back(name):
     method = gravity.method(name)
@@ -109,6 +111,7 @@ def test_stamps_that_do_not_advance_are_rejected_until_the_clock_has_plainly_bee
     assert np.isfinite(got.g_t).all()
 
 
+@pytest.mark.fault_case(47)
 @every_method
 def test_a_gap_is_flagged_and_survived(name):
     method = gravity.method(name)
@@ -122,6 +125,7 @@ def test_a_gap_is_flagged_and_survived(name):
         assert np.sqrt(np.mean(error_deg(got, down)[3000:] ** 2)) < 3.0
 
 
+@pytest.mark.fault_case(50)
 @every_method
 @pytest.mark.parametrize("rate_hz", [50.0, 96.2, 285.7, 1000.0])
 def test_any_rate_from_50_to_1000_hz_is_followed_from_a_start_in_motion(name, rate_hz):

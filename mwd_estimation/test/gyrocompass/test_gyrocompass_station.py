@@ -135,6 +135,7 @@ def test_a_turn_that_takes_too_long_begins_the_seek_anew(monkeypatch):
     assert _gyro(slow).sigma > 1.5 * _gyro(quick).sigma
 
 
+@pytest.mark.fault_case(31)
 def test_near_the_pole_the_gyro_is_refused_with_the_reason():
     survey = _surveys(_samples(latitude=88.0), _settings(**{"place.lat_deg": 88.0}))[-1]
     assert _gyro(survey).refused.code is ReasonCode.LATITUDE_POLAR

@@ -312,6 +312,7 @@ def test_a_gyro_far_from_its_statement_is_named() -> None:
     assert found.reason.code in (ReasonCode.GYRO_BIAS_EXCESSIVE, ReasonCode.LATITUDE_MISFIT)
 
 
+@pytest.mark.fault_case(9)
 def test_a_gyro_whose_bias_drifts_to_the_next_station_errs_by_its_sigma_there() -> None:
     rng, latitude, between = np.random.default_rng(8), math.radians(34.0), 1800.0
     params = SeekParams(

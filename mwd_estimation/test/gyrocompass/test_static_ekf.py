@@ -115,6 +115,7 @@ def test_bad_samples_are_passed_over_and_a_gap_starts_anew() -> None:
     assert np.isnan(north.azimuth[1900])
 
 
+@pytest.mark.fault_case(33)
 def test_above_85_degrees_of_latitude_the_filter_refuses_in_words() -> None:
     with pytest.raises(ValueError, match="too near the pole"):
         static_ekf.initial(Params(latitude_deg=-86.0))

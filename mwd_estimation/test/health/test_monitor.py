@@ -171,6 +171,7 @@ def spoilt(run, sensor, spoil, start_s):
     return dataclasses.replace(run, **{field: values})
 
 
+@pytest.mark.fault_case(4)
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_while_drilling_is_named_within_ten_seconds_and_nothing_else_is(name):
     sensor, spoil, kind, axis = FAULTS[name]
@@ -192,6 +193,7 @@ def test_a_fault_while_drilling_is_named_within_ten_seconds_and_nothing_else_is(
 UNSEEN = ("stuck", "constant", "saturated", "at zero")
 
 
+@pytest.mark.fault_case(5)
 @pytest.mark.parametrize("name", [n for n in FAULTS if not any(word in n for word in UNSEEN)])
 def test_a_fault_from_the_start_is_named_within_ten_seconds_of_turning_at_the_latest(name):
     sensor, spoil, kind, _ = FAULTS[name]
@@ -281,6 +283,7 @@ def test_while_drilling_units_axes_and_signs_become_known_to_be_right():
     assert health.faults(state) == []
 
 
+@pytest.mark.fault_case(48)
 @pytest.mark.parametrize("name", ["bench/drillvib", "bench/rot155", "default"])
 @pytest.mark.parametrize("what", ["30 % lost", "white 10 m/s^2", "white 30 m/s^2", "sweep through the sample rate"])
 def test_lost_samples_white_noise_and_an_alias_of_some_seconds_are_no_fault(name, what):
@@ -349,6 +352,7 @@ def test_a_fault_clears_when_it_has_gone_and_says_when():
     assert unusable[np.searchsorted(clean.time, 11.0)] == evidence.ACCEL
 
 
+@pytest.mark.fault_case(18)
 def test_an_absent_magnetometer_is_named_and_one_that_falls_silent_too():
     run = sent("bench/build", 26.0)
     none = dataclasses.replace(run, mag_ns=run.mag_ns[:0], mag=run.mag[:0])

@@ -71,6 +71,7 @@ def test_right_axes_carry_gravity_unsmeared_and_a_still_tool_tells_nothing():
     assert shares(window(steadily(0.0, 0.0, 0.0))) == pytest.approx(1.0)
 
 
+@pytest.mark.fault_case(10)
 @pytest.mark.parametrize("mistake", range(0, 141, 4))
 def test_a_full_motion_leaves_one_way_and_it_is_that_of_the_mistake(mistake):
     sensor, mapping, by_gravity, _ = MISTAKES[mistake]

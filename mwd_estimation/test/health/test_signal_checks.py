@@ -49,6 +49,7 @@ def test_a_healthy_tool_shows_nothing():
     assert tool.doubtful == 0
 
 
+@pytest.mark.fault_case(4)
 def test_an_axis_that_keeps_one_value_is_stuck_and_its_sensor_doubtful():
     tool = Tool()
     tool.half_second()
@@ -66,6 +67,7 @@ def test_a_sensor_that_repeats_itself_is_dead_while_others_move():
     assert found == {(FaultCode.DEAD, 0)}
 
 
+@pytest.mark.fault_case(6)
 def test_the_end_of_the_range_is_noted_and_what_lies_far_beyond_is_another_unit():
     tool = Tool()
     assert tool.half_second(lambda v: v.__setitem__((slice(0, 20), 3), LIMITS[1])) == {(FaultCode.CLIPPED, 3)}
@@ -74,6 +76,7 @@ def test_the_end_of_the_range_is_noted_and_what_lies_far_beyond_is_another_unit(
     assert (FaultCode.SATURATED, 3) not in tool.half_second(put(3, 3.0 * LIMITS[1]))
 
 
+@pytest.mark.fault_case(2)
 def test_values_that_are_not_finite_are_noted_by_axis():
     tool = Tool()
     assert tool.half_second(put(slice(7, 9), math.nan)) == {(FaultCode.INVALID, 6)}
@@ -91,6 +94,7 @@ def test_samples_counted_one_by_one_or_together_give_the_same():
     assert together.tobytes() == single.tobytes()
 
 
+@pytest.mark.fault_case(7)
 def test_a_field_that_jumps_from_sample_to_sample_is_noise_and_one_that_turns_fast_or_in_another_unit_is_not():
     tool = Tool()
     tool.half_second()
@@ -105,6 +109,7 @@ def test_a_field_that_jumps_from_sample_to_sample_is_noise_and_one_that_turns_fa
         assert (FaultCode.NOISE, 6) not in tool.half_second(put(7, field))
 
 
+@pytest.mark.fault_case(7)
 def test_random_forces_over_the_range_are_noise_and_a_tone_of_the_same_size_is_not():
     tool = Tool()
     tool.half_second()

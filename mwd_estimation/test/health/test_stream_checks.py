@@ -36,6 +36,7 @@ def half_second(stamps, stream=None, repeated=False):
     return checks, stream_checks.judge_stream(SignalLimits(), checks, channels, s, samples, 0), s
 
 
+@pytest.mark.fault_case(48)
 def test_the_rate_is_learned_also_while_a_third_of_the_samples_is_lost():
     kept = np.flatnonzero(np.random.default_rng(2).random(N) > 0.33)
     _, late, stream = half_second(kept * PERIOD)
@@ -43,6 +44,7 @@ def test_the_rate_is_learned_also_while_a_third_of_the_samples_is_lost():
     assert not late
 
 
+@pytest.mark.fault_case(49)
 def test_a_changed_pace_is_seen_and_samples_far_apart_are_late():
     checks, late, stream = half_second(np.arange(N) * PERIOD)
     assert checks[FaultCode.RATE, 0].seen == AGAINST

@@ -19,6 +19,7 @@ def deviations(gravity=0.0, field=0.0, dip=0.0):
     return Deviations(gravity, field, dip, COVARIANCE)
 
 
+@pytest.mark.fault_case(8)
 @pytest.mark.parametrize(
     ("off", "limits", "verdict", "words"),
     [
@@ -99,6 +100,7 @@ GOOD = AxialCorrection(
 )
 
 
+@pytest.mark.fault_case(30)
 @pytest.mark.parametrize(
     ("changes", "inclination", "words"),
     [

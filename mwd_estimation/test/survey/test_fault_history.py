@@ -71,6 +71,7 @@ def tilt_errors(output, streams):
     return rows["inclination"][given] - truth["inclination"][given], rows["sigma_inclination"][given], named
 
 
+@pytest.mark.fault_case(2)
 @pytest.mark.parametrize(
     ("component", "word", "axis", "bit"),
     [

@@ -92,6 +92,7 @@ def test_a_bin_with_hardly_any_samples_is_not_called_still():
     assert "too few samples" in text(refused.reason)
 
 
+@pytest.mark.fault_case(49)
 def test_a_stream_that_was_silent_for_part_of_the_time_is_not_averaged():
     survey = StillSurvey(Params(settle_s=0.0, duration_s=2.0))
     bins = _bins(2.5)

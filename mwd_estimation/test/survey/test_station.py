@@ -52,6 +52,7 @@ def test_the_north_asked_for_is_the_north_given(north, azimuth):
     assert shot.north == ("grid" if north == "best" else north)
 
 
+@pytest.mark.fault_case(34)
 def test_without_reference_the_azimuth_is_labelled_magnetic_and_uncorrected():
     shot = station(*readings(35, 120, 40, 2e-6))
     assert (shot.north, shot.method, shot.corrected, shot.verdict) == ("magnetic", "raw", False, "doubtful")
@@ -228,6 +229,7 @@ def test_a_fault_of_the_readings_rejects_the_station():
     assert Reason(ReasonCode.TOOL_NOT_STILL) in shot.reasons
 
 
+@pytest.mark.fault_case(28)
 def test_an_exactly_vertical_hole_keeps_finite_sigmas():
     shot = station([-9.81, 0.0, 0.0], [48e-6, 15e-6, 1e-6], REFERENCE)
     assert shot.inclination == 0.0

@@ -141,6 +141,9 @@ class SondeNode(GraphNode[SondeSettings]):
         if sonde is None:
             if not self._discovery.complete(self._topic_publishers.values(), time.monotonic()):
                 return
+            if self.get_clock().now().nanoseconds == 0:
+                # Simulated time without a clock: no sample is stamped with 1970.
+                return
             sonde = self._start()
         if self._finished:
             if self.settings.exit_at_end and time.monotonic() - self._finished_at > _DELIVERY_TIME:

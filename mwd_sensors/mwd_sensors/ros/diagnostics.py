@@ -37,6 +37,14 @@ class Diagnostic:
     values: tuple[tuple[str, str], ...] = ()
 
 
+def clock_diagnostics(sim_time: bool, now_ns: int) -> list[Diagnostic]:
+    """Warn of a node on simulated time that no clock has reached yet."""
+    if not sim_time or now_ns > 0:
+        return []
+    remedy = "start what publishes /clock (`mwd replay`), or set use_sim_time to false"
+    return [Diagnostic("clock", WARN, "waiting for /clock", remedy)]
+
+
 def diagnostic_array(node: Node, diagnostics: Sequence[Diagnostic]) -> DiagnosticArray:
     """Message with the diagnostics of a node, stamped now; the hardware id is the node's namespace."""
     message = DiagnosticArray()

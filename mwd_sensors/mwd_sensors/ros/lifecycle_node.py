@@ -21,7 +21,7 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 
 from mwd_sensors.ros.deferred import DeferredActionServer, DeferredGoal, allow_deferred_responses
-from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic, diagnostic_array
+from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic, clock_diagnostics, diagnostic_array
 from mwd_sensors.ros.heartbeat import Heartbeat
 from mwd_sensors.ros.message_buffer import MessageBuffer
 from mwd_sensors.ros.middleware_events import MiddlewareEvents
@@ -330,6 +330,7 @@ class GraphNode(LifecycleNode, Generic[T]):
             found = [Diagnostic("lifecycle", OK, state), *self.diagnostics(), *self._middleware.diagnostics()]
         else:
             found = [Diagnostic("lifecycle", WARN, state, "activate the node")]
+        found += clock_diagnostics(self.get_parameter("use_sim_time").value, self.get_clock().now().nanoseconds)
         if self._callback_failures:
             counts = tuple((name, str(count)) for name, count in self._callback_failures.items())
             found.append(Diagnostic("failures", ERROR, "a callback raised an exception", "read the node's log", counts))

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.ros.lifecycle_node import GraphNode
 
+RCLError = rclpy_implementation.RCLError
 # Longest wait of the executor, s. The events executor treats "no limit" as a deadline that has passed.
 _LONGEST_SPIN = 1e6
 
@@ -26,11 +30,30 @@ def run_node(make_node: Callable[[], GraphNode[Any]], args: Sequence[str] | None
     SIGINT and SIGTERM end it in order (deactivate, clean up) with status 0; parameters that are not allowed end it with
     status 2 and one sentence.
     """
-    rclpy.init(args=list(args) if args is not None else None, signal_handler_options=SignalHandlerOptions.NO)
     try:
+        rclpy.init(args=list(args) if args is not None else None, signal_handler_options=SignalHandlerOptions.NO)
         return _spin(make_node)
+    except RCLError as error:
+        if not (reason := security_refusal(os.environ, str(error))):
+            raise
+        sys.stderr.write(f"{reason}\n")
+        return 2
     finally:
         rclpy.try_shutdown()
+
+
+def security_refusal(environment: Mapping[str, str], error: str) -> str:
+    """Say in one sentence why a node that is to be secured does not start; empty where security is not enforced."""
+    enforced = environment.get("ROS_SECURITY_STRATEGY") == "Enforce"
+    if not enforced or environment.get("ROS_SECURITY_ENABLE", "").lower() != "true":
+        return ""
+    keystore = environment.get("ROS_SECURITY_KEYSTORE", "")
+    if not keystore or not Path(keystore).is_dir():
+        where = f"ROS_SECURITY_KEYSTORE is {keystore!r}, which is no folder" if keystore else "there is no keystore"
+        return f"security is enforced and {where}: make one (`ros2 security create_keystore`) and name it"
+    if "security libraries" in error:
+        return "security is enforced and this middleware has no security plugins: use the ROS 2 packages of apt"
+    return f"security is enforced and the node was refused: {error.splitlines()[0]}"
 
 
 def _spin(make_node: Callable[[], GraphNode[Any]]) -> int:

@@ -85,6 +85,7 @@ def test_leaves_have_dotted_names_and_their_rules():
     assert "one of slow, fast" in leaves["filter.mode"][1].text()
 
 
+@pytest.mark.fault_case(85)
 def test_changes_are_all_or_nothing():
     node = Node()
     assert changed(node, {"filter.gain": 1.0, "rate": 50}) == Node(rate=50, filter=Filter(gain=1.0))

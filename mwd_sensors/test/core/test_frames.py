@@ -48,6 +48,7 @@ def test_inclination_and_toolface_do_not_see_the_azimuth(inc, azi, toolface):
     assert wrap_pi(gravity_toolface(f_t) - toolface) == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.fault_case(29)
 @given(inc=inclinations, azi=angles, toolface=angles)
 def test_hole_angles_invert_the_rotation(inc, azi, toolface):
     found = hole_angles(mat_nt(inc, azi, toolface))
@@ -55,6 +56,7 @@ def test_hole_angles_invert_the_rotation(inc, azi, toolface):
         assert wrap_pi(value - wanted) == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.fault_case(28)
 @pytest.mark.parametrize("inc", [0.0, np.pi])
 def test_an_exactly_vertical_hole_keeps_its_rotation(inc):
     mat = mat_nt(inc, 0.7, 1.1)

@@ -52,6 +52,7 @@ def test_what_is_no_mount_is_refused_with_what_is(text, words):
         from_mapping(MountSettings, {"imu": text}, "tool.mount")
 
 
+@pytest.mark.fault_case(11)
 def test_the_frames_and_static_transforms_turn_a_magnetometer_into_the_axes_of_the_imu():
     transforms = Transforms()
     transforms.add("sonde_link", "imu_link", quaternion(PRESETS["z-down"]))

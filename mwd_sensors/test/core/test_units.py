@@ -13,6 +13,7 @@ def readings(quantity, factor=1.0):
     return direction / np.linalg.norm(direction, axis=1)[:, None] * EARTH[quantity] / factor
 
 
+@pytest.mark.fault_case(12)
 @pytest.mark.parametrize(
     ("quantity", "unit"),
     [(q, u) for q, table in units.FACTORS.items() for u in table if (q, u) != ("field", "mT")],

@@ -10,7 +10,6 @@ from mwd_sensors.nodes import sonde as module
 from mwd_sensors.nodes.sonde import SondeNode, SondeSettings
 
 
-@pytest.mark.fault_case(67)
 def test_a_simulation_slower_than_its_rate_drops_behind_and_says_so(monkeypatch):
     now, said = [100.0], []
     monkeypatch.setattr(module.time, "monotonic", lambda: now[0])

@@ -1,6 +1,7 @@
 """Messages taken in one go, decode_messages in one go, published in one go: nothing lost, nothing out of order."""
 
 import contextlib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -95,3 +96,23 @@ def test_a_buffered_profile_differs_in_nothing_but_its_depth():
     buffered = qos.buffered(qos.EVENT)
     assert buffered.depth > qos.EVENT.depth
     assert (buffered.reliability, buffered.durability) == (qos.EVENT.reliability, qos.EVENT.durability)
+
+
+@pytest.mark.fault_case(55)
+def test_a_flood_is_taken_in_bounded_portions():
+    class Endless:
+        taken = 0
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            return None
+
+        def take_message(self, _type, _raw):
+            self.taken += 1
+            return b"", {"received_timestamp": self.taken}
+
+    handle = Endless()
+    buffer = MessageBuffer(SimpleNamespace(handle=handle, msg_type=None))
+    assert len(buffer.take()) == handle.taken == 10_000

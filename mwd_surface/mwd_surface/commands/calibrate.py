@@ -60,6 +60,7 @@ def calibrate(
     about: dict[str, Any] = {"from": data.source, "unit": unit, "gravity_mps2": strength, "place": source or "options"}
     if found_field is not None:
         about |= {"field_t": found_field[0], "dip_rad": found_field[1]}
+    about["temperature_c"] = [round(float(limit), 1) for limit in (data.celsius.min(), data.celsius.max())]
     calibration_run.write(output, found, about)
     _show(data.source, unit, found)
     terminal.output().print(f"written: {output}", markup=False)

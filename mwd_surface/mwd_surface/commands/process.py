@@ -159,7 +159,9 @@ def _run(
         raise ValueError(f"--end {end:g}: not after --start {start:g}")
     options["format"] = options.pop("form")
     given, wanted = given_settings(InputSettings, options), given_settings(OutputSettings, options)
-    compensation = Compensation(calibration_run.read(calibration)) if calibration is not None else None
+    compensation = None
+    if calibration is not None:
+        compensation = Compensation(calibration_run.read(calibration), calibration_run.temperatures(calibration))
     began = time.monotonic()
     with (
         Bag(path) as opened,

@@ -63,23 +63,13 @@ QUANTITIES = {
     "pressure": Quantity("Pa", "rig"),
     "rate_of_penetration": Quantity("m/s", "rig"),
 }
-# Fields of RigState whose validity is bit 0, 1, ... of `valid`.
-_RIG_FIELDS = (
-    "bit_depth",
-    "hole_depth",
-    "block_position",
-    "hookload",
-    "weight_on_bit",
-    "torque",
-    "rotary_speed",
-    "flow_rate",
-    "pressure",
-    "rate_of_penetration",
-)
 _IN_SLIPS_VALID = 1024
+_COLDEST, _HOTTEST = -60.0, 250.0  # degC, from a winter's rack to beyond the hottest electronics in use
 _ANGLES = ("inclination", "azimuth")
 _DRILLING = tuple(field.name for field in dataclasses.fields(DrillingState))
 _RIG = tuple(name for name, quantity in QUANTITIES.items() if quantity.stream == "rig")
+# Fields of RigState whose validity is bit 0, 1, ... of `valid`.
+_RIG_FIELDS = tuple(name.removeprefix("rig_") for name in _RIG)
 _PART_OF = {
     "toolface": "toolface",
     **dict.fromkeys(_ANGLES, "attitude"),
@@ -229,8 +219,11 @@ class LiveStreams:
         self.on_stream("sonde", len(samples), now)
         self.on_stream("temperature", len(samples), now)
         last = samples[-1]
-        variance = float(last["variance"])
-        self._put("temperature", float(last["temperature"]), math.sqrt(variance) if variance > 0.0 else None, now)
+        celsius, variance = float(last["temperature"]), float(last["variance"])
+        if _COLDEST <= celsius <= _HOTTEST:
+            self._put("temperature", celsius, math.sqrt(variance) if variance > 0.0 else None, now)
+        else:
+            self._withhold("temperature", f"{celsius:.0f} degC is no temperature of a tool: check its sensor", now)
 
     def on_magnetic_field(self, samples: Samples, now: float) -> None:
         """Take magnetic fields, `wire.MAG`; the mean of their totals counts."""

@@ -176,6 +176,16 @@ def read(path: Path, unit: str = "ahrs") -> Calibration:
         raise SettingsError(f"{path}: {error}") from error
 
 
+def temperatures(path: Path) -> tuple[float, float] | None:
+    """Lowest and highest temperature, degC, of the run a calibration was made of; None where its file does not say."""
+    table = load_yaml(read_text(path))
+    about = table.get("about") if isinstance(table, dict) else None
+    given = about.get("temperature_c") if isinstance(about, dict) else None
+    if not isinstance(given, list) or len(given) != 2 or not all(isinstance(one, (int, float)) for one in given):
+        return None
+    return float(given[0]), float(given[1])
+
+
 def _run(source: str, unit: str, joined: Mapping[str, Samples], topics: tuple[str, str, str]) -> Run:
     imu = _ordered([joined[topics[0]]])
     if len(imu) < 100:

@@ -237,6 +237,7 @@ def test_a_message_that_is_not_of_its_type_is_counted_and_left_out(tmp_path):
         assert any("cannot be decoded" in note for note in bag.notes)
 
 
+@pytest.mark.fault_case(68)
 def test_a_type_without_a_fixed_layout_comes_as_bytes_and_can_be_decoded(tmp_path):
     message = STORE.types["std_msgs/msg/String"]("pump on")
     data = bytes(STORE.serialize_cdr(message, "std_msgs/msg/String"))
@@ -341,6 +342,7 @@ def test_a_file_that_was_cut_off_is_read_to_its_last_good_chunk(bag_path, tmp_pa
     assert set(rows) <= set(whole)
 
 
+@pytest.mark.fault_case(66)
 def test_no_single_flipped_bit_ever_returns_wrong_data(tmp_path):
     write_bag(tmp_path / "bag", seconds=1, chunk_bytes=20_000)
     path = tmp_path / "bag" / "bag_0.mcap"
@@ -364,6 +366,7 @@ def test_no_single_flipped_bit_ever_returns_wrong_data(tmp_path):
     assert partial > 50
 
 
+@pytest.mark.fault_case(66)
 @pytest.mark.parametrize("at", [9, 60, 5000, -60])
 def test_a_hostile_length_is_refused_in_bounded_memory(bag_path, tmp_path, at):
     data = bytearray((bag_path / "bag_0.mcap").read_bytes())
@@ -381,6 +384,7 @@ def test_a_hostile_length_is_refused_in_bounded_memory(bag_path, tmp_path, at):
     assert peak < 100e6
 
 
+@pytest.mark.fault_case(66)
 def test_a_decompression_bomb_is_refused(tmp_path):
     bomb = zstandard.ZstdCompressor().compress(bytes(2**30))
     head = ChunkHead(START, START, 2**30, 0, "zstd", len(bomb), 0)
@@ -389,6 +393,7 @@ def test_a_decompression_bomb_is_refused(tmp_path):
         Bag(tmp_path / "bomb.mcap")
 
 
+@pytest.mark.fault_case(67)
 def test_memory_does_not_grow_with_the_bag(tmp_path):
     write_bag(tmp_path / "bag", seconds=60, chunk_bytes=100_000)
     peaks = []

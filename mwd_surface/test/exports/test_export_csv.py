@@ -71,6 +71,7 @@ def test_what_is_not_known_is_an_empty_cell_and_never_zero():
     assert all(row[k] == "" for k in empty.split())
 
 
+@pytest.mark.fault_case(82)
 @pytest.mark.parametrize("text", ["=1+1", "+A1", "-2", "@SUM(A1)", "\t=1", "\r\n=1", " =1"])
 def test_no_text_starts_like_a_formula(text):
     assert quoted(text).startswith("\"'")
@@ -92,6 +93,7 @@ def test_a_hostile_head_block_stays_in_its_lines():
     assert len(rows) == len(table.records)
 
 
+@pytest.mark.fault_case(92)
 def test_the_decimal_sign_is_a_point_in_every_locale():
     import locale
 

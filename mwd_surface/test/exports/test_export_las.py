@@ -6,6 +6,7 @@ import io
 import example_surveys as example
 import lasio
 import numpy as np
+import pytest
 
 from mwd_surface.exports.export_las import NULL, las
 from mwd_surface.exports.survey_table import survey_table
@@ -34,6 +35,7 @@ def test_what_is_not_known_is_null_and_read_as_nan():
     assert np.isnan(read(table)["SIGN"][-1])
 
 
+@pytest.mark.fault_case(93)
 def test_the_head_survives_accents_colons_and_commas():
     file = read(example.table(well={"company": "A: B: C, Ltd 12:30"}))
     assert file.version["VERS"].value == 2.0

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from mwd_surface.exports.export_name import LONGEST, RESERVED, safe_name
 
 
+@pytest.mark.fault_case(93)
 @pytest.mark.parametrize(
     ("parts", "name"),
     [
@@ -25,6 +26,7 @@ def test_names_are_made_safe(parts, name):
     assert safe_name(*parts) == name
 
 
+@pytest.mark.fault_case(80, 93)
 @given(st.lists(st.text(max_size=120), max_size=4))
 def test_no_text_makes_a_name_that_any_system_refuses(parts):
     name = safe_name(*parts)

@@ -38,6 +38,7 @@ def test_every_cell_of_every_table_is_on_the_page(stretches):
     assert heads == dict(reported.header)
 
 
+@pytest.mark.fault_case(82)
 def test_what_people_wrote_is_escaped():
     bad = "<img src=x onerror=alert(1)>"
     page = report_html(example.table(well={"name": bad, "rig": bad}))

@@ -83,6 +83,7 @@ def test_the_log_is_newest_first_and_says_who_and_what():
     assert "A. Berg" in book.events()[0].text
 
 
+@pytest.mark.fault_case(70)
 def test_alarms_and_events_are_bounded_and_what_is_refused_is_logged():
     book = AlarmBook(max_alarms=3, max_events=10)
     for k in range(3):

@@ -14,6 +14,7 @@ from mwd_surface.live.streams import LiveStreams
 from mwd_surface.live.toolface import GRAVITY, MAGNETIC, ToolfaceReading
 
 
+@pytest.mark.fault_case(96)
 def test_a_value_carries_sigma_unit_and_age_and_goes_stale_after_two_periods():
     state = LiveStreams(LiveSettings(estimator_period=0.5))
     state.on_attitude(attitude(inclination=0.8, sigma=0.01), 10.0)
@@ -183,3 +184,15 @@ def test_the_doubt_of_a_block_is_that_of_its_worst_sample(statuses):
     column = history.columns.index("doubt")
     shown = max(row[column] for row in history.rows if row[column] is not None)
     assert shown == (2.0 if int(Status.SENSOR_FAULT) in statuses else 1.0 if any(statuses) else 0.0)
+
+
+@pytest.mark.fault_case(23)
+@pytest.mark.parametrize("celsius", [300.0, -80.0])
+def test_a_temperature_that_no_tool_has_is_withheld_with_the_reason(celsius):
+    streams = LiveStreams()
+    heat = wire.TEMPERATURE.empty(1)
+    heat["temperature"] = celsius
+    streams.on_temperature(heat, 1.0)
+    shown = streams.drilling(1.0).temperature
+    assert shown.value is None
+    assert "no temperature of a tool" in shown.reason

@@ -32,6 +32,7 @@ def test_an_interval_without_data_is_empty_and_not_the_value_before():
     assert history.rows() == ((1.0, 1.0), (2.0, None))
 
 
+@pytest.mark.fault_case(70)
 def test_a_long_pause_leaves_one_empty_row_and_memory_stays_bounded():
     history = StripHistory({"a": "mean"}, seconds=60.0, rate=1.0)
     history.add("a", 1.0, 0.5)
@@ -58,6 +59,7 @@ def test_an_unknown_way_to_combine_or_no_room_is_refused_in_words():
         StripHistory({"a": "mean"}, seconds=0.1, rate=1.0)
 
 
+@pytest.mark.fault_case(38)
 def test_an_angle_is_averaged_across_north():
     history = StripHistory({"azimuth": "angle"})
     for k, degrees in enumerate((359.0, 1.0, 3.0)):

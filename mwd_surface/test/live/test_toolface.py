@@ -72,6 +72,7 @@ def test_an_unknown_inclination_leaves_the_mode_and_an_unknown_toolface_says_so(
     assert selector.update(bad).sigma == -1.0
 
 
+@pytest.mark.fault_case(21)
 def test_a_turning_tool_gives_a_snapshot_and_no_samples_give_nothing():
     selector = ToolfaceSelector()
     reading = selector.update(attitude(40.0, status=int(Status.ROTATING)), rotary_speed=12.0)
@@ -80,6 +81,7 @@ def test_a_turning_tool_gives_a_snapshot_and_no_samples_give_nothing():
     assert selector.update(wire.ATTITUDE.empty(0)) is None
 
 
+@pytest.mark.fault_case(29)
 def test_a_hole_that_goes_up_has_a_high_side_until_it_is_vertical_again():
     selector = ToolfaceSelector()
     assert selector.update(attitude(120.0)).mode == GRAVITY

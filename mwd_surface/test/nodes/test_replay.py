@@ -162,6 +162,7 @@ def test_a_loop_begins_again_until_it_is_interrupted(graph, tmp_path):
     assert stamps[: 2 * len(imu)] == imu["stamp_ns"].tolist() * 2
 
 
+@pytest.mark.fault_case(46)
 @pytest.mark.ros
 @pytest.mark.slow
 def test_a_replay_stands_still_steps_seeks_and_changes_its_pace(graph, tmp_path):

@@ -102,6 +102,7 @@ def test_the_page_and_all_it_needs_come_from_here_under_a_strict_policy():
         assert ask(server, "/main.js")[2]["Content-Type"].startswith("text/javascript")
 
 
+@pytest.mark.fault_case(95)
 def test_state_json_is_the_last_state_and_says_so_while_there_is_none():
     with running() as server:
         empty = json.loads(ask(server, "/state.json")[1])
@@ -155,6 +156,7 @@ def test_when_nothing_changes_there_is_a_beat_a_second_and_nothing_else():
         assert 0.7 < after < 2.0
 
 
+@pytest.mark.fault_case(95)
 def test_the_history_goes_out_whole_once_and_then_by_new_rows():
     state = ShownState()
     for k in range(5):
@@ -190,6 +192,7 @@ def test_a_rate_that_nobody_can_read_is_thinned_to_the_rate_of_the_page():
         assert 3 <= watch(server, talk) <= 13
 
 
+@pytest.mark.fault_case(78)
 def test_a_watcher_that_reads_nothing_is_dropped_without_memory_growing_or_others_waiting():
     state = ShownState()
     big = {"x" * 50: ["y" * 1000] * 400}
@@ -303,6 +306,7 @@ def test_a_watcher_that_reads_late_gets_the_newest_state_and_how_many_it_missed(
         assert read[-1]["server"]["skipped"] >= 1
 
 
+@pytest.mark.fault_case(77)
 def test_a_request_that_never_ends_is_cut_while_others_are_served():
     with running(request_timeout=0.3) as server:
         place = urlsplit(server.address)
@@ -318,6 +322,7 @@ def test_a_request_that_never_ends_is_cut_while_others_are_served():
         slow.close()
 
 
+@pytest.mark.fault_case(77)
 def test_a_command_whose_body_never_ends_is_cut():
     with running(lambda _n, _a: (True, ""), token=TOKEN, request_timeout=0.3) as server:
         place = urlsplit(server.address)
@@ -331,6 +336,7 @@ def test_a_command_whose_body_never_ends_is_cut():
         slow.close()
 
 
+@pytest.mark.fault_case(81)
 @pytest.mark.parametrize(
     "host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "", "[::1", "localhost.evil"]
 )
@@ -345,6 +351,7 @@ def test_addresses_localhost_and_configured_names_are_answered():
             assert ask(server, headers={"Host": host})[0] == 200
 
 
+@pytest.mark.fault_case(81)
 def test_another_site_can_neither_watch_nor_command():
     calls = []
     with running(lambda *a: (calls.append(a), (True, ""))[1], token=TOKEN) as server:
@@ -363,6 +370,7 @@ def test_another_site_can_neither_watch_nor_command():
         assert order(server, "stop_recording", {}, Origin=own)[0] == 200
 
 
+@pytest.mark.fault_case(80)
 @pytest.mark.parametrize(
     "path", ["/../page_server.py", "/%2e%2e/page_server.py", "/vendor/..%2f..%2fwell.py", "//etc/passwd"]
 )
@@ -421,6 +429,7 @@ def test_a_node_that_does_not_answer_gives_the_browser_a_sentence_and_blocks_nob
         free.set()
 
 
+@pytest.mark.fault_case(79)
 @pytest.mark.parametrize(
     ("name", "body", "status", "words"),
     [
@@ -458,6 +467,7 @@ def test_a_command_as_a_form_or_by_get_is_refused():
         assert ask(server, "/command/stop_recording")[0] == 405
 
 
+@pytest.mark.fault_case(79)
 @given(
     st.sampled_from(sorted(COMMANDS)),
     st.recursive(st.none() | st.booleans() | st.floats() | st.text(max_size=9), st.lists),

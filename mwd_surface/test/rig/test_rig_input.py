@@ -17,6 +17,7 @@ def test_readings_become_a_sample_with_a_bit_for_each():
     assert (sample["stamp_ns"], sample["bit_depth"], sample["hookload"], sample["valid"]) == (5 * S, 2214.3, 8e5, 9)
 
 
+@pytest.mark.fault_case(74)
 @pytest.mark.parametrize("depth", [-9999.0, -1.0, 99999.0, math.nan, math.inf])
 def test_a_depth_that_cannot_be_is_counted_and_not_given_on(depth):
     rig = RigInput()
@@ -24,6 +25,7 @@ def test_a_depth_that_cannot_be_is_counted_and_not_given_on(depth):
     assert rig.counts.refused == 1
 
 
+@pytest.mark.fault_case(74)
 def test_a_jump_of_depth_waits_for_confirmation():
     rig = RigInput()
     out = feed(rig, [1000.0, 1001.0, 2000.0, 1002.0, 2000.0, 2000.1, 2000.2])

@@ -113,6 +113,7 @@ def test_only_addresses_of_this_machine_alone_need_no_leave(host, own):
             checked_host(host, allow_network=False)
 
 
+@pytest.mark.fault_case(88)
 @pytest.mark.parametrize(
     ("number", "words"),
     [

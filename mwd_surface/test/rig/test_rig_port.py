@@ -86,6 +86,7 @@ def test_values_reach_every_interface():
         eventually(lambda: ("survey", "12") in state_of(port, "modbus").last)
 
 
+@pytest.mark.fault_case(87)
 def test_an_interface_whose_port_is_taken_is_down_while_the_rest_runs_and_comes_up_by_itself():
     holder = socket.create_server(("127.0.0.1", 0))
     number = holder.getsockname()[1]
@@ -101,6 +102,7 @@ def test_an_interface_whose_port_is_taken_is_down_while_the_rest_runs_and_comes_
         eventually(lambda: ("survey", "12") in state_of(port, "modbus").last)
 
 
+@pytest.mark.fault_case(87)
 def test_strict_means_all_or_nothing():
     with socket.create_server(("127.0.0.1", 0)) as holder:
         config = rig_settings(strict=True, modbus=ModbusSettings(enabled=True, port=holder.getsockname()[1]))
@@ -110,6 +112,7 @@ def test_strict_means_all_or_nothing():
         assert state_of(port, "wits0_server").state == "stopped"
 
 
+@pytest.mark.fault_case(98)
 def test_a_missing_package_is_reported_with_the_way_to_install_it_and_the_rest_runs(monkeypatch):
     monkeypatch.setitem(sys.modules, "pymodbus.server", None)
     with running(rig_settings()) as port:

@@ -57,6 +57,7 @@ def test_silence_makes_values_stale_and_keeps_the_last_one():
     assert NOW_NS - v.stamp_ns == pytest.approx(S, abs=1000)
 
 
+@pytest.mark.fault_case(57)
 def test_a_silent_sonde_is_no_link_and_an_accepted_survey_does_not_age_away():
     table = values(later=100.0)
     assert not table.sonde_link

@@ -153,6 +153,7 @@ def first(**readings):
     return {name: part[1] for name, part in block(**readings).items()}
 
 
+@pytest.mark.fault_case(12)
 def test_other_units_are_refused_in_one_sentence_with_the_options_to_say_so():
     assert bag_input.check_units(TOPICS, first()) == []
     with pytest.raises(ValueError, match=r"^i: .* looks like g; say so with --accel-unit g$"):
@@ -167,6 +168,7 @@ def test_a_magnetometer_that_is_none_in_any_unit_says_what_to_do():
     assert "look at the magnetometer" in reason
 
 
+@pytest.mark.fault_case(11)
 def test_frames_that_differ_without_a_transform_leave_the_magnetometer_out_and_name_both(tmp_path):
     same = written(tmp_path / "same", ("/imu/data_raw", IMU, "a"), ("/imu/mag", MAG, "a"))
     other = written(tmp_path / "other", ("/imu/data_raw", IMU, "a"), ("/imu/mag", MAG, "b"))

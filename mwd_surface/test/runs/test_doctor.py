@@ -4,10 +4,13 @@ import socket
 import sys
 from pathlib import Path
 
+import pytest
+
 from mwd_surface.runs import doctor
 from mwd_surface.runs.doctor import Level
 
 
+@pytest.mark.fault_case(97)
 def test_a_missing_package_is_named_with_its_purpose_and_remedy():
     found = doctor.package("no_such_package_at_all", "every computation")
     assert found.level == Level.MISSING

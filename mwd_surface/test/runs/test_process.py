@@ -353,6 +353,7 @@ def test_samples_that_cannot_be_used_keep_their_line(tmp_path):
     assert "nan" not in (tmp_path / "out" / "attitude.csv").read_text().lower()
 
 
+@pytest.mark.fault_case(44)
 def test_headers_without_a_time_are_given_that_of_the_recording(tmp_path):
     recording(tmp_path / "bag")
     run(tmp_path / "bag", tmp_path / "out")

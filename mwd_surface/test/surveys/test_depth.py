@@ -99,6 +99,7 @@ def test_a_sensor_above_the_datum_has_no_depth_and_says_why():
         track((0, 5.0)).sensor_depth(0, math.nan)
 
 
+@pytest.mark.fault_case(70)
 def test_history_is_bounded():
     got = track(*((k, 1000.0 + 0.01 * k) for k in range(500)), history=100)
     assert got.sensor_depth(499 * S, 0.0).measured_depth == pytest.approx(1004.99)

@@ -49,6 +49,7 @@ def test_the_north_that_the_header_names_is_kept():
     assert table(GOOD).north == ""
 
 
+@pytest.mark.fault_case(40)
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -133,6 +134,7 @@ def test_a_witsml_trajectory_is_a_plan(tmp_path):
     assert feet.positions[-1][2] == pytest.approx(304.8)
 
 
+@pytest.mark.fault_case(83)
 @pytest.mark.parametrize(
     ("data", "says"),
     [

@@ -68,6 +68,7 @@ def test_accepted_surveys_make_the_path_of_minimum_curvature():
     assert all(r.in_use and not r.flags for r in whole.records)
 
 
+@pytest.mark.fault_case(54)
 def test_a_survey_that_comes_twice_is_one_survey():
     whole = filled(*CURVE)
     assert whole.add(shot(2, 80.0), 500.0, 0.0) is whole
@@ -105,6 +106,7 @@ def test_a_judgement_without_a_name_or_a_survey_is_refused():
         SurveyList().find(1)
 
 
+@pytest.mark.fault_case(39)
 def test_a_duplicate_depth_is_replaced_only_by_explicit_accept():
     whole = filled(*CURVE).add(shot(5, 10.2), 190.2, 0.0)
     assert not whole.find(5).in_use
@@ -120,6 +122,7 @@ def test_a_duplicate_depth_is_replaced_only_by_explicit_accept():
     assert [r.in_use for r in back.records] == [True, True, True, True, False]
 
 
+@pytest.mark.fault_case(39)
 def test_a_decreasing_depth_goes_between_the_others_only_by_explicit_accept():
     whole = filled(*CURVE).add(shot(5, 4.0, 33.0), 145.0, 0.0)
     assert flags(whole, 5) == ("decreasing depth: survey 4 is deeper, at 190.00 m",)
@@ -134,6 +137,7 @@ def test_a_survey_judged_late_is_not_called_decreasing():
     assert whole.accept(1, "Aslaug", "", 1).definitive().md.tolist() == [0.0, 100.0, 130.0]
 
 
+@pytest.mark.fault_case(100)
 def test_a_survey_with_stale_depth_waits_and_keeps_its_flag_when_accepted():
     whole = filled(*CURVE).add(shot(5, 12.0), 220.0, 45.0)
     assert not whole.find(5).in_use
@@ -155,6 +159,7 @@ def test_a_survey_without_depth_is_kept_and_takes_the_depth_a_person_gives():
         whole.accept(5, "Aslaug", "", 1, measured_depth=math.nan)
 
 
+@pytest.mark.fault_case(39)
 def test_gap_and_dogleg_are_pointed_out():
     whole = filled(*CURVE).add(shot(5, 12.0), 690.0, 0.0).add(shot(6, 50.0), 720.0, 0.0)
     assert flags(whole, 5) == ("gap 500 m is over 60",)
@@ -183,6 +188,7 @@ def test_azimuths_are_turned_to_the_north_of_the_well_or_stay_out():
     assert flags(withheld, 1) == ("no azimuth",)
 
 
+@pytest.mark.fault_case(27)
 def test_a_vertical_station_without_azimuth_is_used_and_says_so():
     whole = SurveyList().add(shot(1, 0.4, 0.0, covariance=NO_AZIMUTH), 100.0, 0.0)
     assert whole.find(1).in_use

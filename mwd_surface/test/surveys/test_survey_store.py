@@ -60,6 +60,7 @@ def test_what_was_saved_comes_back_to_the_last_bit_and_the_one_before_is_kept(tm
     assert survey_store.decoded((tmp_path / "surveys.previous.json").read_bytes()) == two
 
 
+@pytest.mark.fault_case(69)
 @pytest.mark.parametrize(
     ("damage", "says"),
     [
@@ -115,6 +116,7 @@ def test_saving_goes_on_after_a_fall_back(tmp_path):
     assert loaded(tmp_path).surveys == again
 
 
+@pytest.mark.fault_case(69)
 def test_every_single_truncation_is_noticed(tmp_path):
     saved_twice(tmp_path)
     data = (tmp_path / "surveys.json").read_bytes()
@@ -177,6 +179,7 @@ with SurveyStore({folder!r}) as store:
 """
 
 
+@pytest.mark.fault_case(58)
 def test_kill_9_in_the_middle_of_writing_loses_no_reported_survey(tmp_path):
     """Each round ends a writer without warning at another moment; what it had reported saved must be there."""
     here = os.path.dirname(__file__)  # noqa: PTH120

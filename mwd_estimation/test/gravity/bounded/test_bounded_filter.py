@@ -80,6 +80,7 @@ def test_scale_and_lever_arm_are_learnt_while_drilling():
 
 
 # Case, direction error allowed after 10 s, deg: the best setting of VQF on the same data is 1.3 to 10 times that.
+@pytest.mark.fault_case(22)
 @pytest.mark.parametrize(
     ("case", "most"),
     [
@@ -124,6 +125,7 @@ def test_sigma_lies_in_its_band_over_several_tools(case):
     assert_consistent(np.stack(errors[1]), np.stack(sigmas[1]), correlated=True, name="toolface")
 
 
+@pytest.mark.fault_case(6)
 def test_inclination_outlives_a_clipping_gyro():
     stamps, gyro, accel, down = drilled("gyroclip", 60.0)
     p = bounded.Params()

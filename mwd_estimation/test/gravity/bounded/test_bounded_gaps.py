@@ -93,6 +93,7 @@ def test_where_the_speed_may_have_been_anything_only_the_roll_begins_anew():
     assert np.abs(toolface_error(track, data[3])[-500:]).max() < np.radians(0.7)
 
 
+@pytest.mark.fault_case(47)
 def test_a_silence_beyond_the_bridge_begins_anew():
     data = without(turning(resting), [(20.0, 24.0)])
     track = followed(data, Params(max_bridged_gap_s=3.0))

@@ -99,6 +99,7 @@ def test_nothing_is_taken_while_nothing_is_recorded(tmp_path):
     assert len(recorded(tmp_path / "a")) == 3
 
 
+@pytest.mark.fault_case(60)
 def test_closing_finishes_the_file_in_three_seconds_with_a_queue_full_of_messages(tmp_path):
     recorder = Recorder(tmp_path, RecorderSettings(min_free_bytes=0))
     path = recorder.start("run")
@@ -127,6 +128,7 @@ class Stall:
         monkeypatch.setattr(os, "write", write)
 
 
+@pytest.mark.fault_case(64)
 def test_a_stalled_disk_never_holds_the_caller_up_and_what_is_lost_is_counted_and_recorded(tmp_path, monkeypatch):
     settings = RecorderSettings(
         chunk_seconds=0.05, sync_seconds=0.05, min_free_bytes=0, chunk_bytes=10_000, queue_bytes=100_000
@@ -182,6 +184,7 @@ while True:
 """
 
 
+@pytest.mark.fault_case(59)
 def test_a_killed_recorder_loses_less_than_two_seconds_and_the_next_start_recovers_the_rest(tmp_path):
     process = subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path)], stdout=subprocess.PIPE, text=True)
     first, last = 0, 0
@@ -242,6 +245,7 @@ def test_a_split_loses_no_message(tmp_path, how):
         assert recovery.check(file).sound
 
 
+@pytest.mark.fault_case(62)
 def test_a_full_disk_pauses_the_recording_with_a_whole_file_and_space_resumes_it(tmp_path):
     space = [10**9]
     settings = RecorderSettings(
@@ -349,12 +353,14 @@ def test_too_little_space_at_the_start_is_refused_with_both_numbers(tmp_path):
         recorder.start()
 
 
+@pytest.mark.fault_case(99)
 def test_two_recorders_cannot_share_a_folder(tmp_path):
     with Recorder(tmp_path, QUICK), pytest.raises(RecorderError, match=f"process {os.getpid()}.*{tmp_path}"):
         Recorder(tmp_path, QUICK)
     Recorder(tmp_path, QUICK).close()
 
 
+@pytest.mark.fault_case(63)
 def test_a_folder_that_cannot_be_written_is_refused_with_its_path_and_reason(tmp_path):
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(RecorderError, match=f"{tmp_path}/file.*File exists"):
@@ -363,6 +369,7 @@ def test_a_folder_that_cannot_be_written_is_refused_with_its_path_and_reason(tmp
         Recorder(tmp_path / "file" / "below", QUICK)
 
 
+@pytest.mark.fault_case(65)
 def test_too_many_open_files_are_an_error_in_words_and_the_recorder_lives_on(tmp_path, monkeypatch):
     with Recorder(tmp_path, QUICK) as recorder:
         real = os.open
@@ -381,6 +388,7 @@ def test_too_many_open_files_are_an_error_in_words_and_the_recorder_lives_on(tmp
     assert len(recorded(tmp_path / "two")) == 5
 
 
+@pytest.mark.fault_case(80)
 @pytest.mark.parametrize("name", ["../x", "a/b", ".hidden"])
 def test_a_name_that_leads_out_of_the_folder_is_refused(tmp_path, name):
     with Recorder(tmp_path, QUICK) as recorder, pytest.raises(RecorderError, match="no plain name"):
@@ -414,6 +422,7 @@ def test_a_name_that_is_taken_is_numbered_so_that_a_restart_records_again(tmp_pa
     assert recordings_named(tmp_path, "fixed") == made
 
 
+@pytest.mark.fault_case(43)
 def test_a_jump_of_the_clock_begins_a_new_file_and_is_recorded(tmp_path):
     with Recorder(tmp_path, QUICK) as recorder:
         path = recorder.start("run")
@@ -427,6 +436,7 @@ def test_a_jump_of_the_clock_begins_a_new_file_and_is_recorded(tmp_path):
     assert sum("clock jumped" in line for line in events(path)) == 2
 
 
+@pytest.mark.fault_case(68)
 def test_a_type_that_is_unknown_here_is_recorded_all_the_same(tmp_path):
     with Recorder(tmp_path, QUICK, Definitions([])) as recorder:
         path = recorder.start("run")

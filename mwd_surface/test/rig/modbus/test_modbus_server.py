@@ -71,6 +71,7 @@ def test_the_whole_map_is_read_at_once():
         assert float_of(block[10:12], ModbusForm()) == pytest.approx(40.0)
 
 
+@pytest.mark.fault_case(89)
 @pytest.mark.parametrize(
     ("function", "address", "count", "unit", "code"),
     [
@@ -95,6 +96,7 @@ def test_what_is_not_on_the_map_is_refused_with_the_exception_for_it(function, a
         assert ask(s.port, 4, 2, 36) == before
 
 
+@pytest.mark.fault_case(89)
 def test_a_write_of_many_registers_changes_nothing():
     with serving() as s:
         body = b"\x04" + struct.pack(">f", 1.0)

@@ -243,6 +243,7 @@ def test_nothing_can_be_written_and_no_method_is_offered(served):
     assert run(attempt()) in (ua.StatusCodes.BadUserAccessDenied, ua.StatusCodes.BadNotWritable)
 
 
+@pytest.mark.fault_case(90)
 def test_subscriptions_are_limited(served):
     async def many():
         async with asyncua.Client(served.address) as client:
@@ -393,6 +394,7 @@ def test_commands_need_a_trusted_certificate(tmp_path):
     ]
 
 
+@pytest.mark.fault_case(90)
 def test_where_anonymous_reading_is_off_nobody_comes_in_without_a_certificate(tmp_path):
     with started(OpcuaServer(OpcuaSettings(port=0, anonymous=False), "Well 1", folder=tmp_path)) as server:
 

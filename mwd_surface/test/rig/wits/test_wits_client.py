@@ -38,6 +38,7 @@ def recorder():
         yield listener
 
 
+@pytest.mark.fault_case(75)
 @given(failures=st.integers(0, 10_000), chance=st.floats(0.0, 1.0))
 def test_waits_double_from_a_second_to_half_a_minute_and_spread_by_half(failures, chance):
     wait = Backoff().wait(failures, chance)
@@ -63,6 +64,7 @@ def test_it_connects_sends_and_takes_rig_data_back():
                 assert client.status().state == "connected"
 
 
+@pytest.mark.fault_case(75)
 def test_a_link_that_drops_again_and_again_is_taken_up_again_each_time():
     with recorder() as listener:
         port = listener.getsockname()[1]

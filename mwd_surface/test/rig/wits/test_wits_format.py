@@ -70,6 +70,7 @@ def test_several_frames_in_one_read_come_in_order_and_junk_between_them_is_count
     assert (decoder.counts.junk_bytes, decoder.counts.frames) == (3, 2)
 
 
+@pytest.mark.fault_case(74)
 @pytest.mark.parametrize("text", ["-9999", "-9999.00", "-8888", "-999.25", ""])
 def test_a_null_is_no_number(text):
     decoder = Decoder()
@@ -101,6 +102,7 @@ def test_an_unterminated_frame_is_dropped_at_the_next_beginning():
     assert decoder.counts.broken_frames == 1
 
 
+@pytest.mark.fault_case(72)
 @pytest.mark.parametrize("piece", [b"x" * 4096, b"\0" * 4096, b"0108123\r\n" * 400, b"&" + b"y" * 4095, b"&" * 4096])
 def test_ten_megabytes_without_an_end_stay_bounded_and_reading_goes_on(piece):
     decoder = Decoder()
@@ -113,6 +115,7 @@ def test_ten_megabytes_without_an_end_stay_bounded_and_reading_goes_on(piece):
     assert [f.number(108) for f in decoder.feed(b"\r\n&&\r\n01087\r\n!!\r\n")] == [7.0]
 
 
+@pytest.mark.fault_case(72)
 @given(data=st.binary(max_size=400), cut=st.integers(1, 50))
 def test_any_bytes_are_survived_and_a_good_frame_after_them_is_read(data, cut):
     decoder = Decoder(max_frame_bytes=128)

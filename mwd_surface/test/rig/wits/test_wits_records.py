@@ -101,6 +101,7 @@ def test_sequence_numbers_grow_also_over_a_restart():
     assert after < 2**31
 
 
+@pytest.mark.fault_case(73)
 @pytest.mark.parametrize("text", ["W\r\n0110 5", "a!!", "Åsgard"])
 def test_a_name_that_would_break_a_frame_is_refused_as_a_setting(text):
     with pytest.raises(ValueError, match="well_id"):

@@ -99,6 +99,7 @@ def test_it_starts_again_after_a_stop():
     assert s.status().state == "stopped"
 
 
+@pytest.mark.fault_case(71)
 def test_a_peer_that_never_reads_loses_the_oldest_is_cut_off_and_delays_nobody():
     talk = Wits0Settings(queue_bytes=4096, send_timeout=1.0)
     with started(server(talk)) as s, peer(s.port, receive_buffer=2048) as deaf, peer(s.port) as good:
@@ -168,6 +169,7 @@ def test_rig_data_are_handed_on_from_one_peer_only_and_only_when_accepted():
         assert len(taken) == 1
 
 
+@pytest.mark.fault_case(76)
 def test_five_hundred_connections_leave_those_that_are_served_alone():
     with started(server(max_clients=4, max_per_peer=4)) as s, contextlib.ExitStack() as stack:
         served = [stack.enter_context(peer(s.port)) for _ in range(4)]

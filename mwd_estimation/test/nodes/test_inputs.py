@@ -1,0 +1,119 @@
+"""What the estimator says of its input topics: rate, skew, covariances; and what covariances cannot do."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy")
+
+from mwd_estimation.nodes.inputs import InputTopics
+from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_sensors.core import wire
+from mwd_sensors.core.input_covariance import judge
+from mwd_sensors.ros.message_buffer import ReceivedMessage
+
+START = 1_772_344_800_000_000_000
+
+
+def waiting(messages):
+    """A buffer whose messages are taken once."""
+    left = [list(messages)]
+    return SimpleNamespace(take=lambda: left.pop() if left else [])
+
+
+def topics(**samples):
+    """Input topics whose messages of these samples have been taken."""
+    node = SimpleNamespace(
+        add_buffered_subscription=lambda *_: waiting([]),
+        add_subscription=lambda *_, **__: None,
+        get_logger=lambda: SimpleNamespace(warning=lambda *_, **__: None),
+        resolve_topic_name=lambda name: f"/{name}",
+        get_publishers_info_by_topic=lambda _name: [],
+        frame=lambda name: name,
+    )
+    inputs = InputTopics(node)
+    for name, rows in samples.items():
+        topic = name.replace("__", "/")
+        encoded = wire.SONDE_TOPICS[topic].encode(rows, "sonde_link")
+        inputs._buffers[topic] = waiting([ReceivedMessage(row.tobytes(), 0) for row in encoded])
+        inputs.take(topic)
+    return inputs
+
+
+def stamped(layout, n=40, hz=100.0, later_s=0.0):
+    rows = layout.empty(n)
+    rows["stamp_ns"] = START + round(later_s * 1e9) + (np.arange(n) * 1e9 / hz).astype(np.int64)
+    return rows
+
+
+@pytest.mark.fault_case(50)
+def test_a_rate_that_a_turning_string_outruns_is_named():
+    slow = topics(imu__data_raw=stamped(wire.IMU, hz=1.0)).diagnostic("imu/data_raw", 40, b"\x02")
+    assert slow.message.startswith("rate too low: 1.0 Hz")
+    sound = topics(imu__data_raw=stamped(wire.IMU)).diagnostic("imu/data_raw", 40, b"\x02")
+    assert sound.message == "arriving"
+
+
+@pytest.mark.fault_case(51)
+@pytest.mark.parametrize(("later_s", "words"), [(12.0, "12.0 s ahead of"), (-12.0, "12.0 s behind")])
+def test_a_magnetometer_on_another_clock_is_measured_and_named(later_s, words):
+    inputs = topics(imu__data_raw=stamped(wire.IMU), imu__mag=stamped(wire.MAG, later_s=later_s))
+    (found,) = inputs.skew_diagnostics()
+    assert words in found.message
+    together = topics(imu__data_raw=stamped(wire.IMU), imu__mag=stamped(wire.MAG, later_s=0.02))
+    assert together.skew_diagnostics() == []
+
+
+@pytest.mark.fault_case(14, 15)
+def test_what_covariances_declare_is_in_the_diagnostics():
+    imu = stamped(wire.IMU)
+    imu["angular_velocity_covariance"][:, 0] = -1.0
+    imu["linear_acceleration_covariance"][:, 4] = -3.0
+    messages = [found.message for found in topics(imu__data_raw=imu).covariance_diagnostics()]
+    assert messages == [
+        "imu/data_raw: angular_velocity is declared not provided: it is not used",
+        "imu/data_raw: linear_acceleration comes with no covariance: the noise of the tool's settings is used",
+    ]
+
+
+def still(n=4000):
+    rng = np.random.default_rng(0)
+    imu, mag = stamped(wire.IMU, n), stamped(wire.MAG, n)
+    imu["linear_acceleration"] = np.array([-7.0, 0.0, 6.87]) + rng.normal(scale=1e-3, size=(n, 3))
+    imu["angular_velocity"] = rng.normal(scale=1e-4, size=(n, 3))
+    mag["magnetic_field"] = np.array([2e-5, 1e-5, 4e-5]) + rng.normal(scale=1e-8, size=(n, 3))
+    return imu, mag
+
+
+def estimated(imu, mag):
+    pipeline = Pipeline(EstimatorSettings())
+    pipeline.push_mag(judge(mag, wire.MAG.type_name).samples)
+    output = pipeline.push_imu(judge(imu, wire.IMU.type_name).samples)
+    return pipeline, output, [*output.surveys, *pipeline.finish().surveys]
+
+
+@pytest.mark.fault_case(16, 17)
+def test_overconfident_covariances_and_any_orientation_change_no_bit_of_the_estimate():
+    imu, mag = still()
+    plain = estimated(imu, mag)[1].attitude
+    imu["orientation"] = np.random.default_rng(1).normal(size=(len(imu), 4))
+    imu["orientation"][::2] = 0.0
+    for name in ("angular_velocity_covariance", "linear_acceleration_covariance"):
+        imu[name] = np.diag([1e-18] * 3).ravel()
+    mag["magnetic_field_covariance"] = np.diag([1e-30] * 3).ravel()
+    assert np.array_equal(estimated(imu, mag)[1].attitude, plain)
+
+
+@pytest.mark.fault_case(20)
+def test_without_a_gyro_a_still_tool_gives_surveys_and_the_gyro_is_named():
+    imu, mag = still()
+    imu["angular_velocity_covariance"][:, 0] = -1.0
+    imu["angular_velocity"] = 3.0
+    pipeline, output, surveys = estimated(imu, mag)
+    (survey,) = surveys
+    expected = np.arctan2(6.87, 7.0)
+    assert survey.station.inclination == pytest.approx(expected, abs=1e-3)
+    assert any("gyro" in reason.names for reason in survey.station.reasons)
+    assert "gyro" in str(pipeline.sensor_faults) or survey.station.verdict != "accept"
+    assert np.isfinite(output.attitude["inclination"]).all()

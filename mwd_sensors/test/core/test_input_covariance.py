@@ -1,0 +1,65 @@
+"""What the covariances of samples say, and what they must not do."""
+
+import numpy as np
+import pytest
+
+from mwd_sensors.core import wire
+from mwd_sensors.core.input_covariance import ABSENT, UNBELIEVABLE, judge
+
+
+def imu(covariance, field="angular_velocity", n=5):
+    samples = wire.IMU.empty(n)
+    samples["angular_velocity"], samples["linear_acceleration"] = 0.1, 9.8
+    samples[f"{field}_covariance"] = covariance
+    return samples
+
+
+@pytest.mark.fault_case(13)
+def test_zeros_mean_unknown_and_change_nothing():
+    samples = imu(0.0)
+    judged = judge(samples, wire.IMU.type_name)
+    assert judged.samples is samples
+    assert judged.notes == {}
+
+
+@pytest.mark.fault_case(14)
+@pytest.mark.parametrize(("field", "stand_in"), [("angular_velocity", 0.0), ("linear_acceleration", np.nan)])
+def test_a_vector_that_is_declared_absent_is_not_used_even_if_it_holds_numbers(field, stand_in):
+    samples = imu([-1.0, *[0.0] * 8], field)
+    judged = judge(samples, wire.IMU.type_name)
+    assert np.array_equal(judged.samples[field], np.full((5, 3), stand_in), equal_nan=True)
+    assert judged.notes == {field: ABSENT}
+    assert (samples[field] != stand_in).all()
+    mag = wire.MAG.empty(2)
+    mag["magnetic_field"], mag["magnetic_field_covariance"] = 5e-5, [-1.0, *[0.0] * 8]
+    assert np.isnan(judge(mag, wire.MAG.type_name).samples["magnetic_field"]).all()
+
+
+@pytest.mark.fault_case(15)
+@pytest.mark.parametrize(
+    "covariance",
+    [
+        [np.nan, *[0.0] * 8],
+        [np.inf, 0.0, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, 1e-6],
+        [1e-6, 0.0, 0.0, 0.0, -1e-6, 0.0, 0.0, 0.0, 1e-6],
+        [1e-6, 5e-7, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, 1e-6],
+        [1e-6, 2e-6, 0.0, 2e-6, 1e-6, 0.0, 0.0, 0.0, 1e-6],
+        [1e12, 0.0, 0.0, 0.0, 1e12, 0.0, 0.0, 0.0, 1e12],
+        [1e308, *[1e308] * 8],
+    ],
+)
+def test_what_is_no_covariance_is_named_and_the_numbers_stay(covariance):
+    judged = judge(imu(covariance), wire.IMU.type_name)
+    assert judged.notes == {"angular_velocity": UNBELIEVABLE}
+    assert (judged.samples["angular_velocity"] == 0.1).all()
+
+
+def test_a_sound_covariance_and_one_of_a_planar_sensor_pass():
+    for diagonal in ((1e-6, 2e-6, 3e-6), (1e-6, 1e-6, 0.0)):
+        assert judge(imu(np.diag(diagonal).ravel()), wire.IMU.type_name).notes == {}
+
+
+def test_samples_without_covariances_and_other_messages_pass():
+    part = wire.IMU.empty(3)[["stamp_ns", "angular_velocity"]]
+    assert judge(part, wire.IMU.type_name).notes == {}
+    assert judge(wire.TEMPERATURE.empty(2), wire.TEMPERATURE.type_name).notes == {}

@@ -1,0 +1,44 @@
+"""Nodes that cannot start or have no clock say why in one sentence."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from mwd_sensors.ros.diagnostics import WARN, clock_diagnostics
+from mwd_sensors.ros.run_node import security_refusal
+
+SECURE = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}
+
+
+@pytest.mark.fault_case(94)
+def test_a_secured_node_without_keystore_ends_with_one_sentence():
+    words = [sys.executable, "-P", "-c", "from mwd_sensors.nodes.sonde import main; raise SystemExit(main([]))"]
+    environment = {**os.environ, **SECURE}
+    environment.pop("ROS_SECURITY_KEYSTORE", None)
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith("security is enforced and there is no keystore")
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.fault_case(94)
+def test_what_a_secured_node_lacks_is_named_and_an_unsecured_one_keeps_its_own_error(tmp_path):
+    assert security_refusal({}, "any") == ""
+    assert security_refusal({**SECURE, "ROS_SECURITY_STRATEGY": "Permissive"}, "any") == ""
+    assert "no folder" in security_refusal({**SECURE, "ROS_SECURITY_KEYSTORE": str(tmp_path / "none")}, "any")
+    held = {**SECURE, "ROS_SECURITY_KEYSTORE": str(tmp_path)}
+    assert "plugins" in security_refusal(held, "This Fast DDS version doesn't have the security libraries")
+    denied = security_refusal(held, "rt/well_1/imu/mag topic not found in allow rule\nat line 7")
+    assert denied == "security is enforced and the node was refused: rt/well_1/imu/mag topic not found in allow rule"
+
+
+@pytest.mark.fault_case(45)
+def test_a_node_on_simulated_time_says_that_it_waits_for_the_clock():
+    (waiting,) = clock_diagnostics(True, 0)
+    assert (waiting.level, waiting.message) == (WARN, "waiting for /clock")
+    assert "use_sim_time" in waiting.remedy
+    assert clock_diagnostics(True, 1) == clock_diagnostics(False, 0) == []

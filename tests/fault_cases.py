@@ -1,0 +1,85 @@
+"""The table of fault and bad-input cases, and the tests that hold each of them, read from the sources."""
+
+from __future__ import annotations
+
+import ast
+import csv
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDERS = ("mwd_sensors/test", "mwd_estimation/test", "mwd_surface/test", "tests")
+# Files whose tests need a browser: a case needs a test beside them, as not every machine has one.
+_BROWSER = "tests/browser"
+
+
+@dataclasses.dataclass(frozen=True)
+class Held:
+    """A test that holds cases: its file from the root, its name, the numbers, and whether it may be skipped."""
+
+    file: str
+    name: str
+    numbers: tuple[int, ...]
+    may_be_skipped: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """One case: number, group, what happens, what an excellent system does."""
+
+    number: int
+    group: str
+    case: str
+    expected: str
+
+
+def cases() -> list[Case]:
+    """Return the table, in order."""
+    with (Path(__file__).parent / "fault_cases.csv").open(encoding="utf-8", newline="") as file:
+        return [Case(int(row["number"]), row["group"], row["case"], row["expected"]) for row in csv.DictReader(file)]
+
+
+def held() -> list[Held]:
+    """Return every test that is marked with `fault_case`, in order of file and line."""
+    return [one for folder in FOLDERS for path in sorted((ROOT / folder).rglob("test_*.py")) for one in _in_file(path)]
+
+
+def _in_file(path: Path) -> Iterator[Held]:
+    file = path.relative_to(ROOT).as_posix()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.FunctionDef) or not node.name.startswith("test_"):
+            continue
+        marks = [mark for mark in node.decorator_list if isinstance(mark, ast.Call) and _name(mark) == "fault_case"]
+        numbers = tuple(ast.literal_eval(argument) for mark in marks for argument in mark.args)
+        if numbers:
+            skipped = any(_name(mark) in ("skip", "skipif", "xfail") for mark in node.decorator_list)
+            yield Held(file, node.name, numbers, skipped or file.startswith(_BROWSER))
+
+
+def _name(mark: ast.expr) -> str:
+    function = mark.func if isinstance(mark, ast.Call) else mark
+    return function.attr if isinstance(function, ast.Attribute) else ""
+
+
+def page() -> str:
+    """Return the table as Markdown, each case with the tests that hold it."""
+    tests: dict[int, list[Held]] = {}
+    for one in held():
+        for number in one.numbers:
+            tests.setdefault(number, []).append(one)
+    lines = [
+        "# Fault and bad-input cases\n",
+        "What happens, what is expected, and the tests that hold it. The gate runs them all and fails when a case has",
+        "none. In every case: no node crashes or blocks, nothing that is not finite is published, a diagnostic names",
+        "cause and remedy, the last good value stays with its age, sigma grows with the truth, recovery is automatic,",
+        "and raw data stay recorded.\n",
+    ]
+    group = ""
+    for case in cases():
+        if case.group != group:
+            group = case.group
+            lines += [f"\n## {group}\n", "| no | case | expected | tests |", "|---|---|---|---|"]
+        names = "<br>".join(f"`{one.name}` ({Path(one.file).name})" for one in tests.get(case.number, []))
+        lines.append(f"| {case.number} | {case.case} | {case.expected} | {names} |")
+    return "\n".join(lines) + "\n"
