@@ -11,6 +11,7 @@ import typer
 from mwd_surface.commands.assembly import sag, spacing
 from mwd_surface.commands.bag import bag, recover
 from mwd_surface.commands.batch import batch
+from mwd_surface.commands.bundle import bundle
 from mwd_surface.commands.calibrate import calibrate
 from mwd_surface.commands.clearance import clearance
 from mwd_surface.commands.compare import compare
@@ -19,6 +20,7 @@ from mwd_surface.commands.doctor import doctor
 from mwd_surface.commands.emulate import emulate
 from mwd_surface.commands.export import export, report
 from mwd_surface.commands.forecast import forecast
+from mwd_surface.commands.graph import call, param, topic
 from mwd_surface.commands.inspect import inspect
 from mwd_surface.commands.node import PASS_ON, node
 from mwd_surface.commands.path import path
@@ -36,7 +38,6 @@ from mwd_surface.commands.version import version
 app = typer.Typer(
     name="mwd",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -80,6 +81,9 @@ app.command(rich_help_panel=_RECORDINGS)(decode)
 app.command(rich_help_panel=_RECORDINGS)(plot)
 app.command(rich_help_panel=_RECORDINGS)(calibrate)
 app.command(rich_help_panel=_RECORDINGS)(recover)
+app.command(rich_help_panel=_LIVE)(call)
+app.add_typer(param, name="param", rich_help_panel=_LIVE)
+app.add_typer(topic, name="topic", rich_help_panel=_LIVE)
 app.add_typer(rig, name="rig", rich_help_panel=_LIVE)
 app.add_typer(bag, name="bag", rich_help_panel=_RECORDINGS)
 app.add_typer(tool, name="tool", rich_help_panel=_RECORDINGS)
@@ -88,6 +92,7 @@ app.command(rich_help_panel=_PLANNING)(sag)
 app.command(rich_help_panel=_PLANNING)(spacing)
 app.command(rich_help_panel=_MACHINE)(doctor)
 app.command(rich_help_panel=_MACHINE)(version)
+app.command(rich_help_panel=_MACHINE)(bundle)
 
 
 def main() -> None:

@@ -22,6 +22,7 @@ def doctor(
     """
     import os
 
+    from rich.markup import escape
     from rich.table import Table
 
     from mwd_estimation.gravity import methods as gravity
@@ -31,10 +32,12 @@ def doctor(
     marks = {Level.OK: "[green]ok[/]", Level.NOTE: "[yellow]note[/]", Level.MISSING: "[red]missing[/]"}
     results = examine(os.environ, output)
     table = Table(box=None, padding=(0, 2, 0, 0))
-    for name in ("", "what", "how it is", "what to do"):
-        table.add_column(name)
+    for name in ("", "what", "how it is"):
+        table.add_column(name, overflow="fold")
     for result in results:
-        table.add_row(marks[result.level], result.name, result.state, result.remedy)
+        # The remedy stands in a line of its own, which no narrow terminal cuts.
+        remedy = f"\n[dim]->[/] {escape(result.remedy)}" if result.remedy else ""
+        table.add_row(marks[result.level], result.name, escape(result.state) + remedy)
     console = terminal.output()
     console.print(table, soft_wrap=False)
     methods = "; ".join(f"{method.name} ({method.doc})" for method in gravity.METHODS.values())

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import enum
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import typer
 
@@ -61,10 +62,17 @@ def node_main(module: str) -> Callable[[Sequence[str]], int]:
     from mwd_surface.runs.launch_plan import MIDDLEWARE, PROFILES
 
     os.environ.setdefault(PROFILES, str(MIDDLEWARE))
-    try:
+    with without_ros():
         main: Callable[[Sequence[str]], int] = importlib.import_module(module).main
+    return main
+
+
+@contextlib.contextmanager
+def without_ros() -> Iterator[None]:
+    """Raise OSError with what to do where the block imports a package of ROS that is not installed."""
+    try:
+        yield
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in _ROS_PACKAGES:
             raise
         raise OSError(f"{error.name} is not installed for this Python: `mwd doctor` says how to get it") from error
-    return main

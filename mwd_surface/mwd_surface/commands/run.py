@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from mwd_surface.commands.run_options import (
+    Hold,
+    Params,
+    Plan,
+    Set,
+    Token,
+    page_secret,
+    parameter_file,
+    set_parameters,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -37,6 +49,11 @@ def run(
     no_rig: Annotated[
         bool, typer.Option("--no-rig", help="No interfaces to the rig; otherwise WITS, OPC UA, Modbus on this machine.")
     ] = False,
+    hold: Hold = False,
+    token: Token = None,
+    plan: Plan = None,
+    changes: Set = None,
+    params: Params = None,
 ) -> None:
     """
     Play a scenario through the whole graph: sonde, estimator, surface, live page and recording.
@@ -49,6 +66,7 @@ def run(
       mwd run
       mwd run horizontal_east_west --rate 5
       mwd run --well pad_7/well_2 --port 8082 -o logs/well_2
+      mwd run --hold --token new --plan plan.csv --set survey.duration_s=12
     """
     from mwd_sensors.simulator import scenario_files
     from mwd_sensors.simulator.scenario import read
@@ -77,7 +95,12 @@ def run(
         "record.name": name,
         "well.name": namespace,
     }
-    _run_graph(story.name, namespace, parameters, folder, port=port, rig=not no_rig)
+    if plan is not None:
+        parameters["surface"]["plan.file"] = str(plan.resolve(strict=True))
+    parameters["surface"] |= page_secret(token, folder)
+    set_parameters(parameters, changes)
+    plans = _Plans(port, not no_rig, hold, parameter_file(params))
+    _run_graph(story.name, namespace, parameters, folder, plans)
     for bag in recordings_named(folder / namespace.replace("/", "_") / "bags", name):
         _conclude(console, bag)
     console.print(f"surveys and logs: {folder}", markup=False)
@@ -91,9 +114,17 @@ def _written_plan(story: Scenario, folder: Path) -> Path:
     return file
 
 
-def _run_graph(
-    story: str, namespace: str, parameters: dict[str, dict[str, Any]], folder: Path, *, port: int | None, rig: bool
-) -> None:
+@dataclasses.dataclass(frozen=True)
+class _Plans:
+    """How the graph is run: port of the page, rig interfaces, staying after the scenario, words of every node."""
+
+    port: int | None
+    rig: bool
+    hold: bool
+    words: list[str]
+
+
+def _run_graph(story: str, namespace: str, parameters: dict[str, dict[str, Any]], folder: Path, plans: _Plans) -> None:
     """Start the nodes, play the scenario to its end or until somebody interrupts, and stop them."""
     import contextlib
     import os
@@ -103,12 +134,12 @@ def _run_graph(
     from mwd_surface.runs.supervise import Order, Supervisor
 
     console, logs = terminal.output(), folder / "logs"
-    own_domain, page_port = launch_plan.own_domain(os.environ), launch_plan.page_port(port)
+    own_domain, page_port = launch_plan.own_domain(os.environ), launch_plan.page_port(plans.port)
     with own_domain as domain, page_port as page, contextlib.ExitStack() as held, _Interrupts() as interrupts:
-        interfaces = {} if not rig else held.enter_context(launch_plan.rig_parameters())
+        interfaces = {} if not plans.rig else held.enter_context(launch_plan.rig_parameters())
         parameters["surface"] |= {**interfaces, "page.port": page}
         orders = {
-            node: Order(node, launch_plan.node_words(node, namespace, given), logs / f"{node}.log")
+            node: Order(node, launch_plan.node_words(node, namespace, given, plans.words), logs / f"{node}.log")
             for node, given in parameters.items()
         }
         address = f"http://127.0.0.1:{page}/"
@@ -119,11 +150,11 @@ def _run_graph(
                 supervisor.start(orders[node])
             if _wait_until_ready(supervisor, interrupts, address, logs):
                 console.print(f"{story}: page at {address} (well /{namespace}, domain {domain})", markup=False)
-                if rig:
+                if plans.rig:
                     where = ", ".join(launch_plan.rig_addresses(interfaces))
                     console.print(f"rig: {where} (`mwd rig status {folder}`)", markup=False)
                 supervisor.start(orders["sonde"])
-                _run_to_end(supervisor, interrupts, address, story)
+                _run_to_end(supervisor, interrupts, address, story, plans.hold)
         except _StartError as error:
             terminal.warn(f"{error}; logs in {logs}")
             raise typer.Exit(1) from error
@@ -234,8 +265,8 @@ def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: 
     return False
 
 
-def _run_to_end(supervisor: Supervisor, interrupts: _Interrupts, address: str, name: str) -> None:
-    """Until the scenario is over or somebody interrupts."""
+def _run_to_end(supervisor: Supervisor, interrupts: _Interrupts, address: str, name: str, hold: bool) -> None:
+    """Until the scenario is over, unless the graph is held, or somebody interrupts."""
     import time
 
     from mwd_surface.commands import terminal
@@ -249,7 +280,9 @@ def _run_to_end(supervisor: Supervisor, interrupts: _Interrupts, address: str, n
             now = time.monotonic()
             if over is None and supervisor.finished("sonde"):
                 over = now
-            if over is not None and now - over > _SETTLE:
+                if hold:
+                    terminal.remark(f"{name} is over; the graph stays until Ctrl-C")
+            if over is not None and now - over > _SETTLE and not hold:
                 return
             if now - shown > 0.5:
                 shown = now

@@ -11,18 +11,26 @@ def version() -> None:
     Example:
       mwd version
     """
+    from mwd_surface.commands import terminal
+
+    for line in version_lines():
+        terminal.output().print(line, markup=False)
+
+
+def version_lines() -> list[str]:
+    """The versions, a line each."""
     import importlib.metadata
     import os
     import platform
 
-    from mwd_surface.commands import terminal
-
-    console = terminal.output()
-    console.print(f"mwd {importlib.metadata.version('mwd-surface')}", markup=False)
-    console.print(f"Python {platform.python_version()} on {platform.platform()}", markup=False)
-    console.print(f"ROS {os.environ.get('ROS_DISTRO', 'jazzy (wheels)')}", markup=False)
+    lines = [
+        f"mwd {importlib.metadata.version('mwd-surface')}",
+        f"Python {platform.python_version()} on {platform.platform()}",
+        f"ROS {os.environ.get('ROS_DISTRO', 'jazzy (wheels)')}",
+    ]
     for name in ("ros-jazzy-rclpy", "numpy", "numba", "mcap", "rosbags"):
         try:
-            console.print(f"{name} {importlib.metadata.version(name)}", markup=False)
+            lines.append(f"{name} {importlib.metadata.version(name)}")
         except importlib.metadata.PackageNotFoundError:
-            console.print(f"{name} not found as a Python package", markup=False)
+            lines.append(f"{name} not found as a Python package")
+    return lines

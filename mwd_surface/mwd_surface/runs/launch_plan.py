@@ -37,10 +37,10 @@ _DOMAINS = range(1, 101)
 _BASE_PORT, _PER_DOMAIN = 7400, 250
 
 
-def node_words(name: str, namespace: str, parameters: Mapping[str, Any]) -> list[str]:
-    """Words that run a node of the graph in this Python, with its parameters."""
+def node_words(name: str, namespace: str, parameters: Mapping[str, Any], before: Sequence[str] = ()) -> list[str]:
+    """Words that run a node of the graph in this Python; before: of ROS, ahead of its parameters."""
     words = [sys.executable, "-P", "-m", "mwd_surface.cli", "node", name, "--ros-args", "-r", f"__ns:=/{namespace}"]
-    return [*words, *parameter_words(parameters)]
+    return [*words, *before, *parameter_words(parameters)]
 
 
 def parameter_words(parameters: Mapping[str, Any]) -> list[str]:
@@ -170,7 +170,36 @@ def own_domain(environment: Mapping[str, str]) -> Iterator[int]:
     raise ValueError("every middleware domain is in use: stop a run, or set ROS_DOMAIN_ID")
 
 
-def graph_environment(environment: Mapping[str, str], domain: int, log_folder: Path) -> dict[str, str]:
+def visited_domain(environment: Mapping[str, str], wanted: int | None) -> int:
+    """
+    The domain of a graph to visit: the one asked for, else ROS_DOMAIN_ID, else that of the one run on this machine.
+
+    Raises
+    ------
+    ValueError
+        Several runs go on, or ROS_DOMAIN_ID is no domain.
+    """
+    given = environment.get("ROS_DOMAIN_ID")
+    if wanted is not None or given:
+        text = str(wanted) if wanted is not None else str(given)
+        if not text.isdigit() or int(text) > 232:
+            raise ValueError(f"domain {text}: expected a number from 0 to 101")
+        return int(text)
+    running = []
+    for domain in _DOMAINS:
+        # Only a lock that was made can be held.
+        if (Path(tempfile.gettempdir()) / f"mwd_domain_{domain}.lock").exists():
+            lock = _locked(f"domain_{domain}")
+            if lock is None:
+                running.append(domain)
+            else:
+                lock.close()
+    if len(running) > 1:
+        raise ValueError(f"runs go on in domains {', '.join(map(str, running))}: name the one you mean with --domain")
+    return running[0] if running else 0
+
+
+def graph_environment(environment: Mapping[str, str], domain: int, log_folder: Path | str) -> dict[str, str]:
     """Variables of the nodes: the caller's, discovery on this machine only unless the caller set otherwise."""
     return {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",

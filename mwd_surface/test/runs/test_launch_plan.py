@@ -120,3 +120,16 @@ def test_a_node_started_alone_has_the_same_middleware_unless_another_is_set(monk
     monkeypatch.delenv(launch_plan.PROFILES)
     node_main("some_node")
     assert os.environ[launch_plan.PROFILES] == str(launch_plan.MIDDLEWARE)
+
+
+def test_the_graph_to_visit_is_the_one_asked_for_else_the_one_that_runs():
+    assert launch_plan.visited_domain({}, 7) == 7
+    assert launch_plan.visited_domain({"ROS_DOMAIN_ID": "42"}, None) == 42
+    with pytest.raises(ValueError, match="domain x: expected a number"):
+        launch_plan.visited_domain({"ROS_DOMAIN_ID": "x"}, None)
+    with (
+        launch_plan.own_domain({}),
+        launch_plan.own_domain({}),
+        pytest.raises(ValueError, match="name the one you mean"),
+    ):
+        launch_plan.visited_domain({}, None)

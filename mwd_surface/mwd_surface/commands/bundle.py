@@ -1,0 +1,43 @@
+"""`mwd bundle`: a zip for a bug report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def bundle(
+    folder: Annotated[Path, typer.Argument(metavar="RUN|BAG", help="Folder of a run or a well, or a recording.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="The zip; else mwd_bundle_TIME.zip.")] = None,
+    minutes: Annotated[float, typer.Option(help="Of the end of the newest recording; 0: none.")] = 5.0,
+) -> None:
+    """
+    Pack what a bug report needs: versions, checks of the machine, settings, logs, surveys, the last minutes recorded.
+
+    Nothing secret goes into it: tokens, passwords and the name of your home folder are left out.
+
+    \b
+    Example:
+      mwd bundle out/20260301_060000_well_1
+    """
+    import datetime
+    import os
+
+    from mwd_surface.commands import terminal
+    from mwd_surface.commands.version import version_lines
+    from mwd_surface.runs.bundle import write
+
+    if minutes < 0.0:
+        raise ValueError(f"--minutes {minutes:g}: must be 0 or more")
+    target = output or Path(f"mwd_bundle_{datetime.datetime.now(tz=datetime.UTC):%Y%m%d_%H%M%S}.zip")
+    with terminal.waiting("packing"):
+        packed = write(folder, target.resolve(), minutes, "\n".join(version_lines()), os.environ)
+    console = terminal.output()
+    for remark in packed.remarks:
+        terminal.warn(remark)
+    what = f"; the end of {packed.recording}" if packed.recording is not None and not packed.remarks else ""
+    size = target.stat().st_size / 1e6
+    console.print(f"{target}: {len(packed.names)} files, {size:.1f} MB{what}", markup=False)
+    console.print("look into it before you send it: a recording holds the well's data", markup=False)

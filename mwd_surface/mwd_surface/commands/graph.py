@@ -1,0 +1,180 @@
+"""`mwd call`, `mwd param` and `mwd topic`: what `ros2` does with a running graph, without an installed ROS."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from mwd_surface.ros.graph_client import GraphClient
+
+Domain = Annotated[
+    int | None, typer.Option(help="Middleware domain; by default ROS_DOMAIN_ID, else that of the run on this machine.")
+]
+param = typer.Typer(no_args_is_help=True, help="Parameters of the nodes of a running graph.")
+topic = typer.Typer(no_args_is_help=True, help="Topics of a running graph.")
+
+
+def call(
+    service: Annotated[str | None, typer.Argument(help="Service, or the end of its name; without: list them.")] = None,
+    fields: Annotated[list[str] | None, typer.Argument(metavar="[FIELD=VALUE]...", help="Of the request.")] = None,
+    domain: Domain = None,
+) -> None:
+    """
+    Call a service of a running graph, as `ros2 service call` does; ends with status 1 where it has no success.
+
+    \b
+    Examples:
+      mwd call
+      mwd call take_survey duration=10
+      mwd call /well_1/accept_survey sequence=3 operator_name="A. Driller" reason="confirmed by a gyro"
+    """
+    with _visit(domain) as client:
+        if service is None:
+            _print_table(client.services())
+            return
+        response = client.call(service, _assigned(fields))
+    _print_yaml(response)
+    if response.get("success") is False:
+        raise typer.Exit(1)
+
+
+@param.command("list")
+def param_list(
+    node: Annotated[str | None, typer.Argument(help="Node, or the end of its name; without: the nodes.")] = None,
+    domain: Domain = None,
+) -> None:
+    """List the nodes, or the parameters of one with their values."""
+    with _visit(domain) as client:
+        if node is None:
+            for name in client.nodes():
+                typer.echo(name)
+        else:
+            _print_yaml(client.parameters(node))
+
+
+@param.command("get")
+def param_get(node: str, name: str, domain: Domain = None) -> None:
+    """
+    Value and meaning of a parameter.
+
+    \b
+    Example:
+      mwd param get estimator survey.duration_s
+    """
+    with _visit(domain) as client:
+        values = client.parameters(node)
+        if name not in values:
+            raise ValueError(f"{node} has no parameter {name}: `mwd param list {node}` lists them")
+        _print_yaml({name: values[name]})
+        if words := client.describe(node, name):
+            typer.echo(f"# {words}")
+
+
+@param.command("set")
+def param_set(node: str, name: str, value: str, domain: Domain = None) -> None:
+    """
+    Set a parameter; the node says why where it refuses.
+
+    \b
+    Example:
+      mwd param set surface leg.tool T-0042
+    """
+    from mwd_surface.commands.reference_options import assignments
+
+    with _visit(domain) as client:
+        client.set_parameter(node, name, assignments([f"{name}={value}"])[name])
+    typer.echo(f"{name} is set")
+
+
+@topic.command("list")
+def topic_list(domain: Domain = None) -> None:
+    """List the topics with their types."""
+    with _visit(domain) as client:
+        _print_table(client.topics())
+
+
+@topic.command("echo")
+def topic_echo(
+    name: Annotated[str, typer.Argument(help="Topic, or the end of its name.")],
+    count: Annotated[int, typer.Option("--count", "-n", help="End after so many messages; 0: never.")] = 0,
+    seconds: Annotated[float, typer.Option(help="End after so many seconds.")] = float("inf"),
+    domain: Domain = None,
+) -> None:
+    """
+    Print the messages of a topic, as YAML.
+
+    \b
+    Example:
+      mwd topic echo survey -n 1
+    """
+    with _visit(domain) as client:
+        for k, (_, message) in enumerate(client.listen(name, seconds)):
+            _print_yaml(message)
+            typer.echo("---")
+            if k + 1 == count:
+                return
+
+
+@topic.command("hz")
+def topic_hz(
+    name: Annotated[str, typer.Argument(help="Topic, or the end of its name.")],
+    seconds: Annotated[float, typer.Option(help="Measure for so long.")] = 5.0,
+    domain: Domain = None,
+) -> None:
+    """Rate of a topic."""
+    with _visit(domain) as client:
+        times = [at for at, _ in client.listen(name, seconds)]
+    if len(times) < 2:
+        typer.echo(f"{len(times)} messages in {seconds:g} s")
+        raise typer.Exit(1)
+    gaps = [after - before for before, after in itertools.pairwise(times)]
+    rate = (len(times) - 1) / max(times[-1] - times[0], 1e-9)
+    typer.echo(f"{rate:.2f} Hz, {len(times)} messages, longest gap {max(gaps):.3f} s")
+
+
+@contextlib.contextmanager
+def _visit(domain: int | None) -> Iterator[GraphClient]:
+    """A visit to the graph of a domain."""
+    import os
+    import tempfile
+
+    from mwd_surface.commands.node import without_ros
+    from mwd_surface.runs import launch_plan
+
+    chosen = launch_plan.visited_domain(os.environ, domain)
+    os.environ.update(launch_plan.graph_environment(os.environ, chosen, tempfile.gettempdir()))
+    with without_ros():
+        from mwd_surface.ros.graph_client import GraphClient
+    with GraphClient(chosen) as client:
+        yield client
+
+
+def _assigned(fields: list[str] | None) -> dict[str, Any]:
+    """FIELD=VALUE texts as a table; a dotted name is a field of a field."""
+    from mwd_surface.commands.reference_options import assignments
+
+    table: dict[str, Any] = {}
+    for name, value in assignments(fields).items():
+        *parents, leaf = name.split(".")
+        place = table
+        for parent in parents:
+            place = place.setdefault(parent, {})
+        place[leaf] = value
+    return table
+
+
+def _print_table(rows: dict[str, str]) -> None:
+    width = max((len(name) for name in rows), default=0)
+    for name, kind in sorted(rows.items()):
+        typer.echo(f"{name:<{width}}  {kind}")
+
+
+def _print_yaml(table: dict[str, Any]) -> None:
+    import yaml
+
+    typer.echo(yaml.safe_dump(table, sort_keys=False, allow_unicode=True).rstrip())

@@ -1,0 +1,117 @@
+"""What `mwd run` is told beyond the scenario: settings of its nodes, parameter files, plan, secret of the page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+_SETTINGS = "Settings"
+_LEAST_SECRET = 8  # characters, as the page asks for
+
+Hold = Annotated[bool, typer.Option("--hold", help="Stay when the scenario is over, until Ctrl-C.")]
+Token = Annotated[
+    str | None,
+    typer.Option(
+        help="Secret that opens the page's operator controls, 8 characters or more; `new` makes one and prints it.",
+        rich_help_panel=_SETTINGS,
+    ),
+]
+Plan = Annotated[
+    Path | None, typer.Option(help="Planned path, CSV or WITSML, for the page.", rich_help_panel=_SETTINGS)
+]
+Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        help="One parameter of a node, e.g. estimator.survey.duration_s=12; without the node's name: of the node that "
+        "has it. May be repeated.",
+        metavar="NAME=VALUE",
+        rich_help_panel=_SETTINGS,
+    ),
+]
+Params = Annotated[
+    Path | None,
+    typer.Option("--params", help="ROS parameter file for the nodes it names.", rich_help_panel=_SETTINGS),
+]
+
+
+def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] | None) -> None:
+    """
+    Put the parameters of --set among those of the nodes.
+
+    parameters : of each node by its name; changed.
+
+    Raises
+    ------
+    SettingsError
+        No node has the parameter (its near misses are named), several have it, or its value is not allowed.
+    """
+    from mwd_estimation.pipeline import EstimatorSettings
+    from mwd_sensors.core import settings
+    from mwd_sensors.nodes.sonde import SondeSettings
+    from mwd_surface.commands.reference_options import assignments
+    from mwd_surface.nodes.settings import SurfaceSettings
+
+    usual: dict[str, Any] = {"estimator": EstimatorSettings(), "surface": SurfaceSettings(), "sonde": SondeSettings()}
+    known = {node: settings.flat(one) for node, one in usual.items()}
+    changes: dict[str, dict[str, Any]] = {}
+    for name, value in assignments(given).items():
+        node, _, rest = name.partition(".")
+        if node in known:
+            changes.setdefault(node, {})[rest] = value
+            continue
+        owners = [owner for owner, table in known.items() if name in table]
+        if len(owners) > 1:
+            raise settings.SettingsError(f"{name}: {' and '.join(owners)} have it; write {owners[0]}.{name}")
+        if not owners:
+            there = [*known["estimator"], *(f"{o}.{n}" for o in ("surface", "sonde") for n in known[o])]
+            raise settings.SettingsError(settings.unknown_key(name, there, ""))
+        changes.setdefault(owners[0], {})[name] = value
+    for node, table in changes.items():
+        checked = settings.flat(settings.changed(usual[node], table))
+        parameters[node] |= {name: checked[name][0] for name in table}
+
+
+def page_secret(token: str | None, folder: Path) -> dict[str, Any]:
+    """
+    Parameters of the surface that open the page's controls with a secret; it is kept in a file that its owner can read.
+
+    Raises
+    ------
+    ValueError
+        It is too short.
+    """
+    import os
+    import secrets
+
+    if token is None:
+        return {}
+    if token == "new":  # noqa: S105  (a word, not a secret)
+        token = secrets.token_urlsafe(9)
+        typer.echo(f"token of the page: {token}")
+    if len(token) < _LEAST_SECRET:
+        raise ValueError(f"--token: write {_LEAST_SECRET} characters or more, or `new`")
+    file = folder / "page_token"
+    file.unlink(missing_ok=True)
+    with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as opened:
+        opened.write(token + "\n")
+    return {"page.token_file": str(file.resolve())}
+
+
+def parameter_file(params: Path | None) -> list[str]:
+    """
+    Words of a node that read a parameter file, ahead of its parameters, which come first.
+
+    Raises
+    ------
+    OSError
+        There is no such file.
+    """
+    if params is None:
+        return []
+    if not params.is_file():
+        raise FileNotFoundError(2, "there is no such parameter file", str(params))
+    return ["--params-file", str(params.resolve())]

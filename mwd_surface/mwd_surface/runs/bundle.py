@@ -1,0 +1,174 @@
+"""
+A zip for a bug report: versions, checks of the machine, settings, logs, survey list, the last minutes of the recording.
+
+Nothing secret goes into it: parameters and lines that name a token or password are left out, the words of token files
+are blotted out wherever they stand, and the home folder is written as ~.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import re
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from mwd_sensors.core import wire
+from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.runs.doctor import examine
+
+# A log is cut to so much of its end.
+_LOG_BYTES = 2_000_000
+_SECRET = re.compile(r"(?i)(token|password|passphrase|secret)")
+# Files of a run that say what it was; all else stays where it is.
+_TEXTS = ("*.log", "*.yaml", "surveys*.json", "surveys*.csv", "faults.csv", "rig_status.json")
+_VARIABLES = ("ROS_", "RMW_", "FASTRTPS_", "AMENT_", "MWD_", "NUMBA_", "PYTHON")
+_MOST_BYTES = 20_000_000  # of one text file other than a log
+
+
+@dataclasses.dataclass(frozen=True)
+class Bundle:
+    """What went into it: names in the zip, the recording it took the end of (or None), and what it could not take."""
+
+    names: list[str]
+    recording: Path | None
+    remarks: list[str]
+
+
+def write(folder: Path, target: Path, minutes: float, versions: str, environment: Mapping[str, str]) -> Bundle:
+    """
+    Write the zip of a run, a well's folder or a recording.
+
+    Parameters
+    ----------
+    folder : Path
+        Looked through with all that is below it.
+    target : Path
+        The zip; complete or not at all.
+    minutes : float
+        Of the end of the newest recording; 0: none.
+    versions : str
+        Of this project and of what it stands on.
+    environment : mapping
+        Variables of the process.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no such folder.
+    OSError
+        The zip cannot be written.
+    """
+    if not folder.exists():
+        raise FileNotFoundError(2, "there is no such run or recording", str(folder))
+    secrets = _secrets(folder, environment)
+    names: list[str] = []
+    remarks: list[str] = []
+    recording = newest_recording(folder) if minutes > 0.0 else None
+    with tempfile.TemporaryDirectory(prefix="mwd_bundle_", dir=target.parent) as scratch:
+        draft = Path(scratch) / "bundle.zip"
+        with zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED) as packed:
+            for name, text in _texts(folder, versions, environment):
+                packed.writestr(name, clean(text, secrets))
+                names.append(name)
+            if recording is not None:
+                end = Path(scratch) / "recording"
+                try:
+                    copy_end(recording, end, minutes)
+                    for file in sorted(end.iterdir()):
+                        packed.write(file, f"recording/{file.name}")
+                        names.append(f"recording/{file.name}")
+                except (BagError, ValueError) as error:
+                    remarks.append(f"{recording} is not in it: {error}")
+        shutil.move(draft, target)
+    return Bundle(names, recording, remarks)
+
+
+def clean(text: str, secrets: tuple[str, ...]) -> str:
+    """The text without lines that name a secret, with the words of `secrets` and the home folder blotted out."""
+    lines = ["(a line about a secret is left out)" if _SECRET.search(line) else line for line in text.splitlines()]
+    joined = "\n".join(lines) + "\n"
+    for word in secrets:
+        joined = joined.replace(word, "***")
+    home = str(Path.home())
+    return joined.replace(home, "~") if len(home) > 1 else joined
+
+
+def newest_recording(folder: Path) -> Path | None:
+    """The recording that was written last, at or below a folder; None where there is none."""
+    if folder.is_file():
+        return folder
+    files = [*folder.rglob("*.mcap"), *folder.rglob("*.db3")]
+    newest = max(files, key=lambda file: file.stat().st_mtime, default=None)
+    return None if newest is None else newest.parent
+
+
+def copy_end(recording: Path, target: Path, minutes: float) -> int:
+    """
+    Copy the last minutes of a recording, latched tables before them included; the number of messages.
+
+    Raises
+    ------
+    BagError
+        It is no recording.
+    """
+    with Bag(recording) as bag, BagWriter(target) as writer:
+        begin = bag.end_ns - round(minutes * 60 * wire.NANOSECONDS)
+        channels = {
+            topic.name: writer.copy_topic(
+                topic.name,
+                topic.type_name,
+                topic.schema_encoding,
+                topic.schema,
+                topic.type_hash,
+                topic.qos,
+                topic.serialization,
+            )
+            for topic in bag.topics.values()
+        }
+        latched = [topic.name for topic in bag.topics.values() if "transient_local" in topic.qos]
+        last = {name: (log_ns, data) for log_ns, name, _, data in _before(bag, latched, begin)}
+        for name, (log_ns, data) in sorted(last.items(), key=lambda row: row[1][0]):
+            writer.write(channels[name], data, log_ns)
+        for log_ns, name, _, data in bag.messages(start_ns=begin):
+            writer.write(channels[name], data, log_ns)
+        for table, values in bag.metadata().items():
+            if table == "rosbag2":
+                continue  # of the whole recording
+            writer.add_metadata(table, {name: text for name, text in values.items() if not _SECRET.search(name)})
+        return writer.messages
+
+
+def _before(bag: Bag, topics: list[str], end_ns: int) -> Iterator[tuple[int, str, str, bytes]]:
+    if topics and end_ns > bag.start_ns:
+        yield from bag.messages(topics, end_ns=end_ns)
+
+
+def _secrets(folder: Path, environment: Mapping[str, str]) -> tuple[str, ...]:
+    """Words that must not leave this machine: of token files in the folder, and of variables named as secrets."""
+    words = [value for name, value in environment.items() if _SECRET.search(name)]
+    for file in folder.rglob("*token*") if folder.is_dir() else ():
+        if file.is_file() and file.stat().st_size < 4096:
+            words += file.read_text(errors="replace").split()
+    return tuple(sorted({word for word in words if len(word) >= 4}, key=len, reverse=True))
+
+
+def _texts(folder: Path, versions: str, environment: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    """Name and content of each text of the bundle."""
+    yield "versions.txt", versions
+    checks = examine(environment, folder if folder.is_dir() else folder.parent)
+    yield "doctor.txt", "\n".join(f"{c.level.name:8}{c.name}: {c.state} {c.remedy}".rstrip() for c in checks)
+    chosen = sorted(name for name in environment if name.startswith(_VARIABLES))
+    yield "environment.txt", "\n".join(f"{name}={environment[name]}" for name in chosen)
+    listing = sorted(folder.rglob("*")) if folder.is_dir() else [folder]
+    sizes = [(file, os.lstat(file).st_size) for file in listing if file.is_file()]
+    yield "files.txt", "\n".join(f"{size:>12} {file}" for file, size in sizes)
+    for pattern in _TEXTS:
+        for file in sorted(folder.rglob(pattern)) if folder.is_dir() else ():
+            if file.is_file() and not file.is_symlink() and (pattern == "*.log" or file.stat().st_size < _MOST_BYTES):
+                content = file.read_bytes()[-_LOG_BYTES if pattern == "*.log" else 0 :]
+                yield f"run/{file.relative_to(folder)}", content.decode(errors="replace")
