@@ -34,30 +34,35 @@ class Consistency(NamedTuple):
         return self.low <= self.nees <= self.high
 
 
-def independent_samples(u: Array) -> float:
+def independent_samples(runs: Sequence[Array]) -> float:
     """
-    Return the number of independent samples in the squares of a normalised error, a series of one run.
+    Return the number of independent samples in the squares of a normalised error, of one run or of several.
 
-    Squares of a Gaussian series correlate as the square of its autocorrelation r: n / (1 + 2 sum r^2). The mean is
-    not taken out: an error that stays all run, as one of calibration, counts as one or two samples. r is estimated from
-    the run itself, whose chance correlations add to the sum: the count errs to the low side, which widens the band.
+    Squares of a Gaussian series correlate as the square of its autocorrelation r: n / (1 + 2 sum r^2). The mean is not
+    taken out, and r is that of all runs together: a part of the error that stays for a run, as one of calibration, has
+    one value in each run, and only the runs together show how large it usually is. Chance correlations add to the sum:
+    the count errs to the low side, which widens the band.
 
     Parameters
     ----------
-    u : ndarray, shape (n,)
+    runs : sequence of ndarray, shapes (n,)
         Error divided by its sigma, in order of time.
 
     Returns
     -------
     float
-        At least 1.
+        At least one for each run.
     """
-    n = len(u)
-    power = np.fft.irfft(np.abs(np.fft.rfft(u, 2 * n)) ** 2)[:n] / n
+    longest = max(len(u) for u in runs)
+    power = np.zeros(longest)
+    for u in runs:
+        power[: len(u)] += np.fft.irfft(np.abs(np.fft.rfft(u, 2 * len(u))) ** 2, 2 * len(u))[: len(u)]
     if not power[0] > 0.0:
-        return 1.0
-    r = power / power[0]
-    return max(1.0, n / float(1.0 + 2.0 * np.sum(r[1:] ** 2)))
+        return float(len(runs))
+    shared = np.cumsum((power / power[0])[1:] ** 2)
+    memory = [1.0 + 2.0 * float(shared[len(u) - 2]) if len(u) > 1 else 1.0 for u in runs]
+    # Every run weighs the same in the mean.
+    return len(runs) ** 2 / sum(min(spread / len(u), 1.0) for u, spread in zip(runs, memory, strict=True))
 
 
 def consistency(
@@ -81,15 +86,15 @@ def consistency(
     ValueError
         There is no sample, or a sigma is not positive.
     """
-    means, freedom = [], 0.0
+    means, series = [], []
     for error, sigma in runs:
         e, s = np.broadcast_arrays(np.asarray(error, dtype=float), np.asarray(sigma, dtype=float))
         if e.size == 0 or not np.all(s > 0.0):
             raise ValueError("runs: a consistency check needs samples, each with a positive sigma")
         u = (e / s).ravel()
         means.append(float(np.mean(u * u)))
-        thinned = u[::_THINNED] if u.size > 20 * _THINNED else u
-        freedom += independent_samples(thinned) if correlated else float(u.size)
+        series.append(u[::_THINNED] if correlated and u.size > 20 * _THINNED else u)
+    freedom = independent_samples(series) if correlated else float(sum(u.size for u in series))
     low, high = chi2.ppf([0.5 - 0.5 * confidence, 0.5 + 0.5 * confidence], freedom) / freedom
     return Consistency(float(np.mean(means)), float(low), float(high), freedom)
 

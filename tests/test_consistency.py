@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from consistency import assert_consistent, consistency, independent_samples
 
@@ -23,7 +24,7 @@ def test_a_correlated_series_counts_as_few_samples():
     for k in range(1, n):
         series[k] = keep * series[k - 1] + np.sqrt(1.0 - keep * keep) * white[k]
     # Squares of a first-order process decorrelate in half its memory: n / (1 + 2 sum exp(-2 k / memory)).
-    assert 0.3 * n / memory < independent_samples(series) < n / memory
+    assert 0.3 * n / memory < independent_samples([series]) < n / memory
     assert_consistent(series, 1.0, correlated=True)
 
 
@@ -31,6 +32,19 @@ def test_an_error_that_stays_all_run_is_one_sample_or_two():
     got = consistency([(np.full(3000, 1.5), 1.0)])
     assert 1.0 <= got.freedom < 2.0
     assert got.inside
+
+
+@pytest.mark.parametrize("stays", [0.0, 0.3, 0.6])
+def test_runs_whose_sigma_is_right_lie_in_their_band(stays):
+    n, runs, inside = 1000, 8, 0
+    keep = np.exp(-1.0 / 10.0)
+    for _ in range(200):
+        white = np.sqrt(1.0 - keep * keep) * RNG.standard_normal((runs, n))
+        moving = lfilter([1.0], [1.0, -keep], white, axis=1)
+        error = np.sqrt(stays) * RNG.standard_normal((runs, 1)) + np.sqrt(1.0 - stays) * moving
+        inside += consistency([(one, 1.0) for one in error]).inside
+    # Of 200 sets 190 are expected; a band from each run by itself holds 100 where most of the error stays.
+    assert inside >= 160
 
 
 def test_no_samples_or_a_sigma_of_zero_are_refused():
