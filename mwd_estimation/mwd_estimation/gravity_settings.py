@@ -13,9 +13,9 @@ class Bounded:
     """The velocity-bounded filter."""
 
     axial_speed: float = setting(
-        0.5,
-        "Usual speed along the hole, 1 sigma; in a curve it is an acceleration. Raising it widens sigma while "
-        "drilling. Raise it for wireline speeds.",
+        1.0,
+        "Speed along the hole when the string is tripped, 1 sigma; in a curve it is an acceleration. Raising it widens "
+        "sigma while the tool moves along a curve. Raise it for wireline speeds.",
         unit="m/s",
         low=0.0,
         high=10.0,

@@ -181,7 +181,7 @@ class Tool:
         choices=("integrated", "means", "points"),
     )
     calibration_mrad: float = setting(
-        0.17,
+        0.15,
         "Tilt error of the gravity direction that the calibration of the accelerometers leaves, 1 sigma. Raising it "
         "widens the sigma of inclination and toolface of every sample. Set it from the calibration's residual.",
         unit="mrad",

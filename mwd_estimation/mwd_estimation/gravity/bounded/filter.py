@@ -200,14 +200,13 @@ def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
     logged = len(log.updates) > 0
     if logged:
         _log_before(s, i, log)
-    along, across = noise.displacement_noise(p, s)
     gate = clipping.jump_gate(s) if noise.shaken_by_shocks(s) else clipping.NEVER
     tilt, aside = scale.tilts(s)
     square = 0.0
     for j in range(size):
         s.correction[j] = 0.0
     for axis in range(3):
-        white = measurement.update(s, size, axis, along if axis == 0 else across, gate)
+        white = measurement.update(s, size, axis, p.displacement**2, gate)
         square += white * white / 3.0
     measurement.symmetrise(s.P, size)
     usual = s.innovations.usual
@@ -233,8 +232,10 @@ def _forget(p: Params, s: Record) -> None:
         for m in range(ERRORS):
             s.P[j, m] = 0.0
     for j in range(3):
-        s.bias[j] = s.lever[j] = 0.0
+        s.bias[j] = 0.0
         s.P[BIAS + j, BIAS + j] = p.bias_sigma**2
+    for j in range(2):
+        s.lever[j] = 0.0
         s.P[LEVER + j, LEVER + j] = p.lever_sigma**2
     s.scale = s.down = 0.0
     s.P[SCALE, SCALE] = p.scale_sigma**2

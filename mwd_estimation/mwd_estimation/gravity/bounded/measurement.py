@@ -50,23 +50,26 @@ def update(s: Record, size: int, axis: int, noise: float, gate: float) -> float:
     P, C, e, PH = s.P, s.C, s.correction, s.work
     # Tilt enters through the axis the position is measured along, times the position there truly is: the lever arm, not
     # the position as it is carried, whose noise would count as knowledge of the tilt.
-    lx, ly, lz = 0.0, 0.0, 0.0
+    lx, ly, lz, arm, lever = 0.0, 0.0, 0.0, 0.0, LEVER + axis - 1
     if axis == 0:
-        ly, lz = -s.lever[2], s.lever[1]
-    elif axis == 1:
-        lx, lz = s.lever[2], -s.lever[0]
+        ly, lz = -s.lever[1], s.lever[0]
     else:
-        lx, ly = -s.lever[1], s.lever[0]
+        lx = s.lever[1] if axis == 1 else -s.lever[0]
+        arm = s.lever[axis - 1] + e[lever]
     hx = C[0, 0] * lx + C[0, 1] * ly + C[0, 2] * lz
     hy = C[1, 0] * lx + C[1, 1] * ly + C[1, 2] * lz
     ux, uy, uz = C[0, axis], C[1, axis], C[2, axis]
-    y = s.lever[axis] + e[LEVER + axis] - hx * e[TILT] - hy * e[TILT + 1]
+    y = arm - hx * e[TILT] - hy * e[TILT + 1]
     y -= ux * (s.pos[0] + e[POS]) + uy * (s.pos[1] + e[POS + 1]) + uz * (s.pos[2] + e[POS + 2])
     for j in range(size):
         turned = hx * P[TILT, j] + hy * P[TILT + 1, j]
-        PH[j] = turned + ux * P[POS, j] + uy * P[POS + 1, j] + uz * P[POS + 2, j] - P[LEVER + axis, j]
+        PH[j] = turned + ux * P[POS, j] + uy * P[POS + 1, j] + uz * P[POS + 2, j]
+        if axis > 0:
+            PH[j] -= P[lever, j]
     S = noise + hx * PH[TILT] + hy * PH[TILT + 1]
-    S += ux * PH[POS] + uy * PH[POS + 1] + uz * PH[POS + 2] - PH[LEVER + axis]
+    S += ux * PH[POS] + uy * PH[POS + 1] + uz * PH[POS + 2]
+    if axis > 0:
+        S -= PH[lever]
     if y * y > gate * S:
         _lose_velocity(s, axis, y)
         S += y * y
@@ -124,6 +127,7 @@ def correct(s: Record, size: int) -> None:
         s.vel[j] += e[VEL + j]
         s.pos[j] += e[POS + j]
         s.bias[j] += e[BIAS + j]
+    for j in range(2):
         s.lever[j] += e[LEVER + j]
     s.scale += e[SCALE]
     if size == ERRORS:
@@ -135,9 +139,9 @@ def correct(s: Record, size: int) -> None:
 @compiled
 def sound(s: Record) -> bool:
     """Return whether variances are positive and all is finite."""
-    total = s.q[0] + s.q[1] + s.q[2] + s.q[3] + s.scale + s.missing + s.slope + s.down
+    total = s.q[0] + s.q[1] + s.q[2] + s.q[3] + s.scale + s.missing + s.slope + s.down + s.lever[0] + s.lever[1]
     for j in range(3):
-        total += s.vel[j] + s.pos[j] + s.bias[j] + s.lever[j]
+        total += s.vel[j] + s.pos[j] + s.bias[j]
     least = 0.0
     for j in range(ERRORS):
         total += s.P[j, j]

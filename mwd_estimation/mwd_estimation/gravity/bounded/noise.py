@@ -13,7 +13,7 @@ import math
 
 from mwd_estimation.gravity.bounded.clipping import FREQUENT
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import BIAS, DOWN, POS, SCALE, SLOPE, TILT, VEL, Record
+from mwd_estimation.gravity.bounded.state import BIAS, DOWN, POS, SLOPE, TILT, VEL, Record
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 
@@ -21,7 +21,6 @@ SWING_TIME = 0.5  # s, time constant of the three high-passes
 SWING_MEMORY = 2.1  # s, over which the displacement is averaged
 START_DISPLACEMENT = 0.1  # m, displacement assumed at a start
 ROTATING = 3.0  # rad/s, mean rate about the axis from which the sensor circles with its lever arm
-WHITE_PER_DISPLACEMENT = 0.1  # white displacement for each displacement seen
 WALK_PER_DISPLACEMENT = 2.7  # random walk of the point that stays for each displacement seen, 1/sqrt(s)
 FOLDED_LEAST = 0.6  # (m/s^2)^2 s, density of the force from which on it may be vibration that point samples fold down
 FOLDED_MEMORY, FOLDED_FIRST, FOLDED_AGE = 20.0, 5.0, 0.5  # s, over which it is judged whether it is; less at a start
@@ -30,7 +29,7 @@ WHITE_SHARE = 0.16  # of the density that the displacement shows, in the noise: 
 ROTARY_NOISE = 0.0001  # gyro noise for each rate about the axis, whose scale is a state
 CROSS_TURN = 5.0  # rad/s, rate lost while a cross-axis gyro clips
 LONG_STEP = 1.6  # times the usual step of the stamps: samples are missing
-SCALE_WALK, DOWN_WALK = 1e-6, 1e-4  # 1/sqrt(s), m/s^2/sqrt(s): what is learnt ages
+DOWN_WALK = 1e-4  # m/s^2/sqrt(s): what is learnt of the vertical force ages
 CLIP_JERK = 200.0  # rad/s^2/sqrt(s), random walk of the slope of a clipped rate
 RATE_MEMORY = 5.0  # s, over which changes of the rates are averaged
 TURNING_MEMORY = 10.0  # s
@@ -71,7 +70,7 @@ def follow_motion(s: Record, w: Array) -> None:
         motion.position[j] = keep * (motion.position[j] + moved)
         motion.velocity[j] = keep * (motion.velocity[j] + s.sums.velocity[j] - slow * T)
         # The lever arm's circle, seen through the same three high-passes, is no vibration.
-        arm = s.C[j, 0] * s.lever[0] + s.C[j, 1] * s.lever[1] + s.C[j, 2] * s.lever[2]
+        arm = s.C[j, 1] * s.lever[0] + s.C[j, 2] * s.lever[1]
         for n in range(3):
             motion.arm[j, n] += (1.0 - keep) * (arm - motion.arm[j, n])
             arm -= motion.arm[j, n]
@@ -135,13 +134,6 @@ def aliased(s: Record) -> bool:
 
 
 @compiled
-def displacement_noise(p: Params, s: Record) -> tuple[float, float]:
-    """Variance of the white displacement along the hole and across it, m^2."""
-    along, across = _displacement(s)
-    return p.displacement**2 + WHITE_PER_DISPLACEMENT**2 * along, p.displacement**2 + WHITE_PER_DISPLACEMENT**2 * across
-
-
-@compiled
 def _displacement(s: Record) -> tuple[float, float]:
     motion = s.motion
     along, across = max(motion.along - motion.white, 0.0), max(motion.across - motion.white, 0.0)
@@ -169,7 +161,6 @@ def add_noise(p: Params, s: Record) -> float:
         P[POS + j, POS + j] += across
         for m in range(3):
             P[POS + j, POS + m] += (along - across) * s.C[j, 0] * s.C[m, 0]
-    P[SCALE, SCALE] += SCALE_WALK**2 * T
     P[DOWN, DOWN] += DOWN_WALK**2 * T
     if s.clipping.sign != 0.0:
         P[SLOPE, SLOPE] += CLIP_JERK**2 * T

@@ -55,7 +55,7 @@ class Params(NamedTuple):
     bias_sigma: float = 0.005
     scale_sigma: float = 0.0015
     lever_sigma: float = 0.03
-    calibration_sigma: float = 0.00017
+    calibration_sigma: float = 0.00015
     misalignment_sigma: float = 0.0003
     gyro_noise: float = 0.00071
     rate_noise: float = 0.0012
@@ -63,5 +63,5 @@ class Params(NamedTuple):
     accel_noise: float = 0.014
     displacement: float = 0.0038
     walk: float = 0.001
-    axial_speed: float = 0.5
+    axial_speed: float = 1.0
     max_bridged_gap_s: float = 10.0

@@ -16,7 +16,7 @@ import math
 from mwd_estimation.gravity.bounded import noise
 from mwd_estimation.gravity.bounded.measurement import hole_direction
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import TILT, Record, Scale
+from mwd_estimation.gravity.bounded.state import BIAS, TILT, Record, Scale
 from mwd_sensors.core.compiled import compiled
 
 OWN_LEAST, OWN_MOST = 0.3, 20.0  # s, limits of the filter's own time
@@ -25,11 +25,11 @@ OWN_AGE = 0.25  # the most of it for each time since the start, which had more t
 LEAST_CORRECTION, SHARE_AFTER_CLIP = 0.3, 0.5
 SCALE_TIME, SCALE_OWN = 4.0, 3.0  # s, memory of the power, and so many times the filter's own time more
 SUDDEN = 9.0  # power over the scale that is no chance: the motion has changed, and the memory is the own time alone
-SCALE_YOUNG, SCALE_AGE = 2.0, 0.25  # s and share: after a start it is no longer than these allow
+SCALE_YOUNG, SCALE_AGE = 1.0, 0.15  # s and share: after a start it is no longer than these allow
 USUAL_TIME = 10.0  # s, memory of the usual innovation
 ROTATING = 1.5  # rad/s, mean rate about the axis beyond which the filter cannot follow what is fixed in the tool
-AXIAL = 0.4  # of the variance of calibration: the axial accelerometer's bias and scale, which rotation does not average
-SQUARE = 0.35  # of it: accelerometers out of square
+HALF = 0.5  # of the variance of calibration: biases; the other half is scales and axes out of square
+BIAS_SHARE = 0.4  # of the carried sigma of the gyro bias, which has reserve
 CURVE_TIME, CURVE_MOST = 5.0, 0.01  # s, memory of the axis; rad/s, rate of its turning that no hole asks for
 
 
@@ -87,12 +87,15 @@ def floors(p: Params, s: Record) -> tuple[float, float]:
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2
     upright2 = min(C[2, 0] ** 2, 1.0)
     rotating = turn2 / (turn2 + ROTATING**2)
-    # Rotation averages out what is fixed across the axis. Gyros out of line see the tool rotate about another axis.
-    floor, askew = p.calibration_sigma**2, rotating * p.misalignment_sigma**2
+    floor, bias2 = p.calibration_sigma**2, 0.5 * BIAS_SHARE**2 * (s.P[BIAS + 1, BIAS + 1] + s.P[BIAS + 2, BIAS + 2])
+    # Gyros that are out of line or have a bias across the axis see the tool rotate about another axis. A lasting speed
+    # hides that bias from the filter, and no innovation shows either.
+    askew = rotating * (p.misalignment_sigma**2 + rotating * bias2 / max(turn2, 1e-6))
     # The pull of the circle that the sensor runs is across the axis; a share of it lies along the hole.
-    pull2 = turn2 * turn2 * (s.lever[1] ** 2 + s.lever[2] ** 2) / p.gravity**2
-    along = floor * (1.0 - rotating * (1.0 - AXIAL * across2)) + askew + (SQUARE * floor + askew) * pull2
-    aside = (1.0 - rotating) * floor + askew * upright2
+    pull2 = turn2 * turn2 * (s.lever[0] ** 2 + s.lever[1] ** 2) / p.gravity**2
+    # Rotation averages out what is fixed across the axis, but for a turn of the accelerometers about it.
+    along = floor * (1.0 - rotating * (1.0 - HALF * across2)) + askew + (HALF * floor + askew) * pull2
+    aside = floor * (1.0 - rotating * (1.0 - 0.5 * HALF * across2)) + askew * upright2
     # On its way along a curve the tool is accelerated across the hole.
     bx, by = (C[0, 0] - s.slow_axis[0]) / CURVE_TIME, (C[1, 0] - s.slow_axis[1]) / CURVE_TIME
     rate2 = bx * bx + by * by

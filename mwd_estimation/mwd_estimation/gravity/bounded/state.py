@@ -14,10 +14,10 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.records import dtype_of
 
 # Errors, true minus estimate: tilt about the level x and y axes; velocity and displacement in level axes (x, y, down);
-# gyro bias in tool axes; scale of the x gyro; lever arm in tool axes; vertical force; and while the x gyro clips the
+# gyro bias in tool axes; scale of the x gyro; lever arm along y and z; vertical force; and while the x gyro clips the
 # rate it misses and the slope of that rate.
-TILT, VEL, POS, BIAS, SCALE, LEVER, DOWN, MISSING, SLOPE = 0, 2, 5, 8, 11, 12, 15, 16, 17
-STEADY, ERRORS = 16, 18  # number of errors that are always carried, and while the x gyro clips
+TILT, VEL, POS, BIAS, SCALE, LEVER, DOWN, MISSING, SLOPE = 0, 2, 5, 8, 11, 12, 14, 15, 16
+STEADY, ERRORS = 15, 17  # number of errors that are always carried, and while the x gyro clips
 DOWN_SIGMA = 0.05  # m/s^2, gravity's magnitude as the sensor shows it: the Earth's spread and a raw sensor's scale
 
 
@@ -123,8 +123,8 @@ class Record:
     """Gyro bias, tool axes, rad/s."""
     scale: float
     """Scale error of the x gyro."""
-    lever: Annotated[Array, 3]
-    """Sensor from the point that stays, tool axes, m."""
+    lever: Annotated[Array, 2]
+    """Sensor from the point that stays, y and z, m. Along the axis nothing shows it: a tool swings too little."""
     down: float
     """Error of the vertical force: gravity's magnitude and the accelerometers' scale, m/s^2."""
     missing: float
@@ -210,6 +210,7 @@ def initial(params: Params) -> State:
     s.C[:] = np.eye(3)
     for j in range(3):
         s.P[BIAS + j, BIAS + j] = params.bias_sigma**2
+    for j in range(2):
         s.P[LEVER + j, LEVER + j] = params.lever_sigma**2
     s.P[SCALE, SCALE] = params.scale_sigma**2
     s.P[DOWN, DOWN] = DOWN_SIGMA**2

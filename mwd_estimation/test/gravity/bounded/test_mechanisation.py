@@ -22,7 +22,7 @@ def nominal(seed):
     s.q[:] = q / np.linalg.norm(q)
     mechanisation.set_matrix(s)
     s.vel[:], s.pos[:] = 0.3 * rng.standard_normal((2, 3))
-    s.bias[:], s.lever[:] = 0.01 * rng.standard_normal(3), 0.1 * rng.standard_normal(3)
+    s.bias[:], s.lever[:] = 0.01 * rng.standard_normal(3), 0.1 * rng.standard_normal(2)
     s.scale, s.down = 0.01, 0.02
     return state
 
@@ -78,7 +78,7 @@ def test_transition_of_the_errors_matches_finite_differences_of_the_mechanisatio
 def test_a_measurement_takes_back_an_error_of_position_and_lever_arm(axis):
     state = nominal(7 + axis)
     s = state.record[0]
-    s.pos[:] = s.C @ s.lever
+    s.pos[:] = s.C[:, 1:] @ s.lever
     s.P[:] = 0.0
     for j in range(3):
         s.P[POS + j, POS + j] = 1.0
