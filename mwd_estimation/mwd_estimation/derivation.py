@@ -264,7 +264,8 @@ def with_code(settings: EstimatorSettings, found: Reference) -> Reference:
     if "IFR" in code and place.field == "model":
         raise SettingsError(
             f"survey.tool_code: {code} needs an in-field reference and {found.source} is a global model; "
-            "give the field of the IFR certificate (place.field fixed), or take a code with SRGM or HDGM"
+            "give the field of the IFR certificate (place.field fixed), or take a code with SRGM, HRGM (HDGM) or "
+            "LRGM (WMM, IGRF)"
         )
     # A certificate of this place outranks what the code assumes of all places.
     return found if place.source else tool_code.reference_for(code, found)

@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import difflib
 import functools
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,12 +24,64 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
+# What a code calls the geomagnetic models that people name: OWSG set B, high and low resolution.
+_MODELS = {"HDGM": "HRGM", "MVHD": "HRGM", "WMM": "LRGM", "IGRF": "LRGM"}
+# Codes by field model whose terms have the sigmas of strength and dip; set A's own otherwise.
+_WITH_FIELD = {
+    "IFR2": "MWD+IFR2+AX+SAG",
+    "IFR1": "MWD+IFR1+AX",
+    "HRGM": "MWD+HRGM+AX",
+    "LRGM": "MWD+LRGM+AX",
+    "SRGM": "MWD+SRGM+AX",
+}
+
 
 def names() -> tuple[str, ...]:
-    """Every tool code known, by short name; those ending in _Fl are for floating rigs."""
+    """
+    Every tool code known, by short name: OWSG sets A and B with gyros, and the ISCWSA's own examples.
+
+    Those ending in _Fl are for floating rigs.
+    """
     from welleng.error import get_error_models
 
-    return tuple(get_error_models())
+    return (*get_error_models(), *_set_b())
+
+
+def check(code: str) -> None:
+    """Raise ValueError for a code that does not exist, with those of similar names."""
+    if code in names():
+        return
+    meant = code
+    for model, called in _MODELS.items():
+        meant = meant.replace(model, called)
+    near = difflib.get_close_matches(meant, names(), n=3, cutoff=0.4) or names()[:3]
+    raise ValueError(f"no tool code {code!r}; did you mean {' or '.join(near)}?")
+
+
+def model(code: str) -> Any:
+    """What welleng takes for a code: its name, or the table of one that it has no entry for."""
+    return _set_b().get(code, code)
+
+
+def folder() -> Path:
+    """Where welleng keeps the files of its codes, ``SET/CODE.json``."""
+    import welleng
+
+    return Path(str(welleng.__file__)).parent / "errors" / "iscwsa_json"
+
+
+@functools.cache
+def _set_b() -> dict[str, Any]:
+    """Models that welleng has files for but no entry in its index: OWSG set B, by short name."""
+    from welleng.error import get_error_models
+
+    known = set(get_error_models())
+    models = {}
+    for file in sorted(folder().glob("*/*.json")):
+        table = json.loads(file.read_text(encoding="utf-8"))
+        if file.stem not in known and table["metadata"].get("short_name") not in known:
+            models[file.stem] = table
+    return models
 
 
 def sensor_errors(code: str) -> SensorErrors:
@@ -69,8 +123,7 @@ def reference_sigmas(code: str) -> dict[str, float]:
     taken. Raises ValueError for an unknown code.
     """
     magnitude = _magnitudes(code)
-    base = next((word for word in ("IFR2", "IFR1") if word in code), "SRGM")
-    field = _magnitudes({"IFR2": "MWD+IFR2+AX+SAG", "IFR1": "MWD+IFR1+AX", "SRGM": "MWD+SRGM+AX"}[base])
+    field = _magnitudes(_WITH_FIELD[next((word for word in _WITH_FIELD if word in code), "SRGM")])
 
     def together(terms: Mapping[str, float], start: str) -> float:
         return math.sqrt(sum(value**2 for name, value in terms.items() if name.startswith(start)))
@@ -89,20 +142,12 @@ def reference_for(code: str, reference: Reference) -> Reference:
     return replace(reference, **sigmas)
 
 
-def _known(code: str) -> None:
-    known = names()
-    if code not in known:
-        near = difflib.get_close_matches(code, known, n=3, cutoff=0.4)
-        hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(known)}"
-        raise ValueError(f"code: no tool code {code!r}; {hint}")
-
-
 @functools.lru_cache(maxsize=64)
 def _magnitudes(code: str) -> dict[str, float]:
     """Term -> magnitude, in m/s^2, nT, rad, rad nT and plain numbers."""
     from welleng.survey import Survey, SurveyHeader
 
-    _known(code)
+    check(code)
     # Any hole that every code is meant for: the magnitudes are the same everywhere.
     header = SurveyHeader(
         latitude=60.0,
@@ -115,7 +160,7 @@ def _magnitudes(code: str) -> dict[str, float]:
         G=STANDARD_GRAVITY,
         azi_reference="true",
     )
-    hole = Survey(30.0 * np.arange(4.0), np.full(4, 20.0), np.full(4, 60.0), header=header, error_model=code)
+    hole = Survey(30.0 * np.arange(4.0), np.full(4, 20.0), np.full(4, 60.0), header=header, error_model=model(code))
     # Most model files come in rad; those of later issues keep their degrees.
     factors = {"deg": math.radians(1.0), "deg.nT": math.radians(1.0)}
     return {

@@ -154,3 +154,13 @@ def test_unknown_and_unfit_codes_are_refused_with_near_misses():
         tool_code.sensor_errors("MWD+SRG")
     with pytest.raises(ValueError, match="not a magnetic survey"):
         tool_code.sensor_errors("GYRO-MWD")
+
+
+def test_set_b_is_known_with_its_own_field_models_and_a_models_name_finds_its_code():
+    assert {"MWD+HRGM", "MWD+LRGM+SAG", "EMS+IFR1+SAG"} <= set(tool_code.names())
+    models = ("MWD+IFR1", "MWD+HRGM", "MWD+SRGM", "MWD+LRGM")
+    sigmas = [tool_code.reference_sigmas(code) for code in models]
+    for name in ("sigma_total", "sigma_dip", "sigma_declination"):
+        assert [one[name] for one in sigmas] == sorted(one[name] for one in sigmas)
+    with pytest.raises(ValueError, match=r"no tool code 'MWD\+HDGM'; did you mean MWD\+HRGM"):
+        tool_code.check("MWD+HDGM")

@@ -10,18 +10,17 @@ imported when first asked for, because it is slow to import and nothing else nee
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import functools
 import json
 import math
 import warnings
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from mwd_estimation.survey import tool_code
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -114,12 +113,11 @@ def tool_codes() -> tuple[str, ...]:
     Raises CovarianceUnavailableError where `welleng` is not installed.
     """
     try:
-        from welleng.error import get_error_models
+        return tool_code.names()
     except ImportError as error:
         raise CovarianceUnavailableError(
             "position covariance needs the Python package welleng, which is not installed: pip install welleng"
         ) from error
-    return (*get_error_models(), *_set_b())
 
 
 def check_tool_code(code: str) -> None:
@@ -133,10 +131,8 @@ def check_tool_code(code: str) -> None:
     CovarianceUnavailableError
         `welleng` is not installed.
     """
-    known = tool_codes()
-    if code not in known:
-        near = difflib.get_close_matches(code, known, n=3, cutoff=0.4) or known[:3]
-        raise ValueError(f"model: no tool code {code!r}; did you mean {' or '.join(near)}?")
+    if code not in tool_codes():
+        tool_code.check(code)
 
 
 def error_terms(
@@ -290,7 +286,7 @@ def _evaluated(stations: _Stations, code: str, reference: ErrorReference) -> dic
                 inc=np.degrees(inc),
                 azi=np.degrees(azi),
                 header=header,
-                error_model=_model(code),
+                error_model=tool_code.model(code),
                 start_nev=[0.0, 0.0, stations.first_tvd],
                 deg=True,
             )
@@ -303,34 +299,9 @@ def _evaluated(stations: _Stations, code: str, reference: ErrorReference) -> dic
 
 
 @functools.cache
-def _folder() -> Path:
-    import welleng
-
-    return Path(str(welleng.__file__)).parent / "errors" / "iscwsa_json"
-
-
-@functools.cache
-def _set_b() -> dict[str, Any]:
-    """Models that the library has files for but no entry in its index: OWSG set B, by short name."""
-    from welleng.error import get_error_models
-
-    known = set(get_error_models())
-    models = {}
-    for file in sorted(_folder().glob("*/*.json")):
-        model = json.loads(file.read_text(encoding="utf-8"))
-        if file.stem not in known and model["metadata"].get("short_name") not in known:
-            models[file.stem] = model
-    return models
-
-
-def _model(code: str) -> Any:
-    return _set_b().get(code, code)
-
-
-@functools.cache
 def _inclination_limits(code: str) -> tuple[float, float]:
     """Inclinations a code is meant for, rad; the upper one is not included, except straight up."""
-    found = next(iter(sorted(_folder().glob(f"*/{code}.json"))), None)
+    found = next(iter(sorted(tool_code.folder().glob(f"*/{code}.json"))), None)
     if found is None:
         return 0.0, math.inf
     parameters = json.loads(found.read_text(encoding="utf-8")).get("parameters", {})
@@ -340,5 +311,5 @@ def _inclination_limits(code: str) -> tuple[float, float]:
 
 @functools.cache
 def _needs_latitude(code: str) -> bool:
-    found = next(iter(sorted(_folder().glob(f"*/{code}.json"))), None)
+    found = next(iter(sorted(tool_code.folder().glob(f"*/{code}.json"))), None)
     return found is not None and "Latitude" in found.read_text(encoding="utf-8")
