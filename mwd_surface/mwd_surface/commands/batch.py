@@ -58,7 +58,8 @@ def batch(
 
     Writes DIR/bags, DIR/surveys and DIR/attitude (one row for every ten seconds), each a folder that polars, duckdb and
     pandas read as one table, and DIR/index.html. Called again it continues: recordings already processed, by content
-    and settings, are kept. A recording that fails is listed with its reason; the exit status is then 1.
+    and settings, are kept. A recording of the surface node brings the settings it was made with; options override them,
+    --config replaces them. A recording that fails is listed with its reason; the exit status is then 1.
 
     \b
     Examples:
@@ -69,7 +70,7 @@ def batch(
     """
     from mwd_sensors.core import settings
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.reference_options import placed_settings, recording_changes
+    from mwd_surface.commands.reference_options import assignments, placed_settings, recording_changes
     from mwd_surface.runs.bag_input import InputSettings
 
     try:
@@ -79,7 +80,10 @@ def batch(
         raise ValueError(f"a fleet needs the package {error.name}, which is not installed: {hint}") from error
     from mwd_surface.fleet.fleet_dataset import FAILED
 
-    estimator = placed_settings(config, changes, recording_changes(lat, lon, date, field), method)
+    place = recording_changes(lat, lon, date, field)
+    estimator = placed_settings(config, changes, place, method)
+    named = place if method is None else place | {"gravity.method": method}
+    of_recordings = None if config else {**named, **assignments(changes)}
     found = fleet_run.find_bags(bags)
     given = settings.from_mapping(InputSettings, {"partial": partial})
     tls = fleet_run.Tls(*(str(path) if path is not None else "" for path in (tls_ca, tls_cert, tls_key)))
@@ -97,7 +101,7 @@ def batch(
             fleet_run.cluster(scheduler, workers, tls) as client,
             terminal.progress(f"{len(found)} recordings") as progress,
         ):
-            outcomes = fleet_run.run(found, output, client, estimator, given, report)
+            outcomes = fleet_run.run(found, output, client, estimator, given, report, of_recordings)
     except KeyboardInterrupt:
         terminal.warn("interrupted; what is done is kept, and the same command continues")
         raise typer.Exit(130) from None

@@ -13,14 +13,15 @@ import glob
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import distributed
 
 from mwd_estimation.pipeline import EstimatorSettings
 from mwd_surface.fleet import fleet_dataset
-from mwd_surface.fleet.fleet_task import Outcome, Work, carry_out, config_text, failed
+from mwd_surface.fleet.fleet_task import Outcome, Work, carry_out, changes_text, config_text, failed
 from mwd_surface.runs.bag_input import InputSettings
 
 SCHEDULERS = ("local", "processes", "threads")
@@ -132,6 +133,7 @@ def run(
     estimator: EstimatorSettings,
     given: InputSettings | None = None,
     report: Callable[[Outcome, float], None] = lambda _outcome, _share: None,
+    changes: Mapping[str, Any] | None = None,
 ) -> list[Outcome]:
     """
     Work out every recording that is not worked out yet, into the data set in `folder`.
@@ -142,6 +144,9 @@ def run(
         As `find_bags` gives them. Workers on other machines must see them, and `folder`, under the same paths.
     report : callable
         Called with each outcome, and the share of recordings done.
+    changes : mapping, optional
+        Recordings that bring settings of their own are processed with those and these changes; None: all with
+        `estimator`.
 
     Returns
     -------
@@ -156,7 +161,8 @@ def run(
     (folder / "bags").mkdir(parents=True, exist_ok=True)
     text = config_text(estimator)
     place = str(folder.resolve())
-    works = [Work(str(bag), place, text, given or InputSettings()) for bag in bags]
+    own = "" if changes is None else changes_text(changes)
+    works = [Work(str(bag), place, text, given or InputSettings(), own) for bag in bags]
     # A task whose worker dies is given to another by Dask, until it has taken a few of them with it.
     futures = {client.submit(carry_out, work, pure=False): work for work in works}
     outcomes: dict[str, Outcome] = {}

@@ -7,6 +7,7 @@ import math
 import os
 import socket
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from mwd_surface.fleet.attitude_statistics import AttitudeStatistics
 from mwd_surface.fleet.fleet_dataset import DONE, FAILED
 from mwd_surface.runs import bag_input, process
 from mwd_surface.runs.bag_input import InputSettings
+from mwd_surface.runs.recorded_settings import Recorded, recorded_settings
 from mwd_surface.runs.run_summary import Summary
 from mwd_surface.surveys import station_csv
 
@@ -33,13 +35,15 @@ class Work:
     One recording to work out.
 
     bag: path of the recording. folder: of the data set. config: settings of the estimator as YAML, so that every worker
-    has the same whatever it was started with. given: how the recording is to be read.
+    has the same whatever it was started with. given: how the recording is to be read. changes: of the settings that a
+    recording brings, YAML, where those hold; "" takes `config` for every recording.
     """
 
     bag: str
     folder: str
     config: str
     given: InputSettings
+    changes: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,7 +62,12 @@ class Outcome:
 
 def config_text(estimator: EstimatorSettings) -> str:
     """The settings as YAML, every one of them."""
-    text: str = yaml.safe_dump(settings_of.to_mapping(estimator), sort_keys=True)
+    return changes_text(settings_of.to_mapping(estimator))
+
+
+def changes_text(changes: Mapping[str, Any]) -> str:
+    """Some settings as YAML."""
+    text: str = yaml.safe_dump(dict(changes), sort_keys=True)
     return text
 
 
@@ -71,7 +80,7 @@ def carry_out(work: Work) -> Outcome:
     began = time.monotonic()
     path, folder = Path(work.bag), Path(work.folder)
     try:
-        key = fleet_dataset.key_of(path, f"{work.config}\0{work.given!r}", __version__)
+        key = fleet_dataset.key_of(path, f"{work.config}\0{work.given!r}\0{work.changes}", __version__)
     except OSError as error:
         return failed(work, "", f"cannot be read: {error.strerror or error}", began)
     earlier = fleet_dataset.finished(folder, key)
@@ -104,10 +113,10 @@ def _row(work: Work, key: str, began: float | None) -> dict[str, Any]:
 
 
 def _tables(path: Path, key: str, work: Work, began: float) -> dict[str, list[dict[str, Any]]]:
-    estimator = settings_of.from_mapping(EstimatorSettings, yaml.safe_load(work.config))
     tables: dict[str, list[dict[str, Any]]] = {"surveys": [], "attitude": []}
     found: list[Summary] = []
     with Bag(path) as bag:
+        estimator, remarks = _settings(bag, work)
         for topic in _inertial_units(bag, work.given):
             given = dataclasses.replace(work.given, imu_topic=topic) if topic else work.given
             statistics = AttitudeStatistics()
@@ -120,8 +129,18 @@ def _tables(path: Path, key: str, work: Work, began: float) -> dict[str, list[di
             tables["attitude"] += [{**where, **row} for row in statistics.rows()]
             tables["surveys"] += [{**where, **_survey_row(*survey)} for survey in summary.surveys]
             found.append(summary)
+            found[0].warnings.extend(remarks)
+            remarks = ()
     tables["bags"] = [_bag_row(work, key, found, estimator, began)]
     return tables
+
+
+def _settings(bag: Bag, work: Work) -> tuple[EstimatorSettings, tuple[str, ...]]:
+    """Settings of the estimator, and what of those in the recording cannot be used."""
+    recorded = recorded_settings(bag) if work.changes else Recorded()
+    if recorded.estimator is None:
+        return settings_of.from_mapping(EstimatorSettings, yaml.safe_load(work.config)), ()
+    return settings_of.changed(recorded.estimator, yaml.safe_load(work.changes)), recorded.remarks
 
 
 def _inertial_units(bag: Bag, given: InputSettings) -> list[str]:

@@ -20,16 +20,23 @@ START = 1_772_344_800_000_000_000
 CONFIG = fleet_task.config_text(settings.changed(EstimatorSettings(), {"gravity.method": "raw"}))
 
 
-@pytest.fixture
-def work(tmp_path):
-    """A tool of two wells that keeps still for 16 s, and where its rows shall go."""
+def recorded(path, **parameters):
+    """A tool of two wells that keeps still for 16 s, recorded with parameters of the estimator."""
     rows = wire.IMU.empty(800)
     rows["stamp_ns"] = START + np.arange(800) * 20_000_000
     rows["linear_acceleration"] = np.array([-7.0, 2.0, 6.5])
-    with BagWriter(tmp_path / "bag") as bag:
+    with BagWriter(path) as bag:
         for well in ("well_1", "well_2"):
             topic = bag.topic(f"/{well}/imu/data_raw", wire.IMU.type_name)
             bag.write_rows(topic, wire.IMU.encode(rows, "sonde_link"), rows["stamp_ns"])
+        if parameters:
+            bag.add_metadata("parameters/estimator", parameters)
+
+
+@pytest.fixture
+def work(tmp_path):
+    """A recording and where its rows shall go."""
+    recorded(tmp_path / "bag")
     return Work(str(tmp_path / "bag"), str(tmp_path / "fleet"), CONFIG, InputSettings())
 
 
@@ -75,6 +82,18 @@ def test_other_settings_or_another_reading_are_another_result(work):
     keys.add(outcome.key)
     assert outcome.row["wells"] == 1
     assert len(keys) == 3
+
+
+def test_a_recording_brings_its_own_settings_unless_a_file_or_an_option_says_otherwise(tmp_path):
+    recorded(tmp_path / "own", **{"gravity.method": "mahony", "gravity.former": "1.0"})
+    work = Work(str(tmp_path / "own"), str(tmp_path / "fleet"), CONFIG, InputSettings(), fleet_task.changes_text({}))
+    row = fleet_task.carry_out(work).row
+    assert row["method"] == "mahony"
+    assert "gravity.former = 1.0 of the recording is not used: this version does not have it" in row["warnings"]
+    option = dataclasses.replace(work, changes=fleet_task.changes_text({"gravity.method": "kalman"}))
+    assert fleet_task.carry_out(option).row["method"] == "kalman"
+    file = dataclasses.replace(work, changes="")
+    assert fleet_task.carry_out(file).row["method"] == "raw"
 
 
 def test_the_settings_a_worker_is_given_hold_every_one_of_them():
