@@ -30,6 +30,9 @@ _LOST = 0.95
 _DOUBTFUL = 0.2
 # Share of the usual evidence for pulses below which a stretch holds none, or those of a transmission that began anew.
 _FAINT = 0.3
+# Log likelihood ratio that a sync and the words behind it have at least: noise has it with a probability below
+# exp(-18) at each of ten thousand places an hour.
+_LEAST_EVIDENCE = 18.0
 # Share above which a stretch is what it is taken for, although it may look like a sync.
 _CLEAR = 0.7
 
@@ -165,6 +168,8 @@ class Transmission:
 
     def _breaks_off(self, decision: segment.Decision, packets: int) -> str:
         """Reason why a stretch does not belong to the transmission; empty: it does."""
+        if not self._usual and self.score + decision.evidence < _LEAST_EVIDENCE:
+            return "no words behind the sync: it was noise, or the sequence is another one"
         each = decision.evidence / packets
         usual = float(np.median(self._usual)) if self._usual else 0.0
         if each <= _FAINT * usual:

@@ -34,3 +34,18 @@ def test_noise_and_other_pulses_are_no_sync(edges):
 
 def test_a_gauge_that_stands_has_no_sync():
     assert search(np.full(900, 2.0e7), np.ones(900), ToolConfiguration(), 300, 550) is None
+
+
+def test_weak_syncs_are_found_and_noise_is_not():
+    """White noise: 6 dB a bit (the energy of five pulses 50 times the density of the noise) is found each time."""
+    size = np.sqrt(50.0 / (5 * 8) * 2.0)
+    tool, edges = ToolConfiguration(), [400 + 4 * e for e in (0, 5, 15, 20, 30)]
+    pulse = np.ones(8)
+    for seed in range(40):
+        noise = np.random.default_rng(seed).normal(size=900)
+        assert search(noise, np.ones(900), tool, 300, 550) is None
+        for edge in edges:
+            noise[edge : edge + 8] += size * pulse
+        found = search(noise, np.ones(900), tool, 300, 550)
+        assert found is not None
+        assert abs(found.at - 400) <= 6
