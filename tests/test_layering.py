@@ -37,12 +37,13 @@ ROOMS = {
     "gyrocompass": 2,
     "attitude": 3,
     "survey": 4,
+    "downhole": 5,
 }
 # Rooms that must not import each other, in either direction.
 APART = [("mwd_surface.page", "mwd_surface.rig")]
 # Modules outside the simulator that may use it: the node that plays it and the tools that record with it.
 SIMULATOR = "mwd_sensors.simulator"
-SIMULATOR_USERS = (SIMULATOR, "mwd_sensors.nodes.sonde", "mwd_surface.commands", "mwd_surface.runs")
+SIMULATOR_USERS = (SIMULATOR, "mwd_sensors.nodes", "mwd_surface.commands", "mwd_surface.runs")
 
 
 @functools.cache

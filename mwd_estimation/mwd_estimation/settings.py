@@ -11,6 +11,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.gravity_settings import EXPERT, NoExpert
 from mwd_estimation.place import Place
@@ -293,6 +294,7 @@ class EstimatorSettings:
     attitude: Attitude = setting(Attitude, "Continuous attitude")
     dynamics: Dynamics = setting(Dynamics, "Drilling dynamics")
     health: Health = setting(Health, "Health of the sensors")
+    transmit: Transmit = setting(Transmit, "Transmission to the surface")
 
 
 def latitude_of(settings: EstimatorSettings) -> float | None:

@@ -27,6 +27,7 @@ from mwd_estimation.nodes.messages import (
     survey_message,
     tool_transform,
 )
+from mwd_estimation.nodes.transmission import TransmissionPublisher
 from mwd_estimation.nodes.warm_up import warm_up
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
 from mwd_estimation.survey.static_survey import Refusal
@@ -72,6 +73,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._dynamics = self.add_publisher(Dynamics, "dynamics", qos.STATE)
         self._survey = self.add_publisher(SurveyMessage, "survey", qos.EVENT)
         self._tf = self.add_publisher(TFMessage, "/tf", qos.STATE)
+        self._transmission = TransmissionPublisher(self, self.settings.transmit)
         self.add_timer(_BLOCK_PERIOD, self._estimate_block)
         self.add_timer(FEEDBACK_PERIOD, self._actions.publish_feedback)
         self.add_subscription(SurveyList, "surveys", self._on_surveys, qos.LATCHED)
@@ -136,6 +138,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     def _publish(self, samples: Samples, output: Output) -> None:
         frame = self._frame
         self._publish_streams(samples, output, frame)
+        self._transmission.take(output, self._pipeline, frame)
         for change in output.health:
             fault = describe(change)
             if change.cleared_ns:
@@ -265,6 +268,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         requested_s = self._requested_s if self._survey_response is not None else None
         found.append(diagnostics.survey_diagnostic(pipeline, self.settings, requested_s))
         found.append(diagnostics.attitude_diagnostic(self._last_status))
+        found += self._transmission.diagnostics()
         return found
 
 

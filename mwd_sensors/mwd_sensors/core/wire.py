@@ -311,9 +311,11 @@ TRUTH = Layout(
     ),
 )
 
+TOOL_FLOW = Layout("mwd_msgs/msg/ToolFlow", (("flow", "float64", 1), ("sigma", "float64", 1)))
+
 LAYOUTS = {
     layout.type_name: layout
-    for layout in (IMU, MAG, TEMPERATURE, GRAVITY, ATTITUDE, INTERFERENCE, DYNAMICS, RIG_STATE, TRUTH)
+    for layout in (IMU, MAG, TEMPERATURE, GRAVITY, ATTITUDE, INTERFERENCE, DYNAMICS, RIG_STATE, TRUTH, TOOL_FLOW)
 }
 # Topics of the sonde and the rig, relative to the well's namespace, and the frames they are stamped with.
 SONDE_TOPICS = {

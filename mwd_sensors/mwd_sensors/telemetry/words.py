@@ -24,6 +24,7 @@ class Word:
     high: float = setting(1.0, "Value of the highest code; of a word that wraps, the value that equals low again.")
     unit: str = setting("", "Unit of low and high.")
     wraps: bool | None = setting(None, "Whether high and low are the same direction; omit: a full circle in deg wraps.")
+    logarithmic: bool = setting(False, "Whether the steps are equal ratios instead of equal differences: for sigmas.")
     sigma: float = setting(
         0.0,
         "1 sigma of the tool's own measurement, in the unit of the word. It is added to the rounding; 0 where unknown.",
@@ -41,6 +42,8 @@ class Word:
         """
         if not self.high > self.low:
             raise ValueError(f"high: must lie above low ({self.low:g}), got {self.high:g}")
+        if self.logarithmic and not self.low > 0.0:
+            raise ValueError(f"low: a word with equal ratios begins above 0, got {self.low:g}")
         if self.bits == 1:
             raise ValueError("bits: no pulse code has a packet of 1 bit; use 2 or more")
 
@@ -50,8 +53,14 @@ class Word:
         return self.unit == "deg" and self.high - self.low == 360.0 if self.wraps is None else self.wraps
 
     def step(self, bits: int = 0) -> float:
-        """Distance between neighbouring codes, in the unit of the word; bits: 0 takes the word's own."""
+        """
+        Distance between neighbouring codes, in the unit of the word; bits: 0 takes the word's own.
+
+        Of a logarithmic word the largest distance, that at its upper end.
+        """
         count: int = 1 << (bits or self.bits)
+        if self.logarithmic:
+            return float(self.high - self.low * (self.high / self.low) ** ((count - 2) / (count - 1)))
         return (self.high - self.low) / (count if self.circular else count - 1)
 
     def code(self, value: float, bits: int = 0) -> int:
@@ -66,6 +75,9 @@ class Word:
         if not math.isfinite(value):
             raise ValueError(f"value: a word has no code for {value!r}")
         count: int = 1 << (bits or self.bits)
+        if self.logarithmic:
+            part = math.log(max(value, self.low) / self.low) / math.log(self.high / self.low)
+            return min(math.floor(part * (count - 1) + 0.5), count - 1)
         nearest = math.floor((value - self.low) / self.step(bits) + 0.5)
         return nearest % count if self.circular else min(max(nearest, 0), count - 1)
 
@@ -81,6 +93,8 @@ class Word:
         count: int = 1 << (bits or self.bits)
         if not 0 <= code < count:
             raise ValueError(f"code: {code} does not fit {bits or self.bits} bits")
+        if self.logarithmic:
+            return float(self.low * (self.high / self.low) ** (code / (count - 1)))
         return self.low + code * self.step(bits)
 
     def sigma_of(self, bits: int = 0, rate: float = 0.0, age_s: float = 0.0) -> float:
@@ -120,4 +134,8 @@ COMMON = {
     "ARMS": Word(11, 0.0, 204.7, "g"),
     "LMxG": Word(11, 0.0, 2047.0, "g"),
     "AMxG": Word(11, 0.0, 2047.0, "g"),
+    # Of this project's own tool: what it knows of its errors, and the counter and code of the last downlink.
+    "sInc": Word(4, 0.01, 10.0, "deg", logarithmic=True),
+    "sAzm": Word(4, 0.01, 180.0, "deg", logarithmic=True),
+    "DLnk": Word(6, 0.0, 63.0),
 }

@@ -1,0 +1,110 @@
+"""The newest measurement for each word of a tool, in SI, with its sigma and its time."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mwd_estimation.core import magnetic_geometry
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.status import Status
+from mwd_estimation.survey.magnetic_feedback import NORTH_CODES
+from mwd_estimation.survey.survey import Survey
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.telemetry import meanings
+
+_NORTH = {code: name for name, code in NORTH_CODES.items()}
+
+
+class Reading(NamedTuple):
+    """Value, 1 sigma (-1 unknown), SI, and the stamp of the measurement, ns."""
+
+    value: float
+    sigma: float
+    stamp_ns: int
+
+
+Readings = dict[str, Reading]
+
+
+def to_magnetic(north: str, reference: Reference | None) -> float | None:
+    """
+    What turns an azimuth from a named north into one from magnetic north, rad; None where that is not known.
+
+    A tool's string is read by people who expect magnetic north: declination and convergence are added at the surface.
+    """
+    if north == "magnetic":
+        return 0.0
+    if reference is None or reference.declination is None:
+        return None
+    if north == "grid":
+        return (reference.convergence or 0.0) - reference.declination
+    return -reference.declination if north == "true" else None
+
+
+def of_attitude(row: Samples, reference: Reference | None) -> Readings:
+    """Readings of one sample of `wire.ATTITUDE`; what it does not know is left out."""
+    stamp, status = int(row["stamp_ns"]), int(row["status"])
+    found: Readings = {}
+    if row["sigma_inclination"] >= 0.0:
+        found[meanings.CONTINUOUS_INCLINATION] = Reading(
+            float(row["inclination"]), float(row["sigma_inclination"]), stamp
+        )
+    turn = to_magnetic(_NORTH.get(int(row["north"]), ""), reference)
+    if row["sigma_azimuth"] >= 0.0 and turn is not None:
+        azimuth = (float(row["azimuth"]) + turn) % math.tau
+        found[meanings.CONTINUOUS_AZIMUTH] = Reading(azimuth, float(row["sigma_azimuth"]), stamp)
+    if row["sigma_gravity_toolface"] >= 0.0:
+        found[meanings.GRAVITY_TOOLFACE] = Reading(
+            float(row["gravity_toolface"]), float(row["sigma_gravity_toolface"]), stamp
+        )
+    if row["sigma_magnetic_toolface"] >= 0.0 and turn is not None:
+        angle = (float(row["magnetic_toolface"]) + turn) % math.tau
+        found[meanings.MAGNETIC_TOOLFACE] = Reading(angle, float(row["sigma_magnetic_toolface"]), stamp)
+    # Near vertical there is no high side: the toolface is then from magnetic north.
+    automatic = meanings.MAGNETIC_TOOLFACE if status & Status.NEAR_VERTICAL else meanings.GRAVITY_TOOLFACE
+    if automatic in found:
+        found[meanings.TOOLFACE] = found[automatic]
+    return found
+
+
+def of_dynamics(row: Samples) -> Readings:
+    """Readings of one summary of `wire.DYNAMICS`."""
+    stamp = int(row["stamp_ns"])
+    fields = {
+        meanings.LATERAL_RMS: "lateral_rms",
+        meanings.AXIAL_RMS: "axial_rms",
+        meanings.LATERAL_PEAK: "lateral_peak",
+        meanings.AXIAL_PEAK: "axial_peak",
+    }
+    return {quantity: Reading(float(row[field]), -1.0, stamp) for quantity, field in fields.items()}
+
+
+def of_survey(survey: Survey) -> Readings:
+    """Readings of a survey taken at rest; an azimuth that the survey withholds is left out."""
+    station, stamp = survey.station, survey.stamp_ns
+    variance = np.asarray(station.covariance, dtype=float)
+    found: Readings = {}
+
+    def put(quantity: str, value: float | None, sigma: float) -> None:
+        if value is not None and math.isfinite(value):
+            found[quantity] = Reading(float(value), sigma if math.isfinite(sigma) else -1.0, stamp)
+
+    sigma_inclination = math.sqrt(max(float(variance[0, 0]), 0.0))
+    put(meanings.INCLINATION, station.inclination, sigma_inclination)
+    put(meanings.SIGMA_INCLINATION, sigma_inclination, -1.0)
+    turn = to_magnetic(station.north, station.reference)
+    if turn is not None and math.isfinite(station.azimuth):
+        sigma_azimuth = math.sqrt(max(float(variance[1, 1]), 0.0))
+        put(meanings.AZIMUTH, (station.azimuth + turn) % math.tau, sigma_azimuth)
+        put(meanings.SIGMA_AZIMUTH, sigma_azimuth, -1.0)
+    put(meanings.G_TOTAL, station.g_total, -1.0)
+    # Of the field that the azimuth was computed from: what the drill string adds along the axis is taken off.
+    axial = station.interference if station.corrected and math.isfinite(station.interference) else 0.0
+    b_t = np.asarray(station.b_t, dtype=float) - np.array([axial, 0.0, 0.0])
+    put(meanings.DIP, float(magnetic_geometry.dip(station.f_t, b_t)), -1.0)
+    put(meanings.B_TOTAL, float(np.linalg.norm(b_t)), -1.0)
+    put(meanings.TEMPERATURE, survey.temperature, -1.0)
+    return found

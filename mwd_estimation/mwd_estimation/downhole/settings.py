@@ -1,0 +1,57 @@
+"""What can be set about the tool's transmission, beside its tool configuration."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from mwd_sensors.core.settings import setting
+
+
+@dataclasses.dataclass(frozen=True)
+class Transmit:
+    """When the tool transmits. What it sends, and how, stands in its tool configuration (tool.yaml)."""
+
+    tool_file: str = setting(
+        "",
+        "Tool configuration (tool.yaml) by which the tool transmits; empty: it does not. The receiver at the surface "
+        "needs the same file.",
+    )
+    flow_threshold_lpm: float = setting(
+        600.0,
+        "Flow above which the tool takes the pumps for on. Raise it where the flow between connections stays high; the "
+        "tool is silent below it.",
+        unit="l/min",
+        low=1.0,
+        high=20000.0,
+    )
+    flow_hold_s: float = setting(
+        2.0,
+        "Time for which the flow has to stay above or below the threshold. Raising it ignores longer interruptions and "
+        "delays each transmission by as much.",
+        unit="s",
+        low=0.0,
+        high=60.0,
+    )
+    rotation_switching: bool = setting(
+        False,
+        "Begin anew when rotation begins (survey, then the second toolface sequence) and when it ends (first toolface "
+        "sequence). Needs header_bits in the tool configuration, so that the surface knows which sequence comes.",
+    )
+    rotation_hold_s: float = setting(
+        10.0,
+        "Time for which the string has to turn, or to stand, before the sequence is switched. Raising it survives "
+        "longer stick phases.",
+        unit="s",
+        low=0.5,
+        high=300.0,
+        expert=True,
+    )
+    continuous_s: float = setting(
+        10.0,
+        "Averaging time of the surveys taken in the background while the string moves; the least noisy one is sent "
+        "where none was taken at rest. Raising it lowers the noise and smears a curve.",
+        unit="s",
+        low=1.0,
+        high=120.0,
+        expert=True,
+    )

@@ -1,0 +1,258 @@
+"""
+The tool's transmission: a state machine from flow and rotation to words on air.
+
+Without flow the tool is silent. Flow that has held for a while starts the transmit delay; behind it come sync, header,
+the survey, and the toolface sequence again and again, each word measured when it goes on air. The machine moves in
+steps of 0.1 s of the tool's clock, so that what is sent does not depend on how the samples are cut into blocks.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from collections import deque
+from collections.abc import Iterator
+from typing import Any, TypeVar
+
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.status import Status
+from mwd_estimation.downhole import readings
+from mwd_estimation.downhole.continuous_survey import ContinuousSurvey
+from mwd_estimation.downhole.readings import Reading, Readings
+from mwd_estimation.downhole.settings import Transmit
+from mwd_estimation.downhole.switches import NANOSECONDS, Switch
+from mwd_estimation.survey.survey import Survey
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.telemetry import meanings
+from mwd_sensors.telemetry.sequences import SequenceItem
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+
+_STEP_NS = NANOSECONDS // 10
+_LPM = 1e-3 / 60.0
+Row = TypeVar("Row", bound=tuple[Any, ...])
+
+
+class Kind(enum.IntEnum):
+    """What a part of a transmission is, by the numbers of mwd_msgs/Transmission."""
+
+    SYNC = 0
+    HEADER = 1
+    SURVEY = 2
+    TOOLFACE = 3
+
+
+class State(enum.StrEnum):
+    """What the tool does."""
+
+    SILENT = "silent: no flow"
+    WAITING = "flow is on: transmit delay"
+    SENDING = "sending"
+
+
+@dataclasses.dataclass(frozen=True)
+class Sent:
+    """
+    A sync, header or word that went on air.
+
+    Attributes
+    ----------
+    kind : Kind
+    frame : int
+        Counts the passes of sequences from 0.
+    sequence : int
+        Number of the sequence.
+    name : str
+        Of the word; empty for a sync or header.
+    raw, bits : int
+        Code without parity, and its length.
+    reading : Reading or None
+        What was measured, SI; None where there is no measurement.
+    start_ns : int
+        Begin on air, clock of the tool.
+    duration_s : float
+    edges_s : tuple of float
+        Begin of each pulse after the start, s.
+    """
+
+    kind: Kind
+    frame: int
+    sequence: int
+    name: str
+    raw: int
+    bits: int
+    reading: Reading | None
+    start_ns: int
+    duration_s: float
+    edges_s: tuple[float, ...]
+
+
+class Transmitter:
+    """
+    The transmission of one tool.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+        What is sent, and how.
+    settings : Transmit
+        When.
+    """
+
+    def __init__(self, tool: ToolConfiguration, settings: Transmit) -> None:
+        self.tool, self._settings = tool, settings
+        self._flow = Switch(round(settings.flow_hold_s * NANOSECONDS))
+        self._rotation = Switch(round(settings.rotation_hold_s * NANOSECONDS))
+        self._continuous = ContinuousSurvey(round(settings.continuous_s * NANOSECONDS))
+        self._flows: deque[tuple[int, float]] = deque()
+        self._attitudes: deque[tuple[int, int, Readings]] = deque()
+        self._now: int | None = None
+        self._frame = -1
+        self._survey: Readings = {}
+        self._fresh = False
+        self._current: Readings = {}
+        self._slow: Readings = {}
+        self._on_air: Iterator[tuple[Kind, int, SequenceItem | None]] = iter(())
+        self._next_ns = 0
+        self._begins_anew = False
+        self.state = State.SILENT
+
+    def take_flow(self, samples: Samples) -> None:
+        """Take samples of `wire.TOOL_FLOW`, in order; those of a time must come before its attitude."""
+        self._flows.extend(zip(samples["stamp_ns"].tolist(), samples["flow"].tolist(), strict=True))
+
+    def take_survey(self, survey: Survey) -> None:
+        """Keep a survey taken at rest for the next transmission."""
+        self._survey = readings.of_survey(survey)
+        self._fresh = True
+
+    def take_dynamics(self, samples: Samples) -> None:
+        """Take summaries of `wire.DYNAMICS`; the last one counts."""
+        if len(samples):
+            self._slow |= readings.of_dynamics(samples[-1])
+
+    def advance(self, attitude: Samples, reference: Reference | None) -> list[Sent]:
+        """
+        Take samples of `wire.ATTITUDE` and give what went on air up to the last one whose flow is known.
+
+        reference : field whose declination and convergence turn azimuths to magnetic north.
+        """
+        stamps = attitude["stamp_ns"]
+        # The first sample of each step is enough.
+        last = self._attitudes[-1][0] // _STEP_NS if self._attitudes else (self._now or 0) // _STEP_NS
+        for k, cell in enumerate((stamps // _STEP_NS).tolist()):
+            if cell > last:
+                row = attitude[k]
+                found = readings.of_attitude(row, reference)
+                self._attitudes.append((int(stamps[k]), int(row["status"]), found))
+                last = cell
+        sent: list[Sent] = []
+        if not self._attitudes or not self._flows:
+            return sent
+        if self._now is None:
+            self._now = max(self._attitudes[0][0], self._flows[0][0]) // _STEP_NS * _STEP_NS
+        while self._now + _STEP_NS <= min(self._attitudes[-1][0], self._flows[-1][0]):
+            self._now += _STEP_NS
+            sent += self._step(self._now)
+        return sent
+
+    @property
+    def knows_flow(self) -> bool:
+        """Whether samples of the flow have come at all."""
+        return bool(self._flows)
+
+    def _step(self, now: int) -> list[Sent]:
+        flow = _newest(self._flows, now)
+        row = _newest(self._attitudes, now)
+        if flow is None or row is None:
+            return []
+        _, status, self._current = row
+        self._continuous.take(now, self._current)
+        if self._flow.update(now, flow[1] > self._settings.flow_threshold_lpm * _LPM):
+            self._switch_flow()
+        turned = self._rotation.update(now, bool(status & Status.ROTATING))
+        if turned and self._settings.rotation_switching and self.tool.header_bits and self.state == State.SENDING:
+            self._begins_anew = True
+        if self.state == State.WAITING and now >= self._next_ns:
+            self.state = State.SENDING
+            self._on_air = self._parts(with_survey=True)
+        sent = []
+        while self.state == State.SENDING and self._next_ns <= now:
+            if self._begins_anew:
+                self._begins_anew = False
+                self._on_air = self._parts(with_survey=self._rotation.on)
+            sent.append(self._put_on_air(*next(self._on_air)))
+        return sent
+
+    def _switch_flow(self) -> None:
+        self._on_air, self._begins_anew = iter(()), False
+        if self._flow.on:
+            self.state = State.WAITING
+            self._next_ns = self._flow.since_ns + round(self.tool.transmit_delay_s * NANOSECONDS)
+        else:
+            self.state = State.SILENT
+
+    def _parts(self, *, with_survey: bool) -> Iterator[tuple[Kind, int, SequenceItem | None]]:
+        """Sync, header, survey and for ever the toolface sequence: kind, number of the sequence, word."""
+        number = int(self._rotation.on) if self._settings.rotation_switching and self.tool.header_bits else 0
+        yield Kind.SYNC, number, None
+        if self.tool.header_bits:
+            yield Kind.HEADER, number, SequenceItem("", self.tool.header_bits, False)
+        if with_survey:
+            self._choose_survey()
+            for item in _numbered(self.tool.surveys, number):
+                yield Kind.SURVEY, number, item
+        while True:
+            self._frame += 1
+            for item in _numbered(self.tool.toolfaces, number):
+                yield Kind.TOOLFACE, number, item
+
+    def _choose_survey(self) -> None:
+        """Send the survey taken at rest since the last transmission, else the least noisy continuous one."""
+        self._frame += 1
+        if not self._fresh:
+            self._survey = self._continuous.best() or self._survey
+        self._fresh = False
+        self._continuous.forget()
+
+    def _put_on_air(self, kind: Kind, number: int, item: SequenceItem | None) -> Sent:
+        tool, start = self.tool, self._next_ns
+        reading, raw, bits, name = None, 0, 0, ""
+        if item is None:
+            edges, length = tool.sync.edges_tu, tool.sync.length_tu
+        else:
+            name, bits = item.name, item.bits
+            if kind == Kind.HEADER:
+                raw = number
+            else:
+                reading = self._reading(kind, name)
+                raw = self._code(item, reading)
+            edges, length = tool.pulses(raw << 1 | tool.parity_bit(raw) if item.parity else raw, item.length)
+        duration = length * tool.tu_s
+        self._next_ns = start + round(duration * NANOSECONDS)
+        times = tuple(edge * tool.tu_s for edge in edges)
+        # Sync and header belong to the pass behind them.
+        frame = self._frame if kind in (Kind.SURVEY, Kind.TOOLFACE) else self._frame + 1
+        return Sent(kind, frame, number, name, raw, bits, reading, start, duration, times)
+
+    def _reading(self, kind: Kind, name: str) -> Reading | None:
+        quantity = meanings.meaning_of(name)
+        of_now = self._slow | self._current
+        return (self._survey | of_now if kind == Kind.TOOLFACE else of_now | self._survey).get(quantity)
+
+    def _code(self, item: SequenceItem, reading: Reading | None) -> int:
+        """Code of a reading; 0 where there is none: for totals a value that nobody takes for measured."""
+        if reading is None:
+            return 0
+        word = self.tool.table[item.name]
+        return word.code(reading.value / meanings.factor(word.unit), item.bits)
+
+
+def _numbered(sequences: tuple[tuple[SequenceItem, ...], ...], number: int) -> tuple[SequenceItem, ...]:
+    return sequences[min(number, len(sequences) - 1)]
+
+
+def _newest(rows: deque[Row], now: int) -> Row | None:
+    """Last row with a stamp up to now; older ones are dropped. None: the first one is later."""
+    while len(rows) > 1 and rows[1][0] <= now:
+        rows.popleft()
+    return rows[0] if rows[0][0] <= now else None

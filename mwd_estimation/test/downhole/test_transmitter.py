@@ -1,0 +1,180 @@
+"""What the tool sends, and when: by flow and rotation, the same however its samples are cut."""
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.status import Status
+from mwd_estimation.downhole.settings import Transmit
+from mwd_estimation.downhole.transmitter import Kind, State, Transmitter
+from mwd_estimation.survey.station import station
+from mwd_estimation.survey.survey import Survey
+from mwd_sensors.core import wire
+from mwd_sensors.core.frames import mat_nt
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, encode
+
+SECOND = 1_000_000_000
+START = 1_700_000_000 * SECOND
+REFERENCE = Reference(50e-6, math.radians(72.0), math.radians(3.0), math.radians(1.0), 9.81, "test")
+TOOL = ToolConfiguration(
+    pulse_width_s=0.5,
+    transmit_delay_s=10.0,
+    survey_sequences=("Inc:12:P Azm:12:P Grav:12:P",),
+    toolface_sequences=("aTFA:6:P RINC:11:P",),
+)
+FULL = 0.033
+
+
+def attitude(seconds, rotating=False, rate=20.0):
+    time = np.arange(0.0, seconds, 1.0 / rate)
+    rows = wire.ATTITUDE.empty(len(time))
+    rows["stamp_ns"] = START + np.round(time * SECOND).astype(np.int64)
+    rows["inclination"], rows["azimuth"] = math.radians(40.0), math.radians(120.0)
+    rows["gravity_toolface"] = np.radians(time % 360.0)
+    rows["magnetic_toolface"] = np.radians(200.0)
+    for name in ("inclination", "azimuth", "gravity_toolface", "magnetic_toolface"):
+        rows["sigma_" + name] = 0.01
+    rows["north"] = 3
+    rows["status"] = int(Status.ROTATING if rotating else Status.SLIDING)
+    return rows
+
+
+def flow(seconds, spans, rate=5.0):
+    time = np.arange(0.0, seconds, 1.0 / rate)
+    rows = wire.TOOL_FLOW.empty(len(time))
+    rows["stamp_ns"] = START + np.round(time * SECOND).astype(np.int64)
+    rows["flow"] = FULL * np.any([(time >= begin) & (time < end) for begin, end in spans], axis=0)
+    return rows
+
+
+def survey(azimuth=120.0):
+    mat_tn = mat_nt(math.radians(35.0), math.radians(azimuth), 0.7).T
+    field = REFERENCE.total * np.array([math.cos(REFERENCE.dip), 0.0, math.sin(REFERENCE.dip)])
+    found = station(mat_tn @ np.array([0.0, 0.0, -9.81]), mat_tn @ field, REFERENCE)
+    zero = np.zeros((3, 3))
+    return Survey(START, 1, "one", False, 8.0, 800, found, zero, zero, np.zeros(3), 60.0)
+
+
+def run(tool, settings, rows, flows, surveys=(), block=200):
+    transmitter = Transmitter(tool, settings)
+    sent = []
+    for one in surveys:
+        transmitter.take_survey(one)
+    for first in range(0, len(rows), block):
+        part = rows[first : first + block]
+        before = flows[flows["stamp_ns"] <= part["stamp_ns"][-1]]
+        flows = flows[len(before) :]
+        transmitter.take_flow(before)
+        sent += transmitter.advance(part, REFERENCE)
+    return transmitter, sent
+
+
+def seconds(one):
+    return (one.start_ns - START) / SECOND
+
+
+def test_without_flow_the_tool_is_silent():
+    transmitter, sent = run(TOOL, Transmit(), attitude(60.0), flow(60.0, [(100.0, 200.0)]))
+    assert sent == []
+    assert transmitter.state == State.SILENT
+
+
+def test_without_knowledge_of_the_flow_the_tool_is_silent():
+    assert run(TOOL, Transmit(), attitude(60.0), flow(0.0, []))[1] == []
+
+
+def test_sync_comes_a_delay_after_flow_on_then_the_survey_once_then_toolfaces():
+    _, sent = run(TOOL, Transmit(), attitude(120.0), flow(120.0, [(20.0, 120.0)]), [survey()])
+    assert seconds(sent[0]) == pytest.approx(30.0, abs=0.11)
+    assert [one.kind for one in sent[:5]] == [Kind.SYNC, Kind.SURVEY, Kind.SURVEY, Kind.SURVEY, Kind.TOOLFACE]
+    assert {one.kind for one in sent[4:]} == {Kind.TOOLFACE}
+    for one, following in itertools.pairwise(sent):
+        assert following.start_ns - one.start_ns == pytest.approx(one.duration_s * SECOND, abs=2)
+
+
+def test_words_have_the_survey_and_its_time():
+    _, sent = run(TOOL, Transmit(), attitude(60.0), flow(60.0, [(5.0, 60.0)]), [survey()])
+    by_name = {one.name: one for one in sent}
+    inc, azm, grav = (by_name[name] for name in ("Inc", "Azm", "Grav"))
+    assert TOOL.table["Inc"].value(inc.raw, 12) == pytest.approx(35.0, abs=0.03)
+    # From magnetic north, whatever north the estimator has in force.
+    assert TOOL.table["Azm"].value(azm.raw, 12) == pytest.approx(120.0, abs=0.1)
+    assert TOOL.table["Grav"].value(grav.raw, 12) == pytest.approx(9.81 / 9.80665, abs=3e-4)
+    assert inc.reading.stamp_ns == START
+    assert inc.reading.sigma > 0.0
+
+
+def test_a_toolface_is_measured_when_it_goes_on_air():
+    _, sent = run(TOOL, Transmit(), attitude(120.0), flow(120.0, [(5.0, 120.0)]))
+    toolfaces = [one for one in sent if one.name == "aTFA"]
+    assert len(toolfaces) == 3
+    for one in toolfaces:
+        assert (one.reading.stamp_ns - one.start_ns) / SECOND == pytest.approx(0.0, abs=0.11)
+        assert TOOL.table["aTFA"].value(one.raw, 6) == pytest.approx(seconds(one) % 360.0, abs=3.0)
+
+
+def test_near_vertical_the_automatic_toolface_is_the_magnetic_one():
+    rows = attitude(100.0)
+    rows["status"] |= int(Status.NEAR_VERTICAL)
+    _, sent = run(TOOL, Transmit(), rows, flow(100.0, [(5.0, 100.0)]))
+    first = next(one for one in sent if one.name == "aTFA")
+    # From magnetic north: convergence and declination are taken off the grid's.
+    assert math.degrees(first.reading.value) == pytest.approx(200.0 + 1.0 - 3.0)
+
+
+def test_flow_off_ends_the_transmission_and_flow_on_begins_another():
+    flows = flow(200.0, [(5.0, 60.0), (100.0, 200.0)])
+    _, sent = run(TOOL, Transmit(), attitude(200.0), flows, [survey()])
+    syncs = [seconds(one) for one in sent if one.kind == Kind.SYNC]
+    assert syncs == pytest.approx([15.0, 110.0], abs=0.11)
+    assert not [one for one in sent if 63.0 < seconds(one) < 109.0]
+
+
+def test_a_short_dip_of_the_flow_does_not_interrupt():
+    flows = flow(100.0, [(5.0, 40.0), (41.0, 100.0)])
+    _, sent = run(TOOL, Transmit(flow_hold_s=2.0), attitude(100.0), flows)
+    assert sum(one.kind == Kind.SYNC for one in sent) == 1
+
+
+def test_what_is_sent_does_not_depend_on_how_the_samples_are_cut():
+    rows, flows = attitude(90.0), flow(90.0, [(3.0, 90.0)])
+    whole = run(TOOL, Transmit(), rows, flows, [survey()], block=len(rows))[1]
+    for block in (1, 7, 333):
+        assert run(TOOL, Transmit(), rows, flows, [survey()], block)[1] == whole
+
+
+def test_edges_are_those_of_the_whole_sequence():
+    _, sent = run(TOOL, Transmit(), attitude(60.0), flow(60.0, [(5.0, 60.0)]), [survey()])
+    words = [one for one in sent if one.kind in (Kind.SYNC, Kind.SURVEY)]
+    origin = words[0].start_ns
+    edges = [(one.start_ns - origin) / SECOND + edge for one in words for edge in one.edges_s]
+    wanted = encode(TOOL, TOOL.surveys[0], tuple(one.raw for one in words[1:]), 0)
+    assert edges == pytest.approx([edge * TOOL.tu_s for edge in wanted.edges], abs=1e-6)
+
+
+def test_rotation_switches_the_sequence_with_a_new_sync():
+    tool = dataclasses.replace(TOOL, header_bits=2, toolface_sequences=("aTFA:6:P", "LRMS:11:P RINC:11:P"))
+    rows = np.concatenate([attitude(60.0), attitude(120.0, rotating=True)])
+    rows["stamp_ns"] = START + np.arange(len(rows)) * (SECOND // 20)
+    settings = Transmit(rotation_switching=True, rotation_hold_s=2.0)
+    _, sent = run(tool, settings, rows, flow(180.0, [(1.0, 180.0)]), [survey()])
+    headers = [one.raw for one in sent if one.kind == Kind.HEADER]
+    assert headers == [0, 1]
+    after = [one for one in sent if seconds(one) > 63.0]
+    kinds = [one.kind for one in after[after.index(next(o for o in after if o.kind == Kind.HEADER)) + 1 :]]
+    assert kinds[:3] == [Kind.SURVEY] * 3
+    assert {one.name for one in after if one.kind == Kind.TOOLFACE} <= {"aTFA", "LRMS", "RINC"}
+
+
+def test_without_a_survey_at_rest_the_least_noisy_continuous_one_is_sent():
+    rows = attitude(200.0)
+    moving = (rows["stamp_ns"] - START) / SECOND
+    rows["inclination"] = math.radians(40.0) + np.where(moving < 30.0, 0.02 * np.sin(moving * 9.0), 0.0)
+    _, sent = run(TOOL, Transmit(), rows, flow(200.0, [(90.0, 200.0)]))
+    inc = next(one for one in sent if one.name == "Inc")
+    assert math.degrees(inc.reading.value) == pytest.approx(40.0, abs=0.01)
+    assert inc.reading.stamp_ns > START + 30 * SECOND
