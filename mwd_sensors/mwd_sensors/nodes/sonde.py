@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from mwd_msgs.msg import ImuBurst, RigCommand, RigState, Truth
@@ -14,6 +15,8 @@ from sensor_msgs.msg import Imu, MagneticField, Temperature
 from mwd_sensors.core import burst, wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import from_mapping, setting
+from mwd_sensors.nodes.telemetry import TelemetryTopics
+from mwd_sensors.nodes.truth_file import TruthFile
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.discovery import SubscriberDiscovery
@@ -86,6 +89,11 @@ class SondeSettings:
         fixed=True,
     )
     fault_injection: bool = setting(False, "Allow the service inject_fault")
+    truth_file: str = setting(
+        "",
+        "CSV file of the truth, once a second of the scenario, where the surface hears the link alone; empty: none",
+        fixed=True,
+    )
 
 
 class SondeNode(GraphNode[SondeSettings]):
@@ -95,6 +103,8 @@ class SondeNode(GraphNode[SondeSettings]):
         super().__init__("sonde", SondeSettings(), **node_options)
         self._published = dict.fromkeys(_ORDER, 0)
         self._sonde: Sonde | None = None
+        self._telemetry: TelemetryTopics | None = None
+        self._truth_file: TruthFile | None = None
         self._finished = False
 
     def configure(self) -> None:
@@ -111,7 +121,16 @@ class SondeNode(GraphNode[SondeSettings]):
             self._topic_publishers |= {topic: self.add_publisher(ImuBurst, topic, qos.STREAM) for topic in burst.TOPICS}
         self.add_service(InjectFault, "inject_fault", self._inject_fault)
         self.add_subscription(RigCommand, "rig/command", self._on_command, qos.STATE)
+        self._telemetry = None
+        if self._scenario.telemetry is not None:
+            self._telemetry = TelemetryTopics(self, self.settings.rate)
+        self._truth_file = TruthFile(Path(self.settings.truth_file)) if self.settings.truth_file else None
         self.add_timer(_TIMER_PERIOD, self._on_timer)
+
+    def cleanup(self) -> None:
+        """Close the file of the truth."""
+        if self._truth_file is not None:
+            self._truth_file.close()
 
     def activate(self) -> None:
         """Start the scenario at its beginning, once subscribers have been found."""
@@ -131,6 +150,8 @@ class SondeNode(GraphNode[SondeSettings]):
         self._pending: list[tuple[float, int, str, bytes]] = []
         self._started_at = time.monotonic()
         self._dropped_s = 0.0
+        if self._telemetry is not None:
+            self._telemetry.start(sonde)
         self.get_logger().info(
             f"scenario {self._scenario.name}: {sonde.duration:.0f} s, field {sonde.reference.source}"
         )
@@ -146,7 +167,9 @@ class SondeNode(GraphNode[SondeSettings]):
                 return
             sonde = self._start()
         if self._finished:
-            if self.settings.exit_at_end and time.monotonic() - self._finished_at > _DELIVERY_TIME:
+            since = time.monotonic() - self._finished_at
+            drained = self._telemetry is None or self._telemetry.drained(since)
+            if self.settings.exit_at_end and drained and since > _DELIVERY_TIME:
                 self.request_stop()
             return
         rate = self.settings.rate
@@ -169,6 +192,8 @@ class SondeNode(GraphNode[SondeSettings]):
             if time.monotonic() > enough:
                 break
         self._publish_due(until)
+        if self._telemetry is not None:
+            self._telemetry.publish(min(until, self._simulated_until))
         if self._all_simulated and not self._pending:
             self._finished, self._finished_at = True, time.monotonic()
             self.get_logger().info("scenario is over")
@@ -188,6 +213,8 @@ class SondeNode(GraphNode[SondeSettings]):
         if block is None:
             self._all_simulated = True
             return
+        if self._truth_file is not None:
+            self._truth_file.take(block["truth"])
         for order, topic in enumerate(_ORDER):
             samples = self._thinned(topic, block[topic])
             if len(samples):
@@ -253,7 +280,8 @@ class SondeNode(GraphNode[SondeSettings]):
 
     def diagnostics(self) -> Sequence[Diagnostic]:
         """Progress of the scenario and published messages; rig commands, where any were received."""
-        return (self._progress_diagnostic(), *self._command_diagnostics())
+        link = self._telemetry.diagnostics() if self._telemetry is not None else []
+        return (self._progress_diagnostic(), *self._command_diagnostics(), *link)
 
     def _command_diagnostics(self) -> Sequence[Diagnostic]:
         if not self._commands_obeyed + self._commands_refused:

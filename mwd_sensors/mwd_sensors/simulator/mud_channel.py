@@ -20,8 +20,8 @@ from mwd_sensors.simulator.mud_line import Well, responses
 from mwd_sensors.simulator.mud_pumps import Pump, PumpStream
 
 RATE_HZ = 100.0
-_BLOCK = 1000  # samples that are made at once
 _RESPONSE_S = 40.96  # length of the impulse responses; echoes of a deep well have died away by then
+_TAPS = round(_RESPONSE_S * RATE_HZ)
 _BAND_HZ = 35.0  # above, the gauge is blind
 
 
@@ -65,10 +65,22 @@ class Pressure:
         Begin and end of each pulse of the valve after the start, s; in order of time.
     seed : int
         Of all noise.
+    flow : callable, optional
+        Flow over its full value, shape (n,), at times after the start, shape (n,), s, in place of `flow_off_s`.
+    block_s : float
+        Length of a block. Another length is another draw of the stalls.
     """
 
-    def __init__(self, channel: MudChannel, pulses: Array, seed: int) -> None:
+    def __init__(
+        self,
+        channel: MudChannel,
+        pulses: Array,
+        seed: int,
+        flow: Callable[[Array], Array] | None = None,
+        block_s: float = 10.0,
+    ) -> None:
         self._channel, self._pulses = channel, np.asarray(pulses, dtype=float).reshape(-1, 2)
+        self._flow, self._count = flow or self._scheduled_flow, round(block_s * RATE_HZ)
         sources = np.random.SeedSequence(seed).spawn(5 + len(channel.pumps))
         self._bit, self._surface, self._gauge, self._stall, self._stick = map(np.random.default_rng, sources[:5])
         total = sum(pump.share for pump in channel.pumps)
@@ -76,16 +88,11 @@ class Pressure:
             PumpStream(pump, channel.well.flow_m3_s * pump.share / total, np.random.default_rng(source), RATE_HZ)
             for pump, source in zip(channel.pumps, sources[5:], strict=True)
         ]
-        taps = round(_RESPONSE_S * RATE_HZ)
-        frequency: Array = np.fft.rfftfreq(taps, 1.0 / RATE_HZ).astype(np.float64)
+        frequency: Array = np.fft.rfftfreq(_TAPS, 1.0 / RATE_HZ).astype(np.float64)
         frequency[0] = 0.25 * frequency[1]
-        valve, pump, bit = responses(channel.well, frequency)
-        # Causal and without aliasing: a gentle roll-off, and a little delay for what it spreads backwards.
-        roll = 1.0 / np.sqrt(1.0 + (frequency / _BAND_HZ) ** 8) * np.exp(-2j * math.pi * frequency * 0.1)
-        # Slow changes of the flow are the mean pressure, which is added apart.
-        pump = pump * (1j * frequency / 0.1) / (1.0 + 1j * frequency / 0.1)
-        self._responses = [np.fft.irfft(one * roll, taps) for one in (valve, pump, bit)]
-        self._tails = [np.zeros(taps - 1) for _ in self._responses]
+        self._frequency = frequency
+        self.deepen(channel.well)
+        self._tails = [np.zeros(_TAPS - 1) for _ in self._responses]
         self._filters: dict[str, Array] = {}
         self._block = 0
         self._drive: Callable[[Array], Array] = np.zeros_like
@@ -95,32 +102,53 @@ class Pressure:
         """Let the valve follow a signal, 1 at its most, beside its pulses; drive: signal at times, s."""
         self._drive = drive
 
+    def deepen(self, well: Well) -> None:
+        """Go on in a well that has become deeper; what is under way arrives as from the depth before."""
+        self._channel = dataclasses.replace(self._channel, well=well)
+        frequency = self._frequency
+        valve, pump, bit = responses(well, frequency)
+        # Causal and without aliasing: a gentle roll-off, and a little delay for what it spreads backwards.
+        roll = 1.0 / np.sqrt(1.0 + (frequency / _BAND_HZ) ** 8) * np.exp(-2j * math.pi * frequency * 0.1)
+        # Slow changes of the flow are the mean pressure, which is added apart.
+        pump = pump * (1j * frequency / 0.1) / (1.0 + 1j * frequency / 0.1)
+        self._responses = [np.fft.irfft(one * roll, _TAPS) for one in (valve, pump, bit)]
+
+    @property
+    def seconds(self) -> float:
+        """Time up to which there are blocks, s."""
+        return self._block * self._count / RATE_HZ
+
+    def add_pulse(self, begin: float, end: float) -> bool:
+        """Let the valve close from begin to end, s after the start; False: that time is over already."""
+        self._pulses = np.vstack([self._pulses[self._pulses[:, 1] > self.seconds - 60.0], (begin, end)])
+        return begin >= self.seconds
+
     def block(self) -> Array:
         """
-        Next 10 s of pressure.
+        Next block of pressure.
 
         Returns
         -------
-        ndarray, shape (1000,)
+        ndarray, shape (n,)
             Pressure at the gauge, Pa, at 100 Hz.
         """
-        start = self._block * _BLOCK
-        time = (start + np.arange(_BLOCK)) / RATE_HZ
+        count = self._count
+        time = (self._block * count + np.arange(count)) / RATE_HZ
         flow = self._flow(time)
         noise, well = self._channel.noise, self._channel.well
         drops = [
             self._valve(time) * flow**2,
-            sum((pump.block(flow) for pump in self._pumps), np.zeros(_BLOCK)),
+            sum((pump.block(flow) for pump in self._pumps), np.zeros(count)),
             self._at_bit(time, noise) * flow**2,
         ]
         total = well.pressure_pa * flow**1.8
         for k, (drop, response) in enumerate(zip(drops, self._responses, strict=True)):
             whole = signal.oaconvolve(drop, response)
             whole[: len(self._tails[k])] += self._tails[k]
-            self._tails[k] = whole[_BLOCK:]
-            total = total + whole[:_BLOCK]
-        total += self._pink("surface", self._surface.normal(size=_BLOCK), noise.surface_pa)
-        total += noise.gauge_pa * self._gauge.normal(size=_BLOCK)
+            self._tails[k] = whole[count:]
+            total = total + whole[:count]
+        total += self._pink("surface", self._surface.normal(size=count), noise.surface_pa)
+        total += noise.gauge_pa * self._gauge.normal(size=count)
         step = noise.full_scale_pa / 2**noise.adc_bits
         self._block += 1
         return np.asarray(np.clip(np.round(total / step) * step, 0.0, noise.full_scale_pa))
@@ -129,7 +157,7 @@ class Pressure:
         """Times of the stroke switch of each pump so far, s."""
         return [pump.strokes() for pump in self._pumps]
 
-    def _flow(self, time: Array) -> Array:
+    def _scheduled_flow(self, time: Array) -> Array:
         """Flow over its full value: pumps start and stop within some seconds."""
         flow = np.ones(len(time))
         for begin, end in self._channel.flow_off_s:
@@ -165,8 +193,8 @@ class Pressure:
         return drop
 
     def _new_stalls(self, time: Array) -> Array:
-        count = self._stall.poisson(self._channel.noise.stalls_per_hour * _BLOCK / RATE_HZ / 3600.0)
-        return np.asarray(np.sort(time[0] + self._stall.uniform(0.0, _BLOCK / RATE_HZ, size=count)))
+        count = self._stall.poisson(self._channel.noise.stalls_per_hour * self._count / RATE_HZ / 3600.0)
+        return np.asarray(np.sort(time[0] + self._stall.uniform(0.0, self._count / RATE_HZ, size=count)))
 
     def _pink(self, name: str, white: Array, rms: float) -> Array:
         """Noise that falls as 1/f between 0.03 and 10 Hz (three first-order filters a decade apart), rms below 1 Hz."""

@@ -22,6 +22,7 @@ from mwd_sensors.simulator.instrument_grade import grade
 from mwd_sensors.simulator.interference import Interference
 from mwd_sensors.simulator.schedule import Phase, Rig
 from mwd_sensors.simulator.steering import Steering
+from mwd_sensors.simulator.telemetry_link import Telemetry
 from mwd_sensors.simulator.vibration import Vibrations
 
 
@@ -108,6 +109,7 @@ class Scenario:
     faults: tuple[Fault, ...] = setting((), "what fails and when")
     link: Link = setting(Link, "what the link does to samples")
     surface: dict[str, Any] = setting({}, "parameters of the surface node when `mwd run` plays it, by name")
+    telemetry: Telemetry | None = setting(None, "the tool's link to the surface: its configuration and its channel")
     rate_hz: int = setting(100, "output of both units", unit="Hz", low=1, high=10000)
     rig_hz: int = setting(5, "output of the rig's gauges", unit="Hz", low=1, high=100)
     kinematics_hz: int = setting(2000, "instants at which the motion is evaluated", unit="Hz", low=100, high=32000)

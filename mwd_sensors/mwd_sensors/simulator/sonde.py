@@ -20,6 +20,7 @@ from mwd_sensors.simulator.kinematics import Place, sensed
 from mwd_sensors.simulator.measuring_unit import MeasuringUnit
 from mwd_sensors.simulator.scenario import Scenario, parse_date
 from mwd_sensors.simulator.schedule import ROTATING, SLIDING, timeline
+from mwd_sensors.simulator.telemetry_link import TelemetryLink
 from mwd_sensors.simulator.true_inputs import TrueInputs
 from mwd_sensors.simulator.vibration_sources import draw_hits, draw_lines
 
@@ -66,6 +67,8 @@ class Sonde:
         Exact motion.
     string : String or None
         Top drive and string, where the scenario lets commands steer.
+    link : TelemetryLink or None
+        Channel from the tool to the surface, where the scenario has one.
     """
 
     def __init__(self, scenario: Scenario, epoch_ns: int | None = None) -> None:
@@ -91,6 +94,11 @@ class Sonde:
         )
         latitude = math.radians(scenario.place.latitude_deg)
         self._place = Place(earth.earth_rate_n(latitude), self.reference.gravity, earth.gravity_gradient(latitude))
+        self.link = (
+            TelemetryLink(scenario.telemetry, self.motion.timeline, scenario.rig, scenario.seed)
+            if scenario.telemetry is not None
+            else None
+        )
         self.interference = interference.disturbance(
             scenario.interference, self.reference.total, self._rng["interference"]
         )
@@ -150,6 +158,15 @@ class Sonde:
         if self.string is None:
             raise ValueError("the rig of this scenario takes no commands; they need an entry `steering: {}` in it")
         self.string.command(command)
+
+    def stamp_ns(self, seconds: float, *, of_tool: bool) -> int:
+        """Stamp of a time of the run, s, by the clock of the tool, which drifts, or by that of the rig, ns."""
+        drift = self.scenario.clock.drift_ppm * 1e-6 if of_tool else 0.0
+        return self.epoch_ns + round(seconds * (1.0 + drift) * wire.NANOSECONDS)
+
+    def seconds(self, stamp_ns: int) -> float:
+        """Time of the run, s, of a stamp of the tool; inverse of `stamp_ns`."""
+        return (stamp_ns - self.epoch_ns) / wire.NANOSECONDS / (1.0 + self.scenario.clock.drift_ppm * 1e-6)
 
     def blocks(self, seconds: float = 1.0) -> Iterator[dict[str, Samples]]:
         """
