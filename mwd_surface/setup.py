@@ -48,6 +48,7 @@ setup(
     entry_points={
         "console_scripts": [
             "surface = mwd_surface.nodes.surface:main",
+            "receiver = mwd_surface.nodes.receiver:main",
             "replay = mwd_surface.nodes.replay:main",
             "mwd = mwd_surface.cli:main",
         ]

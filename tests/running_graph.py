@@ -21,7 +21,12 @@ from typing import Any
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.runs import launch_plan
 
-EXECUTABLES = {"sonde": "mwd_sensors", "estimator": "mwd_estimation", "surface": "mwd_surface"}
+EXECUTABLES = {
+    "sonde": "mwd_sensors",
+    "estimator": "mwd_estimation",
+    "surface": "mwd_surface",
+    "receiver": "mwd_surface",
+}
 PLACE = {"place.field": "model", "place.lat_deg": 38.3, "place.lon_deg": 109.6}
 
 

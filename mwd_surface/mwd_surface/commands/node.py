@@ -17,6 +17,7 @@ class Node(enum.StrEnum):
     PROBE = "probe"
     ESTIMATOR = "estimator"
     SURFACE = "surface"
+    RECEIVER = "receiver"
 
 
 MODULES = {
@@ -24,6 +25,7 @@ MODULES = {
     Node.PROBE: "mwd_sensors.nodes.probe",
     Node.ESTIMATOR: "mwd_estimation.nodes.estimator",
     Node.SURFACE: "mwd_surface.nodes.surface",
+    Node.RECEIVER: "mwd_surface.nodes.receiver",
 }
 _ROS_PACKAGES = ("rclpy", "mwd_msgs", "rcl_interfaces", "sensor_msgs", "rosgraph_msgs", "std_srvs", "tf2_msgs")
 PASS_ON = {"allow_extra_args": True, "ignore_unknown_options": True}

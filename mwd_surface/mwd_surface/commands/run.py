@@ -80,6 +80,8 @@ def run(
     story = read(path, {} if seed is None else {"seed": seed})
     if not 0.0 <= rate <= 1000.0:
         raise ValueError(f"--rate {rate:g}: must be from 0 to 1000")
+    if story.telemetry is not None and rate == 0.0:
+        raise ValueError("--rate 0: a scenario with telemetry needs a pace; try --rate 5")
     folder = _new_folder(output, namespace)
     (folder / "logs").mkdir(parents=True, exist_ok=True)
     console = terminal.output()
@@ -95,14 +97,17 @@ def run(
         "record.name": name,
         "well.name": namespace,
     }
+    if story.telemetry is not None:
+        _add_link(parameters, story, folder.resolve())
     if plan is not None:
         parameters["surface"]["plan.file"] = str(plan.resolve(strict=True))
     parameters["surface"] |= page_secret(token, folder)
     set_parameters(parameters, changes)
     plans = _Plans(port, not no_rig, hold, parameter_file(params))
     _run_graph(story.name, namespace, parameters, folder, plans)
+    truth = folder / "truth.csv" if story.telemetry is not None else None
     for bag in recordings_named(folder / namespace.replace("/", "_") / "bags", name):
-        _conclude(console, bag)
+        _conclude(console, bag, truth)
     console.print(f"surveys and logs: {folder}", markup=False)
 
 
@@ -146,7 +151,7 @@ def _run_graph(story: str, namespace: str, parameters: dict[str, dict[str, Any]]
         environment = launch_plan.graph_environment(os.environ, domain, logs)
         supervisor = Supervisor(environment, terminal.warn)
         try:
-            for node in ("surface", "estimator"):
+            for node in (name for name in orders if name != "sonde"):
                 supervisor.start(orders[node])
             if _wait_until_ready(supervisor, interrupts, address, logs):
                 console.print(f"{story}: page at {address} (well /{namespace}, domain {domain})", markup=False)
@@ -159,7 +164,7 @@ def _run_graph(story: str, namespace: str, parameters: dict[str, dict[str, Any]]
             terminal.warn(f"{error}; logs in {logs}")
             raise typer.Exit(1) from error
         finally:
-            killed = supervisor.stop((("sonde", "estimator"), ("surface",)))
+            killed = supervisor.stop((("sonde", "estimator"), ("receiver",), ("surface",)))
     for node in killed:
         terminal.warn(f"{node} did not end by itself and was killed")
 
@@ -192,6 +197,22 @@ def _parameters(
 
 class _StartError(RuntimeError):
     """The graph did not start; the message says which node and why."""
+
+
+def _add_link(parameters: dict[str, dict[str, Any]], story: Scenario, folder: Path) -> None:
+    """Let the surface hear the tool through the scenario's link alone: one tool configuration for both ends."""
+    from mwd_sensors.telemetry import tool_configuration
+    from mwd_surface.runs import launch_plan
+
+    if story.telemetry is None:
+        return
+    tool_file = folder / "tool.yaml"
+    tool_file.write_text(tool_configuration.text(story.telemetry.tool), encoding="utf-8")
+    # The truth goes past the surface, which subscribes to nothing of the tool.
+    parameters["sonde"]["truth_file"] = str(folder / "truth.csv")
+    parameters["estimator"]["transmit.tool_file"] = str(tool_file)
+    parameters["surface"]["link.source"] = "mud_pulse"
+    parameters["receiver"] = {"tool_file": str(tool_file), **launch_plan.reference_parameters(story)}
 
 
 class _Interrupts:
@@ -305,14 +326,14 @@ def _state(address: str) -> dict[str, Any]:
     return state.get("sections", {}) if isinstance(state, dict) else {}
 
 
-def _conclude(console: Console, bag: Path) -> None:
+def _conclude(console: Console, bag: Path, truth: Path | None) -> None:
     from mwd_surface.bags.bag_reader import Bag, BagError
     from mwd_surface.commands import terminal
     from mwd_surface.surveys.score import score
 
     try:
         with Bag(bag) as opened:
-            _show_scores(console, score(opened))
+            _show_scores(console, score(opened, truth=truth))
             for note in opened.notes:
                 terminal.warn(note)
             console.print(f"recording: {bag} ({opened.message_count} messages)", markup=False)

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 from mwd_sensors.core.arrays import Array
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.live.alarms import Alarm, Event
+from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.streams import LiveStreams
 from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField, SurveyProgress, WellState
@@ -47,6 +48,7 @@ class LiveState(LiveStreams):
         self._stretches: tuple[Stretch, ...] = ()
         self._yields: tuple[Yield, ...] = ()
         self._quill: float | None = None
+        self._link: LinkStatus | None = None
         self._progress = SurveyProgress()
         self._recorder: RecorderStatus | None = None
         self._diagnostics: tuple[NodeDiagnostic, ...] = ()
@@ -59,6 +61,11 @@ class LiveState(LiveStreams):
         if math.isfinite(angle):
             self._quill = angle % math.tau
             self._touch("quill", now)
+
+    def on_link(self, link: LinkStatus, now: float) -> None:
+        """Take the state of the link by which the surface hears the tool."""
+        self._link = link
+        self._touch("link", now)
 
     def on_well(self, well: Well, now: float, reference: ReferenceField | None = None) -> None:
         """Take the well, and the reference field in force; without one, that of the last survey counts."""
@@ -155,6 +162,7 @@ class LiveState(LiveStreams):
             stretches=self._stretches,
             yields=self._yields,
             quill=self._quill,
+            link=self._link,
             survey_progress=self._progress,
             recorder=self._recorder,
             diagnostics=self._diagnostics,

@@ -16,6 +16,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
+from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.strip_history import Row
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.surveys.clearance import Clearance
@@ -292,6 +293,7 @@ class WellState:
     history: Chart
     depth_log: Chart
     changes: Mapping[str, Change]
+    link: LinkStatus | None = None
 
     def change(self, part: str) -> Change:
         """Return how often a part changed, and when."""

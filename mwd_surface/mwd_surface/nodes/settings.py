@@ -64,6 +64,20 @@ class RecordSettings:
 
 
 @dataclasses.dataclass(frozen=True)
+class LinkSettings:
+    """How the surface hears the tool."""
+
+    source: str = setting(
+        "direct",
+        "How attitude and surveys reach the surface. direct: the topics of the tool, as over a wire without limits "
+        "(simulation, bench). mud_pulse, em, serial: the topics link/... of a receiver alone; best: the same, of "
+        "several receivers. With any but direct the surface subscribes to nothing else of the tool",
+        choices=("direct", "mud_pulse", "em", "serial", "best"),
+        fixed=True,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
 class SurfaceSettings:
     """Parameters of the surface node."""
 
@@ -81,6 +95,7 @@ class SurfaceSettings:
         "Refuse to start where the page cannot be served; false: raise an alarm and try again every 5 s",
         fixed=True,
     )
+    link: LinkSettings = setting(LinkSettings, "How the surface hears the tool")
     well: Well = setting(Well, "The well")
     plan: PlanSettings = setting(PlanSettings, "The planned well path")
     advisory: AdvisorySettings = setting(AdvisorySettings, "The toolface the driller is asked to hold")

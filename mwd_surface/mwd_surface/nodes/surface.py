@@ -8,6 +8,7 @@ connects them with the topics.
 from __future__ import annotations
 
 import concurrent.futures
+import dataclasses
 import math
 import platform
 import time
@@ -31,6 +32,7 @@ from mwd_surface.live.live_state import LiveState
 from mwd_surface.nodes.clearance_monitor import ClearanceMonitor
 from mwd_surface.nodes.diagnostics_monitor import DiagnosticsMonitor
 from mwd_surface.nodes.foxglove_bridge import FoxgloveBridge
+from mwd_surface.nodes.link_monitor import LinkMonitor
 from mwd_surface.nodes.page_bridge import PageBridge, Services, call_service
 from mwd_surface.nodes.plan_server import PlanServer
 from mwd_surface.nodes.recording_server import RecordingServer
@@ -47,11 +49,13 @@ from mwd_surface.rig.interface import InterfaceError
 from mwd_surface.ros.alarm_log import AlarmLog
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.parameter_tables import ParameterTables
+from mwd_surface.ros.topics import OF_TOOL, OVER_LINK
 from mwd_surface.ros.worker import Answer, BackgroundWorker, RequestQueue
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_store import StoreError
 
 _LIVE_PERIOD = 0.05  # s between updates of page and toolface
+_LINK_PERIOD = 2.0  # s between attitudes over a link at most
 _SLOW_PERIOD = 1.0  # s between updates of everything else
 
 
@@ -97,7 +101,10 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def _create_parts(self) -> None:
         settings = self.settings
         namespace = self.get_namespace().strip("/").replace("/", "_")
-        live = LiveState(settings.live)
+        direct = settings.link.source == "direct"
+        # Over a link an attitude comes with each second of pressure.
+        slow = max(settings.live.estimator_period, _LINK_PERIOD)
+        live = LiveState(settings.live if direct else dataclasses.replace(settings.live, estimator_period=slow))
         context = self._shared = SurfaceContext(
             node=self,
             folder=Path(settings.folder).expanduser() / (namespace or "well"),
@@ -123,7 +130,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             )
         )
         self._clearance = ClearanceMonitor(context, self._plan)
-        self._parameter_tables = ParameterTables(self, ("sonde", "estimator"))
+        self._parameter_tables = ParameterTables(self, ("sonde", "estimator") if direct else ("receiver",))
+        self._link = LinkMonitor(context)
         self._recording = self._closed_on_cleanup(
             RecordingServer(context, settings, tables=self._tables, attachments=self._surveys.attachments)
         )
@@ -155,27 +163,28 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             part.open()
         self._frames.open()
         self._decoder.open()
+        direct = self.settings.link.source == "direct"
+        handlers = {
+            **{topic: buffer.append for topic, buffer in self._decoder.buffers.items()},
+            "survey": self._on_survey,
+            "/diagnostics": monitor.on_diagnostics,
+            "heartbeat": self._supervision.on_heartbeat,
+            "rig/quill": self._slides.on_quill,
+            **self._link.handlers,
+        }
+        if not direct:
+            handlers |= {over: handlers[topic] for topic, over in OVER_LINK.items()}
         self._router = TopicRouter(
             self._shared,
             record=self._recording.put,
             foxglove=self._foxglove,
-            handlers={
-                **{topic: buffer.append for topic, buffer in self._decoder.buffers.items()},
-                "survey": self._on_survey,
-                "/diagnostics": monitor.on_diagnostics,
-                "heartbeat": self._supervision.on_heartbeat,
-                "rig/quill": self._slides.on_quill,
-            },
+            handlers=handlers,
             on_message=self._supervision.message_received,
         )
-        self._router.open(self.settings.record.topics)
-        # The feedback of an action is a topic, which others than the action's client may subscribe to.
-        for action, action_type, callback in (
-            ("north_seek", NorthSeek, monitor.on_north_seek),
-            ("rotary_survey", RotarySurvey, monitor.on_rotary_survey),
-        ):
-            self.add_subscription(action_type.Impl.FeedbackMessage, f"{action}/_action/feedback", callback, STATE)
-        self._survey_client = self.add_client(srv.TakeSurvey, "take_survey")
+        self._router.open(self.settings.record.topics, () if direct else OF_TOOL)
+        self._survey_client: Any = None
+        if direct:
+            self._open_requests_to_the_tool()
         self._service_callbacks: Services = {
             "accept_survey": (srv.JudgeSurvey, self._surveys.accept),
             "reject_survey": (srv.JudgeSurvey, self._surveys.reject),
@@ -189,6 +198,15 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         }
         self.add_timer(_LIVE_PERIOD, self._update_live)
         self.add_timer(_SLOW_PERIOD, self._update_slow)
+
+    def _open_requests_to_the_tool(self) -> None:
+        # The feedback of an action is a topic, which others than the action's client may subscribe to.
+        for action, action_type, callback in (
+            ("north_seek", NorthSeek, self._monitor.on_north_seek),
+            ("rotary_survey", RotarySurvey, self._monitor.on_rotary_survey),
+        ):
+            self.add_subscription(action_type.Impl.FeedbackMessage, f"{action}/_action/feedback", callback, STATE)
+        self._survey_client = self.add_client(srv.TakeSurvey, "take_survey")
 
     def activate(self) -> None:
         """Start the recording; publish the survey list."""
@@ -235,6 +253,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         """Carry out a request of page or rig, in the node's thread."""
         if name != "take_survey":
             return call_service(self._service_callbacks, name, arguments)
+        if self._survey_client is None:
+            return False, "over a link the tool takes a survey by itself whenever the pumps stop; stop them for one"
         if not self._survey_client.service_is_ready():
             return False, "the estimator is not there"
         asked = self._survey_client.call_async(srv.TakeSurvey.Request(**arguments))

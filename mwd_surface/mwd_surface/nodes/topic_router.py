@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import operator
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -59,11 +59,18 @@ class TopicRouter:
         self._streams: list[tuple[str, MessageBuffer, Callable[[bytes, int], None]]] = []
         self._missing: set[str] = set()
 
-    def open(self, recorded_topics: list[str]) -> None:
-        """Subscribe to the topics of the contract that are recorded, forwarded or handled."""
+    def open(self, recorded_topics: list[str], excluded: Collection[str] = ()) -> None:
+        """
+        Subscribe to the topics of the contract that are recorded, forwarded or handled.
+
+        excluded: topics that are not subscribed to, whoever asks for them.
+        """
         node = self._node
         recorded = {node.resolve_topic_name(name): name for name in recorded_topics}
         for name, (msg_type, profile) in TOPICS.items():
+            if name in excluded:
+                recorded.pop(node.resolve_topic_name(name), None)
+                continue
             is_recorded = recorded.pop(node.resolve_topic_name(name), None) is not None
             if is_recorded or self._foxglove.put is not None or name in self._handlers:
                 self._subscribe(name, msg_type, profile, is_recorded=is_recorded)

@@ -1,15 +1,21 @@
-"""Standpipe pressure from files: CSV, WAV, or a recording with sensor_msgs/FluidPressure."""
+"""Standpipe pressure from files: CSV, WAV, or a recording with PressureBurst or FluidPressure."""
 
 from __future__ import annotations
 
 import dataclasses
 import wave
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mwd_sensors.core import gauge_burst
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
+
+if TYPE_CHECKING:
+    from mwd_surface.bags.bag_reader import Bag
 
 _TIME, _PRESSURE, _VOLTAGE = "time_s", "pressure_pa", "voltage_v"
 # Samples of a WAV are shares of full scale; a pressure of this size keeps them far from any rounding.
@@ -141,6 +147,8 @@ def _bag(path: Path, gauge: int, topic: str) -> tuple[Array, Array, str]:
 
     suffix = topic or ("standpipe" if gauge == 1 else "standpipe_2")
     with Bag(path) as bag:
+        if any(one.type_name == gauge_burst.PRESSURE for one in bag.topics.values()):
+            return _bursts(bag, suffix)
         name = bag.find_topic("sensor_msgs/msg/FluidPressure", suffix)
         rows = []
         for _, _, _, data in bag.messages([name]):
@@ -150,6 +158,17 @@ def _bag(path: Path, gauge: int, topic: str) -> tuple[Array, Array, str]:
         start = bag.start_ns // 10**9
     table = np.array(rows, dtype=float).reshape(-1, 2)
     return table[:, 0], table[:, 1], f"{start} s of Unix time"
+
+
+def _bursts(bag: Bag, suffix: str) -> tuple[Array, Array, str]:
+    """Pressure of mwd_msgs/PressureBurst; time 0 is the first sample, as for the receiver while it was recorded."""
+    name = bag.find_topic(gauge_burst.PRESSURE, suffix)
+    bursts = [gauge_burst.decode(data) for _, _, _, data in bag.messages([name])]
+    if not bursts:
+        return np.zeros(0), np.zeros(0), "an empty recording"
+    origin = bursts[0][0]
+    times = [(start - origin) / NANOSECONDS + period * np.arange(len(values)) for start, period, values in bursts]
+    return np.concatenate(times), np.concatenate([one[2] for one in bursts]), f"{origin / NANOSECONDS:.3f} s Unix time"
 
 
 def _notes(time: Array, pressure: Array) -> tuple[str, ...]:

@@ -28,6 +28,17 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "rig/state": (msg.RigState, EVENT),
     "rig/command": (msg.RigCommand, STATE),
     "rig/quill": (JointState, STATE),
+    "rig/standpipe": (msg.PressureBurst, EVENT),
+    "rig/standpipe_2": (msg.PressureBurst, EVENT),
+    "rig/strokes": (msg.StrokeBurst, EVENT),
+    "rig/earth_voltage": (msg.VoltageBurst, EVENT),
+    "tool/flow": (msg.ToolFlow, EVENT),
+    "tool/transmission": (msg.Transmission, EVENT),
+    "link/word": (msg.LinkWord, EVENT),
+    "link/frame": (msg.LinkFrame, EVENT),
+    "link/quality": (msg.LinkQuality, STATE),
+    "link/attitude": (msg.Attitude, STATE),
+    "link/survey": (msg.Survey, EVENT),
     "gravity": (msg.Gravity, DEADLINE_STREAM),
     "attitude": (msg.Attitude, DEADLINE_STREAM),
     "imu/data": (Imu, STREAM),
@@ -47,6 +58,14 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "/parameter_events": (ParameterEvent, STATE),
     "/diagnostics": (DiagnosticArray, STATE),
 }
+
+
+# What comes from the tool or tells of it, and what a surface that hears the tool through a link hears instead.
+OF_TOOL = (
+    *("imu/data_raw", "imu/mag", "gyro/data_raw", "imu/burst", "gyro/burst", "imu/temperature", "truth", "tool/flow"),
+    *("tool/transmission", "gravity", "attitude", "imu/data", "dynamics", "interference", "survey", "/tf"),
+)
+OVER_LINK = {"attitude": "link/attitude", "survey": "link/survey"}
 
 
 def type_name(kind: Any) -> str:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from mwd_sensors.core import wire
+from mwd_sensors.core import gauge_burst, wire
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.simulator.scenario import Scenario
 from mwd_sensors.simulator.sonde import Sonde
+from mwd_sensors.simulator.telemetry_link import PERIOD_S, Heard
 from mwd_surface.bags.bag_metadata import qos_profile
 from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.runs.simulated_tool import SimulatedTool
 
 _BLOCK_S = 1.0
 # As `mwd_sensors.ros.qos` names them: STREAM, and EVENT for the rig.
@@ -59,6 +62,7 @@ def record(
         }
         if source:
             bag.attach("scenario.yaml", "application/yaml", source, sonde.epoch_ns)
+        link = None if sonde.link is None else _LinkWriter(sonde, bag, prefix)
         done = 0.0
         for block in sonde.blocks(_BLOCK_S):
             for name, samples in block.items():
@@ -66,6 +70,35 @@ def record(
                 rows = wire.SONDE_TOPICS[name].encode(samples, frame)
                 bag.write_rows(channels[name], rows, samples["stamp_ns"])
             done += _BLOCK_S
+            if link is not None:
+                link.take(block, min(done, sonde.duration))
             progress(min(done / sonde.duration, 1.0))
+        if link is not None:
+            link.finish()
         count = bag.messages
     return count, sonde.duration
+
+
+class _LinkWriter:
+    """Flow in the tool and pressure at the standpipe of a run, into its bag; the estimator runs for what is sent."""
+
+    def __init__(self, sonde: Sonde, bag: BagWriter, prefix: str) -> None:
+        self._sonde, self._bag = sonde, bag
+        self._tool = SimulatedTool(sonde)
+        self._flow = bag.topic(prefix + "tool/flow", wire.TOOL_FLOW.type_name, [_EVENT])
+        self._pressure = bag.topic(prefix + "rig/standpipe", gauge_burst.PRESSURE, [_EVENT])
+
+    def take(self, block: Mapping[str, Samples], until_s: float) -> None:
+        """Take the samples of a block that ends at a time of the run, s."""
+        flow, heard = self._tool.take(block, until_s)
+        self._bag.write_rows(self._flow, wire.TOOL_FLOW.encode(flow, wire.SONDE_FRAME), flow["stamp_ns"])
+        self._write(heard)
+
+    def finish(self) -> None:
+        """Write the rest of the pressure."""
+        self._write(self._tool.finish())
+
+    def _write(self, heard: list[Heard]) -> None:
+        for one in heard:
+            stamp_ns = self._sonde.stamp_ns(one.start_s, of_tool=False)
+            self._bag.write(self._pressure, gauge_burst.encode(stamp_ns, PERIOD_S, one.pressure_pa), stamp_ns)

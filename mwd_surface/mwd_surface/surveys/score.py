@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from mwd_surface.surveys.message_conversion import survey_of
 from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, Verdict
 
 SURVEY_TYPE = "mwd_msgs/msg/Survey"
-_NEAREST = 0.5  # s; a truth further away than that says nothing about a survey
+_NEAREST = 0.6  # s; a truth further away than that says nothing about a survey
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,29 +69,34 @@ class Scored:
         return None if self.chosen is None else float(wrap_pi(self.chosen - self.azimuth))
 
 
-def score(bag: Bag, namespace: str = "") -> list[Scored]:
+def score(bag: Bag, namespace: str = "", truth: Path | None = None) -> list[Scored]:
     """
     Every survey of a recording beside the truth at its time, in order of time.
 
-    namespace : of the well, where the recording has several.
+    namespace : of the well, where the recording has several. truth : file of the truth (parameter `truth_file` of the
+    sonde), for a run whose surface heard a link alone: the surveys are then those that the link brought.
 
     Raises
     ------
     BagError
         It has no truth, or several wells and none was named.
+    OSError
+        The file of the truth cannot be read.
     """
     prefix = namespace.strip("/")
     if not any(topic.type_name == SURVEY_TYPE for topic in bag.topics.values()):
         return []
-    survey_topic = bag.find_topic(SURVEY_TYPE, f"{prefix}/survey")
-    truth_topic = bag.find_topic(wire.TRUTH.type_name, f"{prefix}/truth")
+    survey_topic = bag.find_topic(SURVEY_TYPE, f"{prefix}/survey" if truth is None else f"{prefix}/link/survey")
     surveys = _surveys(bag, survey_topic)
-    truth = _truth(bag, truth_topic)
-    if not len(truth):
+    if truth is not None:
+        rows = np.loadtxt(truth, delimiter=",", skiprows=1, usecols=(0, 1, 2, 4), ndmin=2)
+    else:
+        rows = _truth(bag, bag.find_topic(wire.TRUTH.type_name, f"{prefix}/truth"))
+    if not len(rows):
         raise BagError(f"{bag.path} has no truth to compare with", "only simulated recordings have")
     scored = []
     for survey in surveys:
-        row = truth[int(np.argmin(np.abs(truth[:, 0] - survey.stamp_ns)))]
+        row = rows[int(np.argmin(np.abs(rows[:, 0] - survey.stamp_ns)))]
         if abs(row[0] - survey.stamp_ns) <= _NEAREST * 1e9:
             scored.append(_beside(survey, row))
     return scored

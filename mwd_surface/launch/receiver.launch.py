@@ -1,0 +1,9 @@
+"""Start the receiver of one well's telemetry link."""
+
+from launch import LaunchDescription
+from mwd_sensors.ros.launch_files import single_node
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Arguments: namespace, params_file, use_sim_time, autostart."""
+    return single_node("mwd_surface", "receiver")

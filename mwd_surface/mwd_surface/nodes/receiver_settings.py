@@ -1,0 +1,28 @@
+"""Parameters of the receiver node."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from mwd_estimation.pipeline import Place
+from mwd_sensors.core.settings import setting
+from mwd_surface.receiver.link_attitude import AgeRules
+
+
+@dataclasses.dataclass(frozen=True)
+class ReceiverSettings:
+    """Parameters of the receiver node."""
+
+    tool_file: str = setting(
+        "",
+        "Tool configuration (tool.yaml) by which the tool transmits. A wrong one gives no words; the reason says so",
+        fixed=True,
+    )
+    gauge: int = setting(1, "Pressure gauge: 1 reads rig/standpipe, 2 rig/standpipe_2", low=1, high=2, fixed=True)
+    tool_code: str = setting(
+        "",
+        "ISCWSA / OWSG tool code for the sigma of surveys, where the tool sends none; empty: ordinary MWD",
+        fixed=True,
+    )
+    place: Place = setting(Place, "The place of the well, its magnetic field and gravity, as of the estimator")
+    ages: AgeRules = setting(AgeRules, "How values age between words")

@@ -1,0 +1,74 @@
+"""When the pumps were off, from the pressure alone: surveys are taken then, and a pulse tool is silent."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+
+# Share of the usual pressure below which the pumps are off; the friction of a mud line falls faster than its flow.
+_OFF, _ON = 0.25, 0.4
+_FORGET_S = 3600.0
+# No rig drills with less at its standpipe.
+_LEAST_PA = 1.0e6
+
+
+class Span(NamedTuple):
+    """Time without flow, s on the clock of the pressure; its end is inf while it lasts."""
+
+    start_s: float
+    end_s: float
+
+
+class FlowSpans:
+    """
+    Spans without flow, from blocks of pressure.
+
+    Parameters
+    ----------
+    block_s : float
+        Pressure is averaged over so long before it is judged, s; the same result however the samples are cut.
+    """
+
+    def __init__(self, block_s: float = 1.0) -> None:
+        self._block_s = block_s
+        self._cell: int | None = None
+        self._sum = self._count = 0.0
+        self._usual = 0.0
+        self.spans: list[Span] = []
+
+    def push(self, time_s: Array, pressure_pa: Array) -> None:
+        """Take samples, shape (n,): rising times, s, and Pa."""
+        cells = np.floor(np.asarray(time_s) / self._block_s).astype(np.int64)
+        for cell in np.unique(cells):
+            inside = cells == cell
+            if self._cell is not None and cell != self._cell and self._count:
+                self._judge(self._cell * self._block_s, self._sum / self._count)
+                self._sum = self._count = 0.0
+            self._cell = int(cell)
+            self._sum += float(pressure_pa[inside].sum())
+            self._count += float(inside.sum())
+
+    @property
+    def flowing(self) -> bool | None:
+        """Whether the pumps are on; None before anything is known."""
+        if self._usual == 0.0:
+            return None
+        return not (self.spans and math.isinf(self.spans[-1].end_s))
+
+    def before(self, time_s: float) -> Span | None:
+        """Last span without flow that ended before a time, s; None where there was none."""
+        return next((span for span in reversed(self.spans) if span.end_s <= time_s), None)
+
+    def _judge(self, at: float, mean: float) -> None:
+        # Follows a higher pressure at once, a lower one over an hour: mud and depth change slowly.
+        self._usual = max(mean, self._usual * math.exp(-self._block_s / _FORGET_S), _LEAST_PA)
+        off = bool(self.spans) and math.isinf(self.spans[-1].end_s)
+        if off and mean > _ON * self._usual:
+            self.spans[-1] = Span(self.spans[-1].start_s, at)
+        elif not off and mean < _OFF * self._usual:
+            self.spans.append(Span(at, math.inf))
+        del self.spans[:-32]

@@ -1,0 +1,245 @@
+"""
+A link at the surface: pressure in; words, surveys, attitude and the state of the link out.
+
+Times are s on the clock of the pressure, `stamp_ns` turns them into stamps. The same pressure gives the same output,
+however it is cut into blocks.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+
+from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.core.reference_field import Reference
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.telemetry import meanings
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver.flow_spans import FlowSpans
+from mwd_surface.receiver.link_attitude import AgeRules, LinkAttitude
+from mwd_surface.receiver.link_survey import SurveyTime, survey
+from mwd_surface.receiver.link_values import believed, usable
+from mwd_surface.receiver.pulse_receiver import PulseReceiver
+from mwd_surface.receiver.transmission import FrameReport, Reception
+from mwd_surface.receiver.words import ReceivedWord
+from mwd_surface.surveys.survey_record import Survey
+
+NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
+# Eb/N0 at which 19 of 20 words of 13 bits are right when their parity is used (docs/benchmarks.md, limits of the code).
+NEEDED_DB = 6.0
+_GOODPUT_S = 300.0
+_JUDGED_WORDS = 40
+# Longest survey before which the tool may have stood still unseen: a recording that begins between two connections.
+_SETTLE_S = 6.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Quality:
+    """State of a link; fields as in mwd_msgs/LinkQuality."""
+
+    state: int
+    reason: str
+    has_signal: bool = False
+    ebn0_db: float = 0.0
+    clock_error: float = 0.0
+    word_error: float = -1.0
+    goodput: float = -1.0
+    frame: int = 0
+    words_done: int = 0
+    words_expected: int = 0
+    toolface_age: float = -1.0
+    survey_age: float = -1.0
+    mode: str = ""
+
+
+@dataclasses.dataclass
+class LinkOutput:
+    """What a block of pressure completed: words, passes of sequences and surveys, in order of time."""
+
+    words: list[ReceivedWord] = dataclasses.field(default_factory=list)
+    frames: list[FrameReport] = dataclasses.field(default_factory=list)
+    surveys: list[Survey] = dataclasses.field(default_factory=list)
+
+
+class Link:
+    """
+    One link.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+        As in the tool.
+    name : str
+        mud_pulse, em or serial.
+    rules : AgeRules
+    reference : callable
+        Field of the place at a stamp, ns; None where it is not configured.
+    stamp_ns : callable
+        Stamp of a time on the clock of the pressure, s.
+    errors : SensorErrors, optional
+        Of the tool code, where the tool sends no sigma.
+    """
+
+    def __init__(
+        self,
+        tool: ToolConfiguration,
+        name: str,
+        rules: AgeRules,
+        reference: Callable[[int], Reference | None],
+        stamp_ns: Callable[[float], int],
+        errors: SensorErrors | None = None,
+    ) -> None:
+        self._tool, self.name = tool, name
+        self._reference, self._stamp_ns, self._errors = reference, stamp_ns, errors
+        self._receiver = PulseReceiver(tool)
+        self.flow = FlowSpans()
+        self.attitude = LinkAttitude(rules)
+        self._survey_words: dict[int, list[ReceivedWord]] = {}
+        self._last_survey: Survey | None = None
+        self._last_codes: dict[str, int] = {}
+        self._surveys = 0
+        self._last_frame: FrameReport | None = None
+        self._last_word: ReceivedWord | None = None
+        self._final: deque[ReceivedWord] = deque(maxlen=_JUDGED_WORDS)
+        self._good: deque[tuple[float, int]] = deque()
+        self.now_s = -math.inf
+
+    def push(self, time_s: Array, pressure_pa: Array) -> LinkOutput:
+        """Take samples, shape (n,): rising times, s, and Pa."""
+        if len(time_s) == 0:
+            return LinkOutput()
+        self.flow.push(time_s, pressure_pa)
+        self.now_s = max(self.now_s, float(time_s[-1]))
+        return self._take(self._receiver.push(np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)))
+
+    def finish(self) -> LinkOutput:
+        """Give what is left when no more pressure comes."""
+        return self._take(self._receiver.finish())
+
+    def quality(self, *, silent: bool = False) -> Quality:
+        """
+        State of the link as of the newest pressure.
+
+        silent: no pressure arrives any more.
+        """
+        state, reason = self._state(silent)
+        frame, word = self._last_frame, self._last_word
+        mode = word.kind if word is not None and state in (LOCKED, DOUBTFUL) else ""
+        sequences = {"survey": self._tool.surveys, "toolface": self._tool.toolfaces, "": ((),)}[mode]
+        done = word.index + 1 if word is not None and mode else 0
+        age = self._last_survey_age()
+        return Quality(
+            state=state,
+            reason=reason,
+            has_signal=frame is not None and state in (LOCKED, DOUBTFUL),
+            ebn0_db=frame.ebn0_db if frame is not None else 0.0,
+            clock_error=frame.clock_error if frame is not None else 0.0,
+            word_error=float(np.mean([1.0 - one.confidence for one in self._final])) if self._final else -1.0,
+            goodput=sum(bits for _, bits in self._good) / _GOODPUT_S if self._good else -1.0,
+            frame=word.frame if word is not None else 0,
+            words_done=done,
+            words_expected=len(sequences[0]),
+            toolface_age=self.attitude.toolface_age(self.now_s),
+            survey_age=age,
+            mode=mode,
+        )
+
+    def _last_survey_age(self) -> float:
+        if self._last_survey is None:
+            return -1.0
+        return max((self._stamp_ns(self.now_s) - self._last_survey.stamp_ns) * 1e-9, 0.0)
+
+    def _take(self, got: Reception) -> LinkOutput:
+        out = LinkOutput(words=sorted([*got.provisional, *got.words], key=lambda one: (one.end_s, one.revision)))
+        out.frames = got.frames
+        for word in out.words:
+            self.attitude.take(word)
+            self._last_word = word if self._last_word is None or word.end_s > self._last_word.end_s else self._last_word
+        for word in got.words:
+            self._final.append(word)
+            self._good.append((word.end_s, self._bits(word) if usable(word) else 0))
+            if word.kind == "survey":
+                self._survey_words.setdefault(word.frame, []).append(word)
+        while self._good and self._good[0][0] < self.now_s - _GOODPUT_S:
+            self._good.popleft()
+        for frame in got.frames:
+            self._last_frame = frame
+            if frame.kind == "survey":
+                found = self._survey_of(self._survey_words.pop(frame.frame, []))
+                out.surveys += [found] if found is not None else []
+        return out
+
+    def _bits(self, word: ReceivedWord) -> int:
+        sequences = self._tool.surveys if word.kind == "survey" else self._tool.toolfaces
+        return max((item.bits for items in sequences for item in items if item.name == word.name), default=0)
+
+    def _survey_of(self, words: list[ReceivedWord]) -> Survey | None:
+        """Survey of a pass; None where it lacks the inclination or repeats the last one."""
+        values = believed(words)
+        if meanings.INCLINATION not in values:
+            return None
+        codes = {name: one.raw for name, one in values.items()}
+        at = self._taken(words[0].start_s)
+        last = self._last_survey
+        if last is not None and _repeats(codes, self._last_codes) and (meanings.AZIMUTH in self._last_codes):
+            return None
+        found = survey(values, at, self._surveys + 1, self.name, self._reference(at.stamp_ns), self._errors)
+        if found is not None:
+            self._surveys += 1
+            self._last_survey, self._last_codes = found, codes
+        return found
+
+    def _taken(self, sent_s: float) -> SurveyTime:
+        """When a survey was taken that was sent from a time on: while the pumps were off before."""
+        span = self.flow.before(sent_s)
+        if span is None:
+            return SurveyTime(self._stamp_ns(sent_s - self._tool.transmit_delay_s), math.inf)
+        half = 0.5 * (span.end_s - span.start_s)
+        return SurveyTime(self._stamp_ns(span.start_s + min(half, _SETTLE_S)), half)
+
+    def _state(self, silent: bool) -> tuple[int, str]:
+        if silent or math.isinf(self.now_s):
+            return NO_INPUT, "no pressure arrives: look at the gauge and its cable"
+        if not self.flow.flowing:
+            return NO_FLOW, "the pumps are off: the tool is silent"
+        word = self._last_word
+        span = self.flow.before(self.now_s)
+        on_since = span.end_s if span is not None else -math.inf
+        longest = max(self._longest_s(), 1.0)
+        if word is not None and word.end_s > on_since and self.now_s - word.end_s < 4.0 * longest:
+            return self._locked()
+        synced = [at for at, _ in self._receiver.syncs if at > on_since]
+        if synced and self.now_s - synced[-1] < 4.0 * longest:
+            return LOCKED, "sync found, the first words follow"
+        waited = self.now_s - on_since
+        expected = self._tool.transmit_delay_s + (self._tool.sync.length_tu + 60) * self._tool.tu_s
+        if waited < expected:
+            return SEARCHING, f"waiting for the sync, {self._tool.transmit_delay_s:g} s after flow-on"
+        if word is not None and word.end_s > on_since and self._last_frame is not None and self._last_frame.reason:
+            return SEARCHING, self._last_frame.reason
+        return SEARCHING, self._receiver.why_nothing().removeprefix("no words: ")
+
+    def _locked(self) -> tuple[int, str]:
+        erased = [one for one in self._final if not usable(one)]
+        if len(self._final) >= 5 and len(erased) > 0.5 * len(self._final):
+            return DOUBTFUL, "more than half of the words are uncertain: too much noise, or another tool configuration"
+        frame = self._last_frame
+        if frame is not None and frame.ebn0_db < NEEDED_DB:
+            return LOCKED, f"the signal is {NEEDED_DB - frame.ebn0_db:.1f} dB too weak for most words"
+        return LOCKED, ""
+
+    def _longest_s(self) -> float:
+        """Longest time from one decoded word to the next, s."""
+        items = [item for items in (*self._tool.surveys, *self._tool.toolfaces) for item in items]
+        # Words are decoded some at a time, behind the response of the channel.
+        return 4.0 * max(self._tool.pulses(0, item.length).length for item in items) * self._tool.tu_s
+
+
+def _repeats(codes: dict[str, int], before: dict[str, int]) -> bool:
+    """Whether a survey has the same codes as the last one in all that both have: the tool sent it again."""
+    both = codes.keys() & before.keys()
+    return len(both) >= 2 and all(codes[name] == before[name] for name in both)

@@ -1,0 +1,224 @@
+"""
+A survey from the words of a link: angles, totals, covariance and verdict, with the errors of a tool code.
+
+The six axes stay in the tool. What they were, apart from the toolface, follows from the angles and totals received; the
+errors of the tool code propagate through them as through measured ones, and the rounding of the words is added.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import uuid
+from typing import Any
+
+import numpy as np
+
+from mwd_estimation.core import magnetic_geometry, reason_text
+from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.survey import acceptance
+from mwd_estimation.survey.acceptance import Deviations, QualitySettings
+from mwd_estimation.survey.station_deviations import deviation_covariance
+from mwd_estimation.survey.survey_message import LIMITS
+from mwd_sensors.core import frames
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.telemetry import meanings
+from mwd_surface.receiver.link_values import LinkValue
+from mwd_surface.surveys.survey_record import AzimuthEstimate, Nine, North, Survey, Verdict
+
+_VERDICTS = {"accept": Verdict.ACCEPT, "doubtful": Verdict.DOUBTFUL, "reject": Verdict.REJECT}
+# Where nothing was received of it: an ordinary field, for the size of errors only.
+_FIELD, _DIP = 5.0e-5, math.radians(65.0)
+_NAMESPACE = uuid.UUID("5b0cfe2c-94f6-4d0e-9c1f-6f0cbd0a5f5e")
+
+
+@dataclasses.dataclass(frozen=True)
+class SurveyTime:
+    """Stamp of the middle of the time in which a survey was taken, ns, and half of that time, s; inf: unknown."""
+
+    stamp_ns: int
+    half_s: float
+
+
+def survey(
+    values: dict[str, LinkValue],
+    at: SurveyTime,
+    sequence: int,
+    link: str,
+    reference: Reference | None,
+    errors: SensorErrors | None = None,
+) -> Survey | None:
+    """
+    Survey of the believed words of one pass; None where the inclination is not among them.
+
+    Parameters
+    ----------
+    values : dict
+        Believed words by their meaning (`telemetry.meanings`).
+    at : SurveyTime
+    sequence : int
+        Number of the survey, from 1.
+    link : str
+        Name of the link, for the reasons.
+    reference : Reference or None
+        Field of the place; without one the totals are not judged and the azimuth stays magnetic.
+    errors : SensorErrors, optional
+        Of the tool code; default: ordinary MWD.
+    """
+    if meanings.INCLINATION not in values:
+        return None
+    errors = errors or SensorErrors()
+    inclination, azimuth = values[meanings.INCLINATION], values.get(meanings.AZIMUTH)
+    f_t, b_t = _axes(values, reference)
+    covariance_s = errors.covariance(f_t, b_t)
+    angles = _angle_covariance(values, f_t, b_t, covariance_s, errors, reference)
+    axial = errors.axial_interference_nt * 1e-9
+    spread = deviation_covariance(f_t, b_t, reference, covariance_s, axial)
+    deviations = _deviations(values, reference, spread)
+    verdicts, reasons = _verdicts(values, deviations, angles)
+    north, turn = best_north(reference)
+    angle = 0.0 if azimuth is None else (azimuth.value + turn) % math.tau
+    sigma = math.sqrt(angles[4]) if azimuth is not None else -1.0
+    codes = ",".join(f"{name}:{one.raw}" for name, one in sorted(values.items()))
+    return Survey(
+        stamp_ns=at.stamp_ns,
+        uuid=str(uuid.uuid5(_NAMESPACE, f"{link} {at.stamp_ns} {codes}")),
+        sequence=sequence,
+        inclination=inclination.value,
+        azimuth=angle,
+        north=int(north),
+        duration=0.0 if math.isinf(at.half_s) else 2.0 * at.half_s,
+        covariance=angles,
+        azimuth_method="link" if azimuth is not None else "",
+        azimuths=(AzimuthEstimate("link", int(north), angle, sigma, float(azimuth is not None)),),
+        verdict=int(max(verdicts)),
+        verdict_inclination=int(verdicts[0]),
+        verdict_azimuth=int(verdicts[1]),
+        verdict_toolface=int(Verdict.NOT_DETERMINED),
+        headline=reasons[0] if max(verdicts) != Verdict.ACCEPT else "",
+        reasons=(*reasons, f"received over {link.replace('_', ' ')}"),
+        **_totals(values, deviations),
+        **_reference_fields(reference),
+    )
+
+
+def _totals(values: dict[str, LinkValue], deviations: Deviations) -> dict[str, Any]:
+    """Totals as received, with what they may deviate."""
+    limits = np.nan_to_num(acceptance.bounds(deviations, "toolcode"), nan=-1.0)
+    return {
+        "g_total": _value(values, meanings.G_TOTAL, 0.0),
+        "b_total": _value(values, meanings.B_TOTAL, -1.0),
+        "dip": _value(values, meanings.DIP, 0.0),
+        "temperature": _value(values, meanings.TEMPERATURE, -300.0),
+        **{name: float(limit) for name, limit in zip(LIMITS, limits, strict=True)},
+    }
+
+
+def _value(values: dict[str, LinkValue], quantity: str, otherwise: float) -> float:
+    found = values.get(quantity)
+    return otherwise if found is None else found.value
+
+
+def _axes(values: dict[str, LinkValue], reference: Reference | None) -> tuple[Array, Array]:
+    """Specific force and field in tool axes that give the values received, toolface at the high side."""
+    usual = (reference.total, reference.dip) if reference is not None else (None, None)
+    g = _value(values, meanings.G_TOTAL, STANDARD_GRAVITY)
+    b = _value(values, meanings.B_TOTAL, usual[0] or _FIELD)
+    dip = _value(values, meanings.DIP, _DIP if usual[1] is None else usual[1])
+    mat_nt = frames.mat_nt(values[meanings.INCLINATION].value, _value(values, meanings.AZIMUTH, 0.0), 0.0)
+    f_t = mat_nt.T @ np.array([0.0, 0.0, -g])
+    return f_t, mat_nt.T @ (b * np.array([math.cos(dip), 0.0, math.sin(dip)]))
+
+
+def _angle_covariance(
+    values: dict[str, LinkValue],
+    f_t: Array,
+    b_t: Array,
+    covariance_s: Array,
+    errors: SensorErrors,
+    reference: Reference | None,
+) -> Nine:
+    """Covariance of (inclination, azimuth, toolface): the tool's own sigma where it was sent, else the tool code's."""
+    inclination = values[meanings.INCLINATION]
+    covariance_s = covariance_s.copy()
+    covariance_s[3, 3] += (errors.axial_interference_nt * 1e-9) ** 2
+    jacobian = magnetic_geometry.angle_jacobian(f_t, b_t)
+    code = jacobian @ covariance_s @ jacobian.T + errors.alignment(inclination.value)
+    variance_i, variance_a = float(code[0, 0]), float(code[1, 1])
+    if reference is not None:
+        horizontal = float(np.linalg.norm(b_t)) * math.cos(float(magnetic_geometry.dip(f_t, b_t)))
+        variance_a += reference.sigma_declination**2 + (reference.sigma_declination_field / horizontal) ** 2
+    if meanings.SIGMA_INCLINATION in values:
+        variance_i = values[meanings.SIGMA_INCLINATION].value ** 2
+    if meanings.SIGMA_AZIMUTH in values:
+        variance_a = values[meanings.SIGMA_AZIMUTH].value ** 2
+    variance_i += inclination.sigma**2
+    azimuth = values.get(meanings.AZIMUTH)
+    variance_a = -1.0 if azimuth is None else min(variance_a + azimuth.sigma**2, math.pi**2)
+    return variance_i, 0.0, 0.0, 0.0, variance_a, 0.0, 0.0, 0.0, math.pi**2
+
+
+def _deviations(values: dict[str, LinkValue], reference: Reference | None, covariance: Array) -> Deviations:
+    """Totals against the reference; nan where one of both is not known. Rounding adds to the covariance."""
+    found = []
+    for k, (quantity, of_reference) in enumerate(
+        ((meanings.G_TOTAL, "gravity"), (meanings.B_TOTAL, "total"), (meanings.DIP, "dip"))
+    ):
+        one, known = values.get(quantity), getattr(reference, of_reference, None)
+        found.append(math.nan if one is None or known is None else one.value - known)
+        covariance[k, k] += 0.0 if one is None else one.sigma**2
+    return Deviations(found[0], found[1], found[2], covariance)
+
+
+def _verdicts(
+    values: dict[str, LinkValue], deviations: Deviations, angles: Nine
+) -> tuple[tuple[Verdict, Verdict], list[str]]:
+    """Verdict of inclination and azimuth, and the reasons, the gravest first."""
+    field = acceptance.judge(deviations, "toolcode")
+    nothing = dataclasses.replace(deviations, field=math.nan, dip=math.nan)
+    gravity = acceptance.judge(nothing, "toolcode")
+    inclination, azimuth = _VERDICTS[gravity.verdict], _VERDICTS[field.verdict]
+    reasons = reason_text.texts(field.reasons)
+    if meanings.AZIMUTH not in values:
+        azimuth = Verdict.REJECT
+        reasons.insert(0, "the azimuth was not received: let the tool send the survey again")
+    elif _far_off(math.sqrt(angles[4])) > QualitySettings().far_probability:
+        azimuth = max(azimuth, Verdict.DOUBTFUL)
+        reasons.insert(0, f"sigma of the azimuth is {math.degrees(math.sqrt(angles[4])):.1f} deg")
+    missing = [name for name, quantity in _TOTALS.items() if quantity not in values]
+    if missing:
+        reasons.append(f"not received, so not checked: {', '.join(missing)}")
+    return (inclination, azimuth), reasons or reason_text.texts(acceptance.totals(deviations, "toolcode"))
+
+
+def _far_off(sigma: float) -> float:
+    """Probability that an azimuth of so many rad of sigma has an error that a well must not have."""
+    return math.erfc(math.radians(QualitySettings().far_deg) / (math.sqrt(2.0) * sigma))
+
+
+_TOTALS = {"total gravity": meanings.G_TOTAL, "total field": meanings.B_TOTAL, "dip": meanings.DIP}
+
+
+def best_north(reference: Reference | None) -> tuple[North, float]:
+    """Best north that the reference leads to, and what turns a magnetic azimuth to it, rad."""
+    if reference is None or reference.declination is None:
+        return North.MAGNETIC, 0.0
+    if reference.convergence is None:
+        return North.TRUE, reference.declination
+    return North.GRID, reference.declination - reference.convergence
+
+
+def _reference_fields(reference: Reference | None) -> dict[str, Any]:
+    if reference is None:
+        return {}
+    given = {
+        "g_reference": reference.gravity,
+        "b_reference": reference.total,
+        "dip_reference": reference.dip,
+        "declination": reference.declination,
+        "convergence": reference.convergence,
+        "reference_source": reference.source,
+    }
+    return {name: value for name, value in given.items() if value is not None}

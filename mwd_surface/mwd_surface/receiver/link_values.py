@@ -1,0 +1,41 @@
+"""Values of believed words in SI, by what they mean."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from mwd_sensors.telemetry import meanings
+from mwd_surface.receiver.words import BELIEVED, ReceivedWord
+
+
+@dataclasses.dataclass(frozen=True)
+class LinkValue:
+    """Value and 1 sigma, SI, of a word; its code; begin and end on air, s on the clock of the pressure."""
+
+    value: float
+    sigma: float
+    raw: int
+    start_s: float
+    end_s: float
+
+
+def believed(words: list[ReceivedWord]) -> dict[str, LinkValue]:
+    """Newest believed word of each meaning; a total whose code is 0 was not measured and is left out."""
+    found = {}
+    for word in words:
+        quantity = meanings.meaning_of(word.name)
+        unmeasured = word.raw == 0 and quantity in (meanings.G_TOTAL, meanings.B_TOTAL)
+        if quantity and usable(word) and not unmeasured:
+            found[quantity] = value_of(word)
+    return found
+
+
+def usable(word: ReceivedWord) -> bool:
+    """Whether a word may be used: believed, or chosen by the consistency of its survey."""
+    return word.status == BELIEVED or word.status == "by_consistency"
+
+
+def value_of(word: ReceivedWord) -> LinkValue:
+    """Value of a word in SI."""
+    factor = meanings.factor(word.unit)
+    return LinkValue(word.value * factor, word.sigma * factor, word.raw, word.start_s, word.end_s)

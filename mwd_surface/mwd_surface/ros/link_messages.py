@@ -1,0 +1,116 @@
+"""What a link gave, as messages of the graph."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from mwd_msgs import msg
+
+from mwd_sensors.ros.time_stamps import stamp
+from mwd_sensors.telemetry import meanings
+from mwd_sensors.telemetry.sequences import SequenceItem
+from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_surface.receiver.link import NEEDED_DB, Quality
+from mwd_surface.receiver.transmission import FrameReport
+from mwd_surface.receiver.words import BELIEVED, ReceivedWord
+from mwd_surface.surveys.message_conversion import fill_survey
+from mwd_surface.surveys.survey_record import Survey
+
+StampOf = Callable[[float], int]
+_KINDS = {"survey": msg.LinkWord.SURVEY, "toolface": msg.LinkWord.TOOLFACE}
+_STATUS = {BELIEVED: msg.LinkWord.BELIEVED, "by_consistency": msg.LinkWord.BY_CONSISTENCY}
+
+
+def word_message(word: ReceivedWord, tool: ToolConfiguration, link: str, stamp_of: StampOf) -> msg.LinkWord:
+    """Word as mwd_msgs/LinkWord; stamp_of: stamp, ns, of a time on the clock of the pressure, s."""
+    factor = meanings.factor(word.unit)
+    item = _item(word, tool)
+    message = msg.LinkWord(
+        link=link,
+        kind=_KINDS[word.kind],
+        frame=word.frame,
+        place=word.index,
+        revision=word.revision,
+        name=word.name,
+        bits=item.bits,
+        raw=word.raw,
+        value=word.value * factor,
+        unit=meanings.si_unit(word.unit),
+        confidence=min(max(word.confidence, 0.0), 1.0),
+        sigma=word.sigma * factor,
+        status=_STATUS.get(word.status, msg.LinkWord.ERASED),
+        alternatives=[raw for raw, _ in word.alternatives],
+        alternative_odds=[odds for _, odds in word.alternatives],
+        pulses=_pulses(word, item, tool),
+    )
+    message.header.stamp = stamp(stamp_of(word.end_s))
+    message.start = stamp(stamp_of(word.start_s))
+    if word.kind == "toolface":
+        message.measured = message.start
+    return message
+
+
+def frame_message(frame: FrameReport, words: list[ReceivedWord], link: str, stamp_of: StampOf) -> msg.LinkFrame:
+    """Pass of a sequence as mwd_msgs/LinkFrame; words: the final ones of it."""
+    message = msg.LinkFrame(
+        link=link,
+        kind=_KINDS[frame.kind],
+        frame=frame.frame,
+        words=len(words),
+        believed=sum(word.status == BELIEVED for word in words),
+        complete=not frame.reason,
+        ebn0_db=frame.ebn0_db,
+        clock_error=frame.clock_error,
+        reason=frame.reason,
+    )
+    message.header.stamp = stamp(stamp_of(frame.end_s))
+    message.start = stamp(stamp_of(frame.start_s))
+    return message
+
+
+def quality_message(quality: Quality, link: str, stamp_ns: int) -> msg.LinkQuality:
+    """State of a link as mwd_msgs/LinkQuality."""
+    message = msg.LinkQuality(
+        link=link,
+        state=quality.state,
+        reason=quality.reason,
+        has_signal=quality.has_signal,
+        ebn0_db=quality.ebn0_db if quality.has_signal else 0.0,
+        margin_db=quality.ebn0_db - NEEDED_DB if quality.has_signal else 0.0,
+        clock_error=quality.clock_error if quality.has_signal else 0.0,
+        word_error=quality.word_error,
+        goodput=quality.goodput,
+        latency=-1.0,
+        frame=quality.frame,
+        words_done=quality.words_done,
+        words_expected=quality.words_expected,
+        toolface_age=quality.toolface_age,
+        survey_age=quality.survey_age,
+        mode=quality.mode,
+    )
+    message.header.stamp = stamp(stamp_ns)
+    return message
+
+
+def survey_message(survey: Survey, frame_id: str) -> msg.Survey:
+    """Survey of a link as mwd_msgs/Survey."""
+    message = msg.Survey()
+    fill_survey(message, survey, msg.AzimuthEstimate)
+    message.header.frame_id = frame_id
+    return message
+
+
+def _item(word: ReceivedWord, tool: ToolConfiguration) -> SequenceItem:
+    sequences = tool.surveys if word.kind == "survey" else tool.toolfaces
+    here = (items[word.index] for items in sequences if word.index < len(items))
+    return next((item for item in here if item.name == word.name), SequenceItem(word.name, 2, False))
+
+
+def _pulses(word: ReceivedWord, item: SequenceItem, tool: ToolConfiguration) -> list[float]:
+    if tool.code not in PULSE_CODES or word.raw >= 1 << item.bits:
+        return []
+    code = word.raw << 1 | tool.parity_bit(word.raw) if item.parity else word.raw
+    sent = tool.pulses(code, item.length)
+    # On the clock of the tool as it was received.
+    unit = (word.end_s - word.start_s) / sent.length
+    return [edge * unit for edge in sent.edges]

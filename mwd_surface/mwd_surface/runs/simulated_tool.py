@@ -1,0 +1,119 @@
+"""The tool of a simulated run and its link, without middleware: samples to the estimator, words to the channel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from mwd_estimation.downhole.transmitter import Sent, Transmitter
+from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
+from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.settings import from_mapping
+from mwd_sensors.simulator.sonde import Sonde
+from mwd_sensors.simulator.telemetry_link import Heard, TelemetryLink
+from mwd_surface.runs.launch_plan import reference_parameters
+
+# The channel follows the samples so far behind: by then a word that goes on air is known.
+_LAG_S = 2.0
+
+
+class SimulatedTool:
+    """
+    Estimator, transmitter and channel of a scenario with telemetry.
+
+    Parameters
+    ----------
+    sonde : Sonde
+        Its scenario has telemetry.
+
+    Attributes
+    ----------
+    sent : list of Sent
+        All that went on air.
+    surveys : list
+        Surveys as the estimator gave them.
+
+    Raises
+    ------
+    ValueError
+        The scenario has no telemetry.
+    """
+
+    def __init__(self, sonde: Sonde) -> None:
+        if sonde.link is None or sonde.scenario.telemetry is None:
+            raise ValueError("the scenario has no telemetry; it needs an entry `telemetry: {}`")
+        self._sonde, self._link = sonde, sonde.link
+        self._pipeline = Pipeline(estimator_settings(sonde))
+        self._transmitter = Transmitter(sonde.scenario.telemetry.tool, self._pipeline.settings.transmit)
+        self._done = 0.0
+        self.sent: list[Sent] = []
+        self.surveys: list[object] = []
+
+    @property
+    def link(self) -> TelemetryLink:
+        """The channel."""
+        return self._link
+
+    def take(self, block: Mapping[str, Samples], until_s: float) -> tuple[Samples, list[Heard]]:
+        """
+        Take the sonde's samples up to a time of the run, s.
+
+        Returns
+        -------
+        ndarray of `wire.TOOL_FLOW`
+            Flow as the tool sensed it.
+        list of Heard
+            Pressure that is complete.
+        """
+        flow = self._flow(until_s)
+        self._transmitter.take_flow(flow)
+        pipeline = self._pipeline
+        pipeline.push_mag(block["imu/mag"])
+        pipeline.push_precision(block["gyro/data_raw"])
+        pipeline.push_temperature(block["imu/temperature"])
+        self._take_output(pipeline.push_imu(block["imu/data_raw"]))
+        self._done = until_s
+        return flow, self._link.advance(until_s - _LAG_S)
+
+    def finish(self) -> list[Heard]:
+        """Rest of the pressure."""
+        return self._link.advance(self._done)
+
+    def _take_output(self, output: Output) -> None:
+        for survey in output.surveys:
+            self._transmitter.take_survey(survey)
+            self.surveys.append(survey)
+        self._transmitter.take_dynamics(output.dynamics)
+        width = self._transmitter.tool.pulse_width_s
+        for sent in self._transmitter.advance(output.attitude, self._pipeline.reference):
+            self.sent.append(sent)
+            begins = self._sonde.seconds(sent.start_ns) + np.array(sent.edges_s)
+            self._link.send(np.column_stack([begins, begins + width]))
+
+    def _flow(self, until_s: float) -> Samples:
+        times, flows = self._link.flows(until_s)
+        samples = wire.TOOL_FLOW.empty(len(times))
+        samples["stamp_ns"] = [self._sonde.stamp_ns(float(at), of_tool=True) for at in times]
+        samples["flow"], samples["sigma"] = flows, self._link.flow_sigma
+        return samples
+
+
+def estimator_settings(sonde: Sonde) -> EstimatorSettings:
+    """Settings of the estimator that name the place and day of a run."""
+    nested: dict[str, dict[str, object]] = {}
+    for name, value in reference_parameters(sonde.scenario).items():
+        block, _, key = name.partition(".")
+        nested.setdefault(block, {})[key] = value
+    return from_mapping(EstimatorSettings, nested)
+
+
+def heard_over(sonde: Sonde, block_s: float = 1.0) -> Iterator[tuple[SimulatedTool, list[Heard]]]:
+    """Play a whole run: the tool, and what was heard at the surface in each block."""
+    tool = SimulatedTool(sonde)
+    done = 0.0
+    for block in sonde.blocks(block_s):
+        done = min(done + block_s, sonde.duration)
+        yield tool, tool.take(block, done)[1]
+    yield tool, tool.finish()
