@@ -2,6 +2,9 @@
 # make test   lint, types and every test: kernels, real nodes on middleware domains of their own, the page in a browser
 # make check  lint, types and the fast tests, before each commit
 # make bench  accuracy and speed against the papers and the peers; writes docs/benchmarks.md
+# make fuzz   generated input against every parser, for long (the suite does it for short)
+# make soak   an hour of the graph at ten times its pace with kills; memory, files and recordings are counted
+# make sbom   the locked packages as CycloneDX
 # make docs   the site, in docs/_build/html
 # make pictures  the pictures of the page in README and docs, from the run of `make run`
 PYTHON ?= python3
@@ -11,7 +14,7 @@ CLEAN := env -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH -u ROS_DISTRO
 # A file of tests stays with one worker: its fixtures are made once.
 PYTEST := $(CLEAN) $(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
-.PHONY: run test check setup lint config docs pictures lock bench clean
+.PHONY: run test check setup lint config docs pictures lock bench fuzz soak sbom clean
 
 setup:
 	@$(PYTHON) .ci/setup
@@ -48,6 +51,15 @@ config: setup
 
 lock: setup
 	@$(BIN)/python .ci/lock
+
+fuzz: setup
+	@HYPOTHESIS_PROFILE=fuzz $(CLEAN) $(BIN)/python -m pytest -m fuzz --hypothesis-show-statistics $(ONLY)
+
+soak: setup
+	@$(CLEAN) $(BIN)/python tests/soak.py $(if $(MINUTES),--minutes $(MINUTES))
+
+sbom: setup
+	@$(BIN)/python .ci/sbom
 
 clean:
 	rm -rf .venv .venv.turn docs/_build

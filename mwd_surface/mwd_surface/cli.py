@@ -104,6 +104,9 @@ def main() -> None:
     """
     # What sourcing an environment would set; the packages of this Python are found without.
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
+    # Nodes find each other on this machine alone, and files are not for other users, unless set otherwise.
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    os.umask(os.umask(0o077) | 0o027)
     try:
         app(prog_name="mwd")
     except BrokenPipeError:

@@ -27,9 +27,13 @@ def run_node(make_node: Callable[[], GraphNode[Any]], args: Sequence[str] | None
     """
     Run one node until it is stopped.
 
+    Discovery is limited to this machine unless ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise; files are not for others.
     SIGINT and SIGTERM end it in order (deactivate, clean up) with status 0; parameters that are not allowed end it with
     status 2 and one sentence.
     """
+    # Nodes find each other on this machine alone unless somebody opens that up, however they are started.
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    keep_private()
     try:
         rclpy.init(args=list(args) if args is not None else None, signal_handler_options=SignalHandlerOptions.NO)
         return _spin(make_node)
@@ -40,6 +44,11 @@ def run_node(make_node: Callable[[], GraphNode[Any]], args: Sequence[str] | None
         return 2
     finally:
         rclpy.try_shutdown()
+
+
+def keep_private() -> None:
+    """Let files of this process be read by its user and group alone: 0640, folders 0750, or less where set so."""
+    os.umask(os.umask(0o077) | 0o027)
 
 
 def security_refusal(environment: Mapping[str, str], error: str) -> str:

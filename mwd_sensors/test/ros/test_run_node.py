@@ -42,3 +42,30 @@ def test_a_node_on_simulated_time_says_that_it_waits_for_the_clock():
     assert (waiting.level, waiting.message) == (WARN, "waiting for /clock")
     assert "use_sim_time" in waiting.remedy
     assert clock_diagnostics(True, 1) == clock_diagnostics(False, 0) == []
+
+
+START = """
+import os, sys
+from pathlib import Path
+from mwd_sensors.ros import run_node
+from mwd_sensors.core.settings import SettingsError
+def make():
+    Path("made").mkdir(); Path("made/file").write_text("x")
+    print(os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"])
+    raise SettingsError("enough")
+sys.exit(run_node.run_node(make, []))
+"""
+
+
+@pytest.mark.parametrize(("given", "seen"), [(None, "LOCALHOST"), ("SUBNET", "SUBNET")])
+def test_a_node_started_by_any_means_stays_on_this_machine_unless_told_and_keeps_its_files_private(
+    tmp_path, given, seen
+):
+    environment = {k: v for k, v in os.environ.items() if k != "ROS_AUTOMATIC_DISCOVERY_RANGE"}
+    environment |= {"ROS_AUTOMATIC_DISCOVERY_RANGE": given} if given else {}
+    done = subprocess.run(
+        [sys.executable, "-c", START], env=environment, cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (done.stdout.strip(), done.stderr.strip(), done.returncode) == (seen, "enough", 2)
+    assert (tmp_path / "made").stat().st_mode & 0o777 == 0o750
+    assert (tmp_path / "made" / "file").stat().st_mode & 0o777 == 0o640

@@ -144,7 +144,7 @@ class PartStream:
         rows: list[tuple[int, int, bytes]] = []
         try:
             for connection, log_ns, data in reader.messages(connections, start or None, end if end < NEVER else None):
-                rows.append((log_ns, numbers[connection.topic], bytes(data)))
+                rows.append((_checked_time(log_ns), numbers[connection.topic], bytes(data)))
                 if len(rows) >= 4096:
                     yield part_of(rows)
                     rows = []
@@ -152,3 +152,10 @@ class PartStream:
             self._on_damage(f"reading stopped early: {error}")
         if rows:
             yield part_of(rows)
+
+
+def _checked_time(log_ns: object) -> int:
+    # A column of sqlite holds any type.
+    if not isinstance(log_ns, int) or not 0 <= log_ns < NEVER:
+        raise FormatError(f"the time of a message is {log_ns!r}, no nanoseconds since 1970")
+    return log_ns

@@ -178,15 +178,13 @@ def foreign_ros(environment: Mapping[str, str]) -> CheckResult:
 
 def discovery(environment: Mapping[str, str]) -> CheckResult:
     """Which machines discover this machine's nodes."""
-    reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
+    reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     domain = environment.get("ROS_DOMAIN_ID", "0")
     if not domain.isdigit() or int(domain) > 232:
         return CheckResult("domain", Level.MISSING, f"ROS_DOMAIN_ID is {domain!r}", "set it to a number from 0 to 101")
     if reach.upper() == "SUBNET":
-        remedy = "`mwd run` sets LOCALHOST; for single nodes: export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"
-        return CheckResult(
-            "discovery", Level.NOTE, f"domain {domain}, the whole network discovers single nodes", remedy
-        )
+        state = f"domain {domain}, the whole network discovers the nodes and may publish to them"
+        return CheckResult("discovery", Level.NOTE, state, "unset ROS_AUTOMATIC_DISCOVERY_RANGE unless that is meant")
     return CheckResult("discovery", Level.OK, f"domain {domain}, {reach}")
 
 

@@ -7,11 +7,13 @@ A run owns a middleware domain nobody else uses, ports for page and rig, and a f
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import importlib.util
 import math
 import os
 import socket
+import stat
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -188,7 +190,7 @@ def visited_domain(environment: Mapping[str, str], wanted: int | None) -> int:
     running = []
     for domain in _DOMAINS:
         # Only a lock that was made can be held.
-        if (Path(tempfile.gettempdir()) / f"mwd_domain_{domain}.lock").exists():
+        if (_own_folder() / f"domain_{domain}.lock").exists():
             lock = _locked(f"domain_{domain}")
             if lock is None:
                 running.append(domain)
@@ -238,7 +240,7 @@ def _bindable(port: int) -> bool:
 def _locked(what: str) -> TextIO | None:
     """A lock that two runs starting at once cannot both have; None where another has it."""
     try:
-        file = (Path(tempfile.gettempdir()) / f"mwd_{what}.lock").open("a")
+        file = (_own_folder() / f"{what}.lock").open("a")
     except OSError:
         return None
     try:
@@ -247,6 +249,27 @@ def _locked(what: str) -> TextIO | None:
         file.close()
         return None
     return file
+
+
+def _own_folder() -> Path:
+    """
+    A folder for locks that only this user can write.
+
+    A predictable name in the shared temporary folder could be taken by another user beforehand, as a link or a lock
+    that never ends; runs of other users are seen by the ports they bind.
+
+    Raises
+    ------
+    OSError
+        It cannot be made, or somebody else made it.
+    """
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    folder = Path(runtime) / "mwd" if runtime else Path(tempfile.gettempdir()) / f"mwd-{os.getuid()}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o022:
+        raise PermissionError(errno.EPERM, "is not a folder of this user alone", str(folder))
+    return folder
 
 
 def _quiet(domain: int) -> bool:

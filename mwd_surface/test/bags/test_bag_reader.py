@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
+import sqlite3
 import tracemalloc
 from pathlib import Path
 
@@ -416,3 +418,21 @@ def test_attachments_and_tables_inside_the_bag_are_found(tmp_path):
         assert [(item.name, item.data) for item in bag.attachments()] == [("scenario.yaml", b"a: 1")]
         assert bag.metadata()["versions"] == {"mwd_surface": "0.1.0"}
         assert bag.custom == {"well": "F-4"}
+
+
+@pytest.mark.fault_case(66)
+@pytest.mark.parametrize("time", ["'noon'", "1e300", "x'00ff'", "-5"])
+def test_a_time_in_sqlite_that_is_none_ends_the_reading_with_a_sentence(tmp_path, time):
+    samples = wire.IMU.empty(20)
+    samples["stamp_ns"] = 10**18 + np.arange(20) * 10**7
+    path = tmp_path / "bag"
+    with RosbagsWriter(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        topic = writer.add_connection("/imu/data_raw", wire.IMU.type_name, typestore=get_typestore(Stores.ROS2_JAZZY))
+        for row, stamp in zip(wire.IMU.encode(samples, "a"), samples["stamp_ns"], strict=True):
+            writer.write(topic, int(stamp), row.tobytes())
+    with contextlib.closing(sqlite3.connect(next(path.glob("*.db3")))) as table, table:
+        table.execute(f"UPDATE messages SET timestamp={time} WHERE id=15")  # noqa: S608
+    with Bag(path) as bag:
+        read = sum(len(block["/imu/data_raw"][0]) for block in bag.blocks(["/imu/data_raw"]))
+        assert read < 20
+        assert any("no nanoseconds since 1970" in note for note in bag.notes), bag.notes

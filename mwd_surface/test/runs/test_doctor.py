@@ -33,7 +33,8 @@ def test_another_ros_is_refused():
 def test_a_domain_that_is_no_number_is_named():
     assert doctor.discovery({"ROS_DOMAIN_ID": "seven"}).level == Level.MISSING
     assert doctor.discovery({"ROS_DOMAIN_ID": "7", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}).level == Level.OK
-    assert doctor.discovery({}).level == Level.NOTE
+    assert doctor.discovery({}).level == Level.OK
+    assert doctor.discovery({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}).level == Level.NOTE
 
 
 def test_a_folder_that_cannot_be_written_is_missing():

@@ -133,3 +133,13 @@ def test_the_graph_to_visit_is_the_one_asked_for_else_the_one_that_runs():
         pytest.raises(ValueError, match="name the one you mean"),
     ):
         launch_plan.visited_domain({}, None)
+
+
+def test_locks_lie_in_a_folder_of_this_user_alone(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with launch_plan.own_domain({}) as domain:
+        assert (tmp_path / "mwd" / f"domain_{domain}.lock").is_file()
+        assert (tmp_path / "mwd").stat().st_mode & 0o777 == 0o700
+    (tmp_path / "mwd").chmod(0o777)
+    with pytest.raises(ValueError, match="every middleware domain"), launch_plan.own_domain({}):
+        pass
