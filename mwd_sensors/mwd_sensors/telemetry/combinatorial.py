@@ -13,6 +13,9 @@ import itertools
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
+from mwd_sensors.core.arrays import Indices
 from mwd_sensors.telemetry.pulse_position import Pulses
 from mwd_sensors.telemetry.sequences import SequenceItem
 
@@ -59,6 +62,25 @@ def _slots(bits: int, pulses: int) -> int:
     while math.comb(free, pulses) < 2**bits:
         free += 1
     return free + (pulses - 1) * (SPACING_TU - 1)
+
+
+@functools.cache
+def values(bits: int) -> Indices:
+    """
+    How far each pulse of each code is moved from its first possible place, TU; shape (2^bits, pulses).
+
+    Rows are codes in order, which is that of the combinations; along a row no value is below the one before.
+    """
+    count, slots = shape(bits)
+    free = slots - (count - 1) * (SPACING_TU - 1)
+    rows = itertools.islice(itertools.combinations(range(free), count), 2**bits)
+    return np.array(list(rows), dtype=np.int64) - np.arange(count)
+
+
+@functools.cache
+def odd(bits: int) -> Indices:
+    """Whether each code has an odd number of ones; shape (2^bits,), 0 or 1."""
+    return np.array([code.bit_count() & 1 for code in range(2**bits)])
 
 
 def encode(code: int, bits: int) -> Pulses:

@@ -2,12 +2,13 @@
 
 import itertools
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis.strategies import integers
 
 from mwd_sensors.telemetry import pulse_position
-from mwd_sensors.telemetry.combinatorial import SPACING_TU, decode, encode, shape
+from mwd_sensors.telemetry.combinatorial import SPACING_TU, decode, encode, odd, shape, values
 
 
 @given(bits=integers(2, 16), data=integers(0, 2**16 - 1))
@@ -24,6 +25,14 @@ def test_a_survey_word_takes_a_quarter_less_time_with_no_more_pulses():
     mary = pulse_position.encode(0, 13)
     assert encode(0, 13).length <= 0.75 * mary.length
     assert shape(13)[0] <= len(mary.edges)
+
+
+@pytest.mark.parametrize("bits", [2, 7, 9, 13])
+def test_the_table_of_all_codes_is_that_of_the_encoder(bits):
+    table = values(bits)
+    for code in range(0, 2**bits, 17):
+        assert tuple(table[code] + SPACING_TU * np.arange(table.shape[1])) == encode(code, bits).edges
+    assert odd(bits)[:4].tolist() == [0, 1, 1, 0]
 
 
 def test_edges_that_are_no_code_are_refused():

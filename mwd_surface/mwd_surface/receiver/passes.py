@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from mwd_sensors.core.arrays import Array, Indices
+from mwd_sensors.telemetry import combinatorial
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_surface.receiver import segment, trellis
 from mwd_surface.receiver.belief import TEMPERATURES, Candidate, Soft
@@ -27,11 +28,11 @@ class Part:
     Attributes
     ----------
     item : SequenceItem
-    rows : ndarray, shape (k, 4)
+    rows : ndarray, shape (k, 6)
         Its packets, as `trellis.forward_backward`.
     at, length : int
         First sample of the transmission; TU on air.
-    probability : ndarray, shape (k, 8)
+    probability : ndarray, shape (k, values)
         Of the packets' values.
     soft : Soft
     ebn0_db : float
@@ -48,10 +49,10 @@ class Part:
     def edges(self) -> tuple[list[float], list[float]]:
         """Places of its pulses, samples of the transmission, and how probable each is."""
         edges, chances = [], []
-        for row, chance in zip(self.rows, self.probability, strict=True):
-            for value in range(1 << row[1]):
+        for row, places, chance in zip(self.rows, trellis.places_of(self.rows), self.probability, strict=True):
+            for value in range(row[trellis.COUNT]):
                 if chance[value] > 1e-3:
-                    edges.append(float(self.at + SAMPLES_PER_TU * (row[0] + (1 << row[1]) - 1 - value)))
+                    edges.append(float(self.at + SAMPLES_PER_TU * places[value]))
                     chances.append(float(chance[value]))
         return edges, chances
 
@@ -76,19 +77,21 @@ class Pass:
         """Words that are decoded next."""
         return stretch_of(self.items, self.done)
 
-    def add(self, items: tuple[SequenceItem, ...], decision: segment.Decision, soft: list[Soft]) -> None:
+    def add(self, items: tuple[SequenceItem, ...], decision: segment.Decision, soft: list[Soft], code: str) -> None:
         """Take the next words."""
-        self.parts += parts_of(items, decision, soft, self.at)
+        self.parts += parts_of(items, decision, soft, self.at, code)
         self.done += len(items)
         self.at = self.parts[-1].at + SAMPLES_PER_TU * self.parts[-1].length
 
 
-def parts_of(items: tuple[SequenceItem, ...], decision: segment.Decision, soft: list[Soft], at: int) -> list[Part]:
-    """Words of a decision about some of them; at: first sample of the transmission."""
+def parts_of(
+    items: tuple[SequenceItem, ...], decision: segment.Decision, soft: list[Soft], at: int, code: str
+) -> list[Part]:
+    """Words of a decision about some of them; at: first sample of the transmission; code: of the tool."""
     parts = []
     first = 0
     for item, one in zip(items, soft, strict=True):
-        rows, length = packet_rows((item,))
+        rows, length = packet_rows((item,), code)
         probability = decision.probability[first : first + len(rows)]
         parts.append(Part(item, rows, at, length, probability, one, decision.ebn0_db))
         first += len(rows)
@@ -109,9 +112,11 @@ def stretch_of(items: tuple[SequenceItem, ...], done: int) -> tuple[SequenceItem
 
 def soft_words(decision: segment.Decision, rows: Indices, items: tuple[SequenceItem, ...], parity: int) -> list[Soft]:
     """Words with the probabilities of their codes at each temperature."""
-    count = len(rows)
-    forward, backward = np.empty((count, 16)), np.empty((count, 16))
-    chance, even = np.empty((count, trellis.VALUES)), np.empty(count)
+    if rows[0, trellis.RISING]:
+        return _soft_ranks(decision, rows, items, parity)
+    count, values = len(rows), trellis.values_of(rows)
+    forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
+    chance, even = np.empty((count, values)), np.empty(count)
     ends = np.flatnonzero(rows[:, 2])
     firsts = np.concatenate([[0], ends[:-1] + 1])
     holds = np.empty((len(items), len(TEMPERATURES)))
@@ -133,3 +138,35 @@ def soft_words(decision: segment.Decision, rows: Indices, items: tuple[SequenceI
         Soft(tuple(Candidate(code, tuple(p)) for code, p in codes[k].items()), tuple(holds[k]) if item.parity else None)
         for k, item in enumerate(items)
     ]
+
+
+def _soft_ranks(decision: segment.Decision, rows: Indices, items: tuple[SequenceItem, ...], parity: int) -> list[Soft]:
+    """As `soft_words`, of the combinatorial code: all codes of a word are weighed, with its parity or without."""
+    count, values = len(rows), trellis.values_of(rows)
+    forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
+    ends = np.flatnonzero(rows[:, trellis.ENDS])
+    holds = np.empty((len(items), len(TEMPERATURES)))
+    chances: list[list[Array]] = [[] for _ in items]
+    for t, temperature in enumerate(TEMPERATURES):
+        unary, common = decision.unary / temperature, decision.common / temperature
+        trellis.forward_backward(rows, unary, common, decision.level, -1, forward, backward)
+        for k, (item, end) in enumerate(zip(items, ends, strict=True)):
+            table = combinatorial.values(item.length)
+            log = np.empty(len(table))
+            to = slice(0, end + 1)
+            trellis.all_words(rows[to], unary[to], common, decision.level[to], forward[to], backward[to], table, log)
+            chance = np.exp(log - log.max())
+            held = combinatorial.odd(item.length) == parity
+            holds[k, t] = chance[held].sum() / chance.sum()
+            chance = np.where(held, chance, 0.0) if item.parity else chance
+            chances[k].append(chance / max(chance.sum(), 1e-300))
+    return [
+        Soft(_candidates(item, np.array(chances[k])), tuple(holds[k]) if item.parity else None)
+        for k, item in enumerate(items)
+    ]
+
+
+def _candidates(item: SequenceItem, chances: Array) -> tuple[Candidate, ...]:
+    """Most probable codes of a word at any temperature; chances, shape (temperatures, codes)."""
+    best = np.unique(np.argsort(-chances, axis=1, kind="stable")[:, :_BEAM])
+    return tuple(Candidate(int(code) >> item.parity, tuple(chances[:, code].tolist())) for code in best)

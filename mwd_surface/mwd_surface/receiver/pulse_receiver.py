@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 from mwd_surface.receiver import synchronisation
 from mwd_surface.receiver.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.grid import REACH, STEPS_PER_TU, Grid
@@ -43,8 +43,8 @@ class PulseReceiver:
     """
 
     def __init__(self, tool: ToolConfiguration) -> None:
-        if tool.code != "mary":
-            raise ValueError(f"code: this receiver reads the M-ary pulse position code (mary), not {tool.code}")
+        if tool.code not in PULSE_CODES:
+            raise ValueError(f"code: this receiver reads pulses ({', '.join(PULSE_CODES)}), not {tool.code}")
         self._tool = tool
         self._grid = Grid(tool.tu_s)
         self._resampler = Resampler(self._grid.step_s)

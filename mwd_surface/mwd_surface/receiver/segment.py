@@ -71,7 +71,7 @@ class Stretch:
         Pa; 1 where a sample is known.
     edges : ndarray, shape (j,)
         Pulses before the packets and, once these are decoded, behind them, sample; how probable each is, `chances`.
-    packets : ndarray, shape (k, 4)
+    packets : ndarray, shape (k, 6)
         As `trellis.forward_backward`; starts in TU after `start`.
     start : int
         Sample of TU 0 of the packets.
@@ -79,7 +79,7 @@ class Stretch:
         0 even, 1 odd.
     end : int
         Sample up to which pressure is the packets' own, from which the response does not learn.
-    probability : ndarray, shape (k, 8), optional
+    probability : ndarray, shape (k, values), optional
         Of the packets' values, from decoding them before.
     angles : ndarray, shape (pumps, n), optional
         Crank angles of pumps whose strokes are counted, rad.
@@ -106,7 +106,7 @@ class Decision:
     ----------
     unary, level, common : ndarray
         Metrics, weights and common energies, as `trellis.forward_backward` takes them.
-    probability : ndarray, shape (k, 8)
+    probability : ndarray, shape (k, values)
         Of each packet's values, parity used.
     channel : Channel
         As estimated from the pulses before, with the noise model of this stretch.
@@ -142,14 +142,15 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
     n, count = len(stretch.pressure), len(packets)
     weight = stretch.known.copy()
     again = stretch.probability is not None
-    probability = _uniform(packets) if stretch.probability is None else stretch.probability.copy()
+    probability = trellis.uniform(packets) if stretch.probability is None else stretch.probability.copy()
+    values = trellis.values_of(packets)
     reach = channel.components.shape[1] + _TAIL
     whitened, shapes = np.empty(n), np.empty((len(channel.components), reach))
     state = dataclasses.replace(channel)
-    places = int(packets[-1, 0]) + trellis.VALUES
-    unary, level = np.zeros((count, trellis.VALUES)), np.ones(count)
+    places = int(packets[-1, 0]) + values
+    unary, level = np.zeros((count, values)), np.ones(count)
     common = np.zeros(1)
-    forward, backward = np.empty((count, 16)), np.empty((count, 16))
+    forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
     even, evidence = np.empty(count), 0.0
     pumps = (
         _pumps(stretch, state, probability)
@@ -169,7 +170,7 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
         level = _levels(packets, energy, common[0])
         others = np.round((stretch.edges - stretch.start) / SAMPLES_PER_TU)
         near = (others > -len(common)) & (others < places + len(common))
-        shared = np.empty((count, trellis.VALUES))
+        shared = np.empty((count, values))
         trellis.mean_interference(packets, others[near], stretch.chances[near], common, level, probability, shared)
         unary = sure * (_unary(packets, out, energy) - shared)
         common = sure * common
@@ -178,30 +179,17 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
         if not (again and turn == _ROUNDS_AGAIN - 1):
             pumps = _new_noise(stretch, _train(stretch, probability), state, weight)
     g = _whitened(state.response, state.whitener)
-    bits = float(packets[:, 1].sum())
-    ebn0 = 10.0 * np.log10(max(float(g @ g) * count / (2.0 * bits), 1e-6))
+    ways = trellis.log_ways(packets)
+    ebn0 = 10.0 * np.log10(max(float(g @ g) * count * math.log(2.0) / (2.0 * ways), 1e-6))
     timing = (0.0, 1.0, 0.0) if again else _timing(stretch, probability, state, weight, pumps)
-    return Decision(unary, level, common, probability, state, float(ebn0), timing, evidence - bits * math.log(2.0))
-
-
-def _uniform(packets: Indices) -> Array:
-    probability = np.zeros((len(packets), trellis.VALUES))
-    for k, row in enumerate(packets):
-        probability[k, : 1 << row[1]] = 1.0 / (1 << row[1])
-    return probability
-
-
-def _place(packets: Indices) -> Indices:
-    """Place of each packet's value, TU; shape (k, 8)."""
-    count = 1 << packets[:, 1]
-    return np.asarray(packets[:, :1] + np.maximum(count[:, None] - 1 - np.arange(trellis.VALUES)[None, :], 0))
+    return Decision(unary, level, common, probability, state, float(ebn0), timing, evidence - ways)
 
 
 def _train(stretch: Stretch, probability: Array) -> Array:
     """Expected edges at each sample."""
     train = np.zeros(len(stretch.pressure))
     _add_known(stretch, train)
-    at = stretch.start + SAMPLES_PER_TU * _place(stretch.packets)
+    at = stretch.start + SAMPLES_PER_TU * trellis.places_of(stretch.packets)
     np.add.at(train, np.clip(at, 0, len(train) - 1), probability)
     return train
 
@@ -214,13 +202,13 @@ def _add_known(stretch: Stretch, train: Array) -> None:
 
 
 def _unary(packets: Indices, out: Array, energy: Array) -> Array:
-    at = _place(packets)
+    at = trellis.places_of(packets)
     return np.asarray(out[at] - 0.5 * energy[at])
 
 
 def _levels(packets: Indices, energy: Array, whole: float) -> Array:
-    middle = packets[:, 0] + (1 << packets[:, 1]) // 2
-    return np.clip(energy[middle] / max(whole, 1e-300), 0.0, 1.0)
+    middle = packets[:, trellis.START] + packets[:, trellis.COUNT] // 2
+    return np.asarray(np.clip(energy[middle] / max(whole, 1e-300), 0.0, 1.0))
 
 
 def _whitened(response: Array, whitener: Array) -> Array:

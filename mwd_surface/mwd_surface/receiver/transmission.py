@@ -129,7 +129,7 @@ class Transmission:
             start = self._boundary if self._pass is None else self._pass_end(self._pass)
             start += SAMPLES_PER_TU * self._tool.sync.length_tu if self._offered else 0
             return self._clock.at(start + SAMPLES_PER_TU * (self._tool.header_tu + longest + _AFTER_TU)) + REACH
-        _, length = packet_rows(self._pass.following())
+        _, length = self._rows(self._pass.following())
         return self._clock.at(self._pass.at + SAMPLES_PER_TU * (length + _AFTER_TU)) + REACH
 
     def reaches(self) -> float:
@@ -149,14 +149,14 @@ class Transmission:
         if now is None:
             return Reception()
         items = now.following()
-        rows, length = packet_rows(items)
+        rows, length = self._rows(items)
         decision = self._decode(rows, length, now.at)
         self.lost = self._breaks_off(decision, len(rows))
         if self.lost:
             return self.close()
         self._channel = decision.channel
         soft = soft_words(decision, rows, items, self._parity)
-        now.add(items, decision, soft)
+        now.add(items, decision, soft, self._tool.code)
         self._at_once.learn(soft)
         if self._at_once.failing > _LOST:
             self.lost = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
@@ -248,6 +248,10 @@ class Transmission:
     def _parity(self) -> int:
         return int(self._tool.parity == "odd")
 
+    def _rows(self, items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
+        """Packets of some words, and their time on air, TU."""
+        return packet_rows(items, self._tool.code)
+
     def _seconds(self, sample: float) -> float:
         return self._grid.seconds(self._clock.at(sample))
 
@@ -255,7 +259,7 @@ class Transmission:
         return one.start + SAMPLES_PER_TU * self._tool.length_tu(one.items)
 
     def _first_length(self, kind: str) -> int:
-        return max(packet_rows(stretch_of(items, 0))[1] for items in self._sequences(kind))
+        return max(self._rows(stretch_of(items, 0))[1] for items in self._sequences(kind))
 
     def _sequences(self, kind: str) -> tuple[tuple[SequenceItem, ...], ...]:
         return self._tool.surveys if kind == "survey" else self._tool.toolfaces
@@ -278,7 +282,7 @@ class Transmission:
         best = (-math.inf, "survey")
         for kind in ("survey", "toolface"):
             sequences = self._sequences(kind)
-            rows, length = packet_rows(stretch_of(sequences[min(number, len(sequences) - 1)], 0))
+            rows, length = self._rows(stretch_of(sequences[min(number, len(sequences) - 1)], 0))
             decision = self._decode_once(rows, length, start)
             best = max(best, (decision.evidence / length, kind))
         sequences = self._sequences(best[1])
@@ -294,17 +298,17 @@ class Transmission:
 
     def _fits(self, one: Pass) -> bool:
         """Whether the data have the pulses of a pass as clearly as those of the stretches before."""
-        rows, length = packet_rows(stretch_of(one.items, 0))
+        rows, length = self._rows(stretch_of(one.items, 0))
         evidence = self._decode_once(rows, length, one.at).evidence / len(rows)
         return evidence > _CLEAR * float(np.median(self._usual))
 
     def _header(self, start: int) -> int:
         items = (SequenceItem("header", self._tool.header_bits, False),)
-        rows, length = packet_rows(items)
+        rows, length = self._rows(items)
         decision = self._decode(rows, length, start)
         soft = soft_words(decision, rows, items, self._parity)[0]
         most = max(len(self._tool.surveys), len(self._tool.toolfaces))
-        edges, chances = parts_of(items, decision, [soft], start)[0].edges()
+        edges, chances = parts_of(items, decision, [soft], start, self._tool.code)[0].edges()
         self._edges += edges
         self._chances += chances
         valid = [one for one in soft.candidates if one.code < most]

@@ -15,8 +15,9 @@ import numpy as np
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 
-VALUES = 8  # of a packet of 3 bits
-_STATES = 2 * VALUES  # value of the last packet, parity of the word so far
+# Values of a packet: of 3 bits, and places of one of the pulses of a combinatorial word.
+_VALUES, _VALUES_RISING = 8, 20
+START, BITS, ENDS, PARITY, COUNT, RISING = range(6)  # columns of a row of packets
 _NEVER = -1e30
 
 
@@ -25,6 +26,37 @@ def _log_add(a: float, b: float) -> float:
     if a < b:
         a, b = b, a
     return a if b <= _NEVER else a + math.log1p(math.exp(b - a))
+
+
+def values_of(packets: Indices) -> int:
+    """Width of arrays with a column for each value of a packet."""
+    return _VALUES_RISING if packets[0, RISING] else _VALUES
+
+
+def uniform(packets: Indices) -> Array:
+    """Each value of a packet as probable as the others; shape (n, values)."""
+    at = np.arange(values_of(packets))[None, :]
+    return np.where(at < packets[:, COUNT, None], 1.0 / packets[:, COUNT, None], 0.0)
+
+
+def places_of(packets: Indices) -> Indices:
+    """Place of each packet's values, TU; shape (n, values). Behind the last value the last place is repeated."""
+    at = np.minimum(np.arange(values_of(packets))[None, :], packets[:, COUNT, None] - 1)
+    turned = np.where(packets[:, RISING, None] == 1, at, packets[:, COUNT, None] - 1 - at)
+    return np.asarray(packets[:, START, None] + turned)
+
+
+def log_ways(packets: Indices) -> float:
+    """Logarithm of the number of ways to place all pulses."""
+    if not packets[0, RISING]:
+        return float(packets[:, BITS].sum()) * math.log(2.0)
+    total, pulses = 0.0, 0
+    for row in packets:
+        pulses += 1
+        if row[ENDS]:
+            total += math.log(math.comb(int(row[COUNT]) + pulses - 1, pulses))
+            pulses = 0
+    return total
 
 
 @compiled
@@ -39,12 +71,22 @@ def _pair(common: Array, gap: int, level: float) -> float:
 
 
 @compiled
+def place(packets: Indices, k: int, value: int) -> int:
+    """Place of the pulse of packet k with a value, TU."""
+    if packets[k, 5] == 1:
+        return int(packets[k, 0] + value)
+    return int(packets[k, 0] + packets[k, 4] - 1 - value)
+
+
+@compiled
 def step_metric(packets: Indices, unary: Array, common: Array, level: Array, k: int, before: int, value: int) -> float:
-    """Metric of a packet's value when the packet before has the value `before`."""
+    """Metric of a packet's value when the packet before has the value `before`; never, where it may not follow."""
     metric = float(unary[k, value])
     if k > 0:
-        at = packets[k, 0] + (1 << packets[k, 1]) - 1 - value
-        last = packets[k - 1, 0] + (1 << packets[k - 1, 1]) - 1 - before
+        if packets[k, 5] == 1 and packets[k - 1, 2] == 0 and value < before:
+            return _NEVER
+        at = place(packets, k, value)
+        last = place(packets, k - 1, before)
         metric -= _pair(common, at - last, math.sqrt(level[k] * level[k - 1]))
     return metric
 
@@ -58,9 +100,11 @@ def forward_backward(
 
     Parameters
     ----------
-    packets : ndarray, shape (n, 4)
-        Start of the window in TU, bits, whether a word ends with the packet, whether that word has a parity bit.
-    unary : ndarray, shape (n, 8)
+    packets : ndarray, shape (n, 6)
+        Start of the window in TU, bits, whether a word ends with the packet, whether that word has a parity bit that
+        its values tell, number of values, whether values are places that must not fall within a word (combinatorial
+        code) or count from the end of the window (pulse position).
+    unary : ndarray, shape (n, values)
         Metric of each value alone.
     common : ndarray, shape (m,)
         What two pulses have in common, by their distance in TU.
@@ -68,35 +112,34 @@ def forward_backward(
         Weight of the data round the packet, 0 to 1.
     parity : int
         0: words have an even number of ones, 1: odd, -1: parity is not used.
-    forward, backward : ndarray, shape (n, 16)
+    forward, backward : ndarray, shape (n, 2 values)
         Log sums, state = 2 value + parity of the word up to and with this packet.
     """
     n = len(packets)
     forward[:] = _NEVER
     backward[:] = _NEVER
-    for k in range(n):
-        fresh = k == 0 or packets[k - 1, 2] == 1
-        for value in range(1 << packets[k, 1]):
-            if k == 0:
-                _reach(packets, parity, forward, k, value, 0, unary[k, value])
-                continue
-            for before in range(1 << packets[k - 1, 1]):
+    for value in range(packets[0, 4]):
+        _reach(packets, parity, forward, 0, value, 0, unary[0, value])
+    for k in range(1, n):
+        fresh = packets[k - 1, 2] == 1
+        for value in range(packets[k, 4]):
+            for before in range(packets[k - 1, 4]):
                 metric = step_metric(packets, unary, common, level, k, before, value)
                 for odd in range(2):
                     so_far = forward[k - 1, 2 * before + odd]
-                    if so_far > _NEVER:
+                    if so_far > _NEVER and metric > _NEVER:
                         _reach(packets, parity, forward, k, value, 0 if fresh else odd, so_far + metric)
-    for state in range(_STATES):
+    for state in range(forward.shape[1]):
         if forward[n - 1, state] > _NEVER:
             backward[n - 1, state] = 0.0
     for k in range(n - 2, -1, -1):
         fresh = packets[k, 2] == 1
-        for before in range(1 << packets[k, 1]):
-            for value in range(1 << packets[k + 1, 1]):
+        for before in range(packets[k, 4]):
+            for value in range(packets[k + 1, 4]):
                 metric = step_metric(packets, unary, common, level, k + 1, before, value)
                 for odd in range(2):
                     after = 2 * value + ((0 if fresh else odd) ^ _odd(value))
-                    if backward[k + 1, after] > _NEVER and forward[k, 2 * before + odd] > _NEVER:
+                    if min(backward[k + 1, after], forward[k, 2 * before + odd], metric) > _NEVER:
                         backward[k, 2 * before + odd] = _log_add(
                             backward[k, 2 * before + odd], backward[k + 1, after] + metric
                         )
@@ -119,7 +162,7 @@ def marginals(packets: Indices, forward: Array, backward: Array, out: Array, eve
     ----------
     packets, forward, backward
         As `forward_backward`.
-    out : ndarray, shape (n, 8)
+    out : ndarray, shape (n, values)
         Probabilities.
     even : ndarray, shape (n,)
         Probability that the word up to the packet has an even number of ones.
@@ -130,18 +173,18 @@ def marginals(packets: Indices, forward: Array, backward: Array, out: Array, eve
         Log sum of all ways: the evidence of the data.
     """
     evidence = _NEVER
-    for state in range(_STATES):
+    for state in range(forward.shape[1]):
         evidence = _log_add(evidence, forward[len(packets) - 1, state])
     out[:] = 0.0
     for k in range(len(packets)):
         total = whole = 0.0
-        for state in range(_STATES):
+        for state in range(forward.shape[1]):
             if forward[k, state] > _NEVER and backward[k, state] > _NEVER:
                 p = math.exp(min(forward[k, state] + backward[k, state] - evidence, 0.0))
                 out[k, state // 2] += p
                 whole += p
                 total += p if state % 2 == 0 else 0.0
-        for value in range(VALUES):
+        for value in range(out.shape[1]):
             out[k, value] /= max(whole, 1e-300)
         even[k] = total / max(whole, 1e-300)
     return evidence
@@ -160,27 +203,27 @@ def mean_interference(
         As `forward_backward`.
     known, chance : ndarray, shape (j,)
         Edges of pulses before and behind these packets, TU, and how probable each is.
-    probability : ndarray, shape (n, 8)
+    probability : ndarray, shape (n, values)
         Of the packets' values.
-    out : ndarray, shape (n, 8)
+    out : ndarray, shape (n, values)
         To be taken from the metric of each value.
     """
     n = len(packets)
     out[:] = 0.0
     for k in range(n):
-        for value in range(1 << packets[k, 1]):
-            at = packets[k, 0] + (1 << packets[k, 1]) - 1 - value
+        for value in range(packets[k, 4]):
+            at = place(packets, k, value)
             total = 0.0
             for j in range(len(known)):
                 total += chance[j] * _pair(common, abs(at - int(known[j])), level[k])
             for other in range(n):
                 if abs(other - k) < 2:
                     continue
-                if abs(packets[other, 0] - packets[k, 0]) > len(common) + 8:
+                if abs(packets[other, 0] - packets[k, 0]) > len(common) + out.shape[1]:
                     continue
-                for v in range(1 << packets[other, 1]):
-                    place = packets[other, 0] + (1 << packets[other, 1]) - 1 - v
-                    total += probability[other, v] * _pair(common, abs(at - place), math.sqrt(level[k] * level[other]))
+                for v in range(packets[other, 4]):
+                    gap = abs(at - place(packets, other, v))
+                    total += probability[other, v] * _pair(common, gap, math.sqrt(level[k] * level[other]))
             out[k, value] = total
 
 
@@ -251,8 +294,47 @@ def _entry(packets: Indices, unary: Array, common: Array, level: Array, forward:
     if k == 0:
         return float(unary[k, value])
     reach = _NEVER
-    for state in range(_STATES):
+    for state in range(forward.shape[1]):
         if forward[k - 1, state] > _NEVER:
             metric = step_metric(packets, unary, common, level, k, state // 2, value)
             reach = _log_add(reach, forward[k - 1, state] + metric)
     return reach
+
+
+@compiled
+def all_words(
+    packets: Indices,
+    unary: Array,
+    common: Array,
+    level: Array,
+    forward: Array,
+    backward: Array,
+    values: Indices,
+    out: Array,
+) -> None:
+    """
+    Log probability (up to the evidence) of each code of one word of the combinatorial code.
+
+    Parameters
+    ----------
+    packets, unary, common, level, forward, backward
+        As `forward_backward`, after it; the word has the last of these packets.
+    values : ndarray, shape (codes, pulses)
+        Value of each pulse of each code.
+    out : ndarray, shape (codes,)
+        Filled.
+    """
+    codes, pulses = values.shape
+    end = len(packets) - 1
+    first = end - pulses + 1
+    entry = np.empty(packets[first, 4])
+    for value in range(len(entry)):
+        entry[value] = _entry(packets, unary, common, level, forward, first, value)
+    for code in range(codes):
+        total = entry[values[code, 0]]
+        for j in range(1, pulses):
+            total += step_metric(
+                packets, unary, common, level, first + j, int(values[code, j - 1]), int(values[code, j])
+            )
+        state = 2 * values[code, pulses - 1]
+        out[code] = total + max(backward[end, state], backward[end, state + 1])

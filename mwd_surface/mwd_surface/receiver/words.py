@@ -7,6 +7,8 @@ import dataclasses
 import numpy as np
 
 from mwd_sensors.core.arrays import Indices
+from mwd_sensors.telemetry import combinatorial
+from mwd_sensors.telemetry.combinatorial import SPACING_TU
 from mwd_sensors.telemetry.pulse_position import packets, window_tu
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
@@ -98,22 +100,30 @@ def received(
     )
 
 
-def packet_rows(items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
+def packet_rows(items: tuple[SequenceItem, ...], code: str = "mary") -> tuple[Indices, int]:
     """
-    Packets of some words sent one after the other.
+    Packets of some words sent one after the other; of the combinatorial code a packet is one pulse.
+
+    code: of the tool.
 
     Returns
     -------
-    ndarray, shape (n, 4)
-        Start in TU, bits, whether a word ends with it, whether that word has a parity bit.
+    ndarray, shape (n, 6)
+        As `trellis.forward_backward` takes them.
     int
         Time of all of them, TU.
     """
     rows = []
     at = 0
     for item in items:
+        if code == "combinatorial":
+            count, slots = combinatorial.shape(item.length)
+            values = slots - SPACING_TU * (count - 1)
+            rows += [(at + SPACING_TU * k, 0, k == count - 1, 0, values, 1) for k in range(count)]
+            at += combinatorial.encode(0, item.length).length
+            continue
         sizes = packets(item.length)
         for k, size in enumerate(sizes):
-            rows.append((at, size, k == len(sizes) - 1, item.parity))
+            rows.append((at, size, k == len(sizes) - 1, item.parity, 1 << size, 0))
             at += window_tu(size)
-    return np.array(rows, dtype=np.int64).reshape(-1, 4), at
+    return np.array(rows, dtype=np.int64).reshape(-1, 6), at

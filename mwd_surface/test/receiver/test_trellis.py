@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
+from mwd_sensors.telemetry import combinatorial
 from mwd_sensors.telemetry.sequences import parse
 from mwd_surface.receiver import trellis
 from mwd_surface.receiver.words import packet_rows
@@ -65,3 +66,27 @@ def test_pulses_far_away_enter_by_their_mean():
     trellis.mean_interference(ROWS, np.array([-10.0]), np.ones(1), long, np.ones(4), probability, out)
     places = [int(row[0]) + (1 << int(row[1])) - 1 for row in ROWS]
     assert out[0, 0] == pytest.approx(long[places[0] + 10] + long[places[2] - places[0]] + long[places[3] - places[0]])
+
+
+def test_words_of_the_combinatorial_code_are_those_of_all_combinations():
+    """Two words of 4 bits (two pulses each): every pair of codes counted by hand."""
+    rows, _ = packet_rows(parse("aTFA:4 aTFA:4"), "combinatorial")
+    table = combinatorial.values(4)
+    random = np.random.default_rng(2)
+    values, count = trellis.values_of(rows), len(rows)
+    unary, level = random.normal(size=(count, values)), np.ones(count)
+    common = np.array([3.0, 2.0, 1.0, 0.5, 0.2, 0.1])
+    forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
+    trellis.forward_backward(rows, unary, common, level, -1, forward, backward)
+    found = np.empty(len(table))
+    trellis.all_words(rows, unary, common, level, forward, backward, table, found)
+    # What comes before the second word is any rising pair of places, whether or not it has a code.
+    pairs = [(a, b) for a in range(rows[0, trellis.COUNT]) for b in range(a, rows[1, trellis.COUNT])]
+    assert trellis.log_ways(rows) == pytest.approx(2.0 * np.log(len(pairs)))
+    for code in (0, 7, 15):
+        ways = [(*before, *table[code]) for before in pairs]
+        logs = [
+            sum(trellis.step_metric(rows, unary, common, level, k, way[k - 1] if k else 0, way[k]) for k in range(4))
+            for way in ways
+        ]
+        assert found[code] == pytest.approx(np.log(np.sum(np.exp(logs))))
