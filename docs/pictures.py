@@ -39,7 +39,7 @@ USED = (
     ("page_alarm.png", "alarm", (1024, 768), False),
     ("page_phone.png", "drilling", (390, 844), False),
 )
-FILM = {"size": (1280, 800), "shown": (720, 450), "every_s": 2.5, "colours": 48}
+FILM = {"size": (1280, 800), "shown": (640, 400), "every_s": 3.5, "colours": 32}
 COLOURS = 128
 _LONGEST_S = 600.0
 

@@ -1,3 +1,22 @@
 """What the tool knows: gravity while drilling, attitude, north, magnetic interference, quality, uncertainty."""
 
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
 __version__ = "0.1.0"
+
+_MODULES = {
+    "EstimatorSettings": "pipeline",
+    "Pipeline": "pipeline",
+    "Place": "pipeline",
+    "Reference": "core.reference_field",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import what a user of the library starts with on first use: the pipeline brings every filter with it."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)

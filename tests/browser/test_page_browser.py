@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import json
 import math
+import re
 import shutil
 import time
 from pathlib import Path
@@ -21,7 +22,7 @@ from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_json import StateJson
 from mwd_surface.surveys.clearance import Clearance, ClearanceRule
-from mwd_surface.surveys.plan import plan_of
+from mwd_surface.surveys.plan import Offset, plan_of
 from mwd_surface.surveys.slide_sheet import SlideSheet, yields
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import North, Survey, Verdict
@@ -778,7 +779,7 @@ def test_the_datum_names_what_is_not_given_and_where_the_sensor_sits(browser):
         rig.state.on_well(well, time.monotonic(), ReferenceField(declination=0.02, source="typed in"))
         rig.push()
         wait(browser, lambda: "sensor 14.25 m above bit" in text(browser, "#datum"))
-        assert "convergence not given" in text(browser, "#datum")
+        assert "conv. not given" in text(browser, "#datum")
         assert "total correction not given" in text(browser, "#datum")
         rig.state.on_vertical_limit(math.radians(3.0))
         rig.live()
@@ -799,6 +800,38 @@ def test_the_last_survey_says_what_to_do_and_what_each_quantity_is_worth(browser
         assert text(browser, ".each") == "inclination ✓azimuth ▲toolface ✓"
 
 
+def test_how_far_off_plan_the_well_is_and_how_to_come_back_stand_on_the_first_screen(browser):
+    with rig_on(browser) as rig:
+        offset = Offset(0.4, 1200.0, -0.12, 0.38, 0.3, 0.1, math.radians(72.0))
+        rig.state.on_offset(offset, time.monotonic(), math.radians(2.6) / 30.0)
+        rig.push()
+        wait(browser, lambda: "0.12 m below, 0.38 m right" in text(browser, "#offset"))
+        assert "72° GTF" in text(browser, "#offset")
+        assert "2.60°/30 m" in text(browser, "#offset")
+
+
+def test_the_system_tab_gives_rate_age_and_losses_of_each_stream(browser):
+    with rig_on(browser) as rig:
+        rig.state.on_stream("sonde", 300, time.monotonic() - 2.0)
+        rig.state.on_stream("sonde", 100, time.monotonic(), lost=7)
+        rig.push()
+        tab(browser, "system")
+        rows = "return [...document.querySelectorAll('#tab-system tbody tr')].map((r) => r.innerText)"
+        wait(browser, lambda: any("7" in row and "Sonde" in row for row in browser.execute_script(rows)))
+        (sonde,) = [row for row in browser.execute_script(rows) if "Sonde" in row]
+        assert re.search(r"Sonde\s+\S*\s*(live|STALE)\s+.*s\s+\d+(\.\d)?/s\s+7", sonde), sonde
+
+
+@pytest.mark.parametrize("size", [*SIZES, (1280, 800)])
+def test_the_facts_of_the_well_are_never_cut_off(browser, size):
+    with rig_on(browser, size) as rig:
+        rig.live(status=int(Status.ROTATING | Status.NO_MAG | Status.SENSOR_FAULT | Status.CLIPPED))
+        wait(browser, lambda: "no usable magnetometer" in text(browser, "#pills"))
+        fits = "const d = document.querySelector('#datum');"
+        fits += " return [d.scrollHeight - d.clientHeight, d.scrollWidth - d.clientWidth]"
+        assert max(browser.execute_script(fits)) <= 1
+
+
 def test_the_azimuth_has_a_strip_over_time_and_over_depth(browser):
     with rig_on(browser) as rig:
         steered(rig)
@@ -814,7 +847,7 @@ def test_the_dial_alone_is_read_at_three_metres_and_touched_with_gloves(browser,
         rig.state.on_advisory(math.radians(120.0), math.radians(15.0))
         rig.live()
         wait(browser, lambda: text(browser, ".far-number") == "127°")
-        assert "INSIDE" in text(browser, ".far-note")
+        wait(browser, lambda: "INSIDE" in text(browser, ".far-note"))
         (high,) = font_sizes(browser, ".far-number")
         # On a phone held upright the width is what limits.
         assert high >= (0.2 * size[1] if size[0] > size[1] else 0.38 * size[0])

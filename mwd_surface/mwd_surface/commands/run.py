@@ -71,10 +71,11 @@ def run(
     from mwd_sensors.simulator import scenario_files
     from mwd_sensors.simulator.scenario import read
     from mwd_surface.bags.recorder.folder import recordings_named
-    from mwd_surface.commands import terminal
+    from mwd_surface.commands import node, terminal
     from mwd_surface.runs import launch_plan
 
-    importlib.import_module("mwd_msgs")  # without ROS, one sentence instead of three nodes that end
+    with node.without_ros():
+        importlib.import_module("mwd_msgs")
     namespace = launch_plan.checked_well(well)
     path = scenario_files.find(scenario).resolve()
     story = read(path, {} if seed is None else {"seed": seed})

@@ -31,8 +31,8 @@ export function showWell(well) {
     `Depth from ${well.depth_datum || "a datum not given"}`,
     `sensor ${units.number("length", well.sensor_to_bit)} ${units.unit("length")} above bit`,
     `${well.north_reference} north`,
-    `declination ${angle(declination)}`,
-    `convergence ${angle(convergence)}`,
+    `decl. ${angle(declination)}`,
+    `conv. ${angle(convergence)}`,
     `total correction ${angle(total)}`,
     `field ${well.field_source || "not given"}`,
   ].join(" · "));
@@ -91,6 +91,9 @@ export function showPills(sections, now, silent, select) {
     if (rig.pumps_on !== null) list.push(["system", "info", rig.pumps_on ? "pumps on" : "pumps off"]);
     if (rig.in_slips) list.push(["system", "info", "in slips"]);
   }
+  // What does not fit in the row is left out from the end: trouble stands first.
+  const rank = (kind) => ["reject", "doubtful", "stale"].indexOf(kind) + 1 || 9;
+  list.sort((a, b) => rank(a[1]) - rank(b[1]));
   const text = JSON.stringify(list);
   if (text === pillsText) return;
   const held = [...byId("pills").children].indexOf(document.activeElement);
