@@ -58,11 +58,13 @@ class GraphClient:
 
     def services(self) -> dict[str, str]:
         """Name and type of every service but those that each node has, and those that actions are made of."""
+        self.nodes()
         there = _settled(self._services).items()
         return {name: kind for name, kind in there if not kind.startswith(_COMMON) and "/_action/" not in name}
 
     def topics(self) -> dict[str, str]:
         """Name and type of every topic."""
+        self.nodes()
         return _settled(self._topics)
 
     def nodes(self) -> list[str]:
