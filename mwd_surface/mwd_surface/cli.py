@@ -34,6 +34,7 @@ from mwd_surface.commands.survey import survey
 from mwd_surface.commands.tool import tool
 from mwd_surface.commands.trajectory import trajectory
 from mwd_surface.commands.version import version
+from mwd_surface.commands.view import view
 
 app = typer.Typer(
     name="mwd",
@@ -78,6 +79,7 @@ app.command(rich_help_panel=_RECORDINGS)(export)
 app.command(rich_help_panel=_RECORDINGS)(report)
 app.command(rich_help_panel=_RECORDINGS)(simulate)
 app.command(rich_help_panel=_RECORDINGS)(decode)
+app.command(rich_help_panel=_RECORDINGS)(view)
 app.command(rich_help_panel=_RECORDINGS)(plot)
 app.command(rich_help_panel=_RECORDINGS)(calibrate)
 app.command(rich_help_panel=_RECORDINGS)(recover)

@@ -29,6 +29,7 @@ from mwd_surface.page.access import Access
 from mwd_surface.page.commands import COMMANDS, Command, checked_arguments
 from mwd_surface.page.files import PAGE, page_files, sender
 from mwd_surface.page.listener import listener, peer_of, port_error
+from mwd_surface.page.replay_route import OnReplay, replay_handler
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_feed import Client, Seen, StateFeed, dumps
 
@@ -59,9 +60,13 @@ class PageServer:
     token : str
         The secret that commands need (`access.read_token`).
     clock : callable
-        Steady seconds, the clock of the snapshots' `now`.
+        Steady seconds.
     page : Path
         Folder of the page's files; they are read once, at start.
+    on_replay : callable, optional
+        Called with what `replay_route` takes, of a page that plays a recording.
+    now : callable, optional
+        Clock of the snapshots' `now` where that is not `clock`: of a recording.
 
     Raises
     ------
@@ -77,6 +82,8 @@ class PageServer:
         page: Path = PAGE,
         *,
         token: str = "",
+        on_replay: OnReplay | None = None,
+        now: Callable[[], float] | None = None,
     ) -> None:
         self.settings = settings or PageSettings()
         if not self.settings.allow_network and not is_loopback(self.settings.host):
@@ -87,7 +94,8 @@ class PageServer:
         self._access = Access(token, clock) if token else None
         self._on_command = on_command if token else None
         self._page = page
-        self._feed = StateFeed(1.0 / self.settings.max_rate, self.settings.send_timeout, clock)
+        self._feed = StateFeed(1.0 / self.settings.max_rate, self.settings.send_timeout, clock, now or clock)
+        self._on_replay = on_replay
         if self._on_command is not None:
             self._feed.own |= {"controls": True, "exports": [[kind, made.what] for kind, made in FORMATS.items()]}
         # Connections that have not made a whole request yet, oldest first.
@@ -138,6 +146,10 @@ class PageServer:
             except RuntimeError:
                 # The loop closed between the two lines: no client is left.
                 return
+
+    def tell(self, **own: Any) -> None:
+        """Tell the page about its server: tables beside the state, sent with every message."""
+        self._feed.own = {**self._feed.own, **own}
 
     def start(self) -> None:
         """
@@ -195,6 +207,8 @@ class PageServer:
         application.router.add_get("/state.json", self._state)
         application.router.add_get("/live", self._live)
         application.router.add_post("/command/{name}", self._command)
+        if self._on_replay is not None:
+            application.router.add_post("/replay", replay_handler(self._on_replay))
         runner = web.AppRunner(application, access_log=None, shutdown_timeout=0.2, keepalive_timeout=5.0)
         await runner.setup()
         server = runner.server

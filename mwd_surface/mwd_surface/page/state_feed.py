@@ -67,16 +67,21 @@ class StateFeed:
     send_timeout : float
         A client that takes no byte for so long, s, is dropped.
     clock : callable
-        Steady seconds, the clock of the snapshots' `now`.
+        Steady seconds.
+    now : callable
+        The clock of the snapshots' `now`.
     """
 
-    def __init__(self, period: float, send_timeout: float, clock: Callable[[], float]) -> None:
+    def __init__(
+        self, period: float, send_timeout: float, clock: Callable[[], float], now: Callable[[], float] | None = None
+    ) -> None:
         self.snapshot: Mapping[str, Any] | None = None
         self.clients: set[Client] = set()
         # Of the server itself: whether it takes commands, and the formats of the survey list it can write.
         self.own: dict[str, Any] = {"controls": False, "exports": []}
         self.skipped = 0
         self._period, self._send_timeout, self._clock = period, send_timeout, clock
+        self._now = now or clock
         self._texts: dict[str, tuple[int, str]] = {}
 
     async def send(self, client: Client) -> None:
@@ -134,7 +139,7 @@ class StateFeed:
             "skipped": skipped,
             "ready": snapshot is not None,
         }
-        head = f'{{"now": {self._clock():.3f}, "server": {json.dumps(own)}, "sections": {{'
+        head = f'{{"now": {self._now():.3f}, "server": {json.dumps(own)}, "sections": {{'
         if snapshot is None:
             return head + "}}", Seen(), False
         parts, now_has, strips = [], snapshot["revisions"], dict(seen.strips)
@@ -143,6 +148,8 @@ class StateFeed:
                 continue
             if name in _STRIPS:
                 last = strips.get(name)
+                if last is not None and (not section["rows"] or section["rows"][-1][0] < last):
+                    last = None  # a recording was wound back
                 rows = [row for row in section["rows"] if last is None or row[0] > last]
                 fresh = {"columns": section["columns"], "rows": rows, "whole": last is None}
                 parts.append(f"{json.dumps(name)}: {dumps(fresh)}")

@@ -47,12 +47,15 @@ class StateJson:
     Tables of the page with their revisions.
 
     Tables that cost much to build are kept until the part of the state they are made of changes.
+
+    revised_from : tables of another state, such as before a recording was wound back; each gets a higher revision.
     """
 
-    def __init__(self, settings: LiveSettings | None = None) -> None:
+    def __init__(self, settings: LiveSettings | None = None, revised_from: StateJson | None = None) -> None:
         self._settings = settings or LiveSettings()
         self._signatures: dict[str, Any] = {}
-        self._revisions: dict[str, int] = {}
+        # Of another state from now on: every table is a new one to whoever has seen those of before.
+        self._revisions: dict[str, int] = {} if revised_from is None else dict(revised_from._revisions)
         self._kept: dict[str, Table] = {}
         self._links_at = -math.inf
         self._links_count = 0
@@ -150,7 +153,7 @@ class StateJson:
 
     def _revise(self, name: str, signature: Any) -> bool:
         """Count the revision of a table up where its signature is new; return whether it is."""
-        if name in self._revisions and self._signatures[name] == signature:
+        if name in self._signatures and self._signatures[name] == signature:
             return False
         self._signatures[name] = signature
         self._revisions[name] = self._revisions.get(name, 0) + 1

@@ -87,7 +87,7 @@ export class Connection {
   take(message, whole) {
     const at = seconds();
     const offset = at - message.now;
-    if (whole || this.offset === null || offset < this.offset) this.offset = offset;
+    if (whole || message.server.replay || this.offset === null || offset < this.offset) this.offset = offset;
     else this.offset += Math.min(offset - this.offset, DRIFT * (at - this.receivedAt));
     this.receivedAt = at;
     this.server = message.server;

@@ -9,6 +9,7 @@ import { byId, setText } from "./dom.js";
 import { showAlarmStrip, showBanner, showPills, showTitle, showWell } from "./header.js";
 import { act, mayCommand, operatorName, showControls } from "./operator_tab.js";
 import { showPath } from "./path_tab.js";
+import { showReplay } from "./replay_bar.js";
 import { slideSheet } from "./slide_sheet.js";
 import { showOffset, showProgress, showQuality } from "./survey_quality.js";
 import { SurveyTable } from "./survey_table.js";
@@ -68,6 +69,7 @@ const SHOW = {
 // The names of the sections that changed; null: all of them.
 const connection = new Connection((names) => {
   showSections([...(names || Object.keys(connection.sections))]);
+  showReplay(connection.server.replay);
   if (names === null) showControls(connection.server, () => { showSurveys(); showAlarmsAndEvents(); });
   tick();
 });

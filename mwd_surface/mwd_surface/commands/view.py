@@ -1,0 +1,133 @@
+"""`mwd view`: the live page over a recording, with a time slider."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from mwd_surface.bags.bag_reader import Bag
+    from mwd_surface.page.page_server import PageServer
+    from mwd_surface.runs.player import Player, Playing
+    from mwd_surface.surveys.survey_list import SurveyList
+
+_PERIOD_S = 0.1  # between two states of the page
+
+
+def view(
+    run: Annotated[Path, typer.Argument(metavar="RUN|BAG", help="Folder of a run, or a recording.")],
+    port: Annotated[int | None, typer.Option(help="Port of the page; by default 8080 or a free one.")] = None,
+    rate: Annotated[float, typer.Option(help="Seconds of the recording in a second.")] = 1.0,
+    start: Annotated[float, typer.Option(help="Begin so many seconds after the first message.")] = 0.0,
+    paused: Annotated[bool, typer.Option("--paused", help="Do not play until the button is pressed.")] = False,
+) -> None:
+    """
+    Show a recording on the live page: play it at any rate, and go to any moment of it with the slider.
+
+    A recording without estimates is processed first, with the settings in it. Needs no ROS. Ends with Ctrl-C.
+
+    \b
+    Examples:
+      mwd view out/first
+      mwd view bags/run_7 --rate 10 --start 600
+    """
+    from mwd_surface.bags.bag_reader import Bag, BagError
+    from mwd_surface.commands import terminal
+    from mwd_surface.page.page_server import PageServer
+    from mwd_surface.page.settings import PageSettings
+    from mwd_surface.runs import launch_plan
+    from mwd_surface.runs.bundle import newest_recording
+    from mwd_surface.runs.player import Player, Playing, namespace_of
+
+    if not 0.01 <= rate <= 1000.0:
+        raise ValueError(f"--rate {rate:g}: must be from 0.01 to 1000")
+    if not run.exists():
+        raise FileNotFoundError(2, "there is no such run or recording", str(run))
+    recording = newest_recording(run)
+    if recording is None:
+        raise BagError(f"{run} holds no recording", "`mwd process --format mcap` writes one with its results")
+    asked = Playing(not paused, rate, start)
+    with contextlib.ExitStack() as held:
+        bag = held.enter_context(Bag(recording))
+        if namespace_of(bag):
+            surveys = _surveys(bag)
+        else:
+            bag, surveys = held.enter_context(_processed(bag))
+        player = Player(bag, namespace_of(bag), surveys)
+        page_port = held.enter_context(launch_plan.page_port(port))
+
+        def on_replay(given: dict[str, float | bool]) -> None:
+            asked.playing = bool(given.get("playing", asked.playing))
+            asked.rate = float(given.get("rate", asked.rate))
+            asked.seek_s = float(given["seek"]) if "seek" in given else asked.seek_s
+
+        server = PageServer(PageSettings(port=page_port), on_replay=on_replay, now=lambda: player.at_s)
+        server.start()
+        held.callback(server.stop)
+        terminal.output().print(f"{recording}: page at {server.address}; Ctrl-C ends", markup=False)
+        with contextlib.suppress(KeyboardInterrupt):
+            _play(player, asked, server)
+
+
+def _play(player: Player, asked: Playing, server: PageServer) -> None:
+    """Play until interrupted."""
+    import time
+
+    from mwd_surface.page.state_json import StateJson
+
+    shown = StateJson()
+    before = time.monotonic()
+    while True:
+        now = time.monotonic()
+        passed, before = now - before, now
+        seek_s, asked.seek_s = asked.seek_s, None
+        if seek_s is not None:
+            player.seek(seek_s)
+            shown = StateJson(revised_from=shown)
+        elif asked.playing:
+            player.advance(passed * asked.rate)
+            asked.playing = player.at_s < player.length_s
+        server.tell(replay={"at": player.at_s, "length": player.length_s, "playing": asked.playing, "rate": asked.rate})
+        server.push(shown.snapshot(player.state()))
+        time.sleep(max(0.0, _PERIOD_S - (time.monotonic() - now)))
+
+
+def _surveys(bag: Bag) -> SurveyList:
+    """The survey list of a recording; empty where it has none."""
+    from mwd_surface.bags.bag_reader import BagError
+    from mwd_surface.surveys.survey_list import SurveyList
+    from mwd_surface.surveys.survey_source import surveys_of_bag
+
+    try:
+        return surveys_of_bag(bag)
+    except BagError:
+        return SurveyList()
+
+
+@contextlib.contextmanager
+def _processed(bag: Bag) -> Iterator[tuple[Bag, SurveyList]]:
+    """A copy of a recording with its estimates, and its surveys."""
+    import tempfile
+
+    from mwd_estimation.pipeline import EstimatorSettings
+    from mwd_surface.bags.bag_reader import Bag as Opened
+    from mwd_surface.commands import terminal
+    from mwd_surface.commands.reference_options import with_a_model
+    from mwd_surface.runs import process
+    from mwd_surface.runs.recorded_settings import recorded_settings
+    from mwd_surface.runs.run_output import MERGED, OutputSettings
+
+    recorded = recorded_settings(bag)
+    estimator, _ = with_a_model(recorded.estimator or EstimatorSettings(), bag.start_ns)
+    with tempfile.TemporaryDirectory(prefix="mwd_view_") as scratch, terminal.progress("processing") as progress:
+        folder = Path(scratch) / "out"
+        wanted = OutputSettings(format="mcap")
+        summary = process.process(bag, folder, estimator, None, progress, None, wanted, recorded)
+        for warning in summary.warnings:
+            terminal.warn(warning)
+        with Opened(folder / MERGED) as merged:
+            yield merged, summary.listed

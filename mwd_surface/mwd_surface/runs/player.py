@@ -1,0 +1,182 @@
+"""
+A recording played into the state of a well: what the live page showed at any moment of it, at any rate.
+
+The state is that of `live.LiveState`, by a clock that runs with the recording: a pause stops it, and what was fresh
+stays fresh.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
+from mwd_surface.bags.bag_reader import Bag, Block
+from mwd_surface.live.alarms import Alarm
+from mwd_surface.live.live_state import LiveState
+from mwd_surface.live.well_state import WellState
+from mwd_surface.surveys.message_conversion import stamp_of
+from mwd_surface.surveys.survey_list import SurveyList
+
+# Time before the moment that is looked for that is played first, for the charts and for latched values, s.
+CHARTS_S = 300.0
+# The state is brought forward in steps of at most so long, s: charts keep their rows.
+_STEP_S = 0.5
+_BLOCK = 512  # messages read at a time
+_TOPICS = ("rig/state", "gravity", "attitude", "dynamics", "interference", "imu/temperature", "imu/mag")
+
+
+class Player:
+    """
+    Plays one recording.
+
+    Parameters
+    ----------
+    bag : Bag
+    namespace : str
+        Of the well, with a slash at its end.
+    surveys : SurveyList
+        All surveys of the recording; each is shown from its stamp on.
+
+    Attributes
+    ----------
+    length_s : float
+    at_s : float
+        Time played so far, after the first message.
+    """
+
+    def __init__(self, bag: Bag, namespace: str, surveys: SurveyList) -> None:
+        self._bag, self._surveys = bag, surveys
+        self._names = {namespace + topic: topic for topic in _TOPICS if bag.topics.get(namespace + topic) is not None}
+        self.length_s = bag.duration_s
+        self._alarms = _alarms(bag, f"{namespace}alarms")
+        self.at_s = 0.0
+        self.seek(0.0)
+
+    def seek(self, at_s: float) -> None:
+        """Go to a moment, s after the first message; the charts before it are filled."""
+        at_s = min(max(at_s, 0.0), self.length_s)
+        begin_s = max(at_s - CHARTS_S, 0.0)
+        self._live = LiveState()
+        self._handlers: dict[str, Callable[[Samples, float], None]] = {
+            "rig/state": self._live.on_rig_state,
+            "gravity": self._live.on_gravity,
+            "attitude": self._live.on_attitude,
+            "dynamics": self._live.on_dynamics,
+            "interference": self._live.on_interference,
+            "imu/temperature": self._live.on_temperature,
+            "imu/mag": self._live.on_magnetic_field,
+        }
+        self._shown = self._alarms_shown = -1
+        begin_ns = self._bag.start_ns + round(begin_s * 1e9)
+        self._blocks: Iterator[Block] = self._bag.blocks(list(self._names), begin_ns, block_messages=_BLOCK)
+        self._pending: Block = {}
+        self.at_s = begin_s
+        self.advance(at_s - begin_s)
+
+    def advance(self, seconds: float) -> None:
+        """Play on by so many seconds of the recording, at most to its end."""
+        end = min(self.at_s + seconds, self.length_s)
+        while self.at_s < end:
+            self.at_s = min(self.at_s + _STEP_S, end)
+            self._feed(self.at_s)
+        self._show_surveys(self.at_s)
+        self._show_alarms(self.at_s)
+
+    def state(self) -> WellState:
+        """State of the well at this moment."""
+        return self._live.at(self.at_s)
+
+    def _feed(self, until_s: float) -> None:
+        """Take all messages logged up to a moment."""
+        until_ns = self._bag.start_ns + round(until_s * 1e9)
+        parts: dict[str, list[Samples]] = {}
+        while True:
+            for name in list(self._pending):
+                log_ns, samples = self._pending[name]
+                count = int(np.searchsorted(log_ns, until_ns, side="right"))
+                if count:
+                    parts.setdefault(self._names[name], []).append(samples[:count])
+                if count < len(log_ns):
+                    self._pending[name] = log_ns[count:], samples[count:]
+                else:
+                    del self._pending[name]
+            if self._pending:
+                break
+            following = next(self._blocks, None)
+            if following is None:
+                break
+            self._pending = dict(following)
+        # In the order of the surface node: what a topic shows may depend on those before it.
+        for topic in _TOPICS:
+            if topic in parts:
+                self._handlers[topic](np.concatenate(parts[topic]), until_s)
+
+    def _show_surveys(self, now: float) -> None:
+        """Show the surveys that had been taken by this moment."""
+        now_ns = self._bag.start_ns + round(now * 1e9)
+        records = tuple(r for r in self._surveys.records if r.survey.stamp_ns <= now_ns)
+        if len(records) == self._shown:
+            return
+        self._shown = len(records)
+        table = dataclasses.replace(self._surveys, records=records).to_mapping()
+        known = SurveyList.from_mapping(table, self._surveys.rules)
+        self._live.on_well(known.well, now)
+        self._live.on_records(known.records, now)
+        self._live.on_trajectory(known.definitive(), now)
+
+    def _show_alarms(self, now: float) -> None:
+        """Show the alarms that stood at this moment."""
+        now_ns = self._bag.start_ns + round(now * 1e9)
+        which = sum(log_ns <= now_ns for log_ns, _ in self._alarms) - 1
+        if which != self._alarms_shown:
+            self._alarms_shown = which
+            self._live.on_alarms(self._alarms[which][1] if which >= 0 else (), (), now, now_ns)
+
+
+def _alarms(bag: Bag, topic: str) -> list[tuple[int, tuple[Alarm, ...]]]:
+    """Each list of alarms in a recording, newest alarm first, with the time at which it was logged, ns."""
+    about = bag.topics.get(topic)
+    if about is None or about.type_name != "mwd_msgs/msg/AlarmList":
+        return []
+    fields = ("id", "severity", "text", "remedy", "active", "acknowledged", "count")
+    return [
+        (
+            log_ns,
+            tuple(
+                Alarm(
+                    raised_ns=stamp_of(one.raised),
+                    last_ns=stamp_of(one.last),
+                    **{name: getattr(one, name) for name in fields},
+                )
+                for one in bag.decode(topic, data).alarms
+            ),
+        )
+        for log_ns, _, _, data in bag.messages([topic])
+    ]
+
+
+@dataclasses.dataclass
+class Playing:
+    """What a viewer asks for: whether and how fast it plays, and where to go (None: on)."""
+
+    playing: bool = True
+    rate: float = 1.0
+    seek_s: float | None = None
+
+
+def namespace_of(bag: Bag) -> str:
+    """
+    Namespace of the well whose attitude is in a bag, with a slash at its end; empty where it has none.
+
+    Raises
+    ------
+    BagError
+        It has attitudes of several wells.
+    """
+    if not any(topic.type_name == wire.ATTITUDE.type_name and topic.count for topic in bag.topics.values()):
+        return ""
+    return bag.find_topic(wire.ATTITUDE.type_name, "attitude").removesuffix("attitude")

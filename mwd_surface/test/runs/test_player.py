@@ -1,0 +1,113 @@
+"""A recording as the page shows it: the state of each moment, whatever the way to it."""
+
+import json
+import signal
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+
+import pytest
+
+from mwd_estimation.pipeline import EstimatorSettings
+from mwd_sensors.simulator.scenario import read
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.page.state_json import StateJson
+from mwd_surface.runs import process, simulate
+from mwd_surface.runs.player import Player, namespace_of
+from mwd_surface.runs.run_output import OutputSettings
+from mwd_surface.surveys.survey_list import SurveyList
+from running_graph import until
+
+pytestmark = pytest.mark.slow
+
+SCENARIO = """
+name: viewed
+seed: 3
+date: 2026-03-01T06:00:00
+well: {stations: [[0.0, 30.0, 40.0], [600.0, 60.0, 40.0]], bit_m: 33.0, sensor_to_bit_m: 3.0}
+schedule: [{kind: drill, seconds: 30.0, rpm: 120.0, rop_m_h: 7200.0}]
+"""
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A recording without estimates, and the same with them."""
+    folder = tmp_path_factory.mktemp("viewed")
+    (folder / "scenario.yaml").write_text(SCENARIO)
+    simulate.record(read(folder / "scenario.yaml"), folder / "bag", "w1")
+    with Bag(folder / "bag") as bag:
+        assert namespace_of(bag) == ""
+        process.process(bag, folder / "out", EstimatorSettings(), wanted=OutputSettings(format="mcap"))
+    return folder / "bag", folder / "out" / "merged"
+
+
+def shown(player):
+    """Inclination and depth of the bit as the page has them."""
+    sections = StateJson().snapshot(player.state())["sections"]
+    return sections["attitude"]["inclination"], sections["rig"]["bit_depth"]
+
+
+def test_a_moment_is_the_same_played_to_or_sought(recorded):
+    with Bag(recorded[1]) as bag:
+        assert namespace_of(bag) == "/w1/"
+        played, sought = (Player(bag, "/w1/", SurveyList()) for _ in range(2))
+        for _ in range(130):
+            played.advance(0.17)
+        sought.seek(played.at_s)
+        assert played.at_s == pytest.approx(22.1)
+        assert [one["value"] for one in shown(played)] == [one["value"] for one in shown(sought)]
+        inclination, depth = shown(played)
+        assert depth["value"] == deepest(recorded[1], 22.1)
+        assert inclination["state"] == "live"
+        played.seek(5.0)
+        assert shown(played)[1]["value"] == deepest(recorded[1], 5.0)
+        played.advance(1000.0)
+        assert played.at_s == played.length_s
+
+
+def deepest(path, at_s):
+    """Depth of the bit that was logged last before a moment."""
+    with Bag(path) as bag:
+        end_ns = bag.start_ns + round(at_s * 1e9) + 1
+        parts = [block["/w1/rig/state"][1] for block in bag.blocks(["/w1/rig/state"], end_ns=end_ns)]
+    return float(parts[-1]["bit_depth"][-1])
+
+
+def ask(address, given):
+    body = json.dumps(given).encode()
+    request = urllib.request.Request(f"{address}replay", body, {"Content-Type": "application/json"}, method="POST")  # noqa: S310
+    try:
+        with urllib.request.urlopen(request, timeout=5.0) as answer:  # noqa: S310
+            return answer.status
+    except urllib.error.HTTPError as error:
+        return error.code
+
+
+def state(address):
+    with urllib.request.urlopen(f"{address}state.json", timeout=5.0) as answer:  # noqa: S310
+        return json.load(answer)
+
+
+def test_the_page_of_a_recording_is_played_paused_and_wound(recorded, tmp_path):
+    words = [sys.executable, "-P", "-m", "mwd_surface.cli", "view", str(recorded[0]), "--paused", "--start", "3"]
+    with (tmp_path / "log").open("w") as log:
+        viewer = subprocess.Popen(words, stdout=log, stderr=log)
+    try:
+        until(lambda: "page at" in (tmp_path / "log").read_text(), 120, "the page")
+        address = (tmp_path / "log").read_text().partition("page at ")[2].partition(";")[0]
+        before = until(lambda: state(address) if "replay" in state(address)["server"] else None, 20, "the recording")
+        replay = before["server"]["replay"]
+        assert (replay["at"], replay["playing"], replay["rate"]) == (3.0, False, 1.0)
+        assert replay["length"] == pytest.approx(30.0, abs=0.2)
+        assert ask(address, {"seek": 20.0}) == 200
+        after = until(lambda: s if (s := state(address))["server"]["replay"]["at"] == 20.0 else None, 20, "the moment")
+        assert after["now"] == 20.0
+        assert after["sections"]["rig"]["bit_depth"]["value"] == deepest(recorded[1], 20.0)
+        assert ask(address, {"playing": True, "rate": 5}) == 200
+        until(lambda: state(address)["server"]["replay"]["at"] > 25.0, 20, "it plays")
+        assert ask(address, {"rate": 1e9}) == 400
+        assert ask(address, {"sek": 1}) == 400
+    finally:
+        viewer.send_signal(signal.SIGINT)
+        assert viewer.wait(20) == 0
