@@ -19,7 +19,7 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gravity import accelerometer_only
 from mwd_estimation.gravity.methods import method
-from mwd_estimation.gyrocompass.gyro_params import GyroParams
+from mwd_estimation.gyrocompass.gyro_params import TACTICAL, GyroParams
 from mwd_estimation.gyrocompass.session import SessionParams
 from mwd_estimation.health import monitor
 from mwd_estimation.magnetic import interference_state
@@ -152,25 +152,26 @@ def precision_gyro_params(settings: EstimatorSettings) -> gyro_azimuth.Precision
 
 def gyrocompass_params(settings: EstimatorSettings) -> GyroParams:
     """Parameters of the gyro azimuth of a station."""
-    unit, survey = settings.tool.precision, settings.survey
-    gyro = unit.gyro
-    return GyroParams(
-        method=survey.gyro_method,
-        noise_deg_rth=gyro.noise_deg_sqrt_h,
-        bias_deg_h=gyro.bias_deg_h,
+    gyro, accelerometer = settings.tool.precision.gyro, settings.tool.precision.accelerometer
+    unit = dataclasses.replace(
+        TACTICAL,
+        shortest=settings.survey.min_gyro_s,
+        worst_sigma_deg=settings.verdict.max_gyro_sigma_deg,
+        gyro_noise_deg_rth=gyro.noise_deg_sqrt_h,
+        gyro_bias_deg_h=gyro.bias_deg_h,
+        gyro_x_bias_deg_h=gyro.bias_deg_h,
         bias_scale=gyro.bias_scale,
-        walk_deg_h_rth=gyro.walk_deg_h_sqrt_h,
-        ramp_per_h=gyro.ramp_per_h,
+        gyro_walk_deg_h_rth=gyro.walk_deg_h_sqrt_h,
+        gyro_ramp_deg_h2=gyro.ramp_per_h * gyro.bias_deg_h,
         scale_x_ppm=gyro.scale_ppm,
         leak_urad=gyro.misalignment_mrad * 1e3,
         g_sensitivity_deg_h_g=gyro.g_deg_h_g,
         g_calibration_deg_h_g=gyro.g_calibration_deg_h_g,
-        range_dps=min(gyro.range_deg_s),
-        accel_noise_ug_rthz=unit.accelerometer.noise_ug_sqrt_hz,
-        accel_bias_ug=unit.accelerometer.bias_ug,
-        shortest_s=survey.min_gyro_s,
-        worst_sigma_deg=settings.verdict.max_gyro_sigma_deg,
+        gyro_range_dps=min(gyro.range_deg_s),
+        accel_noise_ug_rthz=accelerometer.noise_ug_sqrt_hz,
+        accel_bias_ug=accelerometer.bias_ug,
     )
+    return GyroParams(unit, settings.survey.gyro_method)
 
 
 def north_params(settings: EstimatorSettings) -> SessionParams:

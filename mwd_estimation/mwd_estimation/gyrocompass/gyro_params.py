@@ -24,49 +24,35 @@ SEEK, S1 = "seek", "s1"
 _TACTICAL_NOISE, _LEAST_NOISE = 0.05, 0.001
 # Samples averaged for the noise that counts, and by how much single ones may exceed it before they count no longer.
 _AVERAGED, _SHAKEN = 10, 1.5
+# A tactical MEMS unit as its data sheet describes it; its noise is measured.
+TACTICAL = SeekParams(
+    gyro_noise_deg_rth=0.0,
+    gyro_bias_deg_h=5.0,
+    gyro_x_bias_deg_h=5.0,
+    bias_scale="at_most",
+    accel_bias_ug=200.0,
+    gyro_walk_deg_h_rth=0.3,
+    gyro_ramp_deg_h2=3.0,
+    scale_x_ppm=500.0,
+    leak_urad=300.0,
+    g_sensitivity_deg_h_g=0.5,
+    gyro_range_dps=100.0,
+)
 
 
 @dataclasses.dataclass(frozen=True)
 class GyroParams:
     """
-    The precision unit, one sigma each, and when north is sought with it; the figures are a tactical MEMS unit's.
+    The precision unit, and when north is sought with it at a station; the figures are a tactical MEMS unit's.
 
     Attributes
     ----------
+    unit : SeekParams
+        Figures of the unit, and what an azimuth must reach. White noise of 0: computed from the samples of the tool at
+        rest. Latitude and gravity are those of the place, and are set by `seek_params`.
     method : str
         Method of a station. seek estimates the biases from rests and half turns; s1 is the filter of S1, for a tool
         that never moves and a gyro whose bias is small.
-    noise_deg_rth : float
-        White noise of y and z, deg/sqrt(h). 0: computed from the samples of the tool at rest.
-    bias_deg_h : float
-        Sigma of the gyro bias, deg/h. Raising it widens the azimuth's sigma until a second position shows the bias.
-    bias_scale : str
-        stated: bias_deg_h is the sigma. at_most: the sigma is that or less, as the fit to the latitude shows; use it
-        where the bound of a data sheet is all that is known.
-    walk_deg_h_rth : float
-        Random walk of the bias in an hour, deg/h. Raising it forgets sooner what earlier seeks
-        showed.
-    ramp_per_h : float
-        Sigma of the ramp of the bias where the tool warms up or cools, as a share of bias_deg_h in an hour. Raising it
-        widens the sigma of the stations after one in two positions.
-    scale_x_ppm : float
-        Sigma of the scale of the x gyro, ppm.
-    leak_urad : float
-        Sigma of the x rate that y and z measure (misalignment), urad.
-    g_sensitivity_deg_h_g : float
-        Sigma of each element of the g-sensitivity of y and z, deg/h/g.
-    g_calibration_deg_h_g : tuple[float, float, float, float]
-        Calibrated g-sensitivity: along, across, stretch, shear (`north_seek.calibrated`), deg/h/g.
-    range_dps : float
-        Rate at which y and z clip, deg/s.
-    accel_noise_ug_rthz : float
-        White noise of the accelerometers, ug/sqrt(Hz).
-    accel_bias_ug : float
-        Sigma of the accelerometer bias, ug; it turns the azimuth by bias / g tan(latitude).
-    shortest_s : float
-        Shortest seek that gives an azimuth, s.
-    worst_sigma_deg : float
-        An azimuth with a larger sigma is refused, deg.
     enough_sigma_deg : float
         An automatic survey waits for a gyro azimuth no longer once its sigma is this small, deg.
     longest_turn_s : float
@@ -77,21 +63,8 @@ class GyroParams:
         Change of the axial force above which the hole axis lies elsewhere and the seek ends, m/s^2.
     """
 
+    unit: SeekParams = TACTICAL
     method: str = SEEK
-    noise_deg_rth: float = 0.0
-    bias_deg_h: float = 5.0
-    bias_scale: str = "at_most"
-    walk_deg_h_rth: float = 0.3
-    ramp_per_h: float = 0.6
-    scale_x_ppm: float = 500.0
-    leak_urad: float = 300.0
-    g_sensitivity_deg_h_g: float = 0.5
-    g_calibration_deg_h_g: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    range_dps: float = 100.0
-    accel_noise_ug_rthz: float = 30.0
-    accel_bias_ug: float = 200.0
-    shortest_s: float = 30.0
-    worst_sigma_deg: float = 20.0
     enough_sigma_deg: float = 0.7
     longest_turn_s: float = 30.0
     max_shake: float = 0.25
@@ -113,27 +86,14 @@ def seek_params(
     noise_deg_rth : float or None
         White noise as the tool at rest shows it, deg/sqrt(h), for `gyro` that leaves it open.
     """
-    noise = gyro.noise_deg_rth or noise_deg_rth or _TACTICAL_NOISE
-    params = SeekParams(
+    noise = gyro.unit.gyro_noise_deg_rth or noise_deg_rth or _TACTICAL_NOISE
+    return dataclasses.replace(
+        gyro.unit,
         latitude_deg=latitude_deg,
-        shortest=gyro.shortest_s,
-        worst_sigma_deg=gyro.worst_sigma_deg,
+        gravity=gyro.unit.gravity if gravity is None else gravity,
         gyro_noise_deg_rth=noise,
         gyro_x_noise_deg_rth=noise,
-        accel_noise_ug_rthz=gyro.accel_noise_ug_rthz,
-        gyro_bias_deg_h=gyro.bias_deg_h,
-        gyro_x_bias_deg_h=gyro.bias_deg_h,
-        bias_scale=gyro.bias_scale,
-        accel_bias_ug=gyro.accel_bias_ug,
-        gyro_walk_deg_h_rth=gyro.walk_deg_h_rth,
-        gyro_ramp_deg_h2=gyro.ramp_per_h * gyro.bias_deg_h,
-        scale_x_ppm=gyro.scale_x_ppm,
-        leak_urad=gyro.leak_urad,
-        g_sensitivity_deg_h_g=gyro.g_sensitivity_deg_h_g,
-        g_calibration_deg_h_g=gyro.g_calibration_deg_h_g,
-        gyro_range_dps=gyro.range_dps,
     )
-    return params if gravity is None else dataclasses.replace(params, gravity=gravity)
 
 
 def white_noise(stamp_ns: Stamps, gyro_t: Array) -> float | None:

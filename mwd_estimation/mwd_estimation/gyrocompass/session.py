@@ -112,8 +112,8 @@ class NorthSession:
     ) -> None:
         if mode and mode not in MODES:
             raise ValueError(f"mode: must be {', '.join(MODES)}, or empty; got {mode!r}")
-        if not (math.isfinite(duration_s) and (duration_s == 0.0 or duration_s >= gyro.shortest_s)):
-            raise ValueError(f"duration: must be 0 or at least {gyro.shortest_s:g} s, got {duration_s:g}")
+        if not (math.isfinite(duration_s) and (duration_s == 0.0 or duration_s >= gyro.unit.shortest)):
+            raise ValueError(f"duration: must be 0 or at least {gyro.unit.shortest:g} s, got {duration_s:g}")
         self.duration = duration_s or params.duration_s
         self.elapsed = 0.0
         self._unit = params
@@ -121,7 +121,7 @@ class NorthSession:
         self._params = dataclasses.replace(seek_params(gyro, latitude_deg, gravity), mode=self._mode)
         # The first bins wait until the unit's noise is known from them.
         self._first: list[tuple[tuple[Stamps, Array], tuple[Stamps, Array]]] | None = []
-        self._range = math.radians(gyro.range_dps)
+        self._range = math.radians(gyro.unit.gyro_range_dps)
         self._state = north_seek.initial()
         self._has_samples = False
 

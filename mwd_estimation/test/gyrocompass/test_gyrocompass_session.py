@@ -1,5 +1,6 @@
 """North on request: the time asked for, progress that narrows, either unit's x gyro, and reasons for no answer."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -7,13 +8,23 @@ import pytest
 from north_signals import measured, motion, steady
 
 from mwd_estimation.core.reasons import ReasonCode
-from mwd_estimation.gyrocompass.gyro_params import GyroParams
+from mwd_estimation.gyrocompass.gyro_params import TACTICAL, GyroParams
 from mwd_estimation.gyrocompass.session import NorthSession, SessionParams
 from mwd_sensors.core.frames import wrap_pi
 
 DEG = math.radians(1.0)
 LATITUDE = 50.0
-GYRO = GyroParams(noise_deg_rth=0.02, bias_deg_h=0.02, walk_deg_h_rth=0.0, shortest_s=20.0)
+GYRO = GyroParams(
+    dataclasses.replace(
+        TACTICAL,
+        gyro_noise_deg_rth=0.02,
+        gyro_bias_deg_h=0.02,
+        gyro_x_bias_deg_h=0.02,
+        gyro_ramp_deg_h2=0.012,
+        gyro_walk_deg_h_rth=0.0,
+        shortest=20.0,
+    )
+)
 RATE = 50.0
 
 
@@ -27,7 +38,7 @@ def bins(seconds, rpm=0.0, seed=1):
     ahrs = tool.gyro_t.copy()
     values = np.hstack([gyro, accel])
     if rpm:
-        limit = math.radians(GYRO.range_dps)
+        limit = math.radians(GYRO.unit.gyro_range_dps)
         values[:, 0] = np.clip(values[:, 0], -limit, limit)
     step = int(RATE / 2)
     for k in range(0, len(values) - step + 1, step):

@@ -11,7 +11,7 @@ from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Binner
-from mwd_estimation.gyrocompass.gyro_params import GyroParams, white_noise
+from mwd_estimation.gyrocompass.gyro_params import TACTICAL, GyroParams, white_noise
 from mwd_estimation.gyrocompass.station import GyroStation
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_estimation.survey.static_survey import BIN_NS
@@ -177,9 +177,11 @@ def _rest(station, seconds, bias, noise=0.02, start_s=0.0, settled_s=2.0, azimut
     _feed(station, first, start_s, settled_s)
 
 
-def _station(**changes):
-    settings = GyroParams(**{"g_sensitivity_deg_h_g": 0.0, **changes})
-    return GyroStation(settings, 44.0, 9.81)
+def _station(bias=5.0, **changes):
+    """A station of a unit with this bias, deg/h."""
+    biases = {"gyro_bias_deg_h": bias, "gyro_x_bias_deg_h": bias, "gyro_ramp_deg_h2": 0.6 * bias}
+    unit = dataclasses.replace(TACTICAL, g_sensitivity_deg_h_g=0.0, **biases, **changes)
+    return GyroStation(GyroParams(unit), 44.0, 9.81)
 
 
 def test_a_gyro_that_fits_the_latitude_finds_north_in_one_position_and_says_how_well():
@@ -224,13 +226,13 @@ def test_the_bias_that_two_positions_showed_serves_the_next_station_while_the_to
 
 
 def test_what_the_gyro_waits_for_is_reported_until_waiting_brings_nothing():
-    station = _station(bias_deg_h=0.05, bias_scale="stated")
+    station = _station(0.05, bias_scale="stated")
     assert station.pending() is None
     _rest(station, 10.0, 0.0)
     assert station.pending().code is ReasonCode.SEEK_TOO_SHORT
     _rest(station, 60.0, 0.0, start_s=10.0, settled_s=0.0)
     assert station.pending().code is ReasonCode.SEEK_IMPROVES
-    precise = _station(noise_deg_rth=0.003, bias_deg_h=0.01, bias_scale="stated")
+    precise = _station(0.01, gyro_noise_deg_rth=0.003, bias_scale="stated")
     _rest(precise, 60.0, 0.0, noise=0.003)
     assert precise.pending() is None
     assert precise.solution().success
