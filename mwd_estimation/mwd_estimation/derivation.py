@@ -24,6 +24,7 @@ from mwd_estimation.gyrocompass.session import SessionParams
 from mwd_estimation.health import monitor
 from mwd_estimation.magnetic import interference_state
 from mwd_estimation.place import reference_of
+from mwd_estimation.precision_settings import PrecisionGyro
 from mwd_estimation.settings import EstimatorSettings
 from mwd_estimation.survey import tool_code
 from mwd_estimation.survey.acceptance import QualitySettings
@@ -38,8 +39,6 @@ from mwd_sensors.core.settings import SettingsError
 
 # Least ratio of a gyro's noise or bias to the default tool's: the bounded filter does not take a gyro for perfect.
 _LEAST_GYRO = 0.02
-# White noise of a precision unit whose noise is not set, deg/sqrt(h): that of the grade `tactical_north`.
-_TACTICAL_NOISE = 0.05
 
 
 def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
@@ -123,30 +122,24 @@ def interference_params(settings: EstimatorSettings) -> interference_state.Param
 
 
 def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth.Params:
-    """Parameters of the azimuth that the gyros carry; its figures are the conventional unit's."""
-    gyro, attitude = settings.tool.gyro, settings.attitude
+    """Parameters of the azimuth that the gyros of both units carry."""
+    precision = settings.tool.precision.gyro
     return gyro_azimuth.Params(
-        gyro_noise_deg_rth=gyro.noise_deg_sqrt_h,
-        gyro_bias_deg_h=gyro.bias_deg_h,
-        gyro_walk_deg_h_rth=gyro.walk_deg_h_sqrt_h,
-        gyro_leak_urad=gyro.misalignment_mrad * 1e3,
-        gyro_g_sensitivity_deg_h_g=gyro.g_deg_h_g,
-        gyro_lag_ms=gyro.delay_ms,
-        vertical_below_deg=attitude.vertical_deg,
+        conventional=_unit_errors(settings.tool.gyro, settings.tool.gyro.noise_deg_sqrt_h),
+        precision=_unit_errors(precision, precision.noise_deg_sqrt_h or gyro_azimuth.TACTICAL.noise_deg_rth),
+        vertical_below_deg=settings.attitude.vertical_deg,
     )
 
 
-def precision_gyro_params(settings: EstimatorSettings) -> gyro_azimuth.Precision:
-    """Parameters of the precision unit's gyros in the azimuth that the gyros carry."""
-    gyro = settings.tool.precision.gyro
-    return gyro_azimuth.Precision(
-        noise_deg_rth=gyro.noise_deg_sqrt_h or _TACTICAL_NOISE,
+def _unit_errors(gyro: Gyro | PrecisionGyro, noise_deg_rth: float) -> gyro_azimuth.UnitErrors:
+    return gyro_azimuth.UnitErrors(
+        noise_deg_rth=noise_deg_rth,
         bias_deg_h=gyro.bias_deg_h,
         walk_deg_h_rth=gyro.walk_deg_h_sqrt_h,
-        range_dps=min(gyro.range_deg_s),
         leak_urad=gyro.misalignment_mrad * 1e3,
         g_sensitivity_deg_h_g=gyro.g_deg_h_g,
         lag_ms=gyro.delay_ms,
+        range_dps=min(gyro.range_deg_s),
     )
 
 

@@ -65,7 +65,6 @@ class Estimate:
             derivation.sensor_errors(settings),
             BIN_NS,
             latitude_of(settings),
-            derivation.precision_gyro_params(settings),
         )
         self._use_gravity(None)
         self._dynamics_state = drilling_dynamics.initial(self._dynamics_params)

@@ -56,7 +56,6 @@ class AttitudeStream:
     bin_ns : int
         Length of the bins of `BinEvent`.
     latitude_deg : float or None
-    precision : gyro_azimuth.Precision
 
     Attributes
     ----------
@@ -74,12 +73,9 @@ class AttitudeStream:
         errors: SensorErrors,
         bin_ns: int,
         latitude_deg: float | None,
-        precision: gyro_azimuth.Precision,
     ) -> None:
         self._alignment = alignment
-        self._azimuth = gyro_azimuth.kernel_params(
-            azimuth, bin_ns, latitude_deg, precision, alignment.interval_ns / 1e9
-        )
+        self._azimuth = gyro_azimuth.kernel_params(azimuth, bin_ns, latitude_deg, alignment.interval_ns / 1e9)
         self._magnetic = MagneticAzimuths(interference, errors, azimuth.slow_share)
         self._alignment_state = initial_alignment()
         self._rejected_state = rejected_samples.initial()

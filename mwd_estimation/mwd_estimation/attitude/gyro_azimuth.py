@@ -49,24 +49,36 @@ _AIDED = int(Status.GYRO_AIDED)
 
 
 @dataclasses.dataclass(frozen=True)
+class UnitErrors:
+    """
+    Errors of the y and z gyros of a unit, one sigma.
+
+    Noise, deg/sqrt(h), bias, deg/h, its walk, deg/h per sqrt(h), x rate that they feel, urad, g-sensitivity, each to
+    itself, deg/h/g, and lag behind the gravity found, ms; and the unit's range, deg/s.
+    """
+
+    noise_deg_rth: float
+    bias_deg_h: float
+    walk_deg_h_rth: float
+    leak_urad: float = 300.0
+    g_sensitivity_deg_h_g: float = 0.5
+    lag_ms: float = 2.0
+    range_dps: float = 100.0
+
+
+CONVENTIONAL = UnitErrors(0.42, 400.0, 10.0, 1000.0, 3.6, 0.5, 2000.0)
+TACTICAL = UnitErrors(0.05, 5.0, 0.3)
+
+
+@dataclasses.dataclass(frozen=True)
 class Params:
     """
-    Settings; noise and bias are one sigma and belong to the conventional unit's y and z gyros.
+    Settings.
 
     Attributes
     ----------
-    gyro_noise_deg_rth : float
-        White noise, y and z, deg/sqrt(h).
-    gyro_bias_deg_h : float
-        Bias, y and z, 1 sigma, deg/h.
-    gyro_walk_deg_h_rth : float
-        Bias random walk per root hour, deg/h.
-    gyro_leak_urad : float
-        Share of the x rate that y and z read, urad.
-    gyro_g_sensitivity_deg_h_g : float
-        g-sensitivity of y and z, each to itself, deg/h/g.
-    gyro_lag_ms : float
-        Lag of y and z behind the gravity found, ms.
+    conventional, precision : UnitErrors
+        Of the two units.
     slow_share : float
         Share of the magnetic sigma that stays, without a reference to separate its parts.
     slow_error_time_s : float
@@ -91,12 +103,8 @@ class Params:
         Largest sigma with which an azimuth is given, deg.
     """
 
-    gyro_noise_deg_rth: float = 0.42
-    gyro_bias_deg_h: float = 400.0
-    gyro_walk_deg_h_rth: float = 10.0
-    gyro_leak_urad: float = 1000.0
-    gyro_g_sensitivity_deg_h_g: float = 3.6
-    gyro_lag_ms: float = 0.5
+    conventional: UnitErrors = CONVENTIONAL
+    precision: UnitErrors = TACTICAL
     slow_share: float = 0.95
     slow_error_time_s: float = 14400.0
     held_time_s: float = 10.0
@@ -110,31 +118,7 @@ class Params:
     max_sigma_deg: float = 45.0
 
 
-@dataclasses.dataclass(frozen=True)
-class Precision:
-    """
-    A precision unit's y and z gyros.
-
-    Noise, deg/sqrt(h), bias, deg/h, its walk, deg/h per sqrt(h), range, deg/s, x rate that they feel, urad,
-    g-sensitivity, deg/h/g, and lag behind the conventional unit, ms.
-    """
-
-    noise_deg_rth: float = 0.05
-    bias_deg_h: float = 5.0
-    walk_deg_h_rth: float = 0.5
-    range_dps: float = 100.0
-    leak_urad: float = 300.0
-    g_sensitivity_deg_h_g: float = 0.5
-    lag_ms: float = 2.0
-
-
-def kernel_params(
-    params: Params,
-    bin_ns: int,
-    latitude_deg: float | None,
-    precision: Precision | None = None,
-    interval_s: float = 0.2,
-) -> KernelParams:
+def kernel_params(params: Params, bin_ns: int, latitude_deg: float | None, interval_s: float = 0.2) -> KernelParams:
     """
     Settings in SI units.
 
@@ -145,7 +129,6 @@ def kernel_params(
         Length of a bin, ns.
     latitude_deg : float or None
         None where unknown; what the Earth's rotation does to the azimuth then counts as drift.
-    precision : Precision, optional
     interval_s : float
         Between magnetic azimuths.
     """
@@ -153,15 +136,6 @@ def kernel_params(
     if latitude_deg is not None:
         latitude = math.radians(latitude_deg)
         north, down, unknown = EARTH_RATE * math.cos(latitude), -EARTH_RATE * math.sin(latitude), 0.0
-    fine = precision or Precision()
-    conventional = Precision(
-        params.gyro_noise_deg_rth,
-        params.gyro_bias_deg_h,
-        params.gyro_walk_deg_h_rth,
-        leak_urad=params.gyro_leak_urad,
-        g_sensitivity_deg_h_g=params.gyro_g_sensitivity_deg_h_g,
-        lag_ms=params.gyro_lag_ms,
-    )
     return KernelParams(
         bin_ns=bin_ns,
         gap_ns=round(params.gap_s * 1e9),
@@ -176,12 +150,12 @@ def kernel_params(
         gap_rate=math.radians(params.gap_rate_dps),
         tilt_memory_s=params.tilt_memory_s,
         max_sigma=math.radians(params.max_sigma_deg),
-        precision_range=0.98 * math.radians(fine.range_dps),
-        units=(_unit(conventional, unknown), _unit(fine, unknown)),
+        precision_range=0.98 * math.radians(params.precision.range_dps),
+        units=(_unit(params.conventional, unknown), _unit(params.precision, unknown)),
     )
 
 
-def _unit(unit: Precision, unknown: float) -> GyroUnit:
+def _unit(unit: UnitErrors, unknown: float) -> GyroUnit:
     """A unit's error model; unknown: rate of the Earth's rotation that is not taken off, rad/s."""
     return GyroUnit(
         noise=unit.noise_deg_rth * DEG_PER_ROOT_HOUR,

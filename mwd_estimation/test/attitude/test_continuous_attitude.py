@@ -8,7 +8,7 @@ import pytest
 from mwd_estimation.attitude import gyro_azimuth, time_alignment_state
 from mwd_estimation.attitude.block import BinEvent, Block, MagneticModelInForce, StationUpdate
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
-from mwd_estimation.attitude.gyro_azimuth import Precision
+from mwd_estimation.attitude.gyro_azimuth import UnitErrors
 from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates
 from mwd_estimation.attitude.time_alignment_state import FieldModel
 from mwd_estimation.core.error_model import BENCH
@@ -35,7 +35,6 @@ def stream(reference=REFERENCE, **carry):
         BENCH,
         BIN_NS,
         50.0,
-        Precision(),
     )
     made.set_reference(reference)
     return made
@@ -193,7 +192,9 @@ def test_without_a_reference_the_azimuth_is_carried_all_the_same_and_says_that_i
 def test_an_azimuth_that_has_grown_too_uncertain_is_withheld_not_replaced():
     block, b_t = samples(3000, 0.9)
     b_t[500:] += 2e-5
-    attitude, _, _, _ = follow(stream(gyro_noise_deg_rth=100.0, max_sigma_deg=5.0), block, b_t)
+    attitude, _, _, _ = follow(
+        stream(conventional=UnitErrors(100.0, 400.0, 10.0, 1000.0, 3.6, 0.5), max_sigma_deg=5.0), block, b_t
+    )
     assert attitude["sigma_azimuth"][490] > 0.0
     assert (attitude["sigma_azimuth"][2000:] == -1.0).all()
     assert (attitude["azimuth"][2000:] == 0.0).all()

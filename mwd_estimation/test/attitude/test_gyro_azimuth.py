@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 from mwd_estimation.attitude import gyro_azimuth
-from mwd_estimation.attitude.gyro_azimuth import Params, Precision, kernel_params
+from mwd_estimation.attitude.gyro_azimuth import Params, UnitErrors, kernel_params
 from mwd_estimation.attitude.gyro_azimuth_state import (
     BIN_STEP,
     MAGNETIC_AZIMUTH,
@@ -37,8 +37,8 @@ MAG_SIGMA = 1.0 * DEG
 # Of the magnetic sigma, what stays from sample to sample.
 SHARE = 0.9
 # A tactical unit; the bias is known to 2 deg/h.
-TACTICAL = Params(gyro_noise_deg_rth=0.05, gyro_bias_deg_h=2.0, gyro_walk_deg_h_rth=0.0, slow_error_time_s=1800.0)
-POOR = dataclasses.replace(TACTICAL, gyro_noise_deg_rth=0.42, gyro_bias_deg_h=36.0)
+TACTICAL = Params(UnitErrors(0.05, 2.0, 0.0, 1000.0, 3.6, 0.5), slow_error_time_s=1800.0)
+POOR = dataclasses.replace(TACTICAL, conventional=UnitErrors(0.42, 36.0, 0.0, 1000.0, 3.6, 0.5))
 
 
 @dataclasses.dataclass
@@ -113,7 +113,6 @@ def go(
     cuts=(),
     seek=(),
     fine=None,
-    precision=None,
     stamps=None,
     constant=0.0,
     anew=(),
@@ -124,7 +123,7 @@ def go(
     stamps = well.stamps[:n] if stamps is None else stamps
     ok = np.ones(n, dtype=bool) if good is None else good
     state = initial()
-    p = kernel_params(params, BIN_NS, 60.0, precision)
+    p = kernel_params(params, BIN_NS, 60.0)
     parts, bins, mag_from = [], [], 0
     for start, stop in zip((0, *cuts), (*cuts, n), strict=True):
         state = state.copy()
@@ -172,14 +171,14 @@ def test_sigma_is_truthful_with_mag_without_it_and_after_it_comes_back(rpm: floa
 def test_a_precision_unit_carries_better_and_its_sigma_is_truthful_too() -> None:
     well = drilling(400.0, 60.0)
     rng = np.random.default_rng(12)
-    unit = Precision(0.05, 2.0, 0.0, 100.0)
+    aided = dataclasses.replace(POOR, precision=UnitErrors(0.05, 2.0, 0.0, 300.0, 0.5, 2.0, 100.0))
     ratios, wide = [], []
     for _ in range(30):
         mag = magnetic(well, rng)
         mag[2000:] = np.nan
         poor = measured(motion_like(well), rng, 0.42, bias=rng.standard_normal(3) * 36.0 * DEG_PER_HOUR)[0]
         fine = noisy(well, rng)
-        rows, _, _ = go(well, mag, poor, POOR, fine=fine, precision=unit)
+        rows, _, _ = go(well, mag, poor, aided, fine=fine)
         alone, _, _ = go(well, mag, poor, POOR)
         ratios.append(wrap_pi(rows["azimuth"][-1] - well.azimuth[-1]) / rows["sigma"][-1])
         wide.append(alone["sigma"][-1] - rows["sigma"][-1])

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from mwd_estimation.attitude import gyro_azimuth_filter
-from mwd_estimation.attitude.gyro_azimuth import Params, kernel_params
+from mwd_estimation.attitude.gyro_azimuth import Params, UnitErrors, kernel_params
 from mwd_estimation.attitude.gyro_azimuth_state import (
     BIN_STEP,
     BIN_SUMS,
@@ -19,7 +19,7 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     initial,
 )
 
-PARAMS = kernel_params(Params(gyro_noise_deg_rth=0.05, gyro_bias_deg_h=2.0), 500_000_000, 60.0)
+PARAMS = kernel_params(Params(UnitErrors(0.05, 2.0, 10.0, 1000.0, 3.6, 0.5)), 500_000_000, 60.0)
 
 
 def state_of(x=None, P=None):
