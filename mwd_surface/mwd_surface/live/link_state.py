@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections import deque
 
+from mwd_surface.live.pressure_picture import PressurePicture
+
 NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
 STATE_WORDS = ("no pressure", "pumps off", "searching", "locked", "doubtful")
 SURVEY, TOOLFACE = 2, 3
@@ -61,6 +63,9 @@ class LinkStatus:
         The newest last.
     words : tuple of LinkWordState
         The newest last.
+    picture : PressurePicture or None
+    pump_lines : tuple of float
+        Strokes of each pump, Hz.
     """
 
     link: str
@@ -80,6 +85,7 @@ class LinkStatus:
     stamp_ns: int
     at: float
     pump_lines: tuple[float, ...] = ()
+    picture: PressurePicture | None = None
     survey: tuple[LinkWordState, ...] = ()
     frames: tuple[LinkFrameState, ...] = ()
     words: tuple[LinkWordState, ...] = ()

@@ -115,6 +115,10 @@ _WHY = (
 )
 
 
+# Of a value that comes without sigma: withheld, whatever brought it.
+_NOT_KNOWN = "not known now"
+
+
 class LiveStreams:
     """
     Live quantities, charts and states of the streams.
@@ -157,7 +161,7 @@ class LiveStreams:
         self.on_stream("estimator", len(samples), now)
         last = samples[-1]
         self._sample = samples[-1:].copy()
-        why = next((text for bit, text in _WHY if int(last["status"]) & bit), "the estimator gives no sigma")
+        why = next((text for bit, text in _WHY if int(last["status"]) & bit), _NOT_KNOWN)
         for name in _ANGLES:
             self._angle(name, float(last[name]), float(last["sigma_" + name]), why, now)
             angle = self._values.updated(name, now)
@@ -353,7 +357,7 @@ class LiveStreams:
         if not (math.isfinite(value) and math.isfinite(sigma) and sigma >= 0.0):
             self._withhold(name, why, now)
         elif math.degrees(sigma) > self.settings.withheld_sigma_deg:
-            self._withhold(name, f"sigma {math.degrees(sigma):.0f} deg" if "sigma" in why else why, now)
+            self._withhold(name, f"sigma {math.degrees(sigma):.0f} deg" if why == _NOT_KNOWN else why, now)
         else:
             self._put(name, value, sigma, now)
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
 
 from mwd_msgs import msg
 from rclpy.serialization import deserialize_message
 
+from mwd_sensors.core import gauge_burst
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.link_state import (
     DOUBTFUL,
@@ -17,9 +19,11 @@ from mwd_surface.live.link_state import (
     LinkStatus,
     LinkWordState,
 )
+from mwd_surface.live.pressure_picture import PressureHistory
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.surveys.message_conversion import stamp_of
 
+_STROKES = 30  # over which the rate of a pump is taken
 _FIELDS = (
     *("link", "state", "reason", "has_signal", "ebn0_db", "margin_db", "clock_error", "word_error", "goodput"),
     *("mode", "words_done", "words_expected", "toolface_age", "survey_age"),
@@ -40,10 +44,14 @@ class LinkMonitor:
         self._live, self._alarm_log = context.live, context.alarm_log
         self._collector = LinkCollector()
         self._quality: LinkStatus | None = None
+        self._pressure = PressureHistory()
+        self._strokes: dict[int, deque[int]] = {}
         self.handlers: dict[str, Callable[[bytes], None]] = {
             "link/word": self._on_word,
             "link/frame": self._on_frame,
             "link/quality": self._on_quality,
+            "rig/standpipe": self._on_pressure,
+            "rig/strokes": self._on_strokes,
         }
 
     def _on_word(self, data: bytes) -> None:
@@ -90,14 +98,32 @@ class LinkMonitor:
             **{name: getattr(quality, name) for name in _FIELDS},
             stamp_ns=stamp_of(quality.header.stamp),
             at=time.monotonic(),
-            pump_lines=tuple(quality.pump_lines.tolist()),
+            pump_lines=self._stroke_rates(),
+            picture=self._pressure.picture(),
         )
         causes = {}
-        if quality.state in (NO_INPUT, DOUBTFUL):
+        # Before the first pressure nothing is wrong yet: the rig may be about to start.
+        if quality.state == DOUBTFUL or (quality.state == NO_INPUT and stamp_of(quality.header.stamp)):
             severity = Severity.CRITICAL if quality.state == NO_INPUT else Severity.WARNING
             causes["link.state"] = (severity, f"no data over {quality.link.replace('_', ' ')}: {quality.reason}", "")
         self._alarm_log.set_alarms("link.", causes)
         self._show()
+
+    def _on_pressure(self, data: bytes) -> None:
+        try:
+            self._pressure.push(*gauge_burst.decode(data))
+        except ValueError as error:
+            self._alarm_log.log_event("link", f"pressure not shown: {error}", Severity.WARNING)
+
+    def _on_strokes(self, data: bytes) -> None:
+        message = deserialize_message(data, msg.StrokeBurst)
+        for pump, at in zip(message.pump, message.stamp, strict=True):
+            self._strokes.setdefault(int(pump), deque(maxlen=_STROKES)).append(stamp_of(at))
+
+    def _stroke_rates(self) -> tuple[float, ...]:
+        """Strokes a second of each pump over its last strokes."""
+        spans = [(len(times) - 1, times[-1] - times[0]) for _, times in sorted(self._strokes.items()) if len(times) > 2]
+        return tuple(count / span * 1e9 for count, span in spans if span > 0)
 
     def _show(self) -> None:
         if self._quality is not None:

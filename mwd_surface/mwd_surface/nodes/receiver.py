@@ -178,7 +178,8 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             ("toolface_age_s", f"{quality.toolface_age:.0f}"),
             ("unreadable", str(self._unreadable)),
         )
-        level = {NO_INPUT: ERROR, NO_FLOW: OK, LOCKED: OK}.get(quality.state, WARN)
+        lost = ERROR if np.isfinite(link.now_s) else WARN
+        level = {NO_INPUT: lost, NO_FLOW: OK, LOCKED: OK}.get(quality.state, WARN)
         return (Diagnostic("link", level, quality.reason or "words arrive", values=values),)
 
 

@@ -236,7 +236,7 @@ def nothing_yet(now_ns: int = 0) -> RigValues:
 
 def _live_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
     attitude, drilling = state.attitude, state.drilling
-    in_force = _of_value(state.toolface.angle, now_ns, state.toolface.stamp_ns)
+    in_force = _aged(_of_value(state.toolface.angle, now_ns, state.toolface.stamp_ns), state, now_ns)
     gravity, magnetic = (
         _of_angle(angle, attitude.stamp_ns, state.links["estimator"], now_ns)
         for angle in (attitude.gravity_toolface, attitude.magnetic_toolface)
@@ -253,6 +253,15 @@ def _live_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
         "bit_depth": _of_value(state.rig.bit_depth, now_ns),
         "hole_depth": _of_value(state.rig.hole_depth, now_ns),
     }
+
+
+def _aged(toolface: RigValue, state: WellState, now_ns: int) -> RigValue:
+    """Toolface with the age of the word it came in, where a link brought it; its sigma has grown with that age."""
+    link = state.link
+    if link is None or link.toolface_age < 0.0 or toolface.age is None:
+        return toolface
+    age = link.toolface_age + max(state.now - link.at, 0.0)
+    return dataclasses.replace(toolface, age=age, stamp_ns=now_ns - round(age * NANOSECONDS))
 
 
 def _link(links: Mapping[str, StreamState]) -> tuple[bool, bool]:

@@ -7,6 +7,8 @@ import * as units from "./units.js";
 const CENTRE = 200;
 const QUILL_LASTS = 3; // s
 const HUB = 92;
+const AGE_RING = 120; // s
+const AGE_RADIUS = 189;
 const RINGS = { newest: 130, oldest: 102 };
 
 const point = (angle, radius) => [
@@ -23,6 +25,9 @@ function sector(from, to, inner, outer) {
   );
 }
 
+// An arc from the top, clockwise.
+const arc = (to, radius) => `M ${at(0, radius)} A ${radius} ${radius} 0 ${to > Math.PI ? 1 : 0} 1 ${at(to, radius)}`;
+
 const LABELS = {
   gravity: { 0: "HIGH", 90: "90 R", 180: "LOW", 270: "90 L" },
   magnetic: { 0: "N", 90: "E", 180: "S", 270: "W" },
@@ -34,6 +39,7 @@ export class Dial {
     this.labels = svg("g", { class: "labels" });
     this.readings = svg("g", { class: "readings" });
     this.needle = svg("path", { class: "needle", d: "M 200 13 L 218 55 L 200 46 L 182 55 Z" });
+    this.age = svg("path", { class: "age-ring", d: "" });
     this.quill = svg("path", { class: "quill", d: "M 200 14 L 190 -4 L 210 -4 Z", visibility: "hidden" });
     this.number = svg("text", { class: "dial-number", x: 200, y: 206 }, "");
     this.side = svg("text", { class: "dial-side", x: 200, y: 233 }, "");
@@ -56,6 +62,7 @@ export class Dial {
       this.labels,
       svg("circle", { class: "hub", cx: 200, cy: 200, r: HUB }),
       this.readings,
+      this.age,
       this.needle,
       this.quill,
       this.mode,
@@ -120,6 +127,12 @@ export class Dial {
     }
     this.showFar(state);
     this.showLegend(toolface, words, cell, state);
+  }
+
+  // How old the toolface of a link is: a ring that closes within two minutes.
+  showAge(age, since) {
+    const share = age === null ? 0 : Math.min(0.999, (age + since) / AGE_RING);
+    mark(this.age, "d", share > 0 ? arc(share * 2 * Math.PI, AGE_RADIUS) : "");
   }
 
   showFar(state) {

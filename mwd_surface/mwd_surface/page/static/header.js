@@ -59,9 +59,10 @@ const TROUBLE = {
   no_reference: "no reference field", correction_refused: "azimuth not corrected",
 };
 
-function linkPill(links, now, silent) {
+function linkPill(links, now, silent, overLink) {
   const stream = (name) => stateOfStream(links[name], now, silent);
-  const down = ["sonde", "estimator", "rig"].filter((name) => stream(name) !== "live");
+  // Over a link nothing comes from the sonde itself.
+  const down = (overLink ? ["rig"] : ["sonde", "estimator", "rig"]).filter((name) => stream(name) !== "live");
   const word = (name) => `no ${STREAM_NAMES[name].toLowerCase()}${stream(name) === "none" ? "" : ` ${units.age(now - links[name].at)}`}`;
   if (silent) return ["system", "reject", "link lost"];
   return down.length ? ["system", "doubtful", down.map(word).join(", ")] : ["system", "good", "link"];
@@ -79,7 +80,7 @@ export function showPills(sections, now, silent, select) {
   const { links, recorder, attitude, rig } = sections;
   const list = [];
   const alive = (name) => links && stateOfStream(links[name], now, silent) === "live";
-  if (links) list.push(linkPill(links, now, silent));
+  if (links) list.push(linkPill(links, now, silent, sections.link?.known));
   if (recorder) list.push(recorderPill(recorder, now, silent));
   if (attitude && alive("estimator")) {
     const doing = Object.keys(TOOL).find((word) => attitude.status.includes(word));

@@ -8,6 +8,7 @@ import { Dial } from "./dial.js";
 import { byId, setText } from "./dom.js";
 import { showAlarmStrip, showBanner, showPills, showTitle, showWell } from "./header.js";
 import { act, mayCommand, operatorName, showControls } from "./operator_tab.js";
+import { showLink, showLinkStrip } from "./link_tab.js";
 import { showPath } from "./path_tab.js";
 import { showReplay } from "./replay_bar.js";
 import { slideSheet } from "./slide_sheet.js";
@@ -63,6 +64,7 @@ const SHOW = {
   alarms: showAlarmsAndEvents,
   events: showAlarmsAndEvents,
   findings: ({ findings }) => showFindings(findings),
+  link: ({ link }) => showLink(link),
   history: () => { if (!charts.byDepth) charts.show(); },
 };
 
@@ -91,6 +93,9 @@ function tick() {
   showProgress(sections, now, silent);
   showPills(sections, now, silent, select);
   showAlarmStrip(sections, now);
+  const linkSince = sections.link?.since ? Math.max(0, now - sections.link.since) : 0;
+  showLinkStrip(sections.link, linkSince);
+  dial.showAge(sections.link?.known ? sections.link.toolface_age : null, linkSince);
   showStreams(connection, now, silent);
   showSince(now);
 }
@@ -175,6 +180,7 @@ new ResizeObserver(showWellPath).observe(byId("tab-path"));
 
 showSwitches();
 startTabs(() => {
+  showLink(connection.sections.link);
   showWellPath();
   charts.show();
   tick();

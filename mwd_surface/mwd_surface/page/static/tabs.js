@@ -3,7 +3,7 @@
 import { byId, el, mark } from "./dom.js";
 
 const TABS = [
-  ["surveys", "Surveys"], ["path", "Path"], ["charts", "Charts"], ["steering", "Steering"], ["alarms", "Alarms"], ["system", "System"], ["controls", "Operator"],
+  ["surveys", "Surveys"], ["path", "Path"], ["charts", "Charts"], ["steering", "Steering"], ["link", "Link"], ["alarms", "Alarms"], ["system", "System"], ["controls", "Operator"],
 ];
 
 const wide = window.matchMedia("(min-width: 1500px) and (min-height: 850px)");

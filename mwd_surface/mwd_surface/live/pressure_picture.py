@@ -1,0 +1,88 @@
+"""Standpipe pressure as pictures: the last two minutes as a line, the last three as a spectrum over time."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+
+LINE_HZ = 10.0
+LINE_S = 120.0
+RATE_HZ = 25.0
+WINDOW = 512  # samples of a spectrum: 20 s
+BINS = 120  # of 0.0488 Hz and twice that, so that the picture ends near 11.7 Hz
+STEP_S = 4.0
+COLUMNS = 45
+
+
+@dataclasses.dataclass(frozen=True)
+class PressurePicture:
+    """
+    Pressure as drawn.
+
+    Attributes
+    ----------
+    end_ns : int
+        Stamp of the newest sample.
+    line : tuple of float
+        Pressure of the last `LINE_S`, kPa less its mean, `LINE_HZ` values a second, the newest last.
+    spectra : tuple of tuple of int
+        Power in dB, one tuple for each `STEP_S`, the newest last; each has `BINS` values from 0 Hz on.
+    bin_hz : float
+        Width of a bin.
+    """
+
+    end_ns: int
+    line: tuple[float, ...]
+    spectra: tuple[tuple[int, ...], ...]
+    bin_hz: float = 2.0 * RATE_HZ / WINDOW
+
+
+class PressureHistory:
+    """Keeps what the pictures need, from bursts of pressure as they arrive."""
+
+    def __init__(self) -> None:
+        self._samples = np.zeros(0)
+        self._spectra: list[tuple[int, ...]] = []
+        self._since_s = 0.0
+        self._end_ns = 0
+        self._rate = RATE_HZ
+
+    def push(self, start_ns: int, period_s: float, pressure_pa: Array) -> bool:
+        """
+        Take a burst; returns whether there is a new spectrum.
+
+        Samples are averaged to `RATE_HZ`; a rate that is no multiple of it is rounded to one.
+        """
+        if start_ns < self._end_ns - round(1e9 * STEP_S):
+            self._samples, self._spectra = np.zeros(0), []
+        many = max(round(1.0 / period_s / RATE_HZ), 1)
+        self._rate = 1.0 / (period_s * many)
+        whole = len(pressure_pa) // many * many
+        means = np.asarray(pressure_pa[:whole]).reshape(-1, many).mean(axis=1)
+        self._samples = np.concatenate([self._samples, means])[-max(round(LINE_S * self._rate), WINDOW) :]
+        self._end_ns = start_ns + round(len(pressure_pa) * period_s * 1e9)
+        self._since_s += len(pressure_pa) * period_s
+        if self._since_s < STEP_S or len(self._samples) < WINDOW:
+            return False
+        self._since_s = math.fmod(self._since_s, STEP_S)
+        self._spectra = [*self._spectra, self._spectrum()][-COLUMNS:]
+        return True
+
+    def picture(self) -> PressurePicture:
+        """Return the pictures as of now."""
+        many = max(round(self._rate / LINE_HZ), 1)
+        recent = self._samples[-round(LINE_S * self._rate) :]
+        whole = recent[len(recent) % many :].reshape(-1, many).mean(axis=1) if len(recent) >= many else recent
+        centred = (whole - whole.mean()) * 1e-3 if len(whole) else whole
+        line = tuple(round(float(v), 2) for v in centred)
+        return PressurePicture(self._end_ns, line, tuple(self._spectra), 2.0 * self._rate / WINDOW)
+
+    def _spectrum(self) -> tuple[int, ...]:
+        window = self._samples[-WINDOW:]
+        power = np.abs(np.fft.rfft((window - window.mean()) * np.hanning(WINDOW))[: 2 * BINS]) ** 2
+        pairs = power.reshape(-1, 2).mean(axis=1)
+        return tuple(int(v) for v in np.round(10.0 * np.log10(np.maximum(pairs, 1e-3))))

@@ -1,0 +1,175 @@
+// The telemetry link: a strip that is always there, and a tab with spectrum, pressure, passes and words.
+
+import { byId, el, mark, pill, setText } from "./dom.js";
+import * as units from "./units.js";
+
+const KINDS = { locked: "good", doubtful: "doubtful", searching: "info", "pumps off": "idle", "no pressure": "reject" };
+const UNITS = { rad: "angle", T: "field" };
+const HARMONICS = [1, 2, 3, 6];
+
+function valueText(word) {
+  if (word.unit === "rad") return `${units.number("angle", word.value)}°`;
+  if (word.unit === "m/s^2") return `${(word.value / 9.80665).toFixed(4)} g`;
+  if (word.unit in UNITS) return `${units.number(UNITS[word.unit], word.value)} ${units.unit(UNITS[word.unit])}`;
+  return `${Number(word.value.toPrecision(5))} ${word.unit}`;
+}
+
+function wordBox(word) {
+  const share = Math.round(100 * word.confidence);
+  const bar = el("span", { class: "link-share", "aria-hidden": "true" });
+  // By script: the page allows no style in the markup.
+  bar.style.setProperty("--share", `${share}%`);
+  return el("span", { class: "link-word", "data-status": word.status, title: `${word.status}, right with ${share} %${word.final ? "" : ", provisional"}` },
+    el("span", { class: "name" }, word.name), el("span", { class: "number" }, word.status === "erased" ? "erased" : valueText(word)), bar);
+}
+
+const margin = (link) => (link.margin_db === null ? "" : `margin ${link.margin_db < 0 ? "−" : "+"}${Math.abs(link.margin_db).toFixed(1)} dB`);
+
+// State, margin, the pass under way and the words of the last survey.
+export function showLinkStrip(link, since) {
+  const place = byId("link-strip");
+  place.hidden = !link?.known;
+  if (!link?.known) return;
+  const running = link.words_expected ? `${link.mode} ${link.words_done} of ${link.words_expected}` : "";
+  const old = link.survey_age === null ? "" : `survey ${units.age(link.survey_age + since)} old`;
+  const key = JSON.stringify([link.state, link.reason, link.margin_db, running, old, link.survey]);
+  if (key === place.dataset.key) return;
+  place.dataset.key = key;
+  place.replaceChildren(
+    el("span", { class: "link-state" }, pill(KINDS[link.state] || "idle", `${link.name}: ${link.state}`)),
+    el("span", { class: "link-say" }, [margin(link), running, old, link.reason].filter(Boolean).join(" · ")),
+    el("span", { class: "link-words" }, link.survey.map(wordBox)),
+  );
+}
+
+export function showLink(link) {
+  const place = byId("tab-link");
+  if (!link?.known) {
+    place.replaceChildren(el("p", { class: "empty" }, "The surface hears the tool directly: there is no telemetry link to show."));
+    return;
+  }
+  if (!place.querySelector("canvas")) {
+    place.replaceChildren(
+      el("p", { class: "link-reason" }),
+      el("div", { class: "link-pictures" },
+        el("figure", {}, el("figcaption", {}, "Spectrum of the pressure, the newest on the right"), el("canvas", { id: "link-waterfall", role: "img" })),
+        el("figure", {}, el("figcaption", {}, "Pressure of the last two minutes; the pulses chosen below it"), el("canvas", { id: "link-wave", role: "img" }))),
+      el("div", { class: "link-tables" }));
+  }
+  setText(place.querySelector(".link-reason"), link.reason || `Words arrive: ${margin(link)}.`);
+  if (!place.hidden) {
+    drawWaterfall(byId("link-waterfall"), link);
+    drawWave(byId("link-wave"), link);
+  }
+  place.querySelector(".link-tables").replaceChildren(figures(link), passes(link), words(link));
+}
+
+function figures(link) {
+  const rows = [
+    ["Eb/N0", link.ebn0_db === null ? "no signal" : `${link.ebn0_db.toFixed(1)} dB`],
+    ["margin", link.margin_db === null ? "no signal" : `${link.margin_db.toFixed(1)} dB`],
+    ["believed bits", link.goodput === null ? "none yet" : `${link.goodput.toFixed(2)} /s`],
+    ["words expected wrong", link.word_error === null ? "not known" : `${(100 * link.word_error).toFixed(1)} %`],
+    ["tool clock", link.clock_error === null ? "not known" : `${(100 * link.clock_error).toFixed(3)} %`],
+    ["pumps", link.pumps_hz.length ? link.pumps_hz.map((hz) => `${(60 * hz).toFixed(1)} /min`).join(", ") : "not counted"],
+  ];
+  return el("table", { class: "link-figures" }, el("tbody", {}, rows.map(([name, text]) => el("tr", {}, el("th", { scope: "row" }, name), el("td", {}, text)))));
+}
+
+function passes(link) {
+  const rows = [...link.frames].reverse().map((frame) => el("tr", {}, [
+    units.clock(frame.start_ns), frame.kind, `${frame.believed} of ${frame.words}`, frame.ebn0_db.toFixed(1), frame.reason || "complete",
+  ].map((text) => el("td", {}, text))));
+  return table(["begin, UTC", "pass", "believed", "Eb/N0 dB", "end"], rows, "No pass yet.");
+}
+
+function words(link) {
+  const rows = [...link.words].reverse().slice(0, 20).map((word) => el("tr", { "data-status": word.status }, [
+    units.clock(word.end_ns), word.name, valueText(word), `${(100 * word.confidence).toFixed(1)} %`, `${word.status}${word.final ? "" : ", provisional"}`,
+  ].map((text) => el("td", {}, text))));
+  return table(["end, UTC", "word", "value", "right with", "status"], rows, "No word yet.");
+}
+
+function table(names, rows, empty) {
+  if (!rows.length) return el("p", { class: "empty" }, empty);
+  return el("table", { class: "link-table" }, el("thead", {}, el("tr", {}, names.map((name) => el("th", { scope: "col" }, name)))), el("tbody", {}, rows));
+}
+
+function prepared(canvas) {
+  const box = canvas.getBoundingClientRect();
+  const ratio = window.devicePixelRatio || 1;
+  canvas.width = Math.max(1, Math.round(box.width * ratio));
+  canvas.height = Math.max(1, Math.round(box.height * ratio));
+  const context = canvas.getContext("2d");
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  context.font = "12px system-ui, sans-serif";
+  const css = getComputedStyle(document.documentElement);
+  return { context, width: box.width, height: box.height, colour: (name) => css.getPropertyValue(name).trim() };
+}
+
+// Columns of time, rows of frequency; lightness grows with power, so that it reads without colour.
+function drawWaterfall(canvas, link) {
+  const { context, width, height, colour } = prepared(canvas);
+  const picture = link.picture;
+  if (!picture?.spectra.length) return;
+  const all = picture.spectra.flat().sort((a, b) => a - b);
+  const low = all[Math.floor(all.length * 0.05)];
+  const high = Math.max(low + 10, all[Math.floor(all.length * 0.995)]);
+  const left = 44;
+  const step = (width - left - 96) / 45;
+  const tall = height / picture.spectra[0].length;
+  picture.spectra.forEach((column, k) => {
+    const x = left + (45 - picture.spectra.length + k) * step;
+    column.forEach((db, row) => {
+      const share = Math.max(0, Math.min(1, (db - low) / (high - low)));
+      context.fillStyle = `hsl(${215 - 165 * share} 70% ${8 + 62 * share}%)`;
+      context.fillRect(x, height - (row + 1) * tall, step + 0.6, tall + 0.6);
+    });
+  });
+  const top = picture.bin_hz * picture.spectra[0].length;
+  context.fillStyle = colour("--muted");
+  for (let hz = 0; hz < top; hz += 2) context.fillText(`${hz} Hz`, 4, height - (hz / top) * height - 2);
+  context.fillStyle = colour("--text");
+  const rows = [];
+  link.pumps_hz.forEach((hz, k) => HARMONICS.forEach((n) => { if (n * hz < top) rows.push([n * hz, `pump ${k + 1} ×${n}`]); }));
+  let last = Infinity;
+  for (const [hz, text] of rows.sort((a, b) => a[0] - b[0])) {
+    const y = height - (hz / top) * height;
+    context.fillRect(width - 96, y, 8, 1);
+    if (last - y > 12) { context.fillText(text, width - 84, y + 4); last = y; }
+  }
+  mark(canvas, "aria-label", `Spectrum of the pressure up to ${top.toFixed(0)} Hz`);
+}
+
+function drawWave(canvas, link) {
+  const { context, width, height, colour } = prepared(canvas);
+  const picture = link.picture;
+  if (!picture?.line.length) return;
+  const span = 120;
+  const most = Math.max(20, ...picture.line.map(Math.abs));
+  const x = (ago) => width * (1 - ago / span);
+  const room = height - 26;
+  context.strokeStyle = colour("--trace");
+  context.lineWidth = 1.5;
+  context.beginPath();
+  picture.line.forEach((kpa, k) => {
+    const at = x((picture.line.length - 1 - k) / picture.line_hz);
+    const y = room / 2 - (kpa / most) * (room / 2 - 4);
+    if (k) context.lineTo(at, y); else context.moveTo(at, y);
+  });
+  context.stroke();
+  context.fillStyle = colour("--muted");
+  context.fillText(`± ${most.toFixed(0)} kPa`, 4, 12);
+  for (const word of link.words) {
+    context.fillStyle = colour(word.status === "erased" ? "--idle" : "--good");
+    const ago = (picture.end_ns - word.start_ns) / 1e9;
+    if (ago < 0) continue;
+    for (const pulse of word.pulses) {
+      const at = x(ago - pulse);
+      if (at >= 0 && at <= width) context.fillRect(at - 1.5, room + 2, 3, 10);
+    }
+    const at = x(ago);
+    if (at > -60 && at < width) context.fillText(word.name, Math.max(2, at), height - 2);
+  }
+  mark(canvas, "aria-label", "Pressure of the last two minutes with the pulses that were chosen");
+}
