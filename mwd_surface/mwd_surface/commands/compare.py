@@ -25,6 +25,9 @@ def compare(
     accept: Annotated[
         bool, typer.Option("--accept", help="Make what a golden folder's bag gives today the expected answers.")
     ] = False,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Picture of both runs to write, PNG.", metavar="PNG")
+    ] = None,
 ) -> None:
     """
     Say what differs between two runs, by station and over all samples. Exit status 0: within the limits; 1: not.
@@ -36,7 +39,7 @@ def compare(
     Examples:
       mwd compare out_new out_old
       mwd compare out_new out_old --limit survey_azimuth_deg=0.1 --limit attitude_gravity_deg=0.05
-      mwd compare bags/run_7 out_old
+      mwd compare bags/run_7 out_old -o both.png
       mwd compare bags/golden/stations
     """
     from mwd_surface.commands import terminal
@@ -50,11 +53,20 @@ def compare(
         terminal.output().print(f"written: the answers of {run_a}", markup=False)
         return
     ours, expected = (run_a / "bag", run_a) if run_b is None else (run_a, run_b)
+    if output is not None and output.suffix.lower() != ".png":
+        raise ValueError(f"--output {output}: a picture is written as .png")
     if run_b is None and not golden.is_golden(run_a):
         raise ValueError(f"{run_a} is no golden folder; name the run to compare it with")
     with golden.processed(ours, expected) as run:
         found = runs.compare(run, expected, {**golden.limits_of(expected), **_limits(limit)})
+        if output is not None:
+            from mwd_surface.plots import run_comparison
+
+            output.parent.mkdir(parents=True, exist_ok=True)
+            output.write_bytes(run_comparison.picture(run, expected))
     _show(found)
+    if output is not None:
+        terminal.output().print(f"written: {output}", markup=False)
     if not found.agree:
         raise typer.Exit(1)
 

@@ -308,8 +308,15 @@ def _run_to_end(supervisor: Supervisor, interrupts: _Interrupts, address: str, n
                 return
             if now - shown > 0.5:
                 shown = now
-                show(f"{name}: {summary_line(_state(address))}")
+                state = _state(address)
+                show(f"{name}{_how_far(state)}: {summary_line(state)}")
             time.sleep(_POLL)
+
+
+def _how_far(state: dict[str, Any]) -> str:
+    """Say how much of the scenario is over, by the diagnostics of the sonde."""
+    rows = state.get("findings", {}).get("rows", [])
+    return next((f" {row['message']}" for row in rows if row["name"].endswith("sonde: scenario")), "")
 
 
 def _state(address: str) -> dict[str, Any]:

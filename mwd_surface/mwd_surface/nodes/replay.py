@@ -33,6 +33,7 @@ _TIMER_PERIOD = 0.002  # s
 # Most messages of one timer callback, so that services are served and subscribers keep up when the replay is late.
 _MAX_PER_CALLBACK = 100
 _MAX_PER_STEP_CALLBACK = 50  # a step has no pace; subscribers must keep up with it
+_SAY_EVERY_S = 10.0  # between two words on how far the replay is
 _FOREVER_S = 9e9  # what recordings write for "no limit" is longer
 _NOT_STARTED = "the replay has not begun"
 
@@ -93,6 +94,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
         self._published = self._rounds = 0
         self._pace: Pace | None = None
         self._step: _Step | None = None
+        self._said_at = 0.0
 
     def configure(self) -> None:
         """Open the bag and a publisher for each topic whose type is installed."""
@@ -160,6 +162,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
         begin = self._go_to(self._from_ns)
         self._pace = Pace(begin, time.monotonic(), rate)
         self._rounds = 1
+        self._said_at = time.monotonic()
 
     def _go_to(self, log_ns: int) -> int:
         """Continue with the first message received at or after `log_ns`; returns when it was received, ns."""
@@ -186,6 +189,10 @@ class ReplayNode(GraphNode[ReplaySettings]):
                 pace.seek(self._next[0], now)
             self._publish_clock(self._next[0], now)
             self._publish_next()
+        if self._said_at + _SAY_EVERY_S <= now and self._bag is not None:
+            self._said_at = now
+            at_s, all_s = (pace.position_ns(now) - self._bag.start_ns) * 1e-9, self._bag.duration_s
+            self.get_logger().info(f"at {min(at_s, all_s):.0f} of {all_s:.0f} s")
         if self._next is None and not pace.paused:
             self._end(pace)
         else:

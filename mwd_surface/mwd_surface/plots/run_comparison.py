@@ -1,0 +1,119 @@
+"""Picture of two runs over one recording: inclination and azimuth of both, and what differs between them."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_surface.plots.drawing import finish_axes, time_unit
+from mwd_surface.runs import run_folder
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_COLOURS = ("#0072B2", "#D55E00")
+_MOST = 6000  # rows drawn of each run
+_ANGLES = ("inclination_deg", "azimuth_deg")
+_NAMES = ("inclination", "azimuth")
+
+
+def thinned(folder: Path) -> dict[str, Array]:
+    """
+    Some rows of the attitude of a run, in constant memory: stamp_ns and the angles, shape (n,), ns and deg.
+
+    Rows are taken at equal distances, at most `_MOST` of them.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As `run_folder.attitude`.
+    """
+    kept: dict[str, list[Array]] = {name: [] for name in ("stamp_ns", *_ANGLES)}
+    step, place = 1, 0
+    for block in run_folder.attitude(folder):
+        first = -place % step
+        place += len(block["stamp_ns"])
+        for name, parts in kept.items():
+            parts.append(np.asarray(block[name][first::step]))
+        if sum(map(len, kept["stamp_ns"])) > 2 * _MOST:
+            step *= 2
+            # The first row stays, so that those to come fall between those kept.
+            kept = {name: [np.concatenate(parts)[::2]] for name, parts in kept.items()}
+    return {name: np.concatenate(parts) if parts else np.empty(0) for name, parts in kept.items()}
+
+
+def picture(ours: Path, expected: Path) -> bytes:
+    """
+    PNG of two runs: folders that `mwd process` wrote.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        One of them has no attitude.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    runs = [(path.resolve().name, thinned(path), run_folder.surveys(path)) for path in (ours, expected)]
+    begin = min((int(rows["stamp_ns"][0]) for _, rows, _ in runs if len(rows["stamp_ns"])), default=0)
+    last = max((int(rows["stamp_ns"][-1]) for _, rows, _ in runs if len(rows["stamp_ns"])), default=0)
+    unit_s, unit = time_unit((last - begin) * 1e-9)
+    figure = Figure(figsize=(11.0, 9.0), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    upper, middle, lower = figure.subplots(3, 1, sharex=True)
+    for colour, (name, rows, surveys) in zip(_COLOURS, runs, strict=True):
+        time = (rows["stamp_ns"] - begin) * 1e-9 / unit_s
+        for ax, angle in ((upper, "inclination_deg"), (middle, "azimuth_deg")):
+            ax.plot(time, rows[angle], color=colour, linewidth=0.9, label=name)
+            at, value = _stations(surveys, angle, begin, unit_s)
+            ax.plot(at, value, "o", color=colour, markersize=5, fillstyle="none")
+    apart = differences(runs[0][1], runs[1][1])
+    time = (apart["stamp_ns"] - begin) * 1e-9 / unit_s
+    for colour, angle, words in zip(_COLOURS, _ANGLES, _NAMES, strict=True):
+        lower.plot(time, apart[angle], color=colour, linewidth=0.9, label=words)
+    lower.axhline(0.0, color="k", linewidth=0.7)
+    for ax, label in (
+        (upper, "inclination, deg"),
+        (middle, "azimuth, deg"),
+        (lower, f"{runs[0][0]} less {runs[1][0]}, deg"),
+    ):
+        _finish(ax, label)
+    lower.set_xlabel(unit, fontsize=9)
+    out = io.BytesIO()
+    figure.savefig(out, format="png", metadata={"Software": None})
+    return out.getvalue()
+
+
+def _stations(surveys: list[dict[str, str]], angle: str, begin: int, unit_s: float) -> tuple[list[float], list[float]]:
+    """Times and angles of the surveys of a run that have the angle."""
+    known = [row for row in surveys if row.get(angle)]
+    return [(int(row["stamp_ns"]) - begin) * 1e-9 / unit_s for row in known], [float(row[angle]) for row in known]
+
+
+def differences(ours: dict[str, Array], expected: dict[str, Array]) -> dict[str, Array]:
+    """
+    Differences of two runs as `thinned` gives them, at the stamps of ours, by the expected rows interpolated.
+
+    stamp_ns and the angles, shape (n,): ns and deg, azimuth the short way round.
+    """
+    stamps = ours["stamp_ns"]
+    found: dict[str, Array] = {"stamp_ns": stamps}
+    for angle in _ANGLES:
+        if not len(stamps) or not len(expected["stamp_ns"]):
+            found[angle] = np.full(len(stamps), np.nan)
+            continue
+        rad = np.radians(expected[angle])
+        x, y = (np.interp(stamps, expected["stamp_ns"], part) for part in (np.cos(rad), np.sin(rad)))
+        apart = ours[angle] - np.degrees(np.arctan2(y, x))
+        found[angle] = (apart + 180.0) % 360.0 - 180.0
+    return found
+
+
+def _finish(ax: Axes, label: str) -> None:
+    ax.set_ylabel(label, fontsize=9)
+    finish_axes(ax)
+    ax.legend(fontsize=8, frameon=False)
