@@ -126,6 +126,7 @@ class Camera:
         # The attribute that the button and `?view=toolface` set; a new address would load the page anew.
         self._driver.execute_script("document.body.dataset.view = arguments[0]", "toolface" if dial else "all")
         self._driver.execute_script("document.getElementById('select-surveys')?.click()")
+        self._driver.execute_script("document.activeElement.blur(); window.scrollTo(0, 0)")
         time.sleep(0.3)
         return Image.open(io.BytesIO(self._driver.get_screenshot_as_png())).convert("RGB")
 

@@ -45,12 +45,12 @@ function lightRow(light) {
   fill.left = `${50 + Math.min(0, share) * 50}%`;
   fill.width = `${Math.abs(share) * 50}%`;
   return el("div", { class: "light", "data-light": light.light },
-    pill(LIGHTS[light.light], light.light), el("span", { class: "name" }, light.corrected ? `${light.name}, corrected` : light.name), el("span", { class: "deviation" }, text), bar);
+    pill(LIGHTS[light.light] || "idle", light.light), el("span", { class: "name" }, light.corrected ? `${light.name}, corrected` : light.name), el("span", { class: "deviation" }, text), bar);
 }
 
 const NAMES = ["inclination", "azimuth", "toolface"];
 // Before the first survey: the same rows, empty.
-const NONE = ["total gravity", "total field", "dip"].map((name) => ({ name, unit: "T", value: null, deviation: null, limit: 1, light: "no reference" }));
+const NONE = ["total gravity", "total field", "dip"].map((name) => ({ name, unit: "T", value: null, deviation: null, limit: 1, light: "no survey" }));
 
 export function showQuality(quality) {
   const verdict = (word) => VERDICTS[word] || ["idle", word];
