@@ -2,6 +2,7 @@
 
 import { byId, el, mark, pill, setText } from "./dom.js";
 import { percent } from "./survey_table.js";
+import { stateOfStream } from "./streams.js";
 import * as units from "./units.js";
 
 const LIGHTS = { good: "good", doubtful: "doubtful", reject: "reject", "no reference": "idle" };
@@ -12,7 +13,7 @@ const KINDS = { "m/s^2": "gravity_deviation", T: "field", rad: "angle" };
 const progressParts = { head: el("p", { class: "taking" }), state: el("p", { class: "doing" }), bar: el("progress", { max: 1, value: 0, "aria-label": "Survey in progress" }), result: el("p", { class: "result" }) };
 
 // What the survey does or waits for, for how long, and how the last one ended; the box keeps its height.
-export function showProgress({ survey_progress: progress, rig }, now, silent) {
+export function showProgress({ survey_progress: progress, rig, links }, now, silent) {
   const { head, state, bar, result } = progressParts;
   const place = byId("progress");
   if (!progress) return;
@@ -22,8 +23,10 @@ export function showProgress({ survey_progress: progress, rig }, now, silent) {
   const elapsed = progress.elapsed === null ? null : progress.elapsed + past;
   const left = progress.remaining === null ? null : Math.max(0, progress.remaining - past);
   const pumps = { true: "pumps on", false: "pumps off" }[rig?.pumps_on] || "";
-  mark(place, "data-state", silent ? "silent" : waiting ? "waiting" : progress.active ? "taking" : "idle");
-  setText(head, silent ? "NO NEWS OF A SURVEY" : waiting
+  // Without samples nothing is averaged, whatever the last report said.
+  const held = progress.active && Boolean(links) && stateOfStream(links.estimator, now, silent) !== "live";
+  mark(place, "data-state", silent || held ? "silent" : waiting ? "waiting" : progress.active ? "taking" : "idle");
+  setText(head, silent ? "NO NEWS OF A SURVEY" : held ? "SURVEY HELD UP · no samples arrive" : waiting
     ? `SURVEY WAITS · ${whole(elapsed, Math.floor)} so far, at most ${whole(left, Math.ceil)} more`
     : progress.active ? `TAKING SURVEY · ${left === null ? "time unknown" : left > 0 ? `${Math.ceil(left)} s to go` : "finishing"}` : "No survey under way");
   setText(state, [waiting ? `averaging on; ${progress.waits_for}` : progress.state === "none under way" ? "" : progress.state, progress.active ? pumps : ""].filter(Boolean).join(" · "));
