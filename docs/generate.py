@@ -71,6 +71,27 @@ def supervision() -> str:
     return "\n".join(lines) + "\n"
 
 
+def signals() -> str:
+    """Every quantity that goes to a rig, and where it appears."""
+    from mwd_surface.rig.modbus.map import UNITS
+    from mwd_surface.rig.signals import SIGNALS
+    from mwd_surface.rig.wits.records import SENT
+
+    lines = [
+        "# Signals\n",
+        "Every quantity that goes to a rig and its name in each protocol, from the one table in the code. OPC UA has",
+        "SI units, Modbus and WITS (metric) those named; conditions, ages and sigmas: {doc}`../rig/port`.\n",
+        "| quantity | meaning | unit | source | OPC UA | Modbus | WITS | D-WIS nouns |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for s in SIGNALS:
+        modbus = f"{s.modbus}, {UNITS[s.unit][1]}" if s.modbus is not None else ""
+        wits = f"{s.wits:04d} {SENT[s.wits][0]}" if s.wits in SENT else f"{s.wits:04d}" if s.wits else ""
+        cells = (s.name, s.meaning, s.unit, s.source, s.opcua, modbus, wits, ", ".join(s.dwis))
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
 def api() -> dict[str, str]:
     """A page for each room of each package, by name."""
     pages, rooms = {}, {}
@@ -208,6 +229,7 @@ def write_all(docs: Path) -> None:
     write(docs / "reference" / "parameters.md", parameters())
     write(docs / "reference" / "fault_cases.md", BANNER + fault_cases())
     write(docs / "reference" / "supervision.md", BANNER + supervision())
+    write(docs / "reference" / "signals.md", BANNER + signals())
     write(docs / "reference" / "changelog.md", BANNER + (ROOT / "CHANGELOG.md").read_text())
     for name, text in api().items():
         write(docs / "reference" / "api" / f"{name}.md", text)

@@ -19,6 +19,7 @@ from mwd_surface.live.alarms import Alarm
 from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.live.well_state import Angle, WellState
+from mwd_surface.rig.signals import BY_NAME, FROM_PLAN, FROM_TOOL, OF_SURVEY
 from mwd_surface.rig.survey import AcceptedSurvey
 from mwd_surface.surveys.survey_record import Verdict
 
@@ -57,55 +58,6 @@ class RigValue:
     reason: str = ""
 
 
-# Live quantities: unit, and the words for people.
-LIVE_QUANTITIES: dict[str, tuple[str, str]] = {
-    "inclination": ("rad", "continuous inclination from the vertical"),
-    "azimuth": ("rad", "continuous azimuth"),
-    "gravity_toolface": ("rad", "toolface from the high side"),
-    "magnetic_toolface": ("rad", "toolface from north"),
-    "rotary_speed": ("rad/s", "rotary speed down-hole"),
-    "vibration": ("m/s^2", "acceleration other than gravity"),
-    "temperature": ("degC", "temperature of the tool"),
-    "axial_interference": ("T", "axial field of the string"),
-    "bit_depth": ("m", "measured depth of the bit"),
-    "hole_depth": ("m", "measured depth of the hole"),
-    "projected_inclination": ("rad", "inclination projected to the bit"),
-    "projected_azimuth": ("rad", "azimuth projected to the bit"),
-    "plan_distance": ("m", "distance from the plan"),
-    "plan_up": ("m", "above the plan, across it"),
-    "plan_right": ("m", "right of the plan, across it"),
-    "plan_toolface": ("rad", "toolface that steers back to the plan"),
-    "target_dogleg": ("rad/m", "dogleg severity of the arc that hits the target"),
-}
-SURVEY_QUANTITIES: dict[str, tuple[str, str]] = {
-    "survey_inclination": ("rad", "inclination of the last accepted survey"),
-    "survey_azimuth": ("rad", "azimuth of the last accepted survey, from the north of the well"),
-    "survey_depth": ("m", "measured depth of the last accepted survey"),
-    "survey_vertical_depth": ("m", "vertical depth of the last accepted survey"),
-    "survey_north": ("m", "north of the last accepted survey"),
-    "survey_east": ("m", "east of the last accepted survey"),
-    "survey_dogleg": ("rad/m", "dogleg severity above the last accepted survey"),
-    "survey_gravity": ("m/s^2", "total gravity of the last accepted survey"),
-    "survey_field": ("T", "total field of the last accepted survey"),
-    "survey_dip": ("rad", "dip of the field of the last accepted survey"),
-    "survey_sigma_inclination": ("rad", "1 sigma of its inclination"),
-    "survey_sigma_azimuth": ("rad", "1 sigma of its azimuth"),
-    "survey_interference": ("T", "axial interference of the last accepted survey"),
-}
-QUANTITIES = {**LIVE_QUANTITIES, **SURVEY_QUANTITIES}
-
-# Quantities measured by the tool, which its silence and its faults affect.
-_FROM_TOOL = (
-    "inclination",
-    "azimuth",
-    "gravity_toolface",
-    "magnetic_toolface",
-    "rotary_speed",
-    "vibration",
-    "temperature",
-    "axial_interference",
-)
-_FROM_PLAN = ("plan_distance", "plan_up", "plan_right", "plan_toolface", "target_dogleg")
 # Status bits of the estimator that make a quantity doubtful, and the reason to give.
 _DOUBTS: tuple[tuple[Status, tuple[str, ...], str], ...] = (
     (
@@ -127,7 +79,7 @@ class RigValues:
     Everything an interface may send, as of made_ns.
 
     heartbeat: seconds of a steady clock, so that a watcher sees it stand still. values: of every name in
-    `QUANTITIES`. surveys: the accepted ones, oldest measurement first. alarms: newest first. circulating, in_slips:
+    the signal table. surveys: the accepted ones, oldest measurement first. alarms: newest first. circulating, in_slips:
     None where the rig does not say. mode: of the toolface in force, GRAVITY or MAGNETIC.
     """
 
@@ -188,7 +140,7 @@ def rig_values(
     for name in ("gravity_toolface", "magnetic_toolface"):
         values[name] = _held(values[name], previous.values[name] if previous else None, now_ns)
     link, ever = _link(state.links)
-    for name in _FROM_TOOL:
+    for name in FROM_TOOL:
         values[name] = _judged(name, values[name], state.attitude.status, lost=ever and not link)
     values.update(_projection(state, now_ns))
     values.update(survey_values(surveys[-1] if surveys else None, now_ns))
@@ -231,7 +183,7 @@ def silenced(values: RigValues, age: float, reason: str) -> RigValues:
 
 def nothing_yet(now_ns: int = 0) -> RigValues:
     """The table before anything is known."""
-    return RigValues(now_ns, 0, {name: RigValue() for name in QUANTITIES}, active=False)
+    return RigValues(now_ns, 0, {name: RigValue() for name in BY_NAME}, active=False)
 
 
 def _live_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
@@ -334,7 +286,7 @@ def _projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
     for name in ("inclination", "azimuth"):
         value = float(getattr(path, name)[-1]) if beyond else None
         values[f"projected_{name}"] = _derived(value, state.age("path"), now_ns)
-    plan: dict[str, float | None] = dict.fromkeys(_FROM_PLAN)
+    plan: dict[str, float | None] = dict.fromkeys(FROM_PLAN)
     if offset is not None:
         plan = {
             "plan_distance": offset.distance,
@@ -357,7 +309,7 @@ def _derived(value: float | None, age: float | None, now_ns: int) -> RigValue:
 def survey_values(survey: AcceptedSurvey | None, now_ns: int) -> dict[str, RigValue]:
     """Values of the quantities that a survey has, by their names; now_ns: time of the node."""
     if survey is None:
-        return {name: RigValue(reason="no survey is accepted yet") for name in SURVEY_QUANTITIES}
+        return {name: RigValue(reason="no survey is accepted yet") for name in OF_SURVEY}
     numbers: dict[str, tuple[float | None, float | None]] = {
         "survey_inclination": (survey.inclination, survey.sigma_inclination),
         "survey_azimuth": (survey.azimuth, survey.sigma_azimuth),

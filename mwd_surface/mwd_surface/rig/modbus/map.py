@@ -15,6 +15,7 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.live.toolface import GRAVITY
+from mwd_surface.rig.signals import SIGNALS
 from mwd_surface.rig.values import RigValues
 from mwd_surface.surveys.survey_record import Verdict
 
@@ -28,22 +29,20 @@ _DEG = 180.0 / math.pi
 _RPM = 30.0 / math.pi
 _LARGEST = 3.4e38
 _NAN: tuple[int, ...] = (0x7FC0, 0x0000)
+# Factor to the unit of the registers, by the SI unit.
+UNITS: dict[str, tuple[float, str]] = {
+    "rad": (_DEG, "deg"),
+    "rad/s": (_RPM, "rpm"),
+    "m": (1.0, "m"),
+    "m/s^2": (1.0 / STANDARD_GRAVITY, "g"),
+    "T": (1e9, "nT"),
+    "degC": (1.0, "degC"),
+}
 # Address of a float: the value it holds, factor to its unit, and where it turns over.
 FLOATS: dict[int, tuple[str, float, float]] = {
-    4: ("gravity_toolface", _DEG, 360.0),
-    6: ("magnetic_toolface", _DEG, 360.0),
-    10: ("survey_inclination", _DEG, 0.0),
-    12: ("survey_azimuth", _DEG, 360.0),
-    14: ("survey_depth", 1.0, 0.0),
-    16: ("survey_gravity", 1.0 / STANDARD_GRAVITY, 0.0),
-    18: ("survey_field", 1e9, 0.0),
-    20: ("survey_dip", _DEG, 0.0),
-    22: ("survey_sigma_inclination", _DEG, 0.0),
-    24: ("survey_sigma_azimuth", _DEG, 0.0),
-    26: ("inclination", _DEG, 0.0),
-    28: ("survey_interference", 1e9, 0.0),
-    30: ("rotary_speed", _RPM, 0.0),
-    32: ("temperature", 1.0, 0.0),
+    signal.modbus: (signal.name, UNITS[signal.unit][0], 360.0 if signal.circle else 0.0)
+    for signal in SIGNALS
+    if signal.modbus is not None
 }
 _AGE, _TIME = 8, 34
 

@@ -10,7 +10,8 @@ from __future__ import annotations
 import dataclasses
 
 from mwd_surface.live.toolface import GRAVITY
-from mwd_surface.rig.values import QUANTITIES, Condition, RigValues
+from mwd_surface.rig.signals import SIGNALS
+from mwd_surface.rig.values import Condition, RigValues
 
 MANIFEST = "MWDSurveyManifest"
 NAMESPACE = f"http://ddhub.no/{MANIFEST}/Variables/"
@@ -37,39 +38,6 @@ STATUS_CODES: dict[Condition, int] = {
     Condition.NO_LINK: 0x80310000,  # BadNoCommunication
     Condition.INACTIVE: 0x808D0000,  # BadOutOfService
 }
-# Variables that are a quantity: name, and the quantity.
-NUMBERS: dict[str, str] = {
-    "Inclination": "survey_inclination",
-    "Azimuth": "survey_azimuth",
-    "SurveyMeasuredDepth": "survey_depth",
-    "SurveyTrueVerticalDepth": "survey_vertical_depth",
-    "SurveyNorth": "survey_north",
-    "SurveyEast": "survey_east",
-    "DogLegSeverity": "survey_dogleg",
-    "TotalGravity": "survey_gravity",
-    "TotalMagneticField": "survey_field",
-    "MagneticDip": "survey_dip",
-    "InclinationSigma": "survey_sigma_inclination",
-    "AzimuthSigma": "survey_sigma_azimuth",
-    "AxialInterference": "survey_interference",
-    "GravityToolface": "gravity_toolface",
-    "MagneticToolface": "magnetic_toolface",
-    "ContinuousInclination": "inclination",
-    "ContinuousAzimuth": "azimuth",
-    "DownholeRotarySpeed": "rotary_speed",
-    "Vibration": "vibration",
-    "ToolTemperature": "temperature",
-    "ContinuousAxialInterference": "axial_interference",
-    "BitMeasuredDepth": "bit_depth",
-    "HoleMeasuredDepth": "hole_depth",
-    "ProjectedInclination": "projected_inclination",
-    "ProjectedAzimuth": "projected_azimuth",
-    "DistanceToPlan": "plan_distance",
-    "AbovePlan": "plan_up",
-    "RightOfPlan": "plan_right",
-    "ToolfaceToPlan": "plan_toolface",
-    "DogLegSeverityToTarget": "target_dogleg",
-}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,7 +60,7 @@ class VariableValue:
 
 
 VARIABLES: tuple[Variable, ...] = (
-    *(Variable(name, "Double", *QUANTITIES[quantity]) for name, quantity in NUMBERS.items()),
+    *(Variable(signal.opcua, "Double", signal.unit, signal.meaning) for signal in SIGNALS),
     Variable("ToolfaceMode", "String", "", "toolface in force: gravity or magnetic"),
     Variable("ToolfaceAge", "Double", "s", "age of the toolface in force"),
     Variable("Rotating", "Boolean", "", "the string rotates: the toolface is that of one moment"),
@@ -120,7 +88,7 @@ def variable_values(values: RigValues) -> dict[str, VariableValue]:
     """What every variable holds at a moment."""
     table = {
         name: VariableValue(v.value, STATUS_CODES[v.condition], v.stamp_ns)
-        for name, v in ((name, values.values[quantity]) for name, quantity in NUMBERS.items())
+        for name, v in ((signal.opcua, values.values[signal.name]) for signal in SIGNALS)
     }
     toolface, survey = values.toolface, values.survey
     state = STATUS_CODES[Condition.GOOD if values.active else Condition.INACTIVE]

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from mwd_surface.rig.opcua.address_space import NUMBERS, STATUS_CODES, VariableValue
+from mwd_surface.rig.opcua.address_space import STATUS_CODES, VariableValue
 from mwd_surface.rig.opcua.data_value import data_value
+from mwd_surface.rig.signals import BY_NAME, OF_SURVEY
 from mwd_surface.rig.survey import AcceptedSurvey
-from mwd_surface.rig.values import SURVEY_QUANTITIES, survey_values
+from mwd_surface.rig.values import survey_values
 
-SURVEY_VARIABLES = {name: quantity for name, quantity in NUMBERS.items() if quantity in SURVEY_QUANTITIES}
+SURVEY_VARIABLES = {BY_NAME[name].opcua: name for name in OF_SURVEY}
 
 
 class SurveyHistory:

@@ -18,6 +18,7 @@ from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.exports.survey_table import fixed
 from mwd_surface.live.toolface import GRAVITY
+from mwd_surface.rig.signals import SIGNALS
 from mwd_surface.rig.survey import AcceptedSurvey
 from mwd_surface.rig.values import RigValue, RigValues
 from mwd_surface.rig.wits.format import Frame, checked_text, number_text, plain_text
@@ -69,6 +70,11 @@ SENT: dict[int, tuple[str, int | None]] = {
     808: ("DMEA", 2),
     810: ("DBTM", 2),
     919: ("MMRP", 0),
+}
+# Records of live signals: codes and signals, by their numbers.
+_LIVE_ITEMS = {
+    record: [(s.wits, s) for s in sorted(SIGNALS, key=lambda s: s.wits or 0) if s.wits and s.wits // 100 == record]
+    for record in (8, 9)
 }
 _TYPES = {"corrected": "MAG-AX", "msa": "MAG-MS", "gyro": "GYRO", "fused": "MAG+GYRO"}
 _SAME_TIME_NS = 600 * NANOSECONDS
@@ -155,19 +161,20 @@ class RecordWriter:
 
     def formation(self, values: RigValues) -> Items:
         """Record 8: hole and bit depth; empty where neither is known now."""
-        return self._record(8, values, ((808, "hole_depth", self._length), (810, "bit_depth", self._length)))
+        return self._record(8, values)
 
     def mechanical(self, values: RigValues) -> Items:
         """Record 9: rotary speed down-hole; empty where it is not known now."""
-        return self._record(9, values, ((919, "rotary_speed", _RPM),))
+        return self._record(9, values)
 
-    def _record(self, record: int, values: RigValues, wanted: Sequence[tuple[int, str, float]]) -> Items:
+    def _record(self, record: int, values: RigValues) -> Items:
+        """A record of live signals: the items that the signal table gives it."""
         items: Items = []
         stamp = 0
-        for code, name, factor in wanted:
-            value = values.values[name]
+        for code, signal in _LIVE_ITEMS[record]:
+            value = values.values[signal.name]
             if value.condition.usable:
-                items += self._numbers(((code, value.value * factor),))
+                items += self._numbers(((code, value.value * (self._length if signal.unit == "m" else _RPM)),))
                 stamp = max(stamp, value.stamp_ns)
             elif self.form.null_text and value.stamp_ns:
                 items.append((code, self.form.null_text))

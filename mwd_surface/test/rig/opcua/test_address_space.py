@@ -7,8 +7,9 @@ from example_rig import NOW_NS, attitude, values
 from example_surveys import S
 
 from mwd_estimation.core.status import Status
-from mwd_surface.rig.opcua.address_space import NUMBERS, STATUS_CODES, UNITS, VARIABLES, unit_id, variable_values
-from mwd_surface.rig.values import QUANTITIES, Condition, nothing_yet
+from mwd_surface.rig.opcua.address_space import STATUS_CODES, UNITS, VARIABLES, unit_id, variable_values
+from mwd_surface.rig.signals import SIGNALS
+from mwd_surface.rig.values import Condition, nothing_yet
 
 ASKED = (
     "Inclination",
@@ -40,7 +41,8 @@ def test_every_variable_of_the_manifest_is_there_once_and_read_at_every_moment()
 
 
 def test_every_quantity_is_published():
-    assert set(NUMBERS.values()) == set(QUANTITIES)
+    numbers = {variable.name for variable in VARIABLES if variable.kind == "Double"}
+    assert numbers == {signal.opcua for signal in SIGNALS} | {"ToolfaceAge"}
 
 
 @pytest.mark.parametrize(("unit", "number"), [("rad", 4405297), ("m", 5067858), ("T", 4469555), ("degC", 4408652)])

@@ -1,0 +1,272 @@
+"""
+The signal table: every quantity that goes to a rig, once, with its name in each protocol.
+
+WITS items, Modbus registers, OPC UA variables and the page of signals in the documents are made from it. The D-WIS
+nouns are those of the DDHub vocabulary (definition sets DrillingDataSemantics, PhysicalLocation and Uncertainty); it
+has no noun for a toolface, for gravity or for a magnetic field, and those rows name only what kind of data they are.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+TOOL, RIG, BIT, PLAN, SURVEY = "tool", "rig", "bit", "plan", "survey"  # sources
+_MEASURED, _DERIVED, _CORRECTED = "Measurement", "DerivedMeasurement", "CorrectedMeasurement"
+_COMPUTED, _ADVISED, _SIGMA = "ComputedData", "RecommendedTarget", "GaussianUncertainty"
+
+
+@dataclasses.dataclass(frozen=True)
+class Signal:
+    """
+    One quantity.
+
+    Attributes
+    ----------
+    name : str
+        In our own values.
+    unit : str
+        SI; angles in rad.
+    meaning : str
+        In words.
+    source : str
+        TOOL, RIG, BIT (the path projected to it), PLAN (against it) or SURVEY (the last accepted one).
+    opcua : str
+        Variable.
+    dwis : tuple of str
+        Nouns that classify it.
+    modbus : int, optional
+        Address of its first register.
+    wits : int, optional
+        Item, of the survey, tool or rig record.
+    circle : bool
+        Its values go round a full circle.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    source: str
+    opcua: str
+    dwis: tuple[str, ...]
+    modbus: int | None = None
+    wits: int | None = None
+    circle: bool = False
+
+
+SIGNALS: tuple[Signal, ...] = (
+    Signal(
+        "survey_inclination",
+        "rad",
+        "inclination of the last accepted survey",
+        SURVEY,
+        "Inclination",
+        ("Inclination", _DERIVED),
+        modbus=10,
+        wits=713,
+    ),
+    Signal(
+        "survey_azimuth",
+        "rad",
+        "azimuth of the last accepted survey, from the north of the well",
+        SURVEY,
+        "Azimuth",
+        ("Azimuth", _CORRECTED),
+        modbus=12,
+        wits=715,
+        circle=True,
+    ),
+    Signal(
+        "survey_depth",
+        "m",
+        "measured depth of the last accepted survey",
+        SURVEY,
+        "SurveyMeasuredDepth",
+        ("MeasuredDepth", _DERIVED),
+        modbus=14,
+        wits=708,
+    ),
+    Signal(
+        "survey_vertical_depth",
+        "m",
+        "vertical depth of the last accepted survey",
+        SURVEY,
+        "SurveyTrueVerticalDepth",
+        (_COMPUTED, "NorthEastTVDFrame"),
+        wits=709,
+    ),
+    Signal(
+        "survey_north",
+        "m",
+        "north of the last accepted survey",
+        SURVEY,
+        "SurveyNorth",
+        (_COMPUTED, "NorthEastTVDFrame"),
+        wits=718,
+    ),
+    Signal(
+        "survey_east",
+        "m",
+        "east of the last accepted survey",
+        SURVEY,
+        "SurveyEast",
+        (_COMPUTED, "NorthEastTVDFrame"),
+        wits=719,
+    ),
+    Signal(
+        "survey_dogleg",
+        "rad/m",
+        "dogleg severity above the last accepted survey",
+        SURVEY,
+        "DogLegSeverity",
+        (_COMPUTED,),
+        wits=720,
+    ),
+    Signal(
+        "survey_gravity",
+        "m/s^2",
+        "total gravity of the last accepted survey",
+        SURVEY,
+        "TotalGravity",
+        (_DERIVED,),
+        modbus=16,
+        wits=722,
+    ),
+    Signal(
+        "survey_field",
+        "T",
+        "total field of the last accepted survey",
+        SURVEY,
+        "TotalMagneticField",
+        (_DERIVED,),
+        modbus=18,
+        wits=723,
+    ),
+    Signal(
+        "survey_dip",
+        "rad",
+        "dip of the field of the last accepted survey",
+        SURVEY,
+        "MagneticDip",
+        (_DERIVED,),
+        modbus=20,
+        wits=724,
+    ),
+    Signal(
+        "survey_sigma_inclination",
+        "rad",
+        "1 sigma of its inclination",
+        SURVEY,
+        "InclinationSigma",
+        (_SIGMA,),
+        modbus=22,
+    ),
+    Signal("survey_sigma_azimuth", "rad", "1 sigma of its azimuth", SURVEY, "AzimuthSigma", (_SIGMA,), modbus=24),
+    Signal(
+        "survey_interference",
+        "T",
+        "axial interference of the last accepted survey",
+        SURVEY,
+        "AxialInterference",
+        (_COMPUTED,),
+        modbus=28,
+    ),
+    Signal(
+        "gravity_toolface",
+        "rad",
+        "toolface from the high side",
+        TOOL,
+        "GravityToolface",
+        (_DERIVED,),
+        modbus=4,
+        wits=717,
+        circle=True,
+    ),
+    Signal(
+        "magnetic_toolface",
+        "rad",
+        "toolface from north",
+        TOOL,
+        "MagneticToolface",
+        (_DERIVED,),
+        modbus=6,
+        wits=716,
+        circle=True,
+    ),
+    Signal(
+        "inclination",
+        "rad",
+        "continuous inclination from the vertical",
+        TOOL,
+        "ContinuousInclination",
+        ("Inclination", _DERIVED),
+        modbus=26,
+    ),
+    Signal("azimuth", "rad", "continuous azimuth", TOOL, "ContinuousAzimuth", ("Azimuth", _DERIVED), circle=True),
+    Signal(
+        "rotary_speed",
+        "rad/s",
+        "rotary speed down-hole",
+        TOOL,
+        "DownholeRotarySpeed",
+        ("DownholeRPM", _MEASURED),
+        modbus=30,
+        wits=919,
+    ),
+    Signal("vibration", "m/s^2", "acceleration other than gravity", TOOL, "Vibration", (_DERIVED,)),
+    Signal(
+        "temperature",
+        "degC",
+        "temperature of the tool",
+        TOOL,
+        "ToolTemperature",
+        ("DownholeTemperature", _MEASURED),
+        modbus=32,
+    ),
+    Signal("axial_interference", "T", "axial field of the string", TOOL, "ContinuousAxialInterference", (_COMPUTED,)),
+    Signal("bit_depth", "m", "measured depth of the bit", RIG, "BitMeasuredDepth", ("BitDepth", _MEASURED), wits=810),
+    Signal(
+        "hole_depth", "m", "measured depth of the hole", RIG, "HoleMeasuredDepth", ("HoleDepth", _MEASURED), wits=808
+    ),
+    Signal(
+        "projected_inclination",
+        "rad",
+        "inclination projected to the bit",
+        BIT,
+        "ProjectedInclination",
+        ("Inclination", _COMPUTED, "BitReferenceLocation"),
+    ),
+    Signal(
+        "projected_azimuth",
+        "rad",
+        "azimuth projected to the bit",
+        BIT,
+        "ProjectedAzimuth",
+        ("Azimuth", _COMPUTED, "BitReferenceLocation"),
+        circle=True,
+    ),
+    Signal("plan_distance", "m", "distance from the plan", PLAN, "DistanceToPlan", (_COMPUTED,)),
+    Signal("plan_up", "m", "above the plan, across it", PLAN, "AbovePlan", (_COMPUTED,)),
+    Signal("plan_right", "m", "right of the plan, across it", PLAN, "RightOfPlan", (_COMPUTED,)),
+    Signal(
+        "plan_toolface",
+        "rad",
+        "toolface that steers back to the plan",
+        PLAN,
+        "ToolfaceToPlan",
+        (_ADVISED,),
+        circle=True,
+    ),
+    Signal(
+        "target_dogleg",
+        "rad/m",
+        "dogleg severity of the arc that hits the target",
+        PLAN,
+        "DogLegSeverityToTarget",
+        (_ADVISED,),
+    ),
+)
+BY_NAME = {signal.name: signal for signal in SIGNALS}
+OF_SURVEY = tuple(signal.name for signal in SIGNALS if signal.source == SURVEY)
+LIVE = tuple(signal.name for signal in SIGNALS if signal.source != SURVEY)
+FROM_TOOL = tuple(signal.name for signal in SIGNALS if signal.source == TOOL)
+FROM_PLAN = tuple(signal.name for signal in SIGNALS if signal.source == PLAN)
