@@ -62,10 +62,7 @@ def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
         "sigma_floor": max(getattr(default, "sigma_floor", 0.0), calibration),
         **expert,
     }
-    if hasattr(default, "_replace"):
-        return default._replace(**{name: derived[name] for name in default._fields if name in derived})
-    names = [field.name for field in dataclasses.fields(default)]
-    return dataclasses.replace(default, **{name: derived[name] for name in names if name in derived})
+    return default._replace(**{name: derived[name] for name in default._fields if name in derived})
 
 
 def _in_proportion(default: Any, name: str, figure: float, usual: float) -> float:
