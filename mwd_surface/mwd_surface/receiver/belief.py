@@ -19,7 +19,7 @@ from mwd_sensors.core.arrays import Array
 TEMPERATURES = (1.0, 1.35, 1.8, 2.5, 4.0)
 # Before any parity is seen: channels and noise that are estimated make 1 too sharp. The last is for a temperature
 # without bound.
-_PRIOR = (0.18, 0.37, 0.22, 0.11, 0.04, 0.08)
+_PRIOR = (0.35, 0.34, 0.15, 0.07, 0.03, 0.06)
 _REMEMBERED = 32  # words with parity
 SURVEY_LEVEL, TOOLFACE_LEVEL = 0.99, 0.95
 

@@ -17,12 +17,12 @@ from mwd_sensors.core.compiled import compiled
 
 SAMPLES_PER_TU = 4
 BEFORE = 12  # samples of the response before the nominal edge: a slow rise, and an error of the time of the sync
-_RISE = 6  # samples over which the response begins
+_RISE = 12  # samples over which the response begins
 # Length of the response: echoes of the string come within 2 depth / speed, and the line relaxes over seconds.
 _RESPONSE_S = 15.0
 _LEAST_TU, _MOST_TU = 24, 120
-_SMOOTH = 4.0  # correlation length, samples: a pulse of 2 TU through a valve and some km of mud
-_FLAT_TU, _DECAY_TU = 4.0, 4.0
+_SMOOTH = 5.0  # correlation length, samples: a pulse of 2 TU through a valve and some km of mud
+_FLAT_TU, _DECAY_TU = 3.0, 3.0
 # The line behind the pulse relaxes over seconds, whatever the pulse width: a share that dies away slowly.
 _SLOW, _SLOW_S = 0.3, 8.0
 _LEAST = 1e-3  # components below this share of the largest are left out

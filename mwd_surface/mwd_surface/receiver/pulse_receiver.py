@@ -12,6 +12,7 @@ from mwd_surface.receiver import synchronisation
 from mwd_surface.receiver.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.grid import REACH, STEPS_PER_TU, Grid
 from mwd_surface.receiver.resampling import Resampler
+from mwd_surface.receiver.survey_memory import SurveyMemory
 from mwd_surface.receiver.transmission import Reception, Transmission
 
 # The search for syncs proceeds by hops, each with data before it for the noise model and behind it for the pulses.
@@ -47,6 +48,7 @@ class PulseReceiver:
             raise ValueError(f"code: this receiver reads pulses ({', '.join(PULSE_CODES)}), not {tool.code}")
         self._tool = tool
         self._grid = Grid(tool.tu_s)
+        self._surveys = SurveyMemory(tool)
         self._resampler = Resampler(self._grid.step_s)
         quiet_s = min(_NOISE_S, tool.transmit_delay_s - _SETTLED_S)
         self._noise_tu = min(max(_NOISE_TU, round(quiet_s / tool.tu_s)), _KEPT_TU - _HOP_TU)
@@ -97,7 +99,7 @@ class PulseReceiver:
         if self._grid.end:
             done.add(self._take(missing, missing))
         if self._active is not None:
-            done.add(self._active.close())
+            self._add(done, self._active.close())
         return done
 
     def why_nothing(self) -> str:
@@ -139,7 +141,7 @@ class PulseReceiver:
             # A stretch waits until no sync can begin in it: the tool may have started anew.
             ready = active is not None and active.reaches() <= STEPS_PER_TU * self._hop * _HOP_TU
             if active is not None and ready and active.needs() <= self._grid.end:
-                done.add(active.step())
+                self._add(done, active.step())
                 self._frame = active.frame
                 if active.lost:
                     self._active = self._successor(active)
@@ -153,6 +155,11 @@ class PulseReceiver:
                 )
             else:
                 return
+
+    def _add(self, done: Reception, more: Reception) -> None:
+        """Take what a step completed: a pass at most, settled by the surveys before."""
+        more.words = self._surveys.settle(more.words)
+        done.add(more)
 
     def _successor(self, lost: Transmission) -> Transmission | None:
         """Transmission that began while the lost one seemed to go on."""
@@ -196,7 +203,7 @@ class PulseReceiver:
                 self._waiting = (found, position)
         else:
             if active is not None:
-                done.add(active.close())
+                self._add(done, active.close())
                 self._frame = active.frame
             self._active = Transmission(self._tool, self._grid, found, position, self._frame)
             self._waiting = None

@@ -14,7 +14,7 @@ from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import SURVEY_LEVEL, TOOLFACE_LEVEL, Judged
 
-BELIEVED, ERASED = "believed", "erased"
+BELIEVED, ERASED, BY_CONSISTENCY = "believed", "erased", "by_consistency"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,7 +40,8 @@ class ReceivedWord:
     sigma : float
         1 sigma of the value if it is right, in the unit of the word.
     status : str
-        "believed", or "erased" where the confidence is below the level of its kind.
+        "believed", or "erased" where the confidence is below the level of its kind, or "by_consistency" where the
+        surveys before make one of the codes of an erased word probable enough.
     alternatives : tuple of (int, float)
         Next codes with their probabilities.
     revision : int

@@ -1,0 +1,177 @@
+"""
+What surveys know of each other: words sent again are combined, and erased ones are chosen by what surveys agree on.
+
+A tool that sends a survey again sends the same codes, so the posteriors are multiplied. Gravity, field and dip hardly
+change from station to station, inclination and azimuth by some degrees: an outer code that no parity has. A word
+chosen by it is marked, never silently believed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver.belief import SURVEY_LEVEL
+from mwd_surface.receiver.words import BELIEVED, BY_CONSISTENCY, ERASED, ReceivedWord
+
+# 1 sigma of the change from one survey to the next, in the unit of the word: noise and place for the first three, a
+# stand of curved hole for the others.
+_CHANGE = {"Grav": 0.002, "MagF": 0.5, "DipA": 0.4, "Inc": 3.0, "Azm": 6.0, "Temp": 5.0, "BatV": 1.0}
+# Gravity before any survey: on earth .9976 to 1.0027 g (normal gravity, WGS 84).
+_AT_FIRST = {"Grav": (1.0, 0.004)}
+# Probability that a word does not follow the survey before: disturbed magnetics, a new well, a tool that failed.
+_FREE = 0.05
+# Odds that two surveys are one sent twice, and how often words of different surveys have the same code: long words,
+# and short ones that change slowly.
+_LEAST_ODDS = math.log(20.0)
+_LONG_BITS = 10
+_ALIKE_LONG, _ALIKE_SHORT = 0.2, 0.7
+_SLIP = 1e-4
+
+
+@dataclasses.dataclass(frozen=True)
+class _Codes:
+    """Probabilities of codes of a word: those listed, and the rest spread over all others."""
+
+    listed: dict[int, float]
+    count: int
+
+    @property
+    def rest(self) -> float:
+        """Probability of each code that is not listed."""
+        left = max(1.0 - sum(self.listed.values()), 0.0)
+        return left / max(self.count - len(self.listed), 1)
+
+    def of(self, code: int) -> float:
+        """Probability of a code."""
+        return self.listed.get(code, self.rest)
+
+    def times(self, other: _Codes) -> tuple[_Codes, float]:
+        """Posterior of two independent receptions of the same code, and the probability that both have it."""
+        codes = {**self.listed, **other.listed}
+        both = {code: self.of(code) * other.of(code) for code in codes}
+        total = sum(both.values()) + self.rest * other.rest * max(self.count - len(both), 0)
+        return _Codes({code: p / max(total, 1e-300) for code, p in both.items()}, self.count), total
+
+
+class SurveyMemory:
+    """
+    Surveys so far, by which the words of the next one are settled.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+    """
+
+    def __init__(self, tool: ToolConfiguration) -> None:
+        self._tool = tool
+        self._last: dict[str, tuple[_Codes, int]] = {}
+        self._values: dict[str, float] = {}
+
+    def settle(self, words: list[ReceivedWord]) -> list[ReceivedWord]:
+        """
+        Words of one pass, final; those of a toolface sequence come back as they are.
+
+        Words that the survey repeats, or that repeat the survey before, have the posterior of all their receptions.
+        A word still erased is chosen where the surveys before make one of its codes probable enough.
+        """
+        if not words or words[0].kind != "survey":
+            return words
+        bits = self._bits(words)
+        codes: dict[str, _Codes] = {}
+        for word in words:
+            one = _codes_of(word, bits[word.index])
+            known = codes.get(word.name)
+            codes[word.name] = one if known is None or known.count != one.count else known.times(one)[0]
+        if self._sent_again(codes):
+            codes = {
+                name: one.times(self._last[name][0])[0] if self._comparable(name, one) else one
+                for name, one in codes.items()
+            }
+        settled = [self._chosen(self._shown(word, codes[word.name], bits[word.index])) for word in words]
+        self._last = {name: (one, one.count) for name, one in codes.items()}
+        for word in settled:
+            if word.status == BELIEVED:
+                self._values[word.name] = word.value
+        return settled
+
+    def _bits(self, words: list[ReceivedWord]) -> dict[int, int]:
+        """Bits of each word, by its index in the pass."""
+        for items in self._tool.surveys:
+            if all(word.index < len(items) and items[word.index].name == word.name for word in words):
+                return {word.index: items[word.index].bits for word in words}
+        return {word.index: self._tool.table[word.name].bits for word in words}
+
+    def _comparable(self, name: str, one: _Codes) -> bool:
+        return name in self._last and self._last[name][1] == one.count
+
+    def _sent_again(self, codes: dict[str, _Codes]) -> bool:
+        """Whether a survey is the one before, sent again: a new one would have other codes."""
+        odds = 0.0
+        for name, one in codes.items():
+            if self._comparable(name, one):
+                same = one.times(self._last[name][0])[1]
+                alike = _ALIKE_LONG if one.count >= 1 << _LONG_BITS else _ALIKE_SHORT
+                odds += math.log((same + _SLIP) / (alike * same + (1.0 - alike) * (1.0 - same) + _SLIP))
+        return odds > _LEAST_ODDS
+
+    def _shown(self, word: ReceivedWord, codes: _Codes, bits: int) -> ReceivedWord:
+        """Word with the probabilities of all its receptions."""
+        rows = sorted(codes.listed.items(), key=lambda row: (-row[1], row[0]))
+        code, confidence = rows[0]
+        return dataclasses.replace(
+            word,
+            raw=code,
+            value=self._tool.table[word.name].value(code, bits),
+            confidence=confidence,
+            status=BELIEVED if confidence >= SURVEY_LEVEL else ERASED,
+            alternatives=tuple(rows[1:4]),
+        )
+
+    def _chosen(self, word: ReceivedWord) -> ReceivedWord:
+        """Word as it is, or by consistency with the surveys before."""
+        expected = self._expected(word.name)
+        if word.status != ERASED or expected is None:
+            return word
+        table = self._tool.table[word.name]
+        bits = self._bits([word])[word.index]
+        codes = _codes_of(word, bits)
+        middle, sigma = expected
+        free = _FREE / codes.count
+        step = table.step(bits)
+
+        def prior(code: int) -> float:
+            off = table.value(code, bits) - middle
+            if table.circular:
+                off = (off + 180.0) % 360.0 - 180.0
+            density = math.exp(-0.5 * (off / sigma) ** 2) / (sigma * math.sqrt(2.0 * math.pi))
+            return (1.0 - _FREE) * density * step + free
+
+        weights = {code: p * prior(code) for code, p in codes.listed.items()}
+        # All codes that are not listed: each as probable as the rest says, their priors add up to one at most.
+        total = sum(weights.values()) + codes.rest
+        code = max(weights, key=lambda one: (weights[one], -one))
+        if weights[code] < SURVEY_LEVEL * total:
+            return word
+        others = tuple((other, p) for other, p in codes.listed.items() if other != code)
+        return dataclasses.replace(
+            word,
+            raw=code,
+            value=table.value(code, bits),
+            confidence=weights[code] / total,
+            status=BY_CONSISTENCY,
+            alternatives=others[:3],
+        )
+
+    def _expected(self, name: str) -> tuple[float, float] | None:
+        """Value that the surveys before make probable, and its sigma; the unit is that of the word."""
+        if name not in _CHANGE or (name in _AT_FIRST and self._tool.table[name].unit != "g"):
+            return None
+        if name in self._values:
+            return self._values[name], _CHANGE[name]
+        return _AT_FIRST.get(name)
+
+
+def _codes_of(word: ReceivedWord, bits: int) -> _Codes:
+    return _Codes({word.raw: word.confidence, **dict(word.alternatives)}, 1 << bits)
