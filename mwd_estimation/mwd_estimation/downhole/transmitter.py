@@ -25,7 +25,7 @@ from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.sequences import SequenceItem
-from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 
 _STEP_NS = NANOSECONDS // 10
 _LPM = 1e-3 / 60.0
@@ -96,9 +96,16 @@ class Transmitter:
         What is sent, and how.
     settings : Transmit
         When.
+
+    Raises
+    ------
+    ValueError
+        The tool sends something else than pulses.
     """
 
     def __init__(self, tool: ToolConfiguration, settings: Transmit) -> None:
+        if tool.code not in PULSE_CODES:
+            raise ValueError(f"code: the simulated tool sends pulses ({', '.join(PULSE_CODES)}), not {tool.code}")
         self.tool, self._settings = tool, settings
         self._flow = Switch(round(settings.flow_hold_s * NANOSECONDS))
         self._rotation = Switch(round(settings.rotation_hold_s * NANOSECONDS))

@@ -134,8 +134,7 @@ COMMON = {
     "ARMS": Word(11, 0.0, 204.7, "g"),
     "LMxG": Word(11, 0.0, 2047.0, "g"),
     "AMxG": Word(11, 0.0, 2047.0, "g"),
-    # Of this project's own tool: what it knows of its errors, and the counter and code of the last downlink.
+    # Of this project's own tool: what it knows of its errors.
     "sInc": Word(4, 0.01, 10.0, "deg", logarithmic=True),
     "sAzm": Word(4, 0.01, 180.0, "deg", logarithmic=True),
-    "DLnk": Word(6, 0.0, 63.0),
 }

@@ -29,7 +29,15 @@ _PERIOD_S = 0.05
 _SILENT_S = 5.0
 _QUALITY_S, _ATTITUDE_S = 1.0, 0.5
 _WAVE_SPEED = 1250.0  # m/s of pressure waves in mud (Korteweg), for the age of a word
+_LEAST_FLOW = 0.005  # m^3/s of the pumps; less does not turn a tool's generator
 _TURNING = 0.5  # rad/s of the top drive; slower is sliding
+
+
+# By what carries the words: name of the link, topic of its samples, and its type.
+_LINKS: dict[str, tuple[str, str, Any]] = {
+    "mud": ("mud_pulse", "rig/standpipe", msg.PressureBurst),
+    "earth": ("em", "rig/earth_voltage", msg.VoltageBurst),
+}
 
 
 class ReceiverNode(GraphNode[ReceiverSettings]):
@@ -46,12 +54,15 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         try:
             self._tool = tool_configuration.read(Path(settings.tool_file).expanduser())
             self._errors = sensor_errors(settings.tool_code) if settings.tool_code else None
-            self._link: Link | None = None
-            self._new_link()
         except (ValueError, OSError) as error:
             raise RuntimeError(str(error)) from error
-        topic = "rig/standpipe" if settings.gauge == 1 else "rig/standpipe_2"
-        self._pressure = self.add_buffered_subscription(msg.PressureBurst, topic, qos.buffered(qos.EVENT))
+        if self._tool.medium not in _LINKS:
+            raise RuntimeError("tool_file: this node reads pressure or voltage; read a serial line by `mwd decode`")
+        self._link: Link | None = None
+        self._new_link()
+        _, topic, kind = _LINKS[self._tool.medium]
+        topic += "_2" if settings.gauge == 2 else ""
+        self._pressure = self.add_buffered_subscription(kind, topic, qos.buffered(qos.EVENT))
         self.add_subscription(msg.RigState, "rig/state", self._on_rig_state, qos.EVENT)
         self.add_subscription(JointState, "rig/quill", self._on_quill, qos.STATE)
         self._word = self.add_publisher(msg.LinkWord, "link/word", qos.EVENT)
@@ -66,7 +77,14 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._received_at = self._published_quality = self._published_attitude = -np.inf
         self._unreadable = 0
         self._reference: Reference | None = None
-        self._link = Link(self._tool, "mud_pulse", self.settings.ages, self._reference_at, self._stamp_of, self._errors)
+        self._link = Link(
+            self._tool,
+            _LINKS[self._tool.medium][0],
+            self.settings.ages,
+            self._reference_at,
+            self._stamp_of,
+            self._errors,
+        )
 
     def _reference_at(self, stamp_ns: int) -> Reference | None:
         if self._reference is None:
@@ -86,6 +104,9 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             return
         if message.valid & msg.RigState.BIT_DEPTH:
             link.attitude.travel_s = max(message.bit_depth, 0.0) / _WAVE_SPEED
+        if message.valid & msg.RigState.FLOW_RATE and self._tool.medium == "earth" and self._origin_ns is not None:
+            stamp_ns = message.header.stamp.sec * wire.NANOSECONDS + message.header.stamp.nanosec
+            link.flow.switch((stamp_ns - self._origin_ns) / wire.NANOSECONDS, message.flow_rate > _LEAST_FLOW)
         if message.valid & msg.RigState.ROTARY_SPEED:
             link.attitude.rotating = abs(message.rotary_speed) > _TURNING
 

@@ -18,7 +18,13 @@ class ReceiverSettings:
         "Tool configuration (tool.yaml) by which the tool transmits. A wrong one gives no words; the reason says so",
         fixed=True,
     )
-    gauge: int = setting(1, "Pressure gauge: 1 reads rig/standpipe, 2 rig/standpipe_2", low=1, high=2, fixed=True)
+    gauge: int = setting(
+        1,
+        "Gauge: 1 reads rig/standpipe (of a tool on the ground: rig/earth_voltage), 2 rig/standpipe_2",
+        low=1,
+        high=2,
+        fixed=True,
+    )
     tool_code: str = setting(
         "",
         "ISCWSA / OWSG tool code for the sigma of surveys, where the tool sends none; empty: ordinary MWD",

@@ -38,6 +38,7 @@ class FlowSpans:
         self._cell: int | None = None
         self._sum = self._count = 0.0
         self._usual = 0.0
+        self._known = False
         self.spans: list[Span] = []
 
     def push(self, time_s: Array, pressure_pa: Array) -> None:
@@ -52,10 +53,20 @@ class FlowSpans:
             self._sum += float(pressure_pa[inside].sum())
             self._count += float(inside.sum())
 
+    def switch(self, at_s: float, flowing: bool) -> None:
+        """Take that the pumps are on or off since a time, s, from whoever knows: a voltage does not tell it."""
+        self._known = True
+        off = bool(self.spans) and math.isinf(self.spans[-1].end_s)
+        if off and flowing:
+            self.spans[-1] = Span(self.spans[-1].start_s, at_s)
+        elif not off and not flowing:
+            self.spans.append(Span(at_s, math.inf))
+        del self.spans[:-32]
+
     @property
     def flowing(self) -> bool | None:
         """Whether the pumps are on; None before anything is known."""
-        if self._usual == 0.0:
+        if not self._known:
             return None
         return not (self.spans and math.isinf(self.spans[-1].end_s))
 
@@ -66,9 +77,5 @@ class FlowSpans:
     def _judge(self, at: float, mean: float) -> None:
         # Follows a higher pressure at once, a lower one over an hour: mud and depth change slowly.
         self._usual = max(mean, self._usual * math.exp(-self._block_s / _FORGET_S), _LEAST_PA)
-        off = bool(self.spans) and math.isinf(self.spans[-1].end_s)
-        if off and mean > _ON * self._usual:
-            self.spans[-1] = Span(self.spans[-1].start_s, at)
-        elif not off and mean < _OFF * self._usual:
-            self.spans.append(Span(at, math.inf))
-        del self.spans[:-32]
+        if mean > _ON * self._usual or mean < _OFF * self._usual:
+            self.switch(at, mean > _ON * self._usual)

@@ -1,5 +1,5 @@
 """
-A link at the surface: pressure in; words, surveys, attitude and the state of the link out.
+A link at the surface: pressure or voltage in; words, surveys, attitude and the state of the link out.
 
 Times are s on the clock of the pressure, `stamp_ns` turns them into stamps. The same pressure gives the same output,
 however it is cut into blocks.
@@ -18,12 +18,12 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry import meanings
-from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.link_attitude import AgeRules, LinkAttitude
 from mwd_surface.receiver.link_survey import SurveyTime, survey
 from mwd_surface.receiver.link_values import believed, usable
-from mwd_surface.receiver.pulse_receiver import PulseReceiver
+from mwd_surface.receiver.receivers import receiver_of
 from mwd_surface.receiver.transmission import FrameReport, Reception
 from mwd_surface.receiver.words import ReceivedWord
 from mwd_surface.surveys.survey_record import Survey
@@ -31,6 +31,8 @@ from mwd_surface.surveys.survey_record import Survey
 NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
 # Eb/N0 at which 19 of 20 words of 13 bits are right when their parity is used (docs/benchmarks.md, limits of the code).
 NEEDED_DB = 6.0
+# The same of carriers, whose blocks are coded (docs/benchmarks.md, link).
+_NEEDED_DB = {"psk": 3.5}
 _GOODPUT_S = 300.0
 _JUDGED_WORDS = 40
 # Longest survey before which the tool may have stood still unseen: a recording that begins between two connections.
@@ -39,11 +41,12 @@ _SETTLE_S = 6.0
 
 @dataclasses.dataclass(frozen=True)
 class Quality:
-    """State of a link; fields as in mwd_msgs/LinkQuality."""
+    """State of a link; fields as in mwd_msgs/LinkQuality; needed_db: Eb/N0 without margin, dB."""
 
     state: int
     reason: str
     has_signal: bool = False
+    needed_db: float = NEEDED_DB
     ebn0_db: float = 0.0
     clock_error: float = 0.0
     word_error: float = -1.0
@@ -95,7 +98,8 @@ class Link:
     ) -> None:
         self._tool, self.name = tool, name
         self._reference, self._stamp_ns, self._errors = reference, stamp_ns, errors
-        self._receiver = PulseReceiver(tool)
+        self._receiver = receiver_of(tool)
+        self._needed_db = _NEEDED_DB.get(tool.code, NEEDED_DB)
         self.flow = FlowSpans()
         self.attitude = LinkAttitude(rules)
         self._survey_words: dict[int, list[ReceivedWord]] = {}
@@ -109,10 +113,11 @@ class Link:
         self.now_s = -math.inf
 
     def push(self, time_s: Array, pressure_pa: Array) -> LinkOutput:
-        """Take samples, shape (n,): rising times, s, and Pa."""
+        """Take samples, shape (n,): rising times, s, and Pa (V of a link through the ground)."""
         if len(time_s) == 0:
             return LinkOutput()
-        self.flow.push(time_s, pressure_pa)
+        if self._tool.medium == "mud":
+            self.flow.push(time_s, pressure_pa)
         self.now_s = max(self.now_s, float(time_s[-1]))
         return self._take(self._receiver.push(np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)))
 
@@ -135,6 +140,7 @@ class Link:
         return Quality(
             state=state,
             reason=reason,
+            needed_db=self._needed_db,
             has_signal=frame is not None and state in (LOCKED, DOUBTFUL),
             ebn0_db=frame.ebn0_db if frame is not None else 0.0,
             clock_error=frame.clock_error if frame is not None else 0.0,
@@ -203,7 +209,12 @@ class Link:
 
     def _state(self, silent: bool) -> tuple[int, str]:
         if silent or math.isinf(self.now_s):
-            return NO_INPUT, "no pressure arrives: look at the gauge and its cable"
+            what = (
+                "pressure arrives: look at the gauge"
+                if self._tool.medium == "mud"
+                else "voltage arrives: look at the antenna"
+            )
+            return NO_INPUT, f"no {what} and its cable"
         if not self.flow.flowing:
             return NO_FLOW, "the pumps are off: the tool is silent"
         word = self._last_word
@@ -216,7 +227,7 @@ class Link:
         if synced and self.now_s - synced[-1] < 4.0 * longest:
             return LOCKED, "sync found, the first words follow"
         waited = self.now_s - on_since
-        expected = self._tool.transmit_delay_s + (self._tool.sync.length_tu + 60) * self._tool.tu_s
+        expected = self._tool.transmit_delay_s + self._head_s() + 2.0 * longest
         if waited < expected:
             return SEARCHING, f"waiting for the sync, {self._tool.transmit_delay_s:g} s after flow-on"
         if word is not None and word.end_s > on_since and self._last_frame is not None and self._last_frame.reason:
@@ -228,15 +239,23 @@ class Link:
         if len(self._final) >= 5 and len(erased) > 0.5 * len(self._final):
             return DOUBTFUL, "more than half of the words are uncertain: too much noise, or another tool configuration"
         frame = self._last_frame
-        if frame is not None and frame.ebn0_db < NEEDED_DB:
-            return LOCKED, f"the signal is {NEEDED_DB - frame.ebn0_db:.1f} dB too weak for most words"
+        if frame is not None and frame.ebn0_db < self._needed_db:
+            return LOCKED, f"the signal is {self._needed_db - frame.ebn0_db:.1f} dB too weak for most words"
         return LOCKED, ""
 
     def _longest_s(self) -> float:
         """Longest time from one decoded word to the next, s."""
         items = [item for items in (*self._tool.surveys, *self._tool.toolfaces) for item in items]
         # Words are decoded some at a time, behind the response of the channel.
-        return 4.0 * max(self._tool.pulses(0, item.length).length for item in items) * self._tool.tu_s
+        return 4.0 * max(self._tool.seconds((item,)) for item in items)
+
+    def _head_s(self) -> float:
+        """Time on air of a sync and header, s; a carrier has its markers in each block."""
+        return (
+            (self._tool.sync.length_tu + self._tool.header_tu) * self._tool.tu_s
+            if self._tool.code in PULSE_CODES
+            else 0.0
+        )
 
 
 def _repeats(codes: dict[str, int], before: dict[str, int]) -> bool:

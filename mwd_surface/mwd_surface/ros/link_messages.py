@@ -10,7 +10,7 @@ from mwd_sensors.ros.time_stamps import stamp
 from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
-from mwd_surface.receiver.link import NEEDED_DB, Quality
+from mwd_surface.receiver.link import Quality
 from mwd_surface.receiver.transmission import FrameReport
 from mwd_surface.receiver.words import BELIEVED, ReceivedWord
 from mwd_surface.surveys.message_conversion import fill_survey
@@ -76,7 +76,7 @@ def quality_message(quality: Quality, link: str, stamp_ns: int) -> msg.LinkQuali
         reason=quality.reason,
         has_signal=quality.has_signal,
         ebn0_db=quality.ebn0_db if quality.has_signal else 0.0,
-        margin_db=quality.ebn0_db - NEEDED_DB if quality.has_signal else 0.0,
+        margin_db=quality.ebn0_db - quality.needed_db if quality.has_signal else 0.0,
         clock_error=quality.clock_error if quality.has_signal else 0.0,
         word_error=quality.word_error,
         goodput=quality.goodput,
