@@ -22,6 +22,7 @@ from mwd_surface.commands.export import export, report
 from mwd_surface.commands.forecast import forecast
 from mwd_surface.commands.graph import call, param, topic
 from mwd_surface.commands.inspect import inspect
+from mwd_surface.commands.listen import listen
 from mwd_surface.commands.node import PASS_ON, node
 from mwd_surface.commands.path import path
 from mwd_surface.commands.plot import plot
@@ -80,6 +81,7 @@ app.command(rich_help_panel=_RECORDINGS)(report)
 app.command(rich_help_panel=_RECORDINGS)(simulate)
 app.command(rich_help_panel=_RECORDINGS)(decode)
 app.command(rich_help_panel=_RECORDINGS)(view)
+app.command(rich_help_panel=_RECORDINGS)(listen)
 app.command(rich_help_panel=_RECORDINGS)(plot)
 app.command(rich_help_panel=_RECORDINGS)(calibrate)
 app.command(rich_help_panel=_RECORDINGS)(recover)

@@ -15,9 +15,9 @@ import functools
 import math
 
 import numpy as np
-from scipy import linalg
 
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.compiled import compiled
 from mwd_sensors.telemetry import carrier as air
 from mwd_sensors.telemetry.carrier import MARKER_SYMBOLS, Carrier
 from mwd_sensors.telemetry.convolution import MEMORY
@@ -162,12 +162,16 @@ class BlockDecoder:
         early, late = product[MARGIN:middle].sum(), product[middle:-MARGIN].sum()
         return float(np.angle(late * np.conj(early))) / (0.5 * self._carrier.block_symbols)
 
-    def _trains(self, mean: Complex) -> Complex:
-        """Response of all symbols to each component; shape (n, c)."""
+    def _sent(self, mean: Complex, shape: Complex) -> Complex:
+        """Symbols through a response that begins `BEFORE` each; shape (n,)."""
         impulses = np.zeros(self.rows, dtype=complex)
         impulses[::PER_SYMBOL] = mean
         begin = PER_SYMBOL * BEFORE
-        return np.stack([np.convolve(impulses, one)[begin : begin + self.rows] for one in _basis()], axis=1)
+        return np.convolve(impulses, shape)[begin : begin + self.rows]
+
+    def _trains(self, mean: Complex) -> Complex:
+        """Response of all symbols to each component; shape (n, c)."""
+        return np.stack([self._sent(mean, one) for one in _basis()], axis=1)
 
     def _channel(
         self, data: BlockData, mean: Complex, variance: Array, taps: Complex, weight: Array
@@ -205,10 +209,7 @@ class BlockDecoder:
     ) -> tuple[Complex, Array]:
         """Prediction error filter for noise of unit variance, from what is left; and the weight of each row."""
         mean, variance = symbols
-        impulses = np.zeros(self.rows, dtype=complex)
-        impulses[::PER_SYMBOL] = mean
-        begin = PER_SYMBOL * BEFORE
-        rest = data.envelope - offset - np.convolve(impulses, response)[begin : begin + self.rows]
+        rest = data.envelope - offset - self._sent(mean, response)
         sure = weight * (np.repeat(variance, PER_SYMBOL) < 0.5)
         order = _ORDER if sure.sum() > 30 * _ORDER else 4
         taps = prediction_error_filter(rest, sure, order)
@@ -227,22 +228,16 @@ class BlockDecoder:
         """Estimate of each symbol without its own prior, shape (count,), and its precision."""
         response, taps = channel
         shape = np.convolve(response, taps)
-        columns = np.zeros((self.rows, self._count + data.lines.shape[1]), dtype=complex)
-        begin = PER_SYMBOL * BEFORE
-        for k in range(self._count):
-            first = PER_SYMBOL * k - begin
-            low, high = max(first, 0), min(first + len(shape), self.rows)
-            columns[low:high, k] = shape[low - first : high - first]
-        columns[:, self._count :] = filtered(data.lines, taps)
-        rest = filtered(data.envelope, taps) - columns[:, : self._count] @ mean
-        root = np.sqrt(weight)[:, None]
-        left = root * columns
-        precision = 1.0 / np.concatenate([np.maximum(variance, _KNOWN), np.full(data.lines.shape[1], _LINE)])
-        gram = left.conj().T @ left + np.diag(precision)
-        factor = linalg.cho_factor(gram, lower=True)
-        inverse = linalg.cho_solve(factor, np.eye(len(gram)))
-        change = inverse @ (left.conj().T @ (root[:, 0] * rest))
-        posterior = np.maximum(np.real(np.diag(inverse))[: self._count], 1e-12)
+        lines = filtered(data.lines, taps)
+        rest = filtered(data.envelope, taps) - self._sent(mean, shape)
+        size = self._count + lines.shape[1]
+        gram, seen = np.zeros((size, size), dtype=complex), np.zeros(size, dtype=complex)
+        _normal_equations((shape, PER_SYMBOL * BEFORE), lines, rest, weight, gram, seen)
+        precision = 1.0 / np.concatenate([np.maximum(variance, _KNOWN), np.full(lines.shape[1], _LINE)])
+        gram[np.diag_indices(size)] += precision
+        _invert(gram)
+        change = gram @ seen
+        posterior = np.maximum(np.real(np.diag(gram))[: self._count], 1e-12)
         prior = 1.0 / np.maximum(variance, _KNOWN)
         own = np.maximum(1.0 / posterior - prior, 1e-6)
         return ((mean + change[: self._count]) / posterior - mean * prior) / own, own
@@ -273,3 +268,66 @@ class BlockDecoder:
         inside = slice(MARGIN, self._count - MARGIN)
         variance[inside] = np.maximum(1.0 - np.abs(mean[inside]) ** 2, _KNOWN)
         return mean, variance
+
+
+@compiled
+def _normal_equations(
+    symbol: tuple[Complex, int], lines: Complex, rest: Complex, weight: Array, gram: Complex, seen: Complex
+) -> None:
+    """
+    Normal equations of symbols and lines; a product of whole matrices would be mostly of zeros.
+
+    Parameters
+    ----------
+    symbol : (ndarray, int)
+        Response to a symbol, shape (m,), and how many of its values come before the symbol.
+    lines : ndarray, shape (n, j)
+    rest, weight : ndarray, shape (n,)
+    gram, seen : ndarray, shapes (k + j, k + j), (k + j,)
+        Filled.
+    """
+    shape, before = symbol
+    n, j, m = len(rest), lines.shape[1], len(shape)
+    count = len(seen) - j
+    for k in range(count):
+        first = PER_SYMBOL * k - before
+        for row in range(max(first, 0), min(first + m, n)):
+            own = weight[row] * np.conj(shape[row - first])
+            seen[k] += own * rest[row]
+            for other in range(k, count):
+                lag = row - (PER_SYMBOL * other - before)
+                if lag < 0:
+                    break
+                gram[k, other] += own * shape[lag]
+            for line in range(j):
+                gram[k, count + line] += own * lines[row, line]
+    for line in range(j):
+        for row in range(n):
+            own = weight[row] * np.conj(lines[row, line])
+            seen[count + line] += own * rest[row]
+            for other in range(line, j):
+                gram[count + line, count + other] += own * lines[row, other]
+    for k in range(len(seen)):
+        for other in range(k):
+            gram[k, other] = np.conj(gram[other, k])
+
+
+@compiled
+def _invert(a: Complex) -> None:
+    """
+    Turn a positive definite Hermitian matrix, shape (n, n), into its inverse (Gauss and Jordan, no pivots needed).
+
+    For so small a matrix the threads of a linear algebra library wait for each other longer than they work.
+    """
+    n = len(a)
+    for k in range(n):
+        pivot = 1.0 / a[k, k]
+        a[k, k] = 1.0
+        for j in range(n):
+            a[k, j] *= pivot
+        for i in range(n):
+            if i != k:
+                factor = a[i, k]
+                a[i, k] = 0.0
+                for j in range(n):
+                    a[i, j] -= factor * a[k, j]

@@ -59,3 +59,31 @@ def test_no_word_is_said_with_its_reason(folder):
     said = run("decode", folder / "well" / "pressure.csv", "--tool", folder / "other.yaml", "-o", folder / "none")
     assert not [row for row in rows(folder / "none" / "words.csv") if row["status"] == "believed"]
     assert "no words" in said or "0 of" in said
+
+
+@pytest.mark.parametrize(
+    ("code", "recording"), [("psk", "pressure.csv"), ("serial", "bytes.bin"), ("combinatorial", "pressure.csv")]
+)
+def test_other_codes_are_simulated_and_decoded(tmp_path, code, recording):
+    run("tool", "new", "-o", tmp_path / "tool.yaml", "--code", code)
+    run("tool", "simulate", tmp_path / "tool.yaml", "-o", tmp_path / "well", "--minutes", 5)
+    said = run("decode", tmp_path / "well" / recording, "--tool", tmp_path / "tool.yaml", "-o", tmp_path / "out")
+    assert "7 of 7 words believed" in said
+    sent, words = rows(tmp_path / "well" / "sent.csv"), rows(tmp_path / "out" / "words.csv")
+    assert [row["raw"] for row in words[:7]] == [row["raw"] for row in sent[:7]]
+    assert (tmp_path / "out" / "picture.png").exists() == (code != "serial")
+
+
+def test_an_em_tool_is_simulated_and_decoded(tmp_path):
+    run("tool", "new", "-o", tmp_path / "em.yaml", "--code", "psk")
+    text = (tmp_path / "em.yaml").read_text().replace("medium: mud", "medium: earth").replace("12.0", "6.0")
+    (tmp_path / "em.yaml").write_text(text)
+    assert "QPSK on 6 Hz in the earth" in run("tool", "check", tmp_path / "em.yaml")
+    run("tool", "simulate", tmp_path / "em.yaml", "-o", tmp_path / "well", "--minutes", 4, "--depth", 2000)
+    said = run("decode", tmp_path / "well" / "voltage.csv", "--tool", tmp_path / "em.yaml", "-o", tmp_path / "out")
+    assert "7 of 7 words believed" in said
+
+
+def test_a_source_that_does_not_fit_the_tool_is_refused(folder):
+    with pytest.raises(ValueError, match="listened to at modbus:HOST:PORT"):
+        run("listen", "serial:/dev/ttyUSB0", "--tool", folder / "tool.yaml", "-o", folder / "heard")

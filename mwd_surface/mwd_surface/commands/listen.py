@@ -1,0 +1,104 @@
+"""`mwd listen`: a live gauge, sound card or serial line to words, as they come."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+    from mwd_surface.receiver.sources import Source
+    from mwd_surface.receiver.words import ReceivedWord
+
+_PAUSE_S = 0.05
+
+
+def listen(
+    source: Annotated[
+        str,
+        typer.Argument(
+            help="modbus:HOST:PORT (a 4-20 mA gauge), serial:DEVICE (a wired tool), or wav:- (PCM on standard input)."
+        ),
+    ],
+    tool: Annotated[Path, typer.Option("--tool", help="Tool configuration, YAML: what the tool sends, and how.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of words.csv and surveys.csv.")],
+    gauge: Annotated[Path | None, typer.Option(help="YAML of the gauge: register, unit, scale, rate_hz.")] = None,
+    seconds: Annotated[float, typer.Option(help="Stop after this time; 0: at Ctrl-C or the stream's end.")] = 0.0,
+) -> None:
+    """
+    Decode live what an MWD tool sends, without ROS, and print each word when it is heard.
+
+    \b
+    Examples:
+      mwd listen modbus:192.168.1.20:502 --gauge gauge.yaml --tool tool.yaml -o heard
+      arecord -t wav -f S32_LE -r 400 | mwd listen wav:- --tool tool.yaml -o heard
+      mwd listen serial:/dev/ttyUSB0 --tool serial.yaml -o heard
+    """
+    import time
+
+    from mwd_sensors.telemetry import tool_configuration
+    from mwd_surface.commands import terminal
+    from mwd_surface.receiver import receivers, word_files
+
+    configuration = tool_configuration.read(tool)
+    receiver = receivers.receiver_of(configuration)
+    began = time.monotonic()
+    opened = _opened(source, configuration, gauge, lambda: time.monotonic() - began)
+    words: list[ReceivedWord] = []
+    output.mkdir(parents=True, exist_ok=True)
+    said = ""
+    try:
+        while not (opened.ended or (seconds and time.monotonic() - began > seconds)):
+            heard = receiver.push(*opened.read()).words
+            words += heard
+            _print(heard)
+            if opened.failure and opened.failure != said:
+                terminal.warn(opened.failure)
+            said = opened.failure
+            time.sleep(_PAUSE_S)
+    except KeyboardInterrupt:
+        terminal.output().print("stopped", markup=False)
+    heard = receiver.push(*opened.read()).words + receiver.finish().words
+    opened.close()
+    words += heard
+    _print(heard)
+    (output / "words.csv").write_text(word_files.words_csv(words), encoding="utf-8")
+    (output / "surveys.csv").write_text(word_files.surveys_csv(words), encoding="utf-8")
+    if not words:
+        terminal.warn(receiver.why_nothing())
+    terminal.output().print(f"written: {output}/words.csv, surveys.csv", markup=False)
+
+
+def _print(words: list[ReceivedWord]) -> None:
+    from mwd_surface.commands import terminal
+
+    for word in words:
+        value = f"{word.value:.6g} {word.unit}".rstrip() if word.status != "erased" else "erased"
+        line = f"{word.end_s:9.1f} s  {word.kind:8} {word.name} {value}  confidence {word.confidence:.3f}"
+        terminal.output().print(line, markup=False)
+
+
+def _opened(where: str, configuration: ToolConfiguration, gauge: Path | None, clock: Callable[[], float]) -> Source:
+    """Source of a name such as `modbus:HOST:PORT`."""
+    import yaml
+
+    from mwd_sensors.core import settings
+    from mwd_surface.receiver import sources
+
+    kind, _, rest = where.partition(":")
+    wired = configuration.code == "serial"
+    if kind == "serial" and wired:
+        return sources.SerialBytes(rest, configuration.serial.baud, clock)
+    if kind == "wav" and rest == "-" and not wired:
+        return sources.WavStream(0)
+    host, _, port = rest.rpartition(":")
+    if kind == "modbus" and host and port.isdigit() and not wired:
+        plain = (yaml.safe_load(gauge.read_text(encoding="utf-8")) if gauge is not None else None) or {}
+        return sources.ModbusGauge(
+            settings.from_mapping(sources.GaugeSettings, {**plain, "host": host, "port": int(port)}), clock
+        )
+    wanted = "serial:DEVICE" if wired else "modbus:HOST:PORT or wav:-"
+    raise ValueError(f"{where}: a tool of code {configuration.code} is listened to at {wanted}")

@@ -1,0 +1,277 @@
+"""
+Live sources of a receiver: a 4-20 mA gauge read over Modbus, a WAV stream (sound card, pipe), bytes of a serial line.
+
+Each is read without waiting, so that a node's timer or a plain loop can do it: `read` gives what has come since the
+last call, and `failure` says in a sentence why nothing comes. Times are those of arrival, on the clock handed in.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import select
+import struct
+import threading
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+import serial  # type: ignore[import-untyped]
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.settings import setting
+
+_EMPTY = np.zeros(0)
+# NAMUR NE 43: beyond these currents the gauge says that it has failed.
+_FAILED_MA = (3.6, 21.0)
+_RETRY_S = 2.0
+WAV_FULL_SCALE_PA = 1.0e7
+
+
+class Source(Protocol):
+    """Where samples come from."""
+
+    failure: str
+    """Why nothing comes; empty while samples may come."""
+    ended: bool
+    """Whether no more will come."""
+
+    def read(self) -> tuple[Array, Array]:
+        """Times, s, and samples that have come since the last call; shape (n,) each."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the device."""
+        ...
+
+
+@dataclasses.dataclass(frozen=True)
+class GaugeSettings:
+    """A pressure gauge of 4 to 20 mA behind a Modbus converter."""
+
+    host: str = setting("127.0.0.1", "Address of the converter.")
+    port: int = setting(502, "TCP port of the converter.", low=1, high=65535)
+    unit: int = setting(1, "Unit (slave) number of the converter.", low=0, high=255)
+    register: int = setting(0, "Input register of the channel, counted from 0.", low=0, high=65535)
+    count_4_ma: int = setting(0, "Register at 4 mA.", low=0, high=65535)
+    count_20_ma: int = setting(65535, "Register at 20 mA.", low=0, high=65535)
+    pressure_4_ma: float = setting(0.0, "Pressure at 4 mA.", unit="Pa")
+    pressure_20_ma: float = setting(3.5e7, "Pressure at 20 mA.", unit="Pa")
+    rate_hz: float = setting(
+        50.0, "Readings a second; a pulse width needs 5, a period of a carrier 2.5.", unit="Hz", low=0.5, high=500.0
+    )
+
+    def __post_init__(self) -> None:
+        """
+        Check the scale.
+
+        Raises
+        ------
+        ValueError
+            Both ends of the scale are the same.
+        """
+        if self.count_4_ma == self.count_20_ma or self.pressure_4_ma == self.pressure_20_ma:
+            raise ValueError("count_20_ma, pressure_20_ma: must differ from those at 4 mA")
+
+
+def gauge_pressure(settings: GaugeSettings, count: int) -> float:
+    """Pressure of a register, Pa; not a number where the current says that the gauge has failed."""
+    share = (count - settings.count_4_ma) / (settings.count_20_ma - settings.count_4_ma)
+    if not _FAILED_MA[0] <= 4.0 + 16.0 * share <= _FAILED_MA[1]:
+        return math.nan
+    return settings.pressure_4_ma + share * (settings.pressure_20_ma - settings.pressure_4_ma)
+
+
+class ModbusGauge:
+    """
+    Gauge that a thread of its own reads at an even rate: a reading that waits for the network delays no other.
+
+    Parameters
+    ----------
+    settings : GaugeSettings
+    clock : callable
+        Time now, s.
+    """
+
+    def __init__(self, settings: GaugeSettings, clock: Callable[[], float]) -> None:
+        from pymodbus.client import ModbusTcpClient
+
+        self._settings, self._clock = settings, clock
+        self._client: Any = ModbusTcpClient(settings.host, port=settings.port, timeout=1.0, retries=0)
+        self._lock, self._stop = threading.Lock(), threading.Event()
+        self._rows: list[tuple[float, float]] = []
+        self.failure, self.ended = f"{settings.host}:{settings.port} has not answered yet", False
+        self._thread = threading.Thread(target=self._poll, name="gauge", daemon=True)
+        self._thread.start()
+
+    def read(self) -> tuple[Array, Array]:
+        """Times, s, and pressures, Pa, that have come since the last call."""
+        with self._lock:
+            rows, self._rows = self._rows, []
+        table = np.array(rows, dtype=float).reshape(-1, 2)
+        return table[:, 0], table[:, 1]
+
+    def close(self) -> None:
+        """End the thread and the connection."""
+        self._stop.set()
+        self._thread.join(5.0)
+        self._client.close()
+        self.ended = True
+
+    def _poll(self) -> None:
+        period = 1.0 / self._settings.rate_hz
+        due = self._clock()
+        while not self._stop.is_set():
+            self._take()
+            due = max(due + period, self._clock() - period)
+            self._stop.wait(_RETRY_S if self.failure else max(due - self._clock(), 0.0))
+
+    def _take(self) -> None:
+        from pymodbus.exceptions import ModbusException
+
+        where, settings = f"{self._settings.host}:{self._settings.port}", self._settings
+        if not self._client.connected and not self._client.connect():
+            self.failure = f"{where} does not answer; check address, cable and power of the converter"
+            return
+        asked = self._clock()
+        try:
+            answer: Any = self._client.read_input_registers(settings.register, count=1, device_id=settings.unit)
+        except ModbusException as error:
+            self._client.close()
+            self.failure = f"{where}: {error}"
+            return
+        if answer.isError():
+            self.failure = f"{where} has no input register {settings.register} of unit {settings.unit}"
+            return
+        pressure = gauge_pressure(settings, answer.registers[0])
+        failed = math.isnan(pressure)
+        words = f"the current is outside of 3.6 to 21 mA: the gauge at {where} or its cable has failed"
+        self.failure = words if failed else ""
+        if not failed:
+            with self._lock:
+                # The converter answers with the value that it had between request and answer.
+                self._rows.append((0.5 * (asked + self._clock()), pressure))
+
+
+class WavStream:
+    """
+    PCM WAV that comes through a pipe: a sound card (`arecord -f S32_LE -r 400 | ...`), a file.
+
+    Parameters
+    ----------
+    descriptor : int
+        File descriptor to read, such as 0 for the standard input.
+    channel : int
+        From 1.
+    """
+
+    def __init__(self, descriptor: int, channel: int = 1) -> None:
+        self._descriptor, self._channel = descriptor, channel
+        self._open = bytearray()
+        self._form: tuple[int, int, float] | None = None
+        self._count = 0
+        self.failure, self.ended = "", False
+
+    def read(self) -> tuple[Array, Array]:
+        """Times since the first sample, s, and samples, Pa of a full scale of 1e7, that have come."""
+        while not self.ended and select.select([self._descriptor], [], [], 0.0)[0]:
+            more = os.read(self._descriptor, 65536)
+            self.ended = not more
+            self._open += more
+        if self._form is None:
+            self._form = self._header()
+        if self._form is None:
+            return _EMPTY, _EMPTY
+        channels, width, rate = self._form
+        frame = channels * width
+        whole = len(self._open) // frame * frame
+        raw = np.frombuffer(bytes(self._open[:whole]), dtype=f"<i{width}" if width > 1 else np.uint8)
+        del self._open[:whole]
+        one = raw.reshape(-1, channels)[:, self._channel - 1].astype(float) - (128.0 if width == 1 else 0.0)
+        time = (self._count + np.arange(len(one))) / rate
+        self._count += len(one)
+        return time, one * (WAV_FULL_SCALE_PA / 2 ** (8 * width - 1))
+
+    def close(self) -> None:
+        """Read no more; the descriptor stays its owner's."""
+        self.ended = True
+
+    def _header(self) -> tuple[int, int, float] | None:
+        """Channels, bytes a sample, and rate; None until the samples begin. A stream gives no true sizes."""
+        if len(self._open) < 12:
+            return None
+        if self._open[:4] != b"RIFF" or self._open[8:12] != b"WAVE":
+            self.failure, self.ended = "the stream is no WAV", True
+            return None
+        at, form = 12, None
+        while len(self._open) >= at + 8:
+            name, size = struct.unpack_from("<4sI", self._open, at)
+            if name == b"data":
+                del self._open[: at + 8]
+                return form
+            if len(self._open) < at + 8 + size:
+                return None
+            if name == b"fmt ":
+                kind, channels, rate, _, _, bits = struct.unpack_from("<HHIIHH", self._open, at + 8)
+                if kind not in (1, 0xFFFE) or bits not in (8, 16, 32) or self._channel > channels:
+                    self.failure = (
+                        f"the WAV has {channels} channels of {bits} bits, form {kind}; give PCM of 8, 16 or 32"
+                    )
+                    self.ended = True
+                    return None
+                form = (channels, bits // 8, float(rate))
+            at += 8 + size + size % 2
+        return None
+
+
+class SerialBytes:
+    """
+    Bytes of a serial line, which is opened again when it was lost.
+
+    Parameters
+    ----------
+    port : str
+    baud : int
+    clock : callable
+        Time now, s.
+    """
+
+    def __init__(self, port: str, baud: int, clock: Callable[[], float]) -> None:
+        self._port, self._baud, self._clock = port, baud, clock
+        self._line: serial.Serial | None = None
+        self._next_try = -math.inf
+        self.failure, self.ended = "", False
+
+    def read(self) -> tuple[Array, Array]:
+        """Time of arrival, s, of each byte since the last call, and its value, 0 to 255."""
+        now = self._clock()
+        if self.ended or (self._line is None and not self._opened(now)):
+            return _EMPTY, _EMPTY
+        try:
+            data = self._line.read(max(self._line.in_waiting, 1)) if self._line is not None else b""
+        except OSError as error:
+            self.close()
+            self.ended = False
+            self.failure = f"{self._port} was lost: {error.strerror or error}"
+            return _EMPTY, _EMPTY
+        return np.full(len(data), now), np.frombuffer(data, dtype=np.uint8).astype(float)
+
+    def close(self) -> None:
+        """Close the line."""
+        if self._line is not None:
+            self._line.close()
+            self._line = None
+        self.ended = True
+
+    def _opened(self, now: float) -> bool:
+        if now < self._next_try:
+            return False
+        self._next_try = now + _RETRY_S
+        try:
+            self._line = serial.Serial(self._port, self._baud, timeout=0, exclusive=True)
+        except (OSError, ValueError) as error:
+            self.failure = f"{self._port}: {getattr(error, 'strerror', None) or error}"
+            return False
+        self.failure = ""
+        return True

@@ -1,0 +1,127 @@
+"""Live sources: a gauge behind a Modbus server, a WAV through a pipe, a serial line of a pseudo terminal."""
+
+import dataclasses
+import io
+import math
+import os
+import socket
+import threading
+import time
+import wave
+
+import numpy as np
+import pytest
+from pyModbusTCP.server import ModbusServer
+from serial_lines import until
+
+from mwd_sensors.simulator.serial_channel import transmit
+from mwd_sensors.telemetry.tool_configuration import starting
+from mwd_surface.receiver.receivers import receiver_of
+from mwd_surface.receiver.sources import GaugeSettings, ModbusGauge, SerialBytes, WavStream, gauge_pressure
+
+
+def free_port():
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return found.getsockname()[1]
+
+
+@pytest.mark.parametrize(("count", "pressure"), [(6400, 0.0), (32000, 3.5e7), (19200, 1.75e7)])
+def test_a_current_is_a_pressure(count, pressure):
+    settings = GaugeSettings(count_4_ma=6400, count_20_ma=32000)
+    assert gauge_pressure(settings, count) == pytest.approx(pressure)
+
+
+def test_a_gauge_without_current_has_no_pressure():
+    settings = GaugeSettings(count_4_ma=6400, count_20_ma=32000)
+    assert math.isnan(gauge_pressure(settings, 0))
+    assert math.isnan(gauge_pressure(settings, 35000))
+
+
+def test_a_scale_of_nothing_is_refused():
+    with pytest.raises(ValueError, match="differ"):
+        GaugeSettings(count_4_ma=5, count_20_ma=5)
+
+
+def test_a_gauge_is_read_over_modbus_and_says_what_it_lacks():
+    port = free_port()
+    settings = GaugeSettings(port=port, register=3, count_4_ma=6400, count_20_ma=32000, rate_hz=100.0)
+    server = ModbusServer("127.0.0.1", port, no_block=True)
+    server.start()
+    try:
+        server.data_bank.set_input_registers(3, [19200])
+        gauge = ModbusGauge(settings, time.monotonic)
+        times, pressures = until(gauge.read, 10)
+        assert np.all(np.diff(times) > 0.0)
+        assert pressures == pytest.approx(1.75e7)
+        assert gauge.failure == ""
+        server.data_bank.set_input_registers(3, [0])
+        until(lambda: bool(gauge.failure))
+        assert "3.6 to 21 mA" in gauge.failure
+        gauge.close()
+    finally:
+        server.stop()
+    silent = ModbusGauge(dataclasses.replace(settings, port=free_port()), time.monotonic)
+    until(lambda: "does not answer" in silent.failure)
+    silent.close()
+
+
+def test_a_wav_through_a_pipe_is_read_as_it_comes():
+    values = np.arange(-500, 500, dtype=np.int16)
+    file = io.BytesIO()
+    with wave.open(file, "wb") as out:
+        out.setnchannels(1)
+        out.setsampwidth(2)
+        out.setframerate(50)
+        out.writeframes(values.tobytes())
+    data = file.getvalue()
+    reading, writing = os.pipe()
+    stream = WavStream(reading)
+    got = []
+    for k in range(0, len(data), 333):
+        os.write(writing, data[k : k + 333])
+        got.append(stream.read())
+    os.close(writing)
+    got.append(stream.read())
+    assert stream.ended
+    os.close(reading)
+    times, pressures = (np.concatenate(part) for part in zip(*got, strict=True))
+    assert times == pytest.approx(np.arange(1000) / 50.0)
+    assert pressures == pytest.approx(values * 1e7 / 2**15)
+
+
+def test_a_stream_that_is_no_wav_is_refused():
+    reading, writing = os.pipe()
+    os.write(writing, b"this is no sound at all")
+    stream = WavStream(reading)
+    assert len(stream.read()[0]) == 0
+    assert stream.ended
+    assert "no WAV" in stream.failure
+    os.close(writing)
+    os.close(reading)
+
+
+def test_a_serial_line_is_read_to_words():
+    tool = dataclasses.replace(starting("serial"), transmit_delay_s=0.0)
+    data, sent = transmit(tool, 20.0, 3)
+    master, slave = os.openpty()
+    source = SerialBytes(os.ttyname(slave), 9600, time.monotonic)
+    assert len(source.read()[0]) == 0
+    writer = threading.Thread(target=os.write, args=(master, data))
+    writer.start()
+    times, values = until(source.read, len(data))
+    writer.join()
+    source.close()
+    assert np.all(np.diff(times) >= 0.0)
+    receiver = receiver_of(tool)
+    done = receiver.push(times, values)
+    done.add(receiver.finish())
+    assert [word.raw for word in done.words] == [word.raw for word in sent]
+    os.close(master)
+    os.close(slave)
+
+
+def test_a_line_that_is_not_there_is_named():
+    source = SerialBytes("/dev/does_not_exist", 9600, time.monotonic)
+    assert len(source.read()[0]) == 0
+    assert "does_not_exist" in source.failure
