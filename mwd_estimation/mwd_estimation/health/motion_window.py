@@ -232,7 +232,7 @@ def _turns_about_x(expected: Expected, carried: Any, seconds: float) -> bool:
     turned = -carried.turn_x if math.isfinite(expected.dip) else abs(carried.turn_x)
     if upwards and turned > TURNING * seconds:
         return False
-    return bool(carried.path <= TURNING * seconds or abs(carried.turn_x) >= 0.5 * carried.path)
+    return bool(carried.path <= TURNING * seconds or abs(carried.turn_x) >= 0.85 * carried.path)
 
 
 @compiled

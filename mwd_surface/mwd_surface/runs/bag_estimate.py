@@ -19,10 +19,10 @@ from mwd_estimation.gravity.bounded.filter import Params
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_sensors.calibration.compensation import Compensation
-from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_surface.bags.bag_reader import Bag, Block, Originals
 from mwd_surface.runs.bag_input import (
+    FIELDS,
     InputSettings,
     Topics,
     check_units,
@@ -39,14 +39,6 @@ from mwd_surface.runs.merger import Merger
 from mwd_surface.runs.overlap import ahead, behind
 from mwd_surface.runs.recorded_settings import Recorded
 from mwd_surface.runs.run_summary import Summary, pipeline_warnings
-
-# The other fields are most of the bytes of these messages, and are not read.
-_FIELDS = {
-    wire.IMU.type_name: ("angular_velocity", "linear_acceleration"),
-    wire.MAG.type_name: ("magnetic_field",),
-    wire.TEMPERATURE.type_name: ("temperature",),
-    wire.RIG_STATE.type_name: ("bit_depth", "valid"),
-}
 
 BlockSamples = dict[str | None, Samples]
 
@@ -164,9 +156,9 @@ class BagEstimate:
     def _blocks(self) -> Iterator[tuple[Block, list[Originals]]]:
         """Read the bag, with its messages as they are where a merger wants them."""
         if self._merger is not None:
-            yield from self._bag.blocks_and_originals(self.topics.all, self._start_ns, self._end_ns, fields=_FIELDS)
+            yield from self._bag.blocks_and_originals(self.topics.all, self._start_ns, self._end_ns, fields=FIELDS)
             return
-        for block in self._bag.blocks(self.topics.all, self._start_ns, self._end_ns, fields=_FIELDS):
+        for block in self._bag.blocks(self.topics.all, self._start_ns, self._end_ns, fields=FIELDS):
             yield block, []
 
     def _results(self, progress: Callable[[float], None]) -> Iterator[_Result]:

@@ -33,6 +33,13 @@ QUANTITIES = (
     ("imu", "angular_velocity", "rate", "--gyro-unit"),
     ("mag", "magnetic_field", "field", "--mag-unit"),
 )
+# The other fields are most of the bytes of these messages, and are not read.
+FIELDS = {
+    wire.IMU.type_name: ("angular_velocity", "linear_acceleration"),
+    wire.MAG.type_name: ("magnetic_field",),
+    wire.TEMPERATURE.type_name: ("temperature",),
+    wire.RIG_STATE.type_name: ("bit_depth", "valid"),
+}
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _LOOKED_AT = 2000  # messages, of all topics together, before frames and times count as seen
 _SAME_AT_LEAST = 10  # messages of one and the same time, before it counts as none

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from mwd_estimation import derivation
-from mwd_estimation.core.axis_mappings import MAPPINGS
 from mwd_estimation.core.fault_messages import describe, unit_words
 from mwd_estimation.core.sensor_fault import FaultCode, SensorFault
 from mwd_estimation.health import monitor
@@ -30,6 +29,7 @@ from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.mount import Mount
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.runs.bag_input import (
+    FIELDS,
     QUANTITIES,
     InputSettings,
     Topics,
@@ -40,17 +40,12 @@ from mwd_surface.runs.bag_input import (
     mount_of,
     unstamped,
 )
+from mwd_surface.runs.mag_mount import mag_mounts, reference_of
 from mwd_surface.runs.rests import Rests
 from mwd_surface.runs.stream_times import StreamTimes
 
 _FIX = "sensor_msgs/msg/NavSatFix"
 _UNIT_OPTIONS = {"accel_unit": "--accel-unit", "gyro_unit": "--gyro-unit", "mag_unit": "--mag-unit"}
-_FIELDS = {
-    wire.IMU.type_name: ("angular_velocity", "linear_acceleration"),
-    wire.MAG.type_name: ("magnetic_field",),
-    wire.TEMPERATURE.type_name: ("temperature",),
-    wire.RIG_STATE.type_name: ("bit_depth", "valid"),
-}
 # Least days since 1970 of a clock that was set.
 _CLOCK_SET_NS = 7000 * 86400 * wire.NANOSECONDS
 _PASSES = 6
@@ -144,10 +139,17 @@ def inspect(
     estimator = _placed(bag, estimator)
     reading = _read(bag, topics, given, estimator, progress)
     for _ in range(_PASSES):
-        found = _corrected(reading, topics)
+        found = _corrected(reading)
         if found is None:
             break
         reading = _read(bag, topics, *found, progress)
+    doubted = any(fault.code == FaultCode.AXES and fault.which[2] for fault in reading.faults)
+    apart = "mag" in mount_of(bag, topics, reading.estimator.tool.mount).unusable and bool(reading.turn)
+    if doubted or apart:
+        turned = mag_mounts(bag, topics, reading.given, reading.estimator)
+        if len(turned) == 1:
+            named = settings.changed(reading.estimator, {"tool.mount.mag": turned[0]})
+            reading = _read(bag, topics, reading.given, named, progress)
     mount = mount_of(bag, topics, reading.estimator.tool.mount)
     return Inspection(
         topics,
@@ -167,7 +169,7 @@ def inspect(
 
 def _with_units(bag: Bag, topics: Topics, given: InputSettings) -> InputSettings:
     """The settings with the units that the first readings are plausible in."""
-    first = next(bag.blocks([name for name in (topics.imu, topics.mag) if name], fields=_FIELDS), {})
+    first = next(bag.blocks([name for name in (topics.imu, topics.mag) if name], fields=FIELDS), {})
     changes: dict[str, Any] = {}
     for (name, field, quantity, _), option in zip(QUANTITIES, _UNIT_OPTIONS, strict=True):
         part = first.get(getattr(topics, name) or "")
@@ -202,7 +204,7 @@ def _read(
     reading = _Reading(given, estimator, {name: StreamTimes() for name in topics.all}, Rests(), [], [])
     without_time = unstamped(bag, topics)
     first = True
-    for block in bag.blocks(topics.all, fields=_FIELDS):
+    for block in bag.blocks(topics.all, fields=FIELDS):
         samples = in_si(block, topics, given, without_time)
         for name, (log_ns, _) in block.items():
             reading.times[name].take(samples[name]["stamp_ns"], log_ns)
@@ -226,11 +228,8 @@ def _read(
 
 
 def _expect(state: monitor.State, estimator: EstimatorSettings, first_ns: int) -> None:
-    """Judge by the field of the place where that is known for the day."""
-    try:
-        reference = derivation.reference(estimator, first_ns)
-    except ValueError:
-        return  # the day is outside the model; the place is named as missing
+    """Judge by the field of the place."""
+    reference = reference_of(estimator, first_ns)
     if reference is not None:
         monitor.set_reference(state, reference.gravity, reference.total, reference.dip)
 
@@ -245,11 +244,12 @@ def _turns(imu: Samples) -> list[str]:
         turns = (gyro * dt[:, None])[part == k]
         net, path = turns.sum(axis=0), float(np.linalg.norm(turns, axis=1).sum())
         if np.linalg.norm(net) > 3.0 * TURNING:
-            found.append(mounts.axis_down(net, path))
-    return [axis for axis in found if axis]
+            off = math.degrees(math.acos(min(abs(float(net[0])) / float(np.linalg.norm(net)), 1.0)))
+            found.append(mounts.axis_down(net, path) or f"{off:.0f} deg off x")
+    return found
 
 
-def _corrected(reading: _Reading, topics: Topics) -> tuple[InputSettings, EstimatorSettings] | None:
+def _corrected(reading: _Reading) -> tuple[InputSettings, EstimatorSettings] | None:
     """How to read the samples instead, by the first fault that says so; None where none does."""
     before, given = reading.estimator.tool.mount, reading.given
     for fault in sorted(reading.faults, key=lambda one: one.since_ns):
@@ -264,24 +264,10 @@ def _corrected(reading: _Reading, topics: Topics) -> tuple[InputSettings, Estima
             name = list(mounts.PRESETS)[fault.which[0] - 1]
             if before.imu == "x-down":
                 changes = {"imu": name}
-        elif fault.code == FaultCode.AXES and topics.mag is not None:
-            changes = _mag_mount(fault, before)
         if changes:
             named = {f"tool.mount.{name}": value for name, value in changes.items()}
             return given, settings.changed(reading.estimator, named)
     return None
-
-
-def _mag_mount(fault: SensorFault, before: mounts.MountSettings) -> dict[str, str]:
-    """The mount of a magnetometer that alone is turned, where the motion leaves one way; else nothing."""
-    gyro, accel, mag = fault.which
-    if gyro or accel or mag.bit_count() != 1 or before.mag != mounts.AS_IMU or before.imu == mounts.TF:
-        return {}
-    # What was measured is the mapping of what is true, in the axes of the IMU.
-    true = np.array(MAPPINGS[mag.bit_length() - 1], dtype=float).T
-    if np.linalg.det(true) < 0.0:
-        return {}
-    return {"mag": mounts.words(mounts.rotation(before.imu) @ true)}
 
 
 def _mount_words(mount: Mount, topics: Topics) -> str:

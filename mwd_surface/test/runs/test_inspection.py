@@ -11,6 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from mwd_estimation.pipeline import EstimatorSettings
 from mwd_sensors.core import settings, wire
+from mwd_sensors.core.frames import mat_from_quat, quat_from_rotvec
 from mwd_sensors.core.mount import PRESETS
 from mwd_sensors.simulator.scenario import read
 from mwd_surface.bags.bag_reader import Bag
@@ -59,10 +60,11 @@ def sent(tmp_path_factory):
     return samples_of(folder / "bag", "/imu/data_raw"), samples_of(folder / "bag", "/imu/mag")
 
 
-def written(path, imu, mag, late_ns=0):
+def written(path, imu, mag, late_ns=0, frames=("imu_link", "imu_link")):
     with BagWriter(path) as bag:
-        for name, layout, rows in (("/sensors/imu", wire.IMU, imu), ("/sensors/mag", wire.MAG, mag)):
-            data = layout.encode(rows, "imu_link")
+        both = (("/sensors/imu", wire.IMU, imu), ("/sensors/mag", wire.MAG, mag))
+        for (name, layout, rows), frame in zip(both, frames, strict=True):
+            data = layout.encode(rows, frame)
             bag.write_rows(bag.topic(name, layout.type_name), data, rows["stamp_ns"] + late_ns)
     return path
 
@@ -102,6 +104,28 @@ def test_the_printed_command_reads_a_recording_as_it_was_made(name, sent, tmp_pa
     assert survey["verdict"] == "accept"
     assert float(survey["inclination_deg"]) == pytest.approx(30.0, abs=0.1)
     assert float(survey["azimuth_deg"]) == pytest.approx(40.0, abs=2.0)
+
+
+@pytest.mark.parametrize("frames", [("imu_link", "imu_link"), ("imu_link", "mag_link")])
+@pytest.mark.parametrize("name", ["y-up", "z-down", "x-up"])
+def test_a_magnetometer_mounted_otherwise_than_the_imu_is_found_by_the_dip(name, frames, sent, tmp_path):
+    imu, mag = (one.copy() for one in sent)
+    mag["magnetic_field"] = mag["magnetic_field"] @ PRESETS[name]
+    found = inspected(written(tmp_path / "bag", imu, mag, frames=frames))
+    assert shlex.split(found.command)[5:7] == ["--mount", f"mag={name}"]
+    (survey,) = processed(found.command)
+    assert survey["verdict"] == "accept"
+    assert float(survey["azimuth_deg"]) == pytest.approx(40.0, abs=2.0)
+
+
+def test_a_unit_mounted_askew_is_named_with_its_angle(sent, tmp_path):
+    imu, mag = (one.copy() for one in sent)
+    turn = mat_from_quat(quat_from_rotvec([0.0, np.radians(35.0), 0.0]))
+    for samples, field in ((imu, "angular_velocity"), (imu, "linear_acceleration"), (mag, "magnetic_field")):
+        samples[field] = samples[field] @ turn
+    found = inspected(written(tmp_path / "bag", imu, mag))
+    assert found.turns_about == "35 deg off x"
+    assert any("mounted askew" in remark for remark in found.remarks)
 
 
 def test_what_is_missing_is_named_with_the_result_that_needs_it(sent, tmp_path):
