@@ -39,7 +39,7 @@ USED = (
     ("page_alarm.png", "alarm", (1024, 768), False),
     ("page_phone.png", "drilling", (390, 844), False),
 )
-FILM = {"size": (1280, 800), "shown": (640, 400), "every_s": 3.5, "colours": 32}
+FILM = {"size": (1280, 800), "shown": (640, 400), "every_s": 3.5, "colours": 48}
 COLOURS = 128
 _LONGEST_S = 600.0
 
@@ -214,7 +214,9 @@ def main() -> int:
         finally:
             run.send_signal(signal.SIGINT)
             run.wait(timeout=60.0)
-    frames = [frame.quantize(FILM["colours"]) for frame in film]
+    # One palette that keeps the few saturated colours: by frequency alone they would fade into the dark ground.
+    colours = film[-1].quantize(FILM["colours"], method=Image.Quantize.MAXCOVERAGE)
+    frames = [frame.quantize(palette=colours, dither=Image.Dither.NONE) for frame in film]
     file = (asked.all or IMAGES) / "demo.gif"
     frames[0].save(file, save_all=True, append_images=frames[1:], duration=600, loop=0, optimize=True)
     print(f"{file} ({file.stat().st_size // 1024} kB)")
