@@ -69,11 +69,11 @@ def drawn_run(seed):
 
 
 def test_rewording_every_reason_changes_no_survey_verdict_azimuth_or_sigma(monkeypatch):
-    plain = [drawn_run(seed) for seed in range(12)]
+    plain = [drawn_run(seed) for seed in range(5)]
     messages = [survey_fields(survey, 0) for run in plain for _, survey in run]
     for code in ReasonCode:
         monkeypatch.setitem(reason_text.WORDS, code, "reworded")
-    again = [drawn_run(seed) for seed in range(12)]
+    again = [drawn_run(seed) for seed in range(5)]
     assert repr(again) == repr(plain)
     reworded = [survey_fields(survey, 0) for run in again for _, survey in run]
     assert {message["verdict"] for message in messages} == {0, 1, 2}

@@ -56,7 +56,7 @@ def test_the_declination_is_never_averaged_away():
 
 def test_a_run_learns_the_string_s_field_and_errs_by_its_sigma():
     rng, errors, sigmas = np.random.default_rng(2), [], []
-    for _ in range(40):
+    for _ in range(20):
         model = RunFilter(ALONE, SIGMAS)
         bias = rng.normal(size=3) * SIGMAS.shared[:3] * 1e-6
         for k in range(12):
