@@ -182,8 +182,8 @@ TABLE = (
     Row(
         "disk.low",
         "surface",
-        "the disk of the recordings is {value:.0f} % full",
-        95.0,
+        "less than 1 GB is free on the disk of the recordings",
+        1.0,
         10.0,
         Severity.WARNING,
         "free the disk, or move old recordings away",

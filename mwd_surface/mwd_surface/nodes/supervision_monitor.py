@@ -69,9 +69,9 @@ class SupervisionMonitor:
 
 
 def _disk(folder: Path) -> dict[str, float]:
-    """How full the disk of a folder is, %; nothing where that cannot be asked, which the recorder names."""
+    """One over the free GB on the disk of a folder; nothing where that cannot be asked, which the recorder names."""
     try:
-        usage = shutil.disk_usage(folder)
+        free = shutil.disk_usage(folder).free
     except OSError:
         return {}
-    return {"disk.low": 100.0 * (1.0 - usage.free / usage.total)}
+    return {"disk.low": 1e9 / max(free, 1)}
