@@ -148,7 +148,7 @@ class Verdict:
         expert=True,
     )
     far_probability: float = setting(
-        0.005,
+        0.006,
         "An azimuth is doubtful that is farther off than far_deg with a larger probability. Raising it accepts more "
         "stations beside interference, and more of them are far off.",
         low=0.0001,

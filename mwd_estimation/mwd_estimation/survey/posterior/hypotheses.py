@@ -71,7 +71,7 @@ class Priors:
         high=0.5,
     )
     turned: float = setting(
-        0.001,
+        0.003,
         "Probability that steel turns the field about the vertical and keeps its total and dip: nothing but a "
         "gyro shows that.",
         low=0.0,
@@ -84,7 +84,7 @@ class Priors:
         high=0.5,
     )
     gyro_outlier: float = setting(
-        0.02,
+        0.004,
         "Probability that a gyro azimuth is wrong by more than its sigma says. Raising it doubts more stations at "
         "which gyro and magnetometer disagree.",
         low=0.0,

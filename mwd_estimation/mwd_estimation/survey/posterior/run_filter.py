@@ -32,11 +32,13 @@ _LEAST = 1e-4
 # Variance that leaves an observation out, in its own units squared.
 _OUT = 1e8
 # A step of a gyro's bias: so much, rad, and so many of its sigmas.
-_STEP = math.radians(1.0), 1.5
+_STEP = math.radians(1.75), 0.75
 # Share of a field from outside at one station that is there at the next.
 _GOES_ON = 0.5
 # What is believed beforehand of the gyro and of fields from outside counts as so many stations.
 _BELIEVED = 20.0
+# A kind that is more probable than this is counted.
+_DECIDED = 0.9
 # A wrong gyro azimuth has errors of any size (wrapped Cauchy; Mardia and Jupp, Directional Statistics, section 3.5.7):
 # half of them are larger than this, rad.
 _WRONG = math.radians(10.0)
@@ -250,7 +252,8 @@ class RunFilter:
             if weight > 0.0:
                 self._update(k, share[:, k] / weight, one, evidence, (r[k], S[k], M[k]))
         if math.isfinite(one["gyro"]):
-            state.of_gyro = state.of_gyro + share.sum(axis=(0, 1, 2))
+            # What is not decided is no experience with the gyro.
+            state.of_gyro = state.of_gyro + (share.sum(axis=(0, 1, 2)) > _DECIDED)
         state.outside = share.sum(axis=(0, 1, 3))
         state.of_outside = state.of_outside + state.outside
         floor = _FLOOR * self.filters.weight
