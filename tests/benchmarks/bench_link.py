@@ -52,10 +52,12 @@ def word_limit(channel, tool):
     return limits.channel_word_error(common, 13)
 
 
-def received_of(tool, run, sent):
+def received_of(tool, run, sent, counted=False):
     """(right, confidence, believed) of each word that was sent; None where nothing was received; and the speed."""
     began = time.perf_counter()
     receiver = PulseReceiver(tool)
+    for pump, strokes in enumerate(run.strokes_s if counted else ()):
+        receiver.strokes(pump, strokes)
     words = receiver.push(run.time_s, run.pressure_pa).words + receiver.finish().words
     speed = run.time_s[-1] / (time.perf_counter() - began)
     late = np.median([w.start_s for w in words[:1]]) - sent.words[0].start_s if words else 0.0
@@ -66,14 +68,14 @@ def received_of(tool, run, sent):
     return rows, speed
 
 
-def case(channel, tool, seeds, clock=5e-4, passes=3):
-    """Rows of all seeds, and the median speed."""
+def case(channel, tool, seeds, counted=False, clock=5e-4, passes=3):
+    """Rows of all seeds, and the median speed; counted: the receiver is given the strokes of the pumps."""
     rows, speeds = [], []
     for seed in range(seeds):
         seconds = seconds_of(tool, passes)
         sent = transmit(tool, ((FLOW_ON, seconds),), seed, clock if seed % 2 else -clock)
         started = dataclasses.replace(channel, flow_off_s=((-100.0, FLOW_ON),))
-        got, speed = received_of(tool, link_run(started, sent, seconds, 1000 + seed), sent)
+        got, speed = received_of(tool, link_run(started, sent, seconds, 1000 + seed), sent, counted)
         rows += got
         speeds.append(speed)
     return rows, float(np.median(speeds))
@@ -122,6 +124,13 @@ def main() -> None:
         rows, speed = case(channel, tool_of(0.5), seeds)
         everything += rows
         line(name, rows, word_limit(channel, tool_of(0.5)), speed)
+    print(f"\n| 0.3 s, 3000 m, strokes | {head}")
+    for name, channel in {"healthy pumps": MudChannel(), **dict(itertools.islice(cases.items(), 3))}.items():
+        limit = word_limit(channel, tool_of(0.3))
+        for counted in (False, True):
+            rows, speed = case(channel, tool_of(0.3), seeds, counted)
+            everything += rows
+            line(f"{name}, {'counted' if counted else 'not counted'}", rows, limit, speed)
     print("\n| confidence claimed | words | mean claimed | right |\n|---|---|---|---|")
     found = np.array([row[:2] for row in everything if row is not None], dtype=float)
     for low, high in itertools.pairwise(BINS):

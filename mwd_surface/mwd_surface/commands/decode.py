@@ -82,6 +82,6 @@ def decode(
     for word in got.words:
         if word.kind == "survey" and word.status == BELIEVED:
             console.print(f"{word.end_s:8.1f} s  {word.name} {word.value:.2f} {word.unit}", markup=False)
-    if not got.words:
+    if not any(word.status == BELIEVED for word in got.words):
         terminal.warn(receiver.why_nothing())
     console.print(f"written: {output}/{names} ({read.origin})", markup=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -57,6 +58,8 @@ class PulseReceiver:
         self._active: Transmission | None = None
         self._last_sync: float | None = None
         self._waiting: tuple[synchronisation.SyncFound, float] | None = None
+        self._lowest, self._highest = math.inf, -math.inf
+        self._reason = ""
         self.syncs: list[tuple[float, float]] = []
 
     def push(self, time_s: Array, pressure_pa: Array) -> Reception:
@@ -103,9 +106,14 @@ class PulseReceiver:
         return done
 
     def why_nothing(self) -> str:
-        """Reason in one sentence why there is no word."""
+        """Reason in one sentence why there is no word, or none is believed."""
         if self._grid.end == 0:
             return "no words: there are no samples with rising times"
+        # Interpolation between equal samples rounds.
+        if self._highest - self._lowest <= 1e-9 * abs(self._highest):
+            return f"no words: the gauge stands at {self._highest:.6g} Pa"
+        if self._reason:
+            return f"no words believed: {self._reason}"
         if not self.syncs:
             return (
                 f"no words: no sync of this tool in the pressure; check pulse_width_s ({self._tool.pulse_width_s:g} s)"
@@ -120,6 +128,9 @@ class PulseReceiver:
         done = Reception()
         if len(values) == 0:
             return done
+        seen = values[known > 0.0]
+        self._lowest = min(self._lowest, float(seen.min(initial=math.inf)))
+        self._highest = max(self._highest, float(seen.max(initial=-math.inf)))
         if self._grid.end == 0:
             self._grid.origin_s = self._resampler.origin or 0.0
             if self._resampler.spacing * LEAST_PER_TU > self._tool.tu_s * (1.0 + 1e-6):
@@ -159,6 +170,7 @@ class PulseReceiver:
     def _add(self, done: Reception, more: Reception) -> None:
         """Take what a step completed: a pass at most, settled by the surveys before."""
         more.words = self._surveys.settle(more.words)
+        self._reason = next((frame.reason for frame in reversed(more.frames) if frame.reason), self._reason)
         done.add(more)
 
     def _successor(self, lost: Transmission) -> Transmission | None:

@@ -30,6 +30,7 @@ _LOST = 0.95
 _DOUBTFUL = 0.2
 # Share of the usual evidence for pulses below which a stretch holds none, or those of a transmission that began anew.
 _FAINT = 0.3
+_PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
 # Log likelihood ratio that a sync and the words behind it have at least: noise has it with a probability below
 # exp(-18) at each of ten thousand places an hour.
 _LEAST_EVIDENCE = 18.0
@@ -159,7 +160,7 @@ class Transmission:
         now.add(items, decision, soft, self._tool.code)
         self._at_once.learn(soft)
         if self._at_once.failing > _LOST:
-            self.lost = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
+            self.lost = _PARITIES_FAIL
         provisional = self._words(now, now.done - len(items), self._at_once, 0)
         if not (now.complete or self.lost):
             return Reception(provisional=provisional)
@@ -186,9 +187,8 @@ class Transmission:
         self.temper.learn([part.soft for part in now.parts])
         words = self._words(now, 0, self.temper, 1)
         ebn0 = float(np.mean([part.ebn0_db for part in now.parts]))
-        report = FrameReport(
-            self.frame, now.kind, words[0].start_s, words[-1].end_s, ebn0, self._clock.error, self.lost
-        )
+        reason = self.lost or (_PARITIES_FAIL if self.temper.failing > _DOUBTFUL else "")
+        report = FrameReport(self.frame, now.kind, words[0].start_s, words[-1].end_s, ebn0, self._clock.error, reason)
         self.frame += 1
         self._forget(now)
         return Reception(words, [report])

@@ -151,3 +151,18 @@ def test_no_word_has_a_reason():
     receiver.push(time, 2e7 + np.random.default_rng(1).normal(size=len(time)))
     receiver.finish()
     assert "no sync" in receiver.why_nothing()
+
+
+def test_a_gauge_that_stands_is_named():
+    receiver = PulseReceiver(TOOL)
+    receiver.push(np.arange(0.0, 200.0, 0.01), np.full(20000, 2.0e7))
+    receiver.finish()
+    assert "the gauge stands at 2e+07 Pa" in receiver.why_nothing()
+
+
+def test_another_parity_than_the_tool_has_is_named():
+    run = simulated("0.8")
+    receiver = PulseReceiver(dataclasses.replace(TOOL, parity="odd"))
+    words = receiver.push(run.time_s, run.pressure_pa).words + receiver.finish().words
+    assert not [word for word in words if word.status == BELIEVED]
+    assert "parities fail half the time" in receiver.why_nothing()
