@@ -6,6 +6,7 @@ It obeys the commands of `probe_protocol`: start and stop of the samples, its ti
 
 from __future__ import annotations
 
+import collections
 import os
 import select
 import time
@@ -60,6 +61,7 @@ class Emulator:
             link.symlink_to(self.device)
         self._commands = probe_protocol.Splitter(protocol == "ascii")
         self._sending = not wait_for_start or protocol == "xsens"
+        self._answers: collections.deque[Answer] = collections.deque()
         self._counter = 0
         self._before_ns = 0
         self._unit_ns = 0
@@ -74,15 +76,16 @@ class Emulator:
         began, first_ns = 0.0, 0
         for reading in _in_order(blocks):
             while not self._sending:
-                self._listen(_WAIT_S)
+                self._obey(_WAIT_S)
             if not began:
                 began, first_ns = time.monotonic(), reading.stamp_ns
             if rate > 0.0:
                 due = began + (reading.stamp_ns - first_ns) * 1e-9 / rate
                 while (left := due - time.monotonic()) > 0.0:
-                    self._listen(min(left, _WAIT_S))
+                    self._obey(min(left, _WAIT_S))
             self._unit_ns = reading.stamp_ns
             self._send(self._encoded(reading))
+            self._answer()
             self.sent += 1
         self._drain()
 
@@ -122,10 +125,22 @@ class Emulator:
         """Answer commands for a moment after the last sample."""
         end = time.monotonic() + 10.0 * _WAIT_S
         while time.monotonic() < end:
-            self._listen(_WAIT_S)
+            self._obey(_WAIT_S)
+
+    def _obey(self, wait_s: float) -> None:
+        """Obey the commands that come within a time, and answer them."""
+        self._listen(wait_s)
+        self._answer()
+
+    def _answer(self) -> None:
+        """Send the answers that wait: between frames, never inside one."""
+        while self._answers:
+            self._counter += 1
+            told = self._answers.popleft()
+            self._send(probe_protocol.answer(told, self._counter, self._protocol == "ascii"))
 
     def _listen(self, wait_s: float) -> None:
-        """Obey the commands that have come."""
+        """Take the commands that have come; their answers wait."""
         ready, _, _ = select.select([self._master], [], [], wait_s)
         if not ready or self._protocol == "xsens":
             if ready:
@@ -140,8 +155,7 @@ class Emulator:
                 self._sending = name == "start"
                 continue
             told = Answer("time", "", host_ns, self._unit_ns) if name == "time" else Answer("info", NAME)
-            self._counter += 1
-            self._send(probe_protocol.answer(told, self._counter, self._protocol == "ascii"))
+            self._answers.append(told)
 
 
 def _in_order(blocks: Iterable[Mapping[str, Samples]]) -> Iterator[Reading]:

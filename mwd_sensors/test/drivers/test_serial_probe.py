@@ -56,6 +56,25 @@ def test_what_a_probe_sends_comes_to_the_bit(protocol):
         assert mine.tobytes() == samples.tobytes()
 
 
+def test_an_mti_on_a_line_gives_the_rates_and_forces_of_its_increments():
+    sent = {"imu/data_raw": measured()["imu/data_raw"]}
+    with Emulator("xsens") as emulator:
+        probe = SerialProbe(LineSettings(port=emulator.device, protocol="xsens"))
+        probe.poll(time.time_ns())
+        assert probe.connected
+        player = threading.Thread(target=emulator.play, args=([sent], 0.0))
+        player.start()
+        # The interval of the first packet is not known.
+        got = received(probe, len(sent["imu/data_raw"]) - 1)
+        player.join()
+        assert probe.clock.jumps >= 0
+        probe.close()
+    mine = samples_of("imu/data_raw", got)
+    for field in ("angular_velocity", "linear_acceleration"):
+        assert mine[field] == pytest.approx(sent["imu/data_raw"][field][1:], rel=1e-9, abs=1e-12)
+    assert set(np.diff(mine["stamp_ns"]).tolist()) == {10_000_000}
+
+
 def test_the_unit_s_time_is_brought_to_that_of_the_host():
     sent = measured(1.0)
     for samples in sent.values():
