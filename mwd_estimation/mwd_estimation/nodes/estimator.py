@@ -261,7 +261,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         if inputs.received("gyro/data_raw"):
             found.append(inputs.diagnostic("gyro/data_raw", counters.precision, WARN))
         found += inputs.mount_diagnostics(pipeline.mount)
-        found += [*inputs.covariance_diagnostics(), *inputs.skew_diagnostics()]
+        found += [*inputs.covariance_diagnostics(), *inputs.frame_diagnostics(), *inputs.skew_diagnostics()]
         found.append(diagnostics.sample_diagnostic(pipeline, inputs.unreadable))
         found.append(diagnostics.reference_diagnostic(pipeline.reference))
         found += diagnostics.sensor_diagnostics(pipeline)

@@ -23,6 +23,7 @@ from mwd_sensors.ros.message_buffer import decode_messages
 
 _SLOWEST_HZ = 20.0  # below, a string at 120 r/min turns more than a third of a turn from sample to sample
 _RATED = 16  # samples a rate is told from
+_MOST_CHANGES = 3  # of a frame that are followed; what changes more often comes from two sources
 _SKEW_S = 1.0  # between topics that arrive together
 TIMEOUT_S = 2.0  # without a message before a topic counts as silent
 
@@ -56,6 +57,8 @@ class InputTopics:
         self.unreadable = 0
         self._node = node
         self._received_at: dict[str, float] = {}
+        # How often the frame of a topic has changed, and to what the last time.
+        self._changes: dict[str, tuple[int, str]] = {}
         self._covariances: dict[str, dict[str, str]] = {}
         self._newest_ns: dict[str, int] = {}
         self._rates: dict[str, _Rate] = collections.defaultdict(_Rate)
@@ -82,9 +85,8 @@ class InputTopics:
                 errors.append(unreadable)
         if messages or bursts:
             self._received_at[topic] = time.monotonic()
-        if topic not in self.frames and len(samples):
-            self.frames[topic] = wire.frame_id((messages + bursts)[0])
         if len(samples):
+            self._note_frame(topic, (messages + bursts)[0])
             samples, notes = input_covariance.judge(samples, layout.type_name)
             self._covariances[topic] = notes
             self._newest_ns[topic] = int(samples["stamp_ns"][-1])
@@ -93,6 +95,20 @@ class InputTopics:
             self.unreadable += 1
             self._node.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=10.0)
         return samples
+
+    def _note_frame(self, topic: str, message: bytes) -> None:
+        """Follow the frame of a topic, which a restarted or exchanged unit may change; not for ever."""
+        try:
+            frame = wire.frame_id(message)
+        except wire.WireError:
+            return
+        known = self.frames.get(topic)
+        if frame == known:
+            return
+        if known is not None:
+            self._changes[topic] = (self._changes.get(topic, (0, ""))[0] + 1, frame)
+        if self._changes.get(topic, (0, ""))[0] <= _MOST_CHANGES:
+            self.frames[topic] = frame
 
     def received(self, topic: str) -> bool:
         """Whether any message of the topic has arrived."""
@@ -169,6 +185,19 @@ class InputTopics:
                 taken = "it is not used" if absent else "the noise of the tool's settings is used"
                 found.append(Diagnostic(f"covariance {topic} {vector}", WARN, f"{message}: {taken}", remedy))
         return found
+
+    def frame_diagnostics(self) -> list[Diagnostic]:
+        """Name topics whose messages come in frames that alternate."""
+        return [
+            Diagnostic(
+                f"frame {topic}",
+                ERROR,
+                f"{topic} comes in frames {self.frames[topic]!r} and {frame!r} in turn: two units publish it",
+                "stop one of them, or give each its own namespace",
+            )
+            for topic, (count, frame) in self._changes.items()
+            if count > _MOST_CHANGES
+        ]
 
     def skew_diagnostics(self) -> list[Diagnostic]:
         """Name a topic whose stamps are far from those of the IMU, both arriving."""

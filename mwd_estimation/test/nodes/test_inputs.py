@@ -65,6 +65,24 @@ def test_a_magnetometer_on_another_clock_is_measured_and_named(later_s, words):
     assert together.skew_diagnostics() == []
 
 
+@pytest.mark.fault_case(11)
+def test_a_frame_that_changes_is_followed_and_frames_in_turn_are_named():
+    inputs = topics(imu__mag=stamped(wire.MAG))
+
+    def send(frame):
+        rows = wire.MAG.encode(stamped(wire.MAG, 2), frame)
+        inputs._buffers["imu/mag"] = waiting([ReceivedMessage(row.tobytes(), 0) for row in rows])
+        inputs.take("imu/mag")
+
+    send("mag_link")
+    assert inputs.frames["imu/mag"] == "mag_link"
+    assert inputs.frame_diagnostics() == []
+    for k in range(8):
+        send(("sonde_link", "mag_link")[k % 2])
+    (found,) = inputs.frame_diagnostics()
+    assert "two units publish it" in found.message
+
+
 @pytest.mark.fault_case(14, 15)
 def test_what_covariances_declare_is_in_the_diagnostics():
     imu = stamped(wire.IMU)
