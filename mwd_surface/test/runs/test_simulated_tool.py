@@ -1,0 +1,67 @@
+"""A scenario with telemetry: the tool's words become pressure, the same whatever the blocks, and are decoded again."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from mwd_estimation.downhole.transmitter import Kind
+from mwd_sensors.simulator.scenario import parse
+from mwd_sensors.simulator.sonde import Sonde
+from mwd_surface.receiver import pressure_files
+from mwd_surface.receiver.pulse_receiver import decode
+from mwd_surface.runs import simulate
+from mwd_surface.runs.simulated_tool import SimulatedTool, heard_over
+
+SCENARIO = """
+name: short_link
+seed: 3
+date: 2026-03-01T06:00:00
+well: {stations: [[0.0, 30.0, 40.0], [1300.0, 36.0, 47.0]], bit_m: 1200.0, sensor_to_bit_m: 15.0}
+rig: {flow_lpm: 2000.0, pressure_bar: 150.0}
+schedule:
+  - {kind: still, seconds: 15.0, pumps: false}
+  - {kind: still, seconds: 165.0}
+precision: null
+telemetry:
+  tool:
+    pulse_width_s: 0.5
+    transmit_delay_s: 30.0
+    survey_sequences: ["Inc:12:P Azm:12:P DipA:12:P Grav:12:P MagF:12:P"]
+    toolface_sequences: ["aTFA:6:P"]
+"""
+
+
+@pytest.fixture(scope="module")
+def story():
+    return parse(SCENARIO)
+
+
+def played(story, block_s):
+    steps = list(heard_over(Sonde(story), block_s))
+    return steps[-1][0], [heard for _, some in steps for heard in some]
+
+
+def test_pressure_and_words_do_not_depend_on_the_blocks(story):
+    (one, first), (two, second) = (played(story, block_s) for block_s in (1.0, 0.7))
+    assert one.sent == two.sent
+    assert np.array_equal(
+        np.concatenate([heard.pressure_pa for heard in first]), np.concatenate([heard.pressure_pa for heard in second])
+    )
+    assert one.link.late == 0
+    assert [sent.kind for sent in one.sent[:4]] == [Kind.SYNC, Kind.SURVEY, Kind.SURVEY, Kind.SURVEY]
+
+
+def test_a_recording_of_it_decodes_to_what_was_sent(story, tmp_path):
+    simulate.record(story, tmp_path / "bag", "w1")
+    read = pressure_files.read(tmp_path / "bag")
+    got = decode(story.telemetry.tool, read.time_s, read.pressure_pa)
+    tool, _ = played(story, 1.0)
+    sent = {sent.name: sent.raw for sent in tool.sent if sent.kind == Kind.SURVEY}
+    received = {word.name: word.raw for word in got.words if word.kind == "survey"}
+    assert received == sent
+
+
+def test_a_scenario_without_telemetry_has_no_tool(story):
+    with pytest.raises(ValueError, match="telemetry"):
+        SimulatedTool(Sonde(dataclasses.replace(story, telemetry=None)))
