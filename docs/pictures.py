@@ -39,7 +39,7 @@ USED = (
     ("page_alarm.png", "alarm", (1024, 768), False),
     ("page_phone.png", "drilling", (390, 844), False),
 )
-FILM = {"size": (1280, 800), "shown": (640, 400), "every_s": 3.5, "colours": 48}
+FILM = {"size": (1280, 800), "shown": (640, 400), "every_s": 3.5, "colours": 128}
 COLOURS = 128
 _LONGEST_S = 600.0
 
@@ -137,7 +137,7 @@ class Camera:
 
 def save(image: Image.Image, file: Path) -> None:
     """Write a picture with few colours: the page has few, and the file is a quarter."""
-    image.quantize(COLOURS).save(file, optimize=True)
+    image.quantize(COLOURS, method=Image.Quantize.FASTOCTREE).save(file, optimize=True)
     print(f"{file} ({file.stat().st_size // 1024} kB)", flush=True)
 
 
@@ -214,8 +214,12 @@ def main() -> int:
         finally:
             run.send_signal(signal.SIGINT)
             run.wait(timeout=60.0)
-    # One palette that keeps the few saturated colours: by frequency alone they would fade into the dark ground.
-    colours = film[-1].quantize(FILM["colours"], method=Image.Quantize.MAXCOVERAGE)
+    # One palette of all frames that keeps the few saturated colours: by frequency alone they would fade away.
+    width, height = FILM["shown"]
+    strip = Image.new("RGB", (width, height * len(film)))
+    for k, frame in enumerate(film):
+        strip.paste(frame, (0, k * height))
+    colours = strip.quantize(FILM["colours"], method=Image.Quantize.FASTOCTREE)
     frames = [frame.quantize(palette=colours, dither=Image.Dither.NONE) for frame in film]
     file = (asked.all or IMAGES) / "demo.gif"
     frames[0].save(file, save_all=True, append_images=frames[1:], duration=600, loop=0, optimize=True)
