@@ -28,6 +28,7 @@ SECTIONS = (
     ("bags", "Bags and reprocessing", ["bench_bags.py"], False),
     ("fleet", "A fleet of bags", ["bench_fleet.py"], True),
     ("link", "The telemetry link", ["bench_link.py", "10"], True),
+    ("link_codes", "The telemetry link: carriers, EM, serial", ["bench_link_codes.py", "4"], True),
     ("live", "The live chain", ["bench_live.py"], True),
     ("surface", "The surface node", ["bench_surface.py"], True),
 )

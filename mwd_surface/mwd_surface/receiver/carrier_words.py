@@ -28,6 +28,7 @@ _BLOCKS_PER_SYMBOL = (
 )
 _HEADER_BITS = 8
 _ALTERNATIVES = 3
+_NO_SURPRISE, _FLATTER = 0.5, 1.25
 
 
 def odds_of_marker(score: float) -> float:
@@ -91,6 +92,10 @@ def erased(
 ) -> list[ReceivedWord]:
     """Words of a block whose check fails; bits: log posterior ratios as the decoder gives them; else as `believed`."""
     name, frame = block
+    # A block claimed to be right whose check fails was met by noise that the model does not know: its probabilities
+    # are flattened until the failure is no surprise.
+    while _right(bits) > _NO_SURPRISE:
+        bits = bits / _FLATTER
     whole = _right(bits)
     words = []
     at = _HEADER_BITS
