@@ -65,6 +65,9 @@ class BlockDecision:
         Phase of the second half against the first, rad a symbol: what is left of the clock's error.
     taps : ndarray
         Prediction error filter of the noise.
+    turned : tuple of ndarray
+        Bits as they would be with the phase of all symbols turned, if the marker was hit: all symbols of the code the
+        other way round are symbols of the code again, so that the bits do not tell.
     """
 
     bits: Array
@@ -73,6 +76,7 @@ class BlockDecision:
     ebn0_db: float
     turn: float
     taps: Complex
+    turned: tuple[Array, ...] = ()
 
 
 @functools.cache
@@ -132,6 +136,7 @@ class BlockDecoder:
         taps = taps if taps is not None else np.ones(1, dtype=complex)
         extrinsic = np.zeros(self._carrier.coded_bits)
         bits, evidence, quality = np.zeros(1), 0.0, 1.0
+        estimate, precision = mean, prior
         for turn in range(turns):
             response, offset = self._channel(data, mean, prior, taps, weight)
             if turn > 0 or not given_taps:
@@ -154,7 +159,18 @@ class BlockDecoder:
             10.0 * math.log10(max(2.0 * coded_energy, 1e-6)),
             self._turn(estimate, mean, prior),
             taps,
+            self._turned(estimate, precision) if turns > 1 else (),
         )
+
+    def _turned(self, estimate: Complex, precision: Array) -> tuple[Array, ...]:
+        """Bits with the phase of all symbols turned."""
+        turns = {"qpsk": (-1.0, 1j, -1j), "bpsk": (-1.0,), "dpsk": ()}[self._carrier.modulation]
+        found = []
+        for turn in turns:
+            ordered = np.empty(self._carrier.coded_bits)
+            ordered[self._order] = self._soft_bits(turn * estimate, precision)
+            found.append(convolutional.decode(ordered)[0])
+        return tuple(found)
 
     def _turn(self, estimate: Complex, mean: Complex, variance: Array) -> float:
         product = estimate * np.conj(mean) * (1.0 - np.minimum(variance, 1.0))

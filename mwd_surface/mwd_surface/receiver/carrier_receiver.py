@@ -204,17 +204,18 @@ class CarrierReceiver:
         half = self._carrier.half + 0.5 * MARKER_SYMBOLS
         best = symbols[0]
         if len(symbols) > 1:
-            trials = [self._decoder.decode(self._data(middle - half * one, one), taps, 1).evidence for one in symbols]
-            best = symbols[int(np.argmax(trials))]
+            claims = [self._decoder.decode(self._data(middle - half * one, one), taps, 1).evidence for one in symbols]
+            best = symbols[int(np.argmax(claims))]
         tries = 0
         while True:
             decision = self._decoder.decode(self._data(middle - half * best, best), taps)
-            block = carrier_words.checked(self._tool, decision.bits)
+            trials = (carrier_words.checked(self._tool, bits) for bits in (decision.bits, *decision.turned))
+            block = next((one for one in trials if one is not None), None)
             tries += 1
             # What is left of the clock's error turns the second half against the first.
             change = decision.turn / (self._band.omega * self._band.symbol)
             if block is not None or tries == 3 or abs(decision.turn) * self._carrier.block_symbols < 0.1:
-                return decision, best * (1.0 - change), block, tries
+                return decision, best * (1.0 - change), block, tries * (1 + len(decision.turned))
             best *= 1.0 - change
 
     def _try(self, start: float, score: float, done: Reception) -> None:

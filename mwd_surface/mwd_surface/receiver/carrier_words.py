@@ -29,6 +29,8 @@ _BLOCKS_PER_SYMBOL = (
 _HEADER_BITS = 8
 _ALTERNATIVES = 3
 _NO_SURPRISE, _FLATTER = 0.5, 1.25
+# Words of such a block are right at most so often: all of its phases may be turned, which the code does not see.
+_MOST_ERASED = 0.9
 
 
 def odds_of_marker(score: float) -> float:
@@ -103,7 +105,7 @@ def erased(
         own = bits[at : at + item.bits]
         at += item.length
         # One bit at least is wrong somewhere: the word is right if all its bits are, and others are not.
-        confidence = max(_right(own) - whole, 0.0) / max(1.0 - whole, 1e-9)
+        confidence = _MOST_ERASED * max(_right(own) - whole, 0.0) / max(1.0 - whole, 1e-9)
         code = _number(own)
         weakest = np.argsort(np.abs(own), kind="stable")[:_ALTERNATIVES]
         others = tuple(
