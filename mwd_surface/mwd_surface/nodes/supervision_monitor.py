@@ -19,7 +19,7 @@ class SupervisionMonitor:
     """Supervises the nodes of one well by the table of `live.supervision`, and raises its alarms."""
 
     def __init__(self, context: SurfaceContext) -> None:
-        self._alarm_log, self._folder = context.alarm_log, context.folder
+        self._live, self._alarm_log, self._folder = context.live, context.alarm_log, context.folder
         self._supervision = Supervision()
         self._received_at: dict[str, float] = {}
         self._figures: dict[str, float] = {}
@@ -29,7 +29,10 @@ class SupervisionMonitor:
 
     def message_received(self, topic: str) -> None:
         """Note that a message of the topic has arrived."""
-        self._received_at[topic] = time.monotonic()
+        now = self._received_at[topic] = time.monotonic()
+        if topic == "imu/data_raw":
+            # Alive though its magnetometer is silent; samples that nobody decodes here are not counted.
+            self._live.on_stream("sonde", 0, now)
 
     def on_heartbeat(self, data: bytes) -> None:
         """Take the serialised heartbeat of a node."""
