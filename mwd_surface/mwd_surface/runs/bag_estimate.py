@@ -31,6 +31,7 @@ from mwd_surface.runs.bag_input import (
     in_si,
     mount_of,
     refuse_wrong_unit,
+    tool_frame,
     unstamped,
 )
 from mwd_surface.runs.imu_queue import ImuQueue
@@ -101,14 +102,15 @@ class BagEstimate:
     ) -> None:
         self.topics = find_topics(bag, given)
         self._bag, self._estimator, self._given = bag, estimator, given
-        self._list = ListBuilder(bag, self.topics, estimator, given, recorded or Recorded())
         self._compensation, self._merger = compensation, merger
         # A recording waits for nobody's clock: a date outside the model ends the run before it begins.
         derivation.reference(estimator, bag.start_ns)
         mount = mount_of(bag, self.topics, estimator.tool.mount)
         self._pipeline = Pipeline(estimator, mount=mount)
-        if merger is not None and mount.turns:
-            merger.frame = estimator.tool.mount.frame
+        frame = tool_frame(bag, self.topics, estimator.tool.mount, mount)
+        self._list = ListBuilder(bag, self.topics, estimator, given, recorded or Recorded(), frame)
+        if merger is not None:
+            merger.frame = frame
         self._queue = ImuQueue(_smoothing(estimator, bag.start_ns) if smooth else None, mount)
         self._start_ns = bag.start_ns + round(given.start_s * 1e9)
         self._end_ns = bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None

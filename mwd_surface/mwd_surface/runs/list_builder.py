@@ -47,6 +47,8 @@ class ListBuilder:
         In force.
     recorded : Recorded
         Settings in the recording.
+    frame : str
+        Of the tool, which each survey names.
 
     Attributes
     ----------
@@ -57,9 +59,15 @@ class ListBuilder:
     """
 
     def __init__(
-        self, bag: Bag, topics: Topics, estimator: EstimatorSettings, given: InputSettings, recorded: Recorded
+        self,
+        bag: Bag,
+        topics: Topics,
+        estimator: EstimatorSettings,
+        given: InputSettings,
+        recorded: Recorded,
+        frame: str,
     ) -> None:
-        self._bag, self._estimator, self._recorded = bag, estimator, recorded
+        self._bag, self._estimator, self._recorded, self._frame = bag, estimator, recorded, frame
         namespace = topics.imu.removesuffix(IMU).removesuffix(IMU_BURST)
         self._surface = recorded.surface or SurfacePart(Well(name=namespace.strip("/") or Well().name))
         known = self._surface.well.sensor_to_bit
@@ -113,7 +121,8 @@ class ListBuilder:
             self._begin(survey)
         reading = self._depth_of(survey)
         live = self._live.records.get(survey.uuid)
-        listed = survey_of_fields(survey_fields(survey, survey.status), survey.stamp_ns)
+        fields = survey_fields(survey, survey.status)
+        listed = dataclasses.replace(survey_of_fields(fields, survey.stamp_ns), frame_id=self._frame)
         legs = {leg.name for leg in self.surveys.legs}
         leg = live.leg if live is not None and live.leg in legs else None
         tool = live.tool if live is not None else None
@@ -126,7 +135,8 @@ class ListBuilder:
 
     def replace(self, survey: Survey) -> None:
         """Put a survey judged anew in the place of the same survey in the list."""
-        listed = survey_of_fields(survey_fields(survey, survey.status), survey.stamp_ns)
+        fields = survey_fields(survey, survey.status)
+        listed = dataclasses.replace(survey_of_fields(fields, survey.stamp_ns), frame_id=self._frame)
         old = next((record for record in self.surveys.records if record.survey.uuid == listed.uuid), None)
         if old is None:
             return

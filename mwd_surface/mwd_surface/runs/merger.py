@@ -44,7 +44,7 @@ class Merger:
         Folder of the copy.
     bag : Bag
     imu_topic : str
-        Estimates are published in its namespace and frame, and logged when it was.
+        Estimates are published in its namespace, and logged when it was.
     thinner : Thinner
         Of attitude and gravity.
 
@@ -53,13 +53,12 @@ class Merger:
     remarks : list of str
         What is called otherwise than one would expect.
     frame : str
-        Of the estimates: that of the IMU, unless its samples are turned.
+        Of the estimates; set it before the first.
     """
 
     def __init__(self, path: Path, bag: Bag, imu_topic: str, thinner: Thinner) -> None:
         self.remarks: list[str] = []
-        first = next(bag.messages([imu_topic]), None)
-        self.frame = wire.SONDE_FRAME if first is None else wire.frame_id(first[3])
+        self.frame = wire.SONDE_FRAME
         self._thinner = thinner
         self._merged = MergedBag(path, bag)
         namespace = imu_topic.removesuffix(_IMU) if imu_topic.endswith(_IMU) else imu_topic.rpartition("/")[0] + "/"

@@ -17,6 +17,7 @@ def _merge(path, target, rate_hz=0.0, count=100, held_back=False):
     pipeline = Pipeline(EstimatorSettings())
     last = Output.empty(0)
     with Bag(path) as bag, Merger(target, bag, IMU, Thinner(rate_hz)) as merger:
+        merger.frame = "imu_7"
         for block, originals in bag.blocks_and_originals([IMU], block_messages=count):
             log_ns, samples = block[IMU]
             output = pipeline.push_imu(samples)
