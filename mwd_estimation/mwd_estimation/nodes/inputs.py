@@ -60,7 +60,9 @@ class InputTopics:
         # How often the frame of a topic has changed, and to what the last time.
         self._changes: dict[str, tuple[int, str]] = {}
         self._covariances: dict[str, dict[str, str]] = {}
-        self._newest_ns: dict[str, int] = {}
+        # Newest stamp of each topic minus that of the IMU when it came, ns.
+        self._imu_ns: int | None = None
+        self._skew_ns: dict[str, int] = {}
         self._rates: dict[str, _Rate] = collections.defaultdict(_Rate)
         self._transforms = Transforms()
         self._transforms_seen = 0
@@ -89,7 +91,11 @@ class InputTopics:
             self._note_frame(topic, (messages + bursts)[0])
             samples, notes = input_covariance.judge(samples, layout.type_name)
             self._covariances[topic] = notes
-            self._newest_ns[topic] = int(samples["stamp_ns"][-1])
+            newest_ns = int(samples["stamp_ns"][-1])
+            if topic == "imu/data_raw":
+                self._imu_ns = newest_ns
+            elif self._imu_ns is not None:
+                self._skew_ns[topic] = newest_ns - self._imu_ns
             self._rates[topic].add(samples["stamp_ns"])
         for error in errors:
             self.unreadable += 1
@@ -201,12 +207,11 @@ class InputTopics:
 
     def skew_diagnostics(self) -> list[Diagnostic]:
         """Name a topic whose stamps are far from those of the IMU, both arriving."""
-        lead = self._newest_ns.get("imu/data_raw")
-        if lead is None or self.silent("imu/data_raw"):
+        if self.silent("imu/data_raw"):
             return []
         found = []
         for topic in ("imu/mag", "gyro/data_raw"):
-            skew_s = (self._newest_ns.get(topic, lead) - lead) * 1e-9
+            skew_s = self._skew_ns.get(topic, 0) * 1e-9
             if abs(skew_s) > _SKEW_S and not self.silent(topic):
                 way = "ahead of" if skew_s > 0.0 else "behind"
                 message = f"{topic} is {abs(skew_s):.1f} s {way} imu/data_raw: it is not used together with it"

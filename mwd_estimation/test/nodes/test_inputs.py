@@ -34,11 +34,15 @@ def topics(**samples):
     )
     inputs = InputTopics(node)
     for name, rows in samples.items():
-        topic = name.replace("__", "/")
-        encoded = wire.SONDE_TOPICS[topic].encode(rows, "sonde_link")
-        inputs._buffers[topic] = waiting([ReceivedMessage(row.tobytes(), 0) for row in encoded])
-        inputs.take(topic)
+        arrive(inputs, name.replace("__", "/"), rows)
     return inputs
+
+
+def arrive(inputs, topic, rows):
+    """Take messages of these samples."""
+    encoded = wire.SONDE_TOPICS[topic].encode(rows, "sonde_link")
+    inputs._buffers[topic] = waiting([ReceivedMessage(row.tobytes(), 0) for row in encoded])
+    inputs.take(topic)
 
 
 def stamped(layout, n=40, hz=100.0, later_s=0.0):
@@ -63,6 +67,12 @@ def test_a_magnetometer_on_another_clock_is_measured_and_named(later_s, words):
     assert words in found.message
     together = topics(imu__data_raw=stamped(wire.IMU), imu__mag=stamped(wire.MAG, later_s=0.02))
     assert together.skew_diagnostics() == []
+
+
+def test_a_magnetometer_that_falls_silent_is_not_taken_for_one_on_another_clock():
+    inputs = topics(imu__data_raw=stamped(wire.IMU), imu__mag=stamped(wire.MAG))
+    arrive(inputs, "imu/data_raw", stamped(wire.IMU, later_s=5.0))
+    assert inputs.skew_diagnostics() == []
 
 
 @pytest.mark.fault_case(11)
