@@ -225,9 +225,8 @@ def optional(module: str, package: str, what: str, floor: tuple[int, int] = (0, 
     """
     least = ".".join(map(str, floor))
     try:
-        installed = importlib.metadata.version(package)
-        major, minor = (int(part) for part in installed.split(".")[:2])
-        if (major, minor) < floor:
+        installed = importlib.metadata.version(package) if any(floor) else least
+        if tuple(int(part) for part in installed.split(".")[:2]) < floor:
             raise MissingPackageError(
                 f"{what} needs {package} {least} or later, and {installed} is installed:"
                 f" pip install '{package}>={least}'"
