@@ -12,7 +12,7 @@ from project import MESSAGES
 
 def _typestore():
     store = get_typestore(Stores.ROS2_JAZZY)
-    for name in ("Gravity", "Attitude", "Interference", "Dynamics", "RigState", "Truth"):
+    for name in ("Gravity", "Attitude", "Interference", "Dynamics", "RigState", "ToolFlow", "Truth"):
         store.register(get_types_from_msg((MESSAGES / f"{name}.msg").read_text(), f"mwd_msgs/msg/{name}"))
     return store
 

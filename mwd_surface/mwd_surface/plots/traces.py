@@ -150,6 +150,9 @@ _TABLE: dict[str, tuple[Trace, ...]] = {
     wire.IMU.type_name: _IMU,
     wire.MAG.type_name: (Trace("sensors", "magnetic field", "µT", (*_AXES, "total"), _field_and_total),),
     wire.TEMPERATURE.type_name: (Trace("sensors", "temperature", "°C", ("sensor",), _columns("temperature")),),
+    wire.TOOL_FLOW.type_name: (
+        Trace("sensors", "flow through the tool", "l/min", ("flow",), _columns("flow", scale=6e4)),
+    ),
     wire.RIG_STATE.type_name: (
         Trace(
             "rig",
