@@ -28,6 +28,7 @@ def test_a_simulation_slower_than_its_rate_drops_behind_and_says_so(monkeypatch)
         _simulated_until=0.0,
         _all_simulated=False,
         _pending=[],
+        _telemetry=None,
         _published={},
         _simulate_block=simulate,
         _publish_due=lambda _until: None,
