@@ -140,9 +140,10 @@ def notebook(path: Path, images: Path) -> str:
 NODES = {
     "size": (12.5, 5.2),
     "boxes": {
-        "sonde": (0.2, 2.4, "sonde\n(mwd_sensors)\nsimulated tool"),
+        "sonde": (0.2, 2.4, "sonde or probe\n(mwd_sensors)\nsimulated or real tool"),
         "estimator": (4.4, 2.4, "estimator\n(mwd_estimation)\ngravity, attitude, surveys"),
         "surface": (9.0, 2.4, "surface\n(mwd_surface)\nlists, path, alarms"),
+        "receiver": (4.4, 4.3, "receiver\n(mwd_surface)\nonly with a telemetry link"),
         "log": (9.0, 0.3, "MCAP recording"),
         "page": (4.2, 0.3, "driller's page"),
         "rig": (9.0, 4.3, "rig control:\nWITS, OPC UA, Modbus,\nWITSML, ROS"),
@@ -150,6 +151,8 @@ NODES = {
     "arrows": (
         ("sonde", "estimator", "imu/data_raw, imu/mag,\ngyro/data_raw"),
         ("estimator", "surface", "attitude, survey,\ninterference"),
+        ("estimator", "receiver", "mud pulses, EM, serial"),
+        ("receiver", "surface", "link/attitude,\nlink/survey"),
         ("surface", "log", "every message"),
         ("surface", "page", "http, websocket"),
         ("surface", "rig", "toolface, surveys"),
