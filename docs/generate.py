@@ -138,14 +138,14 @@ def notebook(path: Path, images: Path) -> str:
 
 
 NODES = {
-    "size": (12.5, 5.2),
+    "size": (14.0, 5.2),
     "boxes": {
         "sonde": (0.2, 2.4, "sonde or probe\n(mwd_sensors)\nsimulated or real tool"),
-        "estimator": (4.4, 2.4, "estimator\n(mwd_estimation)\ngravity, attitude, surveys"),
+        "estimator": (4.7, 2.4, "estimator\n(mwd_estimation)\ngravity, attitude, surveys"),
         "surface": (9.0, 2.4, "surface\n(mwd_surface)\nlists, path, alarms"),
-        "receiver": (4.4, 4.3, "receiver\n(mwd_surface)\nonly with a telemetry link"),
+        "receiver": (4.7, 0.3, "receiver\n(mwd_surface)\nonly with a telemetry link"),
         "log": (9.0, 0.3, "MCAP recording"),
-        "page": (4.2, 0.3, "driller's page"),
+        "page": (12.2, 2.4, "driller's page"),
         "rig": (9.0, 4.3, "rig control:\nWITS, OPC UA, Modbus,\nWITSML, ROS"),
     },
     "arrows": (
