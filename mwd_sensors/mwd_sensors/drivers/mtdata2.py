@@ -27,6 +27,9 @@ _TICK_NS, _WRAP = 100_000, 2**32  # of the fine time, which counts tenths of a m
 _EXTENDED = 0xFF
 # Bit of the status word, and of ours.
 _CLIPS = dict(zip(range(8, 17), (*CLIPPED_ACCEL, *CLIPPED_GYRO, *CLIPPED_MAG), strict=True))
+# How many numbers the items have that are read here; all others are left alone.
+_WIDTHS = {COUNT: 1, FINE_TIME: 1, STATUS: 1, TEMPERATURE: 1}
+_WIDTHS |= {ACCELERATION: 3, DELTA_V: 3, RATE_OF_TURN: 3, DELTA_Q: 4, FIELD: 3}
 _KIND = 0xFFF0  # an identifier without the format of its numbers
 _LONGEST = 2 * 2048
 _FASTEST_S, _SLOWEST_S = 1e-4, 1.0
@@ -108,9 +111,10 @@ class MtReader:
             identifier, size = struct.unpack_from(">HB", data, at)
             content = data[at + 3 : at + 3 + size]
             at += 3 + size
-            if len(content) == size:
-                items[identifier & _KIND] = _numbers(identifier, content)
-        if at != len(data):
+            kind = identifier & _KIND
+            if kind in _WIDTHS and len(content) == size:
+                items[kind] = _numbers(identifier, content)
+        if at != len(data) or any(len(numbers) != _WIDTHS[kind] for kind, numbers in items.items()):
             self.counters.broken += 1
             return []
         return self._readings(items)
@@ -157,19 +161,21 @@ def _numbers(identifier: int, content: bytes) -> tuple[float, ...]:
     if kind in (COUNT, FINE_TIME, STATUS):
         return (float(int.from_bytes(content, "big")),)
     form = identifier & 0x3
+    code = (">f", ">i", ">Ih", ">d")[form]
+    size = struct.calcsize(code)
+    rows = struct.iter_unpack(code, content[: len(content) // size * size])
     if form == 1:
-        return tuple(value / 2**20 for (value,) in struct.iter_unpack(">i", content))
+        return tuple(value / 2**20 for (value,) in rows)
     if form == 2:
         # 32 bits behind the point come before the 16 in front of it.
-        return tuple(whole + part / 2**32 for part, whole in struct.iter_unpack(">Ih", content))
-    code, size = (">f", 4) if form == 0 else (">d", 8)
-    return tuple(v for (v,) in struct.iter_unpack(code, content[: len(content) // size * size]))
+        return tuple(whole + part / 2**32 for part, whole in rows)
+    return tuple(value for (value,) in rows)
 
 
 def _motion(items: dict[int, tuple[float, ...]], interval: float) -> tuple[float, ...] | None:
     """Rate and force of a packet: of its increments, else as it says; None where one of them is missing."""
     if DELTA_Q in items and DELTA_V in items:
-        if math.isnan(interval) or len(items[DELTA_Q]) != 4 or len(items[DELTA_V]) != 3:
+        if math.isnan(interval):
             return None
         w, *vector = items[DELTA_Q]
         length = math.sqrt(sum(v * v for v in vector))

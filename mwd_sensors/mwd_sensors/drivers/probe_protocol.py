@@ -160,7 +160,8 @@ def _parsed(kind: int | str, content: bytes) -> Reading | Answer | None:
                 raise ValueError(f"{kind}: {len(words)} values")
             return Reading(topic, int(words[0]), tuple(float(word) for word in words[1:-1]), int(words[-1]))
         if kind == "CLOCK":
-            return Answer("time", sent_ns=int(words[0]), unit_ns=int(words[1]))
+            sent_ns, unit_ns = map(int, words)
+            return Answer("time", sent_ns=sent_ns, unit_ns=unit_ns)
         return Answer("info", content.decode("ascii")) if kind == "PROBE" else None
     if kind in _SAMPLES:
         _, topic, count = _SAMPLES[kind]

@@ -7,6 +7,7 @@ The line is read without waiting, so that a node's timer or a plain loop can do 
 from __future__ import annotations
 
 import dataclasses
+import select
 import time
 
 import serial  # type: ignore[import-untyped]
@@ -86,6 +87,8 @@ class SerialProbe:
         self._line: serial.Serial | None = None
         self._next_try = self._next_exchange = 0.0
         self._counter = 0
+        # Whether samples are wanted, and how many there were when that was last looked at.
+        self._wanted, self._received_before = True, 0
         self.failure, self.info = "", ""
         self.connections = self.faults = self.received = 0
         self.clips: dict[str, int] = {}
@@ -122,9 +125,9 @@ class SerialProbe:
             return []
         try:
             data = self._line.read(max(self._line.in_waiting, 1))
-            if self._settings.protocol != "xsens" and moment >= self._next_exchange:
+            if moment >= self._next_exchange:
                 self._next_exchange = moment + _EXCHANGE_S
-                self._command("time", now_ns)
+                self._exchange(now_ns)
         except OSError as error:
             self._lose(error)
             return []
@@ -143,18 +146,14 @@ class SerialProbe:
 
     def stream(self, on: bool) -> bool:
         """Let the unit send samples, or not; whether the command could be sent."""
+        self._wanted = on
         if self._line is None:
             return False
         try:
-            if self._settings.protocol == "xsens":
-                kind = mtdata2.GO_TO_MEASUREMENT if on else mtdata2.GO_TO_CONFIG
-                self._line.write(mtdata2.message(kind))
-            else:
-                self._command("start" if on else "stop", 0)
+            return self._ask_for_samples()
         except OSError as error:
             self._lose(error)
             return False
-        return True
 
     def close(self) -> None:
         """Close the line."""
@@ -174,18 +173,40 @@ class SerialProbe:
         self.connections += 1
         self._next_exchange = 0.0
         self._open_reader()
-        if self.stream(True) and settings.protocol != "xsens":
-            self._command("info", 0)
+        try:
+            self._ask_for_samples()
+            if settings.protocol != "xsens":
+                self._command("info", 0)
+        except OSError as error:
+            self._lose(error)
 
     def _lose(self, error: OSError) -> None:
         self.close()
         self.failure = f"{self._settings.port} was lost: {error.strerror or error}"
 
-    def _command(self, name: str, now_ns: int) -> None:
-        if self._line is not None:
-            self._counter += 1
-            text = self._settings.protocol == "ascii"
-            self._line.write(probe_protocol.command(name, self._counter, text, now_ns))
+    def _exchange(self, now_ns: int) -> None:
+        """Ask for the unit's time, and again for samples: a unit that was without power has forgotten the command."""
+        silent, self._received_before = self.received == self._received_before, self.received
+        if silent and self._wanted:
+            self._ask_for_samples()
+        if self._settings.protocol != "xsens":
+            self._command("time", now_ns)
+
+    def _ask_for_samples(self) -> bool:
+        """Say whether samples are wanted; whether it could be sent."""
+        if self._settings.protocol == "xsens":
+            return self._write(mtdata2.message(mtdata2.GO_TO_MEASUREMENT if self._wanted else mtdata2.GO_TO_CONFIG))
+        return self._command("start" if self._wanted else "stop", 0)
+
+    def _command(self, name: str, now_ns: int) -> bool:
+        self._counter += 1
+        return self._write(probe_protocol.command(name, self._counter, self._settings.protocol == "ascii", now_ns))
+
+    def _write(self, data: bytes) -> bool:
+        """Send where the line takes bytes: on a full one pyserial would try for ever."""
+        if self._line is None or not select.select([], [self._line], [], 0.0)[1]:
+            return False
+        return self._line.write(data) == len(data)
 
     def _take_answer(self, answer: Answer, now_ns: int) -> None:
         if answer.kind == "info":

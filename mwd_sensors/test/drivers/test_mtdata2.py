@@ -74,6 +74,16 @@ def test_a_field_of_unknown_size_is_left_out():
     assert MtReader().take(message(mtdata2.MTDATA2, content)) == []
 
 
+@pytest.mark.parametrize("identifier", [mtdata2.TEMPERATURE, mtdata2.RATE_OF_TURN | 1, mtdata2.FIELD | 2])
+def test_an_item_of_another_size_is_counted_and_the_next_packet_read(identifier):
+    reader = MtReader(field_t=5e-5)
+    odd = item(mtdata2.FINE_TIME, bytes(4)) + item(identifier, bytes(3))
+    other = item(mtdata2.FINE_TIME, bytes(4)) + item(0x7012, bytes(5)) + item(mtdata2.TEMPERATURE, bytes(4))
+    (one,) = reader.take(message(mtdata2.MTDATA2, odd) + message(mtdata2.MTDATA2, other))
+    assert one.values == (0.0,)
+    assert reader.counters.broken == 1
+
+
 def test_a_damaged_message_is_counted_and_the_next_one_read():
     reader = MtReader()
     good = [packet(MOTION, 0.01, 100 * k, k) for k in range(4)]

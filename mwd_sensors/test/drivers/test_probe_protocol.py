@@ -78,6 +78,12 @@ def test_commands_and_answers_come_back(text):
     assert [one for k, a in enumerate(told) for one in reader.take(probe_protocol.answer(a, k, text))] == told
 
 
+def test_an_answer_that_lacks_a_number_is_counted_and_what_follows_is_read():
+    reader, one = ProbeReader(True), Reading("imu/temperature", 1, (21.5,))
+    assert reader.take(probe_protocol.line("CLOCK", 0, 17) + sample(one, 1, True)) == [one]
+    assert reader.counters.broken == 1
+
+
 def test_samples_of_the_graph_become_readings_and_back():
     samples = burst.bare(3)
     samples["stamp_ns"] = [10, 20, 30]

@@ -1,12 +1,15 @@
 """A probe on a pseudo terminal: its samples to the bit, its clock, and a line that is lost and found again."""
 
+import os
 import threading
 import time
+import tty
 
 import numpy as np
 import pytest
 
 from mwd_sensors.core import burst, wire
+from mwd_sensors.drivers import serial_probe
 from mwd_sensors.drivers.emulator import NAME, Emulator
 from mwd_sensors.drivers.readings import samples_of
 from mwd_sensors.drivers.serial_probe import LineSettings, SerialProbe
@@ -109,6 +112,37 @@ def test_a_line_that_is_lost_is_opened_again(tmp_path):
             probe.poll(time.time_ns())
         assert "was lost" in probe.failure
     assert not probe.stream(True)
+
+
+def test_a_unit_that_was_without_power_is_asked_for_samples_again(monkeypatch):
+    monkeypatch.setattr(serial_probe, "_EXCHANGE_S", 0.0)
+    unit, line = os.openpty()
+    tty.setraw(line)
+    probe = SerialProbe(LineSettings(port=os.ttyname(line), protocol="ascii"))
+    probe.poll(0)
+    assert b"$START" in os.read(unit, 4096)
+    # It was switched on only now.
+    probe.poll(0)
+    assert b"$START" in os.read(unit, 4096)
+    assert probe.stream(False)
+    os.read(unit, 4096)
+    probe.poll(0)
+    assert b"$START" not in os.read(unit, 4096)
+    probe.close()
+    os.close(line)
+    os.close(unit)
+
+
+def test_a_line_that_takes_nothing_does_not_hold_the_node_up():
+    unit, line = os.openpty()
+    tty.setraw(line)
+    probe = SerialProbe(LineSettings(port=os.ttyname(line)))
+    probe.poll(0)
+    assert not all(probe.stream(True) for _ in range(20_000))
+    assert probe.connected
+    probe.close()
+    os.close(line)
+    os.close(unit)
 
 
 def test_the_offset_of_a_clock_follows_the_fastest_message_slowly_and_a_new_start_at_once():
