@@ -119,7 +119,12 @@ class Supervisor:
             elif child.due is not None and now >= child.due:
                 child.due = None
                 self._report(f"{child.order.name} is started again")
-                self._spawn(child)
+                try:
+                    self._spawn(child)
+                except OSError as error:
+                    # A full disk or too few handles, for the moment; the other processes go on.
+                    child.failure, child.due = f"{child.order.name} cannot be started: {error}", now + _SLOW_PAUSE
+                    self._report(child.failure)
 
     def stop(self, groups: Sequence[Sequence[str]], patience: float = 5.0) -> list[str]:
         """

@@ -92,6 +92,25 @@ def test_a_crashed_process_is_started_again_after_a_pause_that_doubles(make, tmp
         assert sentences[-1] == "a is started again"
 
 
+def test_a_process_that_cannot_be_started_again_is_tried_slowly(make, tmp_path):
+    clock, sentences = Clock(), []
+    supervisor = make(report=sentences.append, clock=clock)
+    one = order(tmp_path, "a", "import os; os.abort()")
+    supervisor.start(one)
+    until(lambda: not supervisor.runs("a"))
+    supervisor.watch()
+    one.log.unlink()
+    one.log.mkdir()
+    clock.now += 1.0
+    supervisor.watch()
+    assert "cannot be started" in supervisor.failing[0]
+    one.log.rmdir()
+    clock.now += 31.0
+    supervisor.watch()
+    assert sentences[-1] == "a is started again"
+    assert one.log.is_file()
+
+
 @pytest.mark.fault_case(57)
 def test_a_process_that_crashes_again_and_again_is_tried_slowly_while_the_others_go_on(make, tmp_path):
     clock, sentences = Clock(), []
