@@ -170,5 +170,8 @@ def _texts(folder: Path, versions: str, environment: Mapping[str, str]) -> Itera
     for pattern in _TEXTS:
         for file in sorted(folder.rglob(pattern)) if folder.is_dir() else ():
             if file.is_file() and not file.is_symlink() and (pattern == "*.log" or file.stat().st_size < _MOST_BYTES):
-                content = file.read_bytes()[-_LOG_BYTES if pattern == "*.log" else 0 :]
+                content = file.read_bytes()
+                if pattern == "*.log" and len(content) > _LOG_BYTES:
+                    # Whole lines: the rest of one may be a secret without the word that names it.
+                    content = content[-_LOG_BYTES:].partition(b"\n")[2]
                 yield f"run/{file.relative_to(folder)}", content.decode(errors="replace")

@@ -51,6 +51,14 @@ def test_the_bundle_has_versions_logs_settings_and_the_end_of_the_recording(run,
         assert bag.metadata()["parameters/surface"] == {"well.name": "7"}
 
 
+def test_a_log_is_cut_between_lines(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(bundle, "_LOG_BYTES", len("other-word\nend\n"))
+    target = tmp_path / "bundle.zip"
+    bundle.write(run, target, 0.0, "mwd 1", {})
+    with zipfile.ZipFile(target) as packed:
+        assert packed.read("run/logs/surface.log") == b"end\n"
+
+
 def test_nothing_secret_goes_into_it(run, tmp_path):
     target = tmp_path / "bundle.zip"
     bundle.write(run, target, 0.0, "mwd 1", {"MWD_PAGE_TOKEN": "third-word", "ROS_NOTE": "third-word"})
