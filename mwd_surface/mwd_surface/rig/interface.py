@@ -194,8 +194,9 @@ class LoopInterface(RigInterface):
     def _run(self) -> None:
         try:
             asyncio.run(self._main())
-        except (InterfaceError, OSError, ValueError) as error:
-            failure = error if isinstance(error, InterfaceError) else InterfaceError(f"{self.name}: {error}")
+        except Exception as error:  # noqa: BLE001  (without a reason the status would say only that it stopped)
+            words = str(error) if isinstance(error, (OSError, ValueError)) else f"{type(error).__name__}: {error}"
+            failure = error if isinstance(error, InterfaceError) else InterfaceError(f"{self.name}: {words}")
             if self._started.done():
                 self._failure = str(failure)
             else:

@@ -85,10 +85,11 @@ def test_a_start_that_takes_too_long_is_given_up():
     assert not slow.running
 
 
-def test_a_failure_later_is_kept_as_the_reason():
+@pytest.mark.parametrize("failure", [OSError(5, "the line is cut"), KeyError("the line is cut")])
+def test_a_failure_later_is_kept_as_the_reason(failure):
     echo = Echo()
     with started(echo):
-        echo.later = OSError(5, "the line is cut")
+        echo.later = failure
         echo.publish(values())
         eventually(lambda: not echo.running)
         assert "the line is cut" in echo.status().reason
