@@ -206,7 +206,7 @@ class SerialProbe:
         """Send where the line takes bytes: on a full one pyserial would try for ever."""
         if self._line is None or not select.select([], [self._line], [], 0.0)[1]:
             return False
-        return self._line.write(data) == len(data)
+        return int(self._line.write(data)) == len(data)
 
     def _take_answer(self, answer: Answer, now_ns: int) -> None:
         if answer.kind == "info":
