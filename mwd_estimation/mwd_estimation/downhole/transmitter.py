@@ -28,6 +28,8 @@ from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 
 _STEP_NS = NANOSECONDS // 10
+# Attitude that waits longer for its flow is dropped: a flow that never comes must not fill the memory.
+_KEPT_NS = 60 * NANOSECONDS
 _LPM = 1e-3 / 60.0
 Row = TypeVar("Row", bound=tuple[Any, ...])
 
@@ -153,6 +155,8 @@ class Transmitter:
                 self._attitudes.append((int(stamps[k]), int(row["status"]), found))
                 last = cell
         sent: list[Sent] = []
+        if not self._flows:
+            self._drop_old()
         if not self._attitudes or not self._flows:
             return sent
         if self._now is None:
@@ -160,12 +164,25 @@ class Transmitter:
         while self._now + _STEP_NS <= min(self._attitudes[-1][0], self._flows[-1][0]):
             self._now += _STEP_NS
             sent += self._step(self._now)
+        self._drop_old()
         return sent
 
     @property
     def knows_flow(self) -> bool:
         """Whether samples of the flow have come at all."""
         return bool(self._flows)
+
+    @property
+    def waits_s(self) -> float:
+        """Attitude that waits for its flow, s, at most 60."""
+        if not self._attitudes:
+            return 0.0
+        known = max(self._attitudes[0][0], self._flows[-1][0] if self._flows else 0)
+        return max(self._attitudes[-1][0] - known, 0) / NANOSECONDS
+
+    def _drop_old(self) -> None:
+        while self._attitudes and self._attitudes[-1][0] - self._attitudes[0][0] > _KEPT_NS:
+            self._attitudes.popleft()
 
     def _step(self, now: int) -> list[Sent]:
         flow = _newest(self._flows, now)

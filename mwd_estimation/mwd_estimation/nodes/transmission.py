@@ -20,6 +20,9 @@ from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.message_buffer import decode_messages
 from mwd_sensors.telemetry import tool_configuration
 
+# Flow so far behind the estimates has stopped, s.
+_LATE_S = 5.0
+
 
 class TransmissionPublisher:
     """
@@ -73,6 +76,9 @@ class TransmissionPublisher:
         if not self._transmitter.knows_flow:
             remedy = "the tool transmits by flow: is tool/flow published?"
             return [Diagnostic("transmission", WARN, "silent: the flow is not known", remedy, values)]
+        if self._transmitter.waits_s > _LATE_S:
+            remedy = "the tool transmits by flow: has tool/flow stopped?"
+            return [Diagnostic("transmission", WARN, "silent: the flow does not come any more", remedy, values)]
         return [Diagnostic("transmission", OK, str(self._transmitter.state), values=values)]
 
 

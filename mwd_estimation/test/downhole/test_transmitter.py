@@ -178,3 +178,14 @@ def test_without_a_survey_at_rest_the_least_noisy_continuous_one_is_sent():
     inc = next(one for one in sent if one.name == "Inc")
     assert math.degrees(inc.reading.value) == pytest.approx(40.0, abs=0.01)
     assert inc.reading.stamp_ns > START + 30 * SECOND
+
+
+def test_attitude_without_flow_waits_a_minute_at_most():
+    transmitter = Transmitter(TOOL, Transmit())
+    rows = attitude(600.0)
+    for first in range(0, len(rows), 200):
+        assert not transmitter.advance(rows[first : first + 200], REFERENCE)
+    assert 59.0 < transmitter.waits_s <= 60.0
+    transmitter.take_flow(flow(600.0, [(0.0, 600.0)]))
+    transmitter.advance(rows[:0], REFERENCE)
+    assert transmitter.waits_s < 1.0

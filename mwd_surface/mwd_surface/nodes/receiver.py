@@ -27,6 +27,7 @@ from mwd_surface.ros import link_messages
 
 _PERIOD_S = 0.05
 _SILENT_S = 5.0
+_LONGEST_GAP_S = 86400.0  # a longer one is a clock that was set; filling it would take the memory
 _QUALITY_S, _ATTITUDE_S = 1.0, 0.5
 _WAVE_SPEED = 1250.0  # m/s of pressure waves in mud (Korteweg), for the age of a word
 _LEAST_FLOW = 0.005  # m^3/s of the pumps; less does not turn a tool's generator
@@ -135,8 +136,10 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         seconds: Array = (start_ns - self._origin_ns) / wire.NANOSECONDS + period * np.arange(
             len(pressure), dtype=np.float64
         )
-        if len(seconds) and seconds[-1] < link.now_s - _SILENT_S:
-            self.get_logger().warning("the pressure's time went back by more than 5 s: the receiver begins anew")
+        back = len(seconds) and seconds[-1] < link.now_s - _SILENT_S
+        if back or (len(seconds) and np.isfinite(link.now_s) and seconds[0] > link.now_s + _LONGEST_GAP_S):
+            words = "went back by more than 5 s" if back else "went on by more than a day"
+            self.get_logger().warning(f"the pressure's time {words}: the receiver begins anew")
             self._new_link()
             self._take(start_ns, period, pressure)
             return

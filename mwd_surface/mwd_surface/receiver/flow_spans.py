@@ -42,15 +42,18 @@ class FlowSpans:
         self.spans: list[Span] = []
 
     def push(self, time_s: Array, pressure_pa: Array) -> None:
-        """Take samples, shape (n,): rising times, s, and Pa."""
-        cells = np.floor(np.asarray(time_s) / self._block_s).astype(np.int64)
+        """Take samples, shape (n,): rising times, s, and Pa. One that is not finite is left out."""
+        time, pressure = np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)
+        finite = np.isfinite(time) & np.isfinite(pressure)
+        time, pressure = time[finite], pressure[finite]
+        cells = np.floor(time / self._block_s).astype(np.int64)
         for cell in np.unique(cells):
             inside = cells == cell
             if self._cell is not None and cell != self._cell and self._count:
                 self._judge(self._cell * self._block_s, self._sum / self._count)
                 self._sum = self._count = 0.0
             self._cell = int(cell)
-            self._sum += float(pressure_pa[inside].sum())
+            self._sum += float(pressure[inside].sum())
             self._count += float(inside.sum())
 
     def switch(self, at_s: float, flowing: bool) -> None:

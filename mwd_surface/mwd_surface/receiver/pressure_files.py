@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import wave
+import math
+import struct
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.io import wavfile
 
 from mwd_sensors.core import gauge_burst
 from mwd_sensors.core.arrays import Array
@@ -20,6 +23,8 @@ if TYPE_CHECKING:
 _TIME, _PRESSURE, _VOLTAGE = "time_s", "pressure_pa", "voltage_v"
 # Samples of a WAV are shares of full scale; a pressure of this size keeps them far from any rounding.
 _WAV_FULL_SCALE = 1.0e7
+# No recording pauses longer; a clock that was set does.
+_LONGEST_GAP_S = 86400.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,8 +44,9 @@ def read(path: Path, gauge: int = 1, topic: str = "") -> PressureFile:
     Parameters
     ----------
     path : Path
-        `.csv` with columns time_s, pressure_pa (or voltage_v) and for a second gauge pressure_2_pa; `.wav`, PCM, a
-        channel for each gauge; anything else is taken for a recording.
+        `.csv` with columns time_s, pressure_pa (or voltage_v) and for a second gauge pressure_2_pa, where an empty
+        cell is a missing sample; `.wav`, PCM or float, a channel for each gauge; anything else is taken for a
+        recording.
     gauge : int
         1 or 2.
     topic : str
@@ -66,6 +72,9 @@ def read(path: Path, gauge: int = 1, topic: str = "") -> PressureFile:
         time, pressure, origin = _bag(path, gauge, topic)
     if len(time) < 64:
         raise ValueError(f"{path}: {len(time)} samples of pressure are too few")
+    longest = float(np.diff(time[np.isfinite(time)]).max(initial=0.0))
+    if longest > _LONGEST_GAP_S:
+        raise ValueError(f"{path}: the time jumps by {longest:.6g} s, as if the clock was set; cut the file there")
     return PressureFile(time, pressure, origin, _notes(time, pressure))
 
 
@@ -104,7 +113,7 @@ def read_bytes(path: Path, baud: int) -> PressureFile:
 
 def _csv(path: Path, gauge: int) -> tuple[Array, Array, str]:
     with path.open(encoding="utf-8-sig") as file:
-        earth = _VOLTAGE in (name.strip() for name in file.readline().split(","))
+        earth = _VOLTAGE in (name.strip().strip('"') for name in file.readline().split(","))
     table = _columns(path, (_TIME, _VOLTAGE if earth else _PRESSURE if gauge == 1 else "pressure_2_pa"))
     return table[:, 0], table[:, 1], "time_s of the file"
 
@@ -112,34 +121,48 @@ def _csv(path: Path, gauge: int) -> tuple[Array, Array, str]:
 def _columns(path: Path, wanted: tuple[str, str]) -> Array:
     """Two columns of a CSV; shape (n, 2)."""
     with path.open(encoding="utf-8-sig") as file:
-        names = [name.strip() for name in file.readline().split(",")]
+        names = [name.strip().strip('"') for name in file.readline().split(",")]
         for name in wanted:
             if name not in names:
-                raise ValueError(f"{path}: no column {name}; it has {', '.join(names)}")
+                raise ValueError(
+                    f"{path}: no column {name}; it has {', '.join(names)}; the first row names the columns, between"
+                    f" commas: {','.join(wanted)}"
+                )
         try:
-            return np.loadtxt(file, delimiter=",", usecols=[names.index(name) for name in wanted], ndmin=2)
+            with warnings.catch_warnings():
+                # A table without rows is refused by who counts its samples.
+                warnings.filterwarnings("ignore", message="loadtxt: input contained no data")
+                columns = [names.index(name) for name in wanted]
+                table = np.loadtxt(file, delimiter=",", usecols=columns, ndmin=2, converters=_number, quotechar='"')
+                return table.reshape(-1, len(wanted))
         except ValueError as error:
             raise ValueError(f"{path}: not all rows are numbers: {error}") from error
 
 
+def _number(cell: str) -> float:
+    """Number of a cell; not a number where it is empty."""
+    return float(cell) if cell.strip() else math.nan
+
+
 def _wav(path: Path, gauge: int) -> tuple[Array, Array, str]:
     try:
-        with wave.open(str(path), "rb") as file:
-            channels, width, rate = file.getnchannels(), file.getsampwidth(), file.getframerate()
-            raw = file.readframes(file.getnframes())
-    except (wave.Error, EOFError) as error:
-        raise ValueError(f"{path}: no WAV of whole numbers (PCM): {error}") from error
-    if gauge > channels:
-        raise ValueError(f"{path}: has {channels} channel, so there is no gauge {gauge}")
-    if width == 1:
-        whole = np.frombuffer(raw, dtype=np.uint8).astype(float) - 128.0
-    elif width == 3:
-        bytes_of = np.frombuffer(raw, dtype=np.uint8).reshape(-1, 3).astype(np.int32)
-        whole = ((bytes_of[:, 0] | bytes_of[:, 1] << 8 | bytes_of[:, 2] << 16) << 8 >> 8).astype(float)
-    else:
-        whole = np.frombuffer(raw, dtype=f"<i{width}").astype(float)
-    one = whole.reshape(-1, channels)[:, gauge - 1] * (_WAV_FULL_SCALE / 2 ** (8 * width - 1))
-    return np.arange(len(one)) / rate, one, "begin of the WAV"
+        with warnings.catch_warnings():
+            # Chunks that are not samples, and an end that is missing, as a recorder leaves when its power fails.
+            warnings.simplefilter("ignore", wavfile.WavFileWarning)
+            rate, samples = wavfile.read(path)
+    except (ValueError, EOFError, struct.error) as error:
+        raise ValueError(f"{path}: no WAV that can be read (PCM or float): {error}") from error
+    table = samples if samples.ndim == 2 else samples[:, np.newaxis]
+    if gauge > table.shape[1]:
+        raise ValueError(f"{path}: has {table.shape[1]} channel, so there is no gauge {gauge}")
+    if rate <= 0:
+        raise ValueError(f"{path}: the WAV gives no sample rate")
+    one = table[:, gauge - 1].astype(float)
+    if samples.dtype.kind == "u":
+        one -= 128.0
+    # 24 bits come as the upper ones of 32; floats are shares of full scale already.
+    full = 1.0 if samples.dtype.kind == "f" else 2.0 ** (8 * samples.dtype.itemsize - 1)
+    return np.arange(len(one)) / rate, one * (_WAV_FULL_SCALE / full), "begin of the WAV"
 
 
 def _bag(path: Path, gauge: int, topic: str) -> tuple[Array, Array, str]:
@@ -179,8 +202,10 @@ def _notes(time: Array, pressure: Array) -> tuple[str, ...]:
         notes.append(f"{int((~known).sum())} samples are no numbers and are left out")
     steps = np.diff(time[known])
     usual = float(np.median(steps)) if len(steps) else 0.0
-    if np.any(steps <= 0.0):
-        notes.append(f"{int((steps <= 0.0).sum())} times do not rise; those samples are left out")
+    rising = time[known]
+    fallen = int(np.sum(rising[1:] <= np.maximum.accumulate(rising)[:-1]))
+    if fallen:
+        notes.append(f"{fallen} times do not rise; those samples are left out")
     gaps = steps > max(20.0 * usual, 1.0)
     if gaps.any():
         notes.append(f"{int(gaps.sum())} gaps, {float(steps[gaps].sum()):.1f} s in all")

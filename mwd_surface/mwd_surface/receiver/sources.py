@@ -137,7 +137,7 @@ class ModbusGauge:
         asked = self._clock()
         try:
             answer: Any = self._client.read_input_registers(settings.register, count=1, device_id=settings.unit)
-        except ModbusException as error:
+        except (ModbusException, OSError) as error:
             self._client.close()
             self.failure = f"{where}: {error}"
             return
@@ -214,7 +214,10 @@ class WavStream:
                 return None
             if name == b"fmt ":
                 kind, channels, rate, _, _, bits = struct.unpack_from("<HHIIHH", self._open, at + 8)
-                if kind not in (1, 0xFFFE) or bits not in (8, 16, 32) or self._channel > channels:
+                if kind == 0xFFFE and size >= 26 + 2:
+                    # The extensible form says at the begin of its sub-format what the samples are.
+                    (kind,) = struct.unpack_from("<H", self._open, at + 8 + 24)
+                if kind != 1 or bits not in (8, 16, 32) or self._channel > channels:
                     self.failure = (
                         f"the WAV has {channels} channels of {bits} bits, form {kind}; give PCM of 8, 16 or 32"
                     )

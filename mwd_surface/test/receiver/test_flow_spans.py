@@ -42,3 +42,11 @@ def test_pumps_that_stop_are_known_to_be_off():
 
 def test_before_any_pressure_nothing_is_known():
     assert FlowSpans().flowing is None
+
+
+def test_a_sample_that_is_no_number_does_not_make_standing_mud_flow():
+    # What stands in the pipe while the pumps are off is little beside the pressure before, which must be remembered.
+    pressure = drilled() + 5.0e5
+    with_gap = pressure.copy()
+    with_gap[3300] = math.nan
+    assert pushed(with_gap, 100).spans == pushed(pressure, 100).spans

@@ -5,6 +5,7 @@ import wave
 import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
+from scipy.io import wavfile
 
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.receiver import pressure_files
@@ -27,6 +28,38 @@ def test_csv_gives_either_gauge(tmp_path):
     assert one.pressure_pa == pytest.approx(PRESSURE)
     assert two.pressure_pa == pytest.approx(2.0 * PRESSURE)
     assert not one.notes
+
+
+def test_empty_cells_are_missing_samples_and_names_may_be_quoted(tmp_path):
+    rows = "".join(f"{time:.2f},{'' if k == 7 else 2e7 + k}\n" for k, time in enumerate(TIME))
+    (tmp_path / "p.csv").write_text('"time_s", "pressure_pa"\n' + rows)
+    read = pressure_files.read(tmp_path / "p.csv")
+    assert np.flatnonzero(np.isnan(read.pressure_pa)).tolist() == [7]
+    assert "1 samples are no numbers" in " ".join(read.notes)
+
+
+def test_all_samples_behind_a_clock_that_went_back_are_told(tmp_path):
+    read = pressure_files.read(csv(tmp_path / "p.csv", np.column_stack([np.tile(TIME[:100], 2), PRESSURE])))
+    assert "100 times do not rise" in " ".join(read.notes)
+
+
+def test_a_clock_that_was_set_is_refused(tmp_path):
+    time = TIME.copy()
+    time[100:] += 1.7e9
+    with pytest.raises(ValueError, match="the time jumps by 1"):
+        pressure_files.read(csv(tmp_path / "p.csv", np.column_stack([time, PRESSURE])))
+
+
+def test_a_wav_without_samples_is_refused(tmp_path):
+    wavfile.write(tmp_path / "p.wav", 50, np.zeros(0, "i2"))
+    with pytest.raises(ValueError, match="0 samples"):
+        pressure_files.read(tmp_path / "p.wav")
+
+
+@pytest.mark.parametrize("kind", ["f4", "f8"])
+def test_wav_of_floats(tmp_path, kind):
+    wavfile.write(tmp_path / "p.wav", 50, np.sin(TIME).astype(kind))
+    assert pressure_files.read(tmp_path / "p.wav").pressure_pa / 1.0e7 == pytest.approx(np.sin(TIME), abs=1e-6)
 
 
 @pytest.mark.parametrize("width", [2, 3, 4])

@@ -5,6 +5,7 @@ import io
 import math
 import os
 import socket
+import struct
 import threading
 import time
 import wave
@@ -64,6 +65,34 @@ def test_a_gauge_is_read_over_modbus_and_says_what_it_lacks():
     silent = ModbusGauge(dataclasses.replace(settings, port=free_port()), time.monotonic)
     until(lambda: "does not answer" in silent.failure)
     silent.close()
+
+
+def test_a_converter_that_resets_its_connection_is_told_and_asked_again():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(10.0)
+        gauge = ModbusGauge(GaugeSettings(port=server.getsockname()[1]), time.monotonic)
+        for _ in range(2):
+            line, _ = server.accept()
+            line.recv(64)
+            # Without lingering, close sends a reset, as a converter does that starts anew.
+            line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            line.close()
+        until(lambda: "has not answered yet" not in gauge.failure)
+        gauge.close()
+    assert gauge.failure
+
+
+def test_a_wav_of_floats_in_the_extensible_form_is_refused():
+    form = struct.pack("<HHIIHHHHI", 0xFFFE, 1, 50, 200, 4, 32, 22, 32, 0) + struct.pack("<H", 3) + bytes(14)
+    reading, writing = os.pipe()
+    head = b"RIFF\0\0\0\0WAVE" + struct.pack("<4sI", b"fmt ", len(form)) + form
+    os.write(writing, head + b"data\0\0\0\0" + bytes(400))
+    os.close(writing)
+    stream = WavStream(reading)
+    times, _ = stream.read()
+    os.close(reading)
+    assert not len(times)
+    assert "form 3" in stream.failure
 
 
 def test_a_wav_through_a_pipe_is_read_as_it_comes():
