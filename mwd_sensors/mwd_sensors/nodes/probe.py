@@ -36,7 +36,7 @@ class ProbeNode(GraphNode[LineSettings]):
         super().__init__("probe", LineSettings(), **node_options)
         self._probe: SerialProbe | None = None
         self._said = ""
-        self._received_before = 0
+        self._received_before = self._faults_before = 0
 
     def configure(self) -> None:
         """Open the topics."""
@@ -47,6 +47,7 @@ class ProbeNode(GraphNode[LineSettings]):
     def activate(self) -> None:
         """Begin with a line that is not open yet."""
         self._probe = SerialProbe(self.settings)
+        self._received_before = self._faults_before = 0
         self._discovery = SubscriberDiscovery(time.monotonic(), self.settings.wait_for_listener_s)
 
     def deactivate(self) -> None:
@@ -78,7 +79,7 @@ class ProbeNode(GraphNode[LineSettings]):
         sent = self._probe is not None and self._probe.stream(request.data)
         response.success = sent
         words = "samples on" if request.data else "samples off"
-        response.message = f"sent to the probe: {words}" if sent else "the line is not open"
+        response.message = f"sent to the probe: {words}" if sent else "the line is not open or takes nothing"
         return response
 
     def diagnostics(self) -> Sequence[Diagnostic]:
@@ -120,13 +121,16 @@ class ProbeNode(GraphNode[LineSettings]):
         return Diagnostic("clock", OK, "synchronised", values=values)
 
     def _status_diagnostic(self, probe: SerialProbe) -> Diagnostic:
-        values = tuple((f"clipped {axis}", str(count)) for axis, count in probe.clips.items())
-        if probe.faults:
+        clipped = [(f"clipped {axis}", str(count)) for axis, count in probe.clips.items()]
+        values = (*clipped, ("faults", str(probe.faults)))
+        # Of the last second: the alarm goes when the unit is well again.
+        new, self._faults_before = probe.faults - self._faults_before, probe.faults
+        if new:
             return Diagnostic("status", ERROR, "the unit says that it is not well", "change the probe", values)
         if probe.clips:
             message = f"clipped: {', '.join(probe.clips)}"
             return Diagnostic("status", WARN, message, "reduce shocks or rotary speed, or fit a wider range", values)
-        return Diagnostic("status", OK, "no axis clipped")
+        return Diagnostic("status", OK, "no axis clipped", values=values)
 
 
 def main(args: Sequence[str] | None = None) -> int:
