@@ -29,7 +29,11 @@ _LONGEST_GAP_S = 86400.0
 
 @dataclasses.dataclass(frozen=True)
 class PressureFile:
-    """Times, s, and pressure, Pa, shape (n,); `origin` says what time 0 is; notes on what is wrong with the data."""
+    """
+    Rising times, s, and pressure, Pa, shape (n,), finite.
+
+    `origin` says what time 0 is; notes what is wrong with the data.
+    """
 
     time_s: Array
     pressure_pa: Array
@@ -70,12 +74,17 @@ def read(path: Path, gauge: int = 1, topic: str = "") -> PressureFile:
         time, pressure, origin = _wav(path, gauge)
     else:
         time, pressure, origin = _bag(path, gauge, topic)
+    notes = _notes(time, pressure)
+    known = np.isfinite(time) & np.isfinite(pressure)
+    time, pressure = time[known], pressure[known]
+    rises = time > np.maximum.accumulate(np.append(-np.inf, time))[:-1]
+    time, pressure = time[rises], pressure[rises]
     if len(time) < 64:
-        raise ValueError(f"{path}: {len(time)} samples of pressure are too few")
-    longest = float(np.diff(time[np.isfinite(time)]).max(initial=0.0))
+        raise ValueError(f"{path}: {len(time)} samples of pressure with rising times are too few")
+    longest = float(np.diff(time).max())
     if longest > _LONGEST_GAP_S:
         raise ValueError(f"{path}: the time jumps by {longest:.6g} s, as if the clock was set; cut the file there")
-    return PressureFile(time, pressure, origin, _notes(time, pressure))
+    return PressureFile(time, pressure, origin, notes)
 
 
 def read_strokes(path: Path) -> dict[int, Array]:

@@ -34,13 +34,20 @@ def test_empty_cells_are_missing_samples_and_names_may_be_quoted(tmp_path):
     rows = "".join(f"{time:.2f},{'' if k == 7 else 2e7 + k}\n" for k, time in enumerate(TIME))
     (tmp_path / "p.csv").write_text('"time_s", "pressure_pa"\n' + rows)
     read = pressure_files.read(tmp_path / "p.csv")
-    assert np.flatnonzero(np.isnan(read.pressure_pa)).tolist() == [7]
+    assert read.time_s == pytest.approx(np.delete(TIME, 7))
+    assert np.all(np.isfinite(read.pressure_pa))
     assert "1 samples are no numbers" in " ".join(read.notes)
 
 
 def test_all_samples_behind_a_clock_that_went_back_are_told(tmp_path):
     read = pressure_files.read(csv(tmp_path / "p.csv", np.column_stack([np.tile(TIME[:100], 2), PRESSURE])))
     assert "100 times do not rise" in " ".join(read.notes)
+    assert read.time_s == pytest.approx(TIME[:100])
+
+
+def test_a_clock_that_stands_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="1 samples of pressure with rising times"):
+        pressure_files.read(csv(tmp_path / "p.csv", np.column_stack([0.0 * TIME, PRESSURE])))
 
 
 def test_a_clock_that_was_set_is_refused(tmp_path):
