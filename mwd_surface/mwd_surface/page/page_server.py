@@ -335,6 +335,13 @@ class PageServer:
         client = Client(talk, request.transport)
         self._feed.clients.add(client)
         sender = asyncio.create_task(self._feed.send(client))
+        # Without its sender an open talk would show the last state for ever; the browser connects again.
+
+        def ended(task: asyncio.Task[None]) -> None:
+            if not task.cancelled() and task.exception() is not None:
+                client.transport.abort()
+
+        sender.add_done_callback(ended)
         try:
             async for message in talk:
                 # Nothing is expected from a browser; what is not a control frame ends the talk.
