@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -77,7 +78,9 @@ def _print(words: list[ReceivedWord]) -> None:
 
     for word in words:
         value = f"{word.value:.6g} {word.unit}".rstrip() if word.status != "erased" else "erased"
-        line = f"{word.end_s:9.1f} s  {word.kind:8} {word.name} {value}  confidence {word.confidence:.3f}"
+        # Rounded down: nothing is certain.
+        share = math.floor(1000.0 * word.confidence) / 1000.0
+        line = f"{word.end_s:9.1f} s  {word.kind:8} {word.name} {value}  confidence {share:.3f}"
         terminal.output().print(line, markup=False)
 
 

@@ -15,7 +15,7 @@ function valueText(word) {
 }
 
 function wordBox(word) {
-  const share = Math.round(100 * word.confidence);
+  const share = Math.floor(100 * word.confidence);
   const bar = el("span", { class: "link-share", "aria-hidden": "true" });
   // By script: the page allows no style in the markup.
   bar.style.setProperty("--share", `${share}%`);
@@ -85,7 +85,7 @@ function passes(link) {
 
 function words(link) {
   const rows = [...link.words].reverse().slice(0, 20).map((word) => el("tr", { "data-status": word.status }, [
-    units.clock(word.end_ns), word.name, valueText(word), `${(100 * word.confidence).toFixed(1)} %`, `${word.status}${word.final ? "" : ", provisional"}`,
+    units.clock(word.end_ns), word.name, valueText(word), `${(Math.floor(1000 * word.confidence) / 10).toFixed(1)} %`, `${word.status}${word.final ? "" : ", provisional"}`,
   ].map((text) => el("td", {}, text))));
   return table(["end, UTC", "word", "value", "right with", "status"], rows, "No word yet.");
 }
