@@ -59,7 +59,7 @@ class RigBridge:
         self._port = RigPort(
             settings,
             well,
-            on_rig_state=self._rig_data.put,
+            on_rig_state=self._on_rig_data,
             on_command=context.requests.call,
             folder=context.folder / "opcua",
         )
@@ -75,6 +75,12 @@ class RigBridge:
         """Stop the interfaces."""
         self._port.stop()
         self._status_file.unlink(missing_ok=True)
+
+    def _on_rig_data(self, samples: Samples) -> None:
+        """Take data of the rig, from the thread of an interface; what comes while the node is inactive is dropped."""
+        # Kept, it would be published on activation with the time of that, and an old depth would look like one of now.
+        if self._node.active:
+            self._rig_data.put(samples)
 
     def on_surveys(self, surveys: SurveyList) -> None:
         """Take the changed survey list."""
