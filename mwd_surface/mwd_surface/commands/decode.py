@@ -80,8 +80,9 @@ def decode(
             markup=False,
         )
     for word in got.words:
-        if word.kind == "survey" and word.status == BELIEVED:
-            console.print(f"{word.end_s:8.1f} s  {word.name} {word.value:.2f} {word.unit}", markup=False)
+        if word.kind == "survey" and word.usable:
+            chosen = "" if word.status == BELIEVED else "  (by consistency)"
+            console.print(f"{word.end_s:8.1f} s  {word.name} {word.value:.2f} {word.unit}{chosen}", markup=False)
     if not any(word.status == BELIEVED for word in got.words):
         terminal.warn(receiver.why_nothing())
     console.print(f"written: {output}/{names} ({read.origin})", markup=False)

@@ -22,7 +22,7 @@ from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfigurat
 from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.link_attitude import AgeRules, LinkAttitude
 from mwd_surface.receiver.link_survey import SurveyTime, survey
-from mwd_surface.receiver.link_values import believed, usable
+from mwd_surface.receiver.link_values import believed
 from mwd_surface.receiver.receivers import receiver_of
 from mwd_surface.receiver.transmission import FrameReport, Reception
 from mwd_surface.receiver.words import ReceivedWord
@@ -167,7 +167,7 @@ class Link:
             self._last_word = word if self._last_word is None or word.end_s > self._last_word.end_s else self._last_word
         for word in got.words:
             self._final.append(word)
-            self._good.append((word.end_s, self._bits(word) if usable(word) else 0))
+            self._good.append((word.end_s, self._bits(word) if word.usable else 0))
             if word.kind == "survey":
                 self._survey_words.setdefault(word.frame, []).append(word)
         while self._good and self._good[0][0] < self.now_s - _GOODPUT_S:
@@ -235,7 +235,7 @@ class Link:
         return SEARCHING, self._receiver.why_nothing().removeprefix("no words: ")
 
     def _locked(self) -> tuple[int, str]:
-        erased = [one for one in self._final if not usable(one)]
+        erased = [one for one in self._final if not one.usable]
         if len(self._final) >= 5 and len(erased) > 0.5 * len(self._final):
             return DOUBTFUL, "more than half of the words are uncertain: too much noise, or another tool configuration"
         frame = self._last_frame

@@ -20,7 +20,7 @@ from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import setting
 from mwd_sensors.telemetry import meanings
 from mwd_surface.receiver.link_survey import best_north
-from mwd_surface.receiver.link_values import LinkValue, usable, value_of
+from mwd_surface.receiver.link_values import LinkValue, value_of
 from mwd_surface.receiver.words import ReceivedWord
 
 
@@ -117,7 +117,7 @@ class LinkAttitude:
         if not quantity:
             return
         held = self._newest.get(quantity)
-        if usable(word):
+        if word.usable:
             if held is None or word.start_s >= held[0].start_s:
                 self._newest[quantity] = (value_of(word), word.frame, word.index)
         elif held is not None and held[1:] == (word.frame, word.index):

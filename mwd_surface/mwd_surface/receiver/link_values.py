@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 from mwd_sensors.telemetry import meanings
-from mwd_surface.receiver.words import BELIEVED, ReceivedWord
+from mwd_surface.receiver.words import ReceivedWord
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,14 +25,9 @@ def believed(words: list[ReceivedWord]) -> dict[str, LinkValue]:
     for word in words:
         quantity = meanings.meaning_of(word.name)
         unmeasured = word.raw == 0 and quantity in (meanings.G_TOTAL, meanings.B_TOTAL)
-        if quantity and usable(word) and not unmeasured:
+        if quantity and word.usable and not unmeasured:
             found[quantity] = value_of(word)
     return found
-
-
-def usable(word: ReceivedWord) -> bool:
-    """Whether a word may be used: believed, or chosen by the consistency of its survey."""
-    return word.status == BELIEVED or word.status == "by_consistency"
 
 
 def value_of(word: ReceivedWord) -> LinkValue:

@@ -6,7 +6,7 @@ import csv
 import io
 from collections.abc import Sequence
 
-from mwd_surface.receiver.words import BELIEVED, ReceivedWord
+from mwd_surface.receiver.words import BY_CONSISTENCY, ReceivedWord
 
 WORD_HEADER = (
     "start_s",
@@ -51,7 +51,11 @@ def words_csv(words: Sequence[ReceivedWord]) -> str:
 
 
 def surveys_csv(words: Sequence[ReceivedWord]) -> str:
-    """Table of the surveys: a row for each, a column and a sigma for each word; a word that was erased is empty."""
+    """
+    Table of the surveys: a row for each, a column and a sigma for each word; a word that was erased is empty.
+
+    The last column names the words that the survey's consistency chose.
+    """
     frames: dict[int, list[ReceivedWord]] = {}
     for word in words:
         if word.kind == "survey":
@@ -61,9 +65,12 @@ def surveys_csv(words: Sequence[ReceivedWord]) -> str:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     columns = [f"{name}_{units[name]}" if units[name] else name for name in names]
-    table.writerow(["frame", "start_s", "end_s", *(c for name in columns for c in (name, f"sigma_{name}"))])
+    table.writerow(
+        ["frame", "start_s", "end_s", *(c for name in columns for c in (name, f"sigma_{name}")), BY_CONSISTENCY]
+    )
     for number, frame in frames.items():
-        cells = {word.name: (f"{word.value:.6g}", f"{word.sigma:.4g}") for word in frame if word.status == BELIEVED}
+        cells = {word.name: (f"{word.value:.6g}", f"{word.sigma:.4g}") for word in frame if word.usable}
         row = [number, f"{frame[0].start_s:.3f}", f"{frame[-1].end_s:.3f}"]
-        table.writerow([*row, *(cell for name in names for cell in cells.get(name, ("", "")))])
+        chosen = " ".join(word.name for word in frame if word.status == BY_CONSISTENCY)
+        table.writerow([*row, *(cell for name in names for cell in cells.get(name, ("", ""))), chosen])
     return text.getvalue()

@@ -63,6 +63,11 @@ class ReceivedWord:
     alternatives: tuple[tuple[int, float], ...]
     revision: int = 1
 
+    @property
+    def usable(self) -> bool:
+        """Whether its value may be used: it is believed, or chosen by the consistency of its survey."""
+        return self.status != ERASED
+
 
 @dataclasses.dataclass(frozen=True)
 class WordPlace:

@@ -1,0 +1,21 @@
+"""The tables that `mwd decode` writes."""
+
+import csv
+import dataclasses
+import io
+
+from mwd_surface.receiver.word_files import surveys_csv
+from mwd_surface.receiver.words import BELIEVED, BY_CONSISTENCY, ERASED, ReceivedWord
+
+WORD = ReceivedWord(0.0, 8.0, 4, 0, "survey", "Inc", "deg", 7, 31.5, 0.999, 0.04, BELIEVED, ())
+
+
+def test_a_survey_has_what_its_consistency_chose_marked_and_nothing_for_what_was_erased():
+    words = [
+        WORD,
+        dataclasses.replace(WORD, index=1, name="Azm", value=47.25, confidence=0.8, status=BY_CONSISTENCY),
+        dataclasses.replace(WORD, index=2, name="DipA", status=ERASED),
+    ]
+    (row,) = csv.DictReader(io.StringIO(surveys_csv(words)))
+    assert (row["Inc_deg"], row["Azm_deg"], row["DipA_deg"]) == ("31.5", "47.25", "")
+    assert row["by_consistency"] == "Azm"
