@@ -33,7 +33,7 @@ def interfaces() -> str:
 def topics() -> str:
     """The contract on the wire, from the README of the message package."""
     text = (ROOT / "mwd_msgs" / "README.md").read_text()
-    return BANNER + text
+    return BANNER + text.replace("](../docs/reference/", "](").replace("](../docs/", "](../")
 
 
 def parameters() -> str:
