@@ -16,6 +16,11 @@ class Transmit:
         "Tool configuration (tool.yaml) by which the tool transmits; empty: it does not. The receiver at the surface "
         "needs the same file.",
     )
+    second_tool_file: str = setting(
+        "",
+        "Tool configuration of a second link, such as EM beside mud pulses: the tool sends over both at once; empty: "
+        "none.",
+    )
     flow_threshold_lpm: float = setting(
         600.0,
         "Flow above which the tool takes the pumps for on. Raise it where the flow between connections stays high; the "

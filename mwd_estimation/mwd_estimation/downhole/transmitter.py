@@ -2,8 +2,10 @@
 The tool's transmission: a state machine from flow and rotation to words on air.
 
 Without flow the tool is silent. Flow that has held for a while starts the transmit delay; behind it come sync, header,
-the survey, and the toolface sequence again and again, each word measured when it goes on air. The machine moves in
-steps of 0.1 s of the tool's clock, so that what is sent does not depend on how the samples are cut into blocks.
+the survey, and the toolface sequence again and again, each word measured when it goes on air. On a carrier blocks of
+words take the place of sync, header and words. A tool on a wire does not ask for flow: it sends toolface frames all the
+time, and each survey as soon as it was taken. The machine moves in steps of 0.1 s of the tool's clock, so that what is
+sent does not depend on how the samples are cut into blocks.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ import dataclasses
 import enum
 from collections import deque
 from collections.abc import Iterator
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
@@ -23,7 +25,8 @@ from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.downhole.switches import NANOSECONDS, Switch
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Samples
-from mwd_sensors.telemetry import meanings
+from mwd_sensors.telemetry import meanings, on_air
+from mwd_sensors.telemetry.on_air import Group
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 
@@ -74,6 +77,10 @@ class Sent:
     duration_s : float
     edges_s : tuple of float
         Begin of each pulse after the start, s.
+    phases : tuple of float
+        Of each symbol on a carrier, rad; empty but at the first word of a block.
+    octets : bytes
+        On a line; empty but at the first word of a frame.
     """
 
     kind: Kind
@@ -86,6 +93,19 @@ class Sent:
     start_ns: int
     duration_s: float
     edges_s: tuple[float, ...]
+    phases: tuple[float, ...] = ()
+    octets: bytes = b""
+
+
+class _Part(NamedTuple):
+    """What goes on air next: kind, number of the sequence, words; of a sync none."""
+
+    kind: Kind
+    number: int
+    group: Group
+
+
+_KINDS = {"survey": Kind.SURVEY, "toolface": Kind.TOOLFACE}
 
 
 class Transmitter:
@@ -98,16 +118,9 @@ class Transmitter:
         What is sent, and how.
     settings : Transmit
         When.
-
-    Raises
-    ------
-    ValueError
-        The tool sends something else than pulses.
     """
 
     def __init__(self, tool: ToolConfiguration, settings: Transmit) -> None:
-        if tool.code not in PULSE_CODES:
-            raise ValueError(f"code: the simulated tool sends pulses ({', '.join(PULSE_CODES)}), not {tool.code}")
         self.tool, self._settings = tool, settings
         self._flow = Switch(round(settings.flow_hold_s * NANOSECONDS))
         self._rotation = Switch(round(settings.rotation_hold_s * NANOSECONDS))
@@ -120,13 +133,15 @@ class Transmitter:
         self._fresh = False
         self._current: Readings = {}
         self._slow: Readings = {}
-        self._on_air: Iterator[tuple[Kind, int, SequenceItem | None]] = iter(())
+        self._on_air: Iterator[_Part] = iter(())
         self._next_ns = 0
         self._begins_anew = False
         self.state = State.SILENT
 
     def take_flow(self, samples: Samples) -> None:
         """Take samples of `wire.TOOL_FLOW`, in order; those of a time must come before its attitude."""
+        if self.wired:
+            return
         self._flows.extend(zip(samples["stamp_ns"].tolist(), samples["flow"].tolist(), strict=True))
 
     def take_survey(self, survey: Survey) -> None:
@@ -155,17 +170,22 @@ class Transmitter:
                 self._attitudes.append((int(stamps[k]), int(row["status"]), found))
                 last = cell
         sent: list[Sent] = []
-        if not self._flows:
+        needed: list[deque[Any]] = [self._attitudes] if self.wired else [self._attitudes, self._flows]
+        if not all(needed):
             self._drop_old()
-        if not self._attitudes or not self._flows:
             return sent
         if self._now is None:
-            self._now = max(self._attitudes[0][0], self._flows[0][0]) // _STEP_NS * _STEP_NS
-        while self._now + _STEP_NS <= min(self._attitudes[-1][0], self._flows[-1][0]):
+            self._now = max(rows[0][0] for rows in needed) // _STEP_NS * _STEP_NS
+        while self._now + _STEP_NS <= min(rows[-1][0] for rows in needed):
             self._now += _STEP_NS
             sent += self._step(self._now)
         self._drop_old()
         return sent
+
+    @property
+    def wired(self) -> bool:
+        """Whether it sends over a line, with flow or without."""
+        return self.tool.code == "serial"
 
     @property
     def knows_flow(self) -> bool:
@@ -185,17 +205,22 @@ class Transmitter:
             self._attitudes.popleft()
 
     def _step(self, now: int) -> list[Sent]:
-        flow = _newest(self._flows, now)
         row = _newest(self._attitudes, now)
-        if flow is None or row is None:
+        if row is None:
             return []
         _, status, self._current = row
         self._continuous.take(now, self._current)
-        if self._flow.update(now, flow[1] > self._settings.flow_threshold_lpm * _LPM):
-            self._switch_flow()
+        if not self.wired:
+            flow = _newest(self._flows, now)
+            if flow is None:
+                return []
+            if self._flow.update(now, flow[1] > self._settings.flow_threshold_lpm * _LPM):
+                self._switch_flow()
+        elif self.state == State.SILENT:
+            self.state, self._next_ns, self._on_air = State.SENDING, now, self._frames()
         turned = self._rotation.update(now, bool(status & Status.ROTATING))
-        if turned and self._settings.rotation_switching and self.tool.header_bits and self.state == State.SENDING:
-            self._begins_anew = True
+        if turned and self._settings.rotation_switching and self.tool.names_sequences and not self.wired:
+            self._begins_anew = self.state == State.SENDING
         if self.state == State.WAITING and now >= self._next_ns:
             self.state = State.SENDING
             self._on_air = self._parts(with_survey=True)
@@ -204,7 +229,7 @@ class Transmitter:
             if self._begins_anew:
                 self._begins_anew = False
                 self._on_air = self._parts(with_survey=self._rotation.on)
-            sent.append(self._put_on_air(*next(self._on_air)))
+            sent += self._put_on_air(next(self._on_air))
         return sent
 
     def _switch_flow(self) -> None:
@@ -215,20 +240,38 @@ class Transmitter:
         else:
             self.state = State.SILENT
 
-    def _parts(self, *, with_survey: bool) -> Iterator[tuple[Kind, int, SequenceItem | None]]:
-        """Sync, header, survey and for ever the toolface sequence: kind, number of the sequence, word."""
-        number = int(self._rotation.on) if self._settings.rotation_switching and self.tool.header_bits else 0
-        yield Kind.SYNC, number, None
-        if self.tool.header_bits:
-            yield Kind.HEADER, number, SequenceItem("", self.tool.header_bits, False)
+    @property
+    def _number(self) -> int:
+        """Number of the sequences to send now."""
+        return int(self._rotation.on) if self._settings.rotation_switching and self.tool.names_sequences else 0
+
+    def _parts(self, *, with_survey: bool) -> Iterator[_Part]:
+        """Sync, header, survey and for ever the toolface sequence."""
+        number = self._number
+        if self.tool.code in PULSE_CODES:
+            yield _Part(Kind.SYNC, number, Group("", number, 0, ()))
+            if self.tool.header_bits:
+                header = SequenceItem("", self.tool.header_bits, False)
+                yield _Part(Kind.HEADER, number, Group("", number, 0, (header,)))
         if with_survey:
             self._choose_survey()
-            for item in _numbered(self.tool.surveys, number):
-                yield Kind.SURVEY, number, item
+            yield from self._pass("survey", number)
         while True:
             self._frame += 1
-            for item in _numbered(self.tool.toolfaces, number):
-                yield Kind.TOOLFACE, number, item
+            yield from self._pass("toolface", number)
+
+    def _frames(self) -> Iterator[_Part]:
+        """Of a tool on a wire: a survey where one was taken, else toolfaces, for ever."""
+        while True:
+            kind = "survey" if self._fresh else "toolface"
+            if self._fresh:
+                self._choose_survey()
+            else:
+                self._frame += 1
+            yield from self._pass(kind, self._number)
+
+    def _pass(self, kind: str, number: int) -> Iterator[_Part]:
+        return (_Part(_KINDS[kind], number, group) for group in on_air.groups(self.tool, kind, number))
 
     def _choose_survey(self) -> None:
         """Send the survey taken at rest since the last transmission, else the least noisy continuous one."""
@@ -238,25 +281,31 @@ class Transmitter:
         self._fresh = False
         self._continuous.forget()
 
-    def _put_on_air(self, kind: Kind, number: int, item: SequenceItem | None) -> Sent:
-        tool, start = self.tool, self._next_ns
-        reading, raw, bits, name = None, 0, 0, ""
-        if item is None:
-            edges, length = tool.sync.edges_tu, tool.sync.length_tu
-        else:
-            name, bits = item.name, item.bits
-            if kind == Kind.HEADER:
-                raw = number
-            else:
-                reading = self._reading(kind, name)
-                raw = self._code(item, reading)
-            edges, length = tool.pulses(raw << 1 | tool.parity_bit(raw) if item.parity else raw, item.length)
-        duration = length * tool.tu_s
-        self._next_ns = start + round(duration * NANOSECONDS)
-        times = tuple(edge * tool.tu_s for edge in edges)
+    def _put_on_air(self, part: _Part) -> list[Sent]:
+        kind, number, group = part
+        start = self._next_ns
+        names = [item.name for item in group.items]
+        measured = [self._reading(kind, name) if name else None for name in names]
+        codes = tuple(
+            number if kind == Kind.HEADER else self._code(item, reading)
+            for item, reading in zip(group.items, measured, strict=True)
+        )
         # Sync and header belong to the pass behind them.
         frame = self._frame if kind in (Kind.SURVEY, Kind.TOOLFACE) else self._frame + 1
-        return Sent(kind, frame, number, name, raw, bits, reading, start, duration, times)
+        if kind == Kind.SYNC:
+            signal = on_air.sync(self.tool)
+        else:
+            signal = on_air.signal(self.tool, group, self.tool.sent(group.items, codes), frame)
+        self._next_ns = start + round(signal.period_s * NANOSECONDS)
+        time = (start, signal.duration_s, signal.edges_s)
+        if kind == Kind.SYNC:
+            return [Sent(kind, frame, number, "", 0, 0, None, *time)]
+        sent = [
+            Sent(kind, frame, number, item.name, code, item.bits, reading, *time)
+            for item, code, reading in zip(group.items, codes, measured, strict=True)
+        ]
+        sent[0] = dataclasses.replace(sent[0], phases=signal.phases, octets=signal.octets)
+        return sent
 
     def _reading(self, kind: Kind, name: str) -> Reading | None:
         quantity = meanings.meaning_of(name)
@@ -269,10 +318,6 @@ class Transmitter:
             return 0
         word = self.tool.table[item.name]
         return word.code(reading.value / meanings.factor(word.unit), item.bits)
-
-
-def _numbered(sequences: tuple[tuple[SequenceItem, ...], ...], number: int) -> tuple[SequenceItem, ...]:
-    return sequences[min(number, len(sequences) - 1)]
 
 
 def _newest(rows: deque[Row], now: int) -> Row | None:

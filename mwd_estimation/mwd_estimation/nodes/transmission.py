@@ -19,6 +19,7 @@ from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.message_buffer import decode_messages
 from mwd_sensors.telemetry import tool_configuration
+from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 
 # Flow so far behind the estimates has stopped, s.
 _LATE_S = 5.0
@@ -26,7 +27,7 @@ _LATE_S = 5.0
 
 class TransmissionPublisher:
     """
-    Runs the tool's transmitter beside the estimator.
+    Runs the tool's transmitters beside the estimator, one for each of its links.
 
     Parameters
     ----------
@@ -37,52 +38,58 @@ class TransmissionPublisher:
     Raises
     ------
     ValueError, OSError
-        The tool configuration cannot be read.
+        A tool configuration cannot be read, or two name the same link.
     """
 
     def __init__(self, node: GraphNode[Any], settings: Transmit) -> None:
         self._settings = settings
         self._sent = 0
         self._set_back = 0
-        self._transmitter: Transmitter | None = None
-        if not settings.tool_file:
+        files = [file for file in (settings.tool_file, settings.second_tool_file) if file]
+        self._tools = tool_configuration.read_several(Path(file).expanduser() for file in files)
+        self._begin_anew()
+        if not self._tools:
             return
-        self._tool = tool_configuration.read(Path(settings.tool_file).expanduser())
-        self._transmitter = Transmitter(self._tool, settings)
         self._flow = node.add_buffered_subscription(ToolFlow, "tool/flow", qos.buffered(qos.EVENT))
         self._publisher = node.add_publisher(TransmissionMessage, "tool/transmission", qos.EVENT)
 
+    def _begin_anew(self) -> None:
+        self._transmitters = [Transmitter(tool, self._settings) for tool in self._tools]
+
     def take(self, output: Output, pipeline: Pipeline, frame: str) -> None:
         """Take what the estimator gave for a block, and publish what went on air."""
-        if self._transmitter is None:
+        if not self._transmitters:
             return
         if pipeline.counters.set_back > self._set_back:
             self._set_back = pipeline.counters.set_back
-            self._transmitter = Transmitter(self._tool, self._settings)
+            self._begin_anew()
         flows, _ = decode_messages(wire.TOOL_FLOW, [message.data for message in self._flow.take()])
-        self._transmitter.take_flow(flows)
-        for survey in output.surveys:
-            self._transmitter.take_survey(survey)
-        self._transmitter.take_dynamics(output.dynamics)
-        for sent in self._transmitter.advance(output.attitude, pipeline.reference):
-            self._publisher.publish(transmission_message(sent, self._transmitter, frame))
-            self._sent += 1
+        for transmitter in self._transmitters:
+            transmitter.take_flow(flows)
+            for survey in output.surveys:
+                transmitter.take_survey(survey)
+            transmitter.take_dynamics(output.dynamics)
+            for sent in transmitter.advance(output.attitude, pipeline.reference):
+                self._publisher.publish(transmission_message(sent, transmitter.tool, frame))
+                self._sent += 1
 
     def diagnostics(self) -> list[Diagnostic]:
         """What the tool transmits."""
-        if self._transmitter is None:
-            return []
         values = (("sent", str(self._sent)),)
-        if not self._transmitter.knows_flow:
-            remedy = "the tool transmits by flow: is tool/flow published?"
-            return [Diagnostic("transmission", WARN, "silent: the flow is not known", remedy, values)]
-        if self._transmitter.waits_s > _LATE_S:
-            remedy = "the tool transmits by flow: has tool/flow stopped?"
-            return [Diagnostic("transmission", WARN, "silent: the flow does not come any more", remedy, values)]
-        return [Diagnostic("transmission", OK, str(self._transmitter.state), values=values)]
+        found = []
+        for transmitter in self._transmitters:
+            name = f"transmission {transmitter.tool.link}"
+            if transmitter.wired or (transmitter.knows_flow and transmitter.waits_s <= _LATE_S):
+                found.append(Diagnostic(name, OK, str(transmitter.state), values=values))
+                continue
+            stopped = transmitter.knows_flow
+            text = f"silent: the flow {'does not come any more' if stopped else 'is not known'}"
+            remedy = f"the tool transmits by flow: {'has tool/flow stopped?' if stopped else 'is tool/flow published?'}"
+            found.append(Diagnostic(name, WARN, text, remedy, values))
+        return found
 
 
-def transmission_message(sent: Sent, transmitter: Transmitter, frame: str) -> TransmissionMessage:
+def transmission_message(sent: Sent, tool: ToolConfiguration, frame: str) -> TransmissionMessage:
     """What went on air, as mwd_msgs/Transmission."""
     message = TransmissionMessage(
         kind=int(sent.kind),
@@ -94,9 +101,14 @@ def transmission_message(sent: Sent, transmitter: Transmitter, frame: str) -> Tr
         value=0.0 if sent.reading is None else sent.reading.value,
         sigma=-1.0 if sent.reading is None else sent.reading.sigma,
         duration=sent.duration_s,
-        code=transmitter.tool.code,
-        pulse_width=transmitter.tool.pulse_width_s,
+        link=tool.link,
+        code=tool.code,
+        pulse_width=tool.pulse_width_s if tool.code in PULSE_CODES else 0.0,
         edges=list(sent.edges_s),
+        carrier=tool.carrier.frequency_hz if tool.code == "psk" else 0.0,
+        symbol_period=tool.symbol_s,
+        phases=list(sent.phases),
+        octets=list(sent.octets),
     )
     message.header.stamp = stamp(sent.start_ns)
     message.header.frame_id = frame

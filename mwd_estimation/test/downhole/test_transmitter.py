@@ -15,6 +15,8 @@ from mwd_estimation.survey.station import station
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import wire
 from mwd_sensors.core.frames import mat_nt
+from mwd_sensors.telemetry.carrier import BlockName, Carrier, block_bits, symbols
+from mwd_sensors.telemetry.serial_frames import SerialLine
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, encode
 
 SECOND = 1_000_000_000
@@ -189,3 +191,54 @@ def test_attitude_without_flow_waits_a_minute_at_most():
     transmitter.take_flow(flow(600.0, [(0.0, 600.0)]))
     transmitter.advance(rows[:0], REFERENCE)
     assert transmitter.waits_s < 1.0
+
+
+PSK = ToolConfiguration(
+    code="psk",
+    carrier=Carrier(medium="earth", frequency_hz=6.0, symbol_rate_hz=6.0),
+    transmit_delay_s=10.0,
+    survey_sequences=("Inc:12 Azm:12 Grav:12",),
+    toolface_sequences=("aTFA:6 RINC:11",),
+)
+
+
+def test_on_a_carrier_blocks_of_the_survey_and_of_toolfaces_follow_each_other():
+    _, sent = run(PSK, Transmit(), attitude(90.0), flow(90.0, [(5.0, 90.0)]), [survey()])
+    blocks = [one for one in sent if one.phases]
+    assert [one.name for one in sent[:3]] == ["Inc", "Azm", "Grav"]
+    assert len({one.start_ns for one in sent[:3]}) == 1
+    assert {one.kind for one in blocks[1:]} == {Kind.TOOLFACE}
+    for one, following in itertools.pairwise(blocks):
+        assert following.start_ns - one.start_ns == pytest.approx(PSK.carrier.block_s * SECOND, abs=2)
+    for one in blocks:
+        words = [word for word in sent if word.start_ns == one.start_ns]
+        items = (PSK.surveys if one.kind == Kind.SURVEY else PSK.toolfaces)[0]
+        name = BlockName(one.kind.name.lower(), 0, 0)
+        lengths = [item.length for item in items]
+        bits = block_bits(PSK.carrier, name, [word.raw for word in words], lengths, PSK.table_check)
+        assert np.exp(1j * np.array(one.phases)) == pytest.approx(symbols(PSK.carrier, bits), abs=1e-12)
+
+
+@pytest.mark.parametrize("form", ["binary", "ascii"])
+def test_a_tool_on_a_wire_sends_without_flow_and_each_survey_once(form):
+    tool = dataclasses.replace(
+        PSK, code="serial", serial=SerialLine(format=form, period_s=2.0), toolface_sequences=("aTFA:6", "RINC:11")
+    )
+    _, sent = run(tool, Transmit(), attitude(60.0), flow(0.0, []), [survey()])
+    frames = [one for one in sent if one.octets]
+    assert len(frames) == 30
+    assert [one.kind for one in frames[:3]] == [Kind.SURVEY, Kind.TOOLFACE, Kind.TOOLFACE]
+    assert sum(one.kind == Kind.SURVEY for one in frames) == 1
+    toolface = frames[5]
+    assert tool.table["aTFA"].value(toolface.raw, 6) == pytest.approx(seconds(toolface), abs=3.0)
+    assert all(one.octets.endswith(b"\n" if form == "ascii" else b"\0") for one in frames)
+
+
+def test_rotation_switches_the_sequence_of_a_carrier_without_a_header():
+    tool = dataclasses.replace(PSK, toolface_sequences=("aTFA:6", "LRMS:11"))
+    rows = np.concatenate([attitude(60.0), attitude(60.0, rotating=True)])
+    rows["stamp_ns"] = START + np.arange(len(rows)) * (SECOND // 20)
+    settings = Transmit(rotation_switching=True, rotation_hold_s=2.0)
+    _, sent = run(tool, settings, rows, flow(120.0, [(1.0, 120.0)]), [survey()])
+    late = [one for one in sent if one.kind == Kind.TOOLFACE and seconds(one) > 90.0]
+    assert {(one.name, one.sequence) for one in late} == {("LRMS", 1)}

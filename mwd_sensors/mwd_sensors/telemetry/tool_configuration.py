@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -141,6 +141,21 @@ class ToolConfiguration:
     def medium(self) -> str:
         """What carries the words: mud, earth or serial."""
         return {"psk": self.carrier.medium, "serial": "serial"}.get(self.code, "mud")
+
+    @property
+    def link(self) -> str:
+        """Name of the link: mud_pulse, em or serial."""
+        return {"mud": "mud_pulse", "earth": "em", "serial": "serial"}[self.medium]
+
+    @property
+    def names_sequences(self) -> bool:
+        """Whether the surface can tell one sequence from another: by a header, or by what blocks and frames carry."""
+        return self.header_bits > 0 or self.code not in PULSE_CODES
+
+    @property
+    def symbol_s(self) -> float:
+        """Time of a symbol of a carrier or of a bit on a line, s; 0 for pulses."""
+        return {"psk": 1.0 / self.carrier.symbol_rate_hz, "serial": 1.0 / self.serial.baud}.get(self.code, 0.0)
 
     @property
     def shortest_s(self) -> float:
@@ -277,6 +292,26 @@ def read(path: Path) -> ToolConfiguration:
         return from_mapping(given)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
+
+
+def read_several(paths: Iterable[Path]) -> tuple[ToolConfiguration, ...]:
+    """
+    Read the configurations of the links of one tool.
+
+    Raises
+    ------
+    ValueError
+        As `read`, or two of them are of one link.
+    OSError
+        A file cannot be read.
+    """
+    tools: dict[str, ToolConfiguration] = {}
+    for path in paths:
+        tool = read(path)
+        if tool.link in tools:
+            raise ValueError(f"{path}: the first tool configuration is of the link {tool.link} too; name another link")
+        tools[tool.link] = tool
+    return tuple(tools.values())
 
 
 def starting(code: str) -> ToolConfiguration:
