@@ -1,6 +1,7 @@
 # make run    plays the default scenario: three nodes, a live page, a recording, surveys against the truth
 # make test   lint, types and every test: kernels, real nodes on middleware domains of their own, the page in a browser
 # make check  lint, types and the fast tests, before each commit
+# make test-ubuntu  the same tests with the versions of Ubuntu 24.04's Python packages, on Python 3.12
 # make bench  accuracy and speed against the papers and the peers; writes docs/benchmarks.md
 # make fuzz   generated input against every parser, for long (the suite does it for short)
 # make soak   an hour of the graph at ten times its pace with kills; memory, files and recordings are counted
@@ -12,9 +13,9 @@ BIN := .venv/bin
 # What another sourced ROS would put in front of ours.
 CLEAN := env -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH -u ROS_DISTRO -u _ROS_WHEELS_BOOTSTRAP_COMPLETE
 # A file of tests stays with one worker: its fixtures are made once.
-PYTEST := $(CLEAN) $(BIN)/python -m pytest --numprocesses 2 --dist loadfile
+PYTEST = $(CLEAN) $(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
-.PHONY: run test check setup lint config docs pictures lock bench fuzz soak sbom clean
+.PHONY: run test test-ubuntu check setup lint config docs pictures lock bench fuzz soak sbom clean
 
 setup:
 	@$(PYTHON) .ci/setup
@@ -33,6 +34,11 @@ check: lint
 
 test: lint
 	@$(PYTEST)
+
+test-ubuntu: BIN := .venv-ubuntu/bin
+test-ubuntu:
+	@$(PYTHON) .ci/setup --ubuntu
+	@$(PYTEST) $(ONLY)
 
 bench: setup
 	@$(BIN)/python -m pip install -q --no-deps --disable-pip-version-check -r .ci/bench.lock
@@ -62,4 +68,4 @@ sbom: setup
 	@$(BIN)/python .ci/sbom
 
 clean:
-	rm -rf .venv .venv.turn docs/_build
+	rm -rf .venv .venv.turn .venv-ubuntu .venv-ubuntu.turn docs/_build

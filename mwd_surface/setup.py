@@ -19,7 +19,7 @@ setup(
         "numpy",
         "scipy",
         "PyYAML",
-        "typer",
+        "typer>=0.12.4",
         "rich",
         "aiohttp",
         "rosbags",

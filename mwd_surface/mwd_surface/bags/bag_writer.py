@@ -350,7 +350,8 @@ class BagWriter:
             raise ValueError(f"log_ns: {log_ns} lies before 1970; stamps are ns since the epoch")
 
     def _new_file(self) -> McapWriter:
-        file = McapWriter(self._folder / f"{self.path.name}_{self._next}.mcap", **self._options)  # type: ignore[arg-type]
+        path = self._folder / f"{self.path.name}_{self._next}.mcap"
+        file = McapWriter(path, **self._options)  # type: ignore[arg-type]
         self._next += 1
         return file
 
