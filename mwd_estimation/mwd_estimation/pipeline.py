@@ -10,6 +10,8 @@ anew. The stages behind that, in the order of the signal, are those of `estimate
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from mwd_estimation import derivation
@@ -25,9 +27,11 @@ from mwd_estimation.output import Counters, Output
 from mwd_estimation.place import Place, reference_of
 from mwd_estimation.requests import Requests
 from mwd_estimation.settings import EstimatorSettings, latitude_of
+from mwd_estimation.stated_noise import with_noise
 from mwd_estimation.survey.magnetic_feedback import NORTH_CODES
 from mwd_estimation.survey.static_survey import Refusal
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.input_covariance import Noise
 from mwd_sensors.core.mount import Mount, resolve
 
 # Who runs the estimator finds here all that goes with it.
@@ -59,6 +63,11 @@ class Pipeline:
     ------
     ValueError
         Settings that no estimate can be made with: a file that cannot be read, a place without a field.
+
+    Attributes
+    ----------
+    noise_notes : list of str
+        A sentence for each vector whose stated noise is larger than the tool's and is taken (`set_noise`).
     """
 
     def __init__(
@@ -70,6 +79,8 @@ class Pipeline:
         self.counters = Counters()
         self._numbering = Numbering()
         self._given = reference
+        self._with_noise = settings
+        self.noise_notes: list[str] = []
         self.reset()
 
     def reset(self) -> None:
@@ -78,7 +89,7 @@ class Pipeline:
         self._begin_anew()
 
     def _begin_anew(self) -> None:
-        self._estimate = Estimate(self.settings, self._given, self.counters, self._numbering)
+        self._estimate = Estimate(self._with_noise, self._given, self.counters, self._numbering)
 
     def push_mag(self, samples: Samples) -> None:
         """Take magnetic samples, dtype of `wire.MAG`, in axes of the unit; left out where its mount is not known."""
@@ -147,6 +158,13 @@ class Pipeline:
         """Turn samples like this from now on; with other axes of the conventional unit the estimate begins anew."""
         before, self.mount = self.mount, mount
         if not np.array_equal(before.imu, mount.imu):
+            self.reset()
+
+    def set_noise(self, stated: Mapping[str, Noise]) -> None:
+        """Reckon with the noise that covariances state where it is larger than the tool's; the estimate begins anew."""
+        settings, self.noise_notes = with_noise(self.settings, stated)
+        if settings != self._with_noise:
+            self._with_noise = settings
             self.reset()
 
     def finish(self) -> Output:

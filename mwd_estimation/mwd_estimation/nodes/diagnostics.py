@@ -32,6 +32,11 @@ def sample_diagnostic(pipeline: Pipeline, unreadable: int) -> Diagnostic:
     return Diagnostic("samples", WARN, f"{unused} not used", remedy, values)
 
 
+def noise_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
+    """Say whose covariance widens the sigmas."""
+    return [Diagnostic(f"stated noise {k + 1}", OK, note) for k, note in enumerate(pipeline.noise_notes)]
+
+
 def reference_diagnostic(reference: Reference | None) -> Diagnostic:
     """Report the reference field in force, with its values in T, rad and m/s^2 in full precision."""
     if reference is None or not reference.has_field:

@@ -17,6 +17,7 @@ from tf2_msgs.msg import TFMessage
 from mwd_estimation.core.fault_messages import describe
 from mwd_estimation.core.reason_text import joined, text
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.status import Status
 from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.action_servers import FEEDBACK_PERIOD, EstimatorActions
 from mwd_estimation.nodes.inputs import InputTopics
@@ -61,6 +62,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self.get_logger().info("the filters are ready")
         self._inputs = InputTopics(self)
         self._mount_key = self._inputs.mount_key
+        self._noises = 0
         self._pipeline = Pipeline(self.settings, None, self._inputs.mount(self.settings.tool.mount))
         self._last_tf_ns = 0
         self._last_published_ns = -MIN_SPACING_NS
@@ -95,6 +97,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         before = self._pipeline
         reference = before.given_reference if settings.place == before.settings.place else None
         self._pipeline = Pipeline(settings, reference, self._inputs.mount(settings.tool.mount))
+        self._pipeline.set_noise(self._inputs.noise)
         self._pipeline.continue_numbering(before.sequence)
         self._times_set_back = 0
 
@@ -120,6 +123,9 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             # Frames and static transforms are known with the first messages.
             self._mount_key = inputs.mount_key
             pipeline.set_mount(inputs.mount(pipeline.settings.tool.mount))
+        if len(inputs.noise) != self._noises:
+            self._noises = len(inputs.noise)
+            pipeline.set_noise(inputs.noise)
         pushes = (pipeline.push_mag, pipeline.push_precision, pipeline.push_temperature)
         for push, samples in zip(pushes, others, strict=True):
             if len(samples):
@@ -174,6 +180,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         publish_rows(self._imu, wire.IMU.encode(oriented, frame))
         if len(oriented):
             self._last_status = int(output.attitude["status"][-1])
+            self._inputs.at_rest = bool(self._last_status & Status.STILL)
             self._publish_tf(oriented[-1], frame)
 
     def _publish_survey(self, survey: Survey, frame: str) -> tuple[SurveyMessage, str]:
@@ -262,6 +269,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             found.append(inputs.diagnostic("gyro/data_raw", counters.precision, WARN))
         found += inputs.mount_diagnostics(pipeline.mount)
         found += [*inputs.covariance_diagnostics(), *inputs.frame_diagnostics(), *inputs.skew_diagnostics()]
+        found += diagnostics.noise_diagnostics(pipeline)
         found.append(diagnostics.sample_diagnostic(pipeline, inputs.unreadable))
         found.append(diagnostics.reference_diagnostic(pipeline.reference))
         found += diagnostics.sensor_diagnostics(pipeline)

@@ -37,6 +37,8 @@ _TYPES = {
 }
 # Topics of the units that a mount turns.
 _UNITS = {"imu": "imu/data_raw", "mag": "imu/mag", "precision": "gyro/data_raw"}
+# Topics whose stated noise counts; the precision unit measures its own at rest.
+_NOISY = ("imu/data_raw", "imu/mag")
 _BURST_TOPIC = {single: name for name, single in burst.TOPICS.items()}
 
 
@@ -50,16 +52,20 @@ class InputTopics:
         Frame id of the first message of each topic.
     unreadable : int
         Messages that could not be decoded.
+    at_rest : bool
+        Whether the tool rests, as its user knows.
     """
 
     def __init__(self, node: GraphNode[Any]) -> None:
         self.frames: dict[str, str] = {}
         self.unreadable = 0
+        self.at_rest = False
         self._node = node
         self._received_at: dict[str, float] = {}
         # How often the frame of a topic has changed, and to what the last time.
         self._changes: dict[str, tuple[int, str]] = {}
         self._covariances: dict[str, dict[str, str]] = {}
+        self._noise = input_covariance.NoiseWatch()
         # Newest stamp of each topic minus that of the IMU when it came, ns.
         self._imu_ns: int | None = None
         self._skew_ns: dict[str, int] = {}
@@ -89,6 +95,9 @@ class InputTopics:
             self._received_at[topic] = time.monotonic()
         if len(samples):
             self._note_frame(topic, (messages + bursts)[0])
+            if topic in _NOISY:
+                self._noise.take(samples, layout.type_name)
+                self._noise.rest(samples, layout.type_name, self.at_rest)
             samples, notes = input_covariance.judge(samples, layout.type_name)
             self._covariances[topic] = notes
             newest_ns = int(samples["stamp_ns"][-1])
@@ -128,6 +137,11 @@ class InputTopics:
     def mount_key(self) -> tuple[Any, ...]:
         """What `mount` rests on beside the settings: it is the same as long as this is."""
         return self._transforms_seen, *(self.frames.get(topic) for topic in _UNITS.values())
+
+    @property
+    def noise(self) -> dict[str, input_covariance.Noise]:
+        """What the covariances of the conventional unit and the magnetometer state, by vector, once it is known."""
+        return self._noise.noise
 
     def mount(self, given: MountSettings) -> Mount:
         """How the units sit in the tool, by the settings, the frames of their messages and the static transforms."""
@@ -183,13 +197,13 @@ class InputTopics:
     def covariance_diagnostics(self) -> list[Diagnostic]:
         """Name vectors that the messages declare absent, and covariances that are none."""
         found = []
-        for topic, notes in self._covariances.items():
-            for vector, note in notes.items():
-                absent = note == input_covariance.ABSENT
-                message = f"{topic}: {vector} is declared {note}" if absent else f"{topic}: {vector} comes with {note}"
+        for topic, layout in wire.SONDE_TOPICS.items():
+            vectors = dict(input_covariance.VECTORS.get(layout.type_name, ())) if topic in _NOISY else {}
+            too_small = {vector: note for vector, note in self._noise.not_credible.items() if vector in vectors}
+            for vector, note in {**too_small, **self._covariances.get(topic, {})}.items():
+                message = input_covariance.sentence(topic, vector, note)
                 remedy = "give its covariance, or zeros where it is unknown"
-                taken = "it is not used" if absent else "the noise of the tool's settings is used"
-                found.append(Diagnostic(f"covariance {topic} {vector}", WARN, f"{message}: {taken}", remedy))
+                found.append(Diagnostic(f"covariance {topic} {vector}", WARN, message, remedy))
         return found
 
     def frame_diagnostics(self) -> list[Diagnostic]:

@@ -7,12 +7,14 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.inputs import InputTopics
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_estimation.pipeline import EstimatorSettings, Pipeline, Place
 from mwd_sensors.core import wire
 from mwd_sensors.core.input_covariance import judge
 from mwd_sensors.ros.message_buffer import ReceivedMessage
 
+PLACE = Place(field="fixed", total_nt=45826.0, dip_deg=-17.45, declination_deg=0.0)
 START = 1_772_344_800_000_000_000
 
 
@@ -131,6 +133,54 @@ def test_overconfident_covariances_and_any_orientation_change_no_bit_of_the_esti
         imu[name] = np.diag([1e-18] * 3).ravel()
     mag["magnetic_field_covariance"] = np.diag([1e-30] * 3).ravel()
     assert np.array_equal(estimated(imu, mag)[1].attitude, plain)
+
+
+def noisy(imu, mag, vector=None, sigma=0.0):
+    """The estimate with the noise that the covariance of one vector states."""
+    imu, mag = imu.copy(), mag.copy()
+    if vector:
+        (mag if vector == "magnetic_field" else imu)[f"{vector}_covariance"] = np.diag([sigma**2] * 3).ravel()
+    pipeline, inputs = Pipeline(EstimatorSettings(place=PLACE)), topics(imu__data_raw=imu, imu__mag=mag)
+    pipeline.set_noise(inputs.noise)
+    pipeline.push_mag(mag)
+    output = pipeline.push_imu(imu)
+    return pipeline, output.attitude[-1], [*output.surveys, *pipeline.finish().surveys][0]
+
+
+@pytest.mark.parametrize(
+    ("vector", "sigma", "words"),
+    [
+        ("angular_velocity", 0.05, "states 17 deg/sqrt(h)"),
+        ("linear_acceleration", 3.0, "states 3 m/s^2 a sample"),
+        ("magnetic_field", 2e-5, "states 20000 nT a sample"),
+    ],
+)
+def test_a_covariance_larger_than_the_tools_widens_the_sigmas_and_is_named(vector, sigma, words):
+    imu, mag = still()
+    _, plain, survey = noisy(imu, mag)
+    pipeline, wide, widened = noisy(imu, mag, vector, sigma)
+    (note,) = pipeline.noise_notes
+    assert words in note
+    (shown,) = diagnostics.noise_diagnostics(pipeline)
+    assert shown.message == note
+    if vector == "magnetic_field":
+        assert wide["sigma_azimuth"] > 1.2 * plain["sigma_azimuth"]
+        assert widened.station.sigma_azimuth > 1.2 * survey.station.sigma_azimuth
+    elif vector == "angular_velocity":
+        # At rest gravity bounds what the gyros add.
+        assert wide["sigma_inclination"] > plain["sigma_inclination"]
+    else:
+        assert wide["sigma_inclination"] > 1.2 * plain["sigma_inclination"]
+        assert widened.station.sigma_inclination > 1.2 * survey.station.sigma_inclination
+
+
+def test_a_covariance_no_larger_than_the_tools_changes_no_bit():
+    imu, mag = still()
+    plain = noisy(imu, mag)[1]
+    for vector, sigma in (("angular_velocity", 1e-3), ("linear_acceleration", 0.02), ("magnetic_field", 5e-8)):
+        pipeline, same, _ = noisy(imu, mag, vector, sigma)
+        assert pipeline.noise_notes == []
+        assert same == plain
 
 
 @pytest.mark.fault_case(20)

@@ -2,12 +2,15 @@
 Covariances that come with samples: what they declare absent, and what cannot be believed.
 
 sensor_msgs (Imu.msg, MagneticField.msg): all zeros mean that the covariance is unknown, -1 in the first element that
-the quantity is not provided, whatever numbers stand in its place. The noise of the tool's settings is used; a stated
-covariance that is smaller or no covariance at all never makes an estimate more certain.
+the quantity is not provided, whatever numbers stand in its place. The noise of the tool's settings is used, and a
+stated one where it is larger (`NoiseWatch`); a stated covariance that is smaller or no covariance at all never makes an
+estimate more certain.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,10 +24,97 @@ VECTORS = {
     wire.IMU.type_name: (("angular_velocity", 50.0), ("linear_acceleration", 1000.0)),
     wire.MAG.type_name: (("magnetic_field", 1e-2),),
 }
-ABSENT, UNBELIEVABLE = "not provided", "no covariance"
+ABSENT, UNBELIEVABLE, TOO_SMALL = "not provided", "no covariance", "a covariance that is not credible"
+# At rest the samples scatter by so much more than stated, before a covariance is not credible: pumps shake a tool at
+# rest by ten times the noise of its sensors, a covariance in a wrong unit is off by a thousand and more.
+_INCREDIBLE = 100.0
 # What stands for a vector that is not provided: nothing measured, and a gyro that says so is a gyro at rest and named
 # as stuck, so that stations by gravity and field remain.
 _STAND_IN = {"angular_velocity": 0.0}
+
+
+# Samples that a rate is told from, the first of a stream, and those that a scatter is.
+_RATED, _SCATTERED = 16, 64
+
+
+@dataclasses.dataclass(frozen=True)
+class Noise:
+    """
+    White noise that the covariances of a vector state.
+
+    Attributes
+    ----------
+    sigma : float
+        1 sigma of a sample on its noisiest axis, rad/s, m/s^2 or T; 0: none stated.
+    period_s : float
+        Time between samples, s.
+    """
+
+    sigma: float = 0.0
+    period_s: float = 0.0
+
+    @property
+    def density(self) -> float:
+        """Noise density, in the unit of the vector times sqrt(s): what averages over t leave is density / sqrt(t)."""
+        return self.sigma * math.sqrt(self.period_s)
+
+
+class NoiseWatch:
+    """
+    The noise that the covariances of each vector state, from the first samples of its stream.
+
+    Later covariances are not followed: the estimate would depend on when they came. `rest` compares them with the
+    scatter of samples at rest.
+
+    Attributes
+    ----------
+    noise : dict of Noise
+        By vector, once it is known.
+    """
+
+    def __init__(self) -> None:
+        self.noise: dict[str, Noise] = {}
+        self._resting: dict[str, list[NDArray[np.float64]]] = {}
+        self._least: dict[str, float] = {}
+        self._stamps: dict[str, list[int]] = {}
+        self._sigma: dict[str, float] = {}
+
+    def take(self, samples: Samples, type_name: str) -> None:
+        """Take samples of the type in order of time; what stands in `noise` by then stays."""
+        for vector, widest in VECTORS.get(type_name, ()):
+            stated = f"{vector}_covariance"
+            if vector in self.noise or stated not in (samples.dtype.names or ()) or not len(samples):
+                continue
+            stamps = self._stamps.setdefault(vector, [])
+            if not stamps:
+                first: NDArray[np.float64] = np.asarray(samples[stated][:1])
+                believed = first[0, 0] != -1.0 and bool(_credible(first, widest)[0])
+                self._sigma[vector] = float(np.sqrt(first[0, ::4].max())) if believed else 0.0
+            stamps += samples["stamp_ns"][: _RATED - len(stamps)].tolist()
+            if len(stamps) == _RATED:
+                self.noise[vector] = Noise(self._sigma[vector], max(1e-9 * float(np.median(np.diff(stamps))), 0.0))
+
+    def rest(self, samples: Samples, type_name: str, still: bool) -> None:
+        """Take samples of a tool that rests or does not, for the smallest scatter of each vector."""
+        for vector, _ in VECTORS.get(type_name, ()):
+            if not still:
+                self._resting.pop(vector, None)
+            elif vector in self.noise and self.noise[vector].sigma > 0.0 and len(samples):
+                held = self._resting.setdefault(vector, [])
+                held.append(np.asarray(samples[vector], dtype=np.float64))
+                if sum(map(len, held)) >= _SCATTERED:
+                    steps = np.diff(np.concatenate(self._resting.pop(vector)), axis=0)
+                    scatter = float(np.median(np.sqrt((steps**2).mean(axis=0) / 2.0)))
+                    self._least[vector] = min(self._least.get(vector, math.inf), scatter)
+
+    @property
+    def not_credible(self) -> dict[str, str]:
+        """Vectors whose samples scatter at rest by far more than their covariance states: `TOO_SMALL`."""
+        return {
+            vector: TOO_SMALL
+            for vector, scatter in self._least.items()
+            if scatter > _INCREDIBLE * self.noise[vector].sigma
+        }
 
 
 class Judged(NamedTuple):
@@ -54,9 +144,19 @@ def judge(samples: Samples, type_name: str) -> Judged:
             samples = samples.copy()
             samples[vector][absent] = _STAND_IN.get(vector, np.nan)
             notes[vector] = ABSENT
-        elif not bool(_credible(np.asarray(covariance), widest).all()):
-            notes[vector] = UNBELIEVABLE
+        else:
+            # Nearly every driver states the same in all messages.
+            same = bool((covariance == covariance[0]).all())
+            if not bool(_credible(covariance[:1] if same else covariance, widest).all()):
+                notes[vector] = UNBELIEVABLE
     return Judged(samples, notes)
+
+
+def sentence(topic: str, vector: str, note: str) -> str:
+    """Say what is wrong with a vector of a topic, by its note of `judge`, and what is done about it."""
+    if note == ABSENT:
+        return f"{topic}: {vector} is declared {note}: it is not used"
+    return f"{topic}: {vector} comes with {note}: the noise of the tool's settings is used"
 
 
 def _credible(covariance: NDArray[np.float64], widest: float) -> NDArray[np.bool_]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mwd_sensors.core import wire
-from mwd_sensors.core.input_covariance import ABSENT, UNBELIEVABLE, judge
+from mwd_sensors.core.input_covariance import ABSENT, TOO_SMALL, UNBELIEVABLE, NoiseWatch, judge
 
 
 def imu(covariance, field="angular_velocity", n=5):
@@ -63,3 +63,52 @@ def test_samples_without_covariances_and_other_messages_pass():
     part = wire.IMU.empty(3)[["stamp_ns", "angular_velocity"]]
     assert judge(part, wire.IMU.type_name).notes == {}
     assert judge(wire.TEMPERATURE.empty(2), wire.TEMPERATURE.type_name).notes == {}
+
+
+def test_the_stated_noise_is_that_of_the_first_samples_however_they_are_cut():
+    samples = imu(np.diag([1e-6, 4e-6, 1e-6]).ravel(), n=40)
+    samples["stamp_ns"] = np.arange(40) * 10_000_000
+    samples["angular_velocity_covariance"][20:] *= 100.0
+    whole, pieces = NoiseWatch(), NoiseWatch()
+    whole.take(samples, wire.IMU.type_name)
+    for k in range(40):
+        pieces.take(samples[k : k + 1], wire.IMU.type_name)
+    assert whole.noise == pieces.noise
+    assert whole.noise["angular_velocity"].sigma == pytest.approx(2e-3)
+    assert whole.noise["angular_velocity"].density == pytest.approx(2e-4)
+    assert whole.noise["linear_acceleration"].sigma == 0.0
+
+
+@pytest.mark.parametrize("covariance", [[-1.0, *[4.0] * 8], [np.nan] * 9, [1e12, *[0.0] * 8]])
+def test_what_is_absent_or_no_covariance_states_no_noise(covariance):
+    watch, samples = NoiseWatch(), imu(covariance, n=20)
+    samples["stamp_ns"] = np.arange(20) * 10_000_000
+    watch.take(samples, wire.IMU.type_name)
+    assert watch.noise["angular_velocity"].sigma == 0.0
+
+
+def scattering(stated):
+    rng, samples = np.random.default_rng(2), imu(np.diag([stated] * 3).ravel(), n=200)
+    samples["stamp_ns"] = np.arange(200) * 10_000_000
+    samples["angular_velocity"] = rng.normal(scale=1e-3, size=(200, 3))
+    watch = NoiseWatch()
+    for part in np.array_split(samples, 70):
+        watch.take(part, wire.IMU.type_name)
+        watch.rest(part, wire.IMU.type_name, still=True)
+    return watch.not_credible
+
+
+@pytest.mark.fault_case(16)
+def test_a_covariance_a_million_times_too_small_is_not_credible_and_an_honest_one_is():
+    assert scattering(1e-12) == {"angular_velocity": TOO_SMALL}
+    assert scattering(1e-6) == {}
+
+
+def test_a_tool_that_moves_shows_nothing_of_its_noise():
+    samples = imu(np.diag([1e-12] * 3).ravel(), n=200)
+    samples["stamp_ns"] = np.arange(200) * 10_000_000
+    samples["angular_velocity"][::2] = 5.0
+    watch = NoiseWatch()
+    watch.take(samples, wire.IMU.type_name)
+    watch.rest(samples, wire.IMU.type_name, still=False)
+    assert watch.not_credible == {}

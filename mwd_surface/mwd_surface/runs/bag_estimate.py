@@ -19,6 +19,7 @@ from mwd_estimation.gravity.bounded.filter import Params
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_sensors.calibration.compensation import Compensation
+from mwd_sensors.core import input_covariance, wire
 from mwd_sensors.core.arrays import Samples
 from mwd_surface.bags.bag_reader import Bag, Block, Originals
 from mwd_surface.runs.bag_input import (
@@ -118,6 +119,7 @@ class BagEstimate:
         self._without_time = unstamped(bag, self.topics)
         self._unchecked = {self.topics.imu, self.topics.mag}
         self._use_mag = self.topics.mag is not None
+        self._noise = input_covariance.NoiseWatch()
         self._summary = Summary(self.topics, warnings=guesses(bag, self.topics, given))
 
     def run(self, sink: Callable[[Output], None], progress: Callable[[float], None]) -> Summary:
@@ -168,6 +170,7 @@ class BagEstimate:
             for block, originals in ready:
                 samples = in_si(block, self.topics, self._given, self._without_time)
                 self._check_units(samples)
+                self._judge_covariances(samples)
                 if self._compensation is not None:
                     _compensate(self._compensation, samples, self.topics)
                 # One block ahead of the IMU: where a block ends makes no difference to the pairing of a sample.
@@ -192,6 +195,20 @@ class BagEstimate:
         warnings = check_units(self.topics, new)
         self._summary.warnings += warnings
         self._use_mag = self._use_mag and not any(text.startswith(f"{self.topics.mag}:") for text in warnings)
+
+    def _judge_covariances(self, samples: BlockSamples) -> None:
+        """Take out what covariances declare absent, and reckon with larger noise, as the live estimator does."""
+        topics, known = self.topics, len(self._noise.noise)
+        for topic, layout in ((topics.imu, wire.IMU), (topics.mag, wire.MAG), (topics.precision, wire.IMU)):
+            if topic is None or topic not in samples:
+                continue
+            if topic != topics.precision:
+                self._noise.take(samples[topic], layout.type_name)
+            samples[topic], notes = input_covariance.judge(samples[topic], layout.type_name)
+            said = [input_covariance.sentence(topic, vector, note) for vector, note in notes.items()]
+            self._summary.warnings += [text for text in said if text not in self._summary.warnings]
+        if len(self._noise.noise) != known:
+            self._pipeline.set_noise(self._noise.noise)
 
     def _push_companions(self, samples: BlockSamples, block: Block) -> None:
         """Push all samples but those of the IMU; block: the same with the times of their messages."""

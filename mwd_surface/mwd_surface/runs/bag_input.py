@@ -33,10 +33,15 @@ QUANTITIES = (
     ("imu", "angular_velocity", "rate", "--gyro-unit"),
     ("mag", "magnetic_field", "field", "--mag-unit"),
 )
-# The other fields are most of the bytes of these messages, and are not read.
+# The other fields of these messages are not read.
 FIELDS = {
-    wire.IMU.type_name: ("angular_velocity", "linear_acceleration"),
-    wire.MAG.type_name: ("magnetic_field",),
+    wire.IMU.type_name: (
+        "angular_velocity",
+        "angular_velocity_covariance",
+        "linear_acceleration",
+        "linear_acceleration_covariance",
+    ),
+    wire.MAG.type_name: ("magnetic_field", "magnetic_field_covariance"),
     wire.TEMPERATURE.type_name: ("temperature",),
     wire.RIG_STATE.type_name: ("bit_depth", "valid"),
 }
@@ -172,6 +177,8 @@ def in_si(
         scale = units.factor(quantity, unit)
         if scale != 1.0 and name in samples:
             samples[name][field] *= scale
+            covariance = samples[name][f"{field}_covariance"]
+            covariance[covariance[:, 0] != -1.0] *= scale**2
     return samples
 
 

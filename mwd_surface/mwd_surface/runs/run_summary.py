@@ -131,6 +131,7 @@ def pipeline_warnings(summary: Summary, pipeline: Pipeline, estimator: Estimator
         times = "once," if often == 1 else f"{often} times, the first"
         by_s, at_s = (left_ns - begun_ns) * 1e-9, (left_ns - summary.start_ns) * 1e-9
         warnings.append(f"time went back {times} by {by_s:.1f} s, {at_s:.1f} s after the start: the estimate restarted")
+    warnings += pipeline.noise_notes
     if pipeline.counters.spikes:
         warnings.append(f"{pipeline.counters.spikes} magnetic samples were spikes: not used")
     if pipeline.counters.late_mag:

@@ -13,7 +13,7 @@ from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_sensors.calibration.compensation import Compensation
 from mwd_sensors.calibration.triad_calibration import Calibration, TriadCalibration
-from mwd_sensors.core import settings, wire
+from mwd_sensors.core import input_covariance, settings, wire
 from mwd_sensors.core.frames import mat_nt
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
@@ -503,3 +503,66 @@ def test_a_calibration_is_taken_off_before_anything_is_estimated(tmp_path):
     expected = forces[-1] @ tilted.T
     np.testing.assert_allclose(turned[-1], expected / np.linalg.norm(expected), atol=2e-4)
     assert np.abs(turned[-1] - forces[-1]).max() > 1e-3
+
+
+@pytest.mark.fault_case(14)
+def test_a_recording_is_read_with_its_covariances_as_the_live_estimator_does(tmp_path):
+    imu, mag = recording(tmp_path / "plain")
+    plain = run(tmp_path / "plain", tmp_path / "out")
+    imu["angular_velocity_covariance"][500:600, 0] = -1.0
+    mag["magnetic_field_covariance"] = np.diag([(4e-6) ** 2] * 3).ravel()
+    with BagWriter(tmp_path / "bag") as bag:
+        for name, layout, rows in (("imu/data_raw", wire.IMU, imu), ("imu/mag", wire.MAG, mag)):
+            bag.write_rows(bag.topic(f"/{name}", layout.type_name), layout.encode(rows, "sonde_link"), rows["stamp_ns"])
+    noisy = run(tmp_path / "bag", tmp_path / "out_2")
+    assert [text for text in noisy.warnings if text not in plain.warnings] == [
+        "/imu/data_raw: angular_velocity is declared not provided: it is not used",
+        "the covariance of magnetic_field states 4000 nT a sample, more than the tool's: sigma is widened by it",
+    ]
+    assert noisy.surveys[0][0].station.sigma_azimuth > plain.surveys[0][0].station.sigma_azimuth
+
+
+def test_a_gyro_that_is_absent_for_a_while_gives_the_same_rows_live_and_processed(tmp_path):
+    imu, mag = recording(tmp_path / "plain")
+    imu["angular_velocity_covariance"][500:600, 0] = -1.0
+    with BagWriter(tmp_path / "bag") as bag:
+        for name, layout, rows in (("imu/data_raw", wire.IMU, imu), ("imu/mag", wire.MAG, mag)):
+            bag.write_rows(bag.topic(f"/{name}", layout.type_name), layout.encode(rows, "sonde_link"), rows["stamp_ns"])
+    run(tmp_path / "bag", tmp_path / "out")
+    pipeline, watch = Pipeline(S3), input_covariance.NoiseWatch()
+    watch.take(imu, wire.IMU.type_name)
+    pipeline.set_noise(watch.noise)
+    pipeline.push_mag(mag)
+    output = pipeline.push_imu(input_covariance.judge(imu, wire.IMU.type_name).samples)
+    text = attitude_csv.rows(output.attitude, output.gravity).decode()
+    assert (tmp_path / "out" / "attitude.csv").read_text().split("\n", 1)[1] == text
+
+
+@pytest.mark.fault_case(41)
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+@pytest.mark.parametrize("doubled", ["imu/data_raw", "imu/mag", "gyro/data_raw"])
+@pytest.mark.parametrize("later", [0, 3])
+def test_a_doubled_message_beside_a_precision_unit_is_left_out_and_the_rest_stays(tmp_path, storage, doubled, later):
+    imu, mag = recording(tmp_path / "plain", seconds=8.0)
+    streams = {"imu/data_raw": (wire.IMU, imu), "gyro/data_raw": (wire.IMU, imu), "imu/mag": (wire.MAG, mag)}
+    # Which of two topics comes first at one stamp must make no difference either.
+    for folder, names in (("bag", list(streams)), ("reverse", list(streams)[::-1])):
+        messages = []
+        for name in names:
+            layout, samples = streams[name]
+            rows, stamps = layout.encode(samples, "x"), samples["stamp_ns"]
+            messages += [(int(ns), name, row.tobytes()) for ns, row in zip(stamps, rows, strict=True)]
+            if name == doubled:
+                messages.append((int(stamps[400 + later]), name, rows[400].tobytes()))
+        messages.sort(key=lambda message: message[0])
+        plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
+        with Writer(tmp_path / folder, version=9, storage_plugin=plugin) as bag:
+            store = get_typestore(Stores.ROS2_JAZZY)
+            topics = {n: bag.add_connection(f"/{n}", streams[n][0].type_name, typestore=store) for n in names}
+            for log_ns, name, data in messages:
+                bag.write(topics[name], log_ns, data)
+    whole = run(tmp_path / "plain", tmp_path / "out")
+    found = [run(tmp_path / folder, tmp_path / f"out_{folder}") for folder in ("bag", "reverse")]
+    assert [one.rows for one in found] == [len(imu) + (doubled == "imu/data_raw")] * 2
+    assert [len(one.surveys) for one in found] == [len(whole.surveys)] * 2
+    assert surveys(tmp_path / "out_bag") == surveys(tmp_path / "out_reverse")
