@@ -20,6 +20,8 @@ TEMPERATURES = (1.0, 1.35, 1.8, 2.5, 4.0)
 # Before any parity is seen: channels and noise that are estimated make 1 too sharp. The last is for a temperature
 # without bound.
 _PRIOR = (0.35, 0.34, 0.15, 0.07, 0.03, 0.06)
+# The last one of a tool whose words have no parity.
+_UNSEEN = 0.002
 _REMEMBERED = 32  # words with parity
 SURVEY_LEVEL, TOOLFACE_LEVEL = 0.99, 0.95
 
@@ -58,10 +60,19 @@ class Judged:
 
 
 class Temper:
-    """What the last parities say of the temperature."""
+    """
+    What the last parities say of the temperature.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    parity : bool
+        Whether the tool sends words with parity: without any, nothing tells a wrong table, and it is left to whoever
+        wrote the table.
+    """
+
+    def __init__(self, parity: bool = True) -> None:
         self._seen: deque[tuple[float, ...]] = deque(maxlen=_REMEMBERED)
+        self._prior = np.array(_PRIOR if parity else (*_PRIOR[:-1], _UNSEEN))
 
     def learn(self, words: list[Soft]) -> None:
         """Take the parities of more words."""
@@ -69,7 +80,7 @@ class Temper:
 
     def weights(self) -> Array:
         """Probability of each temperature, and of one without bound; shape (6,)."""
-        logs = np.log(_PRIOR)
+        logs = np.log(self._prior)
         for holds in self._seen:
             # A likelihood is never surer than one slip in a hundred words: one odd word proves little.
             logs = logs + np.log([*(0.01 + 0.98 * p for p in holds), 0.5])

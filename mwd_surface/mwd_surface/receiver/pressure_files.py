@@ -20,7 +20,10 @@ from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
 if TYPE_CHECKING:
     from mwd_surface.bags.bag_reader import Bag
 
-_TIME, _PRESSURE, _VOLTAGE = "time_s", "pressure_pa", "voltage_v"
+_TIME, _VOLTAGE = "time_s", "voltage_v"
+# What a CSV may say behind the name of a quantity, and its SI value.
+_TIMES = {"s": 1.0, "ms": 1e-3}
+_PRESSURES = {"pa": 1.0, "kpa": 1e3, "mpa": 1e6, "bar": 1e5, "psi": 6894.757293168}
 # Samples of a WAV are shares of full scale; a pressure of this size keeps them far from any rounding.
 _WAV_FULL_SCALE = 1.0e7
 # No recording pauses longer; a clock that was set does.
@@ -48,9 +51,9 @@ def read(path: Path, gauge: int = 1, topic: str = "") -> PressureFile:
     Parameters
     ----------
     path : Path
-        `.csv` with columns time_s, pressure_pa (or voltage_v) and for a second gauge pressure_2_pa, where an empty
-        cell is a missing sample; `.wav`, PCM or float, a channel for each gauge; anything else is taken for a
-        recording.
+        `.csv` with columns time_s (or time_ms), pressure_pa (or _kpa, _mpa, _bar, _psi; or voltage_v) and for a
+        second gauge pressure_2_pa, where an empty cell is a missing sample; `.wav`, PCM or float, a channel for each
+        gauge; anything else is taken for a recording.
     gauge : int
         1 or 2.
     topic : str
@@ -121,28 +124,53 @@ def read_bytes(path: Path, baud: int) -> PressureFile:
 
 
 def _csv(path: Path, gauge: int) -> tuple[Array, Array, str]:
+    names, _ = _header(path)
+    time, time_unit = _in_unit(path, names, "time", _TIMES)
+    if _VOLTAGE in names:
+        value, unit = _VOLTAGE, 1.0
+    else:
+        value, unit = _in_unit(path, names, "pressure" if gauge == 1 else "pressure_2", _PRESSURES)
+    table = _columns(path, (time, value))
+    return table[:, 0] * time_unit, table[:, 1] * unit, f"{time} of the file"
+
+
+def _in_unit(path: Path, names: list[str], quantity: str, units: dict[str, float]) -> tuple[str, float]:
+    """Column of a quantity and the SI value of its unit."""
+    for unit, factor in units.items():
+        if f"{quantity}_{unit}" in names:
+            return f"{quantity}_{unit}", factor
+    raise ValueError(_no_column(path, names, f"{quantity}_{next(iter(units))}", f"; units: {', '.join(units)}"))
+
+
+def _no_column(path: Path, names: list[str], name: str, more: str = "") -> str:
+    return (
+        f"{path}: no column {name}; it has {', '.join(names)}; the first row names the columns, as"
+        f" time_s,pressure_pa{more}"
+    )
+
+
+def _header(path: Path) -> tuple[list[str], str]:
+    """Names of the columns in lower case, and what stands between them: comma, semicolon or tab."""
     with path.open(encoding="utf-8-sig") as file:
-        earth = _VOLTAGE in (name.strip().strip('"') for name in file.readline().split(","))
-    table = _columns(path, (_TIME, _VOLTAGE if earth else _PRESSURE if gauge == 1 else "pressure_2_pa"))
-    return table[:, 0], table[:, 1], "time_s of the file"
+        first = file.readline()
+    between = max(",;\t", key=first.count)
+    return [name.strip().strip('"').lower() for name in first.split(between)], between
 
 
 def _columns(path: Path, wanted: tuple[str, str]) -> Array:
     """Two columns of a CSV; shape (n, 2)."""
+    names, between = _header(path)
+    for name in wanted:
+        if name not in names:
+            raise ValueError(_no_column(path, names, name))
+    columns = [names.index(name) for name in wanted]
     with path.open(encoding="utf-8-sig") as file:
-        names = [name.strip().strip('"') for name in file.readline().split(",")]
-        for name in wanted:
-            if name not in names:
-                raise ValueError(
-                    f"{path}: no column {name}; it has {', '.join(names)}; the first row names the columns, between"
-                    f" commas: {','.join(wanted)}"
-                )
+        file.readline()
         try:
             with warnings.catch_warnings():
                 # A table without rows is refused by who counts its samples.
                 warnings.filterwarnings("ignore", message="loadtxt: input contained no data")
-                columns = [names.index(name) for name in wanted]
-                table = np.loadtxt(file, delimiter=",", usecols=columns, ndmin=2, converters=_number, quotechar='"')
+                table = np.loadtxt(file, delimiter=between, usecols=columns, ndmin=2, converters=_number, quotechar='"')
                 return table.reshape(-1, len(wanted))
         except ValueError as error:
             raise ValueError(f"{path}: not all rows are numbers: {error}") from error

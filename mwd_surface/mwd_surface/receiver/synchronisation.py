@@ -34,6 +34,8 @@ _UNLIKE = 30.0
 _LEAST_SIZE = 0.1  # at 6 dB a size has a sigma of a quarter
 _MIDDLE = SAMPLES_PER_TU  # of a pulse of 2 TU behind its edge
 _LEAST_NOISE = 200  # samples that a noise model needs
+# Pumps that start move the mean of some samples by more than so many times its usual deviation, and settle.
+_BLOCK, _MOVED = 16, 5.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,12 +71,35 @@ def search(
     SyncFound or None
         None where nothing looks like one.
     """
+    moved = _settled(pressure[:begin]) if whitener is None else 0
+    pressure, known, begin, end = pressure[moved:], known[moved:], begin - moved, end - moved
     pressure = pressure - pump_noise(pressure, known)
     if whitener is None:
         quiet = slice(0, begin if begin >= _LEAST_NOISE else len(pressure))
         whitener = steady_filter(pressure[quiet], known[quiet], ORDER, FLOOR)
     if whitener is None:
         return None
+    found = _found(pressure, known, tool, (begin, end), whitener)
+    return None if found is None else dataclasses.replace(found, at=found.at + moved)
+
+
+def _settled(pressure: Array) -> int:
+    """Sample from which the pressure no longer moves as it does when pumps start, so that noise can be learnt."""
+    count = len(pressure) // _BLOCK
+    if len(pressure) <= _LEAST_NOISE:
+        return 0
+    means = pressure[: count * _BLOCK].reshape(count, _BLOCK).mean(axis=1)
+    late = means[count // 2 :]
+    off = np.abs(means - np.median(late)) > _MOVED * np.median(np.abs(late - np.median(late)))
+    last = int(np.flatnonzero(off[: count // 2])[-1]) + 3 if off[: count // 2].any() else 0
+    return min(last * _BLOCK, len(pressure) - _LEAST_NOISE)
+
+
+def _found(
+    pressure: Array, known: Array, tool: ToolConfiguration, span: tuple[int, int], whitener: Array
+) -> SyncFound | None:
+    """Best sync in pressure whose noise is known; span: range of its first sample."""
+    begin, end = span
     whitened = np.empty(len(pressure))
     filtered(pressure, whitener, whitened)
     # A disturbed sample counts as its weight, on either side of the ratio.

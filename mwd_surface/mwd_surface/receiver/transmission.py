@@ -34,6 +34,8 @@ _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width
 # Log likelihood ratio that a sync and the words behind it have at least: noise has it with a probability below
 # exp(-18) at each of ten thousand places an hour.
 _LEAST_EVIDENCE = 18.0
+# How much more evidence a TU a toolface behind a sync needs than a survey.
+_CLEARER = 1.2
 # Share above which a stretch is what it is taken for, although it may look like a sync.
 _CLEAR = 0.7
 
@@ -105,7 +107,8 @@ class Transmission:
         # The search has fewer components than the estimate: the same variance in all, spread over more.
         memory = STEADY_S / tool.tu_s * SAMPLES_PER_TU
         self._channel = segment.Channel(response, found.scale, whitener, basis(len(response), tool.tu_s), memory)
-        self._at_once, self.temper = Temper(), Temper()
+        parity = any(item.parity for items in (*tool.surveys, *tool.toolfaces) for item in items)
+        self._at_once, self.temper = Temper(parity), Temper(parity)
         self._usual: deque[float] = deque(maxlen=8)
         self.frame = frame
         self.lost = ""
@@ -279,14 +282,22 @@ class Transmission:
         if self._tool.header_bits:
             number = self._header(start)
             start += SAMPLES_PER_TU * self._tool.header_tu
-        best = (-math.inf, "survey")
-        for kind in ("survey", "toolface"):
-            sequences = self._sequences(kind)
-            rows, length = self._rows(stretch_of(sequences[min(number, len(sequences) - 1)], 0))
-            decision = self._decode_once(rows, length, start)
-            best = max(best, (decision.evidence / length, kind))
-        sequences = self._sequences(best[1])
-        self._pass = Pass(best[1], sequences[min(number, len(sequences) - 1)], start, at=start)
+        # Without a header nothing but flow-on makes a tool begin anew, and then it sends a survey.
+        kind = "survey"
+        if self._tool.header_bits:
+            survey, toolface = (self._density(one, number, start) for one in ("survey", "toolface"))
+            # Packets of another sequence may fit the pulses of a survey nearly as well as its own.
+            kind = "toolface" if toolface > max(_CLEARER * survey, 0.0) else "survey"
+        self._pass = Pass(kind, self._sequence(kind, number), start, at=start)
+
+    def _sequence(self, kind: str, number: int) -> tuple[SequenceItem, ...]:
+        sequences = self._sequences(kind)
+        return sequences[min(number, len(sequences) - 1)]
+
+    def _density(self, kind: str, number: int, start: int) -> float:
+        """Evidence a TU that a sequence begins at a sample."""
+        rows, length = self._rows(stretch_of(self._sequence(kind, number), 0))
+        return self._decode_once(rows, length, start).evidence / length
 
     def _following(self, last: Pass) -> Pass:
         """Pass that follows another one without a sync: the toolface sequence of the same number."""

@@ -102,7 +102,7 @@ def steadiness(noise: Array, known: Array) -> Array:
     """
     square = noise**2
     local = np.convolve(square, np.ones(2 * _LOCAL + 1) / (2 * _LOCAL + 1), mode="same")
-    usual = max(float(np.median(local[known > 0.0])) if np.any(known > 0.0) else 0.0, 1e-12)
+    usual = max(float(np.median(local[known > 0.0])) if np.any(known > 0.0) else 0.0, 1e-6 * float(local.mean()), 1e-12)
     # The mean of 25 squares exceeds twice its mean by chance once in thousands.
     return np.asarray(known * np.minimum(1.0, 2.0 * usual / np.maximum(local, 1e-12)))
 
@@ -116,9 +116,11 @@ def steady_filter(pressure: Array, known: Array, order: int, floor: float) -> Ar
     ndarray, shape (order + 2,), or None
         None where the pressure is a constant or mostly unknown.
     """
-    taps, whitened, weight = np.empty(order + 2), np.empty(len(pressure)), known
+    taps, whitened = np.empty(order + 2), np.empty(len(pressure))
+    # A pump that starts outweighs all steady noise: a first model that knows it would keep it.
+    weight = steadiness(np.diff(pressure, prepend=pressure[:1]), known)
     for _ in range(_ROUNDS):
-        if prediction_error_filter(pressure, np.sqrt(weight), order, floor, taps) <= 0.0:
+        if prediction_error_filter(pressure, weight, order, floor, taps) <= 0.0:
             return None
         filtered(pressure, taps, whitened)
         weight = steadiness(whitened, known)

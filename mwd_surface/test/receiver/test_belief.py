@@ -43,3 +43,9 @@ def test_a_word_without_parity_teaches_nothing():
     assert temper.weights() == pytest.approx(before)
     assert before.sum() == pytest.approx(1.0)
     assert len(before) == COUNT + 1
+
+
+def test_a_tool_without_any_parity_can_be_believed():
+    unsure, sure = Temper().judge(soft(right=1.0)), Temper(parity=False).judge(soft(right=1.0))
+    assert unsure.confidence < 0.95
+    assert sure.confidence > 0.99

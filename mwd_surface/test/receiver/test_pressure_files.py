@@ -19,6 +19,17 @@ def csv(path, rows, header="time_s,pressure_pa"):
     return path
 
 
+@pytest.mark.parametrize(
+    ("header", "scale"),
+    [("time_s;pressure_bar", 1e5), ("Time_s\tPressure_psi", 6894.757293168), ("time_s,pressure_kpa", 1e3)],
+)
+def test_a_column_names_its_unit_and_other_separators_are_read(tmp_path, header, scale):
+    between = next(one for one in ";\t," if one in header)
+    rows = "\n".join(f"{t}{between}{p / scale}" for t, p in zip(TIME, PRESSURE, strict=True))
+    (tmp_path / "p.csv").write_text(f"{header}\n{rows}\n")
+    assert pressure_files.read(tmp_path / "p.csv").pressure_pa == pytest.approx(PRESSURE)
+
+
 def test_csv_gives_either_gauge(tmp_path):
     path = csv(
         tmp_path / "p.csv", np.column_stack([TIME, PRESSURE, 2.0 * PRESSURE]), "time_s,pressure_pa,pressure_2_pa"

@@ -54,3 +54,12 @@ def test_weak_syncs_are_found_and_noise_is_not():
         assert found is not None
         assert abs(found.at - 400) <= 6
     assert passed <= 3
+
+
+@pytest.mark.parametrize("size", [150.0, 5000.0])
+def test_pumps_that_start_shortly_before_hide_no_sync(size):
+    pressure = data([400 + 4 * e for e in (0, 5, 15, 20, 30)], size=2.0)
+    pressure += size * (1.0 - np.exp(-np.maximum(np.arange(900) - 20.0, 0.0) / 8.0))
+    found = search(pressure, np.ones(900), ToolConfiguration(), 300, 550)
+    assert found is not None
+    assert abs(found.at - 400) <= 4
