@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mwd_estimation import derivation
 from mwd_estimation.attitude import drilling_dynamics
@@ -18,6 +19,7 @@ from mwd_estimation.attitude.block import Block
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
 from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates, PropagatedAzimuth
 from mwd_estimation.bin_stage import BinStage, Numbering
+from mwd_estimation.core import clip_flags
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import MAG
 from mwd_estimation.core.track import Track, sample_arrays
@@ -32,6 +34,7 @@ from mwd_estimation.survey.decision import Provisional
 from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS, Refusal
 from mwd_estimation.survey.survey import Survey
+from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Samples
 
 _STRONGEST = 0.01  # T; a hundred times what a magnetised string adds
@@ -112,6 +115,7 @@ class Estimate:
         self.watch.take_mag(stamps, b_t)
         # A field that no tool meets is another unit, none at all is no reading; the health of the sensors names it.
         usable = (np.abs(b_t) < _STRONGEST).all(axis=1) & b_t.any(axis=1)
+        usable &= ~input_covariance.clipped(samples, "magnetic_field").any(axis=1)
         stamps, b_t = np.ascontiguousarray(stamps[usable]), np.ascontiguousarray(b_t[usable])
         self._counters.rejected += int(len(usable) - len(stamps))
         sound = spike_filter.run(self._spikes, stamps, b_t)
@@ -142,13 +146,14 @@ class Estimate:
         if not self._ready:
             self._begin(int(samples["stamp_ns"][0]))
         arrays = sample_arrays(samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"])
-        output, *rest = (self._run_stages(stretch, followed) for stretch in self.watch.stretches(*arrays))
+        clipped = clip_flags.of(samples)
+        output, *rest = (self._run_stages(stretch, clipped, followed) for stretch in self.watch.stretches(*arrays))
         for piece in rest:
             output = output.joined(piece)
         return output
 
-    def _run_stages(self, stretch: Stretch, followed: Track | None) -> Output:
-        """Estimate samples during which the same sensors are usable."""
+    def _run_stages(self, stretch: Stretch, clipped: NDArray[np.uint8], followed: Track | None) -> Output:
+        """Estimate samples during which the same sensors are usable; clipped: flags of the whole block."""
         output = Output.empty(len(stretch.stamps))
         output.health += stretch.changes
         if stretch.begins_contamination:
@@ -156,7 +161,7 @@ class Estimate:
         stamps, accel, unusable = stretch.stamps, stretch.accel, stretch.unusable
         # Gravity.
         given = followed.part(stretch.part) if followed is not None else None
-        track = self._gravity.run(unusable, stamps, stretch.gyro, accel, given)
+        track = self._gravity.run(unusable, stamps, stretch.gyro, accel, clipped[stretch.part], given)
         # Bins, and surveys begun in them.
         bins = self.bin_stage.close_bins(stretch, output)
         # Attitude.

@@ -16,7 +16,7 @@ from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_estimation.settings import Survey
-from mwd_sensors.core import wire
+from mwd_sensors.core import input_covariance, wire
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 from mwd_sensors.core.settings import changed
@@ -321,3 +321,21 @@ def test_external_interference_between_two_stations_is_shown_by_what_the_gyros_c
     assert abs(wrap_pi(second.station.by_method("carried").azimuth - 1.9)) < 3.0 * first.station.sigma_azimuth
     again = [survey for output in pieces for survey in output.surveys]
     assert [s.station.by_method("carried") for s in again] == [s.station.by_method("carried") for s in whole]
+
+
+def test_clip_flags_reach_gravity_whatever_the_cut_and_a_clipped_field_is_not_used():
+    imu, mag = _samples(rate=10.0, still_after=3.0)
+    flagged = (np.arange(len(imu)) % 7 == 0)[:, None] & np.array([True, False, False])
+    input_covariance.mark_clipped(imu, "linear_acceleration", flagged)
+    bent = mag.copy()
+    input_covariance.mark_clipped(bent, "magnetic_field", flagged)
+    bent["magnetic_field"][flagged[:, 0]] += 3e-5
+    outputs = [_run(imu, bent, Pipeline(EstimatorSettings(), REFERENCE), cuts) for cuts in ((), (5, 333, 900))]
+    whole, cut = (_joined(one, "attitude") for one in outputs)
+    assert whole.tobytes() == cut.tobytes()
+    told = whole["status"] & int(Status.CLIPPED) != 0
+    assert np.array_equal(told, flagged[:, 0])
+    without = Pipeline(EstimatorSettings(), REFERENCE)
+    keep = ~flagged[:, 0]
+    without.push_mag(mag[keep])
+    assert without.push_imu(imu).attitude.tobytes() == whole.tobytes()

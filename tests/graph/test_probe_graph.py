@@ -1,4 +1,4 @@
-"""From recording to emulator to serial line to probe node to recorder: the same samples to the bit."""
+"""From recording to emulator to serial line to probe node, estimator and recorder: the same bits as without a line."""
 
 import subprocess
 import sys
@@ -7,10 +7,14 @@ import numpy as np
 import pytest
 
 import running_graph
+from mwd_estimation.core import clip_flags
+from mwd_estimation.core.status import Status
+from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_sensors.core.settings import changed
 from mwd_sensors.drivers.readings import FIELDS
 from mwd_sensors.simulator.scenario import read
 from mwd_surface.runs import simulate
-from running_graph import samples_of, until
+from running_graph import PLACE, samples_of, until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -18,7 +22,10 @@ SCENARIO = """
 name: probe
 seed: 8
 date: 2026-03-01T06:00:00
+place: {latitude_deg: 38.3, longitude_deg: 109.6}
 schedule: [{kind: drill, seconds: 6.0, rpm: 120.0, rop_m_h: 20.0}]
+vibration: {random: [{band_hz: [8.0, 300.0], acceleration_mps2: [3.0, 3.0, 3.0]}]}
+ahrs: {changes: {flags_clipping: true, accelerometer: {range_g: [1.2, 1.2, 1.2]}}}
 """
 
 
@@ -41,14 +48,16 @@ def test_a_probe_on_a_serial_line_gives_the_samples_of_the_recording(tmp_path, p
     simulate.record(read(tmp_path / "scenario.yaml"), sent)
     with running_graph.graph(tmp_path) as graph:
         surface = graph.start("surface", folder=tmp_path / "data", serve_page=False, record__name="got")
-        until(lambda: ": active" in graph.log(surface), 90, "the surface node is active")
+        estimator = graph.start("estimator", **{key.replace(".", "__"): value for key, value in PLACE.items()})
+        for name in (surface, estimator):
+            until(lambda name=name: ": active" in graph.log(name), 90, f"{name} is active")
         settings = [f"port:={link}", f"protocol:={protocol}", "clock:=unit", "wait_for_listener_s:=60.0"]
         command(graph, "probe", "node", "probe", "--ros-args", *(w for s in settings for w in ("-p", s)))
         until(lambda: "trying again" in graph.log("probe"), 60, "the probe node looks for its line")
         command(graph, "emulator", "emulate", str(sent), "--protocol", protocol, "--link", str(link), "--wait")
         assert graph.wait("emulator", 90) == 0
         until(lambda: "was lost" in graph.log("probe"), 20, "the node sees that the line is gone")
-        for name in ("probe", surface):
+        for name in ("probe", estimator, surface):
             assert graph.end(name)[0] == 0
     (got,) = (tmp_path / "data").rglob("got")
     for topic, fields in FIELDS.items():
@@ -56,3 +65,12 @@ def test_a_probe_on_a_serial_line_gives_the_samples_of_the_recording(tmp_path, p
         assert np.array_equal(mine["stamp_ns"], expected["stamp_ns"])
         for field in fields:
             assert mine[field].tobytes() == expected[field].tobytes()
+    flags = clip_flags.of(samples_of(sent, "/imu/data_raw"))
+    assert np.array_equal(clip_flags.of(samples_of(got, "/imu/data_raw")), flags)
+    assert 0.0 < np.mean(flags == clip_flags.ACCEL) < 1.0
+    live, alone = samples_of(got, "/attitude"), Pipeline(changed(EstimatorSettings(), PLACE))
+    alone.push_mag(samples_of(sent, "/imu/mag"))
+    alone.push_precision(samples_of(sent, "/gyro/data_raw"))
+    alone.push_temperature(samples_of(sent, "/imu/temperature"))
+    assert live.tobytes() == alone.push_imu(samples_of(sent, "/imu/data_raw")).attitude.tobytes()
+    assert np.array_equal(live["status"] & np.uint32(Status.CLIPPED) != 0, flags != 0)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mwd_estimation.core.sensor_fault import ACCEL, GYRO
 from mwd_estimation.core.status import Status
@@ -39,7 +40,15 @@ class GravityWithFallback:
         self._remaining_state = accelerometer_only.initial(remaining)
         self._unusable = 0
 
-    def run(self, unusable: int, stamps: Stamps, gyro: Array, accel: Array, followed: Track | None = None) -> Track:
+    def run(
+        self,
+        unusable: int,
+        stamps: Stamps,
+        gyro: Array,
+        accel: Array,
+        clipped: NDArray[np.uint8],
+        followed: Track | None = None,
+    ) -> Track:
         """
         Gravity of samples during which the same sensors are unusable.
 
@@ -49,6 +58,8 @@ class GravityWithFallback:
             Bits of the sensors that are unusable, as the health checks name them.
         stamps, gyro, accel : ndarray, shapes (n,), (n, 3) and (n, 3)
             ns, rad/s and m/s^2, in tool axes.
+        clipped : ndarray of uint8, shape (n,)
+            Bits of `core.clip_flags`.
         followed : Track, optional
             Gravity found otherwise (a smoother), given back where both sensors are usable.
         """
@@ -64,6 +75,8 @@ class GravityWithFallback:
             self._state = self._method.initial(self._params)
         if followed is not None:
             return followed
+        if self._method.uses_clip_flags:
+            return self._method.run(self._params, self._state, stamps, gyro, accel, clipped)
         return self._method.run(self._params, self._state, stamps, gyro, accel)
 
 

@@ -31,11 +31,20 @@ class Method:
     Params: Callable[..., Any]
     initial: Callable[[Any], Any]
     run: Callable[..., Track]
+    uses_clip_flags: bool = False
+    """Whether `run` takes what the unit says of its clipping (`core.clip_flags`) as its last argument."""
 
 
 _MAHONY = functools.partial(fuzzy_mahony.Params, fuzzy=False)
 _ALL = (
-    Method("bounded", "velocity-bounded error-state Kalman filter", bounded.Params, bounded.initial, bounded.run),
+    Method(
+        "bounded",
+        "velocity-bounded error-state Kalman filter",
+        bounded.Params,
+        bounded.initial,
+        bounded.run,
+        uses_clip_flags=True,
+    ),
     Method(
         "s3",
         "rotation-vector recursion, PI correction, fuzzy gain (S3)",

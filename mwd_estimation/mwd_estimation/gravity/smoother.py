@@ -12,9 +12,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from mwd_estimation.core import track
+from mwd_estimation.core import clip_flags, track
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_estimation.gravity.bounded.filter import Log, Params
@@ -53,13 +53,17 @@ class Smoother:
         self._stamps: Stamps = np.zeros(0, dtype=np.int64)
         self._gyro: Array = np.zeros((0, 3))
         self._accel: Array = np.zeros((0, 3))
+        self._clipped: NDArray[np.uint8] = np.zeros(0, dtype=np.uint8)
 
-    def push(self, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
+    def push(
+        self, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike, clipped: ArrayLike | None = None
+    ) -> Track:
         """Take a block; gravity of the samples that are done, which follow on those handed out before."""
         stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
         self._stamps = np.concatenate([self._stamps, stamps])
         self._gyro = np.concatenate([self._gyro, gyro])
         self._accel = np.concatenate([self._accel, accel])
+        self._clipped = np.concatenate([self._clipped, clip_flags.given(clipped, len(stamps))])
         parts = [Track.empty(0)]
         # Blocks overlap by half, so that the end of each is smoothed by the next; the state goes on from its middle.
         while len(self._stamps) > BLOCK:
@@ -71,11 +75,12 @@ class Smoother:
         return self._block(len(self._stamps), len(self._stamps))
 
     def _block(self, size: int, keep: int) -> Track:
-        stamps, gyro, accel = self._stamps, self._gyro, self._accel
-        part, log = bounded.run_logged(self.params, self._state.copy(), stamps[:size], gyro[:size], accel[:size])
+        samples = self._stamps, self._gyro, self._accel, self._clipped
+        part, log = bounded.run_logged(self.params, self._state.copy(), *(one[:size] for one in samples))
         _back(part, log)
-        bounded.run(self.params, self._state, stamps[:keep], gyro[:keep], accel[:keep])
-        self._stamps, self._gyro, self._accel = stamps[keep:], gyro[keep:], accel[keep:]
+        bounded.run(self.params, self._state, *(one[:keep] for one in samples))
+        self._stamps, self._gyro = self._stamps[keep:], self._gyro[keep:]
+        self._accel, self._clipped = self._accel[keep:], self._clipped[keep:]
         return Track(*(getattr(part, f.name)[:keep] for f in dataclasses.fields(Track)))
 
 

@@ -9,6 +9,8 @@ Encoding: CDR, little endian, as ROS 2 writes it (see `wire`).
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from mwd_sensors.core import wire
@@ -63,6 +65,15 @@ def encode(samples: Samples, frame_id: str) -> bytes:
     # Behind the count the first stamp is four bytes off what a double needs, and so padded; the others are not.
     packed: bytes = rows.tobytes()
     return start + packed[:8] + _PADDING + packed[8:]
+
+
+def parts(samples: Samples, size: int) -> list[slice]:
+    """Slices for bursts of at most `size`, each of one covariance: a sample flagged as clipped begins another."""
+    changes = np.zeros(max(len(samples) - 1, 0), dtype=np.bool_)
+    for name in _COVARIANCES:
+        changes |= (samples[name][1:] != samples[name][:-1]).any(axis=1)
+    starts = sorted({*range(0, len(samples), size), *(np.flatnonzero(changes) + 1).tolist()})
+    return [slice(start, stop) for start, stop in itertools.pairwise([*starts, len(samples)])]
 
 
 def decode(message: bytes) -> Samples:

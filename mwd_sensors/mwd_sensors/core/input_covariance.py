@@ -1,10 +1,13 @@
 """
-Covariances that come with samples: what they declare absent, and what cannot be believed.
+Covariances that come with samples: what they declare absent or clipped, and what cannot be believed.
 
 sensor_msgs (Imu.msg, MagneticField.msg): all zeros mean that the covariance is unknown, -1 in the first element that
 the quantity is not provided, whatever numbers stand in its place. The noise of the tool's settings is used, and a
 stated one where it is larger (`NoiseWatch`); a stated covariance that is smaller or no covariance at all never makes an
 estimate more certain.
+
+A driver whose unit flags clipping says so by the covariance too, which recordings keep and any driver can write: an
+axis that was beyond its range within the sample has the sigma `CLIPPED`, wider than any range.
 """
 
 from __future__ import annotations
@@ -24,6 +27,10 @@ VECTORS = {
     wire.IMU.type_name: (("angular_velocity", 50.0), ("linear_acceleration", 1000.0)),
     wire.MAG.type_name: (("magnetic_field", 1e-2),),
 }
+# Sigma of an axis that was clipped, rad/s, m/s^2 and T. Taken as such are half to 1.25 times of it, which a turned unit
+# needs, and which holds no power of ten as the variance, the usual stand-in of drivers that know no covariance.
+CLIPPED = {"angular_velocity": 20.0, "linear_acceleration": 200.0, "magnetic_field": 2e-3}
+_CLIPPED_LEAST, _CLIPPED_MOST = 0.5, 1.25
 ABSENT, UNBELIEVABLE, TOO_SMALL = "not provided", "no covariance", "a covariance that is not credible"
 # At rest the samples scatter by so much more than stated, before a covariance is not credible: pumps shake a tool at
 # rest by ten times the noise of its sensors, a covariance in a wrong unit is off by a thousand and more.
@@ -89,7 +96,9 @@ class NoiseWatch:
             if not stamps:
                 first: NDArray[np.float64] = np.asarray(samples[stated][:1])
                 believed = first[0, 0] != -1.0 and bool(_credible(first, widest)[0])
-                self._sigma[vector] = float(np.sqrt(first[0, ::4].max())) if believed else 0.0
+                # What is clipped says nothing of the noise.
+                noise = np.where(clipped(samples[:1], vector)[0], 0.0, first[0, ::4])
+                self._sigma[vector] = float(np.sqrt(noise.max())) if believed else 0.0
             stamps += samples["stamp_ns"][: _RATED - len(stamps)].tolist()
             if len(stamps) == _RATED:
                 self.noise[vector] = Noise(self._sigma[vector], max(1e-9 * float(np.median(np.diff(stamps))), 0.0))
@@ -157,6 +166,22 @@ def sentence(topic: str, vector: str, note: str) -> str:
     if note == ABSENT:
         return f"{topic}: {vector} is declared {note}: it is not used"
     return f"{topic}: {vector} comes with {note}: the noise of the tool's settings is used"
+
+
+def clipped(samples: Samples, vector: str) -> NDArray[np.bool_]:
+    """Axes that the covariance says were beyond their range, shape (n, 3); none where samples have no covariance."""
+    name = f"{vector}_covariance"
+    if name not in (samples.dtype.names or ()):
+        return np.zeros((len(samples), 3), dtype=np.bool_)
+    variances, own = samples[name][:, ::4], CLIPPED[vector] ** 2
+    # Above the lower end, for a covariance of exactly that is somebody's round number.
+    found = (variances > _CLIPPED_LEAST**2 * own) & (variances <= _CLIPPED_MOST**2 * own)
+    return np.asarray(found, dtype=np.bool_)
+
+
+def mark_clipped(samples: Samples, vector: str, axes: NDArray[np.bool_]) -> None:
+    """Say in the covariance of samples, changed in place, which axes were beyond their range; shape (n, 3)."""
+    samples[f"{vector}_covariance"][:, ::4][axes] = CLIPPED[vector] ** 2
 
 
 def _credible(covariance: NDArray[np.float64], widest: float) -> NDArray[np.bool_]:

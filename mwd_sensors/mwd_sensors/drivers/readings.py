@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from mwd_sensors.core import burst, wire
+from mwd_sensors.core import burst, input_covariance, wire
 from mwd_sensors.core.arrays import Samples
 
 # Bits of `status`: the reading of this axis was at the end of its range within the interval of the sample.
@@ -32,6 +32,11 @@ FIELDS = {
     "imu/temperature": ("temperature",),
 }
 """Fields of these that are measured; SI."""
+_CLIP_BITS = {
+    "angular_velocity": np.array(CLIPPED_GYRO),
+    "linear_acceleration": np.array(CLIPPED_ACCEL),
+    "magnetic_field": np.array(CLIPPED_MAG),
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,7 +103,8 @@ def samples_of(topic: str, readings: list[Reading], offset_ns: int = 0) -> Sampl
     """
     Samples of the readings of one topic; offset_ns is added to the unit's time.
 
-    What a unit does not measure is not reported, as REP-145 has it.
+    What a unit does not measure is not reported, as REP-145 has it. Axes that the unit flags as clipped have the
+    covariance that says so (`input_covariance.CLIPPED`); of the others it is not known.
     """
     out = burst.bare(len(readings)) if LAYOUTS[topic] is wire.IMU else LAYOUTS[topic].empty(len(readings))
     out["stamp_ns"] = np.array([one.stamp_ns for one in readings], dtype=np.int64) + offset_ns
@@ -107,12 +113,20 @@ def samples_of(topic: str, readings: list[Reading], offset_ns: int = 0) -> Sampl
         width = 3 if out[field].ndim == 2 else 1
         part = values[:, k * width : (k + 1) * width]
         out[field] = part if width == 3 else part[:, 0]
+    status = np.array([one.status for one in readings], dtype=int)
+    for field in FIELDS[topic]:
+        if field in _CLIP_BITS:
+            input_covariance.mark_clipped(out, field, status[:, None] & _CLIP_BITS[field] != 0)
     return out
 
 
 def readings_of(topic: str, samples: Samples) -> list[Reading]:
-    """Readings of samples: the inverse of `samples_of`."""
+    """Readings of samples with their clip flags: the inverse of `samples_of`."""
     columns = [np.asarray(samples[field], dtype=float).reshape(len(samples), -1) for field in FIELDS[topic]]
     rows = np.hstack(columns).tolist()
-    stamps = samples["stamp_ns"].tolist()
-    return [Reading(topic, stamp, tuple(row)) for stamp, row in zip(stamps, rows, strict=True)]
+    status = np.zeros(len(samples), dtype=int)
+    for field in FIELDS[topic]:
+        if field in _CLIP_BITS:
+            status += input_covariance.clipped(samples, field) @ _CLIP_BITS[field]
+    parts = zip(samples["stamp_ns"].tolist(), rows, status.tolist(), strict=True)
+    return [Reading(topic, stamp, tuple(row), bits) for stamp, row, bits in parts]

@@ -37,6 +37,7 @@ class ProbeNode(GraphNode[LineSettings]):
         self._probe: SerialProbe | None = None
         self._said = ""
         self._received_before = self._faults_before = 0
+        self._clips_before: dict[str, int] = {}
 
     def configure(self) -> None:
         """Open the topics."""
@@ -48,6 +49,7 @@ class ProbeNode(GraphNode[LineSettings]):
         """Begin with a line that is not open yet."""
         self._probe = SerialProbe(self.settings)
         self._received_before = self._faults_before = 0
+        self._clips_before = {}
         self._discovery = SubscriberDiscovery(time.monotonic(), self.settings.wait_for_listener_s)
 
     def deactivate(self) -> None:
@@ -123,12 +125,14 @@ class ProbeNode(GraphNode[LineSettings]):
     def _status_diagnostic(self, probe: SerialProbe) -> Diagnostic:
         clipped = [(f"clipped {axis}", str(count)) for axis, count in probe.clips.items()]
         values = (*clipped, ("faults", str(probe.faults)))
-        # Of the last second: the alarm goes when the unit is well again.
+        # Of the last second: an alarm goes when the unit is well again.
         new, self._faults_before = probe.faults - self._faults_before, probe.faults
         if new:
             return Diagnostic("status", ERROR, "the unit says that it is not well", "change the probe", values)
-        if probe.clips:
-            message = f"clipped: {', '.join(probe.clips)}"
+        clipping = [axis for axis, count in probe.clips.items() if count > self._clips_before.get(axis, 0)]
+        self._clips_before = dict(probe.clips)
+        if clipping:
+            message = f"clipped: {', '.join(clipping)}"
             return Diagnostic("status", WARN, message, "reduce shocks or rotary speed, or fit a wider range", values)
         return Diagnostic("status", OK, "no axis clipped", values=values)
 

@@ -237,9 +237,9 @@ class SondeNode(GraphNode[SondeSettings]):
         if not self.settings.burst or topic not in _BURST_TOPIC:
             rows = wire.SONDE_TOPICS[topic].encode(samples, frame)
             return [(float(due), order, topic, row.tobytes()) for due, row in zip(dues, rows, strict=True)]
-        parts = [slice(start, start + self.settings.burst) for start in range(0, len(samples), self.settings.burst)]
         return [
-            (float(dues[part][-1]), order, _BURST_TOPIC[topic], burst.encode(samples[part], frame)) for part in parts
+            (float(dues[part][-1]), order, _BURST_TOPIC[topic], burst.encode(samples[part], frame))
+            for part in burst.parts(samples, self.settings.burst)
         ]
 
     def _on_command(self, message: RigCommand) -> None:

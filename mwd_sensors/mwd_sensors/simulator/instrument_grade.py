@@ -77,6 +77,7 @@ class Grade:
     temperature_c: float = setting(0.0, "error of the temperature sensor, 1 sigma", unit="degC", low=0.0)
     calibrated_at_c: float = setting(25.0, "temperature of no temperature error", unit="degC", low=-60.0, high=250.0)
     adc_hz: int = setting(1000, "rate of the converter", unit="Hz", low=10, high=20000)
+    flags_clipping: bool = setting(False, "whether samples say which axes were beyond their range")
 
 
 def grade_names() -> tuple[str, ...]:

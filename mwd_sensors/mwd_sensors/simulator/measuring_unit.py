@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from mwd_sensors.core import wire
+from mwd_sensors.core import input_covariance, wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.simulator import instrument
 from mwd_sensors.simulator.instrument_grade import grade
@@ -104,6 +104,13 @@ class MeasuringUnit:
         samples["angular_velocity_covariance"][:, ::4] = self.gyro.noise**2 * gyro_band + self.gyro.step**2 / 12.0
         accel = self.accelerometer
         samples["linear_acceleration_covariance"][:, ::4] = accel.noise**2 * accel_band + accel.step**2 / 12.0
+        if self.grade.flags_clipping:
+            for vector, triad, read in (
+                ("angular_velocity", self.gyro, rate_read),
+                ("linear_acceleration", self.accelerometer, force_read),
+            ):
+                at_limit = (np.abs(read) >= triad.limit - triad.step).reshape(outputs, self._ratio, 3)
+                input_covariance.mark_clipped(samples, vector, np.asarray(at_limit.any(axis=1)))
         return samples
 
     def _convert(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mwd_sensors.core import burst, wire
+from mwd_sensors.core.input_covariance import mark_clipped
 from mwd_sensors.core.wire import WireError
 
 
@@ -64,3 +65,14 @@ def test_bytes_that_are_no_burst_are_refused():
     for bad in (b"", good[:40], good[:-1], good + bytes(8), bytes(lying), b"\0\0" + good[2:]):
         with pytest.raises(WireError):
             burst.decode(bytes(bad))
+
+
+@pytest.mark.parametrize("flagged", [[], [3], [0, 9], [4, 5, 6]])
+def test_bursts_of_flagged_samples_bring_all_of_them_back(flagged):
+    imu = samples(10)
+    mark_clipped(imu, "linear_acceleration", np.isin(np.arange(10), flagged)[:, None] & np.array([True, False, True]))
+    parts = burst.parts(imu, 4)
+    got = np.concatenate([burst.decode(burst.encode(imu[part], "sonde_link")) for part in parts])
+    assert got.tobytes() == imu.tobytes()
+    assert max(len(imu[part]) for part in parts) <= 4
+    assert burst.parts(imu[:0], 4) == []

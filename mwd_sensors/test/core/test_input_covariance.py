@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mwd_sensors.core import wire
-from mwd_sensors.core.input_covariance import ABSENT, TOO_SMALL, UNBELIEVABLE, NoiseWatch, judge
+from mwd_sensors.core import mount, wire
+from mwd_sensors.core.input_covariance import ABSENT, TOO_SMALL, UNBELIEVABLE, NoiseWatch, clipped, judge, mark_clipped
 
 
 def imu(covariance, field="angular_velocity", n=5):
@@ -87,6 +87,14 @@ def test_what_is_absent_or_no_covariance_states_no_noise(covariance):
     assert watch.noise["angular_velocity"].sigma == 0.0
 
 
+def test_a_first_sample_that_was_clipped_states_the_noise_of_its_other_axes():
+    samples, watch = imu(np.diag([1e-6, 4e-6, 1e-6]).ravel(), n=20), NoiseWatch()
+    samples["stamp_ns"] = np.arange(20) * 10_000_000
+    mark_clipped(samples, "angular_velocity", np.arange(60).reshape(20, 3) == 0)
+    watch.take(samples, wire.IMU.type_name)
+    assert watch.noise["angular_velocity"].sigma == pytest.approx(2e-3)
+
+
 def scattering(stated):
     rng, samples = np.random.default_rng(2), imu(np.diag([stated] * 3).ravel(), n=200)
     samples["stamp_ns"] = np.arange(200) * 10_000_000
@@ -112,3 +120,22 @@ def test_a_tool_that_moves_shows_nothing_of_its_noise():
     watch.take(samples, wire.IMU.type_name)
     watch.rest(samples, wire.IMU.type_name, still=False)
     assert watch.not_credible == {}
+
+
+@pytest.mark.parametrize("vector", ["angular_velocity", "linear_acceleration"])
+@pytest.mark.parametrize("known", [0.0, 1e-4])
+def test_axes_marked_as_clipped_are_found_in_the_axes_of_a_tool_too(vector, known):
+    samples = imu(known * np.eye(3).ravel(), vector)
+    axes = np.arange(15).reshape(5, 3) % 4 == 0
+    mark_clipped(samples, vector, axes)
+    assert np.array_equal(clipped(samples, vector), axes)
+    assert judge(samples, wire.IMU.type_name).notes == {}
+    turned = mount.resolve(mount.MountSettings(imu="z-down")).imu_in_tool(samples)
+    assert np.array_equal(clipped(turned, vector), np.abs(mount.PRESETS["z-down"] @ axes.T).T != 0.0)
+
+
+@pytest.mark.parametrize("variance", [*(10.0**k for k in range(-12, 9)), -1.0, np.nan, np.inf])
+def test_the_stand_ins_of_drivers_without_a_covariance_are_no_clipping(variance):
+    for vector in ("angular_velocity", "linear_acceleration"):
+        assert not clipped(imu(np.diag([variance] * 3).ravel(), vector), vector).any()
+    assert not clipped(wire.IMU.empty(3)[["stamp_ns", "angular_velocity"]], "angular_velocity").any()

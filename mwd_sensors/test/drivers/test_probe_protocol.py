@@ -10,7 +10,16 @@ from hypothesis import strategies as st
 from mwd_sensors.core import burst
 from mwd_sensors.drivers import probe_protocol
 from mwd_sensors.drivers.probe_protocol import ProbeReader, Splitter, command, requested, sample
-from mwd_sensors.drivers.readings import CLIPPED_ACCEL, FIELDS, Answer, Reading, readings_of, samples_of
+from mwd_sensors.drivers.readings import (
+    CLIPPED_ACCEL,
+    CLIPPED_GYRO,
+    CLIPPED_MAG,
+    FIELDS,
+    Answer,
+    Reading,
+    readings_of,
+    samples_of,
+)
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 widths = {
@@ -92,3 +101,10 @@ def test_samples_of_the_graph_become_readings_and_back():
     again = samples_of("imu/data_raw", readings_of("imu/data_raw", samples))
     assert again.tobytes() == samples.tobytes()
     assert samples_of("imu/data_raw", readings_of("imu/data_raw", samples), 5)["stamp_ns"].tolist() == [15, 25, 35]
+
+
+@pytest.mark.parametrize("topic", ["imu/data_raw", "gyro/data_raw", "imu/mag"])
+def test_clip_flags_of_a_line_come_back_from_the_samples(topic):
+    bits = (*CLIPPED_ACCEL, *CLIPPED_GYRO) if topic != "imu/mag" else CLIPPED_MAG
+    sent = [Reading(topic, k, (0.25,) * widths[topic], bit) for k, bit in enumerate((0, *bits, sum(bits)))]
+    assert readings_of(topic, samples_of(topic, sent)) == sent

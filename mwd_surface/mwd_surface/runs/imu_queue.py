@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mwd_estimation.core import clip_flags
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import smoother as gravity_smoother
 from mwd_estimation.gravity.bounded.filter import Params
@@ -84,7 +85,8 @@ class ImuQueue:
         if smoother is None:
             return Track.empty(0)
         samples = self._mount.imu_in_tool(samples)
-        return smoother.push(samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"])
+        gyro, accel = samples["angular_velocity"], samples["linear_acceleration"]
+        return smoother.push(samples["stamp_ns"], gyro, accel, clip_flags.of(samples))
 
     def _finished(self) -> Iterator[Imu]:
         if self._smoother is not None and self._params is not None and self._old:

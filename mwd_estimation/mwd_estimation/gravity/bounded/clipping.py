@@ -25,16 +25,18 @@ NEVER = 1e30  # gate that no innovation passes
 
 
 @compiled
-def follow_shocks(p: Params, s: Record, dt: float, f: Vector, power: float) -> None:
+def follow_shocks(p: Params, s: Record, dt: float, f: Vector, power: float, flag: bool) -> None:
     """
     Count shocks, and make the velocity uncertain by what each may have hidden.
 
     A force far above the usual may be a shock whose tip was cut off before the sensor averaged it. Velocity is lost
     then, mostly along the force that is shown: that goes into its variance at once.
+
+    flag: the unit says so of this sample. It is believed however little the sample shows.
     """
     s.since_shock += dt
     s.shocks -= dt / SHOCK_MEMORY * s.shocks
-    clipped = max(abs(f[0]), abs(f[1]), abs(f[2])) >= p.accel_range
+    clipped = flag or max(abs(f[0]), abs(f[1]), abs(f[2])) >= p.accel_range
     unusual = power > UNUSUAL**2 * s.power + 100.0
     if clipped or unusual:
         # A sample that is a mean of dt shows no less than the share of it that was clipped.
@@ -100,15 +102,17 @@ def _forget_from(P: Array, first: int, last: int) -> None:
 
 
 @compiled
-def follow_rate(p: Params, s: Record, dt: float, wx: float) -> bool:
+def follow_rate(p: Params, s: Record, dt: float, wx: float, flag: bool) -> bool:
     """
     Follow the slope of the x rate, and the missing rate while the gyro clips; True if roll is lost at the end of that.
 
     The missing rate is a state that starts with the slope the rate had. What is known of the sensors and of inclination
     is set aside meanwhile, lest a roll gone astray spoil it: the gyros across the axis keep it.
+
+    flag: the unit says that the x gyro was beyond its range within this sample.
     """
     c = s.clipping
-    if abs(wx) >= p.gyro_range:
+    if flag or abs(wx) >= p.gyro_range:
         if c.sign == 0.0:
             _begin_clipping(s)
         c.sign = 1.0 if wx > 0.0 else -1.0

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mwd_estimation.core import track
+from mwd_estimation.core import clip_flags, track
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import alignment, clipping, gaps, measurement, mechanisation, noise, scale
@@ -41,7 +41,10 @@ __all__ = ["Log", "Params", "State", "initial", "run", "run_logged"]
 TICK = 0.03  # s between updates of the covariance
 _REJECTED, _GAP, _INITIALISING = int(Status.REJECTED), int(Status.GAP), int(Status.INITIALISING)
 _CLIPPED, _NEAR_VERTICAL, _ALIASED = int(Status.CLIPPED), int(Status.NEAR_VERTICAL), int(Status.ALIASED)
+_ACCEL_FLAG, _AXIAL_FLAG, _CROSS_FLAG = clip_flags.ACCEL, clip_flags.AXIAL_GYRO, clip_flags.CROSS_GYRO
 _NEAR_VERTICAL_SINE2 = math.sin(track.NEAR_VERTICAL_BELOW) ** 2
+
+_Samples = tuple[Stamps, Array, Array, NDArray[np.uint8]]
 
 
 class _Rows(NamedTuple):
@@ -55,7 +58,14 @@ class _Rows(NamedTuple):
     status: NDArray[np.uint32]
 
 
-def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
+def run(
+    params: Params,
+    state: State,
+    stamp_ns: ArrayLike,
+    gyro_t: ArrayLike,
+    accel_t: ArrayLike,
+    clipped: ArrayLike | None = None,
+) -> Track:
     """
     Follow gravity through a block of samples.
 
@@ -67,6 +77,8 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     stamp_ns : array_like of int64, shape (n,)
     gyro_t, accel_t : array_like, shape (n, 3)
         Angular rate, rad/s, and specific force (up at rest), m/s^2, in tool axes.
+    clipped : array_like of uint8, shape (n,), optional
+        What the unit says of each sample, bits of `core.clip_flags`.
 
     Raises
     ------
@@ -74,22 +86,27 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
         Shapes that do not match.
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
-    return _follow(params, state, stamps, gyro, accel, Log.room(0))
+    return _follow(params, state, (stamps, gyro, accel, clip_flags.given(clipped, len(stamps))), Log.room(0))
 
 
 def run_logged(
-    params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike
+    params: Params,
+    state: State,
+    stamp_ns: ArrayLike,
+    gyro_t: ArrayLike,
+    accel_t: ArrayLike,
+    clipped: ArrayLike | None = None,
 ) -> tuple[Track, Log]:
     """As `run`, and all that a smoother needs to go back over the block."""
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     log = Log.room(len(stamps))
-    return _follow(params, state, stamps, gyro, accel, log), log
+    return _follow(params, state, (stamps, gyro, accel, clip_flags.given(clipped, len(stamps))), log), log
 
 
-def _follow(params: Params, state: State, stamps: Stamps, gyro: Array, accel: Array, log: Log) -> Track:
-    out = Track.empty(len(stamps))
+def _follow(params: Params, state: State, samples: _Samples, log: Log) -> Track:
+    out = Track.empty(len(samples[0]))
     rows = _Rows(out.g_t, out.sigma_inclination, out.sigma_toolface, out.non_gravity, out.rotary_speed, out.status)
-    _run(params, state.clock[0], state.motion[0], state.record[0], (stamps, gyro, accel), rows, log)
+    _run(params, state.clock[0], state.motion[0], state.record[0], samples, rows, log)
     return out
 
 
@@ -99,11 +116,11 @@ def _run(
     clock: track.Clock,
     motion: track.Motion,
     s: Record,
-    samples: tuple[Stamps, Array, Array],
+    samples: _Samples,
     out: _Rows,
     log: Log,
 ) -> None:
-    stamps, gyro, accel = samples
+    stamps, gyro, accel, flags = samples
     for i in range(len(stamps)):
         w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
         before = clock.last_ns
@@ -119,11 +136,11 @@ def _run(
                     bits = _GAP
                 _resume(p, s, verdict, dt, gyro[i], i, log)
                 dt = 0.0
-            non_gravity = _take(p, s, dt, w, f)
+            non_gravity = _take(p, s, dt, w, f, flags[i])
             if s.started and s.sums.time >= TICK - 1e-6:
                 _update(p, s, s.last_w, i, log)
             bits |= track.follow_motion(motion, dt, w, non_gravity)
-            if max(abs(f[0]), abs(f[1]), abs(f[2])) >= p.accel_range:
+            if flags[i] != 0 or max(abs(f[0]), abs(f[1]), abs(f[2])) >= p.accel_range:
                 bits |= _CLIPPED
             if max(abs(w[0]), abs(w[1]), abs(w[2])) >= p.gyro_range:
                 bits |= _CLIPPED
@@ -168,13 +185,13 @@ def _resume(p: Params, s: Record, verdict: int, dt: float, w: Array, i: int, log
 
 
 @compiled
-def _take(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
-    """One admitted sample; returns the magnitude of the force that is not gravity, m/s^2."""
+def _take(p: Params, s: Record, dt: float, w: Vector, f: Vector, flags: int) -> float:
+    """One admitted sample with its `clip_flags`; returns the magnitude of the force that is not gravity, m/s^2."""
     power = mechanisation.mechanise(p, s, dt, w, f)
     if s.started:
-        clipping.follow_shocks(p, s, dt, f, power)
-        noise.follow_rates(p, s, dt, w, f)
-        if clipping.follow_rate(p, s, dt, w[0]):
+        clipping.follow_shocks(p, s, dt, f, power, flags & _ACCEL_FLAG != 0)
+        noise.follow_rates(p, s, dt, w, f, flags & _CROSS_FLAG != 0)
+        if clipping.follow_rate(p, s, dt, w[0], flags & _AXIAL_FLAG != 0):
             alignment.begin_roll(s)
     else:
         power = (math.sqrt(f[0] ** 2 + f[1] ** 2 + f[2] ** 2) - p.gravity) ** 2

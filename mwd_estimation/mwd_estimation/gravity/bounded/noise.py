@@ -38,11 +38,15 @@ ALIASED_SHARE, ALIASED_LEAST, ALIASED_AFTER = 0.3, 0.002, 3.0  # of the displace
 
 
 @compiled
-def follow_rates(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> None:
-    """Noise of the attitude from errors in proportion to the rates, from clipping and from samples that are missing."""
+def follow_rates(p: Params, s: Record, dt: float, w: Vector, f: Vector, flag: bool) -> None:
+    """
+    Noise of the attitude from errors in proportion to the rates, from clipping and from samples that are missing.
+
+    flag: the unit says that a gyro across the axis was beyond its range within this sample.
+    """
     sums, motion = s.sums, s.motion
     sums.turn += (p.rate_noise**2 * (w[1] * w[1] + w[2] * w[2]) + ROTARY_NOISE**2 * w[0] * w[0]) * dt
-    if max(abs(w[1]), abs(w[2])) >= p.gyro_range:
+    if flag or max(abs(w[1]), abs(w[2])) >= p.gyro_range:
         sums.turn += (CROSS_TURN * dt) ** 2
     df2 = (f[0] - s.last_f[0]) ** 2 + (f[1] - s.last_f[1]) ** 2 + (f[2] - s.last_f[2]) ** 2
     if dt > 0.0:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from consistency import assert_consistent, consistency
+from mwd_estimation.core import clip_flags
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import fuzzy_mahony
@@ -31,15 +32,21 @@ def rms(x: np.ndarray) -> float:
 
 def drilled(case: str, seconds: float, seed: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Stamps, rates, forces and true down of a benchmark case."""
+    imu, down = sensed(case, seconds, {"seed": seed})
+    return imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"], down
+
+
+def sensed(case: str, seconds: float, changes: dict) -> tuple[np.ndarray, np.ndarray]:
+    """Samples and true down of a benchmark case with changes."""
     blocks = []
-    for block in Sonde(scenario.read(BENCH / f"{case}.yaml", {"seed": seed})).blocks(5.0):
+    for block in Sonde(scenario.read(BENCH / f"{case}.yaml", changes)).blocks(5.0):
         blocks.append(block)
         if len(blocks) * 5.0 >= seconds:
             break
     imu = np.concatenate([block["imu/data_raw"] for block in blocks])
     truth = np.concatenate([block["truth"] for block in blocks])
     down = truth["gravity"][np.searchsorted(truth["stamp_ns"], imu["stamp_ns"])]
-    return imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"], down
+    return imu, down
 
 
 def test_covariance_stays_symmetric_and_positive():
@@ -134,6 +141,40 @@ def test_inclination_outlives_a_clipping_gyro():
     late = stamps - stamps[0] > 15_000_000_000
     assert np.degrees(rms(error[late])) < 0.3
     assert_consistent(error[late], got.sigma_inclination[late], correlated=True)
+
+
+def test_flags_of_clipped_accelerometers_save_an_inclination_that_half_the_samples_bend():
+    # Gravity and vibration of a third of the range each: what is cut off is mostly on one side.
+    grade = {"flags_clipping": True, "accelerometer": {"range_g": [4.0, 4.0, 4.0]}}
+    imu, down = sensed("shocks", 60.0, {"ahrs": {"changes": grade}})
+    p, flags = bounded.Params(accel_range=4.0 * G0), clip_flags.of(imu)
+    assert 0.3 < np.mean(flags == clip_flags.ACCEL) < 0.9
+    late = imu["stamp_ns"] - imu["stamp_ns"][0] > 10_000_000_000
+    errors = []
+    for given in (None, flags):
+        columns = imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"]
+        got = bounded.run(p, bounded.initial(p), *columns, given)
+        error = got.inclination - np.arctan2(np.hypot(down[:, 1], down[:, 2]), down[:, 0])
+        errors.append(rms(error[late]))
+        assert given is None or ((got.status[flags != 0] & int(Status.CLIPPED)) != 0).all()
+    assert errors[1] < 0.5 * errors[0]
+
+
+def test_a_flag_tells_of_a_clipping_gyro_whose_range_was_stated_too_wide():
+    imu, down = sensed("gyroclip", 45.0, {"ahrs": {"changes": {"flags_clipping": True}}})
+    p = bounded.Params()
+    columns = imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"]
+    late = imu["stamp_ns"] - imu["stamp_ns"][0] > 15_000_000_000
+    flags = clip_flags.of(imu)
+    assert set(flags.tolist()) == {0, clip_flags.AXIAL_GYRO}
+
+    def error(params, given):
+        got = bounded.run(params, bounded.initial(params), *columns, given)
+        return rms(error_deg(got, down)[late])
+
+    wide = p._replace(gyro_range=10.0 * p.gyro_range)
+    assert error(wide, flags) == pytest.approx(error(p, flags))
+    assert error(wide, flags) < 0.5 * error(wide, None)
 
 
 def test_roll_is_found_again_after_the_gyro_clipped():
