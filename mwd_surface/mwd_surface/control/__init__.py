@@ -1,0 +1,1 @@
+"""Authority over top drive and pumps: one owner at a time, its limits, and what happens when somebody dies."""

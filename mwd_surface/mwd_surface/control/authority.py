@@ -1,0 +1,371 @@
+"""
+The control authority: a state machine that gives one controller at a time a lease over top drive and pumps.
+
+Its shape is that of the D-WIS interface to a drilling control system (ADCS): a request is granted, pending or denied;
+its owner sends set-points and a heartbeat; a dead controller and a dead MWD end in a declared reaction. The machine
+reads no clock: every call takes `now`, s, of one steady clock. It is safe to call from several threads, since page and
+rig interfaces have their own.
+
+A part of the surface node that needs the rig (a downlink, say) is a controller like any other::
+
+    decision = authority.request(Request("downlink", priority=50), now)
+    if decision.permission == Permission.GRANTED:
+        authority.command(SetPoint(Mode.PUMP, decision.lease, 1, flow_rate=0.02), now)
+    ...                                         # the same set-point again, at least once in heartbeat_s
+    authority.release(decision.lease, now)      # back to what the driller has set
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import threading
+
+from mwd_sensors.core.settings import unprintable
+from mwd_surface.control.rig_commands import RigCommands
+from mwd_surface.control.set_point import Limits, Mode, SetPoint, check
+from mwd_surface.control.settings import ControlSettings
+from mwd_surface.control.status import (
+    Achieved,
+    ControlStatus,
+    Decision,
+    Judgement,
+    Permission,
+    Reaction,
+    Request,
+    State,
+)
+
+_TORQUE_TIME = 1.0  # s that a torque must last above its limit; a peak of stick-slip is shorter
+_LONGEST_NAME = 100
+_WORDS = {
+    Reaction.KEEP: "the last set-point goes on; a person or a new lease ends it",
+    Reaction.HOLD: "the string is held; a person or a new lease ends it",
+    Reaction.RELEASE: "top drive and pumps are back with the driller",
+}
+
+
+@dataclasses.dataclass
+class _Lease:
+    """A lease, or a request that waits: number, request, limits; begin, end and last word of its controller, s."""
+
+    number: int
+    request: Request
+    limits: Limits
+    since: float
+    ends: float
+    heard: float
+    waits: str = ""
+
+    @property
+    def name(self) -> str:
+        return self.request.controller
+
+
+class ControlAuthority:
+    """
+    Grants, watches and ends leases.
+
+    Parameters
+    ----------
+    settings : ControlSettings
+    first : int
+        Number of the first lease. A rig obeys no lease older than the newest it has seen: after a restart numbers
+        must go on, so that a node takes them from the clock.
+    """
+
+    def __init__(self, settings: ControlSettings, first: int = 1) -> None:
+        self.settings = settings
+        self.refused = 0
+        self._site = Limits.of_settings(settings)
+        self._reactions = {
+            f"{what}_{how}": Reaction[getattr(settings, f"{what}_{how}").upper()]
+            for what in ("controller_lost", "mwd_lost")
+            for how in ("sliding", "rotating")
+        }
+        self._lock = threading.RLock()
+        self._next, self._newest = first, 0
+        self._lease: _Lease | None = None
+        self._pending: _Lease | None = None
+        self._rig = RigCommands(returns=self._reactions["controller_lost_rotating"] == Reaction.RELEASE)
+        self._sequence = self._acknowledged = 0
+        self._refusal = self._reason = ""
+        self._fault = ""
+        self._achieved, self._torque_since = Achieved(), math.inf
+        self._mwd_alive = True
+        self._events: list[str] = []
+
+    # Requests and decisions.
+
+    def request(self, request: Request, now: float) -> Decision:
+        """Ask for control; asked again by the owner it renews the lease."""
+        with self._lock:
+            try:
+                limits = self._checked(request)
+            except ValueError as error:
+                return Decision(Permission.DENIED, 0, str(error))
+            if not self.settings.enabled:
+                text = "control is switched off at this rig; set control.enabled to let controllers have it"
+                return Decision(Permission.DENIED, 0, text)
+            owner = self._lease
+            if owner is None or owner.name != request.controller:
+                return self._decide(request, limits, now)
+            owner.request, owner.limits = request, limits
+            owner.heard, owner.ends = now, self._end(request, now)
+            self._rig.limit(limits)
+            self._sequence = 0
+            return Decision(Permission.GRANTED, owner.number, "renewed")
+
+    def _decide(self, request: Request, limits: Limits, now: float) -> Decision:
+        owner, pending = self._lease, self._pending
+        if pending is not None and pending.name == request.controller:
+            return Decision(Permission.PENDING, pending.number, pending.waits)
+        stronger = owner if owner is not None and owner.request.priority >= request.priority else None
+        if stronger is not None and not request.wait:
+            text = f"{stronger.name} has control, priority {stronger.request.priority}; ask with wait, or later"
+            return Decision(Permission.DENIED, 0, text)
+        if pending is not None and pending.request.priority >= request.priority:
+            return Decision(Permission.DENIED, 0, f"a request of {pending.name} waits already; ask later")
+        lease = _Lease(self._next, request, limits, now, math.inf, now)
+        self._next += 1
+        if stronger is None and self.settings.grant == "automatic":
+            self._grant(lease, now, "automatically")
+            return Decision(Permission.GRANTED, lease.number, "granted")
+        reasons = ["for a person to grant it"] if self.settings.grant == "operator" else []
+        if stronger is not None:
+            reasons.insert(0, f"for {stronger.name} to leave")
+        lease.waits = f"waits {' and '.join(reasons)}"
+        self._pending = lease
+        self._log(f"{lease.name} asks for control and {lease.waits}")
+        return Decision(Permission.PENDING, lease.number, lease.waits)
+
+    def judge(self, judgement: int, operator: str, now: float, reason: str = "") -> tuple[bool, str]:
+        """Carry out a person's decision; answers whether it was done, and what was done or why not."""
+        with self._lock:
+            if not operator.strip():
+                return False, "operator_name: must not be empty: the log records who did it"
+            because = f": {reason}" if reason else ""
+            if judgement == Judgement.ABORT:
+                if self._lease is None and not self._rig.active:
+                    return False, "nobody has control"
+                self._end_lease(f"{operator} took control back{because}", Reaction.RELEASE)
+                return True, "top drive and pumps are the driller's"
+            if judgement not in (Judgement.GRANT, Judgement.DENY):
+                return False, "decision: must be 0 (grant), 1 (deny) or 2 (abort)"
+            pending, self._pending = self._pending, None
+            if pending is None:
+                return False, "no request waits"
+            if judgement == Judgement.GRANT:
+                self._grant(pending, now, f"by {operator}{because}")
+                return True, f"{pending.name} has control"
+            self._reason = f"{operator} denied control to {pending.name}{because}"
+            self._log(self._reason)
+            return True, f"{pending.name} is denied"
+
+    def release(self, lease: int, now: float, reason: str = "") -> tuple[bool, str]:  # noqa: ARG002  (as every call)
+        """Give a lease back, or withdraw a pending request; answers whether it was done."""
+        with self._lock:
+            because = f": {reason}" if reason else ""
+            if self._pending is not None and self._pending.number == lease:
+                self._log(f"{self._pending.name} asks for control no more{because}")
+                self._pending = None
+                return True, "withdrawn"
+            if self._lease is None or self._lease.number != lease:
+                return False, f"lease {lease} is not in force"
+            self._end_lease(f"{self._lease.name} gave control back{because}", Reaction.RELEASE)
+            return True, "top drive and pumps are the driller's"
+
+    def _checked(self, request: Request) -> Limits:
+        for name in ("controller", "role"):
+            text = getattr(request, name)
+            if fault := unprintable(text):
+                raise ValueError(f"{name}: {fault}")
+            if len(text) > _LONGEST_NAME:
+                raise ValueError(f"{name}: at most {_LONGEST_NAME} characters, got {len(text)}")
+        if not request.controller.strip():
+            raise ValueError("controller: must not be empty: people must see who has control")
+        if not 0 <= request.priority <= 255:
+            raise ValueError(f"priority: must be within 0 and 255, got {request.priority}")
+        if not (math.isfinite(request.duration) and request.duration >= 0.0):
+            raise ValueError(f"duration: must be finite and not below 0, got {request.duration:g}")
+        return request.limits.within(self._site)
+
+    def _end(self, request: Request, now: float) -> float:
+        longest = self.settings.longest_s
+        return now + (min(request.duration, longest) if request.duration > 0.0 else longest)
+
+    def _grant(self, lease: _Lease, now: float, how: str) -> None:
+        if self._lease is not None:
+            self._log(f"{self._lease.name} loses control to {lease.name}")
+        lease.heard, lease.ends = now, self._end(lease.request, now)
+        self._lease, self._newest = lease, lease.number
+        # What is in force goes on where the new owner could have asked for it, so that the string does not jerk.
+        self._rig.limit(lease.limits)
+        self._sequence = self._acknowledged = 0
+        self._refusal = self._reason = self._fault = ""
+        self._log(f"{lease.name} has control, granted {how}")
+
+    def _end_lease(self, reason: str, reaction: Reaction) -> None:
+        self._lease = None
+        if self._rig.drive is None:
+            reaction = Reaction.RELEASE
+        self._react(reaction)
+        if reaction != Reaction.RELEASE:
+            # Nobody watches the pumps any more, whatever the string is to do.
+            self._rig.stop_pump()
+        self._fault = "" if reaction == Reaction.RELEASE else "ownerless"
+        self._refusal, self._torque_since = "", math.inf
+        self._reason = f"{reason}: {_WORDS[reaction]}"
+        self._log(self._reason)
+
+    def _react(self, reaction: Reaction) -> None:
+        if reaction == Reaction.RELEASE:
+            self._rig.let_go()
+        elif reaction == Reaction.HOLD:
+            self._rig.hold()
+        else:
+            self._rig.keep()
+
+    # Set-points, and what is observed.
+
+    def command(self, point: SetPoint, now: float) -> tuple[bool, str]:
+        """Take a set-point of the owner, or its heartbeat; answers whether it was taken, and why not."""
+        with self._lock:
+            owner = self._lease
+            if owner is None or point.lease != owner.number:
+                self.refused += 1
+                holder = "nobody has control" if owner is None else f"{owner.name} has control"
+                return False, f"lease {point.lease} is not in force: {holder}"
+            owner.heard = now
+            if point.sequence == self._sequence:
+                self._rig.hear(point.mode, now)
+                return True, ""
+            try:
+                check(point, owner.limits)
+                self._check_mwd(point.mode)
+            except ValueError as error:
+                self.refused += 1
+                self._refusal = str(error)
+                return False, self._refusal
+            self._sequence, self._refusal = point.sequence, ""
+            if self._mwd_alive:
+                self._fault = self._reason = ""
+            self._rig.take(point, self._achieved.speed or 0.0, now)
+            return True, ""
+
+    def _check_mwd(self, mode: int) -> None:
+        needed = {Mode.ORIENT: "mwd_lost_sliding", Mode.ROTATE: "mwd_lost_rotating"}.get(Mode(mode))
+        if not self._mwd_alive and needed is not None and self._reactions[needed] != Reaction.KEEP:
+            raise ValueError("the MWD is silent: hold or release until its attitude is back")
+
+    def on_acknowledge(self, lease: int, number: int, obeyed: bool, message: str) -> None:
+        """Take the rig's answer to a command; lease and number are those of the command that was sent to it."""
+        with self._lock:
+            asked = self._rig.answered(number)
+            if self._lease is None or lease != self._lease.number or asked != self._sequence:
+                return
+            if obeyed:
+                self._acknowledged, self._refusal = asked, ""
+            else:
+                self._refusal = f"the rig refuses: {message}"
+
+    def on_rig(self, achieved: Achieved, now: float) -> None:
+        """Take what the rig does."""
+        with self._lock:
+            self._achieved = achieved
+            limit = math.inf if self._lease is None else self._lease.limits.torque
+            above = achieved.torque is not None and abs(achieved.torque) > limit
+            self._torque_since = min(self._torque_since, now) if above else math.inf
+
+    def on_mwd(self, alive: bool) -> None:
+        """Take whether attitude and toolface arrive."""
+        with self._lock:
+            lost, self._mwd_alive = self._mwd_alive and not alive, alive
+            if alive and self._fault == "mwd":
+                self._fault = self._reason = ""
+            if not lost or self._lease is None or self._rig.drive is None:
+                return
+            how = "rotating" if self._rig.rotating else "sliding"
+            reaction = self._reactions[f"mwd_lost_{how}"]
+            if reaction != Reaction.KEEP:
+                self._react(reaction)
+                self._fault = "mwd"
+                self._reason = f"the MWD went silent while {how}: {_WORDS[reaction]}"
+                self._log(self._reason)
+
+    # Time.
+
+    def update(self, now: float) -> list[SetPoint]:
+        """Let time pass; returns the commands that are due to the rig. Called about ten times a second."""
+        with self._lock:
+            pending = self._pending
+            if pending is not None and now - pending.since > self.settings.pending_s:
+                self._pending = None
+                self._reason = f"the request of {pending.name} lapsed"
+                self._log(self._reason)
+            if self._lease is not None:
+                self._watch(self._lease, now)
+            if self._lease is not None:
+                self._rig.lapse(now)
+            elif self._pending is not None and self.settings.grant == "automatic":
+                pending, self._pending = self._pending, None
+                self._grant(pending, now, "automatically")
+            return self._rig.due(self._newest, self._sequence, now)
+
+    def _watch(self, owner: _Lease, now: float) -> None:
+        if now - owner.heard > self.settings.heartbeat_s:
+            reaction = self._reactions[f"controller_lost_{'rotating' if self._rig.rotating else 'sliding'}"]
+            self._end_lease(f"{owner.name} is silent for {now - owner.heard:.1f} s", reaction)
+        elif now - self._torque_since >= _TORQUE_TIME:
+            self._end_lease(f"torque above {owner.limits.torque:.0f} N m under {owner.name}", Reaction.HOLD)
+        elif now >= owner.ends:
+            self._end_lease(f"the lease of {owner.name} is over", Reaction.RELEASE)
+
+    # What people see.
+
+    def status(self, now: float) -> ControlStatus:
+        """Return the state of control as of `now`."""
+        with self._lock:
+            rig, drive, pump = self._rig, self._rig.drive, self._rig.pump
+            state = State.PENDING if self._pending is not None else State.IDLE
+            state = State.GRANTED if self._lease is not None else state
+            status = ControlStatus(
+                state=State.FAULT if self._fault else state,
+                enabled=self.settings.enabled,
+                reason=self._reason,
+                limits=self._site if self._lease is None else self._lease.limits,
+                mode=Mode.RELEASE if drive is None else Mode(drive.mode),
+                rotary_speed=rig.speed,
+                turn=0.0 if drive is None else drive.turn,
+                flow_rate=None if pump is None else pump.flow_rate,
+                sequence=self._sequence,
+                acknowledged=self._acknowledged,
+                refusal=self._refusal,
+                achieved=self._achieved,
+                reactions=self._reactions,
+                mwd_alive=self._mwd_alive,
+            )
+            if self._pending is not None:
+                number, name, waits = self._pending.number, self._pending.name, self._pending.waits
+                status = dataclasses.replace(status, pending=number, pending_controller=name, pending_reason=waits)
+            owner = self._lease
+            if owner is None:
+                return status
+            return dataclasses.replace(
+                status,
+                lease=owner.number,
+                owner=owner.name,
+                role=owner.request.role,
+                priority=owner.request.priority,
+                heartbeat_age=max(0.0, now - owner.heard),
+                remaining=max(0.0, owner.ends - now),
+            )
+
+    def take_events(self) -> list[str]:
+        """Return what happened since the last call, for the log."""
+        with self._lock:
+            events, self._events = self._events, []
+            return events
+
+    def _log(self, text: str) -> None:
+        self._events.append(text)

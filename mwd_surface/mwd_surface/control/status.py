@@ -1,0 +1,119 @@
+"""State of control as page, ROS and rig interfaces show it, and the records of request and decision."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from collections.abc import Mapping
+
+from mwd_surface.control.set_point import Limits, Mode
+
+
+class State(enum.IntEnum):
+    """As in mwd_msgs/ControlState."""
+
+    IDLE = 0
+    PENDING = 1
+    GRANTED = 2
+    FAULT = 3
+
+
+class Reaction(enum.IntEnum):
+    """As in mwd_msgs/ControlState: what happens when controller or MWD dies."""
+
+    KEEP = 0
+    HOLD = 1
+    RELEASE = 2
+
+
+class Permission(enum.IntEnum):
+    """As in mwd_msgs/RequestControl."""
+
+    DENIED = 0
+    PENDING = 1
+    GRANTED = 2
+
+
+class Judgement(enum.IntEnum):
+    """As in mwd_msgs/JudgeControl."""
+
+    GRANT = 0
+    DENY = 1
+    ABORT = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class Request:
+    """
+    Who asks for control; as mwd_msgs/RequestControl.
+
+    controller: name. role: in a word or two. priority: 0 to 255, a higher one than the owner's takes over. wait: wait
+    for the owner to leave. duration: s, 0: the longest allowed. limits: 0 each: as set at the rig.
+    """
+
+    controller: str
+    role: str = ""
+    priority: int = 0
+    wait: bool = False
+    duration: float = 0.0
+    limits: Limits = dataclasses.field(default_factory=Limits)
+
+
+@dataclasses.dataclass(frozen=True)
+class Decision:
+    """Answer to a request: permission, number of lease or pending request (0: denied), and why in a sentence."""
+
+    permission: Permission
+    lease: int
+    message: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Achieved:
+    """What the rig does: speed of the top drive, rad/s, its torque, N m, flow, m^3/s; None: it does not say."""
+
+    speed: float | None = None
+    torque: float | None = None
+    flow: float | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class ControlStatus:
+    """
+    State of control at one moment; the fields are those of mwd_msgs/ControlState, SI and rad.
+
+    Attributes
+    ----------
+    heartbeat_age, remaining : float or None
+        s; None without an owner.
+    mode : Mode
+        Of the top drive; RELEASE: the driller's.
+    flow_rate : float or None
+        Asked of the pumps; None: the driller's.
+    reactions : mapping of str to Reaction
+        By the name of the setting.
+    """
+
+    state: State = State.IDLE
+    enabled: bool = False
+    lease: int = 0
+    owner: str = ""
+    role: str = ""
+    priority: int = 0
+    heartbeat_age: float | None = None
+    remaining: float | None = None
+    pending: int = 0
+    pending_controller: str = ""
+    pending_reason: str = ""
+    reason: str = ""
+    limits: Limits = dataclasses.field(default_factory=Limits)
+    mode: Mode = Mode.RELEASE
+    rotary_speed: float = 0.0
+    turn: float = 0.0
+    flow_rate: float | None = None
+    sequence: int = 0
+    acknowledged: int = 0
+    refusal: str = ""
+    achieved: Achieved = dataclasses.field(default_factory=Achieved)
+    reactions: Mapping[str, Reaction] = dataclasses.field(default_factory=dict)
+    mwd_alive: bool = False
