@@ -14,15 +14,14 @@ from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, POS, SCA
 from mwd_sensors.core.arrays import Vector
 from mwd_sensors.core.compiled import compiled
 
-START_TIME, START_MOST = 0.3, 5.0  # s, over which forces are averaged: the least, and the most where they are white
-START_WHITE = 0.06  # variance of the mean force by white force, over gravity squared, at which that is enough
-START_LASTING = 3.0  # the most by which the variance of the mean force exceeds that of white force as dense
+START_TIME = 0.3  # s, over which forces are averaged
 CORRELATED = 0.05  # s, for which the scatter of the force lasts
 START_SIGMA = 0.06  # rad, least sigma of the first tilt
 START_SPEED = 0.5  # m/s, and as much more for each g of scatter
 START_PLACE = 0.1  # m
 KEPT_SIGMA = 0.05  # rad, added to the sigma of an inclination that is only kept
-LOST_FORCE2 = 25.0  # (m/s^2)^2, square of a mean force that shows the attitude lost
+LOST_AFTER = 1.0  # s, from which on the mean force shows whether the attitude is lost
+LOST_FORCE2 = 25.0  # (m/s^2)^2, square of the mean force that is not gravity, from which on it is
 WHITE2 = 9.0  # times the density of white force: what its mean may have by chance
 LIKE_GRAVITY = 0.5  # m/s^2, by which the mean force may differ from gravity and still be it
 
@@ -65,9 +64,10 @@ def begin_roll(s: Record) -> None:
 def forget_motion(s: Record) -> None:
     """Velocity, position and what is followed of them are not known."""
     motion = s.motion
+    motion.force_time = 0.0
     for j in range(3):
         s.vel[j] = s.pos[j] = 0.0
-        motion.drift[j] = motion.slow_acceleration[j] = motion.velocity[j] = motion.position[j] = 0.0
+        motion.force[j] = motion.slow_acceleration[j] = motion.velocity[j] = motion.position[j] = 0.0
         for m in range(3):
             motion.arm[j, m] = 0.0
 
@@ -90,14 +90,9 @@ def average(p: Params, s: Record, dt: float, f: Vector) -> bool:
     for j in range(3):
         s.mean[j] += step * (C[j, 0] * f[0] + C[j, 1] * f[1] + C[j, 2] * f[2])
     s.mean_power += step * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
-    df2 = (f[0] - s.last_f[0]) ** 2 + (f[1] - s.last_f[1]) ** 2 + (f[2] - s.last_f[2]) ** 2
-    if dt > 0.0:
-        s.motion.rough += step / s.age * (df2 * step / 6.0 - s.motion.rough)
     mechanisation.clear_sums(s.sums)
     direction(s)
     if dt == 0.0 or s.age < START_TIME:
-        return False
-    if s.motion.rough > START_WHITE * p.gravity**2 * s.age and s.age < START_MOST:
         return False
     _start(p, s)
     return True
@@ -130,11 +125,7 @@ def _start(p: Params, s: Record) -> None:
     turned = 0.5 * s.age * (math.sqrt(P[BIAS, BIAS]) + math.sqrt(P[SCALE, SCALE]) * abs(s.last_w[0]))
     # A mean that is not one g long holds an acceleration that did not average out, likely across gravity as well.
     off = size / p.gravity - 1.0
-    lasting = scatter * CORRELATED
-    if s.age > 2.0 * START_TIME:
-        # It took longer because of white force.
-        lasting = min(lasting, START_LASTING * s.motion.rough / p.gravity**2)
-    tilt = min(lasting / s.age + START_SIGMA**2 + off * off + turned * turned, 1.0)
+    tilt = min(scatter * CORRELATED / s.age + START_SIGMA**2 + off * off + turned * turned, 1.0)
     g = s.g_t
     if s.kept_tilt > 0.0:
         # Two inclinations, that of the mean and the one kept, by their variances.
@@ -164,12 +155,13 @@ def _start(p: Params, s: Record) -> None:
 @compiled
 def attitude_lost(p: Params, s: Record) -> bool:
     """
-    Whether there is half of gravity for seconds where there should be none, and gravity somewhere else.
+    Whether the mean force is as long as gravity, and half of gravity away from where gravity should be.
 
-    A mean force that is not as long as gravity is one of the tool: vibration that point samples fold down to zero.
+    So it is where the tool was turned in a data gap. A mean force of another length is one of the tool: vibration that
+    point samples fold down to zero.
     """
-    drift = s.motion.drift
-    level = drift[0] ** 2 + drift[1] ** 2
-    size = math.sqrt(level + (drift[2] - p.gravity) ** 2)
-    much = level + drift[2] ** 2 > LOST_FORCE2 + WHITE2 * s.motion.rough
-    return bool(much and abs(size - p.gravity) < LIKE_GRAVITY)
+    force = s.motion.force
+    level = force[0] ** 2 + force[1] ** 2
+    much = level + (force[2] + p.gravity) ** 2 > LOST_FORCE2 + WHITE2 * s.motion.rough
+    like = abs(math.sqrt(level + force[2] ** 2) - p.gravity) < LIKE_GRAVITY
+    return bool(much and like and s.motion.force_time > LOST_AFTER)

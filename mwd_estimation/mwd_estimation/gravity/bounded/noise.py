@@ -26,14 +26,13 @@ FOLDED_LEAST = 0.6  # (m/s^2)^2 s, density of the force from which on it may be 
 FOLDED_MEMORY, FOLDED_FIRST, FOLDED_AGE = 20.0, 5.0, 0.5  # s, over which it is judged whether it is; less at a start
 FOLDED_YOUNG = 1.0  # s since a start, in which the high-passes have not settled yet
 WHITE_SHARE = 0.16  # of the density that the displacement shows, in the noise: not all of it is white
-ROTARY_NOISE = 0.0001  # gyro noise for each rate about the axis, whose scale is a state
 CROSS_TURN = 5.0  # rad/s, rate lost while a cross-axis gyro clips
 LONG_STEP = 1.6  # times the usual step of the stamps: samples are missing
 DOWN_WALK = 1e-4  # m/s^2/sqrt(s): what is learnt of the vertical force ages
 CLIP_JERK = 200.0  # rad/s^2/sqrt(s), random walk of the slope of a clipped rate
 RATE_MEMORY = 5.0  # s, over which changes of the rates are averaged
 TURNING_MEMORY = 10.0  # s
-DRIFT_MEMORY = 3.0  # s
+FORCE_MEMORY = 3.0  # s, over which the force is averaged that shows an attitude lost
 ALIASED_SHARE, ALIASED_LEAST, ALIASED_AFTER = 0.3, 0.002, 3.0  # of the displacement; (m/s^2)^2 s; s since a start
 
 
@@ -45,7 +44,7 @@ def follow_rates(p: Params, s: Record, dt: float, w: Vector, f: Vector, flag: bo
     flag: the unit says that a gyro across the axis was beyond its range within this sample.
     """
     sums, motion = s.sums, s.motion
-    sums.turn += (p.rate_noise**2 * (w[1] * w[1] + w[2] * w[2]) + ROTARY_NOISE**2 * w[0] * w[0]) * dt
+    sums.turn += p.rate_noise**2 * (w[1] * w[1] + w[2] * w[2]) * dt
     if flag or max(abs(w[1]), abs(w[2])) >= p.gyro_range:
         sums.turn += (CROSS_TURN * dt) ** 2
     df2 = (f[0] - s.last_f[0]) ** 2 + (f[1] - s.last_f[1]) ** 2 + (f[2] - s.last_f[2]) ** 2
@@ -65,9 +64,11 @@ def follow_motion(s: Record, w: Array) -> None:
     T, motion = s.sums.time, s.motion
     keep = math.exp(-T / SWING_TIME)
     along, total = 0.0, 0.0
+    share = T / (min(FORCE_MEMORY, motion.force_time) + T)
+    motion.force_time += T
     for j in range(3):
         a = s.sums.velocity[j] / T
-        motion.drift[j] += T / DRIFT_MEMORY * (a - motion.drift[j])
+        motion.force[j] += share * (s.sums.force[j] / T - motion.force[j])
         motion.slow_acceleration[j] += (1.0 - keep) * (a - motion.slow_acceleration[j])
         slow = motion.slow_acceleration[j]
         moved = motion.velocity[j] * T + s.sums.position[j] - 0.5 * slow * T * T

@@ -24,7 +24,6 @@ OWN_AGE = 0.25  # the most of it for each time since the start, which had more t
 # Least expected variance of a correction over what an interval adds to the tilt; after clipping, that which is judged.
 LEAST_CORRECTION, SHARE_AFTER_CLIP = 0.3, 0.5
 SCALE_TIME, SCALE_OWN = 4.0, 3.0  # s, memory of the power, and so many times the filter's own time more
-SUDDEN = 9.0  # power over the scale that is no chance: the motion has changed, and the memory is the own time alone
 SCALE_YOUNG, SCALE_AGE = 1.0, 0.15  # s and share: after a start it is no longer than these allow
 USUAL_TIME = 10.0  # s, memory of the usual innovation
 ROTATING = 1.5  # rad/s, mean rate about the axis beyond which the filter cannot follow what is fixed in the tool
@@ -68,8 +67,7 @@ def _follow(s: Record, found: Scale, expected: float, updates: float, nx: float,
         found.mean[j] += share * (s.correction[TILT + j] * unit - found.mean[j])
     mean = nx * found.mean[0] + ny * found.mean[1]
     power = 2.0 / share * mean * mean
-    memory = own if power > SUDDEN * found.power else SCALE_TIME + SCALE_OWN * own
-    found.power += T / min(memory, SCALE_YOUNG + SCALE_AGE * s.settled) * (power - found.power)
+    found.power += T / min(SCALE_TIME + SCALE_OWN * own, SCALE_YOUNG + SCALE_AGE * s.settled) * (power - found.power)
 
 
 @compiled

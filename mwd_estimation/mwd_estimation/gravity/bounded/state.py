@@ -45,8 +45,10 @@ class Sums:
 class Motion:
     """What is followed of the motion since the last start."""
 
-    drift: Annotated[Array, 3]
-    """Mean acceleration of some seconds, level axes, m/s^2."""
+    force: Annotated[Array, 3]
+    """Mean specific force of some seconds, level axes, m/s^2."""
+    force_time: float
+    """Time since that mean began, at a start or behind a data gap, s."""
     slow_acceleration: Annotated[Array, 3]
     """Low-passed acceleration, which the first high-pass takes out, m/s^2."""
     velocity: Annotated[Array, 3]

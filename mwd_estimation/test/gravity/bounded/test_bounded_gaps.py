@@ -114,3 +114,15 @@ def test_slow_samples_are_no_silences_and_blocks_of_any_length_give_the_same_bit
         pieces.append(gravity_bounded.run(params, state, data[0][part], data[1][part], data[2][part]))
     assert np.concatenate([piece.g_t for piece in pieces]).tobytes() == whole.g_t.tobytes()
     assert np.concatenate([piece.status for piece in pieces]).tobytes() == whole.status.tobytes()
+
+
+@pytest.mark.parametrize("speed", [resting, steady])
+def test_a_tool_that_turned_in_a_silence_is_found_again_within_two_seconds(speed):
+    stamps, gyro, accel, angle = without(turning(speed), [(15.0, 20.0)])
+    behind, half_turn = stamps - START >= 20_000_000_000, np.diag([1.0, -1.0, -1.0])
+    gyro[behind], accel[behind] = gyro[behind] @ half_turn, accel[behind] @ half_turn
+    got = followed((stamps, gyro, accel))
+    error = toolface_error(got, angle + np.pi * behind)
+    found = stamps - START >= 22_000_000_000
+    assert np.degrees(np.abs(error[found]).max()) < 3.0
+    assert (np.abs(error[found]) < 5.0 * got.sigma_toolface[found]).all()
