@@ -7,6 +7,7 @@ are blotted out wherever they stand, and the home folder is written as ~.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import os
 import re
@@ -72,7 +73,7 @@ def write(folder: Path, target: Path, minutes: float, versions: str, environment
     with tempfile.TemporaryDirectory(prefix="mwd_bundle_", dir=target.parent) as scratch:
         draft = Path(scratch) / "bundle.zip"
         with zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED) as packed:
-            for name, text in _texts(folder, versions, environment):
+            for name, text in _texts(folder, versions, environment, remarks):
                 packed.writestr(name, clean(text, secrets))
                 names.append(name)
             if recording is not None:
@@ -82,7 +83,7 @@ def write(folder: Path, target: Path, minutes: float, versions: str, environment
                     for file in sorted(end.iterdir()):
                         packed.write(file, f"recording/{file.name}")
                         names.append(f"recording/{file.name}")
-                except (BagError, ValueError) as error:
+                except (BagError, ValueError, FileNotFoundError) as error:
                     remarks.append(f"{recording} is not in it: {error}")
         shutil.move(draft, target)
     return Bundle(names, recording, remarks)
@@ -102,9 +103,9 @@ def newest_recording(folder: Path) -> Path | None:
     """The recording that was written last, at or below a folder; None where there is none."""
     if folder.is_file():
         return folder
-    files = [*folder.rglob("*.mcap"), *folder.rglob("*.db3")]
-    newest = max(files, key=lambda file: file.stat().st_mtime, default=None)
-    return None if newest is None else newest.parent
+    files = [*_below(folder, "*.mcap"), *_below(folder, "*.db3")]
+    newest = max(files, key=lambda row: row[1].st_mtime, default=None)
+    return None if newest is None else newest[0].parent
 
 
 def copy_end(recording: Path, target: Path, minutes: float) -> int:
@@ -151,26 +152,40 @@ def _before(bag: Bag, topics: list[str], end_ns: int) -> Iterator[tuple[int, str
 def _secrets(folder: Path, environment: Mapping[str, str]) -> tuple[str, ...]:
     """Words that must not leave this machine: of token files in the folder, and of variables named as secrets."""
     words = [value for name, value in environment.items() if _SECRET.search(name)]
-    for file in folder.rglob("*token*") if folder.is_dir() else ():
-        if file.is_file() and file.stat().st_size < 4096:
-            words += file.read_text(errors="replace").split()
+    for file, status in _below(folder, "*token*"):
+        if status.st_size < 4096:
+            with contextlib.suppress(FileNotFoundError):
+                words += file.read_text(errors="replace").split()
     return tuple(sorted({word for word in words if len(word) >= 4}, key=len, reverse=True))
 
 
-def _texts(folder: Path, versions: str, environment: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    """Name and content of each text of the bundle."""
+def _below(folder: Path, pattern: str) -> Iterator[tuple[Path, os.stat_result]]:
+    """Files below a folder, in order; one that a running node takes away meanwhile is left out."""
+    for file in sorted(folder.rglob(pattern)) if folder.is_dir() else ():
+        with contextlib.suppress(FileNotFoundError):
+            if file.is_file():
+                yield file, file.stat()
+
+
+def _texts(
+    folder: Path, versions: str, environment: Mapping[str, str], remarks: list[str]
+) -> Iterator[tuple[str, str]]:
+    """Name and content of each text of the bundle; remarks: gets what went away while it was packed."""
     yield "versions.txt", versions
     checks = examine(environment, folder if folder.is_dir() else folder.parent)
     yield "doctor.txt", "\n".join(f"{c.level.name:8}{c.name}: {c.state} {c.remedy}".rstrip() for c in checks)
     chosen = sorted(name for name in environment if name.startswith(_VARIABLES))
     yield "environment.txt", "\n".join(f"{name}={environment[name]}" for name in chosen)
-    listing = sorted(folder.rglob("*")) if folder.is_dir() else [folder]
-    sizes = [(file, os.lstat(file).st_size) for file in listing if file.is_file()]
-    yield "files.txt", "\n".join(f"{size:>12} {file}" for file, size in sizes)
+    listing = _below(folder, "*") if folder.is_dir() else [(folder, folder.stat())]
+    yield "files.txt", "\n".join(f"{status.st_size:>12} {file}" for file, status in listing)
     for pattern in _TEXTS:
-        for file in sorted(folder.rglob(pattern)) if folder.is_dir() else ():
-            if file.is_file() and not file.is_symlink() and (pattern == "*.log" or file.stat().st_size < _MOST_BYTES):
-                content = file.read_bytes()
+        for file, status in _below(folder, pattern):
+            if not file.is_symlink() and (pattern == "*.log" or status.st_size < _MOST_BYTES):
+                try:
+                    content = file.read_bytes()
+                except FileNotFoundError:
+                    remarks.append(f"{file} is not in it: it was taken away meanwhile")
+                    continue
                 if pattern == "*.log" and len(content) > _LOG_BYTES:
                     # Whole lines: the rest of one may be a secret without the word that names it.
                     content = content[-_LOG_BYTES:].partition(b"\n")[2]

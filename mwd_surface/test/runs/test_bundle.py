@@ -51,6 +51,23 @@ def test_the_bundle_has_versions_logs_settings_and_the_end_of_the_recording(run,
         assert bag.metadata()["parameters/surface"] == {"well.name": "7"}
 
 
+def test_a_file_that_goes_while_it_is_packed_is_named_and_the_rest_is_there(run, tmp_path, monkeypatch):
+    (run / "logs" / "going.log").write_text("soon gone\n")
+    read = bundle.Path.read_bytes
+
+    def reading(path):
+        if path.name == "going.log":
+            path.unlink()
+        return read(path)
+
+    monkeypatch.setattr(bundle.Path, "read_bytes", reading)
+    made = bundle.write(run, tmp_path / "bundle.zip", 2.0, "mwd 1", {})
+    assert "run/logs/surface.log" in made.names
+    assert "run/logs/going.log" not in made.names
+    (remark,) = made.remarks
+    assert "going.log is not in it" in remark
+
+
 def test_a_log_is_cut_between_lines(run, tmp_path, monkeypatch):
     monkeypatch.setattr(bundle, "_LOG_BYTES", len("other-word\nend\n"))
     target = tmp_path / "bundle.zip"

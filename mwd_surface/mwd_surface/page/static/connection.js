@@ -1,6 +1,8 @@
 // The state as the server last sent it, and how long ago that was by the server's own clock.
 
 const SILENT_AFTER = 2.5;
+// A connection whose other end is gone without a word (a cable, a switch) is closed by nobody.
+const REOPEN_AFTER = 6;
 const POLL_EVERY = 1000;
 const DRIFT = 1e-4;
 
@@ -21,6 +23,9 @@ export class Connection {
     document.addEventListener("visibilitychange", () => {
       if (!document.hidden && this.silent()) this.open();
     });
+    setInterval(() => {
+      if (this.socket && Math.min(this.silence(), seconds() - this.openedAt) > REOPEN_AFTER) this.openAgain();
+    }, POLL_EVERY);
   }
 
   // Seconds on the server's steady clock. The smallest offset is the message that travelled fastest; creeping up
@@ -48,6 +53,7 @@ export class Connection {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = new WebSocket(`${scheme}://${location.host}/live`);
     this.socket = socket;
+    this.openedAt = seconds();
     socket.onmessage = (event) => {
       this.failures = 0;
       this.stopPolling();
@@ -57,10 +63,19 @@ export class Connection {
     };
     socket.onclose = () => {
       this.socket = null;
-      this.failures += 1;
-      if (this.failures >= 2) this.startPolling();
+      this.failed();
       this.retry = setTimeout(() => this.open(), Math.min(4000, 400 * 2 ** Math.min(this.failures, 4)));
     };
+  }
+
+  openAgain() {
+    this.failed();
+    this.open();
+  }
+
+  failed() {
+    this.failures += 1;
+    if (this.failures >= 2) this.startPolling();
   }
 
   // Some proxies let no WebSocket through.

@@ -1,0 +1,127 @@
+"""What a person may do: token, name, commands, alarms."""
+
+import time
+
+import pytest
+
+from browser_page import TOKEN, By, click, rig_on, sign_in, tab, text, wait
+from mwd_surface.live.alarms import Severity
+
+pytestmark = pytest.mark.slow
+
+
+def test_without_a_token_on_the_server_there_is_nothing_to_press(browser):
+    with rig_on(browser, token=""):
+        tab(browser, "controls")
+        assert "read-only" in text(browser, "#tab-controls")
+        assert browser.execute_script("return document.querySelectorAll('#tab-controls button, .judging').length") == 0
+
+
+def test_without_the_token_in_the_browser_nothing_can_be_pressed(browser):
+    with rig_on(browser) as rig:
+        tab(browser, "controls")
+        buttons = browser.find_elements(By.CSS_SELECTOR, "#tab-controls button")
+        assert buttons
+        assert not any(b.is_enabled() for b in buttons)
+        tab(browser, "surveys")
+        click(browser, "[data-keep=row-4]")
+        assert browser.find_elements(By.CSS_SELECTOR, ".judging") == []
+        assert rig.calls == []
+
+
+def test_a_wrong_token_is_refused_in_words(browser):
+    with rig_on(browser) as rig:
+        sign_in(browser, "guess-guess")
+        click(browser, "#take-survey")
+        wait(browser, lambda: "token is missing or wrong" in (text(browser, "#answer") or ""))
+        assert rig.calls == []
+
+
+def test_with_name_and_token_a_person_takes_judges_and_acknowledges(browser):
+    with rig_on(browser) as rig:
+        sign_in(browser, TOKEN)
+        click(browser, "#take-survey")
+        wait(browser, lambda: "take_survey done" in (text(browser, "#answer") or ""))
+        tab(browser, "surveys")
+        click(browser, "[data-keep=row-4]")
+        browser.find_element(By.CSS_SELECTOR, ".judging input").send_keys("gyro agrees")
+        click(browser, "[data-keep=accept]")
+        line = 'tr[data-sequence="4"]'
+        wait(browser, lambda: "A. Berg" in text(browser, line))
+        assert "accepted" in text(browser, line)
+        tab(browser, "alarms")
+        click(browser, ".alarm button")
+        wait(browser, lambda: "seen by A. Berg" in text(browser, "#tab-alarms"))
+        assert [name for name, _ in rig.calls] == ["take_survey", "accept_survey", "acknowledge_alarm"]
+        assert rig.calls[1][1] == {"sequence": 4, "operator_name": "A. Berg", "reason": "gyro agrees"}
+
+
+def test_a_depth_typed_in_feet_goes_out_in_metres_with_the_wish_to_replace(browser):
+    with rig_on(browser) as rig:
+        sign_in(browser, TOKEN)
+        click(browser, "#units")
+        tab(browser, "surveys")
+        click(browser, "[data-keep=row-4]")
+        browser.find_element(By.CSS_SELECTOR, "[data-keep=depth]").send_keys("deep")
+        click(browser, "[data-keep=accept]")
+        wait(browser, lambda: "deep is no number of ft" in text(browser, ".judging"))
+        assert rig.calls == []
+        box = browser.find_element(By.CSS_SELECTOR, "[data-keep=depth]")
+        box.clear()
+        box.send_keys("4000")
+        click(browser, "[data-keep=replace]")
+        click(browser, "[data-keep=accept]")
+        wait(browser, lambda: rig.calls)
+        click(browser, "#units")
+        assert rig.calls[0][1]["replace"] is True
+        assert rig.calls[0][1]["measured_depth"] == pytest.approx(1219.2)
+
+
+def test_the_operator_sets_the_bit_depth_and_asks_for_a_report_and_a_snapshot(browser):
+    with rig_on(browser) as rig:
+        sign_in(browser, TOKEN)
+        browser.find_element(By.ID, "bit-depth").send_keys("1221,5")
+        click(browser, "#set-depth")
+        wait(browser, lambda: "set_depth done" in text(browser, "#answer"))
+        click(browser, "#export")
+        wait(browser, lambda: "export done" in text(browser, "#answer"))
+        click(browser, "#snapshot-recording")
+        wait(browser, lambda: "snapshot_recording done" in text(browser, "#answer"))
+        assert rig.calls == [
+            ("set_depth", {"bit_depth": 1221.5, "operator_name": "A. Berg"}),
+            ("export", {"format": "html"}),
+            ("snapshot_recording", {}),
+        ]
+
+
+def test_a_person_without_a_name_is_asked_for_it(browser):
+    with rig_on(browser) as rig:
+        sign_in(browser, TOKEN, name=" ")
+        tab(browser, "alarms")
+        click(browser, ".alarm button")
+        tab(browser, "controls")
+        wait(browser, lambda: "give your name" in text(browser, "#answer"))
+        assert rig.calls == []
+
+
+def test_the_worst_alarm_stands_above_all_with_text_remedy_and_age_and_opens_the_list(browser):
+    with rig_on(browser) as rig:
+        wait(browser, lambda: "for 7" in text(browser, "#alarm"))
+        raised = time.time_ns() - 12 * 10**9
+        rig.book.raise_alarm("input.attitude", Severity.CRITICAL, "no attitude", "is the estimator alive?", raised)
+        rig.publish()
+        wait(browser, lambda: "CRITICAL: no attitude" in text(browser, "#alarm"))
+        assert "is the estimator alive?" in text(browser, "#alarm")
+        assert "for 1" in text(browser, "#alarm")
+        assert "+ 1 more" in text(browser, "#alarm")
+        click(browser, "#alarm")
+        assert browser.find_element(By.ID, "tab-alarms").is_displayed()
+        rig.book.acknowledge("input.attitude", "A. Berg", time.time_ns())
+        rig.publish()
+        # An alarm that nobody has seen comes before one that somebody has.
+        wait(browser, lambda: "WARNING: total field is off" in text(browser, "#alarm"))
+        for alarm in rig.book.alarms():
+            rig.book.acknowledge(alarm.id, "A. Berg", time.time_ns())
+            rig.book.clear(alarm.id, time.time_ns())
+        rig.publish()
+        wait(browser, lambda: text(browser, "#alarm") == "✓ No alarms")

@@ -1,0 +1,127 @@
+"""The dial, also alone on the screen."""
+
+import math
+import time
+
+import pytest
+
+from browser_page import SIZES, By, box, click, font_sizes, rig_on, show, text, wait
+from mwd_estimation.core.status import Status
+
+pytestmark = pytest.mark.slow
+
+
+def test_the_dial_follows_within_200_ms_of_the_message(browser):
+    with rig_on(browser) as rig:
+        took = []
+        for k in range(7):
+            wanted = 10 + 20 * k
+            started = time.monotonic()
+            rig.live(toolface_deg=wanted)
+            wait(browser, lambda wanted=wanted: text(browser, ".dial-number") == f"{wanted}°")
+            took.append(time.monotonic() - started)
+        assert sorted(took)[3] < 0.2
+
+
+def test_a_wanted_toolface_is_a_sector_with_a_word_for_inside_and_outside(browser):
+    with rig_on(browser) as rig:
+        rig.state.on_advisory(math.radians(120.0), math.radians(15.0))
+        rig.live(toolface_deg=127.0)
+        wait(browser, lambda: "INSIDE" in text(browser, ".dial-note"))
+        assert "wanted 120° ± 15°" in text(browser, "#dial-legend")
+        rig.live(toolface_deg=160.0)
+        wait(browser, lambda: "OUTSIDE" in text(browser, ".dial-note"))
+        rig.live(toolface_deg=160.0, status=4)
+        wait(browser, lambda: text(browser, ".dial-note") == "ROTATING")
+
+
+def test_near_vertical_the_dial_turns_north_up(browser):
+    with rig_on(browser) as rig:
+        rig.live(inclination_deg=2.0, status=65536 | int(Status.NEAR_VERTICAL))
+        wait(browser, lambda: text(browser, ".dial-number") == "33°")
+        assert "MTF · grid north up" in text(browser, "#dial-legend")
+        script = "return [...document.querySelectorAll('.cardinal')].map((t) => t.textContent).join(' ')"
+        assert browser.execute_script(script) == "N E S W"
+
+
+def test_the_quill_is_a_second_pointer_that_goes_with_its_age(browser):
+    with rig_on(browser) as rig:
+        rig.state.on_quill(math.radians(57.0), time.monotonic())
+        rig.live()
+        wait(browser, lambda: "quill 57°" in text(browser, "#dial-legend"))
+        shown = "return document.querySelector('.quill').getAttribute('visibility')"
+        assert browser.execute_script(shown) == "visible"
+        wait(browser, lambda: browser.execute_script(shown) == "hidden")
+
+
+# Distance of the needle from the centre in widths of the dial, frame by frame until the number has followed.
+NEEDLE = """
+const [wanted, done] = arguments, seen = [], part = (name) => document.querySelector(name).getBoundingClientRect();
+const middle = (r) => [r.x + r.width / 2, r.y + r.height / 2];
+const look = () => {
+  const [x, y] = middle(part(".needle")), [cx, cy] = middle(part(".bezel"));
+  seen.push(Math.hypot(x - cx, y - cy) / part(".bezel").width);
+  if (document.querySelector(".dial-number").textContent === wanted && seen.length > 15) done(seen);
+  else requestAnimationFrame(look);
+};
+look();
+"""
+
+
+def test_the_needle_stays_in_its_ring_while_the_tool_turns(browser):
+    with rig_on(browser) as rig:
+        rig.live()
+        wait(browser, lambda: text(browser, ".dial-number") == "127°")
+        distances = []
+        for degrees in (350.0, 10.0, 100.0, 190.0, 280.0, 5.0):
+            rig.live(toolface_deg=degrees, status=int(Status.ROTATING))
+            distances += browser.execute_async_script(NEEDLE, f"{degrees:.0f}°")
+        assert min(distances) > 0.38
+        assert max(distances) < 0.5
+
+
+@pytest.mark.parametrize("size", [*SIZES, (1280, 800), (844, 390)])
+def test_the_dial_alone_is_read_at_three_metres_and_touched_with_gloves(browser, size):
+    with rig_on(browser, size, path="?view=toolface") as rig:
+        rig.state.on_advisory(math.radians(120.0), math.radians(15.0))
+        rig.live()
+        wait(browser, lambda: text(browser, ".far-number") == "127°")
+        wait(browser, lambda: "INSIDE" in text(browser, ".far-note"))
+        (high,) = font_sizes(browser, ".far-number")
+        # On a phone held upright the width is what limits.
+        assert high >= (0.2 * size[1] if size[0] > size[1] else 0.3 * size[0])
+        left, top, wide, tall = box(browser, "#dial svg")
+        assert min(wide, tall) > 0.25 * min(size)
+        assert left >= 0
+        assert top >= 0
+        assert top + tall <= size[1]
+        left, _, wide, _ = box(browser, ".far-number")
+        assert left + wide <= size[0]
+        touched = [box(browser, s)[2:] for s in ("#units", "#theme", "#view")]
+        assert all(width >= 60 and height >= 60 for width, height in touched)
+        assert not browser.find_element(By.ID, "tabs").is_displayed()
+        if size == (1920, 1080):
+            shown = "#big .name, #big .under, #dial-legend span, #datum, .alarm-what, .alarm-age, .far-note"
+            assert min(font_sizes(browser, shown)) >= 18
+
+
+def test_a_button_fills_the_screen_with_the_dial_and_the_address_keeps_it(browser):
+    with rig_on(browser) as rig:
+        click(browser, "#view")
+        wait(browser, lambda: "view=toolface" in browser.current_url)
+        show(browser, rig, path="?view=toolface")
+        assert not browser.find_element(By.ID, "tabs").is_displayed()
+        click(browser, "#view")
+        assert browser.find_element(By.ID, "tabs").is_displayed()
+        assert "view=" not in browser.current_url
+
+
+def test_a_phone_on_its_side_shows_the_whole_dial_and_both_directions(browser):
+    with rig_on(browser, (844, 390)) as rig:
+        rig.live()
+        wait(browser, lambda: text(browser, ".dial-number") == "127°")
+        for selector in ("#dial svg", '[data-cell="attitude.inclination"]', '[data-cell="attitude.azimuth"]', "#alarm"):
+            left, top, wide, tall = box(browser, selector)
+            assert top >= 0, selector
+            assert top + tall <= 390, selector
+            assert left + wide <= 844, selector

@@ -1,0 +1,147 @@
+"""Sizes, keyboard, reading aids, and a browser without complaints."""
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+
+from browser_page import (
+    SIZES,
+    TOKEN,
+    By,
+    Keys,
+    box,
+    click,
+    font_sizes,
+    rig_on,
+    show,
+    sign_in,
+    state_of,
+    steered,
+    tab,
+    text,
+    wait,
+)
+from mwd_estimation.core.status import Status
+from mwd_surface.live.alarms import Severity
+from mwd_surface.live.well_state import SurveyProgress
+
+pytestmark = pytest.mark.slow
+
+AXE = Path(__file__).parent / "vendor" / "axe.min.js"
+
+
+def objections(browser, part):
+    found = browser.execute_async_script("axe.run(arguments[0]).then(arguments[1])", part)
+    assert len(found["passes"]) > 5, "axe looked at nothing"
+    return [(v["id"], [n["target"] for n in v["nodes"]][:4]) for v in found["violations"]]
+
+
+def test_the_keyboard_alone_reaches_tabs_and_survey_lines(browser):
+    with rig_on(browser):
+        browser.find_element(By.ID, "select-surveys").send_keys(Keys.ARROW_RIGHT)
+        assert browser.switch_to.active_element.get_attribute("id") == "select-path"
+        browser.switch_to.active_element.send_keys(Keys.HOME)
+        seen = []
+        for _ in range(6):
+            browser.switch_to.active_element.send_keys(Keys.TAB)
+            seen.append(browser.switch_to.active_element.get_attribute("data-keep"))
+        assert "row-4" in seen
+        browser.find_element(By.CSS_SELECTOR, "[data-keep=row-4]").send_keys(Keys.ENTER)
+        assert browser.switch_to.active_element.get_attribute("data-keep") == "row-4"
+        assert text(browser, ".detail")
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_nothing_moves_when_alarms_surveys_faults_and_silence_come_and_go(browser, size):
+    places = ("#dial-panel", "#dial svg", "#numbers", "#small", "#quality", "#lights", "#tabs", "#alarm")
+
+    def layout():
+        return [box(browser, place) for place in places]
+
+    with rig_on(browser, size) as rig:
+        rig.live()
+        wait(browser, lambda: state_of(browser, "attitude.inclination") == "live")
+        before = layout()
+        rig.state.on_survey_progress(SurveyProgress(True, "averaging", 7.0, 9.0, waits_for="gyro"), time.monotonic())
+        rig.book.raise_alarm("a", Severity.CRITICAL, 9 * "a long text of an alarm ", 9 * "do this ", 10**18)
+        rig.publish()
+        rig.live(status=int(Status.ROTATING | Status.NO_MAG | Status.CLIPPED | Status.MAG_DISTURBED))
+        wait(browser, lambda: "magnetic disturbance" in text(browser, "#pills"))
+        assert layout() == before, "trouble"
+        wait(browser, lambda: state_of(browser, "attitude.inclination") == "stale")
+        assert layout() == before, "stale"
+        rig.server.stop()
+        wait(browser, lambda: browser.find_element(By.ID, "banner").is_displayed())
+        assert layout() == before, "disconnected"
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_nothing_is_wider_than_the_screen(browser, size):
+    with rig_on(browser, size) as rig:
+        rig.live()
+        for name in ("surveys", "path", "charts", "steering", "alarms", "system", "controls"):
+            if browser.find_elements(By.ID, f"select-{name}"):
+                tab(browser, name)
+            width, inner = browser.execute_script("return [document.documentElement.scrollWidth, window.innerWidth]")
+            assert width <= inner, name
+        if size[0] >= 1024:
+            height, inner = browser.execute_script("return [document.documentElement.scrollHeight, innerHeight]")
+            assert height <= inner
+        table = "const t = document.querySelector('#tab-surveys'); return [t.scrollWidth, t.clientWidth]"
+        if browser.find_elements(By.ID, "select-surveys"):
+            tab(browser, "surveys")
+        wide, room = browser.execute_script(table)
+        assert wide <= room
+
+
+def test_what_is_touched_is_large_enough_for_gloves(browser):
+    with rig_on(browser):
+        sizes = browser.execute_script(
+            "return [...document.querySelectorAll('#tabs button, .switches button')]"
+            ".map((b) => b.getBoundingClientRect()).map((r) => [r.width, r.height])"
+        )
+        assert all(height >= 44 and width >= 44 for width, height in sizes)
+
+
+def test_values_are_at_least_24_pixels_high(browser):
+    with rig_on(browser) as rig:
+        rig.live()
+        wait(browser, lambda: state_of(browser, "rig.bit_depth") == "live")
+        assert min(font_sizes(browser, ".value[data-state=live] .number")) >= 24
+
+
+@pytest.mark.parametrize(("theme", "size"), [("night", SIZES[0]), ("day", SIZES[1]), ("day", SIZES[2])])
+def test_axe_finds_nothing_to_object_to_on_any_tab(browser, theme, size):
+    with rig_on(browser, size) as rig:
+        steered(rig)
+        if browser.execute_script("return document.documentElement.dataset.theme") != theme:
+            click(browser, "#theme")
+        browser.execute_script(AXE.read_text(encoding="utf-8"))
+        sign_in(browser, TOKEN)
+        for name in ("controls", "path", "charts", "steering", "alarms", "system", "surveys"):
+            if browser.find_elements(By.ID, f"select-{name}"):
+                tab(browser, name)
+            if name != "surveys":
+                assert objections(browser, f"#tab-{name}") == [], name
+            if name == "charts":
+                click(browser, "#tab-charts .choice")
+                assert objections(browser, "#tab-charts") == [], "over depth"
+        click(browser, "[data-keep=row-4]")
+        assert objections(browser, "html") == []
+
+
+def test_the_browser_has_nothing_to_complain_about(browser):
+    with rig_on(browser) as rig:
+        browser.get_log("browser")
+        show(browser, rig)
+        rig.live()
+        wait(browser, lambda: text(browser, ".dial-number") == "127°")
+        for name in ("path", "charts", "steering", "alarms", "system", "controls", "surveys"):
+            tab(browser, name)
+        assert [m for m in browser.get_log("browser") if m["level"] in ("SEVERE", "WARNING")] == []
+        names = browser.execute_script(
+            "return JSON.stringify(performance.getEntriesByType('resource').map((e) => e.name))"
+        )
+        assert all(name.startswith(rig.server.address) for name in json.loads(names))

@@ -1,0 +1,84 @@
+"""Surveys: the table, verdicts, the last one and the one under way."""
+
+import time
+
+import pytest
+
+from browser_page import EVIL, By, click, rig_on, tab, text, wait
+from mwd_surface.live.well_state import SurveyProgress
+
+pytestmark = pytest.mark.slow
+
+
+def test_the_survey_table_has_words_for_verdicts_and_a_projected_last_line(browser):
+    with rig_on(browser):
+        rows = browser.execute_script(
+            "return [...document.querySelectorAll('table.surveys tbody tr')].map((r) => r.innerText)"
+        )
+        assert "projected" in rows[0]
+        assert "1220.00" in rows[0]
+        assert "doubtful" in rows[1]
+        assert "I✓ A? T✓" in rows[1]
+        assert all("accepted" in row and "auto" in row for row in rows[2:])
+        click(browser, "[data-keep=row-4]")
+        detail = text(browser, ".detail")
+        assert "total field is 380 nT over" in detail
+        assert "External field: use a gyro" in detail
+        assert "accept, doubtful, accept" in detail
+        assert "(4.0 %)" in detail
+        assert browser.find_element(By.CSS_SELECTOR, "[data-keep=row-4]").get_attribute("aria-expanded") == "true"
+        assert "doubtful" in text(browser, '[data-light="doubtful"]')
+
+
+def test_names_and_comments_with_markup_stay_text(browser):
+    with rig_on(browser):
+        click(browser, "[data-keep=row-2]")
+        assert EVIL in text(browser, ".detail")
+        for name in ("alarms", "system"):
+            tab(browser, name)
+            assert EVIL in text(browser, f"#tab-{name}")
+        assert browser.execute_script("return document.querySelectorAll('img').length") == 0
+        assert "owned" not in browser.title
+
+
+def test_a_survey_counts_down_by_itself_and_what_it_waits_for_is_said_with_its_time(browser):
+    with rig_on(browser) as rig:
+        progress = SurveyProgress(True, "averaging", 7.0, 1.9)
+        rig.live()
+        rig.state.on_survey_progress(progress, time.monotonic())
+        rig.push()
+        wait(browser, lambda: "2 s to go" in text(browser, "#progress"))
+        deadline = time.monotonic() + 8.0
+        while "finishing" not in text(browser, "#progress"):
+            assert time.monotonic() < deadline
+            rig.live()
+        # Samples stopped: the countdown does not pretend.
+        wait(browser, lambda: "SURVEY HELD UP" in text(browser, "#progress"))
+        rig.live()
+        waits = SurveyProgress(True, "averaging on", 12.0, 108.0, waits_for="gyro azimuth sigma 2.1 deg")
+        rig.state.on_survey_progress(waits, time.monotonic())
+        rig.push()
+        wait(browser, lambda: "SURVEY WAITS · 12 s so far, at most 108 s more" in text(browser, "#progress"))
+        assert "gyro azimuth sigma 2.1 deg" in text(browser, "#progress")
+        deadline = time.monotonic() + 8.0
+        while "14 s so far, at most 106 s more" not in text(browser, "#progress"):
+            assert time.monotonic() < deadline
+            rig.live()
+        rig.state.on_survey_progress(SurveyProgress(result="no survey taken: the tool turns"), time.monotonic())
+        rig.push()
+        wait(browser, lambda: "Last: no survey taken: the tool turns" in text(browser, "#progress"))
+        assert "No survey under way" in text(browser, "#progress")
+
+
+def test_each_line_of_the_survey_table_shows_its_deviations_with_their_verdict(browser):
+    with rig_on(browser):
+        words = "[...document.querySelectorAll('tr[data-sequence=\"4\"] .word')]"
+        found = browser.execute_script(f"return {words}.map((e) => [e.className, e.textContent])")
+        assert found == [["word good", "0.00 ✓"], ["word doubtful", "+380 ▲"], ["word good", "0.00 ✓"]]
+
+
+def test_the_last_survey_says_what_to_do_and_what_each_quantity_is_worth(browser):
+    with rig_on(browser):
+        wait(browser, lambda: "External field: use a gyro" in text(browser, "#reasons .headline"))
+        assert "Azimuth may also be 57.3° (4.0 %)" in text(browser, "#reasons")
+        assert text(browser, ".each") == "inclination ✓azimuth ▲toolface ✓"
