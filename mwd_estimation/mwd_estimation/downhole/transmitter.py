@@ -301,7 +301,7 @@ class Transmitter:
         if kind == Kind.SYNC:
             return [Sent(kind, frame, number, "", 0, 0, None, *time)]
         sent = [
-            Sent(kind, frame, number, item.name, code, item.bits, reading, *time)
+            Sent(kind, frame, number, item.name, code or 0, item.bits, reading, *time)
             for item, code, reading in zip(group.items, codes, measured, strict=True)
         ]
         sent[0] = dataclasses.replace(sent[0], phases=signal.phases, octets=signal.octets)
@@ -312,10 +312,10 @@ class Transmitter:
         of_now = self._slow | self._current
         return (self._survey | of_now if kind == Kind.TOOLFACE else of_now | self._survey).get(quantity)
 
-    def _code(self, item: SequenceItem, reading: Reading | None) -> int:
-        """Code of a reading; 0 where there is none: for totals a value that nobody takes for measured."""
+    def _code(self, item: SequenceItem, reading: Reading | None) -> int | None:
+        """Code of a reading; None where there is none: it is sent so that no receiver believes it."""
         if reading is None:
-            return 0
+            return None
         word = self.tool.table[item.name]
         return word.code(reading.value / meanings.factor(word.unit), item.bits)
 

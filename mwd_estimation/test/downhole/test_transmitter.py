@@ -242,3 +242,14 @@ def test_rotation_switches_the_sequence_of_a_carrier_without_a_header():
     _, sent = run(tool, settings, rows, flow(120.0, [(1.0, 120.0)]), [survey()])
     late = [one for one in sent if one.kind == Kind.TOOLFACE and seconds(one) > 90.0]
     assert {(one.name, one.sequence) for one in late} == {("LRMS", 1)}
+
+
+def test_what_the_tool_has_not_measured_has_the_reserved_code_where_there_is_one():
+    rows, flows = attitude(60.0), flow(60.0, [(5.0, 60.0)])
+    for tool in (TOOL, dataclasses.replace(TOOL, missing_code=True)):
+        _, sent = run(tool, Transmit(), rows, flows)
+        grav = next(one for one in sent if one.name == "Grav")
+        assert grav.reading is None
+        edges = tuple(round(edge / tool.tu_s) for edge in grav.edges_s)
+        expected = 0b1111_1111_1111_0 if tool.missing_code else 0
+        assert edges == tool.pulses(expected, 13).edges

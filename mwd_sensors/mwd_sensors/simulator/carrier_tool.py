@@ -100,7 +100,7 @@ def transmit(
             for place, block in enumerate(air.blocks_of(items, carrier.block_bits)):
                 if at + length > end:
                     break
-                codes = tuple(int(random.integers(2**item.bits)) for item in block)
+                codes = tuple(int(random.integers(tool.table[item.name].codes(item.bits))) for item in block)
                 sent.append(_symbols(tool, BlockName(kind, 0, place), block, codes))
                 words += [
                     SentWord(at, at + length, frame, item.name, item.bits, code)

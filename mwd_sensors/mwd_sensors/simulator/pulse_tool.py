@@ -72,7 +72,7 @@ def transmit(
         at, items, number = begin + tool.transmit_delay_s, tool.surveys[0], 0
         first = True
         while True:
-            codes = tuple(int(random.integers(2**item.bits)) for item in items)
+            codes = tuple(int(random.integers(tool.table[item.name].codes(item.bits))) for item in items)
             sent = encode(tool, items, codes, number if first or resync else None)
             if at + sent.length * tu > end:
                 break

@@ -170,7 +170,7 @@ def parse(text: str, changes: Mapping[str, Any] | None = None) -> Scenario:
         raise SettingsError(f"scenario: not readable as YAML: {error}") from error
     if not isinstance(given, dict):
         raise SettingsError("scenario: expected a table of settings")
-    return from_mapping(Scenario, _plain_dates({**given, **(changes or {})}))
+    return from_mapping(Scenario, _plain_dates(_with_missing_code({**given, **(changes or {})})))
 
 
 def read(path: str | pathlib.Path, changes: Mapping[str, Any] | None = None) -> Scenario:
@@ -180,6 +180,14 @@ def read(path: str | pathlib.Path, changes: Mapping[str, Any] | None = None) -> 
         return parse(read_text(path), changes)
     except SettingsError as error:
         raise SettingsError(f"{path.name}: {error}") from error
+
+
+def _with_missing_code(given: dict[str, Any]) -> dict[str, Any]:
+    """The simulated tool says what it has not measured, unless its configuration is that of a kit which does not."""
+    telemetry = given.get("telemetry")
+    if not isinstance(telemetry, Mapping) or not isinstance(telemetry.get("tool", {}), Mapping):
+        return given
+    return {**given, "telemetry": {**telemetry, "tool": {"missing_code": True, **telemetry.get("tool", {})}}}
 
 
 def _plain_dates(value: Any) -> Any:

@@ -43,7 +43,7 @@ def transmit(tool: ToolConfiguration, seconds: float, seed: int) -> tuple[bytes,
     kind, items, counter = "survey", tool.surveys[0], 0
     at = tool.transmit_delay_s
     while at < seconds:
-        codes = tuple(int(random.integers(2**item.bits)) for item in items)
+        codes = tuple(int(random.integers(tool.table[item.name].codes(item.bits))) for item in items)
         frame = _frame(tool, kind, items, codes, counter)
         end = at + len(frame) * serial_frames.BITS_PER_BYTE / tool.serial.baud
         out += frame

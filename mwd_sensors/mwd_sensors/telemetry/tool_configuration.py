@@ -71,6 +71,11 @@ class ToolConfiguration:
         0, "Bits behind the sync with the number of the sequence, from 0; 0: always the first.", low=0, high=6
     )
     parity: str = setting("even", "Parity of words marked P; its bit comes last.", choices=("even", "odd"))
+    missing_code: bool = setting(
+        False,
+        "Whether the highest code of each word says that the tool has no measurement, and the other codes share the "
+        "range. Without it the tool sends 0, as many kits do, and the surface takes that for a value.",
+    )
     transmit_delay_s: float = setting(45.0, "From flow-on to the sync.", unit="s", low=0.0, high=3600.0)
     words: dict[str, Word] = setting({}, "Ranges of the words, by name; they replace those that kits commonly use.")
     survey_sequences: tuple[str, ...] = setting((_SURVEY,), "Sent once after each flow-on.")
@@ -120,13 +125,19 @@ class ToolConfiguration:
     @functools.cached_property
     def table(self) -> Mapping[str, Word]:
         """All words by name, the tool's own before the common ones."""
-        return {**COMMON, **self.words}
+        words = {**COMMON, **self.words}
+        return (
+            {name: dataclasses.replace(word, reserved=True) for name, word in words.items()}
+            if self.missing_code
+            else words
+        )
 
     @functools.cached_property
     def table_check(self) -> int:
         """Start of the checks of blocks and frames: with another table of words at the surface no check holds."""
         rows = [
             f"{item.name}:{item.bits}:{item.parity}:{self.table[item.name].low:g}:{self.table[item.name].high:g}"
+            f"{':missing' if self.table[item.name].reserved else ''}"
             for items in (*self.surveys, *self.toolfaces)
             for item in items
         ]
@@ -200,11 +211,15 @@ class ToolConfiguration:
         """Time on air of sync and header, s; 0 where each block or frame names itself."""
         return (self.sync.length_tu + self.header_tu) * self.tu_s if self.code in PULSE_CODES else 0.0
 
-    def sent(self, items: tuple[SequenceItem, ...], codes: tuple[int, ...]) -> tuple[int, ...]:
-        """Codes as they are sent: with the parity bit last where a word has one."""
+    def sent(self, items: tuple[SequenceItem, ...], codes: tuple[int | None, ...]) -> tuple[int, ...]:
+        """Codes as they are sent: with the parity bit last where a word has one; None: the tool has no measurement."""
         return tuple(
-            code << 1 | self.parity_bit(code) if item.parity else code for item, code in zip(items, codes, strict=True)
+            self._sent(item, max(self.table[item.name].missing(item.bits), 0) if code is None else code)
+            for item, code in zip(items, codes, strict=True)
         )
+
+    def _sent(self, item: SequenceItem, code: int) -> int:
+        return code << 1 | self.parity_bit(code) if item.parity else code
 
     @property
     def header_tu(self) -> int:
@@ -213,7 +228,7 @@ class ToolConfiguration:
 
 
 def encode(
-    tool: ToolConfiguration, items: tuple[SequenceItem, ...], codes: tuple[int, ...], number: int | None = None
+    tool: ToolConfiguration, items: tuple[SequenceItem, ...], codes: tuple[int | None, ...], number: int | None = None
 ) -> Pulses:
     """
     Pulses of one pass of a sequence.
@@ -223,7 +238,7 @@ def encode(
     tool : ToolConfiguration
     items : tuple of SequenceItem
     codes : tuple of int
-        Value of each word, without parity.
+        Value of each word, without parity; None: no measurement.
     number : int, optional
         Of the sequence: sync and header come first. None: the pass follows another one without.
 
@@ -323,7 +338,7 @@ def starting(code: str) -> ToolConfiguration:
     SettingsError
         There is no such code.
     """
-    plain = from_mapping({"code": code})
+    plain = from_mapping({"code": code, "missing_code": True})
     if code in PULSE_CODES:
         return plain
     # A check of the whole block or frame makes the parity of each word needless.

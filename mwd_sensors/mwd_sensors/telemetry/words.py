@@ -3,6 +3,7 @@ Words: how one measured value becomes a whole number of some bits, and back, wit
 
 A word that wraps (a direction) has 2^bits steps round the circle; another one reaches both ends of its range with
 2^bits - 1 steps. The value of a step is its middle, so rounding errs by step / sqrt(12) (uniform distribution).
+Where the highest code says that the tool has no measurement, the others share the range: one step less.
 """
 
 from __future__ import annotations
@@ -30,6 +31,9 @@ class Word:
         "1 sigma of the tool's own measurement, in the unit of the word. It is added to the rounding; 0 where unknown.",
         low=0.0,
     )
+    reserved: bool = setting(
+        False, "Whether the highest code says that the tool has no measurement; `missing_code` sets it of all words."
+    )
 
     def __post_init__(self) -> None:
         """
@@ -52,13 +56,21 @@ class Word:
         """Whether the value wraps."""
         return self.unit == "deg" and self.high - self.low == 360.0 if self.wraps is None else self.wraps
 
+    def missing(self, bits: int = 0) -> int:
+        """Code that says that the tool has no measurement; -1 where none does."""
+        return (1 << (bits or self.bits)) - 1 if self.reserved else -1
+
+    def codes(self, bits: int = 0) -> int:
+        """How many codes stand for values."""
+        return (1 << (bits or self.bits)) - self.reserved
+
     def step(self, bits: int = 0) -> float:
         """
         Distance between neighbouring codes, in the unit of the word; bits: 0 takes the word's own.
 
         Of a logarithmic word the largest distance, that at its upper end.
         """
-        count: int = 1 << (bits or self.bits)
+        count = self.codes(bits)
         if self.logarithmic:
             return float(self.high - self.low * (self.high / self.low) ** ((count - 2) / (count - 1)))
         return (self.high - self.low) / (count if self.circular else count - 1)
@@ -74,7 +86,7 @@ class Word:
         """
         if not math.isfinite(value):
             raise ValueError(f"value: a word has no code for {value!r}")
-        count: int = 1 << (bits or self.bits)
+        count = self.codes(bits)
         if self.logarithmic:
             part = math.log(max(value, self.low) / self.low) / math.log(self.high / self.low)
             return min(math.floor(part * (count - 1) + 0.5), count - 1)
@@ -83,16 +95,18 @@ class Word:
 
     def value(self, code: int, bits: int = 0) -> float:
         """
-        Value of a code, in the unit of the word.
+        Value of a code, in the unit of the word; nan of the code that says that there is none.
 
         Raises
         ------
         ValueError
             The code does not fit the bits.
         """
-        count: int = 1 << (bits or self.bits)
-        if not 0 <= code < count:
+        count = self.codes(bits)
+        if not 0 <= code < 1 << (bits or self.bits):
             raise ValueError(f"code: {code} does not fit {bits or self.bits} bits")
+        if code == self.missing(bits):
+            return math.nan
         if self.logarithmic:
             return float(self.low * (self.high / self.low) ** (code / (count - 1)))
         return self.low + code * self.step(bits)

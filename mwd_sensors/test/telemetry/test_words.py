@@ -1,5 +1,7 @@
 """Words: values to codes and back, the step of the rounding and its sigma."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -52,3 +54,13 @@ def test_impossible_words_are_refused():
         COMMON["Inc"].code(float("nan"))
     with pytest.raises(ValueError, match="does not fit"):
         COMMON["Inc"].value(4096)
+
+
+@given(value=floats(0.0, 360.0), bits=integers(4, 12))
+def test_a_reserved_code_takes_no_value_with_it(value, bits):
+    for word in (Word(0, 0.0, 360.0, "deg", reserved=True), Word(0, 0.0, 360.0, "cps", reserved=True)):
+        code = word.code(value, bits)
+        assert code != word.missing(bits) == 2**bits - 1
+        off = abs(word.value(code, bits) - value)
+        assert min(off, 360.0 - off if word.circular else off) <= word.step(bits) / 2.0 + 1e-9
+        assert math.isnan(word.value(word.missing(bits), bits))

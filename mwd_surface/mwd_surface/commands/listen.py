@@ -12,6 +12,8 @@ import typer
 if TYPE_CHECKING:
     from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
     from mwd_surface.receiver.sources import Source
+    from mwd_surface.receiver.transmission import Reception
+    from mwd_surface.receiver.word_files import WordFiles
     from mwd_surface.receiver.words import ReceivedWord
 
 _PAUSE_S = 0.05
@@ -32,6 +34,9 @@ def listen(
     """
     Decode live what an MWD tool sends, without ROS, and print each word when it is heard.
 
+    words.csv and surveys.csv are written as words become final, at the end of each pass of a sequence: what was heard
+    stays when the power fails.
+
     \b
     Examples:
       mwd listen modbus:192.168.1.20:502 --gauge gauge.yaml --tool tool.yaml -o heard
@@ -48,29 +53,31 @@ def listen(
     receiver = receivers.receiver_of(configuration)
     began = time.monotonic()
     opened = _opened(source, configuration, gauge, lambda: time.monotonic() - began)
-    words: list[ReceivedWord] = []
     output.mkdir(parents=True, exist_ok=True)
     said = ""
-    try:
-        while not (opened.ended or (seconds and time.monotonic() - began > seconds)):
-            heard = receiver.push(*opened.read()).words
-            words += heard
-            _print(heard)
-            if opened.failure and opened.failure != said:
-                terminal.warn(opened.failure)
-            said = opened.failure
-            time.sleep(_PAUSE_S)
-    except KeyboardInterrupt:
-        terminal.output().print("stopped", markup=False)
-    heard = receiver.push(*opened.read()).words + receiver.finish().words
+    with word_files.WordFiles(output) as files:
+        try:
+            while not (opened.ended or (seconds and time.monotonic() - began > seconds)):
+                _take(receiver.push(*opened.read()), files)
+                if opened.failure and opened.failure != said:
+                    terminal.warn(opened.failure)
+                said = opened.failure
+                time.sleep(_PAUSE_S)
+        except KeyboardInterrupt:
+            terminal.output().print("stopped", markup=False)
+        _take(receiver.push(*opened.read()), files)
+        _take(receiver.finish(), files)
     opened.close()
-    words += heard
-    _print(heard)
-    (output / "words.csv").write_text(word_files.words_csv(words), encoding="utf-8")
-    (output / "surveys.csv").write_text(word_files.surveys_csv(words), encoding="utf-8")
-    if not words:
+    if not files.count:
         terminal.warn(receiver.why_nothing())
     terminal.output().print(f"written: {output}/words.csv, surveys.csv", markup=False)
+
+
+def _take(got: Reception, files: WordFiles) -> None:
+    """Print words as soon as they are heard, and write them once they are final."""
+    # Codes whose words are final at once have no provisional ones.
+    _print(got.provisional or got.words)
+    files.add(got.words)
 
 
 def _print(words: list[ReceivedWord]) -> None:

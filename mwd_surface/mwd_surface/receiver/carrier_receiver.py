@@ -76,7 +76,8 @@ class CarrierReceiver:
         self._lock: _Lock | None = None
         self._pass: _Pass | None = None
         self._frame = 0
-        self.syncs: list[tuple[float, float]] = []
+        self._markers = 0
+        self.last_sync_s = -math.inf
         self._clock_error = 0.0
 
     def push(self, time_s: Array, value: Array) -> Reception:
@@ -109,13 +110,13 @@ class CarrierReceiver:
         """Reason in one sentence why there is no word."""
         if self._grid.end == 0:
             return "no words: there are no samples with rising times"
-        if not self.syncs:
+        if not self._markers:
             return (
                 f"no words: no marker of this tool on {self._carrier.frequency_hz:g} Hz; check frequency_hz,"
                 " symbol_rate_hz and modulation of the tool configuration, and that the flow was on long enough"
             )
         return (
-            f"no words: {len(self.syncs)} times something like a marker, but no block whose check holds: noise, or the"
+            f"no words: {self._markers} times something like a marker, but no block whose check holds: noise, or the"
             " tool sends other sequences, words or block_bits than this configuration has"
         )
 
@@ -179,7 +180,8 @@ class CarrierReceiver:
         if score[best] > THRESHOLD:
             start = begin + best * symbol / PER_SYMBOL - self._carrier.half * symbol
             self._candidate = start, float(score[best])
-            self.syncs.append((self._grid.seconds(start), float(score[best])))
+            self._markers += 1
+            self.last_sync_s = self._grid.seconds(start)
 
     def _scores(self, at: float, count: int, symbol: float) -> Array:
         """Score of a marker that begins at each of `count` positions from `at` on, steps."""

@@ -132,7 +132,7 @@ class Link:
         silent: no pressure arrives any more.
         """
         state, reason = self._state(silent)
-        frame, word = self._last_frame, self._last_word
+        frame, word, final = self._heard()
         mode = word.kind if word is not None and state in (LOCKED, DOUBTFUL) else ""
         sequences = {"survey": self._tool.surveys, "toolface": self._tool.toolfaces, "": ((),)}[mode]
         done = word.index + 1 if word is not None and mode else 0
@@ -144,7 +144,7 @@ class Link:
             has_signal=frame is not None and state in (LOCKED, DOUBTFUL),
             ebn0_db=frame.ebn0_db if frame is not None else 0.0,
             clock_error=frame.clock_error if frame is not None else 0.0,
-            word_error=float(np.mean([1.0 - one.confidence for one in self._final])) if self._final else -1.0,
+            word_error=float(np.mean([1.0 - one.confidence for one in final])) if final else -1.0,
             goodput=sum(bits for _, bits in self._good) / _GOODPUT_S if self._good else -1.0,
             frame=word.frame if word is not None else 0,
             words_done=done,
@@ -217,28 +217,41 @@ class Link:
             return NO_INPUT, f"no {what} and its cable"
         if not self.flow.flowing:
             return NO_FLOW, "the pumps are off: the tool is silent"
-        word = self._last_word
-        span = self.flow.before(self.now_s)
-        on_since = span.end_s if span is not None else -math.inf
+        frame, word, _ = self._heard()
+        on_since = self._on_since()
         longest = max(self._longest_s(), 1.0)
-        if word is not None and word.end_s > on_since and self.now_s - word.end_s < 4.0 * longest:
+        if word is not None and self.now_s - word.end_s < 4.0 * longest:
             return self._locked()
-        synced = [at for at, _ in self._receiver.syncs if at > on_since]
-        if synced and self.now_s - synced[-1] < 4.0 * longest:
+        if self._receiver.last_sync_s > on_since and self.now_s - self._receiver.last_sync_s < 4.0 * longest:
             return LOCKED, "sync found, the first words follow"
         waited = self.now_s - on_since
         expected = self._tool.transmit_delay_s + self._head_s() + 2.0 * longest
         if waited < expected:
             return SEARCHING, f"waiting for the sync, {self._tool.transmit_delay_s:g} s after flow-on"
-        if word is not None and word.end_s > on_since and self._last_frame is not None and self._last_frame.reason:
-            return SEARCHING, self._last_frame.reason
+        if frame is not None and frame.reason:
+            return SEARCHING, frame.reason
         return SEARCHING, self._receiver.why_nothing().removeprefix("no words: ")
 
+    def _on_since(self) -> float:
+        """When the flow came on, s; -inf where that was not seen."""
+        span = self.flow.before(self.now_s)
+        return span.end_s if span is not None else -math.inf
+
+    def _heard(self) -> tuple[FrameReport | None, ReceivedWord | None, list[ReceivedWord]]:
+        """Last pass, last word and the final words since the flow came on: those before say nothing of now."""
+        since = self._on_since()
+        frame, word = self._last_frame, self._last_word
+        return (
+            frame if frame is not None and frame.end_s > since else None,
+            word if word is not None and word.end_s > since else None,
+            [one for one in self._final if one.end_s > since],
+        )
+
     def _locked(self) -> tuple[int, str]:
-        erased = [one for one in self._final if not one.usable]
-        if len(self._final) >= 5 and len(erased) > 0.5 * len(self._final):
+        frame, _, final = self._heard()
+        erased = [one for one in final if not one.usable]
+        if len(final) >= 5 and len(erased) > 0.5 * len(final):
             return DOUBTFUL, "more than half of the words are uncertain: too much noise, or another tool configuration"
-        frame = self._last_frame
         if frame is not None and frame.ebn0_db < self._needed_db:
             return LOCKED, f"the signal is {self._needed_db - frame.ebn0_db:.1f} dB too weak for most words"
         return LOCKED, ""

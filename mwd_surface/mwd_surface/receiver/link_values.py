@@ -20,12 +20,11 @@ class LinkValue:
 
 
 def believed(words: list[ReceivedWord]) -> dict[str, LinkValue]:
-    """Newest believed word of each meaning; a total whose code is 0 was not measured and is left out."""
+    """Newest believed word of each meaning."""
     found = {}
     for word in words:
         quantity = meanings.meaning_of(word.name)
-        unmeasured = word.raw == 0 and quantity in (meanings.G_TOTAL, meanings.B_TOTAL)
-        if quantity and word.usable and not unmeasured:
+        if quantity and word.usable:
             found[quantity] = value_of(word)
     return found
 

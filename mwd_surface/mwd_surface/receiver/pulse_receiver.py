@@ -60,7 +60,8 @@ class PulseReceiver:
         self._waiting: tuple[synchronisation.SyncFound, float] | None = None
         self._lowest, self._highest = math.inf, -math.inf
         self._reason = ""
-        self.syncs: list[tuple[float, float]] = []
+        self._syncs = 0
+        self.last_sync_s = -math.inf
 
     def push(self, time_s: Array, pressure_pa: Array) -> Reception:
         """
@@ -114,13 +115,13 @@ class PulseReceiver:
             return f"no words: the gauge stands at {self._highest:.6g} Pa"
         if self._reason:
             return f"no words believed: {self._reason}"
-        if not self.syncs:
+        if not self._syncs:
             return (
                 f"no words: no sync of this tool in the pressure; check pulse_width_s ({self._tool.pulse_width_s:g} s)"
                 " and sync of the tool configuration, and that the flow was on long enough"
             )
         return (
-            f"no words: {len(self.syncs)} syncs, but no sequence of this configuration behind them; check sequences,"
+            f"no words: {self._syncs} syncs, but no sequence of this configuration behind them; check sequences,"
             " header_bits and parity"
         )
 
@@ -205,10 +206,13 @@ class PulseReceiver:
         if self._last_sync is not None and position < self._last_sync + STEPS_PER_TU * _GUARD_TU:
             return
         self._last_sync = position
-        self.syncs.append((self._grid.seconds(position), found.score))
+        self._syncs += 1
+        self.last_sync_s = self._grid.seconds(position)
         active = self._active
         if active is not None and active.expects_sync(position):
             active.offer_sync()
+        elif active is not None and active.replaced_by(position, found.score):
+            self._active = Transmission(self._tool, self._grid, found, position, self._frame)
         elif active is not None and (active.sound or found.score <= _SURER * active.score):
             # Data can look like a sync by chance: it counts once the transmission breaks off.
             if self._waiting is None or found.score > self._waiting[0].score:

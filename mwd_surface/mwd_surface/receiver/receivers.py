@@ -15,8 +15,8 @@ from mwd_surface.receiver.transmission import Reception
 class Receiver(Protocol):
     """What takes samples (pressure, Pa; voltage, V; bytes) and gives words; any cut of them gives the same."""
 
-    syncs: list[tuple[float, float]]
-    """Starts of transmissions that were found: time, s, and how clear each was."""
+    last_sync_s: float
+    """Start of the last sync, marker or frame that was found, s; -inf before the first."""
 
     def push(self, time_s: Array, value: Array, /) -> Reception:
         """Take samples, shape (n,) each; gives what they complete."""

@@ -64,7 +64,7 @@ class SerialReceiver:
         self._frame = 0
         self._outcomes: deque[bool] = deque(maxlen=_REMEMBERED)
         self._bytes = 0
-        self.syncs: list[tuple[float, float]] = []
+        self.last_sync_s = -math.inf
 
     def push(self, time_s: Array, data: Array) -> Reception:
         """
@@ -122,7 +122,7 @@ class SerialReceiver:
         self._outcomes.append(heard is not None)
         if heard is None:
             return
-        self.syncs.append((heard.span[0], 1.0))
+        self.last_sync_s = heard.span[0]
         if heard.counter is None or _follows(heard.counter, self._counter):
             self._held = None
             self._accept(heard, done)
@@ -175,10 +175,10 @@ class SerialReceiver:
         for item, value in zip(items, values, strict=True):
             word = self._tool.table[item.name]
             try:
-                code = word.code(float(value), item.bits)
+                code = word.missing(item.bits) if value == "nan" else word.code(float(value), item.bits)
             except ValueError:
                 return None
-            if serial_frames.written(item, word, code) != f"{item.name}={value}":
+            if code < 0 or serial_frames.written(item, word, code) != f"{item.name}={value}":
                 return None
             codes.append(code)
         return tuple(codes)

@@ -14,7 +14,7 @@ import select
 import struct
 import threading
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import serial  # type: ignore[import-untyped]
@@ -154,9 +154,34 @@ class ModbusGauge:
                 self._rows.append((0.5 * (asked + self._clock()), pressure))
 
 
+class _Form(NamedTuple):
+    """Samples of a WAV: channels, bytes of a sample, rate, Hz, and whether they are floats."""
+
+    channels: int
+    width: int
+    rate: float
+    floats: bool
+
+
+_WAV_FLOAT = 3
+_WAV_BITS = {1: (8, 16, 24, 32), _WAV_FLOAT: (32, 64)}
+
+
+def _shares(data: bytes, form: _Form) -> Array:
+    """Samples as shares of full scale."""
+    if form.floats:
+        return np.frombuffer(data, dtype=f"<f{form.width}").astype(float)
+    if form.width == 1:
+        return (np.frombuffer(data, dtype=np.uint8).astype(float) - 128.0) / 128.0
+    # 24 bits are the upper ones of 32.
+    wide = np.zeros((len(data) // form.width, 4), dtype=np.uint8)
+    wide[:, 4 - form.width :] = np.frombuffer(data, dtype=np.uint8).reshape(-1, form.width)
+    return wide.view("<i4")[:, 0] / 2.0**31
+
+
 class WavStream:
     """
-    PCM WAV that comes through a pipe: a sound card (`arecord -f S32_LE -r 400 | ...`), a file.
+    WAV, PCM or float, that comes through a pipe: a sound card (`arecord -f S32_LE -r 400 | ...`), a file.
 
     Parameters
     ----------
@@ -169,7 +194,7 @@ class WavStream:
     def __init__(self, descriptor: int, channel: int = 1) -> None:
         self._descriptor, self._channel = descriptor, channel
         self._open = bytearray()
-        self._form: tuple[int, int, float] | None = None
+        self._form: _Form | None = None
         self._count = 0
         self.failure, self.ended = "", False
 
@@ -183,22 +208,21 @@ class WavStream:
             self._form = self._header()
         if self._form is None:
             return _EMPTY, _EMPTY
-        channels, width, rate = self._form
-        frame = channels * width
+        frame = self._form.channels * self._form.width
         whole = len(self._open) // frame * frame
-        raw = np.frombuffer(bytes(self._open[:whole]), dtype=f"<i{width}" if width > 1 else np.uint8)
+        shares = _shares(bytes(self._open[:whole]), self._form)
         del self._open[:whole]
-        one = raw.reshape(-1, channels)[:, self._channel - 1].astype(float) - (128.0 if width == 1 else 0.0)
-        time = (self._count + np.arange(len(one))) / rate
+        one = shares.reshape(-1, self._form.channels)[:, self._channel - 1]
+        time = (self._count + np.arange(len(one))) / self._form.rate
         self._count += len(one)
-        return time, one * (WAV_FULL_SCALE_PA / 2 ** (8 * width - 1))
+        return time, one * WAV_FULL_SCALE_PA
 
     def close(self) -> None:
         """Read no more; the descriptor stays its owner's."""
         self.ended = True
 
-    def _header(self) -> tuple[int, int, float] | None:
-        """Channels, bytes a sample, and rate; None until the samples begin. A stream gives no true sizes."""
+    def _header(self) -> _Form | None:
+        """Form of the samples; None until they begin. A stream gives no true sizes."""
         if len(self._open) < 12:
             return None
         if self._open[:4] != b"RIFF" or self._open[8:12] != b"WAVE":
@@ -217,13 +241,14 @@ class WavStream:
                 if kind == 0xFFFE and size >= 26 + 2:
                     # The extensible form says at the begin of its sub-format what the samples are.
                     (kind,) = struct.unpack_from("<H", self._open, at + 8 + 24)
-                if kind != 1 or bits not in (8, 16, 32) or self._channel > channels:
+                if bits not in _WAV_BITS.get(kind, ()) or self._channel > channels or rate == 0:
                     self.failure = (
-                        f"the WAV has {channels} channels of {bits} bits, form {kind}; give PCM of 8, 16 or 32"
+                        f"the WAV has {channels} channels of {bits} bits, form {kind}; give PCM of 8, 16, 24 or 32"
+                        " bits, or floats"
                     )
                     self.ended = True
                     return None
-                form = (channels, bits // 8, float(rate))
+                form = _Form(channels, bits // 8, float(rate), kind == _WAV_FLOAT)
             at += 8 + size + size % 2
         return None
 

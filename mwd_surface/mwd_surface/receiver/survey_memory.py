@@ -120,12 +120,14 @@ class SurveyMemory:
         """Word with the probabilities of all its receptions."""
         rows = sorted(codes.listed.items(), key=lambda row: (-row[1], row[0]))
         code, confidence = rows[0]
+        table = self._tool.table[word.name]
+        known = confidence >= SURVEY_LEVEL and code != table.missing(bits)
         return dataclasses.replace(
             word,
             raw=code,
-            value=self._tool.table[word.name].value(code, bits),
+            value=table.value(code, bits),
             confidence=confidence,
-            status=BELIEVED if confidence >= SURVEY_LEVEL else ERASED,
+            status=BELIEVED if known else ERASED,
             alternatives=tuple(rows[1:4]),
         )
 
@@ -142,6 +144,8 @@ class SurveyMemory:
         step = table.step(bits)
 
         def prior(code: int) -> float:
+            if code == table.missing(bits):
+                return free
             off = table.value(code, bits) - middle
             if table.circular:
                 off = (off + 180.0) % 360.0 - 180.0
@@ -152,7 +156,7 @@ class SurveyMemory:
         # All codes that are not listed: each as probable as the rest says, their priors add up to one at most.
         total = sum(weights.values()) + codes.rest
         code = max(weights, key=lambda one: (weights[one], -one))
-        if weights[code] < SURVEY_LEVEL * total:
+        if weights[code] < SURVEY_LEVEL * total or code == table.missing(bits):
             return word
         others = tuple((other, p) for other, p in codes.listed.items() if other != code)
         return dataclasses.replace(

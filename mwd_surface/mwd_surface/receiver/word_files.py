@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Sequence
+from pathlib import Path
 
 from mwd_surface.receiver.words import BY_CONSISTENCY, ReceivedWord
 
@@ -22,15 +24,16 @@ WORD_HEADER = (
 )
 
 
-def words_csv(words: Sequence[ReceivedWord]) -> str:
+def words_csv(words: Sequence[ReceivedWord], header: bool = True) -> str:
     """
-    Table of all words, one a row; value and sigma in the unit of the word.
+    Table of words, one a row; value and sigma in the unit of the word.
 
-    Alternatives are `raw:probability`, separated by blanks.
+    Alternatives are `raw:probability`, separated by blanks. header: whether the first row names the columns.
     """
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(WORD_HEADER)
+    if header:
+        table.writerow(WORD_HEADER)
     for word in words:
         others = " ".join(f"{raw}:{chance:.4f}" for raw, chance in word.alternatives if chance >= 5e-5)
         table.writerow(
@@ -40,7 +43,7 @@ def words_csv(words: Sequence[ReceivedWord]) -> str:
                 word.frame,
                 word.name,
                 word.raw,
-                f"{word.value:.6g}",
+                "" if math.isnan(word.value) else f"{word.value:.6g}",
                 f"{word.confidence:.5f}",
                 f"{word.sigma:.4g}",
                 word.status,
@@ -74,3 +77,53 @@ def surveys_csv(words: Sequence[ReceivedWord]) -> str:
         chosen = " ".join(word.name for word in frame if word.status == BY_CONSISTENCY)
         table.writerow([*row, *(cell for name in names for cell in cells.get(name, ("", ""))), chosen])
     return text.getvalue()
+
+
+class WordFiles:
+    """
+    words.csv and surveys.csv of a folder, written as words come.
+
+    Parameters
+    ----------
+    folder : Path
+        Files of before are replaced.
+
+    Raises
+    ------
+    OSError
+        The files cannot be written.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._surveys = folder / "surveys.csv"
+        self._heard: list[ReceivedWord] = []
+        self.count = 0
+        self._words = (folder / "words.csv").open("w", encoding="utf-8")
+        self._words.write(words_csv([]))
+        self._write_surveys()
+
+    def __enter__(self) -> WordFiles:
+        """Itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the files."""
+        self._words.close()
+
+    def add(self, words: Sequence[ReceivedWord]) -> None:
+        """Write final words."""
+        if not words:
+            return
+        self.count += len(words)
+        self._words.write(words_csv(words, header=False))
+        self._words.flush()
+        surveys = [word for word in words if word.kind == "survey"]
+        if surveys:
+            self._heard += surveys
+            self._write_surveys()
+
+    def _write_surveys(self) -> None:
+        # A file beside takes its place at once: whoever reads it never sees half of it.
+        beside = self._surveys.with_suffix(".csv.part")
+        beside.write_text(surveys_csv(self._heard), encoding="utf-8")
+        beside.replace(self._surveys)

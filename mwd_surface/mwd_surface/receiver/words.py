@@ -34,14 +34,14 @@ class ReceivedWord:
     raw : int
         Most probable code.
     value : float
-        Of that code, in the unit of the word.
+        Of that code, in the unit of the word; nan of the code that says that the tool has no measurement.
     confidence : float
         Probability that the code is right.
     sigma : float
         1 sigma of the value if it is right, in the unit of the word.
     status : str
-        "believed", or "erased" where the confidence is below the level of its kind, or "by_consistency" where the
-        surveys before make one of the codes of an erased word probable enough.
+        "believed", or "erased" where the confidence is below the level of its kind or the tool has no measurement,
+        or "by_consistency" where the surveys before make one of the codes of an erased word probable enough.
     alternatives : tuple of (int, float)
         Next codes with their probabilities.
     revision : int
@@ -89,6 +89,7 @@ def received(
     """
     word = tool.table[item.name]
     level = SURVEY_LEVEL if place.kind == "survey" else TOOLFACE_LEVEL
+    known = judged.confidence >= level and judged.code != word.missing(item.bits)
     return ReceivedWord(
         *span,
         place.frame,
@@ -100,7 +101,7 @@ def received(
         word.value(judged.code, item.bits),
         judged.confidence,
         word.sigma_of(item.bits),
-        BELIEVED if judged.confidence >= level else ERASED,
+        BELIEVED if known else ERASED,
         judged.alternatives,
         place.revision,
     )

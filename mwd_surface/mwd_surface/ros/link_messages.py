@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from mwd_msgs import msg
@@ -34,7 +35,8 @@ def word_message(word: ReceivedWord, tool: ToolConfiguration, link: str, stamp_o
         name=word.name,
         bits=item.bits,
         raw=word.raw,
-        value=word.value * factor,
+        # Of a word without measurement: it is erased, and nothing on the way has to carry what is no number.
+        value=0.0 if math.isnan(word.value) else word.value * factor,
         unit=meanings.si_unit(word.unit),
         confidence=min(max(word.confidence, 0.0), 1.0),
         sigma=word.sigma * factor,

@@ -95,3 +95,15 @@ def test_a_carrier_is_read_by_the_same_link():
     assert len(surveys) == 1
     assert [word for word in words if word.name == "aTFA"]
     assert states[-1].state == LOCKED
+
+
+def test_after_flow_on_the_state_says_nothing_of_before(run):
+    again = dataclasses.replace(run.sent, pulses=run.sent.pulses)
+    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0), (262.0, 300.0)))
+    twice = link_run(channel, again, 325.0, 3)
+    link = link_of()
+    pushed(link, twice.time_s, twice.pressure_pa)
+    found = link.quality()
+    assert found.state == SEARCHING
+    assert not found.has_signal
+    assert (found.ebn0_db, found.clock_error, found.word_error, found.words_done) == (0.0, 0.0, -1.0, 0)

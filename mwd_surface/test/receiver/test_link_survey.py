@@ -116,6 +116,6 @@ def test_sigma_of_inclination_and_azimuth_is_within_its_chi_square_band(inc):
     assert_consistent(np.array(drawn_errors), np.array(sigmas))
 
 
-def test_a_total_that_was_never_measured_is_left_out():
-    assert meanings.B_TOTAL not in believed([word("MagF", 0.0)])
+def test_an_erased_word_is_left_out():
+    assert meanings.B_TOTAL not in believed([word("MagF", 48.0, ERASED)])
     assert isinstance(believed([word("Inc", 3.0)])[meanings.INCLINATION], LinkValue)

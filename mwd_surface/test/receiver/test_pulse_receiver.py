@@ -8,8 +8,9 @@ from link_runs import TOOLS, pairs, reception, simulated, white
 
 from mwd_sensors.simulator.mud_channel import MudChannel
 from mwd_sensors.simulator.mud_line import Well
-from mwd_sensors.simulator.pulse_tool import link_run, transmit
+from mwd_sensors.simulator.pulse_tool import Transmission, link_run, transmit
 from mwd_sensors.telemetry import limits
+from mwd_sensors.telemetry.tool_configuration import encode
 from mwd_surface.receiver.pulse_receiver import PulseReceiver, decode
 from mwd_surface.receiver.words import BELIEVED
 
@@ -74,6 +75,21 @@ def test_word_errors_in_white_noise_are_near_the_limit():
         errors += [s.raw != w.raw for s, w in both]
     expected = limits.soft_word_error(7.0 - 0.5, 13)
     assert np.mean(errors) < expected + 3.0 * np.sqrt(expected / len(errors))
+
+
+def test_what_the_tool_has_not_measured_is_erased_and_nothing_else():
+    """Each third word of the survey has no measurement; strong pulses, so that all others are believed."""
+    tool = dataclasses.replace(FAST, missing_code=True, transmit_delay_s=30.0)
+    codes = tuple(None if k % 3 == 1 else 40 + k for k in range(len(tool.surveys[0])))
+    first = encode(tool, tool.surveys[0], codes, 0)
+    after = encode(tool, tool.toolfaces[0], tuple(range(len(tool.toolfaces[0]))))
+    edges = np.array([*first.edges, *(first.length + edge for edge in after.edges)])
+    begin = 40.0 + edges * tool.tu_s
+    sent = Transmission((), np.column_stack([begin, begin + tool.pulse_width_s]))
+    words = [one for one in decode(tool, *white(tool, sent, 14.0)).words if one.kind == "survey"]
+    assert [one.status == BELIEVED for one in words] == [code is not None for code in codes]
+    assert [one.raw for one in words if one.status == BELIEVED] == [code for code in codes if code is not None]
+    assert all(np.isnan(one.value) for one in words if one.status != BELIEVED)
 
 
 def test_nothing_is_believed_in_noise():

@@ -82,17 +82,39 @@ def test_a_converter_that_resets_its_connection_is_told_and_asked_again():
     assert gauge.failure
 
 
-def test_a_wav_of_floats_in_the_extensible_form_is_refused():
-    form = struct.pack("<HHIIHHHHI", 0xFFFE, 1, 50, 200, 4, 32, 22, 32, 0) + struct.pack("<H", 3) + bytes(14)
+def wav_stream(kind, bits, data):
+    """What is read of a WAV in the extensible form."""
+    width = bits // 8
+    form = struct.pack("<HHIIHHHHI", 0xFFFE, 1, 50, 50 * width, width, bits, 22, bits, 0)
+    form += struct.pack("<H", kind) + bytes(14)
     reading, writing = os.pipe()
     head = b"RIFF\0\0\0\0WAVE" + struct.pack("<4sI", b"fmt ", len(form)) + form
-    os.write(writing, head + b"data\0\0\0\0" + bytes(400))
+    os.write(writing, head + b"data\0\0\0\0" + data)
     os.close(writing)
     stream = WavStream(reading)
-    times, _ = stream.read()
+    got = stream.read()
     os.close(reading)
+    return got, stream
+
+
+def test_a_compressed_wav_is_refused():
+    (times, _), stream = wav_stream(17, 8, bytes(400))
     assert not len(times)
-    assert "form 3" in stream.failure
+    assert "form 17" in stream.failure
+
+
+@pytest.mark.parametrize(("kind", "bits"), [(3, 32), (3, 64), (1, 24), (1, 32)])
+def test_floats_and_24_bits_are_read(kind, bits):
+    shares = np.linspace(-0.9, 0.9, 100)
+    if kind == 3:
+        data = shares.astype(f"<f{bits // 8}").tobytes()
+    else:
+        codes = np.round(shares * 2 ** (bits - 1)).astype("<i4")
+        data = b"".join(int(code).to_bytes(bits // 8, "little", signed=True) for code in codes)
+    (times, pressures), stream = wav_stream(kind, bits, data)
+    assert stream.failure == ""
+    assert times == pytest.approx(np.arange(100) / 50.0)
+    assert pressures == pytest.approx(1e7 * shares, abs=2.0)
 
 
 def test_a_wav_through_a_pipe_is_read_as_it_comes():
