@@ -49,6 +49,7 @@ setup(
         "console_scripts": [
             "surface = mwd_surface.nodes.surface:main",
             "receiver = mwd_surface.nodes.receiver:main",
+            "well = mwd_surface.nodes.well:main",
             "replay = mwd_surface.nodes.replay:main",
             "mwd = mwd_surface.cli:main",
         ]

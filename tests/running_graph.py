@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ EXECUTABLES = {
     "estimator": "mwd_estimation",
     "surface": "mwd_surface",
     "receiver": "mwd_surface",
+    "well": "mwd_surface",
 }
 PLACE = {"place.field": "model", "place.lat_deg": 38.3, "place.lon_deg": 109.6}
 
@@ -38,9 +39,9 @@ class Graph:
         self.environment = environment
         self.running: dict[str, subprocess.Popen[bytes]] = {}
 
-    def start(self, node: str, namespace: str = "", **parameters: Any) -> str:
-        """Start a node as `ros2 run` would; its name in this graph comes back."""
-        words = [str(Path(sys.prefix) / "lib" / EXECUTABLES[node] / node), "--ros-args"]
+    def start(self, node: str, namespace: str = "", *, arguments: Sequence[str] = (), **parameters: Any) -> str:
+        """Start a node as `ros2 run` would, with more arguments of ROS if given; its name in this graph comes back."""
+        words = [str(Path(sys.prefix) / "lib" / EXECUTABLES[node] / node), "--ros-args", *arguments]
         words += ["-r", f"__ns:=/{namespace}"] if namespace else []
         for key, value in parameters.items():
             text = str(value).lower() if isinstance(value, bool) else str(value)

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 import running_graph
 from mwd_sensors.simulator.scenario import read
 from mwd_surface.bags.bag_reader import Bag
-from mwd_surface.runs import simulate
+from mwd_surface.runs import launch_plan, simulate
 from running_graph import PLACE, until
 
 HERE = Path(__file__).resolve().parent
@@ -50,6 +50,7 @@ precision: {{grade: tactical_north, changes: {{adc_hz: {adc_hz}}}}}
 interference: {{axial_nt: 2500.0}}
 """
 RATE_HZ, BURST_HZ, BURST, REPLAY_HZ = 1000, 5000, 10, 100
+STREAMS = ("imu/data_raw", "gyro/data_raw", "imu/mag", "attitude")
 PACES = (1.0, 2.0, 10.0)
 _WARM_S = 5.0
 
@@ -176,8 +177,24 @@ def ours(folder: Path, seconds: float) -> Result:
     """The graph at 1 kHz."""
     with chain(folder, RATE_HZ) as graph:
         found = _measured(graph, seconds)
-    streams = ("imu/data_raw", "gyro/data_raw", "imu/mag", "attitude")
-    return dataclasses.replace(found, recorded=recorded(folder, RATE_HZ, streams))
+    return dataclasses.replace(found, recorded=recorded(folder, RATE_HZ, STREAMS))
+
+
+def one_process(folder: Path, seconds: float) -> Result:
+    """The graph at 1 kHz, its three nodes in one process."""
+    (folder / "live.yaml").write_text(scenario(RATE_HZ, 600.0))
+    parameters: dict[str, dict[str, Any]] = {
+        "surface": {"folder": str(folder / "data"), "page.port": 0, "record.name": "run"},
+        "estimator": PLACE,
+        "sonde": {"scenario": str(folder / "live.yaml"), "wait_for_listener_s": 60.0},
+    }
+    (folder / "parameters.yaml").write_text(launch_plan.parameter_yaml(parameters, "w1"))
+    with running_graph.graph(folder) as graph:
+        well = graph.start("well", "w1", arguments=["--params-file", str(folder / "parameters.yaml")])
+        until(lambda: "scenario live" in graph.log(well), 300, "the scenario begins")
+        found = _measured(graph, seconds)
+        graph.end(well)
+    return dataclasses.replace(found, recorded=recorded(folder, RATE_HZ, STREAMS))
 
 
 def in_bursts(folder: Path, seconds: float) -> Result:
@@ -260,12 +277,12 @@ def replayed(folder: Path, rate: float, seconds: float) -> tuple[float, float, i
     return 100.0 * error, 1e3 * float(np.percentile(late_s - late_s.min(), 99.0)), absent(imu.stamp_ns, REPLAY_HZ)
 
 
-def chains(ours_: Result, plain_: Result) -> list[str]:
+def chains(ours_: Result, plain_: Result, single_: Result) -> list[str]:
     """What each chain costs and loses."""
     head = f"Two units, magnetometer and truth at {RATE_HZ} Hz, estimator, recorder; {load()}."
     text = [head, "", "| | cores | of them | sample to attitude, p50 / p99 | received a second | missing |"]
     text.append("|---|---|---|---|---|---|")
-    for name, one in (("ours", ours_), ("plain rclpy", plain_)):
+    for name, one in (("ours", ours_), ("ours in one process", single_), ("plain rclpy", plain_)):
         parts = ", ".join(f"{who.rpartition('/')[2]} {share:.2f}" for who, share in one.cores.items())
         p50, p99 = one.latency_ms
         text.append(
@@ -301,8 +318,10 @@ def load() -> str:
 
 def main(seconds: float = 20.0) -> dict[str, Any]:
     """Measure and print; figures come back."""
-    with tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as two:
-        found = {"ours": ours(Path(one), seconds), "plain": plain(Path(two), seconds)}
+    found = {}
+    for name, measure in (("ours", ours), ("plain", plain), ("single", one_process)):
+        with tempfile.TemporaryDirectory() as one:
+            found[name] = measure(Path(one), seconds)
     print("\n".join(chains(**{f"{name}_": one for name, one in found.items()})), end="\n\n", flush=True)
     with tempfile.TemporaryDirectory() as one:
         found["bursts"] = in_bursts(Path(one), seconds)

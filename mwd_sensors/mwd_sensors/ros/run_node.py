@@ -1,4 +1,4 @@
-"""Run one node as a process: signals, executor and an orderly shutdown."""
+"""Run one node, or several, as a process: signals, executor and an orderly shutdown."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.ros.lifecycle_node import GraphNode
@@ -24,8 +25,13 @@ _LONGEST_SPIN = 1e6
 
 
 def run_node(make_node: Callable[[], GraphNode[Any]], args: Sequence[str] | None = None) -> int:
+    """Run one node until it is stopped, see `run_nodes`."""
+    return run_nodes([make_node], args)
+
+
+def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence[str] | None = None) -> int:
     """
-    Run one node until it is stopped.
+    Run nodes in this process, one callback at a time, until one of them is stopped; they end last first.
 
     Discovery is limited to this machine unless ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise; files are not for others.
     SIGINT and SIGTERM end it in order (deactivate, clean up) with status 0; parameters that are not allowed end it with
@@ -36,7 +42,7 @@ def run_node(make_node: Callable[[], GraphNode[Any]], args: Sequence[str] | None
     keep_private()
     try:
         rclpy.init(args=list(args) if args is not None else None, signal_handler_options=SignalHandlerOptions.NO)
-        return _spin(make_node)
+        return _spin(make_nodes)
     except RCLError as error:
         if not (reason := security_refusal(os.environ, str(error))):
             raise
@@ -65,31 +71,34 @@ def security_refusal(environment: Mapping[str, str], error: str) -> str:
     return f"security is enforced and the node was refused: {error.splitlines()[0]}"
 
 
-def _spin(make_node: Callable[[], GraphNode[Any]]) -> int:
-    try:
-        node = make_node()
-    except SettingsError as error:
-        sys.stderr.write(f"{error}\n")
-        return 2
-    stop_requested = node.stop_requested
+def _spin(make_nodes: Sequence[Callable[[], GraphNode[Any]]]) -> int:
+    nodes: list[GraphNode[Any]] = []
+    stop_requested = Future()
 
-    def on_signal(_number: int, _frame: Any) -> None:
+    def stop(*_: Any) -> None:
         if not stop_requested.done():
             stop_requested.set_result(None)
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, on_signal)
     executor = EventsExecutor()
-    executor.add_node(node)
     try:
-        node.autostart()
+        nodes.extend(make_node() for make_node in make_nodes)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, stop)
+        for node in nodes:
+            node.stop_requested.add_done_callback(stop)
+            executor.add_node(node)
+            node.autostart()
         while not stop_requested.done():
             executor.spin_until_future_complete(stop_requested, _LONGEST_SPIN)
+    except SettingsError as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
     except ExternalShutdownException:
-        node.get_logger().info("the middleware was shut down from outside")
+        nodes[0].get_logger().info("the middleware was shut down from outside")
     finally:
-        if not node.finalized:
-            node.trigger_shutdown()
-        executor.remove_node(node)
-        node.destroy_node()
+        for node in reversed(nodes):
+            if not node.finalized:
+                node.trigger_shutdown()
+            executor.remove_node(node)
+            node.destroy_node()
     return 0

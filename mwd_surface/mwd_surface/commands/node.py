@@ -11,13 +11,14 @@ import typer
 
 
 class Node(enum.StrEnum):
-    """The nodes of the graph."""
+    """The nodes of the graph; well is sonde, estimator and surface in one process."""
 
     SONDE = "sonde"
     PROBE = "probe"
     ESTIMATOR = "estimator"
     SURFACE = "surface"
     RECEIVER = "receiver"
+    WELL = "well"
 
 
 MODULES = {
@@ -26,6 +27,7 @@ MODULES = {
     Node.ESTIMATOR: "mwd_estimation.nodes.estimator",
     Node.SURFACE: "mwd_surface.nodes.surface",
     Node.RECEIVER: "mwd_surface.nodes.receiver",
+    Node.WELL: "mwd_surface.nodes.well",
 }
 _ROS_PACKAGES = ("rclpy", "mwd_msgs", "rcl_interfaces", "sensor_msgs", "rosgraph_msgs", "std_srvs", "tf2_msgs")
 PASS_ON = {"allow_extra_args": True, "ignore_unknown_options": True}

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mwd_surface.commands.run_graph import RunOptions, run_graph
 from mwd_surface.commands.run_options import (
     Hold,
     Params,
     Plan,
     Set,
+    SingleProcess,
     Token,
     page_secret,
     parameter_file,
@@ -24,13 +25,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from mwd_sensors.simulator.scenario import Scenario
-    from mwd_surface.runs.supervise import Supervisor
     from mwd_surface.surveys.score import Scored
-
-_READY_WITHIN = 120.0  # s from the start, or from when the filters were ready
-_PREPARED_WITHIN = 900.0  # s for the filters, which the first start on a machine compiles: minutes on a busy one
-_SETTLE = 1.5  # s between the last sample and the end, for what is still on its way
-_POLL = 0.1
 
 
 def run(
@@ -49,6 +44,7 @@ def run(
     no_rig: Annotated[
         bool, typer.Option("--no-rig", help="No interfaces to the rig; otherwise WITS, OPC UA, Modbus on this machine.")
     ] = False,
+    single_process: SingleProcess = False,
     hold: Hold = False,
     token: Token = None,
     plan: Plan = None,
@@ -104,8 +100,8 @@ def run(
         parameters["surface"]["plan.file"] = str(plan.resolve(strict=True))
     parameters["surface"] |= page_secret(token, folder)
     set_parameters(parameters, changes)
-    plans = _Plans(port, not no_rig, hold, parameter_file(params))
-    _run_graph(story.name, namespace, parameters, folder, plans)
+    options = RunOptions(port, not no_rig, hold, parameter_file(params), single_process)
+    run_graph(story.name, namespace, parameters, folder, options)
     truth = folder / "truth.csv" if story.telemetry is not None else None
     for bag in recordings_named(folder / namespace.replace("/", "_") / "bags", name):
         _conclude(console, bag, truth)
@@ -118,56 +114,6 @@ def _written_plan(story: Scenario, folder: Path) -> Path:
     file = folder / f"{story.name}.csv"
     file.write_text("\n".join(["# north: true", "md_m,inc_deg,azi_deg", *lines, ""]), encoding="utf-8")
     return file
-
-
-@dataclasses.dataclass(frozen=True)
-class _Plans:
-    """How the graph is run: port of the page, rig interfaces, staying after the scenario, words of every node."""
-
-    port: int | None
-    rig: bool
-    hold: bool
-    words: list[str]
-
-
-def _run_graph(story: str, namespace: str, parameters: dict[str, dict[str, Any]], folder: Path, plans: _Plans) -> None:
-    """Start the nodes, play the scenario to its end or until somebody interrupts, and stop them."""
-    import contextlib
-    import os
-
-    from mwd_surface.commands import terminal
-    from mwd_surface.runs import launch_plan
-    from mwd_surface.runs.supervise import Order, Supervisor
-
-    console, logs = terminal.output(), folder / "logs"
-    own_domain, page_port = launch_plan.own_domain(os.environ), launch_plan.page_port(plans.port)
-    with own_domain as domain, page_port as page, contextlib.ExitStack() as held, _Interrupts() as interrupts:
-        interfaces = {} if not plans.rig else held.enter_context(launch_plan.rig_parameters())
-        parameters["surface"] |= {**interfaces, "page.port": page}
-        orders = {
-            node: Order(node, launch_plan.node_words(node, namespace, given, plans.words), logs / f"{node}.log")
-            for node, given in parameters.items()
-        }
-        address = f"http://127.0.0.1:{page}/"
-        environment = launch_plan.graph_environment(os.environ, domain, logs)
-        supervisor = Supervisor(environment, terminal.warn)
-        try:
-            for node in (name for name in orders if name != "sonde"):
-                supervisor.start(orders[node])
-            if _wait_until_ready(supervisor, interrupts, address, logs):
-                console.print(f"{story}: page at {address} (well /{namespace}, domain {domain})", markup=False)
-                if plans.rig:
-                    where = ", ".join(launch_plan.rig_addresses(interfaces))
-                    console.print(f"rig: {where} (`mwd rig status {folder}`)", markup=False)
-                supervisor.start(orders["sonde"])
-                _run_to_end(supervisor, interrupts, address, story, plans.hold)
-        except _StartError as error:
-            terminal.warn(f"{error}; logs in {logs}")
-            raise typer.Exit(1) from error
-        finally:
-            killed = supervisor.stop((("sonde", "estimator"), ("receiver",), ("surface",)))
-    for node in killed:
-        terminal.warn(f"{node} did not end by itself and was killed")
 
 
 def _parameters(
@@ -196,10 +142,6 @@ def _parameters(
     }
 
 
-class _StartError(RuntimeError):
-    """The graph did not start; the message says which node and why."""
-
-
 def _add_link(parameters: dict[str, dict[str, Any]], story: Scenario, folder: Path) -> None:
     """Let the surface hear the tool through the scenario's link alone: one tool configuration for both ends."""
     from mwd_sensors.telemetry import tool_configuration
@@ -214,28 +156,6 @@ def _add_link(parameters: dict[str, dict[str, Any]], story: Scenario, folder: Pa
     parameters["estimator"]["transmit.tool_file"] = str(tool_file)
     parameters["surface"]["link.source"] = "mud_pulse"
     parameters["receiver"] = {"tool_file": str(tool_file), **launch_plan.reference_parameters(story)}
-
-
-class _Interrupts:
-    """Counts SIGINT and SIGTERM while the block runs."""
-
-    def __init__(self) -> None:
-        self.count = 0
-
-    def __enter__(self) -> _Interrupts:
-        import signal
-
-        def note(_number: int, _frame: Any) -> None:
-            self.count += 1
-
-        self._before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        import signal
-
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
 
 
 def _now_text() -> str:
@@ -255,83 +175,6 @@ def _new_folder(output: Path | None, namespace: str) -> Path:
         folder = base.with_name(f"{base.name}_{k}")
     folder.mkdir(parents=True)
     return folder
-
-
-def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: str, logs: Path) -> bool:
-    """Until the page answers and says that the estimator is active; False when interrupted."""
-    import time
-
-    from mwd_surface.commands import terminal
-
-    began = last = time.monotonic()
-    with terminal.waiting("starting the nodes; the first time their filters are compiled"):
-        while not interrupts.count:
-            supervisor.watch()
-            if supervisor.failing:
-                raise _StartError("; ".join(supervisor.failing))
-            rows = _state(address).get("findings", {}).get("rows", [])
-            if any(row["name"].endswith("estimator: lifecycle") and row["message"] == "active" for row in rows):
-                return True
-            now = time.monotonic()
-            for log in logs.glob("*.log"):
-                words = log.read_text(errors="replace")
-                # A node that cannot open its topics, files or port lives on, unconfigured, for somebody to mend it.
-                _, found, reason = words.partition("cannot configure: ")
-                if found:
-                    raise _StartError(f"{log.stem} cannot start: {reason.splitlines()[0]}")
-                if "preparing the filters" in words and "the filters are ready" not in words:
-                    last = now
-            if now - last > _READY_WITHIN or now - began > _PREPARED_WITHIN:
-                raise _StartError(f"the nodes are not ready after {now - began:.0f} s")
-            time.sleep(_POLL)
-    return False
-
-
-def _run_to_end(supervisor: Supervisor, interrupts: _Interrupts, address: str, name: str, hold: bool) -> None:
-    """Until the scenario is over, unless the graph is held, or somebody interrupts."""
-    import time
-
-    from mwd_surface.commands import terminal
-    from mwd_surface.page.summary_line import summary_line
-
-    shown = 0.0
-    over: float | None = None
-    with terminal.live_line() as show:
-        while not interrupts.count:
-            supervisor.watch()
-            now = time.monotonic()
-            if over is None and supervisor.finished("sonde"):
-                over = now
-                if hold:
-                    terminal.remark(f"{name} is over; the graph stays until Ctrl-C")
-            if over is not None and now - over > _SETTLE and not hold:
-                return
-            if now - shown > 0.5:
-                shown = now
-                state = _state(address)
-                show(f"{name}{_how_far(state)}: {summary_line(state)}")
-            time.sleep(_POLL)
-
-
-def _how_far(state: dict[str, Any]) -> str:
-    """Say how much of the scenario is over, by the diagnostics of the sonde."""
-    rows = state.get("findings", {}).get("rows", [])
-    return next((f" {row['message']}" for row in rows if row["name"].endswith("sonde: scenario")), "")
-
-
-def _state(address: str) -> dict[str, Any]:
-    """What the page shows; empty while it does not answer."""
-    import json
-    import urllib.request
-
-    # Past any proxy: the page is on this machine.
-    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
-    try:
-        with opener.open(f"{address}state.json", timeout=1.0) as answer:
-            state = json.load(answer)
-    except (OSError, ValueError):
-        return {}
-    return state.get("sections", {}) if isinstance(state, dict) else {}
 
 
 def _conclude(console: Console, bag: Path, truth: Path | None) -> None:

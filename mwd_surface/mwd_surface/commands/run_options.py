@@ -12,6 +12,10 @@ _SETTINGS = "Settings"
 _LEAST_SECRET = 8  # characters, as the page asks for
 
 Hold = Annotated[bool, typer.Option("--hold", help="Stay when the scenario is over, until Ctrl-C.")]
+SingleProcess = Annotated[
+    bool,
+    typer.Option("--single-process", help="Sonde, estimator and surface in one process: less processor, no restarts."),
+]
 Token = Annotated[
     str | None,
     typer.Option(

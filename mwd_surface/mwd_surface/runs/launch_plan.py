@@ -23,6 +23,7 @@ from typing import Any, TextIO
 from mwd_sensors.simulator.scenario import Scenario, parse_date
 
 FIRST_PORT = 8080
+WELL = ("surface", "estimator", "sonde")  # nodes that `mwd node well` runs in one process
 # How the middleware is set up for streams; a profile of the caller's own comes first.
 MIDDLEWARE = Path(__file__).with_name("fastdds.xml")
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
@@ -48,6 +49,14 @@ def node_words(name: str, namespace: str, parameters: Mapping[str, Any], before:
 def parameter_words(parameters: Mapping[str, Any]) -> list[str]:
     """Parameters as the words that follow --ros-args."""
     return [word for key, value in parameters.items() for word in ("-p", f"{key}:={_text(value)}")]
+
+
+def parameter_yaml(parameters: Mapping[str, Mapping[str, Any]], namespace: str) -> str:
+    """Parameters of several nodes as a ROS parameter file: words of one process hold for each of its nodes."""
+    lines = []
+    for node, given in parameters.items():
+        lines += [f"/{namespace}/{node}:", "  ros__parameters:", *(f"    {k}: {_text(v)}" for k, v in given.items())]
+    return "\n".join([*lines, ""])
 
 
 def reference_parameters(scenario: Scenario) -> dict[str, Any]:

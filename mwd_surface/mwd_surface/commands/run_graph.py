@@ -1,0 +1,201 @@
+"""The processes of `mwd run`: started, watched until the scenario is over, ended in order."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from mwd_surface.runs.supervise import Supervisor
+
+_READY_WITHIN = 120.0  # s from the start, or from when the filters were ready
+_PREPARED_WITHIN = 900.0  # s for the filters, which the first start on a machine compiles: minutes on a busy one
+_SETTLE = 1.5  # s between the last sample and the end, for what is still on its way
+_POLL = 0.1
+
+
+@dataclasses.dataclass(frozen=True)
+class RunOptions:
+    """
+    How the graph is run.
+
+    port : of the page, None for a free one. rig : whether rig interfaces are on. hold : stay after the scenario.
+    words : of ROS for every node. single_process : sonde, estimator and surface share one.
+    """
+
+    port: int | None
+    rig: bool
+    hold: bool
+    words: list[str]
+    single_process: bool
+
+
+def run_graph(
+    story: str, namespace: str, parameters: dict[str, dict[str, Any]], folder: Path, options: RunOptions
+) -> None:
+    """Start the nodes, play the scenario to its end or until somebody interrupts, and stop them."""
+    import contextlib
+    import os
+
+    from mwd_surface.commands import terminal
+    from mwd_surface.runs import launch_plan
+    from mwd_surface.runs.supervise import Order, Supervisor
+
+    console, logs = terminal.output(), folder / "logs"
+    own_domain, page_port = launch_plan.own_domain(os.environ), launch_plan.page_port(options.port)
+    with own_domain as domain, page_port as page, contextlib.ExitStack() as held, _Interrupts() as interrupts:
+        interfaces = {} if not options.rig else held.enter_context(launch_plan.rig_parameters())
+        parameters["surface"] |= {**interfaces, "page.port": page}
+        last = "sonde"
+        if options.single_process:
+            # The simulated tool ends its process, and with it the page.
+            parameters["sonde"]["exit_at_end"] = not options.hold
+            parameters, options, last = _in_one_process(parameters, namespace, folder, options)
+        words = {
+            node: launch_plan.node_words(node, namespace, given, options.words) for node, given in parameters.items()
+        }
+        orders = {node: Order(node, words[node], logs / f"{node}.log") for node in words}
+        address = f"http://127.0.0.1:{page}/"
+        environment = launch_plan.graph_environment(os.environ, domain, logs)
+        supervisor = Supervisor(environment, terminal.warn)
+        try:
+            for node, order in orders.items():
+                if node != "sonde":
+                    supervisor.start(order)
+            if _wait_until_ready(supervisor, interrupts, address, logs):
+                console.print(f"{story}: page at {address} (well /{namespace}, domain {domain})", markup=False)
+                if options.rig:
+                    where = ", ".join(launch_plan.rig_addresses(interfaces))
+                    console.print(f"rig: {where} (`mwd rig status {folder}`)", markup=False)
+                if "sonde" in orders:
+                    supervisor.start(orders["sonde"])
+                _run_to_end(supervisor, interrupts, address, story, last, options.hold)
+        except _StartError as error:
+            terminal.warn(f"{error}; logs in {logs}")
+            raise typer.Exit(1) from error
+        finally:
+            killed = supervisor.stop((("sonde", "estimator"), ("receiver",), ("surface", "well")))
+    for node in killed:
+        terminal.warn(f"{node} did not end by itself and was killed")
+
+
+def _in_one_process(
+    parameters: dict[str, dict[str, Any]], namespace: str, folder: Path, options: RunOptions
+) -> tuple[dict[str, dict[str, Any]], RunOptions, str]:
+    """Parameters of the processes where sonde, estimator and surface share one, the options, the name of that one."""
+    from mwd_surface.runs import launch_plan
+
+    shared = {node: parameters[node] for node in launch_plan.WELL}
+    file = folder / "parameters.yaml"
+    file.write_text(launch_plan.parameter_yaml(shared, namespace), encoding="utf-8")
+    others = {node: given for node, given in parameters.items() if node not in shared}
+    words = [*options.words, "--params-file", str(file.resolve())]
+    return {"well": {}, **others}, dataclasses.replace(options, words=words), "well"
+
+
+class _StartError(RuntimeError):
+    """The graph did not start; the message says which node and why."""
+
+
+class _Interrupts:
+    """Counts SIGINT and SIGTERM while the block runs."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __enter__(self) -> _Interrupts:
+        import signal
+
+        def note(_number: int, _frame: Any) -> None:
+            self.count += 1
+
+        self._before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        import signal
+
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+
+def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: str, logs: Path) -> bool:
+    """Until the page answers and says that the estimator is active; False when interrupted."""
+    import time
+
+    from mwd_surface.commands import terminal
+
+    began = last = time.monotonic()
+    with terminal.waiting("starting the nodes; the first time their filters are compiled"):
+        while not interrupts.count:
+            supervisor.watch()
+            if supervisor.failing:
+                raise _StartError("; ".join(supervisor.failing))
+            rows = _state(address).get("findings", {}).get("rows", [])
+            if any(row["name"].endswith("estimator: lifecycle") and row["message"] == "active" for row in rows):
+                return True
+            now = time.monotonic()
+            for log in logs.glob("*.log"):
+                words = log.read_text(errors="replace")
+                # A node that cannot open its topics, files or port lives on, unconfigured, for somebody to mend it.
+                _, found, reason = words.partition("cannot configure: ")
+                if found:
+                    raise _StartError(f"{log.stem} cannot start: {reason.splitlines()[0]}")
+                if "preparing the filters" in words and "the filters are ready" not in words:
+                    last = now
+            if now - last > _READY_WITHIN or now - began > _PREPARED_WITHIN:
+                raise _StartError(f"the nodes are not ready after {now - began:.0f} s")
+            time.sleep(_POLL)
+    return False
+
+
+def _run_to_end(
+    supervisor: Supervisor, interrupts: _Interrupts, address: str, name: str, last: str, hold: bool
+) -> None:
+    """Until the scenario is over (the process `last` ends), unless the graph is held, or somebody interrupts."""
+    import time
+
+    from mwd_surface.commands import terminal
+    from mwd_surface.page.summary_line import summary_line
+
+    shown = 0.0
+    over: float | None = None
+    with terminal.live_line() as show:
+        while not interrupts.count:
+            supervisor.watch()
+            now = time.monotonic()
+            if over is None and supervisor.finished(last):
+                over = now
+                if hold:
+                    terminal.remark(f"{name} is over; the graph stays until Ctrl-C")
+            if over is not None and now - over > _SETTLE and not hold:
+                return
+            if now - shown > 0.5:
+                shown = now
+                state = _state(address)
+                show(f"{name}{_how_far(state)}: {summary_line(state)}")
+            time.sleep(_POLL)
+
+
+def _how_far(state: dict[str, Any]) -> str:
+    """Say how much of the scenario is over, by the diagnostics of the sonde."""
+    rows = state.get("findings", {}).get("rows", [])
+    return next((f" {row['message']}" for row in rows if row["name"].endswith("sonde: scenario")), "")
+
+
+def _state(address: str) -> dict[str, Any]:
+    """What the page shows; empty while it does not answer."""
+    import json
+    import urllib.request
+
+    # Past any proxy: the page is on this machine.
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    try:
+        with opener.open(f"{address}state.json", timeout=1.0) as answer:
+            state = json.load(answer)
+    except (OSError, ValueError):
+        return {}
+    return state.get("sections", {}) if isinstance(state, dict) else {}

@@ -1,0 +1,20 @@
+"""Sonde, estimator and surface of one well in one process."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mwd_estimation.nodes.estimator import EstimatorNode
+from mwd_sensors.nodes.sonde import SondeNode
+from mwd_sensors.ros.run_node import run_nodes
+from mwd_surface.nodes.surface import SurfaceNode
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """
+    Run the three nodes until one of them is stopped; the sonde ends first.
+
+    What is published inside a process is handed over without the transport. One callback runs at a time, and a crash
+    ends all three: several processes use the cores and survive each other.
+    """
+    return run_nodes([SurfaceNode, EstimatorNode, SondeNode], args)

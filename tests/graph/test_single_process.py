@@ -1,0 +1,41 @@
+"""Sonde, estimator and surface in one process: the same surveys, one end."""
+
+import pytest
+
+from mwd_sensors.simulator.scenario import read
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.runs import launch_plan
+from running_graph import graph
+
+pytestmark = pytest.mark.ros
+STORY = """
+name: one
+place: {latitude_deg: 38.3, longitude_deg: 109.6}
+well: {stations: [[0.0, 30.0, 40.0], [60.0, 36.0, 47.0]], bit_m: 33.0, sensor_to_bit_m: 3.0}
+schedule:
+  - {kind: drill, seconds: 5.0, rpm: 120.0, rop_m_h: 20.0}
+  - {kind: still, seconds: 20.0, pumps: false}
+  - {kind: drill, seconds: 5.0, rpm: 120.0, rop_m_h: 20.0}
+"""
+
+
+def test_three_nodes_in_one_process_record_a_survey_and_end_together(tmp_path):
+    story = tmp_path / "story.yaml"
+    story.write_text(STORY)
+    parameters = {
+        "surface": {"folder": str(tmp_path / "data"), "page.port": 0, "record.name": "run"},
+        "estimator": launch_plan.reference_parameters(read(story)),
+        "sonde": {"scenario": str(story), "rate": 5.0, "exit_at_end": True, "wait_for_listener_s": 30.0},
+    }
+    file = tmp_path / "parameters.yaml"
+    file.write_text(launch_plan.parameter_yaml(parameters, "w1"))
+    with graph(tmp_path) as running:
+        well = running.start("well", "w1", arguments=["--params-file", str(file)])
+        assert running.wait(well, within=240.0) == 0
+        log = running.log(well)
+    assert "Traceback" not in log
+    (recording,) = (tmp_path / "data").rglob("*.mcap")
+    with Bag(recording) as bag:
+        counts = {name: topic.count for name, topic in bag.topics.items()}
+    assert counts["/w1/survey"] >= 1
+    assert counts["/w1/attitude"] == counts["/w1/imu/data_raw"] > 1000
