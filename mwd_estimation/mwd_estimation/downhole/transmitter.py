@@ -6,6 +6,8 @@ the survey, and the toolface sequence again and again, each word measured when i
 words take the place of sync, header and words. A tool on a wire does not ask for flow: it sends toolface frames all the
 time, and each survey as soon as it was taken. The machine moves in steps of 0.1 s of the tool's clock, so that what is
 sent does not depend on how the samples are cut into blocks.
+
+A command of the downlink changes what is sent from the next sync on, which then follows the word on air.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from typing import Any, NamedTuple, TypeVar
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.downhole import readings
+from mwd_estimation.downhole.commands import Commands
 from mwd_estimation.downhole.continuous_survey import ContinuousSurvey
 from mwd_estimation.downhole.readings import Reading, Readings
 from mwd_estimation.downhole.settings import Transmit
@@ -26,6 +29,7 @@ from mwd_estimation.downhole.switches import NANOSECONDS, Switch
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.telemetry import meanings, on_air
+from mwd_sensors.telemetry.downlink import FLOW, ROTATION
 from mwd_sensors.telemetry.on_air import Group
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
@@ -52,6 +56,7 @@ class State(enum.StrEnum):
     SILENT = "silent: no flow"
     WAITING = "flow is on: transmit delay"
     SENDING = "sending"
+    MUTED = "silent: told so by downlink, until the next flow-on or command"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,6 +82,8 @@ class Sent:
     duration_s : float
     edges_s : tuple of float
         Begin of each pulse after the start, s.
+    tool : ToolConfiguration
+        In force.
     phases : tuple of float
         Of each symbol on a carrier, rad; empty but at the first word of a block.
     octets : bytes
@@ -93,6 +100,7 @@ class Sent:
     start_ns: int
     duration_s: float
     edges_s: tuple[float, ...]
+    tool: ToolConfiguration
     phases: tuple[float, ...] = ()
     octets: bytes = b""
 
@@ -122,6 +130,7 @@ class Transmitter:
 
     def __init__(self, tool: ToolConfiguration, settings: Transmit) -> None:
         self.tool, self._settings = tool, settings
+        self._commands, self._commanded = Commands(tool), False
         self._flow = Switch(round(settings.flow_hold_s * NANOSECONDS))
         self._rotation = Switch(round(settings.rotation_hold_s * NANOSECONDS))
         self._continuous = ContinuousSurvey(round(settings.continuous_s * NANOSECONDS))
@@ -140,9 +149,14 @@ class Transmitter:
 
     def take_flow(self, samples: Samples) -> None:
         """Take samples of `wire.TOOL_FLOW`, in order; those of a time must come before its attitude."""
+        self._commands.listen(FLOW, samples["stamp_ns"], samples["flow"])
         if self.wired:
             return
         self._flows.extend(zip(samples["stamp_ns"].tolist(), samples["flow"].tolist(), strict=True))
+
+    def take_rotation(self, samples: Samples) -> None:
+        """Take samples of `wire.IMU` in tool axes, in order; those of a time must come before its attitude."""
+        self._commands.listen(ROTATION, samples["stamp_ns"], samples["angular_velocity"][:, 0])
 
     def take_survey(self, survey: Survey) -> None:
         """Keep a survey taken at rest for the next transmission."""
@@ -210,6 +224,7 @@ class Transmitter:
             return []
         _, status, self._current = row
         self._continuous.take(now, self._current)
+        self._commanded = self._commands.obey(now) or self._commanded
         if not self.wired:
             flow = _newest(self._flows, now)
             if flow is None:
@@ -217,25 +232,37 @@ class Transmitter:
             if self._flow.update(now, flow[1] > self._settings.flow_threshold_lpm * _LPM):
                 self._switch_flow()
         elif self.state == State.SILENT:
-            self.state, self._next_ns, self._on_air = State.SENDING, now, self._frames()
+            self._begin_sending(now)
         turned = self._rotation.update(now, bool(status & Status.ROTATING))
         if turned and self._settings.rotation_switching and self.tool.names_sequences and not self.wired:
             self._begins_anew = self.state == State.SENDING
-        if self.state == State.WAITING and now >= self._next_ns:
-            self.state = State.SENDING
-            self._on_air = self._parts(with_survey=True)
+        if (self.state == State.WAITING and now >= self._next_ns) or (self.state == State.MUTED and self._commanded):
+            self._begin_sending(max(now, self._next_ns) if self.state == State.MUTED else self._next_ns)
         sent = []
         while self.state == State.SENDING and self._next_ns <= now:
-            if self._begins_anew:
+            if self._commanded:
+                self._begin_sending(self._next_ns)
+            elif self._begins_anew:
                 self._begins_anew = False
                 self._on_air = self._parts(with_survey=self._rotation.on)
-            sent += self._put_on_air(next(self._on_air))
+            part = next(self._on_air, None)
+            if part is None:
+                self.state = State.MUTED
+                break
+            sent += self._put_on_air(part)
         return sent
+
+    def _begin_sending(self, at_ns: int) -> None:
+        """Begin with a survey, by the tool configuration that commands have led to."""
+        self.state, self._next_ns, self._commanded, self._begins_anew = State.SENDING, at_ns, False, False
+        self.tool = self._commands.tool()
+        self._on_air = self._frames() if self.wired else self._parts(with_survey=True)
 
     def _switch_flow(self) -> None:
         self._on_air, self._begins_anew = iter(()), False
         if self._flow.on:
             self.state = State.WAITING
+            self._commands.speak()
             self._next_ns = self._flow.since_ns + round(self.tool.transmit_delay_s * NANOSECONDS)
         else:
             self.state = State.SILENT
@@ -243,7 +270,9 @@ class Transmitter:
     @property
     def _number(self) -> int:
         """Number of the sequences to send now."""
-        return int(self._rotation.on) if self._settings.rotation_switching and self.tool.names_sequences else 0
+        if not self.tool.names_sequences:
+            return 0
+        return int(self._rotation.on) if self._settings.rotation_switching else self._commands.settings.sequence
 
     def _parts(self, *, with_survey: bool) -> Iterator[_Part]:
         """Sync, header, survey and for ever the toolface sequence."""
@@ -256,13 +285,13 @@ class Transmitter:
         if with_survey:
             self._choose_survey()
             yield from self._pass("survey", number)
-        while True:
+        while not self._commands.settings.mute:
             self._frame += 1
             yield from self._pass("toolface", number)
 
     def _frames(self) -> Iterator[_Part]:
         """Of a tool on a wire: a survey where one was taken, else toolfaces, for ever."""
-        while True:
+        while not self._commands.settings.mute:
             kind = "survey" if self._fresh else "toolface"
             if self._fresh:
                 self._choose_survey()
@@ -297,7 +326,7 @@ class Transmitter:
         else:
             signal = on_air.signal(self.tool, group, self.tool.sent(group.items, codes), frame)
         self._next_ns = start + round(signal.period_s * NANOSECONDS)
-        time = (start, signal.duration_s, signal.edges_s)
+        time = (start, signal.duration_s, signal.edges_s, self.tool)
         if kind == Kind.SYNC:
             return [Sent(kind, frame, number, "", 0, 0, None, *time)]
         sent = [
@@ -309,6 +338,8 @@ class Transmitter:
 
     def _reading(self, kind: Kind, name: str) -> Reading | None:
         quantity = meanings.meaning_of(name)
+        if quantity == meanings.DOWNLINK:
+            return Reading(float(self._commands.echo), 0.0, self._next_ns)
         of_now = self._slow | self._current
         return (self._survey | of_now if kind == Kind.TOOLFACE else of_now | self._survey).get(quantity)
 

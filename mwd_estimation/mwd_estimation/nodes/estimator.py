@@ -144,7 +144,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     def _publish(self, samples: Samples, output: Output) -> None:
         frame = self._frame
         self._publish_streams(samples, output, frame)
-        self._transmission.take(output, self._pipeline, frame)
+        self._transmission.take(samples, output, self._pipeline, frame)
         for change in output.health:
             fault = describe(change)
             if change.cleared_ns:

@@ -14,12 +14,13 @@ from mwd_estimation.nodes.messages import stamp
 from mwd_estimation.output import Output
 from mwd_estimation.pipeline import Pipeline
 from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.message_buffer import decode_messages
 from mwd_sensors.telemetry import tool_configuration
-from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
 
 # Flow so far behind the estimates has stopped, s.
 _LATE_S = 5.0
@@ -56,21 +57,23 @@ class TransmissionPublisher:
     def _begin_anew(self) -> None:
         self._transmitters = [Transmitter(tool, self._settings) for tool in self._tools]
 
-    def take(self, output: Output, pipeline: Pipeline, frame: str) -> None:
-        """Take what the estimator gave for a block, and publish what went on air."""
+    def take(self, imu: Samples, output: Output, pipeline: Pipeline, frame: str) -> None:
+        """Take IMU samples in axes of the unit and what the estimator gave for them; publish what went on air."""
         if not self._transmitters:
             return
         if pipeline.counters.set_back > self._set_back:
             self._set_back = pipeline.counters.set_back
             self._begin_anew()
         flows, _ = decode_messages(wire.TOOL_FLOW, [message.data for message in self._flow.take()])
+        imu_t = pipeline.mount.imu_in_tool(imu)
         for transmitter in self._transmitters:
             transmitter.take_flow(flows)
+            transmitter.take_rotation(imu_t)
             for survey in output.surveys:
                 transmitter.take_survey(survey)
             transmitter.take_dynamics(output.dynamics)
             for sent in transmitter.advance(output.attitude, pipeline.reference):
-                self._publisher.publish(transmission_message(sent, transmitter.tool, frame))
+                self._publisher.publish(transmission_message(sent, frame))
                 self._sent += 1
 
     def diagnostics(self) -> list[Diagnostic]:
@@ -89,8 +92,9 @@ class TransmissionPublisher:
         return found
 
 
-def transmission_message(sent: Sent, tool: ToolConfiguration, frame: str) -> TransmissionMessage:
+def transmission_message(sent: Sent, frame: str) -> TransmissionMessage:
     """What went on air, as mwd_msgs/Transmission."""
+    tool = sent.tool
     message = TransmissionMessage(
         kind=int(sent.kind),
         frame=sent.frame,

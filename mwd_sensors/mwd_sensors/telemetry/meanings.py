@@ -21,6 +21,7 @@ G_TOTAL, B_TOTAL, DIP, TEMPERATURE = "g_total", "b_total", "dip", "temperature"
 SIGMA_INCLINATION, SIGMA_AZIMUTH = "sigma_inclination", "sigma_azimuth"
 CONTINUOUS_INCLINATION, CONTINUOUS_AZIMUTH = "continuous_inclination", "continuous_azimuth"
 LATERAL_RMS, AXIAL_RMS, LATERAL_PEAK, AXIAL_PEAK = "lateral_rms", "axial_rms", "lateral_peak", "axial_peak"
+DOWNLINK = "downlink"
 
 # By the name in lower case. Azimuths are from magnetic north: a tool knows no other.
 MEANINGS = {
@@ -41,6 +42,7 @@ MEANINGS = {
     "arms": Meaning(AXIAL_RMS, "m/s^2"),
     "lmxg": Meaning(LATERAL_PEAK, "m/s^2"),
     "amxg": Meaning(AXIAL_PEAK, "m/s^2"),
+    "dlnk": Meaning(DOWNLINK, ""),
 }
 TOOLFACES = (TOOLFACE, GRAVITY_TOOLFACE, MAGNETIC_TOOLFACE)
 _FACTORS = {"deg": math.pi / 180.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "uT": 1e-6, "nT": 1e-9}

@@ -20,6 +20,7 @@ from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import setting
 from mwd_sensors.telemetry import checksum, combinatorial, pulse_position, sequences, serial_frames
 from mwd_sensors.telemetry.carrier import MOST_SEQUENCES, Carrier, blocks_of
+from mwd_sensors.telemetry.downlink import Downlink
 from mwd_sensors.telemetry.pulse_position import PULSE_TU, Pulses
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.serial_frames import SerialLine
@@ -77,6 +78,7 @@ class ToolConfiguration:
         "range. Without it the tool sends 0, as many kits do, and the surface takes that for a value.",
     )
     transmit_delay_s: float = setting(45.0, "From flow-on to the sync.", unit="s", low=0.0, high=3600.0)
+    downlink: Downlink | None = setting(None, "How the tool takes commands from the surface; none: it takes none.")
     words: dict[str, Word] = setting({}, "Ranges of the words, by name; they replace those that kits commonly use.")
     survey_sequences: tuple[str, ...] = setting((_SURVEY,), "Sent once after each flow-on.")
     toolface_sequences: tuple[str, ...] = setting((_TOOLFACE,), "Sent behind the survey again and again.")

@@ -151,4 +151,6 @@ COMMON = {
     # Of this project's own tool: what it knows of its errors.
     "sInc": Word(4, 0.01, 10.0, "deg", logarithmic=True),
     "sAzm": Word(4, 0.01, 180.0, "deg", logarithmic=True),
+    # What the tool received last by downlink: counter, command and argument.
+    "DLnk": Word(10, 0.0, 1023.0, ""),
 }

@@ -73,7 +73,9 @@ class SimulatedTool:
         pipeline.push_mag(block["imu/mag"])
         pipeline.push_precision(block["gyro/data_raw"])
         pipeline.push_temperature(block["imu/temperature"])
-        self._take_output(pipeline.push_imu(block["imu/data_raw"]))
+        imu = block["imu/data_raw"]
+        self._transmitter.take_rotation(pipeline.mount.imu_in_tool(imu))
+        self._take_output(pipeline.push_imu(imu))
         self._done = until_s
         return flow, self._link.advance(until_s - _LAG_S)
 
@@ -86,11 +88,10 @@ class SimulatedTool:
             self._transmitter.take_survey(survey)
             self.surveys.append(survey)
         self._transmitter.take_dynamics(output.dynamics)
-        width = self._transmitter.tool.pulse_width_s
         for sent in self._transmitter.advance(output.attitude, self._pipeline.reference):
             self.sent.append(sent)
             begins = self._sonde.seconds(sent.start_ns) + np.array(sent.edges_s)
-            self._link.send(np.column_stack([begins, begins + width]))
+            self._link.send(np.column_stack([begins, begins + sent.tool.pulse_width_s]))
 
     def _flow(self, until_s: float) -> Samples:
         times, flows = self._link.flows(until_s)

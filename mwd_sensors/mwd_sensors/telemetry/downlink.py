@@ -1,0 +1,230 @@
+"""
+Downlink: commands that the surface sends to the tool by changing flow or rotation.
+
+A command is 18 bits: counter, command, argument and a check. They go out as symbols (D-WIS ADCS interface: ramp, hold,
+amplitude) of two bits each, four levels between the drilling value and `depth` below it. Before them one symbol at the
+lowest level and one at the drilling value teach the tool the two ends of the scale; the drilling value ends the
+programme. A hold is two periods of the string's torsional oscillation, whose mean over it stick-slip does not change.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from typing import NamedTuple
+
+from mwd_sensors.core.settings import setting
+
+COMMANDS = ("sequence", "pulse_width", "carrier", "toolface_rate", "survey_now", "mute")
+ROTATION, FLOW = "rotation", "flow"
+LEVELS = 4
+_ARGUMENT_BITS, _COMMAND_BITS, _CHECK_BITS = 4, 3, 8
+ARGUMENTS = 1 << _ARGUMENT_BITS
+COUNTERS = 8
+ECHO_WORD = "DLnk"
+"""Word of the uplink that repeats the last command received, as `echo` has it; 0: none yet."""
+
+_DATA_SYMBOLS = 9
+# Neighbouring levels differ in one bit, so that the likeliest error of a symbol is one bit, which the check finds.
+_GRAY = (0b00, 0b01, 0b11, 0b10)
+# Drilling value, lowest, drilling value, 9 symbols of data, drilling value.
+HEAD, TAIL = (LEVELS - 1, 0, LEVELS - 1), (LEVELS - 1,)
+
+
+@dataclasses.dataclass(frozen=True)
+class Downlink:
+    """How the tool is commanded. Surface and tool need the same."""
+
+    medium: str = setting(
+        ROTATION, "What is changed: the rotation of the string or the flow.", choices=(ROTATION, FLOW)
+    )
+    ramp_s: float = setting(
+        5.6,
+        "Time from one level to the next. Raise it for slow pumps or a soft top drive; each symbol takes longer.",
+        unit="s",
+        low=0.5,
+        high=120.0,
+    )
+    hold_s: float = setting(
+        11.2,
+        "Time a level is held: of rotation two torsional periods of the string, whatever its length (2 x 5.6 s at "
+        "3 km). Raising it finds weaker changes; each symbol takes longer.",
+        unit="s",
+        low=1.0,
+        high=240.0,
+    )
+    depth: float = setting(
+        0.4,
+        "Lowest level below the drilling value, as a share of it. Raise it where commands are missed; the rig changes "
+        "more, and flow must stay above the tool's threshold.",
+        low=0.02,
+        high=0.9,
+    )
+    least: float = setting(
+        4.0,
+        "Drilling value below which no command is sent or taken: rad/s of rotation, m^3/s of flow.",
+        unit="rad/s or m^3/s",
+        low=1e-4,
+        high=100.0,
+    )
+    pulse_widths_s: tuple[float, ...] = setting(
+        (0.3, 0.5, 0.8, 1.0, 1.5), "Pulse widths to choose from.", unit="s", low=0.02, high=20.0
+    )
+    carriers_hz: tuple[float, ...] = setting((), "Carriers to choose from.", unit="Hz", low=0.1, high=200.0)
+
+    def __post_init__(self) -> None:
+        """
+        Check the tables.
+
+        Raises
+        ------
+        ValueError
+            A table is longer than an argument can number.
+        """
+        for name in ("pulse_widths_s", "carriers_hz"):
+            if len(getattr(self, name)) > ARGUMENTS:
+                raise ValueError(f"{name}: a command can choose among {ARGUMENTS}, got {len(getattr(self, name))}")
+
+    @property
+    def symbol_s(self) -> float:
+        """Time of a symbol, s."""
+        return self.ramp_s + self.hold_s
+
+    @property
+    def table_check(self) -> int:
+        """Start of the check: a command for another table of pulse widths or carriers is no command."""
+        text = " ".join(f"{value:g}" for value in (*self.pulse_widths_s, -1.0, *self.carriers_hz))
+        return _crc8(int.from_bytes(text.encode(), "big"), 8 * len(text), 0xFF)
+
+
+class Frame(NamedTuple):
+    """One command: counter 1 to 7 (0 is no command), number of the command in `COMMANDS`, argument 0 to 15."""
+
+    counter: int
+    command: int
+    argument: int
+
+    @property
+    def echo(self) -> int:
+        """Code of the word by which the tool repeats it."""
+        return (self.counter << _COMMAND_BITS | self.command) << _ARGUMENT_BITS | self.argument
+
+
+def frame_of(echo: int) -> Frame | None:
+    """Command that an echo repeats; None: no command was received, or there is none of this code."""
+    argument, rest = echo % ARGUMENTS, echo >> _ARGUMENT_BITS
+    command, counter = rest % (1 << _COMMAND_BITS), rest >> _COMMAND_BITS
+    if not 0 < counter < COUNTERS or command >= len(COMMANDS):
+        return None
+    return Frame(counter, command, argument)
+
+
+def next_counter(counter: int) -> int:
+    """Counter that follows on one; 0 is left out."""
+    return counter % (COUNTERS - 1) + 1
+
+
+class Symbol(NamedTuple):
+    """One symbol (D-WIS): time of its ramp, s, time it is held, s, and amplitude as share of the drilling value."""
+
+    ramp_s: float
+    hold_s: float
+    amplitude: float
+
+
+def levels(frame: Frame, downlink: Downlink) -> tuple[int, ...]:
+    """
+    Levels of a command in their order, 0 lowest to 3 drilling value, from the first that is sent to the last.
+
+    Raises
+    ------
+    ValueError
+        A counter, command or argument that has no code.
+    """
+    if frame_of(frame.echo) != frame or not 0 <= frame.argument < ARGUMENTS:
+        raise ValueError(f"frame: counter 1 to 7, command 0 to 5 and argument 0 to 15 are sent, got {tuple(frame)}")
+    check = _crc8(frame.echo, _DATA_SYMBOLS * 2 - _CHECK_BITS, downlink.table_check)
+    bits = frame.echo << _CHECK_BITS | check
+    data = [_GRAY.index(bits >> 2 * k & 3) for k in reversed(range(_DATA_SYMBOLS))]
+    return (*HEAD[1:], *data, *TAIL)
+
+
+def decode(data: tuple[int, ...], downlink: Downlink) -> Frame | None:
+    """Command of 9 levels of data; None where the check fails."""
+    bits = 0
+    for level in data:
+        bits = bits << 2 | _GRAY[level]
+    echo, check = bits >> _CHECK_BITS, bits & 0xFF
+    if _crc8(echo, _DATA_SYMBOLS * 2 - _CHECK_BITS, downlink.table_check) != check:
+        return None
+    return frame_of(echo)
+
+
+@dataclasses.dataclass(frozen=True)
+class Programme:
+    """
+    Set-points of a command over time.
+
+    Attributes
+    ----------
+    symbols : tuple of Symbol
+    """
+
+    symbols: tuple[Symbol, ...]
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first ramp to the end of the last hold, s."""
+        return sum(one.ramp_s + one.hold_s for one in self.symbols)
+
+    @property
+    def lowest(self) -> float:
+        """Lowest set-point, share of the drilling value."""
+        return min(one.amplitude for one in self.symbols)
+
+    def at(self, time_s: float) -> float:
+        """Set-point, share of the drilling value, at a time after the start, s: linear on the ramps."""
+        before = 1.0
+        for symbol in self.symbols:
+            if time_s < symbol.ramp_s:
+                return before + (symbol.amplitude - before) * max(time_s, 0.0) / symbol.ramp_s
+            time_s -= symbol.ramp_s + symbol.hold_s
+            before = symbol.amplitude
+            if time_s < 0.0:
+                break
+        return before
+
+    def number_at(self, time_s: float) -> int:
+        """Symbol being sent, from 1; 0 before the start."""
+        if time_s < 0.0:
+            return 0
+        ends = itertools.accumulate(one.ramp_s + one.hold_s for one in self.symbols)
+        return min(sum(end <= time_s for end in ends) + 1, len(self.symbols))
+
+
+def amplitude(level: float, downlink: Downlink) -> float:
+    """Level as a share of the drilling value."""
+    return 1.0 - downlink.depth * (LEVELS - 1 - level) / (LEVELS - 1)
+
+
+def programme(frame: Frame, downlink: Downlink) -> Programme:
+    """
+    Set-points that send a command.
+
+    Raises
+    ------
+    ValueError
+        As `levels`.
+    """
+    return Programme(
+        tuple(Symbol(downlink.ramp_s, downlink.hold_s, amplitude(level, downlink)) for level in levels(frame, downlink))
+    )
+
+
+def _crc8(value: int, bits: int, start: int) -> int:
+    """CRC-8 of polynomial 0x2F (AUTOSAR, CRC8H2F), which finds any three wrong bits of up to 119."""
+    register = start
+    for k in reversed(range(bits)):
+        feedback = register >> 7 & 1 ^ value >> k & 1
+        register = (register << 1 & 0xFF) ^ (0x2F if feedback else 0)
+    return register

@@ -1,0 +1,175 @@
+"""
+What the commands of a downlink change in a tool configuration: tool and surface compute it alike.
+
+A tool starts with its tool.yaml; each command replaces one setting until the next command or power-up.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, NamedTuple
+
+from mwd_sensors.telemetry import meanings, sequences
+from mwd_sensors.telemetry.downlink import ARGUMENTS, COMMANDS, Downlink, Frame
+from mwd_sensors.telemetry.sequences import SequenceItem
+from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+
+_SEQUENCE, _PULSE_WIDTH, _CARRIER, _TOOLFACE_RATE, _SURVEY_NOW, _MUTE = range(len(COMMANDS))
+
+
+class ToolSettings(NamedTuple):
+    """
+    Settings that commands change.
+
+    Attributes
+    ----------
+    sequence : int
+        Number of the survey and toolface sequence.
+    pulse_width, carrier : int
+        Place in the tables of the downlink; -1: that of the tool configuration.
+    toolface_rate : int
+        Each toolface word of a sequence is measured and sent so many times running.
+    mute : bool
+        Silent from the end of the next survey to the next flow-on or command.
+    """
+
+    sequence: int = 0
+    pulse_width: int = -1
+    carrier: int = -1
+    toolface_rate: int = 1
+    mute: bool = False
+
+    def after(self, frame: Frame) -> ToolSettings:
+        """Return the settings that a command leads to."""
+        changes: dict[int, dict[str, Any]] = {
+            _SEQUENCE: {"sequence": frame.argument},
+            _PULSE_WIDTH: {"pulse_width": frame.argument},
+            _CARRIER: {"carrier": frame.argument},
+            _TOOLFACE_RATE: {"toolface_rate": frame.argument},
+            _MUTE: {"mute": True},
+        }
+        return self._replace(mute=False)._replace(**changes.get(frame.command, {}))
+
+
+def downlink_of(tool: ToolConfiguration) -> Downlink:
+    """
+    Downlink of a tool.
+
+    Raises
+    ------
+    ValueError
+        The tool takes no commands.
+    """
+    if tool.downlink is None:
+        raise ValueError("downlink: this tool takes no commands; describe how it does in `downlink` of its tool.yaml")
+    return tool.downlink
+
+
+def applied(tool: ToolConfiguration, settings: ToolSettings) -> ToolConfiguration:
+    """
+    Tool configuration in force.
+
+    Where the transmission does not name its sequence, that chosen comes first: it is the one a receiver expects.
+
+    Raises
+    ------
+    ValueError
+        The tool cannot do that: a number beyond its sequences or tables, or a sequence that becomes too long.
+    """
+    downlink = downlink_of(tool)
+    changes: dict[str, Any] = {}
+    if settings.pulse_width >= 0:
+        changes["pulse_width_s"] = _chosen(downlink.pulse_widths_s, settings.pulse_width, "pulse_widths_s")
+    if settings.carrier >= 0:
+        frequency = _chosen(downlink.carriers_hz, settings.carrier, "carriers_hz")
+        changes["carrier"] = dataclasses.replace(tool.carrier, frequency_hz=frequency)
+    surveys, toolfaces = tool.surveys, tool.toolfaces
+    if settings.sequence >= max(len(surveys), len(toolfaces)):
+        count = max(len(surveys), len(toolfaces))
+        raise ValueError(f"sequence: the tool has the numbers 0 to {count - 1}, got {settings.sequence}")
+    if settings.toolface_rate < 1:
+        raise ValueError(f"toolface_rate: 1 to {ARGUMENTS - 1} times, got {settings.toolface_rate}")
+    if not tool.names_sequences:
+        surveys, toolfaces = _first(surveys, settings.sequence), _first(toolfaces, settings.sequence)
+    toolfaces = tuple(_repeated(items, settings.toolface_rate) for items in toolfaces)
+    changes["survey_sequences"] = tuple(map(sequences.written, surveys))
+    changes["toolface_sequences"] = tuple(map(sequences.written, toolfaces))
+    return dataclasses.replace(tool, **changes)
+
+
+def command(tool: ToolConfiguration, name: str, value: float) -> tuple[int, int]:
+    """
+    Number and argument of a command that people name.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+    name : str
+        One of `COMMANDS`.
+    value : float
+        Number of the sequence, pulse width in s, carrier in Hz or times; without meaning for survey_now and mute.
+
+    Raises
+    ------
+    ValueError
+        No such command, or a value that the tool cannot be told.
+    """
+    downlink = downlink_of(tool)
+    if name not in COMMANDS:
+        raise ValueError(f"command: the tool knows {', '.join(COMMANDS)}, not {name!r}")
+    number, argument = COMMANDS.index(name), 0
+    if number == _PULSE_WIDTH:
+        if tool.code not in PULSE_CODES:
+            raise ValueError(f"command: this tool sends {tool.code}, which has no pulse width")
+        argument = _place(downlink.pulse_widths_s, value, "pulse_width", "s")
+    elif number == _CARRIER:
+        if tool.code != "psk":
+            raise ValueError(f"command: this tool sends {tool.code}, which has no carrier")
+        argument = _place(downlink.carriers_hz, value, "carrier", "Hz")
+    elif number in (_SEQUENCE, _TOOLFACE_RATE):
+        if value != round(value) or not 0 <= value < ARGUMENTS:
+            raise ValueError(f"value: {name} takes a whole number from 0 to {ARGUMENTS - 1}, got {value:g}")
+        argument = round(value)
+    applied(tool, ToolSettings().after(Frame(1, number, argument)))
+    return number, argument
+
+
+def about(tool: ToolConfiguration, frame: Frame) -> str:
+    """Name what a command does, in words."""
+    downlink = downlink_of(tool)
+    name = COMMANDS[frame.command]
+    if frame.command == _PULSE_WIDTH:
+        return f"pulse width {_chosen(downlink.pulse_widths_s, frame.argument, name):g} s"
+    if frame.command == _CARRIER:
+        return f"carrier {_chosen(downlink.carriers_hz, frame.argument, name):g} Hz"
+    return {
+        "sequence": f"sequence {frame.argument}",
+        "toolface_rate": f"each toolface {frame.argument} times",
+        "survey_now": "send a survey now",
+        "mute": "silent after the next survey until the next flow-on or command",
+    }[name]
+
+
+def _chosen(table: tuple[float, ...], place: int, name: str) -> float:
+    if place >= len(table):
+        raise ValueError(f"{name}: the tool has {len(table)} to choose from, got number {place}")
+    return table[place]
+
+
+def _place(table: tuple[float, ...], value: float, name: str, unit: str) -> int:
+    for place, one in enumerate(table):
+        if abs(one - value) <= 1e-6 * abs(one):
+            return place
+    choices = ", ".join(f"{one:g}" for one in table) or "none"
+    raise ValueError(f"value: the {name} of this tool can be {choices} {unit}, got {value:g}")
+
+
+def _first(given: tuple[tuple[SequenceItem, ...], ...], number: int) -> tuple[tuple[SequenceItem, ...], ...]:
+    number = min(number, len(given) - 1)
+    return (given[number], *given[:number], *given[number + 1 :])
+
+
+def _repeated(items: tuple[SequenceItem, ...], times: int) -> tuple[SequenceItem, ...]:
+    return tuple(
+        item for item in items for _ in range(times if meanings.meaning_of(item.name) in meanings.TOOLFACES else 1)
+    )
