@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
 from mwd_sensors.simulator.profile import Profile, ProfileBuilder
 from mwd_sensors.simulator.vibration import ENVELOPES
@@ -76,8 +78,10 @@ class Timeline:
         One for each name of `vibration.ENVELOPES`.
     hole : Profile
         Greatest depth the bit has been at, m.
-    block, hookload, weight, torque, flow : Profile
-        m, N, N, N m, m^3/s.
+    block, hookload, weight, torque : Profile
+        m, N, N, N m.
+    flow : callable
+        As a `Profile`, m^3/s; of pumps that obey commands a `CommandedFlow`.
     slips, activity : Profile
         0 or 1; `STILL`, `SLIDING`, `ROTATING` or `TRIPPING`.
     still : list of (float, float)
@@ -94,7 +98,7 @@ class Timeline:
     hookload: Profile
     weight: Profile
     torque: Profile
-    flow: Profile
+    flow: Callable[[Array], Array]
     slips: Profile
     activity: Profile
     still: list[tuple[float, float]]

@@ -18,6 +18,7 @@ from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.simulator import faults, instrument, interference, motion, steering
 from mwd_sensors.simulator.kinematics import Place, sensed
 from mwd_sensors.simulator.measuring_unit import MeasuringUnit
+from mwd_sensors.simulator.pump_commands import CommandedFlow
 from mwd_sensors.simulator.scenario import Scenario, parse_date
 from mwd_sensors.simulator.schedule import ROTATING, SLIDING, timeline
 from mwd_sensors.simulator.telemetry_link import TelemetryLink
@@ -79,7 +80,7 @@ class Sonde:
         self.epoch_ns = epoch_ns if epoch_ns is not None else round(start.timestamp()) * wire.NANOSECONDS
         self._day_s = start.hour * 3600.0 + start.minute * 60.0 + start.second
         self.reference = reference_of(scenario)
-        self.motion = _motion(scenario, self._rng)
+        self.motion, self._pumps = _motion(scenario, self._rng)
         self.duration = self.motion.timeline.seconds
         self.string = (
             steering.String(
@@ -148,16 +149,20 @@ class Sonde:
 
     def command(self, command: steering.Command) -> None:
         """
-        Let the top drive obey, at most 0.2 s (a step and the sensors' delay) after `time`.
+        Let the top drive or the pumps obey, at most 0.2 s (a step and the sensors' delay) after `time`.
 
         Raises
         ------
         ValueError
             The scenario has no steering, or the rig cannot do that (see `steering.check`).
         """
-        if self.string is None:
+        if self.string is None or self._pumps is None:
             raise ValueError("the rig of this scenario takes no commands; they need an entry `steering: {}` in it")
         self.string.command(command)
+        if command.mode == steering.PUMP:
+            self._pumps.ask(self.time, command.flow_rate, command.valid_for)
+        elif command.mode == steering.RELEASE:
+            self._pumps.release(self.time)
 
     def stamp_ns(self, seconds: float, *, of_tool: bool) -> int:
         """Stamp of a time of the run, s, by the clock of the tool, which drifts, or by that of the rig, ns."""
@@ -359,7 +364,8 @@ def reference_of(scenario: Scenario) -> earth.ReferenceField:
     )
 
 
-def _motion(scenario: Scenario, rng: dict[str, np.random.Generator]) -> motion.Motion:
+def _motion(scenario: Scenario, rng: dict[str, np.random.Generator]) -> tuple[motion.Motion, CommandedFlow | None]:
+    """Motion of a run, and its pumps where they obey commands."""
     well, vibration = scenario.well, scenario.vibration
     table = np.array(well.stations, dtype=float)
     line = timeline(
@@ -370,8 +376,12 @@ def _motion(scenario: Scenario, rng: dict[str, np.random.Generator]) -> motion.M
         rng["timeline"],
         math.radians(well.toolface_deg),
     )
+    pumps = None
+    if scenario.steering is not None:
+        pumps = CommandedFlow(line.flow, scenario.rig.flow_lpm * 1e-3 / 60.0, scenario.rig.pump_ramp_s)
+        line = dataclasses.replace(line, flow=pumps)
     active = {when: line.active(when) for when in {item.when for item in vibration.shocks}}
-    return motion.Motion(
+    moved = motion.Motion(
         path=motion.well_path(table[:, 0], np.radians(table[:, 1]), np.radians(table[:, 2])),
         timeline=line,
         sensor_to_bit=well.sensor_to_bit_m,
@@ -379,3 +389,4 @@ def _motion(scenario: Scenario, rng: dict[str, np.random.Generator]) -> motion.M
         lines=draw_lines(vibration, rng["lines"]),
         hits=draw_hits(vibration.shocks, active, rng["hits"]),
     )
+    return moved, pumps

@@ -25,8 +25,8 @@ from mwd_sensors.core.records import dtype_of
 from mwd_sensors.core.settings import setting
 from mwd_sensors.simulator.schedule import Timeline
 
-# As in mwd_msgs/RigCommand; before the first command the top drive follows the schedule.
-HOLD, ROTATE, ORIENT = range(3)
+# As in mwd_msgs/RigCommand; before the first command and after a release the top drive follows the schedule.
+HOLD, ROTATE, ORIENT, PUMP, RELEASE = range(5)
 _SCHEDULE = -1
 _RPM = math.pi / 30.0
 _LINES = 24  # sines of the motor's unsteady torque
@@ -45,6 +45,8 @@ class State:
         Of the command in force; _SCHEDULE before the first.
     speed, target, left : float
         What it asks: rad/s, rad; and how long it holds, s.
+    then : int
+        Mode after that time: HOLD or RELEASE.
     """
 
     drive: float
@@ -55,6 +57,7 @@ class State:
     speed: float
     target: float
     left: float
+    then: int
 
 
 _STATE = dtype_of(State)
@@ -107,16 +110,20 @@ class Steering:
 @dataclasses.dataclass(frozen=True)
 class Command:
     """
-    What is asked of the top drive.
+    What is asked of the top drive or the pumps.
 
-    mode: `HOLD`, `ROTATE` at rotary_speed, rad/s, or `ORIENT`: by turn, rad, from where the top drive stands (where it
-    will have come to rest, if it turns). valid_for, s: with no newer command within this time the top drive holds.
+    mode: `HOLD`, `ROTATE` at rotary_speed, rad/s, `ORIENT`: by turn, rad, from where the top drive stands (where it
+    will have come to rest, if it turns), `PUMP` at flow_rate, m^3/s, or `RELEASE`: top drive and pumps return to the
+    schedule. valid_for, s: with no newer command within this time the top drive holds, or where `returns` is set
+    returns to the schedule; the pumps always do.
     """
 
     mode: int
     rotary_speed: float = 0.0
     turn: float = 0.0
     valid_for: float = 10.0
+    flow_rate: float = 0.0
+    returns: bool = False
 
 
 def check(command: Command, steering: Steering) -> None:
@@ -128,8 +135,10 @@ def check(command: Command, steering: Steering) -> None:
     ValueError
         An unknown mode, a number that is not finite or out of the rig's limits, or a time that is not positive.
     """
-    if command.mode not in (HOLD, ROTATE, ORIENT):
-        raise ValueError(f"mode: must be 0 (hold), 1 (rotate) or 2 (orient), got {command.mode}")
+    if command.mode not in range(RELEASE + 1):
+        raise ValueError(f"mode: must be 0 (hold), 1 (rotate), 2 (orient), 3 (pump) or 4 (release), got {command.mode}")
+    if not (math.isfinite(command.flow_rate) and command.flow_rate >= 0.0):
+        raise ValueError(f"flow_rate: must be 0 or more, got {command.flow_rate:g}")
     for name, limit in (("rotary_speed", steering.most_rpm * _RPM), ("turn", math.radians(steering.most_turn_deg))):
         value = getattr(command, name)
         if not math.isfinite(value) or abs(value) > limit * (1.0 + 1e-9):
@@ -182,7 +191,7 @@ class String:
         drag = steering.kinetic_nm + (steering.static_nm - steering.kinetic_nm) * fall
         wound = (motor + math.copysign(drag, speed) * (speed != 0.0)) / steering.stiffness_nm_rad
         self._state = np.zeros(1, _STATE)
-        self._state[0] = (toolface + wound, speed, toolface, speed, _SCHEDULE, 0.0, 0.0, 0.0)
+        self._state[0] = (toolface + wound, speed, toolface, speed, _SCHEDULE, 0.0, 0.0, 0.0, HOLD)
 
     def command(self, command: Command) -> None:
         """
@@ -195,16 +204,19 @@ class String:
         """
         check(command, self.steering)
         state = self._state[0]
+        if command.mode == PUMP or (command.mode == RELEASE and state.mode == _SCHEDULE):
+            return
         speed = float(state.drive_rate)
         rest = float(state.drive) + 0.5 * speed * abs(speed) / (self.steering.ramp_rpm_s * _RPM)
         state.mode, state.speed, state.left = command.mode, command.rotary_speed, command.valid_for
         state.target = rest + command.turn
+        state.then = RELEASE if command.returns else HOLD
 
     @property
     def obeys(self) -> int | None:
-        """Mode of the command in force; None before the first."""
+        """Mode of the command in force; None while the schedule rules."""
         mode = int(self._state[0].mode)
-        return None if mode == _SCHEDULE else mode
+        return None if mode in (_SCHEDULE, RELEASE) else mode
 
     def advance(self, first: int, count: int) -> tuple[Array, Array]:
         """
@@ -243,13 +255,13 @@ def advance(
     """
     s = state[0]
     for i in range(len(slide)):
-        if s.mode > HOLD:
+        if s.mode > HOLD and s.mode != RELEASE:
             s.left -= dt
             if s.left <= 0.0:
-                s.mode = HOLD
+                s.mode = s.then
         # Speed the top drive is to have.
         wanted = 0.0
-        if s.mode == _SCHEDULE:
+        if s.mode == _SCHEDULE or s.mode == RELEASE:
             wanted = scheduled[i]
         elif s.mode == ROTATE:
             wanted = s.speed

@@ -154,3 +154,29 @@ def test_a_run_that_starts_under_way_starts_wound_up_and_turning():
     played = Played(Steering(motor_unsteady=0.0), rpm=150.0, running_start=True).play(0.5)
     assert played.turn[0, 0] == 0.3
     assert abs(played.turn[2, 0]) < 0.05
+
+
+def test_a_command_that_returns_gives_the_string_back_to_the_schedule_within_the_ramp():
+    played = Played(rpm=90.0).play(20.0)
+    played.string.command(Command(ROTATE, 60.0 * RPM, valid_for=2.0, returns=True))
+    played.play(1.9)
+    assert played.drive[-1, 0] == pytest.approx(60.0 * RPM, abs=0.1)
+    assert played.string.obeys == ROTATE
+    played.play(2.0)
+    assert played.drive[-1, 0] == pytest.approx(90.0 * RPM, abs=1e-9)
+    assert played.string.obeys is None
+    assert np.abs(np.diff(played.drive[:, 0])).max() <= EASY.ramp_rpm_s * RPM / RATE * (1.0 + 1e-9)
+
+
+def test_a_release_gives_the_string_back_at_once():
+    played = Played(rpm=90.0).play(20.0)
+    played.string.command(Command(ROTATE, 60.0 * RPM, valid_for=100.0))
+    played.play(5.0)
+    played.string.command(Command(steering.RELEASE))
+    played.play(2.0)
+    assert played.drive[-1, 0] == pytest.approx(90.0 * RPM, abs=1e-9)
+
+
+def test_a_flow_below_zero_is_refused():
+    with pytest.raises(ValueError, match="flow_rate"):
+        steering.check(Command(steering.PUMP, flow_rate=-1.0), EASY)
