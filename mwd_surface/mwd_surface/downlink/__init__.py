@@ -1,0 +1,1 @@
+"""Downlink at the surface: who may send a command to the tool, when, and how it ends."""

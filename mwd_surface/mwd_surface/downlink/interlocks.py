@@ -1,0 +1,135 @@
+"""Interlocks of the downlink: what must hold before a command is sent and while it is, each with its sentence."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from mwd_sensors.telemetry.downlink import ROTATION, Downlink, amplitude
+from mwd_surface.downlink.settings import DownlinkSettings
+
+RPM = math.pi / 30.0
+LPM = 1e-3 / 60.0
+_BAR = 1e5
+_RIG_SILENT_S = 2.0
+_LINK_SILENT_S = 10.0
+_USUAL_S = 60.0
+# Pressure over flow to this power changes little with the flow (turbulent flow in pipes; Blasius' friction law: 1.75).
+_POWER = 1.75
+
+
+class Readings(NamedTuple):
+    """
+    What the surface knows at a moment; None is unknown.
+
+    Attributes
+    ----------
+    rig_age_s : float
+        Of the rig's data.
+    flow, rotary_speed, pressure : float or None
+        m^3/s, rad/s of the top drive, Pa.
+    in_slips : bool or None
+    link_locked : bool
+        Words arrive over the link.
+    link_age_s : float
+        Of the link's state.
+    survey_running : bool
+    no_control : str
+        Why the rig does not take set-points; empty: it does.
+    """
+
+    rig_age_s: float = math.inf
+    flow: float | None = None
+    rotary_speed: float | None = None
+    pressure: float | None = None
+    in_slips: bool | None = None
+    link_locked: bool = False
+    link_age_s: float = math.inf
+    survey_running: bool = False
+    no_control: str = ""
+
+
+class StallWatch:
+    """Tells a stall of the motor: a pressure that rises over what it usually is at the flow."""
+
+    def __init__(self, share: float) -> None:
+        self._share = share
+        self._ratios: deque[tuple[float, float]] = deque()
+        self.stalled = False
+
+    def take(self, now: float, flow: float | None, pressure: float | None, least_flow: float) -> None:
+        """Take a reading; now: steady time, s. Below least_flow, m^3/s, it learns nothing."""
+        if flow is None or pressure is None or flow < least_flow:
+            self._ratios.clear()
+            self.stalled = False
+            return
+        ratio = pressure / flow**_POWER
+        while self._ratios and self._ratios[0][0] < now - _USUAL_S:
+            self._ratios.popleft()
+        usual = sorted(one for _, one in self._ratios)
+        self.stalled = len(usual) >= 10 and ratio > (1.0 + self._share) * usual[len(usual) // 2]
+        if not self.stalled:
+            self._ratios.append((now, ratio))
+
+
+def medium_value(readings: Readings, downlink: Downlink) -> float | None:
+    """Reading of what the downlink changes; None: unknown."""
+    return readings.rotary_speed if downlink.medium == ROTATION else readings.flow
+
+
+def words(value: float, downlink: Downlink) -> str:
+    """Write a value of what the downlink changes as people say it."""
+    return f"{value / RPM:.0f} r/min" if downlink.medium == ROTATION else f"{value / LPM:.0f} l/min"
+
+
+def blocked(
+    readings: Readings, downlink: Downlink, settings: DownlinkSettings, *, stalled: bool, running: bool
+) -> tuple[str, ...]:
+    """
+    Interlocks that do not hold.
+
+    running : while symbols are sent the level changes and the uplink may suffer, so that neither is asked for.
+    """
+    rules = (
+        (not settings.enabled, "the rig does not allow it: set downlink.enabled once it does"),
+        (bool(readings.no_control), readings.no_control),
+        (readings.rig_age_s > _RIG_SILENT_S, "no data of the rig for 2 s"),
+        (readings.in_slips is None or readings.in_slips, "the string is in slips, or the rig does not say"),
+        (stalled, "the motor stalls: the pressure is far above what it is at this flow"),
+        (
+            readings.pressure is None or readings.pressure > settings.pressure_high_bar * _BAR,
+            f"the standpipe pressure is above {settings.pressure_high_bar:g} bar, or unknown",
+        ),
+        (readings.survey_running, "a survey is being taken"),
+        (
+            not running and not (readings.link_locked and readings.link_age_s < _LINK_SILENT_S),
+            "the link is not locked: nobody would hear the tool's answer",
+        ),
+    )
+    found = [text for fails, text in rules if fails]
+    return (*found, *_outside(readings, downlink, settings, running=running))
+
+
+def _outside(readings: Readings, downlink: Downlink, settings: DownlinkSettings, *, running: bool) -> list[str]:
+    """Limits of flow and speed that are or would be passed."""
+    value = medium_value(readings, downlink)
+    name = "rotary speed" if downlink.medium == ROTATION else "flow"
+    if value is None:
+        return [f"the {name} is unknown"]
+    limits = {
+        True: (settings.speed_low_rpm * RPM, settings.speed_high_rpm * RPM),
+        False: (settings.flow_low_lpm * LPM, settings.flow_high_lpm * LPM),
+    }
+    low, high = limits[downlink.medium == ROTATION]
+    # While it runs the gauge may read a little below the lowest set-point.
+    lowest = value * (1.0 + settings.tolerance) if running else value * amplitude(0, downlink)
+    found = []
+    if value > high:
+        found.append(f"{name} {words(value, downlink)} is above the limit of {words(high, downlink)}")
+    if lowest < low:
+        found.append(f"{name} would go down to {words(lowest, downlink)}; the lowest allowed is {words(low, downlink)}")
+    if not running and value < downlink.least:
+        least = words(downlink.least, downlink)
+        found.append(f"{name} {words(value, downlink)} is too low: the tool takes commands from {least} on")
+    return found

@@ -1,0 +1,328 @@
+"""
+One downlink from its draft to the tool's answer, as a machine of states; nothing moves without a named person's grant.
+
+Nothing here reads a clock or moves a rig: every call takes `now`, s, of one steady clock, and whoever commands the rig
+asks for `set_point`. Each change of the state is a `Transition` for journal and recording.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections import deque
+from typing import NamedTuple
+
+from mwd_sensors.telemetry import tool_commands
+from mwd_sensors.telemetry.downlink import ECHO_WORD, ROTATION, Frame, Programme, next_counter, programme
+from mwd_sensors.telemetry.tool_commands import ToolSettings
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.downlink.interlocks import Readings, StallWatch, blocked, medium_value, words
+from mwd_surface.downlink.settings import DownlinkSettings
+from mwd_surface.downlink.watch import DeviationWatch
+
+PERMISSION_S = 120.0
+# An answer that is read twice may still be late by what receiver and depth add, s.
+_LATE_S = 120.0
+_STEADY = 0.04  # largest change of the drilling value before the first symbol, share of it
+# Of what the command does not change: below, gauges are judged as if it were so large (m^3/s, rad/s).
+_LEAST_FLOW, _LEAST_SPEED = 0.01, 3.0
+_LOST_S = 2.0  # between two updates; beyond it the surface itself was not watching
+
+
+class State(enum.IntEnum):
+    """As in mwd_msgs/DownlinkState."""
+
+    IDLE = 0
+    DRAFT = 1
+    PENDING = 2
+    GRANTED = 3
+    ARMED = 4
+    RUNNING = 5
+    SENT = 6
+    CONFIRMED = 7
+    UNCONFIRMED = 8
+    DENIED = 9
+    LAPSED = 10
+    ABORTED = 11
+
+
+ENDED = frozenset({State.CONFIRMED, State.UNCONFIRMED, State.DENIED, State.LAPSED, State.ABORTED})
+NEXT: dict[State, frozenset[State]] = {
+    State.IDLE: frozenset({State.DRAFT}),
+    State.DRAFT: frozenset({State.DRAFT, State.PENDING, State.ABORTED}),
+    State.PENDING: frozenset({State.GRANTED, State.DENIED, State.LAPSED, State.ABORTED}),
+    State.GRANTED: frozenset({State.ARMED, State.LAPSED, State.ABORTED}),
+    State.ARMED: frozenset({State.GRANTED, State.RUNNING, State.LAPSED, State.ABORTED}),
+    State.RUNNING: frozenset({State.SENT, State.ABORTED}),
+    State.SENT: frozenset({State.CONFIRMED, State.UNCONFIRMED, State.ABORTED}),
+    # An answer that comes late is an answer.
+    State.UNCONFIRMED: frozenset({State.DRAFT, State.CONFIRMED}),
+    **dict.fromkeys(ENDED - {State.UNCONFIRMED}, frozenset({State.DRAFT})),
+}
+"""States that may follow on each."""
+
+
+class Transition(NamedTuple):
+    """A change of the state: number of the request, states, why, who (empty: the machine), steady time, s."""
+
+    number: int
+    before: State
+    after: State
+    reason: str
+    by: str
+    now: float
+
+
+class Request(NamedTuple):
+    """A command that somebody asks for, with the name and value people gave it."""
+
+    frame: Frame
+    name: str
+    value: float
+    by: str
+
+
+class Machine:
+    """
+    Downlinks of one well, one at a time.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+        As delivered.
+    settings : DownlinkSettings
+    in_force : ToolSettings
+        By which the tool runs.
+    counter : int
+        Of the last command sent; 0: none.
+
+    Raises
+    ------
+    ValueError
+        The tool takes no commands.
+    """
+
+    def __init__(
+        self,
+        tool: ToolConfiguration,
+        settings: DownlinkSettings,
+        in_force: ToolSettings | None = None,
+        counter: int = 0,
+    ) -> None:
+        self.downlink = tool_commands.downlink_of(tool)
+        self.tool, self.settings = tool, settings
+        self.in_force, self.counter = in_force or ToolSettings(), counter
+        self.state, self.number = State.IDLE, 0
+        self.reason = self.decided_by = ""
+        self.request: Request | None = None
+        self.blocked_by: tuple[str, ...] = ()
+        self.base: float | None = None
+        self.set_point: float | None = None
+        self.programme: Programme | None = None
+        self.transitions: list[Transition] = []
+        self._since = self._granted = self._started = -math.inf
+        self._updated: float | None = None
+        self._steady: deque[tuple[float, float]] = deque()
+        self._stall = StallWatch(settings.stall_share)
+        self._deviation: DeviationWatch | None = None
+
+    # People.
+
+    def draft(self, name: str, value: float, by: str, now: float) -> str:
+        """
+        Compose a command; returns its programme in words.
+
+        Raises
+        ------
+        ValueError
+            Another one is under way, nobody is named, or the tool has no such command or value.
+        """
+        if self.state not in ENDED | {State.IDLE, State.DRAFT}:
+            raise ValueError(f"a downlink is {self.state.name.lower()}: one at a time; abort it first")
+        if not by.strip():
+            raise ValueError("operator_name: must not be empty: the journal records who asked")
+        number, argument = tool_commands.command(self.tool, name, value)
+        frame = Frame(next_counter(self.counter), number, argument)
+        # What the tool would be told must fit together with what it was told before.
+        tool_commands.applied(self.tool, self.in_force.after(frame))
+        self.request, self.programme = Request(frame, name, value, by.strip()), programme(frame, self.downlink)
+        self.number += 1
+        self.decided_by, self.base, self.blocked_by = "", None, ()
+        text = (
+            f"{self.about}: {len(self.programme.symbols)} symbols of {self.downlink.medium}, down to "
+            f"{100.0 * self.programme.lowest:.0f} %, {self.programme.duration_s:.0f} s"
+        )
+        self._go(State.DRAFT, text, self.request.by, now)
+        return text
+
+    def submit(self, by: str, now: float) -> str:
+        """
+        Ask for permission.
+
+        Raises
+        ------
+        ValueError
+            There is no draft.
+        """
+        self._require(State.DRAFT, "there is no draft to ask for")
+        return self._go(State.PENDING, f"{self.about}: waits for permission", by, now)
+
+    def decide(self, granted: bool, by: str, now: float) -> str:
+        """
+        Grant or deny the request.
+
+        Raises
+        ------
+        ValueError
+            Nothing waits for permission, or nobody is named.
+        """
+        self._require(State.PENDING, "no downlink waits for permission")
+        if not by.strip():
+            raise ValueError("operator_name: must not be empty: permission is given by a named person")
+        self.decided_by = by.strip()
+        if granted:
+            return self._go(State.GRANTED, "granted: it starts when all interlocks hold", self.decided_by, now)
+        return self._go(State.DENIED, "denied", self.decided_by, now)
+
+    def abort(self, reason: str, by: str, now: float) -> str:
+        """
+        End the downlink at hand, at any time; the rig returns to what it did before.
+
+        Raises
+        ------
+        ValueError
+            None is under way.
+        """
+        if State.ABORTED not in NEXT[self.state]:
+            raise ValueError("no downlink is under way")
+        self.decided_by = by.strip() or self.decided_by
+        sent = ": the command had been sent, the tool may obey it" if self.state == State.SENT else ""
+        return self._go(State.ABORTED, reason + sent, self.decided_by, now)
+
+    # Time, rig and tool.
+
+    def update(self, now: float, readings: Readings) -> None:
+        """Take what the rig does; to be called at least once a second."""
+        lost = self._updated is not None and now - self._updated > _LOST_S
+        self._updated = now
+        self._stall.take(now, readings.flow, readings.pressure, 1e-3)
+        if self.state == State.PENDING and now - self._since > PERMISSION_S:
+            self._go(State.LAPSED, f"nobody decided within {PERMISSION_S:.0f} s", "", now)
+        elif self.state in (State.GRANTED, State.ARMED):
+            self._before(now, readings)
+        elif self.state == State.RUNNING:
+            self._while_running(now, readings, lost=lost)
+        elif self.state == State.SENT and now - self._since > self.answer_s:
+            self._go(State.UNCONFIRMED, self._unanswered(), "", now)
+
+    def on_echo(self, code: int, now: float) -> None:
+        """Take the word by which the tool repeats the last command it received, once it is believed."""
+        request = self.request
+        if request is None or self.state not in (State.SENT, State.UNCONFIRMED) or code != request.frame.echo:
+            return
+        self.in_force = self.in_force.after(request.frame)
+        self._go(State.CONFIRMED, f"{self.about}: the tool confirms counter {request.frame.counter}", "", now)
+
+    @property
+    def about(self) -> str:
+        """The command in words; empty without one."""
+        return "" if self.request is None else tool_commands.about(self.tool, self.request.frame)
+
+    @property
+    def expected(self) -> ToolConfiguration | None:
+        """Tool configuration that the command leads to while its answer is waited for, else None."""
+        if self.request is None or self.state != State.SENT:
+            return None
+        return tool_commands.applied(self.tool, self.in_force.after(self.request.frame))
+
+    @property
+    def answer_s(self) -> float:
+        """Longest time from the last symbol to the answer, s: two surveys of the slower configuration on air."""
+        slowest = 0.0
+        for tool in (tool_commands.applied(self.tool, self.in_force), self.expected or self.tool):
+            words_s = [tool.seconds(items) for items in (*tool.surveys, *tool.toolfaces)]
+            slowest = max(slowest, tool.head_s + max(words_s))
+        return 2.0 * slowest + self.downlink.symbol_s + _LATE_S
+
+    def elapsed(self, now: float) -> float:
+        """Time of the programme at a steady time, s; 0 before it, its duration after it."""
+        if self.programme is None or self.state not in (State.RUNNING, State.SENT):
+            return 0.0
+        return min(max(now - self._started, 0.0), self.programme.duration_s)
+
+    def _before(self, now: float, readings: Readings) -> None:
+        """Wait for the interlocks, then for a steady drilling value, which the tool takes for the top of the scale."""
+        if now - self._granted > PERMISSION_S:
+            self._go(State.LAPSED, f"the permission has lapsed after {PERMISSION_S:.0f} s", "", now)
+            return
+        self.blocked_by = blocked(readings, self.downlink, self.settings, stalled=self._stall.stalled, running=False)
+        value = medium_value(readings, self.downlink)
+        if self.blocked_by or value is None:
+            self._steady.clear()
+            if self.state == State.ARMED:
+                self._go(State.GRANTED, self.blocked_by[0], "", now)
+            return
+        if self.state == State.GRANTED:
+            self._go(State.ARMED, "all interlocks hold: waiting for a steady drilling value", "", now)
+        self._steady.append((now, value))
+        values = [one for _, one in self._steady]
+        if max(values) - min(values) > _STEADY * max(values):
+            self._steady = deque([(now, value)])
+        elif now - self._steady[0][0] >= self.downlink.symbol_s:
+            self.base = sum(values) / len(values)
+            self._deviation = self._watch(self.base, readings)
+            self._started = now
+            self.set_point = self.base
+            self._go(State.RUNNING, f"{self.about}: from {words(self.base, self.downlink)}", "", now)
+
+    def _watch(self, base: float, readings: Readings) -> DeviationWatch:
+        turns, share = self.downlink.medium == ROTATION, self.settings.tolerance
+        other, least = (readings.flow, _LEAST_FLOW) if turns else (readings.rotary_speed, _LEAST_SPEED)
+        margin = share * max(abs(other or 0.0), least)
+        return DeviationWatch(base, other, (share * base, margin), self.downlink.ramp_s)
+
+    def _while_running(self, now: float, readings: Readings, *, lost: bool) -> None:
+        if self.programme is None or self.base is None or self._deviation is None:
+            return
+        downlink = self.downlink
+        self.blocked_by = blocked(readings, downlink, self.settings, stalled=self._stall.stalled, running=True)
+        value = medium_value(readings, downlink)
+        asked = self.base * self.programme.at(now - self._started)
+        other = readings.flow if downlink.medium == ROTATION else readings.rotary_speed
+        if lost:
+            self.abort(f"the surface did not watch the rig for {_LOST_S:.0f} s", "", now)
+        elif self.blocked_by:
+            self.abort(self.blocked_by[0], "", now)
+        elif self._deviation.take(now, asked, value, other):
+            self.abort("operator input: flow or rotation is not what was asked", "", now)
+        elif now - self._started >= self.programme.duration_s:
+            self.counter = self.request.frame.counter if self.request is not None else self.counter
+            self._go(State.SENT, f"{self.about}: sent, waiting for the tool's answer", "", now)
+        else:
+            self.set_point = asked
+
+    def _unanswered(self) -> str:
+        tool = tool_commands.applied(self.tool, self.in_force)
+        items = [item for sequence in (*tool.surveys, *tool.toolfaces) for item in sequence]
+        if not any(item.name.lower() == ECHO_WORD.lower() for item in items):
+            return f"sent; the tool cannot answer: add {ECHO_WORD} to a sequence of its tool.yaml"
+        return f"sent, but the tool did not answer within {self.answer_s:.0f} s: send it again"
+
+    def _require(self, state: State, text: str) -> None:
+        if self.state != state:
+            raise ValueError(text)
+
+    def _go(self, after: State, reason: str, by: str, now: float) -> str:
+        if after not in NEXT[self.state]:
+            raise ValueError(f"state: {after.name} cannot follow {self.state.name}")
+        self.transitions.append(Transition(self.number, self.state, after, reason, by, now))
+        self.state, self.reason, self._since = after, reason, now
+        if after == State.GRANTED and by:
+            self._granted = now
+        if after not in (State.GRANTED, State.ARMED, State.RUNNING):
+            self.blocked_by = ()
+        if after != State.RUNNING:
+            self.set_point = None
+        if after in (State.GRANTED, State.ARMED):
+            self._steady.clear()
+        return reason

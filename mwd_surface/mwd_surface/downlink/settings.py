@@ -1,0 +1,59 @@
+"""What can be set about the downlink."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from mwd_sensors.core.settings import setting
+
+
+@dataclasses.dataclass(frozen=True)
+class DownlinkSettings:
+    """Limits within which the surface may change flow and rotation to send a command to the tool."""
+
+    tool_file: str = setting(
+        "",
+        "Tool configuration (tool.yaml) whose `downlink` says how the tool takes commands; empty: no downlink. Tool "
+        "and receiver need the same file",
+        fixed=True,
+    )
+    enabled: bool = setting(
+        False,
+        "The rig lets this surface change flow and rotation. Set it once the rig agrees; nothing moves without it, nor "
+        "without a person's permission for each command",
+    )
+    speed_low_rpm: float = setting(
+        30.0, "Lowest rotary speed that may be asked. Below it many strings stick.", unit="r/min", low=0.0, high=600.0
+    )
+    speed_high_rpm: float = setting(
+        180.0, "Highest rotary speed at which a command may run.", unit="r/min", low=1.0, high=600.0
+    )
+    flow_low_lpm: float = setting(
+        800.0,
+        "Lowest flow that may be asked. Keep it above the tool's flow threshold and what cleans the hole.",
+        unit="l/min",
+        low=0.0,
+        high=20000.0,
+    )
+    flow_high_lpm: float = setting(
+        6000.0, "Highest flow at which a command may run.", unit="l/min", low=1.0, high=20000.0
+    )
+    pressure_high_bar: float = setting(
+        320.0, "Standpipe pressure above which no command runs.", unit="bar", low=1.0, high=2000.0
+    )
+    stall_share: float = setting(
+        0.25,
+        "Rise of the pressure over its usual value at the same flow that counts as a motor stall. Raise it where the "
+        "differential pressure swings much; a stall is then noticed later",
+        low=0.02,
+        high=2.0,
+        expert=True,
+    )
+    tolerance: float = setting(
+        0.08,
+        "Deviation of flow or rotation from what was asked, share of the drilling value, that counts as an operator's "
+        "input after 2 s. Raise it where the rig's gauges are rough",
+        low=0.01,
+        high=0.5,
+        expert=True,
+    )

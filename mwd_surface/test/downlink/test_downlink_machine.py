@@ -1,0 +1,312 @@
+"""The downlink's machine: every transition, every interlock with its sentence, nothing moves without a grant."""
+
+import contextlib
+import dataclasses
+import math
+
+import pytest
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+
+from mwd_sensors.telemetry.downlink import FLOW, Downlink, Frame
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.downlink.interlocks import LPM, RPM, Readings
+from mwd_surface.downlink.machine import ENDED, NEXT, PERMISSION_S, Machine, State
+from mwd_surface.downlink.settings import DownlinkSettings
+
+TOOL = ToolConfiguration(
+    pulse_width_s=0.8,
+    downlink=Downlink(),
+    survey_sequences=("Inc:12:P Azm:12:P DLnk:10:P",),
+    toolface_sequences=("aTFA:6:P",),
+)
+SETTINGS = DownlinkSettings(enabled=True)
+DRILLING = Readings(
+    rig_age_s=0.1,
+    flow=2000.0 * LPM,
+    rotary_speed=110.0 * RPM,
+    pressure=2.0e7,
+    in_slips=False,
+    link_locked=True,
+    link_age_s=0.5,
+)
+STEP = 0.5
+
+
+class Rig:
+    """A rig that does what the machine asks, and a clock."""
+
+    def __init__(self, machine, readings=DRILLING):
+        self.machine, self.readings, self.now = machine, readings, 100.0
+        self.asked = []
+
+    def play(self, seconds, **changes):
+        for _ in range(math.ceil(seconds / STEP)):
+            self.now += STEP
+            asked = self.machine.set_point
+            self.asked.append(asked)
+            seen = self.readings
+            if asked is not None:
+                field = "flow" if self.machine.downlink.medium == FLOW else "rotary_speed"
+                seen = seen._replace(**{field: asked})
+                seen = seen._replace(pressure=2.0e7 * (seen.flow / DRILLING.flow) ** 1.75)
+            self.machine.update(self.now, seen._replace(**changes))
+        return self.machine.state
+
+    def start(self):
+        machine = self.machine
+        machine.draft("pulse_width", 0.5, "Ann", self.now)
+        machine.submit("Ann", self.now)
+        machine.decide(True, "Bo", self.now)
+        return self
+
+
+def path(machine):
+    return [one.after for one in machine.transitions]
+
+
+def test_a_downlink_runs_from_draft_to_the_tool_s_answer():
+    rig = Rig(Machine(TOOL, SETTINGS)).start()
+    machine = rig.machine
+    assert rig.play(1.0) == State.ARMED
+    assert rig.play(machine.downlink.symbol_s) == State.RUNNING
+    assert rig.play(machine.programme.duration_s + 1.0) == State.SENT
+    asked = [one for one in rig.asked if one is not None]
+    assert min(asked) == pytest.approx(0.6 * 110.0 * RPM)
+    assert max(asked) == asked[0] == asked[-1] == pytest.approx(110.0 * RPM)
+    assert machine.set_point is None
+    assert machine.expected.pulse_width_s == 0.5
+    machine.on_echo(Frame(7, 1, 1).echo, rig.now)
+    assert machine.state == State.SENT
+    machine.on_echo(machine.request.frame.echo, rig.now)
+    assert machine.state == State.CONFIRMED
+    assert machine.in_force.pulse_width == 1
+    assert path(machine) == [
+        State.DRAFT,
+        State.PENDING,
+        State.GRANTED,
+        State.ARMED,
+        State.RUNNING,
+        State.SENT,
+        State.CONFIRMED,
+    ]
+    assert [one.by for one in machine.transitions[:3]] == ["Ann", "Ann", "Bo"]
+
+
+def test_without_an_answer_it_ends_unconfirmed_and_a_late_answer_still_counts():
+    rig = Rig(Machine(TOOL, SETTINGS)).start()
+    machine = rig.machine
+    rig.play(2.0 + machine.downlink.symbol_s + machine.programme.duration_s)
+    assert rig.play(machine.answer_s + 1.0) == State.UNCONFIRMED
+    assert "did not answer" in machine.reason
+    assert machine.in_force.pulse_width == -1
+    machine.on_echo(machine.request.frame.echo, rig.now)
+    assert machine.state == State.CONFIRMED
+
+
+def test_a_tool_without_an_echo_word_is_told_so():
+    mute = dataclasses.replace(TOOL, survey_sequences=("Inc:12:P",))
+    rig = Rig(Machine(mute, SETTINGS)).start()
+    rig.play(2.0 + rig.machine.downlink.symbol_s + rig.machine.programme.duration_s)
+    rig.play(rig.machine.answer_s + 1.0)
+    assert "add DLnk" in rig.machine.reason
+
+
+def test_pending_and_granted_lapse_after_two_minutes_and_denied_ends():
+    machine = Machine(TOOL, SETTINGS)
+    rig = Rig(machine)
+    machine.draft("survey_now", 0.0, "Ann", rig.now)
+    machine.submit("Ann", rig.now)
+    assert rig.play(PERMISSION_S + 1.0) == State.LAPSED
+    rig.start()
+    assert rig.play(PERMISSION_S - 5.0, in_slips=True) == State.GRANTED
+    assert rig.play(10.0, in_slips=True) == State.LAPSED
+    machine.draft("survey_now", 0.0, "Ann", rig.now)
+    machine.submit("Ann", rig.now)
+    machine.decide(False, "Bo", rig.now)
+    assert machine.state == State.DENIED
+    assert set(rig.asked) == {None}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"rig_age_s": 3.0}, "no data of the rig"),
+        ({"in_slips": True}, "slips"),
+        ({"in_slips": None}, "slips"),
+        ({"pressure": 3.3e7}, "pressure is above"),
+        ({"pressure": None}, "unknown"),
+        ({"survey_running": True}, "survey"),
+        ({"link_locked": False}, "link is not locked"),
+        ({"link_age_s": 60.0}, "link is not locked"),
+        ({"no_control": "another controller has the top drive"}, "another controller"),
+        ({"rotary_speed": None}, "rotary speed is unknown"),
+        ({"rotary_speed": 200.0 * RPM}, "above the limit of 180"),
+        ({"rotary_speed": 45.0 * RPM}, "would go down to 27"),
+    ],
+)
+def test_every_interlock_keeps_it_from_starting_with_its_reason(changes, words):
+    rig = Rig(Machine(TOOL, SETTINGS)).start()
+    assert rig.play(60.0, **changes) == State.GRANTED
+    assert any(words in text for text in rig.machine.blocked_by)
+    assert set(rig.asked) == {None}
+    assert rig.play(30.0) == State.RUNNING
+
+
+def test_the_rig_s_enable_is_an_interlock():
+    rig = Rig(Machine(TOOL, DownlinkSettings())).start()
+    assert rig.play(60.0) == State.GRANTED
+    assert "does not allow" in rig.machine.blocked_by[0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"rig_age_s": 3.0}, "no data of the rig"),
+        ({"in_slips": True}, "slips"),
+        ({"pressure": 3.0e7}, "stalls"),
+        ({"pressure": 3.3e7}, "pressure"),
+        ({"survey_running": True}, "survey"),
+        ({"no_control": "the lease was taken away"}, "lease"),
+        ({"rotary_speed": 110.0 * RPM}, "operator input"),
+        ({"rotary_speed": 0.0}, "go down"),
+        ({"flow": 1700.0 * LPM, "pressure": 1.5e7}, "operator input"),
+    ],
+)
+def test_a_limit_or_an_operator_s_input_ends_it_and_asks_nothing_more(changes, words):
+    rig = Rig(Machine(TOOL, SETTINGS)).start()
+    rig.play(60.0)
+    assert rig.machine.set_point is not None
+    assert rig.play(3.0, **changes) == State.ABORTED
+    assert words in rig.machine.reason
+    assert rig.machine.set_point is None
+
+
+def test_a_link_that_is_lost_while_symbols_are_sent_does_not_end_it():
+    rig = Rig(Machine(TOOL, SETTINGS)).start()
+    rig.play(60.0)
+    assert rig.play(20.0, link_locked=False) == State.RUNNING
+
+
+def test_a_surface_that_did_not_watch_ends_it():
+    rig = Rig(Machine(TOOL, SETTINGS)).start()
+    rig.play(60.0)
+    rig.now += 5.0
+    rig.play(STEP)
+    assert rig.machine.state == State.ABORTED
+    assert "did not watch" in rig.machine.reason
+
+
+def test_an_interlock_that_breaks_before_the_first_symbol_waits_again():
+    rig = Rig(Machine(TOOL, SETTINGS)).start()
+    assert rig.play(10.0) == State.ARMED
+    assert rig.play(1.0, in_slips=True) == State.GRANTED
+    assert rig.play(10.0) == State.ARMED
+    assert rig.play(10.0, rotary_speed=100.0 * RPM) == State.ARMED, "an unsteady drilling value is waited out"
+    assert rig.play(20.0) == State.RUNNING
+
+
+def test_abort_acts_at_once_in_every_state_under_way():
+    for seconds, state in ((0.0, State.GRANTED), (5.0, State.ARMED), (60.0, State.RUNNING), (250.0, State.SENT)):
+        rig = Rig(Machine(TOOL, SETTINGS)).start()
+        assert rig.play(seconds) == state
+        rig.machine.abort("seen enough", "Cy", rig.now)
+        assert (rig.machine.state, rig.machine.set_point, rig.machine.decided_by) == (State.ABORTED, None, "Cy")
+        assert ("may obey" in rig.machine.reason) == (state == State.SENT)
+    machine = Machine(TOOL, SETTINGS)
+    machine.draft("survey_now", 0.0, "Ann", 0.0)
+    machine.abort("withdrawn", "Ann", 1.0)
+    assert machine.state == State.ABORTED
+
+
+def test_one_at_a_time_and_what_is_missing_is_refused_in_words():
+    machine = Machine(TOOL, SETTINGS)
+    for call, words in (
+        (lambda: machine.submit("Ann", 0.0), "no draft"),
+        (lambda: machine.decide(True, "Ann", 0.0), "waits for permission"),
+        (lambda: machine.abort("", "Ann", 0.0), "no downlink"),
+        (lambda: machine.draft("survey_now", 0.0, " ", 0.0), "operator_name"),
+        (lambda: machine.draft("pulse_width", 0.4, "Ann", 0.0), "can be"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            call()
+    machine.draft("survey_now", 0.0, "Ann", 0.0)
+    machine.draft("mute", 0.0, "Ann", 0.0)
+    machine.submit("Ann", 0.0)
+    with pytest.raises(ValueError, match="operator_name"):
+        machine.decide(True, "", 0.0)
+    with pytest.raises(ValueError, match="one at a time"):
+        machine.draft("survey_now", 0.0, "Ann", 0.0)
+
+
+def test_a_flow_command_follows_the_flow():
+    tool = dataclasses.replace(TOOL, downlink=Downlink(medium=FLOW, ramp_s=8.0, hold_s=8.0, depth=0.2, least=0.01))
+    rig = Rig(Machine(tool, SETTINGS), DRILLING._replace(rotary_speed=0.0)).start()
+    assert rig.play(rig.machine.programme.duration_s + 20.0) == State.SENT
+    asked = [one for one in rig.asked if one is not None]
+    assert min(asked) == pytest.approx(0.8 * 2000.0 * LPM)
+
+
+class Anybody(RuleBasedStateMachine):
+    """Anybody does anything at any time, and the rig whatever it likes."""
+
+    def __init__(self):
+        super().__init__()
+        self.machine, self.now, self.grants = Machine(TOOL, SETTINGS), 0.0, set()
+
+    def attempt(self, call):
+        with contextlib.suppress(ValueError):
+            call()
+
+    @rule(name=st.sampled_from(["pulse_width", "survey_now", "toolface_rate"]), value=st.sampled_from([0.3, 0.5, 2.0]))
+    def draft(self, name, value):
+        self.attempt(lambda: self.machine.draft(name, value, "Ann", self.now))
+
+    @rule()
+    def submit(self):
+        self.attempt(lambda: self.machine.submit("Ann", self.now))
+
+    @rule(granted=st.booleans(), by=st.sampled_from(["", "Bo"]))
+    def decide(self, granted, by):
+        def call():
+            self.machine.decide(granted, by, self.now)
+            if granted:
+                self.grants.add(self.machine.number)
+
+        self.attempt(call)
+
+    @rule()
+    def abort(self):
+        self.attempt(lambda: self.machine.abort("stop", "Cy", self.now))
+
+    @rule(seconds=st.sampled_from([0.5, 20.0, 60.0, 400.0]), slips=st.booleans(), silent=st.booleans())
+    def wait(self, seconds, slips, silent):
+        rig = Rig(self.machine)
+        rig.now = self.now
+        changes = {"in_slips": True} if slips else {}
+        rig.play(seconds, **changes, **({"rig_age_s": 9.0} if silent else {}))
+        self.now = rig.now
+
+    @precondition(lambda self: self.machine.request is not None)
+    @rule(right=st.booleans())
+    def echo(self, right):
+        self.machine.on_echo(self.machine.request.frame.echo if right else 0, self.now)
+
+    @invariant()
+    def nothing_moves_without_a_grant(self):
+        machine = self.machine
+        assert (machine.set_point is not None) == (machine.state == State.RUNNING)
+        if machine.state in (State.GRANTED, State.ARMED, State.RUNNING, State.SENT):
+            assert machine.number in self.grants
+        for one in machine.transitions:
+            assert one.after in NEXT[one.before]
+            assert one.reason
+            assert one.by or one.after not in (State.DRAFT, State.PENDING, State.DENIED)
+
+
+TestAnybody = Anybody.TestCase
+
+
+def test_every_state_can_be_left_and_only_the_ends_begin_anew():
+    assert set(NEXT) == set(State)
+    assert all(State.DRAFT in NEXT[state] for state in ENDED)
