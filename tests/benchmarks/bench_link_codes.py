@@ -117,8 +117,7 @@ def earth(channel):
 def earth_ebn0(tool, channel):
     """Energy of a bit into the encoder over noise density that the map gives: response and noise at the carrier, dB."""
     quiet = dataclasses.replace(channel, ground=dataclasses.replace(channel.ground, source_v=0.01, source_a=0.01))
-    silent = carrier_tool.CarrierSent((), (), 6.0, 1.0, 0.0)
-    stream = EarthVoltage(quiet, silent, 99)
+    stream = EarthVoltage(quiet, np.zeros_like, 99)
     noise = np.concatenate([stream.block() for _ in range(60)])
     frequency, density = signal.welch(noise, EARTH_HZ, nperseg=5000)
     band = np.abs(frequency - tool.carrier.frequency_hz) < tool.carrier.symbol_rate_hz

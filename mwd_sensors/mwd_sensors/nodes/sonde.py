@@ -123,7 +123,7 @@ class SondeNode(GraphNode[SondeSettings]):
         self.add_subscription(RigCommand, "rig/command", self._on_command, qos.STATE)
         self._telemetry = None
         if self._scenario.telemetry is not None:
-            self._telemetry = TelemetryTopics(self, self.settings.rate)
+            self._telemetry = TelemetryTopics(self, self._scenario.telemetry, self.settings.rate)
         self._truth_file = TruthFile(Path(self.settings.truth_file)) if self.settings.truth_file else None
         self.add_timer(_TIMER_PERIOD, self._on_timer)
 

@@ -1,31 +1,37 @@
-"""The simulated link in the graph: `tool/transmission` in; `tool/flow`, `rig/standpipe` and `rig/strokes` out."""
+"""
+The simulated links in the graph: `tool/transmission` in; `tool/flow` and what is heard at the surface out.
+
+That is `rig/standpipe` and `rig/strokes` of a link through mud, `rig/earth_voltage` of one through the earth,
+`rig/serial` of a wired tool.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from mwd_msgs.msg import PressureBurst, StrokeBurst, ToolFlow, Transmission
+from mwd_msgs.msg import PressureBurst, SerialBurst, StrokeBurst, ToolFlow, Transmission, VoltageBurst
 
 from mwd_sensors.core import gauge_burst, wire
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
-from mwd_sensors.ros.time_stamps import stamp
+from mwd_sensors.simulator.link_channels import Heard, OnAir
 from mwd_sensors.simulator.sonde import Sonde
-from mwd_sensors.simulator.telemetry_link import PERIOD_S, Heard
+from mwd_sensors.simulator.telemetry_link import Telemetry
 
+_TYPES = {gauge_burst.PRESSURE: PressureBurst, gauge_burst.VOLTAGE: VoltageBurst, gauge_burst.SERIAL: SerialBurst}
 # The channel follows the run so far behind, s of wall time and s of the run: by then the tool has said what it sends.
 _WALL_S, _RUN_S = 1.0, 1.0
 
 
 class TelemetryTopics:
     """
-    Topics of the link of a simulated sonde.
+    Topics of the links of a simulated sonde.
 
     Parameters
     ----------
     node : GraphNode
+    telemetry : Telemetry
     rate : float
         Seconds of the run in a second of wall time.
 
@@ -35,13 +41,16 @@ class TelemetryTopics:
         The run has no pace, so nobody can say when the tool has answered.
     """
 
-    def __init__(self, node: GraphNode[Any], rate: float) -> None:
+    def __init__(self, node: GraphNode[Any], telemetry: Telemetry, rate: float) -> None:
         if rate <= 0.0:
             raise ValueError("rate: a scenario with telemetry needs a pace above 0, for example 10")
         self._node, self._rig_frame = node, node.frame(wire.RIG_FRAME)
         self._lag_s = _RUN_S + _WALL_S * rate
-        self._pressure = node.add_publisher(PressureBurst, "rig/standpipe", qos.EVENT)
-        self._strokes = node.add_publisher(StrokeBurst, "rig/strokes", qos.EVENT)
+        topics = {tool.link: gauge_burst.TOPICS[tool.link] for tool in telemetry.tools}
+        self._heard = {
+            link: node.add_publisher(_TYPES[kind], topic, qos.EVENT) for link, (topic, kind) in topics.items()
+        }
+        self._strokes = node.add_publisher(StrokeBurst, "rig/strokes", qos.EVENT) if "mud_pulse" in topics else None
         self._flow = node.add_publisher(ToolFlow, "tool/flow", qos.EVENT)
         node.add_subscription(Transmission, "tool/transmission", self._on_transmission, qos.EVENT)
         self._sonde: Sonde | None = None
@@ -74,29 +83,35 @@ class TelemetryTopics:
 
     def _publish_heard(self, sonde: Sonde, heard: Heard) -> None:
         start_ns = sonde.stamp_ns(heard.start_s, of_tool=False)
-        self._pressure.publish(gauge_burst.encode(start_ns, PERIOD_S, heard.pressure_pa, self._rig_frame))
-        end_ns = start_ns + round(len(heard.pressure_pa) * PERIOD_S * wire.NANOSECONDS)
-        message = StrokeBurst(
-            pump=[pump for pump, _ in heard.strokes],
-            stamp=[stamp(sonde.stamp_ns(at, of_tool=False)) for _, at in heard.strokes],
-        )
-        message.header.stamp, message.header.frame_id = stamp(end_ns), self._rig_frame
-        self._strokes.publish(message)
+        self._heard[heard.link].publish(gauge_burst.encode(start_ns, heard.period_s, heard.values, self._rig_frame))
+        if self._strokes is None or heard.link != "mud_pulse":
+            return
+        end_ns = start_ns + round(len(heard.values) * heard.period_s * wire.NANOSECONDS)
+        strokes = [(pump, sonde.stamp_ns(at, of_tool=False)) for pump, at in heard.strokes]
+        self._strokes.publish(gauge_burst.encode_strokes(end_ns, strokes, self._rig_frame))
 
     def _on_transmission(self, message: Transmission) -> None:
         sonde = self._sonde
-        if sonde is None or sonde.link is None:
+        if sonde is None or sonde.link is None or message.link not in self._heard:
             return
         start_ns = message.header.stamp.sec * wire.NANOSECONDS + message.header.stamp.nanosec
-        begins = np.array([sonde.seconds(start_ns + round(edge * wire.NANOSECONDS)) for edge in message.edges])
-        width = message.pulse_width / (1.0 + sonde.scenario.clock.drift_ppm * 1e-6)
-        sonde.link.send(np.column_stack([begins, begins + width]))
+        sonde.link.send(
+            OnAir(
+                message.link,
+                sonde.seconds(start_ns),
+                tuple(message.edges),
+                tuple(message.phases),
+                bytes(message.octets),
+                message.pulse_width or message.symbol_period,
+                message.carrier,
+            )
+        )
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Pulses that came too late for the channel."""
+        """Signals that came too late for the channel."""
         link = self._sonde.link if self._sonde is not None else None
         if link is None:
             return []
         if link.late:
-            return [Diagnostic("channel", WARN, f"{link.late} pulses came too late", "lower the rate")]
-        return [Diagnostic("channel", OK, "pulses arrive in time")]
+            return [Diagnostic("channel", WARN, f"{link.late} signals came too late", "lower the rate")]
+        return [Diagnostic("channel", OK, "signals arrive in time")]

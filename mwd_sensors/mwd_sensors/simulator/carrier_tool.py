@@ -19,6 +19,7 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 _SHIFT = {"mud": 0.1, "earth": 0.0}
 SIREN_PA = 2.0e5  # amplitude of a siren's pressure drop
 _SIREN_RISE_S = 0.005
+_NO_GAP = 0.05  # symbols; stamps are rounded
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,19 +56,66 @@ class CarrierSent:
         """Signal at times, shape (n,), s: a cosine of size 1 while the tool sends, 0 else."""
         out = np.zeros(len(time_s))
         for span in self.spans:
-            inside = (time_s >= span.begin_s) & (time_s < span.begin_s + len(span.symbols) * self.symbol_s)
-            if not inside.any():
-                continue
-            since = time_s[inside] - span.begin_s
-            place = np.minimum((since / self.symbol_s).astype(np.int64), len(span.symbols) - 1)
-            turns = np.angle(span.symbols[1:] * np.conj(span.symbols[:-1]))
-            phase = np.angle(span.symbols[0]) + np.concatenate([[0.0], np.cumsum(turns)])
-            last = phase[np.maximum(place - 1, 0)]
-            share = since / self.symbol_s - place
-            done = np.minimum(share / self.shift, 1.0) if self.shift > 0.0 else np.ones(len(share))
-            now = last + (phase[place] - last) * done
-            out[inside] = np.cos(2.0 * math.pi * self.frequency_hz * since + now)
+            out += _driven(span, self.frequency_hz, self.symbol_s, self.shift, time_s)
         return out
+
+
+class CarrierStream:
+    """
+    A carrier to which symbols are added while it is sent.
+
+    Parameters
+    ----------
+    medium : str
+        Of the carrier: a rotor takes time to come to another phase.
+    """
+
+    def __init__(self, medium: str) -> None:
+        self._shift = _SHIFT[medium]
+        self._spans: list[tuple[CarrierSpan, float, float]] = []
+
+    def add(self, begin_s: float, symbols: Complex, symbol_s: float, frequency_hz: float) -> None:
+        """
+        Send symbols from a time on, s; those that follow the last ones at once keep the phase of the carrier.
+
+        What is still on air then breaks off there.
+        """
+        if self._spans:
+            last, symbol, frequency = self._spans[-1]
+            end = last.begin_s + len(last.symbols) * symbol
+            if abs(begin_s - end) < _NO_GAP * symbol_s and (symbol, frequency) == (symbol_s, frequency_hz):
+                symbols, begin_s = np.concatenate([last.symbols, symbols]), last.begin_s
+                self._spans.pop()
+            elif begin_s < end:
+                kept = last.symbols[: max(math.floor((begin_s - last.begin_s) / symbol), 1)]
+                self._spans[-1] = CarrierSpan(last.begin_s, kept), symbol, frequency
+        self._spans.append((CarrierSpan(begin_s, symbols), symbol_s, frequency_hz))
+
+    def drive(self, time_s: Array) -> Array:
+        """Signal at times, shape (n,), s, which rise from call to call; as `CarrierSent.drive`."""
+        out = np.zeros(len(time_s))
+        self._spans = [one for one in self._spans if one[0].begin_s + len(one[0].symbols) * one[1] > time_s[0] - 1.0]
+        for span, symbol_s, frequency in self._spans:
+            out += _driven(span, frequency, symbol_s, self._shift, time_s)
+        return out
+
+
+def _driven(span: CarrierSpan, frequency_hz: float, symbol_s: float, shift: float, time_s: Array) -> Array:
+    """Signal of a span at times, shape (n,), s."""
+    out = np.zeros(len(time_s))
+    inside = (time_s >= span.begin_s) & (time_s < span.begin_s + len(span.symbols) * symbol_s)
+    if not inside.any():
+        return out
+    since = time_s[inside] - span.begin_s
+    place = np.minimum((since / symbol_s).astype(np.int64), len(span.symbols) - 1)
+    turns = np.angle(span.symbols[1:] * np.conj(span.symbols[:-1]))
+    phase = np.angle(span.symbols[0]) + np.concatenate([[0.0], np.cumsum(turns)])
+    last = phase[np.maximum(place - 1, 0)]
+    share = since / symbol_s - place
+    done = np.minimum(share / shift, 1.0) if shift > 0.0 else np.ones(len(share))
+    now = last + (phase[place] - last) * done
+    out[inside] = np.cos(2.0 * math.pi * frequency_hz * since + now)
+    return out
 
 
 def transmit(

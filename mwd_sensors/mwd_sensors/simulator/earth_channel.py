@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 from scipy import signal
@@ -18,7 +19,6 @@ from mwd_sensors.simulator.carrier_tool import CarrierSent
 from mwd_sensors.simulator.earth_line import Ground, response
 
 RATE_HZ = 250.0
-_BLOCK = 2500  # samples that are made at once
 _RESPONSE_S = 4.096
 _CORNERS_HZ = (0.05, 0.5, 5.0)
 
@@ -58,37 +58,51 @@ class EarthVoltage:
     Parameters
     ----------
     channel : EarthChannel
-    sent : CarrierSent
+    drive : callable
+        Source over its full voltage, shape (n,), at times, shape (n,), s.
     seed : int
         Of all noise.
+    block_s : float
+        Length of a block. Another length is another draw of the noise.
     """
 
-    def __init__(self, channel: EarthChannel, sent: CarrierSent, seed: int) -> None:
-        self._channel, self._sent = channel, sent
+    def __init__(
+        self, channel: EarthChannel, drive: Callable[[Array], Array], seed: int, block_s: float = 10.0
+    ) -> None:
+        self._channel, self._drive, self._count = channel, drive, round(block_s * RATE_HZ)
         sources = np.random.SeedSequence(seed).spawn(4)
         self._telluric, self._amplifier, self._wander, self._switch = map(np.random.default_rng, sources)
+        self.deepen(channel.ground)
+        self._tail = np.zeros(len(self._taps) - 1)
+        self._states = [np.zeros(1) for _ in range(len(_CORNERS_HZ) + 1)]
+        self._level = 0.0
+        self._block = 0
+
+    def deepen(self, ground: Ground) -> None:
+        """Go on in a well that has become deeper."""
         taps = round(_RESPONSE_S * RATE_HZ)
         frequency: Array = np.fft.rfftfreq(taps, 1.0 / RATE_HZ).astype(np.float64)
         frequency[0] = 0.5 * frequency[1]
         # A little delay for what the roll-off before the converter spreads backwards.
         roll = 1.0 / np.sqrt(1.0 + (frequency / 60.0) ** 8) * np.exp(-2j * math.pi * frequency * 0.1)
-        self._taps = np.fft.irfft(response(channel.ground, frequency) * roll, taps)
-        self._tail = np.zeros(taps - 1)
-        self._states = [np.zeros(1) for _ in range(len(_CORNERS_HZ) + 1)]
-        self._level = 0.0
-        self._block = 0
+        self._taps: Array = np.fft.irfft(response(ground, frequency) * roll, taps)
+
+    @property
+    def seconds(self) -> float:
+        """Time up to which there are blocks, s."""
+        return self._block * self._count / RATE_HZ
 
     def block(self) -> Array:
-        """Next 10 s of voltage, V, at 250 Hz; shape (2500,)."""
-        noise = self._channel.noise
-        time = (self._block * _BLOCK + np.arange(_BLOCK)) / RATE_HZ
-        whole = signal.oaconvolve(self._sent.drive(time), self._taps)
+        """Next block of voltage, V, at 250 Hz."""
+        noise, count = self._channel.noise, self._count
+        time = (self._block * count + np.arange(count)) / RATE_HZ
+        whole = signal.oaconvolve(np.asarray(self._drive(time), dtype=float), self._taps)
         whole[: len(self._tail)] += self._tail
-        self._tail = whole[_BLOCK:]
-        total = whole[:_BLOCK] + self._pink() * noise.telluric_v
-        total += noise.amplifier_v * self._amplifier.normal(size=_BLOCK)
+        self._tail = whole[count:]
+        total = whole[:count] + self._pink() * noise.telluric_v
+        total += noise.amplifier_v * self._amplifier.normal(size=count)
         decay = math.exp(-1.0 / (20.0 * RATE_HZ))
-        white = self._wander.normal(size=_BLOCK) * math.sqrt(1.0 - decay**2)
+        white = self._wander.normal(size=count) * math.sqrt(1.0 - decay**2)
         wander, self._states[-1] = signal.lfilter([1.0], [1.0, -decay], white, zi=self._states[-1])
         total += noise.mains_v * np.cos(2.0 * math.pi * noise.mains_hz * time + 0.2 * wander)
         for k in range(1, 13):
@@ -102,8 +116,8 @@ class EarthVoltage:
 
     def _pink(self) -> Array:
         """Noise that falls as 1/f from 0.05 to 10 Hz (three first-order filters a decade apart), rms 1 below 1 Hz."""
-        white = self._telluric.normal(size=_BLOCK)
-        total = np.zeros(_BLOCK)
+        white = self._telluric.normal(size=self._count)
+        total = np.zeros(self._count)
         for k, corner in enumerate(_CORNERS_HZ):
             decay = math.exp(-2.0 * math.pi * corner / RATE_HZ)
             gain = math.sqrt((1.0 + decay) * (1.0 - decay))
@@ -115,9 +129,9 @@ class EarthVoltage:
         """Steps that electrodes forget within some seconds."""
         noise = self._channel.noise
         decay = math.exp(-1.0 / (3.0 * RATE_HZ))
-        count = self._switch.poisson(noise.switching_per_hour * _BLOCK / RATE_HZ / 3600.0)
-        steps = np.zeros(_BLOCK)
-        places = self._switch.integers(0, _BLOCK, size=count)
+        count = self._switch.poisson(noise.switching_per_hour * self._count / RATE_HZ / 3600.0)
+        steps = np.zeros(self._count)
+        places = self._switch.integers(0, self._count, size=count)
         np.add.at(steps, places, noise.switching_v * self._switch.choice((-1.0, 1.0), size=count))
         out, last = signal.lfilter([1.0], [1.0, -decay], steps, zi=[self._level])
         self._level = float(last[0])
@@ -126,6 +140,9 @@ class EarthVoltage:
 
 def earth_run(channel: EarthChannel, sent: CarrierSent, seconds: float, seed: int) -> tuple[Array, Array]:
     """Times, s, and voltages, V, of a run; shape (n,) each."""
-    stream = EarthVoltage(channel, sent, seed)
-    voltage = np.concatenate([stream.block() for _ in range(math.ceil(seconds * RATE_HZ / _BLOCK))])
+    stream = EarthVoltage(channel, sent.drive, seed)
+    blocks = []
+    while stream.seconds < seconds:
+        blocks.append(stream.block())
+    voltage = np.concatenate(blocks)
     return np.arange(len(voltage)) / RATE_HZ, voltage

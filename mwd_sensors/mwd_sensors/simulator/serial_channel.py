@@ -23,17 +23,42 @@ class SerialChannel:
     break_s: float = setting(2.0, "How long it stays broken.", unit="s", low=0.0, high=600.0)
 
 
-def damaged(channel: SerialChannel, data: bytes, baud: int, random: np.random.Generator) -> bytes:
-    """Bytes as they arrive; `data` is sent without a pause."""
-    raw = np.frombuffer(data, dtype=np.uint8).copy()
-    wrong = np.flatnonzero(random.random(len(raw) * 8) < channel.bit_errors)
-    np.bitwise_xor.at(raw, wrong // 8, (1 << wrong % 8).astype(np.uint8))
-    kept = random.random(len(raw)) >= channel.lost_bytes
-    seconds = len(raw) * serial_frames.BITS_PER_BYTE / baud
-    for at in random.uniform(0.0, seconds, random.poisson(channel.breaks_per_hour * seconds / 3600.0)):
-        first, last = (round(t * baud / serial_frames.BITS_PER_BYTE) for t in (at, at + channel.break_s))
-        kept[first:last] = False
-    return raw[kept].tobytes()
+class SerialStream:
+    """
+    A line over time.
+
+    Parameters
+    ----------
+    channel : SerialChannel
+    baud : int
+    seed : int
+    """
+
+    def __init__(self, channel: SerialChannel, baud: int, seed: int) -> None:
+        self._channel, self._byte_s = channel, serial_frames.BITS_PER_BYTE / baud
+        self._errors, self._breaks = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(2))
+        self._break = 0.0
+        self._next_break()
+
+    def _next_break(self) -> None:
+        """Begin of the break after the last one, s."""
+        hourly = self._channel.breaks_per_hour
+        self._break += self._breaks.exponential(3600.0 / hourly) if hourly > 0.0 else np.inf
+
+    def carry(self, start_s: float, data: bytes) -> bytes:
+        """Bytes as they arrive of those sent without a pause from a time on, s; times rise from call to call."""
+        raw = np.frombuffer(data, dtype=np.uint8).copy()
+        wrong = np.flatnonzero(self._errors.random(len(raw) * 8) < self._channel.bit_errors)
+        np.bitwise_xor.at(raw, wrong // 8, (1 << wrong % 8).astype(np.uint8))
+        kept = self._errors.random(len(raw)) >= self._channel.lost_bytes
+        at = start_s + self._byte_s * np.arange(len(raw))
+        while len(at) and self._break <= at[-1]:
+            end = self._break + self._channel.break_s
+            kept &= (at < self._break) | (at >= end)
+            if end > at[-1]:
+                break
+            self._next_break()
+        return raw[kept].tobytes()
 
 
 def transmit(tool: ToolConfiguration, seconds: float, seed: int) -> tuple[bytes, tuple[SentWord, ...]]:

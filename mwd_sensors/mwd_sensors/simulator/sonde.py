@@ -96,7 +96,13 @@ class Sonde:
         latitude = math.radians(scenario.place.latitude_deg)
         self._place = Place(earth.earth_rate_n(latitude), self.reference.gravity, earth.gravity_gradient(latitude))
         self.link = (
-            TelemetryLink(scenario.telemetry, self.motion.timeline, scenario.rig, scenario.seed)
+            TelemetryLink(
+                scenario.telemetry,
+                self.motion.timeline,
+                scenario.rig,
+                scenario.seed,
+                scenario.clock.drift_ppm * 1e-6,
+            )
             if scenario.telemetry is not None
             else None
         )

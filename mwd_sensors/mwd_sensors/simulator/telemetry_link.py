@@ -1,63 +1,64 @@
 """
-The link of a scenario: the tool's transmission goes in, the pressure at the standpipe and the strokes come out.
+The links of a scenario: the tool's transmission goes in; pressure and strokes, voltage or bytes come out.
 
-The channel follows the run at a distance, because the tool has to be asked first what it sends: `advance` is called
-with the time up to which all of that is known. It runs in blocks of one second, whatever is asked for.
+The channels follow the run at a distance, because the tool has to be asked first what it sends: `advance` is called
+with the time up to which all of that is known. They run in blocks of one second, whatever is asked for.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
-from mwd_sensors.simulator.mud_channel import RATE_HZ, MudChannel, Pressure
+from mwd_sensors.simulator.earth_channel import EarthChannel
+from mwd_sensors.simulator.link_channels import BLOCK_S, EarthLink, Heard, LinkChannel, MudLink, OnAir, WireLink
+from mwd_sensors.simulator.mud_channel import MudChannel
 from mwd_sensors.simulator.mud_line import wave_speed
 from mwd_sensors.simulator.schedule import Rig, Timeline
+from mwd_sensors.simulator.serial_channel import SerialChannel
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
-BLOCK_S = 1.0
-PERIOD_S = 1.0 / RATE_HZ
 FLOW_HZ = 5.0
 _FLOW_SIGMA = 2e-4  # m^3/s; of the tool's own turbine
-# Depth drilled after which the line is computed anew, m: a shift of the pulses by some milliseconds.
+# Depth drilled after which the channels are computed anew, m: a shift of the pulses by some milliseconds.
 _DEEPER_M = 10.0
 
 
 @dataclasses.dataclass(frozen=True)
 class Telemetry:
-    """The link of a scenario; depth, flow and pressure of the line are those of the run."""
+    """The links of a scenario; depth, flow and pressure of the channels are those of the run."""
 
     tool: ToolConfiguration = setting(ToolConfiguration, "what the tool sends, and how")
-    mud: MudChannel = setting(MudChannel, "line, pumps, noise and valve")
+    second_tool: ToolConfiguration | None = setting(None, "what it sends at once over another link; null: nothing")
+    mud: MudChannel = setting(MudChannel, "line, pumps, noise and valve, of pulses or a siren")
+    earth: EarthChannel = setting(EarthChannel, "ground, string, electrodes and noise, of an EM tool")
+    serial: SerialChannel = setting(SerialChannel, "errors of a line, of a wired tool")
 
+    def __post_init__(self) -> None:
+        """
+        Check the links.
 
-class Heard(NamedTuple):
-    """
-    One block at the surface.
+        Raises
+        ------
+        ValueError
+            Both tool configurations are of one link.
+        """
+        if self.second_tool is not None and self.second_tool.link == self.tool.link:
+            raise ValueError(f"second_tool: is of the link {self.tool.link}, as the first one; give it another code")
 
-    Attributes
-    ----------
-    start_s : float
-        Of its first sample, s of the run.
-    pressure_pa : ndarray, shape (n,)
-        At `RATE_HZ`.
-    strokes : list of (int, float)
-        Pump, from 1, and time of each stroke, s; in order of time.
-    """
-
-    start_s: float
-    pressure_pa: Array
-    strokes: list[tuple[int, float]]
+    @property
+    def tools(self) -> tuple[ToolConfiguration, ...]:
+        """Configuration of each link."""
+        return (self.tool,) if self.second_tool is None else (self.tool, self.second_tool)
 
 
 class TelemetryLink:
     """
-    The link of one run.
+    The links of one run.
 
     Parameters
     ----------
@@ -68,35 +69,38 @@ class TelemetryLink:
         Drilling flow and pressure.
     seed : int
         Of all noise.
+    clock : float
+        By how much the tool's clock runs fast, share.
     """
 
-    def __init__(self, telemetry: Telemetry, timeline: Timeline, rig: Rig, seed: int) -> None:
-        self._timeline, self._full = timeline, rig.flow_lpm * 1e-3 / 60.0
-        well = dataclasses.replace(
+    def __init__(self, telemetry: Telemetry, timeline: Timeline, rig: Rig, seed: int, clock: float = 0.0) -> None:
+        self._timeline, self._full, self._clock = timeline, rig.flow_lpm * 1e-3 / 60.0, clock
+        self._well = dataclasses.replace(
             telemetry.mud.well,
-            depth_m=float(timeline.bit(np.zeros(1))[0, 0]),
+            depth_m=self._depth(0.0),
             flow_m3_s=self._full,
             pressure_pa=rig.pressure_bar * 1e5,
         )
-        self._well = well
-        self._pressure = Pressure(
-            dataclasses.replace(telemetry.mud, well=well), np.zeros((0, 2)), seed, self._flow_share, BLOCK_S
-        )
-        self._strokes_given = [0 for _ in telemetry.mud.pumps]
+        self._channels = {tool.link: self._channel(telemetry, tool, seed) for tool in telemetry.tools}
         self._random = np.random.default_rng(np.random.SeedSequence(seed).spawn(64)[63])
         self._flows = 0
+        self._done_s = 0.0
         self.late = 0
 
-    def send(self, pulses_s: Array) -> None:
-        """
-        Let the valve make pulses.
+    def _channel(self, telemetry: Telemetry, tool: ToolConfiguration, seed: int) -> LinkChannel:
+        if tool.link == "em":
+            ground = dataclasses.replace(telemetry.earth.ground, depth_m=self._well.depth_m)
+            return EarthLink(dataclasses.replace(telemetry.earth, ground=ground), seed)
+        if tool.link == "serial":
+            return WireLink(telemetry.serial, tool.serial.baud, seed)
+        return MudLink(dataclasses.replace(telemetry.mud, well=self._well), seed, self._flow_share)
 
-        pulses_s, shape (n, 2): begin and end of each, s of the run. One that comes too late for the channel is counted
-        in `late` and left out.
-        """
-        for begin, end in np.asarray(pulses_s, dtype=float).reshape(-1, 2):
-            if not self._pressure.add_pulse(float(begin), float(end)):
-                self.late += 1
+    def _depth(self, at_s: float) -> float:
+        return float(self._timeline.bit(np.array([at_s]))[0, 0])
+
+    def send(self, signal: OnAir) -> None:
+        """Put a signal on air, on the tool's clock but its start. What is too late is left out, counted in `late`."""
+        self.late += self._channels[signal.link].send(signal.on_true_clock(self._clock))
 
     def flows(self, until_s: float) -> tuple[Array, Array]:
         """
@@ -122,24 +126,18 @@ class TelemetryLink:
         return _FLOW_SIGMA
 
     def advance(self, until_s: float) -> list[Heard]:
-        """Blocks that end up to a time of the run, s."""
-        blocks = []
-        while self._pressure.seconds + BLOCK_S <= until_s + 1e-9:
-            start = self._pressure.seconds
-            depth = float(self._timeline.bit(np.array([start]))[0, 0])
+        """What is heard in the whole seconds that end up to a time of the run, s."""
+        heard = []
+        while self._done_s + BLOCK_S <= until_s + 1e-9:
+            depth = self._depth(self._done_s)
             if abs(depth - self._well.depth_m) > _DEEPER_M:
                 self._well = dataclasses.replace(self._well, depth_m=depth)
-                self._pressure.deepen(self._well)
-            pressure = self._pressure.block()
-            blocks.append(Heard(start, pressure, self._new_strokes()))
-        return blocks
-
-    def _new_strokes(self) -> list[tuple[int, float]]:
-        found = []
-        for k, times in enumerate(self._pressure.strokes()):
-            found += [(k + 1, float(at)) for at in times[self._strokes_given[k] :]]
-            self._strokes_given[k] = len(times)
-        return sorted(found, key=lambda one: (one[1], one[0]))
+                for channel in self._channels.values():
+                    channel.deepen(depth)
+            self._done_s += BLOCK_S
+            for channel in self._channels.values():
+                heard += channel.advance(self._done_s)
+        return heard
 
     def _flow_share(self, time: Array) -> Array:
         if self._full <= 0.0:

@@ -36,3 +36,20 @@ def test_cut_bytes_are_refused():
     whole = gauge_burst.encode(0, 0.01, np.arange(5.0))
     with pytest.raises(WireError):
         gauge_burst.decode(whole[:-9])
+
+
+def test_the_middleware_reads_bytes_of_a_line_and_strokes():
+    serialization = pytest.importorskip("rclpy.serialization")
+    messages = pytest.importorskip("mwd_msgs.msg")
+    octets = np.frombuffer(b"\x00abc\xff", dtype=np.uint8)
+    ours = gauge_burst.encode(12_000_000_034, 1e-3, octets)
+    message = serialization.deserialize_message(ours, messages.SerialBurst)
+    assert (message.period, bytes(message.data)) == (1e-3, octets.tobytes())
+    stamp, _, found = gauge_burst.decode(serialization.serialize_message(message), gauge_burst.SERIAL)
+    assert (stamp, found.tolist()) == (12_000_000_034, octets.tolist())
+    for strokes in ([], [(1, 5_000_000_001), (2, 5_500_000_000), (1, 6_000_000_000)]):
+        data = gauge_burst.encode_strokes(7_000_000_000, strokes, "rig")
+        message = serialization.deserialize_message(data, messages.StrokeBurst)
+        assert message.header.stamp.sec == 7
+        times = [at.sec * 10**9 + at.nanosec for at in message.stamp]
+        assert list(zip(message.pump, times, strict=True)) == strokes

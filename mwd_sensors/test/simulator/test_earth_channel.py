@@ -45,7 +45,7 @@ def test_voltage_is_the_same_however_it_is_asked_for_and_by_seed():
     tool = from_mapping({"code": "psk", "carrier": {"medium": "earth", "frequency_hz": 6.0}, "transmit_delay_s": 1.0})
     sent = transmit(tool, ((0.0, 100.0),), 1)
     _, whole = earth_run(EarthChannel(), sent, 60.0, 3)
-    stream = EarthVoltage(EarthChannel(), sent, 3)
+    stream = EarthVoltage(EarthChannel(), sent.drive, 3)
     assert np.array_equal(np.concatenate([stream.block() for _ in range(6)]), whole)
     assert not np.array_equal(earth_run(EarthChannel(), sent, 60.0, 4)[1], whole)
 

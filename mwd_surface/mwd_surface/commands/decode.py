@@ -12,15 +12,18 @@ def decode(
     file: Annotated[
         Path,
         typer.Argument(
-            help="CSV (time_s,pressure_pa[,pressure_2_pa] or time_s,voltage_v), WAV, or a recording with FluidPressure;"
-            " bytes as captured for a tool on a serial line."
+            help="CSV (time_s,pressure_pa[,pressure_2_pa] or time_s,voltage_v), WAV, or a recording; for a tool on a"
+            " serial line a recording or bytes as captured."
         ),
     ],
     tool: Annotated[Path, typer.Option("--tool", help="Tool configuration, YAML: what the tool sends, and how.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of words.csv, surveys.csv and picture.png.")],
     strokes: Annotated[
         Path | None,
-        typer.Option(help="CSV pump,time_s of a stroke counter; omit it to find the pumps in the pressure."),
+        typer.Option(
+            help="CSV pump,time_s of a stroke counter. Omit it to take those of a recording, else to find the pumps in"
+            " the pressure."
+        ),
     ] = None,
     gauge: Annotated[int, typer.Option(help="Which pressure gauge: 1 or 2.")] = 1,
     topic: Annotated[str, typer.Option(help="Topic of a recording that has several pressures.")] = "",
@@ -49,15 +52,16 @@ def decode(
     if wired:
         read = pressure_files.read_bytes(file, configuration.serial.baud)
     else:
-        read = pressure_files.read(file, gauge, topic)
+        read = pressure_files.read(file, gauge, topic, configuration.link)
     for note in read.notes:
         terminal.warn(f"{file.name}: {note}")
     receiver = receivers.receiver_of(configuration)
-    if strokes:
-        if not isinstance(receiver, pulse_receiver.PulseReceiver):
-            raise ValueError("--strokes: only the receiver of pulses takes strokes; leave it out")
-        for pump, times in pressure_files.read_strokes(strokes).items():
+    counted = pressure_files.read_strokes(strokes) if strokes else read.strokes
+    if isinstance(receiver, pulse_receiver.PulseReceiver):
+        for pump, times in counted.items():
             receiver.strokes(pump, times)
+    elif strokes:
+        raise ValueError("--strokes: only the receiver of pulses takes strokes; leave it out")
     got = receiver.push(read.time_s, read.pressure_pa)
     got.add(receiver.finish())
     output.mkdir(parents=True, exist_ok=True)

@@ -118,8 +118,6 @@ def simulate(
       mwd tool simulate tool.yaml -o well --depth 4000
       mwd decode well/pressure.csv --tool tool.yaml -o decoded
     """
-    import numpy as np
-
     from mwd_sensors.simulator import carrier_tool, pulse_tool, serial_channel
     from mwd_sensors.simulator.earth_channel import EarthChannel, earth_run
     from mwd_sensors.simulator.earth_line import Ground
@@ -135,7 +133,7 @@ def simulate(
     if read.medium == "serial":
         data, words = serial_channel.transmit(read, seconds, seed)
         line = serial_channel.SerialChannel(bit_errors=bit_errors)
-        data = serial_channel.damaged(line, data, read.serial.baud, np.random.default_rng(seed))
+        data = serial_channel.SerialStream(line, read.serial.baud, seed).carry(0.0, data)
         (output / "bytes.bin").write_bytes(data)
         name = "bytes.bin"
     elif read.medium == "earth":

@@ -7,18 +7,12 @@ import math
 import struct
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.io import wavfile
 
-from mwd_sensors.core import gauge_burst
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
-
-if TYPE_CHECKING:
-    from mwd_surface.bags.bag_reader import Bag
 
 _TIME, _VOLTAGE = "time_s", "voltage_v"
 # What a CSV may say behind the name of a quantity, and its SI value.
@@ -35,16 +29,17 @@ class PressureFile:
     """
     Rising times, s, and pressure, Pa, shape (n,), finite.
 
-    `origin` says what time 0 is; notes what is wrong with the data.
+    `origin` says what time 0 is; notes what is wrong with the data; strokes: of each pump, s, where they were recorded.
     """
 
     time_s: Array
     pressure_pa: Array
     origin: str
     notes: tuple[str, ...]
+    strokes: dict[int, Array] = dataclasses.field(default_factory=dict)
 
 
-def read(path: Path, gauge: int = 1, topic: str = "") -> PressureFile:
+def read(path: Path, gauge: int = 1, topic: str = "", link: str = "mud_pulse") -> PressureFile:
     """
     Read pressure.
 
@@ -58,6 +53,8 @@ def read(path: Path, gauge: int = 1, topic: str = "") -> PressureFile:
         1 or 2.
     topic : str
         Of a recording with several topics of pressure.
+    link : str
+        mud_pulse or em: what of a recording is read.
 
     Raises
     ------
@@ -71,12 +68,16 @@ def read(path: Path, gauge: int = 1, topic: str = "") -> PressureFile:
     if gauge not in (1, 2):
         raise ValueError(f"--gauge {gauge}: 1 or 2")
     suffix = path.suffix.lower()
+    strokes: dict[int, Array] = {}
     if suffix == ".csv":
         time, pressure, origin = _csv(path, gauge)
     elif suffix == ".wav":
         time, pressure, origin = _wav(path, gauge)
     else:
-        time, pressure, origin = _bag(path, gauge, topic)
+        from mwd_surface.receiver import recorded_link
+
+        second = "standpipe_2" if gauge == 2 else ""
+        time, pressure, strokes, origin = recorded_link.read(path, link, topic or second)
     notes = _notes(time, pressure)
     known = np.isfinite(time) & np.isfinite(pressure)
     time, pressure = time[known], pressure[known]
@@ -87,7 +88,7 @@ def read(path: Path, gauge: int = 1, topic: str = "") -> PressureFile:
     longest = float(np.diff(time).max())
     if longest > _LONGEST_GAP_S:
         raise ValueError(f"{path}: the time jumps by {longest:.6g} s, as if the clock was set; cut the file there")
-    return PressureFile(time, pressure, origin, notes)
+    return PressureFile(time, pressure, origin, notes, strokes)
 
 
 def read_strokes(path: Path) -> dict[int, Array]:
@@ -112,13 +113,20 @@ def read_strokes(path: Path) -> dict[int, Array]:
 
 def read_bytes(path: Path, baud: int) -> PressureFile:
     """
-    Read what came over a serial line, captured as it is; its times are those of a line without a pause.
+    Read what came over a serial line: a recording, or bytes as captured, whose times are those without a pause.
 
     Raises
     ------
     OSError
         The file cannot be read.
+    BagError
+        The recording has no such topic.
     """
+    if path.is_dir() or path.suffix.lower() == ".mcap":
+        from mwd_surface.receiver import recorded_link
+
+        time, octets, _, origin = recorded_link.read(path, "serial")
+        return PressureFile(time, octets, origin, ())
     data = np.frombuffer(path.read_bytes(), dtype=np.uint8).astype(float)
     return PressureFile((np.arange(len(data)) + 1.0) * BITS_PER_BYTE / baud, data, "begin of the bytes", ())
 
@@ -200,35 +208,6 @@ def _wav(path: Path, gauge: int) -> tuple[Array, Array, str]:
     # 24 bits come as the upper ones of 32; floats are shares of full scale already.
     full = 1.0 if samples.dtype.kind == "f" else 2.0 ** (8 * samples.dtype.itemsize - 1)
     return np.arange(len(one)) / rate, one * (_WAV_FULL_SCALE / full), "begin of the WAV"
-
-
-def _bag(path: Path, gauge: int, topic: str) -> tuple[Array, Array, str]:
-    from mwd_surface.bags.bag_reader import Bag
-
-    suffix = topic or ("standpipe" if gauge == 1 else "standpipe_2")
-    with Bag(path) as bag:
-        if any(one.type_name == gauge_burst.PRESSURE for one in bag.topics.values()):
-            return _bursts(bag, suffix)
-        name = bag.find_topic("sensor_msgs/msg/FluidPressure", suffix)
-        rows = []
-        for _, _, _, data in bag.messages([name]):
-            message = bag.decode(name, data)
-            stamp = message.header.stamp
-            rows.append((stamp.sec - bag.start_ns // 10**9 + stamp.nanosec * 1e-9, message.fluid_pressure))
-        start = bag.start_ns // 10**9
-    table = np.array(rows, dtype=float).reshape(-1, 2)
-    return table[:, 0], table[:, 1], f"{start} s of Unix time"
-
-
-def _bursts(bag: Bag, suffix: str) -> tuple[Array, Array, str]:
-    """Pressure of mwd_msgs/PressureBurst; time 0 is the first sample, as for the receiver while it was recorded."""
-    name = bag.find_topic(gauge_burst.PRESSURE, suffix)
-    bursts = [gauge_burst.decode(data) for _, _, _, data in bag.messages([name])]
-    if not bursts:
-        return np.zeros(0), np.zeros(0), "an empty recording"
-    origin = bursts[0][0]
-    times = [(start - origin) / NANOSECONDS + period * np.arange(len(values)) for start, period, values in bursts]
-    return np.concatenate(times), np.concatenate([one[2] for one in bursts]), f"{origin / NANOSECONDS:.3f} s Unix time"
 
 
 def _notes(time: Array, pressure: Array) -> tuple[str, ...]:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from mwd_sensors.core import gauge_burst, wire
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.simulator.link_channels import Heard
 from mwd_sensors.simulator.scenario import Scenario
 from mwd_sensors.simulator.sonde import Sonde
-from mwd_sensors.simulator.telemetry_link import PERIOD_S, Heard
 from mwd_surface.bags.bag_metadata import qos_profile
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.runs.simulated_tool import SimulatedTool
@@ -80,13 +80,15 @@ def record(
 
 
 class _LinkWriter:
-    """Flow in the tool and pressure at the standpipe of a run, into its bag; the estimator runs for what is sent."""
+    """Flow in the tool and what is heard at the surface, into a run's bag; the estimator runs for what is sent."""
 
     def __init__(self, sonde: Sonde, bag: BagWriter, prefix: str) -> None:
         self._sonde, self._bag = sonde, bag
         self._tool = SimulatedTool(sonde)
         self._flow = bag.topic(prefix + "tool/flow", wire.TOOL_FLOW.type_name, [_EVENT])
-        self._pressure = bag.topic(prefix + "rig/standpipe", gauge_burst.PRESSURE, [_EVENT])
+        self._heard = {link: bag.topic(prefix + name, kind, [_EVENT]) for link, (name, kind) in _topics(sonde)}
+        if "mud_pulse" in self._heard:
+            self._strokes = bag.topic(prefix + "rig/strokes", gauge_burst.STROKES, [_EVENT])
 
     def take(self, block: Mapping[str, Samples], until_s: float) -> None:
         """Take the samples of a block that ends at a time of the run, s."""
@@ -95,10 +97,21 @@ class _LinkWriter:
         self._write(heard)
 
     def finish(self) -> None:
-        """Write the rest of the pressure."""
+        """Write the rest of what is heard."""
         self._write(self._tool.finish())
 
     def _write(self, heard: list[Heard]) -> None:
         for one in heard:
             stamp_ns = self._sonde.stamp_ns(one.start_s, of_tool=False)
-            self._bag.write(self._pressure, gauge_burst.encode(stamp_ns, PERIOD_S, one.pressure_pa), stamp_ns)
+            data = gauge_burst.encode(stamp_ns, one.period_s, one.values)
+            self._bag.write(self._heard[one.link], data, stamp_ns)
+            if one.link == "mud_pulse":
+                until_ns = stamp_ns + round(len(one.values) * one.period_s * wire.NANOSECONDS)
+                strokes = [(pump, self._sonde.stamp_ns(at, of_tool=False)) for pump, at in one.strokes]
+                self._bag.write(self._strokes, gauge_burst.encode_strokes(until_ns, strokes), until_ns)
+
+
+def _topics(sonde: Sonde) -> list[tuple[str, tuple[str, str]]]:
+    """Links of a run with the topic and type of what is heard."""
+    tools = () if sonde.scenario.telemetry is None else sonde.scenario.telemetry.tools
+    return [(tool.link, gauge_burst.TOPICS[tool.link]) for tool in tools]

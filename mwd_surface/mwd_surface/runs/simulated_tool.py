@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-import numpy as np
-
 from mwd_estimation.downhole.transmitter import Sent, Transmitter
 from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import from_mapping
+from mwd_sensors.simulator.link_channels import Heard, OnAir
 from mwd_sensors.simulator.sonde import Sonde
-from mwd_sensors.simulator.telemetry_link import Heard, TelemetryLink
+from mwd_sensors.simulator.telemetry_link import TelemetryLink
 from mwd_surface.runs.launch_plan import reference_parameters
 
 # The channel follows the samples so far behind: by then a word that goes on air is known.
@@ -46,7 +45,8 @@ class SimulatedTool:
             raise ValueError("the scenario has no telemetry; it needs an entry `telemetry: {}`")
         self._sonde, self._link = sonde, sonde.link
         self._pipeline = Pipeline(estimator_settings(sonde))
-        self._transmitter = Transmitter(sonde.scenario.telemetry.tool, self._pipeline.settings.transmit)
+        transmit = self._pipeline.settings.transmit
+        self._transmitters = [Transmitter(tool, transmit) for tool in sonde.scenario.telemetry.tools]
         self._done = 0.0
         self.sent: list[Sent] = []
         self.surveys: list[object] = []
@@ -65,33 +65,41 @@ class SimulatedTool:
         ndarray of `wire.TOOL_FLOW`
             Flow as the tool sensed it.
         list of Heard
-            Pressure that is complete.
+            What was heard at the surface.
         """
         flow = self._flow(until_s)
-        self._transmitter.take_flow(flow)
-        pipeline = self._pipeline
+        pipeline, imu = self._pipeline, block["imu/data_raw"]
+        imu_t = pipeline.mount.imu_in_tool(imu)
+        for transmitter in self._transmitters:
+            transmitter.take_flow(flow)
+            transmitter.take_rotation(imu_t)
         pipeline.push_mag(block["imu/mag"])
         pipeline.push_precision(block["gyro/data_raw"])
         pipeline.push_temperature(block["imu/temperature"])
-        imu = block["imu/data_raw"]
-        self._transmitter.take_rotation(pipeline.mount.imu_in_tool(imu))
         self._take_output(pipeline.push_imu(imu))
         self._done = until_s
         return flow, self._link.advance(until_s - _LAG_S)
 
     def finish(self) -> list[Heard]:
-        """Rest of the pressure."""
+        """Rest of what is heard."""
         return self._link.advance(self._done)
 
     def _take_output(self, output: Output) -> None:
-        for survey in output.surveys:
-            self._transmitter.take_survey(survey)
-            self.surveys.append(survey)
-        self._transmitter.take_dynamics(output.dynamics)
-        for sent in self._transmitter.advance(output.attitude, self._pipeline.reference):
-            self.sent.append(sent)
-            begins = self._sonde.seconds(sent.start_ns) + np.array(sent.edges_s)
-            self._link.send(np.column_stack([begins, begins + sent.tool.pulse_width_s]))
+        self.surveys += output.surveys
+        for transmitter in self._transmitters:
+            for survey in output.surveys:
+                transmitter.take_survey(survey)
+            transmitter.take_dynamics(output.dynamics)
+            for sent in transmitter.advance(output.attitude, self._pipeline.reference):
+                self.sent.append(sent)
+                self._link.send(self._on_air(sent))
+
+    def _on_air(self, sent: Sent) -> OnAir:
+        tool = sent.tool
+        start = self._sonde.seconds(sent.start_ns)
+        width = tool.symbol_s or tool.pulse_width_s
+        frequency = tool.carrier.frequency_hz
+        return OnAir(tool.link, start, sent.edges_s, sent.phases, sent.octets, width, frequency)
 
     def _flow(self, until_s: float) -> Samples:
         times, flows = self._link.flows(until_s)

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from mwd_sensors.simulator.serial_channel import SerialChannel, damaged, transmit
+from mwd_sensors.simulator.serial_channel import SerialChannel, SerialStream, transmit
 from mwd_sensors.telemetry import serial_frames
 from mwd_sensors.telemetry.tool_configuration import starting
 from mwd_surface.receiver.serial_receiver import SerialReceiver
@@ -52,7 +52,7 @@ def test_no_wrong_value_passes_at_many_times_the_error_rate(tool, bit_errors):
     makes it less than one in 1e9 (docs/methods/carrier_and_serial.md).
     """
     data, sent = transmit(tool, 4000.0, 5)
-    noisy = damaged(SerialChannel(bit_errors=bit_errors), data, 9600, np.random.default_rng(1))
+    noisy = SerialStream(SerialChannel(bit_errors=bit_errors), 9600, 1).carry(0.0, data)
     got, true = frames_of(received(tool, noisy).words), set(frames_of(sent))
     assert set(got) <= true
     assert 0.1 * len(true) < len(got) < 0.9 * len(true)
@@ -61,7 +61,7 @@ def test_no_wrong_value_passes_at_many_times_the_error_rate(tool, bit_errors):
 def test_lost_bytes_and_breaks_cost_their_frames_only():
     data, sent = transmit(TOOL, 2000.0, 5)
     channel = SerialChannel(lost_bytes=1e-3, breaks_per_hour=60.0, break_s=0.5)
-    got = frames_of(received(TOOL, damaged(channel, data, 9600, np.random.default_rng(1))).words)
+    got = frames_of(received(TOOL, SerialStream(channel, 9600, 1).carry(0.0, data)).words)
     true = frames_of(sent)
     assert set(got) <= set(true)
     assert len(got) > 0.9 * len(true)
@@ -69,7 +69,7 @@ def test_lost_bytes_and_breaks_cost_their_frames_only():
 
 def test_any_cut_gives_the_same_words():
     data, _ = transmit(TOOL, 100.0, 3)
-    data = damaged(SerialChannel(bit_errors=1e-3), data, 9600, np.random.default_rng(1))
+    data = SerialStream(SerialChannel(bit_errors=1e-3), 9600, 1).carry(0.0, data)
     whole = received(TOOL, data)
     receiver, words = SerialReceiver(TOOL), []
     raw, time = np.frombuffer(data, dtype=np.uint8).astype(float), np.arange(len(data)) * 1e-3

@@ -8,8 +8,7 @@ import pytest
 from mwd_estimation.downhole.transmitter import Kind
 from mwd_sensors.simulator.scenario import parse
 from mwd_sensors.simulator.sonde import Sonde
-from mwd_surface.receiver import pressure_files
-from mwd_surface.receiver.pulse_receiver import decode
+from mwd_surface.receiver import pressure_files, receivers
 from mwd_surface.runs import simulate
 from mwd_surface.runs.simulated_tool import SimulatedTool, heard_over
 
@@ -46,20 +45,65 @@ def test_pressure_and_words_do_not_depend_on_the_blocks(story):
     (one, first), (two, second) = (played(story, block_s) for block_s in (1.0, 0.7))
     assert one.sent == two.sent
     assert np.array_equal(
-        np.concatenate([heard.pressure_pa for heard in first]), np.concatenate([heard.pressure_pa for heard in second])
+        np.concatenate([heard.values for heard in first]), np.concatenate([heard.values for heard in second])
     )
     assert one.link.late == 0
     assert [sent.kind for sent in one.sent[:4]] == [Kind.SYNC, Kind.SURVEY, Kind.SURVEY, Kind.SURVEY]
 
 
-def test_a_recording_of_it_decodes_to_what_was_sent(story, tmp_path):
+EM = """
+telemetry:
+  tool:
+    code: psk
+    transmit_delay_s: 30.0
+    carrier: {medium: earth, frequency_hz: 6.0, symbol_rate_hz: 4.0, block_bits: 40}
+    survey_sequences: ["Inc:12 Azm:12 DipA:12 Grav:12 MagF:12"]
+    toolface_sequences: ["aTFA:6"]
+  earth: {ground: {bottom_m: [12000.0], resistivity: [20.0]}}
+"""
+SIREN = """
+telemetry:
+  tool:
+    code: psk
+    transmit_delay_s: 30.0
+    carrier: {medium: mud, frequency_hz: 12.0, symbol_rate_hz: 5.0, block_bits: 40}
+    survey_sequences: ["Inc:12 Azm:12 DipA:12 Grav:12 MagF:12"]
+    toolface_sequences: ["aTFA:6"]
+  mud: {valve_pa: 200000.0, rise_s: 0.005}
+"""
+SERIAL = """
+telemetry:
+  tool:
+    code: serial
+    survey_sequences: ["Inc:12 Azm:12 DipA:12 Grav:12 MagF:12"]
+    toolface_sequences: ["aTFA:6"]
+  serial: {bit_errors: 1.0e-4}
+"""
+
+
+@pytest.mark.parametrize("telemetry", ["", EM, SIREN, SERIAL], ids=["pulses", "em", "siren", "serial"])
+def test_a_recording_of_it_decodes_to_what_was_sent(telemetry, tmp_path):
+    story = parse((SCENARIO.partition("telemetry:")[0] + telemetry) if telemetry else SCENARIO)
     simulate.record(story, tmp_path / "bag", "w1")
-    read = pressure_files.read(tmp_path / "bag")
-    got = decode(story.telemetry.tool, read.time_s, read.pressure_pa)
+    link = story.telemetry.tool
+    if link.link == "serial":
+        read = pressure_files.read_bytes(tmp_path / "bag", link.serial.baud)
+    else:
+        read = pressure_files.read(tmp_path / "bag", link=link.link)
+    receiver = receivers.receiver_of(link)
+    counted = [pump for pump, times in read.strokes.items() if len(times) > 100]
+    assert counted == ([1, 2] if link.medium == "mud" else [])
+    if not telemetry:
+        for pump, times in read.strokes.items():
+            receiver.strokes(pump, times)
+    words = receiver.push(read.time_s, read.pressure_pa).words + receiver.finish().words
     tool, _ = played(story, 1.0)
+    assert tool.link.late == 0
     sent = {sent.name: sent.raw for sent in tool.sent if sent.kind == Kind.SURVEY}
-    received = {word.name: word.raw for word in got.words if word.kind == "survey"}
+    received = {word.name: word.raw for word in words if word.kind == "survey" and word.status == "believed"}
     assert received == sent
+    assert len(received) == 5
+    assert sum(word.name == "aTFA" for word in words) >= 2
 
 
 def test_a_scenario_without_telemetry_has_no_tool(story):

@@ -1,0 +1,225 @@
+"""The channels of a tool's links while a scenario runs: what the tool puts on air goes in, what is heard comes out."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.simulator import earth_channel, mud_channel
+from mwd_sensors.simulator.carrier_tool import CarrierStream
+from mwd_sensors.simulator.earth_channel import EarthChannel, EarthVoltage
+from mwd_sensors.simulator.mud_channel import MudChannel, Pressure
+from mwd_sensors.simulator.serial_channel import SerialChannel, SerialStream
+from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
+
+BLOCK_S = 1.0
+
+
+class OnAir(NamedTuple):
+    """
+    A group of words, or a sync, that the tool puts on air.
+
+    Attributes
+    ----------
+    link : str
+        mud_pulse, em or serial.
+    start_s : float
+        s of the run.
+    edges_s, phases, octets : tuple of float, tuple of float, bytes
+        As of `telemetry.on_air.Signal`; the one that the link has.
+    width_s : float
+        Of a pulse or symbol.
+    frequency_hz : float
+        Of a carrier.
+    """
+
+    link: str
+    start_s: float
+    edges_s: tuple[float, ...] = ()
+    phases: tuple[float, ...] = ()
+    octets: bytes = b""
+    width_s: float = 0.0
+    frequency_hz: float = 0.0
+
+    def on_true_clock(self, fast: float) -> OnAir:
+        """As it is where the tool's clock, on which this one is, runs fast by a share; `start_s` is true already."""
+        scale = 1.0 / (1.0 + fast)
+        edges = tuple(edge * scale for edge in self.edges_s)
+        return self._replace(edges_s=edges, width_s=self.width_s * scale, frequency_hz=self.frequency_hz / scale)
+
+
+class Heard(NamedTuple):
+    """
+    One block at the surface.
+
+    Attributes
+    ----------
+    link : str
+    start_s, period_s : float
+        Time of its first sample, s of the run, and from one to the next.
+    values : ndarray, shape (n,)
+        Pa, V, or bytes of type uint8.
+    strokes : list of (int, float)
+        Of a link through mud: pump, from 1, and time of each stroke, s; in order of time.
+    """
+
+    link: str
+    start_s: float
+    period_s: float
+    values: NDArray[Any]
+    strokes: list[tuple[int, float]]
+
+
+class LinkChannel(Protocol):
+    """One channel."""
+
+    def send(self, signal: OnAir) -> int:
+        """Put a signal on air; gives how much of it came too late."""
+        ...
+
+    def deepen(self, depth_m: float) -> None:
+        """Go on with the bit at another depth."""
+        ...
+
+    def advance(self, until_s: float) -> list[Heard]:
+        """What is heard up to a time of the run, s."""
+        ...
+
+
+class MudLink:
+    """
+    Pulses or a siren through mud.
+
+    Parameters
+    ----------
+    channel : MudChannel
+    seed : int
+    flow : callable
+        Flow over its full value at times, s.
+    """
+
+    def __init__(self, channel: MudChannel, seed: int, flow: Callable[[Array], Array]) -> None:
+        self._well = channel.well
+        self._pressure = Pressure(channel, np.zeros((0, 2)), seed, flow, BLOCK_S)
+        self._siren = CarrierStream("mud")
+        self._pressure.modulate(self._siren.drive)
+        self._strokes_given = [0 for _ in channel.pumps]
+
+    def send(self, signal: OnAir) -> int:
+        """Let the valve make pulses, or the siren turn; as `LinkChannel`."""
+        begins = [signal.start_s + edge for edge in signal.edges_s]
+        late = sum(not self._pressure.add_pulse(begin, begin + signal.width_s) for begin in begins)
+        return late + _add(self._siren, signal, self._pressure.seconds)
+
+    def deepen(self, depth_m: float) -> None:
+        """As `LinkChannel`."""
+        self._well = dataclasses.replace(self._well, depth_m=depth_m)
+        self._pressure.deepen(self._well)
+
+    def advance(self, until_s: float) -> list[Heard]:
+        """As `LinkChannel`."""
+        blocks = []
+        while self._pressure.seconds + BLOCK_S <= until_s + 1e-9:
+            start = self._pressure.seconds
+            pressure = self._pressure.block()
+            blocks.append(Heard("mud_pulse", start, 1.0 / mud_channel.RATE_HZ, pressure, self._new_strokes()))
+        return blocks
+
+    def _new_strokes(self) -> list[tuple[int, float]]:
+        found = []
+        for k, times in enumerate(self._pressure.strokes()):
+            found += [(k + 1, float(at)) for at in times[self._strokes_given[k] :]]
+            self._strokes_given[k] = len(times)
+        return sorted(found, key=lambda one: (one[1], one[0]))
+
+
+class EarthLink:
+    """
+    A carrier through the earth.
+
+    Parameters
+    ----------
+    channel : EarthChannel
+    seed : int
+    """
+
+    def __init__(self, channel: EarthChannel, seed: int) -> None:
+        self._ground = channel.ground
+        self._source = CarrierStream("earth")
+        self._voltage = EarthVoltage(channel, self._source.drive, seed, BLOCK_S)
+
+    def send(self, signal: OnAir) -> int:
+        """As `LinkChannel`."""
+        return _add(self._source, signal, self._voltage.seconds)
+
+    def deepen(self, depth_m: float) -> None:
+        """As `LinkChannel`."""
+        self._ground = dataclasses.replace(self._ground, depth_m=depth_m)
+        self._voltage.deepen(self._ground)
+
+    def advance(self, until_s: float) -> list[Heard]:
+        """As `LinkChannel`."""
+        blocks = []
+        while self._voltage.seconds + BLOCK_S <= until_s + 1e-9:
+            start = self._voltage.seconds
+            blocks.append(Heard("em", start, 1.0 / earth_channel.RATE_HZ, self._voltage.block(), []))
+        return blocks
+
+
+class WireLink:
+    """
+    Frames over a line.
+
+    Parameters
+    ----------
+    channel : SerialChannel
+    baud : int
+    seed : int
+    """
+
+    def __init__(self, channel: SerialChannel, baud: int, seed: int) -> None:
+        self._period_s = BITS_PER_BYTE / baud
+        self._line = SerialStream(channel, baud, seed)
+        self._sent: deque[tuple[float, bytes]] = deque()
+        self._until = -math.inf
+
+    def send(self, signal: OnAir) -> int:
+        """As `LinkChannel`."""
+        if not signal.octets:
+            return 0
+        if signal.start_s < self._until:
+            return 1
+        self._sent.append((signal.start_s, signal.octets))
+        return 0
+
+    def deepen(self, depth_m: float) -> None:
+        """As `LinkChannel`; a line does not mind."""
+
+    def advance(self, until_s: float) -> list[Heard]:
+        """As `LinkChannel`."""
+        self._until = max(self._until, until_s)
+        heard = []
+        while self._sent and self._sent[0][0] + len(self._sent[0][1]) * self._period_s <= until_s:
+            start, octets = self._sent.popleft()
+            data = np.frombuffer(self._line.carry(start, octets), dtype=np.uint8)
+            if len(data):
+                # A byte has arrived when its stop bit has.
+                heard.append(Heard("serial", start + self._period_s, self._period_s, data, []))
+        return heard
+
+
+def _add(stream: CarrierStream, signal: OnAir, done_s: float) -> int:
+    """Add phases to a carrier; 1 where they came too late."""
+    if not signal.phases:
+        return 0
+    if signal.start_s < done_s:
+        return 1
+    stream.add(signal.start_s, np.exp(1j * np.array(signal.phases)), signal.width_s, signal.frequency_hz)
+    return 0
