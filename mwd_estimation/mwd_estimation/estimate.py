@@ -9,6 +9,7 @@ A step that changes the reading of the field belongs into the bins; one that nee
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,10 @@ from mwd_estimation.attitude import drilling_dynamics
 from mwd_estimation.attitude.block import Block
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
 from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates, PropagatedAzimuth
+from mwd_estimation.attitude.magnetic_delay import SPAN_NS, MagneticDelay
 from mwd_estimation.bin_stage import BinStage, Numbering
 from mwd_estimation.core import clip_flags
+from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import MAG
 from mwd_estimation.core.track import Track, sample_arrays
@@ -51,10 +54,22 @@ class Estimate:
         Overrides the settings.
     counters : Counters
     numbering : Numbering
+    mag_late_ns : int
+        By which the stamps of the magnetometer are late, as known so far.
+
+    Attributes
+    ----------
+    mag_late_ns : int
+        The same, as the turning string has shown it since.
     """
 
     def __init__(
-        self, settings: EstimatorSettings, reference: Reference | None, counters: Counters, numbering: Numbering
+        self,
+        settings: EstimatorSettings,
+        reference: Reference | None,
+        counters: Counters,
+        numbering: Numbering,
+        mag_late_ns: int = 0,
     ) -> None:
         self.settings, self._counters, self._given = settings, counters, reference
         self.watch = SensorWatch(settings)
@@ -71,7 +86,8 @@ class Estimate:
         )
         self._use_gravity(None)
         self._dynamics_state = drilling_dynamics.initial(self._dynamics_params)
-        self._lag_ns = round(settings.tool.magnetometer.delay_s * 1e9)
+        self._delay, self._delay_span, self.mag_late_ns = MagneticDelay(), 0, 0
+        self._shift_mag(mag_late_ns)
         self.last_imu_ns = np.iinfo(np.int64).min
         self._ready = False
         self._statuses = StatusHistory(BIN_NS)
@@ -101,6 +117,11 @@ class Estimate:
         """Local gravity, m/s^2; None where not known."""
         return self.field.reference.gravity if self.field.reference is not None else None
 
+    @property
+    def innovations(self) -> list[Innovation]:
+        """What each source was expected to give and what it gave."""
+        return self._gravity.innovations + self._attitude.innovations
+
     def set_reference(self, reference: Reference) -> None:
         """Judge and correct by this field from now on; the interference is estimated anew."""
         self._given = reference
@@ -112,7 +133,7 @@ class Estimate:
     def take_mag(self, samples: Samples) -> None:
         """Take magnetic samples, dtype of `wire.MAG`."""
         stamps, b_t = samples["stamp_ns"], samples["magnetic_field"]
-        self.watch.take_mag(stamps, b_t)
+        self.watch.take_mag(stamps - self.mag_late_ns, b_t)
         # A field that no tool meets is another unit, none at all is no reading; the health of the sensors names it.
         usable = (np.abs(b_t) < _STRONGEST).all(axis=1) & b_t.any(axis=1)
         usable &= ~input_covariance.clipped(samples, "magnetic_field").any(axis=1)
@@ -121,11 +142,13 @@ class Estimate:
         sound = spike_filter.run(self._spikes, stamps, b_t)
         self._counters.spikes += int(len(sound) - np.count_nonzero(sound))
         stamps, b_t = stamps[sound], b_t[sound]
-        self._counters.late_mag += int((stamps <= self.last_imu_ns - self._lag_ns).sum())
+        waits_ns = round(self.settings.tool.magnetometer.delay_s * 1e9)
+        self._counters.late_mag += int((stamps <= self.last_imu_ns - waits_ns).sum())
         if len(stamps):
             self.watch.mag_used(int(stamps[0]))
         self.bin_stage.streams.add("mag", stamps, b_t)
-        self._attitude.take_mag(stamps, b_t)
+        self._attitude.take_mag(stamps - self.mag_late_ns, b_t)
+        self._delay.take_mag(stamps - self.mag_late_ns, b_t)
 
     def take_precision(self, samples: Samples) -> None:
         """Take samples of the high-precision unit, dtype of `wire.IMU`."""
@@ -145,12 +168,41 @@ class Estimate:
             return Output.empty(0)
         if not self._ready:
             self._begin(int(samples["stamp_ns"][0]))
-        arrays = sample_arrays(samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"])
+        stamps, gyro, accel = sample_arrays(
+            samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"]
+        )
         clipped = clip_flags.of(samples)
-        output, *rest = (self._run_stages(stretch, clipped, followed) for stretch in self.watch.stretches(*arrays))
+        spans = stamps // SPAN_NS
+        cuts = [0, *(np.flatnonzero(np.diff(spans)) + 1), len(spans)]
+        pieces: list[Output] = []
+        for start, stop in itertools.pairwise(cuts):
+            self._correct_delay(int(spans[start]))
+            part = slice(start, stop)
+            given = followed.part(part) if followed is not None else None
+            stretches = self.watch.stretches(stamps[part], gyro[part], accel[part])
+            pieces += [self._run_stages(stretch, clipped[part], given) for stretch in stretches]
+        output, *rest = pieces
         for piece in rest:
             output = output.joined(piece)
         return output
+
+    def _correct_delay(self, span: int) -> None:
+        """Where a span of time has ended, correct what it shows of the magnetometer's stamps."""
+        if span > self._delay_span:
+            self._delay_span = span
+            self._shift_mag(self._delay.judge(span * SPAN_NS))
+
+    def _shift_mag(self, late_ns: int) -> None:
+        """Take magnetic samples for later by so much than so far, those that wait too."""
+        if late_ns:
+            self.mag_late_ns += late_ns
+            # Which sample of the IMU meets a magnetic one must not depend on when that arrived.
+            wait_ns = max(self.mag_late_ns, 0)
+            self._delay.shift(late_ns)
+            self.watch.shift_mag(late_ns, 1e-9 * wait_ns)
+            self._attitude.shift_mag(late_ns, wait_ns)
+            # Interference and azimuth were learnt from fields of other toolfaces.
+            self._attitude.set_reference(self.field.reference)
 
     def _run_stages(self, stretch: Stretch, clipped: NDArray[np.uint8], followed: Track | None) -> Output:
         """Estimate samples during which the same sensors are usable; clipped: flags of the whole block."""
@@ -165,6 +217,7 @@ class Estimate:
         # Bins, and surveys begun in them.
         bins = self.bin_stage.close_bins(stretch, output)
         # Attitude.
+        self._delay.take(stamps, track.g_t)
         gyro = without_faulty(unusable, stretch.gyro)
         self._attitude.leave_out_mag(stamps, (stretch.suspect | np.uint8(unusable)) & MAG != 0)
         block = Block(stamps, gyro, accel, track, stretch.suspect, unusable, stretch.contaminated)

@@ -16,6 +16,7 @@ import numpy as np
 
 from mwd_estimation import derivation
 from mwd_estimation.bin_stage import Numbering
+from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
@@ -88,8 +89,8 @@ class Pipeline:
         self._clocks = Clocks()
         self._begin_anew()
 
-    def _begin_anew(self) -> None:
-        self._estimate = Estimate(self._with_noise, self._given, self.counters, self._numbering)
+    def _begin_anew(self, mag_late_ns: int = 0) -> None:
+        self._estimate = Estimate(self._with_noise, self._given, self.counters, self._numbering, mag_late_ns)
 
     def push_mag(self, samples: Samples) -> None:
         """Take magnetic samples, dtype of `wire.MAG`, in axes of the unit; left out where its mount is not known."""
@@ -143,7 +144,7 @@ class Pipeline:
             output.rotary.append(why)
         ended = self.requests.end_north(why.reason)
         output.north += [ended] if ended is not None else []
-        self._begin_anew()
+        self._begin_anew(self.mag_late_ns)
         estimate = self._estimate
         take = {
             "mag": estimate.take_mag,
@@ -246,6 +247,30 @@ class Pipeline:
     def went_back(self) -> list[tuple[int, int]]:
         """Each time that time went back since the last reset: the latest stamp before that and the first after, ns."""
         return self._clocks.went_back
+
+    @property
+    def innovations(self) -> list[Innovation]:
+        """What each source of measurements was expected to give and what it gave, since the estimate began."""
+        return self._estimate.innovations
+
+    @property
+    def mag_late_ns(self) -> int:
+        """By how much the magnetometer's stamps are late against the IMU's, as found and corrected, ns; early: < 0."""
+        return self._estimate.mag_late_ns
+
+    @property
+    def clock_note(self) -> str:
+        """What was found of the magnetometer's stamps, in a sentence; empty where they agree with the IMU's."""
+        late_s = self.mag_late_ns * 1e-9
+        if not late_s:
+            return ""
+        way = "late" if late_s > 0.0 else "early"
+        return f"the magnetometer is stamped {abs(late_s) * 1e3:.0f} ms {way}, as the turning string shows: corrected"
+
+    @property
+    def last_imu_ns(self) -> int:
+        """Stamp of the last sample of the IMU, ns; far before any where none came."""
+        return int(self._estimate.last_imu_ns)
 
     @property
     def sensor_faults(self) -> list[SensorFault]:

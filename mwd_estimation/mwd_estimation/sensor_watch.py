@@ -61,6 +61,7 @@ class SensorWatch:
 
     def __init__(self, settings: EstimatorSettings) -> None:
         self._params = derivation.health_params(settings)
+        self._mag_lag_s = self._params.mag_lag_s
         self._state = monitor.initial(self._params)
         self.history = FaultHistory()
         self._contaminated = False
@@ -85,6 +86,11 @@ class SensorWatch:
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
         """Take magnetic samples as they came, T."""
         monitor.push_mag(self._state, stamps, b_t)
+
+    def shift_mag(self, late_ns: int, wait_s: float) -> None:
+        """Correct the stamps of magnetic samples that wait, late by so much, ns; wait_s: for those to come, longer."""
+        monitor.shift_mag(self._state, late_ns)
+        self._params = dataclasses.replace(self._params, mag_lag_s=self._mag_lag_s + wait_s)
 
     def mag_used(self, first_ns: int) -> None:
         """Note that magnetic samples from this stamp on go into the azimuth."""

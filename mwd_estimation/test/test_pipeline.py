@@ -339,3 +339,25 @@ def test_clip_flags_reach_gravity_whatever_the_cut_and_a_clipped_field_is_not_us
     keep = ~flagged[:, 0]
     without.push_mag(mag[keep])
     assert without.push_imu(imu).attitude.tobytes() == whole.tobytes()
+
+
+@pytest.mark.fault_case(8)
+def test_innovations_count_what_the_field_check_rejects_however_the_stream_is_cut():
+    imu, mag = _samples(seconds=40.0, rate=3.0, still_after=40.0)
+    mag["magnetic_field"][3000:] += [0.0, 0.0, 8e-6]
+    sound, whole, pieces = (Pipeline(EstimatorSettings(), REFERENCE) for _ in range(3))
+    assert [one.innovation for one in sound.innovations] == [-1.0] * 4
+    assert [one.test_ratio for one in sound.innovations] == [-1.0] * 4
+    _run(imu[:3000], mag[:3000], sound)
+    _run(imu, mag, whole)
+    _run(imu, mag, pieces, range(70, 4000, 330))
+    assert whole.innovations == pieces.innovations
+    before, after = ({one.source: one for one in pipeline.innovations} for pipeline in (sound, whole))
+    assert list(after) == ["gravity_inclination", "gravity_toolface", "magnetic_field", "magnetic_azimuth"]
+    assert before["magnetic_field"].test_ratio < 1.0 < after["magnetic_field"].test_ratio
+    assert before["magnetic_field"].rejected == before["magnetic_azimuth"].disturbed == 0
+    assert after["magnetic_field"].rejected >= 0.9 * 10.0 / 0.2
+    assert after["magnetic_field"].used == pytest.approx(30.0 / 0.2, abs=3)
+    assert after["magnetic_azimuth"].disturbed >= 0.8 * after["magnetic_field"].rejected
+    assert before["magnetic_azimuth"].used > 100
+    assert 0.0 < before["gravity_inclination"].test_ratio < 20.0

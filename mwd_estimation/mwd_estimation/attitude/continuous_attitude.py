@@ -31,6 +31,7 @@ from mwd_estimation.attitude.magnetic_azimuth import MagneticAzimuths
 from mwd_estimation.attitude.time_alignment_state import PAIR, GravityBlock, MagBlock
 from mwd_estimation.attitude.time_alignment_state import initial as initial_alignment
 from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import ACCEL
 from mwd_estimation.core.status import Status
@@ -74,7 +75,7 @@ class AttitudeStream:
         bin_ns: int,
         latitude_deg: float | None,
     ) -> None:
-        self._alignment = alignment
+        self._alignment, self._mag_lag_ns = alignment, alignment.mag_lag_ns
         self._azimuth = gyro_azimuth.kernel_params(azimuth, bin_ns, latitude_deg, alignment.interval_ns / 1e9)
         self._magnetic = MagneticAzimuths(interference, errors, azimuth.slow_share)
         self._alignment_state = initial_alignment()
@@ -89,6 +90,7 @@ class AttitudeStream:
         self._reference = reference
         self._magnetic.set_reference(reference)
         self._azimuth_state = initial_azimuth()
+        self._azimuths_read = 0
         self._waiting = np.zeros(0, dtype=MAGNETIC_AZIMUTH)
         self._last = np.zeros(1, dtype=LAST_MAGNETIC)
         # The last magnetic azimuth, for the interference of bins before the next one.
@@ -101,10 +103,27 @@ class AttitudeStream:
         """The azimuths propagated to the last bin."""
         return gyro_azimuth.propagated_azimuth(self._azimuth_state)
 
+    @property
+    def innovations(self) -> list[Innovation]:
+        """Of the magnetic field against the reference, and of the magnetic azimuth against the propagated one."""
+        s = self._azimuth_state[0]
+        rejected, disturbed = int(s["rejected"]), int(s["disturbed"])
+        azimuth = Innovation("magnetic_azimuth", gate=self._azimuth.gate, rejected=rejected, disturbed=disturbed)
+        # Those of the bin that is open wait.
+        used = self._azimuths_read - len(self._waiting) - rejected - disturbed
+        if used > 0 or rejected:
+            azimuth = azimuth._replace(innovation=abs(float(s["innovation_ratio"])), used=used)
+        return [self._magnetic.innovation, azimuth]
+
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
         """Magnetic samples, T; they wait for the gravity of their time."""
         waiting = self._mag
         self._mag = MagBlock(np.concatenate([waiting.stamp_ns, stamps]), np.concatenate([waiting.b_t, b_t]))
+
+    def shift_mag(self, late_ns: int, wait_ns: int) -> None:
+        """Correct the stamps of magnetic samples that wait, late by so much; those to come wait longer by wait_ns."""
+        self._mag = self._mag._replace(stamp_ns=self._mag.stamp_ns - late_ns)
+        self._alignment = self._alignment._replace(mag_lag_ns=self._mag_lag_ns + wait_ns)
 
     def leave_out_mag(self, stamps: Stamps, out: NDArray[np.bool_]) -> None:
         """Of the samples that wait, those whose turn comes at one of these IMU samples, ns, that is `out`."""
@@ -187,6 +206,7 @@ class AttitudeStream:
             level = pairs["sigma_tilt"] < _MAX_TILT
             if level.any():
                 magnetic.append(self._magnetic.read(pairs[level], in_force, part.start))
+                self._azimuths_read += len(magnetic[-1])
         self.handed_on = _joined(handed_on)
         return _joined(plain), _joined(magnetic) if magnetic else np.zeros(0, dtype=MAGNETIC_AZIMUTH)
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mwd_estimation.attitude.block import MagneticModelInForce, StationUpdate
 from mwd_estimation.attitude.gyro_azimuth_state import MAGNETIC_AZIMUTH
 from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.magnetic import interference_filter, interference_state
@@ -50,6 +51,11 @@ class MagneticAzimuths:
     errors : SensorErrors
     constant_share : float
         Share of the magnetic sigma that stays from sample to sample where no reference separates its parts.
+
+    Attributes
+    ----------
+    innovation : Innovation
+        Of the field against the reference, since that was set.
     """
 
     def __init__(self, params: interference_state.Params, errors: SensorErrors, constant_share: float) -> None:
@@ -60,6 +66,7 @@ class MagneticAzimuths:
     def set_reference(self, reference: Reference | None) -> None:
         """Read the field against this from the next sample on; the interference is estimated anew."""
         self._reference = reference
+        self.innovation = Innovation("magnetic_field", gate=math.sqrt(self._params.gate))
         self._state: Samples | None = None
         if reference is not None and reference.has_field:
             self._state = interference_filter.initial(self._params, reference, self._errors)
@@ -135,6 +142,12 @@ class MagneticAzimuths:
             pairs["stamp_ns"], pairs["g_t"], pairs["b_t"], pairs["sigma_tilt"], np.full(n, _MAG_NOISE)
         )
         found = interference_filter.run(self._params, state, samples)
+        beyond = int(np.count_nonzero(~(found["ratio"] <= 1.0)))
+        self.innovation = self.innovation._replace(
+            innovation=math.sqrt(self._params.gate * max(float(found["ratio"][-1]), 0.0)),
+            used=self.innovation.used + n - beyond,
+            rejected=self.innovation.rejected + beyond,
+        )
         horizontal = float(s.field[0])
         observed = found["sigma"] < _UNOBSERVED * np.sqrt(np.diagonal(s.prior)[:3])
         quiet = self._since_disturbed(found["ratio"], samples.stamp_ns)

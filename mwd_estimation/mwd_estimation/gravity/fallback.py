@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_estimation.core.innovations import Innovation, of_power
 from mwd_estimation.core.sensor_fault import ACCEL, GYRO
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import accelerometer_only
+from mwd_estimation.gravity.bounded.state import State
 from mwd_estimation.gravity.methods import Method
 from mwd_sensors.core.arrays import Array, Stamps
 
@@ -39,6 +41,17 @@ class GravityWithFallback:
         self._state = method.initial(params)
         self._remaining_state = accelerometer_only.initial(remaining)
         self._unusable = 0
+
+    @property
+    def innovations(self) -> list[Innovation]:
+        """Of the directions that inclination and toolface see; empty for a method that keeps none."""
+        if not isinstance(self._state, State):
+            return []
+        found = self._state.record[0]["innovations"]
+        return [
+            of_power("gravity_inclination", float(found["along"]["power"])),
+            of_power("gravity_toolface", float(found["across"]["power"])),
+        ]
 
     def run(
         self,

@@ -242,6 +242,11 @@ def _after_bin(state: State, limits: WindowLimits) -> list[SensorFault]:
     return changes
 
 
+def shift_mag(state: State, late_ns: int) -> None:
+    """Correct the stamps of magnetic samples that wait: they are late by so much, ns."""
+    state.samples = state.samples._replace(mag_ns=state.samples.mag_ns - late_ns)
+
+
 def faults(state: State) -> list[SensorFault]:
     """Every fault that stands now."""
     return fault_debounce.standing(state.tables.checks)

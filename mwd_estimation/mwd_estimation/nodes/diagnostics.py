@@ -32,9 +32,12 @@ def sample_diagnostic(pipeline: Pipeline, unreadable: int) -> Diagnostic:
     return Diagnostic("samples", WARN, f"{unused} not used", remedy, values)
 
 
-def noise_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
-    """Say whose covariance widens the sigmas."""
-    return [Diagnostic(f"stated noise {k + 1}", OK, note) for k, note in enumerate(pipeline.noise_notes)]
+def input_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
+    """Say whose covariance widens the sigmas, and whose stamps are corrected."""
+    found = [Diagnostic(f"stated noise {k + 1}", OK, note) for k, note in enumerate(pipeline.noise_notes)]
+    if pipeline.clock_note:
+        found.append(Diagnostic("time imu/mag", WARN, pipeline.clock_note, "stamp both sensors when they measure"))
+    return found
 
 
 def reference_diagnostic(reference: Reference | None) -> Diagnostic:

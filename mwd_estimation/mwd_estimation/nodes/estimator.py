@@ -269,7 +269,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             found.append(inputs.diagnostic("gyro/data_raw", counters.precision, WARN))
         found += inputs.mount_diagnostics(pipeline.mount)
         found += [*inputs.covariance_diagnostics(), *inputs.frame_diagnostics(), *inputs.skew_diagnostics()]
-        found += diagnostics.noise_diagnostics(pipeline)
+        found += diagnostics.input_diagnostics(pipeline)
         found.append(diagnostics.sample_diagnostic(pipeline, inputs.unreadable))
         found.append(diagnostics.reference_diagnostic(pipeline.reference))
         found += diagnostics.sensor_diagnostics(pipeline)

@@ -132,6 +132,8 @@ def pipeline_warnings(summary: Summary, pipeline: Pipeline, estimator: Estimator
         by_s, at_s = (left_ns - begun_ns) * 1e-9, (left_ns - summary.start_ns) * 1e-9
         warnings.append(f"time went back {times} by {by_s:.1f} s, {at_s:.1f} s after the start: the estimate restarted")
     warnings += pipeline.noise_notes
+    if pipeline.clock_note:
+        warnings.append(f"{pipeline.clock_note} from then on; stamp both sensors when they measure")
     if pipeline.counters.spikes:
         warnings.append(f"{pipeline.counters.spikes} magnetic samples were spikes: not used")
     if pipeline.counters.late_mag:

@@ -1,0 +1,152 @@
+"""
+Delay of the magnetometer's stamps behind those of the IMU, as changes of the rotary speed show it.
+
+Gravity and field across the tool turn together: seen from the tool, their directions differ by an angle that the
+attitude of the hole sets. A field that is stamped late by L is that of an earlier toolface, and the angle is off by the
+rotary speed times L. A filter of two states, angle and delay, follows the mean of each half second: at one speed both
+look alike, from two speeds on they separate. An error of the field that turns with the tool averages out over turns.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.core.arrays import Array, Stamps
+
+SPAN_NS = 5_000_000_000
+"""Time that is judged at once, ns."""
+_BIN_NS = 500_000_000
+# The newest samples of a span wait for the next one: their fields may still be on the way.
+_OPEN_NS = _BIN_NS
+# Between samples of gravity farther apart the toolface is not known, ns.
+_GAP_NS = 100_000_000
+# Gravity and field across the tool below which they have no direction, as a share of gravity and T.
+_LEAST_GRAVITY, _LEAST_FIELD = 0.1, 5e-6
+# Resultant of the angles of a bin below which its mean says nothing, and samples it needs.
+_LEAST_RESULTANT, _FEW = 0.7, 5
+# 1 sigma of a bin's angle (a biased magnetometer turns with the tool: a part of a turn does not average out) and of the
+# angle's change from bin to bin, rad; of the delay beforehand, s.
+_ANGLE, _WALK, _PRIOR_S = math.radians(2.0), math.radians(0.3), 0.2
+# At rest a biased magnetometer errs alike in all bins: those of ten seconds count as one, of this 1 sigma, rad.
+_RESTS, _REST_ANGLE = 0.5, math.radians(5.0) * math.sqrt(20.0)
+# A delay counts from so many seconds and sigmas on: at 120 r/min 5 ms turn the field by 3.6 deg.
+_LEAST_S, _SIGMAS = 0.005, 4.0
+# A long delay is corrected as soon as it is known to this share, and then to the rest.
+_SHARE = 0.05
+# Passes over a span, each with the turn over the delay that the one before found: a string that speeds up turned less.
+_PASSES = 3
+LONGEST_S = 0.5
+"""Delay beyond which none is believed, s: other clocks, or no delay at all."""
+
+
+class MagneticDelay:
+    """
+    Measures the delay from gravity and field in tool axes; any cut of the streams gives the same numbers.
+
+    Attributes
+    ----------
+    delay_s, sigma_s : float
+        Delay that remains of the stamps as they are given, and its 1 sigma.
+    """
+
+    def __init__(self) -> None:
+        self._angle, self._begun = 0.0, False
+        self._P = np.diag([math.pi**2, _PRIOR_S**2])
+        self.delay_s = 0.0
+        self._imu: list[tuple[Stamps, Array]] = []
+        self._mag: list[tuple[Stamps, Array]] = []
+        self._bin = np.iinfo(np.int64).min
+
+    @property
+    def sigma_s(self) -> float:
+        """1 sigma of the delay, s."""
+        return math.sqrt(self._P[1, 1])
+
+    def take(self, stamps: Stamps, g_t: Array) -> None:
+        """Take gravity in tool axes, nan while unknown, shape (n, 3)."""
+        self._imu.append((stamps, g_t[:, 1:]))
+
+    def take_mag(self, stamps: Stamps, b_t: Array) -> None:
+        """Take samples of the field, T, shape (n, 3)."""
+        self._mag.append((stamps, b_t[:, 1:]))
+
+    def shift(self, late_ns: int) -> None:
+        """Correct the stamps that wait; those to come are corrected by who gives them."""
+        self._mag = [(stamps - late_ns, b) for stamps, b in self._mag]
+        self.delay_s -= 1e-9 * late_ns
+
+    def judge(self, end_ns: int) -> int:
+        """
+        Use all samples up to shortly before a stamp.
+
+        Returns the delay that is to be corrected, ns; 0 where there is none.
+        """
+        if self._imu and self._mag:
+            self._follow(end_ns - _OPEN_NS)
+        # What no field follows is not kept.
+        self._imu = self._imu if self._mag else []
+        late_s, sigma_s = abs(self.delay_s), self.sigma_s
+        sure = sigma_s < max(_LEAST_S, _SHARE * late_s) and late_s > max(_LEAST_S, _SIGMAS * sigma_s)
+        return round(self.delay_s * 1e9) if sure and late_s < LONGEST_S else 0
+
+    def _follow(self, until_ns: int) -> None:
+        """Take in the bins that end before a stamp."""
+        stamps, g = (np.concatenate(parts) for parts in zip(*self._imu, strict=True))
+        at, b = (np.concatenate(parts) for parts in zip(*self._mag, strict=True))
+        last = until_ns // _BIN_NS
+        known = np.isfinite(g).all(axis=1) & (np.hypot(g[:, 0], g[:, 1]) > _LEAST_GRAVITY)
+        # Doubled stamps and such that go back have no rate.
+        known[1:] &= stamps[1:] > np.maximum.accumulate(stamps)[:-1]
+        seen = np.isfinite(b).all(axis=1) & (np.hypot(b[:, 0], b[:, 1]) > _LEAST_FIELD)
+        seen &= (at // _BIN_NS > self._bin) & (at // _BIN_NS < last)
+        if known.sum() > 1 and seen.any():
+            seen &= _beside(stamps[known], at)
+            turned, when = np.unwrap(np.arctan2(g[known, 0], g[known, 1])), stamps[known]
+            down = np.interp(at[seen], when, turned)
+            rate = np.interp(at[seen], when, np.gradient(turned, 1e-9 * (when - when[0])))
+            begun = self._angle, self._begun, self._P.copy(), self.delay_s
+            for _ in range(_PASSES):
+                self._angle, self._begun, self._P, self.delay_s = *begun[:2], begun[2].copy(), begun[3]
+                self._take_bins(at[seen] // _BIN_NS, np.arctan2(b[seen, 0], b[seen, 1]) - down, rate)
+                if abs(self.delay_s) < _LEAST_S:
+                    break
+                earlier = np.interp(at[seen] - round(self.delay_s * 1e9), when, turned)
+                rate = (down - earlier) / self.delay_s
+        self._bin = last - 1
+        keep = stamps // _BIN_NS >= last - 2
+        self._imu = [(stamps[keep], g[keep])]
+        keep = at // _BIN_NS >= last
+        self._mag = [(at[keep], b[keep])]
+
+    def _take_bins(self, bins: Stamps, angle: Array, rate: Array) -> None:
+        for part in np.split(np.arange(len(bins)), np.flatnonzero(np.diff(bins)) + 1):
+            mean = complex(np.exp(1j * angle[part]).mean())
+            if len(part) >= _FEW and abs(mean) > _LEAST_RESULTANT:
+                self._update(float(np.angle(mean)), float(rate[part].mean()))
+
+    def _update(self, angle: float, rate: float) -> None:
+        """Take in a bin: its angle is that of the attitude less rate times delay."""
+        P = self._P
+        P[0, 0] = min(P[0, 0] + _WALK**2, math.pi**2) if self._begun else math.pi**2
+        h, noise = np.array([1.0, -rate]), (_ANGLE if abs(rate) > _RESTS else _REST_ANGLE) ** 2
+        innovation = math.remainder(angle - self._angle + rate * self.delay_s, 2.0 * math.pi)
+        gain = P @ h
+        variance = float(h @ gain) + noise
+        if self._begun and innovation**2 > 9.0 * variance:
+            # Another attitude, or interference: the angle begins anew, the delay stays as it is.
+            P[0, 0], P[0, 1], P[1, 0] = math.pi**2, 0.0, 0.0
+            gain = P @ h
+            variance = float(h @ gain) + noise
+        self._begun = True
+        self._angle += gain[0] / variance * innovation
+        self.delay_s += gain[1] / variance * innovation
+        P -= np.outer(gain, gain) / variance
+
+
+def _beside(stamps: Stamps, at: Stamps) -> NDArray[np.bool_]:
+    """Which times lie between two stamps without a gap."""
+    right = np.searchsorted(stamps, at).clip(1, len(stamps) - 1)
+    return np.asarray((stamps[right] - stamps[right - 1] < _GAP_NS) & (at >= stamps[0]) & (at <= stamps[-1]))

@@ -1,0 +1,107 @@
+"""Delay of the magnetometer's stamps: found by changes of the rotary speed, corrected, and not made up."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+
+from mwd_estimation.attitude.magnetic_delay import SPAN_NS, MagneticDelay
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.status import Status
+from mwd_estimation.nodes.diagnostics import input_diagnostics
+from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_sensors.core import wire
+from mwd_sensors.core.frames import mat_nt
+
+START = 1_700_000_000 * 10**9
+REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.0, convergence=0.0, gravity=9.81, source="test")
+FIELD = 5e-5 * np.array([np.cos(1.1), 0.0, np.sin(1.1)])
+
+
+def drilled(late_s=0.0, cross_axial=(0.0, 0.0), rates=((0.0, 12.0), (11.0, 20.0), (0.0, 8.0), (7.0, 20.0))):
+    """IMU and magnetometer of a string that turns at each of the rates, rad/s, for so many seconds."""
+    rng = np.random.default_rng(4)
+    rate = np.concatenate([np.full(round(seconds * 100), value) for value, seconds in rates])
+    # A string takes two seconds to change its speed.
+    rate = np.convolve(np.pad(rate, 100, mode="edge"), np.full(201, 1.0 / 201.0), mode="valid")
+    turned, n = np.cumsum(rate) * 0.01, len(rate)
+    mat = mat_nt(0.9, np.full(n, 1.9), turned)
+    imu, mag = wire.IMU.empty(n), wire.MAG.empty(n)
+    imu["stamp_ns"] = START + np.arange(n) * 10_000_000
+    imu["angular_velocity"] = 1e-3 * rng.normal(size=(n, 3))
+    imu["angular_velocity"][:, 0] += rate
+    imu["linear_acceleration"] = np.einsum("kji,j->ki", mat, [0, 0, -9.81]) + 5e-3 * rng.normal(size=(n, 3))
+    mag["stamp_ns"] = imu["stamp_ns"] + round(late_s * 1e9)
+    mag["magnetic_field"] = np.einsum("kji,j->ki", mat, FIELD) + 5e-8 * rng.normal(size=(n, 3)) + [0.0, *cross_axial]
+    return imu, mag
+
+
+def estimated(imu, mag, cuts=()):
+    """The pipeline after all samples, its rows and its faults; magnetic samples arrive by their stamps."""
+    pipeline, rows, faults = Pipeline(EstimatorSettings(), REFERENCE), [], []
+    edges = [START - 10**12, *(int(imu["stamp_ns"][k]) for k in cuts), START + 10**12]
+    for first, last in itertools.pairwise(edges):
+        pipeline.push_mag(mag[(mag["stamp_ns"] >= first) & (mag["stamp_ns"] < last)])
+        output = pipeline.push_imu(imu[(imu["stamp_ns"] >= first) & (imu["stamp_ns"] < last)])
+        rows.append(output.attitude)
+        faults += output.health
+    return pipeline, np.concatenate(rows), faults
+
+
+@pytest.mark.fault_case(51)
+@pytest.mark.parametrize("late_s", [0.03, 0.1, 0.25, -0.06])
+def test_a_delay_is_measured_as_the_speed_changes_and_corrected(late_s):
+    pipeline, rows, faults = estimated(*drilled(late_s))
+    assert pipeline.mag_late_ns * 1e-9 == pytest.approx(late_s, abs=0.008)
+    assert faults == []
+    turning = rows[-300:]
+    assert (turning["status"] & int(Status.MAG_DISTURBED) == 0).mean() > 0.95
+    assert np.abs(turning["azimuth"] - 1.9).max() < 4.0 * turning["sigma_azimuth"].max()
+    (shown,) = input_diagnostics(pipeline)
+    assert ("late" if late_s > 0.0 else "early") in shown.message
+
+
+@pytest.mark.parametrize("cross_axial", [(0.0, 0.0), (1.5e-6, -1e-6)])
+def test_a_magnetometer_in_time_is_left_alone_biased_or_not(cross_axial):
+    pipeline, _, _ = estimated(*drilled(cross_axial=cross_axial))
+    assert pipeline.mag_late_ns == 0
+    assert input_diagnostics(pipeline) == []
+
+
+def test_one_speed_shows_no_delay():
+    pipeline, _, _ = estimated(*drilled(0.03, rates=((8.0, 40.0),)))
+    assert pipeline.mag_late_ns == 0
+
+
+def test_the_correction_is_the_same_bits_however_the_streams_are_cut():
+    imu, mag = drilled(0.1)
+    whole, rows, _ = estimated(imu, mag)
+    pieces, again, _ = estimated(imu, mag, range(70, len(imu), 333))
+    assert whole.mag_late_ns == pieces.mag_late_ns
+    assert whole.mag_late_ns != 0
+    assert np.array_equal(rows, again)
+
+
+def test_what_waits_stays_bounded_without_a_magnetometer():
+    delay = MagneticDelay()
+    for k in range(100):
+        stamps = START + k * SPAN_NS + np.arange(500) * 10_000_000
+        delay.take(stamps, np.tile([0.5, 0.0, 0.8], (500, 1)))
+        assert delay.judge(int(stamps[-1])) == 0
+        assert sum(len(part) for part, _ in delay._imu) <= 500
+
+
+def test_a_delay_outlives_time_that_goes_back():
+    imu, mag = drilled(0.1)
+    pipeline, _, _ = estimated(imu, mag)
+    known = pipeline.mag_late_ns
+    pipeline.push_mag(mag[:500])
+    pipeline.push_imu(imu[:500])
+    assert pipeline.counters.set_back == 1
+    assert pipeline.mag_late_ns == known
+    pipeline.reset()
+    assert pipeline.mag_late_ns == 0
+    assert dataclasses.asdict(pipeline.counters)["set_back"] == 1
