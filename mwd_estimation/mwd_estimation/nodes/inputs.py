@@ -23,7 +23,8 @@ from mwd_sensors.ros.message_buffer import decode_messages
 
 _SLOWEST_HZ = 20.0  # below, a string at 120 r/min turns more than a third of a turn from sample to sample
 _RATED = 16  # samples a rate is told from
-_MOST_CHANGES = 3  # of a frame that are followed; what changes more often comes from two sources
+# Changes of a frame that are followed in a minute; what changes more often comes from two sources.
+_MOST_CHANGES, _CHANGES_S = 3, 60.0
 _SKEW_S = 1.0  # between topics that arrive together
 TIMEOUT_S = 2.0  # without a message before a topic counts as silent
 
@@ -62,8 +63,8 @@ class InputTopics:
         self.at_rest = False
         self._node = node
         self._received_at: dict[str, float] = {}
-        # How often the frame of a topic has changed, and to what the last time.
-        self._changes: dict[str, tuple[int, str]] = {}
+        # When the frame of a topic has changed, and to what the last time.
+        self._changes: dict[str, tuple[collections.deque[float], str]] = {}
         self._covariances: dict[str, dict[str, str]] = {}
         self._noise = input_covariance.NoiseWatch()
         # Newest stamp of each topic minus that of the IMU when it came, ns.
@@ -121,9 +122,18 @@ class InputTopics:
         if frame == known:
             return
         if known is not None:
-            self._changes[topic] = (self._changes.get(topic, (0, ""))[0] + 1, frame)
-        if self._changes.get(topic, (0, ""))[0] <= _MOST_CHANGES:
+            times = self._changes.get(topic, (collections.deque[float](maxlen=_MOST_CHANGES + 1), ""))[0]
+            times.append(time.monotonic())
+            self._changes[topic] = (times, frame)
+        if not self._alternates(topic):
             self.frames[topic] = frame
+
+    def _alternates(self, topic: str) -> bool:
+        """Whether the frame of a topic has changed too often in the last minute."""
+        if topic not in self._changes:
+            return False
+        times = self._changes[topic][0]
+        return len(times) > _MOST_CHANGES and time.monotonic() - times[0] < _CHANGES_S
 
     def received(self, topic: str) -> bool:
         """Whether any message of the topic has arrived."""
@@ -215,8 +225,8 @@ class InputTopics:
                 f"{topic} comes in frames {self.frames[topic]!r} and {frame!r} in turn: two units publish it",
                 "stop one of them, or give each its own namespace",
             )
-            for topic, (count, frame) in self._changes.items()
-            if count > _MOST_CHANGES
+            for topic, (_, frame) in self._changes.items()
+            if self._alternates(topic)
         ]
 
     def skew_diagnostics(self) -> list[Diagnostic]:

@@ -78,7 +78,9 @@ def test_a_magnetometer_that_falls_silent_is_not_taken_for_one_on_another_clock(
 
 
 @pytest.mark.fault_case(11)
-def test_a_frame_that_changes_is_followed_and_frames_in_turn_are_named():
+def test_a_frame_that_changes_is_followed_and_frames_in_turn_are_named_while_they_last(monkeypatch):
+    now = [1000.0]
+    monkeypatch.setattr("mwd_estimation.nodes.inputs.time.monotonic", lambda: now[0])
     inputs = topics(imu__mag=stamped(wire.MAG))
 
     def send(frame):
@@ -93,6 +95,10 @@ def test_a_frame_that_changes_is_followed_and_frames_in_turn_are_named():
         send(("sonde_link", "mag_link")[k % 2])
     (found,) = inputs.frame_diagnostics()
     assert "two units publish it" in found.message
+    now[0] += 100.0
+    assert inputs.frame_diagnostics() == []
+    send("third_link")
+    assert inputs.frames["imu/mag"] == "third_link"
 
 
 @pytest.mark.fault_case(14, 15)
@@ -161,7 +167,7 @@ def test_a_covariance_larger_than_the_tools_widens_the_sigmas_and_is_named(vecto
     pipeline, wide, widened = noisy(imu, mag, vector, sigma)
     (note,) = pipeline.noise_notes
     assert words in note
-    (shown,) = diagnostics.noise_diagnostics(pipeline)
+    (shown,) = diagnostics.input_diagnostics(pipeline)
     assert shown.message == note
     if vector == "magnetic_field":
         assert wide["sigma_azimuth"] > 1.2 * plain["sigma_azimuth"]

@@ -11,7 +11,9 @@ import collections
 
 _KEPT = 600  # observations; the host's clock and the unit's drift apart meanwhile by what the offset can follow
 _SLEW = 5e-4  # most change of the offset, as a share of the time that passes
-_JUMP_NS = 2_000_000_000  # a larger change is another start of the unit or a clock that was set: it is followed at once
+# A change beyond this is a clock that was set, where so many observations agree on it to within this, over so long a
+# time: messages that waited in a host that was held up come all at once, or each by another time late.
+_STEP_NS, _AGREEING, _ALIKE_NS, _LASTING_NS = 200_000_000, 3, 50_000_000, 2_500_000_000
 
 
 class UnitClock:
@@ -30,21 +32,44 @@ class UnitClock:
         self.offset_ns = 0
         self.jumps = -1
         self._seen: collections.deque[int] = collections.deque(maxlen=_KEPT)
-        self._last_ns = 0
+        # Host's time and offset of observations that are off the offset in force, as long as they agree.
+        self._off: list[tuple[int, int]] = []
+        self._last_ns = self._unit_ns = 0
 
     def observe(self, unit_ns: int, host_ns: int, on_the_way_ns: int = 0) -> None:
         """
         Take that the unit's clock showed `unit_ns` when the host's showed `host_ns`, on_the_way_ns before.
 
+        A unit that starts again is followed at once, a clock that was set once several observations agree on it.
         on_the_way_ns: known delay, such as half of the time of an exchange, ns.
         """
         offset = host_ns - on_the_way_ns - unit_ns
-        if self.jumps < 0 or abs(offset - self.offset_ns) > _JUMP_NS:
-            self._seen.clear()
-            self.jumps += 1
-            self.offset_ns = offset
-        self._seen.append(offset)
+        restarted = self.jumps < 0 or unit_ns < self._unit_ns - _STEP_NS
+        self._unit_ns = unit_ns
+        if restarted:
+            self._jump(offset)
+        elif abs(offset - self.offset_ns) > _STEP_NS:
+            self._doubt(host_ns, offset)
+        else:
+            self._off.clear()
+            self._seen.append(offset)
         best = min(self._seen)
-        most = int(_SLEW * max(host_ns - self._last_ns, 0)) if self._last_ns else _JUMP_NS
+        most = int(_SLEW * max(host_ns - self._last_ns, 0)) if self._last_ns else _STEP_NS
         self.offset_ns += max(-most, min(most, best - self.offset_ns))
         self._last_ns = host_ns
+
+    def _doubt(self, host_ns: int, offset: int) -> None:
+        """Take an observation that is off; jump where enough of them agree."""
+        self._off = [one for one in self._off if abs(one[1] - offset) <= _ALIKE_NS]
+        self._off.append((host_ns, offset))
+        if len(self._off) >= _AGREEING and abs(host_ns - self._off[0][0]) >= _LASTING_NS:
+            self._jump(min(one for _, one in self._off))
+        # Not for ever: a message comes each few milliseconds.
+        self._off = [self._off[0], *self._off[1:][-_AGREEING:]] if self._off else []
+
+    def _jump(self, offset: int) -> None:
+        self._seen.clear()
+        self._off.clear()
+        self._seen.append(offset)
+        self.jumps += 1
+        self.offset_ns = offset

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -35,6 +36,31 @@ class Diagnostic:
     message: str
     remedy: str = ""
     values: tuple[tuple[str, str], ...] = ()
+
+
+class CallbackFailures:
+    """Exceptions of a node's callbacks: an error while they are recent, afterwards counts."""
+
+    RECENT_S = 60.0
+
+    def __init__(self) -> None:
+        self._counts: dict[str, int] = {}
+        self._last = 0.0
+
+    def count(self, name: str) -> None:
+        """Count an exception of a callback."""
+        self._counts[name] = self._counts.get(name, 0) + 1
+        self._last = time.monotonic()
+
+    def diagnostics(self) -> list[Diagnostic]:
+        """Nothing before the first one."""
+        if not self._counts:
+            return []
+        counts = tuple((name, str(count)) for name, count in self._counts.items())
+        age = time.monotonic() - self._last
+        if age < self.RECENT_S:
+            return [Diagnostic("failures", ERROR, "a callback raised an exception", "read the node's log", counts)]
+        return [Diagnostic("failures", OK, f"none for {age / 60.0:.0f} min; before that see the log", values=counts)]
 
 
 def clock_diagnostics(sim_time: bool, now_ns: int) -> list[Diagnostic]:

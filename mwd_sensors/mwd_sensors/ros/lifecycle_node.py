@@ -21,7 +21,14 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 
 from mwd_sensors.ros.deferred import DeferredActionServer, DeferredGoal, allow_deferred_responses
-from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic, clock_diagnostics, diagnostic_array
+from mwd_sensors.ros.diagnostics import (
+    OK,
+    WARN,
+    CallbackFailures,
+    Diagnostic,
+    clock_diagnostics,
+    diagnostic_array,
+)
 from mwd_sensors.ros.heartbeat import Heartbeat
 from mwd_sensors.ros.message_buffer import MessageBuffer
 from mwd_sensors.ros.middleware_events import MiddlewareEvents
@@ -75,7 +82,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         self._destructors: list[Callable[[], Any]] = []
         self._buffers: list[MessageBuffer] = []
         self.active = self._configured = False
-        self._callback_failures: dict[str, int] = {}
+        self._failures = CallbackFailures()
         self.stop_requested: Future = Future()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._middleware = MiddlewareEvents(self)
@@ -237,7 +244,7 @@ class GraphNode(LifecycleNode, Generic[T]):
             with self._heartbeat.timed():
                 return callback(*arguments), ""
         except Exception:  # noqa: BLE001  (one bad message or request must not end the node)
-            self._callback_failures[name] = self._callback_failures.get(name, 0) + 1
+            self._failures.count(name)
             self.get_logger().error(f"{name}:\n{traceback.format_exc()}", throttle_duration_sec=5.0)
             return None, f"{name} failed inside the node; see its log"
 
@@ -331,8 +338,6 @@ class GraphNode(LifecycleNode, Generic[T]):
         else:
             found = [Diagnostic("lifecycle", WARN, state, "activate the node")]
         found += clock_diagnostics(self.get_parameter("use_sim_time").value, self.get_clock().now().nanoseconds)
-        if self._callback_failures:
-            counts = tuple((name, str(count)) for name, count in self._callback_failures.items())
-            found.append(Diagnostic("failures", ERROR, "a callback raised an exception", "read the node's log", counts))
+        found += self._failures.diagnostics()
         self._diagnostics_publisher.publish(diagnostic_array(self, found))
         self._heartbeat_publisher.publish(self._heartbeat.message(state, max(one.level for one in found)))

@@ -160,3 +160,32 @@ def test_the_offset_of_a_clock_follows_the_fastest_message_slowly_and_a_new_star
     clock.observe(0, 90_000_000_000)
     assert clock.jumps == 1
     assert clock.offset_ns == 90_000_000_000
+
+
+def observed(clock, first, count, offset_s, step_s=1.0, way=0):
+    """Take so many observations of a unit's clock, each `step_s` after the one before."""
+    for k in range(first, first + count):
+        unit_ns = round(k * step_s * 1e9)
+        clock.observe(unit_ns, unit_ns + round(offset_s * 1e9), way)
+
+
+def test_a_host_that_was_held_up_does_not_move_the_clock_of_the_unit():
+    clock = UnitClock()
+    observed(clock, 0, 20, 5.0)
+    # Eight seconds of messages that waited are read within a few milliseconds.
+    for k in range(20, 28):
+        clock.observe(k * 1_000_000_000, 33_000_000_000 + k * 1_000_000)
+    observed(clock, 28, 20, 5.0)
+    assert clock.jumps == 0
+    assert clock.offset_ns == 5_000_000_000
+
+
+@pytest.mark.parametrize("set_s", [0.4, -0.4, 3600.0, -3600.0])
+def test_a_clock_of_the_host_that_was_set_is_followed_once_it_stays(set_s):
+    clock = UnitClock()
+    observed(clock, 0, 20, 5000.0)
+    observed(clock, 20, 2, 5000.0 + set_s)
+    assert clock.jumps == 0
+    observed(clock, 22, 5, 5000.0 + set_s)
+    assert clock.jumps == 1
+    assert clock.offset_ns == round((5000.0 + set_s) * 1e9)

@@ -59,7 +59,7 @@ class DiagnosticsMonitor:
         for status in ours:
             values = {pair.key: pair.value for pair in status.values}
             if status.name.endswith("estimator: survey"):
-                figures = (float(values.get("elapsed_s", 0.0)), float(values.get("remaining_s", 0.0)))
+                figures = (_number(values.get("elapsed_s")) or 0.0, _number(values.get("remaining_s")) or 0.0)
                 # The feedback of an action is more recent.
                 if time.monotonic() - self._action_at > _TIMEOUT_S:
                     waits_for = values.get("waits_for", "")
@@ -100,8 +100,8 @@ class DiagnosticsMonitor:
 
     def _on_reference(self, values: dict[str, str], source: str) -> None:
         reference = None
-        if "total" in values:
-            numbers = {name: float(values[name]) for name in _REFERENCE if name in values}
+        numbers = {name: _number(values[name]) for name in _REFERENCE if name in values}
+        if "total" in numbers and None not in numbers.values():
             reference = ReferenceField(**numbers, source=source)
         if reference != self.reference:
             self.reference = reference
@@ -135,6 +135,15 @@ class DiagnosticsMonitor:
                     severity = Severity.CRITICAL if level == _ERROR else Severity.WARNING
                     causes[f"node.{node.strip('/')}.{what}"] = (severity, status.message, _remedy(status))
         return causes
+
+
+def _number(text: str | None) -> float | None:
+    """Finite number of a value; None where anybody has written something else."""
+    try:
+        number = float(text or "")
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None
 
 
 def _remedy(status: Any) -> str:

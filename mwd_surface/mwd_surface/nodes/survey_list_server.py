@@ -90,7 +90,8 @@ class SurveyListServer:
         self._save_error = ""
         self._covariance: Any = None
         self._shown_bit: float | None = None
-        self._reporting, self._reported, self._html = False, SurveyList(), b""
+        self._reporting, self._reported = False, SurveyList()
+        self._files: list[tuple[str, str, bytes]] = []
         self._store = SurveyStore(context.folder / "surveys")
         loaded = self._store.load(well, settings.rules)
         self.surveys = loaded.surveys
@@ -321,25 +322,20 @@ class SurveyListServer:
         surveys, table = self.surveys, self._table()
         self._reporting = True
 
-        def made(job: concurrent.futures.Future[bytes]) -> None:
+        def made(job: concurrent.futures.Future[list[tuple[str, str, bytes]]]) -> None:
             self._reporting = False
-            self._html, self._reported = job.result(), surveys
+            self._files, self._reported = job.result(), surveys
             self._node.get_logger().info(f"report of {len(surveys.records)} surveys made")
             self._report()
 
-        self._worker.submit(lambda: FORMATS["html"].make(table()), made)
+        self._worker.submit(lambda: _files(table(), report=True), made)
 
     def attachments(self) -> list[tuple[str, str, bytes]]:
         """Files for a recording: the surveys as CSV, and the report where it is of the present list."""
         if not self.surveys.records:
             return []
-        table = self._table()()
-        found = [
-            (f"surveys_{FORMATS[kind].word}.csv", "text/csv", FORMATS[kind].make(table)) for kind in ("csv", "raw_csv")
-        ]
-        if self._reported is self.surveys:
-            found.append(("survey_report.html", "text/html", self._html))
-        return found
+        # A list that has changed a moment ago has no report yet.
+        return self._files if self._reported is self.surveys else _files(self._table()(), report=False)
 
     def _show_ellipses(self, path: Definitive, job: concurrent.futures.Future[Any]) -> None:
         covariance = job.result()
@@ -362,3 +358,11 @@ class SurveyListServer:
         """State of the list."""
         text = self._save_error or f"{len(self.surveys.records)} surveys"
         return [Diagnostic("survey list", ERROR if self._save_error else OK, text)]
+
+
+def _files(table: SurveyTable, *, report: bool) -> list[tuple[str, str, bytes]]:
+    """Name, type and content of what a recording keeps of a list."""
+    found = [
+        (f"surveys_{FORMATS[kind].word}.csv", "text/csv", FORMATS[kind].make(table)) for kind in ("csv", "raw_csv")
+    ]
+    return [*found, ("survey_report.html", "text/html", FORMATS["html"].make(table))] if report else found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -28,6 +29,8 @@ class Conditions:
     def __init__(self, ua: Any, server: Any, source: Any) -> None:
         self._ua, self._server, self._source = ua, server, source
         self._shown: dict[str, Alarm] = {}
+        # One event object is filled and sent at a time.
+        self._sending = asyncio.Lock()
 
     async def open(self) -> None:
         """Make the well a source of events, and serve ConditionRefresh."""
@@ -51,6 +54,10 @@ class Conditions:
     async def show(self, alarms: Sequence[Alarm]) -> None:
         """Send what changed since the last call."""
         now = {alarm.id: alarm for alarm in alarms}
+        async with self._sending:
+            await self._send_changes(now)
+
+    async def _send_changes(self, now: Mapping[str, Alarm]) -> None:
         for alarm in sorted(now.values(), key=lambda a: a.last_ns):
             before = self._shown.get(alarm.id)
             # The count of a lasting cause grows each time it is seen again; that is no news.
@@ -58,15 +65,16 @@ class Conditions:
                 await self._send(alarm, retain=True)
         for gone in self._shown.keys() - now.keys():
             await self._send(self._shown[gone], retain=False)
-        self._shown = now
+        self._shown = dict(now)
 
     async def _refresh_all(self, _parent: Any, subscription: Any) -> list[Any]:
         """Send every alarm again to one subscription, between a start and an end event, for a client that came late."""
         start, end = self._refresh
-        await start.trigger(subscription_id=subscription.Value)
-        for alarm in self._shown.values():
-            await self._send(alarm, retain=True, subscription=subscription.Value)
-        await end.trigger(subscription_id=subscription.Value)
+        async with self._sending:
+            await start.trigger(subscription_id=subscription.Value)
+            for alarm in self._shown.values():
+                await self._send(alarm, retain=True, subscription=subscription.Value)
+            await end.trigger(subscription_id=subscription.Value)
         return []
 
     async def _send(self, alarm: Alarm, *, retain: bool, subscription: int | None = None) -> None:

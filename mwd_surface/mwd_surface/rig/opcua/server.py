@@ -39,6 +39,7 @@ from mwd_surface.rig.opcua.survey_history import SurveyHistory
 from mwd_surface.rig.values import RigValues, nothing_yet
 
 _REFUSALS = "asyncua.server.binary_server_asyncio"  # logger of asyncua for refused connections
+_LOG = logging.getLogger("mwd_surface.opcua")
 _TICK = 1.0  # s
 _LARGEST_MESSAGE = 1 << 20
 # Methods: arguments (name, type, description) of each.
@@ -90,9 +91,10 @@ class OpcuaServer(LoopInterface):
         self._server: Any = None
         self._since: dict[Any, float] = {}
         self._written, self._confirmed_at = 0, -_TICK
-        self._commands = 0
+        self._commands = self._record_errors = 0
         self.refused = 0
         self._last: dict[str, VariableValue] = {}
+        self._written_values = asyncio.Event()
         self._ids: dict[str, Any] = {}
 
     @property
@@ -189,6 +191,29 @@ class OpcuaServer(LoopInterface):
 
     async def _follow(self, server: Any, stop: asyncio.Event) -> None:
         await self._write(server, self.values or nothing_yet())
+        records = asyncio.create_task(self._show_records(stop))
+        try:
+            await self._show_values(server, stop)
+        finally:
+            records.cancel()
+            await asyncio.gather(records, return_exceptions=True)
+
+    async def _show_records(self, stop: asyncio.Event) -> None:
+        """Keep history and conditions; a long history or an error in them must not hold up the values."""
+        while not stop.is_set():
+            values = self.values
+            if values is not None:
+                try:
+                    await self._history.show(values.surveys)
+                    await self._conditions.show(values.alarms)
+                except Exception as error:  # noqa: BLE001  (counted and shown; it is tried again)
+                    if not self._record_errors:
+                        _LOG.warning("OPC UA history or conditions: %s", error)
+                    self._record_errors += 1
+            await self._written_values.wait()
+            self._written_values.clear()
+
+    async def _show_values(self, server: Any, stop: asyncio.Event) -> None:
         while not stop.is_set():
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(_TICK):
@@ -213,8 +238,7 @@ class OpcuaServer(LoopInterface):
         self._last = table
         if confirm:
             self._confirmed_at = now
-        await self._history.show(values.surveys)
-        await self._conditions.show(values.alarms)
+        self._written_values.set()
 
     def _method(self, name: str) -> Callable[..., Any]:
         ua = self._ua
@@ -254,7 +278,11 @@ class OpcuaServer(LoopInterface):
             peers if self.running else (),
             sent=self._written,
             refused=self.refused,
-            counts=(("subscriptions", subscriptions), ("commands", self._commands)),
+            counts=(
+                ("subscriptions", subscriptions),
+                ("commands", self._commands),
+                ("errors of history and conditions", self._record_errors),
+            ),
             last=last,
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Mapping
 from typing import Any
 
@@ -58,5 +59,7 @@ class SurveyHistory:
                 value = values[quantity]
                 reading = VariableValue(value.value, STATUS_CODES[value.condition], survey.stamp_ns)
                 await storage.save_node_value(self._nodes[name], data_value(self._ua, reading, "Double"))
+            # Saving into memory never waits: other clients have their turn between two surveys.
+            await asyncio.sleep(0)
         self._server.iserver.history_manager.set_storage(storage)
         self._shown = surveys

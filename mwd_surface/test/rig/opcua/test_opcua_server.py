@@ -176,6 +176,22 @@ def test_alarms_are_conditions_that_a_late_client_asks_for(served):
     assert [e.Retain for e in late] == [True, False]
 
 
+def test_a_history_that_hangs_or_fails_does_not_hold_up_the_values():
+    async def hang(_surveys):
+        await asyncio.sleep(3600.0)
+
+    async def fail(_surveys):
+        raise RuntimeError("no memory")
+
+    for show in (hang, fail):
+        with started(OpcuaServer(OpcuaSettings(port=0), "Well 1")) as server:
+            server._history.show = show
+            for _ in range(3):
+                publish(server, values())
+            if show is fail:
+                eventually(lambda s=server: dict(s.status().counts)["errors of history and conditions"] > 0)
+
+
 def test_status_codes_follow_the_state(served):
     async def codes(name):
         async with asyncua.Client(served.address) as client:

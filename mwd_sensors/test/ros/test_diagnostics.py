@@ -1,0 +1,24 @@
+"""What a node says of exceptions in its callbacks."""
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
+
+from mwd_sensors.ros import diagnostics
+from mwd_sensors.ros.diagnostics import ERROR, OK, CallbackFailures
+
+
+def test_an_exception_is_an_error_while_it_is_recent_and_a_count_afterwards(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(diagnostics.time, "monotonic", lambda: now[0])
+    failures = CallbackFailures()
+    assert failures.diagnostics() == []
+    failures.count("rig/state")
+    (found,) = failures.diagnostics()
+    assert (found.level, found.values) == (ERROR, (("rig/state", "1"),))
+    now[0] += 3.0 * CallbackFailures.RECENT_S
+    (found,) = failures.diagnostics()
+    assert (found.level, found.message) == (OK, "none for 3 min; before that see the log")
+    failures.count("rig/state")
+    (found,) = failures.diagnostics()
+    assert (found.level, found.values) == (ERROR, (("rig/state", "2"),))
