@@ -15,8 +15,10 @@ from mwd_surface.receiver.belief import TEMPERATURES, Candidate, Soft
 from mwd_surface.receiver.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.words import packet_rows
 
-# Words are decoded together until they have so many bits: enough pulses for a noise model, and soon shown.
-_STRETCH_BITS = 30
+# Short words are decoded together until they have so many bits; a word of a survey alone, so that it is soon shown.
+_STRETCH_BITS = 12
+# What is there, and which sequence it is, is decided by so many bits.
+LOOK_BITS = 30
 _BEAM = 16
 
 
@@ -59,7 +61,22 @@ class Part:
 
 @dataclasses.dataclass
 class Pass:
-    """A pass of a sequence that is being received."""
+    """
+    A pass of a sequence that is being received.
+
+    Attributes
+    ----------
+    kind : str
+        "survey" or "toolface".
+    items : tuple of SequenceItem
+    start : int
+        First sample of the transmission.
+    done, at : int
+        Words decoded, and sample at which the next begins.
+    parts : list of Part
+    heard : int or None
+        Words that had pulses, where the transmission broke off in this pass.
+    """
 
     kind: str
     items: tuple[SequenceItem, ...]
@@ -67,6 +84,7 @@ class Pass:
     done: int = 0
     at: int = 0
     parts: list[Part] = dataclasses.field(default_factory=list)
+    heard: int | None = None
 
     @property
     def complete(self) -> bool:
@@ -99,13 +117,13 @@ def parts_of(
     return parts
 
 
-def stretch_of(items: tuple[SequenceItem, ...], done: int) -> tuple[SequenceItem, ...]:
-    """Next words of a sequence that are decoded together; a short rest joins the last stretch."""
+def stretch_of(items: tuple[SequenceItem, ...], done: int, least: int = _STRETCH_BITS) -> tuple[SequenceItem, ...]:
+    """Next words of a sequence that have `least` bits together; a short rest joins the last stretch."""
     bits, end = 0, done
-    while end < len(items) and bits < _STRETCH_BITS:
+    while end < len(items) and bits < least:
         bits += items[end].length
         end += 1
-    if sum(item.length for item in items[end:]) < _STRETCH_BITS // 2:
+    if sum(item.length for item in items[end:]) < least // 2:
         end = len(items)
     return items[done:end]
 

@@ -150,8 +150,8 @@ class PulseReceiver:
         while True:
             search_needs = STEPS_PER_TU * ((self._hop + 1) * _HOP_TU + self._beyond) + REACH
             active = self._active
-            # A stretch waits until no sync can begin in it: the tool may have started anew.
-            ready = active is not None and active.reaches() <= STEPS_PER_TU * self._hop * _HOP_TU
+            # A pass waits until the search has been where it begins: the tool may have started anew.
+            ready = active is not None and active.begins() <= STEPS_PER_TU * self._hop * _HOP_TU
             if active is not None and ready and active.needs() <= self._grid.end:
                 self._add(done, active.step())
                 self._frame = active.frame

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,11 +16,11 @@ from mwd_surface.receiver import segment
 from mwd_surface.receiver.belief import Temper
 from mwd_surface.receiver.channel_estimate import SAMPLES_PER_TU, basis, response_length
 from mwd_surface.receiver.grid import REACH, Grid
-from mwd_surface.receiver.passes import Part, Pass, parts_of, soft_words, stretch_of
+from mwd_surface.receiver.passes import LOOK_BITS, Part, Pass, parts_of, soft_words, stretch_of
 from mwd_surface.receiver.pump_lines import STEADY_S
 from mwd_surface.receiver.synchronisation import SyncFound
 from mwd_surface.receiver.tool_clock import ToolClock
-from mwd_surface.receiver.words import ReceivedWord, WordPlace, packet_rows, received
+from mwd_surface.receiver.words import ERASED, ReceivedWord, WordPlace, packet_rows, received
 
 _HISTORY_TU = 400
 _BEFORE_TU = 50
@@ -28,6 +29,8 @@ _AFTER_TU = 14
 # Beyond this probability that parities mean nothing, the transmission is lost.
 _LOST = 0.95
 _DOUBTFUL = 0.2
+# Packets by which it is judged whether there are pulses: those of some 30 bits.
+_JUDGED_PACKETS = 10
 # Share of the usual evidence for pulses below which a stretch holds none, or those of a transmission that began anew.
 _FAINT = 0.3
 _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
@@ -51,6 +54,14 @@ class FrameReport:
     ebn0_db: float
     clock_error: float
     reason: str
+
+
+class _Stretch(NamedTuple):
+    """Evidence, packets and words of a stretch."""
+
+    evidence: float
+    packets: int
+    words: int
 
 
 @dataclasses.dataclass
@@ -109,7 +120,9 @@ class Transmission:
         self._channel = segment.Channel(response, found.scale, whitener, basis(len(response), tool.tu_s), memory)
         parity = any(item.parity for items in (*tool.surveys, *tool.toolfaces) for item in items)
         self._at_once, self.temper = Temper(parity), Temper(parity)
-        self._usual: deque[float] = deque(maxlen=8)
+        self._usual: deque[float] = deque(maxlen=24)
+        self._recent: list[_Stretch] = []
+        self._held: list[ReceivedWord] = []
         self.frame = frame
         self.lost = ""
         self.score = found.score
@@ -132,17 +145,20 @@ class Transmission:
 
     def needs(self) -> float:
         """Position of the grid up to which pressure has to be there for the next step."""
-        if self._pass is None or self._pass.complete:
-            longest = max(self._first_length(kind) for kind in ("survey", "toolface"))
+        if self._pass is None or (self._pass.complete and self._offered):
             start = self._boundary if self._pass is None else self._pass_end(self._pass)
-            start += SAMPLES_PER_TU * self._tool.sync.length_tu if self._offered else 0
-            return self._clock.at(start + SAMPLES_PER_TU * (self._tool.header_tu + longest + _AFTER_TU)) + REACH
-        _, length = self._rows(self._pass.following())
-        return self._clock.at(self._pass.at + SAMPLES_PER_TU * (length + _AFTER_TU)) + REACH
+            length = self._tool.header_tu + max(self._first_length(kind) for kind in ("survey", "toolface"))
+            length += self._tool.sync.length_tu if self._offered else 0
+        else:
+            now = self._following(self._pass) if self._pass.complete else self._pass
+            start, (_, length) = now.at, self._rows(now.following())
+        return self._clock.at(start + SAMPLES_PER_TU * (length + _AFTER_TU)) + REACH
 
-    def reaches(self) -> float:
-        """Position of the grid where the next stretch ends on air."""
-        return self.needs() - SAMPLES_PER_TU * _AFTER_TU * self._clock.pace
+    def begins(self) -> float:
+        """Position of the grid up to which a sync that the next step needs may begin."""
+        if self._pass is None:
+            return self._clock.at(self._boundary)
+        return self._clock.at(self._pass_end(self._pass) + SAMPLES_PER_TU) if self._pass.complete else -math.inf
 
     def keeps(self) -> float:
         """Position of the grid from which pressure is still needed: a pass is decoded again when it is complete."""
@@ -159,7 +175,7 @@ class Transmission:
         items = now.following()
         rows, length = self._rows(items)
         decision = self._decode(rows, length, now.at)
-        self.lost = self._breaks_off(decision, len(rows))
+        self.lost = self._breaks_off(now, _Stretch(decision.evidence, len(rows), len(items)))
         if self.lost:
             return self.close()
         self._channel = decision.channel
@@ -168,32 +184,47 @@ class Transmission:
         self._at_once.learn(soft)
         if self._at_once.failing > _LOST:
             self.lost = _PARITIES_FAIL
-        provisional = self._words(now, now.done - len(items), self._at_once, 0)
+        provisional = self._held + self._words(now, now.done - len(items), self._at_once, 0)
+        # Words behind what may be no sync are shown once it is clear that there are words.
+        self._held = [] if self._usual else provisional
+        provisional = provisional if self._usual else []
         if not (now.complete or self.lost):
             return Reception(provisional=provisional)
         done = self.close()
         return Reception(done.words, done.frames, provisional)
 
-    def _breaks_off(self, decision: segment.Decision, packets: int) -> str:
-        """Reason why a stretch does not belong to the transmission; empty: it does."""
-        if not self._usual and self.score + decision.evidence < _LEAST_EVIDENCE:
-            return "no words behind the sync: it was noise, or the sequence is another one"
-        each = decision.evidence / packets
-        usual = float(np.median(self._usual)) if self._usual else 0.0
-        if each <= _FAINT * usual:
-            return "no pulses any more: flow off, too weak, or the tool began anew"
+    def _breaks_off(self, now: Pass, stretch: _Stretch) -> str:
+        """Reason why the last stretches do not belong to the transmission; empty: they do, or it is too early."""
+        self._recent.append(stretch)
+        whole = not self._usual and now.done + stretch.words == len(now.items)
+        if sum(one.packets for one in self._recent) < _JUDGED_PACKETS and not whole:
+            return ""
+        evidence = sum(one.evidence for one in self._recent)
+        each = evidence / sum(one.packets for one in self._recent)
+        reason = ""
+        if not self._usual and self.score + evidence < _LEAST_EVIDENCE:
+            reason = "no words behind the sync: it was noise, or the sequence is another one"
+        elif self._usual and each <= _FAINT * float(np.median(self._usual)):
+            reason = "no pulses any more: flow off, too weak, or the tool began anew"
+        if reason:
+            now.heard = max(len(now.parts) - sum(one.words for one in self._recent[:-1]), 0)
+            return reason
         self._usual.append(each)
+        del self._recent[0]
         return ""
 
     def close(self) -> Reception:
         """Words of the pass so far, decoded again with all pulses of the pass and judged by all its parities."""
         now = self._pass
-        if now is None or not now.parts:
+        if now is None or not now.parts or not self._usual:
             return Reception()
-        self._decode_again(now)
-        self.temper.learn([part.soft for part in now.parts])
+        heard = now.parts[: now.heard]
+        self._decode_again(now, heard)
+        self.temper.learn([part.soft for part in heard])
         words = self._words(now, 0, self.temper, 1)
-        ebn0 = float(np.mean([part.ebn0_db for part in now.parts]))
+        # What was shown and is no word is taken back.
+        words[len(heard) :] = [dataclasses.replace(word, status=ERASED) for word in words[len(heard) :]]
+        ebn0 = float(np.mean([part.ebn0_db for part in heard or now.parts]))
         reason = self.lost or (_PARITIES_FAIL if self.temper.failing > _DOUBTFUL else "")
         report = FrameReport(self.frame, now.kind, words[0].start_s, words[-1].end_s, ebn0, self._clock.error, reason)
         self.frame += 1
@@ -208,9 +239,9 @@ class Transmission:
             words.append(received(self._tool, part.item, temper.judge(part.soft), span, place))
         return words
 
-    def _decode_again(self, now: Pass) -> None:
-        """Decode each word of a pass once more, with the pulses before it and behind it."""
-        for part in now.parts:
+    def _decode_again(self, now: Pass, parts: list[Part]) -> None:
+        """Decode words of a pass once more, with the pulses before each and behind it."""
+        for part in parts:
             stop = min(part.at + SAMPLES_PER_TU * (part.length + _HISTORY_TU), now.at)
             stretch = self._stretch(part.rows, part.at, stop, part)
             decision = segment.decode(stretch, self._channel)
@@ -266,7 +297,9 @@ class Transmission:
         return one.start + SAMPLES_PER_TU * self._tool.length_tu(one.items)
 
     def _first_length(self, kind: str) -> int:
-        return max(self._rows(stretch_of(items, 0))[1] for items in self._sequences(kind))
+        if not self._tool.header_bits and not self._offered:
+            return self._rows(stretch_of(self._sequence(kind, 0), 0))[1]
+        return max(self._rows(stretch_of(items, 0, LOOK_BITS))[1] for items in self._sequences(kind))
 
     def _sequences(self, kind: str) -> tuple[tuple[SequenceItem, ...], ...]:
         return self._tool.surveys if kind == "survey" else self._tool.toolfaces
@@ -300,7 +333,7 @@ class Transmission:
 
     def _density(self, kind: str, number: int, start: int) -> float:
         """Evidence a TU that a sequence begins at a sample."""
-        rows, length = self._rows(stretch_of(self._sequence(kind, number), 0))
+        rows, length = self._rows(stretch_of(self._sequence(kind, number), 0, LOOK_BITS))
         return self._decode_once(rows, length, start).evidence / length
 
     def _following(self, last: Pass) -> Pass:
@@ -313,7 +346,7 @@ class Transmission:
 
     def _fits(self, one: Pass) -> bool:
         """Whether the data have the pulses of a pass as clearly as those of the stretches before."""
-        rows, length = self._rows(stretch_of(one.items, 0))
+        rows, length = self._rows(stretch_of(one.items, 0, LOOK_BITS))
         evidence = self._decode_once(rows, length, one.at).evidence / len(rows)
         return evidence > _CLEAR * float(np.median(self._usual))
 

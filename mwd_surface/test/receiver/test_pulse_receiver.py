@@ -182,3 +182,16 @@ def test_another_parity_than_the_tool_has_is_named():
     words = receiver.push(run.time_s, run.pressure_pa).words + receiver.finish().words
     assert not [word for word in words if word.status == BELIEVED]
     assert "parities fail half the time" in receiver.why_nothing()
+
+
+def test_words_are_shown_soon_after_their_end():
+    """Within ten seconds at a pulse width of 0.5 s: the response behind a word, and a short one waits for the next."""
+    run = simulated("0.5")
+    receiver = PulseReceiver(FAST)
+    late = []
+    for second in range(int(run.time_s[-1])):
+        some = slice(*np.searchsorted(run.time_s, [second, second + 1]))
+        got = receiver.push(run.time_s[some], run.pressure_pa[some])
+        late += [second + 1 - word.end_s for word in got.provisional]
+    assert len(late) > 20
+    assert np.median(late) < 10.0
