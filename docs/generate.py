@@ -155,8 +155,7 @@ NODES = {
         ("receiver", "surface", "link/attitude,\nlink/survey"),
         ("surface", "log", "every message"),
         ("surface", "page", "http, websocket"),
-        ("surface", "rig", "toolface, surveys"),
-        ("rig", "sonde", "rig/command"),
+        ("surface", "rig", "toolface, surveys,\nadvice, control"),
     ),
 }
 FLOW = {

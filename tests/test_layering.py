@@ -108,6 +108,18 @@ def test_rooms_of_the_estimator_depend_one_way():
     assert not wrong, "\n".join(wrong)
 
 
+def test_control_lies_below_rig_and_page():
+    wrong = [
+        f"{_module(path)} imports {name}"
+        for path in MODULES
+        for name in _imports(path)
+        if _within(_module(path), "mwd_surface.control")
+        and name.startswith("mwd_surface.")
+        and not _within(name, "mwd_surface.control")
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
 def test_rooms_that_are_apart_do_not_import_each_other():
     pairs = [*APART, *(pair[::-1] for pair in APART)]
     wrong = [

@@ -9,13 +9,18 @@ from example_surveys import START, S, surveys
 
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
+from mwd_surface.control.authority import ControlAuthority
+from mwd_surface.control.set_point import Mode, SetPoint
+from mwd_surface.control.settings import ControlSettings
+from mwd_surface.control.status import Request
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.rig.survey import accepted_surveys
 from mwd_surface.rig.values import rig_values
+from mwd_surface.surveys.advice import Advice, AdviceMode
 
 NOW = 5000.0
 NOW_NS = START + 95_000 * S
-VALID = 1 | 2 | 4 | 8 | 128 | 256 | 1024
+VALID = 1 | 2 | 4 | 8 | 32 | 64 | 128 | 256 | 1024
 
 
 def attitude(status=Status.SLIDING | Status.CORRECTED, **changes):
@@ -46,6 +51,8 @@ def rig_state(**changes):
         "hole_depth": 655.5,
         "block_position": 12.0,
         "hookload": 8e5,
+        "torque": 5000.0,
+        "rotary_speed": 1.9,
         "flow_rate": 0.03,
         "pressure": 1.5e7,
         "valid": VALID,
@@ -75,7 +82,34 @@ def live(whole=None, sample=None, rig=None, now=NOW):
     state.on_records(whole.records, now)
     state.on_trajectory(whole.definitive(bit_depth=650.25), now)
     state.on_recorder(recorder(), now)
+    state.on_control(control(now), now)
+    state.on_advice(ADVICE, now)
     return state
+
+
+ADVICE = Advice(
+    AdviceMode.SLIDE,
+    toolface=1.0,
+    limit=0.25,
+    sigma=0.1,
+    confidence=0.98,
+    from_depth=650.25,
+    slide_to_depth=660.0,
+    to_depth=678.25,
+    source="plan",
+    reason="for the test",
+)
+
+
+def control(now):
+    """A controller that rotates the string and pumps."""
+    authority = ControlAuthority(ControlSettings(enabled=True, grant="automatic"), first=70_000)
+    lease = authority.request(Request("modbus 5", priority=9), now).lease
+    authority.command(SetPoint(Mode.PUMP, lease, 1, flow_rate=0.03), now)
+    authority.command(SetPoint(Mode.ROTATE, lease, 2, rotary_speed=2.0), now)
+    sent = authority.update(now + 1.9)
+    authority.on_acknowledge(lease, sent[0].sequence, True, "")
+    return authority.status(now)
 
 
 def values(whole=None, sample=None, rig=None, later=0.0, **changes):
@@ -105,3 +139,14 @@ def started(interface):
         yield interface
     finally:
         interface.stop()
+
+
+async def certified(folder, name):
+    """A client's own certificate: the paths of it and of its key."""
+    from asyncua.crypto.cert_gen import setup_self_signed_certificate
+    from cryptography.x509.oid import ExtendedKeyUsageOID
+
+    key, certificate = folder / f"{name}.pem", folder / f"{name}.der"
+    uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
+    await setup_self_signed_certificate(key, certificate, f"urn:test:{name}", "localhost", uses, {"commonName": name})
+    return certificate, key

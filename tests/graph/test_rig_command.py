@@ -1,4 +1,4 @@
-"""What the simulated rig says of commands: obeyed, refused with a reason, or not meant to be obeyed at all."""
+"""What the simulated rig says of commands: obeyed, of an old lease, refused with a reason, or not meant for it."""
 
 import json
 import subprocess
@@ -22,8 +22,10 @@ reported = []
 for scenario in sys.argv[1:]:
     node = SondeNode(parameter_overrides=[Parameter("scenario", value=scenario)])
     node.autostart()
-    def after(**fields):
-        node._on_command(RigCommand(valid_for=3.0, **fields))
+    number = [0]
+    def after(lease=7, **fields):
+        number[0] += 1
+        node._rig_commands.obey(RigCommand(valid_for=3.0, lease=lease, sequence=number[0], **fields))
         found = [f for f in node.diagnostics() if f.name == "rig command"]
         reported.append([f.message for f in found] + [dict(f.values) for f in found])
     after(mode=RigCommand.HOLD)
@@ -31,6 +33,9 @@ for scenario in sys.argv[1:]:
     after(mode=RigCommand.ROTATE, rotary_speed=6.0)
     after(mode=RigCommand.ROTATE, rotary_speed=1000.0)
     after(mode=RigCommand.ORIENT, turn=-1.0)
+    after(mode=RigCommand.HOLD, lease=6)
+    after(mode=RigCommand.HOLD, lease=0)
+    after(mode=RigCommand.RELEASE, lease=8)
     node.trigger_shutdown()
     node.destroy_node()
 rclpy.shutdown()
@@ -53,7 +58,7 @@ def reported(tmp_path_factory):
         )
         assert done.returncode == 0, done.stderr
         lines = json.loads(done.stdout.splitlines()[-1])
-        return {"steered": lines[:4], "short": lines[4:]}
+        return {"steered": lines[:7], "short": lines[7:]}
 
 
 def test_a_rig_that_obeys_says_what_it_does_and_why_not(reported):
@@ -65,6 +70,13 @@ def test_a_rig_that_obeys_says_what_it_does_and_why_not(reported):
     assert reported["steered"][3][1] == {"taken": "2", "refused": "2"}
 
 
+def test_a_rig_obeys_no_older_lease_and_nobody_without_one(reported):
+    words = [message for message, _ in reported["steered"]]
+    assert words[4] == "lease: 6 is over; 7 is in force"
+    assert "control authority alone" in words[5]
+    assert words[6] == ""
+
+
 def test_a_rig_that_takes_no_commands_says_how_it_would(reported):
-    assert all("steering: {}" in message for message, _ in reported["short"][1:])
-    assert reported["short"][3][1] == {"taken": "0", "refused": "4"}
+    assert all("steering: {}" in message for message, _ in (reported["short"][k] for k in (1, 2, 3, 4, 6)))
+    assert reported["short"][6][1] == {"taken": "0", "refused": "7"}

@@ -69,6 +69,7 @@ def steered(tmp_path_factory):
     with running_graph.graph(folder) as graph:
         settings = {"folder": folder / "data", "page__port": 0, "record__name": "run"}
         settings |= {"rig__wits0_server__enabled": True, "rig__wits0_server__port": 0}
+        settings |= {"control__enabled": True, "control__grant": "automatic", "control__heartbeat_s": 5.0}
         surface = graph.start("surface", "w1", **settings)
         estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
         for name in (surface, estimator):
@@ -121,12 +122,16 @@ def test_the_toolface_is_held_within_10_degrees_of_the_wanted_one(steered):
     assert held.max() < 10.0
 
 
-def test_commands_are_in_the_recording_beside_what_they_did(steered):
+def test_set_points_answers_and_the_owner_are_in_the_recording(steered):
     from mwd_surface.bags.bag_reader import Bag
 
     with Bag(steered["bag"]) as bag:
-        assert bag.topics["/w1/rig/command"].type_name == "mwd_msgs/msg/RigCommand"
-        assert bag.topics["/w1/rig/command"].count > 20
+        for topic in ("control/command", "control/state", "rig/command", "rig/acknowledge"):
+            assert bag.topics[f"/w1/{topic}"].count > 20, topic
+
+
+def test_the_controller_has_control_while_it_steers(steered):
+    assert "has control" in steered["reported"]
 
 
 def test_a_hung_estimator_is_noticed_by_its_missed_deadline(steered):

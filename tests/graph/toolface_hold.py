@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-HOLD, ROTATE, ORIENT = range(3)
+HOLD, ROTATE, ORIENT = range(3)  # modes of RigCommand
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,9 +1,10 @@
 """
 The controller of `toolface_hold` as a node: `python toolface_hold_node.py --ros-args -r __ns:=/w1 -p wanted_deg:=60.0`.
 
-It asks the middleware for deadline and liveliness of `toolface`, so that it knows of a hung or dead MWD by itself, and
-prints one line for each thing that happens: steering, refusing and why, lost and how; and where the toolface is, once
-in a second of the measurement.
+It asks for control of the top drive, steers while it has it, and gives it back while it must not steer. It asks the
+middleware for deadline and liveliness of `toolface`, so that it knows of a hung or dead MWD by itself, and prints one
+line for each thing that happens: control got, lost or denied and why; steering, refusing and why, lost and how; and
+where the toolface is, once in a second of the measurement.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ import time
 from typing import Any
 
 import rclpy
-from mwd_msgs.msg import RigCommand, Toolface
+from mwd_msgs.msg import ControlState, RigCommand, Toolface
+from mwd_msgs.srv import ReleaseControl, RequestControl
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
@@ -23,10 +25,11 @@ from mwd_sensors.ros import qos
 
 PERIOD = 0.1  # s
 REPORT_EVERY = 1.0  # s of the measurement
+ASK_EVERY = 1.0  # s between requests for control
 
 
 class ToolfaceHoldNode(Node):
-    """Reads `toolface`, commands `rig/command`."""
+    """Reads `toolface`; commands on `control/command` while it holds the lease."""
 
     def __init__(self) -> None:
         super().__init__("toolface_hold")
@@ -36,7 +39,13 @@ class ToolfaceHoldNode(Node):
         self._wanted = wanted
         self._printed = ""
         self._last_report = -math.inf
-        self._out = self.create_publisher(RigCommand, "rig/command", qos.STATE)
+        self._name = self.declare_parameter("controller", "toolface_hold").value
+        self._priority = self.declare_parameter("priority", 10).value
+        self._lease, self._asked_at, self._command = 0, -math.inf, RigCommand()
+        self._ask = self.create_client(RequestControl, "request_control")
+        self._give_back = self.create_client(ReleaseControl, "release_control")
+        self._out = self.create_publisher(RigCommand, "control/command", qos.STATE)
+        self.create_subscription(ControlState, "control/state", self._on_control, qos.STATE)
         watch = SubscriptionEventCallbacks(deadline=self._on_deadline, liveliness=self._on_liveliness)
         self.create_subscription(Toolface, "toolface", self._on_toolface, qos.DEADLINE_STATE, event_callbacks=watch)
         self.create_timer(PERIOD, self._act)
@@ -72,16 +81,57 @@ class ToolfaceHoldNode(Node):
         self._reading = None
         print(f"{time.monotonic():.3f} {how}", flush=True)
 
+    # Control.
+
+    def _request(self) -> None:
+        now = time.monotonic()
+        if self._lease or now - self._asked_at < ASK_EVERY or not self._ask.service_is_ready():
+            return
+        self._asked_at = now
+        request = RequestControl.Request(controller=self._name, role="toolface hold", priority=self._priority)
+        self._ask.call_async(request).add_done_callback(self._on_answer)
+
+    def _on_answer(self, asked: Any) -> None:
+        answer = asked.result()
+        if not answer.success:
+            self._print_control(f"no control: {answer.message}")
+            return
+        self._lease, self._command = answer.lease, RigCommand(lease=answer.lease)
+        self._print_control("has control")
+
+    def _on_control(self, state: ControlState) -> None:
+        if self._lease and state.lease > self._lease:
+            self._lease = 0
+            self._print_control(f"lost control to {state.owner}")
+        elif self._lease and state.lease == 0 and time.monotonic() - self._asked_at > ASK_EVERY:
+            self._lease = 0
+            self._print_control(f"lost control: {state.reason}")
+
+    def _release(self) -> None:
+        if self._lease:
+            self._give_back.call_async(ReleaseControl.Request(lease=self._lease, reason=self._controller.why))
+            self._lease = 0
+
+    def _print_control(self, words: str) -> None:
+        print(f"{time.monotonic():.3f} {words}", flush=True)
+
     def _act(self) -> None:
         command = self._controller.update(time.monotonic(), self._reading)
         self._print_change(f"refuses: {self._controller.why}" if self._controller.why else "steers")
-        if command is None:
+        if self._controller.why:
+            self._release()
             return
-        message = RigCommand(mode=command.mode, turn=command.turn, valid_for=command.valid_for)
-        message.header.stamp.sec = int(self._reading.stamp)
-        message.header.stamp.nanosec = int(self._reading.stamp % 1.0 * 1e9)
-        message.header.frame_id = "rig_floor"
-        self._out.publish(message)
+        self._request()
+        if not self._lease:
+            return
+        if command is not None:
+            self._command.mode, self._command.turn = command.mode, command.turn
+            self._command.valid_for, self._command.sequence = command.valid_for, self._command.sequence + 1
+            self._command.header.stamp.sec = int(self._reading.stamp)
+            self._command.header.stamp.nanosec = int(self._reading.stamp % 1.0 * 1e9)
+            self._command.header.frame_id = "rig_floor"
+        # Where nothing is new, the same again is the heartbeat.
+        self._out.publish(self._command)
 
 
 def main() -> None:

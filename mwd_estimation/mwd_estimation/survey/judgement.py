@@ -77,7 +77,7 @@ def judged(
         return replace(station, reasons=(*station.reasons, *faults))
     found = None if finding is None else finding.circle
     if finding is not None and found is not None:
-        station = _as_found(station, finding, found)
+        station = _with_azimuth(station, finding, found)
     # Near the vertical the string's field does not turn the azimuth, and the totals are those of the reading.
     taken_off = station.interference if station.corrected and not _upright(readings, settings) else 0.0
     apart = deviations(
@@ -94,10 +94,9 @@ def judged(
     return _finished(station, readings, level, azimuth, finding, settings)
 
 
-def _as_found(station: Station, finding: Finding, found: Circle) -> Station:
-    """The station with the azimuth of its posterior, and what a turned mount may add to its inclination."""
+def _with_azimuth(station: Station, finding: Finding, found: Circle) -> Station:
+    """The station with the azimuth of its posterior."""
     covariance = station.covariance.copy()
-    covariance[0, 0] += finding.mount**2
     own = math.hypot(found.sigma, math.sqrt(float(station.alignment[1, 1])))
     # What ties the azimuth to inclination and toolface is that of the reading, as far as it still goes.
     tied = min(own / math.sqrt(covariance[1, 1]), 1.0) if covariance[1, 1] > 0.0 else 0.0
@@ -110,7 +109,6 @@ def _as_found(station: Station, finding: Finding, found: Circle) -> Station:
         station,
         azimuth=found.mean,
         sigma_azimuth=math.sqrt(covariance[1, 1]),
-        sigma_inclination=math.sqrt(covariance[0, 0]),
         magnetic_toolface=toolface,
         covariance=covariance,
         method=AzimuthMethod.FUSED if magnetic else AzimuthMethod.GYRO,
@@ -188,10 +186,6 @@ def _judge_field(azimuth: _Findings, station: Station, finding: Finding, setting
     odds = finding.hypotheses
     if odds[Hypothesis.EXTERNAL] > _DISTURBED and finding.by_gyro < _DISTURBED:
         azimuth.add(DOUBTFUL, Reason(Code.EXTERNAL_FIELD, odds[Hypothesis.EXTERNAL]))
-    if odds[Hypothesis.PLACE] > _DISTURBED:
-        apart = station.deviations
-        off = (apart.field, apart.dip)
-        azimuth.add(DOUBTFUL, Reason(Code.FIELD_OF_ANOTHER_PLACE, odds[Hypothesis.PLACE], values=off))
     if odds[Hypothesis.SENSOR] > _DISTURBED:
         azimuth.add(DOUBTFUL, Reason(Code.SENSOR_DEFECT, odds[Hypothesis.SENSOR]))
     if settings.quality.limits != "toolcode":
@@ -218,7 +212,6 @@ def _why_uncertain(finding: Finding, risk: float, far: float) -> Reason:
     code = {
         Hypothesis.EXTERNAL: Code.UNCERTAIN_EXTERNAL,
         Hypothesis.REFERENCE: Code.UNCERTAIN_REFERENCE,
-        Hypothesis.PLACE: Code.UNCERTAIN_REFERENCE,
         Hypothesis.SENSOR: Code.UNCERTAIN_SENSOR,
     }.get(first, Code.UNCERTAIN_STRING)
     return Reason(code, risk, far)
@@ -232,12 +225,11 @@ def _finished(
     finding: Finding | None,
     settings: StationSettings,
 ) -> Station:
-    """The station with its verdicts; first the cause of all, a wrong place, then the gravest reason."""
+    """The station with its verdicts, the gravest reason first."""
     upright = station.sigma_toolface > _HIGH_SIDE
     quantities = Verdicts(level.verdict, azimuth.verdict, NOT_DETERMINED if upright else level.verdict)
     verdict = level.verdict if azimuth.verdict == NOT_DETERMINED else worse(level.verdict, azimuth.verdict)
-    first = Code.FIELD_OF_ANOTHER_PLACE
-    made = sorted([*level.reasons, *azimuth.reasons], key=lambda pair: (pair[1].code != first, pair[0] != REJECT))
+    made = sorted([*level.reasons, *azimuth.reasons], key=lambda pair: pair[0] != REJECT)
     reasons = list(dict.fromkeys(reason for _, reason in made))
     remarks: list[Reason] = []
     sag = station.inclination - readings.inclination

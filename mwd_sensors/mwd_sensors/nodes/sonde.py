@@ -8,13 +8,14 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from mwd_msgs.msg import ImuBurst, RigCommand, RigState, Truth
+from mwd_msgs.msg import ImuBurst, RigState, Truth
 from mwd_msgs.srv import InjectFault
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 
 from mwd_sensors.core import burst, wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import from_mapping, setting
+from mwd_sensors.nodes.rig_commands import RigCommands
 from mwd_sensors.nodes.telemetry import TelemetryTopics
 from mwd_sensors.nodes.truth_file import TruthFile
 from mwd_sensors.ros import qos
@@ -22,7 +23,7 @@ from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.discovery import SubscriberDiscovery
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.run_node import run_node
-from mwd_sensors.simulator import scenario_files, steering
+from mwd_sensors.simulator import scenario_files
 from mwd_sensors.simulator.faults import Fault
 from mwd_sensors.simulator.scenario import read
 from mwd_sensors.simulator.sonde import Sonde
@@ -45,7 +46,6 @@ _TYPES = {
 # At equal stamps the AHRS comes last: the other samples the estimator needs have then been published.
 _ORDER = ("rig/state", "imu/temperature", "gyro/data_raw", "imu/mag", "truth", "imu/data_raw")
 
-_COMMANDED = {steering.HOLD: "holding", steering.ROTATE: "rotating", steering.ORIENT: "turning to an angle"}
 _THINNED = ("imu/mag", "truth")
 _BURST_TOPIC = {single: name for name, single in burst.TOPICS.items()}
 
@@ -120,7 +120,7 @@ class SondeNode(GraphNode[SondeSettings]):
         if self.settings.burst:
             self._topic_publishers |= {topic: self.add_publisher(ImuBurst, topic, qos.STREAM) for topic in burst.TOPICS}
         self.add_service(InjectFault, "inject_fault", self._inject_fault)
-        self.add_subscription(RigCommand, "rig/command", self._on_command, qos.STATE)
+        self._rig_commands = RigCommands(self, lambda: self._sonde)
         self._telemetry = None
         if self._scenario.telemetry is not None:
             self._telemetry = TelemetryTopics(self, self._scenario.telemetry, self.settings.rate)
@@ -137,8 +137,6 @@ class SondeNode(GraphNode[SondeSettings]):
         self._sonde = None
         self._finished = False
         self._finished_at = 0.0
-        self._commands_obeyed = self._commands_refused = 0
-        self._refusal = ""
         self._discovery = SubscriberDiscovery(time.monotonic(), self.settings.wait_for_listener_s)
 
     def _start(self) -> Sonde:
@@ -242,20 +240,6 @@ class SondeNode(GraphNode[SondeSettings]):
             for part in burst.parts(samples, self.settings.burst)
         ]
 
-    def _on_command(self, message: RigCommand) -> None:
-        command = steering.Command(message.mode, message.rotary_speed, message.turn, message.valid_for)
-        try:
-            if self._sonde is not None:
-                self._sonde.command(command)
-            self._refusal = "" if self._sonde is not None else "the scenario has not started"
-        except ValueError as error:
-            self._refusal = str(error)
-        if self._refusal:
-            self._commands_refused += 1
-            self.get_logger().warning(f"rig/command not obeyed: {self._refusal}", throttle_duration_sec=5.0)
-        else:
-            self._commands_obeyed += 1
-
     def _inject_fault(self, request: Any, response: Any) -> Any:
         if not self.settings.fault_injection:
             response.success = False
@@ -281,18 +265,7 @@ class SondeNode(GraphNode[SondeSettings]):
     def diagnostics(self) -> Sequence[Diagnostic]:
         """Progress of the scenario and published messages; rig commands, where any were received."""
         link = self._telemetry.diagnostics() if self._telemetry is not None else []
-        return (self._progress_diagnostic(), *self._command_diagnostics(), *link)
-
-    def _command_diagnostics(self) -> Sequence[Diagnostic]:
-        if not self._commands_obeyed + self._commands_refused:
-            return ()
-        values = (("taken", str(self._commands_obeyed)), ("refused", str(self._commands_refused)))
-        if self._refusal:
-            remedy = "correct the command; the previous one stays in force until its time is over"
-            return (Diagnostic("rig command", WARN, self._refusal, remedy, values),)
-        string = self._sonde.string if self._sonde is not None else None
-        obeyed = string.obeys if string is not None else None
-        return (Diagnostic("rig command", OK, _COMMANDED[obeyed] if obeyed is not None else "", values=values),)
+        return (self._progress_diagnostic(), *self._rig_commands.diagnostics(), *link)
 
     def _progress_diagnostic(self) -> Diagnostic:
         values = tuple((topic, str(count)) for topic, count in self._published.items())

@@ -212,6 +212,11 @@ class String:
         state.target = rest + command.turn
         state.then = RELEASE if command.returns else HOLD
 
+    def prolong(self, valid_for: float) -> None:
+        """Let the time of the turn in force, s, begin anew."""
+        if self._state[0].mode == ORIENT:
+            self._state[0].left = valid_for
+
     @property
     def obeys(self) -> int | None:
         """Mode of the command in force; None while the schedule rules."""

@@ -13,11 +13,13 @@ from collections.abc import Iterable, Sequence
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.bags.recorder.status import RecorderStatus
+from mwd_surface.control.status import ControlStatus
 from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.streams import LiveStreams
 from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField, SurveyProgress, WellState
+from mwd_surface.surveys.advice import Advice, AdviceMode
 from mwd_surface.surveys.clearance import Clearance
 from mwd_surface.surveys.plan import Offset, Plan
 from mwd_surface.surveys.slide_sheet import Stretch, Yield
@@ -49,6 +51,8 @@ class LiveState(LiveStreams):
         self._yields: tuple[Yield, ...] = ()
         self._quill: float | None = None
         self._link: LinkStatus | None = None
+        self._control = ControlStatus()
+        self._advice = Advice()
         self._progress = SurveyProgress()
         self._recorder: RecorderStatus | None = None
         self._diagnostics: tuple[NodeDiagnostic, ...] = ()
@@ -66,6 +70,17 @@ class LiveState(LiveStreams):
         """Take the state of the link by which the surface hears the tool."""
         self._link = link
         self._touch("link", now)
+
+    def on_control(self, status: ControlStatus, now: float) -> None:
+        """Take who has control of top drive and pumps, and what was asked."""
+        self._control = status
+        self._touch("control", now)
+
+    def on_advice(self, advice: Advice, now: float) -> None:
+        """Take the advice on the next interval; the dial shows its toolface."""
+        self._advice = advice
+        self.on_advisory(advice.toolface if advice.mode == AdviceMode.SLIDE else None, advice.limit)
+        self._touch("advice", now)
 
     def on_well(self, well: Well, now: float, reference: ReferenceField | None = None) -> None:
         """Take the well, and the reference field in force; without one, that of the last survey counts."""
@@ -163,6 +178,8 @@ class LiveState(LiveStreams):
             yields=self._yields,
             quill=self._quill,
             link=self._link,
+            control=self._control,
+            advice=self._advice,
             survey_progress=self._progress,
             recorder=self._recorder,
             diagnostics=self._diagnostics,

@@ -14,11 +14,13 @@ from collections.abc import Mapping
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array
 from mwd_surface.bags.recorder.status import RecorderStatus
+from mwd_surface.control.status import ControlStatus
 from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.strip_history import Row
 from mwd_surface.live.toolface import GRAVITY
+from mwd_surface.surveys.advice import Advice
 from mwd_surface.surveys.clearance import Clearance
 from mwd_surface.surveys.plan import Offset, Plan
 from mwd_surface.surveys.slide_sheet import Stretch, Yield
@@ -253,6 +255,10 @@ class WellState:
         The slide sheet, deepest last.
     quill : float or None
         Angle of the quill, rad clockwise looking down-hole from the zero of the rig.
+    control : ControlStatus
+        Who has control of top drive and pumps, what was asked and what the rig does.
+    advice : Advice
+        How to drill the next interval.
     recorder : RecorderStatus or None
     diagnostics : tuple of NodeDiagnostic
         Worst first.
@@ -294,6 +300,8 @@ class WellState:
     depth_log: Chart
     changes: Mapping[str, Change]
     link: LinkStatus | None = None
+    control: ControlStatus = dataclasses.field(default_factory=ControlStatus)
+    advice: Advice = dataclasses.field(default_factory=Advice)
 
     def change(self, part: str) -> Change:
         """Return how often a part changed, and when."""

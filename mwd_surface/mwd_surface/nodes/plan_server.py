@@ -1,4 +1,4 @@
-"""The planned path and the toolface to hold: read from settings, shown on the page, compared with the surveyed path."""
+"""The planned path: read from settings, shown on the page, compared with the surveyed path."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
-from mwd_surface.nodes.settings import AdvisorySettings, PlanSettings
+from mwd_surface.nodes.settings import PlanSettings
 from mwd_surface.ros.alarm_log import AlarmLog
 from mwd_surface.surveys.list_columns import ListFileError
 from mwd_surface.surveys.plan import Plan, interpolated, offset_from, steering_to
@@ -61,11 +61,6 @@ class PlanServer:
         if self.plan is None or well.section_azimuth_deg >= 0.0:
             return well
         return dataclasses.replace(well, section_azimuth_deg=math.degrees(self.plan.section_azimuth))
-
-    def show_advisory(self, settings: AdvisorySettings) -> None:
-        """Show the toolface to hold."""
-        wanted = math.radians(settings.toolface_deg) if settings.toolface_deg >= 0.0 else None
-        self._live.on_advisory(wanted, math.radians(settings.limit_deg))
 
     def show_plan(self) -> None:
         """Show the plan."""

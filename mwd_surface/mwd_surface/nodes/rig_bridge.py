@@ -12,6 +12,7 @@ from mwd_msgs import msg
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
+from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.exports.export_witsml import witsml
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.live.alarms import Severity
@@ -39,6 +40,8 @@ class RigBridge:
         Of the interfaces.
     well : str
         Name of the well.
+    authority : ControlAuthority
+        For controllers that come through the interfaces.
 
     Raises
     ------
@@ -46,7 +49,7 @@ class RigBridge:
         An interface could not start and `rig.strict` is set.
     """
 
-    def __init__(self, context: SurfaceContext, settings: RigSettings, well: str) -> None:
+    def __init__(self, context: SurfaceContext, settings: RigSettings, well: str, authority: ControlAuthority) -> None:
         self._node, self._settings = context.node, settings
         self._live, self._alarm_log = context.live, context.alarm_log
         self._rig_data: queue.SimpleQueue[Samples] = queue.SimpleQueue()
@@ -62,6 +65,7 @@ class RigBridge:
             on_rig_state=self._on_rig_data,
             on_command=context.requests.call,
             folder=context.folder / "opcua",
+            authority=authority,
         )
         for name, error in self._port.start().items():
             self._alarm_log.log_event(f"rig {name}", error, Severity.WARNING)

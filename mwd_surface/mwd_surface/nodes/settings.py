@@ -8,11 +8,13 @@ from typing import ClassVar
 
 from mwd_sensors.core.settings import setting
 from mwd_surface.bags.recorder.settings import RecorderSettings
+from mwd_surface.control.settings import ControlSettings
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.page.foxglove_server import FoxgloveSettings
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.rig.port import RigSettings
 from mwd_surface.ros.topics import TOPICS
+from mwd_surface.surveys.advice import AdvisorySettings
 from mwd_surface.surveys.depth import DepthRules
 from mwd_surface.surveys.leg_settings import LegSettings
 from mwd_surface.surveys.list_rules import ListRules
@@ -28,22 +30,6 @@ class PlanSettings:
         "",
         "File of the planned path, CSV or WITSML 1.4.1.1; empty: no plan. Any change of a parameter of the node reads "
         "it again",
-    )
-
-
-@dataclasses.dataclass(frozen=True)
-class AdvisorySettings:
-    """The toolface the driller is asked to hold."""
-
-    toolface_deg: float = setting(
-        -1.0, "Toolface to hold, shown on the page; below 0: none", unit="deg", low=-1.0, high=360.0
-    )
-    limit_deg: float = setting(
-        15.0,
-        "Largest deviation from the wanted toolface that the page shows as good; a larger limit hides larger errors",
-        unit="deg",
-        low=1.0,
-        high=180.0,
     )
 
 
@@ -98,7 +84,7 @@ class SurfaceSettings:
     link: LinkSettings = setting(LinkSettings, "How the surface hears the tool")
     well: Well = setting(Well, "The well")
     plan: PlanSettings = setting(PlanSettings, "The planned well path")
-    advisory: AdvisorySettings = setting(AdvisorySettings, "The toolface the driller is asked to hold")
+    advisory: AdvisorySettings = setting(AdvisorySettings, "The advice on steering")
     rules: ListRules = setting(ListRules, "Rules of the survey list")
     leg: LegSettings = setting(LegSettings, "Tie-on, leg and tool")
     depth: DepthRules = setting(DepthRules, "Depth of a survey")
@@ -109,3 +95,4 @@ class SurfaceSettings:
     live: LiveSettings = setting(LiveSettings, "What the page shows")
     foxglove: FoxgloveSettings = setting(FoxgloveSettings, "Live server for Foxglove")
     rig: RigSettings = setting(RigSettings, "Rig interfaces")
+    control: ControlSettings = setting(ControlSettings, "Control of top drive and pumps")

@@ -29,7 +29,9 @@ from mwd_surface import __version__
 from mwd_surface.bags.recorder.status import RecorderError
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
+from mwd_surface.nodes.advice_server import AdviceServer
 from mwd_surface.nodes.clearance_monitor import ClearanceMonitor
+from mwd_surface.nodes.control_server import ControlServer
 from mwd_surface.nodes.diagnostics_monitor import DiagnosticsMonitor
 from mwd_surface.nodes.foxglove_bridge import FoxgloveBridge
 from mwd_surface.nodes.link_monitor import LinkMonitor
@@ -72,7 +74,6 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
     def on_settings_changed(self, settings: SurfaceSettings) -> None:
         """Apply changed settings to survey list, plan and page."""
-        self._plan.show_advisory(settings.advisory)
 
         def apply(job: concurrent.futures.Future[Any]) -> None:
             self._plan.use(job.result())
@@ -139,7 +140,9 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._page.open()
         self._foxglove = self._closed_on_cleanup(FoxgloveBridge(context, settings.foxglove))
         self._foxglove.open()
-        self._rig = self._closed_on_cleanup(RigBridge(context, settings.rig, well.name))
+        self._control = ControlServer(context, settings.control)
+        self._advice = AdviceServer(context)
+        self._rig = self._closed_on_cleanup(RigBridge(context, settings.rig, well.name, self._control.authority))
         self._frames = StaticFrames(context)
         self._decoder = StreamDecoder(
             context, on_attitude=self._on_attitude, on_rig_state=self._on_rig_state, on_sonde=self._on_sonde
@@ -159,7 +162,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
     def _open_topics(self) -> None:
         alarm_log, monitor = self._shared.alarm_log, self._monitor
-        for part in (alarm_log, self._surveys, self._recording, self._parameter_tables, self._rig):
+        of_graph = (alarm_log, self._surveys, self._recording, self._parameter_tables)
+        for part in (*of_graph, self._rig, self._control, self._advice):
             part.open()
         self._frames.open()
         self._decoder.open()
@@ -171,6 +175,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             "heartbeat": self._supervision.on_heartbeat,
             "rig/quill": self._slides.on_quill,
             **self._link.handlers,
+            **self._control.handlers,
         }
         if not direct:
             handlers |= {over: handlers[topic] for topic, over in OVER_LINK.items()}
@@ -195,6 +200,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             "snapshot_recording": (Trigger, self._recording.snapshot),
             "export": (srv.Export, self._surveys.export),
             "set_depth": (srv.SetDepth, self._surveys.set_depth),
+            "judge_control": (srv.JudgeControl, self._control.judge),
         }
         self.add_timer(_LIVE_PERIOD, self._update_live)
         self.add_timer(_SLOW_PERIOD, self._update_slow)
@@ -211,7 +217,6 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def activate(self) -> None:
         """Start the recording; publish the survey list."""
         self._recording.activate()
-        self._plan.show_advisory(self.settings.advisory)
         self._show_well()
         self._surveys.publish()
 
@@ -277,6 +282,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         now = time.monotonic()
         self._rig.update(now)
         self._decoder.decode_all(now)
+        self._control.update(now)
         self._page.update(now)
 
     def _update_slow(self) -> None:
@@ -297,16 +303,25 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._surveys.update_projection(now)
         self._clearance.update(self._surveys.surveys, self._surveys.bit_depth)
         self._slides.update(now)
+        self._advice.update(
+            now,
+            self.settings.advisory,
+            self._plan.plan,
+            self._surveys.surveys,
+            self._surveys.bit_depth,
+            self._slides.stretches(),
+        )
         self._shared.alarm_log.publish(now)
         self._page.update(now, without_clients=True)
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Report on recorder, page, Foxglove, rig interfaces, survey list, unreadable messages, topics to record."""
+        """Report on recorder, page, Foxglove, rig, control, survey list, unreadable messages, topics to record."""
         parts = (
             self._recording,
             self._page,
             self._foxglove,
             self._rig,
+            self._control,
             self._surveys,
             self._decoder,
             self._router,

@@ -29,6 +29,7 @@ COMMANDS: dict[str, dict[str, tuple[type, bool]]] = {
     "stop_recording": {},
     "split_recording": {},
     "snapshot_recording": {},
+    "judge_control": {"decision": (int, False), "operator_name": (str, False), "reason": (str, True)},
     "export": {"format": (str, False), "name": (str, True)},
 }
 _MAX_TEXT = 500

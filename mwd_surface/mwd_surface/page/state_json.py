@@ -21,6 +21,7 @@ from mwd_surface.live.alarms import Alarm, Event, Severity
 from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import ToolfaceState, WellState
+from mwd_surface.page.control_table import advice_table, control_table
 from mwd_surface.page.link_table import link_table
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.page.survey_panel import NORTH_WORDS, path_table, quality_lights, survey_row
@@ -130,6 +131,8 @@ class StateJson:
             "offset": ("offset", None, lambda: _offset(state)),
             "clearance": ("clearance", None, lambda: {"rows": [_near(c) for c in state.clearance[:_MAX_NEAR]]}),
             "steering": ("steering", None, lambda: _steering(state, most)),
+            "control": ("control", None, lambda: control_table(state.control)),
+            "advice": ("advice", None, lambda: advice_table(state.advice)),
             "quill": ("quill", None, lambda: {"angle": number(state.quill)}),
             "link": ("link", None, lambda: link_table(state.link)),
             "survey_progress": ("survey_progress", None, lambda: _progress(state)),

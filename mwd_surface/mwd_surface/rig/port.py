@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mwd_sensors.core.settings import setting
+from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.rig.interface import (
     DOWN,
     InterfaceError,
@@ -87,6 +88,8 @@ class RigPort:
         `on_command(name, arguments) -> (ok, message)`, in a thread of an interface.
     folder : Path, optional
         For certificates.
+    authority : ControlAuthority, optional
+        For controllers that come through OPC UA or Modbus.
     clock : callable
         Steady seconds.
     """
@@ -98,6 +101,7 @@ class RigPort:
         on_rig_state: OnRigState | None = None,
         on_command: OnCommand | None = None,
         folder: Path | None = None,
+        authority: ControlAuthority | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.settings = settings
@@ -111,11 +115,11 @@ class RigPort:
         if settings.wits0_serial.enabled:
             self._interfaces.append(Wits0Serial(settings.wits0_serial, talk, on_rig_state))
         if settings.opcua.enabled:
-            self._interfaces.append(OpcuaServer(settings.opcua, well, on_command, folder))
+            self._interfaces.append(OpcuaServer(settings.opcua, well, on_command, folder, authority))
         if settings.modbus.enabled:
-            self._interfaces.append(ModbusServer(settings.modbus, on_rig_state))
+            self._interfaces.append(ModbusServer(settings.modbus, on_rig_state, authority))
         if settings.modbus_serial.enabled:
-            self._interfaces.append(ModbusSerial(settings.modbus_serial, settings.modbus, on_rig_state))
+            self._interfaces.append(ModbusSerial(settings.modbus_serial, settings.modbus, on_rig_state, authority))
         self._store = WitsmlStore(settings.witsml_store) if settings.witsml_store.enabled else None
         if self._store is not None:
             self._interfaces.append(self._store)

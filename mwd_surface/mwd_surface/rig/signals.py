@@ -11,7 +11,9 @@ from __future__ import annotations
 import dataclasses
 
 TOOL, RIG, BIT, PLAN, SURVEY = "tool", "rig", "bit", "plan", "survey"  # sources
+CONTROL, ADVICE = "control", "advice"
 _MEASURED, _DERIVED, _CORRECTED = "Measurement", "DerivedMeasurement", "CorrectedMeasurement"
+_SET_POINT, _LIMIT = "SetPoint", "Limit"
 _COMPUTED, _ADVISED, _SIGMA = "ComputedData", "RecommendedTarget", "GaussianUncertainty"
 
 
@@ -29,7 +31,8 @@ class Signal:
     meaning : str
         In words.
     source : str
-        TOOL, RIG, BIT (the path projected to it), PLAN (against it) or SURVEY (the last accepted one).
+        TOOL, RIG, BIT (the path projected to it), PLAN (against it), SURVEY (the last accepted one), CONTROL (what the
+        owner of the lease asks of the rig) or ADVICE (how to drill the next interval).
     opcua : str
         Variable.
     dwis : tuple of str
@@ -264,9 +267,75 @@ SIGNALS: tuple[Signal, ...] = (
         "DogLegSeverityToTarget",
         (_ADVISED,),
     ),
+    Signal(
+        "top_drive_speed",
+        "rad/s",
+        "achieved speed of the top drive",
+        RIG,
+        "TopDriveSpeed",
+        ("SurfaceRPM", _MEASURED),
+        modbus=46,
+    ),
+    Signal(
+        "top_drive_torque",
+        "N m",
+        "torque at the top drive",
+        RIG,
+        "TopDriveTorque",
+        ("SurfaceTorque", _MEASURED),
+        modbus=48,
+    ),
+    Signal("flow", "m^3/s", "achieved flow into the string", RIG, "FlowRateIn", ("FlowRateIn", _MEASURED), modbus=50),
+    Signal(
+        "set_speed",
+        "rad/s",
+        "speed asked of the top drive now, on its ramp",
+        CONTROL,
+        "TopDriveSpeedSetPoint",
+        (_SET_POINT,),
+        modbus=52,
+    ),
+    Signal("set_turn", "rad", "turn of the last set-point", CONTROL, "TurnSetPoint", (_SET_POINT,), modbus=54),
+    Signal("set_flow", "m^3/s", "flow asked of the pumps", CONTROL, "FlowRateSetPoint", (_SET_POINT,), modbus=56),
+    Signal(
+        "speed_limit", "rad/s", "limit of the top drive's speed", CONTROL, "TopDriveSpeedLimit", (_LIMIT,), modbus=58
+    ),
+    Signal("flow_limit", "m^3/s", "limit of the flow", CONTROL, "FlowRateLimit", (_LIMIT,), modbus=60),
+    Signal(
+        "advised_toolface",
+        "rad",
+        "toolface advised for the next slide",
+        ADVICE,
+        "AdvisedToolface",
+        (_ADVISED,),
+        modbus=62,
+        circle=True,
+    ),
+    Signal(
+        "advised_from",
+        "m",
+        "measured depth at which the advice begins",
+        ADVICE,
+        "AdvisedFromDepth",
+        (_ADVISED,),
+        modbus=64,
+    ),
+    Signal(
+        "advised_slide_to",
+        "m",
+        "measured depth to which to slide; its beginning where to rotate",
+        ADVICE,
+        "AdvisedSlideToDepth",
+        (_ADVISED,),
+        modbus=66,
+    ),
+    Signal(
+        "advised_to", "m", "measured depth at which the advice ends", ADVICE, "AdvisedToDepth", (_ADVISED,), modbus=68
+    ),
 )
 BY_NAME = {signal.name: signal for signal in SIGNALS}
 OF_SURVEY = tuple(signal.name for signal in SIGNALS if signal.source == SURVEY)
 LIVE = tuple(signal.name for signal in SIGNALS if signal.source != SURVEY)
 FROM_TOOL = tuple(signal.name for signal in SIGNALS if signal.source == TOOL)
 FROM_PLAN = tuple(signal.name for signal in SIGNALS if signal.source == PLAN)
+FROM_ADVICE = tuple(signal.name for signal in SIGNALS if signal.source == ADVICE)

@@ -15,12 +15,15 @@ from collections.abc import Mapping, Sequence
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.bags.recorder.status import RecorderState
+from mwd_surface.control.set_point import Mode
+from mwd_surface.control.status import ControlStatus
 from mwd_surface.live.alarms import Alarm
 from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.live.well_state import Angle, WellState
-from mwd_surface.rig.signals import BY_NAME, FROM_PLAN, FROM_TOOL, OF_SURVEY
+from mwd_surface.rig.signals import BY_NAME, FROM_ADVICE, FROM_PLAN, FROM_TOOL, OF_SURVEY
 from mwd_surface.rig.survey import AcceptedSurvey
+from mwd_surface.surveys.advice import Advice, AdviceMode
 from mwd_surface.surveys.survey_record import Verdict
 
 
@@ -99,6 +102,8 @@ class RigValues:
     simulated: bool = False
     circulating: bool | None = None
     in_slips: bool | None = None
+    control: ControlStatus = dataclasses.field(default_factory=ControlStatus)
+    advice: Advice = dataclasses.field(default_factory=Advice)
 
     @property
     def survey(self) -> AcceptedSurvey | None:
@@ -143,6 +148,8 @@ def rig_values(
     for name in FROM_TOOL:
         values[name] = _judged(name, values[name], state.attitude.status, lost=ever and not link)
     values.update(_projection(state, now_ns))
+    values.update(_control_values(state.control, now_ns))
+    values.update(_advice_values(state, now_ns))
     values.update(survey_values(surveys[-1] if surveys else None, now_ns))
     if not active:
         values = {k: dataclasses.replace(v, condition=Condition.INACTIVE, reason="inactive") for k, v in values.items()}
@@ -164,6 +171,8 @@ def rig_values(
         simulated=simulated,
         circulating=flow.value > 0.0 if flow.state == Freshness.LIVE and flow.value is not None else None,
         in_slips=state.rig.in_slips,
+        control=state.control,
+        advice=state.advice,
     )
 
 
@@ -204,6 +213,9 @@ def _live_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
         "axial_interference": _of_value(drilling.axial_interference, now_ns),
         "bit_depth": _of_value(state.rig.bit_depth, now_ns),
         "hole_depth": _of_value(state.rig.hole_depth, now_ns),
+        "top_drive_speed": _of_value(state.rig.rig_rotary_speed, now_ns),
+        "top_drive_torque": _of_value(state.rig.torque, now_ns),
+        "flow": _of_value(state.rig.flow_rate, now_ns),
     }
 
 
@@ -297,6 +309,42 @@ def _projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
         }
     for name, number in plan.items():
         values[name] = _derived(number, state.age("offset"), now_ns)
+    return values
+
+
+def _control_values(control: ControlStatus, now_ns: int) -> dict[str, RigValue]:
+    """Return set-points in force and limits; a set-point that is the driller's is not known."""
+    asked: dict[str, float | None] = {
+        "set_speed": control.rotary_speed if control.mode == Mode.ROTATE else None,
+        "set_turn": control.turn if control.mode == Mode.ORIENT else None,
+        "set_flow": control.flow_rate,
+        "speed_limit": control.limits.speed if control.enabled else None,
+        "flow_limit": control.limits.flow if control.enabled else None,
+    }
+    waiting = RigValue(reason="the driller's" if control.enabled else "control is switched off")
+    return {
+        name: waiting if value is None else RigValue(value, Condition.GOOD, now_ns, 0.0)
+        for name, value in asked.items()
+    }
+
+
+def _advice_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
+    advice = state.advice
+    slides = advice.mode == AdviceMode.SLIDE
+    table = {
+        "advised_toolface": advice.toolface if slides else None,
+        "advised_from": advice.from_depth,
+        "advised_slide_to": advice.slide_to_depth if slides else advice.from_depth,
+        "advised_to": advice.to_depth,
+    }
+    age = state.age("advice")
+    values = {name: _derived(table[name], age, now_ns) for name in FROM_ADVICE}
+    reason = advice.reason or "no advice"
+    values = {
+        k: v if v.condition == Condition.GOOD else dataclasses.replace(v, reason=reason) for k, v in values.items()
+    }
+    face = values["advised_toolface"]
+    values["advised_toolface"] = dataclasses.replace(face, sigma=advice.sigma) if slides else face
     return values
 
 

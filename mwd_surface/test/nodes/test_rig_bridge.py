@@ -7,6 +7,8 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 
 from mwd_sensors.core import wire
+from mwd_surface.control.authority import ControlAuthority
+from mwd_surface.control.settings import ControlSettings
 from mwd_surface.nodes import rig_bridge
 from mwd_surface.rig.port import RigSettings
 
@@ -24,7 +26,7 @@ def test_rig_data_that_come_while_the_node_is_inactive_are_dropped(tmp_path, mon
         requests=SimpleNamespace(call=None),
         folder=tmp_path,
     )
-    bridge = rig_bridge.RigBridge(context, RigSettings(), "w")
+    bridge = rig_bridge.RigBridge(context, RigSettings(), "w", ControlAuthority(ControlSettings()))
     bridge._publisher = publisher
     given["on_rig_state"](wire.RIG_STATE.empty(1))
     node.active = True

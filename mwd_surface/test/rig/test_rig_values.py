@@ -27,8 +27,8 @@ def test_every_quantity_is_there_and_good_when_everything_came():
     table = values()
     assert set(table.values) == set(BY_NAME)
     good = {name: v for name, v in table.values.items() if v.condition == Condition.GOOD}
-    # There is no plan in the example.
-    assert set(BY_NAME) - set(good) == {n for n in LIVE if n.startswith(("plan", "target"))}
+    # There is no plan in the example, and its set-point is no turn.
+    assert set(BY_NAME) - set(good) == {n for n in LIVE if n.startswith(("plan", "target"))} | {"set_turn"}
     assert all(v.age is not None and v.age >= 0.0 and v.stamp_ns > 0 for v in good.values())
     assert table.values["inclination"].value == pytest.approx(math.radians(40.12))
     assert table.values["gravity_toolface"].value == pytest.approx(math.radians(123.456))

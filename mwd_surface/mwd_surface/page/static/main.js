@@ -4,6 +4,7 @@ import { showAlarms, toggleSound } from "./alarms_tab.js";
 import { refresh, valueBox } from "./cells.js";
 import { ChartsTab } from "./charts_tab.js";
 import { Connection } from "./connection.js";
+import { controlPanel } from "./control_panel.js";
 import { Dial } from "./dial.js";
 import { byId, setText } from "./dom.js";
 import { showAlarmStrip, showBanner, showPills, showTitle, showWell } from "./header.js";
@@ -58,6 +59,8 @@ const SHOW = {
   clearance: showWellPath,
   surveys: () => { showSurveys(); charts.show(); },
   steering: () => { showSteering(); charts.show(); },
+  control: showSteering,
+  advice: showSteering,
   depth_log: showCharts,
   path: () => { showSurveys(); showWellPath(); },
   plan: showWellPath,
@@ -113,8 +116,10 @@ function showAlarmsAndEvents() {
 }
 
 function showSteering() {
-  const { steering } = connection.sections;
-  if (steering) byId("tab-steering").replaceChildren(...slideSheet(steering));
+  const { steering, control, advice } = connection.sections;
+  const judge = (decision) => act("judge_control", { decision, operator_name: operatorName() });
+  const panel = controlPanel(control, advice, mayCommand(connection.server) ? judge : null);
+  byId("tab-steering").replaceChildren(panel, ...(steering ? slideSheet(steering) : []));
 }
 
 function showSurveys() {

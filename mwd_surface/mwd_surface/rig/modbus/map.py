@@ -1,5 +1,5 @@
 """
-The Modbus register map: 38 input registers that are swapped as one block, so that no reader sees half of a change.
+The Modbus register map: 70 input registers that are swapped as one block, so that no reader sees half of a change.
 
 No standard map exists for MWD. Addresses count from 0; tools that count from 1 add one. Units are those of people on a
 rig: deg, m, nT, standard gravities, r/min, degC.
@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import struct
+from collections.abc import Sequence
 
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
@@ -17,10 +18,11 @@ from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.rig.signals import SIGNALS
 from mwd_surface.rig.values import RigValues
+from mwd_surface.surveys.advice import AdviceMode
 from mwd_surface.surveys.survey_record import Verdict
 
-VERSION = 1
-COUNT = 38
+VERSION = 2
+COUNT = 70
 WRITABLE, WRITABLE_COUNT = 100, 2
 WORD_ORDERS = ("ABCD", "CDAB")
 # An age that was never reached: there is no toolface yet.
@@ -37,6 +39,8 @@ UNITS: dict[str, tuple[float, str]] = {
     "m/s^2": (1.0 / STANDARD_GRAVITY, "g"),
     "T": (1e9, "nT"),
     "degC": (1.0, "degC"),
+    "N m": (1.0, "N m"),
+    "m^3/s": (60000.0, "L/min"),
 }
 # Address of a float: the value it holds, factor to its unit, and where it turns over.
 FLOATS: dict[int, tuple[str, float, float]] = {
@@ -44,7 +48,9 @@ FLOATS: dict[int, tuple[str, float, float]] = {
     for signal in SIGNALS
     if signal.modbus is not None
 }
-_AGE, _TIME = 8, 34
+_AGE, _TIME, _CONTROL = 8, 34, 38
+# The name by which the authority knows a controller that came by Modbus, before its number.
+CONTROLLER = "modbus "
 
 
 class StatusBit:
@@ -64,6 +70,17 @@ class StatusBit:
     SIMULATED = 15
 
 
+class ControlBit:
+    """Numbers of the bits of register 39."""
+
+    ENABLED = 0
+    MWD_ALIVE = 1
+    REFUSED = 2
+    ADVISED_SLIDE = 3
+    ADVISED_ROTATE = 4
+    ADVISED_MAGNETIC = 5
+
+
 @dataclasses.dataclass(frozen=True)
 class ModbusForm:
     """How numbers are laid into registers."""
@@ -75,7 +92,7 @@ class ModbusForm:
 
 
 def registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:
-    """Registers 0 to 37 of a moment, each 0 to 65535."""
+    """Registers 0 to 69 of a moment, each 0 to 65535."""
     block = [0] * COUNT
     survey = values.survey
     block[0] = VERSION
@@ -92,7 +109,43 @@ def registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:
     milliseconds = survey.stamp_ns * 1000 // NANOSECONDS if survey is not None else 0
     time_words = struct.unpack(">4H", struct.pack(">Q", milliseconds))
     block[_TIME : _TIME + 4] = _ordered(time_words, form)
+    block[_CONTROL : _CONTROL + 8] = _control_registers(values, form)
     return tuple(block)
+
+
+def _control_registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:
+    """Registers 38 to 45: who has control, and what was taken of its set-points."""
+    control, advice = values.control, values.advice
+    bits = {
+        ControlBit.ENABLED: control.enabled,
+        ControlBit.MWD_ALIVE: control.mwd_alive,
+        ControlBit.REFUSED: bool(control.refusal),
+        ControlBit.ADVISED_SLIDE: advice.mode == AdviceMode.SLIDE,
+        ControlBit.ADVISED_ROTATE: advice.mode == AdviceMode.ROTATE,
+        ControlBit.ADVISED_MAGNETIC: advice.magnetic,
+    }
+    number = control.owner.removeprefix(CONTROLLER)
+    ours = control.owner.startswith(CONTROLLER) and number.isdecimal()
+    return (
+        int(control.state),
+        sum(1 << bit for bit, on in bits.items() if on),
+        *_ordered(long_words(control.lease), form),
+        int(number) & 0xFFFF if ours else 0,
+        control.sequence & 0xFFFF,
+        control.acknowledged & 0xFFFF,
+        int(control.mode),
+    )
+
+
+def long_words(number: int) -> tuple[int, int]:
+    """Both words of a number of 32 bits, the higher first."""
+    return number >> 16 & 0xFFFF, number & 0xFFFF
+
+
+def long_of(words: Sequence[int], form: ModbusForm) -> int:
+    """The number of 32 bits in two registers."""
+    high, low = _ordered(tuple(words), form)
+    return high << 16 | low
 
 
 def status_bits(values: RigValues) -> int:
@@ -116,7 +169,7 @@ def status_bits(values: RigValues) -> int:
     return sum(1 << bit for bit, on in bits.items() if on)
 
 
-def float_of(words: tuple[int, int] | list[int], form: ModbusForm) -> float:
+def float_of(words: Sequence[int], form: ModbusForm) -> float:
     """The number in two registers."""
     return float(struct.unpack(">f", struct.pack(">2H", *_ordered(tuple(words), form)))[0])
 

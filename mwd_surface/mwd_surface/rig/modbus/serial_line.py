@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
+from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.rig.interface import (
     InterfaceError,
     OnRigState,
@@ -30,9 +31,10 @@ class ModbusSerial(ModbusServer):
         line: ModbusSerialSettings,
         settings: ModbusSettings,
         on_rig_state: OnRigState | None = None,
+        authority: ControlAuthority | None = None,
         **clocks: Callable[[], Any],
     ) -> None:
-        super().__init__(settings, on_rig_state, **clocks)
+        super().__init__(settings, on_rig_state, authority, **clocks)
         self.line = line
         self._seen = False
 

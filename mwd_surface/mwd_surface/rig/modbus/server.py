@@ -1,7 +1,7 @@
 """
 Modbus TCP and RTU: controllers and collectors read the register map; nothing can be written unless allowed.
 
-The protocol itself is pymodbus. Registers 0 to 37 are answered to function 4 from one block that is swapped whole.
+The protocol itself is pymodbus. Registers 0 to 69 are answered to function 4 from one block that is swapped whole.
 What is not on the map is refused with the exception that the protocol has for it.
 """
 
@@ -17,6 +17,7 @@ from collections.abc import Callable
 from typing import Any
 
 from mwd_surface import __version__
+from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.rig.input import RigInput
 from mwd_surface.rig.interface import (
     LISTENING,
@@ -30,6 +31,7 @@ from mwd_surface.rig.interface import (
     optional,
     probe_port,
 )
+from mwd_surface.rig.modbus.control import REQUEST, ControlRegisters
 from mwd_surface.rig.modbus.map import COUNT, WRITABLE, WRITABLE_COUNT, float_of, registers
 from mwd_surface.rig.modbus.settings import ModbusSettings
 from mwd_surface.rig.values import nothing_yet
@@ -60,6 +62,8 @@ class ModbusServer(LoopInterface):
     settings : ModbusSettings
     on_rig_state : callable, optional
         Gets the bit depth that a client wrote, `wire.RIG_STATE`, where writing is allowed.
+    authority : ControlAuthority, optional
+        Behind the registers of control.
     clock, wall : callable
         Steady seconds, and ns since the epoch.
     """
@@ -70,6 +74,7 @@ class ModbusServer(LoopInterface):
         self,
         settings: ModbusSettings,
         on_rig_state: OnRigState | None = None,
+        authority: ControlAuthority | None = None,
         clock: Callable[[], float] = time.monotonic,
         wall: Callable[[], int] = time.time_ns,
     ) -> None:
@@ -85,6 +90,8 @@ class ModbusServer(LoopInterface):
         self._connections: dict[int, _Connection] = {}
         self._gone = 0
         self._written = (0, 0)
+        allowed = settings.allow_control and authority is not None
+        self._control = ControlRegisters(authority, settings.form, clock) if allowed and authority else None
 
     @property
     def port(self) -> int:
@@ -149,6 +156,11 @@ class ModbusServer(LoopInterface):
         blocks = [data(0, values=[0] * COUNT, datatype=kinds.REGISTERS)]
         if self.settings.allow_writes:
             blocks.append(data(WRITABLE, values=[0] * WRITABLE_COUNT, datatype=kinds.REGISTERS))
+        if self._control is not None:
+            blocks += [
+                data(start, values=list(words), datatype=kinds.REGISTERS)
+                for start, words in self._control.blocks().items()
+            ]
         ours = self._simulator.SimDevice(id=self.settings.unit, simdata=blocks, action=self._answer)
         # Every other unit: no register of it exists.
         others = self._simulator.SimDevice(
@@ -175,6 +187,8 @@ class ModbusServer(LoopInterface):
             current[:COUNT] = self._block
             self.reads += 1
             return None
+        if self._control is not None and address >= REQUEST:
+            return self._answer_control(function, address, count, current, wanted)
         if self.settings.allow_writes and address >= WRITABLE:
             if function == _READ_HOLDING:
                 current[WRITABLE : WRITABLE + WRITABLE_COUNT] = self._written
@@ -184,6 +198,24 @@ class ModbusServer(LoopInterface):
                 return self._write(function, address, wanted)
         self.denied += 1
         return self._codes.ILLEGAL_FUNCTION if address + count <= COUNT else self._codes.ILLEGAL_ADDRESS
+
+    def _answer_control(
+        self, function: int, address: int, count: int, current: list[int], wanted: list[Any] | None
+    ) -> Any:
+        control = self._control
+        for start, words in control.blocks().items() if control is not None else ():
+            inside = start <= address and address + count <= start + len(words)
+            if function == _READ_HOLDING and inside:
+                current[start : start + len(words)] = words
+                self.reads += 1
+                return None
+        if function != _WRITE_MULTIPLE or control is None:
+            self.denied += 1
+            return self._codes.ILLEGAL_FUNCTION
+        if not control.write(address, [int(word) for word in wanted or ()]):
+            self.denied += 1
+            return self._codes.ILLEGAL_VALUE
+        return None
 
     async def _deny(self, *_request: Any) -> Any:
         self.denied += 1

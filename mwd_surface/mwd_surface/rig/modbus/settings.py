@@ -22,6 +22,12 @@ class ModbusSettings:
     unit: int = setting(1, "unit identifier", low=1, high=247, fixed=True)
     form: ModbusForm = setting(ModbusForm, "How numbers are laid into registers")
     allow_writes: bool = setting(False, "take the bit depth, float, m, from holding registers 100 and 101", fixed=True)
+    allow_control: bool = setting(
+        False,
+        "take requests for control and set-points from holding registers 110 to 131; control.enabled must be set, too. "
+        "Modbus has no password: only on a network of the rig's own",
+        fixed=True,
+    )
     rig: RigInputSettings = setting(RigInputSettings, "Acceptance of a depth that a client writes")
     max_clients: int = setting(16, "most connections at a time", low=1, high=200, fixed=True)
     idle_timeout: float = setting(

@@ -45,7 +45,7 @@ class Access:
     @property
     def needs_certificates(self) -> bool:
         """True where signed and encrypted sessions are offered."""
-        return self.settings.allow_commands or not self.anyone
+        return self.settings.allow_commands or self.settings.allow_control or not self.anyone
 
     async def secure(self, server: Any) -> None:
         """Set the policies of the server, and its certificate."""

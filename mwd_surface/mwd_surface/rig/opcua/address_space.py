@@ -26,6 +26,8 @@ UNITS: dict[str, tuple[str, str]] = {
     "T": ("D33", "tesla"),
     "degC": ("CEL", "degree Celsius"),
     "s": ("SEC", "second"),
+    "N m": ("NU", "newton metre"),
+    "m^3/s": ("MQS", "cubic metre per second"),
 }
 # OPC 10000-4, annex A, by the state of a value.
 STATUS_CODES: dict[Condition, int] = {
@@ -72,6 +74,16 @@ VARIABLES: tuple[Variable, ...] = (
     Variable("InSlips", "Boolean", "", "the string hangs in the slips"),
     Variable("Recording", "Boolean", "", "everything is being recorded"),
     Variable("Simulated", "Boolean", "", "the tool is a simulation"),
+    Variable("ControlState", "UInt32", "", "control: 0 idle, 1 pending, 2 granted, 3 fault"),
+    Variable("ControlOwner", "String", "", "controller that owns the lease; empty: the driller"),
+    Variable("ControlLease", "UInt32", "", "number of the lease in force; 0: none"),
+    Variable("ControlReason", "String", "", "why the state of control is what it is"),
+    Variable("ControlRefusal", "String", "", "why the last set-point was refused; empty: it was taken"),
+    Variable("SetPointSequence", "UInt32", "", "last set-point that was taken; 0: none"),
+    Variable("SetPointAcknowledged", "UInt32", "", "last set-point that the rig obeys; 0: none"),
+    Variable("SetPointMode", "UInt32", "", "top drive: 0 hold, 1 rotate, 2 orient, 4 the driller's"),
+    Variable("AdvisedMode", "UInt32", "", "advice: 0 none, 1 rotate, 2 slide"),
+    Variable("AdviceReason", "String", "", "what the advice follows from, or why there is none"),
     Variable("Heartbeat", "UInt32", "", "grows by one each second; where it stops, the node has stopped"),
 )
 
@@ -111,5 +123,19 @@ def variable_values(values: RigValues) -> dict[str, VariableValue]:
         table[name] = VariableValue(bool(fact), waiting if fact is None else state, now)
     table["Recording"] = VariableValue(values.recording, state, now)
     table["Simulated"] = VariableValue(values.simulated, state, now)
+    control, advice = values.control, values.advice
+    facts: dict[str, int | str] = {
+        "ControlState": int(control.state),
+        "ControlOwner": control.owner,
+        "ControlLease": control.lease,
+        "ControlReason": control.reason,
+        "ControlRefusal": control.refusal,
+        "SetPointSequence": control.sequence,
+        "SetPointAcknowledged": control.acknowledged,
+        "SetPointMode": int(control.mode),
+        "AdvisedMode": int(advice.mode),
+        "AdviceReason": advice.reason,
+    }
+    table |= {name: VariableValue(fact, state, now) for name, fact in facts.items()}
     table["Heartbeat"] = VariableValue(values.heartbeat & 0xFFFFFFFF, state, now)
     return table

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from mwd_surface import __version__
+from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.rig.interface import (
     LISTENING,
     STOPPED,
@@ -34,6 +35,7 @@ from mwd_surface.rig.opcua.address_space import MANIFEST, VARIABLES, VariableVal
 from mwd_surface.rig.opcua.conditions import Conditions
 from mwd_surface.rig.opcua.data_value import EPOCH, data_value
 from mwd_surface.rig.opcua.information_model import add_well
+from mwd_surface.rig.opcua.methods import Method, control_methods, survey_methods
 from mwd_surface.rig.opcua.settings import OpcuaSettings
 from mwd_surface.rig.opcua.survey_history import SurveyHistory
 from mwd_surface.rig.values import RigValues, nothing_yet
@@ -42,20 +44,6 @@ _REFUSALS = "asyncua.server.binary_server_asyncio"  # logger of asyncua for refu
 _LOG = logging.getLogger("mwd_surface.opcua")
 _TICK = 1.0  # s
 _LARGEST_MESSAGE = 1 << 20
-# Methods: arguments (name, type, description) of each.
-METHODS: dict[str, tuple[tuple[str, str, str], ...]] = {
-    "take_survey": (("duration", "Double", "s to average over; 0: as configured"),),
-    "accept_survey": (
-        ("sequence", "UInt32", "number of the survey"),
-        ("operator_name", "String", "who decides"),
-        ("reason", "String", "why"),
-    ),
-    "reject_survey": (
-        ("sequence", "UInt32", "number of the survey"),
-        ("operator_name", "String", "who decides"),
-        ("reason", "String", "why"),
-    ),
-}
 
 
 class OpcuaServer(LoopInterface):
@@ -68,9 +56,11 @@ class OpcuaServer(LoopInterface):
     well : str
         Name of the object that the variables belong to.
     on_command : callable, optional
-        `on_command(name, arguments) -> (ok, message)` for the methods of `METHODS`, in a thread of the pool.
+        `on_command(name, arguments) -> (ok, message)` for decisions about surveys, in a thread of the pool.
     folder : Path, optional
         Of the certificates where the settings name none.
+    authority : ControlAuthority, optional
+        Behind the methods of control.
     clock : callable
         Steady seconds.
     """
@@ -81,11 +71,16 @@ class OpcuaServer(LoopInterface):
         well: str = "well",
         on_command: OnCommand | None = None,
         folder: Path | None = None,
+        authority: ControlAuthority | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__("opcua")
         self.settings, self.well = settings, well or "well"
-        self._on_command = on_command if settings.allow_commands else None
+        self._methods: list[Method] = []
+        if settings.allow_commands and on_command is not None:
+            self._methods += survey_methods(on_command)
+        if settings.allow_control and authority is not None:
+            self._methods += control_methods(authority, clock)
         self._folder = Path(settings.certificates).expanduser() if settings.certificates else folder
         self._clock = clock
         self._server: Any = None
@@ -176,17 +171,12 @@ class OpcuaServer(LoopInterface):
         await self._history.open()
         self._conditions = Conditions(ua, server, well)
         await self._conditions.open()
-        if self._on_command is None:
-            return
         index = well.nodeid.NamespaceIndex
-        for name, arguments in METHODS.items():
-            inputs = [_argument(ua, *argument) for argument in arguments]
-            outputs = [
-                _argument(ua, "success", "Boolean", "it was done"),
-                _argument(ua, "message", "String", "or why not"),
-            ]
+        for method in self._methods:
+            arguments = [[_argument(ua, *argument) for argument in way] for way in (method.inputs, method.outputs)]
+            name = method.name
             await well.add_method(
-                ua.NodeId(f"{MANIFEST}.{name}", index), f"{index}:{name}", self._method(name), inputs, outputs
+                ua.NodeId(f"{MANIFEST}.{name}", index), f"{index}:{name}", self._called(method), *arguments
             )
 
     async def _follow(self, server: Any, stop: asyncio.Event) -> None:
@@ -240,20 +230,23 @@ class OpcuaServer(LoopInterface):
             self._confirmed_at = now
         self._written_values.set()
 
-    def _method(self, name: str) -> Callable[..., Any]:
+    def _called(self, method: Method) -> Callable[..., Any]:
         ua = self._ua
-        names = [argument for argument, _, _ in METHODS[name]]
+        names = [name for name, _, _ in method.inputs]
+        wanted = [getattr(ua.VariantType, kind) for _, kind, _ in method.inputs]
+        kinds = [getattr(ua.VariantType, kind) for _, kind, _ in method.outputs]
 
         def call(_parent: Any, *given: Any) -> Any:
             # Called in the thread pool of the server: the node may take its time.
             self._commands += 1
             if len(given) != len(names):
                 return ua.StatusCode(ua.StatusCodes.BadArgumentsMissing)
+            if any(argument.VariantType != kind for argument, kind in zip(given, wanted, strict=True)):
+                return ua.StatusCode(ua.StatusCodes.BadTypeMismatch)
             arguments = {key: argument.Value for key, argument in zip(names, given, strict=True)}
-            if any(value is None for value in arguments.values()) or self._on_command is None:
+            if any(value is None for value in arguments.values()):
                 return ua.StatusCode(ua.StatusCodes.BadInvalidArgument)
-            ok, message = self._on_command(name, arguments)
-            return [ua.Variant(ok, ua.VariantType.Boolean), ua.Variant(message, ua.VariantType.String)]
+            return [ua.Variant(value, kind) for value, kind in zip(method.call(arguments), kinds, strict=True)]
 
         return call
 

@@ -23,6 +23,11 @@ class OpcuaSettings:
         fixed=True,
     )
     allow_commands: bool = setting(False, "offer methods to clients with a trusted certificate", fixed=True)
+    allow_control: bool = setting(
+        False,
+        "offer the methods of control to clients with a trusted certificate; control.enabled must be set, too",
+        fixed=True,
+    )
     certificates: str = setting(
         "", "folder of own.der, own.pem and the folder trusted; empty: beside the surveys", fixed=True
     )

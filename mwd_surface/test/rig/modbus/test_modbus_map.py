@@ -11,7 +11,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_estimation.core.status import Status
-from mwd_surface.rig.modbus.map import COUNT, FLOATS, NEVER, ModbusForm, StatusBit, float_of, registers, status_bits
+from mwd_surface.rig.modbus.map import (
+    COUNT,
+    FLOATS,
+    NEVER,
+    VERSION,
+    ControlBit,
+    ModbusForm,
+    StatusBit,
+    float_of,
+    long_of,
+    registers,
+    status_bits,
+)
 from mwd_surface.rig.values import Condition, RigValue, nothing_yet
 from mwd_surface.surveys.survey_list import SurveyList
 
@@ -27,7 +39,7 @@ def test_every_register_holds_what_the_table_says():
     s = table.survey
     block = registers(table, ABCD)
     assert len(block) == COUNT
-    assert block[:2] == (1, 5000)
+    assert block[:2] == (VERSION, 5000)
     assert block[3] == 12
     expected = {
         4: 123.456,
@@ -45,11 +57,31 @@ def test_every_register_holds_what_the_table_says():
         28: 850.0,
         30: 60.0 / math.pi,
         32: 71.25,
+        46: 1.9 * 30.0 / math.pi,
+        48: 5000.0,
+        50: 1800.0,
+        52: 19.0,
+        54: 0.0,
+        56: 1800.0,
+        58: 120.0,
+        60: 4000.0,
+        62: math.degrees(1.0),
+        64: 650.25,
+        66: 660.0,
+        68: 678.25,
     }
     for address, value in expected.items():
         assert at(block, address) == pytest.approx(value, rel=1e-6), address
     assert struct.unpack(">Q", struct.pack(">4H", *block[34:38]))[0] == s.stamp_ns // 1_000_000
     assert set(FLOATS) | {8} == set(expected)
+
+
+def test_who_has_control_and_what_was_taken_is_beside_it():
+    block = registers(values(), ABCD)
+    enabled, mwd, slide = (1 << bit for bit in (ControlBit.ENABLED, ControlBit.MWD_ALIVE, ControlBit.ADVISED_SLIDE))
+    assert block[38:46] == (2, enabled | mwd | slide, 1, 70_000 - 65_536, 5, 2, 2, 1)
+    swapped = registers(values(), CDAB)
+    assert long_of(block[40:42], ABCD) == long_of(swapped[40:42], CDAB) == 70_000
 
 
 def test_big_endian_words_are_those_of_ieee_754():
@@ -108,7 +140,7 @@ def test_what_is_not_to_be_used_is_held_or_a_quiet_nan_if_asked_for():
 def test_before_anything_came_numbers_are_zero_and_the_age_says_never():
     block = registers(nothing_yet(), ABCD)
     assert at(block, 8) == NEVER
-    assert block[0] == 1
+    assert block[0] == VERSION
     assert all(at(block, a) == 0.0 for a in FLOATS)
 
 

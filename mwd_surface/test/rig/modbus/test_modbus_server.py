@@ -20,7 +20,7 @@ import pytest
 from example_rig import eventually, started, values
 
 from mwd_surface.rig.interface import InterfaceError, MissingPackageError
-from mwd_surface.rig.modbus.map import COUNT, ModbusForm, float_of
+from mwd_surface.rig.modbus.map import COUNT, VERSION, ModbusForm, float_of
 from mwd_surface.rig.modbus.serial_line import ModbusSerial
 from mwd_surface.rig.modbus.server import ModbusServer
 from mwd_surface.rig.modbus.settings import ModbusSerialSettings, ModbusSettings
@@ -67,7 +67,7 @@ def test_the_whole_map_is_read_at_once():
     with serving() as s:
         answer = ask(s.port, 4, 0, COUNT)
         block = struct.unpack(f">{COUNT}H", answer[2:])
-        assert block[0] == 1
+        assert block[0] == VERSION
         assert float_of(block[10:12], ModbusForm()) == pytest.approx(40.0)
 
 
@@ -75,8 +75,8 @@ def test_the_whole_map_is_read_at_once():
 @pytest.mark.parametrize(
     ("function", "address", "count", "unit", "code"),
     [
-        (4, 38, 1, 1, 2),
-        (4, 30, 9, 1, 2),
+        (4, COUNT, 1, 1, 2),
+        (4, COUNT - 8, 9, 1, 2),
         (4, 60000, 10, 1, 2),
         (4, 0, 126, 1, 3),
         (4, 0, 65535, 1, 3),
@@ -207,7 +207,7 @@ def test_pymodbustcp_reads_the_same():
         client = theirs.ModbusClient(host="127.0.0.1", port=s.port, unit_id=1, auto_close=True)
         block = client.read_input_registers(0, COUNT)
         assert float_of(block[14:16], ModbusForm()) == pytest.approx(630.0)
-        assert client.read_input_registers(38, 1) is None
+        assert client.read_input_registers(COUNT, 1) is None
         assert client.last_except == 2
         client.close()
 

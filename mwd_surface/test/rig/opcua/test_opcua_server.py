@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from example_rig import attitude, eventually, started, values
+from example_rig import attitude, certified, eventually, started, values
 
 from mwd_estimation.core.status import Status
 from mwd_surface.live.alarms import Alarm, Severity
@@ -320,17 +320,6 @@ def test_node_opcua_reads_the_same(served):
     assert (inclination["unit"], depth["unit"]) == ("rad", "m")
     assert (depth["value"], depth["status"]) == (650.25, "UncertainLastUsableValue")
     assert inclination["source"] * 1_000_000 == pytest.approx(table.survey.stamp_ns, abs=1_000_000)
-
-
-async def certified(folder, name):
-    """A client's own certificate: the paths of it and of its key."""
-    from asyncua.crypto.cert_gen import setup_self_signed_certificate
-    from cryptography.x509.oid import ExtendedKeyUsageOID
-
-    key, certificate = folder / f"{name}.pem", folder / f"{name}.der"
-    uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
-    await setup_self_signed_certificate(key, certificate, f"urn:test:{name}", "localhost", uses, {"commonName": name})
-    return certificate, key
 
 
 @contextlib.asynccontextmanager

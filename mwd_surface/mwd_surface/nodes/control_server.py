@@ -1,0 +1,214 @@
+"""Control of the rig on the graph: services, commands of controllers, answers of the rig, and the state."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from mwd_msgs import msg, srv
+from rclpy.serialization import deserialize_message
+
+from mwd_sensors.core import wire
+from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
+from mwd_sensors.ros.time_stamps import stamp
+from mwd_surface.control.authority import ControlAuthority
+from mwd_surface.control.set_point import Limits, SetPoint
+from mwd_surface.control.settings import ControlSettings
+from mwd_surface.control.status import Achieved, ControlStatus, Request, State
+from mwd_surface.live.alarms import Severity
+from mwd_surface.live.latest_values import Freshness, LiveValue
+from mwd_surface.ros.context import SurfaceContext
+from mwd_surface.ros.topics import TOPICS
+from mwd_surface.surveys.message_conversion import stamp_of
+
+_PERIOD = 0.1  # s between commands to the rig
+_STATE_PERIOD = 0.5  # s between states that have not changed
+_ALWAYS_CHANGING = ("heartbeat_age", "remaining", "achieved")
+
+
+class ControlServer:
+    """
+    The control authority of one well.
+
+    Parameters
+    ----------
+    context : SurfaceContext
+        Node, live state and alarm log.
+    settings : ControlSettings
+
+    Attributes
+    ----------
+    authority : ControlAuthority
+        For rig interfaces and other parts of the node, from any thread.
+    handlers : dict
+        From topic to the function that is called with each serialised message.
+    """
+
+    def __init__(self, context: SurfaceContext, settings: ControlSettings) -> None:
+        self._context, self._node, self._live = context, context.node, context.live
+        # Numbers go on after a restart: nobody is granted a lease a second for years.
+        self.authority = ControlAuthority(settings, first=int(time.time()))
+        self.handlers = {"control/command": self._on_command, "rig/acknowledge": self._on_acknowledge}
+        self._updated_at = self._published_at = 0.0
+        self._shown: dict[str, Any] = {}
+        self._reason = ""
+
+    def open(self) -> None:
+        """Open topics and services."""
+        node = self._node
+        self._state = node.add_publisher(msg.ControlState, "control/state", TOPICS["control/state"][1])
+        self._commands = node.add_publisher(msg.RigCommand, "rig/command", TOPICS["rig/command"][1])
+        node.add_service(srv.RequestControl, "request_control", self._request)
+        node.add_service(srv.ReleaseControl, "release_control", self._release)
+        node.add_service(srv.JudgeControl, "judge_control", self.judge)
+
+    # Services.
+
+    def _request(self, request: Any, response: Any) -> Any:
+        limits = Limits(
+            request.speed_limit,
+            request.speed_rate_limit,
+            request.torque_limit,
+            request.turn_limit,
+            request.flow_limit,
+        )
+        decision = self.authority.request(
+            Request(request.controller, request.role, request.priority, request.wait, request.duration, limits),
+            time.monotonic(),
+        )
+        response.permission, response.lease = int(decision.permission), decision.lease
+        response.success = decision.permission == srv.RequestControl.Response.GRANTED
+        response.message = decision.message
+        return response
+
+    def _release(self, request: Any, response: Any) -> Any:
+        response.success, response.message = self.authority.release(request.lease, time.monotonic(), request.reason)
+        return response
+
+    def judge(self, request: Any, response: Any) -> Any:
+        """Carry out a person's decision about control (service)."""
+        response.success, response.message = self.authority.judge(
+            request.decision, request.operator_name, time.monotonic(), request.reason
+        )
+        return response
+
+    # Messages.
+
+    def _on_command(self, data: bytes) -> None:
+        message = deserialize_message(data, msg.RigCommand)
+        names = ("mode", "lease", "sequence", "rotary_speed", "turn", "flow_rate", "valid_for", "returns")
+        values = {name: getattr(message, name) for name in names}
+        taken, why = self.authority.command(
+            SetPoint(**values, stamp_ns=stamp_of(message.header.stamp)), time.monotonic()
+        )
+        if not taken:
+            self._node.get_logger().warning(f"control/command not taken: {why}", throttle_duration_sec=5.0)
+
+    def _on_acknowledge(self, data: bytes) -> None:
+        answer = deserialize_message(data, msg.RigAcknowledge)
+        self.authority.on_acknowledge(answer.lease, answer.sequence, answer.obeyed, answer.message)
+
+    # Time.
+
+    def update(self, now: float) -> None:
+        """Let the authority see rig and MWD, send what is due to the rig, and show its state. now: steady time, s."""
+        if now - self._updated_at < _PERIOD:
+            return
+        self._updated_at = now
+        rig, authority = self._live.rig(now), self.authority
+        achieved = Achieved(_known(rig.rig_rotary_speed), _known(rig.torque), _known(rig.flow_rate))
+        authority.on_rig(achieved, now)
+        authority.on_mwd(self._live.links(now)["estimator"].state == Freshness.LIVE)
+        for point in authority.update(now):
+            self._commands.publish(self._command_message(point))
+        for text in authority.take_events():
+            self._context.alarm_log.log_event("control", text)
+        self._show(authority.status(now), now)
+
+    def _show(self, status: ControlStatus, now: float) -> None:
+        fields = {name: value for name, value in vars(status).items() if name not in _ALWAYS_CHANGING}
+        if fields == self._shown and now - self._published_at < _STATE_PERIOD:
+            return
+        self._shown, self._published_at = fields, now
+        self._live.on_control(status, now)
+        message = state_message(status)
+        message.header.stamp = stamp(self._context.now_ns())
+        message.header.frame_id = self._node.frame(wire.RIG_FRAME)
+        self._state.publish(message)
+        if status.state == State.FAULT:
+            if status.reason != self._reason:
+                remedy = "take control back on the page, or let a controller take a new lease"
+                self._context.alarm_log.raise_alarm("control.fault", Severity.CRITICAL, status.reason, remedy)
+            self._reason = status.reason
+        elif self._reason:
+            self._reason = ""
+            self._context.alarm_log.clear_alarm("control.fault")
+
+    def _command_message(self, point: SetPoint) -> Any:
+        message = msg.RigCommand(
+            mode=int(point.mode),
+            lease=point.lease,
+            sequence=point.sequence,
+            rotary_speed=point.rotary_speed,
+            turn=point.turn,
+            flow_rate=point.flow_rate,
+            valid_for=point.valid_for,
+            returns=point.returns,
+        )
+        message.header.stamp = stamp(point.stamp_ns or self._context.now_ns())
+        message.header.frame_id = self._node.frame(wire.RIG_FRAME)
+        return message
+
+    def diagnostics(self) -> list[Diagnostic]:
+        """Who has control, and what was refused."""
+        if not self.authority.settings.enabled:
+            return []
+        status = self.authority.status(time.monotonic())
+        values = (("refused", str(self.authority.refused)), ("sequence", str(status.sequence)))
+        words = f"{status.owner} has control" if status.owner else "the driller has control"
+        if status.state == State.FAULT:
+            return [Diagnostic("control", WARN, status.reason, "take control back, or grant a new lease", values)]
+        if status.refusal:
+            return [Diagnostic("control", WARN, f"{words}; {status.refusal}", "correct the set-point", values)]
+        return [Diagnostic("control", OK, words, values=values)]
+
+
+def _known(value: LiveValue) -> float | None:
+    return value.value if value.state == Freshness.LIVE else None
+
+
+def state_message(status: ControlStatus) -> Any:
+    """Message of the state of control, without its header."""
+    limits, achieved = status.limits, status.achieved
+    silent = achieved.speed is None
+    return msg.ControlState(
+        state=int(status.state),
+        enabled=status.enabled,
+        lease=status.lease,
+        owner=status.owner,
+        role=status.role,
+        priority=status.priority,
+        heartbeat_age=-1.0 if status.heartbeat_age is None else status.heartbeat_age,
+        remaining=-1.0 if status.remaining is None else status.remaining,
+        pending=status.pending,
+        pending_controller=status.pending_controller,
+        pending_reason=status.pending_reason,
+        reason=status.reason,
+        speed_limit=limits.speed,
+        speed_rate_limit=limits.speed_rate,
+        torque_limit=limits.torque,
+        turn_limit=limits.turn,
+        flow_limit=limits.flow,
+        mode=int(status.mode),
+        rotary_speed=status.rotary_speed,
+        turn=status.turn,
+        flow_rate=-1.0 if status.flow_rate is None else status.flow_rate,
+        sequence=status.sequence,
+        acknowledged=status.acknowledged,
+        refusal=status.refusal,
+        achieved_speed=-1.0 if achieved.speed is None else abs(achieved.speed),
+        achieved_torque=0.0 if silent or achieved.torque is None else achieved.torque,
+        achieved_flow=-1.0 if achieved.flow is None else achieved.flow,
+        mwd_alive=status.mwd_alive,
+        **{name: int(reaction) for name, reaction in status.reactions.items()},
+    )

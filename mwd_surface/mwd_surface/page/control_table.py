@@ -1,0 +1,60 @@
+"""Control of the rig and the advice on steering for the page: what ROS and rig interfaces have, in words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mwd_surface.control.set_point import Mode
+from mwd_surface.control.status import ControlStatus, State
+from mwd_surface.page.plain import number
+from mwd_surface.surveys.advice import Advice
+
+_ASKED = {
+    Mode.HOLD: "hold the string",
+    Mode.ROTATE: "rotate",
+    Mode.ORIENT: "turn by an angle",
+    Mode.RELEASE: "the driller's",
+}
+_STATES = {State.IDLE: "driller", State.PENDING: "asked for", State.GRANTED: "controller", State.FAULT: "fault"}
+
+
+def control_table(status: ControlStatus) -> dict[str, Any]:
+    """Return who has control, what was asked and what the rig does; None where it is not known."""
+    achieved = status.achieved
+    return {
+        "enabled": status.enabled,
+        "state": _STATES[status.state],
+        "owner": status.owner,
+        "role": status.role,
+        "remaining": number(status.remaining),
+        "pending": status.pending_controller,
+        "pending_reason": status.pending_reason,
+        "reason": status.reason,
+        "refusal": status.refusal,
+        "asked": _ASKED[status.mode],
+        "speed": number(status.rotary_speed) if status.mode == Mode.ROTATE else None,
+        "turn": number(status.turn) if status.mode == Mode.ORIENT else None,
+        "flow": number(status.flow_rate),
+        "acknowledged": status.sequence > 0 and status.acknowledged == status.sequence,
+        "achieved_speed": number(achieved.speed),
+        "achieved_torque": number(achieved.torque),
+        "achieved_flow": number(achieved.flow),
+        "mwd_alive": status.mwd_alive,
+        "reactions": {name: reaction.name.lower() for name, reaction in status.reactions.items()},
+    }
+
+
+def advice_table(advice: Advice) -> dict[str, Any]:
+    """Return the advice; None where something is not known."""
+    fields = (
+        *("toolface", "limit", "sigma", "confidence", "from_depth", "slide_to_depth", "to_depth"),
+        *("dogleg_severity", "motor_yield"),
+    )
+    return {
+        "mode": advice.mode.name.lower(),
+        "magnetic": advice.magnetic,
+        "source": advice.source,
+        "reason": advice.reason,
+        "survey": advice.survey,
+        **{name: number(getattr(advice, name)) for name in fields},
+    }

@@ -1,0 +1,59 @@
+// Who has control of top drive and pumps, what was asked, what the rig does; and the advice on the next interval.
+
+import { el, pill } from "./dom.js";
+import * as units from "./units.js";
+
+const KINDS = { driller: "idle", "asked for": "doubtful", controller: "info", fault: "reject" };
+const GRANT = 0, DENY = 1, ABORT = 2;
+
+const facts = (rows) => el("dl", { class: "facts" }, rows.map(([name, text]) => el("div", {}, el("dt", {}, name), el("dd", {}, text))));
+const value = (kind, v) => (v === null ? "–" : `${units.number(kind, v)}${units.after(kind)}`);
+
+function asked(control) {
+  if (control.speed !== null) return `${control.asked} at ${value("rotation", control.speed)}`;
+  if (control.turn !== null) return `${control.asked}: ${value("coarse_angle", control.turn)}`;
+  return control.asked;
+}
+
+function controlPart(control, judge) {
+  if (!control.enabled) return [el("p", { class: "empty" }, "The driller has the rig: control is switched off (control.enabled).")];
+  const button = (id, text, decision, on) => el("button", { type: "button", id, disabled: !(judge && on), onclick: () => judge(decision) }, text);
+  const held = control.state === "controller" || control.state === "fault";
+  return [
+    el("p", {}, pill(KINDS[control.state], control.owner ? `${control.owner} has control` : control.state === "fault" ? "fault" : "the driller has the rig"), ` ${control.role}`),
+    control.pending ? el("p", { class: "headline" }, `${control.pending} asks for control, ${control.pending_reason}.`) : "",
+    control.reason ? el("p", {}, control.reason) : "",
+    control.refusal ? el("p", { class: "headline" }, control.refusal) : "",
+    facts([
+      ["Asked", `${asked(control)}${control.acknowledged ? ", acknowledged" : ""}`],
+      ["Top drive does", `${value("rotation", control.achieved_speed)}, ${value("torque", control.achieved_torque)}`],
+      ["Flow asked, is", `${control.flow === null ? "the driller's" : value("flow", control.flow)}, ${value("flow", control.achieved_flow)}`],
+      ["If the controller dies", `sliding: ${control.reactions.controller_lost_sliding}, rotating: ${control.reactions.controller_lost_rotating}`],
+      ["If the MWD dies", `sliding: ${control.reactions.mwd_lost_sliding}, rotating: ${control.reactions.mwd_lost_rotating}`],
+    ]),
+    el("div", { class: "buttons" },
+      button("grant-control", "Grant", GRANT, control.pending), button("deny-control", "Deny", DENY, control.pending),
+      button("abort-control", "Take control back", ABORT, held)),
+  ];
+}
+
+function advicePart(advice) {
+  if (advice.mode === "none") return [el("p", { class: "empty" }, `No advice: ${advice.reason || "nothing is known yet"}.`)];
+  const depth = (v) => (v === null ? "–" : units.number("length", v));
+  const from = advice.from_depth === null ? "" : ` from ${depth(advice.from_depth)}`;
+  const rows = [["Advice", advice.mode === "rotate" ? `rotate${from} to ${depth(advice.to_depth)} ${units.unit("length")}`
+    : `slide${from}${advice.slide_to_depth === null ? "" : ` to ${depth(advice.slide_to_depth)} ${units.unit("length")}, then rotate`}`]];
+  if (advice.toolface !== null) {
+    const sigma = advice.sigma === null ? "" : `, sigma ${units.size("coarse_angle", advice.sigma, -1)}°`;
+    rows.push(["Toolface", `${units.bearing(advice.toolface, 0)}° ${advice.magnetic ? "MTF" : "GTF"} ± ${units.size("coarse_angle", advice.limit, -1)}°${sigma}`]);
+  }
+  if (advice.confidence !== null) rows.push(["Right within the limit", `${Math.floor(100 * advice.confidence)} %`]);
+  return [facts(rows), el("p", { class: "quiet-text" }, `${advice.source}: ${advice.reason}`)];
+}
+
+// judge(decision): null where this page may not command.
+export function controlPanel(control, advice, judge) {
+  return el("div", { class: "split two" },
+    el("div", {}, el("h2", {}, "Next interval"), ...(advice ? advicePart(advice) : [])),
+    el("div", {}, el("h2", {}, "Control of the rig"), ...(control ? controlPart(control, judge) : [])));
+}

@@ -1,0 +1,92 @@
+"""
+Holding registers through which a controller takes control: its request at 110, its set-points at 120.
+
+Each block is written whole by function 16. The command block is the heartbeat too: written again with the same sequence
+it changes nothing and keeps the lease.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+from mwd_surface.control.authority import ControlAuthority
+from mwd_surface.control.set_point import SetPoint
+from mwd_surface.control.status import Decision, Permission, Request
+from mwd_surface.rig.modbus.map import CONTROLLER, UNITS, ModbusForm, float_of, long_of, long_words
+
+REQUEST, REQUEST_COUNT, ANSWER_COUNT = 110, 4, 4
+COMMAND, COMMAND_COUNT = 120, 12
+_ASK, _RELEASE = 1, 2
+
+
+class ControlRegisters:
+    """
+    The blocks of one server.
+
+    Parameters
+    ----------
+    authority : ControlAuthority
+    form : ModbusForm
+    clock : callable
+        Steady seconds, that of the authority.
+    """
+
+    def __init__(self, authority: ControlAuthority, form: ModbusForm, clock: Callable[[], float]) -> None:
+        self._authority, self._form, self._clock = authority, form, clock
+        self._request: tuple[int, ...] = (0,) * REQUEST_COUNT
+        self._answer: tuple[int, ...] = (0,) * ANSWER_COUNT
+        self._command: tuple[int, ...] = (0,) * COMMAND_COUNT
+
+    def blocks(self) -> dict[int, tuple[int, ...]]:
+        """Return what a reader sees, by the address of its first register."""
+        return {REQUEST: self._request + self._answer, COMMAND: self._command}
+
+    def write(self, address: int, words: Sequence[int]) -> bool:
+        """Take a block; answers whether it was one and was done."""
+        if address == REQUEST and len(words) == REQUEST_COUNT:
+            return self._ask(tuple(words))
+        if address == COMMAND and len(words) == COMMAND_COUNT:
+            return self._set(tuple(words))
+        return False
+
+    def _ask(self, words: tuple[int, ...]) -> bool:
+        """Action 1 asks for control, 2 gives it back; number of the controller, its priority, and s (0: longest)."""
+        action, number, priority, duration = words
+        self._request = words
+        if action == _RELEASE:
+            status = self._authority.status(self._clock())
+            mine = f"{CONTROLLER}{number}"
+            lease = status.lease if status.owner == mine else 0
+            lease = status.pending if status.pending_controller == mine else lease
+            done, message = self._authority.release(lease, self._clock())
+            decision = Decision(Permission.DENIED, 0, message)
+        elif action == _ASK and number:
+            request = Request(f"{CONTROLLER}{number}", "Modbus", min(priority, 255), duration=float(duration))
+            decision = self._authority.request(request, self._clock())
+            done = True
+        else:
+            return False
+        lease_words = long_words(decision.lease)
+        lease_words = lease_words if self._form.word_order == "ABCD" else lease_words[::-1]
+        self._answer = (number, int(decision.permission), *lease_words)
+        return done
+
+    def _set(self, words: tuple[int, ...]) -> bool:
+        """Lease (u32), sequence, mode, then f32: speed r/min, turn deg, flow L/min, validity s."""
+        speed, turn, flow, valid_for = (float_of(words[k : k + 2], self._form) for k in (4, 6, 8, 10))
+        if not all(map(math.isfinite, (speed, turn, flow, valid_for))):
+            return False
+        point = SetPoint(
+            words[3],
+            long_of(words[:2], self._form),
+            words[2],
+            rotary_speed=speed / UNITS["rad/s"][0],
+            turn=turn / UNITS["rad"][0],
+            flow_rate=flow / UNITS["m^3/s"][0],
+            valid_for=valid_for,
+        )
+        taken, _ = self._authority.command(point, self._clock())
+        if taken:
+            self._command = words
+        return taken

@@ -1,0 +1,119 @@
+"""The controllers of docs/rig/control.md, as they stand there, take and give back control by OPC UA and by Modbus."""
+
+import asyncio
+import contextlib
+import re
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from example_rig import certified, control, started, values
+
+from mwd_surface.control.authority import ControlAuthority
+from mwd_surface.control.set_point import Mode
+from mwd_surface.control.settings import ControlSettings
+from mwd_surface.control.status import Achieved, Judgement, Request, State
+from mwd_surface.rig.modbus.server import ModbusServer
+from mwd_surface.rig.modbus.settings import ModbusSettings
+from mwd_surface.rig.opcua.server import OpcuaServer
+from mwd_surface.rig.opcua.settings import OpcuaSettings
+
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "rig" / "control.md"
+SETTINGS = ControlSettings(enabled=True, grant="automatic", heartbeat_s=20.0)
+
+
+def example(title):
+    """The program under a heading of the page."""
+    section = PAGE.read_text().split(f"\n## {title}\n")[1].split("\n## ")[0]
+    return re.search(r"```python\n(.*?)```", section, re.DOTALL).group(1)
+
+
+def play(path, title, *arguments):
+    """Run the program as somebody who copied it would; what it said."""
+    script = path / "controller.py"
+    script.write_text(example(title))
+    words = [sys.executable, str(script), *map(str, arguments)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    return done.stdout if done.returncode == 0 else done.stderr
+
+
+@contextlib.contextmanager
+def rig(interface, authority):
+    """The interface with a rig that obeys, and a node that passes the state on."""
+    sent, over = [], threading.Event()
+
+    def work():
+        while not over.wait(0.02):
+            now = time.monotonic()
+            for point in authority.update(now):
+                sent.append(point)
+                authority.on_acknowledge(point.lease, point.sequence, True, "")
+            authority.on_rig(Achieved(speed=0.0), now)
+            table = values()
+            interface.publish(type(table)(**{**vars(table), "control": authority.status(now)}))
+
+    with started(interface):
+        thread = threading.Thread(target=work)
+        thread.start()
+        try:
+            yield sent
+        finally:
+            over.set()
+            thread.join()
+
+
+def test_the_modbus_controller_of_the_page_rotates_and_gives_back(tmp_path):
+    pytest.importorskip("pymodbus")
+    authority = ControlAuthority(SETTINGS, first=70_000)
+    server = ModbusServer(ModbusSettings(port=0, allow_control=True), authority=authority)
+    with rig(server, authority) as sent:
+        assert play(tmp_path, "Modbus", "127.0.0.1", server.port, 7) == "done\n"
+        assert authority.status(time.monotonic()).state == State.IDLE
+        rotates = [point for point in sent if point.mode == Mode.ROTATE]
+        assert rotates[0].lease == 70_000
+        log = " | ".join(authority.take_events())
+        assert "modbus 7 has control" in log
+        assert "modbus 7 gave control back" in log
+        authority.request(Request("another", priority=5), time.monotonic())
+        assert play(tmp_path, "Modbus", "127.0.0.1", server.port, 7) == "no control: permission 0\n"
+        assert authority.status(time.monotonic()).owner == "another"
+
+
+def test_without_leave_no_register_of_control_is_there():
+    pytest.importorskip("pymodbus")
+    from pymodbus.client import ModbusTcpClient
+
+    authority = ControlAuthority(SETTINGS)
+    with started(ModbusServer(ModbusSettings(port=0), authority=authority)) as server:
+        client = ModbusTcpClient("127.0.0.1", port=server.port)
+        client.connect()
+        assert client.write_registers(110, [1, 7, 5, 0]).isError()
+        client.close()
+    assert authority.take_events() == []
+
+
+def test_the_opcua_controller_of_the_page_rotates_and_gives_back(tmp_path):
+    pytest.importorskip("asyncua")
+
+    (tmp_path / "trusted").mkdir()
+    certificate, key = asyncio.run(certified(tmp_path, "controller"))
+    shutil.copy(certificate, tmp_path / "trusted")
+    authority = ControlAuthority(SETTINGS, first=70_000)
+    settings = OpcuaSettings(port=0, allow_control=True)
+    server = OpcuaServer(settings, "Well 1", None, tmp_path, authority)
+    with rig(server, authority) as sent:
+        ends = (server.address, "Well 1", certificate, key, tmp_path / "own.der", "urn:test:controller")
+        assert '[True, "top drive and pumps are the driller\'s"]' in play(tmp_path, "OPC UA", *ends)
+        assert next(point.mode for point in sent if point.mode != Mode.RELEASE) == Mode.ROTATE
+        assert "my_opcua_controller gave control back: done" in " | ".join(authority.take_events())
+        authority.request(Request("another", priority=5), time.monotonic())
+        assert "another has control" in play(tmp_path, "OPC UA", *ends)
+        authority.judge(Judgement.ABORT, "driller", time.monotonic())
+
+
+def test_the_example_of_the_rig_interfaces_has_an_owner():
+    assert control(100.0).owner == "modbus 5"

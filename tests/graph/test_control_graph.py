@@ -1,0 +1,111 @@
+"""Real nodes and the ROS controller of docs/rig/control.md: control taken, held, contested, lost with its process."""
+
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+
+import running_graph
+from project import ROOT
+from running_graph import until
+
+PAGE = ROOT / "docs" / "rig" / "control.md"
+STEERED = ROOT / "tests" / "graph" / "scenarios" / "steered.yaml"
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+# Somebody who sends without a lease of his own, to the authority and past it.
+INTRUDER = """
+import sys, time, rclpy
+from mwd_msgs.msg import RigCommand
+rclpy.init()
+node = rclpy.create_node("intruder", namespace=sys.argv[1])
+outs = [node.create_publisher(RigCommand, topic, 10) for topic in ("control/command", "rig/command")]
+while min(out.get_subscription_count() for out in outs) == 0:
+    time.sleep(0.05)
+for k in range(1, 11):
+    for out in outs:
+        out.publish(RigCommand(mode=RigCommand.ROTATE, rotary_speed=9.0, valid_for=5.0, lease=1, sequence=k))
+    time.sleep(0.1)
+"""
+
+
+def program(name, seconds=5.0):
+    """The ROS controller of the page, under a name and for a time."""
+    text = re.search(r"```python\n(.*?)```", PAGE.read_text().split("\n## ROS\n")[1], re.DOTALL).group(1)
+    return text.replace('"my_controller"', f'"{name}"').replace("monotonic() + 5.0", f"monotonic() + {seconds}")
+
+
+@pytest.fixture(scope="module")
+def contested(tmp_path_factory):
+    """What the controllers said, and the recording."""
+    folder = tmp_path_factory.mktemp("contested")
+    with running_graph.graph(folder) as graph:
+
+        def run(name, text):
+            script, log = folder / f"{name}.py", folder / f"{name}.txt"
+            script.write_text(text)
+            with log.open("wb") as out:
+                graph.running[name] = subprocess.Popen(
+                    [sys.executable, str(script), "/w1"], env=graph.environment, stdout=out, stderr=subprocess.STDOUT
+                )
+            return log
+
+        settings = {"folder": folder / "data", "page__port": 0, "record__name": "run"}
+        settings |= {"control__enabled": True, "control__grant": "automatic", "control__speed_rate_rpm_s": 60.0}
+        surface = graph.start("surface", "w1", **settings)
+        until(lambda: ": active" in graph.log(surface), 90, "the surface is active")
+        sonde = graph.start("sonde", "w1", scenario=STEERED, rate=1.0, wait_for_listener_s=60.0)
+        until(lambda: "scenario steered" in graph.log(sonde), 90, "the scenario begins")
+        first = run("first", program("first", 8.0))
+        until(lambda: "first has control" in graph.log(surface), 60, "the first has control")
+        second = run("second", program("second", 4.0))
+        intruder = run("intruder", INTRUDER)
+        until(lambda: "second has control" in graph.log(surface), 60, "the second has its turn")
+        until(lambda: "driller's" in second.read_text(), 60, "the second is done")
+        until(lambda: graph.running["intruder"].poll() is not None, 60, "the intruder is done")
+        third = run("third", program("third", 600.0))
+        until(lambda: "third has control" in graph.log(surface), 60, "the third has control")
+        graph.running["third"].send_signal(signal.SIGKILL)
+        until(lambda: "third is silent" in graph.log(surface), 30, "its death is noticed")
+        facts = {"first": first.read_text(), "second": second.read_text(), "third": third.read_text()}
+        facts |= {"intruder": intruder.read_text(), "log": graph.log(surface), "rig": graph.log(sonde)}
+        graph.end(surface)
+        graph.end(sonde)
+        facts["bag"] = folder / "data" / "w1" / "bags" / "run"
+        yield facts
+
+
+def test_the_controller_of_the_page_rotates_the_string_and_gives_back(contested):
+    said = re.search(r"acknowledged (\d+) asked ([\d.]+) achieved ([\d.]+)", contested["first"])
+    assert int(said.group(1)) == 1
+    assert float(said.group(2)) == pytest.approx(3.14159, abs=1e-3)
+    assert float(said.group(3)) == pytest.approx(3.14159, abs=0.05)
+    assert "top drive and pumps are the driller's" in contested["first"]
+
+
+def test_a_second_controller_waits_its_turn_and_neither_overwrites_the_other(contested):
+    assert "no control: first has control" in contested["second"]
+    assert "lost control" not in contested["first"] + contested["second"]
+    assert "acknowledged 1" in contested["second"]
+
+
+def test_nobody_without_a_lease_is_obeyed(contested):
+    assert contested["intruder"] == ""
+    assert "control/command not taken: lease 1 is not in force" in contested["log"]
+    assert "rig/command not obeyed: lease: 1 is over" in contested["rig"]
+
+
+def test_a_killed_controller_ends_in_the_declared_reaction(contested):
+    assert "third is silent" in contested["log"]
+    assert "top drive and pumps are back with the driller" in contested["log"].split("third is silent")[1]
+
+
+def test_the_whole_story_is_in_the_recording(contested):
+    from mwd_surface.bags.bag_reader import Bag
+
+    with Bag(contested["bag"]) as bag:
+        for topic in ("control/command", "control/state", "rig/command", "rig/acknowledge"):
+            assert bag.topics[f"/w1/{topic}"].count > 10, topic
+        assert bag.topics["/w1/steering/advice"].count > 0
