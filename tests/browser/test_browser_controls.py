@@ -1,11 +1,17 @@
 """What a person may do: token, name, commands, alarms."""
 
+import math
 import time
 
 import pytest
 
 from browser_page import TOKEN, By, click, rig_on, sign_in, tab, text, wait
+from mwd_surface.control.authority import ControlAuthority
+from mwd_surface.control.set_point import Mode, SetPoint
+from mwd_surface.control.settings import ControlSettings
+from mwd_surface.control.status import Achieved, Judgement, Request
 from mwd_surface.live.alarms import Severity
+from mwd_surface.surveys.advice import Advice, AdviceMode
 
 pytestmark = pytest.mark.slow
 
@@ -125,3 +131,56 @@ def test_the_worst_alarm_stands_above_all_with_text_remedy_and_age_and_opens_the
             rig.book.clear(alarm.id, time.time_ns())
         rig.publish()
         wait(browser, lambda: text(browser, "#alarm") == "✓ No alarms")
+
+
+def test_a_person_sees_who_asks_for_control_and_grants_it_and_takes_it_back(browser):
+    authority = ControlAuthority(ControlSettings(enabled=True))
+    lease = authority.request(Request("toolface hold", "holds the toolface"), 0.0).lease
+    with rig_on(browser) as rig:
+        rig.state.on_control(authority.status(0.0), time.monotonic())
+        rig.push()
+        tab(browser, "steering")
+        wait(browser, lambda: "toolface hold asks for control" in text(browser, "#tab-steering"))
+        assert not browser.find_element(By.CSS_SELECTOR, "#grant-control").is_enabled()
+        sign_in(browser, TOKEN)
+        tab(browser, "steering")
+        click(browser, "#grant-control")
+        wait(browser, lambda: rig.calls)
+        assert rig.calls == [("judge_control", {"decision": int(Judgement.GRANT), "operator_name": "A. Berg"})]
+        authority.judge(Judgement.GRANT, "A. Berg", 0.0)
+        authority.command(SetPoint(Mode.ROTATE, lease, 1, rotary_speed=math.pi), 0.0)
+        authority.on_rig(Achieved(speed=math.pi, torque=8000.0), 0.0)
+        authority.update(1.9)
+        rig.state.on_control(authority.status(1.9), time.monotonic())
+        rig.push()
+        wait(browser, lambda: "toolface hold has control" in text(browser, "#tab-steering"))
+        shown = text(browser, "#tab-steering")
+        assert "rotate at 19 r/min" in shown
+        assert "30 r/min, 8.0 kN·m" in shown
+        assert "sliding: hold, rotating: release" in shown
+        click(browser, "#abort-control")
+        wait(browser, lambda: len(rig.calls) == 2)
+        assert rig.calls[1][1]["decision"] == Judgement.ABORT
+
+
+def test_the_advice_is_shown_with_what_it_follows_from(browser):
+    advice = Advice(
+        AdviceMode.SLIDE,
+        toolface=math.radians(126.0),
+        limit=math.radians(15.0),
+        sigma=math.radians(6.0),
+        confidence=0.985,
+        from_depth=1500.0,
+        slide_to_depth=1509.0,
+        to_depth=1528.0,
+        source="plan",
+        reason="2.4 deg/30 m needed",
+    )
+    with rig_on(browser) as rig:
+        tab(browser, "steering")
+        wait(browser, lambda: "No advice" in text(browser, "#tab-steering"))
+        rig.state.on_advice(advice, time.monotonic())
+        rig.push()
+        wait(browser, lambda: "slide from 1500.00 to 1509.00 m, then rotate" in text(browser, "#tab-steering"))
+        assert "126° GTF ± 15°" in text(browser, "#tab-steering")
+        assert "98 %" in text(browser, "#tab-steering")

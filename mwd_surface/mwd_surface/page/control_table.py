@@ -26,7 +26,6 @@ def control_table(status: ControlStatus) -> dict[str, Any]:
         "state": _STATES[status.state],
         "owner": status.owner,
         "role": status.role,
-        "remaining": number(status.remaining),
         "pending": status.pending_controller,
         "pending_reason": status.pending_reason,
         "reason": status.reason,

@@ -15,10 +15,17 @@ function asked(control) {
   return control.asked;
 }
 
-function controlPart(control, judge) {
-  if (!control.enabled) return [el("p", { class: "empty" }, "The driller has the rig: control is switched off (control.enabled).")];
+function buttons(control, judge) {
+  if (!control.enabled) return [];
   const button = (id, text, decision, on) => el("button", { type: "button", id, disabled: !(judge && on), onclick: () => judge(decision) }, text);
   const held = control.state === "controller" || control.state === "fault";
+  return [el("div", { class: "buttons" },
+    button("grant-control", "Grant", GRANT, control.pending), button("deny-control", "Deny", DENY, control.pending),
+    button("abort-control", "Take control back", ABORT, held))];
+}
+
+function controlPart(control) {
+  if (!control.enabled) return [el("p", { class: "empty" }, "The driller has the rig: control is switched off (control.enabled).")];
   return [
     el("p", {}, pill(KINDS[control.state], control.owner ? `${control.owner} has control` : control.state === "fault" ? "fault" : "the driller has the rig"), ` ${control.role}`),
     control.pending ? el("p", { class: "headline" }, `${control.pending} asks for control, ${control.pending_reason}.`) : "",
@@ -31,9 +38,6 @@ function controlPart(control, judge) {
       ["If the controller dies", `sliding: ${control.reactions.controller_lost_sliding}, rotating: ${control.reactions.controller_lost_rotating}`],
       ["If the MWD dies", `sliding: ${control.reactions.mwd_lost_sliding}, rotating: ${control.reactions.mwd_lost_rotating}`],
     ]),
-    el("div", { class: "buttons" },
-      button("grant-control", "Grant", GRANT, control.pending), button("deny-control", "Deny", DENY, control.pending),
-      button("abort-control", "Take control back", ABORT, held)),
   ];
 }
 
@@ -51,9 +55,22 @@ function advicePart(advice) {
   return [facts(rows), el("p", { class: "quiet-text" }, `${advice.source}: ${advice.reason}`)];
 }
 
+// Replaced only where it changed: a button must not vanish between press and release.
+function keep(place, key, build) {
+  if (place.dataset.key === key) return;
+  place.dataset.key = key;
+  place.replaceChildren(...build());
+}
+
 // judge(decision): null where this page may not command.
-export function controlPanel(control, advice, judge) {
-  return el("div", { class: "split two" },
-    el("div", {}, el("h2", {}, "Next interval"), ...(advice ? advicePart(advice) : [])),
-    el("div", {}, el("h2", {}, "Control of the rig"), ...(control ? controlPart(control, judge) : [])));
+export function showControl(place, control, advice, judge) {
+  if (!place.firstChild) {
+    const part = (title, count) => el("div", {}, el("h2", {}, title), ...Array.from({ length: count }, () => el("div", {})));
+    place.replaceChildren(el("div", { class: "split two" }, part("Next interval", 1), part("Control of the rig", 2)));
+  }
+  const [next, rig] = place.firstChild.children;
+  if (advice) keep(next.children[1], JSON.stringify([advice, units.isField()]), () => advicePart(advice));
+  if (!control) return;
+  keep(rig.children[1], JSON.stringify([control, units.isField()]), () => controlPart(control));
+  keep(rig.children[2], JSON.stringify([control.enabled, control.state, control.pending, judge !== null]), () => buttons(control, judge));
 }

@@ -4,7 +4,7 @@ import { showAlarms, toggleSound } from "./alarms_tab.js";
 import { refresh, valueBox } from "./cells.js";
 import { ChartsTab } from "./charts_tab.js";
 import { Connection } from "./connection.js";
-import { controlPanel } from "./control_panel.js";
+import { showControl } from "./control_panel.js";
 import { Dial } from "./dial.js";
 import { byId, setText } from "./dom.js";
 import { showAlarmStrip, showBanner, showPills, showTitle, showWell } from "./header.js";
@@ -59,8 +59,8 @@ const SHOW = {
   clearance: showWellPath,
   surveys: () => { showSurveys(); charts.show(); },
   steering: () => { showSteering(); charts.show(); },
-  control: showSteering,
-  advice: showSteering,
+  control: showControlAndAdvice,
+  advice: showControlAndAdvice,
   depth_log: showCharts,
   path: () => { showSurveys(); showWellPath(); },
   plan: showWellPath,
@@ -75,7 +75,7 @@ const SHOW = {
 const connection = new Connection((names) => {
   showSections([...(names || Object.keys(connection.sections))]);
   showReplay(connection.server.replay);
-  if (names === null) showControls(connection.server, () => { showSurveys(); showAlarmsAndEvents(); });
+  if (names === null) showControls(connection.server, () => { showSurveys(); showAlarmsAndEvents(); showControlAndAdvice(); });
   tick();
 });
 const charts = new ChartsTab(byId("tab-charts"), connection);
@@ -116,10 +116,14 @@ function showAlarmsAndEvents() {
 }
 
 function showSteering() {
-  const { steering, control, advice } = connection.sections;
+  const { steering } = connection.sections;
+  if (steering) byId("slide-sheet").replaceChildren(...slideSheet(steering));
+}
+
+function showControlAndAdvice() {
+  const { control, advice } = connection.sections;
   const judge = (decision) => act("judge_control", { decision, operator_name: operatorName() });
-  const panel = controlPanel(control, advice, mayCommand(connection.server) ? judge : null);
-  byId("tab-steering").replaceChildren(panel, ...(steering ? slideSheet(steering) : []));
+  showControl(byId("control-panel"), control, advice, mayCommand(connection.server) ? judge : null);
 }
 
 function showSurveys() {
