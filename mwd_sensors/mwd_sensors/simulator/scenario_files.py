@@ -15,7 +15,7 @@ _SOURCES = Path(__file__).resolve().parents[3] / "bags" / "scenarios"
 
 def folder() -> Path:
     """
-    Folder of the scenarios: installed where ROS or this Python would look, else that of the source tree around us.
+    Folder of the scenarios: of the source tree around us, whose edits count at once, else where they are installed.
 
     Raises
     ------
@@ -24,7 +24,7 @@ def folder() -> Path:
     """
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
     installed = [Path(prefix) / _SHARE for prefix in prefixes if prefix]
-    for place in (*installed, _SOURCES):
+    for place in (_SOURCES, *installed):
         if place.is_dir():
             return place
     raise SettingsError("scenario: the scenarios of mwd_sensors are not installed; give the path of a YAML file")

@@ -24,7 +24,8 @@ def test_in_a_checkout_the_scenarios_are_those_of_bags(checkout):
     assert scenario_files.find("bench/rot155") == ROOT / "bags" / "scenarios" / "bench" / "rot155.yaml"
 
 
-def test_installed_ones_come_first(checkout, monkeypatch, tmp_path):
+def test_without_a_source_tree_the_installed_ones_are_found(checkout, monkeypatch, tmp_path):
+    monkeypatch.setattr(scenario_files, "_SOURCES", tmp_path / "none")
     place = tmp_path / "share" / "mwd_sensors" / "scenarios"
     place.mkdir(parents=True)
     (place / "mine.yaml").write_text("name: mine")

@@ -55,7 +55,7 @@ TABLE = (
     Row(
         "input.imu/data_raw",
         "sonde",
-        "no imu/data_raw from the sonde: the last came more than {limit:.0f} s ago",
+        "no data from the sonde: the last imu/data_raw came more than {limit:.0f} s ago",
         2.0,
         0.0,
         Severity.CRITICAL,
@@ -77,7 +77,7 @@ TABLE = (
     Row(
         "input.rig/standpipe",
         "pressure gauge",
-        "no rig/standpipe from the pressure gauge: the last came more than {limit:.0f} s ago",
+        "no pressure from the gauge: the last rig/standpipe came more than {limit:.0f} s ago",
         5.0,
         0.0,
         Severity.CRITICAL,
@@ -88,7 +88,7 @@ TABLE = (
     Row(
         "input.link/quality",
         "receiver",
-        "no link/quality from the receiver: the last came more than {limit:.0f} s ago",
+        "nothing from the receiver: the last link/quality came more than {limit:.0f} s ago",
         3.0,
         0.0,
         Severity.CRITICAL,
@@ -99,11 +99,11 @@ TABLE = (
     Row(
         "input.rig/state",
         "rig data",
-        "no rig/state from the rig data: the last came more than {limit:.0f} s ago",
+        "no rig data: the last rig/state came more than {limit:.0f} s ago",
         2.0,
         0.0,
         Severity.WARNING,
-        "is the rig data alive and connected?",
+        "is the rig's data source alive and connected?",
         "surveys wait for a depth",
         "attitude and toolface go on; a depth can be set by hand",
     ),

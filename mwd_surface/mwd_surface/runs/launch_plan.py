@@ -111,7 +111,7 @@ def page_port(wanted: int | None) -> Iterator[int]:
             yield port
             return
     if wanted is not None:
-        raise ValueError(f"--port {wanted}: something listens there already; leave it away to take a free one")
+        raise ValueError(f"--port {wanted}: something listens there already; omit it to use a free port")
     raise ValueError(f"every port from {FIRST_PORT} to {FIRST_PORT + _PORTS - 1} is taken; name another with --port")
 
 

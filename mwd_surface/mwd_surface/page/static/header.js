@@ -80,8 +80,9 @@ export function showPills(sections, now, silent, select) {
   const { links, recorder, attitude, rig } = sections;
   const list = [];
   const alive = (name) => links && stateOfStream(links[name], now, silent) === "live";
-  if (links) list.push(linkPill(links, now, silent, sections.link?.known));
+  // A link that is well shows in the ages too; whether it is recorded shows nowhere else.
   if (recorder) list.push(recorderPill(recorder, now, silent));
+  if (links) list.push(linkPill(links, now, silent, sections.link?.known));
   if (attitude && alive("estimator")) {
     const doing = Object.keys(TOOL).find((word) => attitude.status.includes(word));
     if (doing) list.push(["system", "info", TOOL[doing]]);
