@@ -10,7 +10,6 @@ about the vertical that g-sensitivity makes, and their lag behind the gravity ve
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
@@ -20,21 +19,24 @@ from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.records import dtype_of
 
 
-class Error(enum.IntEnum):
+class ErrorOrder(NamedTuple):
     """
     Order of `State.x` and `State.P`: the first place of each quantity; there are STATES.
 
     BIAS and LEAKAGE hold y and z of unit 0, then of unit 1; DRIFT and LAG one of each unit.
     """
 
-    AZIMUTH = 0
-    STATION = 1
-    SLOW_ERROR = 2
-    CONSTANT_ERROR = 3
-    BIAS = 4
-    LEAKAGE = 8
-    DRIFT = 12
-    LAG = 14
+    AZIMUTH: int = 0
+    STATION: int = 1
+    SLOW_ERROR: int = 2
+    CONSTANT_ERROR: int = 3
+    BIAS: int = 4
+    LEAKAGE: int = 8
+    DRIFT: int = 12
+    LAG: int = 14
+
+
+Error = ErrorOrder()
 
 
 STATES = 16

@@ -16,24 +16,27 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.records import dtype_of
 
 
-class Error(enum.IntEnum):
+class ErrorOrder(NamedTuple):
     """Order of the error state, truth minus estimate: the first place of each quantity of `State`, and their number."""
 
-    ATTITUDE = 0
-    VELOCITY = 3
-    EARTH_RATE = 5
-    GYRO_BIAS = 7
-    SCALE_X = 10
-    LEAK = 11
-    G_SENSITIVITY = 13
-    LAG = 17
-    FORCE_BIAS = 18
-    AXIS = 21
-    ROLL = 23
-    WOBBLE = 24
-    LEAD = 32
-    BIAS_RAMP = 33
-    SIZE = 36
+    ATTITUDE: int = 0
+    VELOCITY: int = 3
+    EARTH_RATE: int = 5
+    GYRO_BIAS: int = 7
+    SCALE_X: int = 10
+    LEAK: int = 11
+    G_SENSITIVITY: int = 13
+    LAG: int = 17
+    FORCE_BIAS: int = 18
+    AXIS: int = 21
+    ROLL: int = 23
+    WOBBLE: int = 24
+    LEAD: int = 32
+    BIAS_RAMP: int = 33
+    SIZE: int = 36
+
+
+Error = ErrorOrder()
 
 
 class Phase(enum.IntEnum):

@@ -7,7 +7,6 @@ the measurement that position and velocity are still zero (S1 section 2.2). Deri
 
 from __future__ import annotations
 
-import enum
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -30,15 +29,18 @@ _REJECTED, _GAP, _INITIALISING = int(Status.REJECTED), int(Status.GAP), int(Stat
 _STILL, _NEAR_VERTICAL = int(Status.STILL), int(Status.NEAR_VERTICAL)
 
 
-class Error(enum.IntEnum):
+class ErrorOrder(NamedTuple):
     """Order of the error state (S1), truth minus estimate: the first of three axes of each, and their number."""
 
-    POSITION = 0
-    VELOCITY = 3
-    ATTITUDE = 6
-    GYRO_BIAS = 9
-    ACCEL_BIAS = 12
-    SIZE = 15
+    POSITION: int = 0
+    VELOCITY: int = 3
+    ATTITUDE: int = 6
+    GYRO_BIAS: int = 9
+    ACCEL_BIAS: int = 12
+    SIZE: int = 15
+
+
+Error = ErrorOrder()
 
 
 class KernelParams(NamedTuple):

@@ -67,4 +67,4 @@ def judge_replay(kept: Any, checks: Any, samples: Samples, first: int, stop: int
     seen = AGAINST if rows > 0 and old == 0 else NOTHING
     if old >= _LEAST and old > _SHARE * rows:
         seen = FOR
-    observe(checks[FaultCode.REPLAYED, 0], seen, began, old / max(rows, 1), _SHARE)
+    observe(checks[FaultCode.REPLAYED.value, 0], seen, began, old / max(rows, 1), _SHARE)

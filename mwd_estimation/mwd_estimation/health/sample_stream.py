@@ -84,8 +84,10 @@ def _due(k: Kernel, s: Any, tables: Tables, expected: Expected, full: bool) -> b
                 return True
     if carried.path < MOVES:
         return bool(s.judged_ns == 0)
-    unknown = checks[FaultCode.AXES, 0].state == UNKNOWN or checks[FaultCode.UNIT, 0].state == UNKNOWN
-    unknown = unknown or max(checks[FaultCode.SIGN, 3].state, checks[FaultCode.POINTS_UP, 3].state) == UNKNOWN
+    unknown = checks[FaultCode.AXES.value, 0].state == UNKNOWN or checks[FaultCode.UNIT.value, 0].state == UNKNOWN
+    unknown = (
+        unknown or max(checks[FaultCode.SIGN.value, 3].state, checks[FaultCode.POINTS_UP.value, 3].state) == UNKNOWN
+    )
     return bool(unknown and (s.in_vain < _IN_VAIN or s.end_ns - s.judged_ns >= _MINUTE_NS))
 
 
@@ -109,7 +111,7 @@ def _close(k: Kernel, tables: Tables, expected: Expected, samples: Samples, brok
     judge_replay(tables.kept, checks, samples, s.first, s.stop, began)
     late = judge_stream(k.signal, checks, channels, s, samples, began)
     s.doubtful = signal_checks.judge_bin(k.signal, checks, channels, k.ranges, began)
-    if late or checks[FaultCode.STAMPS, 0].state == FAULT:
+    if late or checks[FaultCode.STAMPS.value, 0].state == FAULT:
         s.doubtful |= GYRO
     changes = weigh(checks)
     if changes:
@@ -137,7 +139,7 @@ def _finish(tables: Tables, samples: Samples) -> None:
 def _plain(s: Any, checks: Any, samples: Samples, start: int, until: int) -> int:
     """First sample from `start` on whose stamp does not advance, or is not before `until`, ns, or is looked at."""
     i, newest = start, s.newest_ns
-    if s.stamp_score > 0 or checks[FaultCode.STAMPS, 0].state != OK:
+    if s.stamp_score > 0 or checks[FaultCode.STAMPS.value, 0].state != OK:
         return start
     stop = min(len(samples.stamps), s.first + _MOST_WAITING)
     while i < stop and newest < samples.stamps[i] < until:

@@ -179,7 +179,7 @@ def _judge_noise(p: SignalLimits, checks: Any, channels: Any, s: int, limit: flo
             axes |= 1 << c
             worst = max(worst, row.spread)
             white = white or (row.n >= _FEW and row.steps2 > p.white * row.n * row.spread**2)
-    check = checks[FaultCode.NOISE, 3 * s]
+    check = checks[FaultCode.NOISE.value, 3 * s]
     if white and (s == 1 or size2 < p.no_tesla**2):
         observe(check, FOR, began, worst, limit)
         check.seen_which[0] = axes
@@ -198,23 +198,23 @@ def _judge_axis(
     if row.n < _SOME:
         return False
     if not row.constant_bins:
-        observe(checks[FaultCode.STUCK, k], AGAINST, began, 0.0, 0.0)
+        observe(checks[FaultCode.STUCK.value, k], AGAINST, began, 0.0, 0.0)
     elif not whole and abs(row.last) < limit:
         others, least = 0.0, math.inf
         for c in range(3 * s, 3 * s + 3):
             others = max(others, channels[c].spread)
             least = min(least, channels[c].least_step)
         if (moves and others >= p.steps * least) or row.varied >= p.varied_bins:
-            observe(checks[FaultCode.STUCK, k], FOR, began, row.last, 0.0)
+            observe(checks[FaultCode.STUCK.value, k], FOR, began, row.last, 0.0)
             doubtful = True
     if limit < math.inf:
         share = row.at_limit / row.n
         always = share > p.saturated
         # A gyro at the end of its range for half a second is a string that turns fast.
         doubtful = doubtful or (always and s != 0)
-        observe(checks[FaultCode.SATURATED, k], FOR if always else AGAINST, began, share, p.saturated)
+        observe(checks[FaultCode.SATURATED.value, k], FOR if always else AGAINST, began, share, p.saturated)
         seen = NOTHING if always else (FOR if share > p.clipped else AGAINST)
-        observe(checks[FaultCode.CLIPPED, k], seen, began, share, p.clipped)
+        observe(checks[FaultCode.CLIPPED.value, k], seen, began, share, p.clipped)
     return doubtful
 
 
@@ -233,14 +233,14 @@ def _judge_sensor(p: SignalLimits, checks: Any, channels: Any, s: int, moves: bo
     if n + bad == 0:
         return constant, False
     missing = bad > p.missing * (n + bad)
-    check = checks[FaultCode.INVALID, 3 * s]
+    check = checks[FaultCode.INVALID.value, 3 * s]
     observe(check, FOR if missing else AGAINST, began, bad / (n + bad), p.missing)
     check.seen_which[0] = axes if missing else 0
     dead = constant and (largest == 0.0 or moves or varied >= p.varied_bins)
     if dead:
-        observe(checks[FaultCode.DEAD, 3 * s], FOR, began, largest, 0.0)
+        observe(checks[FaultCode.DEAD.value, 3 * s], FOR, began, largest, 0.0)
     elif not constant and n >= 3 * _SOME:
-        observe(checks[FaultCode.DEAD, 3 * s], AGAINST, began, 0.0, 0.0)
+        observe(checks[FaultCode.DEAD.value, 3 * s], AGAINST, began, 0.0, 0.0)
     return constant, missing or dead
 
 

@@ -73,7 +73,7 @@ def judge_stamp(s: Any, checks: Any, stamp: int) -> int:
     good = stamp > s.newest_ns
     s.newest_ns = stamp
     s.stamp_score = min(max(s.stamp_score + (-1 if good else 2), 0), _STAMP_MOST)
-    check = checks[FaultCode.STAMPS, 0]
+    check = checks[FaultCode.STAMPS.value, 0]
     bad = s.stamp_score >= _STAMP_FAULT and not good and check.state != FAULT
     if not bad and (s.stamp_score > 0 or check.state == OK):
         return 0
@@ -104,10 +104,10 @@ def judge_silence(expected: bool, s: Any, checks: Any, channels: Any, began: int
     """Judge whether magnetic samples come, where they are `expected`."""
     if channels[6].n + channels[6].not_finite > 0:
         s.mag_came = 1
-        observe(checks[FaultCode.NEVER_CAME, 6], AGAINST, began, 0.0, 0.0)
-        observe(checks[FaultCode.SILENT, 6], AGAINST, began, 0.0, 0.0)
+        observe(checks[FaultCode.NEVER_CAME.value, 6], AGAINST, began, 0.0, 0.0)
+        observe(checks[FaultCode.SILENT.value, 6], AGAINST, began, 0.0, 0.0)
     elif expected:
-        code = FaultCode.SILENT if s.mag_came else FaultCode.NEVER_CAME
+        code = FaultCode.SILENT.value if s.mag_came else FaultCode.NEVER_CAME.value
         observe(checks[code, 6], FOR, began, 0.0, 0.0)
 
 
@@ -122,7 +122,7 @@ def judge_stream(p: SignalLimits, checks: Any, channels: Any, s: Any, samples: S
     if period > 0.0 and pace.steps >= 2:
         odd = pace.long + pace.short
         seen = FOR if odd > p.off_pace * pace.steps else (AGAINST if odd < p.in_pace * pace.steps else NOTHING)
-        observe(checks[FaultCode.RATE, 0], seen, began, pace.imu / (1e-9 * BIN_NS), 1.0 / period)
+        observe(checks[FaultCode.RATE.value, 0], seen, began, pace.imu / (1e-9 * BIN_NS), 1.0 / period)
     for s in range(2):
         lively, least, repeats = 0.0, 0.0, pace.imu
         for c in range(3 * s, 3 * s + 3):
@@ -133,5 +133,6 @@ def judge_stream(p: SignalLimits, checks: Any, channels: Any, s: Any, samples: S
             repeats = min(repeats, row.repeats)
         if lively > (p.steps * least) ** 2 and not channels[3 * s].constant_bins:
             share = repeats / max(pace.imu, 1)
-            observe(checks[FaultCode.REPEATED, 3 * s], FOR if share > p.repeated else AGAINST, began, share, p.repeated)
+            seen = FOR if share > p.repeated else AGAINST
+            observe(checks[FaultCode.REPEATED.value, 3 * s], seen, began, share, p.repeated)
     return bool(period > 0.0 and pace.steps >= 2 and pace.long > p.lost * pace.steps)

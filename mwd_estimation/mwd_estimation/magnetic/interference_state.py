@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -12,17 +11,20 @@ from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.records import dtype_of
 
 
-class Error(enum.IntEnum):
+class ErrorOrder(NamedTuple):
     """
     Order of the error state: the first place of each quantity; there are STATES.
 
     BIAS and SCALE are those of x, y, z; HORIZONTAL and VERTICAL the errors of the reference.
     """
 
-    BIAS = 0
-    SCALE = 3
-    HORIZONTAL = 6
-    VERTICAL = 7
+    BIAS: int = 0
+    SCALE: int = 3
+    HORIZONTAL: int = 6
+    VERTICAL: int = 7
+
+
+Error = ErrorOrder()
 
 
 STATES = 8
