@@ -41,7 +41,15 @@ class Graph:
 
     def start(self, node: str, namespace: str = "", *, arguments: Sequence[str] = (), **parameters: Any) -> str:
         """Start a node as `ros2 run` would, with more arguments of ROS if given; its name in this graph comes back."""
-        words = [str(Path(sys.prefix) / "lib" / EXECUTABLES[node] / node), "--ros-args", *arguments]
+        program = str(Path(sys.prefix) / "lib" / EXECUTABLES[node] / node)
+        return self._start([program, "--ros-args", *arguments], node, namespace, parameters)
+
+    def command(self, node: str, namespace: str = "", **parameters: Any) -> str:
+        """Start a node as `mwd node` does."""
+        words = [sys.executable, "-P", "-m", "mwd_surface.cli", "node", node, "--ros-args"]
+        return self._start(words, node, namespace, parameters)
+
+    def _start(self, words: list[str], node: str, namespace: str, parameters: dict[str, Any]) -> str:
         words += ["-r", f"__ns:=/{namespace}"] if namespace else []
         for key, value in parameters.items():
             text = str(value).lower() if isinstance(value, bool) else str(value)

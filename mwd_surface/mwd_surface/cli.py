@@ -31,6 +31,7 @@ from mwd_surface.commands.replay import replay
 from mwd_surface.commands.rig import rig
 from mwd_surface.commands.run import run
 from mwd_surface.commands.scenario import scenario, simulate
+from mwd_surface.commands.security import security
 from mwd_surface.commands.survey import survey
 from mwd_surface.commands.tool import tool
 from mwd_surface.commands.trajectory import trajectory
@@ -95,6 +96,7 @@ app.add_typer(scenario, name="scenario", rich_help_panel=_RECORDINGS)
 app.command(rich_help_panel=_PLANNING)(sag)
 app.command(rich_help_panel=_PLANNING)(spacing)
 app.command(rich_help_panel=_MACHINE)(doctor)
+app.command(rich_help_panel=_MACHINE)(security)
 app.command(rich_help_panel=_MACHINE)(version)
 app.command(rich_help_panel=_MACHINE)(bundle)
 

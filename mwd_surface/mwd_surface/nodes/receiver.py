@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,10 +28,11 @@ from mwd_surface.ros import link_messages
 
 _PERIOD_S = 0.05
 _SILENT_S = 5.0
-_LONGEST_GAP_S = 86400.0  # a longer one is a clock that was set; filling it would take the memory
+_LONGEST_GAP_S = 3600.0  # a longer one begins anew: no sync outlives it, and filling it would take seconds
 _QUALITY_S, _ATTITUDE_S = 1.0, 0.5
 _WAVE_SPEED = 1250.0  # m/s of pressure waves in mud (Korteweg), for the age of a word
 _LEAST_FLOW = 0.005  # m^3/s of the pumps; less does not turn a tool's generator
+_DEEPEST_M = 20_000.0  # no hole is deeper
 _TURNING = 0.5  # rad/s of the top drive; slower is sliding
 
 
@@ -103,8 +105,8 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         link = self._link
         if link is None:
             return
-        if message.valid & msg.RigState.BIT_DEPTH:
-            link.attitude.travel_s = max(message.bit_depth, 0.0) / _WAVE_SPEED
+        if message.valid & msg.RigState.BIT_DEPTH and 0.0 <= message.bit_depth <= _DEEPEST_M:
+            link.attitude.travel_s = message.bit_depth / _WAVE_SPEED
         if message.valid & msg.RigState.FLOW_RATE and self._tool.medium == "earth" and self._origin_ns is not None:
             stamp_ns = message.header.stamp.sec * wire.NANOSECONDS + message.header.stamp.nanosec
             link.flow.switch((stamp_ns - self._origin_ns) / wire.NANOSECONDS, message.flow_rate > _LEAST_FLOW)
@@ -113,6 +115,8 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
 
     def _on_quill(self, message: JointState) -> None:
         if self._link is None or self._origin_ns is None or not len(message.position):
+            return
+        if not math.isfinite(message.position[0]):
             return
         at = message.header.stamp.sec * wire.NANOSECONDS + message.header.stamp.nanosec
         self._link.attitude.take_quill((at - self._origin_ns) / wire.NANOSECONDS, float(message.position[0]))
@@ -138,7 +142,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         )
         back = len(seconds) and seconds[-1] < link.now_s - _SILENT_S
         if back or (len(seconds) and np.isfinite(link.now_s) and seconds[0] > link.now_s + _LONGEST_GAP_S):
-            words = "went back by more than 5 s" if back else "went on by more than a day"
+            words = "went back by more than 5 s" if back else "went on by more than an hour"
             self.get_logger().warning(f"the pressure's time {words}: the receiver begins anew")
             self._new_link()
             self._take(start_ns, period, pressure)

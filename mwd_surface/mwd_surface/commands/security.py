@@ -1,0 +1,32 @@
+"""`mwd security`: the SROS2 policy of a well."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def security(
+    well: Annotated[str, typer.Argument(help="Namespace of the well.")] = "well_1",
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="File to write; without: print it.")] = None,
+) -> None:
+    """
+    Write the SROS2 policy of a well: what each node may publish, subscribe to, serve and call.
+
+    One enclave a node, and one for an operator, who may look at all and call services. `ros2 security
+    create_permission` makes signed permissions of it.
+
+    \b
+    Example:
+      mwd security well_1 -o policy.xml
+    """
+    from mwd_surface.ros import security_policy
+
+    text = security_policy.policy_xml(security_policy.shipped(), well)
+    if output is None:
+        typer.echo(text, nl=False)
+    else:
+        output.write_text(text, encoding="utf-8")
+        typer.echo(f"written {output}")

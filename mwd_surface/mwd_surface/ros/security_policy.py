@@ -1,0 +1,137 @@
+"""
+What each node of a well may do with DDS security (SROS2): its topics, services and actions, and nothing else.
+
+The table is read from the running graph (`read_graph`) and kept in `security_policy.yaml`; a test compares the two.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+Table = dict[str, dict[str, list[str]]]
+"""By node and kind of `KINDS`: names relative to the well, or absolute where they are not of the well."""
+
+# Element, attribute and inner element of the policy file for each kind of access.
+KINDS = {
+    "publish": ("topics", "publish", "topic"),
+    "subscribe": ("topics", "subscribe", "topic"),
+    "reply": ("services", "reply", "service"),
+    "request": ("services", "request", "service"),
+    "execute": ("actions", "execute", "action"),
+    "call": ("actions", "call", "action"),
+}
+OPERATOR = "operator"
+"""Profile of whoever calls services and looks at topics, as `ros2` and `mwd call` do."""
+_FILE = Path(__file__).with_name("security_policy.yaml")
+
+
+def shipped() -> Table:
+    """Return the table that comes with the package."""
+    table: Table = yaml.safe_load(_FILE.read_text(encoding="utf-8"))
+    return table
+
+
+def read_graph(visitor: Any, nodes: Iterable[str]) -> Table:
+    """
+    Read what nodes of a running graph have open.
+
+    visitor : rclpy node on the same domain. nodes : full names.
+    """
+    from rclpy.action.graph import get_action_client_names_and_types_by_node as action_clients
+    from rclpy.action.graph import get_action_server_names_and_types_by_node as action_servers
+
+    table: Table = {}
+    for full in nodes:
+        space, _, name = full.rpartition("/")
+        open_: dict[str, Callable[[str, str], list[tuple[str, list[str]]]]] = {
+            "publish": visitor.get_publisher_names_and_types_by_node,
+            "subscribe": visitor.get_subscriber_names_and_types_by_node,
+            "reply": visitor.get_service_names_and_types_by_node,
+            "request": visitor.get_client_names_and_types_by_node,
+            "execute": lambda node, where: action_servers(visitor, node, where),
+            "call": lambda node, where: action_clients(visitor, node, where),
+        }
+        table[name] = {kind: _relative(found(name, space or "/"), space, name) for kind, found in open_.items()}
+    return table
+
+
+def _relative(found: Iterable[tuple[str, list[str]]], space: str, node: str) -> list[str]:
+    """Names without the well; what actions are made of is covered by them."""
+    names = {name.removeprefix(f"{space}/") if space else name for name, _ in found if "/_action/" not in name}
+    # A node's own services are written with a tilde, so that a node under another name keeps them.
+    return sorted(f"~/{name.removeprefix(f'{node}/')}" if name.startswith(f"{node}/") else name for name in names)
+
+
+def merged(first: Mapping[str, Mapping[str, list[str]]], second: Mapping[str, Mapping[str, list[str]]]) -> Table:
+    """Return what either table allows."""
+    nodes = sorted({*first, *second})
+    return {
+        node: {
+            kind: sorted({*first.get(node, {}).get(kind, ()), *second.get(node, {}).get(kind, ())}) for kind in KINDS
+        }
+        for node in nodes
+    }
+
+
+def missing(allowed: Mapping[str, Mapping[str, list[str]]], found: Mapping[str, Mapping[str, list[str]]]) -> list[str]:
+    """What a graph has open and the table does not allow, one sentence each."""
+    return [
+        f"{node} may not {kind} {name}"
+        for node, kinds in found.items()
+        for kind, names in kinds.items()
+        for name in names
+        if name not in allowed.get(node, {}).get(kind, ())
+    ]
+
+
+def policy_xml(table: Mapping[str, Mapping[str, list[str]]], well: str) -> str:
+    """
+    Policy file of `ros2 security create_permission`, version 0.2.0, with an enclave for each node of a well.
+
+    well : namespace without slashes; empty: none.
+
+    Raises
+    ------
+    ValueError
+        A well that is no name of ROS.
+    """
+    if well and not all(part.isidentifier() for part in well.strip("/").split("/")):
+        raise ValueError(f"well: must be a name of letters, digits and underscores, got {well!r}")
+    space = f"/{well.strip('/')}" if well.strip("/") else ""
+    policy = ET.Element("policy", version="0.2.0")
+    enclaves = ET.SubElement(policy, "enclaves")
+    for node, kinds in {**table, OPERATOR: _of_operator(table)}.items():
+        enclave = ET.SubElement(enclaves, "enclave", path=f"{space}/{node}")
+        # Visitors have names of their own: what they may is of their enclave.
+        profile = ET.SubElement(ET.SubElement(enclave, "profiles"), "profile", ns=space or "/", node=node)
+        for kind, (element, attribute, inner) in KINDS.items():
+            if kinds.get(kind):
+                allowed = ET.SubElement(profile, element, {attribute: "ALLOW"})
+                for name in kinds[kind]:
+                    ET.SubElement(allowed, inner).text = name
+    ET.indent(policy)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(policy, encoding="unicode")}\n'
+
+
+def _of_operator(table: Mapping[str, Mapping[str, list[str]]]) -> dict[str, list[str]]:
+    """Look at every topic, call every service and action of the nodes; publish nothing but one's own log."""
+
+    def of_nodes(kind: str) -> list[str]:
+        names = {
+            f"{node}/{name.removeprefix('~/')}" if name.startswith("~/") else name
+            for node, kinds in table.items()
+            for name in kinds.get(kind, ())
+        }
+        return sorted(names)
+
+    return {
+        "publish": ["/parameter_events", "/rosout"],
+        "subscribe": of_nodes("publish"),
+        "request": of_nodes("reply"),
+        "call": of_nodes("execute"),
+    }

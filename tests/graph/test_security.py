@@ -1,0 +1,132 @@
+"""
+The SROS2 policy that is shipped allows what the nodes of a well have open, and is a policy file that sros2 reads.
+
+After a change of topics or services: `python tests/graph/test_security.py` writes the table anew.
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+import yaml
+from lxml import etree
+
+import running_graph
+from mwd_sensors.telemetry import tool_configuration
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.ros import security_policy
+from project import ROOT
+from running_graph import until
+
+LOOK = """
+import json, sys, time, rclpy
+from mwd_surface.ros.security_policy import read_graph
+rclpy.init(); node = rclpy.create_node("visitor", start_parameter_services=False)
+wanted, before, table = sys.argv[1:], None, {}
+until = time.monotonic() + 120.0
+while time.monotonic() < until:
+    for _ in range(30):
+        rclpy.spin_once(node, timeout_sec=0.1)
+    there = {f"{space}/{name}" for name, space in node.get_node_names_and_namespaces()}
+    if not set(wanted) <= there:
+        continue
+    before, table = table, read_graph(node, wanted)
+    if table == before:
+        break
+print(json.dumps(table))
+"""
+# What nodes open by their settings only: bursts, other links, rig data in, simulated time.
+OPTIONAL = {
+    "sonde": {"publish": ["gyro/burst", "imu/burst", "rig/earth_voltage", "rig/standpipe_2"], "subscribe": ["/clock"]},
+    "estimator": {"publish": ["innovations", "tool/transmission"], "subscribe": ["/clock"]},
+    "receiver": {"subscribe": ["/clock", "rig/earth_voltage", "rig/standpipe_2", "rig/strokes"]},
+    "surface": {"publish": ["rig/state"], "subscribe": ["/clock", "innovations"]},
+    "probe": {"subscribe": ["/clock"]},
+}
+
+
+def read(folder, **started):
+    """What the nodes of one well have open, each with its parameters."""
+    with running_graph.graph(folder) as graph:
+        names = [graph.command(node, "w1", **parameters) for node, parameters in started.items()]
+        for name in names:
+            until(lambda name=name: ": active" in graph.log(name), 120, f"{name} is active")
+        words = [sys.executable, "-c", LOOK, *(f"/w1/{node}" for node in started)]
+        done = subprocess.run(words, env=graph.environment, capture_output=True, text=True, timeout=300, check=False)
+        assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def whole_well(folder):
+    """Each node of a well, direct and over a link; a probe takes the place of the simulated sonde."""
+    data, link = folder / "data", folder / "link"
+    for part in (data, link):
+        part.mkdir()
+    sonde = {"scenario": str(ROOT / "bags/scenarios/telemetry_shallow.yaml"), "wait_for_listener_s": 600.0}
+    surface = {"folder": str(data), "page__port": 0}
+    found = read(data, sonde=sonde, estimator={}, surface=surface)
+    (link / "tool.yaml").write_text(tool_configuration.text(ToolConfiguration()))
+    receiver, over_link = {"tool_file": link / "tool.yaml"}, {**surface, "link__source": "mud_pulse"}
+    heard = read(link, probe={"port": "/dev/null"}, receiver=receiver, surface=over_link)
+    return security_policy.merged(found, heard)
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+@pytest.mark.fault_case(94)
+def test_the_policy_allows_all_that_the_nodes_of_a_well_have_open(tmp_path):
+    found = whole_well(tmp_path)
+    assert set(found) == {"sonde", "probe", "estimator", "receiver", "surface"}
+    assert "attitude" in found["estimator"]["publish"]
+    assert "north_seek" in found["estimator"]["execute"]
+    assert "imu/data_raw" in found["probe"]["publish"]
+    # New topics and services: write the table anew, as the head of this file says.
+    assert security_policy.missing(security_policy.shipped(), found) == []
+
+
+@pytest.mark.fault_case(94)
+def test_the_estimator_may_not_read_the_truth_and_nobody_else_may_judge_surveys():
+    table = security_policy.shipped()
+    assert "truth" not in table["estimator"]["subscribe"]
+    assert [node for node, kinds in table.items() if "accept_survey" in kinds["reply"]] == ["surface"]
+    assert [node for node, kinds in table.items() if "imu/data_raw" in kinds["publish"]] == ["probe", "sonde"]
+    assert security_policy.missing(table, {"estimator": {"subscribe": ["truth"]}}) == [
+        "estimator may not subscribe truth"
+    ]
+
+
+def test_the_policy_file_has_an_enclave_for_each_node_and_for_an_operator():
+    root = etree.fromstring(security_policy.policy_xml(security_policy.shipped(), "/field/well_7/").encode())
+    assert root.attrib == {"version": "0.2.0"}
+    paths = [enclave.attrib["path"] for enclave in root.iter("enclave")]
+    assert [path.rpartition("/")[2] for path in paths] == [*security_policy.shipped(), "operator"]
+    assert all(path.startswith("/field/well_7/") for path in paths)
+    assert all(profile.attrib["ns"] == "/field/well_7" for profile in root.iter("profile"))
+    operator = root.find("enclaves/enclave[@path='/field/well_7/operator']/profiles/profile")
+    requested = [service.text for service in operator.findall("services[@request='ALLOW']/service")]
+    assert "accept_survey" in requested
+    assert "surface/set_parameters" in requested
+    published = [topic.text for topic in operator.findall("topics[@publish='ALLOW']/topic")]
+    assert "imu/data_raw" not in published
+
+
+@pytest.mark.parametrize("well", ["a b", "well-1", "x/../y", '"><x'])
+def test_a_well_that_is_no_name_is_refused(well):
+    with pytest.raises(ValueError, match="well: must be a name"):
+        security_policy.policy_xml({}, well)
+
+
+def main() -> None:
+    """Write the table of a running well, and what the table allowed before for the same nodes."""
+    with tempfile.TemporaryDirectory() as folder:
+        table = security_policy.merged(whole_well(Path(folder)), OPTIONAL)
+    file = Path(security_policy.__file__).with_name("security_policy.yaml")
+    text = yaml.safe_dump(table, sort_keys=False, width=120, default_flow_style=None)
+    file.write_text(f"# What each node may do: read from a running well by tests/graph/test_security.py.\n{text}")
+
+
+if __name__ == "__main__":
+    main()
