@@ -23,6 +23,9 @@ from pathlib import Path
 
 import numpy as np
 
+from mwd_estimation.nodes.warm_up import warm_up
+from mwd_estimation.pipeline import EstimatorSettings
+from mwd_sensors.core.settings import changed
 from mwd_sensors.simulator import scenario_files
 from mwd_sensors.simulator.scenario import read
 from mwd_surface.bags.bag_reader import Bag
@@ -181,6 +184,9 @@ def main() -> int:
     given = parser.parse_args()
     folder = given.folder or Path(tempfile.mkdtemp(prefix="mwd_soak_"))
     folder.mkdir(parents=True, exist_ok=True)
+    # A node that compiles takes memory that it keeps.
+    place = launch_plan.reference_parameters(read(scenario_files.find("default")))
+    warm_up(changed(EstimatorSettings(), place))
     with launch_plan.own_domain(os.environ) as domain, launch_plan.page_port(None) as page:
         faults, kills, rounds = play(folder, 60.0 * given.minutes, page, domain)
     faults += check_records(folder, kills, rounds)
