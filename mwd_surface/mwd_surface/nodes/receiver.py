@@ -21,8 +21,11 @@ from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.run_node import run_node
-from mwd_sensors.telemetry import tool_configuration
+from mwd_sensors.telemetry import tool_commands, tool_configuration
+from mwd_sensors.telemetry.downlink import COMMANDS, Frame
+from mwd_sensors.telemetry.tool_commands import ToolSettings
 from mwd_surface.nodes.receiver_settings import ReceiverSettings
+from mwd_surface.receiver.following_link import FollowingLink
 from mwd_surface.receiver.link import LOCKED, NO_FLOW, NO_INPUT, Link, LinkOutput
 from mwd_surface.ros import link_messages
 
@@ -48,6 +51,11 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("receiver", ReceiverSettings(), **node_options)
+        self._following: FollowingLink | None = None
+
+    @property
+    def _link(self) -> Link | None:
+        return None if self._following is None else self._following.link
 
     def configure(self) -> None:
         """Read the tool configuration and open the topics."""
@@ -61,13 +69,15 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             raise RuntimeError(str(error)) from error
         if self._tool.medium not in _LINKS:
             raise RuntimeError("tool_file: this node reads pressure or voltage; read a serial line by `mwd decode`")
-        self._link: Link | None = None
+        self._in_force = self._tool
         self._new_link()
         _, topic, kind = _LINKS[self._tool.medium]
         topic += "_2" if settings.gauge == 2 else ""
         self._pressure = self.add_buffered_subscription(kind, topic, qos.buffered(qos.EVENT))
         self.add_subscription(msg.RigState, "rig/state", self._on_rig_state, qos.EVENT)
         self.add_subscription(JointState, "rig/quill", self._on_quill, qos.STATE)
+        if self._tool.downlink is not None:
+            self.add_subscription(msg.DownlinkState, "downlink/state", self._on_downlink, qos.EVENT)
         self._word = self.add_publisher(msg.LinkWord, "link/word", qos.EVENT)
         self._frame_publisher = self.add_publisher(msg.LinkFrame, "link/frame", qos.EVENT)
         self._quality = self.add_publisher(msg.LinkQuality, "link/quality", qos.STATE)
@@ -80,13 +90,15 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._received_at = self._published_quality = self._published_attitude = -np.inf
         self._unreadable = 0
         self._reference: Reference | None = None
-        self._link = Link(
-            self._tool,
-            _LINKS[self._tool.medium][0],
-            self.settings.ages,
-            self._reference_at,
-            self._stamp_of,
-            self._errors,
+        self._following = FollowingLink(
+            Link(
+                self._in_force,
+                _LINKS[self._tool.medium][0],
+                self.settings.ages,
+                self._reference_at,
+                self._stamp_of,
+                self._errors,
+            )
         )
 
     def _reference_at(self, stamp_ns: int) -> Reference | None:
@@ -121,6 +133,26 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         at = message.header.stamp.sec * wire.NANOSECONDS + message.header.stamp.nanosec
         self._link.attitude.take_quill((at - self._origin_ns) / wire.NANOSECONDS, float(message.position[0]))
 
+    def _on_downlink(self, message: msg.DownlinkState) -> None:
+        """Follow the tool to the configuration to which a command leads, once it says that it has obeyed."""
+        following = self._following
+        if following is None:
+            return
+        sequence, pulse_width, carrier, rate, mute = message.in_force
+        settings = ToolSettings(sequence, pulse_width, carrier, rate, bool(mute))
+        try:
+            self._in_force = tool_commands.applied(self._tool, settings)
+            if message.state in (msg.DownlinkState.RUNNING, msg.DownlinkState.SENT):
+                frame = Frame(message.counter, COMMANDS.index(message.command), message.argument)
+                if following.expects != frame.echo:
+                    following.go_on_as(self._in_force)
+                    following.expect(tool_commands.applied(self._tool, settings.after(frame)), frame.echo)
+            else:
+                following.go_on_as(self._in_force)
+        except ValueError as error:
+            text = f"the downlink is for another tool configuration: {error}"
+            self.get_logger().error(text, throttle_duration_sec=10.0)
+
     def _on_timer(self) -> None:
         for data, _ in self._pressure.take():
             try:
@@ -135,7 +167,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         if self._origin_ns is None:
             self._origin_ns = start_ns
         link = self._link
-        if link is None:
+        if link is None or self._following is None:
             return
         seconds: Array = (start_ns - self._origin_ns) / wire.NANOSECONDS + period * np.arange(
             len(pressure), dtype=np.float64
@@ -147,7 +179,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             self._new_link()
             self._take(start_ns, period, pressure)
             return
-        self._publish(link.push(seconds, pressure))
+        self._publish(self._following.push(seconds, pressure))
 
     # Publishers.
 
@@ -157,7 +189,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             return
         rig_frame = self.frame(wire.RIG_FRAME)
         for word in out.words:
-            message = link_messages.word_message(word, self._tool, link.name, self._stamp_of)
+            message = link_messages.word_message(word, link.tool, link.name, self._stamp_of)
             message.header.frame_id = rig_frame
             self._word.publish(message)
         for frame in out.frames:
@@ -190,8 +222,8 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
 
     def deactivate(self) -> None:
         """Publish what is left."""
-        if self._link is not None:
-            self._publish(self._link.finish())
+        if self._following is not None:
+            self._publish(self._following.finish())
         self._new_link()
 
     def diagnostics(self) -> Sequence[Diagnostic]:

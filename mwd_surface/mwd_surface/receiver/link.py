@@ -7,6 +7,7 @@ however it is cut into blocks.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 from collections import deque
@@ -97,7 +98,7 @@ class Link:
         errors: SensorErrors | None = None,
     ) -> None:
         self._tool, self.name = tool, name
-        self._reference, self._stamp_ns, self._errors = reference, stamp_ns, errors
+        self._rules, self._reference, self._stamp_ns, self._errors = rules, reference, stamp_ns, errors
         self._receiver = receiver_of(tool)
         self._needed_db = _NEEDED_DB.get(tool.code, NEEDED_DB)
         self.flow = FlowSpans()
@@ -111,6 +112,28 @@ class Link:
         self._final: deque[ReceivedWord] = deque(maxlen=_JUDGED_WORDS)
         self._good: deque[tuple[float, int]] = deque()
         self.now_s = -math.inf
+
+    @property
+    def tool(self) -> ToolConfiguration:
+        """Tool configuration by which it reads."""
+        return self._tool
+
+    @property
+    def surveys(self) -> int:
+        """Number of the last survey."""
+        return self._surveys
+
+    def successor(self, tool: ToolConfiguration) -> Link:
+        """Return a link of another tool configuration that goes on from this one: flow, attitude, surveys."""
+        after = Link(tool, self.name, self._rules, self._reference, self._stamp_ns, self._errors)
+        after.flow, after.attitude = copy.deepcopy(self.flow), copy.deepcopy(self.attitude)
+        after._surveys, after.now_s = self._surveys, self.now_s
+        after._last_survey, after._last_codes = self._last_survey, dict(self._last_codes)
+        return after
+
+    def skip_surveys(self, count: int) -> None:
+        """Leave out so many numbers of surveys, which another link has taken."""
+        self._surveys += count
 
     def push(self, time_s: Array, pressure_pa: Array) -> LinkOutput:
         """Take samples, shape (n,): rising times, s, and Pa (V of a link through the ground)."""
