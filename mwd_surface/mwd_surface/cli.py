@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from mwd_surface.commands import downlink
 from mwd_surface.commands.assembly import sag, spacing
 from mwd_surface.commands.bag import bag, recover
 from mwd_surface.commands.batch import batch
@@ -68,6 +69,7 @@ app.command(rich_help_panel=_LIVE)(run)
 app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(replay)
 app.command(rich_help_panel=_LIVE, context_settings=PASS_ON)(node)
 app.command(rich_help_panel=_LIVE)(emulate)
+app.add_typer(downlink.app, name="downlink", rich_help_panel=_LIVE)
 app.command(rich_help_panel=_RECORDINGS)(inspect)
 app.command(rich_help_panel=_RECORDINGS)(process)
 app.command(rich_help_panel=_RECORDINGS)(batch)

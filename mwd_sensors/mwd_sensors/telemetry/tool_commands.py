@@ -134,6 +134,19 @@ def command(tool: ToolConfiguration, name: str, value: float) -> tuple[int, int]
     return number, argument
 
 
+def choices(tool: ToolConfiguration) -> dict[str, tuple[float, ...]]:
+    """Commands that a tool takes with the values to choose from, as people name them; no values: there is one."""
+    downlink = downlink_of(tool)
+    count = max(len(tool.surveys), len(tool.toolfaces))
+    found: dict[str, tuple[float, ...]] = {
+        "pulse_width": downlink.pulse_widths_s if tool.code in PULSE_CODES else (),
+        "carrier": downlink.carriers_hz if tool.code == "psk" else (),
+        "sequence": tuple(map(float, range(count))) if count > 1 else (),
+        "toolface_rate": (1.0, 2.0, 3.0, 4.0, 6.0, 8.0),
+    }
+    return {**{name: values for name, values in found.items() if values}, "survey_now": (), "mute": ()}
+
+
 def about(tool: ToolConfiguration, frame: Frame) -> str:
     """Name what a command does, in words."""
     downlink = downlink_of(tool)

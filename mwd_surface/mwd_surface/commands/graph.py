@@ -33,7 +33,7 @@ def call(
       mwd call take_survey duration=10
       mwd call /well_1/accept_survey sequence=3 operator_name="A. Driller" reason="confirmed by a gyro"
     """
-    with _visit(domain) as client:
+    with visit(domain) as client:
         if service is None:
             _print_table(client.services())
             return
@@ -49,7 +49,7 @@ def param_list(
     domain: Domain = None,
 ) -> None:
     """List the nodes, or the parameters of one with their values."""
-    with _visit(domain) as client:
+    with visit(domain) as client:
         if node is None:
             for name in client.nodes():
                 typer.echo(name)
@@ -66,7 +66,7 @@ def param_get(node: str, name: str, domain: Domain = None) -> None:
     Example:
       mwd param get estimator survey.duration_s
     """
-    with _visit(domain) as client:
+    with visit(domain) as client:
         values = client.parameters(node)
         if name not in values:
             raise ValueError(f"{node} has no parameter {name}: `mwd param list {node}` lists them")
@@ -86,7 +86,7 @@ def param_set(node: str, name: str, value: str, domain: Domain = None) -> None:
     """
     from mwd_surface.commands.reference_options import assignments
 
-    with _visit(domain) as client:
+    with visit(domain) as client:
         client.set_parameter(node, name, assignments([f"{name}={value}"])[name])
     typer.echo(f"{name} is set")
 
@@ -94,7 +94,7 @@ def param_set(node: str, name: str, value: str, domain: Domain = None) -> None:
 @topic.command("list")
 def topic_list(domain: Domain = None) -> None:
     """List the topics with their types."""
-    with _visit(domain) as client:
+    with visit(domain) as client:
         _print_table(client.topics())
 
 
@@ -112,7 +112,7 @@ def topic_echo(
     Example:
       mwd topic echo survey -n 1
     """
-    with _visit(domain) as client:
+    with visit(domain) as client:
         for k, (_, message) in enumerate(client.listen(name, seconds)):
             _print_yaml(message)
             typer.echo("---")
@@ -127,7 +127,7 @@ def topic_hz(
     domain: Domain = None,
 ) -> None:
     """Rate of a topic."""
-    with _visit(domain) as client:
+    with visit(domain) as client:
         times = [at for at, _ in client.listen(name, seconds)]
     if len(times) < 2:
         typer.echo(f"{len(times)} messages in {seconds:g} s")
@@ -138,7 +138,7 @@ def topic_hz(
 
 
 @contextlib.contextmanager
-def _visit(domain: int | None) -> Iterator[GraphClient]:
+def visit(domain: int | None) -> Iterator[GraphClient]:
     """A visit to the graph of a domain."""
     import os
     import tempfile

@@ -154,6 +154,8 @@ def _add_link(parameters: dict[str, dict[str, Any]], story: Scenario, folder: Pa
     # The truth goes past the surface, which subscribes to nothing of the tool.
     parameters["sonde"]["truth_file"] = str(folder / "truth.csv")
     parameters["estimator"]["transmit.tool_file"] = str(tool_file)
+    if story.telemetry.tool.downlink is not None:
+        parameters["surface"]["downlink.tool_file"] = str(tool_file)
     parameters["surface"]["link.source"] = "mud_pulse"
     parameters["receiver"] = {"tool_file": str(tool_file), **launch_plan.reference_parameters(story)}
 

@@ -92,7 +92,6 @@ def blocked(
     running : while symbols are sent the level changes and the uplink may suffer, so that neither is asked for.
     """
     rules = (
-        (not settings.enabled, "the rig does not allow it: set downlink.enabled once it does"),
         (bool(readings.no_control), readings.no_control),
         (readings.rig_age_s > _RIG_SILENT_S, "no data of the rig for 2 s"),
         (readings.in_slips is None or readings.in_slips, "the string is in slips, or the rig does not say"),

@@ -17,11 +17,6 @@ class DownlinkSettings:
         "and receiver need the same file",
         fixed=True,
     )
-    enabled: bool = setting(
-        False,
-        "The rig lets this surface change flow and rotation. Set it once the rig agrees; nothing moves without it, nor "
-        "without a person's permission for each command",
-    )
     speed_low_rpm: float = setting(
         30.0, "Lowest rotary speed that may be asked. Below it many strings stick.", unit="r/min", low=0.0, high=600.0
     )

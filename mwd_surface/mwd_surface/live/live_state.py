@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 from mwd_sensors.core.arrays import Array
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.control.status import ControlStatus
+from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.settings import LiveSettings
@@ -53,6 +54,7 @@ class LiveState(LiveStreams):
         self._link: LinkStatus | None = None
         self._control = ControlStatus()
         self._advice = Advice()
+        self._downlink: DownlinkStatus | None = None
         self._progress = SurveyProgress()
         self._recorder: RecorderStatus | None = None
         self._diagnostics: tuple[NodeDiagnostic, ...] = ()
@@ -81,6 +83,16 @@ class LiveState(LiveStreams):
         self._advice = advice
         self.on_advisory(advice.toolface if advice.mode == AdviceMode.SLIDE else None, advice.limit)
         self._touch("advice", now)
+
+    def on_downlink(self, downlink: DownlinkStatus, now: float) -> None:
+        """Take the state of the command to the tool at hand."""
+        self._downlink = downlink
+        self._touch("downlink", now)
+
+    @property
+    def survey_active(self) -> bool:
+        """Whether a survey or a north seek is under way."""
+        return self._progress.active
 
     def on_well(self, well: Well, now: float, reference: ReferenceField | None = None) -> None:
         """Take the well, and the reference field in force; without one, that of the last survey counts."""
@@ -180,6 +192,7 @@ class LiveState(LiveStreams):
             link=self._link,
             control=self._control,
             advice=self._advice,
+            downlink=self._downlink,
             survey_progress=self._progress,
             recorder=self._recorder,
             diagnostics=self._diagnostics,

@@ -15,6 +15,7 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.control.status import ControlStatus
+from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.link_state import LinkStatus
@@ -302,6 +303,7 @@ class WellState:
     link: LinkStatus | None = None
     control: ControlStatus = dataclasses.field(default_factory=ControlStatus)
     advice: Advice = dataclasses.field(default_factory=Advice)
+    downlink: DownlinkStatus | None = None
 
     def change(self, part: str) -> Change:
         """Return how often a part changed, and when."""

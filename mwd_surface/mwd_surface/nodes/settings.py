@@ -9,6 +9,7 @@ from typing import ClassVar
 from mwd_sensors.core.settings import setting
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.control.settings import ControlSettings
+from mwd_surface.downlink.settings import DownlinkSettings
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.page.foxglove_server import FoxgloveSettings
 from mwd_surface.page.settings import PageSettings
@@ -96,3 +97,4 @@ class SurfaceSettings:
     foxglove: FoxgloveSettings = setting(FoxgloveSettings, "Live server for Foxglove")
     rig: RigSettings = setting(RigSettings, "Rig interfaces")
     control: ControlSettings = setting(ControlSettings, "Control of top drive and pumps")
+    downlink: DownlinkSettings = setting(DownlinkSettings, "Commands to the tool by flow or rotation")

@@ -33,6 +33,7 @@ from mwd_surface.nodes.advice_server import AdviceServer
 from mwd_surface.nodes.clearance_monitor import ClearanceMonitor
 from mwd_surface.nodes.control_server import ControlServer
 from mwd_surface.nodes.diagnostics_monitor import DiagnosticsMonitor
+from mwd_surface.nodes.downlink_server import DownlinkServer
 from mwd_surface.nodes.foxglove_bridge import FoxgloveBridge
 from mwd_surface.nodes.link_monitor import LinkMonitor
 from mwd_surface.nodes.page_bridge import PageBridge, Services, call_service
@@ -142,6 +143,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._foxglove.open()
         self._control = ControlServer(context, settings.control)
         self._advice = AdviceServer(context)
+        self._downlink = DownlinkServer(context, settings.downlink, self._control.authority)
         self._rig = self._closed_on_cleanup(RigBridge(context, settings.rig, well.name, self._control.authority))
         self._frames = StaticFrames(context)
         self._decoder = StreamDecoder(
@@ -163,7 +165,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def _open_topics(self) -> None:
         alarm_log, monitor = self._shared.alarm_log, self._monitor
         of_graph = (alarm_log, self._surveys, self._recording, self._parameter_tables)
-        for part in (*of_graph, self._rig, self._control, self._advice):
+        for part in (*of_graph, self._rig, self._control, self._advice, self._downlink):
             part.open()
         self._frames.open()
         self._decoder.open()
@@ -177,6 +179,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             **self._link.handlers,
             **self._control.handlers,
         }
+        self._downlink.share(handlers)
         if not direct:
             handlers |= {over: handlers[topic] for topic, over in OVER_LINK.items()}
         self._router = TopicRouter(
@@ -201,6 +204,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             "export": (srv.Export, self._surveys.export),
             "set_depth": (srv.SetDepth, self._surveys.set_depth),
             "judge_control": (srv.JudgeControl, self._control.judge),
+            "draft_downlink": (srv.DraftDownlink, self._downlink.draft),
+            "decide_downlink": (srv.DecideDownlink, self._downlink.decide),
         }
         self.add_timer(_LIVE_PERIOD, self._update_live)
         self.add_timer(_SLOW_PERIOD, self._update_slow)
@@ -223,6 +228,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def deactivate(self) -> None:
         """Mark the values for the rig as not to be used, then finish the recording."""
         self._router.take_streams()
+        self._downlink.stop()
         self._rig.send_values(time.monotonic(), active=False)
         self._recording.deactivate()
 
@@ -248,6 +254,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def _on_rig_state(self, samples: Samples) -> None:
         bit_depth = self._surveys.on_rig_state(samples)
         self._slides.on_rig_state(samples, bit_depth)
+        self._downlink.on_rig_state(samples)
 
     def _on_survey(self, data: bytes) -> None:
         # The depth of a survey comes from the rig data received before it.
@@ -282,6 +289,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         now = time.monotonic()
         self._rig.update(now)
         self._decoder.decode_all(now)
+        self._downlink.update(now)
         self._control.update(now)
         self._page.update(now)
 
@@ -322,6 +330,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             self._foxglove,
             self._rig,
             self._control,
+            self._downlink,
             self._surveys,
             self._decoder,
             self._router,

@@ -22,6 +22,8 @@ COMMANDS: dict[str, dict[str, tuple[type, bool]]] = {
         "replace": (bool, True),
     },
     "reject_survey": {"sequence": (int, False), "operator_name": (str, False), "reason": (str, True)},
+    "draft_downlink": {"command": (str, False), "value": (float, True), "operator_name": (str, False)},
+    "decide_downlink": {"decision": (int, False), "operator_name": (str, False)},
     "set_depth": {"bit_depth": (float, False), "operator_name": (str, False)},
     "take_survey": {"duration": (float, True)},
     "acknowledge_alarm": {"id": (str, False), "operator_name": (str, False)},

@@ -42,6 +42,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "link/quality": (msg.LinkQuality, STATE),
     "link/attitude": (msg.Attitude, STATE),
     "link/survey": (msg.Survey, EVENT),
+    "downlink/state": (msg.DownlinkState, EVENT),
     "gravity": (msg.Gravity, DEADLINE_STREAM),
     "attitude": (msg.Attitude, DEADLINE_STREAM),
     "imu/data": (Imu, STREAM),

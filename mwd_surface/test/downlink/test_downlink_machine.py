@@ -20,7 +20,7 @@ TOOL = ToolConfiguration(
     survey_sequences=("Inc:12:P Azm:12:P DLnk:10:P",),
     toolface_sequences=("aTFA:6:P",),
 )
-SETTINGS = DownlinkSettings(enabled=True)
+SETTINGS = DownlinkSettings()
 DRILLING = Readings(
     rig_age_s=0.1,
     flow=2000.0 * LPM,
@@ -151,12 +151,6 @@ def test_every_interlock_keeps_it_from_starting_with_its_reason(changes, words):
     assert any(words in text for text in rig.machine.blocked_by)
     assert set(rig.asked) == {None}
     assert rig.play(30.0) == State.RUNNING
-
-
-def test_the_rig_s_enable_is_an_interlock():
-    rig = Rig(Machine(TOOL, DownlinkSettings())).start()
-    assert rig.play(60.0) == State.GRANTED
-    assert "does not allow" in rig.machine.blocked_by[0]
 
 
 @pytest.mark.parametrize(

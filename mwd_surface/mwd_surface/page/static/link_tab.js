@@ -43,7 +43,7 @@ export function showLinkStrip(link, since) {
 }
 
 export function showLink(link) {
-  const place = byId("tab-link");
+  const place = byId("link-body");
   if (!link?.known) {
     place.replaceChildren(el("p", { class: "empty" }, "The surface hears the tool directly: there is no telemetry link to show."));
     return;
@@ -57,7 +57,7 @@ export function showLink(link) {
       el("div", { class: "link-tables" }));
   }
   setText(place.querySelector(".link-reason"), link.reason || `Words arrive: ${margin(link)}.`);
-  if (!place.hidden) {
+  if (!byId("tab-link").hidden) {
     drawWaterfall(byId("link-waterfall"), link);
     drawWave(byId("link-wave"), link);
   }

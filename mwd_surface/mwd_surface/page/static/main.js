@@ -7,6 +7,7 @@ import { Connection } from "./connection.js";
 import { showControl } from "./control_panel.js";
 import { Dial } from "./dial.js";
 import { byId, setText } from "./dom.js";
+import { showDownlink } from "./downlink_panel.js";
 import { showAlarmStrip, showBanner, showPills, showTitle, showWell } from "./header.js";
 import { act, mayCommand, operatorName, showControls } from "./operator_tab.js";
 import { showLink, showLinkStrip } from "./link_tab.js";
@@ -68,6 +69,7 @@ const SHOW = {
   events: showAlarmsAndEvents,
   findings: ({ findings }) => showFindings(findings),
   link: ({ link }) => showLink(link),
+  downlink: ({ downlink }) => showDownlink(downlink, connection.server),
   history: () => { if (!charts.byDepth) charts.show(); },
 };
 
@@ -75,7 +77,13 @@ const SHOW = {
 const connection = new Connection((names) => {
   showSections([...(names || Object.keys(connection.sections))]);
   showReplay(connection.server.replay);
-  if (names === null) showControls(connection.server, () => { showSurveys(); showAlarmsAndEvents(); showControlAndAdvice(); });
+  const anew = () => {
+    showSurveys();
+    showAlarmsAndEvents();
+    showControlAndAdvice();
+    showDownlink(connection.sections.downlink, connection.server);
+  };
+  if (names === null) showControls(connection.server, anew);
   tick();
 });
 const charts = new ChartsTab(byId("tab-charts"), connection);

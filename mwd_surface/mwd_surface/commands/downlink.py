@@ -1,0 +1,113 @@
+"""`mwd downlink`: a command to the tool from the terminal, with the same permission as on the page."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mwd_surface.commands.graph import visit
+
+if TYPE_CHECKING:
+    from mwd_surface.ros.graph_client import GraphClient
+
+app = typer.Typer(no_args_is_help=True, help="Commands to the tool of a running graph, by flow or rotation.")
+Domain = Annotated[
+    int | None, typer.Option(help="Middleware domain; by default ROS_DOMAIN_ID, else that of the run on this machine.")
+]
+Name = Annotated[str, typer.Option("--name", help="Your name, for the journal.")]
+_SUBMIT, _GRANT, _DENY, _ABORT = range(4)
+_STATES = (
+    *("idle", "draft", "pending", "granted", "armed", "running", "sent", "confirmed", "unconfirmed", "denied"),
+    *("lapsed", "aborted"),
+)
+_LISTEN_S = 3.0
+
+
+@app.command("send")
+def send(
+    command: Annotated[str, typer.Argument(help="sequence, pulse_width, carrier, toolface_rate, survey_now or mute.")],
+    value: Annotated[
+        float, typer.Argument(help="Number of the sequence, s, Hz or times; none for the last two.")
+    ] = 0.0,
+    name: Name = "",
+    domain: Domain = None,
+) -> None:
+    """
+    Ask for a command to the tool. It waits until a named person grants it.
+
+    \b
+    Examples:
+      mwd downlink send pulse_width 0.5 --name "A. Driller"
+      mwd downlink grant --name "B. Toolpusher"
+      mwd downlink watch
+    """
+    with visit(domain) as client:
+        _call(client, "draft_downlink", {"command": command, "value": value, "operator_name": name})
+        _call(client, "decide_downlink", {"decision": _SUBMIT, "operator_name": name})
+
+
+@app.command("grant")
+def grant(name: Name = "", domain: Domain = None) -> None:
+    """Grant the command that waits; it starts as soon as all interlocks hold."""
+    with visit(domain) as client:
+        _call(client, "decide_downlink", {"decision": _GRANT, "operator_name": name})
+
+
+@app.command("deny")
+def deny(name: Name = "", domain: Domain = None) -> None:
+    """Deny the command that waits."""
+    with visit(domain) as client:
+        _call(client, "decide_downlink", {"decision": _DENY, "operator_name": name})
+
+
+@app.command("abort")
+def abort(name: Name = "", domain: Domain = None) -> None:
+    """End the command at hand; flow and rotation return to what the driller has set."""
+    with visit(domain) as client:
+        _call(client, "decide_downlink", {"decision": _ABORT, "operator_name": name})
+
+
+@app.command("state")
+def state(domain: Domain = None) -> None:
+    """Show the command at hand: its state, why, and what keeps it from starting."""
+    with visit(domain) as client:
+        last = None
+        for _, message in client.listen("downlink/state", _LISTEN_S):
+            last = message
+        if last is None:
+            raise ValueError("this surface sends no commands: set downlink.tool_file to a tool.yaml with a downlink")
+        typer.echo(_line(last))
+        for text in last["blocked_by"]:
+            typer.echo(f"  waits: {text}")
+
+
+@app.command("watch")
+def watch(
+    seconds: Annotated[float, typer.Option(help="End after so many seconds.")] = float("inf"), domain: Domain = None
+) -> None:
+    """Follow the command at hand until it ends; status 1 where the tool did not confirm it."""
+    with visit(domain) as client:
+        before, number, first = "", None, True
+        for _, message in client.listen("downlink/state", seconds):
+            line = _line(message)
+            if line != before:
+                typer.echo(line)
+            word = _STATES[message["state"]]
+            # What ended before the visit is history.
+            if not first and message["number"] == number and word in _STATES[7:]:
+                raise typer.Exit(0 if word == "confirmed" else 1)
+            before, number, first = line, message["number"], False
+
+
+def _line(message: dict[str, Any]) -> str:
+    word = _STATES[message["state"]]
+    progress = f", symbol {message['symbol']} of {message['symbols']}" if word == "running" else ""
+    return f"{message['number']} {word}{progress}: {message['reason'] or 'no command was sent yet'}"
+
+
+def _call(client: GraphClient, service: str, fields: dict[str, Any]) -> None:
+    answer = client.call(service, fields)
+    typer.echo(answer["message"])
+    if not answer["success"]:
+        raise typer.Exit(1)

@@ -1,0 +1,63 @@
+"""What the surface must not forget of the downlink: by which settings the tool runs, and the counter sent last."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from mwd_sensors.telemetry.tool_commands import ToolSettings, applied
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+
+
+class Memory:
+    """
+    The file of one well.
+
+    Parameters
+    ----------
+    file : Path
+    """
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        self._written: tuple[ToolSettings, int] | None = None
+
+    def read(self, tool: ToolConfiguration) -> tuple[ToolSettings, int]:
+        """
+        Settings in force and counter; those of a tool as delivered where there is no file, or one of another tool.
+
+        Raises
+        ------
+        ValueError
+            The file cannot be understood; the message says what to do.
+        """
+        try:
+            given = json.loads(self._file.read_text(encoding="utf-8"))
+            settings = ToolSettings(**given["in_force"])
+            counter = int(given["counter"])
+        except FileNotFoundError:
+            return ToolSettings(), 0
+        except (OSError, ValueError, TypeError, KeyError) as error:
+            raise ValueError(f"{self._file}: {error}; delete it if the tool runs by its tool.yaml") from error
+        try:
+            applied(tool, settings)
+        except ValueError:
+            return ToolSettings(), counter
+        return settings, counter
+
+    def write(self, in_force: ToolSettings, counter: int) -> None:
+        """
+        Keep the settings and the counter where they have changed.
+
+        Raises
+        ------
+        OSError
+            The file cannot be written.
+        """
+        if (in_force, counter) == self._written:
+            return
+        self._file.parent.mkdir(parents=True, exist_ok=True)
+        fresh = self._file.with_suffix(".writing")
+        fresh.write_text(json.dumps({"in_force": in_force._asdict(), "counter": counter}) + "\n", encoding="utf-8")
+        fresh.replace(self._file)
+        self._written = (in_force, counter)

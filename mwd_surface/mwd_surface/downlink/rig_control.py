@@ -1,0 +1,78 @@
+"""Control of top drive and pumps while a command is sent: a lease of the control authority, given back at its end."""
+
+from __future__ import annotations
+
+from mwd_surface.control.authority import ControlAuthority
+from mwd_surface.control.set_point import Mode, SetPoint
+from mwd_surface.control.status import Judgement, Permission, Request
+
+_NAME, _ROLE = "downlink", "command to the tool"
+_PRIORITY = 100
+_VALID_S = 5.0  # a surface that falls silent gives the rig back after this time
+
+
+class RigControl:
+    """
+    The downlink as a controller of the rig.
+
+    Parameters
+    ----------
+    authority : ControlAuthority
+    """
+
+    def __init__(self, authority: ControlAuthority) -> None:
+        self._authority = authority
+        self._lease = self._sequence = 0
+
+    @property
+    def has(self) -> bool:
+        """Whether the downlink has the lease, as far as it knows."""
+        return self._lease > 0
+
+    def why_not(self, now: float) -> str:
+        """Why the rig does not, or would not, take set-points, in a sentence; empty: it does. now: steady time, s."""
+        status = self._authority.status(now)
+        if not status.enabled:
+            return "the rig does not take set-points: set control.enabled once it does"
+        if self.has and status.lease != self._lease:
+            return f"control was taken away: {status.reason or status.owner}"
+        if not self.has and status.owner and status.priority >= _PRIORITY:
+            return f"{status.owner} has control of the rig"
+        return ""
+
+    def take(self, granted_by: str, now: float) -> str:
+        """
+        Take control on the word of the person who granted the downlink; returns why not, empty where it is taken.
+
+        granted_by: whose permission for the command is one for the control it needs.
+        """
+        decision = self._authority.request(Request(_NAME, _ROLE, _PRIORITY), now)
+        if decision.permission == Permission.PENDING:
+            done, message = self._authority.judge(Judgement.GRANT, granted_by, now, "for the downlink")
+            if not done:
+                return message
+        elif decision.permission == Permission.DENIED:
+            return decision.message
+        self._lease, self._sequence = decision.lease, 0
+        return ""
+
+    def ask(self, rotation: bool, value: float, now: float) -> str:
+        """Ask for a rotary speed, rad/s, or a flow, m^3/s; returns why it was not taken, empty where it was."""
+        self._sequence += 1
+        point = SetPoint(
+            Mode.ROTATE if rotation else Mode.PUMP,
+            self._lease,
+            self._sequence,
+            rotary_speed=value if rotation else 0.0,
+            flow_rate=0.0 if rotation else value,
+            valid_for=_VALID_S,
+            returns=True,
+        )
+        taken, message = self._authority.command(point, now)
+        return "" if taken else message
+
+    def release(self, now: float, reason: str) -> None:
+        """Give the rig back to the driller; without effect where the downlink has no control."""
+        if self.has:
+            self._authority.release(self._lease, now, reason)
+            self._lease = 0

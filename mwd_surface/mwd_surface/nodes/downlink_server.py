@@ -1,0 +1,298 @@
+"""The downlink on the graph: its services and action, the rig's control while a command runs, journal and page."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from mwd_msgs import msg, srv
+from mwd_msgs.action import Downlink
+from rclpy.serialization import deserialize_message
+
+from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.ros.deferred import DeferredGoal
+from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
+from mwd_sensors.ros.time_stamps import stamp
+from mwd_sensors.telemetry import tool_configuration
+from mwd_sensors.telemetry.downlink import ECHO_WORD, ROTATION
+from mwd_surface.control.authority import ControlAuthority
+from mwd_surface.downlink.interlocks import Readings
+from mwd_surface.downlink.machine import ENDED, NEXT, Machine, State, Transition
+from mwd_surface.downlink.memory import Memory
+from mwd_surface.downlink.rig_clock import RigClock
+from mwd_surface.downlink.rig_control import RigControl
+from mwd_surface.downlink.settings import DownlinkSettings
+from mwd_surface.downlink.status import DownlinkStatus
+from mwd_surface.live.alarms import Severity
+from mwd_surface.ros.context import SurfaceContext
+from mwd_surface.ros.topics import TOPICS
+
+_STATE_PERIOD = 1.0
+_LOUD = {State.ABORTED, State.UNCONFIRMED}
+
+
+class DownlinkServer:
+    """
+    Downlinks of one well.
+
+    Parameters
+    ----------
+    context : SurfaceContext
+        Node, live state and alarm log.
+    settings : DownlinkSettings
+        Without a tool file nothing is opened.
+    authority : ControlAuthority
+        Gives control of the rig.
+
+    Raises
+    ------
+    ValueError, OSError
+        The tool configuration cannot be read, or the tool takes no commands.
+    """
+
+    def __init__(self, context: SurfaceContext, settings: DownlinkSettings, authority: ControlAuthority) -> None:
+        self._context, self._node, self._live = context, context.node, context.live
+        self._rig = RigControl(authority)
+        self._memory = Memory(context.folder / "downlink.json")
+        self._machine: Machine | None = None
+        if settings.tool_file:
+            tool = tool_configuration.read(Path(settings.tool_file).expanduser())
+            self._machine = Machine(tool, settings, *self._memory.read(tool))
+        self._goal: DeferredGoal | None = None
+        self._published_at = -math.inf
+        self._clock = RigClock()
+        self._link_seen: tuple[float, bool] = (-math.inf, False)
+
+    def open(self) -> None:
+        """Open topic, services and action."""
+        if self._machine is None:
+            return
+        node = self._node
+        self._state = node.add_publisher(msg.DownlinkState, "downlink/state", TOPICS["downlink/state"][1])
+        node.add_service(srv.DraftDownlink, "draft_downlink", self.draft)
+        node.add_service(srv.DecideDownlink, "decide_downlink", self.decide)
+        node.add_action_server(Downlink, "downlink", self._start_goal, self._cancel_goal)
+        self._publish(self._machine, self._now())
+
+    def share(self, handlers: dict[str, Callable[[bytes], None]]) -> None:
+        """Add to the functions called with each serialised message of a topic, which others take as well."""
+        if self._machine is None:
+            return
+        for topic, take in (("link/word", self._on_word), ("link/quality", self._on_quality)):
+            before = handlers[topic]
+            handlers[topic] = partial(_both, before, take)
+
+    def stop(self) -> None:
+        """End what runs: the rig returns to what the driller has set."""
+        if self._machine is not None and State.ABORTED in NEXT[self._machine.state]:
+            self._machine.abort("the surface stops", "", self._now())
+            self._follow(self._machine, self._now())
+
+    # Services and action.
+
+    def draft(self, request: Any, response: Any) -> Any:
+        """Compose a command (service)."""
+        return self._answer(
+            response, lambda machine, now: machine.draft(request.command, request.value, request.operator_name, now)
+        )
+
+    def decide(self, request: Any, response: Any) -> Any:
+        """Submit, grant, deny or abort (service)."""
+        name, kind = request.operator_name, srv.DecideDownlink.Request
+
+        def carry_out(machine: Machine, now: float) -> str:
+            if request.decision == kind.SUBMIT:
+                return machine.submit(name, now)
+            if request.decision == kind.ABORT:
+                return machine.abort(f"aborted by {name}" if name.strip() else "aborted", name, now)
+            if request.decision not in (kind.GRANT, kind.DENY):
+                raise ValueError("decision: must be 0 (submit), 1 (grant), 2 (deny) or 3 (abort)")
+            return machine.decide(request.decision == kind.GRANT, name, now)
+
+        return self._answer(response, carry_out)
+
+    def _answer(self, response: Any, call: Any) -> Any:
+        machine, now = self._machine, self._now()
+        if machine is None:
+            response.success = False
+            response.message = "this surface sends no commands: set downlink.tool_file to a tool.yaml with a downlink"
+            return response
+        try:
+            response.message, response.success = call(machine, now), True
+        except ValueError as error:
+            response.message, response.success = str(error), False
+        # At once: an abort must not wait for the next period.
+        self._follow(machine, now)
+        return response
+
+    def _start_goal(self, goal: DeferredGoal) -> None:
+        machine, now, request = self._machine, self._now(), goal.request
+        if machine is None:
+            return
+        try:
+            machine.draft(request.command, request.value, request.requested_by, now)
+            machine.submit(request.requested_by, now)
+        except ValueError as error:
+            goal.finish(Downlink.Result(success=False, message=str(error), state=int(machine.state)))
+        else:
+            self._goal = goal
+        self._follow(machine, now)
+
+    def _cancel_goal(self, goal: DeferredGoal) -> None:
+        machine, now = self._machine, self._now()
+        if machine is not None and goal is self._goal and State.ABORTED in NEXT[machine.state]:
+            machine.abort("cancelled by its client", "", now)
+            self._follow(machine, now)
+
+    # Messages.
+
+    def _on_word(self, data: bytes) -> None:
+        """Take a serialised word of the link: the tool's answer, once it is believed."""
+        word = deserialize_message(data, msg.LinkWord)
+        if word.name.lower() == ECHO_WORD.lower() and word.status == msg.LinkWord.BELIEVED and self._machine:
+            self._machine.on_echo(int(word.raw), self._now())
+            self._follow(self._machine, self._now())
+
+    def _on_quality(self, data: bytes) -> None:
+        """Take the serialised state of the link."""
+        state = deserialize_message(data, msg.LinkQuality).state
+        self._link_seen = (time.monotonic(), state == msg.LinkQuality.LOCKED)
+
+    def on_rig_state(self, samples: Samples) -> None:
+        """Take what the rig does, `wire.RIG_STATE`: the programme runs on its clock."""
+        machine = self._machine
+        if machine is None:
+            return
+        for row in samples:
+            now = self._clock.take(int(row["stamp_ns"]) * 1e-9, time.monotonic())
+            machine.update(now, self._readings(row))
+            self._follow(machine, now)
+
+    # Time.
+
+    def _now(self) -> float:
+        return self._clock.now(time.monotonic(), self._context.now_ns() * 1e-9)
+
+    def update(self, now: float) -> None:
+        """Watch over a rig that has fallen silent. now: steady time, s."""
+        machine = self._machine
+        if machine is not None and self._clock.silent(now):
+            machine.update(self._now(), Readings())
+            self._follow(machine, self._now())
+
+    def _readings(self, row: Samples) -> Readings:
+        valid, kind = int(row["valid"]), msg.RigState
+        known = {
+            name: float(row[field]) if valid & bit else None
+            for name, field, bit in (
+                ("flow", "flow_rate", kind.FLOW_RATE),
+                ("rotary_speed", "rotary_speed", kind.ROTARY_SPEED),
+                ("pressure", "pressure", kind.PRESSURE),
+            )
+        }
+        at, locked = self._link_seen
+        return Readings(
+            rig_age_s=0.0,
+            in_slips=bool(row["in_slips"]) if valid & kind.SLIPS else None,
+            link_locked=locked,
+            link_age_s=time.monotonic() - at,
+            survey_running=self._live.survey_active,
+            no_control=self._rig.why_not(time.monotonic()),
+            **known,
+        )
+
+    def _follow(self, machine: Machine, now: float) -> None:
+        """Do what a changed machine asks for: rig, journal, memory, message, result."""
+        # The authority has the steady clock: its heartbeat is one of computers, not of the rig.
+        steady = time.monotonic()
+        if machine.set_point is not None:
+            why = "" if self._rig.has else self._rig.take(machine.decided_by, steady)
+            why = why or self._rig.ask(machine.downlink.medium == ROTATION, machine.set_point, steady)
+            if why:
+                machine.abort(why, "", now)
+        if machine.set_point is None:
+            self._rig.release(steady, machine.reason)
+        changes, machine.transitions = machine.transitions, []
+        for change in changes:
+            self._log(change)
+        if changes:
+            self._remember(machine)
+        if changes or now - self._published_at >= _STATE_PERIOD:
+            self._publish(machine, now)
+
+    def _remember(self, machine: Machine) -> None:
+        try:
+            self._memory.write(machine.in_force, machine.counter)
+        except OSError as error:
+            text = f"the tool's settings are not saved: {error}"
+            self._context.alarm_log.raise_alarm("downlink.unsaved", Severity.WARNING, text, "free the disk")
+        else:
+            self._context.alarm_log.clear_alarm("downlink.unsaved")
+
+    def _log(self, change: Transition) -> None:
+        who = f" ({change.by})" if change.by else ""
+        severity = Severity.WARNING if change.after in _LOUD else Severity.INFO
+        text = f"{change.number}: {change.after.name.lower()}{who}: {change.reason}"
+        self._context.alarm_log.log_event("downlink", text, severity)
+
+    def _publish(self, machine: Machine, now: float) -> None:
+        self._published_at = now
+        status = DownlinkStatus.of(machine, now)
+        self._live.on_downlink(status, now)
+        message = state_message(status)
+        message.header.stamp = stamp(self._context.now_ns())
+        message.header.frame_id = self._node.frame(wire.RIG_FRAME)
+        self._state.publish(message)
+        goal = self._goal
+        if goal is None:
+            return
+        if machine.state in ENDED:
+            self._goal = None
+            goal.finish(
+                Downlink.Result(
+                    success=machine.state == State.CONFIRMED, message=machine.reason, state=int(machine.state)
+                )
+            )
+            return
+        goal.publish_feedback(
+            Downlink.Feedback(
+                state=int(machine.state),
+                reason="; ".join(machine.blocked_by) or machine.reason,
+                symbol=status.symbol,
+                symbols=status.symbols,
+                remaining=status.remaining,
+            )
+        )
+
+    def diagnostics(self) -> list[Diagnostic]:
+        """State of the downlink at hand."""
+        machine = self._machine
+        if machine is None:
+            return []
+        level = WARN if machine.state in _LOUD else OK
+        return [Diagnostic("downlink", level, machine.reason or "no command was sent yet")]
+
+
+def _both(first: Callable[[bytes], None], second: Callable[[bytes], None], data: bytes) -> None:
+    first(data)
+    second(data)
+
+
+def state_message(status: DownlinkStatus) -> Any:
+    """Message of the state, without its header."""
+    fields = {
+        name: value for name, value in vars(status).items() if name not in ("medium", "base", "set_point", "choices")
+    }
+    fields["blocked_by"] = list(status.blocked_by)
+    fields["in_force"] = list(status.in_force)
+    return msg.DownlinkState(
+        **fields,
+        medium=msg.DownlinkState.ROTATION if status.medium == ROTATION else msg.DownlinkState.FLOW,
+        base=-1.0 if status.base is None else status.base,
+        set_point=-1.0 if status.set_point is None else status.set_point,
+    )

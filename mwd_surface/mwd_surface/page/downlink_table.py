@@ -1,0 +1,39 @@
+"""The command to the tool at hand, for the page."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from mwd_sensors.telemetry.downlink import ROTATION
+from mwd_surface.downlink.machine import State
+from mwd_surface.downlink.status import DownlinkStatus
+from mwd_surface.page.plain import number
+
+_RPM, _LPM = math.pi / 30.0, 1e-3 / 60.0
+
+
+def downlink_table(status: DownlinkStatus | None) -> dict[str, Any]:
+    """Return the downlink as a plain table; without one only known: False."""
+    if status is None:
+        return {"known": False}
+    turns = status.medium == ROTATION
+    scale, unit = (_RPM, "r/min") if turns else (_LPM, "l/min")
+    return {
+        "known": True,
+        "number": status.number,
+        "state": State(status.state).name.lower(),
+        "about": status.about,
+        "requested_by": status.requested_by,
+        "decided_by": status.decided_by,
+        "reason": status.reason,
+        "blocked_by": list(status.blocked_by),
+        "symbol": status.symbol,
+        "symbols": status.symbols,
+        "remaining": number(status.remaining),
+        "medium": status.medium,
+        "unit": unit,
+        "base": None if status.base is None else number(status.base / scale),
+        "set_point": None if status.set_point is None else number(status.set_point / scale),
+        "choices": [[name, list(values)] for name, values in status.choices],
+    }

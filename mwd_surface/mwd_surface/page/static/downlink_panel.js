@@ -1,0 +1,60 @@
+// The command to the tool at hand: its state for everybody, its buttons for those with the token.
+
+import { byId, el, pill } from "./dom.js";
+import { act, mayCommand, operatorName } from "./operator_tab.js";
+import * as units from "./units.js";
+
+const KINDS = { confirmed: "good", unconfirmed: "doubtful", aborted: "reject", denied: "reject", lapsed: "doubtful", idle: "idle" };
+const UNDER_WAY = ["draft", "pending", "granted", "armed", "running", "sent"];
+const DECISIONS = { submit: 0, grant: 1, deny: 2, abort: 3 };
+const UNITS = { pulse_width: " s", carrier: " Hz", toolface_rate: " times" };
+
+let chosen = "";
+
+const decide = (word) => () => act("decide_downlink", { decision: DECISIONS[word], operator_name: operatorName() });
+
+export function showDownlink(table, server) {
+  const place = byId("downlink");
+  place.hidden = !table?.known;
+  if (!table?.known) return;
+  const may = mayCommand(server);
+  const key = JSON.stringify([table, may]);
+  // A list that is open must not be replaced below the hand.
+  if (key === place.dataset.key || place.contains(document.activeElement) && document.activeElement.tagName === "SELECT") return;
+  place.dataset.key = key;
+  place.replaceChildren(
+    el("h2", {}, "Command to the tool"),
+    el("p", { class: "downlink-state" }, pill(KINDS[table.state] || "info", table.state), ` ${say(table)}`),
+    table.blocked_by.length ? el("ul", { class: "downlink-blocked" }, table.blocked_by.map((text) => el("li", {}, text))) : "",
+    may ? buttons(table) : el("p", { class: "quiet-text" }, "With the token a command can be sent, granted and aborted; without it this page only shows."),
+  );
+}
+
+function say(table) {
+  const running = table.state === "running" ? `symbol ${table.symbol} of ${table.symbols}, ${units.age(table.remaining)} left, ${table.medium} ${table.set_point?.toFixed(0)} ${table.unit} of ${table.base?.toFixed(0)}` : "";
+  const who = [table.requested_by && `asked by ${table.requested_by}`, table.decided_by && `decided by ${table.decided_by}`].filter(Boolean).join(", ");
+  return [table.reason || "No command was sent yet.", running, who].filter(Boolean).join(" \u00b7 ");
+}
+
+function buttons(table) {
+  const button = (id, text, onclick, shown) => (shown ? el("button", { type: "button", id, onclick }, text) : "");
+  const choice = el("select", { id: "downlink-command", "aria-label": "Command", onchange: () => { chosen = choice.value; } }, options(table));
+  if (chosen) choice.value = chosen;
+  const draft = () => {
+    const [command, value] = JSON.parse(choice.value);
+    act("draft_downlink", { command, value, operator_name: operatorName() });
+  };
+  const free = !UNDER_WAY.includes(table.state) || table.state === "draft";
+  return el("div", { class: "buttons" },
+    free ? choice : "",
+    button("downlink-draft", "Draft", draft, free),
+    button("downlink-submit", "Ask for permission", decide("submit"), table.state === "draft"),
+    button("downlink-grant", "Grant", decide("grant"), table.state === "pending"),
+    button("downlink-deny", "Deny", decide("deny"), table.state === "pending"),
+    button("downlink-abort", "Abort", decide("abort"), UNDER_WAY.includes(table.state)));
+}
+
+function options(table) {
+  return table.choices.flatMap(([name, values]) => (values.length ? values : [0]).map((value) => el("option", { value: JSON.stringify([name, value]) },
+    `${name.replaceAll("_", " ")}${values.length ? ` ${value}${UNITS[name] || ""}` : ""}`)));
+}
