@@ -29,6 +29,7 @@ SECTIONS = (
     ("fleet", "A fleet of bags", ["bench_fleet.py"], True),
     ("link", "The telemetry link", ["bench_link.py", "10"], True),
     ("link_codes", "The telemetry link: carriers, EM, serial", ["bench_link_codes.py", "4"], True),
+    ("downlink", "The downlink", ["bench_downlink.py"], True),
     ("live", "The live chain", ["bench_live.py"], True),
     ("surface", "The surface node", ["bench_surface.py"], True),
 )

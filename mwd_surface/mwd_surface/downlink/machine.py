@@ -120,7 +120,9 @@ class Machine:
         self.set_point: float | None = None
         self.programme: Programme | None = None
         self.transitions: list[Transition] = []
-        self._since = self._granted = self._started = -math.inf
+        self._since = self._started = -math.inf
+        self._people_s: float | None = None
+        self._waited = 0.0
         self._updated: float | None = None
         self._steady: deque[tuple[float, float]] = deque()
         self._stall = StallWatch(settings.stall_share)
@@ -201,12 +203,19 @@ class Machine:
 
     # Time, rig and tool.
 
-    def update(self, now: float, readings: Readings) -> None:
-        """Take what the rig does; to be called at least once a second."""
+    def update(self, now: float, readings: Readings, people_s: float | None = None) -> None:
+        """
+        Take what the rig does; to be called at least once a second.
+
+        people_s : time by which permission lapses, s, where `now` is that of a rig simulated faster than time.
+        """
+        people_s = now if people_s is None else people_s
+        self._waited += 0.0 if self._people_s is None else people_s - self._people_s
+        self._people_s = people_s
         lost = self._updated is not None and now - self._updated > _LOST_S
         self._updated = now
         self._stall.take(now, readings.flow, readings.pressure, 1e-3)
-        if self.state == State.PENDING and now - self._since > PERMISSION_S:
+        if self.state == State.PENDING and self._waited > PERMISSION_S:
             self._go(State.LAPSED, f"nobody decided within {PERMISSION_S:.0f} s", "", now)
         elif self.state in (State.GRANTED, State.ARMED):
             self._before(now, readings)
@@ -252,7 +261,7 @@ class Machine:
 
     def _before(self, now: float, readings: Readings) -> None:
         """Wait for the interlocks, then for a steady drilling value, which the tool takes for the top of the scale."""
-        if now - self._granted > PERMISSION_S:
+        if self._waited > PERMISSION_S:
             self._go(State.LAPSED, f"the permission has lapsed after {PERMISSION_S:.0f} s", "", now)
             return
         self.blocked_by = blocked(readings, self.downlink, self.settings, stalled=self._stall.stalled, running=False)
@@ -317,8 +326,8 @@ class Machine:
             raise ValueError(f"state: {after.name} cannot follow {self.state.name}")
         self.transitions.append(Transition(self.number, self.state, after, reason, by, now))
         self.state, self.reason, self._since = after, reason, now
-        if after == State.GRANTED and by:
-            self._granted = now
+        if after == State.PENDING or (after == State.GRANTED and by):
+            self._waited = 0.0
         if after not in (State.GRANTED, State.ARMED, State.RUNNING):
             self.blocked_by = ()
         if after != State.RUNNING:

@@ -170,7 +170,7 @@ class DownlinkServer:
             return
         for row in samples:
             now = self._clock.take(int(row["stamp_ns"]) * 1e-9, time.monotonic())
-            machine.update(now, self._readings(row))
+            machine.update(now, self._readings(row), time.monotonic())
             self._follow(machine, now)
 
     # Time.
@@ -182,7 +182,7 @@ class DownlinkServer:
         """Watch over a rig that has fallen silent. now: steady time, s."""
         machine = self._machine
         if machine is not None and self._clock.silent(now):
-            machine.update(self._now(), Readings())
+            machine.update(self._now(), Readings(), now)
             self._follow(machine, self._now())
 
     def _readings(self, row: Samples) -> Readings:

@@ -1,0 +1,134 @@
+"""A downlink among real nodes: a command makes the tool's pulses narrower, and the receiver follows it."""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import running_graph
+from mwd_sensors.simulator.scenario import read
+from mwd_sensors.telemetry import tool_configuration
+from mwd_sensors.telemetry.downlink import frame_of
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.downlink.machine import State
+from mwd_surface.runs import launch_plan
+from running_graph import until
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+RATE = 4.0
+SCENARIO = Path(__file__).parents[2] / "bags" / "scenarios" / "telemetry_downlink.yaml"
+RPM = math.pi / 30.0
+
+
+def mwd(graph, *words):
+    """Run a command of the terminal in the graph: its exit status and output."""
+    done = subprocess.run(
+        [sys.executable, "-m", "mwd_surface.cli", "downlink", *words],
+        env=graph.environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=90,
+    )
+    return done.returncode, done.stdout + done.stderr
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("downlink")
+    story = read(SCENARIO)
+    tool_file = folder / "tool.yaml"
+    tool_file.write_text(tool_configuration.text(story.telemetry.tool))
+    reference = {key.replace(".", "__"): value for key, value in launch_plan.reference_parameters(story).items()}
+    surface_words = {key.replace(".", "__"): value for key, value in story.surface.items()}
+    with running_graph.graph(folder) as graph:
+        surface = graph.start(
+            "surface",
+            "w1",
+            folder=folder / "data",
+            record__name="run",
+            page__port=0,
+            link__source="mud_pulse",
+            downlink__tool_file=tool_file,
+            **surface_words,
+        )
+        receiver = graph.start("receiver", "w1", tool_file=tool_file, **reference)
+        estimator = graph.start("estimator", "w1", transmit__tool_file=tool_file, **reference)
+        for name in (surface, receiver, estimator):
+            until(lambda name=name: ": active" in graph.log(name), 120, f"{name} is active")
+        sonde = graph.start("sonde", "w1", scenario=SCENARIO, rate=RATE, wait_for_listener_s=20.0)
+        until(lambda: "survey 1 received" in graph.log(receiver), 120, "a survey over the link")
+        answers = [
+            mwd(graph, "send", "pulse_width", "0.4", "--name", "Ann"),
+            mwd(graph, "send", "pulse_width", "0.5", "--name", "Ann"),
+            mwd(graph, "grant"),
+            mwd(graph, "grant", "--name", "Bo"),
+            mwd(graph, "send", "survey_now", "--name", "Ann"),
+        ]
+        until(
+            lambda: any(f"1: {word}" in graph.log(surface) for word in ("confirmed", "unconfirmed", "aborted")),
+            240,
+            "the answer",
+        )
+        assert graph.end(sonde)[0] == 0
+        for name in (estimator, receiver, surface):
+            assert graph.end(name)[0] == 0
+    messages = {}
+    with Bag(folder / "data" / "w1" / "bags" / "run") as bag:
+        for kind, topic in (("LinkWord", "link/word"), ("DownlinkState", "downlink/state"), ("RigState", "rig/state")):
+            found = bag.find_topic(f"mwd_msgs/msg/{kind}", topic)
+            messages[kind] = [bag.decode(name, data) for _, name, _, data in bag.messages([found])]
+    return {"answers": answers, "log": graph.log(surface), **messages}
+
+
+def stamp(message):
+    return message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+
+
+def test_the_terminal_refuses_asks_and_grants_in_words(run):
+    wrong, sent, nobody, granted, second = run["answers"]
+    assert wrong[0] == 1
+    assert "can be 0.3, 0.5, 0.8 s" in wrong[1]
+    assert sent[0] == 0
+    assert "waits for permission" in sent[1]
+    assert second[0] == 1
+    assert "one at a time" in second[1]
+    assert nobody[0] == 1
+    assert "named person" in nobody[1]
+    assert granted[0] == 0
+
+
+def test_every_step_is_in_the_recording_and_in_the_journal(run):
+    states = [State(message.state) for message in run["DownlinkState"]]
+    steps = [state for k, state in enumerate(states) if k == 0 or state != states[k - 1]]
+    ordered = (State.IDLE, State.DRAFT, State.PENDING, State.GRANTED, State.ARMED, State.RUNNING, State.SENT)
+    assert tuple(steps) == (*ordered, State.CONFIRMED)
+    for word in ("granted (Bo)", "running", "sent", "confirmed"):
+        assert f"downlink: 1: {word}" in run["log"]
+
+
+def test_the_rig_went_down_to_the_lowest_level_and_came_back(run):
+    running = [message for message in run["DownlinkState"] if message.state == State.RUNNING]
+    time = np.array([stamp(message) for message in run["RigState"]])
+    speed = np.array([message.rotary_speed for message in run["RigState"]]) / RPM
+    during = (time > stamp(running[0])) & (time < stamp(running[-1]))
+    assert speed[during].min() == pytest.approx(66.0, abs=1.0)
+    assert speed[-1] == pytest.approx(110.0, abs=0.5)
+
+
+def test_the_receiver_reads_on_by_the_new_pulse_width(run):
+    confirmed = next(message for message in run["DownlinkState"] if message.state == State.CONFIRMED)
+    echoes = [word for word in run["LinkWord"] if word.name == "DLnk" and word.revision]
+    frame = frame_of(echoes[-1].raw)
+    assert (frame.counter, frame.argument) == (confirmed.counter, 1)
+    first = next(word for word in echoes if word.raw)
+    last = [word for word in run["LinkWord"] if word.start.sec >= first.start.sec and word.revision]
+    assert len(last) >= 4
+    assert np.mean([word.status == 0 for word in last]) > 0.7
+    # A word of 13 bits takes 52 TU of half a pulse width.
+    long = next(word for word in last if word.name == "Inc")
+    assert stamp(long) - (long.start.sec + 1e-9 * long.start.nanosec) == pytest.approx(0.25 * 52.0, rel=0.1)
