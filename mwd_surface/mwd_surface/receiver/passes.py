@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,14 @@ _STRETCH_BITS = 12
 # What is there, and which sequence it is, is decided by so many bits.
 LOOK_BITS = 30
 _BEAM = 16
+
+
+class Evidence(NamedTuple):
+    """Log likelihood ratio of the pulses of a stretch to none; its packets and words."""
+
+    evidence: float
+    packets: int
+    words: int
 
 
 @dataclasses.dataclass

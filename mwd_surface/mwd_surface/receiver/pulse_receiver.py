@@ -55,6 +55,7 @@ class PulseReceiver:
         self._noise_tu = min(max(_NOISE_TU, round(quiet_s / tool.tu_s)), _KEPT_TU - _HOP_TU)
         self._hop = 0
         self._frame = 0
+        self._last = math.inf
         self._active: Transmission | None = None
         self._last_sync: float | None = None
         self._waiting: tuple[synchronisation.SyncFound, float] | None = None
@@ -98,7 +99,8 @@ class PulseReceiver:
     def finish(self) -> Reception:
         """Words of what is left at the end of the samples."""
         done = self._take(*self._resampler.finish())
-        # As if the gauge had failed: what is there is decoded as far as it goes.
+        # As if the gauge had failed: what is there is decoded as far as it goes, the last word without its echoes.
+        self._last = self._grid.end
         missing = np.zeros(STEPS_PER_TU * (2 * _HOP_TU + self._beyond))
         if self._grid.end:
             done.add(self._take(missing, missing))
@@ -152,7 +154,7 @@ class PulseReceiver:
             active = self._active
             # A pass waits until the search has been where it begins: the tool may have started anew.
             ready = active is not None and active.begins() <= STEPS_PER_TU * self._hop * _HOP_TU
-            if active is not None and ready and active.needs() <= self._grid.end:
+            if active is not None and ready and active.needs() <= self._grid.end and active.ends() <= self._last:
                 self._add(done, active.step())
                 self._frame = active.frame
                 if active.lost:

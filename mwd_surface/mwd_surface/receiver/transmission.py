@@ -5,18 +5,18 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import deque
-from typing import NamedTuple
 
 import numpy as np
 
 from mwd_sensors.core.arrays import Array, Indices
+from mwd_sensors.telemetry.pulse_position import GAP_TU
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver import segment
 from mwd_surface.receiver.belief import Temper
 from mwd_surface.receiver.channel_estimate import SAMPLES_PER_TU, basis, response_length
 from mwd_surface.receiver.grid import REACH, Grid
-from mwd_surface.receiver.passes import LOOK_BITS, Part, Pass, parts_of, soft_words, stretch_of
+from mwd_surface.receiver.passes import LOOK_BITS, Evidence, Part, Pass, parts_of, soft_words, stretch_of
 from mwd_surface.receiver.pump_lines import STEADY_S
 from mwd_surface.receiver.synchronisation import SyncFound
 from mwd_surface.receiver.tool_clock import ToolClock
@@ -35,7 +35,7 @@ _JUDGED_PACKETS = 10
 _FAINT = 0.3
 _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
 # Log likelihood ratio that a sync and the words behind it have at least: noise has it with a probability below
-# exp(-18) at each of ten thousand places an hour.
+# exp(-18) at each of ten thousand places an hour. Pumps that start can look like a sync, but not like words behind it.
 _LEAST_EVIDENCE = 18.0
 # How much more evidence a TU a toolface behind a sync needs than a survey.
 _CLEARER = 1.2
@@ -54,14 +54,6 @@ class FrameReport:
     ebn0_db: float
     clock_error: float
     reason: str
-
-
-class _Stretch(NamedTuple):
-    """Evidence, packets and words of a stretch."""
-
-    evidence: float
-    packets: int
-    words: int
 
 
 @dataclasses.dataclass
@@ -121,7 +113,7 @@ class Transmission:
         parity = any(item.parity for items in (*tool.surveys, *tool.toolfaces) for item in items)
         self._at_once, self.temper = Temper(parity), Temper(parity)
         self._usual: deque[float] = deque(maxlen=24)
-        self._recent: list[_Stretch] = []
+        self._recent: list[Evidence] = []
         self._held: list[ReceivedWord] = []
         self.frame = frame
         self.lost = ""
@@ -154,6 +146,10 @@ class Transmission:
             start, (_, length) = now.at, self._rows(now.following())
         return self._clock.at(start + SAMPLES_PER_TU * (length + _AFTER_TU)) + REACH
 
+    def ends(self) -> float:
+        """Position of the grid where the last pulse of the next step ends at the latest."""
+        return self.needs() - SAMPLES_PER_TU * (_AFTER_TU + GAP_TU) * self._clock.pace - REACH
+
     def begins(self) -> float:
         """Position of the grid up to which a sync that the next step needs may begin."""
         if self._pass is None:
@@ -175,7 +171,7 @@ class Transmission:
         items = now.following()
         rows, length = self._rows(items)
         decision = self._decode(rows, length, now.at)
-        self.lost = self._breaks_off(now, _Stretch(decision.evidence, len(rows), len(items)))
+        self.lost = self._breaks_off(now, Evidence(decision.evidence, len(rows), len(items)))
         if self.lost:
             return self.close()
         self._channel = decision.channel
@@ -193,7 +189,7 @@ class Transmission:
         done = self.close()
         return Reception(done.words, done.frames, provisional)
 
-    def _breaks_off(self, now: Pass, stretch: _Stretch) -> str:
+    def _breaks_off(self, now: Pass, stretch: Evidence) -> str:
         """Reason why the last stretches do not belong to the transmission; empty: they do, or it is too early."""
         self._recent.append(stretch)
         whole = not self._usual and now.done + stretch.words == len(now.items)
@@ -202,7 +198,7 @@ class Transmission:
         evidence = sum(one.evidence for one in self._recent)
         each = evidence / sum(one.packets for one in self._recent)
         reason = ""
-        if not self._usual and self.score + evidence < _LEAST_EVIDENCE:
+        if not self._usual and min(self.score, evidence) + evidence < _LEAST_EVIDENCE:
             reason = "no words behind the sync: it was noise, or the sequence is another one"
         elif self._usual and each <= _FAINT * float(np.median(self._usual)):
             reason = "no pulses any more: flow off, too weak, or the tool began anew"

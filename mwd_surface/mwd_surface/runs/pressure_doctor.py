@@ -1,0 +1,87 @@
+"""What a file of standpipe pressure is good for: sample rate, gaps, clipping, resolution, flow."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_surface.receiver.flow_spans import FlowSpans
+from mwd_surface.receiver.pressure_files import PressureFile
+from mwd_surface.receiver.pulse_receiver import LEAST_PER_TU
+from mwd_surface.runs.doctor import CheckResult, Level
+
+# Standpipe pressure while drilling; a file in bar or psi without its unit stays far below.
+_LEAST_PA = 3.0e5
+# Rounding that adds more than this share to the power of the fastest noise costs signal.
+_ROUNDING = 0.1
+_BAR = 1.0e5
+
+
+def examine_pressure(read: PressureFile, tool: ToolConfiguration | None = None) -> list[CheckResult]:
+    """
+    Everything about a file of pressure, in the order in which to mend it.
+
+    Parameters
+    ----------
+    read : PressureFile
+    tool : ToolConfiguration, optional
+        Whose words the file shall give.
+    """
+    results = [_rate(read.time_s, tool), _size(read.pressure_pa), _resolution(read.pressure_pa), _flow(read, tool)]
+    results += [CheckResult("data", Level.NOTE, note) for note in read.notes]
+    return results
+
+
+def _rate(time: Array, tool: ToolConfiguration | None) -> CheckResult:
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    rate = 1.0 / usual
+    spread = float(np.percentile(steps, 95) - np.percentile(steps, 5)) / usual
+    narrowest = 2.0 * LEAST_PER_TU / rate
+    state = (
+        f"{len(time)} samples in {time[-1] - time[0]:.0f} s, {rate:.4g} a second, intervals within {100 * spread:.0f}"
+        f" %: enough for pulses of {narrowest:.2g} s and longer"
+    )
+    if tool is not None and tool.code in PULSE_CODES and tool.pulse_width_s < narrowest * (1.0 - 1e-6):
+        needed = 2.0 * LEAST_PER_TU / tool.pulse_width_s
+        return CheckResult("sample rate", Level.MISSING, state, f"record {needed:.3g} samples a second or more")
+    return CheckResult("sample rate", Level.OK, state)
+
+
+def _size(pressure: Array) -> CheckResult:
+    low, middle, high = (float(value) / _BAR for value in np.percentile(pressure, (1, 50, 99)))
+    state = f"{middle:.4g} bar in the middle, {low:.4g} to {high:.4g}"
+    if high * _BAR < _LEAST_PA:
+        remedy = "name the column for its unit: pressure_bar, pressure_psi, pressure_kpa or pressure_mpa"
+        return CheckResult("size", Level.NOTE, f"{state}: no standpipe has so little", remedy)
+    return CheckResult("size", Level.OK, state)
+
+
+def _resolution(pressure: Array) -> CheckResult:
+    steps = np.diff(np.unique(pressure))
+    if len(steps) == 0:
+        return CheckResult("resolution", Level.MISSING, "all samples are equal", "look at the gauge and its cable")
+    # Of a converter all steps are multiples of one; of computed values the smallest is of no account.
+    step = float(np.percentile(steps, 5))
+    differences = np.diff(pressure)
+    noise = 1.4826 * float(np.median(np.abs(differences - np.median(differences)))) / math.sqrt(2.0)
+    state = f"steps of {step / _BAR:.3g} bar, noise from sample to sample {noise / _BAR:.3g} bar"
+    if step**2 / 12.0 > _ROUNDING * noise**2 and len(steps) < len(pressure) // 2:
+        remedy = "take a gauge or converter with a smaller range or more bits; rounding hides weak pulses"
+        return CheckResult("resolution", Level.NOTE, state, remedy)
+    return CheckResult("resolution", Level.OK, state)
+
+
+def _flow(read: PressureFile, tool: ToolConfiguration | None) -> CheckResult:
+    flow = FlowSpans()
+    flow.push(read.time_s, read.pressure_pa)
+    starts = [span.end_s for span in flow.spans if math.isfinite(span.end_s)]
+    delay = "" if tool is None else f"; a survey begins {tool.transmit_delay_s + tool.head_s:.0f} s later"
+    if not starts:
+        remedy = "without one the file holds no sync of a pulse tool: begin to record before the pumps start"
+        return CheckResult("flow", Level.NOTE, "the pumps never start in this file", remedy)
+    at = ", ".join(f"{start:.0f}" for start in starts[:8])
+    return CheckResult("flow", Level.OK, f"the pumps start at {at} s{delay}")
