@@ -17,9 +17,9 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 
 TEMPERATURES = (1.0, 1.35, 1.8, 2.5, 4.0)
-# Before any parity is seen: channels and noise that are estimated make 1 too sharp. The last is for a temperature
-# without bound.
-_PRIOR = (0.35, 0.34, 0.15, 0.07, 0.03, 0.06)
+# Before any parity is seen: channels and noise that are estimated make 1 too sharp, as the likelihood of simulated and
+# of independent channels says. The last is for a temperature without bound.
+_PRIOR = (0.2, 0.3, 0.25, 0.12, 0.07, 0.06)
 # The last one of a tool whose words have no parity.
 _UNSEEN = 0.002
 _REMEMBERED = 32  # words with parity
