@@ -159,7 +159,7 @@ class PulseReceiver:
                 self._frame = active.frame
                 if active.lost:
                     self._active = self._successor(active)
-                elif self._waiting is not None and active.heard > self._waiting[1]:
+                elif self._waiting is not None and active.confirmed and active.heard > self._waiting[1]:
                     self._waiting = None
             elif not ready and search_needs <= self._grid.end:
                 self._search(done)
@@ -179,7 +179,7 @@ class PulseReceiver:
     def _successor(self, lost: Transmission) -> Transmission | None:
         """Transmission that began while the lost one seemed to go on."""
         waiting, self._waiting = self._waiting, None
-        if waiting is None or waiting[1] < lost.heard:
+        if waiting is None or (lost.confirmed and waiting[1] < lost.heard):
             return None
         return Transmission(self._tool, self._grid, *waiting, self._frame)
 

@@ -30,7 +30,7 @@ _AFTER_TU = 14
 _LOST = 0.95
 _DOUBTFUL = 0.2
 # Packets by which it is judged whether there are pulses: those of some 30 bits.
-_JUDGED_PACKETS = 10
+_JUDGED_PACKETS, _DISTURBED_PACKETS = 10, 25
 # Share of the usual evidence for pulses below which a stretch holds none, or those of a transmission that began anew.
 _FAINT = 0.3
 _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
@@ -121,6 +121,7 @@ class Transmission:
         self._pass: Pass | None = None
         self._boundary = SAMPLES_PER_TU * tool.sync.length_tu
         self._offered = False
+        self._parity = int(tool.parity == "odd")
 
     def expects_sync(self, position: float) -> bool:
         """Whether a sync found at a position of the grid starts where the next pass would."""
@@ -192,13 +193,15 @@ class Transmission:
     def _breaks_off(self, now: Pass, stretch: Evidence) -> str:
         """Reason why the last stretches do not belong to the transmission; empty: they do, or it is too early."""
         self._recent.append(stretch)
+        evidence, packets = (sum(one[k] for one in self._recent) for k in range(2))
         whole = not self._usual and now.done + stretch.words == len(now.items)
-        if sum(one.packets for one in self._recent) < _JUDGED_PACKETS and not whole:
+        if packets < _JUDGED_PACKETS and not whole:
             return ""
-        evidence = sum(one.evidence for one in self._recent)
-        each = evidence / sum(one.packets for one in self._recent)
-        reason = ""
+        each, reason = evidence / packets, ""
         if not self._usual and min(self.score, evidence) + evidence < _LEAST_EVIDENCE:
+            # Behind a clear sync the first words may be disturbed.
+            if self.score >= _LEAST_EVIDENCE and packets < _DISTURBED_PACKETS and not whole:
+                return ""
             reason = "no words behind the sync: it was noise, or the sequence is another one"
         elif self._usual and each <= _FAINT * float(np.median(self._usual)):
             reason = "no pulses any more: flow off, too weak, or the tool began anew"
@@ -206,7 +209,8 @@ class Transmission:
             now.heard = max(len(now.parts) - sum(one.words for one in self._recent[:-1]), 0)
             return reason
         self._usual.append(each)
-        del self._recent[0]
+        while sum(one.packets for one in self._recent) >= _JUDGED_PACKETS:
+            del self._recent[0]
         return ""
 
     def close(self) -> Reception:
@@ -266,7 +270,12 @@ class Transmission:
     @property
     def sound(self) -> bool:
         """Whether parities hold, so that nothing but its own end should break the transmission off."""
-        return self._at_once.failing < _DOUBTFUL and bool(self._usual)
+        return self._at_once.failing < _DOUBTFUL and self.confirmed
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether there were words behind the sync."""
+        return bool(self._usual)
 
     @property
     def heard(self) -> float:
@@ -277,10 +286,6 @@ class Transmission:
     def whitener(self) -> Array:
         """Prediction error filter of the noise, pulses taken out."""
         return self._channel.whitener
-
-    @property
-    def _parity(self) -> int:
-        return int(self._tool.parity == "odd")
 
     def _rows(self, items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
         """Packets of some words, and their time on air, TU."""
