@@ -28,10 +28,12 @@ class RigCommands:
         Of the simulated tool and rig.
     sonde : callable
         Returns the simulation; None before the scenario has started.
+    rate : float
+        Seconds of the scenario per second; a command is valid for seconds of whoever sends it.
     """
 
-    def __init__(self, node: GraphNode[Any], sonde: Callable[[], Sonde | None]) -> None:
-        self._node, self._sonde = node, sonde
+    def __init__(self, node: GraphNode[Any], sonde: Callable[[], Sonde | None], rate: float = 1.0) -> None:
+        self._node, self._sonde, self._rate = node, sonde, rate if rate > 0.0 else 1.0
         self._lease = self._obeyed = self._refused = 0
         self._numbers: dict[bool, int] = {}
         self._refusal = ""
@@ -70,17 +72,18 @@ class RigCommands:
             raise ValueError("lease: a rig obeys the control authority alone; ask it by request_control")
         if message.lease < self._lease:
             raise ValueError(f"lease: {message.lease} is over; {self._lease} is in force")
+        valid_for = message.valid_for * self._rate
         command = steering.Command(
             message.mode,
             message.rotary_speed,
             message.turn,
-            message.valid_for,
+            valid_for,
             message.flow_rate,
             message.returns,
         )
         if repeated and message.mode == steering.ORIENT and sonde.string is not None:
             # A turn is made once; only its time begins anew.
-            sonde.string.prolong(message.valid_for)
+            sonde.string.prolong(valid_for)
             return
         sonde.command(command)
 

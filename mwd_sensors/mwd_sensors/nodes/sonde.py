@@ -120,7 +120,7 @@ class SondeNode(GraphNode[SondeSettings]):
         if self.settings.burst:
             self._topic_publishers |= {topic: self.add_publisher(ImuBurst, topic, qos.STREAM) for topic in burst.TOPICS}
         self.add_service(InjectFault, "inject_fault", self._inject_fault)
-        self._rig_commands = RigCommands(self, lambda: self._sonde)
+        self._rig_commands = RigCommands(self, lambda: self._sonde, self.settings.rate)
         self._telemetry = None
         if self._scenario.telemetry is not None:
             self._telemetry = TelemetryTopics(self, self._scenario.telemetry, self.settings.rate)
