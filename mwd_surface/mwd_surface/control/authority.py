@@ -89,6 +89,7 @@ class ControlAuthority:
         self._pending: _Lease | None = None
         self._rig = RigCommands(returns=self._reactions["controller_lost_rotating"] == Reaction.RELEASE)
         self._sequence = self._acknowledged = 0
+        self._last: SetPoint | None = None
         self._refusal = self._reason = ""
         self._fault = ""
         self._achieved, self._torque_since = Achieved(), math.inf
@@ -113,7 +114,6 @@ class ControlAuthority:
             owner.request, owner.limits = request, limits
             owner.heard, owner.ends = now, self._end(request, now)
             self._rig.limit(limits)
-            self._sequence = 0
             return Decision(Permission.GRANTED, owner.number, "renewed")
 
     def _decide(self, request: Request, limits: Limits, now: float) -> Decision:
@@ -201,7 +201,7 @@ class ControlAuthority:
         self._lease, self._newest = lease, lease.number
         # What is in force goes on where the new owner could have asked for it, so that the string does not jerk.
         self._rig.limit(lease.limits)
-        self._sequence = self._acknowledged = 0
+        self._sequence, self._acknowledged, self._last = 0, 0, None
         self._refusal = self._reason = self._fault = ""
         self._log(f"{lease.name} has control, granted {how}")
 
@@ -237,21 +237,31 @@ class ControlAuthority:
                 holder = "nobody has control" if owner is None else f"{owner.name} has control"
                 return False, f"lease {point.lease} is not in force: {holder}"
             owner.heard = now
-            if point.sequence == self._sequence:
-                self._rig.hear(point.mode, now)
+            if point.sequence == 0:
                 return True, ""
             try:
+                if point.sequence == self._sequence and self._repeats(point):
+                    self._rig.hear(point.mode, now)
+                    return True, ""
                 check(point, owner.limits)
                 self._check_mwd(point.mode)
             except ValueError as error:
                 self.refused += 1
                 self._refusal = str(error)
                 return False, self._refusal
-            self._sequence, self._refusal = point.sequence, ""
+            self._sequence, self._last, self._refusal = point.sequence, point, ""
             if self._mwd_alive:
                 self._fault = self._reason = ""
             self._rig.take(point, self._achieved.speed or 0.0, now)
             return True, ""
+
+    def _repeats(self, point: SetPoint) -> bool:
+        """Whether it is the last set-point again, as a heartbeat; another one under its number is an error."""
+        if self._last is not None:
+            for name in ("mode", "rotary_speed", "turn", "flow_rate"):
+                if getattr(point, name) != getattr(self._last, name):
+                    raise ValueError(f"sequence: {point.sequence} was another set-point; a new one needs a new number")
+        return self._last is not None
 
     def _check_mwd(self, mode: int) -> None:
         needed = {Mode.ORIENT: "mwd_lost_sliding", Mode.ROTATE: "mwd_lost_rotating"}.get(Mode(mode))

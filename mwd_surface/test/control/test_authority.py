@@ -195,6 +195,23 @@ def test_a_new_owner_takes_over_what_it_could_have_asked_for_and_no_more():
         assert authority.status(0.1).mode == mode
 
 
+def test_another_set_point_under_the_same_number_is_refused():
+    authority, lease = owned()
+    authority.command(SetPoint(Mode.ORIENT, lease, 1, turn=0.5), 0.0)
+    taken, why = authority.command(SetPoint(Mode.ORIENT, lease, 1, turn=0.6), 0.1)
+    assert (taken, why) == (False, "sequence: 1 was another set-point; a new one needs a new number")
+
+
+def test_a_lease_that_is_renewed_in_a_turn_makes_the_turn_once():
+    authority, lease = owned()
+    turn = SetPoint(Mode.ORIENT, lease, 1, turn=0.5)
+    authority.command(turn, 0.0)
+    first = authority.update(0.1)[0].sequence
+    authority.request(Request("controller"), 0.2)
+    authority.command(turn, 0.3)
+    assert {point.sequence for _, point in passes(authority, 0.3, 2.0)} == {first}
+
+
 # Faults.
 
 
