@@ -22,7 +22,7 @@ from mwd_msgs.msg import RigCommand
 rclpy.init()
 node = rclpy.create_node("intruder", namespace=sys.argv[1])
 outs = [node.create_publisher(RigCommand, topic, 10) for topic in ("control/command", "rig/command")]
-while min(out.get_subscription_count() for out in outs) == 0:
+while outs[0].get_subscription_count() < 1 or outs[1].get_subscription_count() < 2:  # the rig, and the recorder
     time.sleep(0.05)
 for k in range(1, 11):
     for out in outs:
