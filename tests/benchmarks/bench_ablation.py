@@ -54,10 +54,10 @@ CASES: dict[str, bench.Changes] = {
         50.0, bench.turning(80.0), {"rms": 4.0}, ahrs={"grade": "mti3_calibrated", "output": "sampled"}
     ),
     "curve": bench.held(
-        50.0,
-        {"kind": "drill", "seconds": 100.0, "rpm": 60.0, "rop_m_h": 3000.0},
-        {"rms": 7.0},
-        well={"stations": [[0.0, 50.0, 30.0], [90.0, 75.0, 33.0]], "bit_m": 0.0, "sensor_to_bit_m": 0.0},
+        60.0,
+        {"kind": "slide", "seconds": 85.0, "rop_m_h": 3600.0, "toolface_deg": 40.0},
+        {"rms": 3.0},
+        well={"stations": [[0.0, 60.0, 30.0], [90.0, 60.0, 62.0]], "bit_m": 0.0, "sensor_to_bit_m": 0.0},
     ),
     "rest, then heave": {
         **bench.held(
@@ -83,7 +83,7 @@ VARIANTS: dict[str, tuple[dict[str, dict[str, float]], dict[str, Any]]] = {
     "gyro bias": ({}, {"bias_sigma": 1e-6, "bias_walk": 0.0}),
     "noise of rates across": ({}, {"rate_noise": 0.0}),
     "calibration": ({}, {"calibration_sigma": 0.0}),
-    "gyros out of line": ({}, {"misalignment_sigma": 0.0}),
+    "gyro misalignment": ({}, {"misalignment_sigma": 0.0}),
     "travel along a curve": ({}, {"axial_speed": 0.0}),
     "vertical force": ({"state": {"DOWN_SIGMA": 1e-9}, "noise": {"DOWN_WALK": 0.0}}, {}),
     "displacement follows the motion": ({"noise": {"WALK_PER_DISPLACEMENT": 0.0}}, {}),

@@ -18,7 +18,7 @@ from mwd_estimation.core import clip_flags, track
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_estimation.gravity.bounded.filter import Log, Params
-from mwd_estimation.gravity.bounded.state import BIAS, DOWN, POS, SCALE, STEADY, TILT, VEL
+from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, DOWN, POS, SCALE, STEADY, TILT, VEL
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
@@ -90,6 +90,7 @@ def transition(sums: Any) -> Array:
     F = np.eye(STEADY)
     F[TILT : TILT + 2, BIAS : BIAS + 3] = -sums["bias"]
     F[TILT : TILT + 2, SCALE] = -sums["scale"]
+    F[TILT : TILT + 2, ASKEW : ASKEW + 2] = -sums["askew"]
     both = np.eye(STEADY)[TILT : TILT + 2] + F[TILT : TILT + 2]
     # As `mechanisation.propagate`: gravity acts through the mean of the tilts before and after.
     pull = -0.5 * STANDARD_GRAVITY * T

@@ -22,6 +22,7 @@ from mwd_estimation.gravity.bounded import alignment, clipping, gaps, measuremen
 from mwd_estimation.gravity.bounded.log import Log
 from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import (
+    ASKEW,
     BIAS,
     DOWN,
     DOWN_SIGMA,
@@ -252,7 +253,8 @@ def _forget(p: Params, s: Record) -> None:
         s.bias[j] = 0.0
         s.P[BIAS + j, BIAS + j] = p.bias_sigma**2
     for j in range(2):
-        s.lever[j] = 0.0
+        s.askew[j] = s.lever[j] = 0.0
+        s.P[ASKEW + j, ASKEW + j] = p.misalignment_sigma**2
         s.P[LEVER + j, LEVER + j] = p.lever_sigma**2
     s.scale = s.down = 0.0
     s.P[SCALE, SCALE] = p.scale_sigma**2
@@ -267,6 +269,8 @@ def _log_before(s: Record, i: int, log: Log) -> None:
     entry.sums.time = s.sums.time
     for a in range(2):
         entry.sums.scale[a] = s.sums.scale[a]
+        for j in range(2):
+            entry.sums.askew[a, j] = s.sums.askew[a, j]
         for j in range(3):
             entry.sums.bias[a, j] = s.sums.bias[a, j]
     for j in range(STEADY):

@@ -11,6 +11,7 @@ import math
 
 from mwd_estimation.gravity.bounded.mechanisation import set_matrix
 from mwd_estimation.gravity.bounded.state import (
+    ASKEW,
     BIAS,
     DOWN,
     ERRORS,
@@ -128,6 +129,7 @@ def correct(s: Record, size: int) -> None:
         s.pos[j] += e[POS + j]
         s.bias[j] += e[BIAS + j]
     for j in range(2):
+        s.askew[j] += e[ASKEW + j]
         s.lever[j] += e[LEVER + j]
     s.scale += e[SCALE]
     if size == ERRORS:
@@ -140,6 +142,7 @@ def correct(s: Record, size: int) -> None:
 def sound(s: Record) -> bool:
     """Return whether variances are positive and all is finite."""
     total = s.q[0] + s.q[1] + s.q[2] + s.q[3] + s.scale + s.missing + s.slope + s.down + s.lever[0] + s.lever[1]
+    total += s.askew[0] + s.askew[1]
     for j in range(3):
         total += s.vel[j] + s.pos[j] + s.bias[j]
     least = 0.0

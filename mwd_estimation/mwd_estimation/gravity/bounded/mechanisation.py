@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import BIAS, DOWN, MISSING, POS, SCALE, SLOPE, TILT, VEL, Record, Sums
+from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, DOWN, MISSING, POS, SCALE, SLOPE, TILT, VEL, Record, Sums
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -57,7 +57,7 @@ def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
     """
     scaled = w[0] - s.bias[0]
     wx = scaled * (1.0 - s.scale) + s.missing
-    wy, wz = w[1] - s.bias[1], w[2] - s.bias[2]
+    wy, wz = w[1] - s.bias[1] - s.askew[0] * scaled, w[2] - s.bias[2] - s.askew[1] * scaled
     px, py, pz = wx * dt, wy * dt, wz * dt
     if p.coning > 0.0:
         c = p.coning / 12.0 * dt * dt
@@ -86,6 +86,8 @@ def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
         for j in range(3):
             sums.bias[a, j] += C[a, j] * dt
         sums.scale[a] += C[a, 0] * scaled * dt
+        for j in range(2):
+            sums.askew[a, j] += C[a, 1 + j] * scaled * dt
     power: float = ax * ax + ay * ay + az * az
     return power
 
@@ -97,7 +99,7 @@ def clear_sums(sums: Sums) -> None:
     for j in range(3):
         sums.force[j] = sums.velocity[j] = sums.position[j] = 0.0
     for a in range(2):
-        sums.scale[a] = 0.0
+        sums.scale[a] = sums.askew[a, 0] = sums.askew[a, 1] = 0.0
         for j in range(3):
             sums.bias[a, j] = 0.0
 
@@ -115,7 +117,8 @@ def propagate(P: Array, sums: Sums, size: int) -> None:
     """
     P <- F P F' over the sums since the last update; noise is added by the caller.
 
-    tilt' = tilt - int(C) bias - int(C e_x w_x) scale; velocity' = velocity + [mean of both tilts x] force + T down;
+    tilt' = tilt - int(C) bias - int(C e_x w_x) scale - int(C e_yz w_x) askew;
+    velocity' = velocity + [mean of both tilts x] force + T down;
     position' = position + T velocity and a half step of what the first half of that adds.
     """
     T = sums.time
@@ -124,6 +127,7 @@ def propagate(P: Array, sums: Sums, size: int) -> None:
     b, c = sums.bias, sums.scale
     b00, b01, b02, b10, b11, b12 = b[0, 0], b[0, 1], b[0, 2], b[1, 0], b[1, 1], b[1, 2]
     c0, c1 = c[0], c[1]
+    k00, k01, k10, k11 = sums.askew[0, 0], sums.askew[0, 1], sums.askew[1, 0], sums.askew[1, 1]
     clipped = size > MISSING
     if not clipped:
         # Vibration has no mean: only gravity is sure to act through the tilt for the whole interval.
@@ -131,7 +135,9 @@ def propagate(P: Array, sums: Sums, size: int) -> None:
     for j in range(size):
         x, y = P[TILT, j], P[TILT + 1, j]
         nx = x - b00 * P[BIAS, j] - b01 * P[BIAS + 1, j] - b02 * P[BIAS + 2, j] - c0 * P[SCALE, j]
+        nx -= k00 * P[ASKEW, j] + k01 * P[ASKEW + 1, j]
         ny = y - b10 * P[BIAS, j] - b11 * P[BIAS + 1, j] - b12 * P[BIAS + 2, j] - c1 * P[SCALE, j]
+        ny -= k10 * P[ASKEW, j] + k11 * P[ASKEW + 1, j]
         if clipped:
             turned = P[MISSING, j] + h * P[SLOPE, j]
             nx += b00 * turned
@@ -148,7 +154,9 @@ def propagate(P: Array, sums: Sums, size: int) -> None:
     for j in range(size):
         x, y = P[j, TILT], P[j, TILT + 1]
         nx = x - b00 * P[j, BIAS] - b01 * P[j, BIAS + 1] - b02 * P[j, BIAS + 2] - c0 * P[j, SCALE]
+        nx -= k00 * P[j, ASKEW] + k01 * P[j, ASKEW + 1]
         ny = y - b10 * P[j, BIAS] - b11 * P[j, BIAS + 1] - b12 * P[j, BIAS + 2] - c1 * P[j, SCALE]
+        ny -= k10 * P[j, ASKEW] + k11 * P[j, ASKEW + 1]
         if clipped:
             turned = P[j, MISSING] + h * P[j, SLOPE]
             nx += b00 * turned

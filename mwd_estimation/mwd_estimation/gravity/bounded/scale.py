@@ -5,8 +5,8 @@ The noises have reserve, because motion is not white and gains need only their r
 it should corrects the tilt by a variance of what the covariance shrinks by. Corrections are summed over the filter's
 own time, that in which noise adds as much as the variance of the tilt: of a filter of first order they then show the
 error's variance exactly, be it driven by the gyros or by the motion (`docs/methods/bounded_gravity_filter.md`). Their
-power is the factor of the covariance. What no innovation shows is added: calibration, gyros out of line with the
-accelerometers, travel along a curve.
+power is the factor of the covariance. What no innovation shows is added: calibration, a cone of the gyros across the
+axis while the tool rotates, travel along a curve.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import math
 from mwd_estimation.gravity.bounded import noise
 from mwd_estimation.gravity.bounded.measurement import hole_direction
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import BIAS, TILT, Record, Scale
+from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, TILT, Record, Scale
 from mwd_sensors.core.compiled import compiled
 
 OWN_LEAST, OWN_MOST = 0.3, 20.0  # s, limits of the filter's own time
@@ -28,7 +28,7 @@ SCALE_YOUNG, SCALE_AGE = 1.0, 0.15  # s and share: after a start it is no longer
 USUAL_TIME = 10.0  # s, memory of the usual innovation
 ROTATING = 1.5  # rad/s, mean rate about the axis beyond which the filter cannot follow what is fixed in the tool
 HALF = 0.5  # of the variance of calibration: biases; the other half is scales and axes out of square
-BIAS_SHARE = 0.4  # of the carried sigma of the gyro bias, which has reserve
+BIAS_SHARE = 0.4  # of the carried sigmas of gyro bias and misalignment, which have reserve
 CURVE_TIME, CURVE_MOST = 5.0, 0.01  # s, memory of the axis; rad/s, rate of its turning that no hole asks for
 
 
@@ -79,16 +79,39 @@ def factors(s: Record) -> tuple[float, float]:
 
 
 @compiled
+def _cone(s: Record, rotating: float) -> float:
+    """
+    Variance of the axis that a tool seems to rotate about, mean of y and z, rad^2.
+
+    Gyros across the axis that are out of line, or have a bias, see the tool rotate about another axis than its own. A
+    lasting speed hides much of that, and no innovation shows it.
+    """
+    total, slow = 0.0, rotating / math.copysign(max(s.turning, 1e-3), s.last_w[0])
+    for j in range(2):
+        both = s.P[BIAS + 1 + j, BIAS + 1 + j] * slow + 2.0 * s.P[BIAS + 1 + j, ASKEW + j]
+        total += 0.5 * BIAS_SHARE**2 * (s.P[ASKEW + j, ASKEW + j] + slow * both)
+    return total
+
+
+@compiled
+def _heading_rate(s: Record) -> float:
+    """Variance of the rate about the vertical that the bias of the gyros feigns, (rad/s)^2."""
+    total = 0.0
+    for j in range(3):
+        for m in range(3):
+            total += s.C[2, j] * s.P[BIAS + j, BIAS + m] * s.C[2, m]
+    return BIAS_SHARE**2 * total
+
+
+@compiled
 def floors(p: Params, s: Record) -> tuple[float, float]:
     """Variances that no innovation shows, of the inclination and of the tilt across the hole, rad^2."""
     C, turn2 = s.C, s.turning**2
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2
     upright2 = min(C[2, 0] ** 2, 1.0)
     rotating = turn2 / (turn2 + ROTATING**2)
-    floor, bias2 = p.calibration_sigma**2, 0.5 * BIAS_SHARE**2 * (s.P[BIAS + 1, BIAS + 1] + s.P[BIAS + 2, BIAS + 2])
-    # Gyros that are out of line or have a bias across the axis see the tool rotate about another axis. A lasting speed
-    # hides that bias from the filter, and no innovation shows either.
-    askew = rotating * (p.misalignment_sigma**2 + rotating * bias2 / max(turn2, 1e-6))
+    floor = p.calibration_sigma**2
+    askew = rotating * _cone(s, rotating)
     # The pull of the circle that the sensor runs is across the axis; a share of it lies along the hole.
     pull2 = turn2 * turn2 * (s.lever[0] ** 2 + s.lever[1] ** 2) / p.gravity**2
     # Rotation averages out what is fixed across the axis, but for a turn of the accelerometers about it.
@@ -99,7 +122,8 @@ def floors(p: Params, s: Record) -> tuple[float, float]:
     rate2 = bx * bx + by * by
     share = (p.axial_speed / p.gravity) ** 2 * min(1.0, CURVE_MOST**2 / max(rate2, 1e-12)) / max(across2, 1e-6)
     along += share * (bx * C[0, 0] + by * C[1, 0]) ** 2
-    aside += share * (bx * C[1, 0] - by * C[0, 0]) ** 2
+    turned2 = (bx * C[1, 0] - by * C[0, 0]) ** 2 - across2 * across2 * _heading_rate(s)
+    aside += share * max(turned2, 0.0)
     return along, aside
 
 

@@ -14,10 +14,10 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.records import dtype_of
 
 # Errors, true minus estimate: tilt about the level x and y axes; velocity and displacement in level axes (x, y, down);
-# gyro bias in tool axes; scale of the x gyro; lever arm along y and z; vertical force; and while the x gyro clips the
-# rate it misses and the slope of that rate.
-TILT, VEL, POS, BIAS, SCALE, LEVER, DOWN, MISSING, SLOPE = 0, 2, 5, 8, 11, 12, 14, 15, 16
-STEADY, ERRORS = 15, 17  # number of errors that are always carried, and while the x gyro clips
+# gyro bias in tool axes; scale of the x gyro; share of the x rate that the y and z gyros read; lever arm along y and z;
+# vertical force; and while the x gyro clips the rate it misses and the slope of that rate.
+TILT, VEL, POS, BIAS, SCALE, ASKEW, LEVER, DOWN, MISSING, SLOPE = 0, 2, 5, 8, 11, 12, 14, 16, 17, 18
+STEADY, ERRORS = 17, 19  # number of errors that are always carried, and while the x gyro clips
 DOWN_SIGMA = 0.05  # m/s^2, gravity's magnitude as the sensor shows it: the Earth's spread and a raw sensor's scale
 
 
@@ -30,6 +30,8 @@ class Sums:
     """Level rows of C, s."""
     scale: Annotated[Array, 2]
     """Level components of the x rate, rad."""
+    askew: Annotated[Array, 2, 2]
+    """Level rows of C, y and z, times the x rate, rad."""
     force: Annotated[Array, 3]
     """Specific force in level axes, m/s."""
     velocity: Annotated[Array, 3]
@@ -125,6 +127,8 @@ class Record:
     """Gyro bias, tool axes, rad/s."""
     scale: float
     """Scale error of the x gyro."""
+    askew: Annotated[Array, 2]
+    """Share of the x rate that the y and z gyros read."""
     lever: Annotated[Array, 2]
     """Sensor from the point that stays, y and z, m. Along the axis nothing shows it: a tool swings too little."""
     down: float
@@ -213,6 +217,7 @@ def initial(params: Params) -> State:
     for j in range(3):
         s.P[BIAS + j, BIAS + j] = params.bias_sigma**2
     for j in range(2):
+        s.P[ASKEW + j, ASKEW + j] = params.misalignment_sigma**2
         s.P[LEVER + j, LEVER + j] = params.lever_sigma**2
     s.P[SCALE, SCALE] = params.scale_sigma**2
     s.P[DOWN, DOWN] = DOWN_SIGMA**2

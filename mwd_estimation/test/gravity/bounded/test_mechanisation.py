@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from mwd_estimation.gravity.bounded import measurement, mechanisation
 from mwd_estimation.gravity.bounded.filter import Params, initial
-from mwd_estimation.gravity.bounded.state import BIAS, DOWN, LEVER, POS, SCALE, STEADY, TILT, VEL
+from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, DOWN, LEVER, POS, SCALE, STEADY, TILT, VEL
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 KERNEL = Params()
@@ -24,6 +24,7 @@ def nominal(seed):
     s.vel[:], s.pos[:] = 0.3 * rng.standard_normal((2, 3))
     s.bias[:], s.lever[:] = 0.01 * rng.standard_normal(3), 0.1 * rng.standard_normal(2)
     s.scale, s.down = 0.01, 0.02
+    s.askew[:] = 0.01 * rng.standard_normal(2)
     return state
 
 
@@ -38,8 +39,8 @@ def difference(a, b):
     """Error that brings b to a, with the filter's own conventions."""
     turn = a.C @ b.C.T
     tilt = [0.5 * (turn[2, 1] - turn[1, 2]), 0.5 * (turn[0, 2] - turn[2, 0])]
-    rest = [a.vel - b.vel, a.pos - b.pos, a.bias - b.bias, [a.scale - b.scale], a.lever - b.lever, [a.down - b.down]]
-    return np.concatenate([tilt, *rest])
+    sensors = [a.bias - b.bias, [a.scale - b.scale], a.askew - b.askew, a.lever - b.lever, [a.down - b.down]]
+    return np.concatenate([tilt, a.vel - b.vel, a.pos - b.pos, *sensors])
 
 
 def carried(state, gyro, accel, dt):
@@ -86,7 +87,7 @@ def test_a_measurement_takes_back_an_error_of_position_and_lever_arm(axis):
     s.correction[:] = 0.0
     measurement.update(s, STEADY, axis, 1e-9, NEVER)
     assert s.correction[POS : POS + 3] == pytest.approx(-0.01 * s.C[:, axis], abs=1e-9)
-    assert s.correction[[TILT, VEL, BIAS, SCALE, LEVER, DOWN]] == pytest.approx(0.0, abs=1e-15)
+    assert s.correction[[TILT, VEL, BIAS, SCALE, ASKEW, LEVER, DOWN]] == pytest.approx(0.0, abs=1e-15)
     assert pytest.approx(np.eye(3), abs=1e-12) == s.C.T @ s.C
 
 
