@@ -39,6 +39,7 @@ from mwd_sensors.core.settings import SettingsError
 
 # Least ratio of a gyro's noise or bias to the default tool's: the bounded filter does not take a gyro for perfect.
 _LEAST_GYRO = 0.02
+_LOCAL_GRAVITY = 0.002  # m/s^2, of the normal gravity of a place: anomalies, and the depth of the tool
 
 
 def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
@@ -49,6 +50,7 @@ def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
     calibration = tool.calibration_mrad / 1e3
     derived = {
         "gravity": gravity or STANDARD_GRAVITY,
+        "gravity_sigma": _LOCAL_GRAVITY if gravity else getattr(default, "gravity_sigma", 0.0),
         "gyro_range": math.radians(min(tool.gyro.range_deg_s)),
         "accel_range": min(tool.accelerometer.range_g) * STANDARD_GRAVITY,
         "coning": 0.0 if tool.samples == "integrated" else 1.0,

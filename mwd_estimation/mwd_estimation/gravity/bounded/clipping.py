@@ -13,6 +13,7 @@ HIDDEN = 0.0014  # s of clipping that a sample must be able to show before it co
 UNUSUAL = 2.2  # times the usual acceleration
 LOST = 2.0  # velocity lost for each velocity shown
 USUAL_TIME = 0.3  # s, memory of the usual acceleration
+SHOCK_POWER = 1e4  # (m/s^2)^2, the most of a shock that enters it
 SHOCK_MEMORY, FREQUENT = 10.0, 6.0  # s; shocks in that time from which on losses that do not stand out are expected
 QUIET = 0.05  # least usual square of an innovation that the gate is a multiple of
 GATE = 6.0  # square of an innovation over the usual one that then shows a velocity lost
@@ -57,7 +58,8 @@ def follow_shocks(p: Params, s: Record, dt: float, f: Vector, power: float, flag
                     if m == 2:
                         am += p.gravity
                     s.P[VEL + j, VEL + m] += lost * aj * am
-    s.power += min(1.0, dt / USUAL_TIME) * (min(power, 1e4) - s.power)
+    # A shock counts little in the usual acceleration, strong vibration counts whole.
+    s.power += min(1.0, dt / USUAL_TIME) * (min(power, SHOCK_POWER + 4.0 * s.power) - s.power)
 
 
 @compiled

@@ -113,22 +113,23 @@ def explained(s: Record) -> float:
 
 
 @compiled
+def shaken_by_shocks(s: Record) -> bool:
+    """Whether shocks are frequent: the velocity that each hides looks like vibration that point samples fold down."""
+    return bool(s.shocks > FREQUENT)
+
+
+@compiled
 def whole(s: Record) -> float:
     """
     Return the share, 0 to 1, to which vibration that point samples fold down counts as dense as neighbours say.
 
-    It counts where the displacement of the last 20 s is most of what neighbouring samples explain. A density that
-    followed the displacement within seconds would be too small by chance at times, and the gain too large.
+    It counts where shocks are rare and the displacement of the last 20 s is most of what neighbouring samples explain.
+    A density that followed the displacement within seconds would be too small by chance at times, and the gain too
+    large.
     """
-    if s.motion.rough < FOLDED_LEAST:
+    if s.motion.rough < FOLDED_LEAST or shaken_by_shocks(s):
         return 0.0
     return min(max(3.0 * s.motion.folded_aside / max(s.motion.folded, 1e-12) - 1.0, 0.0), 1.0)
-
-
-@compiled
-def shaken_by_shocks(s: Record) -> bool:
-    """Whether shocks are frequent, and are not peaks of vibration that point samples fold down."""
-    return bool(s.shocks > FREQUENT and whole(s) < 1.0)
 
 
 @compiled

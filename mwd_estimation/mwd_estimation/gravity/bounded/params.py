@@ -15,6 +15,9 @@ class Params(NamedTuple):
     ----------
     gravity : float
         Magnitude of local gravity, m/s^2. An error of 0.01 costs nothing in attitude; a state absorbs it.
+    gravity_sigma : float
+        How well that is known, m/s^2: what the accelerometers show beyond it is an error of theirs, which widens sigma.
+        Not known by default: the spread over the Earth.
     gyro_range, accel_range : float
         Rate, rad/s, and force, m/s^2, at which the sensors clip.
     coning : float
@@ -49,6 +52,7 @@ class Params(NamedTuple):
     """
 
     gravity: float = STANDARD_GRAVITY
+    gravity_sigma: float = 0.03
     gyro_range: float = 34.9
     accel_range: float = 156.9
     coning: float = 0.0

@@ -16,7 +16,7 @@ import math
 from mwd_estimation.gravity.bounded import noise
 from mwd_estimation.gravity.bounded.measurement import hole_direction
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, TILT, Record, Scale
+from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, DOWN, TILT, Record, Scale
 from mwd_sensors.core.compiled import compiled
 
 OWN_LEAST, OWN_MOST = 0.3, 20.0  # s, limits of the filter's own time
@@ -110,7 +110,9 @@ def floors(p: Params, s: Record) -> tuple[float, float]:
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2
     upright2 = min(C[2, 0] ** 2, 1.0)
     rotating = turn2 / (turn2 + ROTATING**2)
-    floor = p.calibration_sigma**2
+    # Accelerometers that show another gravity than the place has are in error by as much across it as well.
+    shown2 = s.down**2 - s.P[DOWN, DOWN] - p.gravity_sigma**2
+    floor = max(p.calibration_sigma**2, shown2 / p.gravity**2)
     askew = rotating * _cone(s, rotating)
     # The pull of the circle that the sensor runs is across the axis; a share of it lies along the hole.
     pull2 = turn2 * turn2 * (s.lever[0] ** 2 + s.lever[1] ** 2) / p.gravity**2
