@@ -145,3 +145,21 @@ def test_the_browser_has_nothing_to_complain_about(browser):
             "return JSON.stringify(performance.getEntriesByType('resource').map((e) => e.name))"
         )
         assert all(name.startswith(rig.server.address) for name in json.loads(names))
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_whether_it_is_recorded_and_what_the_alarm_is_stay_in_view_beside_trouble(browser, size):
+    with rig_on(browser, size) as rig:
+        rig.book.raise_alarm("mag", Severity.CRITICAL, "magnetometer no longer sends samples", "plug", time.time_ns())
+        rig.publish()
+        rig.live(status=int(Status.SENSOR_FAULT | Status.NO_MAG | Status.ROTATING))
+        wait(browser, lambda: "no usable magnetometer" in text(browser, "#pills"))
+        wait(browser, lambda: "no longer" in text(browser, ".alarm-what"))
+        cut = """
+          const row = document.getElementById("pills").getBoundingClientRect();
+          const pill = [...document.querySelectorAll("#pills .pill")].find((p) => p.textContent.includes("recording"));
+          const place = pill.getBoundingClientRect(), what = document.querySelector(".alarm-what");
+          return [place.bottom - row.bottom, place.right - row.right, what.scrollHeight - what.clientHeight,
+            what.scrollWidth - what.clientWidth];
+        """
+        assert max(browser.execute_script(cut)) <= 1

@@ -194,14 +194,15 @@ class InputTopics:
         return Diagnostic(topic, level, message, "check its QoS", values)
 
     def mount_diagnostics(self, mount: Mount) -> tuple[Diagnostic, ...]:
-        """Report units that are not used because their mount is not known; nothing where all of them are."""
+        """Report units whose mount is not known: not used, or taken to be that of the conventional unit."""
         found = []
-        for unit, sentence in mount.unusable.items():
-            # A unit that never came is reported as such.
-            if unit == "imu" or self.received(_UNITS[unit]):
-                level = ERROR if unit == "imu" else WARN
-                what, _, remedy = sentence.partition(": ")
-                found.append(Diagnostic(f"mount of {_UNITS[unit]}", level, f"not used: {what}", remedy))
+        for words, units in (("not used", mount.unusable), ("taken in the axes of the IMU", mount.assumed)):
+            for unit, sentence in units.items():
+                # A unit that never came is reported as such.
+                if unit == "imu" or self.received(_UNITS[unit]):
+                    level = ERROR if unit == "imu" else WARN
+                    what, _, remedy = sentence.partition(": ")
+                    found.append(Diagnostic(f"mount of {_UNITS[unit]}", level, f"{words}: {what}", remedy))
         return tuple(found)
 
     def covariance_diagnostics(self) -> list[Diagnostic]:

@@ -167,6 +167,8 @@ class Mount:
         The accelerometer of the conventional unit reads gravity instead of specific force.
     unusable : dict of str to str
         Units (imu, mag, precision) whose rotation is not known, each with a sentence that says what to do.
+    assumed : dict of str to str
+        Units that are taken to share the axes of the conventional one though their frame is another, likewise.
     """
 
     imu: Array
@@ -174,6 +176,7 @@ class Mount:
     precision: Array
     unusable: Mapping[str, str] = dataclasses.field(default_factory=dict)
     reversed_accelerometer: bool = False
+    assumed: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     @property
     def turns(self) -> bool:
@@ -213,10 +216,12 @@ def resolve(
     Returns
     -------
     Mount
-        Units whose rotation is not known keep that of the conventional unit and are named in `unusable`.
+        Units whose rotation is not known keep that of the conventional unit and are named: in `unusable`, or, the
+        precision unit, whose rates are compared with those of the conventional one, in `assumed`.
     """
     names, transforms = names or {}, transforms or Transforms()
     unusable: dict[str, str] = {}
+    assumed: dict[str, str] = {}
     found: dict[str, Array] = {}
     for unit in ("imu", "mag", "precision"):
         text, frame, imu_frame = getattr(given, unit), names.get(unit, ""), names.get("imu", "")
@@ -235,13 +240,17 @@ def resolve(
         else:
             known = transforms.between(frame, imu_frame)
             found[unit] = found["imu"] if known is None else found["imu"] @ known
-            if known is None and unit == "mag":
-                unusable[unit] = (
-                    f"it is in {frame!r}, the IMU in {imu_frame!r}, and no static transform joins them: set "
-                    "tool.mount.mag (x-down if it shares the tool's axes), or publish the transform on /tf_static"
-                )
+            if known is None:
+                apart = f"it is in {frame!r}, the IMU in {imu_frame!r}, and no static transform joins them: "
+                if unit == "mag":
+                    unusable[unit] = (
+                        f"{apart}set tool.mount.mag (x-down if it shares the tool's axes), or publish the transform on "
+                        "/tf_static"
+                    )
+                else:
+                    assumed[unit] = f"{apart}set tool.mount.precision (x-down if it shares the tool's axes)"
     clean = {unit: _snapped(mat) for unit, mat in found.items()}
-    return Mount(clean["imu"], clean["mag"], clean["precision"], unusable, given.accelerometer == "down")
+    return Mount(clean["imu"], clean["mag"], clean["precision"], unusable, given.accelerometer == "down", assumed)
 
 
 def _snapped(mat: Array) -> Array:

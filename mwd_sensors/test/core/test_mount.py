@@ -83,6 +83,12 @@ def test_a_unit_whose_rotation_is_not_known_is_named_with_what_to_do():
     assert list(apart.unusable) == ["mag"]
     assert "'mag_link'" in apart.unusable["mag"]
     assert "tool.mount.mag" in apart.unusable["mag"]
+    # The rates of a precision unit are compared with those of the other: it is used, and said to be so.
+    assert list(apart.assumed) == ["precision"]
+    assert "'fog_link'" in apart.assumed["precision"]
+    assert "tool.mount.precision" in apart.assumed["precision"]
+    assert resolve(MountSettings(precision="x-down"), {"imu": "imu_link", "precision": "fog_link"}).assumed == {}
+    assert resolve(MountSettings(), {"imu": "imu_link", "precision": "imu_link"}).assumed == {}
     assert resolve(MountSettings(mag="x-down"), {"imu": "imu_link", "mag": "mag_link"}).unusable == {}
     unknown = resolve(MountSettings(imu="tf"), {"imu": "imu_link"})
     assert "'imu_link' to 'sonde_link'" in unknown.unusable["imu"]

@@ -156,6 +156,9 @@ class BagEstimate:
         self._use_mag = self._use_mag and "mag" not in unusable
         units = {"mag": self.topics.mag, "precision": self.topics.precision}
         self._summary.warnings += [f"{units[unit]} is not used: {why}" for unit, why in unusable.items()]
+        assumed = self._pipeline.mount.assumed
+        taken = "is taken in the axes of the IMU"
+        self._summary.warnings += [f"{units[unit]} {taken}: {why}" for unit, why in assumed.items()]
 
     def _blocks(self) -> Iterator[tuple[Block, list[Originals]]]:
         """Read the bag, with its messages as they are where a merger wants them."""

@@ -82,6 +82,9 @@ def surveys_of_bag(bag: Bag) -> SurveyList:
     BagError
         It has none, lists of several wells, or a list of several legs, whose tie-ons are not in a recording.
     """
+    if all(topic.type_name != LIST_TYPE for topic in bag.topics.values()):
+        hint = f"`mwd process {bag.path} -o out` makes one in the folder out"
+        raise BagError(f"{bag.path} has no survey list: no surface unit recorded it", hint)
     topic = bag.find_topic(LIST_TYPE, "surveys")
     last = None
     for _, _, _, data in bag.messages([topic]):
