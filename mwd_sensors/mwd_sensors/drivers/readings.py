@@ -108,11 +108,10 @@ def samples_of(topic: str, readings: list[Reading], offset_ns: int = 0) -> Sampl
     """
     out = burst.bare(len(readings)) if LAYOUTS[topic] is wire.IMU else LAYOUTS[topic].empty(len(readings))
     out["stamp_ns"] = np.array([one.stamp_ns for one in readings], dtype=np.int64) + offset_ns
-    values = np.array([one.values for one in readings], dtype=float).reshape(len(readings), -1)
+    width = 1 if out[FIELDS[topic][0]].ndim == 1 else 3
+    values = np.array([one.values for one in readings], dtype=float).reshape(len(readings), len(FIELDS[topic]), width)
     for k, field in enumerate(FIELDS[topic]):
-        width = 3 if out[field].ndim == 2 else 1
-        part = values[:, k * width : (k + 1) * width]
-        out[field] = part if width == 3 else part[:, 0]
+        out[field] = values[:, k] if width == 3 else values[:, k, 0]
     status = np.array([one.status for one in readings], dtype=int)
     for field in FIELDS[topic]:
         if field in _CLIP_BITS:
@@ -122,8 +121,7 @@ def samples_of(topic: str, readings: list[Reading], offset_ns: int = 0) -> Sampl
 
 def readings_of(topic: str, samples: Samples) -> list[Reading]:
     """Readings of samples with their clip flags: the inverse of `samples_of`."""
-    columns = [np.asarray(samples[field], dtype=float).reshape(len(samples), -1) for field in FIELDS[topic]]
-    rows = np.hstack(columns).tolist()
+    rows = np.column_stack([np.asarray(samples[field], dtype=float) for field in FIELDS[topic]]).tolist()
     status = np.zeros(len(samples), dtype=int)
     for field in FIELDS[topic]:
         if field in _CLIP_BITS:

@@ -11,9 +11,11 @@ import pytest
 from mwd_sensors.core import burst, wire
 from mwd_sensors.drivers import serial_probe
 from mwd_sensors.drivers.emulator import NAME, Emulator
-from mwd_sensors.drivers.readings import samples_of
+from mwd_sensors.drivers.readings import LAYOUTS, readings_of, samples_of
 from mwd_sensors.drivers.serial_probe import LineSettings, SerialProbe
 from mwd_sensors.drivers.unit_clock import UnitClock
+from mwd_sensors.simulator import scenario
+from mwd_sensors.simulator.sonde import Sonde
 
 START = 1_772_344_800_000_000_000
 
@@ -57,6 +59,22 @@ def test_what_a_probe_sends_comes_to_the_bit(protocol):
     for topic, samples in sent.items():
         mine = samples_of(topic, [one for one in got if one.topic == topic])
         assert mine.tobytes() == samples.tobytes()
+
+
+def test_a_scenario_is_played_though_most_of_its_blocks_have_no_temperature():
+    sent = list(Sonde(scenario.parse("name: short\nschedule: [{kind: still, seconds: 1.5}]")).blocks(0.1))
+    assert min(len(block["imu/temperature"]) for block in sent) == 0
+    with Emulator("binary", wait_for_start=True) as emulator:
+        probe = SerialProbe(LineSettings(port=emulator.device, clock="unit"))
+        player = threading.Thread(target=emulator.play, args=(sent, 0.0))
+        player.start()
+        got = received(probe, sum(len(block[topic]) for block in sent for topic in LAYOUTS))
+        player.join()
+        probe.close()
+    assert {one.topic for one in got} == set(LAYOUTS)
+    for topic, layout in LAYOUTS.items():
+        assert readings_of(topic, layout.empty(0)) == []
+        assert len(samples_of(topic, [])) == 0
 
 
 def test_an_mti_on_a_line_gives_the_rates_and_forces_of_its_increments():
