@@ -98,11 +98,11 @@ def test_the_estimator_may_not_read_the_truth_and_nobody_else_may_judge_surveys(
     ]
 
 
-def test_the_policy_file_has_an_enclave_for_each_node_and_for_an_operator():
+def test_the_policy_file_has_an_enclave_for_each_node_an_operator_and_a_controller():
     root = etree.fromstring(security_policy.policy_xml(security_policy.shipped(), "/field/well_7/").encode())
     assert root.attrib == {"version": "0.2.0"}
     paths = [enclave.attrib["path"] for enclave in root.iter("enclave")]
-    assert [path.rpartition("/")[2] for path in paths] == [*security_policy.shipped(), "operator"]
+    assert [path.rpartition("/")[2] for path in paths] == [*security_policy.shipped(), "operator", "controller"]
     assert all(path.startswith("/field/well_7/") for path in paths)
     assert all(profile.attrib["ns"] == "/field/well_7" for profile in root.iter("profile"))
     operator = root.find("enclaves/enclave[@path='/field/well_7/operator']/profiles/profile")
@@ -111,6 +111,9 @@ def test_the_policy_file_has_an_enclave_for_each_node_and_for_an_operator():
     assert "surface/set_parameters" in requested
     published = [topic.text for topic in operator.findall("topics[@publish='ALLOW']/topic")]
     assert "imu/data_raw" not in published
+    controller = root.find("enclaves/enclave[@path='/field/well_7/controller']/profiles/profile")
+    assert "control/command" in [topic.text for topic in controller.findall("topics[@publish='ALLOW']/topic")]
+    assert "accept_survey" not in [service.text for service in controller.findall("services/service")]
 
 
 @pytest.mark.parametrize("well", ["a b", "well-1", "x/../y", '"><x'])

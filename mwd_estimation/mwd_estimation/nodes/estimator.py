@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from mwd_msgs.action import NorthSeek, RotarySurvey
-from mwd_msgs.msg import Attitude, Dynamics, Gravity, Interference, SurveyList
+from mwd_msgs.msg import Attitude, Dynamics, Gravity, InnovationList, Interference, SurveyList
 from mwd_msgs.msg import Survey as SurveyMessage
 from mwd_msgs.srv import SetReferenceField, TakeSurvey
 from sensor_msgs.msg import Imu
@@ -23,6 +23,7 @@ from mwd_estimation.nodes.action_servers import FEEDBACK_PERIOD, EstimatorAction
 from mwd_estimation.nodes.inputs import InputTopics
 from mwd_estimation.nodes.messages import (
     MIN_SPACING_NS,
+    innovation_message,
     oriented_imu,
     published_rows,
     survey_message,
@@ -43,6 +44,7 @@ from mwd_sensors.ros.message_buffer import publish_rows
 from mwd_sensors.ros.run_node import run_node
 
 _BLOCK_PERIOD = 0.002  # s; longest time a sample waits for others before they are estimated together
+_INNOVATIONS_PERIOD = 1.0  # s
 _TF_PERIOD_NS = 50_000_000
 
 
@@ -73,10 +75,12 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._imu = self.add_publisher(Imu, "imu/data", qos.STREAM)
         self._interference = self.add_publisher(Interference, "interference", qos.STATE)
         self._dynamics = self.add_publisher(Dynamics, "dynamics", qos.STATE)
+        self._innovations = self.add_publisher(InnovationList, "innovations", qos.STATE)
         self._survey = self.add_publisher(SurveyMessage, "survey", qos.EVENT)
         self._tf = self.add_publisher(TFMessage, "/tf", qos.STATE)
         self._transmission = TransmissionPublisher(self, self.settings.transmit)
         self.add_timer(_BLOCK_PERIOD, self._estimate_block)
+        self.add_timer(_INNOVATIONS_PERIOD, self._publish_innovations)
         self.add_timer(FEEDBACK_PERIOD, self._actions.publish_feedback)
         self.add_subscription(SurveyList, "surveys", self._on_surveys, qos.LATCHED)
         self.add_service(TakeSurvey, "take_survey", self._take_survey)
@@ -182,6 +186,11 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             self._last_status = int(output.attitude["status"][-1])
             self._inputs.at_rest = bool(self._last_status & Status.STILL)
             self._publish_tf(oriented[-1], frame)
+
+    def _publish_innovations(self) -> None:
+        pipeline = self._pipeline
+        if pipeline.last_imu_ns > 0 and not self._inputs.silent("imu/data_raw"):
+            self._innovations.publish(innovation_message(pipeline.innovations, pipeline.last_imu_ns, self._frame))
 
     def _publish_survey(self, survey: Survey, frame: str) -> tuple[SurveyMessage, str]:
         message = survey_message(survey, frame)

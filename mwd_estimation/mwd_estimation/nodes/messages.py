@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
-from mwd_msgs.msg import AzimuthEstimate
+from mwd_msgs.msg import AzimuthEstimate, InnovationList
+from mwd_msgs.msg import Innovation as InnovationMessage
 from mwd_msgs.msg import Survey as SurveyMessage
 
+from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.survey.survey import Survey
 from mwd_estimation.survey.survey_message import known, survey_fields
 from mwd_sensors.core import frames
 from mwd_sensors.core.arrays import Indices, Samples, Stamps
 from mwd_sensors.ros.time_stamps import stamp
 
-__all__ = ["known", "oriented_imu", "published_rows", "stamp", "survey_message", "tool_transform"]
+__all__ = ["innovation_message", "known", "oriented_imu", "published_rows", "stamp", "survey_message", "tool_transform"]
 
 # Shortest time between two published estimates, ns: 0.8 ms. A unit faster than 1 kHz is estimated at its own rate.
 MIN_SPACING_NS = 800_000
@@ -28,6 +31,14 @@ def survey_message(survey: Survey, frame_id: str) -> SurveyMessage:
     message = SurveyMessage(azimuths=azimuths, **fields)
     message.header.stamp = stamp(survey.stamp_ns)
     message.header.frame_id = frame_id
+    return message
+
+
+def innovation_message(found: Sequence[Innovation], stamp_ns: int, frame_id: str) -> InnovationList:
+    """Innovations as mwd_msgs/msg/InnovationList."""
+    message = InnovationList()
+    message.header.stamp, message.header.frame_id = stamp(stamp_ns), frame_id
+    message.sources = [InnovationMessage(test_ratio=one.test_ratio, **one._asdict()) for one in found]
     return message
 
 

@@ -5,7 +5,8 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 
-from mwd_estimation.nodes.messages import published_rows
+from mwd_estimation.core.innovations import Innovation, of_power
+from mwd_estimation.nodes.messages import innovation_message, published_rows
 
 START = 1_772_344_800_000_000_000
 
@@ -32,3 +33,19 @@ def test_blocks_of_any_length_publish_the_same_and_time_may_go_back():
     for cuts in ([1, 2, 3, 5, 8, 13, 300], [299], [301, 302, 599], list(range(1, 600))):
         assert places(stamps, cuts) == places(stamps, [])
     assert 300 in places(stamps, [])
+
+
+def test_innovations_keep_their_meaning_in_the_message():
+    found = [Innovation("magnetic_field", 6.0, 4.0, 10, 2, 1), of_power("gravity_toolface", 4.0), of_power("x", 0.0)]
+    message = innovation_message(found, START + 5, "sonde_link")
+    field, gravity, none = message.sources
+    assert (field.source, field.test_ratio, field.used, field.rejected, field.disturbed) == (
+        "magnetic_field",
+        2.25,
+        10,
+        2,
+        1,
+    )
+    assert (gravity.innovation, gravity.gate, gravity.test_ratio) == (2.0, 0.0, 4.0)
+    assert (none.innovation, none.test_ratio) == (-1.0, -1.0)
+    assert (message.header.stamp.nanosec, message.header.frame_id) == (5, "sonde_link")

@@ -25,8 +25,10 @@ KINDS = {
     "execute": ("actions", "execute", "action"),
     "call": ("actions", "call", "action"),
 }
-OPERATOR = "operator"
-"""Profile of whoever calls services and looks at topics, as `ros2` and `mwd call` do."""
+OPERATOR, CONTROLLER = "operator", "controller"
+"""Profiles of whoever calls services and looks at topics, as `ros2` and `mwd call` do, and of who steers by a lease."""
+# What a controller does beside looking: it holds the lease and asks for set-points.
+_CONTROL = {"publish": ["control/command"], "request": ["release_control", "request_control"], "call": []}
 _FILE = Path(__file__).with_name("security_policy.yaml")
 
 
@@ -105,7 +107,9 @@ def policy_xml(table: Mapping[str, Mapping[str, list[str]]], well: str) -> str:
     space = f"/{well.strip('/')}" if well.strip("/") else ""
     policy = ET.Element("policy", version="0.2.0")
     enclaves = ET.SubElement(policy, "enclaves")
-    for node, kinds in {**table, OPERATOR: _of_operator(table)}.items():
+    operator = _of_operator(table)
+    controller = {**operator, **_CONTROL, "publish": operator["publish"] + _CONTROL["publish"]}
+    for node, kinds in {**table, OPERATOR: operator, CONTROLLER: controller}.items():
         enclave = ET.SubElement(enclaves, "enclave", path=f"{space}/{node}")
         # Visitors have names of their own: what they may is of their enclave.
         profile = ET.SubElement(ET.SubElement(enclave, "profiles"), "profile", ns=space or "/", node=node)

@@ -48,6 +48,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "imu/data": (Imu, STREAM),
     "dynamics": (msg.Dynamics, STATE),
     "interference": (msg.Interference, STATE),
+    "innovations": (msg.InnovationList, STATE),
     "survey": (msg.Survey, EVENT),
     "toolface": (msg.Toolface, DEADLINE_STATE),
     "survey/accepted": (msg.SurveyRecord, EVENT),
@@ -68,7 +69,8 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
 # What comes from the tool or tells of it, and what a surface that hears the tool through a link hears instead.
 OF_TOOL = (
     *("imu/data_raw", "imu/mag", "gyro/data_raw", "imu/burst", "gyro/burst", "imu/temperature", "truth", "tool/flow"),
-    *("tool/transmission", "gravity", "attitude", "imu/data", "dynamics", "interference", "survey", "/tf"),
+    *("tool/transmission", "gravity", "attitude", "imu/data", "dynamics", "interference", "innovations", "survey"),
+    "/tf",
 )
 OVER_LINK = {"attitude": "link/attitude", "survey": "link/survey"}
 
