@@ -139,7 +139,7 @@ class DownlinkDecoder:
         high = (first + second + last) / 3.0
         drop = high - low
         expected = downlink.depth * high
-        if high < downlink.least or not _DROP[0] * expected < drop < _DROP[1] * expected:
+        if high < downlink.least_value or not _DROP[0] * expected < drop < _DROP[1] * expected:
             return None
         if max(first, second, last) - min(first, second, last) > _STEADY * drop:
             return None

@@ -25,6 +25,7 @@ ECHO_WORD = "DLnk"
 """Word of the uplink that repeats the last command received, as `echo` has it; 0: none yet."""
 
 _DATA_SYMBOLS = 9
+_LEAST = {ROTATION: 4.0, FLOW: 0.01}
 # Neighbouring levels differ in one bit, so that the likeliest error of a symbol is one bit, which the check finds.
 _GRAY = (0b00, 0b01, 0b11, 0b10)
 # Drilling value, lowest, drilling value, 9 symbols of data, drilling value.
@@ -55,16 +56,17 @@ class Downlink:
     )
     depth: float = setting(
         0.4,
-        "Lowest level below the drilling value, as a share of it. Raise it where commands are missed; the rig changes "
-        "more, and flow must stay above the tool's threshold.",
+        "Lowest level below the drilling value, as a share of it; 0.4 suits rotation, 0.2 flow. Raise it where "
+        "commands are missed; the rig changes more, and flow must stay above the tool's threshold.",
         low=0.02,
         high=0.9,
     )
     least: float = setting(
-        4.0,
-        "Drilling value below which no command is sent or taken: rad/s of rotation, m^3/s of flow.",
+        0.0,
+        "Drilling value below which no command is sent or taken: rad/s of rotation, m^3/s of flow; 0: 4 rad/s or "
+        "0.01 m^3/s. Raise it where noise at a low value looks like commands.",
         unit="rad/s or m^3/s",
-        low=1e-4,
+        low=0.0,
         high=100.0,
     )
     pulse_widths_s: tuple[float, ...] = setting(
@@ -84,6 +86,11 @@ class Downlink:
         for name in ("pulse_widths_s", "carriers_hz"):
             if len(getattr(self, name)) > ARGUMENTS:
                 raise ValueError(f"{name}: a command can choose among {ARGUMENTS}, got {len(getattr(self, name))}")
+
+    @property
+    def least_value(self) -> float:
+        """Drilling value from which commands are sent and taken, rad/s or m^3/s."""
+        return self.least or _LEAST[self.medium]
 
     @property
     def symbol_s(self) -> float:

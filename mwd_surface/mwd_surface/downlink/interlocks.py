@@ -128,7 +128,7 @@ def _outside(readings: Readings, downlink: Downlink, settings: DownlinkSettings,
         found.append(f"{name} {words(value, downlink)} is above the limit of {words(high, downlink)}")
     if lowest < low:
         found.append(f"{name} would go down to {words(lowest, downlink)}; the lowest allowed is {words(low, downlink)}")
-    if not running and value < downlink.least:
-        least = words(downlink.least, downlink)
+    if not running and value < downlink.least_value:
+        least = words(downlink.least_value, downlink)
         found.append(f"{name} {words(value, downlink)} is too low: the tool takes commands from {least} on")
     return found

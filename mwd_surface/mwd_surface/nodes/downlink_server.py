@@ -33,6 +33,8 @@ from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.topics import TOPICS
 
 _STATE_PERIOD = 1.0
+# What changes without a transition: what it waits for, symbol, set-point.
+_SHOWN = {State.GRANTED, State.ARMED, State.RUNNING}
 _LOUD = {State.ABORTED, State.UNCONFIRMED}
 
 
@@ -222,7 +224,7 @@ class DownlinkServer:
             self._log(change)
         if changes:
             self._remember(machine)
-        if changes or now - self._published_at >= _STATE_PERIOD:
+        if changes or (machine.state in _SHOWN and now - self._published_at >= _STATE_PERIOD):
             self._publish(machine, now)
 
     def _remember(self, machine: Machine) -> None:
