@@ -79,7 +79,11 @@ class DownlinkServer:
         node.add_service(srv.DraftDownlink, "draft_downlink", self.draft)
         node.add_service(srv.DecideDownlink, "decide_downlink", self.decide)
         node.add_action_server(Downlink, "downlink", self._start_goal, self._cancel_goal)
-        self._publish(self._machine, self._now())
+
+    def activate(self) -> None:
+        """Publish the state, for whoever joins before the first command."""
+        if self._machine is not None:
+            self._publish(self._machine, self._now())
 
     def share(self, handlers: dict[str, Callable[[bytes], None]]) -> None:
         """Add to the functions called with each serialised message of a topic, which others take as well."""

@@ -224,6 +224,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._recording.activate()
         self._show_well()
         self._surveys.publish()
+        self._downlink.activate()
 
     def deactivate(self) -> None:
         """Mark the values for the rig as not to be used, then finish the recording."""

@@ -28,6 +28,7 @@ def receiver():
     )
     node = SimpleNamespace(
         _link=link,
+        _following=link,
         _origin_ns=START,
         _tool=SimpleNamespace(medium="mud"),
         _publish=lambda _out: None,
