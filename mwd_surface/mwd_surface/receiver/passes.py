@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,14 +22,6 @@ LOOK_BITS = 30
 _BEAM = 16
 
 
-class Evidence(NamedTuple):
-    """Log likelihood ratio of the pulses of a stretch to none; its packets and words."""
-
-    evidence: float
-    packets: int
-    words: int
-
-
 @dataclasses.dataclass
 class Part:
     """
@@ -47,6 +38,8 @@ class Part:
         Of the packets' values.
     soft : Soft
     ebn0_db : float
+    pulses : bool
+        Whether there were pulses at all.
     """
 
     item: SequenceItem
@@ -56,10 +49,14 @@ class Part:
     probability: Array
     soft: Soft
     ebn0_db: float
+    pulses: bool = True
 
     def edges(self) -> tuple[list[float], list[float]]:
         """Places of its pulses, samples of the transmission, and how probable each is."""
-        edges, chances = [], []
+        edges: list[float] = []
+        chances: list[float] = []
+        if not self.pulses:
+            return edges, chances
         for row, places, chance in zip(self.rows, trellis.places_of(self.rows), self.probability, strict=True):
             for value in range(row[trellis.COUNT]):
                 if chance[value] > 1e-3:
@@ -83,8 +80,8 @@ class Pass:
     done, at : int
         Words decoded, and sample at which the next begins.
     parts : list of Part
-    heard : int or None
-        Words that had pulses, where the transmission broke off in this pass.
+    shown : int
+        Words given as provisional ones.
     """
 
     kind: str
@@ -93,7 +90,7 @@ class Pass:
     done: int = 0
     at: int = 0
     parts: list[Part] = dataclasses.field(default_factory=list)
-    heard: int | None = None
+    shown: int = 0
 
     @property
     def complete(self) -> bool:
@@ -103,6 +100,13 @@ class Pass:
     def following(self) -> tuple[SequenceItem, ...]:
         """Words that are decoded next."""
         return stretch_of(self.items, self.done)
+
+    def take_back(self, words: int) -> int:
+        """The last words had no pulses; returns where they begin, sample."""
+        silent = self.parts[max(len(self.parts) - words, 0) :]
+        for part in silent:
+            part.pulses = False
+        return silent[0].at if silent else self.at
 
     def add(self, items: tuple[SequenceItem, ...], decision: segment.Decision, soft: list[Soft], code: str) -> None:
         """Take the next words."""

@@ -155,7 +155,7 @@ class PulseReceiver:
             # A pass waits until the search has been where it begins: the tool may have started anew.
             ready = active is not None and active.begins() <= STEPS_PER_TU * self._hop * _HOP_TU
             if active is not None and ready and active.needs() <= self._grid.end and active.ends() <= self._last:
-                self._add(done, active.step())
+                self._add(done, active.step(self._waiting is not None))
                 self._frame = active.frame
                 if active.lost:
                     self._active = self._successor(active)

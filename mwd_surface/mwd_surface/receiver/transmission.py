@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections import deque
 
 import numpy as np
 
@@ -16,7 +15,8 @@ from mwd_surface.receiver import segment
 from mwd_surface.receiver.belief import Temper
 from mwd_surface.receiver.channel_estimate import SAMPLES_PER_TU, basis, response_length
 from mwd_surface.receiver.grid import REACH, Grid
-from mwd_surface.receiver.passes import LOOK_BITS, Evidence, Part, Pass, parts_of, soft_words, stretch_of
+from mwd_surface.receiver.passes import LOOK_BITS, Part, Pass, parts_of, soft_words, stretch_of
+from mwd_surface.receiver.presence import FADED, Evidence, Presence
 from mwd_surface.receiver.pump_lines import STEADY_S
 from mwd_surface.receiver.synchronisation import SyncFound
 from mwd_surface.receiver.tool_clock import ToolClock
@@ -29,14 +29,7 @@ _AFTER_TU = 14
 # Beyond this probability that parities mean nothing, the transmission is lost.
 _LOST = 0.95
 _DOUBTFUL = 0.2
-# Packets by which it is judged whether there are pulses: those of some 30 bits.
-_JUDGED_PACKETS, _DISTURBED_PACKETS = 10, 25
-# Share of the usual evidence for pulses below which a stretch holds none, or those of a transmission that began anew.
-_FAINT = 0.3
 _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
-# Log likelihood ratio that a sync and the words behind it have at least: noise has it with a probability below
-# exp(-18) at each of ten thousand places an hour. Pumps that start can look like a sync, but not like words behind it.
-_LEAST_EVIDENCE = 18.0
 # How much more evidence a TU a toolface behind a sync needs than a survey.
 _CLEARER = 1.2
 # Share above which a stretch is what it is taken for, although it may look like a sync.
@@ -112,8 +105,8 @@ class Transmission:
         self._channel = segment.Channel(response, found.scale, whitener, basis(len(response), tool.tu_s), memory)
         parity = any(item.parity for items in (*tool.surveys, *tool.toolfaces) for item in items)
         self._at_once, self.temper = Temper(parity), Temper(parity)
-        self._usual: deque[float] = deque(maxlen=24)
-        self._recent: list[Evidence] = []
+        self._presence = Presence(found.score)
+        self._heard_at = 0
         self._held: list[ReceivedWord] = []
         self.frame = frame
         self.lost = ""
@@ -155,6 +148,8 @@ class Transmission:
         """Position of the grid up to which a sync that the next step needs may begin."""
         if self._pass is None:
             return self._clock.at(self._boundary)
+        if self._presence.faint:
+            return self.ends()
         return self._clock.at(self._pass_end(self._pass) + SAMPLES_PER_TU) if self._pass.complete else -math.inf
 
     def keeps(self) -> float:
@@ -162,8 +157,12 @@ class Transmission:
         start = self._boundary if self._pass is None else self._pass.start
         return self._clock.at(start - SAMPLES_PER_TU * _HISTORY_TU)
 
-    def step(self) -> Reception:
-        """Decode the next stretch: provisional words, and all those of the pass once it is complete."""
+    def step(self, waiting: bool = False) -> Reception:
+        """
+        Decode the next stretch: provisional words, and all those of the pass once it is complete.
+
+        waiting: whether another sync was found.
+        """
         if self._pass is None or self._pass.complete:
             self._begin_pass()
         now = self._pass
@@ -171,61 +170,58 @@ class Transmission:
             return Reception()
         items = now.following()
         rows, length = self._rows(items)
+        clock, presence = self._clock, self._presence
         decision = self._decode(rows, length, now.at)
-        self.lost = self._breaks_off(now, Evidence(decision.evidence, len(rows), len(items)))
+        whole = now.done + len(items) == len(now.items)
+        self.lost = presence.judge(Evidence(decision.evidence, len(rows), len(items)), whole, waiting)
+        if self.lost or presence.faint:
+            self._heard_at = min(self._heard_at, now.take_back(presence.faint_words))
         if self.lost:
             return self.close()
-        self._channel = decision.channel
         soft = soft_words(decision, rows, items, self._parity)
         now.add(items, decision, soft, self._tool.code)
+        if presence.faint:
+            # Neither clock nor channel learn from what has no pulses; its words are shown when the pulses come back.
+            self._clock = clock
+            now.take_back(len(items))
+            return Reception() if not now.complete else self.close()
+        self._heard_at = now.at
+        self._channel = decision.channel
         self._at_once.learn(soft)
         if self._at_once.failing > _LOST:
             self.lost = _PARITIES_FAIL
         provisional = self._held + self._words(now, now.done - len(items), self._at_once, 0)
         # Words behind what may be no sync are shown once it is clear that there are words.
-        self._held = [] if self._usual else provisional
-        provisional = provisional if self._usual else []
+        self._held = [] if presence.confirmed else provisional
+        provisional = provisional if presence.confirmed else []
+        now.shown = now.done if presence.confirmed else 0
         if not (now.complete or self.lost):
             return Reception(provisional=provisional)
         done = self.close()
         return Reception(done.words, done.frames, provisional)
 
-    def _breaks_off(self, now: Pass, stretch: Evidence) -> str:
-        """Reason why the last stretches do not belong to the transmission; empty: they do, or it is too early."""
-        self._recent.append(stretch)
-        evidence, packets = (sum(one[k] for one in self._recent) for k in range(2))
-        whole = not self._usual and now.done + stretch.words == len(now.items)
-        if packets < _JUDGED_PACKETS and not whole:
-            return ""
-        each, reason = evidence / packets, ""
-        if not self._usual and min(self.score, evidence) + evidence < _LEAST_EVIDENCE:
-            # Behind a clear sync the first words may be disturbed.
-            if self.score >= _LEAST_EVIDENCE and packets < _DISTURBED_PACKETS and not whole:
-                return ""
-            reason = "no words behind the sync: it was noise, or the sequence is another one"
-        elif self._usual and each <= _FAINT * float(np.median(self._usual)):
-            reason = "no pulses any more: flow off, too weak, or the tool began anew"
-        if reason:
-            now.heard = max(len(now.parts) - sum(one.words for one in self._recent[:-1]), 0)
-            return reason
-        self._usual.append(each)
-        while sum(one.packets for one in self._recent) >= _JUDGED_PACKETS:
-            del self._recent[0]
-        return ""
-
     def close(self) -> Reception:
         """Words of the pass so far, decoded again with all pulses of the pass and judged by all its parities."""
         now = self._pass
-        if now is None or not now.parts or not self._usual:
+        if now is None or not now.parts or not self.confirmed:
             return Reception()
-        heard = now.parts[: now.heard]
+        heard = [part for part in now.parts if part.pulses]
+        if self.lost or not now.complete:
+            del now.parts[max([now.shown, *(k + 1 for k, part in enumerate(now.parts) if part.pulses)]) :]
+        if not (heard or now.shown):
+            self._forget(now)
+            return Reception()
         self._decode_again(now, heard)
         self.temper.learn([part.soft for part in heard])
         words = self._words(now, 0, self.temper, 1)
         # What was shown and is no word is taken back.
-        words[len(heard) :] = [dataclasses.replace(word, status=ERASED) for word in words[len(heard) :]]
+        words = [
+            word if part.pulses else dataclasses.replace(word, status=ERASED)
+            for word, part in zip(words, now.parts, strict=True)
+        ]
         ebn0 = float(np.mean([part.ebn0_db for part in heard or now.parts]))
         reason = self.lost or (_PARITIES_FAIL if self.temper.failing > _DOUBTFUL else "")
+        reason = reason or (FADED if len(heard) < len(now.parts) else "")
         report = FrameReport(self.frame, now.kind, words[0].start_s, words[-1].end_s, ebn0, self._clock.error, reason)
         self.frame += 1
         self._forget(now)
@@ -270,17 +266,17 @@ class Transmission:
     @property
     def sound(self) -> bool:
         """Whether parities hold, so that nothing but its own end should break the transmission off."""
-        return self._at_once.failing < _DOUBTFUL and self.confirmed
+        return self._at_once.failing < _DOUBTFUL and self.confirmed and not self._presence.faint
 
     @property
     def confirmed(self) -> bool:
         """Whether there were words behind the sync."""
-        return bool(self._usual)
+        return self._presence.confirmed
 
     @property
     def heard(self) -> float:
         """Position of the grid up to which pulses were heard."""
-        return self._clock.at(self._pass.at if self._pass is not None else 0)
+        return self._clock.at(self._heard_at)
 
     @property
     def whitener(self) -> Array:
@@ -349,7 +345,7 @@ class Transmission:
         """Whether the data have the pulses of a pass as clearly as those of the stretches before."""
         rows, length = self._rows(stretch_of(one.items, 0, LOOK_BITS))
         evidence = self._decode_once(rows, length, one.at).evidence / len(rows)
-        return evidence > _CLEAR * float(np.median(self._usual))
+        return evidence > _CLEAR * self._presence.usual
 
     def _header(self, start: int) -> int:
         items = (SequenceItem("header", self._tool.header_bits, False),)
