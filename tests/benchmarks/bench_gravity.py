@@ -52,6 +52,7 @@ CASES = (
     "surge",
 )
 SKIP_NS = 10_000_000_000
+GRAVITY = earth.gravity(math.radians(38.0), 1100.0)  # m/s^2, at the place of the scenarios
 
 
 def held(inclination_deg: float, phase: Changes, vibration: Changes, rate_hz: int = 100, **more: Any) -> Changes:
@@ -458,8 +459,8 @@ def main(seeds: int = 3) -> list[str]:
     """Print all tables; returns their Markdown rows. Honesty takes four times the seeds."""
     rows = methods()
     default = gravity.method(gravity.DEFAULT)
-    # The place of the scenarios is known, as to the estimator: latitude 38 deg, 1100 m.
-    params = default.Params(gravity=earth.gravity(math.radians(38.0), 1100.0), gravity_sigma=0.002)
+    # The place of the scenarios is known, as to the estimator.
+    params = default.Params(gravity=GRAVITY, gravity_sigma=0.002)
     bench: dict[str, tuple[Path, Changes]] = {case: (SCENARIOS / "bench" / f"{case}.yaml", {}) for case in CASES}
     others = {case: (SCENARIOS / "bench" / "rot155.yaml", changes) for case, changes in HELD_OUT.items()}
     own = {name: rows[name] for name in list(rows)[-2:]}

@@ -26,6 +26,7 @@ FOLDED_LEAST = 0.6  # (m/s^2)^2 s, density of the force from which on it may be 
 FOLDED_MEMORY, FOLDED_FIRST, FOLDED_AGE = 20.0, 5.0, 0.5  # s, over which it is judged whether it is; less at a start
 FOLDED_YOUNG = 1.0  # s since a start, in which the high-passes have not settled yet
 WHITE_SHARE = 0.16  # of the density that the displacement shows, in the noise: not all of it is white
+ROTARY_NOISE = 0.00005  # gyro noise for each rate about the axis, whose scale is a state
 CROSS_TURN = 5.0  # rad/s, rate lost while a cross-axis gyro clips
 LONG_STEP = 1.6  # times the usual step of the stamps: samples are missing
 DOWN_WALK = 1e-4  # m/s^2/sqrt(s): what is learnt of the vertical force ages
@@ -44,7 +45,7 @@ def follow_rates(p: Params, s: Record, dt: float, w: Vector, f: Vector, flag: bo
     flag: the unit says that a gyro across the axis was beyond its range within this sample.
     """
     sums, motion = s.sums, s.motion
-    sums.turn += p.rate_noise**2 * (w[1] * w[1] + w[2] * w[2]) * dt
+    sums.turn += (p.rate_noise**2 * (w[1] * w[1] + w[2] * w[2]) + ROTARY_NOISE**2 * w[0] * w[0]) * dt
     if flag or max(abs(w[1]), abs(w[2])) >= p.gyro_range:
         sums.turn += (CROSS_TURN * dt) ** 2
     df2 = (f[0] - s.last_f[0]) ** 2 + (f[1] - s.last_f[1]) ** 2 + (f[2] - s.last_f[2]) ** 2
