@@ -54,6 +54,7 @@ class ReasonCode(StrEnum):
     AZIMUTHS_FIT = "azimuths_fit"
     EXTERNAL_FIELD = "external_field"
     FIELD_UNEXPLAINED = "field_unexplained"
+    FIELD_OF_ANOTHER_PLACE = "field_of_another_place"
     SENSOR_DEFECT = "sensor_defect"
     READINGS_REPEATED = "readings_repeated"
     UNCERTAIN_STRING = "uncertain_string"

@@ -77,7 +77,7 @@ def judged(
         return replace(station, reasons=(*station.reasons, *faults))
     found = None if finding is None else finding.circle
     if finding is not None and found is not None:
-        station = _with_azimuth(station, finding, found)
+        station = _as_found(station, finding, found)
     # Near the vertical the string's field does not turn the azimuth, and the totals are those of the reading.
     taken_off = station.interference if station.corrected and not _upright(readings, settings) else 0.0
     apart = deviations(
@@ -94,9 +94,10 @@ def judged(
     return _finished(station, readings, level, azimuth, finding, settings)
 
 
-def _with_azimuth(station: Station, finding: Finding, found: Circle) -> Station:
-    """The station with the azimuth of its posterior."""
+def _as_found(station: Station, finding: Finding, found: Circle) -> Station:
+    """The station with the azimuth of its posterior, and what a turned mount may add to its inclination."""
     covariance = station.covariance.copy()
+    covariance[0, 0] += finding.mount**2
     own = math.hypot(found.sigma, math.sqrt(float(station.alignment[1, 1])))
     # What ties the azimuth to inclination and toolface is that of the reading, as far as it still goes.
     tied = min(own / math.sqrt(covariance[1, 1]), 1.0) if covariance[1, 1] > 0.0 else 0.0
@@ -109,6 +110,7 @@ def _with_azimuth(station: Station, finding: Finding, found: Circle) -> Station:
         station,
         azimuth=found.mean,
         sigma_azimuth=math.sqrt(covariance[1, 1]),
+        sigma_inclination=math.sqrt(covariance[0, 0]),
         magnetic_toolface=toolface,
         covariance=covariance,
         method=AzimuthMethod.FUSED if magnetic else AzimuthMethod.GYRO,
@@ -186,6 +188,10 @@ def _judge_field(azimuth: _Findings, station: Station, finding: Finding, setting
     odds = finding.hypotheses
     if odds[Hypothesis.EXTERNAL] > _DISTURBED and finding.by_gyro < _DISTURBED:
         azimuth.add(DOUBTFUL, Reason(Code.EXTERNAL_FIELD, odds[Hypothesis.EXTERNAL]))
+    if odds[Hypothesis.PLACE] > _DISTURBED:
+        apart = station.deviations
+        off = (apart.field, apart.dip)
+        azimuth.add(DOUBTFUL, Reason(Code.FIELD_OF_ANOTHER_PLACE, odds[Hypothesis.PLACE], values=off))
     if odds[Hypothesis.SENSOR] > _DISTURBED:
         azimuth.add(DOUBTFUL, Reason(Code.SENSOR_DEFECT, odds[Hypothesis.SENSOR]))
     if settings.quality.limits != "toolcode":
@@ -212,6 +218,7 @@ def _why_uncertain(finding: Finding, risk: float, far: float) -> Reason:
     code = {
         Hypothesis.EXTERNAL: Code.UNCERTAIN_EXTERNAL,
         Hypothesis.REFERENCE: Code.UNCERTAIN_REFERENCE,
+        Hypothesis.PLACE: Code.UNCERTAIN_REFERENCE,
         Hypothesis.SENSOR: Code.UNCERTAIN_SENSOR,
     }.get(first, Code.UNCERTAIN_STRING)
     return Reason(code, risk, far)
@@ -225,11 +232,12 @@ def _finished(
     finding: Finding | None,
     settings: StationSettings,
 ) -> Station:
-    """The station with its verdicts, the gravest reason first."""
+    """The station with its verdicts; first the cause of all, a wrong place, then the gravest reason."""
     upright = station.sigma_toolface > _HIGH_SIDE
     quantities = Verdicts(level.verdict, azimuth.verdict, NOT_DETERMINED if upright else level.verdict)
     verdict = level.verdict if azimuth.verdict == NOT_DETERMINED else worse(level.verdict, azimuth.verdict)
-    made = sorted([*level.reasons, *azimuth.reasons], key=lambda pair: pair[0] != REJECT)
+    first = Code.FIELD_OF_ANOTHER_PLACE
+    made = sorted([*level.reasons, *azimuth.reasons], key=lambda pair: (pair[1].code != first, pair[0] != REJECT))
     reasons = list(dict.fromkeys(reason for _, reason in made))
     remarks: list[Reason] = []
     sag = station.inclination - readings.inclination

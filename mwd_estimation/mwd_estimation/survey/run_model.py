@@ -75,6 +75,8 @@ class Finding:
         How far this azimuth is from a propagated one that contradicts it: rad, and in sigmas.
     axial : tuple of float
         Field of the string along the axis and 1 sigma, T; nan where nothing is known of it.
+    mount : float
+        1 sigma of the inclination, rad, by accelerometers that may be turned in their mount.
     repeats : int or None
         Number in the run, from 1, of an earlier station with these very readings.
     stations : int
@@ -92,6 +94,7 @@ class Finding:
     gyro_agreed: bool = False
     broken: tuple[float, float] | None = None
     axial: tuple[float, float] = (math.nan, math.nan)
+    mount: float = 0.0
     repeats: int | None = None
     stations: int = 1
 
@@ -267,9 +270,12 @@ class RunModel:
             by_gyro = _gyro_share(evidence.angles, mass, wrong if one["has_field"] else None) * float(right.sum())
             gyro_wrong = float((stepped + wrong).sum())
         mean, covariance = model.shared()
-        at = int(Shared.FIELD_BIAS)
+        at, turned = int(Shared.FIELD_BIAS), slice(int(Shared.MOUNT), int(Shared.MOUNT) + 3)
         known = bool(one["has_field"])
         axial = (float(mean[at]), math.sqrt(float(covariance[at, at]))) if known else (math.nan, math.nan)
+        # The inclination errs by the turn about the level axis across the hole.
+        right = one["axes"][1]
+        mount = math.sqrt(float(right @ covariance[turned, turned] @ right + (right @ mean[turned]) ** 2))
         angles = wrap_tau(evidence.angles + turn)
         order = np.argsort(angles)
         peak = float(evidence.angles[int(np.argmax(mass / circle.widths(evidence.angles)))])
@@ -284,6 +290,7 @@ class RunModel:
             has_gyro=math.isfinite(one["gyro"]),
             gyro_agreed=self._agreed,
             axial=(axial[0] * field_model.UT, axial[1] * field_model.UT),
+            mount=mount,
             repeats=repeats,
             stations=max(self._count, 1),
         )

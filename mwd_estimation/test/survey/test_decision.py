@@ -149,6 +149,30 @@ def test_a_run_learns_the_string_s_field_and_steel_at_one_station_leaves_no_trac
     assert axial[-1][1] < 3e-7
 
 
+def test_a_place_typed_wrong_is_told_from_steel_and_named_first():
+    decide = decision()
+    wrong = dataclasses.replace(REFERENCE, total=REFERENCE.total - 3e-6, dip=REFERENCE.dip + 0.1, gravity=9.76)
+    for k in range(5):
+        station = decide.begin(average(k + 1, 0.4 + 0.2 * k, 0.5 + 0.1 * k), k + 1, wrong, None).survey.station
+    assert station.verdicts.azimuth == "doubtful"
+    assert station.headline.code == ReasonCode.FIELD_OF_ANOTHER_PLACE
+    assert "check latitude" in reason_text.text(station.headline)
+
+
+def test_a_mount_that_may_be_turned_widens_the_inclination_of_a_station_that_speaks_for_it():
+    def sigma(turn):
+        decide = decision()
+        for k in range(4):
+            still = average(k + 1, 0.6 + 0.2 * k, 0.5)
+            f_t, (c, s) = still.imu.mean[3:], (math.cos(turn), math.sin(turn))
+            mean = np.concatenate([np.zeros(3), [c * f_t[0] + s * f_t[2], f_t[1], c * f_t[2] - s * f_t[0]]])
+            still = dataclasses.replace(still, imu=Average(mean, still.imu.covariance, 800))
+            station = decide.begin(still, k + 1, REFERENCE, None).survey.station
+        return station.sigma_inclination
+
+    assert sigma(0.03) > 1.1 * sigma(0.0)
+
+
 def test_the_propagated_azimuth_chooses_between_azimuths_that_fit_and_adds_nothing_else():
     reference = Reference(total=61e-6, dip=math.radians(-70.0), declination=math.radians(13.0), gravity=9.81)
     mirror = np.array([19019.8, -14296.8, 54757.3]) * 1e-9

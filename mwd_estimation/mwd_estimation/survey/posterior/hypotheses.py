@@ -27,6 +27,7 @@ class Hypothesis(StrEnum):
     AXIAL = "axial"
     CROSS_AXIAL = "cross_axial"
     REFERENCE = "reference"
+    PLACE = "place"
     SENSOR = "sensor"
     EXTERNAL = "external"
 
@@ -51,13 +52,13 @@ class Priors:
     )
     reference: float = setting(
         0.12,
-        "Probability that the reference is four times as wrong as stated, or that there is a magnetic storm. Raise it "
-        "where the model is old or the crust is magnetic.",
+        "Probability that the reference is four times as wrong as stated or of another place, or that there is a "
+        "magnetic storm. Raise it where the model is old or the crust is magnetic.",
         low=0.0,
         high=0.5,
     )
     sensor: float = setting(
-        0.004,
+        0.01,
         "Probability of a defect: a magnetometer with a wrong scale, or accelerometers turned in their mount. Raise it "
         "for a tool that was not checked at surface.",
         low=0.0,
@@ -98,6 +99,9 @@ _CROSS = ((0.0, 0.25), (0.0, 0.7), (0.0, 2.0), (0.6, 0.35), (2.0, 1.0), (4.0, 2.
 # A wrong model errs in total, dip and declination alike: a field of the crust that it lacks has any direction.
 _REFERENCE_TIMES = 4.0
 _STORM_UT = (0.4, 0.4, 0.25)
+# The field of another place, as of a longitude typed wrong, uT, rad, rad, and its share of wrong references. Total and
+# dip together reach every vector of the meridian: these slopes need no second order.
+_PLACE, _PLACE_SHARE = {"TOTAL": 4.0, "DIP": math.radians(10.0), "DECLINATION": math.radians(8.0)}, 0.05
 _DEFECT_SCALE, _DEFECT_MOUNT = 0.02, 0.025
 # 1 sigma of each component of an external field, uT; the first is none.
 EXTERNAL_UT = np.array([0.0, 0.3, 1.0, 3.0, 10.0])
@@ -146,8 +150,10 @@ def filters(priors: Priors, sigma: Array) -> Filters:
     for along, across in _CROSS:
         add(Hypothesis.CROSS_AXIAL, priors.cross_axial / len(_CROSS), FIELD_BIAS=(along, across, across))
     of_field = {name: _REFERENCE_TIMES * float(sigma[int(Shared[name])]) for name in ("TOTAL", "DIP", "DECLINATION")}
-    add(Hypothesis.REFERENCE, 0.5 * priors.reference, **of_field)
-    add(Hypothesis.REFERENCE, 0.5 * priors.reference, OUTSIDE=_STORM_UT)
+    near = 0.5 * (1.0 - _PLACE_SHARE) * priors.reference
+    add(Hypothesis.REFERENCE, near, **of_field)
+    add(Hypothesis.REFERENCE, near, OUTSIDE=_STORM_UT)
+    add(Hypothesis.PLACE, _PLACE_SHARE * priors.reference, **_PLACE)
     add(Hypothesis.SENSOR, 0.5 * priors.sensor, FIELD_SCALE=(_DEFECT_SCALE,) * 3)
     add(Hypothesis.SENSOR, 0.5 * priors.sensor, MOUNT=(_DEFECT_MOUNT,) * 3)
     kinds, weights, variances = zip(*rows, strict=True)
