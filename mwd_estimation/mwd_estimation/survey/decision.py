@@ -80,8 +80,10 @@ class Provisional:
         station, survey = self.survey.station, self.survey
         if not self.sound or survey.kind != STATIC or station.verdicts.azimuth != ACCEPT:
             return StationAzimuth()
-        share = survey.weights.get(AzimuthMethod.GYRO, 0.0)
-        return StationAzimuth(station.azimuth, _own_sigma(station), self.lasting, share > 0.5)
+        # Once gyro and magnetometer agreed in the run, what was propagated judges the gyro as it judges every station.
+        found = survey.weights.get(AzimuthMethod.GYRO, 0.0) > 0.5
+        found = found and not (self.finding is not None and self.finding.gyro_agreed)
+        return StationAzimuth(station.azimuth, _own_sigma(station), self.lasting, found)
 
     @property
     def lasting(self) -> float:

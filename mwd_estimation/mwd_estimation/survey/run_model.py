@@ -49,6 +49,41 @@ _APART, _NEAR = 3.0, math.radians(1.0)
 
 
 @dataclasses.dataclass(frozen=True)
+class GyroParts:
+    """
+    Density of an azimuth where a gyro is right, and where its bias stepped or it is wrong.
+
+    Attributes
+    ----------
+    right, doubted : ndarray, shape (n,)
+        Per rad, with their probabilities.
+    before, shown : float
+        Probability of the second before this station, and the share of it that the run itself has shown.
+    """
+
+    right: Array
+    doubted: Array
+    before: float
+    shown: float
+
+    def weighed(self, angles: Array, known: Array | float = 1.0) -> Array:
+        """
+        Density of both, with an azimuth known from elsewhere (per rad) as evidence of which is true.
+
+        That evidence is in the weights alone: the errors that both azimuths share narrow nothing.
+        """
+        width = circle.widths(angles)
+        of_right, of_doubted = float(width @ self.right), float(width @ self.doubted)
+        if not (of_right > 0.0 and of_doubted > 0.0):
+            return self.right + self.doubted
+        odds = float(width @ (self.doubted * known)) / max(float(width @ (self.right * known)), 1e-300)
+        # Where nothing contradicts the gyro, only what the run has shown to go wrong with it has a say.
+        if odds <= _CONTRADICTED * self.before * (1.0 + odds):
+            odds *= self.shown
+        return np.asarray(self.right / of_right + odds * self.doubted / of_doubted)
+
+
+@dataclasses.dataclass(frozen=True)
 class Finding:
     """
     A station's azimuth as a density, and what may disturb it.
@@ -67,8 +102,8 @@ class Finding:
         Share of the gyro in what is known of the azimuth, 0 to 1.
     gyro_wrong : float
         Probability that the gyro is wrong here.
-    has_gyro : bool
-        Whether a gyro gave an azimuth here.
+    of_gyro : GyroParts or None
+        What the density is made of where a gyro gave an azimuth here.
     gyro_agreed : bool
         Whether a gyro agreed with the magnetometer at an earlier station of the run.
     broken : tuple of (float, float) or None
@@ -90,7 +125,7 @@ class Finding:
     misfit: float = 0.0
     by_gyro: float = 0.0
     gyro_wrong: float = 0.0
-    has_gyro: bool = False
+    of_gyro: GyroParts | None = None
     gyro_agreed: bool = False
     broken: tuple[float, float] | None = None
     axial: tuple[float, float] = (math.nan, math.nan)
@@ -113,12 +148,13 @@ class Finding:
 
         azimuth, sigma : from the same north, rad; shared : variance that both azimuths have in common, rad^2.
         """
-        if self.has_gyro and not self.gyro_agreed:
-            # The station above may lie in the same field: it is no judge between this gyro and the magnetometer.
-            return self
-        width = math.hypot(_CONTINUITY, sigma)
-        known = np.exp(-0.5 * (wrap_pi(self.angles - azimuth) / width) ** 2) / (width * math.sqrt(math.tau))
-        density = self.density * ((1.0 - _BROKEN) * known + _BROKEN / math.tau)
+        density = self.density
+        if self.of_gyro is not None:
+            if not self.gyro_agreed:
+                # The station above may lie in the same field: it is no judge between this gyro and the magnetometer.
+                return self
+            density = self.of_gyro.weighed(self.angles, _known(self.angles, azimuth, sigma))
+        density = density * _known(self.angles, azimuth, math.hypot(_CONTINUITY, sigma))
         found = circle.read(self.angles, density)
         off = float(wrap_pi(found.mean - azimuth))
         apart = abs(off) / math.sqrt(max(sigma**2 + found.sigma**2 - 2.0 * shared, 1e-4 * sigma**2))
@@ -128,6 +164,12 @@ class Finding:
         # Where an earlier gyro azimuth bore the magnetometer out, two that agree show which of the three is wrong.
         wrong = self.gyro_wrong if broken else 0.0
         return dataclasses.replace(self, density=density, broken=broken, gyro_wrong=wrong)
+
+
+def _known(angles: Array, azimuth: float, sigma: float) -> Array:
+    """Density of an azimuth known to a sigma, rad, with what it leaves to all others."""
+    near = np.exp(-0.5 * (wrap_pi(angles - azimuth) / sigma) ** 2) / (sigma * math.sqrt(math.tau))
+    return np.asarray((1.0 - _BROKEN) * near + _BROKEN / math.tau)
 
 
 class RunModel:
@@ -189,7 +231,7 @@ class RunModel:
         turn = _turn(station.north_correction, self._north(measured))
         found = self._finding(model, one, evidence, doubts, turn, repeats)
         outside = found.hypotheses.get(Hypothesis.EXTERNAL, 1.0)
-        self._agreed |= learn and found.has_gyro and found.gyro_wrong < _AGREES and outside < _AGREES
+        self._agreed |= learn and found.of_gyro is not None and found.gyro_wrong < _AGREES and outside < _AGREES
         return found
 
     def shared(self) -> tuple[Array, Array] | None:
@@ -262,11 +304,14 @@ class RunModel:
         share, (doubted, shown) = evidence.share, doubts
         whole = share.sum(axis=(1, 2))
         right, stepped, wrong = whole.T
-        mass, by_gyro, gyro_wrong = right + stepped + wrong, 0.0, 0.0
+        width = circle.widths(evidence.angles)
+        mass, by_gyro, gyro_wrong, parts = right + stepped + wrong, 0.0, 0.0, None
+        angles = wrap_tau(evidence.angles + turn)
+        order = np.argsort(angles)
         if math.isfinite(one["gyro"]):
-            if float((stepped + wrong).sum()) <= _CONTRADICTED * doubted:
-                # Nothing contradicts the gyro: only what the run has shown to go wrong with it has a say.
-                mass = right + shown / doubted * (stepped + wrong)
+            parts = GyroParts((right / width)[order], ((stepped + wrong) / width)[order], doubted, shown / doubted)
+            mass = np.empty(len(angles))
+            mass[order] = parts.weighed(angles[order]) * width[order]
             by_gyro = _gyro_share(evidence.angles, mass, wrong if one["has_field"] else None) * float(right.sum())
             gyro_wrong = float((stepped + wrong).sum())
         mean, covariance = model.shared()
@@ -276,18 +321,16 @@ class RunModel:
         # The inclination errs by the turn about the level axis across the hole.
         right = one["axes"][1]
         mount = math.sqrt(float(right @ covariance[turned, turned] @ right + (right @ mean[turned]) ** 2))
-        angles = wrap_tau(evidence.angles + turn)
-        order = np.argsort(angles)
-        peak = float(evidence.angles[int(np.argmax(mass / circle.widths(evidence.angles)))])
+        peak = float(evidence.angles[int(np.argmax(mass / width))])
         return Finding(
             angles=angles[order],
-            density=(mass / circle.widths(evidence.angles))[order],
+            density=(mass / width)[order],
             hypotheses=model.probabilities(share) if known else {},
             nominal=model.nominal_sigma(one, peak),
             misfit=evidence.misfit,
             by_gyro=by_gyro,
             gyro_wrong=gyro_wrong,
-            has_gyro=math.isfinite(one["gyro"]),
+            of_gyro=parts,
             gyro_agreed=self._agreed,
             axial=(axial[0] * field_model.UT, axial[1] * field_model.UT),
             mount=mount,

@@ -149,6 +149,25 @@ def test_a_run_learns_the_string_s_field_and_steel_at_one_station_leaves_no_trac
     assert axial[-1][1] < 3e-7
 
 
+def test_a_gyro_off_beside_steel_is_held_against_the_propagated_azimuth():
+    def found(off):
+        decide = decision()
+        for k in range(3):
+            good = Solution(None, "still", 0.5 + 0.01, 0.02, 0.8, 0.0, 60.0, 0.015)
+            decide.begin(average(k + 1, 0.8 + 0.1 * k, 0.5), k + 1, REFERENCE, good)
+        beside = average(4, 1.2, 0.5)
+        steel = dataclasses.replace(beside.mag, mean=beside.mag.mean + np.array([4e-6, 3e-6, -2e-6]))
+        gyro = Solution(None, "still", 0.5 + 0.01 + off, 0.02, 1.2, 0.0, 60.0, 0.015)
+        begun = decide.begin(dataclasses.replace(beside, mag=steel), 4, REFERENCE, gyro)
+        assert not begun.accepted_azimuth.by_gyro
+        return decide.complete(begun, NOTHING._replace(station_azimuth=0.5, station_sigma=0.02)).station
+
+    right, wrong = found(0.0), found(0.12)
+    assert right.verdicts.azimuth == "accept"
+    assert abs(wrap_pi(right.azimuth - 0.5)) < 0.03
+    assert wrong.verdicts.azimuth == "doubtful" or abs(wrap_pi(wrong.azimuth - 0.5)) < 3.0 * wrong.sigma_azimuth
+
+
 def test_a_place_typed_wrong_is_told_from_steel_and_named_first():
     decide = decision()
     wrong = dataclasses.replace(REFERENCE, total=REFERENCE.total - 3e-6, dip=REFERENCE.dip + 0.1, gravity=9.76)

@@ -27,6 +27,7 @@ STEEL, REPLAYED, PLAYED = slice(12, 18), slice(20, 23), 10
 # A gyro at the equator, rad: errs anew at each station, alike at all; azimuth propagated between two stations.
 _GYRO_NOISE, _GYRO_LASTING, _PROPAGATED = 1.0 * DEG, 0.4 * DEG, 0.5 * DEG
 _OUTLIER = 20.0 * DEG
+_DISAGREES = 3.0
 
 Attitudes = Callable[[np.random.Generator], tuple[Array, Array]]
 Outside = Callable[[np.random.Generator], Array]
@@ -179,15 +180,19 @@ def decided(
 ) -> list[Judged]:
     """Readings of a run, m/s^2 and T, through one decision; with a gyro the azimuth is propagated between stations."""
     decision, found = judge.new_decision(), []
-    propagated = judge.UNKNOWN
+    propagated, disagreed = judge.UNKNOWN, False
     for k, (f_t, b_t) in enumerate(readings):
         begun = decision.begin(judge.still(f_t, b_t, int(_SECOND[k])), k + 1, reference, gyros[k])
         found.append(judge.judged(decision.complete(begun, propagated), inclination[k], azimuth[k]))
         if gyros[k] is None or k + 1 == STATIONS:
             continue
         turned = float(wrap_pi(azimuth[k + 1] - azimuth[k])) + rng.normal(0.0, _PROPAGATED)
-        start = begun.accepted_azimuth
-        known = start[:3] if math.isfinite(start.azimuth) else propagated[:3]
+        start, known = begun.accepted_azimuth, propagated[:3]
+        if math.isfinite(start.azimuth):
+            # As the filter of the azimuth does: one station that disagrees does not replace what was propagated.
+            apart = abs(float(wrap_pi(start.azimuth - known[0]))) / math.hypot(start.sigma, known[1])
+            disagreed = apart > _DISAGREES and not start.by_gyro and not disagreed
+            known = known if disagreed else start[:3]
         propagated = PropagatedAzimuth(
             float(wrap_tau(known[0] + turned)), math.hypot(known[1], _PROPAGATED), known[2], math.nan, math.nan
         )
