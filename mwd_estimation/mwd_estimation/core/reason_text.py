@@ -114,9 +114,8 @@ WORDS: dict[Code, str] = {
     "move the sensor away or use a gyro",
     Code.FIELD_UNEXPLAINED: "no disturbance explains the magnetic reading (chi-square {value:.0f}, limit {limit:.0f}): "
     "check the magnetometer and the reference field",
-    Code.FIELD_OF_ANOTHER_PLACE: "the field is that of another place ({value:.0f %} probable; here total "
-    "{values[0]:+.0f nT} and dip {values[1]:+.2f deg} off the reference): check latitude, longitude and date of the "
-    "place, or the reference given",
+    Code.FIELD_OF_ANOTHER_PLACE: "the field is that of another place, off the reference alike at the stations of the "
+    "run: check latitude, longitude and date of the place, or the reference given",
     Code.SENSOR_DEFECT: "a sensor is probably out of calibration ({value:.0f %}: wrong scale of a magnetometer, or "
     "accelerometers turned in their mount): check the tool at surface, change it",
     Code.READINGS_REPEATED: "the readings are to the last digit those of station {value:.0f} of this run: old data "

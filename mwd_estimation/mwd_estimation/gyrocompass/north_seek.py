@@ -124,8 +124,6 @@ def solution(params: SeekParams, state: State) -> Solution:
         each = [azimuth_posterior.posterior(parts, p.horizontal, angle) for angle in circle.several]
         if all(one.sigma <= math.radians(params.worst_sigma_deg) for one in each):
             choices = tuple((float(wrap_tau(one.mean + heading)), one.sigma) for one in each)
-    per_g = STANDARD_GRAVITY / DEG_PER_HOUR
-    spread = np.sqrt(np.maximum(np.diag(state.P), 0.0))
     scribe = state.mat[:, 2]
     return Solution(
         reason,
@@ -136,10 +134,6 @@ def solution(params: SeekParams, state: State) -> Solution:
         float(wrap_tau(circle.mean + math.atan2(scribe[1], scribe[0]))),
         float(state.elapsed),
         _limit(p, method, seen, float(state.elapsed)),
-        tuple(float(v) for v in state.g_sensitivity * per_g),
-        tuple(float(v) for v in spread[_G_SENSITIVITY] * per_g),
-        tuple(float(v) for v in state.gyro_bias / DEG_PER_HOUR),
-        tuple(float(v) for v in spread[_BIAS] / DEG_PER_HOUR),
         choices,
     )
 

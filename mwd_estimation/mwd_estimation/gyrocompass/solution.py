@@ -7,8 +7,6 @@ import math
 
 from mwd_estimation.core.reasons import Reason
 
-_UNKNOWN = (math.nan,) * 4
-
 
 @dataclasses.dataclass(frozen=True)
 class Solution:
@@ -32,10 +30,6 @@ class Solution:
         s of data used.
     limit : float
         Sigma of an ideal estimator with this gyro noise, time, latitude and geometry, rad.
-    g_sensitivity_deg_h_g, sigma_g_deg_h_g : tuple of four floats
-        Rate along the force across the tool, a quarter turn from it, and the stretch and shear between the two; the
-        first two stand still in the hole like the Earth rate does, the last two turn and average out.
-    bias_deg_h, sigma_bias_deg_h : tuple of three floats
     choices : tuple of (float, float)
         Azimuths and sigmas, rad, of which only one can be right, where that is why it was refused.
     """
@@ -48,10 +42,6 @@ class Solution:
     toolface: float = math.nan
     elapsed: float = 0.0
     limit: float = math.nan
-    g_sensitivity_deg_h_g: tuple[float, ...] = _UNKNOWN
-    sigma_g_deg_h_g: tuple[float, ...] = _UNKNOWN
-    bias_deg_h: tuple[float, ...] = _UNKNOWN[:3]
-    sigma_bias_deg_h: tuple[float, ...] = _UNKNOWN[:3]
     choices: tuple[tuple[float, float], ...] = ()
 
     @property

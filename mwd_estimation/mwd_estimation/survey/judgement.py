@@ -189,9 +189,7 @@ def _judge_field(azimuth: _Findings, station: Station, finding: Finding, setting
     if odds[Hypothesis.EXTERNAL] > _DISTURBED and finding.by_gyro < _DISTURBED:
         azimuth.add(DOUBTFUL, Reason(Code.EXTERNAL_FIELD, odds[Hypothesis.EXTERNAL]))
     if odds[Hypothesis.PLACE] > _DISTURBED:
-        apart = station.deviations
-        off = (apart.field, apart.dip)
-        azimuth.add(DOUBTFUL, Reason(Code.FIELD_OF_ANOTHER_PLACE, odds[Hypothesis.PLACE], values=off))
+        azimuth.add(DOUBTFUL, Reason(Code.FIELD_OF_ANOTHER_PLACE, odds[Hypothesis.PLACE]))
     if odds[Hypothesis.SENSOR] > _DISTURBED:
         azimuth.add(DOUBTFUL, Reason(Code.SENSOR_DEFECT, odds[Hypothesis.SENSOR]))
     if settings.quality.limits != "toolcode":

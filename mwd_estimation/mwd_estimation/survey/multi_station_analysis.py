@@ -54,8 +54,8 @@ class Multistation:
     azimuth, sigma_azimuth, inclination, sigma_inclination, toolface : ndarray, shape (n,)
         Corrected, magnetic, rad. Sigmas hold noise and what is left of the errors; declination and alignment come on
         top.
-    azimuth_raw, sigma_raw : ndarray, shape (n,)
-        Uncorrected, and with the prior's sigma.
+    azimuth_raw : ndarray, shape (n,)
+        Uncorrected.
     by_gyro : ndarray, shape (n,)
         How far the corrected azimuth follows a turn of all the gyro's azimuths together: 0 not at all, 1 wholly.
     used : ndarray of bool, shape (n,)
@@ -64,8 +64,6 @@ class Multistation:
         Of the used stations' residuals and the priors together.
     observable : ndarray of bool, shape (15,)
         Whether the run's attitudes show an error.
-    readings_covariance : ndarray, shape (n, 6, 6)
-        Of the corrected (f, b) of each station: noise and what is left of the errors.
     refused : Reason or None
         Why the corrected azimuths must not be used; None where they may.
     """
@@ -80,14 +78,12 @@ class Multistation:
     sigma_inclination: Array
     toolface: Array
     azimuth_raw: Array
-    sigma_raw: Array
     by_gyro: Array
     used: np.ndarray
     chi_square: float
     degrees: int
     probability: float
     observable: np.ndarray
-    readings_covariance: Array
     refused: Reason | None
 
     def corrected(self, f_t: ArrayLike, b_t: ArrayLike) -> tuple[Array, Array]:
@@ -210,14 +206,12 @@ def _result(problem: Problem, fit: _Fit, settings: MultistationSettings) -> Mult
         sigma_inclination=np.sqrt(angles[:, 0, 0]),
         toolface=gravity_toolface(f_c),
         azimuth_raw=magnetic_geometry.raw_azimuth(f, b),
-        sigma_raw=sigma_raw,
         by_gyro=np.einsum("ni,ni->n", jacobian[:, 1], problem.by_gyro(solution, covariance_x, used)),
         used=used,
         chi_square=fit.chi_square,
         degrees=fit.degrees,
         probability=fit.probability,
         observable=sigma / prior < settings.observable,
-        readings_covariance=spread,
         refused=_refusal(settings, fit, sigma_azimuth, sigma_raw),
     )
 

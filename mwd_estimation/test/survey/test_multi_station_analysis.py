@@ -225,7 +225,6 @@ def test_a_vertical_station_among_others_gives_finite_sigmas():
     f_t[0] = [-GRAVITY, 0.0, 0.0]
     done = analyse(f_t, b_t, reference)
     assert np.isfinite(done.sigma_azimuth).all()
-    assert done.sigma_raw[0] > 90 * DEG
     assert done.sigma_azimuth[0] > 10 * DEG
 
 

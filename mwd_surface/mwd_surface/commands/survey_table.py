@@ -13,6 +13,7 @@ from rich.text import Text
 from mwd_estimation.core.reason_text import joined
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.survey.acceptance import ACCEPT
+from mwd_sensors.core.frames import wrap_pi
 
 if TYPE_CHECKING:
     from mwd_estimation.settings import EstimatorSettings
@@ -102,13 +103,19 @@ def run_sentences(rows: Sequence[TableStation]) -> list[str]:
         counts[row.run] = counts.get(row.run, 0) + 1
     named = ", ".join(f"{name or 'the table'}: {count}" for name, count in counts.items())
     lines = [f"stations of each run, analysed together: {named}"]
-    for number, row in enumerate(rows, 1):
-        first = row.first
-        if row.outlier:
-            lines.append(f"{number:>4} outlier: its field is not that of the other stations of the run")
-        if row.revised and first is not None:
+    outliers = [number for number, row in enumerate(rows, 1) if row.outlier]
+    if outliers:
+        lines.append(f"{numbered(outliers):>4} outlier: another field than at the other stations of the run")
+    revised = [(number, row, row.first) for number, row in enumerate(rows, 1) if row.revised and row.first is not None]
+    moves = [abs(float(wrap_pi(row.station.azimuth - first.azimuth))) for _, row, first in revised]
+    if revised:
+        known = [move for move in moves if math.isfinite(move)]
+        most = f", azimuth by {degrees(max(known), 1)} deg at most" if known else ""
+        lines.append(f"{numbered([number for number, _, _ in revised]):>4} revised by the stations after them{most}")
+    for number, row, first in revised:
+        if first.verdict != row.station.verdict:
             sigma = f" ±{degrees(first.sigma_azimuth, 1)}" if math.isfinite(first.azimuth) else ""
-            lines.append(f"{number:>4} revised: first {direction(first.azimuth)}{sigma} {first.verdict}")
+            lines.append(f"{number:>4} was {first.verdict} at first: {direction(first.azimuth)}{sigma}")
     return lines
 
 
