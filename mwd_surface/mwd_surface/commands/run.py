@@ -143,21 +143,24 @@ def _parameters(
 
 
 def _add_link(parameters: dict[str, dict[str, Any]], story: Scenario, folder: Path) -> None:
-    """Let the surface hear the tool through the scenario's link alone: one tool configuration for both ends."""
+    """Let the surface hear the tool through the scenario's links alone: one tool file a link for both ends."""
     from mwd_sensors.telemetry import tool_configuration
     from mwd_surface.runs import launch_plan
 
     if story.telemetry is None:
         return
-    tool_file = folder / "tool.yaml"
-    tool_file.write_text(tool_configuration.text(story.telemetry.tool), encoding="utf-8")
+    files = {}
+    for name, tool in zip(("tool_file", "second_tool_file"), story.telemetry.tools, strict=False):
+        files[name] = folder / (name.removesuffix("_file") + ".yaml")
+        files[name].write_text(tool_configuration.text(tool), encoding="utf-8")
     # The truth goes past the surface, which subscribes to nothing of the tool.
     parameters["sonde"]["truth_file"] = str(folder / "truth.csv")
-    parameters["estimator"]["transmit.tool_file"] = str(tool_file)
+    parameters["estimator"] |= {f"transmit.{name}": str(file) for name, file in files.items()}
     if story.telemetry.tool.downlink is not None:
-        parameters["surface"]["downlink.tool_file"] = str(tool_file)
-    parameters["surface"]["link.source"] = "mud_pulse"
-    parameters["receiver"] = {"tool_file": str(tool_file), **launch_plan.reference_parameters(story)}
+        parameters["surface"]["downlink.tool_file"] = str(files["tool_file"])
+    parameters["surface"]["link.source"] = "best" if len(files) > 1 else story.telemetry.tool.link
+    parameters["receiver"] = {name: str(file) for name, file in files.items()}
+    parameters["receiver"] |= launch_plan.reference_parameters(story)
 
 
 def _now_text() -> str:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections import deque
+from collections.abc import Mapping
 
 from mwd_surface.live.pressure_picture import PressurePicture
 
@@ -123,3 +125,21 @@ class LinkCollector:
             frames=tuple(self._frames),
             words=tuple(sorted(self._words.values(), key=lambda word: word.end_ns)),
         )
+
+
+# The better, the earlier: words arrive, some arrive, they may come, the tool is silent, nothing can come.
+_ORDER = (LOCKED, DOUBTFUL, SEARCHING, NO_FLOW, NO_INPUT)
+
+
+def best_link(links: Mapping[str, LinkStatus], shown: str = "") -> str:
+    """
+    Name of the link to show: the one with the best state, and of equal ones that with the youngest toolface.
+
+    shown: the one shown so far, which stays while no other has a better state or a toolface half as old.
+    """
+
+    def rank(name: str) -> tuple[int, float]:
+        age = links[name].toolface_age
+        return _ORDER.index(links[name].state), math.inf if age < 0.0 else age * (0.5 if name == shown else 1.0)
+
+    return min(sorted(links), key=lambda name: (rank(name), name != shown))

@@ -18,6 +18,7 @@ from mwd_surface.live.link_state import (
     LinkFrameState,
     LinkStatus,
     LinkWordState,
+    best_link,
 )
 from mwd_surface.live.pressure_picture import PressureHistory
 from mwd_surface.ros.context import SurfaceContext
@@ -32,7 +33,13 @@ _FIELDS = (
 
 class LinkMonitor:
     """
-    Takes the messages of a link and shows its state.
+    Takes the messages of the links in use and shows the state of the one that is best.
+
+    Parameters
+    ----------
+    context : SurfaceContext
+    source : str
+        `link.source`: one link, or best of all.
 
     Attributes
     ----------
@@ -40,10 +47,11 @@ class LinkMonitor:
         From topic to the function that is called with each serialised message.
     """
 
-    def __init__(self, context: SurfaceContext) -> None:
-        self._live, self._alarm_log = context.live, context.alarm_log
-        self._collector = LinkCollector()
-        self._quality: LinkStatus | None = None
+    def __init__(self, context: SurfaceContext, source: str) -> None:
+        self._live, self._alarm_log, self._source = context.live, context.alarm_log, source
+        self._collectors: dict[str, LinkCollector] = {}
+        self._qualities: dict[str, LinkStatus] = {}
+        self._shown = ""
         self._pressure = PressureHistory()
         self._strokes: dict[int, deque[int]] = {}
         self.handlers: dict[str, Callable[[bytes], None]] = {
@@ -54,9 +62,16 @@ class LinkMonitor:
             "rig/strokes": self._on_strokes,
         }
 
+    def _collector(self, link: str) -> LinkCollector | None:
+        """What collects the words of a link; None where it is not one that is in use."""
+        return self._collectors.setdefault(link, LinkCollector()) if self._source in (link, "best", "direct") else None
+
     def _on_word(self, data: bytes) -> None:
         word = deserialize_message(data, msg.LinkWord)
-        self._collector.on_word(
+        collector = self._collector(word.link)
+        if collector is None:
+            return
+        collector.on_word(
             LinkWordState(
                 name=word.name,
                 value=word.value,
@@ -78,7 +93,10 @@ class LinkMonitor:
 
     def _on_frame(self, data: bytes) -> None:
         frame = deserialize_message(data, msg.LinkFrame)
-        self._collector.on_frame(
+        collector = self._collector(frame.link)
+        if collector is None:
+            return
+        collector.on_frame(
             LinkFrameState(
                 kind=frame.kind,
                 frame=frame.frame,
@@ -94,7 +112,9 @@ class LinkMonitor:
 
     def _on_quality(self, data: bytes) -> None:
         quality = deserialize_message(data, msg.LinkQuality)
-        self._quality = LinkStatus(
+        if self._collector(quality.link) is None:
+            return
+        self._qualities[quality.link] = LinkStatus(
             **{name: getattr(quality, name) for name in _FIELDS},
             stamp_ns=stamp_of(quality.header.stamp),
             at=time.monotonic(),
@@ -102,10 +122,13 @@ class LinkMonitor:
             picture=self._pressure.picture(),
         )
         causes = {}
-        # Before the first pressure nothing is wrong yet: the rig may be about to start.
-        if quality.state == DOUBTFUL or (quality.state == NO_INPUT and stamp_of(quality.header.stamp)):
-            severity = Severity.CRITICAL if quality.state == NO_INPUT else Severity.WARNING
-            causes["link.state"] = (severity, f"no data over {quality.link.replace('_', ' ')}: {quality.reason}", "")
+        for link, one in self._qualities.items():
+            # Before the first samples nothing is wrong yet: the rig may be about to start.
+            if one.state == DOUBTFUL or (one.state == NO_INPUT and one.stamp_ns):
+                only = len(self._qualities) == 1
+                severity = Severity.CRITICAL if one.state == NO_INPUT and only else Severity.WARNING
+                name = "link.state" if only else f"link.state.{link}"
+                causes[name] = (severity, f"no data over {link.replace('_', ' ')}: {one.reason}", "")
         self._alarm_log.set_alarms("link.", causes)
         self._show()
 
@@ -126,5 +149,7 @@ class LinkMonitor:
         return tuple(count / span * 1e9 for count, span in spans if span > 0)
 
     def _show(self) -> None:
-        if self._quality is not None:
-            self._live.on_link(self._collector.status(self._quality), time.monotonic())
+        if self._qualities:
+            self._shown = best_link(self._qualities, self._shown)
+            status = self._collectors[self._shown].status(self._qualities[self._shown])
+            self._live.on_link(status, time.monotonic())

@@ -1,7 +1,8 @@
-"""The receiver as a node: standpipe pressure in; words, surveys, attitude and state of the link out."""
+"""The receiver as a node: pressure, voltage or bytes in; words, surveys, attitude and state of the links out."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 from collections.abc import Sequence
@@ -16,34 +17,53 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.pipeline import reference_of
 from mwd_estimation.survey.tool_code import reference_for, sensor_errors
 from mwd_sensors.core import gauge_burst, wire
-from mwd_sensors.core.arrays import Array
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
+from mwd_sensors.ros.message_buffer import MessageBuffer
 from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.telemetry import tool_commands, tool_configuration
 from mwd_sensors.telemetry.downlink import COMMANDS, Frame
+from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
 from mwd_sensors.telemetry.tool_commands import ToolSettings
 from mwd_surface.nodes.receiver_settings import ReceiverSettings
-from mwd_surface.receiver.following_link import FollowingLink
-from mwd_surface.receiver.link import LOCKED, NO_FLOW, NO_INPUT, Link, LinkOutput
+from mwd_surface.receiver import link_attitude
+from mwd_surface.receiver.link import LOCKED, NO_FLOW, NO_INPUT, LinkOutput
+from mwd_surface.receiver.link_feed import LinkFeed
+from mwd_surface.receiver.link_surveys import LinkSurveys
+from mwd_surface.receiver.sources import SerialBytes
 from mwd_surface.ros import link_messages
+from mwd_surface.surveys.message_conversion import stamp_of
+from mwd_surface.surveys.survey_record import Survey
 
 _PERIOD_S = 0.05
 _SILENT_S = 5.0
-_LONGEST_GAP_S = 3600.0  # a longer one begins anew: no sync outlives it, and filling it would take seconds
 _QUALITY_S, _ATTITUDE_S = 1.0, 0.5
 _WAVE_SPEED = 1250.0  # m/s of pressure waves in mud (Korteweg), for the age of a word
 _LEAST_FLOW = 0.005  # m^3/s of the pumps; less does not turn a tool's generator
 _DEEPEST_M = 20_000.0  # no hole is deeper
 _TURNING = 0.5  # rad/s of the top drive; slower is sliding
-
-
-# By what carries the words: name of the link, topic of its samples, and its type.
-_LINKS: dict[str, tuple[str, str, Any]] = {
-    "mud": ("mud_pulse", "rig/standpipe", msg.PressureBurst),
-    "earth": ("em", "rig/earth_voltage", msg.VoltageBurst),
+_TYPES: dict[str, Any] = {
+    gauge_burst.PRESSURE: msg.PressureBurst,
+    gauge_burst.VOLTAGE: msg.VoltageBurst,
+    gauge_burst.SERIAL: msg.SerialBurst,
 }
+
+
+@dataclasses.dataclass
+class _Input:
+    """One link: its feed, the bursts that wait, their type, when the last one came and when its state was published."""
+
+    feed: LinkFeed
+    buffer: MessageBuffer | None
+    kind: str
+    received_at: float = -np.inf
+    published_quality: float = -np.inf
+
+    @property
+    def silent(self) -> bool:
+        """Whether no burst has come for a while."""
+        return time.monotonic() - self.received_at > _SILENT_S
 
 
 class ReceiverNode(GraphNode[ReceiverSettings]):
@@ -51,32 +71,27 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("receiver", ReceiverSettings(), **node_options)
-        self._following: FollowingLink | None = None
-
-    @property
-    def _link(self) -> Link | None:
-        return None if self._following is None else self._following.link
 
     def configure(self) -> None:
-        """Read the tool configuration and open the topics."""
+        """Read the tool configurations and open the topics."""
         settings = self.settings
         if not settings.tool_file:
             raise RuntimeError("tool_file: a receiver needs the tool configuration; `mwd tool new` writes one")
+        files = [file for file in (settings.tool_file, settings.second_tool_file) if file]
         try:
-            self._tool = tool_configuration.read(Path(settings.tool_file).expanduser())
+            self._tools = tool_configuration.read_several(Path(file).expanduser() for file in files)
             self._errors = sensor_errors(settings.tool_code) if settings.tool_code else None
         except (ValueError, OSError) as error:
             raise RuntimeError(str(error)) from error
-        if self._tool.medium not in _LINKS:
-            raise RuntimeError("tool_file: this node reads pressure or voltage; read a serial line by `mwd decode`")
-        self._in_force = self._tool
-        self._new_link()
-        _, topic, kind = _LINKS[self._tool.medium]
-        topic += "_2" if settings.gauge == 2 else ""
-        self._pressure = self.add_buffered_subscription(kind, topic, qos.buffered(qos.EVENT))
+        self._line = self._serial_line()
+        self._inputs: list[_Input] = []
+        buffers = [self._buffer(tool.link) for tool in self._tools]
+        self._begin(buffers)
+        if "mud_pulse" in (tool.link for tool in self._tools) and settings.gauge == 1:
+            self.add_subscription(msg.StrokeBurst, "rig/strokes", self._on_strokes, qos.EVENT)
         self.add_subscription(msg.RigState, "rig/state", self._on_rig_state, qos.EVENT)
         self.add_subscription(JointState, "rig/quill", self._on_quill, qos.STATE)
-        if self._tool.downlink is not None:
+        if any(tool.downlink is not None for tool in self._tools):
             self.add_subscription(msg.DownlinkState, "downlink/state", self._on_downlink, qos.EVENT)
         self._word = self.add_publisher(msg.LinkWord, "link/word", qos.EVENT)
         self._frame_publisher = self.add_publisher(msg.LinkFrame, "link/frame", qos.EVENT)
@@ -85,21 +100,37 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._survey = self.add_publisher(msg.Survey, "link/survey", qos.EVENT)
         self.add_timer(_PERIOD_S, self._on_timer)
 
-    def _new_link(self) -> None:
-        self._origin_ns: int | None = None
-        self._received_at = self._published_quality = self._published_attitude = -np.inf
-        self._unreadable = 0
+    def _serial_line(self) -> SerialBytes | None:
+        """Line of a wired tool, where a port is set."""
+        wired = [tool for tool in self._tools if tool.link == "serial"]
+        if not self.settings.serial_port:
+            return None
+        if not wired:
+            raise RuntimeError("serial_port: no tool file is of a wired tool (code: serial); leave it empty")
+        return SerialBytes(self.settings.serial_port, wired[0].serial.baud, time.monotonic)
+
+    def _buffer(self, link: str) -> MessageBuffer | None:
+        """What waits on the topic of a link; None where the node reads the line itself, and publishes what it reads."""
+        topic, kind = gauge_burst.TOPICS[link]
+        if link == "mud_pulse" and self.settings.gauge == 2:
+            topic += "_2"
+        if link == "serial" and self._line is not None:
+            self._octets = self.add_publisher(_TYPES[kind], topic, qos.EVENT)
+            return None
+        return self.add_buffered_subscription(_TYPES[kind], topic, qos.buffered(qos.EVENT))
+
+    def _begin(self, buffers: Sequence[MessageBuffer | None]) -> None:
         self._reference: Reference | None = None
-        self._following = FollowingLink(
-            Link(
-                self._in_force,
-                _LINKS[self._tool.medium][0],
-                self.settings.ages,
-                self._reference_at,
-                self._stamp_of,
-                self._errors,
-            )
-        )
+        self._published_attitude = -np.inf
+        self._unreadable = 0
+        self._inputs = [
+            _Input(LinkFeed(tool, self.settings.ages, self._warn), buffer, gauge_burst.TOPICS[tool.link][1])
+            for tool, buffer in zip(self._tools, buffers, strict=True)
+        ]
+        self._surveys = LinkSurveys(self._tools, self._reference_at, self._errors)
+
+    def _warn(self, words: str) -> None:
+        self.get_logger().warning(f"{words}: the receiver begins anew")
 
     def _reference_at(self, stamp_ns: int) -> Reference | None:
         if self._reference is None:
@@ -108,139 +139,169 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             self._reference = reference_for(code, found) if code and found is not None else found
         return self._reference
 
-    def _stamp_of(self, seconds: float) -> int:
-        return (self._origin_ns or 0) + round(seconds * wire.NANOSECONDS)
-
     # Subscriptions.
 
     def _on_rig_state(self, message: msg.RigState) -> None:
-        link = self._link
-        if link is None:
-            return
-        if message.valid & msg.RigState.BIT_DEPTH and 0.0 <= message.bit_depth <= _DEEPEST_M:
-            link.attitude.travel_s = message.bit_depth / _WAVE_SPEED
-        if message.valid & msg.RigState.FLOW_RATE and self._tool.medium == "earth" and self._origin_ns is not None:
-            stamp_ns = message.header.stamp.sec * wire.NANOSECONDS + message.header.stamp.nanosec
-            link.flow.switch((stamp_ns - self._origin_ns) / wire.NANOSECONDS, message.flow_rate > _LEAST_FLOW)
-        if message.valid & msg.RigState.ROTARY_SPEED:
-            link.attitude.rotating = abs(message.rotary_speed) > _TURNING
+        for one in self._inputs:
+            link, seconds = one.feed.link, one.feed.seconds(stamp_of(message.header.stamp))
+            through_mud = one.feed.tool.medium == "mud"
+            deep = message.valid & msg.RigState.BIT_DEPTH and 0.0 <= message.bit_depth <= _DEEPEST_M
+            if deep and through_mud:
+                link.attitude.travel_s = message.bit_depth / _WAVE_SPEED
+            if message.valid & msg.RigState.FLOW_RATE and not through_mud and seconds is not None:
+                link.flow.switch(seconds, message.flow_rate > _LEAST_FLOW)
+            if message.valid & msg.RigState.ROTARY_SPEED:
+                link.attitude.rotating = abs(message.rotary_speed) > _TURNING
 
     def _on_quill(self, message: JointState) -> None:
-        if self._link is None or self._origin_ns is None or not len(message.position):
-            return
-        if not math.isfinite(message.position[0]):
-            return
-        at = message.header.stamp.sec * wire.NANOSECONDS + message.header.stamp.nanosec
-        self._link.attitude.take_quill((at - self._origin_ns) / wire.NANOSECONDS, float(message.position[0]))
+        for one in self._inputs:
+            seconds = one.feed.seconds(stamp_of(message.header.stamp))
+            if seconds is not None and len(message.position) and math.isfinite(message.position[0]):
+                one.feed.link.attitude.take_quill(seconds, float(message.position[0]))
+
+    def _on_strokes(self, message: msg.StrokeBurst) -> None:
+        strokes = list(zip(map(int, message.pump), map(stamp_of, message.stamp), strict=True))
+        for one in self._inputs:
+            if one.feed.tool.link == "mud_pulse":
+                # Pressure that was published before the strokes comes first.
+                self._take_bursts(one)
+                self._publish(one.feed, one.feed.take_strokes(stamp_of(message.header.stamp), strokes))
 
     def _on_downlink(self, message: msg.DownlinkState) -> None:
         """Follow the tool to the configuration to which a command leads, once it says that it has obeyed."""
-        following = self._following
-        if following is None:
-            return
-        sequence, pulse_width, carrier, rate, mute = message.in_force
-        settings = ToolSettings(sequence, pulse_width, carrier, rate, bool(mute))
         try:
-            self._in_force = tool_commands.applied(self._tool, settings)
-            if message.state in (msg.DownlinkState.RUNNING, msg.DownlinkState.SENT):
-                frame = Frame(message.counter, COMMANDS.index(message.command), message.argument)
-                if following.expects != frame.echo:
-                    following.go_on_as(self._in_force)
-                    following.expect(tool_commands.applied(self._tool, settings.after(frame)), frame.echo)
-            else:
-                following.go_on_as(self._in_force)
+            for one in self._inputs:
+                if one.feed.tool.downlink is not None:
+                    _follow(one.feed, message)
         except ValueError as error:
             text = f"the downlink is for another tool configuration: {error}"
             self.get_logger().error(text, throttle_duration_sec=10.0)
 
     def _on_timer(self) -> None:
-        for data, _ in self._pressure.take():
-            try:
-                self._take(*gauge_burst.decode(data))
-            except ValueError as error:
-                self._unreadable += 1
-                self.get_logger().warning(f"pressure not used: {error}", throttle_duration_sec=10.0)
+        self._read_line()
+        for one in self._inputs:
+            self._take_bursts(one)
         self._publish_state()
 
-    def _take(self, start_ns: int, period: float, pressure: Any) -> None:
-        self._received_at = time.monotonic()
-        if self._origin_ns is None:
-            self._origin_ns = start_ns
-        link = self._link
-        if link is None or self._following is None:
+    def _take_bursts(self, one: _Input) -> None:
+        for data, _ in one.buffer.take() if one.buffer is not None else ():
+            try:
+                burst = gauge_burst.decode(data, one.kind)
+            except ValueError as error:
+                self._unreadable += 1
+                self.get_logger().warning(f"{one.kind} not used: {error}", throttle_duration_sec=10.0)
+                continue
+            one.received_at = time.monotonic()
+            self._publish(one.feed, one.feed.push(*burst))
+
+    def _read_line(self) -> None:
+        """Bytes of the port: published, so that they are recorded, and taken."""
+        if self._line is None:
             return
-        seconds: Array = (start_ns - self._origin_ns) / wire.NANOSECONDS + period * np.arange(
-            len(pressure), dtype=np.float64
-        )
-        back = len(seconds) and seconds[-1] < link.now_s - _SILENT_S
-        if back or (len(seconds) and np.isfinite(link.now_s) and seconds[0] > link.now_s + _LONGEST_GAP_S):
-            words = "went back by more than 5 s" if back else "went on by more than an hour"
-            self.get_logger().warning(f"the pressure's time {words}: the receiver begins anew")
-            self._new_link()
-            self._take(start_ns, period, pressure)
+        octets = self._line.read()[1].astype(np.uint8)
+        one = next(one for one in self._inputs if one.feed.tool.link == "serial")
+        if not len(octets):
             return
-        self._publish(self._following.push(seconds, pressure))
+        period = BITS_PER_BYTE / one.feed.tool.serial.baud
+        now_ns = self.get_clock().now().nanoseconds
+        start_ns = now_ns - round(len(octets) * period * wire.NANOSECONDS)
+        data = gauge_burst.encode(start_ns, period, octets, self.frame(wire.RIG_FRAME))
+        self._octets.publish(data)
+        one.received_at = time.monotonic()
+        self._publish(one.feed, one.feed.push(*gauge_burst.decode(data, one.kind)))
 
     # Publishers.
 
-    def _publish(self, out: LinkOutput) -> None:
-        link = self._link
-        if link is None:
-            return
-        rig_frame = self.frame(wire.RIG_FRAME)
+    def _publish(self, feed: LinkFeed, out: LinkOutput) -> None:
+        link, rig_frame = feed.link, self.frame(wire.RIG_FRAME)
         for word in out.words:
-            message = link_messages.word_message(word, link.tool, link.name, self._stamp_of)
+            message = link_messages.word_message(word, link.tool, link.name, feed.stamp_of)
             message.header.frame_id = rig_frame
             self._word.publish(message)
         for frame in out.frames:
             words = [word for word in out.words if word.frame == frame.frame and word.revision]
-            report = link_messages.frame_message(frame, words, link.name, self._stamp_of)
+            report = link_messages.frame_message(frame, words, link.name, feed.stamp_of)
             report.header.frame_id = rig_frame
             self._frame_publisher.publish(report)
-        for survey in out.surveys:
+        now_ns = feed.stamp_of(link.now_s) if feed.heard else 0
+        for heard in out.surveys:
+            self._publish_surveys(self._surveys.take(heard, now_ns))
+        self._publish_surveys(self._surveys.advance(now_ns))
+
+    def _publish_surveys(self, surveys: Sequence[Survey]) -> None:
+        for survey in surveys:
             self._survey.publish(link_messages.survey_message(survey, self.frame(wire.SONDE_FRAME)))
             self.get_logger().info(f"survey {survey.sequence} received: {'; '.join(survey.reasons)}")
 
     def _publish_state(self) -> None:
-        """Attitude twice a second and quality once a second of the pressure's time; of wall time where it stands."""
-        link = self._link
-        if link is None:
+        """Attitude twice a second and quality once a second of the samples' time; of wall time where it stands."""
+        for one in self._inputs:
+            link = one.feed.link
+            now = link.now_s if one.feed.heard and not one.silent else time.monotonic()
+            if abs(now - one.published_quality) >= _QUALITY_S:
+                one.published_quality = now
+                stamp_ns = one.feed.stamp_of(link.now_s) if one.feed.heard else 0
+                message = link_messages.quality_message(link.quality(silent=one.silent), link.name, stamp_ns)
+                message.header.frame_id = self.frame(wire.RIG_FRAME)
+                self._quality.publish(message)
+        speaking = [one.feed for one in self._inputs if one.feed.heard and not one.silent]
+        if not speaking:
             return
-        silent = time.monotonic() - self._received_at > _SILENT_S
-        now = link.now_s if not silent and np.isfinite(link.now_s) else time.monotonic()
-        if abs(now - self._published_quality) >= _QUALITY_S:
-            self._published_quality = now
-            stamp_ns = self._stamp_of(link.now_s) if np.isfinite(link.now_s) else 0
-            message = link_messages.quality_message(link.quality(silent=silent), link.name, stamp_ns)
-            message.header.frame_id = self.frame(wire.RIG_FRAME)
-            self._quality.publish(message)
-        if not silent and self._origin_ns is not None and now - self._published_attitude >= _ATTITUDE_S:
-            self._published_attitude = now
-            stamp_ns = self._stamp_of(link.now_s)
-            row = link.attitude.sample(link.now_s, stamp_ns, self._reference_at(stamp_ns))
-            self._attitude.publish(wire.ATTITUDE.encode(row, self.frame(wire.SONDE_FRAME))[0].tobytes())
+        now_ns = max(feed.stamp_of(feed.link.now_s) for feed in speaking)
+        if abs(now_ns - self._published_attitude) < _ATTITUDE_S * wire.NANOSECONDS:
+            return
+        self._published_attitude = now_ns
+        reference = self._reference_at(now_ns)
+        rows = [
+            one.feed.link.attitude.sample(one.feed.seconds(now_ns) or 0.0, now_ns, reference)
+            for one in self._inputs
+            if one.feed.heard
+        ]
+        row = link_attitude.best(rows)
+        self._attitude.publish(wire.ATTITUDE.encode(row, self.frame(wire.SONDE_FRAME))[0].tobytes())
 
     def deactivate(self) -> None:
         """Publish what is left."""
-        if self._following is not None:
-            self._publish(self._following.finish())
-        self._new_link()
+        for one in self._inputs:
+            self._publish(one.feed, one.feed.finish())
+        self._publish_surveys(self._surveys.finish())
+        self._begin([one.buffer for one in self._inputs])
+
+    def cleanup(self) -> None:
+        """Let go of the line."""
+        if self._line is not None:
+            self._line.close()
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """State of the link."""
-        link = self._link
-        if link is None:
-            return ()
-        silent = time.monotonic() - self._received_at > _SILENT_S
-        quality = link.quality(silent=silent)
+        """State of the links."""
+        return [self._diagnostic(one) for one in self._inputs]
+
+    def _diagnostic(self, one: _Input) -> Diagnostic:
+        quality = one.feed.link.quality(silent=one.silent)
         values = (
             ("ebn0_db", f"{quality.ebn0_db:.1f}"),
             ("toolface_age_s", f"{quality.toolface_age:.0f}"),
             ("unreadable", str(self._unreadable)),
         )
-        lost = ERROR if np.isfinite(link.now_s) else WARN
+        name = "link" if len(self._inputs) == 1 else f"link {one.feed.tool.link}"
+        if one.buffer is None and self._line is not None and self._line.failure:
+            return Diagnostic(name, ERROR, self._line.failure, "check the cable and the port", values)
+        lost = ERROR if one.feed.heard else WARN
         level = {NO_INPUT: lost, NO_FLOW: OK, LOCKED: OK}.get(quality.state, WARN)
-        return (Diagnostic("link", level, quality.reason or "words arrive", values=values),)
+        return Diagnostic(name, level, quality.reason or "words arrive", values=values)
+
+
+def _follow(feed: LinkFeed, message: msg.DownlinkState) -> None:
+    sequence, pulse_width, carrier, rate, mute = message.in_force
+    settings = ToolSettings(sequence, pulse_width, carrier, rate, bool(mute))
+    feed.in_force = tool_commands.applied(feed.tool, settings)
+    if message.state not in (msg.DownlinkState.RUNNING, msg.DownlinkState.SENT):
+        feed.following.go_on_as(feed.in_force)
+        return
+    frame = Frame(message.counter, COMMANDS.index(message.command), message.argument)
+    if feed.following.expects != frame.echo:
+        feed.following.go_on_as(feed.in_force)
+        feed.following.expect(tool_commands.applied(feed.tool, settings.after(frame)), frame.echo)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -18,9 +18,21 @@ class ReceiverSettings:
         "Tool configuration (tool.yaml) by which the tool transmits. A wrong one gives no words; the reason says so",
         fixed=True,
     )
+    second_tool_file: str = setting(
+        "",
+        "Tool configuration of a second link, such as EM beside mud pulses: surveys and attitude come from both, the "
+        "better word first; empty: one link",
+        fixed=True,
+    )
+    serial_port: str = setting(
+        "",
+        "Port of the surface unit of a wired tool, such as /dev/ttyUSB0; its bytes are published on rig/serial. Empty: "
+        "the bytes come on rig/serial",
+        fixed=True,
+    )
     gauge: int = setting(
         1,
-        "Gauge: 1 reads rig/standpipe (of a tool on the ground: rig/earth_voltage), 2 rig/standpipe_2",
+        "Gauge of a link through mud: 1 reads rig/standpipe, 2 rig/standpipe_2",
         low=1,
         high=2,
         fixed=True,

@@ -133,7 +133,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         )
         self._clearance = ClearanceMonitor(context, self._plan)
         self._parameter_tables = ParameterTables(self, ("sonde", "estimator") if direct else ("receiver",))
-        self._link = LinkMonitor(context)
+        self._link = LinkMonitor(context, settings.link.source)
         self._recording = self._closed_on_cleanup(
             RecordingServer(context, settings, tables=self._tables, attachments=self._surveys.attachments)
         )

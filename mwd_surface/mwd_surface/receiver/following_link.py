@@ -3,12 +3,10 @@ A link that follows the tool to another configuration, to which a downlink leads
 
 While the tool's answer is waited for, the pressure goes to two links: one reads as before, the other as the tool will
 send. The first that believes the word by which the tool repeats the command shows that the tool has obeyed; then the
-other one goes on, with the words it has kept, and the surveys are counted on.
+other one goes on, with the words it has kept.
 """
 
 from __future__ import annotations
-
-import dataclasses
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.downlink import ECHO_WORD
@@ -36,7 +34,6 @@ class FollowingLink:
         self.link = link
         self._next: Link | None = None
         self._echo = 0
-        self._counted = 0
         self._kept = LinkOutput()
 
     @property
@@ -47,7 +44,7 @@ class FollowingLink:
     def expect(self, tool: ToolConfiguration, echo: int) -> None:
         """Listen beside as the tool will send once it has obeyed; echo: the code by which it says so."""
         self._next, self._echo = self.link.successor(tool), echo
-        self._counted, self._kept = self.link.surveys, LinkOutput()
+        self._kept = LinkOutput()
 
     def go_on_as(self, tool: ToolConfiguration) -> None:
         """Wait for no answer any more: the tool runs by this configuration."""
@@ -61,17 +58,17 @@ class FollowingLink:
         if self._next is None:
             return out
         beside = self._next.push(time_s, pressure_pa)
-        self._kept.words += beside.words
-        self._kept.frames += beside.frames
-        self._kept.surveys += beside.surveys
+        self._kept.add(beside)
         if not any(self._answers(word) for word in (*out.words, *beside.words)):
             return out
-        # Surveys that the link before has given in the meantime have taken the next numbers.
-        more = self.link.surveys - self._counted
-        self._kept.surveys = [dataclasses.replace(one, sequence=one.sequence + more) for one in self._kept.surveys]
-        self._next.skip_surveys(more)
         self.link, self._next = self._next, None
         return self._kept
+
+    def take_strokes(self, pump: int, time_s: Array) -> None:
+        """Take strokes of a counter, as `Link.take_strokes`."""
+        for link in (self.link, self._next):
+            if link is not None:
+                link.take_strokes(pump, time_s)
 
     def finish(self) -> LinkOutput:
         """Give what is left when no more pressure comes."""

@@ -1,8 +1,8 @@
 """
-A link at the surface: pressure or voltage in; words, surveys, attitude and the state of the link out.
+A link at the surface: pressure, voltage or bytes in; words, surveys as heard, attitude and the state of the link out.
 
-Times are s on the clock of the pressure, `stamp_ns` turns them into stamps. The same pressure gives the same output,
-however it is cut into blocks.
+Times are s on the clock of the samples, `stamp_ns` turns them into stamps. The same samples give the same output,
+however they are cut into blocks. `link_surveys` makes one list of the surveys of all links.
 """
 
 from __future__ import annotations
@@ -15,19 +15,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mwd_estimation.core.error_model import SensorErrors
-from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.telemetry import meanings
-from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.link_attitude import AgeRules, LinkAttitude
-from mwd_surface.receiver.link_survey import SurveyTime, survey
+from mwd_surface.receiver.link_survey import HeardSurvey, SurveyTime
 from mwd_surface.receiver.link_values import believed
+from mwd_surface.receiver.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.receivers import receiver_of
 from mwd_surface.receiver.transmission import FrameReport, Reception
 from mwd_surface.receiver.words import ReceivedWord
-from mwd_surface.surveys.survey_record import Survey
 
 NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
 # Eb/N0 at which 19 of 20 words of 13 bits are right when their parity is used (docs/benchmarks.md, limits of the code).
@@ -38,6 +35,13 @@ _GOODPUT_S = 300.0
 _JUDGED_WORDS = 40
 # Longest survey before which the tool may have stood still unseen: a recording that begins between two connections.
 _SETTLE_S = 6.0
+# A wired tool sends a survey once it was taken, s: half of the time that one takes.
+_HALF_SURVEY_S = 5.0
+_NO_INPUT = {
+    "mud": "no pressure arrives: look at the gauge and its cable",
+    "earth": "no voltage arrives: look at the antenna and its cable",
+    "serial": "no bytes arrive: look at the line, its port and the power of the probe",
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,11 +66,17 @@ class Quality:
 
 @dataclasses.dataclass
 class LinkOutput:
-    """What a block of pressure completed: words, passes of sequences and surveys, in order of time."""
+    """What a block of samples completed: words, passes of sequences and surveys as heard, in order of time."""
 
     words: list[ReceivedWord] = dataclasses.field(default_factory=list)
     frames: list[FrameReport] = dataclasses.field(default_factory=list)
-    surveys: list[Survey] = dataclasses.field(default_factory=list)
+    surveys: list[HeardSurvey] = dataclasses.field(default_factory=list)
+
+    def add(self, more: LinkOutput) -> None:
+        """Take what came later."""
+        self.words += more.words
+        self.frames += more.frames
+        self.surveys += more.surveys
 
 
 class Link:
@@ -80,12 +90,8 @@ class Link:
     name : str
         mud_pulse, em or serial.
     rules : AgeRules
-    reference : callable
-        Field of the place at a stamp, ns; None where it is not configured.
     stamp_ns : callable
-        Stamp of a time on the clock of the pressure, s.
-    errors : SensorErrors, optional
-        Of the tool code, where the tool sends no sigma.
+        Stamp of a time on the clock of the samples, s.
     """
 
     def __init__(
@@ -93,20 +99,16 @@ class Link:
         tool: ToolConfiguration,
         name: str,
         rules: AgeRules,
-        reference: Callable[[int], Reference | None],
         stamp_ns: Callable[[float], int],
-        errors: SensorErrors | None = None,
     ) -> None:
         self._tool, self.name = tool, name
-        self._rules, self._reference, self._stamp_ns, self._errors = rules, reference, stamp_ns, errors
+        self._rules, self._stamp_ns = rules, stamp_ns
         self._receiver = receiver_of(tool)
         self._needed_db = _NEEDED_DB.get(tool.code, NEEDED_DB)
         self.flow = FlowSpans()
         self.attitude = LinkAttitude(rules)
         self._survey_words: dict[int, list[ReceivedWord]] = {}
-        self._last_survey: Survey | None = None
-        self._last_codes: dict[str, int] = {}
-        self._surveys = 0
+        self._last_survey: SurveyTime | None = None
         self._last_frame: FrameReport | None = None
         self._last_word: ReceivedWord | None = None
         self._final: deque[ReceivedWord] = deque(maxlen=_JUDGED_WORDS)
@@ -118,22 +120,12 @@ class Link:
         """Tool configuration by which it reads."""
         return self._tool
 
-    @property
-    def surveys(self) -> int:
-        """Number of the last survey."""
-        return self._surveys
-
     def successor(self, tool: ToolConfiguration) -> Link:
-        """Return a link of another tool configuration that goes on from this one: flow, attitude, surveys."""
-        after = Link(tool, self.name, self._rules, self._reference, self._stamp_ns, self._errors)
+        """Return a link of another tool configuration that goes on from this one: flow, attitude, time."""
+        after = Link(tool, self.name, self._rules, self._stamp_ns)
         after.flow, after.attitude = copy.deepcopy(self.flow), copy.deepcopy(self.attitude)
-        after._surveys, after.now_s = self._surveys, self.now_s
-        after._last_survey, after._last_codes = self._last_survey, dict(self._last_codes)
+        after.now_s, after._last_survey = self.now_s, self._last_survey
         return after
-
-    def skip_surveys(self, count: int) -> None:
-        """Leave out so many numbers of surveys, which another link has taken."""
-        self._surveys += count
 
     def push(self, time_s: Array, pressure_pa: Array) -> LinkOutput:
         """Take samples, shape (n,): rising times, s, and Pa (V of a link through the ground)."""
@@ -143,6 +135,11 @@ class Link:
             self.flow.push(time_s, pressure_pa)
         self.now_s = max(self.now_s, float(time_s[-1]))
         return self._take(self._receiver.push(np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)))
+
+    def take_strokes(self, pump: int, time_s: Array) -> None:
+        """Take strokes that a counter saw, shape (n,), s; only pulses are cleared of pumps by them."""
+        if isinstance(self._receiver, PulseReceiver):
+            self._receiver.strokes(pump, time_s)
 
     def finish(self) -> LinkOutput:
         """Give what is left when no more pressure comes."""
@@ -164,8 +161,8 @@ class Link:
             state=state,
             reason=reason,
             needed_db=self._needed_db,
-            has_signal=frame is not None and state in (LOCKED, DOUBTFUL),
-            ebn0_db=frame.ebn0_db if frame is not None else 0.0,
+            has_signal=frame is not None and not self._wired and state in (LOCKED, DOUBTFUL),
+            ebn0_db=frame.ebn0_db if frame is not None and not self._wired else 0.0,
             clock_error=frame.clock_error if frame is not None else 0.0,
             word_error=float(np.mean([1.0 - one.confidence for one in final])) if final else -1.0,
             goodput=sum(bits for _, bits in self._good) / _GOODPUT_S if self._good else -1.0,
@@ -176,6 +173,11 @@ class Link:
             survey_age=age,
             mode=mode,
         )
+
+    @property
+    def _wired(self) -> bool:
+        """Whether the tool sends with flow and without."""
+        return self._tool.medium == "serial"
 
     def _last_survey_age(self) -> float:
         if self._last_survey is None:
@@ -198,32 +200,25 @@ class Link:
         for frame in got.frames:
             self._last_frame = frame
             if frame.kind == "survey":
-                found = self._survey_of(self._survey_words.pop(frame.frame, []))
-                out.surveys += [found] if found is not None else []
+                out.surveys += self._survey_of(self._survey_words.pop(frame.frame, []))
         return out
 
     def _bits(self, word: ReceivedWord) -> int:
         sequences = self._tool.surveys if word.kind == "survey" else self._tool.toolfaces
         return max((item.bits for items in sequences for item in items if item.name == word.name), default=0)
 
-    def _survey_of(self, words: list[ReceivedWord]) -> Survey | None:
-        """Survey of a pass; None where it lacks the inclination or repeats the last one."""
+    def _survey_of(self, words: list[ReceivedWord]) -> list[HeardSurvey]:
+        """Survey of a pass; none where no word of it is believed."""
         values = believed(words)
-        if meanings.INCLINATION not in values:
-            return None
-        codes = {name: one.raw for name, one in values.items()}
-        at = self._taken(words[0].start_s)
-        last = self._last_survey
-        if last is not None and _repeats(codes, self._last_codes) and (meanings.AZIMUTH in self._last_codes):
-            return None
-        found = survey(values, at, self._surveys + 1, self.name, self._reference(at.stamp_ns), self._errors)
-        if found is not None:
-            self._surveys += 1
-            self._last_survey, self._last_codes = found, codes
-        return found
+        if not values:
+            return []
+        self._last_survey = self._taken(words[0].start_s)
+        return [HeardSurvey(self.name, self._last_survey, values)]
 
     def _taken(self, sent_s: float) -> SurveyTime:
         """When a survey was taken that was sent from a time on: while the pumps were off before."""
+        if self._wired:
+            return SurveyTime(self._stamp_ns(sent_s - _HALF_SURVEY_S), _HALF_SURVEY_S)
         span = self.flow.before(sent_s)
         if span is None:
             return SurveyTime(self._stamp_ns(sent_s - self._tool.transmit_delay_s), math.inf)
@@ -232,13 +227,8 @@ class Link:
 
     def _state(self, silent: bool) -> tuple[int, str]:
         if silent or math.isinf(self.now_s):
-            what = (
-                "pressure arrives: look at the gauge"
-                if self._tool.medium == "mud"
-                else "voltage arrives: look at the antenna"
-            )
-            return NO_INPUT, f"no {what} and its cable"
-        if not self.flow.flowing:
+            return NO_INPUT, _NO_INPUT[self._tool.medium]
+        if not self._wired and not self.flow.flowing:
             return NO_FLOW, "the pumps are off: the tool is silent"
         frame, word, _ = self._heard()
         on_since = self._on_since()
@@ -248,7 +238,7 @@ class Link:
         if self._receiver.last_sync_s > on_since and self.now_s - self._receiver.last_sync_s < 4.0 * longest:
             return LOCKED, "sync found, the first words follow"
         waited = self.now_s - on_since
-        expected = self._tool.transmit_delay_s + self._head_s() + 2.0 * longest
+        expected = self._tool.transmit_delay_s + self._tool.head_s + 2.0 * longest
         if waited < expected:
             return SEARCHING, f"waiting for the sync, {self._tool.transmit_delay_s:g} s after flow-on"
         if frame is not None and frame.reason:
@@ -284,17 +274,3 @@ class Link:
         items = [item for items in (*self._tool.surveys, *self._tool.toolfaces) for item in items]
         # Words are decoded some at a time, behind the response of the channel.
         return 4.0 * max(self._tool.seconds((item,)) for item in items)
-
-    def _head_s(self) -> float:
-        """Time on air of a sync and header, s; a carrier has its markers in each block."""
-        return (
-            (self._tool.sync.length_tu + self._tool.header_tu) * self._tool.tu_s
-            if self._tool.code in PULSE_CODES
-            else 0.0
-        )
-
-
-def _repeats(codes: dict[str, int], before: dict[str, int]) -> bool:
-    """Whether a survey has the same codes as the last one in all that both have: the tool sent it again."""
-    both = codes.keys() & before.keys()
-    return len(both) >= 2 and all(codes[name] == before[name] for name in both)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -93,6 +94,7 @@ _ANGLES = {
     "inclination": ((meanings.CONTINUOUS_INCLINATION, meanings.INCLINATION), meanings.SIGMA_INCLINATION),
     "azimuth": ((meanings.CONTINUOUS_AZIMUTH, meanings.AZIMUTH), meanings.SIGMA_AZIMUTH),
 }
+_TOOLFACES = ("gravity_toolface", "magnetic_toolface")
 
 
 class LinkAttitude:
@@ -150,7 +152,7 @@ class LinkAttitude:
             known = sigma >= 0.0
             row[name] = ((value + turn) % math.tau if name == "azimuth" else value) if known else 0.0
             row["sigma_" + name] = sigma
-        for name in ("gravity_toolface", "magnetic_toolface"):
+        for name in _TOOLFACES:
             row["sigma_" + name] = -1.0
         found = self._toolface()
         vertical = self._near_vertical(row)
@@ -198,3 +200,26 @@ class LinkAttitude:
 
     def _age(self, value: LinkValue, now_s: float) -> float:
         return max(now_s - (value.start_s - self.travel_s), 0.0)
+
+
+def best(rows: Sequence[Samples]) -> Samples:
+    """
+    One attitude from those of several links at the same moment: of each angle the one with the smallest sigma.
+
+    rows: of `wire.ATTITUDE`, one each, at least one. The toolface, gravity or magnetic, comes from one link.
+    """
+    row = rows[0].copy()
+    for name in ("inclination", "azimuth"):
+        one = _surest(rows, (name,))
+        row[name], row["sigma_" + name] = one[name], one["sigma_" + name]
+    one = _surest(rows, _TOOLFACES)
+    for name in _TOOLFACES:
+        row[name], row["sigma_" + name] = one[name], one["sigma_" + name]
+    row["status"] = one["status"]
+    return row
+
+
+def _surest(rows: Sequence[Samples], names: Sequence[str]) -> Samples:
+    """Row in which one of the angles has the smallest known sigma; -1 is not known."""
+    sigmas = np.array([[float(row["sigma_" + name][0]) for name in names] for row in rows])
+    return rows[int(np.argmin(np.where(sigmas < 0.0, math.inf, sigmas).min(axis=1)))]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import uuid
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,6 +40,14 @@ class SurveyTime:
 
     stamp_ns: int
     half_s: float
+
+
+class HeardSurvey(NamedTuple):
+    """Words of a survey as one link brought them: its name, when it was taken, believed words by their meaning."""
+
+    link: str
+    at: SurveyTime
+    values: dict[str, LinkValue]
 
 
 def survey(

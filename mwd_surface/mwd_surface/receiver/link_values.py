@@ -10,13 +10,14 @@ from mwd_surface.receiver.words import ReceivedWord
 
 @dataclasses.dataclass(frozen=True)
 class LinkValue:
-    """Value and 1 sigma, SI, of a word; its code; begin and end on air, s on the clock of the pressure."""
+    """Value and 1 sigma, SI, of a word; code; begin and end on air, s on the clock of the samples; odds of the code."""
 
     value: float
     sigma: float
     raw: int
     start_s: float
     end_s: float
+    confidence: float = 1.0
 
 
 def believed(words: list[ReceivedWord]) -> dict[str, LinkValue]:
@@ -32,4 +33,4 @@ def believed(words: list[ReceivedWord]) -> dict[str, LinkValue]:
 def value_of(word: ReceivedWord) -> LinkValue:
     """Value of a word in SI."""
     factor = meanings.factor(word.unit)
-    return LinkValue(word.value * factor, word.sigma * factor, word.raw, word.start_s, word.end_s)
+    return LinkValue(word.value * factor, word.sigma * factor, word.raw, word.start_s, word.end_s, word.confidence)

@@ -61,7 +61,8 @@ def frame_message(frame: FrameReport, words: list[ReceivedWord], link: str, stam
         words=len(words),
         believed=sum(word.status == BELIEVED for word in words),
         complete=not frame.reason,
-        ebn0_db=frame.ebn0_db,
+        # Of a serial line there is none.
+        ebn0_db=frame.ebn0_db if math.isfinite(frame.ebn0_db) else 0.0,
         clock_error=frame.clock_error,
         reason=frame.reason,
     )

@@ -35,7 +35,7 @@ def heard():
 
 def played(heard, expected, echo, told_s=TOLD_S - 40.0):
     run, _, _ = heard
-    link = FollowingLink(Link(BEFORE, "mud_pulse", AgeRules(), lambda _: None, lambda at: START_NS + round(at * 1e9)))
+    link = FollowingLink(Link(BEFORE, "mud_pulse", AgeRules(), lambda at: START_NS + round(at * 1e9)))
     words, surveys = [], []
     for begin in range(0, len(run.time_s), 100):
         if begin == round(told_s * 100.0):
@@ -55,7 +55,7 @@ def test_the_answer_lets_it_read_on_by_the_new_configuration_with_nothing_lost(h
     sent = [(word.name, word.raw) for word in (*first.words[:3], *second.words[:3])]
     believed = [(word.name, word.raw) for word in words if word.kind == "survey"]
     assert believed == sent
-    assert [survey.sequence for survey in surveys] == [1, 2]
+    assert len(surveys) == 2
 
 
 def test_without_the_answer_it_reads_on_as_before(heard):

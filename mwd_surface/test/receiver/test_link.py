@@ -12,6 +12,7 @@ from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
 from mwd_surface.receiver.link import LOCKED, NO_FLOW, NO_INPUT, SEARCHING, Link
 from mwd_surface.receiver.link_attitude import AgeRules
+from mwd_surface.receiver.link_surveys import LinkSurveys
 
 START_NS = 1_772_345_000_000_000_000
 TOOL = ToolConfiguration(
@@ -24,7 +25,7 @@ FLOWS = ((60.0, 260.0),)
 
 
 def link_of(tool=TOOL):
-    return Link(tool, "mud_pulse", AgeRules(), lambda _: None, lambda s: START_NS + round(s * 1e9))
+    return Link(tool, tool.link, AgeRules(), lambda s: START_NS + round(s * 1e9))
 
 
 def pushed(link, time, value, block=100):
@@ -46,7 +47,7 @@ def run():
 def test_a_survey_has_the_time_at_which_the_pumps_were_off(run):
     words, surveys, _ = pushed(link_of(), run.time_s, run.pressure_pa)
     assert len(surveys) == 1
-    assert (surveys[0].stamp_ns - START_NS) * 1e-9 == pytest.approx(46.0, abs=3.0)
+    assert (surveys[0].at.stamp_ns - START_NS) * 1e-9 == pytest.approx(46.0, abs=3.0)
     sent = {(word.frame, word.name): word.raw for word in run.sent.words}
     final = [word for word in words if word.revision]
     assert len(final) >= 8
@@ -81,7 +82,9 @@ def test_the_same_survey_sent_again_is_no_second_one(run):
     twice = link_run(channel, again, 520.0, 3)
     words, surveys, _ = pushed(link_of(), twice.time_s, twice.pressure_pa)
     assert len([word for word in words if word.name == "Inc" and word.revision]) == 2
-    assert len(surveys) == 1
+    one_list = LinkSurveys((TOOL,), lambda _: None)
+    assert len(surveys) == 2
+    assert [len(one_list.take(heard, 0)) for heard in surveys] == [1, 0]
 
 
 def test_a_carrier_is_read_by_the_same_link():
