@@ -10,7 +10,7 @@ from typing import Any
 
 from mwd_msgs.msg import ImuBurst, RigState, Truth
 from mwd_msgs.srv import InjectFault
-from sensor_msgs.msg import Imu, MagneticField, Temperature
+from sensor_msgs.msg import Imu, JointState, MagneticField, Temperature
 
 from mwd_sensors.core import burst, wire
 from mwd_sensors.core.arrays import Samples
@@ -23,6 +23,7 @@ from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.discovery import SubscriberDiscovery
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.run_node import run_node
+from mwd_sensors.ros.time_stamps import stamp
 from mwd_sensors.simulator import scenario_files
 from mwd_sensors.simulator.faults import Fault
 from mwd_sensors.simulator.scenario import read
@@ -121,6 +122,8 @@ class SondeNode(GraphNode[SondeSettings]):
             self._topic_publishers |= {topic: self.add_publisher(ImuBurst, topic, qos.STREAM) for topic in burst.TOPICS}
         self.add_service(InjectFault, "inject_fault", self._inject_fault)
         self._rig_commands = RigCommands(self, lambda: self._sonde, self.settings.rate)
+        if self._scenario.steering is not None:
+            self._quill = self.add_publisher(JointState, "rig/quill", qos.STATE)
         self._telemetry = None
         if self._scenario.telemetry is not None:
             self._telemetry = TelemetryTopics(self, self._scenario.telemetry, self.settings.rate)
@@ -219,6 +222,13 @@ class SondeNode(GraphNode[SondeSettings]):
                 self._pending += self._messages(sonde, order, topic, samples)
         self._pending.sort(key=lambda item: item[:2])
         self._simulated_until += _BLOCK_S
+        if sonde.string is not None:
+            self._publish_quill(sonde, sonde.string.quill)
+
+    def _publish_quill(self, sonde: Sonde, angle: float) -> None:
+        message = JointState(name=["quill"], position=[angle])
+        message.header.stamp = stamp(sonde.stamp_ns(self._simulated_until, of_tool=False))
+        self._quill.publish(message)
 
     def _thinned(self, topic: str, samples: Samples) -> Samples:
         """Every n-th sample of the whole run, wherever its blocks end."""

@@ -218,6 +218,11 @@ class String:
             self._state[0].left = valid_for
 
     @property
+    def quill(self) -> float:
+        """Angle of the top drive now, rad."""
+        return float(self._state[0].drive)
+
+    @property
     def obeys(self) -> int | None:
         """Mode of the command in force; None while the schedule rules."""
         mode = int(self._state[0].mode)

@@ -94,6 +94,13 @@ class LiveState(LiveStreams):
         """Whether a survey or a north seek is under way."""
         return self._progress.active
 
+    def toolface_age(self, stamp_ns: int) -> float:
+        """Age of the word that the toolface at a stamp, ns, was predicted from, s; 0 where no link is between."""
+        link = self._link
+        if link is None or link.toolface_age < 0.0:
+            return 0.0
+        return max(link.toolface_age + (stamp_ns - link.stamp_ns) * 1e-9, 0.0)
+
     def on_well(self, well: Well, now: float, reference: ReferenceField | None = None) -> None:
         """Take the well, and the reference field in force; without one, that of the last survey counts."""
         self._well, self._reference = well, reference

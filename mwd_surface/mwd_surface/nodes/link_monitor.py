@@ -64,7 +64,7 @@ class LinkMonitor:
 
     def _collector(self, link: str) -> LinkCollector | None:
         """What collects the words of a link; None where it is not one that is in use."""
-        return self._collectors.setdefault(link, LinkCollector()) if self._source in (link, "best", "direct") else None
+        return self._collectors.setdefault(link, LinkCollector()) if self._source in (link, "best") else None
 
     def _on_word(self, data: bytes) -> None:
         word = deserialize_message(data, msg.LinkWord)

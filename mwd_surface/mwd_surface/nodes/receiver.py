@@ -150,6 +150,8 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
                 link.attitude.travel_s = message.bit_depth / _WAVE_SPEED
             if message.valid & msg.RigState.FLOW_RATE and not through_mud and seconds is not None:
                 link.flow.switch(seconds, message.flow_rate > _LEAST_FLOW)
+            known = bool(message.valid & msg.RigState.RATE_OF_PENETRATION)
+            link.attitude.speed = abs(message.rate_of_penetration) if known else None
             if message.valid & msg.RigState.ROTARY_SPEED:
                 link.attitude.rotating = abs(message.rotary_speed) > _TURNING
 

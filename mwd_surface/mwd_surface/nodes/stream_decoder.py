@@ -141,6 +141,7 @@ class StreamDecoder:
         message = msg.Toolface(
             mode=reading.mode,
             angle=reading.angle,
+            age=self._live.toolface_age(reading.stamp_ns),
             sigma=reading.sigma,
             rotating=reading.rotating,
             rotary_speed=reading.rotary_speed,

@@ -2,7 +2,9 @@
 Attitude between the words of a link: the newest word of each angle, with a sigma that grows with its age.
 
 sigma^2 = word^2 + tool^2 + (rate age)^2. A toolface is withheld beyond a set age, and while the string turns. Where the
-top drive reports its angle, the toolface turns with it: the string follows, after its wind-up, what is done above.
+top drive reports its angle, the toolface follows it with a lag: friction on the wall acts against the direction in
+which the pipe moves, so a string that slides along gives way to torsion as a damper does, at a rate of
+stiffness x speed x wind-up / (friction x radius of the pipe); a length of hole, not a time, is what a turn takes.
 """
 
 from __future__ import annotations
@@ -58,6 +60,15 @@ class AgeRules:
         low=0.0,
         high=1.0,
     )
+    quill_lag_m: float = setting(
+        0.3,
+        "Hole drilled until 63 % of a turn of the top drive have reached the tool: friction torque on the wall times "
+        "the radius of the pipe, over the torsional stiffness of the string. Raise it in a long hole with much "
+        "friction; 0: the tool turns at once.",
+        unit="m",
+        low=0.0,
+        high=20.0,
+    )
     inclination_sigma_deg: float = setting(
         0.25,
         "1 sigma of the tool's inclination, added to the rounding where the tool sends none (word sInc).",
@@ -94,6 +105,7 @@ _ANGLES = {
     "inclination": ((meanings.CONTINUOUS_INCLINATION, meanings.INCLINATION), meanings.SIGMA_INCLINATION),
     "azimuth": ((meanings.CONTINUOUS_AZIMUTH, meanings.AZIMUTH), meanings.SIGMA_AZIMUTH),
 }
+_PIPE_RADIUS_M = 0.1  # on the wall of the hole, joints included
 _TOOLFACES = ("gravity_toolface", "magnetic_toolface")
 
 
@@ -104,12 +116,23 @@ class LinkAttitude:
     Parameters
     ----------
     rules : AgeRules
+
+    Attributes
+    ----------
+    travel_s : float
+        Time that a word takes to the surface, s.
+    rotating : bool
+        Whether the string turns.
+    speed : float or None
+        Of the string along the hole, m/s; None: not known, the tool is taken to turn with the top drive at once.
     """
 
     def __init__(self, rules: AgeRules) -> None:
         self._rules = rules
         self._newest: dict[str, tuple[LinkValue, int, int]] = {}
-        self._quill: deque[tuple[float, float]] = deque(maxlen=4096)
+        # Time, angle of the top drive, and how much of it has reached the end of the string.
+        self._quill: deque[tuple[float, float, float]] = deque(maxlen=4096)
+        self.speed: float | None = None
         self.travel_s = 0.0
         self.rotating = False
 
@@ -127,7 +150,18 @@ class LinkAttitude:
 
     def take_quill(self, at_s: float, angle: float) -> None:
         """Take the angle of the top drive, rad, at a time on the clock of the pressure, s."""
-        self._quill.append((at_s, angle))
+        if not self._quill:
+            self._quill.append((at_s, angle, angle))
+            return
+        before, _, end = self._quill[-1]
+        if at_s <= before:
+            return
+        lag = self._rules.quill_lag_m
+        drilled = math.inf if self.speed is None else max(self.speed, 0.0) * (at_s - before)
+        wound = (angle - end) * math.exp(-drilled / lag) if lag > 0.0 else 0.0
+        # More than friction holds, the end turns with the top drive.
+        most = lag / _PIPE_RADIUS_M
+        self._quill.append((at_s, angle, angle - min(max(wound, -most), most)))
 
     def toolface_age(self, now_s: float) -> float:
         """Age of the newest toolface, s; -1 where there is none."""
@@ -186,17 +220,20 @@ class LinkAttitude:
         return max(found, key=lambda one: one[1].start_s) if found else None
 
     def _predicted(self, value: LinkValue, now_s: float) -> tuple[float, float]:
-        """Toolface turned with the top drive since it was measured, and its sigma, rad."""
-        rules = self._rules
-        turned = self._quill_at(now_s) - self._quill_at(now_s - self._age(value, now_s))
-        grown = math.radians(rules.toolface_rate_deg_s) * self._age(value, now_s)
-        sigma = math.hypot(value.sigma, math.radians(rules.toolface_sigma_deg), grown, rules.quill_share * turned)
-        return value.value + turned, min(sigma, math.pi)
+        """Toolface turned by what has reached it of the top drive since it was measured, and its sigma, rad."""
+        rules, age = self._rules, self._age(value, now_s)
+        (drive, end), (drive_then, end_then) = self._quill_at(now_s), self._quill_at(now_s - age)
+        grown = math.radians(rules.toolface_rate_deg_s) * age
+        unsure = rules.quill_share * (drive - drive_then)
+        sigma = math.hypot(value.sigma, math.radians(rules.toolface_sigma_deg), grown, unsure)
+        return value.value + end - end_then, min(sigma, math.pi)
 
-    def _quill_at(self, at_s: float) -> float:
+    def _quill_at(self, at_s: float) -> tuple[float, float]:
+        """Angle of the top drive and of what has reached the end of the string, rad."""
         if not self._quill:
-            return 0.0
-        return float(np.interp(at_s, [t for t, _ in self._quill], [angle for _, angle in self._quill]))
+            return 0.0, 0.0
+        times, drive, end = zip(*self._quill, strict=True)
+        return float(np.interp(at_s, times, drive)), float(np.interp(at_s, times, end))
 
     def _age(self, value: LinkValue, now_s: float) -> float:
         return max(now_s - (value.start_s - self.travel_s), 0.0)
