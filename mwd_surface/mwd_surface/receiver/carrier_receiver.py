@@ -14,8 +14,8 @@ from mwd_surface.receiver import baseband, carrier_words
 from mwd_surface.receiver.baseband import PER_SYMBOL, Complex
 from mwd_surface.receiver.carrier_block import MARGIN, BlockData, BlockDecision, BlockDecoder
 from mwd_surface.receiver.carrier_search import THRESHOLD, marker_score
-from mwd_surface.receiver.grid import REACH, STEPS_PER_TU, Grid
-from mwd_surface.receiver.resampling import Resampler
+from mwd_surface.receiver.grid import REACH
+from mwd_surface.receiver.sampled_receiver import SampledReceiver
 from mwd_surface.receiver.transmission import FrameReport, Reception
 
 _HOP = 16  # symbols by which the search proceeds
@@ -54,7 +54,7 @@ class _Pass:
     failed: int = 0
 
 
-class CarrierReceiver:
+class CarrierReceiver(SampledReceiver):
     """
     Receiver of a tool that sends on a carrier.
 
@@ -66,8 +66,7 @@ class CarrierReceiver:
 
     def __init__(self, tool: ToolConfiguration) -> None:
         self._tool, self._carrier = tool, tool.carrier
-        step = baseband.step_s(tool.carrier)
-        self._grid, self._resampler = Grid(STEPS_PER_TU * step), Resampler(step)
+        super().__init__(baseband.step_s(tool.carrier))
         self._band = baseband.band_of(tool.carrier)
         self._decoder = BlockDecoder(tool.carrier)
         self._hop_steps = round(_HOP * self._band.symbol)
@@ -79,22 +78,6 @@ class CarrierReceiver:
         self._markers = 0
         self.last_sync_s = -math.inf
         self._clock_error = 0.0
-
-    def push(self, time_s: Array, value: Array) -> Reception:
-        """
-        Take samples.
-
-        Parameters
-        ----------
-        time_s, value : ndarray, shape (n,)
-            Rising times and pressures or voltages.
-
-        Raises
-        ------
-        ValueError
-            The samples are too far apart for the carrier.
-        """
-        return self._take(*self._resampler.push(time_s, value))
 
     def finish(self) -> Reception:
         """Words of what is left at the end of the samples."""
@@ -120,22 +103,13 @@ class CarrierReceiver:
             " tool sends other sequences, words or block_bits than this configuration has"
         )
 
-    def _take(self, values: Array, known: Array) -> Reception:
-        done = Reception()
-        if len(values) == 0:
-            return done
-        if self._grid.end == 0:
-            self._grid.origin_s = self._resampler.origin or 0.0
-            top = self._carrier.frequency_hz + self._carrier.symbol_rate_hz
-            if self._resampler.spacing * _LEAST * top > 1.0:
-                raise ValueError(
-                    f"there are {1.0 / self._resampler.spacing:.3g} samples a second; a carrier of"
-                    f" {self._carrier.frequency_hz:g} Hz needs {_LEAST * top:.3g} or more"
-                )
-        for start in range(0, len(values), 4096):
-            self._grid.append(values[start : start + 4096], known[start : start + 4096])
-            self._advance(done)
-        return done
+    def _check(self, spacing_s: float) -> None:
+        top = self._carrier.frequency_hz + self._carrier.symbol_rate_hz
+        if spacing_s * _LEAST * top > 1.0:
+            raise ValueError(
+                f"there are {1.0 / spacing_s:.3g} samples a second; a carrier of {self._carrier.frequency_hz:g} Hz"
+                f" needs {_LEAST * top:.3g} or more"
+            )
 
     def _advance(self, done: Reception) -> None:
         """All steps for which the samples are there."""

@@ -11,8 +11,8 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 from mwd_surface.receiver import synchronisation
 from mwd_surface.receiver.channel_estimate import SAMPLES_PER_TU
-from mwd_surface.receiver.grid import REACH, STEPS_PER_TU, Grid
-from mwd_surface.receiver.resampling import Resampler
+from mwd_surface.receiver.grid import REACH, STEPS_PER_TU
+from mwd_surface.receiver.sampled_receiver import SampledReceiver
 from mwd_surface.receiver.survey_memory import SurveyMemory
 from mwd_surface.receiver.transmission import Reception, Transmission
 
@@ -30,7 +30,7 @@ _SURER = 1.5
 LEAST_PER_TU = 2.5
 
 
-class PulseReceiver:
+class PulseReceiver(SampledReceiver):
     """
     Receiver of one tool.
 
@@ -47,10 +47,9 @@ class PulseReceiver:
     def __init__(self, tool: ToolConfiguration) -> None:
         if tool.code not in PULSE_CODES:
             raise ValueError(f"code: this receiver reads pulses ({', '.join(PULSE_CODES)}), not {tool.code}")
+        super().__init__(tool.tu_s / STEPS_PER_TU)
         self._tool = tool
-        self._grid = Grid(tool.tu_s)
         self._surveys = SurveyMemory(tool)
-        self._resampler = Resampler(self._grid.step_s)
         quiet_s = min(_NOISE_S, tool.transmit_delay_s - _SETTLED_S)
         self._noise_tu = min(max(_NOISE_TU, round(quiet_s / tool.tu_s)), _KEPT_TU - _HOP_TU)
         self._hop = 0
@@ -63,22 +62,6 @@ class PulseReceiver:
         self._reason = ""
         self._syncs = 0
         self.last_sync_s = -math.inf
-
-    def push(self, time_s: Array, pressure_pa: Array) -> Reception:
-        """
-        Take samples.
-
-        Parameters
-        ----------
-        time_s, pressure_pa : ndarray, shape (n,)
-            Rising times and pressures.
-
-        Raises
-        ------
-        ValueError
-            The samples are too far apart for the pulse width.
-        """
-        return self._take(*self._resampler.push(time_s, pressure_pa))
 
     def strokes(self, pump: int, time_s: Array) -> None:
         """
@@ -128,24 +111,17 @@ class PulseReceiver:
         )
 
     def _take(self, values: Array, known: Array) -> Reception:
-        done = Reception()
-        if len(values) == 0:
-            return done
         seen = values[known > 0.0]
         self._lowest = min(self._lowest, float(seen.min(initial=math.inf)))
         self._highest = max(self._highest, float(seen.max(initial=-math.inf)))
-        if self._grid.end == 0:
-            self._grid.origin_s = self._resampler.origin or 0.0
-            if self._resampler.spacing * LEAST_PER_TU > self._tool.tu_s * (1.0 + 1e-6):
-                raise ValueError(
-                    f"pressure has {1.0 / self._resampler.spacing:.3g} samples a second; pulses of"
-                    f" {self._tool.pulse_width_s:g} s need {LEAST_PER_TU / self._tool.tu_s:.3g} or more"
-                )
-        # Piece by piece, so that memory stays small; steps depend on positions only, not on the pieces.
-        for start in range(0, len(values), 4096):
-            self._grid.append(values[start : start + 4096], known[start : start + 4096])
-            self._advance(done)
-        return done
+        return super()._take(values, known)
+
+    def _check(self, spacing_s: float) -> None:
+        if spacing_s * LEAST_PER_TU > self._tool.tu_s * (1.0 + 1e-6):
+            raise ValueError(
+                f"pressure has {1.0 / spacing_s:.3g} samples a second; pulses of {self._tool.pulse_width_s:g} s need"
+                f" {LEAST_PER_TU / self._tool.tu_s:.3g} or more"
+            )
 
     def _advance(self, done: Reception) -> None:
         """All steps for which the pressure is there, in the order of the time that each of them needs."""

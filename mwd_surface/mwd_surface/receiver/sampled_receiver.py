@@ -1,0 +1,64 @@
+"""What the receivers of sampled signals have in common: samples onto an even grid, and steps as far as it reaches."""
+
+from __future__ import annotations
+
+import abc
+
+from mwd_sensors.core.arrays import Array
+from mwd_surface.receiver.grid import STEPS_PER_TU, Grid
+from mwd_surface.receiver.resampling import Resampler
+from mwd_surface.receiver.transmission import Reception
+
+_PIECE = 4096
+
+
+class SampledReceiver(abc.ABC):
+    """
+    Receiver of pressure or voltage.
+
+    Parameters
+    ----------
+    step_s : float
+        Of the grid, s.
+    """
+
+    def __init__(self, step_s: float) -> None:
+        self._grid, self._resampler = Grid(STEPS_PER_TU * step_s), Resampler(step_s)
+
+    def push(self, time_s: Array, value: Array) -> Reception:
+        """
+        Take samples.
+
+        Parameters
+        ----------
+        time_s, value : ndarray, shape (n,)
+            Rising times and pressures, Pa, or voltages, V.
+
+        Raises
+        ------
+        ValueError
+            The samples are too far apart for what the tool sends.
+        """
+        return self._take(*self._resampler.push(time_s, value))
+
+    def _take(self, values: Array, known: Array) -> Reception:
+        """Take values of the grid; known, shape (n,): 0 in a gap."""
+        done = Reception()
+        if len(values) == 0:
+            return done
+        if self._grid.end == 0:
+            self._grid.origin_s = self._resampler.origin or 0.0
+            self._check(self._resampler.spacing)
+        # Piece by piece, so that memory stays small; steps depend on positions only, not on the pieces.
+        for start in range(0, len(values), _PIECE):
+            self._grid.append(values[start : start + _PIECE], known[start : start + _PIECE])
+            self._advance(done)
+        return done
+
+    @abc.abstractmethod
+    def _check(self, spacing_s: float) -> None:
+        """Raise ValueError where samples are too far apart."""
+
+    @abc.abstractmethod
+    def _advance(self, done: Reception) -> None:
+        """Do all steps for which the samples are there."""
