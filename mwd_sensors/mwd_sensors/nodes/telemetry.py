@@ -21,7 +21,7 @@ from mwd_sensors.simulator.telemetry_link import Telemetry
 
 _TYPES = {gauge_burst.PRESSURE: PressureBurst, gauge_burst.VOLTAGE: VoltageBurst, gauge_burst.SERIAL: SerialBurst}
 # The channel follows the run so far behind, s of wall time and s of the run: by then the tool has said what it sends.
-_WALL_S, _RUN_S = 1.0, 1.0
+_WALL_S, _RUN_S = 2.0, 1.0
 
 
 class TelemetryTopics:
