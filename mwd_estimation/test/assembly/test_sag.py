@@ -73,7 +73,7 @@ def _three_moments(first, clearances, weight, stiffness, push, curvature):
         right = slope_2 + rotation(second, moment, last)
         return left - right, slope_2 - rotation(second, last, moment) + curvature * end
 
-    moment, _ = fsolve(equations, (-weight * first**2 / 10.0, 15.0), xtol=1e-12)
+    moment, _ = fsolve(equations, (-weight * first**2 / 10.0, 15.0), xtol=1e-9)
     down = depth(first, clearances[0]) / first - rotation(first, moment, 0.0)
     return -down - curvature * first
 

@@ -30,7 +30,7 @@ def changed(**blocks):
         _actions=SimpleNamespace(abort=answers.append),
         _respond=lambda success, message, _sequence: answers.append((success, message)),
         _times_set_back=3,
-        _inputs=SimpleNamespace(mount=resolve),
+        _inputs=SimpleNamespace(mount=resolve, noise=()),
     )
     EstimatorNode.on_settings_changed(node, dataclasses.replace(settings, **blocks))
     return node, answers
