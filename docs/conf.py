@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The documentation site: Sphinx with MyST and the PyData theme, as other scientific Python projects build theirs."""
 
 import sys

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Pages of the site that are made from the code, so that they cannot be out of date.
 

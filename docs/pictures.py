@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Take the pictures of the live page anew: play the demonstration, wait for each scene, photograph it in a browser.
 

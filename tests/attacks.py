@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Input for attacks on parsers: valid input that was damaged, and bytes of no origin."""
 
 from __future__ import annotations

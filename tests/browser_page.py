@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page of a surface unit without a node in a real browser: what its tests share."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Whether errors are as large as the sigmas published for them: the mean normalised error squared in its chi-square band.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The table of fault and bad-input cases, and the tests that hold each of them, read from the sources."""
 
 from __future__ import annotations

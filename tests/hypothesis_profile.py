@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Plugin of the gate: property tests give the same answer each time and no verdict on the machine's speed."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where the repository keeps what tests and benchmarks read."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surveys of a simulated sonde beside its truth: the scenario's samples through the estimator, without a recording."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Soak test: the whole graph at many times its pace, with a page client, while its nodes are killed in turn.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every fault case has a test that runs on every machine, and every mark names a case."""
 
 import fault_cases

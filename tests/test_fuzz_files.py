@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Files of other people: whatever their bytes are, a parser gives a result or its own error, never another."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Servers: whatever a peer sends, the next one is served."""
 
 import base64

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The dependency rules: kernels import no ROS, packages and rooms depend one way, every module says what it is for."""
 
 import ast

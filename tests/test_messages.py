@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The contract on the wire: every number has its unit beside it, and no type changes unseen."""
 
 import csv
@@ -13,7 +14,8 @@ FILES = sorted(p for p in (ROOT / "mwd_msgs").glob("*/*") if p.suffix in (".msg"
 # A unit of the SI or of the wire, or words that say why there is none.
 UNIT = re.compile(
     r"\b(m|s|rad|T|Pa|N|kg|Hz|V|Nm|dB|degC|1/s|m3/s|bits?|bytes?|probabilit(y|ies)|SI|ratio|fraction|share|"
-    r"words?|chips?|samples?|times|times real time|unit vector|quaternion|no unit|level)\b|(m|rad|T|s|Pa)(\^|/)|%|`unit`"
+    r"words?|chips?|samples?|times|times real time|unit vector|quaternion|no unit|level)\b|"
+    r"(m|rad|T|s|Pa)(\^|/)|%|`unit`"
 )
 
 
@@ -44,4 +46,4 @@ def test_the_hash_of_every_type_is_the_one_written_down():
         hashes = {item["type_name"]: item["hash_string"] for item in table["type_hashes"]}
         name = f"mwd_msgs/{path.parent.name}/{path.stem}"
         built[name] = hashes[name]
-    assert built == written, "a type changed: write its hash, and a line in the CHANGELOG (mwd_msgs/README.md, Versions)"
+    assert built == written, "a type changed: `make config`, and a line in the CHANGELOG (mwd_msgs/README.md)"

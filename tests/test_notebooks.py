@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The notebooks run as they are printed, and what their text says of the figures is so."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the packages say they need is what their code imports."""
 
 import ast
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+LICENCE = "# SPDX-License-Identifier: Apache-2.0"
 PACKAGES = ("mwd_sensors", "mwd_estimation", "mwd_surface")
 # The distribution of a module where the two have different names.
 DISTRIBUTIONS = {"yaml": "pyyaml", "fpdf": "fpdf2", "serial": "pyserial", "foxglove": "foxglove-sdk"}
@@ -66,3 +68,10 @@ def test_setup_names_nothing_that_is_not_imported(package):
     # These are imported by a name put together at run time.
     late = {"foxglove-sdk"}
     assert required(package) - imported(package) <= late
+
+
+def test_every_source_file_says_its_licence():
+    sources = [path for top in (*PACKAGES, "tests") for path in (ROOT / top).rglob("*.py")]
+    texts = {path: path.read_text(encoding="utf-8") for path in sources if not path.is_symlink()}
+    silent = [str(path.relative_to(ROOT)) for path, text in texts.items() if text.strip() and LICENCE not in text]
+    assert silent == [], f"begin with: {LICENCE}"

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The reference data are those that SOURCES.md lists, byte for byte."""
 
 import hashlib

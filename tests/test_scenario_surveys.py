@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bundled scenarios without a fault: nearly all their surveys are accepted, and what is accepted of them is right."""
 
 from __future__ import annotations

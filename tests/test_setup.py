@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The set-up of `.venv`: nothing twice, and one process at a time."""
 
 import fcntl

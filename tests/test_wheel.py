@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The packages as wheels on a Python without ROS: recordings, tables and reports work; the rest says why not."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sigma of inclination and azimuth by a tool code's own weighting functions, as welleng computes them."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the tool knows: gravity while drilling, attitude, north, magnetic interference, quality, uncertainty."""
 
 from __future__ import annotations

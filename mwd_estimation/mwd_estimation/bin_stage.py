@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Half-second bins: what is done once for a bin, in the order of bins, and the surveys that come of it.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The parameters of every filter, from the settings, where each fact is set once: one function for each filter.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The stages of the estimator in the order of the signal, from the start of an estimate to its next start.
 

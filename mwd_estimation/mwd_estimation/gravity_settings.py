@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parameters of each gravity method that may be set: the node declares those of the selected one alone."""
 
 from __future__ import annotations

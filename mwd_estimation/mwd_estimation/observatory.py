@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The observatory file of the settings: read when it is first needed and again when it has changed."""
 
 from __future__ import annotations

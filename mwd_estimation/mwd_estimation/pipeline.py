@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The estimator: samples in, attitude and surveys out; one object for the live node, replay and batch.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The place of the well in the settings, and the reference of gravity and magnetic field that follows from it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The high-precision inertial unit in the settings of the tool; names and units are those of the simulator's grades."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The high-precision unit: its samples bin by bin, its health, and the north that a station finds with it."""
 
 from __future__ import annotations

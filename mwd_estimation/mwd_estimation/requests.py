@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What somebody asked the estimator for beside its own surveys: a north seek and a survey in a turning string."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Health of the conventional unit and the magnetometer, as stretches of samples with the same usable sensors."""
 
 from __future__ import annotations

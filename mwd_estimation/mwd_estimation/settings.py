@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What can be set about the estimator, in the words of its users.
 

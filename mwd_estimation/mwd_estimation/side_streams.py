@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bins of time of the streams beside the conventional unit: magnetometer, precision unit, temperature."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The noise that covariances of the samples state, as settings of the tool."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Status of the attitude at the end of each bin, for surveys that are complete only later."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A tool file, or a grade file of the simulator, as settings of the estimator's block `tool`."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The tool in the settings of the estimator: what its sensors can do, and how it lies in the hole.
 

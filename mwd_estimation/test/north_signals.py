@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Test signals of a dual-unit sonde that keeps still or turns: exact kinematics, then the errors named."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What follows from the settings: reference field, latitude, and the parameters of every filter."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surveys in a magnetic storm: the observatory file in the settings corrects the azimuth and marks the survey."""
 
 import dataclasses

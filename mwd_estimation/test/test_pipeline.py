@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The estimator as a whole: same bits for any cut, honest labels, surveys against the simulated truth."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Status at the end of a survey: the same however the stream is cut."""
 
 import itertools

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The linters of a ROS package: line length and exceptions stand in setup.cfg."""
 
 from pathlib import Path

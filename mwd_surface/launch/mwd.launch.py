@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Start estimator and surface of one well, and what measures: the simulated sonde, a probe, or the driver of others."""
 
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, SetEnvironmentVariable

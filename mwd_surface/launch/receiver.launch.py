@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Start the receiver of one well's telemetry link."""
 
 from launch import LaunchDescription

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Start the surface node of one well."""
 
 from launch import LaunchDescription

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The `mwd` command: one line for each command, and one way to end with an error."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which addresses only programs on this machine can reach: what may be served without being asked for."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings that several test files read, made once per session."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Samples as they stream to the page, with the figures a test gives them."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a surface node has at one moment, with every value of it set, for tests of rig interfaces."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Plain stations in a list: what tests of the live state and of its panels start from."""
 
 import dataclasses

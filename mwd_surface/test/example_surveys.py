@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A well of a dozen surveys with everything an export must print: two judgements, a rejection, corrections, a bit."""
 
 import dataclasses

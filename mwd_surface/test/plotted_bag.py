@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A short recording with everything that is drawn: a simulated run, its estimate, interference and a dozen surveys."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command as people call it: its words on the line, its status and what it says."""
 
 import contextlib

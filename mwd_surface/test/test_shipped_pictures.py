@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The Foxglove layout and the rviz configuration that are shipped name only topics, fields and frames that exist."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 All benchmarks in one run, printed and written to docs/benchmarks.md: ours, the papers' methods and the peers.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What each term of the bounded filter is worth: errors and honesty without it, as Markdown.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 How fast bags are written, read, recorded and processed here, against `mcap` and `rosbags` in the same run.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The downlink: commands through stick-slip and by flow, and hours of drilling in which there are none.
 

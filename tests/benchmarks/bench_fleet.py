@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A fleet of simulated bags: scaling on one and two workers; then one cut off, one empty, and a worker killed on the way.
 

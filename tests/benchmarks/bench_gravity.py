@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Gravity while drilling: our methods, the papers' and the peers on the same data in one run, as Markdown.
 

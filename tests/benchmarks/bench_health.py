@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Sensor health: alarms on healthy tools, and how long each fault takes to be doubted and named, as Markdown.
 

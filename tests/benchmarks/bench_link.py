@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The telemetry link: word errors of the pulse receiver against what no receiver can beat, and its confidence.
 

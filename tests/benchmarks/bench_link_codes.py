@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The telemetry link beside pulse position: carriers in white noise, mud and earth, the combinatorial code, serial frames.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What the live chain costs: sonde, estimator and surface with recorder, against the same chain as plain rclpy.
 

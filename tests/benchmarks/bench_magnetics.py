@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Monte Carlo of azimuths by single magnetic methods: error, sigma and NEES, as Markdown.
 

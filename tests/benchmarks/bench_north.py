@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Monte Carlo of north seeking: its bounds, S1's cases, and the azimuth propagated by gyros while drilling, as Markdown.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the surface node costs, what of fast input it records, and its memory over a long replay."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Monte Carlo of the survey decision on stations drawn from physics and the OWSG tool code, as Markdown.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What each check and each limit of sensor health is good for, as Markdown: `bench_health.py --ablation`.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Errors and sigmas of north seeking against the bounds of the gyro noise: Monte Carlo cells of `bench_north`.
 

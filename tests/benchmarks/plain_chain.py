@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The live chain as a first version would be, for `bench_live.py` to compare with: one process for each role.
 

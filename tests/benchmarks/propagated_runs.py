@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Monte Carlo of the azimuth while drilling: error, sigma and NEES over what a string does, from raw samples.
 

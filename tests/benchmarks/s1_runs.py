@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """S1's field and laboratory case, from raw samples to the fused azimuth of each station."""
 
 from __future__ import annotations

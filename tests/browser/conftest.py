@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One browser for all tests of the page in a process."""
 
 import shutil

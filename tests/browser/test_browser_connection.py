@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the page does when tool, surface unit, clock or network fail."""
 
 import time

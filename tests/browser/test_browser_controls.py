@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a person may do: token, name, commands, alarms."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The dial, also alone on the screen."""
 
 import math

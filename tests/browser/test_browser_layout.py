@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sizes, keyboard, reading aids, and a browser without complaints."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The numbers of the first screen: unit, sigma, age, what is missing and why."""
 
 import dataclasses

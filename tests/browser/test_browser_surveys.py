@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surveys: the table, verdicts, the last one and the one under way."""
 
 import time

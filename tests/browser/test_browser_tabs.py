@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Path, charts, steering and system."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The estimator's actions with a real client on a real middleware: progress, results, refusals, cancelling."""
 
 import json

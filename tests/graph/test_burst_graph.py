@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A unit of 5 kHz through real nodes: in bursts, every sample is in the recording, and estimated on the way."""
 
 import numpy as np

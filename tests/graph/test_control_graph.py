@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Real nodes and the ROS controller of docs/rig/control.md: control taken, held, contested, lost with its process."""
 
 import re

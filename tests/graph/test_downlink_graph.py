@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A downlink among real nodes: a command makes the tool's pulses narrower, and the receiver follows it."""
 
 import math

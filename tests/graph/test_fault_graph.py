@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A fault injected into the running sonde is named by the running estimator, in its log and in /diagnostics."""
 
 import json

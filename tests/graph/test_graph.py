@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Three real nodes on a real middleware: surveys, services, parameters, recording, clean ends, the same bits again."""
 
 import csv

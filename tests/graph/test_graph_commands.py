@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `mwd call`, `mwd param` and `mwd topic` do in a running graph."""
 
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The link among real nodes: pressure alone feeds words, survey list and toolface; the tool is not subscribed to."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Several links among real nodes: pulses and EM at once to one list of surveys, and a wired tool at a serial port."""
 
 import os

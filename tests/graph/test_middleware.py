@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the middleware says becomes a sentence: incompatible profiles, two publishers; and each node beats."""
 
 import json

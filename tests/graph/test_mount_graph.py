@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A unit mounted z-down beside a magnetometer in a frame of its own: processed by preset and by tf, and live by tf."""
 
 import subprocess

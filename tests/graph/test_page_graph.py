@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page's buttons among real nodes: what a person asked for and did not get is said on the page."""
 
 import contextlib

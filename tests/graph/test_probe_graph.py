@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From recording to emulator to serial line to probe node, estimator and recorder: the same bits as without a line."""
 
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recording in a loop and sought backward, through the real estimator: each start gives a fresh one's numbers."""
 
 import itertools

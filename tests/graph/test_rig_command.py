@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the simulated rig says of commands: obeyed, of an old lease, refused with a reason, or not meant for it."""
 
 import json

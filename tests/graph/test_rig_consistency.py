@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 One accepted survey has the same numbers everywhere: in every rig interface, every export, the report and the page.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The SROS2 policy that is shipped allows what the nodes of a well have open, and is a policy file that sros2 reads.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sonde, estimator and surface in one process: the same surveys, one end."""
 
 import pytest

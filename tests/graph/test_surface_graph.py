@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The surface node among real nodes: what its recording carries beside the messages, and the live Foxglove server."""
 
 import asyncio

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Real nodes in a real control loop, and how soon a controller notices that the MWD is hung or dead."""
 
 import math

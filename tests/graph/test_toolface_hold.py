@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The estimator inside a control loop: a controller brings the simulated string to a toolface, and refuses bad ones."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The controller of `toolface_hold` on a toolface that comes over a link alone: a siren, a word every eight seconds."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 An example of a controller on this graph: brings the toolface to an angle and holds it there by turning the top drive.
 

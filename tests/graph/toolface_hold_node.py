@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The controller of `toolface_hold` as a node: `python toolface_hold_node.py --ros-args -r __ns:=/w1 -p wanted_deg:=60.0`.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A bottom-hole assembly as people describe it: hole, mud, sensor, and its components from the bit up."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 An elastic beam in a hole: bending under its weight and an axial force, held by the wall where it touches.
 

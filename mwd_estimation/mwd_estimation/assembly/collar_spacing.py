@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Axial field of a magnetised drill string at the survey sensors, and the non-magnetic length that keeps it small.
 

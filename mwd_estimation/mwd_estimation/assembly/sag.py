@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sag: how the survey sensors lie against the hole because the assembly bends, and the correction of inclination."""
 
 from __future__ import annotations

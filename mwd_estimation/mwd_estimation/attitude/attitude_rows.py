@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The samples of the wire: attitude and gravity of a stretch of IMU samples, written once."""
 
 from __future__ import annotations

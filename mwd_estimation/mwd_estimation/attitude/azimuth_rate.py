@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Integrals of the azimuth rate over bins of time, from the rates of two units, and the samples they are paired with.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the attitude stream is given with a block of samples: the samples, the field model in force, and bin events."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 From gravity and magnetic samples to the attitude of every IMU sample, the tool's own field, and the azimuth.
 

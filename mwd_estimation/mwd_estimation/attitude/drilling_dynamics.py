@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Drilling dynamics in the numbers of the field, from IMU samples and the gravity followed through them.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Azimuth while drilling: propagated by the gyros, corrected by the magnetic azimuth, with its own sigma throughout.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The Kalman filter of the gyro-propagated azimuth: one step a bin of time, compiled.
 

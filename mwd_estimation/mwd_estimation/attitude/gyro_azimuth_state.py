@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Settings and state of the gyro-propagated azimuth, as its kernels see them.
 

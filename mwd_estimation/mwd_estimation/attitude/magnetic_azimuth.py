@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Magnetic azimuths that correct the gyro-propagated azimuth, freed of the tool's own field where a reference shows it.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Delay of the magnetometer's stamps behind those of the IMU, as changes of the rotary speed show it.
 

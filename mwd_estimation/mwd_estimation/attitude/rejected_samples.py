@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Attitude of samples that the gravity method rejected: at their own stamp, not at that of the last sample used.
 

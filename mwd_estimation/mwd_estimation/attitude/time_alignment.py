@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Attitude of every IMU sample from gravity and the magnetic samples, each magnetic sample paired with its own gravity.
 

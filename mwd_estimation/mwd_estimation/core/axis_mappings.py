@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The 48 ways to exchange and reverse three axes, and what each looks like in vectors carried along by the gyros.
 

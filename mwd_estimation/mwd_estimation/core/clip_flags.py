@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What a unit says of its own clipping: axes that were beyond their range within a sample.
 

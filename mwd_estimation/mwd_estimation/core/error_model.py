@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Errors that calibration leaves in the six axes of a survey tool, and of how the tool lies in its hole; their covariance.
 

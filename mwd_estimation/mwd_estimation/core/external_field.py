@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 External magnetic field (ionosphere, magnetosphere, storms) from the record of an observatory.
 

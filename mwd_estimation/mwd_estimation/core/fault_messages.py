@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Words for faults of sensors, for tables, logs and diagnostics: nothing reads them back."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the estimator expected of a source of measurements and what it found."""
 
 from __future__ import annotations

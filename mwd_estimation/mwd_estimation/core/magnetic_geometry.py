@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Angles between gravity and the magnetic field, from one pair of readings in tool axes.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Reasons as data: why a survey, an azimuth or a sensor is doubted, refused or reported.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The reference a magnetic survey is judged and corrected by: local field, gravity, and the way to a named north.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What can be wrong with a sensor, as data: code, unit, place, value and limit. The words are in `fault_messages`."""
 
 from __future__ import annotations

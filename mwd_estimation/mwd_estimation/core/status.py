@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Status bits of an attitude sample and the words people read for them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Sums over equal bins of time: what surveys are averaged from, in constant memory.
 

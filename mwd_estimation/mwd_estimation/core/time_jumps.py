@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Stamps that go back: a recording that loops or is wound back, a clock that was set; and single stamps that are garbage.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Track: what every gravity method publishes, sample by sample, and the checks every sample passes first.
 

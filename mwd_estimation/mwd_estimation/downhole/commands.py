@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The commands that a tool has received by downlink, and the tool configuration to which they lead."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surveys in the background: means over some seconds while the string moves, of which the least noisy one is kept."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Commands from the surface, found in the tool's own rotation or flow.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The newest measurement for each word of a tool, in SI, with its sigma and its time."""
 
 from __future__ import annotations

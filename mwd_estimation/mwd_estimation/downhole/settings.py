@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What can be set about the tool's transmission, beside its tool configuration."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the tool knows of flow and rotation: on or off, with the time at which that changed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The tool's transmission: a state machine from flow and rotation to words on air.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Accelerometer alone as a gravity method: the row that every other method is compared with.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Gravity while a sensor is faulty: without the faulty one, or none, never a wrong one.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 S3: gravity while drilling from a rotation-vector recursion, a PI correction and a fuzzy proportional gain.
 

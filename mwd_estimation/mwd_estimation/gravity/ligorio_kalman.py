@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Linear Kalman extraction of gravity: the framework S3 compares itself with (Ligorio and Sabatini's inclinometer).
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Gravity methods by name: each source's system is a row that can be chosen, and all give the same `Track`.
 

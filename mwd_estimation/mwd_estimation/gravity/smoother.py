@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Gravity after the fact: Rauch-Tung-Striebel smoothing of the bounded filter, for logs and reports.
 

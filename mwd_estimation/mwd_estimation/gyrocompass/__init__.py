@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Azimuth from the Earth rate: seeks, filters and their posterior."""

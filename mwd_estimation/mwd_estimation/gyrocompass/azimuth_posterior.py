@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 An azimuth on the circle of the latitude: a Gaussian of the horizontal Earth rate, given its length.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The precision unit as a gyrocompass: its error figures and when north is sought with it, as parameters.
 

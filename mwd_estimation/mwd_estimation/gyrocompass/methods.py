@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The methods a station may seek north with, behind one protocol: the seek with all its states, and S1's filter.
 

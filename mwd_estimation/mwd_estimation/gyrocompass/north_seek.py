@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 North from the Earth's rotation with a tool that keeps still, is turned to other positions, or turns all the time.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The compiled filter behind `north_seek`: 36 error states of a tool that lies in its hole, still or turning.
 

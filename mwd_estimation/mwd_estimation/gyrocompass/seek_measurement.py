@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What a tool that lies in its hole cannot do, as measurements of a block of north seeking, compiled.
 

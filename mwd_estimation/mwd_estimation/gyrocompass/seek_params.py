@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of a north seek, in the units of data sheets, and the same in SI for the compiled filter."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Why a north seek has no azimuth that may be used: one reason, or none."""
 
 from __future__ import annotations

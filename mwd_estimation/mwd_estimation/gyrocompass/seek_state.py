@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What the compiled filter of north seeking reads and carries: parameters in SI, the order of its errors, its records.
 

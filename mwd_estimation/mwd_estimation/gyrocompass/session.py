@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 North sought on request: for a set time, with progress, whatever the tool does meanwhile.
 

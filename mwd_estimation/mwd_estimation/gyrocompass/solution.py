@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """North as a gyrocompass method found it, or the reason why it found none."""
 
 from __future__ import annotations

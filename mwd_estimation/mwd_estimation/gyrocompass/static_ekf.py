@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 S1: true north from the Earth's rotation with a 15-state error-state Kalman filter and a tool that has not moved.
 

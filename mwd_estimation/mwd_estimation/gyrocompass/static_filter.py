@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The compiled filter behind `static_ekf`: S1's fifteen error states of a tool that has not moved.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Gyro azimuth of a station: north sought while the tool keeps still, and while it is turned to a second position there.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Gravity and field of a window as every way to exchange and reverse axes carries them along: `window_checks` judges them.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 From observations to faults: a check is not yet known, ok or a fault, and changes after several observations in a row.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Health of the sensors from their own samples: what is wrong, with which sensor and axis, and since when.
 

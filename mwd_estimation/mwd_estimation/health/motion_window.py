@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Some seconds of motion as a plain array of steps, and whether it looks as healthy sensors see it.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Whether samples that were sent before come again with new stamps, as from a link that plays its buffer twice.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The kernel of the health checks: samples are judged half second by half second, windows of motion when it is due.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What the times of the samples show: whether they advance, come at their pace, each once, and come at all.
 

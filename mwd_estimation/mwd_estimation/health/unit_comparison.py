@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Health of the precision unit: its own samples, and what the conventional unit beside it reads of the same motion.
 

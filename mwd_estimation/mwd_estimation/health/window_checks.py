@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What a window of motion shows of units, axes and signs: gravity and field stand still as seen from the gyros, or do not.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Single-station correction of the magnetic azimuth for axial drill-string interference.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The magnetic interference of the tool and its string, estimated sample by sample: axial and cross-axial bias and scale.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Settings, state and rows of the interference filter, as its kernels see them."""
 
 from __future__ import annotations

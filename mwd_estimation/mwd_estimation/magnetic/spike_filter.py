@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Spikes of a magnetometer: samples whose strength jumps away from those just before them, and comes back.
 

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """The nodes of this package: the only modules that import ROS beside `mwd_sensors.ros`."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The estimator's actions: a north seek, and a survey taken while the string rotates; feedback until the result."""
 
 from __future__ import annotations

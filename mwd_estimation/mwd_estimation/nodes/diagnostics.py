@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Diagnostics of the estimator: samples, reference field, sensors, the survey under way and the attitude."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The estimator as a node: decodes messages, calls the pipeline, publishes its results."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Input topics of the estimator: single samples and bursts decoded together, and a record of which topics arrive."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Results of the estimator as messages of the graph; an unknown value becomes what the message defines as unknown."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tool's transmission in the graph: flow in, `tool/transmission` out, at the pace of the estimates."""
 
 from __future__ import annotations

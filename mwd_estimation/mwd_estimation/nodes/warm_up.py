@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compile the estimator's kernels before the first message arrives."""
 
 from __future__ import annotations

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stations and surveys: averages, corrections, fusion, verdict."""

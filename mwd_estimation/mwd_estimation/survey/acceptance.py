@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Field acceptance criteria: verdict on a survey station by its totals against the reference.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Methods by which a station's azimuth is found; a value is the method's name in messages, tables and settings."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Several surveys at one depth: whether they agree as well as the tool code says, and which sensor bias they show.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The one place that decides a survey: measurement, posterior of the run, faults and continuity, in this order.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The verdict of a station, read off what was found of it.
 

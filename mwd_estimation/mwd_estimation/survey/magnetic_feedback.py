@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What surveys change in how the magnetic field of the samples is read.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What one station's six averaged axes say by themselves: angles, totals, and azimuths of single methods."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Multi-station analysis: errors of the sensors and drill-string interference from many stations of one run.
 

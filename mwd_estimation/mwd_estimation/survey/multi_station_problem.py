@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The least-squares problem of the multi-station analysis: residuals of a run's stations, and their slopes.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A survey while the string turns: gravity and field averaged in axes that do not turn with it.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The stations of one run: what each says of its azimuth, given all that the run has shown before it.
 

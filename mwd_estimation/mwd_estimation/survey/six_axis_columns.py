@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What the columns of a table of six-axis readings mean, and in which unit they are.
 

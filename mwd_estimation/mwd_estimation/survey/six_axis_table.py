@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A table of six-axis readings to survey stations: each row's readings, reference and run, and the station it is.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Surveys in still intervals: find that the tool keeps still, average, and hand over one survey per interval.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One survey station by itself: six averaged axes to angles, totals, azimuth with its sigma, and verdicts."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How far a station's totals (gravity, field, dip) are from the reference, and how far they may be."""
 
 from __future__ import annotations

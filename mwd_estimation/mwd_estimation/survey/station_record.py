@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A survey station as data: angles, totals, azimuth by each method, and a verdict with reasons."""
 
 from __future__ import annotations

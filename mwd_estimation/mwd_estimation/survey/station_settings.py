@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Settings of a survey station: north, alignment, sensor errors, acceptance limits, and what may disturb it."""
 
 from __future__ import annotations

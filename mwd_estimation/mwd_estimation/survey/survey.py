@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A survey: one station with when, how and from what it was measured."""
 
 from __future__ import annotations

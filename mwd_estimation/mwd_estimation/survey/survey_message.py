@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A survey as the fields of mwd_msgs/msg/Survey, unknown values as that message defines them; nothing of ROS is imported.
 

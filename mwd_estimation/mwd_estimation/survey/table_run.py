@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The stations of one run together: what each said when it was taken, and what it says with all of the run.
 

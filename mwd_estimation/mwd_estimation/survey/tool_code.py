@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 ISCWSA / OWSG tool codes: the industry's error models of survey tools.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The field of magnetised steel at the sensors, the azimuth error it makes, and the collars that keep it small."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sag against closed forms and the three-moment equations of beam-columns, and the limits that any hole sets."""
 
 import dataclasses

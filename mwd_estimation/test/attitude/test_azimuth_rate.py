@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What turns the hole axis: the precision unit's sums, and samples found again by their time."""
 
 from __future__ import annotations

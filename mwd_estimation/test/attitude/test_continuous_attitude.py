@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The continuous estimate as a whole: what stands where nothing can be carried, and what a station teaches it."""
 
 import math

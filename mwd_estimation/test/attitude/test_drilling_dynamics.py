@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Dynamics in a driller's numbers, each against motion whose answer is known in closed form."""
 
 import numpy as np

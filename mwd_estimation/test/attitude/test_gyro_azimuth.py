@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Continuous azimuth: truthful through drop-outs, spikes and interference, gyro-carried, never a default."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The filter of the gyro-propagated azimuth: its slopes, and a station's azimuth that no magnetic azimuth moves."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Delay of the magnetometer's stamps: found by changes of the rotary speed, corrected, and not made up."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The row of a sample that was not used: the attitude at its own stamp, with a sigma that covers it, or none."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Continuous attitude: exact pairing on a turning tool, and the same bits for any cut of the streams."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sensor and alignment errors: covariance by axis, growth towards the vertical."""
 
 import math

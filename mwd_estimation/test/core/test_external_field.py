@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The external field of an observatory: reading IAGA-2002, quiet level, gaps, and the vector sum with the reference."""
 
 import datetime

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Words for faults: every fault has some, and they name unit, sensor and axis."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Magnetic azimuth, dip and total field of a pair of readings, and their slopes."""
 
 import math

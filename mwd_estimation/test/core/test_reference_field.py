@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The reference: named norths, propagation of its sigmas, a measurement beforehand, and refusals that teach."""
 
 import math

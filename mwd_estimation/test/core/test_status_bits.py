@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The bits of the kernel and of the message are one list."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bins are the same however the stream is cut, and their averages are numpy's."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stamps that go back: accepted when several do, with nothing of the new time lost and nothing of the old mixed in."""
 
 import numpy as np

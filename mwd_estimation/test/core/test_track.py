@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a track is, which samples are admitted, and when a tool counts as still, sliding or rotating."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A command by rotation changes what the tool sends from the next sync on, and the tool says so."""
 
 import dataclasses

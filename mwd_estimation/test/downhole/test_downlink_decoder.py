@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Commands found in rotation and flow: through stick-slip, however the samples are cut, and in nothing else."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the tool sends, and when: by flow and rotation, the same however its samples are cut."""
 
 import dataclasses

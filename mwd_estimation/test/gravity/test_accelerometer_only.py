@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The raw accelerometer: exact at rest, and its sigma grows with what disturbs it."""
 
 import numpy as np

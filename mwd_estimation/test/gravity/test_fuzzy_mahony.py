@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """S3's method: recursion against exact rotation, coning, the fuzzy table, and a real recording with optical truth."""
 
 import numpy as np

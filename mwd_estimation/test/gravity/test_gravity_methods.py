@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What every gravity method owes: the same track for any partition, and no sample, however bad, that ends it."""
 
 import numpy as np

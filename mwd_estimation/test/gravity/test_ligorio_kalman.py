@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Linear Kalman extraction: its scalar covariance is the full six-state filter, and it follows a real recording."""
 
 import numpy as np

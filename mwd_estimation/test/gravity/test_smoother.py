@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The smoother: its transition is the filter's, it beats the filter, and a long log in blocks is the log in one."""
 
 import numpy as np

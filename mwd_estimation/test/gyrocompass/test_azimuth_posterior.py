@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The azimuth on the circle of the latitude: narrow, wide, two-fold, and of several Gaussians."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Both seekers of a station behind one face: same north, each its own limits."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """North on request: the time asked for, progress that narrows, either unit's x gyro, and reasons for no answer."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A gyro azimuth of a station: two positions show the bias, what cannot be found is refused, cuts change nothing."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """North seeking still, in two positions and turning: limits, honest sigma, what is observable and what is refused."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The compiled filter of north seeking: its Jacobian, its start, and what it carries on."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a tool in its hole cannot do: the frame of its axis, and the axis that lies elsewhere."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """S1's 15-state north seeker: its limits, its sigma, its Jacobian and its refusals."""
 
 from __future__ import annotations

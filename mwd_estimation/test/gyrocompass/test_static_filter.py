@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """S1's compiled filter: its Jacobian, and the order of its error state."""
 
 from __future__ import annotations

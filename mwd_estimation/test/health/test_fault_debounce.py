@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Debouncing of faults: observations in a row make a fault and end it; a doubt passes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sensor health: every fault is named, with sensor and axis, within ten seconds; a healthy tool is left in peace."""
 
 from __future__ import annotations

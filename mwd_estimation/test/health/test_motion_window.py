@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A window of motion: of 48 ways to exchange and reverse axes, those that it allows and no others."""
 
 from __future__ import annotations

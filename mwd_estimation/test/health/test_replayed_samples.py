@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Samples that come again with new stamps are found wherever they begin; a sensor that keeps still is none."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What half a second of samples shows of a sensor by itself."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the times of the samples show."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Health of the precision unit: held against the conventional one, and what remains of the estimate without it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What three seconds of motion show of units, axes and signs."""
 
 import math

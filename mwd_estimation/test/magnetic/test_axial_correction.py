@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Magnetic azimuth and its axial correction: S0's table, inverse pairs, sigma against error, slopes."""
 
 import math

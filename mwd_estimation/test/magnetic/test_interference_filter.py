@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The recursive filter of the tool's own field: honest sigma, the same by blocks, slopes, disturbance, gyro aid."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Spikes of a magnetometer go, a lasting disturbance and a turning tool with a bias do not."""
 
 import numpy as np

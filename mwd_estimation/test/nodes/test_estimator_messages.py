@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which estimates are published: all of a common unit, of a fast one as many as a listener can follow."""
 
 import numpy as np

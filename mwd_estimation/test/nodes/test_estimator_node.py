@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the estimator node does by itself; its topics and services are tested on the graph."""
 
 import dataclasses
@@ -30,7 +31,7 @@ def changed(**blocks):
         _actions=SimpleNamespace(abort=answers.append),
         _respond=lambda success, message, _sequence: answers.append((success, message)),
         _times_set_back=3,
-        _inputs=SimpleNamespace(mount=resolve, noise=()),
+        _inputs=SimpleNamespace(mount=resolve, noise={}),
     )
     EstimatorNode.on_settings_changed(node, dataclasses.replace(settings, **blocks))
     return node, answers

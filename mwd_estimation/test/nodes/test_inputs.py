@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the estimator says of its input topics: rate, skew, covariances; and what covariances cannot do."""
 
 from types import SimpleNamespace

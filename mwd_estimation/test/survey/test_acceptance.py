@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Verdicts: fixed limits, limits from the tool's own sigma, and refusals of the axial correction in words."""
 
 import math

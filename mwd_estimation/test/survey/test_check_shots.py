@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Repeated surveys at one depth: shots of a good tool pass, a bad sensor is found, other tools are compared too."""
 
 import math

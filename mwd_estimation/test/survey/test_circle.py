@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Densities on the circle: mean and sigma of known ones, two modes with their odds, heavy tails."""
 
 import math

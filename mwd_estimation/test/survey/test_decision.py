@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The decision on a survey: rewording changes nothing; a fault and a rotating string have their effect."""
 
 from __future__ import annotations

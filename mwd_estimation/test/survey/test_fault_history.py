@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Faulty sensors: the estimate that remains is right, and nothing wrong carries a small sigma once a fault is named."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a magnetometer should read at an azimuth: exact for the truth, and its slopes against differences."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How the field is read, and what changes the reading."""
 
 import dataclasses

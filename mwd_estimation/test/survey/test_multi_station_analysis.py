@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Multi-station analysis on drawn runs: accuracy, honest sigma, slopes, refusals where nothing can be seen."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A survey on a turning string: the same angles as at rest, and a refusal where nothing turns."""
 
 import math

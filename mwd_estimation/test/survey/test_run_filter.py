@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stations of a run: a linear problem has its exact answer, what is shared is not averaged away, gyros are judged."""
 
 import math

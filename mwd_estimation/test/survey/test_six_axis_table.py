@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Six-axis tables: the Volve stations against their published survey, other people's column names, and refusals."""
 
 import csv

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surveys in still intervals: one each, after settling, on request at once, and refusals that say why."""
 
 import numpy as np

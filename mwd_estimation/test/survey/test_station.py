@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A survey station: angles, norths, azimuth and sigma against drawn errors, verdicts of each quantity."""
 
 import math

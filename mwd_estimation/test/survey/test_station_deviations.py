@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Totals against the reference: slopes, deviations, and what a gross fault looks like."""
 
 import dataclasses

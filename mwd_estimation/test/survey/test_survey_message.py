@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The fields of a survey against its message's definition and its own numbers."""
 
 import re

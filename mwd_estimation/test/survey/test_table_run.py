@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stations of a table taken together: what a run shows of its string, what it revises, and what it leaves out."""
 
 import math

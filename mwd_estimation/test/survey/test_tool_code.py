@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tool codes: the ISCWSA example well, published sigmas at four attitudes, our own propagation against them."""
 
 import csv

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Calibration of a tool: Allan variance, tumble fit, compensation of a stream."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Allan deviation: what a sensor's noise is made of, from a recording at rest.
 

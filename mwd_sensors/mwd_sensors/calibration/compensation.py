@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A calibration applied to a stream of samples, temperature by temperature (S0's compensation).
 

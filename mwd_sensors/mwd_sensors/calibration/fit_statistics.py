@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Statistics of least-squares calibrations: influence of temperature, sigmas from residuals, what is not determined."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Intervals at rest of a tumble run: where they are, and the mean readings in them."""
 
 from __future__ import annotations

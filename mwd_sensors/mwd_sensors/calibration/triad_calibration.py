@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Corrections of a unit's triads, and their table of plain numbers for YAML or JSON.
 

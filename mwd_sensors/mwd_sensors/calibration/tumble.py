@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Fits of a calibration from a tumble and temperature run.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The array types of all packages, so that a signature says what an array holds."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Bursts: several samples of an inertial unit in one mwd_msgs/ImuBurst, and back, to the bit.
 

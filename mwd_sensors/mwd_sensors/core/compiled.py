@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Optional compilation by numba: without it every kernel works, but slower."""
 
 from __future__ import annotations

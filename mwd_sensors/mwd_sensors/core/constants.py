@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Physical constants of every package, each once, with its source."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The Earth under the rig: reference magnetic field, gravity, rotation and grid convergence.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Frames, angles and rotations: the one place where signs flip.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Bursts of a gauge or line, mwd_msgs/PressureBurst, VoltageBurst and SerialBurst, as bytes and back, without loops.
 

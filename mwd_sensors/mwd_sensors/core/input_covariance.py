@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Covariances that come with samples: what they declare absent or clipped, and what cannot be believed.
 

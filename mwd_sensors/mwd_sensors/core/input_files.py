@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Files that other people wrote: regular ones of bounded size, and YAML that stays small when it is unfolded.
 

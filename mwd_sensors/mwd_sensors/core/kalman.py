@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Small compiled steps that the Kalman filters of this project share: covariances, scalar updates, rotations.
 

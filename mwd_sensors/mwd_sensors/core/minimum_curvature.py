@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The well path between survey stations: circular arcs by the minimum curvature method.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 How the sensor units sit in the tool: rotations from the axes of each unit to those of the tool.
 

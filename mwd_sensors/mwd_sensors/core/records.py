@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Record types of compiled kernels, declared as annotated classes.
 

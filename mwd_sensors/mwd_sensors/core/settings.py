@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Settings: frozen dataclasses whose fields carry default, unit, bounds and meaning.
 

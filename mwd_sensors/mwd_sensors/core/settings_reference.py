@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A settings dataclass as a table for people: name, type, default, unit, range and meaning of every parameter."""
 
 from __future__ import annotations

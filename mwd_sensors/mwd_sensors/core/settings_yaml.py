@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A settings dataclass as the commented parameter file of its node: every default, with meaning, unit and bounds."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Units of sensor readings: the factors to SI, and what readings look like that are not in SI."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The fixed-layout messages of the graph as numpy arrays: bytes on the wire to samples and back.
 

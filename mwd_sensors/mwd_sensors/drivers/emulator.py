@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A probe without hardware: samples of a recording or a scenario on a pseudo terminal, as the serial line carries them.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Xsens MTi over a serial line: MTData2 packets with strapdown-integrated increments, field, temperature and status.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Serial protocol of the probe: samples, time, commands and answers, as binary frames or as lines of text.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a driver takes from a serial line: samples of the graph's layouts, which axes were clipped, and events."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A probe on a serial line: opens it, opens it again when it is lost, reads samples and keeps the unit's clock.
 

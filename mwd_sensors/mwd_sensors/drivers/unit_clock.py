@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The clock of a unit against that of the host: what is added to the unit's stamps.
 

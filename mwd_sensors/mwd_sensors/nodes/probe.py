@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A real probe as a node: reads its serial line and publishes the sensor topics that the simulated sonde publishes."""
 
 from __future__ import annotations

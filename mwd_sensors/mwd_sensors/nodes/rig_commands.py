@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The simulated rig's side of control: takes rig/command under the newest lease, once each, and answers."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The simulated sonde as a node: publishes the sensor topics of a scenario, in wall time or faster."""
 
 from __future__ import annotations

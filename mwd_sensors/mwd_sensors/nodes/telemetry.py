@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The simulated links in the graph: `tool/transmission` in; `tool/flow` and what is heard at the surface out.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The truth of a run as a small file: for scoring where the surface subscribes to nothing of the tool but its link."""
 
 from __future__ import annotations

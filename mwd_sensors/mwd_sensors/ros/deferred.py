@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Service responses and action results that are sent after the callback has returned, while the executor goes on."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Diagnostics of a node: one entry per thing that is monitored, published as diagnostic_msgs/DiagnosticArray."""
 
 from __future__ import annotations

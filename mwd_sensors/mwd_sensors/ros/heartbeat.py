@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Heartbeat of a node: that it lives, its state, and how it does, once a second on the topic `heartbeat` of its well.
 

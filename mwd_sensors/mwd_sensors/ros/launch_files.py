@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the launch files of single nodes have in common: one lifecycle node with its arguments and parameter files."""
 
 from __future__ import annotations

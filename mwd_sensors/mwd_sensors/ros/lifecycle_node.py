@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Base class of the graph's nodes: a lifecycle node with autostart, checked parameters and diagnostics.
 

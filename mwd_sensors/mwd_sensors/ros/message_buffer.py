@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Subscriptions and publishers for streams of a kilohertz: messages are taken and published many at a time.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What the middleware says of a node's topics: incompatible quality of service, and more than one publisher.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Settings as ROS parameters: described, ranged, and changed all or nothing."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a request may hold, whoever sends it: checked once at the edge, before any callback sees it."""
 
 from __future__ import annotations

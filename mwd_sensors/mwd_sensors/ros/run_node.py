@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Run one node, or several, as a process: signals, executor and an orderly shutdown."""
 
 from __future__ import annotations

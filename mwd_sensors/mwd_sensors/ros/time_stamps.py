@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Times of the graph: nanoseconds since the epoch as messages carry them."""
 
 from __future__ import annotations

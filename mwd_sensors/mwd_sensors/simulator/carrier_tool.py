@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a tool on a carrier sends over a run: blocks of the survey after each flow-on, then of toolfaces for ever."""
 
 from __future__ import annotations

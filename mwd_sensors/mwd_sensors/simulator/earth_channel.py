@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Voltage at the surface of a well with an EM tool: string and ground, electrodes, telluric and rig noise, converter.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Electric waves along a drill string in layered ground: from the gap of an EM tool to electrodes at the surface.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Faults of sensors and of the link, named as PX4's failure injection names them.
 

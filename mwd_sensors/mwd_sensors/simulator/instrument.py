@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Instruments: from the true rate, force or field at a point of the tool to the reading of a sensor, error by error.
 

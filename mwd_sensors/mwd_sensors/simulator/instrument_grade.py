@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Grades of instruments: error figures of a class of sensors with their source, from the YAML files in `grades`."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Everything magnetic that is not the Earth: the string's own field, soft iron, casings, offset wells, tool joints.
 

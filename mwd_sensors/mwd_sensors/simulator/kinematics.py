@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Kinematics of the sonde as formulas: hole, feed, rotation and vibration put together, and what ideal sensors measure.
 

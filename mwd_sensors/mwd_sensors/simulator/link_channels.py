@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The channels of a tool's links while a scenario runs: what the tool puts on air goes in, what is heard comes out."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A measuring unit of the sonde: gyros and accelerometers from their true inputs to output samples."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Motion of the sonde, exact at every instant: along the hole, round its axis, and shaking.
 

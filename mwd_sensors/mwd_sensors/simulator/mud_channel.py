@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Standpipe pressure of a well that is drilled with a pulse tool: pulses, pumps, bit, stalls, gauge.
 

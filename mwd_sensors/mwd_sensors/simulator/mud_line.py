@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Pressure waves in a circulating well: from the valve of the tool, and from the pumps, to the gauge at the standpipe.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Triplex mud pumps: the flow of three pistons with the faults that pumps have, and the switch that counts strokes.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Piecewise polynomials of time: depth, toolface and envelopes with exact derivatives.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a pulse tool sends over a run: after each flow-on a sync and the survey, then the toolface sequence for ever."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flow of pumps that obey commands: the schedule's, times a share that ramps to what is asked and back to one."""
 
 from __future__ import annotations

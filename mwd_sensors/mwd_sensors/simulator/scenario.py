@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A scenario: one run of a sonde as checked settings.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where the scenarios that come with the project lie, and finding one by its name."""
 
 from __future__ import annotations

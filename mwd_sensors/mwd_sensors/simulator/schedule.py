@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The rig's day: phases of drilling, sliding and connections, laid out as profiles of depth, rotation, pumps and hook.
 

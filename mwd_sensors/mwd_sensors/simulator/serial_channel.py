@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A serial line with byte errors and breaks, and the frames that a wired tool sends through it."""
 
 from __future__ import annotations

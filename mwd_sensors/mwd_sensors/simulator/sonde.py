@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The simulated sonde: a scenario in, the samples of every topic out, block by block in constant memory.
 

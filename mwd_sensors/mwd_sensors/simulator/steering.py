@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A top drive that obeys commands and the string below it, which winds up, sticks and slips.
 

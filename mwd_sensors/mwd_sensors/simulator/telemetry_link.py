@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The links of a scenario: the tool's transmission goes in; pressure and strokes, voltage or bytes come out.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """True motion of the sonde and inputs of its sensors over a stretch of time, without any error of a sensor."""
 
 from __future__ import annotations

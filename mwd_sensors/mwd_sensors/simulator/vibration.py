@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Settings of vibration in a scenario: shocks, random vibration, whirl, stick-slip and hunting toolface."""
 
 from __future__ import annotations

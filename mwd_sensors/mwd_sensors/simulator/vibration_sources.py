@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Vibration of a sonde in its hole: displacements and small angles in closed form, so that they stay bounded.
 

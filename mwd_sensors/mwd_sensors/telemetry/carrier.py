@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Words on a carrier: blocks of whole words with header and CRC-16, coded, interleaved, as phases of BPSK, DPSK or QPSK.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cyclic redundancy check of blocks on a carrier and of serial frames."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Combinatorial pulse code: every way to place M equal pulses in a window is a code, ranked in lexicographic order.
 

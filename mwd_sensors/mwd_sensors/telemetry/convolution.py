@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Convolutional code of constraint length 7 and rate 1/2, polynomials 133 and 171 (octal), ended with zeros.
 

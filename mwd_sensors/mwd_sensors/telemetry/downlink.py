@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Downlink: commands that the surface sends to the tool by changing flow or rotation.
 

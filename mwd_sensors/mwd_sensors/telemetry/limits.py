@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Closed-form limits of the codes in white Gaussian noise: what no receiver can beat, for tests, benchmarks and planning.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the words of a tool mean, by the names that kits use, and their units in SI: tool and surface agree here."""
 
 from __future__ import annotations

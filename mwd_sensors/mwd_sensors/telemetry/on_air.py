@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What goes on air: words that are sent together, as pulses, as phases of a carrier or as bytes of a line."""
 
 from __future__ import annotations

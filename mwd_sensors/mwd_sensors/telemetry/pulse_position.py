@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 M-ary pulse position code: a word is cut into packets of 3 and 2 bits, each packet is the place of one pulse.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Sequences: which words a tool sends one after the other, in the grammar that kits use.
 

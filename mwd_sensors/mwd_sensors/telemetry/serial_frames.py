@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Frames of words on a serial line: binary (COBS, CRC-16) or lines of text.
 

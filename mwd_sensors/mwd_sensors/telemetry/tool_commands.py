@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What the commands of a downlink change in a tool configuration: tool and surface compute it alike.
 

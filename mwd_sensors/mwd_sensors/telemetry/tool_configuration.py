@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The tool configuration (tool.yaml): all that the surface has to know of a tool to read what it sends.
 

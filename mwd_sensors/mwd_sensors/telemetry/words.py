@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Words: how one measured value becomes a whole number of some bits, and back, with the sigma that the rounding adds.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Allan deviation: known processes give their known slopes, simulated instruments the figures of their grade."""
 
 from __future__ import annotations

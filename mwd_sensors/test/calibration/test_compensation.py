@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compensation: known errors go at every temperature, in blocks of any length, and nothing else is touched."""
 
 import dataclasses

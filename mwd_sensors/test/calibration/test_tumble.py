@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Calibration: a tumble gives back the drawn errors, applied it removes them, and a poor run is refused."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bursts carry the samples of single messages to the bit, and say no to what they cannot carry."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled kernels: what was cached of a callee that has changed since is not used."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Settings: what is wrong is named with its place, unit, bound and near miss; what is refused changes nothing."""
 
 import dataclasses

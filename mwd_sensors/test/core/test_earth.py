@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Earth: the authorities' tables, two models against each other, gravity and rotation by their definitions."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames: angles against hand-worked attitudes, the source's matrices, and their own inverses."""
 
 import numpy as np

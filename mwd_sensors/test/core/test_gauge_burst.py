@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bursts of a gauge: what the middleware reads and writes."""
 
 import numpy as np

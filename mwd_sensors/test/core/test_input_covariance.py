@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the covariances of samples say, and what they must not do."""
 
 import numpy as np

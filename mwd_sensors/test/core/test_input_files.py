@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Files that would be read without end, and YAML that would fill the memory."""
 
 import os

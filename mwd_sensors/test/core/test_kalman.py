@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The shared Kalman steps against plain numpy and scipy."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The path between stations: a published gyro survey, closed forms, and what no set of stations may break."""
 
 import csv

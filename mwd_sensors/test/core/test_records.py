@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Record types: a class and its dtype have the same fields, with and without compilation."""
 
 from __future__ import annotations

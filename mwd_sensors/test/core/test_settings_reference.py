@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parameter reference: users' parameters first, experts' after, each with type, default, unit and range."""
 
 from dataclasses import dataclass

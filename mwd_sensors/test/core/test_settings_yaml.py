@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parameter file of a node: what it says is what the settings are, and every line is explained."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Readings that are not in SI are recognised by their size; those that are, never doubted."""
 
 import numpy as np

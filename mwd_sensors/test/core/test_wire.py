@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Wire layouts against the messages' own definitions and an independent serialiser."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Packets of an MTi: increments as such, other formats of numbers, clip flags, and a damaged line."""
 
 import struct

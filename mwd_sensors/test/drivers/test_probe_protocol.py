@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the line carries comes back to the bit, whatever the blocks it is read in, and what is damaged does not."""
 
 import math

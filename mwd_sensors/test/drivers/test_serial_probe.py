@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A probe on a pseudo terminal: its samples to the bit, its clock, and a line that is lost and found again."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the node of a probe says of the unit."""
 
 from types import SimpleNamespace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the simulated sonde does on a machine that is too slow for it."""
 
 from types import SimpleNamespace

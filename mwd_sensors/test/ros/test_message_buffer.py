@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages taken in one go, decode_messages in one go, published in one go: nothing lost, nothing out of order."""
 
 import contextlib

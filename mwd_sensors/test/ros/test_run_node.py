@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Nodes that cannot start or have no clock say why in one sentence."""
 
 import os

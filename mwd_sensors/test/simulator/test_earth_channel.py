@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The EM channel: loss against the table of the literature's model, layers, blocks."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Faults: each of PX4's words does what it says, for a component or an axis, whatever the block length."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Instruments: every error term switched on alone has the effect that its formula says."""
 
 from __future__ import annotations

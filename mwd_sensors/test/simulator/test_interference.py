@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Interference: fields that obey their laws, and the papers' cases come out as printed."""
 
 from __future__ import annotations

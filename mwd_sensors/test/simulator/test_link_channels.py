@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Channels of a run's links: what is put on air while it runs is what is heard, and what comes too late is counted."""
 
 import math

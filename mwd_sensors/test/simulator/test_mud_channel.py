@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The mud channel: the same pressure for a seed, pulses where the wave brings them, pumps as large as assumed."""
 
 import dataclasses

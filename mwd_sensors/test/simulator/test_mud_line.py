@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The transmission line against an independent model of 3 km of mud."""
 
 import dataclasses

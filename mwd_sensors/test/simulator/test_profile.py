@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Profiles: value, rate and acceleration agree; changes are smooth; the last rate goes on."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pumps that obey: they ramp to what is asked, return by themselves, and stay off where the schedule has them off."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scenarios: every one that is shipped can be read and started; a wrong word is met with the right one."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scenarios are found by name or path, installed or in a checkout, and the documents list those that exist."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Schedule: depths, hook, pumps and slips are consistent; still means still."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Motion: differentiated truth equals the rates, nothing leaves its hole, sensors feel what they must."""
 
 from __future__ import annotations

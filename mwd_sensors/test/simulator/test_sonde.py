@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sonde: the same bytes however it is asked, and readings that invert to the truth."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Steering: a string that winds up, sticks and slips under a top drive that obeys, with the same bits each time."""
 
 from __future__ import annotations

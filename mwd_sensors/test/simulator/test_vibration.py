@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Vibration: the asked spectrum, level and envelope, from displacements that stay bounded."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Blocks on a carrier: what goes in comes out, the marker stands alone, and a damaged block is refused."""
 
 import dataclasses

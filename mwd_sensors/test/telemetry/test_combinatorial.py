@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The combinatorial code: ranks and places are inverse to each other, and shorter than the pulse position code."""
 
 import itertools

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The convolutional code against its published distance spectrum, and linear as a code must be."""
 
 import numpy as np

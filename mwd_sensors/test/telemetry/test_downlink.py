@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Commands to the tool: codes that come back, a check that finds errors, and what each command changes."""
 
 import itertools

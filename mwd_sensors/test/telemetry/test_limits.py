@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Closed-form limits against an independent computation of them and against drawn noise."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What goes on air: the same words as pulses, blocks of a carrier and frames of a line."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The M-ary pulse position code against the figures its inventors print."""
 
 import itertools

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The grammar of sequences, as public configurations of kits have it."""
 
 import pytest

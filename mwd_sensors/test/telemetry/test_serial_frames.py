@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Serial frames: inverse pairs, and no damage passes that the checks can see."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tool configurations: read, written, refused; times on air against those of a public configuration."""
 
 import pytest

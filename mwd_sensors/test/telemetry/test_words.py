@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Words: values to codes and back, the step of the rounding and its sigma."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The files of a bag, found and opened: what topics they hold, over what time, and what is unusual about them.
 

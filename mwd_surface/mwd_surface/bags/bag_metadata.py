@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 metadata.yaml of a rosbag2 directory (version 9, as Jazzy writes it) and the quality of service recorded with a topic.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A bag as arrays: blocks of samples in time order, in constant memory, at the speed of decompression.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A rosbag2 directory of MCAP files, written message by message or a million rows at a time.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Message definitions without middleware: schema text and type hash of every type this graph or a user's bag carries.
 

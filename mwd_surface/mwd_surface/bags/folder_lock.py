@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One process at a time in a folder: a lock that the system frees when its owner ends, however it ends."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A copy of a recording with more topics in it: the original messages byte for byte, and new ones between them by time.
 

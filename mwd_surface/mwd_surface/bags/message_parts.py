@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages of a bag as arrays: where each lies and when it was logged, cut and joined without touching them singly."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The pace of a replay: which moment of the recording belongs to which moment of the clock on the wall.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A ROS 1 recording (``.bag``) read as if ROS 2 had written it: the messages of common types are brought to its encoding.
 

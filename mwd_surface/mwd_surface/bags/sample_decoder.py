@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Messages to samples: as rows of numbers where their layout is fixed, one by one through `rosbags` where it is not.
 

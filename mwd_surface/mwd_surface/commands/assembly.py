@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd sag` and `mwd spacing`: what a bottom-hole assembly does to inclination and azimuth before it is run."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd bag info` and `mwd recover`: what a recording holds, and saving what is left of a damaged one."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd batch`: a fleet of recordings to one data set, over a Dask cluster."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd bundle`: a zip for a bug report."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd calibrate`: a tumble and temperature run to the errors of a probe, and the file that takes them out."""
 
 from __future__ import annotations

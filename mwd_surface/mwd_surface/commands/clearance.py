@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd clearance`: distance to offset wells by the separation rule of the ISCWSA."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd compare`: two runs, or a recording and a golden run, beside each other."""
 
 from __future__ import annotations

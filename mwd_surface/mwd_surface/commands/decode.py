@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd decode`: standpipe pressure, earth voltage or serial bytes of a tool to words and surveys."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd doctor`: what is missing on this machine, or in a file of pressure, and how to get it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd downlink`: a command to the tool from the terminal, with the same permission as on the page."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd emulate`: a probe without hardware, on a pseudo terminal."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd export` and `mwd report`: surveys as files for others, from the list of a run or from a recording."""
 
 from __future__ import annotations

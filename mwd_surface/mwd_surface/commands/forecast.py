@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd forecast`: what surveys along a plan will be worth."""
 
 from __future__ import annotations

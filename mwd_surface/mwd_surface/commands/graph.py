@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd call`, `mwd param` and `mwd topic`: what `ros2` does with a running graph, without an installed ROS."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd inspect`: what a recording holds, what it lacks for which result, and the command that processes it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd listen`: a live gauge, sound card or serial line to words, as they come."""
 
 from __future__ import annotations

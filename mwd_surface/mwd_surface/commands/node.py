@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd node`: one node of the graph in this process, as `ros2 run` would start it."""
 
 from __future__ import annotations

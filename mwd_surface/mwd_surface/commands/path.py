@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd path`: a survey list of any origin to its path, and two lists of one hole beside each other."""
 
 from __future__ import annotations

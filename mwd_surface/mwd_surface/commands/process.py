@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd process`: a recording to attitude, surveys and the configuration in force."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Options of `mwd process`, named as the settings they set."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Options that several commands share: where the reference field comes from, and how the estimator is set."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd replay`: a recording published again, for nodes to work on as if it were live."""
 
 from __future__ import annotations

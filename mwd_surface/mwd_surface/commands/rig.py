@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd rig`: the interfaces to the rig of a running graph."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd run`: the whole graph of one well, from simulated sonde to live page and recording."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The processes of `mwd run`: started, watched until the scenario is over, ended in order."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `mwd run` is told beyond the scenario: settings of its nodes, parameter files, plan, secret of the page."""
 
 from __future__ import annotations

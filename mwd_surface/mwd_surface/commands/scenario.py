@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd scenario list` and `mwd simulate`: the scenarios there are, and a recording of one without any middleware."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd security`: the SROS2 policy of a well."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd survey`: a table of six-axis readings to surveys with verdicts."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stations on the screen: a table of figures, and below it what to act on."""
 
 from __future__ import annotations

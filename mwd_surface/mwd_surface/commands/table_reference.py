@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reference field of a table or list, from the options of a command: all of them count, or are refused."""
 
 from __future__ import annotations

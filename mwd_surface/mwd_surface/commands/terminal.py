@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What every command says, the same way: results on standard output, remarks and progress on standard error."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd tool`: the configuration of a tool checked, and a recording simulated as such a tool would make it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd trajectory`: the hole between the stations, by continuous measurements and the slide sheet."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd version`: versions of this project and of what it stands on."""
 
 from __future__ import annotations

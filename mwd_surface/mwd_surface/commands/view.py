@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd view`: the live page over a recording, with a time slider."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The control authority: a state machine that gives one controller at a time a lease over top drive and pumps.
 

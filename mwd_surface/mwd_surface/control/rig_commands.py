@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What is asked of the rig at present: set-points of top drive and pumps, their ramp and validity, and the commands due.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a controller asks of top drive and pumps, the limits it must keep, and the ramp of the speed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """State of control as page, ROS and rig interfaces show it, and the records of request and decision."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Interlocks of the downlink: what must hold before a command is sent and while it is, each with its sentence."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 One downlink from its draft to the tool's answer, as a machine of states; nothing moves without a named person's grant.
 

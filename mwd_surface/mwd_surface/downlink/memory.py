@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the surface must not forget of the downlink: by which settings the tool runs, and the counter sent last."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The clock by which a downlink runs: that of the rig's data, carried on by the steady clock where they are late."""
 
 from __future__ import annotations

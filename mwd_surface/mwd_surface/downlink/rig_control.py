@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Control of top drive and pumps while a command is sent: a lease of the control authority, given back at its end."""
 
 from __future__ import annotations

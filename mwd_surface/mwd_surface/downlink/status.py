@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The downlink at hand as page, message and rig interfaces show it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Operator input: flow or rotation that is not what the downlink asked for."""
 
 from __future__ import annotations

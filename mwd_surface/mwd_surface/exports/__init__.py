@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surveys and recordings as files for others: tables, LAS, WITSML, reports."""

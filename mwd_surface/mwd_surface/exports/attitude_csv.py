@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Attitude as CSV text, a million rows a second: fixed-point numbers written digit by digit, the same bytes everywhere.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Attitude as Parquet: the columns of the CSV, their numbers not rounded, and the north that the azimuth is from."""
 
 from __future__ import annotations

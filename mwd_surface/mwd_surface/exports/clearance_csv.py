@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Clearances as a table: one line per point of the well and offset well, degrees and metres."""
 
 from __future__ import annotations

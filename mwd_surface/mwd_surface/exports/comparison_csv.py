@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """comparison.csv: two surveys of one hole, at the measured depths of the first one's stations."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes a survey list in any format; the formats have the same names in messages and in the CLI."""
 
 from __future__ import annotations

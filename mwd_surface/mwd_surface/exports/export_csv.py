@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Surveys as CSV: the definitive survey with its head block, and the raw log of everything that was ever measured.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The definitive survey as a LAS 2.0 file: measured depth as index, null -999.25.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A file name that every system takes, made from whatever people call their wells."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The definitive survey as a WITSML 1.4.1.1 trajectory.
 

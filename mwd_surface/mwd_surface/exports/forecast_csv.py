@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A forecast as a table: one line per station of the plan, degrees, nT and milli-g."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """path.csv: position, curvature and position uncertainty of every station, with all digits, for programs."""
 
 from __future__ import annotations

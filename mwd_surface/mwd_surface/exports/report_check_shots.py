@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surveys repeated at one depth in the report: spread against the tool code, and the sensor biases they show."""
 
 from __future__ import annotations

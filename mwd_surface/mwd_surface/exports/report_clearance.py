@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Offset wells in the report: clearance by the separation rule, its pictures, and how well the hole ahead is known."""
 
 from __future__ import annotations

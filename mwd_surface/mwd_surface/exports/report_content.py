@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The survey report, apart from its layout: head, sections in the order they are printed, certificate."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What was decided in the report: automatic verdicts, people's decisions one after the other, and the slide sheet."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The survey report as one HTML file: no script, nothing fetched, figures inside; prints on A4 with page numbers."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The survey report as PDF: A4 landscape, page x of y, head block, tables, figures, quality page, certificate."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The figures of a survey report: plan view, vertical section and quality control, as SVG or PNG."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Quality control in the report: the run in figures, every station against its limits, the azimuths by method."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What a report is made of: sections with text, tables and drawings, in words and printed numbers.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The high-density trajectory in the report: what the slide sheet says of the hole between the stations."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The definitive survey as it is printed: one set of numbers, rounded once, for every export and report.
 

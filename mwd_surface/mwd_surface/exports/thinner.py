@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fewer rows of a fast stream: the first of each equal interval of time since the epoch, wherever blocks end."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A recording as one row per second: depth, rig data and attitude with sigmas, in the units of people.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The high-density trajectory as CSV and as LAS 2.0; never part of the definitive list's own files."""
 
 from __future__ import annotations

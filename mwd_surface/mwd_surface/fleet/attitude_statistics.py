@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What becomes of millions of attitudes in a table of a fleet: one row of statistics for every ten seconds."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The data set of a fleet: folders `bags/`, `surveys/` and `attitude/` of Parquet files.
 

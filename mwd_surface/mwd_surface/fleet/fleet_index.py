@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page of a fleet: one line a recording, failures first, in one file without scripts."""
 
 from __future__ import annotations

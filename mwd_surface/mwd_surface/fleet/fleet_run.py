@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A fleet of recordings over a Dask cluster: one task a bag.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The task of one worker: a recording to its rows in the data set; called in another process, or on another machine."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Latched alarms and the log of events: an alarm stays until its cause has gone and a person has seen it.
 

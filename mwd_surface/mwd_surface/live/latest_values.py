@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The last value of each live quantity, with sigma, unit, age and freshness, and the streams that bring them.
 

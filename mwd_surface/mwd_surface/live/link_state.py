@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What page, rig interfaces and reports know of the telemetry link: state, words of the last survey, passes."""
 
 from __future__ import annotations

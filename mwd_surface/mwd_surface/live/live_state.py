@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Collects what arrives from a well into its typed state.
 

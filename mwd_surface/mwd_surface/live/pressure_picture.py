@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Standpipe pressure as pictures: the last two minutes as a line, the last three as a spectrum over time."""
 
 from __future__ import annotations

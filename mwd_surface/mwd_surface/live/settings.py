@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What people may choose of the live page: how often what is expected, and how much is kept."""
 
 from __future__ import annotations

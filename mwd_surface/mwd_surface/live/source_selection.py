@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which of several sources of one topic is used: the first, until it has been silent for a while."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Live quantities, toolface and strip charts from the samples as they arrive.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The last minutes of a few channels for strip charts: one row per interval, in constant memory."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The table of supervision: what is watched of each node, its limit, how long it must last, and what follows.
 

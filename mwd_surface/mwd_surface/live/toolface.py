@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The toolface a driller steers by: from the high side, or from north where the hole is too near vertical for one.
 

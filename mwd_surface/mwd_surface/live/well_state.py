@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The state of a well at one moment, typed: what the live page shows and what the rig interfaces send.
 

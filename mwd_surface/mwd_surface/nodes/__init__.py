@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """The nodes of this package, and the parts the surface node is made of."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Advice on steering: computed from plan, path and slide sheet, published for rig systems, shown on the page."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Offset wells while drilling: clearance at the bit and ahead along the plan, shown on the page and as alarms."""
 
 from __future__ import annotations

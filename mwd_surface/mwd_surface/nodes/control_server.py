@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Control of the rig on the graph: services, commands of controllers, answers of the rig, and the state."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Monitors the graph: diagnostics of the nodes, and the progress of a survey."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The downlink on the graph: its services and action, the rig's control while a command runs, journal and page."""
 
 from __future__ import annotations

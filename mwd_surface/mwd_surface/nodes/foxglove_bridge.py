@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Live server for Foxglove: off unless switched on; tried again where its port is taken."""
 
 from __future__ import annotations

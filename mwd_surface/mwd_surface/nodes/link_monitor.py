@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The link of the well for page and rig: words, passes and quality as they arrive."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The live page: served, tried again where its port is taken, its buttons carried out as service requests."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The planned path: read from settings, shown on the page, compared with the surveyed path."""
 
 from __future__ import annotations

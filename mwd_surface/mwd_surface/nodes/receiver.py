@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The receiver as a node: pressure, voltage or bytes in; words, surveys, attitude and state of the links out."""
 
 from __future__ import annotations

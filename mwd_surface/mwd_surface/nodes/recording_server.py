@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings of a well: started, stopped and split by services; the recorder's status on `recorder`."""
 
 from __future__ import annotations

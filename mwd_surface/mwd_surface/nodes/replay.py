@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recording as a node: publishes its messages again, at their own rate or another, with /clock."""
 
 from __future__ import annotations

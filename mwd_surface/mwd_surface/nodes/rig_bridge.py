@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rig interfaces: the values of the page and the surveys go out, rig data and requests come in."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of the surface node; those of a room of this package stand in that room."""
 
 from __future__ import annotations

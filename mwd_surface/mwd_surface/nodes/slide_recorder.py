@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Slide sheet of a well: intervals of sliding and rotating drilling with their toolface, and the quill's angle."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The fixed transforms of one well: wellhead and rig floor at the origin of its path, the bit ahead of the sonde."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sample streams of the graph for the live state: collected as bytes, decoded together twenty times a second."""
 
 from __future__ import annotations

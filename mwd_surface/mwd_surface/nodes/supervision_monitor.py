@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Gathers the readings of the supervision table: silent topics, clocks, heartbeats, disk and queue."""
 
 from __future__ import annotations

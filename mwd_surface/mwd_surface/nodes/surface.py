@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The surface as a node: connects recorder, survey list, page and rig interfaces with the graph and with each other.
 

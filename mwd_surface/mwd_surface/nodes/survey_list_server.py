@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The survey list of a well: surveys and the operator's decisions in; list, path and exports out; kept on disk."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Subscriptions of the surface node: each message is recorded, forwarded to Foxglove and handed to its handler.
 

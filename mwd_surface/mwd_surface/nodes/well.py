@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sonde, estimator and surface of one well in one process."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Who may command: one secret, kept as a hash, and a pause for an address that guesses.
 

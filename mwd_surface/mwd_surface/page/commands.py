@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Commands of the page, and the check of their arguments."""
 
 from __future__ import annotations

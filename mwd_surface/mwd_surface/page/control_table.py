@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Control of the rig and the advice on steering for the page: what ROS and rig interfaces have, in words."""
 
 from __future__ import annotations

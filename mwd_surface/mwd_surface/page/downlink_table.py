@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command to the tool at hand, for the page."""
 
 from __future__ import annotations

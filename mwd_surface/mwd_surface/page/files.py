@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Files of the page, read once and served from memory."""
 
 from __future__ import annotations

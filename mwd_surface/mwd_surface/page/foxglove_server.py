@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The graph's messages live to Foxglove, as they came: raw bytes under the schemas a recording carries.
 

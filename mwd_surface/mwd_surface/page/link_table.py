@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The telemetry link for the page: state, words of the last survey, passes, and the pictures of the pressure."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The listening socket of the page, with errors that name the port."""
 
 from __future__ import annotations

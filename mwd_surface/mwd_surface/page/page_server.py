@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Serves the driller's page and pushes the state to every browser; one thread with its own event loop.
 

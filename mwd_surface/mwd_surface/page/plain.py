@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Numbers as a page can take them: finite, with as many digits as people can use, or None."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The request by which the page of a recording is played, paused and wound: POST /replay."""
 
 from __future__ import annotations

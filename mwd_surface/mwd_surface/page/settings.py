@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Settings of the live page: its address, who may ask for it, and its limits."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Sends the state of the page to its clients: to each what changed since it was last sent, at a bounded rate.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The state of a well as the JSON of the live page: finite numbers, text, lists, None for unknown.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One line of text for a terminal from the state of the live page: angles, toolface, depth, surveys, recorder."""
 
 from __future__ import annotations

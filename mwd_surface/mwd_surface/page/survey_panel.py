@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Tables of the page about surveys: rows of the table, quality lights of the last one, the well path with ellipses.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A picture of a bag for people who drill: sensors, rig, truth, attitude, surveys, spectra and Allan deviation."""
 
 from __future__ import annotations

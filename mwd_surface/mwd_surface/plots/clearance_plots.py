@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of clearance: the ladder along the hole, and the travelling cylinder around it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What all panels of a picture share: units, colours and the style of axes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A long signal as wide as a picture: lowest and highest value in each of a fixed number of bins of time.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The picture of a forecast: sigmas and pass rate along the plan, and where the axial correction is of no use."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Allan deviation of a record of any length, in constant memory.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Picture of two surveys of one hole: what differs between them along the hole."""
 
 from __future__ import annotations

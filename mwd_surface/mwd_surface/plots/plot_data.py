@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Everything a picture of a bag needs, gathered in one pass and constant memory; only an Allan plot needs a second."""
 
 from __future__ import annotations

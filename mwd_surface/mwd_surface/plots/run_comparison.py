@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Picture of two runs over one recording: inclination and azimuth of both, and what differs between them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Spectrum of a signal of any length, and how it changes: averaged periodograms, in constant memory.
 

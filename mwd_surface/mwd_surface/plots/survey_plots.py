@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Panels of the surveys of a bag: inclination, azimuth and residuals with their sigmas."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a picture of a bag shows of each kind of message: panels, their series, units and titles, as one table."""
 
 from __future__ import annotations

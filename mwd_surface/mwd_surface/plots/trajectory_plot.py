@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Picture of a high-density trajectory: inclination between the stations and what it changes in position."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A band about a carrier, taken out of real samples: complex values on the clock of the tool, and lines that disturb it.
 

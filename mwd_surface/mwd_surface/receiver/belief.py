@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 How far a decoded word is to be believed: its probability, tempered by what the parities of its neighbours teach.
 

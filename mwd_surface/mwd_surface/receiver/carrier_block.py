@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 One block of symbols on a carrier decoded: channel, noise and bits found in turn.
 

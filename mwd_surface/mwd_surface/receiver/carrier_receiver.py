@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The receiver of a carrier: pressure or voltage in, words out, the same however the samples are cut."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Markers found in noise: how much of the energy the known symbols explain, with any size and phase.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Words of a block on a carrier, and how far they are to be believed.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The response of the channel to one pulse, estimated from pulses whose places are known or believed.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Soft decisions on the bits of a convolutional code: a forward-backward pass along its trellis.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When the pumps were off, from the pressure alone: surveys are taken then, and a pulse tool is silent."""
 
 from __future__ import annotations

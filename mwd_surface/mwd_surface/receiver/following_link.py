@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A link that follows the tool to another configuration, to which a downlink leads.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pressure on an even grid that grows at its end and is forgotten at its beginning."""
 
 from __future__ import annotations

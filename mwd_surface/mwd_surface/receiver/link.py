@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A link at the surface: pressure, voltage or bytes in; words, surveys as heard, attitude and the state of the link out.
 

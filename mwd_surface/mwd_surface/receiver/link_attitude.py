@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Attitude between the words of a link: the newest word of each angle, with a sigma that grows with its age.
 

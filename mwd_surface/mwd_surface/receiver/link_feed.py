@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One link fed with bursts as they arrive: stamps become times since the first sample, pressure waits for strokes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A survey from the words of a link: angles, totals, covariance and verdict, with the errors of a tool code.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 One list of surveys from all links of a tool: none twice, each with the better word of every quantity.
 

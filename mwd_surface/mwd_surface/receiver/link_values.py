@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Values of believed words in SI, by what they mean."""
 
 from __future__ import annotations

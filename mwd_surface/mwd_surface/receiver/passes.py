@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One pass of a sequence: its words stretch by stretch, decoded when they come and again when the pass is complete."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A picture of what was received: pressure with the words on it, their confidence, the spectrum of the pressure."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a transmission is there: by the evidence for pulses of its last stretches."""
 
 from __future__ import annotations

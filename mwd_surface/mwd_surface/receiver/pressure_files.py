@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Standpipe pressure from files: CSV, WAV, or a recording with PressureBurst or FluidPressure."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Pump noise taken out: narrow lines of the spectrum, at the strokes that are counted or found without a counter.
 

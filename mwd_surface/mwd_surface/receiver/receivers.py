@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The receiver of each code; all of them are used in the same way."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a receiver heard, from a recording: samples of a link and the strokes of the pumps, on one clock."""
 
 from __future__ import annotations

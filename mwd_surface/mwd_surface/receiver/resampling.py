@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Samples of any rate, jitter and gaps onto an even grid counted from the first stamp: the same bits however they are cut.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the receivers of sampled signals have in common: samples onto an even grid, and steps as far as it reaches."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 One stretch of a transmission decoded: packets and noise found together, with the channel of the other pulses.
 

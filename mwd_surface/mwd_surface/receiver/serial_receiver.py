@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The receiver of a wired tool: bytes of a serial line in, words out, the same however the bytes are cut.
 

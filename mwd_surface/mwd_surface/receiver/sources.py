@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Live sources of a receiver: a 4-20 mA gauge read over Modbus, a WAV stream (sound card, pipe), bytes of a serial line.
 

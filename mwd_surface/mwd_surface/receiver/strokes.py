@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pump strokes of a counter: the crank angle of each pump at any time."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What surveys know of each other: words sent again are combined, and erased ones are chosen by what surveys agree on.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Syncs found in noise: how much more probable the pressure is with five pulses through a channel than without.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The clock of the tool against that of the pressure: where each sample of a transmission lies on the grid."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One transmission followed from its sync on: its sequences, its words stretch by stretch, the tool's clock."""
 
 from __future__ import annotations

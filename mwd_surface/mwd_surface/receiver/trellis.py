@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Soft decisions on packets: a forward-backward pass over the packets of some words, parity included.
 

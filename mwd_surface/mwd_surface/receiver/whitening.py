@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Noise made white: an autoregressive model of what pulses do not explain, and its prediction error filter.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Noise of a complex envelope made white: an autoregressive model of it, and its prediction error filter.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Words and surveys as the surface received them, as CSV."""
 
 from __future__ import annotations

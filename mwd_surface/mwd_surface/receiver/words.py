@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Words as the surface received them, and the packets in which a tool sends them."""
 
 from __future__ import annotations

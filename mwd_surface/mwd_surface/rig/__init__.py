@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rig interfaces: WITS, OPC UA, Modbus and WITSML, with one entry point."""

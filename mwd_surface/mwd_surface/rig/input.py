@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Checks of rig data: placeholders and impossible values are left out, jumps are accepted only when confirmed.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What every rig interface is: it starts, takes values without blocking the caller, reports its state, and stops.
 

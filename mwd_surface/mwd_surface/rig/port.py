@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Between the surface node and all rig interfaces: values to every interface, rig data and commands back.
 

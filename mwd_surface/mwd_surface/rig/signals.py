@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The signal table: every quantity that goes to a rig, once, with its name in each protocol.
 

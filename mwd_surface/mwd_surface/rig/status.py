@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 How the rig interfaces of a well go, in a small file in its folder: written every second, read by `mwd rig status`.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 An accepted survey as every rig interface sends it: the numbers of the well path, once, in SI and rad.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The values that the rig interfaces send, in one frozen table: each with its age, sigma and condition.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Alarms and events of one well: kept in one book, logged, published on `alarms` and shown on the page."""
 
 from __future__ import annotations

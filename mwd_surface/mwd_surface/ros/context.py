@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What every part of the surface node uses."""
 
 from __future__ import annotations

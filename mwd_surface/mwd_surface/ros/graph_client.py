@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A visitor to a running graph: calls services, reads and sets parameters, listens to topics, as `ros2` does.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a link gave, as messages of the graph."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Survey list, well path, alarms and recorder state between the surface's own objects and the graph's messages."""
 
 from __future__ import annotations

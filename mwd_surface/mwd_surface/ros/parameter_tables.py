@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of all nodes of a well as tables for a recording, so that it can be processed again as it was."""
 
 from __future__ import annotations

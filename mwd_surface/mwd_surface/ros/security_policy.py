@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What each node of a well may do with DDS security (SROS2): its topics, services and actions, and nothing else.
 

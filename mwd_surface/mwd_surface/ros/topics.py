@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The topics of one well with their types and QoS profiles: what the surface node subscribes to and records."""
 
 from __future__ import annotations

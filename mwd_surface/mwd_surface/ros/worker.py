@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Threads of the surface node: slow work in a background thread, and requests of other threads in the node's own."""
 
 from __future__ import annotations

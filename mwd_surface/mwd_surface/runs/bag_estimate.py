@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The estimator over a recording, in constant memory and in stages.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What of a bag goes into the estimator: the topics of one well, in SI, plausible, of a recording that is whole.
 

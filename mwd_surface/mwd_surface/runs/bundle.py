@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A zip for a bug report: versions, checks of the machine, settings, logs, survey list, the last minutes of the recording.
 

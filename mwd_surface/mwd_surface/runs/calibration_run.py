@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A tumble and temperature run, recorded or simulated, to a calibration of one unit, and the file that keeps it."""
 
 from __future__ import annotations

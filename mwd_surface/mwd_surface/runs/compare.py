@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Two runs of the estimator beside each other: station by station, and the statistics of their attitudes.
 

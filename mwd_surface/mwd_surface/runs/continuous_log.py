@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Continuous inclination and azimuth over depth: the attitude of a processed run, paired with the rig's depths."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What this machine lacks for the graph, and how to get it: one result per check.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Golden recordings: a short bag beside the answers it once gave, and how far today's answers may be from them.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 IMU samples that wait for their turn: for the block after theirs, or until enough after them was seen to smooth them.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What a recording holds and what it lacks, and how `mwd process` is to be told to read it.
 

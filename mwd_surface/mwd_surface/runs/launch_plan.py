@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What `mwd run` starts: the arguments of each node for one well, and what keeps two runs on one machine apart.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The survey list of a recording that is processed: as the surface node kept it, where the recording is one of our own.
 

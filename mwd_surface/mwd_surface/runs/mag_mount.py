@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How a magnetometer sits in the tool, from a recording: by the angle between gravity and the reference field."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Estimates into a copy of the recording they come from, beside the original messages, for players and viewers."""
 
 from __future__ import annotations

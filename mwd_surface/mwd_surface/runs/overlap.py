@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Stages of a run side by side: one thread fetches ahead of the work, one puts away behind it.
 

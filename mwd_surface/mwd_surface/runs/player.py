@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A recording played into the state of a well: what the live page showed at any moment of it, at any rate.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a file of standpipe pressure is good for: sample rate, gaps, clipping, resolution, flow."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 `mwd process`: attitude, surveys and the configuration in force from a recording, written to a folder.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The settings a recording was made with, from its metadata: what `mwd process` starts from where nothing else is said.
 

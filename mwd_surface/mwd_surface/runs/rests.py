@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Intervals in which a tool stands, from its samples: how many are long enough for a survey."""
 
 from __future__ import annotations

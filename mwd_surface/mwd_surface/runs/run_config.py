@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """config.yaml of a run: every setting in force, written so that it can be read back and used again."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `mwd process` left in a folder, read back: its surveys, and its attitude in blocks, whatever the file format."""
 
 from __future__ import annotations

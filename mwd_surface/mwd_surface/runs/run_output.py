@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a run writes: attitude in the format asked for, surveys, faults of sensors; complete, or not at all."""
 
 from __future__ import annotations

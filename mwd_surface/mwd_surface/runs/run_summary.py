@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Result of an offline run: counts, surveys, faults, and the warnings that follow from them."""
 
 from __future__ import annotations

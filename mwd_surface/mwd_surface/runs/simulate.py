@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A scenario to a recording, without middleware: what the sonde node would publish, as the recorder would store it."""
 
 from __future__ import annotations

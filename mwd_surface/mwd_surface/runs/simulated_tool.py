@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tool of a simulated run and its link, without middleware: samples to the estimator, words to the channel."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The times of one topic of a recording: its rate, gaps, stamps that do not advance, and its clock against the log."""
 
 from __future__ import annotations

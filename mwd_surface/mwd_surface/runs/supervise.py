@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Processes that belong together: started, restarted when they crash, ended in order, none left behind.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Advice on the next interval, slide or rotate, at what toolface, how far; from plan, projected path and slide sheet.
 

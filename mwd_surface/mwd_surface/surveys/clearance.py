@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Clearance between two wells by the separation rule of the ISCWSA.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 High-density trajectory: the hole between survey stations, by continuous measurements or the slide sheet.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Measured depth of a survey: the bit depth of the rig, paired by time, less the distance from sensor to bit.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Depths from a table, for a recording without those of the rig: bit depth by time, or the depth of each survey.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Error terms of ISCWSA / OWSG tool codes along a well: what each error source of each survey tool does to the positions.
 

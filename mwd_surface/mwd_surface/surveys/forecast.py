@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Forecast along a plan: how well inclination and azimuth will be known, what quality control allows, how much will pass.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A list of stations that others measured as a survey list: path, reports and exports then work as for one of our own.
 

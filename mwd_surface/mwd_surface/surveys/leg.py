@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Legs of a well: stretches of hole with stations of their own, each from its tie-on."""
 
 from __future__ import annotations

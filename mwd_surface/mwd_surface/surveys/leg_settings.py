@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where the survey list stands in the well: tie-on, leg and tool of the surveys to come, as people set them."""
 
 from __future__ import annotations

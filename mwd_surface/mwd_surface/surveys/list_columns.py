@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What the columns of a list of stations are, and their units: by the names people give them, or as the caller says.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Two surveys of one hole beside each other, station by station: a gyro survey and that of the MWD, as a rule.
 

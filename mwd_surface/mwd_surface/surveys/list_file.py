@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Reading a list of stations from a file: a table (CSV or columns of text), LAS, or a WITSML 1.4.1.1 trajectory.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The rules by which a survey goes into the definitive list, and what is flagged."""
 
 from __future__ import annotations

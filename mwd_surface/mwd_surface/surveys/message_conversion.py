@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Between the messages of the graph and the records of the survey list, field by field and by name.
 

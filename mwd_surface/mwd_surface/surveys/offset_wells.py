@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Wells near the one that is drilled: a YAML file names their lists, wellheads, hole sizes and error models.
 

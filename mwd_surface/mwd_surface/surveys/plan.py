@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The planned well path: where the well is from it, and how to steer back to it or on to a target.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reading a planned well path from a file, by the rules of every list of stations (`list_file`)."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 How well the position of each station is known: the error terms of its survey tools summed up, and the ellipses.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The survey programme of a well: the tool code of each interval, and how well the first station is known.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The survey list of a recording, as it was kept live: for surveys that are computed again from the same recording.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rotation shots and check shots of a survey list, and the sentence that each of them becomes."""
 
 from __future__ import annotations

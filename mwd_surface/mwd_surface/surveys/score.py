@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Surveys against the truth that a simulated sonde publishes beside them: what `mwd run` ends with.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The slide sheet on disk: a line of JSON for each stretch that ended, durable before the next one matters."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The slide sheet: which stretches of hole were slid, at which toolface, which were rotated, and what the slides gave.
 

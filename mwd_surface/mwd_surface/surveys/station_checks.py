@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Whether a station can go into the path of its leg, its place on that path, and the flags it gets there.
 

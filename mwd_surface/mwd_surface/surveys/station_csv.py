@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Stations as CSV: angles, totals and verdict of each, with what a person needs to check it by hand.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A CSV file of any dialect as columns of text; an error names its line."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Totals of a survey against their references and limits, as every table, light and plot shows them.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The survey list of a well: measurements, automatic verdicts, decisions of people, and the path.
 

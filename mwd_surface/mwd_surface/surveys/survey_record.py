@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 One survey and the line it becomes in the survey list; field for field the messages of the same names.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The survey list of a file, of the folder of a well or a run, or of a recording, and its slide sheet.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The survey list on disk: written whole, checked when read, never lost to a crash, an edit or half a write.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A well with the errors of its stations: its covariance from the top, or from a depth where two wells part."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The well a survey list belongs to: names, place and datums, as they stand at the head of every report."""
 
 from __future__ import annotations

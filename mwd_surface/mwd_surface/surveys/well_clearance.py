@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Clearance of the well of a survey list: along its path, at the bit and ahead along the plan."""
 
 from __future__ import annotations

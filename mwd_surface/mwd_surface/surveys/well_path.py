@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The path of a well by minimum curvature: stations, positions, curvature, section, and the projection to the bit.
 

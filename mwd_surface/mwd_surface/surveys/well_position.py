@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 How well the position of a surveyed well is known: at its stations, at the bit, and ahead along the plan.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The files of a bag, found and opened: what is there is used, what is not or is unusual is reported."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """metadata.yaml: written as rosbag2 Jazzy writes it, read from any version, replaced only as a whole."""
 
 from __future__ import annotations

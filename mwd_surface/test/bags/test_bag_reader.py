@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bags of every kind against the messages that went in, and against `rosbags` on a real recording."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bags as other programs read them: `rosbags` and `mcap` must find every message with its stamps and bytes."""
 
 from __future__ import annotations

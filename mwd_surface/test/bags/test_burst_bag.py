@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A bag whose IMU comes in bursts gives the estimator what the same bag gives with a message for each sample."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Definitions against the hashes that ROS 2 itself generated, and against a parser of the schema text."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One owner of a folder at a time, named to whoever comes second, and free when the owner has ended."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A copy with more topics: the original bytes, everything in order of time, readable by the libraries of others."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages as arrays: nothing is lost, doubled or put out of order by cutting and joining."""
 
 import itertools

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The pace of a replay: exact over hours, still while paused, and no jump when the rate changes."""
 
 from __future__ import annotations

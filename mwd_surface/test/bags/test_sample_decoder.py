@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages to samples: fast where the layout is fixed, right where it is not, and what is neither is counted."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd sag` and `mwd spacing` as people call them: the figures of the models, and one sentence for what is no input."""
 
 import csv

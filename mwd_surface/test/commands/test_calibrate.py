@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd calibrate` as people call it: tables and a file, from a scenario or a recording, or one sentence why not."""
 
 import pytest

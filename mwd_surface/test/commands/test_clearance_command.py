@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd clearance`: the files it writes, the level it ends with, and what it refuses."""
 
 import csv

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd tool` and `mwd decode` as people call them."""
 
 import csv

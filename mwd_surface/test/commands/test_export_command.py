@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd export` and `mwd report`: the files are those of the export kernel, from a folder and from a recording alike."""
 
 import dataclasses

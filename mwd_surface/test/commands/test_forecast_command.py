@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd forecast`: table and picture, and what it refuses."""
 
 import csv

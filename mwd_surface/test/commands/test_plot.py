@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd plot` as people call it: a picture on the disk and one line about it, or one sentence why not."""
 
 import plotted_bag

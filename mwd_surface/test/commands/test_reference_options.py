@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Options of place and field: what they set, and which of them mean nothing together."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd run` as people use it: real nodes, a page, a recording, a table, and nothing left behind."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `mwd run` is told of settings, and the secret of the page."""
 
 import stat

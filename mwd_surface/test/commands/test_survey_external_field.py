@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd survey` in a magnetic storm: the reference of each row is that of its time, whoever gives it."""
 
 import csv

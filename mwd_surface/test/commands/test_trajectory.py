@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`mwd trajectory` as people call it: files with the differences, and one sentence for what is not there."""
 
 import csv

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The control authority: one owner at a time, limits, and a declared end for every dead controller or MWD."""
 
 import dataclasses

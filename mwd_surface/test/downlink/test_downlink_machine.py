@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The downlink's machine: every transition, every interlock with its sentence, nothing moves without a grant."""
 
 import contextlib

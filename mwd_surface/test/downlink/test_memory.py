@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the surface keeps of the downlink over a restart."""
 
 import pytest

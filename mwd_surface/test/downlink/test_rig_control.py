@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The downlink as a controller of the rig: one lease, on the word of the person who granted the command."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Attitude as text: exact digits, empty cells for the unknown, the same bytes in one block or many."""
 
 import itertools

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Attitude as Parquet against the CSV of the same samples."""
 
 import csv

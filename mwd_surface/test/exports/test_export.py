@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every export: the numbers in all of them agree, and a file is whole or not there."""
 
 import csv

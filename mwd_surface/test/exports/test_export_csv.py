@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surveys as CSV: columns, judgements, unknowns, and no cell that a spreadsheet would compute."""
 
 import csv

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The LAS file read back by lasio."""
 
 import dataclasses

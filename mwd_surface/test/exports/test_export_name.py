@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """File names from whatever people call their wells."""
 
 import pytest

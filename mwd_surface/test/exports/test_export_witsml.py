@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The WITSML trajectory against its schema, against what the schema does not check, and back as a plan."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Offset wells in the report: levels, the part ahead, and a file that cannot be used."""
 
 import dataclasses

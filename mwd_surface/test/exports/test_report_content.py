@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a report says: nothing taken is missing, nothing unusual goes without a word."""
 
 import math

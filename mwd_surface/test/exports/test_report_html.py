@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The HTML report stands alone, escapes what people wrote, and is well formed."""
 
 import html

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The PDF report read back: every printed cell, and its pages counted."""
 
 import io

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The figures of a report: what is drawn, and the same drawing twice."""
 
 import example_surveys as example

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The printed numbers: rounding, unknowns, the head block, and what is left out."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Thinning: one row per interval, the same rows wherever blocks end."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One row per second of a recording: the last known values, empty where unknown, the same in both kinds of file."""
 
 import csv

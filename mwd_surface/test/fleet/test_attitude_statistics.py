@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ten-second statistics of attitude: right, and the same however the samples come."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The data set of a fleet: whole files, named by content, nothing twice."""
 
 import pyarrow.parquet as parquet

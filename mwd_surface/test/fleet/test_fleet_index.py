@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page of a fleet: failures first with their reasons, sums of what was worked out, nothing that runs or fetches."""
 
 import pytest

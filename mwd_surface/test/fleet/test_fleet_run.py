@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A fleet of recordings: everything that can be worked out is, once, whatever happens to one of them or to a worker."""
 
 import ast

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The task of one worker: a recording becomes rows, once; what cannot be worked out is a row with its reason."""
 
 import dataclasses

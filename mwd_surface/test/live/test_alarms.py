@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Alarms stay until their cause is gone and somebody has seen them."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Single values: no data, live, stale, withheld; streams with rate, age and losses."""
 
 import pytest

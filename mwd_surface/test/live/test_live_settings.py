@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What people may choose of the live page: a period for every stream, and bounds that keep the page small."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Single values of the page: the last good one with sigma and age, a reason where withheld, never an invented zero."""
 
 import math

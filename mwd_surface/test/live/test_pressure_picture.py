@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of the pressure: the line shows the last two minutes, the spectrum the frequency that is there."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Two sources of one topic: one is used, and it is always the same one."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The table of supervision: each row raises its alarm after its time, keeps it, and clears it."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which toolface a driller steers by, and when it changes."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Offset wells while drilling: alarms by level, cleared again, and compared only when something has changed."""
 
 import concurrent.futures

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The groups for diagnostic_aggregator: every status of every node is in exactly one of them."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Diagnostics of the estimator as the surface reads them, and what others may write under its name."""
 
 from types import SimpleNamespace

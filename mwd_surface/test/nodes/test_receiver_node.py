@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What others may send the receiver node: depths, angles and times that no rig has."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the recording server says of a recording that is wanted and cannot be."""
 
 import pytest

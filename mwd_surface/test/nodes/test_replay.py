@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recording published again by a real node, received by a real subscriber on a middleware domain of its own."""
 
 import os

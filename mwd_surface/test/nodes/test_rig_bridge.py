@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the surface node does with data of the rig."""
 
 from types import SimpleNamespace

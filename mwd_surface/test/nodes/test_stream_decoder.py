@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the surface makes of a topic that two sources publish, and of messages that are none."""
 
 from types import SimpleNamespace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Control and advice as the page's JSON: words people read, None for what is not known, the same as the rig has."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The live Foxglove server, asked by a websocket client that speaks its protocol: schemas, bytes, late joiners."""
 
 import asyncio

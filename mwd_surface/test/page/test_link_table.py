@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The link as the page's JSON: state and reason in words, words of the last survey, what is unknown as None."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page's server: what changed goes out, nothing unasked comes in, and nobody can hold it up."""
 
 import asyncio

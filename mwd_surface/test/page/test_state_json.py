@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The JSON of the page: last good values with their age, never a zero or a NaN that was not measured."""
 
 import json

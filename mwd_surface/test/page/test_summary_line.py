@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The state of the page in one line: a missing value is a dash, an old one carries its age."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surveys as plain tables: who accepted, gaps instead of stand-ins, lights that judge what the verdict judged."""
 
 import dataclasses

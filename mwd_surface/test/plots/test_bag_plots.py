@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of bags: files of the right kind and size, with the series, titles, units and norths that are promised."""
 
 import functools

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of clearance: every well named, levels as bands, nearest points marked."""
 
 import numpy as np

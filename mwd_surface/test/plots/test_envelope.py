@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Envelopes: no peak is lost, memory does not grow, blocks and order do not matter, gaps and circles break the line."""
 
 import numpy as np

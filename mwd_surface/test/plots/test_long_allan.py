@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Allan deviation of a long record: what fits is exact, what does not fit agrees within its own sigma."""
 
 import numpy as np

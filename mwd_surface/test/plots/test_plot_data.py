@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is gathered for a picture: everything a bag has, in bounded memory, and a sentence where there is nothing."""
 
 import functools

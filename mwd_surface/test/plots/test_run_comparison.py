@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Picture of two runs: what is drawn, and that long runs are thinned."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Spectra: the density of known signals, whatever the blocks; gaps are left out; the waterfall follows a sweep."""
 
 import numpy as np

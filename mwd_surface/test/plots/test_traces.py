@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The table of what is drawn: a label and unit for every series, what is not available missing, norths named."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Carriers in white noise, and what was received of them beside what was sent."""
 
 import dataclasses

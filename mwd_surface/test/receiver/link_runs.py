@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Runs of the simulated link, and what was received of them beside what was sent."""
 
 import functools

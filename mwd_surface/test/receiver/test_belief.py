@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What parities teach of confidence."""
 
 import numpy as np

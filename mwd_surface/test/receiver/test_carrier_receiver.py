@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The receiver of a carrier: near the coded limit in white noise, any cut, and what must not be believed."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Soft decisions on the convolutional code: against drawn noise, the union bound, and their own probabilities."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pumps on and off from the pressure alone."""
 
 import math

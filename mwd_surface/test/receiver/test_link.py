@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A link from samples to surveys, attitude and state: by pulses and by a carrier, however the samples are cut."""
 
 import dataclasses

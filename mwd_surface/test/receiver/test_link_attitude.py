@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Attitude between words: ages, growing sigma, withheld toolfaces, prediction by the top drive."""
 
 import math

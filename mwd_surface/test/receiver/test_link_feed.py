@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A link fed with bursts: stamps to times, pressure waits for its strokes, a clock that is set begins anew."""
 
 import dataclasses

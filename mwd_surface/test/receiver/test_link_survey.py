@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A survey from words: totals judged, sigma by the tool's own words or the tool code, within its chi-square band."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One list of surveys from several links: none twice, the better word of each quantity, the source named."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a transmission is there: confirmed by words, faint while a stall lasts, ended by silence or a new sync."""
 
 from mwd_surface.receiver.presence import FADED, NO_WORDS, Evidence, Presence

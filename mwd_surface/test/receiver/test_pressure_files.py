@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pressure from CSV, WAV and recordings: the same samples; and what is said of bad data."""
 
 import wave

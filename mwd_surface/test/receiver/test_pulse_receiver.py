@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The receiver end to end: simulated wells, white noise at the limit, any cut, and what must not be believed."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lines of pumps: found where they are, taken out of the noise, and nothing else with them."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Samples of any rate on an even grid: the same bits however they are cut, and the signal as it was."""
 
 import numpy as np

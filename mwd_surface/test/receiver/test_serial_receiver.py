@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The receiver of a serial line: what is damaged is left out, any cut gives the same, reasons are said."""
 
 import dataclasses

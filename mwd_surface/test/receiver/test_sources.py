@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Live sources: a gauge behind a Modbus server, a WAV through a pipe, a serial line of a pseudo terminal."""
 
 import dataclasses

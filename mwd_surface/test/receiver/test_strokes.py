@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Strokes of a counter: crank angles that turn with the pump, and none where it stands."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surveys sent again are combined, new ones are not; erased words are chosen by the surveys before, and marked."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Syncs: found through a channel that nobody knows, and not found in noise or in three of five pulses."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The forward-backward pass against all combinations written out."""
 
 import itertools

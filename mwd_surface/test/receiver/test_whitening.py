@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Noise made white: the filter undoes an autoregressive process and forgets a disturbance."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The controllers of docs/rig/control.md, as they stand there, take and give back control by OPC UA and by Modbus."""
 
 import asyncio

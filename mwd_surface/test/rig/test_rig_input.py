@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rig data are accepted only where they are possible; a jump of depth must be confirmed."""
 
 import math

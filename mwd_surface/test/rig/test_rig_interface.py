@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The part that all rig interfaces share: a thread that starts or says why not, is woken, and ends."""
 
 import asyncio

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """All rig interfaces: each fails alone and restarts by itself, and missing values are reported."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The state of the rig interfaces as a file: what is written is read, and `mwd rig status` says what there is."""
 
 import dataclasses

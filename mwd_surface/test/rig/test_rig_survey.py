@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Accepted surveys carry the numbers of the path, and None where nothing is known."""
 
 import dataclasses

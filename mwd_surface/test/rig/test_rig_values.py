@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The table for rig control: every value with age, sigma and whether it may be acted upon; never a NaN."""
 
 import math

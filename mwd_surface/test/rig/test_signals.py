@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The signal table gives every protocol its names, each once."""
 
 import itertools

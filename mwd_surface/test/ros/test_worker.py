@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Between the node's thread and others: work done beside it, and requests answered in it, at once or later."""
 
 import concurrent.futures

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What of a bag goes into the estimator: which topics, in which units, and whether the recording is whole."""
 
 import numpy as np

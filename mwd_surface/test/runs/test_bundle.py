@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The zip for a bug report: what is in it, and what must not be."""
 
 import zipfile

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A tumble through a bag: the injected errors come back within their sigmas, and the file keeps every figure."""
 
 import functools

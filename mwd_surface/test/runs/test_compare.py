@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Two runs beside each other: what is the same, what is not, and what the limits allow."""
 
 import csv

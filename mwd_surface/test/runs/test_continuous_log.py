@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Depth of continuous measurements: only while new hole is made steadily, and where the rig reported it."""
 
 import numpy as np

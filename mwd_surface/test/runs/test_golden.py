@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Golden folders: what makes one, how its answers are compared and how new ones are accepted."""
 
 import pytest

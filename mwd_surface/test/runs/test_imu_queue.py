@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Samples that wait: one block, or a bounded time to be smoothed, and then the same numbers as the whole smoothed."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings as others make them: what is found, and that the command printed processes them as the sound one."""
 
 import csv

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `mwd run` starts: arguments ROS understands, and nothing two runs could share by accident."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a recording of our own brings along: settings, depths and decisions; and tables of depths."""
 
 import dataclasses

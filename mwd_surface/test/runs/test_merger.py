@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Estimates beside the messages they come from: logged with the IMU sample, thinned if asked, reported when renamed."""
 
 import numpy as np

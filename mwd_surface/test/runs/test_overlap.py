@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stages side by side: order, bounds, failures where they belong, and nothing left running."""
 
 import threading

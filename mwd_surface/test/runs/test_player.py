@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recording as the page shows it: the state of each moment, whatever the way to it."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A file of pressure before it is decoded: what hides pulses is named with its remedy."""
 
 import dataclasses

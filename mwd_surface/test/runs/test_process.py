@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The batch estimator over a bag: the contract of its files, and what it refuses."""
 
 import csv

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """config.yaml of a run: what was in force, read back as it was; other files in its place are refused in a sentence."""
 
 import math

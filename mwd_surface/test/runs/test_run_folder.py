@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `mwd process` left is read back alike from CSV and Parquet, and what is no run is reported as such."""
 
 import csv

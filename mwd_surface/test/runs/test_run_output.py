@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Results of a run appear complete or not at all, and are no one else's files."""
 
 import numpy as np

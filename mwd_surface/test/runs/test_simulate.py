@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A scenario recorded without middleware: the sonde's samples, in the sonde's topics."""
 
 import numpy as np

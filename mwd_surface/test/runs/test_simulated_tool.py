@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A scenario with telemetry: the tool's words become pressure, the same whatever the blocks, and are decoded again."""
 
 import dataclasses

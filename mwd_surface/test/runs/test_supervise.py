@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Processes that are kept alive, ended in order and never left behind; real ones, small."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Advice on the next interval: it leads back to the plan when it is followed, and says how sure it is."""
 
 import dataclasses

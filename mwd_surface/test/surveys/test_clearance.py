@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The separation rule against the ISCWSA's standard set of well paths, sidetracks, levels, and what it refuses."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The hole between stations: slides where they were made, continuous data anchored at the stations, arcs elsewhere."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Depth of a survey from what a rig reports: pairing by time, placeholders, jumps, silences, corrections by hand."""
 
 import csv

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Error terms of tool codes: the library's own sums, tools that follow each other, wells drawn from the terms."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Forecasts: the tool code's own sigmas, the no-go directions of the correction, pass rates against drawn readings."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lists that others measured: their path against the published one, and where it starts."""
 
 import csv

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tie-on, legs and tools by settings: applied once, refused whole, kept where nothing is set."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Two surveys of one hole: a list against itself, against a turned one, and in units of its sigma."""
 
 import math

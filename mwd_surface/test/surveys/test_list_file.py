@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lists of stations as engineers send them, and the line number of what is wrong with the others."""
 
 import math

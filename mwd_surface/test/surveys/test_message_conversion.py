@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages and records hold the same: every field there and back, with the real messages."""
 
 import dataclasses

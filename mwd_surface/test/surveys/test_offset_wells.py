@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Files of offset wells: what they name, the norths they are turned from, what cannot be used."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where the well is from its plan and how to steer back: closed forms, brute force, arcs that end where they aim."""
 
 import math

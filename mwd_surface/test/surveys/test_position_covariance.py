@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Position covariance against the published ISCWSA example well, its axes, its ellipses and its words."""
 
 import csv

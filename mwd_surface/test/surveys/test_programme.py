@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Survey programmes: intervals and runs of a file, what it refuses, stations' own sigmas, the tie-on."""
 
 import dataclasses

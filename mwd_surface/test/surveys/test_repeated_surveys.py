@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rotation shots and check shots in a survey list, its report and `mwd survey`."""
 
 import csv

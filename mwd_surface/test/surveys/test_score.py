@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Surveys beside the truth: the right moment, the right north, the short way round."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The slide sheet on disk: what was put there comes back, whatever happened to the supply in between."""
 
 import os

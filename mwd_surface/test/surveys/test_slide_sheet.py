@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The slide sheet: stretches by how the string turned, moments absorbed, toolface over the metres, motor yield."""
 
 import math

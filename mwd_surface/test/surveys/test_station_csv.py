@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A station as a line: the columns others rely on, empty where nothing is known."""
 
 import csv

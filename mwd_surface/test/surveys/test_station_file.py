@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A table as anybody's spreadsheet writes it; what is wrong with it is named with the line."""
 
 import pytest

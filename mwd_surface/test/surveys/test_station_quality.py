@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Totals beside their limits: corrected with corrected, read with read."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The survey list: its order, its two judgements, its legs and its path."""
 
 import csv

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The record of a survey: its norths, its unknowns, its way to a plain table and back."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The same list from its file, the folder of a run and a recording; what is ambiguous is refused with a reason."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The survey list on disk survives kills, half writes and edits, and says what happened."""
 
 import dataclasses

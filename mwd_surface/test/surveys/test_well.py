@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The head of every report: names, datums and norths, and what is not allowed there."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The well path and its projection to the bit: straight, or on the arc of the last interval, and marked."""
 
 import math

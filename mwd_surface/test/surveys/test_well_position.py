@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How well a surveyed well is known ahead of its stations: at the bit and along the plan."""
 
 import example_surveys as example

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Survey stations drawn from physics and the OWSG tool code, to judge the survey decision by.
 

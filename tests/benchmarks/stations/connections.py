@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Simulated sondes on a rig that makes a connection every stand: surveys from raw samples, steel beside the hole."""
 
 from __future__ import annotations

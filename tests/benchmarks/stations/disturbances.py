@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What disturbs a station beside the errors of its tool code: each changes the tool, the field or what adds to it."""
 
 from __future__ import annotations

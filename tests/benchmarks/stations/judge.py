@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Readings through the survey decision, and what the decision is worth: one line of a table for a kind of station."""
 
 from __future__ import annotations

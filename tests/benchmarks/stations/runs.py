@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Runs of stations with one tool in one assembly, each decided with those before it, as a live run is."""
 
 from __future__ import annotations

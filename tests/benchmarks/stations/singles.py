@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Single stations of any attitude, each of a tool, a hole and a place of its own."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Runs whose stations are analysed together: what is left of 650 or 900 nT along the axis, declination known."""
 
 from __future__ import annotations

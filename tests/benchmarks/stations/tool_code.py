@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What errs in a magnetic survey, 1 sigma: OWSG set A revision 5.1, MWD+SRGM (A001Mc, its field from A003Mc).
 

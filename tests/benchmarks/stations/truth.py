@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The Earth's field and gravity at six places, and the attitude of a tool in its hole."""
 
 from __future__ import annotations

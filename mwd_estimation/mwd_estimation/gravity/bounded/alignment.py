@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Start of the bounded filter: the first attitude from the mean force, and what a new start keeps.
 

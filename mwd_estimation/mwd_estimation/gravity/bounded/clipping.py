@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Clipping: velocity that a cut-off shock hides, and roll while the x gyro is beyond its range."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Velocity-bounded error-state Kalman filter: gravity from the fact that a sonde in its hole goes nowhere.
 

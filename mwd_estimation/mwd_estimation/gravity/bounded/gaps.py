@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 How the bounded filter goes over a data gap: by the rates on either side of it, as far as those can be trusted.
 

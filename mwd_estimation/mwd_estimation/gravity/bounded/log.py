@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Trace of the bounded filter for the smoother: a record for each update of the covariance."""
 
 from __future__ import annotations

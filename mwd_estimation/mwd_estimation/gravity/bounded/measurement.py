@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Measurement of the bounded filter: the point of the tool that stays has no displacement along either level axis.
 

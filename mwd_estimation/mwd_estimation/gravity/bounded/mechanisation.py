@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Mechanisation of the bounded filter: attitude, velocity and position from one sample, and what an update needs of it.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Noise of the bounded filter: how the tool moves decides how firmly its displacement is known to be none.
 

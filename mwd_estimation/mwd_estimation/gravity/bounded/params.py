@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Settings of the bounded gravity filter, as its kernels take them."""
 
 from __future__ import annotations

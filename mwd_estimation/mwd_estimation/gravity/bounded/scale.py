@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Covariance scale of the bounded filter: its corrections of the tilt against the variance expected of them.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """State of the bounded filter: the record that its kernels change, and the places of the errors in its covariance."""
 
 from __future__ import annotations

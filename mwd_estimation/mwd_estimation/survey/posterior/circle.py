@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A density on the circle as people read it: the mean of its chief mode, its sigma, and what else fits."""
 
 from __future__ import annotations

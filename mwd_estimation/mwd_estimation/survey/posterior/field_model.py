@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What a magnetometer reads at an azimuth, and how each error that stations share changes that reading.
 

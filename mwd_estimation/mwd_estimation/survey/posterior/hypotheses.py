@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What may disturb a magnetic survey, and how probable that is before any reading.
 

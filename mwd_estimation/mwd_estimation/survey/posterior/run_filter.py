@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The stations of one run as one linear-Gaussian model on the circle: parallel filters of what the stations share.
 

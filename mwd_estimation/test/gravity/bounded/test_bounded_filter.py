@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The bounded filter: what it learns, what it survives, simulated holes and real recordings."""
 
 import numpy as np

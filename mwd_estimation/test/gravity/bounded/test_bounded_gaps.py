@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Silences: attitude goes on by the rates on either side, with a sigma that covers it, and begins anew only beyond."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Mechanics of the bounded filter: transition and measurement against finite differences; a velocity that was lost."""
 
 import numpy as np

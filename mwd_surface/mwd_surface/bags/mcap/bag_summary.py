@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The metadata of a bag from the contents of its files."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compresses chunks of an MCAP file, and decompresses them in bounded memory."""
 
 from __future__ import annotations

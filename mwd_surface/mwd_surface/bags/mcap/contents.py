@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Contents of an MCAP file, and the pieces met while reading it through."""
 
 from __future__ import annotations

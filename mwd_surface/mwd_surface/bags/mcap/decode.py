@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Decodes the bodies of records of an MCAP file.
 
 A length found in a file is compared with what is left of the file or chunk before anything is allocated.

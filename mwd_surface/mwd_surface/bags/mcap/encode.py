@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Encodes the records of an MCAP file.
 
 Source: the MCAP specification, version 0 (records, opcodes, CRC-32 of the uncompressed chunk).

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What an MCAP file holds: from its summary where that is sound, else by reading it from the beginning.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Records of an MCAP file: opcodes, sizes and the fields of each kind.
 
 Source: the MCAP specification, version 0.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Recovers an interrupted or damaged recording into a complete file; the original is kept beside it.
 

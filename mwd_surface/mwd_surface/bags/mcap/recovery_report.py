@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Checks an MCAP file, and reports what was found or saved."""
 
 from __future__ import annotations

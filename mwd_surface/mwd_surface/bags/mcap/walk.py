@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Finds the records in a run of bytes, at the speed of compiled code where numba is installed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 One MCAP file as it grows: chunks of messages with CRC and index, attachments, and a summary at its end.
 

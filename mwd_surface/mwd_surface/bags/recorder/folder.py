@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The folder of recordings: its lock, and the names of new recordings."""
 
 from __future__ import annotations

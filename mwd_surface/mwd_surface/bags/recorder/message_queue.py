@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The queue between the threads that hand messages over and the thread that writes them, bounded in bytes."""
 
 from __future__ import annotations

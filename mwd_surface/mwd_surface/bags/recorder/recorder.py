@@ -1,9 +1,10 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The recorder: writes all messages handed to it into a bag, in a thread of its own.
 
-The caller never waits: a message goes into a queue bounded in bytes; one that does not fit is counted and becomes an
-event inside the recording. Chunks are closed and made durable by time, so that a killed process or a power failure
-costs at most `chunk_seconds` + `sync_seconds` of data; a file without its end is recovered at the next start.
+The caller never waits: a message goes into a queue bounded in bytes; one that does not fit becomes an event inside the
+recording. Chunks are made durable by time: a killed process or a power failure costs at most `chunk_seconds` +
+`sync_seconds` of data, and a file without its end is recovered at the next start.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class Recorder:
         Created if missing; one recorder at a time may use it.
     settings : RecorderSettings
     definitions : Definitions, optional
-        Where schema texts come from; by default this installation's.
+        Of schema texts; by default this installation's.
     tables : callable, optional
         Returns named tables of strings (versions, parameters) that are put into every file as metadata.
     event_topic : str
@@ -333,9 +334,7 @@ class Recorder:
         session = self._running()
         self._taking = self._ring is not None and not self._closing
         lost = session.lost
-        text = f"recording of {session.writer.path} stopped"
-        if lost:
-            text += f"; {lost} messages were lost"
+        text = f"recording of {session.writer.path} stopped{f'; {lost} messages were lost' if lost else ''}"
         self._report(Level.WARNING if lost else Level.INFO, text)
         session.finish()
         self._session, self._deadline, self._free = None, None, session.free

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recovers, in the background, what earlier recordings in a folder left unfinished."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A recording at hand: messages and events into files, chunks and splits by time and size, pauses of a full disk.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What people may choose of a recorder."""
 
 from __future__ import annotations

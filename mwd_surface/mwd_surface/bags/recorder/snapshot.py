@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The last seconds of everything received, kept in bounded memory for a snapshot."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """State, status and events of the recorder, as its users see them."""
 
 from __future__ import annotations

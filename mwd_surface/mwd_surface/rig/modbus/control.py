@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Holding registers through which a controller takes control: its request at 110, its set-points at 120.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The Modbus register map: 70 input registers that are swapped as one block, so that no reader sees half of a change.
 

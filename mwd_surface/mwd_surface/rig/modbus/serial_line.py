@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Modbus RTU: the register map over a serial line."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Modbus TCP and RTU: controllers and collectors read the register map; nothing can be written unless allowed.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Settings of Modbus over TCP and over a serial line."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Who may do what on the OPC UA server: security policies, certificates and users.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The OPC UA variables of a well: names, units and status codes of each moment, without any server.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Alarms of the well as OPC UA conditions: events of AlarmConditionType, and ConditionRefresh (OPC 10000-9)."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A value of a variable as OPC UA's DataValue."""
 
 from __future__ import annotations

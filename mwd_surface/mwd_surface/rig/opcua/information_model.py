@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The static part of the address space: the well and its type, variables with units, and what the namespace is."""
 
 from __future__ import annotations

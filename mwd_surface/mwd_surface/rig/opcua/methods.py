@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Methods of the OPC UA object of a well: decisions about surveys, and control of top drive and pumps."""
 
 from __future__ import annotations

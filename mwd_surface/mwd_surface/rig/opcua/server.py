@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 OPC UA: the values of a well as an object that is found by name, with status codes a controller can trust.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Settings of the OPC UA server: its address, and who may do what."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """History of the survey variables: what each accepted survey says, readable by HistoryRead (OPC 10000-11)."""
 
 from __future__ import annotations

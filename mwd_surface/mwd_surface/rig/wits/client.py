@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 WITS level 0 where we go to the peer: a recorder that listens on TCP, or one at the end of a serial line.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 WITS level 0 framing: lines of a four-digit code and a value between `&&` and `!!`.
 

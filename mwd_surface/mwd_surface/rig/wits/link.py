@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Conversations in WITS level 0, full duplex, with any number of peers at a time, whatever carries them.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Records of WITS level 0: 7 (survey), 8 (formation) and 9 (mechanical) out, 1 (time based) in.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 When which WITS packet goes out: surveys once as they are accepted, toolfaces as they come, the rest by period.
 

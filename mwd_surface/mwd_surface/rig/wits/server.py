@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """WITS level 0 over TCP where we listen: recorders and collectors connect, each gets every packet."""
 
 from __future__ import annotations

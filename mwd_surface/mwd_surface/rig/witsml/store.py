@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Pushes the definitive survey to a WITSML 1.4.1.1 store: AddToStore the first time, UpdateInStore after that.
 

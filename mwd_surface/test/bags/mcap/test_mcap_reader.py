@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a file holds, by its summary and by reading it through: both ways must agree, and damage must be named."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The container's bytes against the `mcap` library, and the walk's two ways against each other."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One file as it grows: what is on disk at every moment, and what a refusing disk does to it."""
 
 from __future__ import annotations

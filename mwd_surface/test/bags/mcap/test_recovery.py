@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings cut, flipped and overwritten: every complete record comes back, and nothing that was never written."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The recorder under load, on a slow, full or failing disk, killed, and asked for what it cannot do."""
 
 from __future__ import annotations

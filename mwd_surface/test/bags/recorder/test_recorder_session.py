@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recording at hand, driven by a clock and a disk of the test's own: what is due when, and what a full disk costs."""
 
 from __future__ import annotations

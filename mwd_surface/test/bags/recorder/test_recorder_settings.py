@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What people may choose of a recorder: defaults that can be trusted, and refusals that say why."""
 
 import dataclasses

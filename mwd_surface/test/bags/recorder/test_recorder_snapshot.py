@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is kept for a snapshot: the newest, within its bytes."""
 
 from mwd_surface.bags.bag_reader import Bag

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The register map: every address as tabulated, held or NaN where not to be used, words in either order."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Modbus TCP: what others' clients read, what is refused and how, and that no block is ever torn."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """OPC UA variables: names, units by their codes, and a status code for each condition."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """OPC UA as clients see it: found by name, with units and times, nothing to write, commands only for the trusted."""
 
 import asyncio

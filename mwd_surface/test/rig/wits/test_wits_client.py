@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The calling side of WITS, over TCP and over a serial line: it comes back by itself, with waits that grow."""
 
 import contextlib

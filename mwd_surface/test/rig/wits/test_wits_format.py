@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """WITS level 0 framing: strict out, tolerant in, bounded whatever comes."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A conversation in WITS: what waits for a slow peer is bounded, and its newest is kept."""
 
 from hypothesis import given

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Records of WITS level 0: byte-exact packets, units at the edge, and what the peer's own decoder makes of them."""
 
 import csv

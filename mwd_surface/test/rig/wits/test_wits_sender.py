@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When what is sent: surveys once, toolfaces as they come, records by period, keep-alive in silence."""
 
 import dataclasses

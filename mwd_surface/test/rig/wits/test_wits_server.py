@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The listening side of WITS: every peer gets every packet, none can hold up another, junk is survived."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The definitive survey goes to a store: added, then updated, tried again, never with a password in the clear."""
 
 import base64
