@@ -19,7 +19,7 @@ from mwd_surface.receiver.link_attitude import AgeRules
 _BACK_S = 5.0
 _LONGEST_GAP_S = 3600.0  # a longer one begins anew: no sync outlives it, and filling it would take seconds
 # Pressure waits so long, s of its own time, for the strokes up to its end; a counter that failed is waited for no more.
-_WAIT_S = 3.0
+_WAIT_S = 10.0
 
 
 class LinkFeed:
