@@ -129,7 +129,7 @@ def test_a_gravity_method_has_its_defaults_and_the_range_of_the_tool_and_the_gra
     settings = changed(EstimatorSettings(), {"gravity.method": name, "tool.accelerometer.range_g": [8.0, 16.0, 16.0]})
     params, default = derivation.gravity_params(settings, 9.82), methods.METHODS[name].Params()
     assert (params.gravity, params.accel_range) == (9.82, 8.0 * STANDARD_GRAVITY)
-    derived = {"gravity", "accel_range", "gyro_range"}
+    derived = {"gravity", "gravity_sigma", "accel_range", "gyro_range"}
     for field in getattr(default, "_fields", None) or [one.name for one in dataclasses.fields(default)]:
         assert field in derived or getattr(params, field) == getattr(default, field), field
 

@@ -54,6 +54,17 @@ def test_a_clock_that_goes_back_begins_anew_with_a_word():
     assert feed.stamp_of(0.0) == START - 60 * SECOND
 
 
+@pytest.mark.fault_case(43)
+def test_a_gap_of_hours_begins_anew_instead_of_being_filled():
+    feed, warnings = feed_of()
+    feed.push(START, 0.01, PRESSURE)
+    feed.push(START + 160 * SECOND, 0.01, PRESSURE)
+    assert warnings == []
+    feed.push(START + 20 * 3600 * SECOND, 0.01, PRESSURE)
+    assert warnings == ["the time went on by more than an hour"]
+    assert feed.link.now_s == pytest.approx(0.99)
+
+
 def test_a_wired_tool_gives_words_without_flow_and_its_survey_the_time_it_was_sent():
     tool = dataclasses.replace(starting("serial"), transmit_delay_s=0.0)
     data, sent = transmit(tool, 30.0, 3)
