@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from mwd_msgs import msg
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from mwd_estimation.core.reference_field import Reference
@@ -21,7 +22,7 @@ from mwd_sensors.core import gauge_burst, wire
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
-from mwd_sensors.ros.message_buffer import MessageBuffer
+from mwd_sensors.ros.message_buffer import MessageBuffer, ReceivedMessage
 from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.telemetry import tool_commands, tool_configuration
 from mwd_sensors.telemetry.downlink import COMMANDS, Frame
@@ -88,8 +89,9 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._inputs: list[_Input] = []
         buffers = [self._buffer(tool.link) for tool in self._tools]
         self._begin(buffers)
-        if "mud_pulse" in (tool.link for tool in self._tools) and settings.gauge == 1:
-            self.add_subscription(msg.StrokeBurst, "rig/strokes", self._on_strokes, qos.EVENT)
+        self._strokes: MessageBuffer | None = None
+        if "mud_pulse" in (tool.link for tool in self._tools):
+            self._strokes = self.add_buffered_subscription(msg.StrokeBurst, "rig/strokes", qos.buffered(qos.EVENT))
         self.add_subscription(msg.RigState, "rig/state", self._on_rig_state, qos.EVENT)
         self.add_subscription(JointState, "rig/quill", self._on_quill, qos.STATE)
         if any(tool.downlink is not None for tool in self._tools):
@@ -162,14 +164,6 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             if seconds is not None and len(message.position) and math.isfinite(message.position[0]):
                 one.feed.link.attitude.take_quill(seconds, float(message.position[0]))
 
-    def _on_strokes(self, message: msg.StrokeBurst) -> None:
-        strokes = list(zip(map(int, message.pump), map(stamp_of, message.stamp), strict=True))
-        for one in self._inputs:
-            if one.feed.tool.link == "mud_pulse":
-                # Pressure that was published before the strokes comes first.
-                self._take_bursts(one)
-                self._publish(one.feed, one.feed.take_strokes(stamp_of(message.header.stamp), strokes))
-
     def _on_downlink(self, message: msg.DownlinkState) -> None:
         """Follow the tool to the configuration to which a command leads, once it says that it has obeyed."""
         try:
@@ -181,15 +175,28 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             self.get_logger().error(text, throttle_duration_sec=10.0)
 
     def _on_timer(self) -> None:
-        self._read_line()
-        for one in self._inputs:
-            self._take_bursts(one)
+        self._take_all()
         self._publish_state()
 
-    def _take_bursts(self, one: _Input) -> None:
-        for data, _ in one.buffer.take() if one.buffer is not None else ():
+    def _take_all(self) -> None:
+        """Take all that has arrived: strokes, which are published behind their pressure, before any pressure."""
+        self._read_line()
+        arrived = [one.buffer.take() if one.buffer is not None else [] for one in self._inputs]
+        for data, _ in self._strokes.take() if self._strokes is not None else ():
+            self._take_strokes(deserialize_message(data, msg.StrokeBurst))
+        for one, messages in zip(self._inputs, arrived, strict=True):
+            self._take_bursts(one, messages)
+
+    def _take_strokes(self, message: msg.StrokeBurst) -> None:
+        strokes = list(zip(map(int, message.pump), map(stamp_of, message.stamp), strict=True))
+        for one in self._inputs:
+            if one.feed.tool.link == "mud_pulse":
+                self._publish(one.feed, one.feed.take_strokes(stamp_of(message.header.stamp), strokes))
+
+    def _take_bursts(self, one: _Input, messages: Sequence[ReceivedMessage]) -> None:
+        for message in messages:
             try:
-                burst = gauge_burst.decode(data, one.kind)
+                burst = gauge_burst.decode(message.data, one.kind)
             except ValueError as error:
                 self._unreadable += 1
                 self.get_logger().warning(f"{one.kind} not used: {error}", throttle_duration_sec=10.0)
@@ -265,6 +272,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
 
     def deactivate(self) -> None:
         """Publish what is left."""
+        self._take_all()
         for one in self._inputs:
             self._publish(one.feed, one.feed.finish())
         self._publish_surveys(self._surveys.finish())
