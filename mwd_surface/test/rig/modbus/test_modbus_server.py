@@ -232,11 +232,15 @@ def test_modbus_serial_of_node_reads_the_same():
         pytest.skip("node or modbus-serial is not there: npm install --prefix mwd_surface/test/peers")
     with serving() as s:
         done = subprocess.run(
-            [node, str(PEERS / "modbus_read.js"), str(s.port)], capture_output=True, text=True, timeout=30, check=False
+            [node, str(PEERS / "modbus_read.js"), str(s.port), str(COUNT)],
+            capture_output=True,
+            text=True,
+            timeout=30,
+            check=False,
         )
         assert done.returncode == 0, done.stderr
         version, inclination, azimuth, depth, refused = done.stdout.split()
-        assert (int(version), int(refused)) == (1, 2)
+        assert (int(version), int(refused)) == (VERSION, 2)
         assert [float(v) for v in (inclination, azimuth, depth)] == pytest.approx([40.0, 79.8, 630.0])
 
 
