@@ -28,6 +28,8 @@ EXECUTABLES = {
     "surface": "mwd_surface",
     "receiver": "mwd_surface",
     "well": "mwd_surface",
+    "replay": "mwd_surface",
+    "probe": "mwd_sensors",
 }
 PLACE = {"place.field": "model", "place.lat_deg": 38.3, "place.lon_deg": 109.6}
 

@@ -187,7 +187,7 @@ class SondeNode(GraphNode[SondeSettings]):
                 f"this machine cannot simulate at rate {rate:g}: {self._dropped_s:.0f} s behind the clock so far",
                 throttle_duration_sec=10.0,
             )
-        # For a bounded time, so that signals and requests are heard however slow the simulation is.
+        # For a bounded time, so that requests are answered however slow the simulation is.
         enough = time.monotonic() + _CALL_S
         while not self._all_simulated and self._simulated_until <= until:
             self._simulate_block(sonde)

@@ -41,7 +41,6 @@ T = TypeVar("T")
 
 _NAMESPACE = "auto"  # value of `frame_prefix`: the namespace and a slash
 _DIAGNOSTICS_PERIOD = 1.0  # s
-_SIGNAL_PERIOD = 0.2  # s; longest time until an idle node reacts to a signal
 
 
 class GraphNode(LifecycleNode, Generic[T]):
@@ -91,8 +90,6 @@ class GraphNode(LifecycleNode, Generic[T]):
         self._heartbeat_publisher = self.create_publisher(DiagnosticStatus, "heartbeat", STATE)
         self._diagnostics_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._diagnostics_timer = self.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics, clock=steady)
-        # An idle executor waits in native code; Python sees a signal only when some callback runs.
-        self._signal_timer = self.create_timer(_SIGNAL_PERIOD, lambda: None, clock=steady)
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -19,6 +18,7 @@ from rclpy.task import Future
 
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.ros.lifecycle_node import GraphNode
+from mwd_sensors.ros.stop_signals import STOP_PATIENCE, StopSignals, end_within
 
 RCLError = rclpy_implementation.RCLError
 # Longest wait of the executor, s. The events executor treats "no limit" as a deadline that has passed.
@@ -35,8 +35,8 @@ def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence
     Run nodes in this process, one callback at a time, until one of them is stopped; they end last first.
 
     Discovery is limited to this machine unless ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise; files are not for others.
-    SIGINT and SIGTERM end it in order (deactivate, clean up) with status 0; parameters that are not allowed end it with
-    status 2 and one sentence.
+    SIGINT and SIGTERM end it in order (deactivate, clean up) with status 0, within `STOP_PATIENCE` or with status 1;
+    parameters that are not allowed end it with status 2 and one sentence.
     """
     # Nodes find each other on this machine alone unless somebody opens that up, however they are started.
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -76,19 +76,20 @@ def _spin(make_nodes: Sequence[Callable[[], GraphNode[Any]]]) -> int:
     nodes: list[GraphNode[Any]] = []
     stop_requested = Future()
 
-    def stop(*_: Any) -> None:
+    def stop(_cause: Any = None) -> None:
         if not stop_requested.done():
+            end_within(STOP_PATIENCE)
             stop_requested.set_result(None)
 
+    signals = StopSignals(stop)
     executor = EventsExecutor()
     try:
         nodes.extend(make_node() for make_node in make_nodes)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, stop)
         for node in nodes:
             node.stop_requested.add_done_callback(stop)
             executor.add_node(node)
             node.autostart()
+        signals.started()
         while not stop_requested.done():
             executor.spin_until_future_complete(stop_requested, _LONGEST_SPIN)
     except SettingsError as error:

@@ -27,7 +27,7 @@ _FIRST_PAUSE, _LONGEST_PAUSE = 0.5, 10.0
 _SETTLED = 20.0  # s of life after which a crash counts as the first again
 _MOST_CRASHES = 5  # in a row before a process counts as failing
 _SLOW_PAUSE = 30.0  # s between attempts to start a failing process
-_TERM_PATIENCE = 2.0
+_PATIENCE, _TERM_PATIENCE = 10.0, 2.0  # s; a node that hangs ends itself before, and says where
 _PR_SET_PDEATHSIG = 1
 
 
@@ -127,7 +127,7 @@ class Supervisor:
                     child.failure, child.due = f"{child.order.name} cannot be started: {error}", now + _SLOW_PAUSE
                     self._report(child.failure)
 
-    def stop(self, groups: Sequence[Sequence[str]], patience: float = 5.0) -> list[str]:
+    def stop(self, groups: Sequence[Sequence[str]], patience: float = _PATIENCE) -> list[str]:
         """
         End processes group by group: those of one at the same time, each group after the one before.
 

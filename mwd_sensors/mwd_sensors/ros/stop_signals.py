@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+SIGINT and SIGTERM end a node whatever its main thread does.
+
+Python runs a signal handler in the main thread, and only between two of its instructions: a node that compiles its
+filters, waits in the middleware or hangs does not hear it. A thread hears it instead, through the file that the
+interpreter's own handler writes to at once (`signal.set_wakeup_fd`).
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+
+STOP_PATIENCE = 8.0
+"""Longest time from the request to stop to the end of the process, s; ros2 launch kills after ten."""
+_START_PATIENCE = 2.0  # s; from a signal until a node that is still starting is given up
+_NUMBERS = (signal.SIGINT, signal.SIGTERM)
+
+
+class StopSignals:
+    """
+    Calls a function when SIGINT or SIGTERM comes, from a thread; in force from its making to the end of the process.
+
+    A process that is still starting two seconds later has nothing to put in order yet and ends at once, with status 0.
+
+    Parameters
+    ----------
+    stop : callable
+        Called at each signal; thread-safe.
+    """
+
+    def __init__(self, stop: Callable[[], None]) -> None:
+        self._stop = stop
+        self._started = threading.Event()
+        reader, writer = os.pipe()
+        os.set_blocking(writer, False)
+        for number in _NUMBERS:
+            signal.signal(number, lambda *_: None)
+        signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+        threading.Thread(target=self._listen, args=(reader,), name="signals", daemon=True).start()
+
+    def started(self) -> None:
+        """Say that the process has started: from now on it ends in order."""
+        self._started.set()
+
+    def _listen(self, reader: int) -> None:
+        while number := os.read(reader, 1):
+            if number[0] not in _NUMBERS:
+                continue
+            self._stop()
+            if not self._started.wait(_START_PATIENCE):
+                sys.stderr.write("stopped while it was starting\n")
+                sys.stderr.flush()
+                os._exit(0)
+
+
+def end_within(seconds: float) -> None:
+    """End this process with status 1, and the stacks of its threads on standard error, unless it ends before."""
+    # Needs neither the main thread nor the interpreter's lock.
+    faulthandler.dump_traceback_later(seconds, exit=True)

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A node ends when it is asked, whatever it does at that moment, and says where it hung if it has to be cut off."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+NODE = """
+import ctypes, dataclasses, os, sys, threading, time
+from mwd_sensors.ros import run_node, stop_signals
+from mwd_sensors.ros.lifecycle_node import GraphNode
+moment, run_node.STOP_PATIENCE = sys.argv[1], float(sys.argv[2])
+
+def hang():
+    print("now", flush=True)
+    while True:
+        ctypes.CDLL(None).usleep(100_000_000)  # in native code, as a compiler and the middleware are
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    pass
+
+class Node(GraphNode[Settings]):
+    def __init__(self):
+        if moment == "make":
+            hang()
+        super().__init__("awkward", Settings())
+
+    def configure(self):
+        if moment == "configure":
+            hang()
+        for _ in range(3):
+            self.add_timer(1e-6 if moment == "busy" else 0.05, self.work)
+
+    def work(self):
+        if moment == "callback":
+            hang()
+        if moment == "exit":
+            self.request_stop()
+        print("now", flush=True)
+        if moment == "busy":
+            time.sleep(0.02)
+
+    def deactivate(self):
+        if moment == "deactivate":
+            hang()
+
+if moment == "idle":
+    Node.add_timer = lambda *_: threading.Timer(1.0, print, ["now"], {"flush": True}).start()
+sys.exit(run_node.run_node(Node, []))
+"""
+
+
+def asked_to_end(
+    moment: str, *numbers: signal.Signals, patience: float = 60.0, environment: dict[str, str]
+) -> tuple[int, str]:
+    """Start a node, send the signals when it has come to that moment; its exit status and what it wrote."""
+    with subprocess.Popen(
+        [sys.executable, "-P", "-c", NODE, moment, str(patience)],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as process:
+        try:
+            seen = []
+            while (line := process.stdout.readline()) and line != "now\n":
+                seen.append(line)
+            for number in numbers:
+                process.send_signal(number)
+            return process.wait(50), "".join(seen) + process.stdout.read()
+        finally:
+            process.kill()
+
+
+@pytest.fixture
+def environment(tmp_path) -> dict[str, str]:
+    """Variables of the node."""
+    return {**os.environ, "ROS_LOG_DIR": str(tmp_path)}
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("moment", ["make", "configure"])
+def test_a_node_that_hangs_in_native_code_while_it_starts_ends_when_asked(moment, number, environment):
+    status, output = asked_to_end(moment, number, environment=environment)
+    assert (status, output.splitlines()[-1]) == (0, "stopped while it was starting")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("moment", ["idle", "busy", "exit"])
+def test_a_node_ends_in_order_however_often_and_whenever_it_is_asked(moment, number, environment):
+    both = (number, signal.SIGTERM, signal.SIGINT) * 20
+    status, output = asked_to_end(moment, *(() if moment == "exit" else both), environment=environment)
+    assert (status, "Traceback" in output, "Thread" in output) == (0, False, False)
+
+
+# Both say that they are there: the callback hangs at once, the deactivation when it is asked to end.
+@pytest.mark.parametrize(("moment", "place"), [("callback", "in work"), ("deactivate", "in deactivate")])
+def test_a_node_that_hangs_is_cut_off_and_says_where(moment, place, environment):
+    status, output = asked_to_end(moment, signal.SIGTERM, patience=0.5, environment=environment)
+    assert status == 1
+    assert "in hang" in output
+    assert place in output
