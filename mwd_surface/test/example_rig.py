@@ -14,6 +14,7 @@ from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode, SetPoint
 from mwd_surface.control.settings import ControlSettings
 from mwd_surface.control.status import Request
+from mwd_surface.live.inputs import Clock, InputState, InputTable, Role
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.rig.survey import accepted_surveys
 from mwd_surface.rig.values import rig_values
@@ -21,6 +22,16 @@ from mwd_surface.surveys.advice import Advice, AdviceMode
 
 NOW = 5000.0
 NOW_NS = START + 95_000 * S
+INPUTS = InputTable(
+    (
+        InputState("sonde", Clock.TOOL, 0.25, 1.0, 0.1),
+        InputState("rig_floor", Clock.RIG, -1.5, 2.0, 1.0, Role.IN_FORCE, 1, 650.25),
+        InputState("rig_wits", Clock.HOST, 0.0, 1.0, 1.0, Role.STANDBY, 3, 652.0, "rig_floor is used"),
+    ),
+    "rig_floor",
+    1.0,
+    1.75,
+)
 VALID = 1 | 2 | 4 | 8 | 32 | 64 | 128 | 256 | 1024
 
 
@@ -85,6 +96,7 @@ def live(whole=None, sample=None, rig=None, now=NOW):
     state.on_recorder(recorder(), now)
     state.on_control(control(now), now)
     state.on_advice(ADVICE, now)
+    state.on_inputs(INPUTS, now)
     return state
 
 

@@ -17,6 +17,7 @@ from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.control.status import ControlStatus
 from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.live.alarms import Alarm, Event
+from mwd_surface.live.inputs import InputTable
 from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.streams import LiveStreams
@@ -56,6 +57,7 @@ class LiveState(LiveStreams):
         self._control = ControlStatus()
         self._advice = Advice()
         self._downlink: DownlinkStatus | None = None
+        self._inputs = InputTable()
         self._progress = SurveyProgress()
         self._recorder: RecorderStatus | None = None
         self._diagnostics: tuple[NodeDiagnostic, ...] = ()
@@ -89,6 +91,11 @@ class LiveState(LiveStreams):
         """Take the state of the command to the tool at hand."""
         self._downlink = downlink
         self._touch("downlink", now)
+
+    def on_inputs(self, inputs: InputTable, now: float) -> None:
+        """Take clocks, ages and the source of depth of all inputs."""
+        self._inputs = inputs
+        self._touch("inputs", now)
 
     @property
     def survey_active(self) -> bool:
@@ -201,6 +208,7 @@ class LiveState(LiveStreams):
             control=self._control,
             advice=self._advice,
             downlink=self._downlink,
+            inputs=self._inputs,
             survey_progress=self._progress,
             recorder=self._recorder,
             diagnostics=self._diagnostics,

@@ -1,29 +1,80 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which of several sources of one topic is used: the first, until it has been silent for a while."""
+"""Which of several sources of one topic is used: the first of the highest priority, until it has been silent."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable
 
-SILENT_S = 5.0  # a source that says nothing for so long gives way to another
+from mwd_sensors.core.settings import setting
+
+# Frames of the rig data that come in by our own interfaces; a ROS publisher stamps with its own.
+OPCUA, WITS, MODBUS = "rig_opcua", "rig_wits", "rig_modbus"
+
+
+@dataclasses.dataclass(frozen=True)
+class SourceRules:
+    """Arbitration of several sources of rig data."""
+
+    priority: list[str] = setting(
+        ["rig_floor", OPCUA, WITS, MODBUS],
+        "Sources of rig data, the best first, by the frame of their messages without prefix: rig_floor is a ROS "
+        "publisher, the others are our rig interfaces. A source that is not named is used only where none of these "
+        "speaks, and an alarm names it",
+        fixed=True,
+    )
+    silent_after: float = setting(
+        5.0,
+        "Silence after which a source gives way to the next; raise it for a source that sends less often, which "
+        "delays the change",
+        unit="s",
+        low=0.5,
+        high=600.0,
+        fixed=True,
+    )
+    settle: float = setting(
+        10.0,
+        "Time a better source must speak without such a silence before it takes over; raise it where a source comes "
+        "and goes",
+        unit="s",
+        low=0.0,
+        high=3600.0,
+        fixed=True,
+    )
+    hand_hold: float = setting(
+        600.0,
+        "Longest time a depth set by hand goes before that of a source that contradicts it; a source that agrees is "
+        "used at once. Raise it where the rig's depth is known to be wrong",
+        unit="s",
+        low=0.0,
+        high=86400.0,
+        fixed=True,
+    )
+
+
+# Of a topic whose sources have no order: the first one stays.
+EQUAL = SourceRules(priority=[])
 
 
 class SourceSelection:
     """
     Arbitration of the sources of one topic, told apart by the frame they stamp their messages with.
 
-    The source in force stays in force while it speaks, so that two of them never alternate; after `SILENT_S` of
-    silence another takes its place.
+    The source in force stays in force while it speaks, so that two of one priority never alternate; after
+    `rules.silent_after` of silence another takes its place, and one of a higher priority does once it has spoken for
+    `rules.settle`.
 
     Attributes
     ----------
     source : str or None
-        The source in force; None before the first message.
+        The frame of the source in force; None before the first message.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, rules: SourceRules = EQUAL) -> None:
+        self.rules = rules
         self.source: str | None = None
         self._heard: dict[str, float] = {}
+        self._since: dict[str, float] = {}
 
     def choose(self, sources: Iterable[str], now: float) -> str:
         """
@@ -37,12 +88,31 @@ class SourceSelection:
         spoken = list(dict.fromkeys(sources))
         if not spoken:
             raise ValueError("sources: none")
-        self._heard = {name: at for name, at in self._heard.items() if now - at <= SILENT_S}
+        self._heard = {name: at for name, at in self._heard.items() if now - at <= self.rules.silent_after}
+        self._since = {name: self._since.get(name, now) for name in [*self._heard, *spoken]}
         self._heard |= dict.fromkeys(spoken, now)
-        if self.source not in self._heard:
-            self.source = spoken[0]
+        # `min` takes the first of equals, and the one heard first stands first.
+        best = min(self._heard, key=self.rank)
+        settled = now - self._since[best] >= self.rules.settle and self.rank(best) < self.rank(self.source or best)
+        if self.source not in self._heard or settled:
+            self.source = best
         return self.source
+
+    def rank(self, source: str) -> int:
+        """Return the place of a source in the order of priority, from 0; the last of all where it is not named."""
+        name, priority = short_name(source), self.rules.priority
+        return priority.index(name) if name in priority else len(priority)
 
     def others(self, now: float) -> list[str]:
         """Return the sources that speak at `now` besides the one in force."""
-        return sorted(name for name, at in self._heard.items() if name != self.source and now - at <= SILENT_S)
+        silent = self.rules.silent_after
+        return sorted(name for name, at in self._heard.items() if name != self.source and now - at <= silent)
+
+    def uninvited(self, now: float) -> list[str]:
+        """Return those of `others` that no priority names."""
+        return [name for name in self.others(now) if self.rank(name) == len(self.rules.priority)]
+
+
+def short_name(frame: str) -> str:
+    """Return the name of a frame without the prefix of its well."""
+    return frame.rpartition("/")[2]

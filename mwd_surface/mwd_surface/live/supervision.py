@@ -13,6 +13,7 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 
 from mwd_surface.live.alarms import Severity
+from mwd_surface.live.inputs import DISAGREEMENT
 
 Causes = dict[str, tuple[int, str, str]]
 """From the id of an alarm to severity, text and remedy."""
@@ -129,6 +130,17 @@ TABLE = (
         "synchronise both clocks, or set the depth by hand",
         "no depth is paired with surveys",
         "attitude and toolface go on; a depth can be set by hand",
+    ),
+    Row(
+        "depth.sources",
+        "rig data",
+        "the depth of another source is {value:.1f} m from the one in force",
+        DISAGREEMENT,
+        10.0,
+        Severity.WARNING,
+        "compare them on the page (System, Inputs); correct one, or set the depth by hand",
+        "the source of the highest priority is used, or the depth by hand",
+        "surveys get the depth in force",
     ),
     Row(
         "heartbeat.sonde",

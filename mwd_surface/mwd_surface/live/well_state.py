@@ -18,6 +18,7 @@ from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.control.status import ControlStatus
 from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.live.alarms import Alarm, Event
+from mwd_surface.live.inputs import InputTable
 from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.strip_history import Row
@@ -261,6 +262,8 @@ class WellState:
         Who has control of top drive and pumps, what was asked and what the rig does.
     advice : Advice
         How to drill the next interval.
+    inputs : InputTable
+        Clocks and ages of the inputs, and which gives the depth.
     recorder : RecorderStatus or None
     diagnostics : tuple of NodeDiagnostic
         Worst first.
@@ -305,6 +308,7 @@ class WellState:
     control: ControlStatus = dataclasses.field(default_factory=ControlStatus)
     advice: Advice = dataclasses.field(default_factory=Advice)
     downlink: DownlinkStatus | None = None
+    inputs: InputTable = dataclasses.field(default_factory=InputTable)
 
     def change(self, part: str) -> Change:
         """Return how often a part changed, and when."""

@@ -41,6 +41,8 @@ class LinkMonitor:
     context : SurfaceContext
     source : str
         `link.source`: one link, or best of all.
+    on_gauge : callable
+        Called with the stamp, ns, of the newest sample of a link's gauge.
 
     Attributes
     ----------
@@ -48,7 +50,8 @@ class LinkMonitor:
         From topic to the function that is called with each serialised message.
     """
 
-    def __init__(self, context: SurfaceContext, source: str) -> None:
+    def __init__(self, context: SurfaceContext, source: str, *, on_gauge: Callable[[int], None]) -> None:
+        self._on_gauge = on_gauge
         self._live, self._alarm_log, self._source = context.live, context.alarm_log, source
         self._collectors: dict[str, LinkCollector] = {}
         self._qualities: dict[str, LinkStatus] = {}
@@ -131,6 +134,8 @@ class LinkMonitor:
                 name = "link.state" if only else f"link.state.{link}"
                 causes[name] = (severity, f"no data over {link.replace('_', ' ')}: {one.reason}", "")
         self._alarm_log.set_alarms("link.", causes)
+        if newest := stamp_of(quality.header.stamp):
+            self._on_gauge(newest)
         self._show()
 
     def _on_pressure(self, data: bytes) -> None:

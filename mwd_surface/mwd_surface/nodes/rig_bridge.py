@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import queue
 import time
+from collections.abc import Callable
 from typing import Any
 
 from mwd_msgs import msg
@@ -43,6 +44,8 @@ class RigBridge:
         Name of the well.
     authority : ControlAuthority
         For controllers that come through the interfaces.
+    simulated : callable
+        Whether the tool is a simulation.
 
     Raises
     ------
@@ -50,13 +53,20 @@ class RigBridge:
         An interface could not start and `rig.strict` is set.
     """
 
-    def __init__(self, context: SurfaceContext, settings: RigSettings, well: str, authority: ControlAuthority) -> None:
+    def __init__(
+        self,
+        context: SurfaceContext,
+        settings: RigSettings,
+        well: str,
+        authority: ControlAuthority,
+        simulated: Callable[[], bool],
+    ) -> None:
         self._node, self._settings = context.node, settings
         self._live, self._alarm_log = context.live, context.alarm_log
-        self._rig_data: queue.SimpleQueue[Samples] = queue.SimpleQueue()
+        self._rig_data: queue.SimpleQueue[tuple[str, Samples]] = queue.SimpleQueue()
         self._surveys: tuple[AcceptedSurvey, ...] = ()
         self._values: RigValues | None = None
-        self._send_at, self._simulated = 0.0, False
+        self._send_at, self._simulated = 0.0, simulated
         self._publisher: Any = None
         self._well, self._status_file = well, context.folder / FILE_NAME
         self._status_written_at, self._status_error = 0.0, ""
@@ -81,11 +91,11 @@ class RigBridge:
         self._port.stop()
         self._status_file.unlink(missing_ok=True)
 
-    def _on_rig_data(self, samples: Samples) -> None:
+    def _on_rig_data(self, source: str, samples: Samples) -> None:
         """Take data of the rig, from the thread of an interface; what comes while the node is inactive is dropped."""
         # Kept, it would be published on activation with the time of that, and an old depth would look like one of now.
         if self._node.active:
-            self._rig_data.put(samples)
+            self._rig_data.put((source, samples))
 
     def on_surveys(self, surveys: SurveyList) -> None:
         """Take the changed survey list."""
@@ -96,10 +106,10 @@ class RigBridge:
     def update(self, now: float) -> None:
         """Publish received rig data; send values and write the status file where they are due. now: steady time, s."""
         while self._publisher is not None and not self._rig_data.empty():
-            samples = self._rig_data.get()
+            source, samples = self._rig_data.get()
             # The interfaces stamp with the wall clock, the graph with the node's clock.
             samples["stamp_ns"] = self._alarm_log.now_ns()
-            self._publisher.publish(wire.RIG_STATE.encode(samples, self._node.frame(wire.RIG_FRAME))[0].tobytes())
+            self._publisher.publish(wire.RIG_STATE.encode(samples, self._node.frame(source))[0].tobytes())
         if now >= self._send_at:
             # From the time it was due, so that a late call does not slow the rate.
             self._send_at = max(self._send_at, now - _VALUES_PERIOD) + _VALUES_PERIOD
@@ -117,15 +127,10 @@ class RigBridge:
             self._surveys,
             now_ns=self._alarm_log.now_ns(),
             active=active,
-            simulated=self._is_simulated(),
+            simulated=self._simulated(),
             previous=self._values,
         )
         self._port.publish(self._values)
-
-    def _is_simulated(self) -> bool:
-        """Whether a simulator, which alone publishes the truth, has been seen since the node was configured."""
-        self._simulated = self._simulated or self._node.count_publishers("truth") > 0
-        return self._simulated
 
     def _write_status(self, now: float) -> None:
         wall = time.time()

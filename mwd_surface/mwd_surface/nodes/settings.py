@@ -12,6 +12,7 @@ from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.control.settings import ControlSettings
 from mwd_surface.downlink.settings import DownlinkSettings
 from mwd_surface.live.settings import LiveSettings
+from mwd_surface.live.source_selection import SourceRules
 from mwd_surface.page.foxglove_server import FoxgloveSettings
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.rig.port import RigSettings
@@ -90,6 +91,7 @@ class SurfaceSettings:
     rules: ListRules = setting(ListRules, "Rules of the survey list")
     leg: LegSettings = setting(LegSettings, "Tie-on, leg and tool")
     depth: DepthRules = setting(DepthRules, "Depth of a survey")
+    rig_sources: SourceRules = setting(SourceRules, "Arbitration of several sources of rig data")
     slides: SlideRules = setting(SlideRules, "The slide sheet")
     record: RecordSettings = setting(RecordSettings, "What is recorded")
     recorder: RecorderSettings = setting(RecorderSettings, "How it is recorded")

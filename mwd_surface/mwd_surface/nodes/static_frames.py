@@ -10,6 +10,7 @@ from tf2_msgs.msg import TFMessage
 from mwd_sensors.core import frames, wire
 from mwd_sensors.ros.qos import LATCHED
 from mwd_sensors.ros.time_stamps import stamp
+from mwd_surface.live.source_selection import MODBUS, OPCUA, WITS
 from mwd_surface.ros.context import SurfaceContext
 
 _NORTH_EAST_DOWN = [float(v) for v in frames.orientation_et(np.eye(3))]
@@ -39,7 +40,10 @@ class StaticFrames:
         wellhead = self._transform(local, node.frame(wire.WELLHEAD_FRAME))
         turned = wellhead.transform.rotation
         turned.x, turned.y, turned.z, turned.w = _NORTH_EAST_DOWN
-        transforms = [wellhead, self._transform(local, node.frame(wire.RIG_FRAME))]
+        floor = node.frame(wire.RIG_FRAME)
+        # Rig data that come in by an interface of ours bear its name as frame: it is the rig floor.
+        ours = [self._transform(floor, node.frame(name)) for name in (OPCUA, WITS, MODBUS)]
+        transforms = [wellhead, self._transform(local, floor), *ours]
         if tool_frame:
             bit = self._transform(tool_frame, node.frame(wire.BIT_FRAME))
             bit.transform.translation.x = sensor_to_bit

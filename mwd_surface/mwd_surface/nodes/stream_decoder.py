@@ -14,10 +14,11 @@ from mwd_sensors.ros.message_buffer import decode_messages
 from mwd_sensors.ros.qos import DEADLINE_STATE
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.live.alarms import Severity
-from mwd_surface.live.source_selection import SourceSelection
+from mwd_surface.live.source_selection import SourceRules, SourceSelection
 from mwd_surface.ros.context import SurfaceContext
 
 Handler = Callable[[Samples, float], None]
+RIG = "rig/state"
 
 _FRAME = slice(12, 48)  # of a serialised message: length and beginning of its frame name
 _OF_SONDE = ("attitude", "imu/temperature", "imu/mag")
@@ -39,9 +40,15 @@ class StreamDecoder:
     context : SurfaceContext
         Node and live state.
     on_attitude, on_rig_state : callable
-        Called with the samples of `attitude` and `rig/state` before the live state is updated.
+        Called with the samples of `attitude` and `rig/state` before the live state is updated; `on_rig_state` returns
+        those that are shown.
     on_sonde : callable
         Called with samples that bear the time of the sonde.
+    on_rig_input : callable
+        `on_rig_input(frame, samples)`, called with the rig data of every source, in force or not, before the source in
+        force is used.
+    rules : SourceRules, optional
+        Priority of the sources of rig data.
 
     Attributes
     ----------
@@ -49,6 +56,8 @@ class StreamDecoder:
         From topic to the list its serialised messages are appended to as they arrive.
     tool_frame : str
         Frame of the attitude; empty before the first.
+    rig_sources : SourceSelection
+        Of the rig data.
     """
 
     def __init__(
@@ -56,14 +65,17 @@ class StreamDecoder:
         context: SurfaceContext,
         *,
         on_attitude: Callable[[Samples], None],
-        on_rig_state: Callable[[Samples], None],
+        on_rig_state: Callable[[Samples], Samples],
         on_sonde: Callable[[Samples], None],
+        on_rig_input: Callable[[str, Samples], None],
+        rules: SourceRules | None = None,
     ) -> None:
         self._context, self._node, self._live = context, context.node, context.live
         self._on_attitude, self._on_rig_state, self._on_sonde = on_attitude, on_rig_state, on_sonde
+        self._on_rig_input = on_rig_input
         # In the order of decoding: what a topic shows may depend on the topics before it.
         self._topics: dict[str, tuple[wire.Layout, Handler]] = {
-            "rig/state": (wire.RIG_STATE, self._take_rig_state),
+            RIG: (wire.RIG_STATE, self._take_rig_state),
             "gravity": (wire.GRAVITY, self._live.on_gravity),
             "attitude": (wire.ATTITUDE, self._take_attitude),
             "dynamics": (wire.DYNAMICS, self._live.on_dynamics),
@@ -73,6 +85,7 @@ class StreamDecoder:
         }
         self.buffers: dict[str, list[bytes]] = {topic: [] for topic in self._topics}
         self._sources = {topic: SourceSelection() for topic in self._topics}
+        self.rig_sources = self._sources[RIG] = SourceSelection(rules or SourceRules())
         self._unreadable = 0
         self.tool_frame = ""
 
@@ -117,6 +130,10 @@ class StreamDecoder:
         if not named:
             return messages
         source = selection.choose(named, now)
+        if topic == RIG:
+            for frame in dict.fromkeys(named):
+                of_frame = [message for message, name in zip(messages, frames, strict=True) if name == frame]
+                self._on_rig_input(frame, decode_messages(wire.RIG_STATE, of_frame)[0])
         # What has no readable header is left for the decoder to count.
         return [message for message, frame in zip(messages, frames, strict=True) if frame in (source, None)]
 
@@ -124,14 +141,13 @@ class StreamDecoder:
         """Raise an alarm for each topic that two sources publish; called once a second. now: steady time, s."""
         causes: dict[str, tuple[int, str, str]] = {}
         for topic, selection in self._sources.items():
-            if others := selection.others(now):
+            if others := selection.uninvited(now):
                 text = f"{topic} comes from {', '.join([str(selection.source), *others])}: {selection.source} is used"
                 causes[f"sources.{topic}"] = (Severity.CRITICAL, text, "stop all but one of them")
         self._context.alarm_log.set_alarms("sources.", causes)
 
     def _take_rig_state(self, samples: Samples, now: float) -> None:
-        self._on_rig_state(samples)
-        self._live.on_rig_state(samples, now)
+        self._live.on_rig_state(self._on_rig_state(samples), now)
 
     def _take_attitude(self, samples: Samples, now: float) -> None:
         self._on_attitude(samples)

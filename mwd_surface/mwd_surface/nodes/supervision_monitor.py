@@ -53,11 +53,14 @@ class SupervisionMonitor:
         if newest != self._stamp_ns:
             self._stamp_ns, self._advanced_at = newest, self._sampled_at
 
-    def update(self, now: float, recorder: RecorderStatus, clock_difference: float | None) -> None:
+    def update(
+        self, now: float, recorder: RecorderStatus, clock_difference: float | None, depth_difference: float | None
+    ) -> None:
         """
         Raise and clear the alarms of the table; called once a second.
 
-        now: steady time, s. recorder: status. clock_difference: of the clocks of rig and sonde, s; None: not known.
+        now: steady time, s. recorder: status. clock_difference: of the clocks of rig and sonde, s; depth_difference: of
+        the sources of depth, m; None: not known.
         """
         readings = {f"input.{topic}": now - at for topic, at in self._received_at.items()}
         readings |= {f"heartbeat.{node}": now - at for node, at in self._beat_at.items()}
@@ -65,6 +68,8 @@ class SupervisionMonitor:
         readings["clock.sonde"] = self._sampled_at - self._advanced_at
         if clock_difference is not None:
             readings["clock.rig"] = abs(clock_difference)
+        if depth_difference is not None:
+            readings["depth.sources"] = depth_difference
         readings["queue.recorder"] = 100.0 * recorder.queued_bytes / recorder.queue_limit
         readings |= _disk(self._folder)
         causes = self._supervision.judge(readings, now)

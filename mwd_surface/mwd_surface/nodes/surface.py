@@ -36,6 +36,7 @@ from mwd_surface.nodes.control_server import ControlServer
 from mwd_surface.nodes.diagnostics_monitor import DiagnosticsMonitor
 from mwd_surface.nodes.downlink_server import DownlinkServer
 from mwd_surface.nodes.foxglove_bridge import FoxgloveBridge
+from mwd_surface.nodes.input_monitor import InputMonitor
 from mwd_surface.nodes.link_monitor import LinkMonitor
 from mwd_surface.nodes.page_bridge import PageBridge, Services, call_service
 from mwd_surface.nodes.plan_server import PlanServer
@@ -117,6 +118,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             requests=RequestQueue(self._handle_request),
         )
         self._monitor = DiagnosticsMonitor(context)
+        self._inputs = InputMonitor(context, link=not direct)
         self._supervision = SupervisionMonitor(context)
         self._plan = PlanServer(live, context.alarm_log)
         self._plan.use(self._plan.read(settings.plan, settings.well.north_reference))
@@ -130,11 +132,12 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
                 plan=self._plan,
                 on_published=self._on_surveys_published,
                 slide_sheet=self._slides.stretches,
+                on_depth_by_hand=self._inputs.on_depth_by_hand,
             )
         )
         self._clearance = ClearanceMonitor(context, self._plan)
         self._parameter_tables = ParameterTables(self, ("sonde", "estimator") if direct else ("receiver",))
-        self._link = LinkMonitor(context, settings.link.source)
+        self._link = LinkMonitor(context, settings.link.source, on_gauge=self._inputs.on_gauge)
         self._recording = self._closed_on_cleanup(
             RecordingServer(context, settings, tables=self._tables, attachments=self._surveys.attachments)
         )
@@ -145,10 +148,17 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._control = ControlServer(context, settings.control)
         self._advice = AdviceServer(context)
         self._downlink = DownlinkServer(context, settings.downlink, self._control.authority)
-        self._rig = self._closed_on_cleanup(RigBridge(context, settings.rig, well.name, self._control.authority))
+        self._rig = self._closed_on_cleanup(
+            RigBridge(context, settings.rig, well.name, self._control.authority, self._inputs.is_simulated)
+        )
         self._frames = StaticFrames(context)
         self._decoder = StreamDecoder(
-            context, on_attitude=self._on_attitude, on_rig_state=self._on_rig_state, on_sonde=self._on_sonde
+            context,
+            on_attitude=self._on_attitude,
+            on_rig_state=self._on_rig_state,
+            on_sonde=self._on_sonde,
+            on_rig_input=self._inputs.on_rig_input,
+            rules=settings.rig_sources,
         )
 
     def _closed_on_cleanup(self, part: Any) -> Any:
@@ -170,6 +180,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             part.open()
         self._frames.open()
         self._decoder.open()
+        self._inputs.open(self._decoder.rig_sources)
         direct = self.settings.link.source == "direct"
         handlers = {
             **{topic: buffer.append for topic, buffer in self._decoder.buffers.items()},
@@ -251,12 +262,15 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
     def _on_sonde(self, samples: Samples) -> None:
         self._supervision.on_sonde(samples)
+        self._inputs.on_sonde(samples)
         self._surveys.on_sonde(samples)
 
-    def _on_rig_state(self, samples: Samples) -> None:
-        bit_depth = self._surveys.on_rig_state(samples)
-        self._slides.on_rig_state(samples, bit_depth)
+    def _on_rig_state(self, samples: Samples) -> Samples:
+        paired, shown = self._inputs.in_force(samples)
+        bit_depth = self._surveys.on_rig_state(paired)
+        self._slides.on_rig_state(paired, bit_depth)
         self._downlink.on_rig_state(samples)
+        return shown
 
     def _on_survey(self, data: bytes) -> None:
         # The depth of a survey comes from the rig data received before it.
@@ -307,7 +321,9 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._shared.live.on_vertical_limit(None if limit is None else math.radians(float(limit)))
         self._recording.update(now)
         self._monitor.update(now)
-        self._supervision.update(now, self._recording.status(), self._surveys.depth.clock_difference)
+        self._inputs.update(now)
+        clocks, depths = self._surveys.depth.clock_difference, self._inputs.table.depth_difference
+        self._supervision.update(now, self._recording.status(), clocks, depths)
         self._decoder.update(now)
         self._surveys.retry_save()
         self._surveys.update_projection(now)
@@ -325,11 +341,12 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._page.update(now, without_clients=True)
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Report on recorder, page, Foxglove, rig, control, survey list, unreadable messages, topics to record."""
+        """Report on recorder, page, Foxglove, inputs, rig, control, survey list, messages and topics to record."""
         parts = (
             self._recording,
             self._page,
             self._foxglove,
+            self._inputs,
             self._rig,
             self._control,
             self._downlink,

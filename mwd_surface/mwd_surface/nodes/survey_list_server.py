@@ -60,6 +60,8 @@ class SurveyListServer:
         Called with the list whenever it was published.
     slide_sheet : callable
         Returns the slide sheet, for reports.
+    on_depth_by_hand : callable
+        Called with a bit depth, m, that a person has set.
 
     Attributes
     ----------
@@ -83,11 +85,13 @@ class SurveyListServer:
         plan: PlanServer,
         on_published: Callable[[SurveyList], None],
         slide_sheet: Callable[[], tuple[Stretch, ...]],
+        on_depth_by_hand: Callable[[float], None],
     ) -> None:
         self.depth = DepthTrack(settings.depth)
         self._node, self._folder, self._live = context.node, context.folder, context.live
         self._alarm_log, self._worker = context.alarm_log, context.worker
         self._plan, self._on_published, self._slide_sheet = plan, on_published, slide_sheet
+        self._on_depth_by_hand = on_depth_by_hand
         self._save_error = ""
         self._covariance: Any = None
         self._shown_bit: float | None = None
@@ -234,6 +238,7 @@ class SurveyListServer:
         except ValueError as error:
             response.success, response.message = False, str(error)
             return response
+        self._on_depth_by_hand(request.bit_depth)
         response.success = True
         response.message = f"bit depth {request.bit_depth:.2f} m by {request.operator_name}"
         self._alarm_log.log_event("depth", response.message)

@@ -24,6 +24,7 @@ from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import ToolfaceState, WellState
 from mwd_surface.page.control_table import advice_table, control_table
 from mwd_surface.page.downlink_table import downlink_table
+from mwd_surface.page.input_table import input_table
 from mwd_surface.page.link_table import link_table
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.page.survey_panel import NORTH_WORDS, path_table, quality_lights, survey_row
@@ -138,6 +139,7 @@ class StateJson:
             "quill": ("quill", None, lambda: {"angle": number(state.quill)}),
             "link": ("link", None, lambda: link_table(state.link)),
             "downlink": ("downlink", None, lambda: downlink_table(state.downlink)),
+            "inputs": ("inputs", None, lambda: input_table(state.inputs)),
             "survey_progress": ("survey_progress", None, lambda: _progress(state)),
             "findings": ("diagnostics", None, lambda: _diagnostics(state)),
             "alarms": ("alarms", None, lambda: _alarms(state)),

@@ -9,13 +9,16 @@ runs. When nobody publishes for a while every interface gets stale values, and t
 from __future__ import annotations
 
 import dataclasses
+import functools
 import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import setting
 from mwd_surface.control.authority import ControlAuthority
+from mwd_surface.live.source_selection import MODBUS, WITS
 from mwd_surface.rig.interface import (
     DOWN,
     InterfaceError,
@@ -84,7 +87,8 @@ class RigPort:
     well : str
         Name of the well.
     on_rig_state : callable, optional
-        Gets `wire.RIG_STATE` samples from the rig, in a thread of an interface.
+        `on_rig_state(frame, samples)` with the frame that names the interface and `wire.RIG_STATE` samples from the
+        rig, in a thread of the interface.
     on_command : callable, optional
         `on_command(name, arguments) -> (ok, message)`, in a thread of an interface.
     folder : Path, optional
@@ -99,7 +103,7 @@ class RigPort:
         self,
         settings: RigSettings,
         well: str = "well",
-        on_rig_state: OnRigState | None = None,
+        on_rig_state: Callable[[str, Samples], None] | None = None,
         on_command: OnCommand | None = None,
         folder: Path | None = None,
         authority: ControlAuthority | None = None,
@@ -109,18 +113,22 @@ class RigPort:
         self._clock = clock
         self._interfaces: list[RigInterface] = []
         talk = settings.wits0
+
+        def named(frame: str) -> OnRigState | None:
+            return None if on_rig_state is None else functools.partial(on_rig_state, frame)
+
         if settings.wits0_server.enabled:
-            self._interfaces.append(Wits0Server(settings.wits0_server, talk, on_rig_state))
+            self._interfaces.append(Wits0Server(settings.wits0_server, talk, named(WITS)))
         if settings.wits0_client.enabled:
-            self._interfaces.append(Wits0Client(settings.wits0_client, talk, on_rig_state))
+            self._interfaces.append(Wits0Client(settings.wits0_client, talk, named(WITS)))
         if settings.wits0_serial.enabled:
-            self._interfaces.append(Wits0Serial(settings.wits0_serial, talk, on_rig_state))
+            self._interfaces.append(Wits0Serial(settings.wits0_serial, talk, named(WITS)))
         if settings.opcua.enabled:
             self._interfaces.append(OpcuaServer(settings.opcua, well, on_command, folder, authority))
         if settings.modbus.enabled:
-            self._interfaces.append(ModbusServer(settings.modbus, on_rig_state, authority))
+            self._interfaces.append(ModbusServer(settings.modbus, named(MODBUS), authority))
         if settings.modbus_serial.enabled:
-            self._interfaces.append(ModbusSerial(settings.modbus_serial, settings.modbus, on_rig_state, authority))
+            self._interfaces.append(ModbusSerial(settings.modbus_serial, settings.modbus, named(MODBUS), authority))
         self._store = WitsmlStore(settings.witsml_store) if settings.witsml_store.enabled else None
         if self._store is not None:
             self._interfaces.append(self._store)

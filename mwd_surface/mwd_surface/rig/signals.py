@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 
 TOOL, RIG, BIT, PLAN, SURVEY = "tool", "rig", "bit", "plan", "survey"  # sources
-CONTROL, ADVICE = "control", "advice"
+CONTROL, ADVICE, INPUT = "control", "advice", "input"
 _MEASURED, _DERIVED, _CORRECTED = "Measurement", "DerivedMeasurement", "CorrectedMeasurement"
 _SET_POINT, _LIMIT = "SetPoint", "Limit"
 _COMPUTED, _ADVISED, _SIGMA = "ComputedData", "RecommendedTarget", "GaussianUncertainty"
@@ -33,7 +33,8 @@ class Signal:
         In words.
     source : str
         TOOL, RIG, BIT (the path projected to it), PLAN (against it), SURVEY (the last accepted one), CONTROL (what the
-        owner of the lease asks of the rig) or ADVICE (how to drill the next interval).
+        owner of the lease asks of the rig), ADVICE (how to drill the next interval) or INPUT (of the surface: clocks
+        and the source of depth).
     opcua : str
         Variable.
     dwis : tuple of str
@@ -332,6 +333,34 @@ SIGNALS: tuple[Signal, ...] = (
     ),
     Signal(
         "advised_to", "m", "measured depth at which the advice ends", ADVICE, "AdvisedToDepth", (_ADVISED,), modbus=68
+    ),
+    Signal("depth_age", "s", "age of the bit depth in force", INPUT, "DepthAge", (_DERIVED,), modbus=70),
+    Signal(
+        "depth_difference",
+        "m",
+        "largest difference of another source's bit depth from the one in force",
+        INPUT,
+        "DepthDifference",
+        (_DERIVED,),
+        modbus=72,
+    ),
+    Signal(
+        "sonde_clock_offset",
+        "s",
+        "clock of the sonde minus that of the surface",
+        INPUT,
+        "SondeClockOffset",
+        (_DERIVED,),
+        modbus=74,
+    ),
+    Signal(
+        "rig_clock_offset",
+        "s",
+        "clock of the rig data in force minus that of the surface",
+        INPUT,
+        "RigClockOffset",
+        (_DERIVED,),
+        modbus=76,
     ),
 )
 BY_NAME = {signal.name: signal for signal in SIGNALS}

@@ -9,58 +9,24 @@ interface converts them to its own.
 from __future__ import annotations
 
 import dataclasses
-import enum
 import math
 from collections.abc import Mapping, Sequence
 
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.bags.recorder.status import RecorderState
-from mwd_surface.control.set_point import Mode
 from mwd_surface.control.status import ControlStatus
 from mwd_surface.live.alarms import Alarm
+from mwd_surface.live.inputs import InputTable
 from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.live.well_state import Angle, WellState
-from mwd_surface.rig.signals import BY_NAME, FROM_ADVICE, FROM_PLAN, FROM_TOOL, OF_SURVEY
+from mwd_surface.rig.derived_values import advice_values, control_values, input_values, projection
+from mwd_surface.rig.signals import BY_NAME, FROM_TOOL, OF_SURVEY
 from mwd_surface.rig.survey import AcceptedSurvey
-from mwd_surface.surveys.advice import Advice, AdviceMode
+from mwd_surface.rig.value import Condition, RigValue
+from mwd_surface.surveys.advice import Advice
 from mwd_surface.surveys.survey_record import Verdict
-
-
-class Condition(enum.Enum):
-    """Whether a value may be acted upon, from best to worst; the words people read."""
-
-    GOOD = "good"
-    OVERRIDE = "override"
-    DOUBTFUL = "doubtful"
-    STALE = "stale"
-    WAITING = "waiting"
-    FAULT = "fault"
-    NO_LINK = "no link"
-    INACTIVE = "inactive"
-
-    @property
-    def usable(self) -> bool:
-        """True where the number is a current one."""
-        return self in (Condition.GOOD, Condition.OVERRIDE, Condition.DOUBTFUL)
-
-
-@dataclasses.dataclass(frozen=True)
-class RigValue:
-    """
-    One value. stamp_ns: of the measurement, 0 where there never was one; age, s, None then; sigma: 1 sigma or None.
-
-    Where `condition` is not usable `value` is the last one known, or 0.
-    """
-
-    value: float = 0.0
-    condition: Condition = Condition.WAITING
-    stamp_ns: int = 0
-    age: float | None = None
-    sigma: float | None = None
-    reason: str = ""
-
 
 # Status bits of the estimator that make a quantity doubtful, and the reason to give.
 _DOUBTS: tuple[tuple[Status, tuple[str, ...], str], ...] = (
@@ -105,6 +71,7 @@ class RigValues:
     in_slips: bool | None = None
     control: ControlStatus = dataclasses.field(default_factory=ControlStatus)
     advice: Advice = dataclasses.field(default_factory=Advice)
+    inputs: InputTable = dataclasses.field(default_factory=InputTable)
 
     @property
     def survey(self) -> AcceptedSurvey | None:
@@ -148,9 +115,10 @@ def rig_values(
     link, ever = _link(state.links)
     for name in FROM_TOOL:
         values[name] = _judged(name, values[name], state.attitude.status, lost=ever and not link)
-    values.update(_projection(state, now_ns))
-    values.update(_control_values(state.control, now_ns))
-    values.update(_advice_values(state, now_ns))
+    values.update(projection(state, now_ns))
+    values.update(control_values(state.control, now_ns))
+    values.update(advice_values(state, now_ns))
+    values.update(input_values(state, now_ns))
     values.update(survey_values(surveys[-1] if surveys else None, now_ns))
     if not active:
         values = {k: dataclasses.replace(v, condition=Condition.INACTIVE, reason="inactive") for k, v in values.items()}
@@ -174,6 +142,7 @@ def rig_values(
         in_slips=state.rig.in_slips,
         control=state.control,
         advice=state.advice,
+        inputs=state.inputs,
     )
 
 
@@ -290,69 +259,6 @@ def _judged(name: str, value: RigValue, status: Status, *, lost: bool) -> RigVal
         if status & bit and name in names and not aided:
             return dataclasses.replace(value, condition=Condition.DOUBTFUL, reason=reason)
     return value
-
-
-def _projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
-    """Return what follows from path and plan; as old as the path itself."""
-    path, offset, values = state.path, state.offset, {}
-    beyond = path is not None and len(path.kind) > 0 and path.kind[-1] != "tie-on"
-    for name in ("inclination", "azimuth"):
-        value = float(getattr(path, name)[-1]) if beyond else None
-        values[f"projected_{name}"] = _derived(value, state.age("path"), now_ns)
-    plan: dict[str, float | None] = dict.fromkeys(FROM_PLAN)
-    if offset is not None:
-        plan = {
-            "plan_distance": offset.distance,
-            "plan_up": offset.up,
-            "plan_right": offset.right,
-            "plan_toolface": offset.toolface,
-            "target_dogleg": state.dogleg_to_target,
-        }
-    for name, number in plan.items():
-        values[name] = _derived(number, state.age("offset"), now_ns)
-    return values
-
-
-def _control_values(control: ControlStatus, now_ns: int) -> dict[str, RigValue]:
-    """Return set-points in force and limits; a set-point that is the driller's is not known."""
-    asked: dict[str, float | None] = {
-        "set_speed": control.rotary_speed if control.mode == Mode.ROTATE else None,
-        "set_turn": control.turn if control.mode == Mode.ORIENT else None,
-        "set_flow": control.flow_rate,
-        "speed_limit": control.limits.speed if control.enabled else None,
-        "flow_limit": control.limits.flow if control.enabled else None,
-    }
-    waiting = RigValue(reason="the driller's" if control.enabled else "control is switched off")
-    return {
-        name: waiting if value is None else RigValue(value, Condition.GOOD, now_ns, 0.0)
-        for name, value in asked.items()
-    }
-
-
-def _advice_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
-    advice = state.advice
-    slides = advice.mode == AdviceMode.SLIDE
-    table = {
-        "advised_toolface": advice.toolface if slides else None,
-        "advised_from": advice.from_depth,
-        "advised_slide_to": advice.slide_to_depth if slides else advice.from_depth,
-        "advised_to": advice.to_depth,
-    }
-    age = state.age("advice")
-    values = {name: _derived(table[name], age, now_ns) for name in FROM_ADVICE}
-    reason = advice.reason or "no advice"
-    values = {
-        k: v if v.condition == Condition.GOOD else dataclasses.replace(v, reason=reason) for k, v in values.items()
-    }
-    face = values["advised_toolface"]
-    values["advised_toolface"] = dataclasses.replace(face, sigma=advice.sigma) if slides else face
-    return values
-
-
-def _derived(value: float | None, age: float | None, now_ns: int) -> RigValue:
-    if value is None or age is None or not math.isfinite(value):
-        return RigValue(reason="no survey and plan to compute it from")
-    return RigValue(value, Condition.GOOD, now_ns - round(age * NANOSECONDS), age)
 
 
 def survey_values(survey: AcceptedSurvey | None, now_ns: int) -> dict[str, RigValue]:

@@ -60,6 +60,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "steering/advice": (msg.SteeringAdvice, LATCHED),
     "alarms": (msg.AlarmList, LATCHED),
     "recorder": (msg.RecorderStatus, STATE),
+    "inputs": (msg.InputList, STATE),
     "heartbeat": (DiagnosticStatus, STATE),
     "/tf": (TFMessage, STATE),
     "/tf_static": (TFMessage, EVENT),

@@ -3,7 +3,9 @@
 
 import pytest
 
-from mwd_surface.live.source_selection import SILENT_S, SourceSelection
+from mwd_surface.live.source_selection import EQUAL, SourceSelection
+
+SILENT_S = EQUAL.silent_after
 
 
 @pytest.mark.fault_case(53)

@@ -27,12 +27,13 @@ def test_rig_data_that_come_while_the_node_is_inactive_are_dropped(tmp_path, mon
         requests=SimpleNamespace(call=None),
         folder=tmp_path,
     )
-    bridge = rig_bridge.RigBridge(context, RigSettings(), "w", ControlAuthority(ControlSettings()))
+    bridge = rig_bridge.RigBridge(context, RigSettings(), "w", ControlAuthority(ControlSettings()), lambda: False)
     bridge._publisher = publisher
-    given["on_rig_state"](wire.RIG_STATE.empty(1))
+    given["on_rig_state"]("rig_wits", wire.RIG_STATE.empty(1))
     node.active = True
     bridge.update(1.0)
     assert published == []
-    given["on_rig_state"](wire.RIG_STATE.empty(1))
+    given["on_rig_state"]("rig_wits", wire.RIG_STATE.empty(1))
     bridge.update(2.0)
-    assert len(published) == 1
+    (message,) = published
+    assert wire.frame_id(message) == "rig_wits"

@@ -15,15 +15,23 @@ from mwd_surface.nodes.stream_decoder import StreamDecoder
 
 def decoder():
     got, book, warned = [], AlarmBook(), []
+    seen = {}
+
+    def take(samples):
+        got.extend(samples["bit_depth"])
+        return samples
+
     node = SimpleNamespace(get_logger=lambda: SimpleNamespace(warning=lambda text, **_: warned.append(text)))
     alarm_log = SimpleNamespace(set_alarms=lambda prefix, causes: book.sync(prefix, causes, 0))
     context = SimpleNamespace(node=node, live=LiveState(), alarm_log=alarm_log)
     made = StreamDecoder(
         context,
         on_attitude=lambda _samples: None,
-        on_rig_state=lambda samples: got.extend(samples["bit_depth"]),
+        on_rig_state=take,
         on_sonde=lambda _samples: None,
+        on_rig_input=lambda frame, samples: seen.setdefault(frame, []).extend(samples["bit_depth"]),
     )
+    made.seen = seen
     return made, got, book, warned
 
 
@@ -48,6 +56,21 @@ def test_a_second_writer_of_the_rig_state_is_named_and_not_used(other):
     assert "rig_floor is used" in alarm.text
     made.update(100.0)
     assert not any(alarm.active for alarm in book.alarms())
+
+
+def test_every_source_of_rig_data_is_heard_and_one_that_has_its_place_is_no_alarm():
+    made, got, book, _ = decoder()
+    for k in range(20):
+        made.buffers["rig/state"] += [
+            rig_state(10.0, "w/rig_wits", 2 * k),
+            rig_state(1000.0 + k, "w/rig_floor", 2 * k + 1),
+        ]
+        made.decode_all(float(k))
+    made.update(20.0)
+    assert made.seen == {"w/rig_wits": [10.0] * 20, "w/rig_floor": [1000.0 + k for k in range(20)]}
+    # In one block with the best source from the start: it is used at once.
+    assert got == made.seen["w/rig_floor"]
+    assert not book.alarms()
 
 
 @pytest.mark.fault_case(66)

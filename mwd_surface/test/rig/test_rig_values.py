@@ -13,12 +13,8 @@ from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.toolface import GRAVITY, MAGNETIC
 from mwd_surface.rig.signals import BY_NAME, LIVE, OF_SURVEY
 from mwd_surface.rig.survey import accepted_surveys
-from mwd_surface.rig.values import (
-    Condition,
-    nothing_yet,
-    rig_values,
-    silenced,
-)
+from mwd_surface.rig.value import Condition
+from mwd_surface.rig.values import nothing_yet, rig_values, silenced
 from mwd_surface.surveys.survey_list import SurveyList
 
 TOOL = ("inclination", "azimuth", "gravity_toolface", "magnetic_toolface", "rotary_speed", "temperature")

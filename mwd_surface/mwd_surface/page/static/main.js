@@ -16,7 +16,7 @@ import { showReplay } from "./replay_bar.js";
 import { slideSheet } from "./slide_sheet.js";
 import { showOffset, showProgress, showQuality } from "./survey_quality.js";
 import { SurveyTable } from "./survey_table.js";
-import { showFindings, showStreams } from "./system_tab.js";
+import { showFindings, showInputs, showStreams } from "./system_tab.js";
 import { select, startTabs } from "./tabs.js";
 import * as units from "./units.js";
 
@@ -68,6 +68,7 @@ const SHOW = {
   alarms: showAlarmsAndEvents,
   events: showAlarmsAndEvents,
   findings: ({ findings }) => showFindings(findings),
+  inputs: ({ inputs }) => showInputs(inputs),
   link: ({ link }) => showLink(link),
   downlink: ({ downlink }) => showDownlink(downlink, connection.server),
   history: () => { if (!charts.byDepth) charts.show(); },

@@ -18,13 +18,16 @@ const rigBox = el("div", { class: "small-grid" },
 const streamRows = {};
 const streamBody = el("tbody", {});
 const recorderBox = el("div", {});
+const inputBody = el("tbody", {});
 const browserBox = el("div", {});
 const findingsBox = el("div", {});
 byId("tab-system").append(el("div", { class: "split" },
   el("div", {},
     el("h2", {}, "Link"),
     el("table", { class: "log" }, el("thead", {}, el("tr", {}, ["Stream", "State", "Age", "Rate", "Lost"].map((t) => el("th", { scope: "col" }, t)))), streamBody),
-    browserBox),
+    browserBox,
+    el("h2", {}, "Inputs"),
+    el("table", { class: "log", id: "inputs" }, el("thead", {}, el("tr", {}, ["Input", "Clock", "Offset", "Age", "Bit depth"].map((t) => el("th", { scope: "col" }, t)))), inputBody)),
   el("div", {}, el("h2", {}, "Recorder"), recorderBox, el("h2", {}, "Rig"), rigBox),
   el("div", {}, el("h2", {}, "Diagnostics"), findingsBox)));
 
@@ -56,6 +59,16 @@ export function showStreams(connection, now, silent) {
   }
   if (connection.mode === "polling") setText(browserBox, "This page polls: no WebSocket gets through.");
   else setText(browserBox, connection.server.skipped ? `Slow link to this browser: ${connection.server.skipped} states skipped.` : "");
+}
+
+export function showInputs({ rows }) {
+  inputBody.replaceChildren(...rows.map((row) => el("tr", { title: row.reason },
+    el("th", { scope: "row" }, row.name),
+    el("td", {}, row.clock),
+    el("td", {}, row.offset === null ? "–" : `${row.offset < 0 ? "−" : "+"}${Math.abs(row.offset).toFixed(3)} s`),
+    el("td", {}, row.age === null ? "–" : units.age(row.age)),
+    el("td", {}, row.bit_depth === null ? "" : `${units.number("depth", row.bit_depth)}${units.after("depth")} `,
+      row.role ? pill({ "in force": "good", "stands by": "idle", silent: "stale" }[row.role], row.role) : ""))));
 }
 
 export function showFindings({ rows }) {

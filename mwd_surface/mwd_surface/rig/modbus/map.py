@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The Modbus register map: 70 input registers that are swapped as one block, so that no reader sees half of a change.
+The Modbus register map: 80 input registers that are swapped as one block, so that no reader sees half of a change.
 
 No standard map exists for MWD. Addresses count from 0; tools that count from 1 add one. Units are those of people on a
 rig: deg, m, nT, standard gravities, r/min, degC.
@@ -16,14 +16,17 @@ from collections.abc import Sequence
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
+from mwd_surface.live.inputs import HAND, SONDE, InputTable
+from mwd_surface.live.source_selection import MODBUS, OPCUA, WITS
 from mwd_surface.live.toolface import GRAVITY
+from mwd_surface.rig.derived_values import rig_input
 from mwd_surface.rig.signals import SIGNALS
 from mwd_surface.rig.values import RigValues
 from mwd_surface.surveys.advice import AdviceMode
 from mwd_surface.surveys.survey_record import Verdict
 
-VERSION = 2
-COUNT = 70
+VERSION = 3
+COUNT = 80
 WRITABLE, WRITABLE_COUNT = 100, 2
 WORD_ORDERS = ("ABCD", "CDAB")
 # An age that was never reached: there is no toolface yet.
@@ -37,6 +40,7 @@ UNITS: dict[str, tuple[float, str]] = {
     "rad": (_DEG, "deg"),
     "rad/s": (_RPM, "rpm"),
     "m": (1.0, "m"),
+    "s": (1.0, "s"),
     "m/s^2": (1.0 / STANDARD_GRAVITY, "g"),
     "T": (1e9, "nT"),
     "degC": (1.0, "degC"),
@@ -49,7 +53,10 @@ FLOATS: dict[int, tuple[str, float, float]] = {
     for signal in SIGNALS
     if signal.modbus is not None
 }
-_AGE, _TIME, _CONTROL = 8, 34, 38
+_AGE, _TIME, _CONTROL, _INPUTS = 8, 34, 38, 78
+# Register 78 by the name of the source of depth; 0: none, 9: another.
+DEPTH_SOURCES = {"": 0, HAND: 1, "rig_floor": 2, OPCUA: 3, WITS: 4, MODBUS: 5}
+_ANOTHER, _NO_CLOCK = 9, 255
 # The name by which the authority knows a controller that came by Modbus, before its number.
 CONTROLLER = "modbus "
 
@@ -93,7 +100,7 @@ class ModbusForm:
 
 
 def registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:
-    """Registers 0 to 69 of a moment, each 0 to 65535."""
+    """Registers 0 to 79 of a moment, each 0 to 65535."""
     block = [0] * COUNT
     survey = values.survey
     block[0] = VERSION
@@ -111,7 +118,14 @@ def registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:
     time_words = struct.unpack(">4H", struct.pack(">Q", milliseconds))
     block[_TIME : _TIME + 4] = _ordered(time_words, form)
     block[_CONTROL : _CONTROL + 8] = _control_registers(values, form)
+    block[_INPUTS : _INPUTS + 2] = _input_registers(values.inputs)
     return tuple(block)
+
+
+def _input_registers(inputs: InputTable) -> tuple[int, int]:
+    """Registers 78 and 79: the source of the depth, and whose clocks stamp the sonde's data and the rig's."""
+    clocks = [_NO_CLOCK if row is None else int(row.clock) for row in (rig_input(inputs), inputs.named(SONDE))]
+    return DEPTH_SOURCES.get(inputs.depth_source, _ANOTHER), clocks[0] << 8 | clocks[1]
 
 
 def _control_registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:

@@ -10,9 +10,12 @@ from __future__ import annotations
 
 import dataclasses
 
+from mwd_surface.live.inputs import SONDE
 from mwd_surface.live.toolface import GRAVITY
+from mwd_surface.rig.derived_values import rig_input
 from mwd_surface.rig.signals import SIGNALS
-from mwd_surface.rig.values import Condition, RigValues
+from mwd_surface.rig.value import Condition
+from mwd_surface.rig.values import RigValues
 
 MANIFEST = "MWDSurveyManifest"
 NAMESPACE = f"http://ddhub.no/{MANIFEST}/Variables/"
@@ -85,6 +88,9 @@ VARIABLES: tuple[Variable, ...] = (
     Variable("SetPointMode", "UInt32", "", "top drive: 0 hold, 1 rotate, 2 orient, 4 the driller's"),
     Variable("AdvisedMode", "UInt32", "", "advice: 0 none, 1 rotate, 2 slide"),
     Variable("AdviceReason", "String", "", "what the advice follows from, or why there is none"),
+    Variable("DepthSource", "String", "", "source of the bit depth in force; empty: none"),
+    Variable("SondeClock", "String", "", "clock that stamps the data of the sonde: host, tool, rig, simulated"),
+    Variable("RigClock", "String", "", "clock that stamps the rig data in force"),
     Variable("Heartbeat", "UInt32", "", "grows by one each second; where it stops, the node has stopped"),
 )
 
@@ -136,7 +142,11 @@ def variable_values(values: RigValues) -> dict[str, VariableValue]:
         "SetPointMode": int(control.mode),
         "AdvisedMode": int(advice.mode),
         "AdviceReason": advice.reason,
+        "DepthSource": values.inputs.depth_source,
     }
     table |= {name: VariableValue(fact, state, now) for name, fact in facts.items()}
+    for name, row in (("SondeClock", values.inputs.named(SONDE)), ("RigClock", rig_input(values.inputs))):
+        clock = "" if row is None else row.clock.name.lower()
+        table[name] = VariableValue(clock, waiting if row is None else state, now)
     table["Heartbeat"] = VariableValue(values.heartbeat & 0xFFFFFFFF, state, now)
     return table

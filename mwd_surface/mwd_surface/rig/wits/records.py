@@ -21,7 +21,8 @@ from mwd_surface.exports.survey_table import fixed
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.rig.signals import SIGNALS
 from mwd_surface.rig.survey import AcceptedSurvey
-from mwd_surface.rig.values import RigValue, RigValues
+from mwd_surface.rig.value import RigValue
+from mwd_surface.rig.values import RigValues
 from mwd_surface.rig.wits.format import Frame, checked_text, number_text, plain_text
 
 UNITS = ("metric", "fps")

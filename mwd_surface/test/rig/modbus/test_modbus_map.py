@@ -25,7 +25,8 @@ from mwd_surface.rig.modbus.map import (
     registers,
     status_bits,
 )
-from mwd_surface.rig.values import Condition, RigValue, nothing_yet
+from mwd_surface.rig.value import Condition, RigValue
+from mwd_surface.rig.values import nothing_yet
 from mwd_surface.surveys.survey_list import SurveyList
 
 ABCD, CDAB = ModbusForm(), ModbusForm(word_order="CDAB")
@@ -70,11 +71,17 @@ def test_every_register_holds_what_the_table_says():
         64: 650.25,
         66: 660.0,
         68: 678.25,
+        70: 1.0,
+        72: 1.75,
+        74: 0.25,
+        76: -1.5,
     }
     for address, value in expected.items():
         assert at(block, address) == pytest.approx(value, rel=1e-6), address
     assert struct.unpack(">Q", struct.pack(">4H", *block[34:38]))[0] == s.stamp_ns // 1_000_000
     assert set(FLOATS) | {8} == set(expected)
+    # Depth of a ROS publisher; clock of the rig, clock of the tool.
+    assert block[78:80] == (2, 0x0201)
 
 
 def test_who_has_control_and_what_was_taken_is_beside_it():

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The inputs of the surface: what clock stamps each, how it stands to the surface's own, and which gives the depth.
+
+The offset of a clock is its stamp less the surface's time of arrival, the largest of a minute: that of the message with
+the shortest way (the minimum filter of NTP, RFC 5905, section 10). What a message took beyond that is part of its age.
+No clock is read here: every call takes `now`, s, of one steady clock, and the surface's time, ns.
+"""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+import enum
+import math
+
+from mwd_sensors.core.wire import NANOSECONDS
+from mwd_surface.live.source_selection import SourceSelection, short_name
+
+SONDE, GAUGE, HAND = "sonde", "gauge", "hand"
+# m; a third of a joint of drill pipe, well above what the stretch of the string and a tally's rounding make.
+DISAGREEMENT = 3.0
+_WINDOW = 60.0  # s over which the shortest way is looked for
+
+
+class Clock(enum.IntEnum):
+    """Whose clock stamps an input; the numbers of InputState."""
+
+    HOST = 0
+    TOOL = 1
+    RIG = 2
+    SIMULATED = 3
+
+
+class Role(enum.IntEnum):
+    """Of an input's depth; the numbers of InputState."""
+
+    NO_DEPTH = 0
+    STANDBY = 1
+    IN_FORCE = 2
+    SILENT = 3
+
+
+@dataclasses.dataclass(frozen=True)
+class InputState:
+    """
+    One input at a moment, field for field its message; None where it is not known.
+
+    clock_offset : s, the input's clock minus the surface's; offset_age, data_age : s; bit_depth : m.
+    """
+
+    name: str
+    clock: Clock
+    clock_offset: float | None = None
+    offset_age: float | None = None
+    data_age: float | None = None
+    role: Role = Role.NO_DEPTH
+    priority: int = 0
+    bit_depth: float | None = None
+    reason: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class InputTable:
+    """
+    All inputs at a moment.
+
+    depth_source : name of the one whose depth is in force, or empty; depth_age : s; depth_difference : m, the largest
+    of a live source from the depth in force. None: not known, or none to compare with.
+    """
+
+    inputs: tuple[InputState, ...] = ()
+    depth_source: str = ""
+    depth_age: float | None = None
+    depth_difference: float | None = None
+
+    def named(self, name: str) -> InputState | None:
+        """Return the input of a name; None where there is none."""
+        return next((row for row in self.inputs if row.name == name), None)
+
+
+class InputClock:
+    """Offset and age of one input."""
+
+    def __init__(self) -> None:
+        # Best of each second: its second, the time it came, and stamp minus arrival, s.
+        self._best: collections.deque[tuple[int, float, float]] = collections.deque()
+        self._stamp_ns: int | None = None
+
+    def note(self, stamp_ns: int, host_ns: int, now: float) -> None:
+        """Take the newest stamp of data that arrived at `now`; host_ns: the surface's time then."""
+        ahead, second = (stamp_ns - host_ns) / NANOSECONDS, math.floor(now)
+        self._stamp_ns = stamp_ns
+        if self._best and self._best[-1][0] == second:
+            if ahead > self._best[-1][2]:
+                self._best[-1] = (second, now, ahead)
+        else:
+            self._best.append((second, now, ahead))
+        while now - self._best[0][1] > _WINDOW:
+            self._best.popleft()
+
+    def state(self, name: str, clock: Clock, host_ns: int, now: float) -> InputState:
+        """Return the input as of `now`; data stamped by the surface itself have no offset."""
+        if self._stamp_ns is None:
+            return InputState(name, clock)
+        _, at, offset = max(self._best, key=lambda row: row[2])
+        offset = 0.0 if clock == Clock.HOST else offset
+        age = max((host_ns - self._stamp_ns) / NANOSECONDS + offset, 0.0)
+        return InputState(name, clock, offset, now - at, age)
+
+
+class DepthSources:
+    """
+    The depths that sources of rig data and a person give, and which of them is in force.
+
+    Parameters
+    ----------
+    selection : SourceSelection
+        Of the topic of the rig data, which chooses the source.
+    """
+
+    def __init__(self, selection: SourceSelection) -> None:
+        self._selection = selection
+        self._depths: dict[str, tuple[float, float]] = {}
+        self._hand: tuple[float, float] | None = None
+
+    def take(self, frame: str, bit_depth: float, now: float) -> None:
+        """Take a valid bit depth, m, of any source, in force or not."""
+        self._depths[short_name(frame)] = (now, bit_depth)
+        if self._hand is not None and self._is_source(frame) and abs(bit_depth - self._hand[1]) <= DISAGREEMENT:
+            self._hand = None
+
+    def set_by_hand(self, bit_depth: float, now: float) -> None:
+        """Take a person's word for the bit depth, m."""
+        self._hand = (now, bit_depth)
+
+    def by_hand(self, now: float) -> float | None:
+        """Return the depth by hand that goes before every source's, m; None where none does."""
+        held = self._hand is not None and now - self._hand[0] <= self._selection.rules.hand_hold
+        return self._hand[1] if self._hand is not None and (held or not self._live(now)) else None
+
+    def table(self, states: dict[str, InputState], now: float) -> InputTable:
+        """
+        Return all inputs.
+
+        states: by name, of `InputClock.state`; those of sources of rig data by the short name of their frame.
+        """
+        hand, source = self.by_hand(now), short_name(self._selection.source or "")
+        live = self._live(now)
+        name = HAND if hand is not None else source if source in live else ""
+        depth = hand if hand is not None else live.get(source)
+        rows = [state for key, state in states.items() if key not in self._depths]
+        known = sorted(self._depths, key=lambda key: (self._selection.rank(key), key))
+        rows += [self._row(key, states[key], name, live) for key in known if key in states]
+        if self._hand is not None:
+            age = now - self._hand[0]
+            role = Role.IN_FORCE if name == HAND else Role.SILENT
+            rows.append(InputState(HAND, Clock.HOST, 0.0, age, age, role, 1, self._hand[1]))
+        apart = [abs(other - depth) for key, other in live.items() if key != name] if depth is not None else []
+        at = self._hand if name == HAND else self._depths.get(name)
+        return InputTable(tuple(rows), name, None if at is None else now - at[0], max(apart, default=None))
+
+    def _row(self, key: str, state: InputState, name: str, live: dict[str, float]) -> InputState:
+        role = Role.SILENT if key not in live else Role.IN_FORCE if key == name else Role.STANDBY
+        reason = {Role.STANDBY: f"{name or 'nothing'} is used", Role.SILENT: "no depth comes from it"}.get(role, "")
+        priority = self._selection.rank(key) + (2 if self._hand is not None else 1)
+        return dataclasses.replace(state, role=role, priority=priority, bit_depth=self._depths[key][1], reason=reason)
+
+    def _live(self, now: float) -> dict[str, float]:
+        silent = self._selection.rules.silent_after
+        return {key: depth for key, (at, depth) in self._depths.items() if now - at <= silent}
+
+    def _is_source(self, frame: str) -> bool:
+        return frame == self._selection.source

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Values for the rig that follow from path, plan, control, advice and the inputs, rather than from the tool itself."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from mwd_sensors.core.wire import NANOSECONDS
+from mwd_surface.control.set_point import Mode
+from mwd_surface.control.status import ControlStatus
+from mwd_surface.live.inputs import HAND, SONDE, InputState, InputTable, Role
+from mwd_surface.live.well_state import WellState
+from mwd_surface.rig.signals import FROM_ADVICE, FROM_PLAN
+from mwd_surface.rig.value import Condition, RigValue
+from mwd_surface.surveys.advice import AdviceMode
+
+
+def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
+    """Return what follows from path and plan; as old as the path itself."""
+    path, offset, values = state.path, state.offset, {}
+    beyond = path is not None and len(path.kind) > 0 and path.kind[-1] != "tie-on"
+    for name in ("inclination", "azimuth"):
+        value = float(getattr(path, name)[-1]) if beyond else None
+        values[f"projected_{name}"] = _derived(value, state.age("path"), now_ns)
+    plan: dict[str, float | None] = dict.fromkeys(FROM_PLAN)
+    if offset is not None:
+        plan = {
+            "plan_distance": offset.distance,
+            "plan_up": offset.up,
+            "plan_right": offset.right,
+            "plan_toolface": offset.toolface,
+            "target_dogleg": state.dogleg_to_target,
+        }
+    for name, number in plan.items():
+        values[name] = _derived(number, state.age("offset"), now_ns)
+    return values
+
+
+def control_values(control: ControlStatus, now_ns: int) -> dict[str, RigValue]:
+    """Return set-points in force and limits; a set-point that is the driller's is not known."""
+    asked: dict[str, float | None] = {
+        "set_speed": control.rotary_speed if control.mode == Mode.ROTATE else None,
+        "set_turn": control.turn if control.mode == Mode.ORIENT else None,
+        "set_flow": control.flow_rate,
+        "speed_limit": control.limits.speed if control.enabled else None,
+        "flow_limit": control.limits.flow if control.enabled else None,
+    }
+    waiting = RigValue(reason="the driller's" if control.enabled else "control is switched off")
+    return {
+        name: waiting if value is None else RigValue(value, Condition.GOOD, now_ns, 0.0)
+        for name, value in asked.items()
+    }
+
+
+def advice_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
+    """Return the advice on the next interval, as old as the advice."""
+    advice = state.advice
+    slides = advice.mode == AdviceMode.SLIDE
+    table = {
+        "advised_toolface": advice.toolface if slides else None,
+        "advised_from": advice.from_depth,
+        "advised_slide_to": advice.slide_to_depth if slides else advice.from_depth,
+        "advised_to": advice.to_depth,
+    }
+    age = state.age("advice")
+    values = {name: _derived(table[name], age, now_ns) for name in FROM_ADVICE}
+    reason = advice.reason or "no advice"
+    values = {
+        k: v if v.condition == Condition.GOOD else dataclasses.replace(v, reason=reason) for k, v in values.items()
+    }
+    face = values["advised_toolface"]
+    values["advised_toolface"] = dataclasses.replace(face, sigma=advice.sigma) if slides else face
+    return values
+
+
+def rig_input(inputs: InputTable) -> InputState | None:
+    """Return the source of rig data in force, also while a depth by hand goes before its own; None: there is none."""
+    rig = [row for row in inputs.inputs if row.priority > 0 and row.name != HAND and row.role != Role.SILENT]
+    return min(rig, key=lambda row: (row.role != Role.IN_FORCE, row.priority), default=None)
+
+
+def input_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
+    """Return how old the depth is, and how the clocks stand."""
+    inputs, since = state.inputs, state.age("inputs") or 0.0
+    waiting = {
+        "depth_age": "no depth comes in",
+        "depth_difference": "only one source of depth",
+        "sonde_clock_offset": "nothing came from the sonde yet",
+        "rig_clock_offset": "no rig data come in",
+    }
+    values = {name: RigValue(reason=reason) for name, reason in waiting.items()}
+    stamp_ns = now_ns - round(since * NANOSECONDS)
+    for name, number in (("depth_age", inputs.depth_age), ("depth_difference", inputs.depth_difference)):
+        if number is not None:
+            grown = number + since if name == "depth_age" else number
+            values[name] = RigValue(grown, Condition.GOOD, stamp_ns, since)
+    clocks = {"sonde_clock_offset": inputs.named(SONDE), "rig_clock_offset": rig_input(inputs)}
+    for name, row in clocks.items():
+        if row is not None and row.clock_offset is not None and row.offset_age is not None:
+            age = row.offset_age + since
+            values[name] = RigValue(row.clock_offset, Condition.GOOD, now_ns - round(age * NANOSECONDS), age)
+    return values
+
+
+def _derived(value: float | None, age: float | None, now_ns: int) -> RigValue:
+    if value is None or age is None or not math.isfinite(value):
+        return RigValue(reason="no survey and plan to compute it from")
+    return RigValue(value, Condition.GOOD, now_ns - round(age * NANOSECONDS), age)
