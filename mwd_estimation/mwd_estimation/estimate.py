@@ -156,7 +156,7 @@ class Estimate:
         values = np.hstack([samples["angular_velocity"], samples["linear_acceleration"]])
         stamps = np.ascontiguousarray(samples["stamp_ns"])
         self.bin_stage.streams.add("precision", stamps, values)
-        self.bin_stage.precision.take(stamps, values)
+        self.bin_stage.precision.take(stamps, values, clip_flags.of(samples))
 
     def take_temperature(self, samples: Samples) -> None:
         """Take temperatures, dtype of `wire.TEMPERATURE`."""

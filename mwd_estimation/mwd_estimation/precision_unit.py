@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation import derivation
+from mwd_estimation.core import clip_flags
+from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.sensor_fault import ACCEL, GYRO, SensorFault
 from mwd_estimation.core.time_bins import Bin
@@ -28,15 +30,15 @@ class PrecisionBin:
 
     Attributes
     ----------
-    samples : tuple of ndarray, shapes (n,) and (n, 6)
-        Stamps, ns, and rates, rad/s, and forces, m/s^2; not a number where the unit is faulty.
+    samples : UnitSamples
+        Not a number where the unit is faulty.
     changes : list of SensorFault
         Faults found, narrowed down or cleared.
     fault : Reason or None
         Why the unit is left out; None where it is used.
     """
 
-    samples: tuple[Stamps, Array]
+    samples: UnitSamples
     changes: list[SensorFault]
     fault: Reason | None
 
@@ -58,6 +60,7 @@ class PrecisionUnit:
         self.station = GyroStation(self._params, None, None)
         self._stamps = np.zeros(0, dtype=np.int64)
         self._values = np.zeros((0, 6))
+        self._clipped = np.zeros(0, dtype=np.uint8)
         self._at = 0
 
     @property
@@ -67,17 +70,19 @@ class PrecisionUnit:
 
     @property
     def rates(self) -> tuple[Stamps, Array]:
-        """Stamps, ns, and rates, rad/s, shape (n, 3), of the samples kept."""
-        return self._stamps, self._values[:, :3]
+        """Stamps, ns, and rates, rad/s, shape (n, 3), of the samples kept; not a number where a gyro clipped."""
+        rates, clipped = self._values[:, :3], self._clipped & ~np.uint8(clip_flags.ACCEL) != 0
+        return self._stamps, np.where(clipped[:, None], np.nan, rates) if clipped.any() else rates
 
     def begin(self, latitude_deg: float | None, gravity: float | None) -> None:
         """Seek north from now on with this latitude, deg, and local gravity, m/s^2; None where not known."""
         self.station = GyroStation(self._params, latitude_deg, gravity)
 
-    def take(self, stamps: Stamps, values: Array) -> None:
-        """Take samples, shapes (n,) and (n, 6); they are kept until the bin of their time is over."""
+    def take(self, stamps: Stamps, values: Array, clipped: NDArray[np.uint8]) -> None:
+        """Take samples and their `clip_flags`, as `UnitSamples`; they are kept until the bin of their time is over."""
         self._stamps = np.concatenate([self._stamps[self._at :], stamps])
         self._values = np.concatenate([self._values[self._at :], values])
+        self._clipped = np.concatenate([self._clipped[self._at :], clipped])
         self._at = 0
 
     def compare(self, stamps: Stamps, values: Array, suspect: NDArray[np.uint8]) -> None:
@@ -95,8 +100,9 @@ class PrecisionUnit:
         end_ns = (imu.index + 1) * BIN_NS
         # By bins, not by blocks: the same samples go into the seek however the stream is cut.
         first, self._at = self._at, first_not_before(self._stamps, self._at, end_ns)
-        samples = self._stamps[first : self._at], self._values[first : self._at]
-        changes = self._health.judge(end_ns, still_bins > 0, samples) if self._watch else []
+        part = slice(first, self._at)
+        samples = UnitSamples(self._stamps[part], self._values[part], self._clipped[part])
+        changes = self._health.judge(end_ns, still_bins > 0, samples[:2]) if self._watch else []
         fault = None
         if self._watch and self._health.active:
             faulty = any(one.unusable for one in self.faults)
@@ -104,7 +110,7 @@ class PrecisionUnit:
             self.station.refuse(refusal, faulty)
             if faulty:
                 fault = refusal
-                samples[1][:] = math.nan
+                samples.values[:] = math.nan
         if fault is None:
             settled = still_bins * BIN_NS > self._settle_ns
             self.station.add(imu, BIN_NS * 1e-9, settled, still_bins > 0, samples)

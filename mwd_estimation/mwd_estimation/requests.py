@@ -9,6 +9,7 @@ import numpy as np
 
 from mwd_estimation import derivation
 from mwd_estimation.attitude.block import Block
+from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.gyrocompass.session import NorthProgress, NorthSession
 from mwd_estimation.gyrocompass.solution import Solution
@@ -70,7 +71,7 @@ class Requests:
         if self._north is not None:
             self._rates = np.concatenate([self._rates[0], stamps]), np.concatenate([self._rates[1], gyro])
 
-    def seek(self, end_ns: int, precision: tuple[Stamps, Array]) -> Solution | None:
+    def seek(self, end_ns: int, precision: UnitSamples) -> Solution | None:
         """Give a bin that ends at this time, ns, to the seek, unless the seek began later; its result where it ends."""
         stamps, rates = self._rates
         if self._north is None or not len(stamps) or stamps[0] >= end_ns:

@@ -8,14 +8,24 @@ by the covariance of the sample (`mwd_sensors.core.input_covariance`), so that r
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_sensors.core import input_covariance
-from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.arrays import Array, Samples, Stamps
 
 # Bits: an accelerometer, the gyro about the axis of the tool, a gyro across it.
 ACCEL, AXIAL_GYRO, CROSS_GYRO = 1, 2, 4
+
+
+class UnitSamples(NamedTuple):
+    """Stamps, ns, (n,); rates, rad/s, and forces, m/s^2, (n, 6); clip flags, (n,), or None where nothing was said."""
+
+    stamps: Stamps
+    values: Array
+    clipped: NDArray[np.uint8] | None = None
 
 
 def of(samples: Samples) -> NDArray[np.uint8]:

@@ -148,7 +148,7 @@ WORDS: dict[Code, str] = {
     Code.SEEK_LEVELLING: "the gyro needs {limit:.0f s} of data, had {value:.0f s}: the tool is being levelled",
     Code.SEEK_TOO_SHORT: "the gyro needs {limit:.0f s} of data, had {value:.0f s}",
     Code.SEEK_IMPROVES: "good to {value:.1f deg} after {values[0]:.0f s}",
-    Code.GYRO_CLIPPED: "the y or z gyro clipped at {values[1]:.0f deg/s} in {value:.0f} of {values[0]:.0f} samples: "
+    Code.GYRO_CLIPPED: "a gyro clipped (range {values[1]:.0f deg/s}) in {value:.0f} of {values[0]:.0f} samples: "
     "turn slower or stop the pumps",
     Code.TURNED_AT_REST: "the tool turned for {value:.0f s} of {values[0]:.0f s}: "
     "a still shot needs the string at rest",

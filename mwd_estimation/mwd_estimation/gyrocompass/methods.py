@@ -12,14 +12,15 @@ from typing import Protocol
 
 import numpy as np
 
+from mwd_estimation.core import clip_flags
+from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.gyrocompass import north_seek, static_ekf
 from mwd_estimation.gyrocompass.gyro_params import S1
 from mwd_estimation.gyrocompass.seek_params import SeekParams
-from mwd_estimation.gyrocompass.seek_refusal import polar, too_short, vertical_hole
+from mwd_estimation.gyrocompass.seek_refusal import gyro_clipped, polar, too_short, vertical_hole
 from mwd_estimation.gyrocompass.seek_state import State
 from mwd_estimation.gyrocompass.solution import Solution
-from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE
 from mwd_sensors.core.frames import mat_nt
 
@@ -39,8 +40,8 @@ class Seeker(Protocol):
     def moved(self) -> bool:
         """Whether the hole axis lay elsewhere meanwhile."""
 
-    def run(self, stamp_ns: Stamps, values: Array) -> None:
-        """Take stamps, ns, and rates, rad/s, and forces, m/s^2, shape (n, 6)."""
+    def run(self, samples: UnitSamples) -> None:
+        """Take samples."""
 
     def solution(self) -> Solution:
         """North so far, or why there is none."""
@@ -65,9 +66,10 @@ class NorthSeek:
         """Whether the hole axis lay elsewhere meanwhile."""
         return bool(self.state.moved > 0)
 
-    def run(self, stamp_ns: Stamps, values: Array) -> None:
+    def run(self, samples: UnitSamples) -> None:
         """Take samples, as `Seeker.run`."""
-        north_seek.run(self.params, self.state, stamp_ns, values[:, :3], values[:, 3:])
+        stamps, values, clipped = samples
+        north_seek.run(self.params, self.state, stamps, values[:, :3], values[:, 3:], clipped)
 
     def solution(self) -> Solution:
         """North so far, or why there is none."""
@@ -97,6 +99,7 @@ class StaticSeek:
         self._last: static_ekf.North | None = None
         self._first_ns: int | None = None
         self._last_ns = 0
+        self._samples = self._clipped = 0
 
     @property
     def elapsed(self) -> float:
@@ -108,10 +111,14 @@ class StaticSeek:
         """Whether the tool has moved, by the filter's own test."""
         return self._last is not None and bool(self._last.ratio[-1] > self._s1.moved_ratio)
 
-    def run(self, stamp_ns: Stamps, values: Array) -> None:
-        """Take samples, as `Seeker.run`."""
+    def run(self, samples: UnitSamples) -> None:
+        """Take samples, as `Seeker.run`; those in which a gyro clipped refuse the seek."""
+        stamp_ns, values, clipped = samples
         if len(stamp_ns) == 0 or polar(self.params.latitude_deg) is not None:
             return
+        flags = clip_flags.given(clipped, len(stamp_ns))
+        self._clipped += int(np.count_nonzero(flags & ~np.uint8(clip_flags.ACCEL)))
+        self._samples += len(stamp_ns)
         self._last = static_ekf.run(self._s1, self._state, stamp_ns, values[:, :3], values[:, 3:])
         self._first_ns = int(stamp_ns[0]) if self._first_ns is None else self._first_ns
         self._last_ns = int(stamp_ns[-1])
@@ -136,6 +143,9 @@ class StaticSeek:
         pole = polar(params.latitude_deg)
         if pole is not None:
             return pole
+        clipped = gyro_clipped(params, self._clipped, self._samples)
+        if clipped is not None:
+            return clipped
         if self.elapsed < params.shortest or not math.isfinite(azimuth):
             return too_short(self.elapsed, params.shortest)
         if self.moved and self._last is not None:

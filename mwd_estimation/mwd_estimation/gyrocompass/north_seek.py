@@ -19,7 +19,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mwd_estimation.core import track
+from mwd_estimation.core import clip_flags, track
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.gyrocompass import azimuth_posterior
 from mwd_estimation.gyrocompass.seek_filter import advance
@@ -48,15 +48,20 @@ def initial() -> State:
 
 
 def dual_unit(
-    stamp_ns: ArrayLike, precision_t: ArrayLike, ahrs_stamp_ns: ArrayLike, ahrs_t: ArrayLike, x_range: float
+    stamp_ns: ArrayLike,
+    precision_t: ArrayLike,
+    ahrs_stamp_ns: ArrayLike,
+    ahrs_t: ArrayLike,
+    x_range: float,
+    clipped: ArrayLike | None = None,
 ) -> Array:
     """
     Rates of the precision unit with the x axis of the conventional unit, which does not clip while the string turns.
 
     stamp_ns, shape (n,) int64, and precision_t, shape (n, 3), rad/s: the unit whose stamps count. ahrs_stamp_ns, shape
-    (m,), and ahrs_t, shape (m, 3). x_range: rate at which the precision x axis clips, rad/s; the precision x rate is
-    kept in every sample well below it. Returns shape (n, 3). The x figures of `SeekParams` belong to the unit that
-    gives most of the samples.
+    (m,), and ahrs_t, shape (m, 3). x_range: rate at which the precision x axis clips, rad/s. clipped: `clip_flags` of
+    the precision unit, shape (n,). Its x rate is kept in every sample well below its range that no flag names. Returns
+    shape (n, 3). The x figures of `SeekParams` belong to the unit that gives most of the samples.
 
     Raises
     ------
@@ -70,12 +75,20 @@ def dual_unit(
     # Seconds from a common start keep their digits in a float.
     start = ahrs_stamps[0]
     x = np.interp((stamps - start) * 1e-9, (ahrs_stamps - start) * 1e-9, ahrs[:, 0])
-    fast = (np.abs(x) > 0.9 * x_range) | (np.abs(rates[:, 0]) > 0.9 * x_range)
+    flagged = clip_flags.given(clipped, len(stamps)) & clip_flags.AXIAL_GYRO != 0
+    fast = flagged | (np.abs(x) > 0.9 * x_range) | (np.abs(rates[:, 0]) > 0.9 * x_range)
     rates[fast, 0] = x[fast]
     return rates
 
 
-def run(params: SeekParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> None:
+def run(
+    params: SeekParams,
+    state: State,
+    stamp_ns: ArrayLike,
+    gyro_t: ArrayLike,
+    accel_t: ArrayLike,
+    clipped: ArrayLike | None = None,
+) -> None:
     """
     Take in a block of samples; ask `solution` for the azimuth at any time.
 
@@ -88,6 +101,8 @@ def run(params: SeekParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike
     gyro_t, accel_t : array_like, shape (n, 3)
         Angular rate, rad/s (see `dual_unit`), and specific force (up at rest), m/s^2, in tool axes. Rates are means
         over the interval that ends at the stamp.
+    clipped : array_like of uint8, shape (n,), optional
+        What the unit says of each sample, bits of `core.clip_flags`.
 
     Raises
     ------
@@ -95,7 +110,8 @@ def run(params: SeekParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike
         Shapes that do not match.
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
-    advance(kernel_params(params), state, np.zeros(1, WORK)[0], stamps, gyro, accel)
+    flags = clip_flags.given(clipped, len(stamps))
+    advance(kernel_params(params), state, np.zeros(1, WORK)[0], stamps, gyro, accel, flags)
 
 
 def solution(params: SeekParams, state: State) -> Solution:

@@ -11,13 +11,18 @@ from __future__ import annotations
 
 import math
 
-from mwd_estimation.core import track
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_estimation.core import clip_flags, track
 from mwd_estimation.gyrocompass.seek_measurement import measure
 from mwd_estimation.gyrocompass.seek_state import Error, KernelParams, Phase, State, Sums, Work
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.kalman import level_matrix, propagate_covariance, rotate_left, rotate_right
 
+_GYRO_FLAGS, _ACCEL_FLAG = clip_flags.AXIAL_GYRO | clip_flags.CROSS_GYRO, clip_flags.ACCEL
 # A tenth of a turn ends a block too: mean and two harmonics of the wobble need more than five looks per turn.
 _BLOCK_TURN = 0.64
 # A mean tool axis shorter than this share of one is vertical: its heading is taken at will.
@@ -87,6 +92,22 @@ def sample(p: KernelParams, s: State, half: Array, dt: float, w: Array, f: Array
 
 
 @compiled
+def _lose(p: KernelParams, s: State, dt: float, w: Array, f: Array, flags: int) -> None:
+    """
+    Count a sample in which a sensor was beyond its range, and what it may hide of attitude and velocity.
+
+    A gyro hides a rate of the size of its range, an accelerometer a velocity of the size of the one it shows: as
+    `mwd_estimation.gravity.bounded`.
+    """
+    if flags & _GYRO_FLAGS or abs(w[1]) > p.gyro_range or abs(w[2]) > p.gyro_range:
+        s.clipped += 1
+        s.sums.lost_turn += (p.gyro_range * dt) ** 2
+    if flags & _ACCEL_FLAG:
+        shown = math.sqrt(f[0] ** 2 + f[1] ** 2 + f[2] ** 2) - STANDARD_GRAVITY
+        s.sums.lost_velocity += (shown * dt) ** 2
+
+
+@compiled
 def transition(p: KernelParams, s: State, phi: Array) -> None:
     """Fill phi, shape (5, 36): attitude and velocity error after the block from the error state before it."""
     sums = s.sums
@@ -126,7 +147,7 @@ def _predict(p: KernelParams, s: State, work: Work) -> None:
     P, t, mat = s.P, s.sums.time, s.sums.mat
     propagate_covariance(P, work.phi, work.rows)
     # White noise: y and z alike, x its own; only the axis direction matters.
-    n2, extra = p.gyro_noise**2 * t, (p.gyro_x_noise**2 - p.gyro_noise**2) / t
+    n2, extra = p.gyro_noise**2 * t + s.sums.lost_turn, (p.gyro_x_noise**2 - p.gyro_noise**2) / t
     for i in range(3):
         P[i, i] += n2
         for j in range(3):
@@ -134,7 +155,7 @@ def _predict(p: KernelParams, s: State, work: Work) -> None:
         P[Error.GYRO_BIAS + i, Error.GYRO_BIAS + i] += p.bias_walk**2 * t
         _drift(s, i, t)
     for i in range(2):
-        P[Error.VELOCITY + i, Error.VELOCITY + i] += p.accel_noise**2 * t
+        P[Error.VELOCITY + i, Error.VELOCITY + i] += p.accel_noise**2 * t + s.sums.lost_velocity
         P[Error.AXIS + i, Error.AXIS + i] += p.axis_walk**2 * t
 
 
@@ -219,7 +240,7 @@ def _begin_instrument(p: KernelParams, s: State) -> None:
 @compiled
 def clear(sums: Sums) -> None:
     """Begin a block."""
-    sums.time = sums.turn = 0.0
+    sums.time = sums.turn = sums.lost_turn = sums.lost_velocity = 0.0
     for i in range(3):
         sums.force[i] = sums.scale[i] = sums.lag[i] = 0.0
         for j in range(3):
@@ -251,7 +272,9 @@ def reset(s: State) -> None:
 
 
 @compiled
-def advance(p: KernelParams, s: State, work: Work, stamps: Stamps, gyro: Array, accel: Array) -> None:
+def advance(
+    p: KernelParams, s: State, work: Work, stamps: Stamps, gyro: Array, accel: Array, clipped: NDArray[np.uint8]
+) -> None:
     """Take samples in, as `north_seek.run`: the loop over `sample`, and a Kalman step where a block ends."""
     for i in range(len(stamps)):
         w, f = gyro[i], accel[i]
@@ -260,12 +283,11 @@ def advance(p: KernelParams, s: State, work: Work, stamps: Stamps, gyro: Array, 
         s.samples += 1
         if verdict == track.REJECTED or verdict == track.FIRST:
             continue
-        if abs(w[1]) > p.gyro_range or abs(w[2]) > p.gyro_range:
-            s.clipped += 1
         if verdict == track.AFTER_GAP:
             reset(s)
             continue
         dt = (stamps[i] - last) * 1e-9
+        _lose(p, s, dt, w, f, clipped[i])
         sample(p, s, work.half, dt, w, f)
         if s.phase == Phase.LEVELLING:
             s.level_time += dt

@@ -75,6 +75,14 @@ def too_short(elapsed: float, shortest: float) -> Reason:
     return Reason(Code.SEEK_TOO_SHORT, elapsed, shortest)
 
 
+def gyro_clipped(params: SeekParams, clipped: int, samples: int) -> Reason | None:
+    """Refusal where gyros were beyond their range in too many of the samples."""
+    if clipped <= _CLIPPED_SHARE * samples:
+        return None
+    given = (float(samples), math.radians(params.gyro_range_dps))
+    return Reason(Code.GYRO_CLIPPED, float(clipped), _CLIPPED_SHARE * samples, given)
+
+
 def vertical_hole(inclination: float) -> Reason | None:
     """Refusal of an axis that points nowhere; inclination in rad."""
     if _LEAST_INCLINATION <= inclination <= math.pi - _LEAST_INCLINATION:
@@ -84,10 +92,9 @@ def vertical_hole(inclination: float) -> Reason | None:
 
 def _motion(params: SeekParams, state: State, method: str) -> Reason | None:
     elapsed, turning, mode = float(state.elapsed), float(state.turn_time), params.mode
-    clipped, samples = float(state.clipped), float(state.samples)
-    if clipped > _CLIPPED_SHARE * samples:
-        given = (samples, math.radians(params.gyro_range_dps))
-        return Reason(Code.GYRO_CLIPPED, clipped, _CLIPPED_SHARE * samples, given)
+    clipped = gyro_clipped(params, state.clipped, state.samples)
+    if clipped is not None:
+        return clipped
     if elapsed < params.shortest:
         return too_short(elapsed, params.shortest)
     if mode == "still" and turning > _TURNED_MOST * elapsed:

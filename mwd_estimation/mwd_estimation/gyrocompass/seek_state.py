@@ -89,6 +89,8 @@ class Sums:
     ----------
     time, turn : float
         Duration, s, and turn about the tool axis, rad.
+    lost_turn, lost_velocity : float
+        Variance of what clipped samples hide of attitude, rad^2, and of velocity, (m/s)^2.
     mat : ndarray, shape (3, 3)
         Of the tool-to-level matrix.
     force : ndarray, shape (3,)
@@ -99,6 +101,8 @@ class Sums:
 
     time: float
     turn: float
+    lost_turn: float
+    lost_velocity: float
     mat: Annotated[Array, 3, 3]
     force: Annotated[Array, 3]
     bias: Annotated[Array, 3, 2]
@@ -145,6 +149,7 @@ class State:
     still_run, positions, refused_blocks, moved : int
         Blocks at rest in a row; rests that gave a roll; blocks in a row whose axis was refused; moves found so.
     samples, clipped : int
+        Samples taken, and those in which a gyro clipped.
     """
 
     clock: track.Clock

@@ -13,6 +13,8 @@ import math
 
 import numpy as np
 
+from mwd_estimation.core import clip_flags
+from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.gyrocompass import north_seek
@@ -121,7 +123,7 @@ class NorthSession:
         self._gyro, self._latitude, self._gravity, self._mode = gyro, latitude_deg, gravity, mode or "auto"
         self._params = dataclasses.replace(seek_params(gyro, latitude_deg, gravity), mode=self._mode)
         # The first bins wait until the unit's noise is known from them.
-        self._first: list[tuple[tuple[Stamps, Array], tuple[Stamps, Array]]] | None = []
+        self._first: list[tuple[UnitSamples, tuple[Stamps, Array]]] | None = []
         self._range = math.radians(gyro.unit.gyro_range_dps)
         self._state = north_seek.initial()
         self._has_samples = False
@@ -131,7 +133,7 @@ class NorthSession:
         """Whether the time is over."""
         return self.elapsed >= self.duration
 
-    def add(self, seconds: float, precision: tuple[Stamps, Array], ahrs: tuple[Stamps, Array]) -> None:
+    def add(self, seconds: float, precision: UnitSamples, ahrs: tuple[Stamps, Array]) -> None:
         """
         Take one bin.
 
@@ -139,13 +141,13 @@ class NorthSession:
         ----------
         seconds : float
             Its length.
-        precision : (stamps (n,), values (n, 6))
-            Rates, rad/s, and forces, m/s^2, of the precision unit.
+        precision : UnitSamples
+            Of the precision unit.
         ahrs : (stamps (m,), rates (m, 3))
             Of the conventional unit, rad/s.
         """
         self.elapsed += seconds
-        if not len(precision[0]):
+        if not len(precision.stamps):
             return
         self._has_samples = True
         if self._first is None:
@@ -158,10 +160,10 @@ class NorthSession:
                 self._take(*one)
             self._first = None
 
-    def _params_now(self, first: list[tuple[tuple[Stamps, Array], tuple[Stamps, Array]]]) -> SeekParams:
+    def _params_now(self, first: list[tuple[UnitSamples, tuple[Stamps, Array]]]) -> SeekParams:
         """Choose the noise that the tool shows at rest, or the x gyro whose range the string does not exceed."""
-        stamps = np.concatenate([precision[0] for precision, _ in first])
-        rates = np.concatenate([precision[1][:, :3] for precision, _ in first])
+        stamps = np.concatenate([precision.stamps for precision, _ in first])
+        rates = np.concatenate([precision.values[:, :3] for precision, _ in first])
         x_rates = np.concatenate([*(ahrs[1][:, 0] for _, ahrs in first), rates[:, 0]])
         fastest = float(np.nanmax(np.abs(x_rates)))
         noise = white_noise(stamps, rates) if fastest < _AT_REST else None
@@ -175,12 +177,13 @@ class NorthSession:
             scale_x_ppm=self._unit.x_scale_ppm,
         )
 
-    def _take(self, precision: tuple[Stamps, Array], ahrs: tuple[Stamps, Array]) -> None:
-        stamps, values = precision
+    def _take(self, precision: UnitSamples, ahrs: tuple[Stamps, Array]) -> None:
+        stamps, values, clipped = precision
         rates = values[:, :3]
         if len(ahrs[0]):
-            rates = north_seek.dual_unit(stamps, rates, *ahrs, self._range)
-        north_seek.run(self._params, self._state, stamps, rates, values[:, 3:])
+            rates = north_seek.dual_unit(stamps, rates, *ahrs, self._range, clipped)
+            clipped = None if clipped is None else clipped & ~np.uint8(clip_flags.AXIAL_GYRO)
+        north_seek.run(self._params, self._state, stamps, rates, values[:, 3:], clipped)
 
     def progress(self) -> NorthProgress:
         """Progress of the seek."""

@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 
+from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.time_bins import Bin
 from mwd_estimation.gyrocompass.gyro_params import S1, GyroParams, seek_params, white_noise
@@ -73,7 +74,7 @@ class GyroStation:
             self._seek = self._found = None
             self._rest = []
 
-    def add(self, imu: Bin, bin_s: float, settled: bool, still: bool, samples: tuple[Stamps, Array]) -> None:
+    def add(self, imu: Bin, bin_s: float, settled: bool, still: bool, samples: UnitSamples) -> None:
         """
         Take one bin.
 
@@ -85,10 +86,10 @@ class GyroStation:
             Its length, s.
         settled, still : bool
             Whether the string has settled, and whether the tool keeps still in this bin.
-        samples : tuple of ndarray, shapes (n,) and (n, 6)
-            Stamps, ns, and rates, rad/s, and forces, m/s^2, of the precision unit in this bin.
+        samples : UnitSamples
+            Of the precision unit in this bin.
         """
-        stamps, values = samples
+        stamps, values = samples.stamps, samples.values
         self._has_samples = self._has_samples or len(stamps) > 0
         if self.params is None:
             return
@@ -106,7 +107,7 @@ class GyroStation:
                 self._seek = self._begin(self.params, int(stamps[0]) if len(stamps) else None)
                 self._axis, self._turned_s = float(imu.mean[_ACCEL_X]), 0.0
         if self._seek is not None and len(stamps):
-            self._seek.run(stamps, values)
+            self._seek.run(samples)
             if still and isinstance(self._seek, NorthSeek) and self._seek.elapsed >= self.params.shortest:
                 self._found = self._seek.state.copy(), int(stamps[-1])
 

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from north_signals import measured, motion, steady, still
 
+from mwd_estimation.core import clip_flags
+from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.gyrocompass.methods import NorthSeek, Seeker, StaticSeek
 from mwd_estimation.gyrocompass.seek_params import SeekParams
@@ -28,13 +30,15 @@ PARAMS = SeekParams(
 )
 
 
-def fed(seeker: Seeker, seconds: float = 63.5, bias: float = 0.02, roll=still) -> Seeker:
+def fed(seeker: Seeker, seconds: float = 63.5, bias: float = 0.02, roll=still, clipped: int = 0) -> Seeker:
     clean = motion(seconds, 44.0 * DEG, 1.0, 2.2, roll, 50.0)
     gyro, accel = measured(
         clean, np.random.default_rng(1), 0.01, None, 30.0, np.array([0.0, bias, -bias]) * DEG_PER_HOUR
     )
+    flags = np.zeros(len(gyro), np.uint8)
+    flags[:clipped] = clip_flags.CROSS_GYRO
     for block in np.array_split(np.arange(len(gyro)), 7):
-        seeker.run(clean.stamp_ns[block], np.hstack([gyro[block], accel[block]]))
+        seeker.run(UnitSamples(clean.stamp_ns[block], np.hstack([gyro[block], accel[block]]), flags[block]))
     return seeker
 
 
@@ -63,6 +67,15 @@ def test_only_the_best_takes_a_turn_and_what_an_earlier_seek_found() -> None:
     assert carried.success, carried.reason
     assert abs(float(wrap_pi(carried.azimuth - 2.2))) < 3.0 * carried.sigma
     assert not fed(NorthSeek(wide), bias=3.0).solution().success
+
+
+@pytest.mark.parametrize("kind", [NorthSeek, StaticSeek])
+def test_flags_of_clipped_gyros_refuse_north_by_either(kind) -> None:
+    assert fed(kind(PARAMS), clipped=2).solution().success
+    found = fed(kind(PARAMS), clipped=40).solution()
+    assert not found.success
+    assert found.reason.code is ReasonCode.GYRO_CLIPPED
+    assert found.reason.value == 40.0 if kind is StaticSeek else 39.0
 
 
 def test_s1_refuses_what_it_cannot_measure() -> None:

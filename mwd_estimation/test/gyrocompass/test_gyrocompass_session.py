@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from north_signals import measured, motion, steady
 
+from mwd_estimation.core import clip_flags
+from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.gyrocompass.gyro_params import TACTICAL, GyroParams
 from mwd_estimation.gyrocompass.session import NorthSession, SessionParams
@@ -44,7 +46,7 @@ def bins(seconds, rpm=0.0, seed=1):
     step = int(RATE / 2)
     for k in range(0, len(values) - step + 1, step):
         part = slice(k, k + step)
-        yield 0.5, (tool.stamp_ns[part], values[part]), (tool.stamp_ns[part], ahrs[part])
+        yield 0.5, UnitSamples(tool.stamp_ns[part], values[part]), (tool.stamp_ns[part], ahrs[part])
 
 
 @pytest.mark.parametrize(("rpm", "method"), [(0.0, "still"), (60.0, "rotating")])
@@ -67,11 +69,26 @@ def test_north_is_found_in_the_time_asked_for_at_rest_and_turning(rpm, method):
     assert given[-1].sigma < given[60].sigma
 
 
+def test_a_flagged_x_rate_that_looks_small_is_that_of_the_conventional_unit():
+    # 30 r/min is within the range: only the flag tells that a mean of clipped readings is none.
+    plain, flagged = (NorthSession(SessionParams(), GYRO, LATITUDE, None, 40.0, "") for _ in range(2))
+    for seconds, precision, ahrs in bins(40.0, 30.0):
+        plain.add(seconds, precision, ahrs)
+        bits = np.zeros(len(precision.stamps), np.uint8)
+        bits[::2] = clip_flags.AXIAL_GYRO
+        values = precision.values.copy()
+        values[::2, 0] = 0.1
+        flagged.add(seconds, UnitSamples(precision.stamps, values, bits), ahrs)
+    found, told = plain.solution(), flagged.solution()
+    assert told.success, told.reason
+    assert abs(wrap_pi(told.azimuth - found.azimuth)) < 0.5 * found.sigma
+
+
 def test_without_a_precision_unit_there_is_a_reason_instead_of_an_azimuth():
     run = NorthSession(SessionParams(duration_s=20.0), GYRO, LATITUDE, None, 0.0, "still")
     nothing = np.zeros(0, dtype=np.int64)
     for _ in range(40):
-        run.add(0.5, (nothing, np.zeros((0, 6))), (nothing, np.zeros((0, 3))))
+        run.add(0.5, UnitSamples(nothing, np.zeros((0, 6))), (nothing, np.zeros((0, 3))))
     assert run.done
     assert not run.solution().success
     assert run.solution().reason.code is ReasonCode.NO_PRECISION_UNIT

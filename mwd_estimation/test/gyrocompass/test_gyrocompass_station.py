@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mwd_estimation import derivation
+from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.core.reference_field import Reference
@@ -16,7 +17,7 @@ from mwd_estimation.gyrocompass.gyro_params import TACTICAL, GyroParams, white_n
 from mwd_estimation.gyrocompass.station import GyroStation
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline
 from mwd_estimation.survey.static_survey import BIN_NS
-from mwd_sensors.core import wire
+from mwd_sensors.core import input_covariance, wire
 from mwd_sensors.core.constants import DEG_PER_HOUR, EARTH_RATE
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 from mwd_sensors.core.settings import changed
@@ -101,6 +102,15 @@ def test_a_gyro_outweighs_a_field_that_is_turned_from_outside_or_leaves_the_stat
     assert dict(station.hypotheses)["external"] > 0.05
 
 
+def test_clip_flags_of_the_precision_unit_reach_the_seek_whatever_the_cut():
+    imu, precision, mag = _samples()
+    flagged = (np.arange(len(imu)) % 200 == 0)[:, None] & np.array([False, True, False])
+    input_covariance.mark_clipped(precision, "angular_velocity", flagged)
+    whole, pieces = (_surveys((imu, precision, mag), _settings(), cuts) for cuts in ((), range(37, len(imu), 251)))
+    assert [_gyro(survey).refused.code for survey in whole] == [ReasonCode.GYRO_CLIPPED] * len(whole)
+    assert [_gyro(survey) for survey in whole] == [_gyro(survey) for survey in pieces]
+
+
 def test_any_cut_into_blocks_gives_the_same_gyro_azimuth():
     streams = _samples()
     whole = _surveys(streams, _settings())
@@ -168,7 +178,7 @@ def _feed(station, streams, start_s=0.0, settled_s=2.0):
         inside = stamps // BIN_NS == closed.index
         still = bool(abs(closed.mean[0]) < 0.03)
         rest = rest + 0.5 if still else 0.0
-        station.add(closed, 0.5, rest > settled_s, still, (stamps[inside], values_p[inside]))
+        station.add(closed, 0.5, rest > settled_s, still, UnitSamples(stamps[inside], values_p[inside]))
 
 
 def _rest(station, seconds, bias, noise=0.02, start_s=0.0, settled_s=2.0, azimuth=2.2, seed=3):

@@ -13,6 +13,7 @@ from north_signals import Motion, measured, motion, steady, still
 from numpy.testing import assert_allclose, assert_array_equal
 
 from consistency import assert_consistent
+from mwd_estimation.core import clip_flags
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.gyrocompass import north_seek
@@ -261,6 +262,34 @@ def test_what_cannot_be_measured_is_refused_with_its_reason() -> None:
     assert refusal(quiet, moved) is ReasonCode.HOLE_AXIS_MOVED
     assert refusal(settings("auto", 0.05, 34.0, gyro_range_dps=1.0), moved, 0.0174) is ReasonCode.GYRO_CLIPPED
     assert refusal(dataclasses.replace(quiet, latitude_deg=80.0), still_hole) is ReasonCode.LATITUDE_MISFIT
+
+
+def test_flags_say_what_a_clipped_sample_hides_of_north_and_too_many_of_them_refuse_it() -> None:
+    params = settings("still", 0.05, 34.0, gyro_range_dps=50.0)
+    clean = motion(63.5, 34.0 * DEG, 1.0, 1.2, still, RATE)
+    flags = np.zeros(len(clean.stamp_ns), np.uint8)
+    flags[[1200, 2100]] = clip_flags.CROSS_GYRO
+    rng = np.random.default_rng(11)
+    error, sigma = np.empty((2, 40)), np.empty((2, 40))
+    for r in range(40):
+        bias = rng.standard_normal(3) * 0.01 * DEG_PER_HOUR
+        gyro, accel = measured(clean, rng, 0.05, 0.05, params.accel_noise_ug_rthz, bias, np.zeros(3))
+        # The mean of a sample within which the range was passed misses a rate as large as the range.
+        gyro[flags != 0, 1:] += 50.0 * DEG * rng.standard_normal((2, 2))
+        for k, given in enumerate((None, flags)):
+            state = north_seek.initial()
+            north_seek.run(params, state, clean.stamp_ns, gyro, accel, given)
+            found = north_seek.solution(params, state)
+            error[k, r], sigma[k, r] = wrap_pi(found.azimuth - 1.2), found.sigma
+    assert np.mean((error[0] / sigma[0]) ** 2) > 5.0
+    assert_consistent(error[1], sigma[1])
+    flags[::500] = clip_flags.AXIAL_GYRO
+    state = north_seek.initial()
+    north_seek.run(params, state, clean.stamp_ns, clean.gyro_t, clean.accel_t, flags)
+    reason = north_seek.solution(params, state).reason
+    assert reason is not None
+    assert reason.code is ReasonCode.GYRO_CLIPPED
+    assert "a gyro clipped" in text(reason)
 
 
 def test_blocks_of_any_length_and_a_resumed_state_give_the_same_bits() -> None:

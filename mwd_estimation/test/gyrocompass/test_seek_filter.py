@@ -121,5 +121,6 @@ def test_one_call_is_many_calls() -> None:
     for state, size in zip(states, (250, 1), strict=True):
         for i in range(0, 250, size):
             at = slice(i, i + size)
-            seek_filter.advance(p, state, work, clean.stamp_ns[at], clean.gyro_t[at], clean.accel_t[at])
+            columns = clean.stamp_ns[at], clean.gyro_t[at], clean.accel_t[at]
+            seek_filter.advance(p, state, work, *columns, np.zeros(size, np.uint8))
     assert states[0] == states[1]

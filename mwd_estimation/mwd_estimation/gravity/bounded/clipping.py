@@ -12,7 +12,7 @@ from mwd_sensors.core.compiled import compiled
 
 HIDDEN = 0.0014  # s of clipping that a sample must be able to show before it counts as a shock
 UNUSUAL = 2.2  # times the usual acceleration
-LOST = 2.0  # velocity lost for each velocity shown
+LOST = 1.0  # velocity lost for each velocity shown: 1.0 to 1.9 on simulated shocks beyond 4, 8 and 16 g
 USUAL_TIME = 0.3  # s, memory of the usual acceleration
 SHOCK_POWER = 1e4  # (m/s^2)^2, the most of a shock that enters it
 SHOCK_MEMORY, FREQUENT = 10.0, 6.0  # s; shocks in that time from which on losses that do not stand out are expected
@@ -44,9 +44,9 @@ def follow_shocks(p: Params, s: Record, dt: float, f: Vector, power: float, flag
         # A sample that is a mean of dt shows no less than the share of it that was clipped.
         shown = p.accel_range * min(HIDDEN / max(dt, 1e-4), 0.9)
         if clipped or power > shown * shown:
-            if unusual and s.since_shock > 0.1:
+            if (flag or unusual) and s.since_shock > 0.1:
                 s.shocks += 1.0
-            s.since_shock = 0.0
+                s.since_shock = 0.0
             lost = (LOST * dt) ** 2
             C = s.C
             for j in range(3):
