@@ -38,6 +38,7 @@ EVIL = "<img src=x onerror=document.title='owned'>"
 
 
 SIZES = ((1024, 768), (1920, 1080), (390, 844))
+ALL_SIZES = (*SIZES, (1280, 800), (844, 390))
 
 
 RECORDING = RecorderStatus(RecorderState.RECORDING, "", Path("bags/a"), 7, 0, 0, 0, 0, 0, -1, 61.0, 1, 0.0, ())

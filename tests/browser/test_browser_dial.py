@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from browser_page import SIZES, By, box, click, font_sizes, rig_on, show, text, wait
+from browser_page import ALL_SIZES, By, box, click, font_sizes, rig_on, show, text, wait
 from mwd_estimation.core.status import Status
 
 pytestmark = pytest.mark.slow
@@ -81,7 +81,7 @@ def test_the_needle_stays_in_its_ring_while_the_tool_turns(browser):
         assert max(distances) < 0.5
 
 
-@pytest.mark.parametrize("size", [*SIZES, (1280, 800), (844, 390)])
+@pytest.mark.parametrize("size", ALL_SIZES)
 def test_the_dial_alone_is_read_at_three_metres_and_touched_with_gloves(browser, size):
     with rig_on(browser, size, path="?view=toolface") as rig:
         rig.state.on_advisory(math.radians(120.0), math.radians(15.0))

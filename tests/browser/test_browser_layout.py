@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from browser_page import (
+    ALL_SIZES,
     SIZES,
     TOKEN,
     By,
@@ -26,6 +27,7 @@ from browser_page import (
 )
 from mwd_estimation.core.status import Status
 from mwd_surface.live.alarms import Severity
+from mwd_surface.live.supervision import TABLE
 from mwd_surface.live.well_state import SurveyProgress
 
 pytestmark = pytest.mark.slow
@@ -164,3 +166,31 @@ def test_whether_it_is_recorded_and_what_the_alarm_is_stay_in_view_beside_troubl
             what.scrollWidth - what.clientWidth];
         """
         assert max(browser.execute_script(cut)) <= 1
+
+
+# Elements whose text is wider or higher than their room.
+CUT = """
+  return [...document.querySelectorAll(arguments[0])].filter((e) => e.clientWidth > 0)
+    .filter((e) => e.scrollWidth > e.clientWidth + 1 || e.scrollHeight > e.clientHeight + 1).map((e) => e.textContent);
+"""
+
+
+@pytest.mark.parametrize("size", ALL_SIZES)
+def test_alarms_troubles_and_what_a_survey_waits_for_are_read_to_their_ends(browser, size):
+    words = ".alarm-what, .alarm-remedy, .alarm-age, #pills .pill, #datum, .taking, .doing, .value .under"
+    with rig_on(browser, size) as rig:
+        waits = SurveyProgress(True, "averaging on", 12.0, 108.0, waits_for="gyro azimuth sigma 2.1 deg")
+        rig.state.on_survey_progress(waits, time.monotonic())
+        rig.live(status=int(Status.SENSOR_FAULT | Status.NO_MAG | Status.ROTATING))
+        wait(browser, lambda: "WAITS" in text(browser, ".taking"))
+        for number, row in enumerate(one for one in TABLE if one.severity == Severity.CRITICAL):
+            what = row.what.format(limit=row.limit, value=12.0)
+            rig.book.raise_alarm(f"a{number}", Severity.CRITICAL, what, row.remedy, time.time_ns() + number)
+            rig.publish()
+            wait(browser, lambda what=what: what in text(browser, ".alarm-what"))
+            assert browser.execute_script(CUT, words) == []
+        wait(browser, lambda: state_of(browser, "attitude.inclination") == "stale")
+        assert browser.execute_script(CUT, words) == []
+        # The dial alone has less room for them.
+        click(browser, "#view")
+        assert browser.execute_script(CUT, words) == []

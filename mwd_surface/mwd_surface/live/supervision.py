@@ -57,7 +57,7 @@ TABLE = (
     Row(
         "input.imu/data_raw",
         "sonde",
-        "no data from the sonde: the last imu/data_raw came more than {limit:.0f} s ago",
+        "no data from the sonde for more than {limit:.0f} s",
         2.0,
         0.0,
         Severity.CRITICAL,
@@ -68,7 +68,7 @@ TABLE = (
     Row(
         "input.attitude",
         "estimator",
-        "no attitude from the estimator: the last came more than {limit:.0f} s ago",
+        "no attitude from the estimator for more than {limit:.0f} s",
         2.0,
         0.0,
         Severity.CRITICAL,
@@ -79,7 +79,7 @@ TABLE = (
     Row(
         "input.rig/standpipe",
         "pressure gauge",
-        "no pressure from the gauge: the last rig/standpipe came more than {limit:.0f} s ago",
+        "no pressure from the gauge for more than {limit:.0f} s",
         5.0,
         0.0,
         Severity.CRITICAL,
@@ -90,7 +90,7 @@ TABLE = (
     Row(
         "input.link/quality",
         "receiver",
-        "nothing from the receiver: the last link/quality came more than {limit:.0f} s ago",
+        "nothing from the receiver for more than {limit:.0f} s",
         3.0,
         0.0,
         Severity.CRITICAL,
@@ -101,7 +101,7 @@ TABLE = (
     Row(
         "input.rig/state",
         "rig data",
-        "no rig data: the last rig/state came more than {limit:.0f} s ago",
+        "no rig data for more than {limit:.0f} s",
         2.0,
         0.0,
         Severity.WARNING,
@@ -112,7 +112,7 @@ TABLE = (
     Row(
         "clock.sonde",
         "sonde",
-        "samples of the sonde arrive and their time has stood still for more than {limit:.0f} s",
+        "the clock of the sonde has stood still for more than {limit:.0f} s",
         3.0,
         2.0,
         Severity.CRITICAL,

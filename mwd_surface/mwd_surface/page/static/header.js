@@ -59,13 +59,13 @@ const TROUBLE = {
   no_reference: "no reference field", correction_refused: "azimuth not corrected",
 };
 
-function linkPill(links, now, silent, overLink) {
+function linkPills(links, now, silent, overLink) {
   const stream = (name) => stateOfStream(links[name], now, silent);
   // Over a link nothing comes from the sonde itself.
   const down = (overLink ? ["rig"] : ["sonde", "estimator", "rig"]).filter((name) => stream(name) !== "live");
   const word = (name) => `no ${STREAM_NAMES[name].toLowerCase()}${stream(name) === "none" ? "" : ` ${units.age(now - links[name].at)}`}`;
-  if (silent) return ["system", "reject", "link lost"];
-  return down.length ? ["system", "doubtful", down.map(word).join(", ")] : ["system", "good", "link"];
+  if (silent) return [["system", "reject", "link lost"]];
+  return down.length ? down.map((name) => ["system", "doubtful", word(name)]) : [["system", "good", "link"]];
 }
 
 function recorderPill(recorder, now, silent) {
@@ -80,22 +80,21 @@ export function showPills(sections, now, silent, select) {
   const { links, recorder, attitude, rig } = sections;
   const list = [];
   const alive = (name) => links && stateOfStream(links[name], now, silent) === "live";
-  // A link that is well shows in the ages too; whether it is recorded shows nowhere else.
-  if (recorder) list.push(recorderPill(recorder, now, silent));
-  if (links) list.push(linkPill(links, now, silent, sections.link?.known));
+  if (links) list.push(...linkPills(links, now, silent, sections.link?.known));
   if (attitude && alive("estimator")) {
     const doing = Object.keys(TOOL).find((word) => attitude.status.includes(word));
     if (doing) list.push(["system", "info", TOOL[doing]]);
     const bad = Object.keys(TROUBLE).filter((word) => attitude.status.includes(word));
-    if (bad.length) list.push(["system", "doubtful", bad.map((word) => TROUBLE[word]).join(", ")]);
+    list.push(...bad.map((word) => ["system", "doubtful", TROUBLE[word]]));
   }
   if (rig && alive("rig")) {
     if (rig.pumps_on !== null) list.push(["system", "info", rig.pumps_on ? "pumps on" : "pumps off"]);
     if (rig.in_slips) list.push(["system", "info", "in slips"]);
   }
-  // What does not fit in the row is left out from the end: trouble stands first.
+  // What does not fit in the row is left out from the end: the recorder stands first, as it shows nowhere else, then trouble.
   const rank = (kind) => ["reject", "doubtful", "stale"].indexOf(kind) + 1 || 9;
   list.sort((a, b) => rank(a[1]) - rank(b[1]));
+  if (recorder) list.unshift(recorderPill(recorder, now, silent));
   const text = JSON.stringify(list);
   if (text === pillsText) return;
   const held = [...byId("pills").children].indexOf(document.activeElement);

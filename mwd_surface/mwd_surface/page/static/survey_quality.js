@@ -26,10 +26,11 @@ export function showProgress({ survey_progress: progress, rig, links }, now, sil
   // Without samples nothing is averaged, whatever the last report said.
   const held = progress.active && Boolean(links) && stateOfStream(links.estimator, now, silent) !== "live";
   mark(place, "data-state", silent || held ? "silent" : waiting ? "waiting" : progress.active ? "taking" : "idle");
-  setText(head, silent ? "NO NEWS OF A SURVEY" : held ? "SURVEY HELD UP · no samples arrive" : waiting
-    ? `SURVEY WAITS · ${whole(elapsed, Math.floor)} so far, at most ${whole(left, Math.ceil)} more`
+  setText(head, silent ? "NO NEWS OF A SURVEY" : held ? "SURVEY HELD UP" : waiting
+    ? `SURVEY WAITS · at most ${whole(left, Math.ceil)}`
     : progress.active ? `TAKING SURVEY · ${left === null ? "time unknown" : left > 0 ? `${Math.ceil(left)} s to go` : "finishing"}` : "No survey under way");
-  setText(state, [waiting ? `averaging on; ${progress.waits_for}` : progress.state === "none under way" ? "" : progress.state, progress.active ? pumps : ""].filter(Boolean).join(" · "));
+  const doing = waiting ? `${progress.waits_for}; averaging for ${whole(elapsed, Math.floor)} so far` : progress.state === "none under way" ? "" : progress.state;
+  setText(state, held ? "no samples arrive" : [doing, progress.active ? pumps : ""].filter(Boolean).join(" · "));
   const share = !progress.active || elapsed === null || left === null || elapsed + left <= 0 ? 0 : elapsed / (elapsed + left);
   mark(bar, "value", share.toFixed(3));
   setText(result, progress.result ? `Last: ${progress.result}` : "");
